@@ -1,0 +1,87 @@
+//! The number a block computes with: `f64` on computers, `f32` where a PLC's `REAL` is meant.
+
+use core::fmt::{Debug, Display};
+use core::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
+
+/// A floating-point number with the operations that a PLC has too: + − × ÷ and comparisons.
+///
+/// Nothing here rounds twice, fuses, or calls a mathematics library, so that every implementation of a block can repeat
+/// its bits.
+pub trait Real:
+    Copy
+    + Debug
+    + Default
+    + Display
+    + PartialOrd
+    + Add<Output = Self>
+    + AddAssign
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+    + Send
+    + Sync
+    + 'static
+{
+    /// 0.
+    const ZERO: Self;
+    /// 1.
+    const ONE: Self;
+    /// The largest finite number; a comparison with it finds NaN and infinity alike.
+    const LARGEST: Self;
+
+    /// The nearest number to `x`.
+    fn of(x: f64) -> Self;
+
+    /// The number as `f64`, exactly.
+    fn as_f64(self) -> f64;
+
+    /// |x|.
+    fn magnitude(self) -> Self;
+
+    /// The smaller of two numbers, neither of which is NaN.
+    #[inline(always)]
+    fn lesser(self, other: Self) -> Self {
+        if other < self { other } else { self }
+    }
+
+    /// The larger of two numbers, neither of which is NaN.
+    #[inline(always)]
+    fn greater(self, other: Self) -> Self {
+        if other > self { other } else { self }
+    }
+
+    /// True for every number but NaN and ±infinity.
+    #[inline(always)]
+    fn is_number(self) -> bool {
+        self.magnitude() <= Self::LARGEST
+    }
+}
+
+macro_rules! real {
+    ($float:ty) => {
+        impl Real for $float {
+            const ZERO: Self = 0.0;
+            const ONE: Self = 1.0;
+            const LARGEST: Self = <$float>::MAX;
+
+            #[inline(always)]
+            fn of(x: f64) -> Self {
+                x as $float
+            }
+
+            #[inline(always)]
+            fn as_f64(self) -> f64 {
+                f64::from(self)
+            }
+
+            #[inline(always)]
+            fn magnitude(self) -> Self {
+                self.abs()
+            }
+        }
+    };
+}
+
+real!(f32);
+real!(f64);

@@ -1,0 +1,627 @@
+"""Plotly figures of results.
+
+They stand alone in a notebook and are what the report draws. Colours are constants so that the report can exchange
+them for a dark page. Half-periods are drawn as one heatmap with a column per half-period: a canvas picture, quick with
+thousands of them, whose hover answers anywhere inside a half-period.
+"""
+
+from __future__ import annotations
+
+import html
+from collections import Counter
+from collections.abc import Sequence
+from datetime import UTC
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import plotly.graph_objects as go
+from glapp.report import words
+from plotly.subplots import make_subplots
+
+if TYPE_CHECKING:
+    from glapp.estimate import Result, Trace
+    from numpy.typing import NDArray
+
+FONT = 'system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif'
+INK, MUTED, GRID, PAPER = "#1f2933", "#5a6673", "#e3e7eb", "#ffffff"
+RAW, SIGNAL, OUTPUT, POSITION, POINT = "#a9c3de", "#1d5b9c", "#6d4795", "#b8651b", "#00875f"
+TOO_WIDE, ACCEPTABLE, UNJUDGED = "#c4501b", "#00875e", "#3f74a8"
+
+#: Colour of each verdict on a half-period, in the order of the codes: the muted scheme of Paul Tol, safe for
+#: colour-blind readers, with greys for what says least.
+REASON_COLOURS: tuple[str, ...] = (
+    "#00a070",  # accepted
+    "#6b7280",  # gap
+    "#882255",  # bad_quality
+    "#aa4499",  # not_auto
+    "#999933",  # saturated
+    "#b8bec5",  # too_short
+    "#e0c060",  # not_square
+    "#66b8e0",  # uneven
+    "#4a3fa0",  # sp_moved
+    "#cc6677",  # too_small
+)
+SHADE = 0.38  # opacity of the shading: the signals must stay the strongest thing in the panel
+
+#: More half-periods than this and neighbours share a column: no screen shows more, and the file stays small.
+MAX_COLUMNS = 4000
+
+CONFIG: dict[str, Any] = {
+    "responsive": True,
+    "displaylogo": False,
+    "modeBarButtonsToRemove": ["select2d", "lasso2d", "autoScale2d"],
+}
+
+
+def loop_figure(result: Result) -> go.Figure:
+    """Draw one loop over time: SP and PV with every half-period shaded, OP, and the detections with the estimate.
+
+    The three panels share the time axis. Without a trace (a loop refused while it was read) the figure says so.
+    """
+    trace, halves = result.trace, result.half_periods
+    if trace is None or len(trace.t) == 0:
+        return _empty("No trace: the loop was refused before its signals were read.")
+    pv_unit, op_unit = result.loop.pv_unit or "PV unit", words.op_unit(result)
+    has_op = _known(trace, "op") or _known(trace, "position")
+    has_halves = halves.count > 0
+    panels = ["pv", *(["op"] if has_op else []), *(["d"] if has_halves else [])]
+    heights = [{"pv": 0.48, "op": 0.26, "d": 0.26}[panel] for panel in panels]
+    figure = make_subplots(
+        rows=len(panels), cols=1, shared_xaxes=True, vertical_spacing=0.045, row_heights=heights, figure=_figure()
+    )
+    row = {panel: i + 1 for i, panel in enumerate(panels)}
+
+    low, high = _limits(trace)
+    if has_halves:
+        figure.add_trace(_shading(result, low, high), row=1, col=1)
+        present = Counter(int(code) for code in halves.reason)
+        for code in sorted(present):
+            figure.add_trace(
+                go.Scatter(
+                    x=[None],
+                    y=[None],
+                    mode="markers",
+                    marker={"symbol": "square", "size": 13, "color": REASON_COLOURS[code], "opacity": SHADE + 0.2},
+                    name=f"{words.REASONS[words.REASON_NAMES[code]].label} ({present[code]})",
+                    legend="legend2",
+                    hoverinfo="skip",
+                ),
+                row=1,
+                col=1,
+            )
+    zigzag = _zigzag_time(result, trace)
+    hover = "%{y:.5~g} " + _plain(pv_unit)
+    lines: list[tuple[str, str, str, str, dict[str, Any]]] = [
+        ("pv", "PV", "pv", hover, {"color": RAW, "width": 1}),
+        ("sp", "SP", "pv", hover, {"color": INK, "width": 1.3, "dash": "6px,3px"}),
+        ("pv_filtered", "PV filtered", "pv", hover, {"color": SIGNAL, "width": 1.6}),
+        ("op", "OP", "op", "%{y:.5~g} " + _plain(op_unit), {"color": OUTPUT, "width": 1.3}),
+        ("position", "valve position", "op", "%{y:.5~g} %", {"color": POSITION, "width": 1.3}),
+    ]
+    for column, name, panel, template, style in lines:
+        if _known(trace, column):
+            figure.add_trace(
+                go.Scatter(
+                    x=zigzag,
+                    y=_interleave(*_band(trace, column)),
+                    mode="lines",
+                    line=style,
+                    name=name,
+                    hovertemplate=template,
+                ),
+                row=row[panel],
+                col=1,
+            )
+    figure.update_yaxes(title_text=f"SP, PV [{_plain(pv_unit)}]", range=[low, high], row=1, col=1)
+    if has_op:
+        figure.update_yaxes(title_text=f"OP [{_plain(op_unit)}]", row=row["op"], col=1)
+    if has_halves:
+        _detections(figure, result, row["d"])
+    _time_axis(figure, result, len(panels))
+    figure.update_layout(
+        height={1: 420, 2: 600, 3: 760}[len(panels)],
+        margin={"l": 78, "r": 24, "t": 64, "b": 96 if has_halves else 56},
+        hovermode="closest",
+        hoverdistance=8,
+        legend={"orientation": "h", "x": 0, "y": 1.0, "yanchor": "bottom", "yref": "paper", "itemsizing": "constant"},
+        legend2={
+            "orientation": "h",
+            "x": 0,
+            "y": 0,
+            "yref": "container",
+            "yanchor": "bottom",
+            "itemclick": False,
+            "itemdoubleclick": False,
+            "title": {"text": "half-periods  "},
+        },
+    )
+    return figure
+
+
+def phase_figure(result: Result) -> go.Figure:
+    """Draw PV against OP, the points coloured by time: a gap shows as a flat passage at every reversal."""
+    trace = result.trace
+    if trace is None or not _known(trace, "op") or not _known(trace, "pv"):
+        return _empty("PV and OP were not both recorded.")
+    source = "pv_filtered" if _known(trace, "pv_filtered") else "pv"
+    op, pv = _middle(trace, "op"), _middle(trace, source)
+    figure = _figure()
+    figure.add_trace(
+        go.Scatter(
+            x=op,
+            y=pv,
+            mode="lines+markers",
+            line={"color": GRID, "width": 1},
+            marker={
+                "size": 4,
+                "color": np.asarray(trace.t, dtype=np.float32),
+                "colorscale": "Cividis",
+                "colorbar": {
+                    "thickness": 10,
+                    "outlinewidth": 0,
+                    "tickvals": [float(trace.t[0]), float(trace.t[-1])],
+                    "ticktext": ["start", "end"],
+                    "len": 0.6,
+                },
+            },
+            hovertemplate="OP %{x:.5~g}<br>PV %{y:.5~g}<extra></extra>",
+            showlegend=False,
+        )
+    )
+    figure.update_xaxes(title_text=f"OP [{_plain(words.op_unit(result))}]")
+    figure.update_yaxes(title_text=f"PV filtered [{_plain(result.loop.pv_unit or 'PV unit')}]")
+    figure.update_layout(height=480, width=560, margin={"l": 78, "r": 24, "t": 24, "b": 56}, hovermode="closest")
+    return figure
+
+
+def overview_figure(results: Sequence[Result]) -> go.Figure:
+    """Draw the loops ranked by width, with what is acceptable as a mark; loops without estimate name their reason.
+
+    Widths in % of OP span and widths in OP units (where no span is known) are not comparable: each has its own panel.
+    """
+    if not results:
+        return _empty("No loops.", height=160)
+    order = ranked(results)
+    by_span = [r for r in order if r.d_hat is not None and r.d_hat_percent_span is not None]
+    by_unit = [r for r in order if r.d_hat is not None and r.d_hat_percent_span is None]
+    without = [r for r in order if r.d_hat is None]
+    panels: list[tuple[list[Result], str]] = []
+    if by_span:
+        panels.append((by_span, "dead band, total width [% of OP span]"))
+    if by_unit:
+        panels.append((by_unit, "dead band, total width [OP units, no span known]"))
+    if panels:
+        panels[-1] = (panels[-1][0] + without, panels[-1][1])
+    else:
+        panels = [(without, "")]
+
+    total = sum(len(loops) for loops, _ in panels)
+    row_height, between, top, bottom = 28, 76, 56, 60
+    height = top + bottom + row_height * total + between * (len(panels) - 1)
+    inner = height - top - bottom
+    figure = make_subplots(
+        rows=len(panels),
+        cols=1,
+        row_heights=[len(loops) for loops, _ in panels],
+        vertical_spacing=between / inner if len(panels) > 1 else 0,
+        figure=_figure(),
+    )
+    seen: set[str] = set()
+    for row, (loops, title) in enumerate(panels, 1):
+        _bars(figure, loops, row, seen)
+        figure.update_xaxes(title_text=title, rangemode="tozero", row=row, col=1)
+        if not title:
+            figure.update_xaxes(visible=False, range=[0, 1], row=row, col=1)
+        figure.update_yaxes(
+            range=[len(loops) - 0.5, -0.5],
+            tickvals=list(range(len(loops))),
+            ticktext=[_short(r.name, 28) for r in loops],
+            showgrid=False,
+            fixedrange=True,
+            ticks="",
+            automargin=True,
+            row=row,
+            col=1,
+        )
+    figure.update_layout(
+        height=height,
+        margin={"l": 40, "r": 32, "t": top, "b": bottom},
+        bargap=0.35,
+        barmode="overlay",
+        hovermode="closest",
+        legend={"orientation": "h", "x": 0, "y": 1, "yref": "container", "yanchor": "top"},
+    )
+    return figure
+
+
+def ranked(results: Sequence[Result]) -> list[Result]:
+    """Order results as every list shows them: widest first, those in % of span before those without a span, then the rest."""
+
+    def key(r: Result) -> tuple[int, float]:
+        if r.d_hat is None:
+            return (3 if r.verdict == "refused" else 2, 0.0)
+        return (0, -r.d_hat_percent_span) if r.d_hat_percent_span is not None else (1, -r.d_hat)
+
+    return sorted(results, key=key)
+
+
+def _bars(figure: go.Figure, loops: list[Result], row: int, seen: set[str]) -> None:
+    """Add the bars, marks and reasons of one panel of the overview; `seen` keeps the legend free of repetitions."""
+    groups: dict[tuple[str, str, str], list[int]] = {}
+    for i, r in enumerate(loops):
+        if r.d_hat is not None:
+            wide = words.exceeds(r)
+            name, colour = {
+                True: ("wider than acceptable", TOO_WIDE),
+                False: ("acceptable", ACCEPTABLE),
+                None: ("no limit given", UNJUDGED),
+            }[wide]
+            provisional = r.verdict == "provisional"
+            key = (name + (", provisional" if provisional else ""), colour, "/" if provisional else "")
+            groups.setdefault(key, []).append(i)
+    for (name, colour, pattern), rows in groups.items():
+        members = [loops[i] for i in rows]
+        figure.add_trace(
+            go.Bar(
+                x=[r.d_hat if r.d_hat_percent_span is None else r.d_hat_percent_span for r in members],
+                y=rows,
+                orientation="h",
+                marker={
+                    "color": colour,
+                    "line": {"color": colour, "width": 1},
+                    "pattern": {"shape": pattern, "fillmode": "replace", "size": 6, "solidity": 0.45},
+                },
+                text=[f"{_plain(words.width(r))}, {words.count(r.detections, 'detection')}" for r in members],
+                textposition="none",
+                hovertext=[_plain(r.name) for r in members],
+                hovertemplate="<b>%{hovertext}</b><br>%{text}<extra></extra>",
+                name=name,
+                legendgroup=name,
+                showlegend=name not in seen,
+            ),
+            row=row,
+            col=1,
+        )
+        seen.add(name)
+    limits = [
+        (i, limit)
+        for i, r in enumerate(loops)
+        if r.d_hat_percent_span is not None and (limit := r.loop.acceptable_dead_band) is not None
+    ]
+    if limits:
+        figure.add_trace(
+            go.Scatter(
+                x=[limit for _, limit in limits],
+                y=[i for i, _ in limits],
+                mode="markers",
+                marker={"symbol": "line-ns", "size": 20, "line": {"color": INK, "width": 2.5}},
+                hovertemplate="acceptable: %{x:.3~g} % of span<extra></extra>",
+                name="limit of what is acceptable",
+            ),
+            row=row,
+            col=1,
+        )
+    without = [(i, r) for i, r in enumerate(loops) if r.d_hat is None]
+    if without:
+        figure.add_trace(
+            go.Scatter(
+                x=[0.0] * len(without),
+                y=[i for i, _ in without],
+                mode="text",
+                text=[f"  {words.VERDICTS[r.verdict].lower()}: {_short(short_reason(r), 90)}" for _, r in without],
+                textposition="middle right",
+                textfont={"color": MUTED, "size": 12},
+                cliponaxis=True,
+                hovertext=[_wrap(f"{r.name}: {r.reason or ''}") for _, r in without],
+                hovertemplate="%{hovertext}<extra></extra>",
+                showlegend=False,
+            ),
+            row=row,
+            col=1,
+        )
+
+
+def short_reason(result: Result) -> str:
+    """Name in a few words why there is no estimate: the reason of a refusal, else the usual reason of rejection."""
+    if result.verdict == "refused":
+        return result.reason or "see the loop's section"
+    top = words.ranked_reasons(result)
+    if not top:
+        return "no half-periods"
+    halves = words.count(result.half_periods.count, "half-period")
+    return f"none of {halves} accepted, mostly “{words.REASONS[top[0][0]].label}”"
+
+
+def _figure() -> go.Figure:
+    """Start an empty figure in the report's dress, without Plotly's own template (7 kB in each figure)."""
+    axis = {
+        "gridcolor": GRID,
+        "linecolor": GRID,
+        "zeroline": False,
+        "showline": True,
+        "ticks": "outside",
+        "tickcolor": GRID,
+        "ticklen": 4,
+        "title": {"font": {"size": 13, "color": MUTED}},
+        "exponentformat": "none",
+    }
+    template = go.layout.Template(layout={"xaxis": axis, "yaxis": axis})
+    return go.Figure(
+        layout={
+            "template": template,
+            "font": {"family": FONT, "size": 13, "color": INK},
+            "paper_bgcolor": PAPER,
+            "plot_bgcolor": PAPER,
+            "hoverlabel": {
+                "align": "left",
+                "bgcolor": PAPER,
+                "bordercolor": MUTED,
+                "font": {"color": INK, "size": 12.5},
+            },
+            "colorway": [SIGNAL],
+            "dragmode": "zoom",
+        }
+    )
+
+
+def _empty(text: str, height: int = 220) -> go.Figure:
+    """Make a figure that only says why there is nothing to draw."""
+    figure = _figure()
+    figure.update_xaxes(visible=False)
+    figure.update_yaxes(visible=False)
+    figure.add_annotation(text=_plain(text), showarrow=False, x=0.5, y=0.5, xref="paper", yref="paper")
+    figure.update_layout(height=height, margin={"l": 24, "r": 24, "t": 24, "b": 24})
+    return figure
+
+
+def _time(result: Result, seconds: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
+    """Turn seconds since t0 into what the axis counts: milliseconds of local wall-clock time, or seconds.
+
+    Plotly's dates know no zone, so the wall clock of the first row is given to it as if it were UTC.
+    """
+    seconds = np.asarray(seconds, dtype=np.float64)
+    if result.t0 is None:
+        return seconds
+    return result.t0.replace(tzinfo=UTC).timestamp() * 1000.0 + np.round(seconds * 1000.0)
+
+
+def _time_axis(figure: go.Figure, result: Result, rows: int) -> None:
+    """Set the shared time axis: dates without a unit, seconds with it."""
+    if result.t0 is None:
+        figure.update_xaxes(title_text="time [s]", row=rows, col=1)
+        return
+    figure.update_xaxes(type="date", hoverformat="%Y-%m-%d %H:%M:%S")
+    figure.update_xaxes(title_text="local time", row=rows, col=1)
+
+
+def _known(trace: Trace, column: str) -> bool:
+    """Tell whether a column of the trace was recorded and holds at least one number."""
+    band = getattr(trace, column)
+    return band is not None and bool(np.isfinite(band.low).any())
+
+
+def _band(trace: Trace, column: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    band = getattr(trace, column)
+    return band.low, band.high
+
+
+def _middle(trace: Trace, column: str) -> NDArray[np.float32]:
+    low, high = _band(trace, column)
+    return np.asarray((low + high) / 2, dtype=np.float32)
+
+
+def _interleave(low: NDArray[np.float64], high: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Line up low and high of each bucket, low first in one and high first in the next.
+
+    Drawn as a line it fills the band between them, so that noise looks like noise and no peak is lost.
+    """
+    out = np.empty(2 * len(low), dtype=np.float32)
+    out[0::2], out[1::2] = low, high
+    odd = np.arange(len(low)) % 2 == 1
+    out[0::2][odd], out[1::2][odd] = high[odd], low[odd]
+    return out
+
+
+def _zigzag_time(result: Result, trace: Trace) -> NDArray[np.float64]:
+    return np.repeat(_time(result, trace.t), 2)
+
+
+def _limits(trace: Trace) -> tuple[float, float]:
+    """Range of the PV panel: all of SP and PV with a margin."""
+    bands = [values for column in ("sp", "pv") if _known(trace, column) for values in _band(trace, column)]
+    if not bands:
+        return 0.0, 1.0
+    low = min(float(np.nanmin(values)) for values in bands)
+    high = max(float(np.nanmax(values)) for values in bands)
+    margin = 0.06 * (high - low) or abs(high) * 0.01 or 1.0
+    return low - margin, high + margin
+
+
+def _groups(n: int) -> NDArray[np.intp]:
+    """Edges of the groups of half-periods that share a column."""
+    return np.linspace(0, n, min(n, MAX_COLUMNS) + 1).astype(np.intp)
+
+
+def _shading(result: Result, low: float, high: float) -> go.Heatmap:
+    """Shade every half-period by its verdict, with its numbers on hover.
+
+    A column of several half-periods takes the colour of an accepted one if there is any, else of the most frequent.
+    """
+    h = result.half_periods
+    cuts = _groups(h.count)
+    edges: list[float] = []
+    codes: list[float] = []
+    texts: list[str] = []
+    latest = -np.inf
+    for first, end in zip(cuts[:-1], cuts[1:], strict=True):
+        start = max(float(h.t_start[first]), latest)  # time may run backwards in a recording; the columns must not
+        stop = max(float(h.t_end[end - 1]), start)
+        if edges and start > latest:
+            codes.append(np.nan)
+            texts.append("")
+            edges.append(start)
+        elif not edges:
+            edges.append(start)
+        edges.append(stop)
+        latest = stop
+        found = Counter(int(code) for code in h.reason[first:end])
+        code = 0 if found[0] else found.most_common(1)[0][0]
+        codes.append(float(code))
+        texts.append(
+            _half_period_text(result, int(first)) if end - first == 1 else _group_text(result, first, end, found)
+        )
+    scale: list[tuple[float, str]] = []
+    for code, colour in enumerate(REASON_COLOURS):
+        scale += [(code / 10, colour), ((code + 1) / 10, colour)]
+    return go.Heatmap(
+        x=_time(result, np.array(edges)),
+        y=[low, high],
+        z=np.array([codes], dtype=np.float32),
+        zmin=-0.5,
+        zmax=9.5,
+        colorscale=scale,
+        showscale=False,
+        opacity=SHADE,
+        text=[texts],
+        hovertemplate="%{text}<extra></extra>",
+        hoverongaps=False,
+        name="half-periods",
+    )
+
+
+def _half_period_text(result: Result, i: int) -> str:
+    """Write the hover text of one half-period: its verdict, then every comparison with a cross where it failed."""
+    h = result.half_periods
+    op_unit = words.op_unit(result)
+    if h.reason[i] == 0:
+        head = "<b>Accepted</b>"
+    else:
+        labels = [words.REASONS[name].label for name in words.failures(int(h.mask[i]))]
+        head = f"<b>Rejected: {', '.join(labels)}</b>"
+    mark = {True: "✓", False: "✗", None: "·"}
+    lines = [
+        head,
+        f"{words.clock(result.t0, h.t_start[i])}, PV {'below' if h.sign[i] > 0 else 'above'} SP",
+        *(f"{mark[passed]} {text}" for text, passed in words.comparisons(result, i)),
+        f"OP travel by the PI law {words.quantity(float(h.delta_u[i]), op_unit)}, "
+        f"recorded {words.quantity(float(h.op_travel[i]), op_unit)}",
+        f"d = {words.quantity(float(h.d[i]), op_unit)}",
+    ]
+    return "<br>".join(_plain(line) if line is not head else head for line in lines)
+
+
+def _group_text(result: Result, first: np.intp, end: np.intp, found: Counter[int]) -> str:
+    h = result.half_periods
+    lines = [
+        f"<b>{end - first} half-periods</b>",
+        f"{words.clock(result.t0, h.t_start[first])} to {words.clock(result.t0, h.t_end[end - 1])}",
+        *(f"{n} {words.REASONS[words.REASON_NAMES[code]].label}" for code, n in found.most_common()),
+    ]
+    return "<br>".join(lines)
+
+
+def _detections(figure: go.Figure, result: Result, row: int) -> None:
+    """Add the panel of detections: a point each, the displayed estimate as a step line, what is acceptable as a level."""
+    h = result.half_periods
+    unit = _plain(words.op_unit(result))
+    span = result.loop.op_span
+    accepted = _thinned(np.flatnonzero(np.asarray(h.reason) == 0), np.asarray(h.d))
+    figure.update_yaxes(title_text=f"d [{unit}]", rangemode="tozero", row=row, col=1)
+    if not len(accepted):
+        figure.update_yaxes(range=[0, 1], showticklabels=False, row=row, col=1)
+        figure.add_annotation(
+            text="no detection", showarrow=False, x=0.5, xref="x domain", y=0.5, font={"color": MUTED}, row=row, col=1
+        )
+        return
+    time = _time(result, np.asarray(h.t_end)[accepted])
+    d, d_hat = np.asarray(h.d, dtype=np.float64)[accepted], np.asarray(h.d_hat, dtype=np.float64)[accepted]
+
+    def hover(label: str, values: NDArray[np.float64]) -> dict[str, Any]:
+        if span is None:
+            return {"hovertemplate": f"{label} %{{y:.3~g}} {unit}<extra></extra>"}
+        percent = np.asarray(100 * values / (span[1] - span[0]), dtype=np.float32)
+        return {
+            "customdata": percent,
+            "hovertemplate": f"{label} %{{y:.3~g}} {unit}<br>%{{customdata:.3~g}} % of span<extra></extra>",
+        }
+
+    figure.add_trace(
+        go.Scatter(
+            x=time,
+            y=d.astype(np.float32),
+            mode="markers",
+            marker={"color": POINT, "size": 6, "opacity": 0.75},
+            name="detection",
+            **hover("detection", d),
+        ),
+        row=row,
+        col=1,
+    )
+    end = _time(result, np.asarray(result.trace.t)[-1:] if result.trace is not None else np.asarray(h.t_end)[-1:])
+    figure.add_trace(
+        go.Scatter(
+            x=np.append(time, np.maximum(end, time[-1])),
+            y=np.append(d_hat, d_hat[-1]).astype(np.float32),
+            mode="lines",
+            line={
+                "color": INK,
+                "width": 1.6,
+                "shape": "hv",
+                "dash": "2px,3px" if result.verdict == "provisional" else "solid",
+            },
+            name="estimate, provisional" if result.verdict == "provisional" else "estimate",
+            **hover("estimate", np.append(d_hat, d_hat[-1])),
+        ),
+        row=row,
+        col=1,
+    )
+    limit = result.loop.acceptable_dead_band
+    if limit is not None and span is not None:
+        figure.add_trace(
+            go.Scatter(
+                x=[time[0], float(np.maximum(end, time[-1])[0])],
+                y=[limit * (span[1] - span[0]) / 100] * 2,
+                mode="lines",
+                line={"color": TOO_WIDE, "width": 1.2, "dash": "6px,4px"},
+                name="acceptable",
+                hovertemplate=f"acceptable %{{y:.3~g}} {unit}<extra></extra>",
+            ),
+            row=row,
+            col=1,
+        )
+
+
+def _thinned(indices: NDArray[np.intp], values: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Keep at most `MAX_COLUMNS` detections: the least and the greatest of each group of neighbours, and the last."""
+    if len(indices) <= MAX_COLUMNS:
+        return indices
+    cuts = np.linspace(0, len(indices), MAX_COLUMNS // 2).astype(np.intp)
+    keep = {int(indices[-1])}
+    for first, end in zip(cuts[:-1], cuts[1:], strict=True):
+        group = indices[first:end]
+        keep |= {int(group[np.argmin(values[group])]), int(group[np.argmax(values[group])])}
+    return np.array(sorted(keep), dtype=np.intp)
+
+
+def _plain(text: str) -> str:
+    """Make text safe for Plotly, which reads a few HTML tags in every string."""
+    return html.escape(text, quote=False)
+
+
+def _short(text: str, length: int) -> str:
+    """Cut a long text in its middle, where names of tags differ least, and make it safe."""
+    if len(text) > length:
+        text = f"{text[: length * 2 // 3]}…{text[-(length - length * 2 // 3 - 1) :]}"
+    return _plain(text)
+
+
+def _wrap(text: str, columns: int = 70) -> str:
+    """Break a sentence into lines for a hover label."""
+    lines, line = [], ""
+    for word in text.split():
+        if line and len(line) + len(word) >= columns:
+            lines.append(line)
+            line = word
+        else:
+            line = f"{line} {word}".strip()
+    return "<br>".join(_plain(part) for part in [*lines, line])

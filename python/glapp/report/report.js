@@ -1,0 +1,64 @@
+// Draws each figure when it comes near the view, in the colours of the page.
+(() => {
+  "use strict";
+  const read = (id) => document.getElementById(id).textContent;
+  const swap = JSON.parse(read("dark"));
+  const config = JSON.parse(read("config"));
+  const scheme = matchMedia("(prefers-color-scheme: dark)");
+  const plots = [...document.querySelectorAll(".plot")];
+  let printing = false;
+
+  function figure(plot) {
+    let text = read("data-" + plot.dataset.key);
+    if (scheme.matches && !printing) text = text.replace(/#[0-9a-f]{6}/g, (colour) => swap[colour] ?? colour);
+    const { arrays, figures } = JSON.parse(text);
+    const restore = (node) => {
+      if (Array.isArray(node)) return node.map(restore);
+      if (node === null || typeof node !== "object") return node;
+      if ("$" in node) return { ...arrays[node.$] };
+      return Object.fromEntries(Object.entries(node).map(([key, value]) => [key, restore(value)]));
+    };
+    return restore(figures[plot.dataset.name]);
+  }
+
+  function draw(plot) {
+    const { data, layout } = figure(plot);
+    Plotly.react(plot, data, layout, config);
+    plot.dataset.drawn = "";
+  }
+
+  const watcher = new IntersectionObserver(
+    (entries) => {
+      for (const { isIntersecting, target } of entries) {
+        if (isIntersecting) {
+          watcher.unobserve(target);
+          draw(target);
+        }
+      }
+    },
+    { rootMargin: "400px" },
+  );
+  plots.forEach((plot) => watcher.observe(plot));
+
+  const redraw = () => plots.filter((plot) => "drawn" in plot.dataset).forEach(draw);
+  scheme.addEventListener("change", redraw);
+  addEventListener("beforeprint", () => {
+    printing = true;
+    plots.filter((plot) => plot.offsetParent !== null).forEach(draw);
+  });
+  addEventListener("afterprint", () => {
+    printing = false;
+    redraw();
+  });
+
+  // A link to a loop opens its section.
+  function open() {
+    const details = document.querySelector(location.hash && CSS.escape ? "#" + CSS.escape(location.hash.slice(1)) + " > details" : "none");
+    if (details) {
+      details.open = true;
+      details.scrollIntoView();
+    }
+  }
+  addEventListener("hashchange", open);
+  open();
+})();

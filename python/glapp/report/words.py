@@ -1,0 +1,339 @@
+"""Results in plain words, for the person who plans the maintenance.
+
+One rule for all of them: say what was measured, on how much, and what it cannot tell. Numbers carry their unit.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from datetime import datetime, timedelta
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from glapp.estimate import Result
+
+
+class Reason(NamedTuple):
+    """How one verdict on a half-period is told: a label, what it means, and what to do if it is the usual one."""
+
+    label: str
+    meaning: str
+    remedy: str
+
+
+#: In the order of the codes in `HalfPeriods.reason`: the position in this table is the code.
+REASONS: dict[str, Reason] = {
+    "accepted": Reason("accepted", "passed every test and gave one detection of the dead band", ""),
+    "gap": Reason(
+        "gap in the data",
+        "the recording stops or jumps inside the half-period",
+        "Record without interruptions, with compression and exception reporting switched off.",
+    ),
+    "bad_quality": Reason(
+        "bad quality",
+        "a sample is missing or marked bad",
+        "Look at the transmitter and at how bad values are archived.",
+    ),
+    "not_auto": Reason(
+        "not in auto",
+        "the controller was not in automatic for all of it",
+        "Record the loop while it runs in automatic.",
+    ),
+    "saturated": Reason(
+        "OP at a limit",
+        "the output stood at a limit, so the integral does not tell how far the valve moved",
+        "Record at a load where the valve is away from its limits.",
+    ),
+    "too_short": Reason(
+        "too short",
+        "Δt is not longer than 5·TI: the loop crosses its setpoint too fast for a dead band to be the cause",
+        "Often a sign of a sound valve or of noise. If the loop oscillates fast, look at tuning and at the load first.",
+    ),
+    "not_square": Reason(
+        "not square",
+        "e_max is not below 2·Δy (5.2): the error is peaked or noisy, where a dead band gives a near-square shape",
+        "A smooth wave points to tuning or to a load that oscillates rather than to the valve.",
+    ),
+    "uneven": Reason(
+        "uneven",
+        "Δy differs too much from that of the half-period before it (5.4)",
+        "The load or the setpoint changes too much. Record a calmer period.",
+    ),
+    "sp_moved": Reason(
+        "SP moved",
+        "the setpoint moved by more than Δy (5.5)",
+        "Record at a fixed setpoint. For a cascade slave, put the master in manual while recording.",
+    ),
+    "too_small": Reason(
+        "too small",
+        "Δt is below the bound (5.1): the deviation is small beside what the estimate so far would give",
+        "Mostly noise around the setpoint. A longer recording may hold clearer half-periods.",
+    ),
+}
+
+REASON_NAMES: tuple[str, ...] = tuple(REASONS)
+
+VERDICTS: dict[str, str] = {
+    "estimate": "Estimate",
+    "provisional": "Provisional",
+    "no_estimate": "No estimate",
+    "refused": "Refused",
+}
+
+#: What the method is and is not; stands once in every report.
+LIMITS: tuple[str, ...] = (
+    "The dead band is the total width, at the actuator input, that OP must travel after a reversal before PV answers. "
+    "It is worked out from how long and how far PV stays on one side of SP while the controller integrates.",
+    "Load changes while the loop waits can make the width read too high. Half-periods that do not cross the whole gap "
+    "make it read too low. The scatter of the detections shows repeatability. It does not show either of these errors.",
+    "A sound valve with noise or a changing load can also give a small positive number. A width that is small beside "
+    "what is acceptable is no evidence of a gap.",
+    "Silence proves nothing: a loop that rests at its setpoint gives no half-periods, whatever the state of its valve.",
+    "Stiction and backlash look alike to this method. Before work is ordered, confirm with a step test in manual: "
+    "small steps up, then small steps down, and note how far OP travels before PV moves.",
+)
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """Write a number with so many significant digits, without an exponent where a person would use none.
+
+    >>> number(0.50349), number(1234.6), number(34), number(None), number(-0.00001234)
+    ('0.503', '1235', '34', '–', '−1.23e-05')
+    """
+    if value is None or not math.isfinite(value):
+        return "–"
+    if value == 0:
+        return "0"
+    exponent = math.floor(math.log10(abs(value)))
+    if not -4 <= exponent < 6:
+        text = f"{value:.{digits - 1}e}"
+    else:
+        text = f"{value:.{max(digits - 1 - exponent, 0)}f}"
+        if float(value).is_integer():
+            text = f"{value:.0f}"
+    return text.replace("-", "−", 1) if text.startswith("-") else text
+
+
+def quantity(value: float | None, unit: str, digits: int = 3) -> str:
+    """Write a number with its unit; a dash alone where there is no number.
+
+    >>> quantity(1.834, "%"), quantity(None, "%")
+    ('1.83 %', '–')
+    """
+    text = number(value, digits)
+    return text if text == "–" or not unit else f"{text} {unit}"
+
+
+def duration(seconds: float) -> str:
+    """Write a time span in the two largest units that fit.
+
+    >>> duration(48), duration(7500), duration(200000)
+    ('48 s', '2 h 5 min', '2 d 8 h')
+    """
+    if seconds < 120:
+        return quantity(seconds, "s")
+    minutes = round(seconds / 60)
+    if minutes < 60:
+        return f"{minutes} min"
+    hours, minutes = divmod(minutes, 60)
+    if hours < 48:
+        return f"{hours} h {minutes} min" if minutes else f"{hours} h"
+    days, hours = divmod(hours + round(minutes / 60), 24)
+    return f"{days} d {hours} h" if hours else f"{days} d"
+
+
+def clock(t0: datetime | None, seconds: float) -> str:
+    """Write a moment of the recording: local date and time where the first row has one, else seconds.
+
+    >>> clock(datetime(2026, 3, 1, 12, 0), 90), clock(None, 90.0)
+    ('2026-03-01 12:01:30', '90 s')
+    """
+    if t0 is None:
+        return quantity(seconds, "s", 6)
+    return (t0.replace(tzinfo=None) + timedelta(seconds=float(seconds))).strftime("%Y-%m-%d %H:%M:%S")
+
+
+def count(n: int, noun: str) -> str:
+    """Write a count with its noun.
+
+    >>> count(1, "detection"), count(1204, "half-period")
+    ('1 detection', '1204 half-periods')
+    """
+    return f"{n} {noun}" if n == 1 else f"{n} {noun}s"
+
+
+def op_unit(result: Result) -> str:
+    """Unit of OP as a sentence needs it: `%` alone would leave open of what.
+
+    >>> from types import SimpleNamespace
+    >>> op_unit(SimpleNamespace(unit="%")), op_unit(SimpleNamespace(unit="mA"))
+    ('%OP', 'mA')
+    """
+    return "%OP" if result.unit == "%" else result.unit
+
+
+def percent_of_span(result: Result, value: float | None) -> float | None:
+    """Express a width in OP units as % of OP span; None where the span is not known."""
+    span = result.loop.op_span
+    return None if value is None or span is None else 100.0 * value / (span[1] - span[0])
+
+
+def ranked_reasons(result: Result) -> list[tuple[str, int]]:
+    """List the reasons of rejection with their counts, the most frequent first."""
+    return sorted(((name, n) for name, n in result.reasons.items() if n), key=lambda pair: -pair[1])
+
+
+def width(result: Result) -> str:
+    """Write the estimated width in OP units and, where the span is known and is not 100, in % of span."""
+    text = quantity(result.d_hat, op_unit(result))
+    percent = result.d_hat_percent_span
+    if result.d_hat is None or percent is None or (result.unit == "%" and math.isclose(percent, result.d_hat)):
+        return text
+    return f"{text} ({quantity(percent, '% of span')})"
+
+
+def exceeds(result: Result) -> bool | None:
+    """Tell whether the estimate is wider than what the loop file calls acceptable; None where that cannot be said."""
+    limit, percent = result.loop.acceptable_dead_band, result.d_hat_percent_span
+    return None if limit is None or percent is None else percent > limit
+
+
+def verdict(result: Result) -> list[str]:
+    """Tell one result in sentences: the finding first, then what it stands on, then what it does not say."""
+    halves = result.half_periods.count
+    ranked = ranked_reasons(result)
+    sentences = []
+    if result.verdict == "refused":
+        sentences.append(f"{result.name} was not analysed.")
+        sentences.append(_sentence(result.reason))
+        return sentences
+    if result.d_hat is None:
+        sentences.append(f"No dead band could be estimated for {result.name}.")
+        if result.reason:
+            sentences.append(_sentence(result.reason))
+        sentences.append(
+            f"None of {count(halves, 'half-period')} was accepted."
+            if halves
+            else "PV never crossed SP and came back, so there is nothing to measure; this does not show that the valve is sound."
+        )
+    else:
+        percent = result.d_hat_percent_span
+        lost = quantity(percent, "% of OP span") if percent is not None else quantity(result.d_hat, op_unit(result))
+        in_units = "" if percent is None or result.unit == "%" else f" ({quantity(result.d_hat, op_unit(result))})"
+        hedge = "appears to lose" if result.verdict == "provisional" else "loses"
+        sentences.append(f"The valve of {result.name} {hedge} {lost}{in_units} at each reversal.")
+        sentences.append(f"This comes from {count(result.detections, 'detection')} in {count(halves, 'half-period')}.")
+        if result.verdict == "provisional":
+            sentences.append(
+                f"It is provisional: fewer than {result.settings.n} detections stand behind it, and it may still move."
+            )
+        if result.repeatability is not None and result.detections > 1:
+            low, high = result.repeatability
+            sentences.append(
+                f"The detections kept lie between {number(low)} and {quantity(high, op_unit(result))}; "
+                "that is how well they repeat, not how near they are to the truth."
+            )
+        if exceeds(result) is not None:
+            side = "wider than" if exceeds(result) else "within"
+            sentences.append(
+                f"It is {side} the {quantity(result.loop.acceptable_dead_band, '%')} called acceptable for this loop."
+            )
+        positioner = result.loop.positioner
+        if positioner is not None and positioner.dead_band is not None:
+            sentences.append(
+                f"The positioner's own dead band is set to {quantity(positioner.dead_band, '%')} and is part of it."
+            )
+    if ranked:
+        name, n = ranked[0]
+        sentences.append(
+            f"The most frequent reason for rejection was “{REASONS[name].label}” "
+            f"({n} of {count(halves, 'half-period')}): {REASONS[name].meaning}."
+        )
+    if result.d_hat is not None:
+        sentences.append(
+            "Load changes can make the width read too high, and small movements can make it read too low; "
+            "stiction looks the same. A step test in manual settles it."
+        )
+    return sentences
+
+
+def action(result: Result) -> str:
+    """Say in one or two sentences what to do next."""
+    if result.verdict == "refused":
+        return "Correct what is named, then analyse again."
+    if result.verdict == "no_estimate":
+        ranked = ranked_reasons(result)
+        if not ranked:
+            return "Record for longer, or while the load moves slowly."
+        return REASONS[ranked[0][0]].remedy
+    wide = exceeds(result)
+    if result.verdict == "provisional":
+        return (
+            "Probably too wide. Record for longer, or confirm with a step test in manual."
+            if wide
+            else "Record for longer, then analyse again."
+        )
+    if wide:
+        return "Confirm with a step test in manual, then plan work on valve, linkage and positioner."
+    if wide is None:
+        return "Compare with what this valve may have. Confirm with a step test before work is ordered."
+    return "Nothing now. Analyse again at the next review."
+
+
+def comparisons(result: Result, i: int) -> list[tuple[str, bool | None]]:
+    """List what half-period `i` was compared with: a line of text, and whether it passed (None: not applied).
+
+    Only the comparisons of numbers; a gap, a bad value, manual mode or a limit is in the mask alone.
+    """
+    h, s = result.half_periods, result.settings
+    unit_pv = result.loop.pv_unit or "PV unit"
+    failed = failures(int(h.mask[i]))
+    dy, k = float(h.delta_y[i]), abs(s.k)
+    lines: list[tuple[str, bool | None]] = [
+        (f"Δt {quantity(h.delta_t[i], 's')}, needs > 5·TI = {quantity(5 * s.ti, 's')}", "too_short" not in failed),
+        (
+            f"e_max {quantity(h.e_max[i], unit_pv)}, needs < 2·Δy = {quantity(2 * dy, unit_pv)}",
+            "not_square" not in failed,
+        ),
+    ]
+    previous = float(h.previous_delta_y[i])
+    if math.isfinite(previous) and dy > 0:
+        lines.append((f"Δy before / Δy = {number(previous / dy)}, needs 0.5 to 1.5", "uneven" not in failed))
+    else:
+        lines.append(("no Δy before it to compare with", "uneven" not in failed))
+    lines.append(
+        (
+            f"SP moved {quantity(h.delta_sp[i], unit_pv)}, needs < Δy = {quantity(dy, unit_pv)}",
+            "sp_moved" not in failed,
+        )
+    )
+    before = float(h.d_hat_before[i])
+    if math.isfinite(before) and dy > 0 and k > 0:
+        bound = s.ti * before / (2 * k * dy)
+        lines.append(
+            (
+                f"Δt {quantity(h.delta_t[i], 's')}, needs > bound (5.1) = {quantity(bound, 's')}",
+                "too_small" not in failed,
+            )
+        )
+    else:
+        lines.append(("bound (5.1) not applied yet", None))
+    return lines
+
+
+def failures(mask: int) -> Sequence[str]:
+    """Names of all the conditions in a mask, in their order.
+
+    >>> failures(0), failures(0b10001)
+    ([], ['gap', 'too_short'])
+    """
+    return [name for bit, name in enumerate(REASON_NAMES[1:]) if mask >> bit & 1]
+
+
+def _sentence(text: str | None) -> str:
+    """Make a reason a sentence: capital first letter, full stop."""
+    if not text:
+        return ""
+    text = text.strip()
+    return text[:1].upper() + text[1:] + ("" if text.endswith((".", "!", "?")) else ".")

@@ -1,0 +1,499 @@
+"""The report: what it says is what the results hold, nothing leaves the page, nothing breaks it."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from dataclasses import dataclass, field, replace
+from datetime import datetime
+from html.parser import HTMLParser
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from glapp.identify import Identification
+from glapp.loop import Loop
+from glapp.quality import Finding
+from glapp.report import figures, html, words
+from glapp.report.figures import loop_figure, overview_figure, phase_figure
+from glapp.report.html import write_report
+
+# Stand-ins with the fields of the real objects that the report reads, so that any state of a result can be built.
+
+
+@dataclass
+class Band:
+    low: np.ndarray
+    high: np.ndarray
+
+
+@dataclass
+class Result:
+    name: str = "FIC101"
+    source: str = "plant.csv"
+    t0: datetime | None = datetime(2026, 3, 1, 6, 30)
+    loop: Any = None
+    verdict: str = "estimate"
+    reason: str | None = None
+    d_hat: float | None = None
+    unit: str = "%"
+    d_hat_percent_span: float | None = None
+    repeatability: tuple[float, float] | None = None
+    detections: int = 0
+    half_periods: Any = None
+    reasons: dict[str, int] = field(default_factory=dict)
+    settings: Any = None
+    quality: list[Any] = field(default_factory=list)
+    identification: Any = None
+    trace: Any = None
+
+
+def a_loop(**changes: Any) -> Loop:
+    values: dict[str, Any] = {
+        "name": "FIC101",
+        "pv_unit": "m³/h",
+        "pv_span": (0, 50),
+        "op_span": (0, 100),
+        "controller": {"form": "series", "k": 1.2, "gain_unit": "%/%", "ti": 0.5, "ti_unit": "min"},
+        "acceptable_dead_band": 1.0,
+    }
+    return Loop(**(values | changes))
+
+
+def settings(**changes: Any) -> SimpleNamespace:
+    notes = {"k": "given", "ti": "given", "tf": "ladder: TI/10", "kp": "not given and no PV span: term dropped"}
+    values: dict[str, Any] = {"k": 0.6, "ti": 30.0, "td": 0.0, "b": 0.0, "tf": 3.0, "kp": None, "n": 9, "notes": notes}
+    return SimpleNamespace(**(values | changes))
+
+
+def no_half_periods() -> SimpleNamespace:
+    return half_periods_of([])
+
+
+COLUMNS = ["t_start", "t_end", "sign", "delta_t", "delta_y", "e_max", "delta_sp", "delta_u", "delta_u_d", "op_travel", "free", "kp_part", "d", "previous_delta_y", "d_hat_before", "mask", "reason", "d_hat"]
+
+
+def half_periods_of(rows: list[dict[str, float]]) -> SimpleNamespace:
+    table = {c: np.array([row[c] for row in rows], dtype=float) for c in COLUMNS}
+    table["mask"] = table["mask"].astype(np.uint16)
+    table["reason"] = table["reason"].astype(np.uint8)
+    return SimpleNamespace(**table, count=len(rows))
+
+
+def closed_loop(d: float, *, seconds: int = 12000, noise: float = 0.05, seed: int = 1) -> dict[str, np.ndarray]:
+    """Run a PI loop on an integrating level whose valve loses `d` [%] at each reversal, sampled once a second."""
+    rng = np.random.default_rng(seed)
+    k, ti, h = 0.6, 30.0, 1.0
+    y, u, v, e_old = 50.0, 40.0, 40.0, 0.0
+    sp, pv, op, position = (np.empty(seconds) for _ in range(4))
+    for i in range(seconds):
+        target = 50.0 if i < seconds * 0.6 else 54.0
+        load = 40.0 + (4.0 if i > seconds // 4 else 0.0)
+        measured = y + noise * rng.uniform(-1, 1)
+        e = target - measured
+        u += k * (e - e_old) + k / ti * e * h
+        e_old = e
+        v = min(max(v, u - d / 2), u + d / 2)
+        y += 0.02 * (v - load) * h
+        sp[i], pv[i], op[i], position[i] = target, measured, u, v
+    return {"t": np.arange(seconds) * h, "sp": sp, "pv": pv, "op": op, "position": position}
+
+
+def thin(signals: dict[str, np.ndarray], buckets: int = 1500) -> SimpleNamespace:
+    cuts = np.linspace(0, len(signals["t"]), min(buckets, len(signals["t"])) + 1).astype(int)[:-1]
+    bands = {
+        name: Band(np.minimum.reduceat(x, cuts), np.maximum.reduceat(x, cuts))
+        for name, x in signals.items()
+        if name != "t"
+    }
+    counts = np.diff(np.append(cuts, len(signals["t"])))
+    return SimpleNamespace(
+        t=np.add.reduceat(signals["t"], cuts) / counts,
+        **{c: bands.get(c) for c in ("sp", "pv", "pv_filtered", "op", "position")},
+    )
+
+
+def detect(signals: dict[str, np.ndarray], k: float, ti: float) -> tuple[SimpleNamespace, np.ndarray, list[float]]:
+    """Judge the half-periods roughly as the detector does: enough to draw and to tell."""
+    t, sp = signals["t"], signals["sp"]
+    h = t[1] - t[0]
+    filtered = np.empty_like(signals["pv"])
+    a = b = signals["pv"][0]
+    for i, x in enumerate(signals["pv"]):
+        a += (x - a) * h / (ti / 10 + h)
+        b += (a - b) * h / (ti / 10 + h)
+        filtered[i] = b
+    e = sp - filtered
+    crossings = np.flatnonzero(np.diff(np.sign(e)) != 0) + 1
+    rows, kept = [], []
+    before, previous = math.nan, math.nan
+    for first, end in zip(crossings[:-1], crossings[1:], strict=True):
+        error = np.abs(e[first:end])
+        delta_t, delta_y, e_max = (end - first) * h, float(error.mean()), float(error.max())
+        delta_sp = float(np.ptp(sp[first:end]))
+        delta_u = abs(k) / ti * delta_y * delta_t
+        failed = {
+            5: delta_t <= 5 * ti,
+            6: e_max >= 2 * delta_y,
+            7: not (0.5 < (previous / delta_y if delta_y else 0) < 1.5),
+            8: delta_sp >= delta_y,
+            9: len(kept) >= 9 and delta_t <= ti * before / (2 * abs(k) * delta_y),
+        }
+        codes = [code for code, hit in failed.items() if hit]
+        if not codes:
+            kept.append(delta_u)
+        rows.append(
+            dict(
+                t_start=t[first], t_end=t[end - 1] + h, sign=float(np.sign(e[first])), delta_t=delta_t, delta_y=delta_y,
+                e_max=e_max, delta_sp=delta_sp, delta_u=delta_u, delta_u_d=0.0, op_travel=delta_u, free=delta_u,
+                kp_part=0.0, d=delta_u, previous_delta_y=previous, d_hat_before=before,
+                mask=sum(1 << (code - 1) for code in codes), reason=codes[0] if codes else 0,
+                d_hat=float(np.median(kept[-9:])) if kept else math.nan,
+            )
+        )  # fmt: skip
+        previous, before = delta_y, rows[-1]["d_hat"]
+    return half_periods_of(rows), filtered, kept
+
+
+def analysed(
+    signals: dict[str, np.ndarray], *, k: float = 0.6, ti: float = 30.0, name: str = "FIC101", **changes: Any
+) -> Result:
+    table, filtered, kept = detect(signals, k, ti)
+    codes = table.reason.astype(int)
+    reasons = {n: int((codes == c).sum()) for c, n in enumerate(words.REASON_NAMES) if c and (codes == c).any()}
+    d_hat = float(np.median(kept[-9:])) if kept else None
+    result = Result(
+        name=name,
+        loop=a_loop(),
+        verdict="no_estimate" if not kept else "provisional" if len(kept) < 9 else "estimate",
+        reason=None
+        if len(kept) >= 9
+        else f"{len(kept)} of 9 detections needed."
+        if kept
+        else "no half-period was accepted",
+        d_hat=d_hat,
+        d_hat_percent_span=d_hat,
+        repeatability=(min(kept[-9:]), max(kept[-9:])) if kept else None,
+        detections=len(kept),
+        half_periods=table,
+        reasons=reasons,
+        settings=settings(k=k, ti=ti),
+        trace=thin({**signals, "pv_filtered": filtered}),
+    )
+    return replace(result, **changes)
+
+
+def refused() -> Result:
+    return Result(
+        name="FIC999",
+        verdict="refused",
+        reason="plant.csv, row 18, column PV: 'abc' is not a number; write bad values as empty or name them in bad_values",
+        t0=None,
+        loop=a_loop(controller=None, op_span=None, pv_unit=None, acceptable_dead_band=None),
+        half_periods=no_half_periods(),
+        settings=settings(k=None, ti=None, td=None, b=None, tf=None, notes={}),
+    )
+
+
+FINDING = Finding(
+    "compressed_pv", "warning", "PV looks interpolated by a historian.", {"share_on_lines": 0.61234, "samples": 751}
+)
+IDENTIFICATION = Identification(
+    k=0.61, k_low=0.58, k_high=0.64, ti=31.2, ti_low=29.0, ti_high=math.inf, r2=0.953, samples=700,
+    setpoint_weight=None, note="stretches of 30 steps", usable=True, reason="",
+)  # fmt: skip
+
+
+def many(n: int) -> Result:
+    """A result with `n` half-periods and a full trace."""
+    rng = np.random.default_rng(3)
+    t = np.arange(n + 1) * 10.0
+    table = half_periods_of([])
+    for c in COLUMNS:
+        setattr(table, c, rng.uniform(0.5, 2, n))
+    table.t_start, table.t_end, table.count = t[:-1], t[1:], n
+    table.reason = rng.integers(0, 10, n).astype(np.uint8)
+    table.mask = np.where(table.reason > 0, 1 << np.maximum(table.reason.astype(int) - 1, 0), 0).astype(np.uint16)
+    signals = {c: rng.normal(size=4000) for c in ("sp", "pv", "pv_filtered", "op", "position")}
+    reasons = {name: int((table.reason == code).sum()) for code, name in enumerate(words.REASON_NAMES) if code}
+    return Result(
+        loop=a_loop(),
+        d_hat=1.25,
+        d_hat_percent_span=1.25,
+        detections=n - sum(reasons.values()),
+        repeatability=(1.0, 1.5),
+        half_periods=table,
+        reasons=reasons,
+        settings=settings(),
+        trace=thin({"t": np.linspace(0, t[-1], 4000), **signals}, 4000),
+    )
+
+
+@pytest.fixture(scope="module")
+def worn() -> Result:
+    return analysed(closed_loop(3.0), quality=[FINDING], identification=IDENTIFICATION, name="FIC101")
+
+
+@pytest.fixture(scope="module")
+def run(worn: Result) -> list[Result]:
+    """One loop of every kind."""
+    return [
+        refused(),
+        worn,
+        replace(worn, name="FIC 102", d_hat_percent_span=None, unit="mA", loop=a_loop(op_span=None, pv_unit=None)),
+        replace(worn, name="FIC103", verdict="provisional", detections=3, reason="3 of 9 detections needed", t0=None),
+        analysed(closed_loop(0.0, seconds=3000, noise=0.2), name="LIC104"),
+        replace(refused(), name="silent", verdict="no_estimate", reason="there are no half-periods", trace=worn.trace),
+    ]
+
+
+class Checker(HTMLParser):
+    """Checks that tags close in order; collects links and text."""
+
+    VOID = frozenset({"meta", "br", "wbr", "link", "img", "hr", "input"})
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.stack: list[str] = []
+        self.references: list[str] = []
+        self.ids: list[str] = []
+        self.text: list[str] = []
+        self.tags: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        for key, value in attrs:
+            if key in {"src", "href", "srcset", "data", "action", "poster"}:
+                self.references.append(value or "")
+            if key == "id":
+                self.ids.append(value or "")
+        if tag not in self.VOID:
+            self.stack.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.stack.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if not {"script", "style"} & set(self.stack):
+            self.text.append(data)
+
+
+def parsed(path: Path) -> Checker:
+    checker = Checker()
+    checker.feed(path.read_text(encoding="utf-8"))
+    checker.close()
+    assert checker.stack == []
+    assert len(checker.ids) == len(set(checker.ids))
+    return checker
+
+
+def test_the_report_is_one_file_that_asks_for_nothing(run: list[Result], tmp_path: Path) -> None:
+    [file] = write_report(run, tmp_path / "report.html")
+    page = parsed(file)
+    assert all(reference.startswith("#") for reference in page.references)
+    assert {reference[1:] for reference in page.references} <= set(page.ids)
+    style = re.findall(r"<style>(.*?)</style>", file.read_text(encoding="utf-8"), re.S)
+    assert not re.search(r"@import|url\(", "".join(style))
+    assert "default-src 'none'" in file.read_text(encoding="utf-8")
+    assert page.tags.count("script") == 4 + sum(i.startswith("data-") for i in page.ids)
+
+
+def test_numbers_in_the_report_are_those_of_the_results(worn: Result, tmp_path: Path) -> None:
+    [file] = write_report([worn], tmp_path / "report.html")
+    text = " ".join(" ".join(parsed(file).text).split())
+    assert worn.verdict == "estimate"
+    shown = float(re.search(r"loses ([\d.]+) % of OP span", text)[1])  # type: ignore[index]
+    assert shown == pytest.approx(worn.d_hat_percent_span, rel=5e-3)
+    assert f"from {worn.detections} detections in {worn.half_periods.count} half-periods" in text
+    for name, n in worn.reasons.items():
+        assert f"{words.REASONS[name].label} {n} " in text
+    assert "PV looks interpolated by a historian." in text
+    assert "share on lines 0.6123, samples 751" in text
+    assert "29 to no upper bound" in text
+    assert "0.953" in text
+    assert "1.2 %/%" in text
+    assert "0.6 %OP per m³/h" in text
+    assert "0.5 min" in text
+    assert "ladder: TI/10" in text
+
+
+HOSTILE = '<script>alert("1")</script> & </script><!-- <b>x'
+
+
+def test_names_and_texts_of_users_stay_text(worn: Result, tmp_path: Path) -> None:
+    bad = replace(
+        worn,
+        name=HOSTILE,
+        source=HOSTILE,
+        reason=HOSTILE,
+        unit=HOSTILE,
+        loop=a_loop(pv_unit=HOSTILE, name=HOSTILE),
+        settings=settings(notes={"k": HOSTILE}),
+        quality=[Finding(HOSTILE, "info", HOSTILE, {HOSTILE: HOSTILE})],
+        identification=replace(IDENTIFICATION, reason=HOSTILE, note=HOSTILE),
+    )
+    for verdict in words.VERDICTS:
+        [file] = write_report([replace(bad, verdict=verdict)], tmp_path / "report.html", title=HOSTILE)
+        page = parsed(file)
+        assert page.tags.count("script") == 6
+        assert "b" not in page.tags or page.tags.count("b") == 1  # "What to do"
+        assert HOSTILE in "".join(page.text)
+    for figure in (loop_figure(bad), phase_figure(bad), overview_figure([bad])):
+        assert "<script" not in figure.to_json().lower().replace("\\u003c", "<")
+
+
+def test_a_run_too_large_for_one_file_is_an_index_with_a_file_per_loop(
+    worn: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    loops = [replace(worn, name=name) for name in ("A/1 ü", "A/1 ü", "..", HOSTILE)]
+    [single] = write_report(loops, tmp_path / "one.html")
+    monkeypatch.setattr(html, "MAX_BYTES", single.stat().st_size)
+    index, *files = write_report(loops, tmp_path / "run 1.html")
+    assert index == tmp_path / "run 1.html"
+    assert len(files) == len(set(files)) == len(loops)
+    page = parsed(index)
+    assert len(page.references) == len(loops)
+    for reference, file in zip(page.references, files, strict=True):
+        assert (tmp_path / reference.replace("%20", " ")).resolve() == file.resolve()
+        assert file.stat().st_size < single.stat().st_size
+        back = [r for r in parsed(file).references if not r.startswith("#")]
+        assert back == ["../run%201.html"]
+
+
+def test_huge_recordings_stay_small(tmp_path: Path) -> None:
+    huge = many(60_000)
+    files = write_report([replace(huge, name=f"L{i}") for i in range(24)], tmp_path / "report.html")
+    assert len(files) == 25
+    assert all(file.stat().st_size < html.MAX_BYTES for file in files)
+
+
+def test_every_half_period_is_shaded_and_told(worn: Result) -> None:
+    figure = loop_figure(worn)
+    shading = figure.data[0]
+    h = worn.half_periods
+    codes = np.asarray(shading.z)[0]
+    assert np.array_equal(codes[np.isfinite(codes)], h.reason)
+    assert len(shading.x) == len(codes) + 1
+    assert np.all(np.diff(shading.x) >= 0)
+    texts = [text for text in shading.text[0] if text]
+    rejected = [text for text, code in zip(texts, h.reason, strict=True) if code]
+    assert len(texts) == h.count
+    assert all("✗" in text for text in rejected)
+    assert all("✗" not in text for text, code in zip(texts, h.reason, strict=True) if not code)
+    assert sum("Accepted" in text for text in texts) == worn.detections
+
+
+def test_neighbours_share_a_column_when_there_are_too_many_and_none_is_lost() -> None:
+    result = many(10 * figures.MAX_COLUMNS + 7)
+    shading = loop_figure(result).data[0]
+    codes = np.asarray(shading.z)[0]
+    assert len(codes) == figures.MAX_COLUMNS
+    told = sum(int(re.match(r"<b>(\d+) half", text)[1]) for text in shading.text[0])  # type: ignore[index]
+    assert told == result.half_periods.count
+
+
+def test_time_that_runs_backwards_does_not_fold_the_shading(worn: Result) -> None:
+    h = SimpleNamespace(**vars(worn.half_periods))
+    h.t_start, h.t_end = h.t_start.copy(), h.t_end.copy()
+    h.t_start[5:] -= 2000
+    h.t_end[5:] -= 2000
+    shading = loop_figure(replace(worn, half_periods=h)).data[0]
+    assert np.all(np.diff(shading.x) >= 0)
+
+
+def test_the_time_axis_shows_the_wall_clock_of_the_recording(worn: Result) -> None:
+    zoned = replace(worn, t0=datetime.fromisoformat("2026-03-01T06:30:00+09:00"))
+    for result in (worn, zoned):
+        figure = loop_figure(result)
+        expected = np.datetime64("2026-03-01T06:30:00", "ms").astype(float) + 1000 * worn.trace.t[0]
+        line = next(trace for trace in figure.data if trace.name == "PV")
+        assert line.x[0] == pytest.approx(expected, abs=1)
+        assert figure.layout.xaxis.type == "date"
+    plain = loop_figure(replace(worn, t0=None))
+    assert plain.layout.xaxis3.title.text == "time [s]"
+
+
+def test_no_peak_is_lost_by_drawing(worn: Result) -> None:
+    line = next(trace for trace in loop_figure(worn).data if trace.name == "PV")
+    assert np.nanmax(line.y) == pytest.approx(np.nanmax(worn.trace.pv.high), rel=1e-6)
+    assert np.nanmin(line.y) == pytest.approx(np.nanmin(worn.trace.pv.low), rel=1e-6)
+
+
+def test_results_rank_by_width_and_keep_units_apart(run: list[Result]) -> None:
+    order = figures.ranked(run)
+    assert [r.name for r in order][-1] == "FIC999"
+    percents = [r.d_hat_percent_span for r in order if r.d_hat_percent_span is not None]
+    assert percents == sorted(percents, reverse=True)
+    figure = overview_figure(run)
+    titles = [axis.title.text for axis in figure.select_xaxes()]
+    assert "% of OP span" in titles[0]
+    assert "OP units" in titles[1]
+    labels = [label for axis in figure.select_yaxes() for label in axis.ticktext]
+    assert sorted(labels) == sorted(r.name for r in run)
+
+
+@pytest.mark.parametrize("hole", ["reason", "d_hat_percent_span", "repeatability", "identification", "trace", "t0"])
+def test_nothing_breaks_where_a_field_is_none(worn: Result, hole: str, tmp_path: Path) -> None:
+    result = replace(worn, **{hole: None})
+    write_report([result], tmp_path / "report.html")
+    loop_figure(result)
+    phase_figure(result)
+    overview_figure([result])
+
+
+def test_nothing_breaks_without_signals_or_numbers(worn: Result, tmp_path: Path) -> None:
+    trace = SimpleNamespace(**(vars(worn.trace) | {"op": None, "position": None, "pv_filtered": None}))
+    nan = np.full(len(trace.t), np.nan)
+    void = SimpleNamespace(**(vars(worn.trace) | {c: Band(nan, nan) for c in ("sp", "pv", "pv_filtered", "op")}))
+    nothing = {c: Band(nan[:0], nan[:0]) for c in ("sp", "pv", "pv_filtered", "op")}
+    short = SimpleNamespace(**(vars(worn.trace) | nothing | {"t": nan[:0]}))
+    for each in (trace, void, short):
+        write_report([replace(worn, trace=each)], tmp_path / "report.html")
+    [file] = write_report([], tmp_path / "report.html")
+    assert "no loops in this run" in " ".join(parsed(file).text)
+    overview_figure([])
+
+
+def test_the_words_claim_no_more_than_is_known(run: list[Result]) -> None:
+    for result in run:
+        text = " ".join(words.verdict(result))
+        assert "confidence" not in text
+        assert "interval" not in text
+        assert words.action(result)
+        if result.verdict == "provisional":
+            assert "provisional" in text
+            assert "appears to lose" in text
+        if result.d_hat is None:
+            assert "loses" not in text
+        else:
+            assert "too high" in text
+            assert "step test" in text
+    assert "does not show that the valve is sound" in " ".join(words.verdict(run[5]))
+
+
+def test_a_width_is_judged_only_against_a_limit_in_the_same_unit(worn: Result) -> None:
+    assert worn.d_hat_percent_span is not None
+    assert words.exceeds(worn) is True
+    assert words.exceeds(replace(worn, loop=a_loop(acceptable_dead_band=worn.d_hat_percent_span))) is False
+    assert words.exceeds(replace(worn, d_hat_percent_span=None)) is None
+    assert words.exceeds(replace(worn, loop=a_loop(acceptable_dead_band=None))) is None
+
+
+def test_comparisons_agree_with_the_mask(worn: Result) -> None:
+    h = worn.half_periods
+    for i in range(h.count):
+        lines = words.comparisons(worn, i)
+        assert sum(passed is False for _, passed in lines) == len(words.failures(int(h.mask[i])))
+
+
+def test_figures_are_stored_once_and_can_be_read_back(worn: Result, tmp_path: Path) -> None:
+    [file] = write_report([worn], tmp_path / "report.html")
+    text = file.read_text(encoding="utf-8")
+    stored = json.loads(re.search(r'id="data-loop-0">(.*?)</script>', text)[1])  # type: ignore[index]
+    assert set(stored["figures"]) == {"time", "phase"}
+    specs = [json.dumps(spec) for spec in stored["arrays"]]
+    assert len(specs) == len(set(specs))
+    assert len(text.encode()) < 6_500_000

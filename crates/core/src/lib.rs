@@ -8,8 +8,24 @@
 //! *Testing and implementation of a backlash detection algorithm*, Lund 2008 (TFRT-5826), here called *the thesis*.
 #![no_std]
 
+mod derivative;
+mod detector;
 mod error;
+mod filter;
+pub mod half_period;
+mod median_mean;
 mod real;
+mod safety_net;
+mod width;
+mod zero_crossing;
 
+pub use derivative::Derivative;
+pub use detector::{Columns, Detector, DetectorState, Record, Sample, Span};
 pub use error::ParameterError;
+pub use filter::{SecondOrderFilter, SecondOrderFilterState};
+pub use half_period::{HalfPeriod, HalfPeriodState};
+pub use median_mean::{Estimate, LONGEST_WINDOW, MedianMean, MedianMeanState};
 pub use real::Real;
+pub use safety_net::{Reason, SafetyNet};
+pub use width::{TravelSource, Width, WidthParts};
+pub use zero_crossing::ZeroCrossing;

@@ -1,0 +1,46 @@
+# make run   sets everything up and does the main job: recordings in, dead bands and a report out
+# make test  sets everything up and runs every test in every language
+.PHONY: run test setup lint bench clean
+.DELETE_ON_ERROR:
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+SOURCES := $(shell find crates -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock pyproject.toml
+
+run: setup
+	$(BIN)/glapp demo out/demo
+	$(BIN)/glapp analyze out/demo/loops.toml --report out/report.html
+	@echo
+	@echo "The report: out/report.html"
+	@echo "Your own loop:  $(BIN)/glapp analyze YOUR.csv --report your.html     (glapp --help tells more)"
+
+setup: $(VENV)/.installed
+
+$(VENV)/.tools: pyproject.toml
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/pip install --quiet --upgrade pip maturin
+	touch $@
+
+# A release wheel, as a user gets it, with the Python sources in place so that they can be edited.
+$(VENV)/.installed: $(VENV)/.tools $(SOURCES)
+	VIRTUAL_ENV=$(abspath $(VENV)) $(BIN)/maturin develop --release --quiet --extras dev
+	touch $@
+
+test: setup lint
+	cargo test --workspace --quiet
+	$(BIN)/pytest
+
+lint: setup
+	cargo fmt --check
+	cargo clippy --workspace --all-targets --quiet -- --deny warnings
+	$(BIN)/ruff format --check python tests examples bench vectors
+	$(BIN)/ruff check python tests examples bench vectors
+	$(BIN)/mypy
+
+bench: setup
+	$(BIN)/pip install --quiet --editable '.[bench]' || true
+	$(BIN)/python bench/run.py
+
+clean:
+	rm -rf target out $(VENV)

@@ -1,0 +1,433 @@
+//! The whole detector: from samples to detections and the estimate.
+
+use crate::half_period::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO};
+use crate::{
+    Derivative, Estimate, HalfPeriod, HalfPeriodState, MedianMean, MedianMeanState, ParameterError, Real, Reason,
+    SafetyNet, SecondOrderFilter, SecondOrderFilterState, Width, WidthParts, ZeroCrossing, error::require,
+};
+
+/// One sample of a loop.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sample<R> {
+    /// Time since the sample before \[s\]; not used at the first sample.
+    pub h: R,
+    /// Setpoint [PV unit].
+    pub sp: R,
+    /// Process value [PV unit].
+    pub pv: R,
+    /// Controller output [OP unit], where it is known.
+    pub op: Option<R>,
+    /// [`NOT_AUTO`], [`BAD`], [`AT_LOW`], [`AT_HIGH`]; 0 = all well.
+    pub flags: u8,
+}
+
+/// Samples in columns of equal length, for [`Detector::run`].
+#[derive(Clone, Copy, Debug)]
+pub struct Columns<'a, R> {
+    /// Time \[s\] since any fixed instant.
+    pub t: &'a [f64],
+    /// Setpoint [PV unit].
+    pub sp: &'a [R],
+    /// Process value [PV unit].
+    pub pv: &'a [R],
+    /// Controller output [OP unit], where it is known.
+    pub op: Option<&'a [R]>,
+    /// Flags as in [`Sample`], where there are any.
+    pub flags: Option<&'a [u8]>,
+}
+
+impl<R> Columns<'_, R> {
+    /// The number of samples: the length of the shortest column.
+    fn len(&self) -> usize {
+        let mut n = self.t.len().min(self.sp.len()).min(self.pv.len());
+        if let Some(op) = self.op {
+            n = n.min(op.len());
+        }
+        if let Some(flags) = self.flags {
+            n = n.min(flags.len());
+        }
+        n
+    }
+}
+
+/// From when to when a half-period lasts: its first sample, and the sample that ended it or, at a gap, the last one
+/// before it. In the time of [`Columns`].
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Span {
+    /// \[s\].
+    pub start: f64,
+    /// \[s\].
+    pub end: f64,
+}
+
+/// One half-period with everything that was concluded from it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Record<R> {
+    /// What the signals did.
+    pub half: HalfPeriod<R>,
+    /// The width and its parts; a detection where `mask` is 0.
+    pub parts: WidthParts<R>,
+    /// All conditions that failed, see [`Reason::bit`]; 0 = accepted.
+    pub mask: u16,
+    /// Δy of the completed half-period before, compared in (5.4).
+    pub previous_delta_y: Option<R>,
+    /// The estimate compared in (5.1), where it was asked.
+    pub d_hat_before: Option<R>,
+    /// The estimate after this half-period, where there is one.
+    pub estimate: Option<Estimate<R>>,
+}
+
+impl<R> Record<R> {
+    /// The first reason of rejection.
+    pub fn reason(&self) -> Reason {
+        Reason::first(self.mask)
+    }
+}
+
+/// Detects half-periods with backlash and estimates the width of the gap, on line (thesis 2.1, chapters 5 and 7).
+///
+/// samples → [`SecondOrderFilter`] → [`ZeroCrossing`] → [`HalfPeriod`] → [`Width`] → [`SafetyNet`] → [`MedianMean`].
+/// O(1) per sample. Every sample belongs to exactly one half-period, and every half-period ends in one [`Record`].
+///
+/// What breaks the signal:
+/// - the first sample, a step h that is negative or longer than `max_h`: a *gap*. The half-period under way ends with
+///   that reason; what follows starts the filter anew, and carries the reason until the next crossing.
+/// - a bad flag, or a value that is not a finite number: likewise, with *bad quality*; the value is not used.
+/// - h = 0, a repeated time: the sample is passed over, only its flags count.
+/// - not in automatic, at a limit: the half-period goes on and is rejected.
+///
+/// The previous Δy for (5.4) is that of the completed half-period before, accepted or not; none after a break or
+/// manual operation.
+///
+/// (5.1) compares with the estimate only once N detections stand behind it. It cannot lock: detections that fail
+/// nothing but (5.1) are collected beside the window, and when N of them in a row either agree (two thirds within
+/// 80–120 % of their median) or number 5N, they replace it. Half-periods rejected for another reason neither add to
+/// nor end such a row.
+///
+/// ```
+/// use glapp_core::{Detector, DetectorState, MedianMean, SafetyNet, Sample, SecondOrderFilter, Width};
+/// let detector = Detector::new(
+///     SecondOrderFilter::new(0.0)?,
+///     Width::new(0.5, 10.0, Some(0.0), 1.0, Some(2.0))?,
+///     SafetyNet::new(None)?,
+///     MedianMean::new(3)?,
+///     60.0,
+///     None,
+/// )?;
+/// let mut state = DetectorState::default();
+/// for k in 0..800 {
+///     let pv = if (k / 100) % 2 == 0 { -1.0 } else { 1.0 };
+///     detector.update(&mut state, &Sample { h: 1.0, sp: 0.0, pv, op: None, flags: 0 });
+/// }
+/// assert_eq!(state.estimate().unwrap().value, 4.5); // 0.5/10·1·100 − 1/2
+/// # Ok::<(), glapp_core::ParameterError>(())
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Detector<R> {
+    filter: SecondOrderFilter<R>,
+    width: Width<R>,
+    net: SafetyNet<R>,
+    detections: MedianMean,
+    max_h: R,
+    op_limits: Option<(R, R)>,
+}
+
+/// State of [`Detector`]: what is touched at every sample, and what only at a zero crossing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct DetectorState<R> {
+    signal: Signal<R>,
+    memory: Memory<R>,
+    /// Time of the last sample of [`Detector::run`], and of the first one of the half-period under way.
+    t: Option<(f64, f64)>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+struct Signal<R> {
+    pv: SecondOrderFilterState<R>,
+    op: SecondOrderFilterState<R>,
+    slope: Derivative<R>,
+    crossing: ZeroCrossing,
+    half: HalfPeriodState<R>,
+    /// Why the signal is broken, as flags; 0 while it is whole.
+    broken: u8,
+}
+
+impl<R: Real> Default for Signal<R> {
+    fn default() -> Self {
+        Self {
+            pv: SecondOrderFilterState::default(),
+            op: SecondOrderFilterState::default(),
+            slope: Derivative::default(),
+            crossing: ZeroCrossing::default(),
+            half: HalfPeriodState::default(),
+            broken: GAP,
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+struct Memory<R> {
+    previous_delta_y: Option<R>,
+    window: MedianMeanState<R>,
+    estimate: Option<Estimate<R>>,
+    accepted: u32,
+    /// Detections that (5.1) alone rejected since the last one accepted, and how many.
+    candidates: MedianMeanState<R>,
+    rejected: u32,
+}
+
+impl<R: Real> Default for DetectorState<R> {
+    fn default() -> Self {
+        Self { signal: Signal::default(), memory: Memory::default(), t: None }
+    }
+}
+
+impl<R: Real> DetectorState<R> {
+    /// The estimate now, where there has been a detection.
+    pub fn estimate(&self) -> Option<Estimate<R>> {
+        self.memory.estimate
+    }
+
+    /// How many half-periods were accepted so far.
+    pub fn accepted(&self) -> u32 {
+        self.memory.accepted
+    }
+
+    /// The filtered PV now [PV unit].
+    pub fn filtered_pv(&self) -> R {
+        self.signal.pv.y2
+    }
+}
+
+impl<R: Real> Detector<R> {
+    /// Puts the blocks together. `max_h` \[s\] > 0: a longer step is a gap. `op_limits` \[OP unit\], low < high: an OP at
+    /// or beyond one of them is saturated.
+    pub fn new(
+        filter: SecondOrderFilter<R>,
+        width: Width<R>,
+        net: SafetyNet<R>,
+        detections: MedianMean,
+        max_h: R,
+        op_limits: Option<(R, R)>,
+    ) -> Result<Self, ParameterError> {
+        require("max_h", max_h, max_h > R::ZERO, "greater than 0 s")?;
+        if let Some((low, high)) = op_limits {
+            require("op_low", low, low < high, "below op_high")?;
+            require("op_high", high, low < high, "above op_low")?;
+        }
+        Ok(Self { filter, width, net, detections, max_h, op_limits })
+    }
+
+    /// The width block, for what it is made of.
+    pub fn width(&self) -> &Width<R> {
+        &self.width
+    }
+
+    /// Takes one sample; gives the record of the half-period that it ended, if it did.
+    pub fn update(&self, state: &mut DetectorState<R>, sample: &Sample<R>) -> Option<Record<R>> {
+        let &Sample { h, sp, pv, op, flags } = sample;
+        let (half, op_known) = match op {
+            Some(op) => (self.observe::<true>(&mut state.signal, h, sp, pv, op, flags), true),
+            None => (self.observe::<false>(&mut state.signal, h, sp, pv, R::ZERO, flags), false),
+        };
+        half.map(|half| self.judge(&mut state.memory, half, op_known))
+    }
+
+    /// Takes many samples; hands every record to `ended`, and every sample's index and filtered PV to `seen` (at a
+    /// sample that cannot be used: the filtered PV before it). The same bits as [`Detector::update`] sample by sample
+    /// with h = t\[k\] − t\[k − 1\].
+    pub fn run(
+        &self,
+        state: &mut DetectorState<R>,
+        columns: Columns<'_, R>,
+        mut ended: impl FnMut(Span, &Record<R>),
+        mut seen: impl FnMut(usize, R),
+    ) {
+        let (ended, seen) = (&mut ended, &mut seen);
+        match (columns.op, columns.flags) {
+            (Some(op), Some(flags)) => self.run_columns::<true>(state, columns, |k| op[k], |k| flags[k], ended, seen),
+            (Some(op), None) => self.run_columns::<true>(state, columns, |k| op[k], |_| 0, ended, seen),
+            (None, Some(flags)) => self.run_columns::<false>(state, columns, |_| R::ZERO, |k| flags[k], ended, seen),
+            (None, None) => self.run_columns::<false>(state, columns, |_| R::ZERO, |_| 0, ended, seen),
+        }
+    }
+
+    #[inline(always)]
+    fn run_columns<const OP: bool>(
+        &self,
+        state: &mut DetectorState<R>,
+        columns: Columns<'_, R>,
+        op: impl Fn(usize) -> R,
+        flags: impl Fn(usize) -> u8,
+        ended: &mut impl FnMut(Span, &Record<R>),
+        seen: &mut impl FnMut(usize, R),
+    ) {
+        let n = columns.len();
+        let (t, sp, pv) = (&columns.t[..n], &columns.sp[..n], &columns.pv[..n]);
+        let Some(&first) = t.first() else { return };
+        let (mut before, mut start) = state.t.unwrap_or((first, first));
+        // A copy on the stack, so that the inner loop keeps it in registers.
+        let mut signal = state.signal;
+        for k in 0..n {
+            let h = R::of(t[k] - before);
+            if let Some(half) = self.observe::<OP>(&mut signal, h, sp[k], pv[k], op(k), flags(k)) {
+                let in_time = h > R::ZERO && h <= self.max_h;
+                let end = if in_time { t[k] } else { before };
+                ended(Span { start, end }, &self.judge(&mut state.memory, half, OP));
+                start = t[k];
+            }
+            if h.is_number() {
+                before = t[k];
+            }
+            seen(k, signal.pv.y2);
+        }
+        state.signal = signal;
+        state.t = Some((before, start));
+    }
+
+    #[inline(always)]
+    fn observe<const OP: bool>(
+        &self,
+        s: &mut Signal<R>,
+        h: R,
+        sp: R,
+        pv: R,
+        op: R,
+        flags: u8,
+    ) -> Option<HalfPeriod<R>> {
+        let whole = h > R::ZERO && h <= self.max_h && s.broken == 0;
+        let good = flags & BAD == 0 && sp.is_number() && pv.is_number() && (!OP || op.is_number());
+        if !(whole && good) {
+            // A copy goes to the cold function, so that the caller's own stays in registers.
+            let (signal, ended) = self.observe_break::<OP>(*s, h, sp, pv, op, flags, good);
+            *s = signal;
+            return ended;
+        }
+        self.observe_good::<OP>(s, h, sp, pv, op, flags)
+    }
+
+    /// The ordinary sample: filter, slope, crossing, integrals.
+    #[inline(always)]
+    fn observe_good<const OP: bool>(
+        &self,
+        s: &mut Signal<R>,
+        h: R,
+        sp: R,
+        pv: R,
+        op: R,
+        flags: u8,
+    ) -> Option<HalfPeriod<R>> {
+        let yf = self.filter.update(&mut s.pv, pv, h);
+        let opf = if OP { self.filter.update(&mut s.op, op, h) } else { R::ZERO };
+        let slope = s.slope.update(yf, h);
+        let e = sp - yf;
+        let flags = if OP { flags | self.limit_flags(op) } else { flags };
+        let sign = s.crossing.sign;
+        let mut ended = None;
+        if s.crossing.update(e) {
+            ended = Some(s.half.close(sign, sp, slope, opf));
+            s.half = HalfPeriodState::start(sp, slope, opf, 0);
+        }
+        s.half.add(e, h, sp, flags);
+        ended
+    }
+
+    /// The first sample, a repeated time, a gap, a bad value, and the first good sample after any of them.
+    #[cold]
+    #[inline(never)]
+    #[allow(clippy::too_many_arguments)]
+    fn observe_break<const OP: bool>(
+        &self,
+        mut s: Signal<R>,
+        h: R,
+        sp: R,
+        pv: R,
+        op: R,
+        flags: u8,
+        good: bool,
+    ) -> (Signal<R>, Option<HalfPeriod<R>>) {
+        let fresh = !s.pv.started && s.half.is_empty();
+        if h == R::ZERO && !fresh {
+            s.half.mark(flags);
+            return (s, None);
+        }
+        let in_time = h > R::ZERO && h <= self.max_h;
+        let cause = if !good {
+            BAD
+        } else if !in_time {
+            GAP
+        } else {
+            // Good and in time: the first good sample after a break, whose cause the stretch carries already.
+            s.broken
+        };
+        let mut ended = None;
+        if s.broken == 0 || (good && !in_time) {
+            if !s.half.is_empty() {
+                ended = Some(s.half.break_off(s.crossing.sign, cause));
+            }
+            s = Signal { broken: cause, ..Signal::default() };
+        }
+        if !good {
+            s.broken |= BAD;
+            s.half.add_unusable(flags | s.broken);
+            return (s, ended);
+        }
+        // The filter starts at this value; the step that led here is not observed time.
+        let yf = self.filter.update(&mut s.pv, pv, R::ZERO);
+        let opf = if OP { self.filter.update(&mut s.op, op, R::ZERO) } else { R::ZERO };
+        let slope = s.slope.update(yf, R::ZERO);
+        s.crossing.update(sp - yf);
+        s.half.resume(sp, slope, opf, s.broken);
+        s.half.add(sp - yf, R::ZERO, sp, flags | if OP { self.limit_flags(op) } else { 0 });
+        s.broken = 0;
+        (s, ended)
+    }
+
+    #[inline(always)]
+    fn limit_flags(&self, op: R) -> u8 {
+        match self.op_limits {
+            Some((low, high)) => (if op <= low { AT_LOW } else { 0 }) | (if op >= high { AT_HIGH } else { 0 }),
+            None => 0,
+        }
+    }
+
+    /// Width, safety net and filter of detections for one half-period.
+    #[inline(never)]
+    fn judge(&self, m: &mut Memory<R>, half: HalfPeriod<R>, op_known: bool) -> Record<R> {
+        let parts = self.width.of(&half, op_known);
+        let previous_delta_y = m.previous_delta_y;
+        let settled = m.estimate.filter(|estimate| estimate.count == self.detections.n());
+        let d_hat_before = settled.map(|estimate| estimate.value);
+        let mask = self.net.check(&half, &parts, &self.width, previous_delta_y, d_hat_before);
+        if mask == 0 {
+            m.estimate = Some(self.detections.update(&mut m.window, parts.d));
+            m.accepted = m.accepted.saturating_add(1);
+            if m.rejected > 0 {
+                m.candidates = MedianMeanState::default();
+                m.rejected = 0;
+            }
+        } else if mask == Reason::TooSmall.bit() {
+            self.reconsider(m, parts.d);
+        }
+        let broken = half.flags & (GAP | BAD | NOT_AUTO) != 0;
+        m.previous_delta_y = if broken { None } else { Some(half.delta_y) };
+        Record { half, parts, mask, previous_delta_y, d_hat_before, estimate: m.estimate }
+    }
+
+    /// Keeps (5.1) from locking out a gap that has become smaller, or that the first detections got wrong.
+    fn reconsider(&self, m: &mut Memory<R>, detection: R) {
+        let n = u32::from(self.detections.n());
+        let found = self.detections.update(&mut m.candidates, detection);
+        m.rejected = m.rejected.saturating_add(1);
+        let agree = u32::from(found.count) == n && 3 * u32::from(found.kept) >= 2 * n;
+        if agree || m.rejected >= 5 * n {
+            m.window = m.candidates;
+            m.estimate = Some(found);
+            m.candidates = MedianMeanState::default();
+            m.rejected = 0;
+        }
+    }
+}

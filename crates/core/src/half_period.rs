@@ -1,0 +1,140 @@
+//! The half-period: what the signals did between two zero crossings of the error.
+
+use crate::Real;
+
+/// The controller was not in automatic.
+pub const NOT_AUTO: u8 = 1;
+/// A value was bad or not a number.
+pub const BAD: u8 = 2;
+/// Something in the loop was at its lower limit.
+pub const AT_LOW: u8 = 4;
+/// Something in the loop was at its upper limit.
+pub const AT_HIGH: u8 = 8;
+/// The samples before are missing: the start of a recording, or a gap in it.
+pub const GAP: u8 = 16;
+
+/// What the signals did between two zero crossings.
+///
+/// It holds the samples from the crossing up to, and without, the next crossing. Integrals are sums of h·|e|
+/// (the rectangle rule, which a PLC scan gives by itself); against the exact integral they err by at most h·e_max.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct HalfPeriod<R> {
+    /// +1 where PV was below SP (e > 0), −1 above, 0 where no error other than zero was seen.
+    pub sign: i8,
+    /// What was met on the way: [`NOT_AUTO`], [`BAD`], [`AT_LOW`], [`AT_HIGH`], [`GAP`].
+    pub flags: u8,
+    /// Number of samples.
+    pub n: u32,
+    /// Duration Δt \[s\], without the time of a gap.
+    pub delta_t: R,
+    /// Mean distance to the setpoint, Δy = ∫|e|dt / Δt (2.2) [PV unit]; 0 where Δt is 0.
+    pub delta_y: R,
+    /// Largest |e| [PV unit].
+    pub e_max: R,
+    /// Range of SP, the closing crossing included, Δysp of (5.5) [PV unit].
+    pub delta_sp: R,
+    /// SP at the closing crossing less SP at the opening one [PV unit].
+    pub sp_change: R,
+    /// Derivative of the filtered PV at the closing crossing less that at the opening one [PV unit/s].
+    pub slope_change: R,
+    /// Change of the filtered OP between the crossings [OP unit]; 0 where OP is not known.
+    pub op_change: R,
+}
+
+/// The half-period under way.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct HalfPeriodState<R> {
+    flags: u8,
+    n: u32,
+    delta_t: R,
+    integral: R,
+    e_max: R,
+    sp_low: R,
+    sp_high: R,
+    sp_start: R,
+    slope_start: R,
+    op_start: R,
+}
+
+impl<R: Real> HalfPeriodState<R> {
+    /// Starts a half-period at a sample with setpoint `sp`, slope of the filtered PV and filtered OP. `flags` are
+    /// those it is born with: 0 at a zero crossing, the reason of the break after a break.
+    #[inline(always)]
+    pub fn start(sp: R, slope: R, op: R, flags: u8) -> Self {
+        Self {
+            flags,
+            sp_low: sp,
+            sp_high: sp,
+            sp_start: sp,
+            slope_start: slope,
+            op_start: op,
+            n: 0,
+            delta_t: R::ZERO,
+            integral: R::ZERO,
+            e_max: R::ZERO,
+        }
+    }
+
+    /// Starts at the first usable sample after a break, in the stretch that the break began: its flags and its
+    /// unusable samples stay.
+    pub fn resume(&mut self, sp: R, slope: R, op: R, flags: u8) {
+        *self = Self { n: self.n, ..Self::start(sp, slope, op, self.flags | flags) };
+    }
+
+    /// Takes one sample: error `e`, step `h` \[s\], setpoint and flags.
+    #[inline(always)]
+    pub fn add(&mut self, e: R, h: R, sp: R, flags: u8) {
+        let size = e.magnitude();
+        self.n = self.n.wrapping_add(1);
+        self.delta_t += h;
+        self.integral += size * h;
+        self.e_max = self.e_max.greater(size);
+        self.sp_low = self.sp_low.lesser(sp);
+        self.sp_high = self.sp_high.greater(sp);
+        self.flags |= flags;
+    }
+
+    /// Takes a sample of which nothing but its presence can be used.
+    #[inline(always)]
+    pub fn add_unusable(&mut self, flags: u8) {
+        self.n = self.n.wrapping_add(1);
+        self.flags |= flags;
+    }
+
+    /// True until the first sample was taken.
+    pub fn is_empty(&self) -> bool {
+        self.n == 0
+    }
+
+    /// Adds to the flags without taking a sample.
+    #[inline(always)]
+    pub fn mark(&mut self, flags: u8) {
+        self.flags |= flags;
+    }
+
+    /// Ends the half-period at a crossing with setpoint `sp`, slope of the filtered PV and filtered OP there.
+    #[inline(always)]
+    pub fn close(&self, sign: i8, sp: R, slope: R, op: R) -> HalfPeriod<R> {
+        HalfPeriod {
+            sign,
+            flags: self.flags,
+            n: self.n,
+            delta_t: self.delta_t,
+            delta_y: if self.delta_t > R::ZERO { self.integral / self.delta_t } else { R::ZERO },
+            e_max: self.e_max,
+            delta_sp: self.sp_high.greater(sp) - self.sp_low.lesser(sp),
+            sp_change: sp - self.sp_start,
+            slope_change: slope - self.slope_start,
+            op_change: op - self.op_start,
+        }
+    }
+
+    /// Ends it where the signals broke off: what would be read at the closing crossing is not known and stays 0.
+    pub fn break_off(&self, sign: i8, cause: u8) -> HalfPeriod<R> {
+        let mut half = self.close(sign, self.sp_start, self.slope_start, self.op_start);
+        half.flags |= cause;
+        half
+    }
+}

@@ -1,0 +1,111 @@
+//! The filter of detections.
+
+use crate::error::require;
+use crate::{ParameterError, Real};
+
+/// The longest window of [`MedianMean`].
+pub const LONGEST_WINDOW: usize = 31;
+
+/// Median/mean filter of detections (thesis 7.3).
+///
+/// 1. the median of the last N detections; 2. those outside 80–120 % of it are dropped; 3. the mean of the rest.
+///
+/// N is odd: with an even N no detection need lie near the median. While there are fewer than N the same filter runs
+/// over those there are, and the estimate is provisional by its count; where their number is even and none lies within
+/// the band, the estimate is the median itself.
+///
+/// Known bias: none on symmetric scatter; skew that survives the band remains.
+///
+/// ```
+/// use glapp_core::{MedianMean, MedianMeanState};
+/// let filter = MedianMean::new(3)?;
+/// let mut state = MedianMeanState::default();
+/// filter.update(&mut state, 5.0);
+/// filter.update(&mut state, 40.0);
+/// let estimate = filter.update(&mut state, 5.5);
+/// assert_eq!((estimate.value, estimate.kept, estimate.count), (5.25, 2, 3)); // 40 is dropped
+/// # Ok::<(), glapp_core::ParameterError>(())
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MedianMean {
+    n: u8,
+}
+
+/// The last detections.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct MedianMeanState<R> {
+    window: [R; LONGEST_WINDOW],
+    next: u8,
+    count: u8,
+}
+
+/// What the filter shows.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Estimate<R> {
+    /// The mean of the detections kept [unit of d].
+    pub value: R,
+    /// The smallest detection kept. With `high`: repeatability, not an interval of confidence.
+    pub low: R,
+    /// The largest detection kept.
+    pub high: R,
+    /// How many detections the mean is made of.
+    pub kept: u8,
+    /// How many detections are in the window; fewer than N: the estimate is provisional.
+    pub count: u8,
+}
+
+impl MedianMean {
+    /// `n` odd, 1 to [`LONGEST_WINDOW`].
+    pub fn new(n: u32) -> Result<Self, ParameterError> {
+        let holds = n % 2 == 1 && n as usize <= LONGEST_WINDOW;
+        require("n", f64::from(n), holds, "an odd number from 1 to 31")?;
+        Ok(Self { n: n as u8 })
+    }
+
+    /// The length of the window.
+    pub fn n(&self) -> u8 {
+        self.n
+    }
+
+    /// Takes one detection; gives the estimate and how many detections stand behind it.
+    pub fn update<R: Real>(&self, state: &mut MedianMeanState<R>, detection: R) -> Estimate<R> {
+        // A state restored from elsewhere may hold a place beyond this window.
+        let place = if state.next < self.n { state.next } else { 0 };
+        state.window[usize::from(place)] = detection;
+        state.next = place + 1;
+        state.count = state.count.saturating_add(1).min(self.n);
+        estimate(&state.window[..usize::from(state.count)])
+    }
+}
+
+fn estimate<R: Real>(detections: &[R]) -> Estimate<R> {
+    let mut sorted = [R::ZERO; LONGEST_WINDOW];
+    for (i, &x) in detections.iter().enumerate() {
+        let mut at = i;
+        while at > 0 && sorted[at - 1] > x {
+            sorted[at] = sorted[at - 1];
+            at -= 1;
+        }
+        sorted[at] = x;
+    }
+    let sorted = &sorted[..detections.len()];
+    let two = R::ONE + R::ONE;
+    let half = sorted.len() / 2;
+    let median = if sorted.len() % 2 == 1 { sorted[half] } else { (sorted[half - 1] + sorted[half]) / two };
+    let band = R::of(0.2) * median.magnitude();
+    let mut result = Estimate { value: R::ZERO, low: median, high: median, kept: 0, count: sorted.len() as u8 };
+    for &x in sorted {
+        if (x - median).magnitude() <= band {
+            if result.kept == 0 {
+                result.low = x;
+            }
+            result.high = x;
+            result.value += x;
+            result.kept += 1;
+        }
+    }
+    result.value = if result.kept == 0 { median } else { result.value / R::of(f64::from(result.kept)) };
+    result
+}

@@ -1,0 +1,171 @@
+//! The safety net: which half-periods may become detections.
+
+use crate::half_period::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO};
+use crate::{HalfPeriod, ParameterError, Real, Width, WidthParts, error::require};
+
+/// Why a half-period was rejected, in the fixed order in which the first reason is named.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Reason {
+    /// It was not rejected.
+    #[default]
+    Accepted = 0,
+    /// Samples are missing before or within it.
+    Gap = 1,
+    /// A value was bad or not a number.
+    BadQuality = 2,
+    /// The controller was not in automatic.
+    NotAuto = 3,
+    /// Something in the loop was at a limit, or Δu exceeds the span of OP (7.1).
+    Saturated = 4,
+    /// Δt ≤ 5Ti (2.1).
+    TooShort = 5,
+    /// e_max ≥ 2Δy (5.2).
+    NotSquare = 6,
+    /// |Δy_previous/Δy| outside 0.5 to 1.5 (5.4), or no previous half-period to compare with.
+    Uneven = 7,
+    /// Δysp ≥ Δy (5.5).
+    SpMoved = 8,
+    /// Δt ≤ Ti·d̂/(2KΔy) (5.1).
+    TooSmall = 9,
+}
+
+impl Reason {
+    /// All reasons, in order.
+    pub const ALL: [Self; 10] = [
+        Self::Accepted,
+        Self::Gap,
+        Self::BadQuality,
+        Self::NotAuto,
+        Self::Saturated,
+        Self::TooShort,
+        Self::NotSquare,
+        Self::Uneven,
+        Self::SpMoved,
+        Self::TooSmall,
+    ];
+
+    /// The reason's bit in the mask; 0 for [`Reason::Accepted`].
+    pub const fn bit(self) -> u16 {
+        match self {
+            Self::Accepted => 0,
+            other => 1 << (other as u8 - 1),
+        }
+    }
+
+    /// The name used in every face of glapp.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Accepted => "accepted",
+            Self::Gap => "gap",
+            Self::BadQuality => "bad_quality",
+            Self::NotAuto => "not_auto",
+            Self::Saturated => "saturated",
+            Self::TooShort => "too_short",
+            Self::NotSquare => "not_square",
+            Self::Uneven => "uneven",
+            Self::SpMoved => "sp_moved",
+            Self::TooSmall => "too_small",
+        }
+    }
+
+    /// The first reason in a mask.
+    #[inline(always)]
+    pub const fn first(mask: u16) -> Self {
+        let index = mask.trailing_zeros() as usize + 1;
+        if index < Self::ALL.len() { Self::ALL[index] } else { Self::Accepted }
+    }
+}
+
+/// The safety net (thesis chapter 5 and 7.1), each condition with its own switch.
+///
+/// | condition for acceptance | source | switch |
+/// |---|---|---|
+/// | no gap, no bad value, in automatic | | always on |
+/// | nothing at a limit; Δu < span of OP | 7.1 | `limits`; `op_span` |
+/// | Δt > 5Ti | 2.1 | `too_short` |
+/// | e_max < 2Δy | (5.2) | `not_square` |
+/// | Δy_previous < 1.5Δy | (5.3) | `decaying` |
+/// | Δy_previous > 0.5Δy | (5.4) with (5.3) | `growing` |
+/// | Δysp < Δy | (5.5) | `sp_moved` |
+/// | Δt > Ti·d̂/(2KΔy) | (5.1) | `too_small` |
+///
+/// Quotients are compared as products, so nothing is divided by a Δy of 0. (5.1) is asked only when the caller hands
+/// over an estimate; when to do so is the detector's business.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SafetyNet<R> {
+    /// Reject what met a limit flag, or OP at its limit.
+    pub limits: bool,
+    /// Reject Δu ≥ this span [OP unit]; `None`: the span is not known.
+    pub op_span: Option<R>,
+    /// Reject Δt ≤ 5Ti.
+    pub too_short: bool,
+    /// Reject by (5.2).
+    pub not_square: bool,
+    /// Reject by (5.3), the upper limit of (5.4).
+    pub decaying: bool,
+    /// Reject by the lower limit of (5.4).
+    pub growing: bool,
+    /// Reject by (5.5).
+    pub sp_moved: bool,
+    /// Reject by (5.1).
+    pub too_small: bool,
+}
+
+impl<R: Real> SafetyNet<R> {
+    /// Everything on; `op_span` \[OP unit\] > 0 where known.
+    pub fn new(op_span: Option<R>) -> Result<Self, ParameterError> {
+        if let Some(span) = op_span {
+            require("op_span", span, span > R::ZERO, "greater than 0")?;
+        }
+        Ok(Self {
+            limits: true,
+            op_span,
+            too_short: true,
+            not_square: true,
+            decaying: true,
+            growing: true,
+            sp_moved: true,
+            too_small: true,
+        })
+    }
+
+    /// The mask of all conditions that a half-period fails; 0 = accepted.
+    ///
+    /// `previous` is Δy of the completed half-period before, if there is one; `d_hat` the estimate for (5.1), if it
+    /// is to be asked.
+    #[inline(always)]
+    pub fn check(
+        &self,
+        half: &HalfPeriod<R>,
+        parts: &WidthParts<R>,
+        width: &Width<R>,
+        previous: Option<R>,
+        d_hat: Option<R>,
+    ) -> u16 {
+        let two = R::ONE + R::ONE;
+        let dy = half.delta_y;
+        let mut mask = 0;
+        let mut fail = |failed: bool, reason: Reason| mask |= if failed { reason.bit() } else { 0 };
+        fail(half.flags & GAP != 0, Reason::Gap);
+        fail(half.flags & BAD != 0, Reason::BadQuality);
+        fail(half.flags & NOT_AUTO != 0, Reason::NotAuto);
+        fail(self.limits && half.flags & (AT_LOW | AT_HIGH) != 0, Reason::Saturated);
+        fail(self.op_span.is_some_and(|span| parts.free >= span), Reason::Saturated);
+        fail(self.too_short && half.delta_t <= R::of(5.0) * width.ti(), Reason::TooShort);
+        fail(self.not_square && half.e_max >= two * dy, Reason::NotSquare);
+        match previous {
+            Some(before) => {
+                fail(self.decaying && before >= R::of(1.5) * dy, Reason::Uneven);
+                fail(self.growing && before <= R::of(0.5) * dy, Reason::Uneven);
+            }
+            None => fail(self.decaying || self.growing, Reason::Uneven),
+        }
+        fail(self.sp_moved && half.delta_sp >= dy, Reason::SpMoved);
+        if let Some(d_hat) = d_hat {
+            let too_small = half.delta_t * two * width.k_abs() * dy <= width.ti() * d_hat;
+            fail(self.too_small && too_small, Reason::TooSmall);
+        }
+        mask
+    }
+}

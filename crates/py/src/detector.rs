@@ -1,0 +1,295 @@
+//! The detector: samples in, half-periods and the estimate out.
+
+use glapp_core::{
+    Columns, Detector, DetectorState, MedianMean, ParameterError, Reason, Record, SafetyNet, SecondOrderFilter, Span,
+    Width,
+};
+use numpy::{PyArray1, PyReadonlyArray1};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use serde_json::json;
+
+fn refused(error: ParameterError) -> PyErr {
+    PyValueError::new_err(error.to_string())
+}
+
+/// A half-period shorter than 5Ti is the most frequent thing that noise makes; so many of them are kept whole, the
+/// others are counted.
+const SHORT_KEPT: usize = 50_000;
+
+type Settings = (f64, f64, Option<f64>, f64, Option<f64>, f64, u32, f64, Option<f64>, Option<(f64, f64)>, u8);
+
+fn detector(settings: &Settings) -> Result<Detector<f64>, ParameterError> {
+    let &(k, ti, td, b, kp, tf, n, max_h, op_span, op_limits, off) = settings;
+    let mut net = SafetyNet::new(op_span)?;
+    let on = |bit: u8| off & (1 << bit) == 0;
+    net.limits = on(0);
+    net.too_short = on(1);
+    net.not_square = on(2);
+    net.decaying = on(3);
+    net.growing = on(4);
+    net.sp_moved = on(5);
+    net.too_small = on(6);
+    Detector::new(
+        SecondOrderFilter::new(tf)?,
+        Width::new(k, ti, td, b, kp)?,
+        net,
+        MedianMean::new(n)?,
+        max_h,
+        op_limits,
+    )
+}
+
+/// One half-period: what the signals did, the width and the verdict. Attributes as the columns of the table.
+#[pyclass(frozen, module = "glapp", name = "HalfPeriod")]
+pub struct PyHalfPeriod {
+    span: Span,
+    record: Record<f64>,
+}
+
+macro_rules! attributes {
+    ($($(#[$doc:meta])* $name:ident: $type:ty = |$span:ident, $record:ident| $value:expr;)*) => {
+        #[pymethods]
+        impl PyHalfPeriod {
+            $($(#[$doc])* #[getter]
+            fn $name(&self) -> $type {
+                let ($span, $record) = (&self.span, &self.record);
+                $value
+            })*
+        }
+
+        fn columns<'py>(py: Python<'py>, rows: &[PyHalfPeriod]) -> PyResult<Bound<'py, PyDict>> {
+            let table = PyDict::new(py);
+            $({
+                let column = rows.iter().map(|PyHalfPeriod { span: $span, record: $record }| {
+                    let _ = $span;
+                    $value
+                });
+                table.set_item(stringify!($name), PyArray1::from_iter(py, column))?;
+            })*
+            Ok(table)
+        }
+    };
+}
+
+attributes! {
+    /// Time of the first sample [s].
+    t_start: f64 = |span, _record| span.start;
+    /// Time of the sample that ended it, or of the last one before a gap [s].
+    t_end: f64 = |span, _record| span.end;
+    /// +1: PV below SP, −1: above, 0: neither was seen.
+    sign: i8 = |_span, record| record.half.sign;
+    /// Number of samples.
+    samples: u32 = |_span, record| record.half.n;
+    /// Duration Δt [s].
+    delta_t: f64 = |_span, record| record.half.delta_t;
+    /// Mean distance to the setpoint Δy (2.2) [PV unit].
+    delta_y: f64 = |_span, record| record.half.delta_y;
+    /// Largest |e| [PV unit].
+    e_max: f64 = |_span, record| record.half.e_max;
+    /// Range of SP (5.5) [PV unit].
+    delta_sp: f64 = |_span, record| record.half.delta_sp;
+    /// K/Ti·Δy·Δt (7.5) [OP unit].
+    delta_u: f64 = |_span, record| record.parts.delta_u;
+    /// Derivative part of (7.6) [OP unit].
+    delta_u_d: f64 = |_span, record| record.parts.delta_u_d;
+    /// Setpoint part (b − 1)·K·Δysp [OP unit].
+    delta_u_sp: f64 = |_span, record| record.parts.delta_u_sp;
+    /// OP's own travel in the direction of the integral action [OP unit]; 0 where OP is not known.
+    op_travel: f64 = |_span, record| record.parts.op_travel;
+    /// Kp-free part of the width [OP unit].
+    free: f64 = |_span, record| record.parts.free;
+    /// Kp part of the width [OP unit].
+    kp_part: f64 = |_span, record| record.parts.kp_part;
+    /// Width (2.4) [OP unit].
+    d: f64 = |_span, record| record.parts.d;
+    /// Δy of the half-period before [PV unit], NaN where there is none to compare with.
+    previous_delta_y: f64 = |_span, record| record.previous_delta_y.unwrap_or(f64::NAN);
+    /// Estimate compared in (5.1) [OP unit], NaN where it was not asked.
+    d_hat_before: f64 = |_span, record| record.d_hat_before.unwrap_or(f64::NAN);
+    /// All conditions that failed, one bit a reason.
+    mask: u16 = |_span, record| record.mask;
+    /// First reason of rejection, 0 = accepted.
+    reason: u8 = |_span, record| record.reason() as u8;
+    /// Estimate after this half-period [OP unit], NaN while there is none.
+    d_hat: f64 = |_span, record| record.estimate.map_or(f64::NAN, |e| e.value);
+    /// Detections in the window after this half-period.
+    count: u8 = |_span, record| record.estimate.map_or(0, |e| e.count);
+}
+
+/// The detector with its state and its table of half-periods.
+#[pyclass(module = "glapp", name = "Detector", subclass)]
+pub struct PyDetector {
+    settings: Settings,
+    detector: Detector<f64>,
+    state: DetectorState<f64>,
+    rows: Vec<PyHalfPeriod>,
+    short_rows: usize,
+    reasons: [u64; Reason::ALL.len()],
+}
+
+impl PyDetector {
+    fn fresh(settings: Settings) -> PyResult<Self> {
+        Ok(Self {
+            detector: detector(&settings).map_err(refused)?,
+            settings,
+            state: DetectorState::default(),
+            rows: Vec::new(),
+            short_rows: 0,
+            reasons: [0; Reason::ALL.len()],
+        })
+    }
+
+    fn take(&mut self, columns: Columns<'_, f64>, seen: impl FnMut(usize, f64)) {
+        let Self { detector, state, rows, short_rows, reasons, .. } = self;
+        let ended = |span: Span, record: &Record<f64>| {
+            reasons[record.reason() as usize] += 1;
+            if record.mask & Reason::TooShort.bit() != 0 {
+                if *short_rows >= SHORT_KEPT {
+                    return;
+                }
+                *short_rows += 1;
+            }
+            rows.push(PyHalfPeriod { span, record: *record });
+        };
+        detector.run(state, columns, ended, seen);
+    }
+}
+
+#[pymethods]
+impl PyDetector {
+    #[new]
+    #[pyo3(signature = (k, ti, td, b, kp, tf, n, max_h, op_span, op_limits, off))]
+    #[allow(clippy::too_many_arguments)]
+    fn new(
+        k: f64,
+        ti: f64,
+        td: Option<f64>,
+        b: f64,
+        kp: Option<f64>,
+        tf: f64,
+        n: u32,
+        max_h: f64,
+        op_span: Option<f64>,
+        op_limits: Option<(f64, f64)>,
+        off: u8,
+    ) -> PyResult<Self> {
+        Self::fresh((k, ti, td, b, kp, tf, n, max_h, op_span, op_limits, off))
+    }
+
+    /// One sample; gives the half-period that it ended, or None.
+    #[pyo3(signature = (t, sp, pv, op=None, flags=0))]
+    fn update(&mut self, t: f64, sp: f64, pv: f64, op: Option<f64>, flags: u8) -> Option<PyHalfPeriod> {
+        let columns = Columns {
+            t: &[t],
+            sp: &[sp],
+            pv: &[pv],
+            op: op.as_ref().map(std::slice::from_ref),
+            flags: Some(std::slice::from_ref(&flags)),
+        };
+        let Self { detector, state, reasons, .. } = self;
+        let mut result = None;
+        detector.run(
+            state,
+            columns,
+            |span, record| {
+                reasons[record.reason() as usize] += 1;
+                result = Some(PyHalfPeriod { span, record: *record });
+            },
+            |_, _| (),
+        );
+        result
+    }
+
+    /// Many samples; the half-periods are added to the table. Gives the filtered PV of each sample where asked.
+    #[pyo3(signature = (t, sp, pv, op, flags, filtered))]
+    #[allow(clippy::too_many_arguments)]
+    fn run<'py>(
+        &mut self,
+        py: Python<'py>,
+        t: PyReadonlyArray1<'py, f64>,
+        sp: PyReadonlyArray1<'py, f64>,
+        pv: PyReadonlyArray1<'py, f64>,
+        op: Option<PyReadonlyArray1<'py, f64>>,
+        flags: Option<PyReadonlyArray1<'py, u8>>,
+        filtered: bool,
+    ) -> PyResult<Option<Bound<'py, PyArray1<f64>>>> {
+        let columns = Columns {
+            t: t.as_slice()?,
+            sp: sp.as_slice()?,
+            pv: pv.as_slice()?,
+            op: op.as_ref().map(|op| op.as_slice()).transpose()?,
+            flags: flags.as_ref().map(|flags| flags.as_slice()).transpose()?,
+        };
+        let n = columns.t.len();
+        if columns.sp.len() != n
+            || columns.pv.len() != n
+            || columns.op.is_some_and(|op| op.len() != n)
+            || columns.flags.is_some_and(|flags| flags.len() != n)
+        {
+            return Err(PyValueError::new_err("t, sp, pv, op and flags must be of the same length"));
+        }
+        if filtered {
+            let mut values = vec![f64::NAN; n];
+            py.detach(|| self.take(columns, |k, value| values[k] = value));
+            Ok(Some(PyArray1::from_vec(py, values)))
+        } else {
+            py.detach(|| self.take(columns, |_, _| ()));
+            Ok(None)
+        }
+    }
+
+    /// The half-periods of `run` as a dict of arrays: all of them, but of those shorter than 5Ti the first 50 000.
+    fn table<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        columns(py, &self.rows)
+    }
+
+    /// How many half-periods ended with each first reason; index 0: accepted.
+    #[getter]
+    fn reasons(&self) -> Vec<u64> {
+        self.reasons.to_vec()
+    }
+
+    /// (value, low, high, kept, count) of the median/mean filter, or None before the first detection.
+    #[getter]
+    fn estimate(&self) -> Option<(f64, f64, f64, u8, u8)> {
+        self.state.estimate().map(|e| (e.value, e.low, e.high, e.kept, e.count))
+    }
+
+    /// "integral", "derivative" or "op": where Δu is taken from, given whether OP is recorded.
+    fn travel_source(&self, op_known: bool) -> &'static str {
+        match self.detector.width().source(op_known) {
+            glapp_core::TravelSource::Integral => "integral",
+            glapp_core::TravelSource::Derivative => "derivative",
+            glapp_core::TravelSource::Op => "op",
+        }
+    }
+
+    /// Settings, state and counts of reasons as JSON; the table is not part of it.
+    fn to_json(&self) -> PyResult<String> {
+        let saved = json!({
+            "format": "glapp detector 1",
+            "settings": self.settings,
+            "state": self.state,
+            "reasons": self.reasons,
+        });
+        serde_json::to_string(&saved).map_err(|e| PyValueError::new_err(e.to_string()))
+    }
+
+    /// Takes over settings, state and counts that `to_json` gave.
+    fn restore(&mut self, text: &str) -> PyResult<()> {
+        let broken = |what: String| PyValueError::new_err(format!("saved detector: {what}"));
+        let mut saved: serde_json::Value = serde_json::from_str(text).map_err(|e| broken(e.to_string()))?;
+        if saved["format"] != "glapp detector 1" {
+            return Err(broken("not of the format 'glapp detector 1'".into()));
+        }
+        let mut take = |key: &str| saved[key].take();
+        let settings = serde_json::from_value(take("settings")).map_err(|e| broken(e.to_string()))?;
+        let mut restored = Self::fresh(settings)?;
+        restored.state = serde_json::from_value(take("state")).map_err(|e| broken(e.to_string()))?;
+        restored.reasons = serde_json::from_value(take("reasons")).map_err(|e| broken(e.to_string()))?;
+        *self = restored;
+        Ok(())
+    }
+}

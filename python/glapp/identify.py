@@ -25,11 +25,13 @@ R2_USABLE = 0.9
 MIN_STEPS = 50
 """Fewest usable steps between samples; below it an interval means nothing."""
 
+FROZEN_STEPS = 5
+"""Where all signals repeat to the bit for so many steps, the recording stood still, not the loop."""
+
 _TUKEY = 4.685  # 95 % efficient for Gaussian residuals
 _HUBER = 1.345
 _SHORTEST = 3  # [steps] one or two steps are ruled by what PV did between the samples
 _BLOCKS = (8, 30)
-_FROZEN = 5  # [steps] all three signals bit-identical for longer: the recording stood still, not the loop
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,8 +97,9 @@ def identify(
 
     with e = SP - PV.  It is fitted by iteratively reweighted least squares (Huber, then Tukey's biweight; scale from
     the median absolute residual) over all stretches of m consecutive usable steps: in auto, good, finite, off the
-    limits, no gap.  Of m = 3, 5, 8, 12 ... up to two Ti that with the most certain K and K/Ti is taken: over one step,
-    what PV did between two samples and OP's resolution rule the fit, and R² can be high while Ti is far off.
+    limits, no gap.  Of m = 3, 5, 8, 12 ... up to two Ti that with the most certain K and K/Ti is taken, among those
+    with R² enough if any: over one step, what PV did between two samples and OP's resolution rule the fit, and R² can
+    be high while Ti is far off.
 
     The interval is the sandwich of the robust fit with the scores summed in 8-30 blocks of time, so that residuals may
     be correlated within a block, and Student's t for the number of blocks.
@@ -150,7 +153,7 @@ def identify(
         step = usable[1:] & usable[:-1] & (dt > 0)
         h = float(np.median(dt[step])) if step.any() else 0.0
         step &= dt <= 3 * h
-        step &= ~_frozen(sp, pv, op)
+        step &= ~frozen_steps(sp, pv, op)
         samples = int(np.count_nonzero(step))
         if samples < MIN_STEPS:
             return _nothing(
@@ -171,18 +174,27 @@ def _nothing(reason: str, samples: int) -> Identification:
     return Identification(None, None, None, None, None, None, None, samples, None, "no fit", False, reason)
 
 
-def _frozen(sp: Floats, pv: Floats, op: Floats) -> Bools:
+def in_runs(mask: Bools, least: int) -> Bools:
+    """Keep of a mask only the runs of at least so many."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(np.int8)))
+    long = edges[1::2] - edges[::2] >= least
+    keep = np.zeros(mask.size + 1, dtype=np.int8)
+    keep[edges[::2][long]] = 1
+    keep[edges[1::2][long]] = -1
+    return np.cumsum(keep[:-1], dtype=np.int8).astype(bool)
+
+
+def frozen_steps(sp: Floats, pv: Floats, op: Floats | None) -> Bools:
     """Mark long stretches in which no signal changes a bit though the error is not zero, with the step that ends each.
 
     There a historian repeats its last row while the loop goes on; the jump at the end holds an error nobody recorded.
     """
-    still = (np.diff(sp) == 0) & (np.diff(pv) == 0) & (np.diff(op) == 0) & (sp[1:] != pv[1:])
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], still, [False]))))
-    frozen = np.zeros(still.size + 1, dtype=bool)
-    for start, stop in zip(edges[::2], edges[1::2], strict=True):
-        if stop - start >= _FROZEN:
-            frozen[start : stop + 1] = True
-    return frozen[:-1]
+    still = (np.diff(sp) == 0) & (np.diff(pv) == 0) & (sp != pv)[1:]
+    if op is not None:
+        still &= np.diff(op) == 0
+    frozen = in_runs(still, FROZEN_STEPS)
+    frozen[1:] |= frozen[:-1].copy()
+    return frozen
 
 
 class _Moves:
@@ -230,47 +242,61 @@ class _Fit:
 
 
 def _fit(start: NDArray[np.int64], y: Floats, x: Floats, m: int) -> _Fit | None:
-    """Huber, then Tukey, from the median absolute residual; covariance from block sums of the scores."""
-    size = np.sqrt(np.mean(x * x, axis=0))
-    if y.size < 5 * x.shape[1] or not np.all(size > 0) or not np.all(np.isfinite(size)):
+    """Huber, then Tukey, from the median absolute residual; covariance from block sums of the scores.
+
+    None where the rows do not determine the values.
+    """
+    if y.size < 5 * x.shape[1]:
         return None
-    x = x / size
-    if np.linalg.cond(x.T @ x) > 1e10:
+    unit, size = float(np.sqrt(np.mean(y * y))), np.sqrt(np.mean(x * x, axis=0))
+    if not (unit > 0 and math.isfinite(unit) and np.all(size > 0) and np.all(np.isfinite(size))):
         return None
-    beta = np.linalg.solve(x.T @ x, x.T @ y)
-    floor = 1e-9 * float(np.sqrt(np.mean(y * y)))
+    y, x = y / unit, x / size
+    inverse = _inverse(x.T @ x)
+    if inverse is None:
+        return None
+    beta = inverse @ (x.T @ y)
     for shape, rounds in (("huber", 20), ("tukey", 30)):
         for _ in range(rounds):
-            u = _standardised(y - x @ beta, floor)
-            weight = _weight(u, shape)
-            a = (x * weight[:, None]).T @ x
-            if np.linalg.cond(a) > 1e12:
+            weight = _weight(_standardised(y - x @ beta), shape)
+            inverse = _inverse((x * weight[:, None]).T @ x)
+            if inverse is None:
                 return None
-            new = np.linalg.solve(a, x.T @ (weight * y))
+            new = inverse @ (x.T @ (weight * y))
             change, beta = float(np.max(np.abs(new - beta))), new
             if change <= 1e-7 * float(np.max(np.abs(beta))):
                 break
     residual = y - x @ beta
-    u = _standardised(residual, floor)
-    inside = np.abs(u) < _TUKEY
+    u = _standardised(residual)
     v = (u / _TUKEY) ** 2
-    slope = np.where(inside, (1 - v) * (1 - 5 * v), 0.0)  # derivative of the biweight's score
-    bread = (x * slope[:, None]).T @ x
-    score = x * (_weight(u, "tukey") * residual)[:, None]
-    blocks = int(np.clip((start[-1] - start[0] + 1) // (5 * m), *_BLOCKS))
-    block = (start - start[0]) * blocks // (start[-1] - start[0] + 1)
-    sums = np.column_stack([np.bincount(block, column, blocks) for column in score.T])
-    if np.linalg.cond(bread) > 1e12:
-        return None
-    inverse = np.linalg.inv(bread)
-    covariance = inverse @ (sums.T @ sums) @ inverse.T * blocks / (blocks - 1)
+    slope = np.where(v < 1, (1 - v) * (1 - 5 * v), 0.0)  # derivative of the biweight's score
+    inverse = _inverse((x * slope[:, None]).T @ x)
     total = float(np.sum((y - y.mean()) ** 2))
-    r2 = 1 - float(residual @ residual) / total if total > 0 else 0.0
-    return _Fit(beta / size, covariance / np.outer(size, size), r2, blocks)
+    if inverse is None or not total > 0:
+        return None
+    score = x * (_weight(u, "tukey") * residual)[:, None]
+    length = int(start[-1] - start[0]) + 1
+    blocks = int(np.clip(length // (5 * m), *_BLOCKS))
+    sums = np.column_stack([np.bincount((start - start[0]) * blocks // length, column, blocks) for column in score.T])
+    covariance = inverse @ (sums.T @ sums) @ inverse.T * blocks / (blocks - 1)
+    scale = unit / size
+    r2 = 1 - float(residual @ residual) / total
+    fit = _Fit(beta * scale, covariance * np.outer(scale, scale), r2, blocks)
+    size = np.abs(fit.beta[:2])
+    sane = np.all((size > 1e-100) & (size < 1e100)) and np.all(np.isfinite(fit.covariance))
+    return fit if sane else None
 
 
-def _standardised(residual: Floats, floor: float) -> Floats:
-    return residual / max(1.4826 * float(np.median(np.abs(residual))), floor)
+def _inverse(a: Floats) -> Floats | None:
+    if not np.all(np.isfinite(a)) or np.linalg.cond(a) > 1e10:
+        return None
+    return np.asarray(np.linalg.inv(a))
+
+
+def _standardised(residual: Floats) -> Floats:
+    # A majority that fits exactly, as where OP rests on its own coarse steps, must not outvote the rows that move.
+    spread = float(np.sqrt(np.mean(residual * residual)))
+    return residual / max(1.4826 * float(np.median(np.abs(residual))), 0.1 * spread, 1e-9)
 
 
 def _weight(u: Floats, shape: str) -> Floats:
@@ -288,28 +314,29 @@ def _student(df: int) -> float:
 def _identify(moves: _Moves, h: float, samples: int, given_b: float | None) -> Identification:
     lag = _lag(moves)
     best: _Fit | None = None
-    m, used, least = _SHORTEST, 0, math.inf
+    m, used, least = _SHORTEST, 0, (True, math.inf)
     while m <= max(_SHORTEST, samples // 20) and (m == _SHORTEST or moves.enough(m)):
         fit = _fit(*moves.over(m, lag), m)
         if fit is not None:
-            uncertainty = _uncertainty(fit)
-            if uncertainty < least or best is None:
-                best, used, least = fit, m, uncertainty
+            # A coarse OP hides the law in short stretches; a wrong law is not mended by longer ones.
+            rank = (fit.r2 < R2_USABLE, _uncertainty(fit))
+            if best is None or rank < least:
+                best, used, least = fit, m, rank
             # Beyond two Ti the proportional part hardly shows in the moves any more.
             if m * h > 2 * abs(float(fit.beta[0] / fit.beta[1])):
                 break
         m += (m + 1) // 2
     if best is None:
         return _nothing(
-            "PV's moves and the error's area cannot be told apart (a single step or ramp?): give K and Ti", samples
+            "the moves of PV and the area of the error do not each show in OP (a single step, a ramp?): give K and Ti",
+            samples,
         )
     return _judge(best, used, lag, h, samples, given_b, moves.sp_moves)
 
 
 def _uncertainty(fit: _Fit) -> float:
     """Sum of the relative variances of K and K/Ti."""
-    size = np.maximum(fit.beta[:2] ** 2, 1e-300)
-    return float(np.sum(np.diag(fit.covariance)[:2] / size))
+    return float(np.sum(np.diag(fit.covariance)[:2] / fit.beta[:2] ** 2))
 
 
 def _lag(moves: _Moves) -> int:
@@ -331,7 +358,7 @@ def _judge(
     k_error, ki_error = (t95 * math.sqrt(max(float(v), 0.0)) for v in np.diag(fit.covariance)[:2])
     relative = fit.covariance[:2, :2] / np.outer(fit.beta[:2], fit.beta[:2])
     ti_error = t95 * math.sqrt(max(float(relative[0, 0] + relative[1, 1] - 2 * relative[0, 1]), 0.0))
-    ti = k / ki if ki else math.inf
+    ti = k / ki
     # Current, mean or previous error within a step: the same fit with Ti, Ti + h/2 or Ti + h, and K in proportion.
     ends = (k - k_error, k + k_error, k - k_error + ki * h, k + k_error + ki * h)
     ti_low, ti_high = ti / (1 + ti_error), (ti / (1 - ti_error) + h if ti_error < 1 else math.inf)
@@ -348,7 +375,7 @@ def _judge(
     reason = ""
     if fit.r2 < R2_USABLE:
         reason = (
-            f"the PI law explains {max(fit.r2, 0):.0%} of OP's moves (R² {fit.r2:.2f}, needed {R2_USABLE:.2f}): "
+            f"the PI law explains too little of OP's moves (R² {fit.r2:.3g}, needed {R2_USABLE:g}): "
             "give K and Ti, or take a recording in auto that is neither compressed nor averaged"
         )
     elif abs(k) <= k_error:

@@ -13,7 +13,7 @@ from datetime import datetime, timedelta
 from typing import Literal
 
 import numpy as np
-from glapp.identify import Identification
+from glapp.identify import FROZEN_STEPS, Identification, frozen_steps, in_runs
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
@@ -23,8 +23,7 @@ Severity = Literal["info", "warning", "refuse"]
 GAP_STEPS = 3.0
 """A step longer than so many ordinary ones is a gap."""
 
-_SORTED_ROWS = 200_000  # [rows] enough to know steps and noise; sorting more costs time and tells nothing new
-_HOLD = 5  # [samples] shorter repetitions are chance or resolution
+_SORTED_ROWS = 200_000  # [rows] enough to know steps, noise and spectrum; more costs time and tells nothing new
 
 
 @dataclass(frozen=True, slots=True)
@@ -231,7 +230,7 @@ def noise_sigma(pv: Floats) -> float | None:
     """
     pv = np.asarray(pv, dtype=np.float64)[:_SORTED_ROWS]
     with np.errstate(all="ignore"):
-        held = _in_runs(np.diff(pv) == 0, _HOLD)
+        held = in_runs(np.diff(pv) == 0, FROZEN_STEPS)
         pv = np.where(np.concatenate(([False], held)), np.nan, pv) if pv.size else pv
         sigmas = []
         for order in range(5):
@@ -277,11 +276,8 @@ class _Look:
         """Rows in auto, good, off the limits, all numbers."""
         self.step = good[1:] & good[:-1] & (dt > 0) & (dt <= GAP_STEPS * self.h)
         """Steps between such rows, without a gap."""
-        still = (np.diff(self.sp) == 0) & (np.diff(self.pv) == 0) & (self.e[1:] != 0)
-        if self.op is not None:
-            still &= np.diff(self.op) == 0
-        self.frozen = _in_runs(still, _HOLD)
-        """Steps inside a stretch in which nothing is recorded anew."""
+        self.frozen = frozen_steps(self.sp, self.pv, self.op)
+        """Steps in which nothing is recorded anew."""
         self.live = self.step & ~self.frozen
 
     def share(self, count: int) -> float:
@@ -291,22 +287,13 @@ class _Look:
         return f"row {row + self.first_row}"
 
     def time(self, t: float) -> str:
-        if self.t0 is None or not math.isfinite(t):
+        try:
+            return f"{t:.10g} s" if self.t0 is None else (self.t0 + timedelta(seconds=t)).isoformat(sep=" ")
+        except (OverflowError, ValueError):  # beyond the calendar
             return f"{t:.10g} s"
-        return (self.t0 + timedelta(seconds=t)).isoformat(sep=" ")
 
     def seconds(self, duration: float) -> str:
         return f"{duration:.3g} s" if duration < 1000 else f"{duration:.0f} s"
-
-
-def _in_runs(mask: Bools, least: int) -> Bools:
-    """Keep of a mask only the runs of at least so many."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(np.int8)))
-    lengths = edges[1::2] - edges[::2]
-    keep = np.zeros(mask.size + 1, dtype=np.int8)
-    np.add.at(keep, edges[::2][lengths >= least], 1)
-    np.add.at(keep, edges[1::2][lengths >= least], -1)
-    return np.cumsum(keep[:-1], dtype=np.int8).astype(bool)
 
 
 def _resolution(x: Floats) -> tuple[float, int] | None:
@@ -456,6 +443,12 @@ def _mode(look: _Look) -> Iterator[Finding]:
 
 def _constants(look: _Look) -> Iterator[Finding]:
     c = look.census
+    if look.op is None:
+        yield Finding(
+            "no_op",
+            "info",
+            "OP is not recorded, so K and Ti must be given, and saturation is seen only through limit flags: add OP",
+        )
     if c.rows >= 2 and c.op_min == c.op_max:
         yield Finding(
             "op_constant",
@@ -542,12 +535,12 @@ def _recording(look: _Look) -> Iterator[Finding]:
     flat = live & (dpv == 0)
     if look.op is not None:
         flat &= np.diff(look.op) != 0
-    held = int(np.count_nonzero(_in_runs(flat, _HOLD))) / steps
+    held = int(np.count_nonzero(in_runs(flat, FROZEN_STEPS))) / steps
     pairs = live[1:] & live[:-1] & (dpv[1:] != 0)
     size = np.abs(look.pv[2:]) + np.abs(look.pv[:-2])
     straight = pairs & (np.abs(np.diff(dpv / np.diff(look.t))) * look.h <= 1e-6 * np.abs(dpv[1:]) + 4e-16 * size)
     straight &= np.abs(dpv[1:]) > 1e-12 * size  # movement at rounding level has no shape
-    lines = int(np.count_nonzero(_in_runs(straight, 2))) / steps
+    lines = int(np.count_nonzero(in_runs(straight, 2))) / steps
     if held > 0.5:
         yield Finding(
             "compressed_pv",
@@ -635,9 +628,10 @@ def _controller_gaps(look: _Look) -> Iterator[Finding]:
     gap = float(error[order[cut]])
     # The step is sharp: just below the edge OP rests, just above it moves.
     edge = rests[order]
-    near = max(10, rests.size // 50)
-    sharp = edge[max(0, cut + 1 - near) : cut + 1].mean() - edge[cut + 1 : cut + 1 + near].mean() if cut else 0.0
-    if inside > 0.9 and outside < 0.1 and sharp > 0.7 and min(cut, rests.size - cut) >= 30:
+    near = min(cut, max(10, rests.size // 50))
+    both = min(cut, rests.size - cut) >= 30
+    sharp = edge[cut + 1 - near : cut + 1].mean() - edge[cut + 1 : cut + 1 + near].mean() if both else 0.0
+    if inside > 0.9 and outside < 0.1 and sharp > 0.7:
         yield Finding(
             "error_gap",
             "warning",
@@ -672,7 +666,7 @@ def _winding_up(look: _Look) -> Iterator[Finding]:
     lengths = np.diff(np.concatenate((starts, [rows.size])))
     longest = int(np.argmax(lengths))
     a, n = int(starts[longest]), int(lengths[longest])
-    if n < 0.5 * rows.size or sign[a] == 0:
+    if n < 0.8 * rows.size or sign[a] == 0:
         return
     e, op = e[a : a + n], op[a : a + n]
     travel = float(np.sum(np.abs(np.diff(op))))
@@ -695,10 +689,10 @@ def _winding_up(look: _Look) -> Iterator[Finding]:
 def _sinusoid(look: _Look) -> Iterator[Finding]:
     """Tell a linear oscillation: one clean frequency, half-periods too short for backlash under this Ti."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], look.step, [False])).astype(np.int8)))
-    if edges.size == 0:
+    if edges.size == 0 or look.ti is None:  # without Ti the cycle of a gap in an integrating loop looks the same
         return
     longest = int(np.argmax(edges[1::2] - edges[::2]))
-    e = look.e[edges[2 * longest] : edges[2 * longest + 1] + 1]
+    e = look.e[edges[2 * longest] : edges[2 * longest + 1] + 1][:_SORTED_ROWS]
     if e.size < 64 or not np.ptp(e) > 0:
         return
     sign = np.where(e - e.mean() > 0, 1, -1)
@@ -711,21 +705,21 @@ def _sinusoid(look: _Look) -> Iterator[Finding]:
     width = max(2, round(0.15 * peak))  # the line with its slow changes of frequency
     share = float(power[max(1, peak - width) : peak + width + 1].sum() / power[1:].sum())
     half = 0.5 * e.size * look.h / peak
-    area = np.abs(np.add.reduceat(e - e.mean(), crossings[:-1] + 1)) / np.diff(crossings)
-    top = np.maximum.reduceat(np.abs(e - e.mean()), crossings[:-1] + 1)
+    inner = np.abs(e - e.mean())
+    area = np.add.reduceat(inner, crossings + 1)[:-1] / np.diff(crossings)
+    top = np.maximum.reduceat(inner, crossings + 1)[:-1]
     long = np.diff(crossings) * look.h > 0.5 * half
     shape = float(np.median((top / area)[long])) if long.any() else math.nan
     lengths = np.diff(crossings)[long] * look.h
     spread = float(np.std(lengths) / np.mean(lengths)) if lengths.size else math.inf
-    short = look.ti is None or half < 5 * look.ti
-    if share > 0.9 and spread < 0.25 and short and 1.35 < shape < 1.8:
-        ratio = "" if look.ti is None else f", shorter than 5 Ti ({look.seconds(5 * look.ti)})"
+    if share > 0.9 and spread < 0.25 and half < 5 * look.ti and 1.35 < shape < 1.8:
         yield Finding(
             "sinusoidal",
             "warning",
             f"the error is a clean sinusoid of period {look.seconds(2 * half)} ({_percent(share)} of its power at one "
             f"frequency, peak to mean {shape:.2f} against {math.pi / 2:.2f}; half-periods of "
-            f"{look.seconds(half)}{ratio}): a linear oscillation, not backlash; look at the tuning or for a disturbance from elsewhere",
+            f"{look.seconds(half)}, shorter than 5 Ti, {look.seconds(5 * look.ti)}): "
+            "a linear oscillation, not backlash; look at the tuning or for a disturbance from elsewhere",
             {"period_s": 2 * half, "spectral_share": share, "spread": spread, "peak_to_mean": shape},
         )
 

@@ -1,0 +1,80 @@
+"""Settings that are checked when they are made, and refuse in one line."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from .errors import InputError
+
+__all__ = ["Checked", "nearest"]
+
+_BOUNDS = {
+    "greater_than": ("gt", ">"),
+    "greater_than_equal": ("ge", "≥"),
+    "less_than": ("lt", "<"),
+    "less_than_equal": ("le", "≤"),
+}
+
+
+class Checked(BaseModel):
+    """Frozen pydantic model that forbids unknown keys and raises `InputError` instead of a page of text."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    def __init__(self, **data: Any) -> None:
+        try:
+            super().__init__(**data)
+        except ValidationError as error:
+            raise _refusal(type(self), error) from None
+
+
+def nearest(word: str, known: Iterable[str]) -> str | None:
+    """The known word that `word` most likely meant.
+
+    Examples
+    --------
+    >>> nearest("pvspan", ["op_span", "pv_span"])
+    'pv_span'
+    >>> nearest("colour", ["op_span"]) is None
+    True
+    """
+    found = difflib.get_close_matches(word.lower(), list(known), n=1, cutoff=0.6)
+    return found[0] if found else None
+
+
+def _refusal(model: type[BaseModel], error: ValidationError) -> InputError:
+    """Turn the first of pydantic's findings into our line: key, value, bound."""
+    first = error.errors(include_url=False)[0]
+    path = [str(p) for p in first["loc"] if not (isinstance(p, str) and ("[" in p or p in {"str", "int", "float"}))]
+    inner = first.get("ctx", {}).get("error")
+    if isinstance(inner, InputError):
+        path += [inner.parameter] if inner.parameter else []
+        return InputError(
+            inner.what, parameter=".".join(path) or None, value=inner.value, bound=inner.bound, hint=inner.hint
+        )
+    key, value, kind = ".".join(path) or None, first["input"], first["type"]
+    if kind == "extra_forbidden":
+        near = nearest(path[-1], model.model_fields)
+        known = f"did you mean {near}?" if near else f"known keys: {', '.join(model.model_fields)}"
+        return InputError("no such key", parameter=key, value=value, hint=known)
+    if kind == "missing":
+        return InputError("is required", parameter=key, bound="required")
+    if kind in _BOUNDS:
+        name, sign = _BOUNDS[kind]
+        bound = f"{sign} {first['ctx'][name]:g}"
+    elif kind == "literal_error":
+        bound = f"one of {first['ctx']['expected']}"
+    elif kind == "finite_number":
+        bound = "a finite number"
+    else:
+        message = first["msg"].removeprefix("Value error, ")
+        bound = message[0].lower() + message[1:]
+        if bound.startswith("input should be "):
+            bound = bound.removeprefix("input should be ")
+        else:
+            return InputError(f"{bound} (given: {value!r})", parameter=key, value=value, bound=bound)
+    return InputError(f"is {value!r}, must be {bound}", parameter=key, value=value, bound=bound)

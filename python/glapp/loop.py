@@ -1,0 +1,239 @@
+"""Everything known about one loop: where its signals are, their ranges and units, controller, valve."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+from zoneinfo import ZoneInfo
+
+from pydantic import Field, field_validator, model_validator
+
+from .checked import Checked
+from .controller import Controller, Ideal, Span
+from .errors import InputError
+
+__all__ = ["Cascade", "Columns", "Loop", "Positioner", "Process", "TimeFormat"]
+
+TimeFormat = Literal["day first", "month first", "seconds", "epoch s", "epoch ms", "epoch us", "epoch ns"]
+"""How a time column is written where the data does not tell."""
+
+
+class Columns(Checked):
+    """Column of each signal in a wide table, or its tag in a long one; what is not named is guessed.
+
+    `time`, `tag`, `value` and `quality` always name columns; in a long table (one row per tag and time) the others name
+    tags. `op_low_flag` and `op_high_flag` are the control system's own limit flags, `position` a measured valve position.
+    """
+
+    time: str | None = None
+    sp: str | None = None
+    pv: str | None = None
+    op: str | None = None
+    mode: str | None = None
+    quality: str | None = None
+    op_low_flag: str | None = None
+    op_high_flag: str | None = None
+    position: str | None = None
+    tag: str | None = None
+    value: str | None = None
+
+
+class Process(Checked):
+    """What is known about the process.
+
+    Parameters
+    ----------
+    type : {"self-regulating", "integrating"}
+        Flow, pressure and temperature mostly regulate themselves; level mostly integrates.
+    kp : float, optional
+        Static gain Kp of a self-regulating process (not of the controller), not 0.
+    kp_unit : {"%/%", "PV/OP"}
+        Unit of `kp`.
+    """
+
+    type: Literal["self-regulating", "integrating"] = "self-regulating"
+    kp: float | None = None
+    kp_unit: Literal["%/%", "PV/OP"] | None = None
+
+    @model_validator(mode="after")
+    def _gain(self) -> Process:
+        if self.kp == 0.0:
+            raise InputError("is 0, must not be 0", parameter="kp", value=0.0, bound="≠ 0")
+        if self.kp is not None and self.type == "integrating":
+            raise InputError("an integrating process has no static gain", parameter="kp", value=self.kp)
+        return self
+
+
+class Cascade(Checked):
+    """Place in a cascade: the primary's OP is the secondary's SP. `partner` is the other loop's name."""
+
+    role: Literal["primary", "secondary"]
+    partner: str | None = None
+
+
+class Positioner(Checked):
+    """Valve positioner and the dead band it adds on purpose [% of travel], 0..100."""
+
+    type: str | None = None
+    dead_band: Annotated[float, Field(ge=0, le=100)] | None = None
+
+
+class Loop(Checked):
+    """One control loop.
+
+    Parameters
+    ----------
+    name : str
+        Name that appears in tables and reports.
+    file : path, optional
+        Recording of this loop.
+    columns : Columns
+        Columns or tags of the signals; those left out are guessed from common names.
+    pv_span, op_span : (float, float), optional
+        Range of PV and of OP [their units], low < high. Never taken from the range of the data.
+    pv_unit, op_unit : str, optional
+        Units for display. `op_unit` is "%" where `op_span` is absent or (0, 100).
+    controller : Controller, optional
+        As the control system shows it; identified from the data where absent.
+    process, cascade, positioner : optional
+        What is known about the process, the cascade and the valve's positioner.
+    split_range : bool
+        OP works on several valves.
+    shared_valve_with : str, optional
+        Name of another loop that works on the same valve (override, selector).
+    valve, area : str, optional
+        Type of the valve and part of the plant, for reports.
+    acceptable_dead_band : float, optional
+        Dead band that is tolerated [% of OP span], > 0, ≤ 100.
+    sample_time : float, optional
+        Time between rows [s], > 0; needed only where the recording has no time column.
+    time_zone : str, optional
+        IANA name ("Europe/Stockholm") of times written without a zone.
+    time_format : str, optional
+        Needed only where the data leaves it open: "day first", "month first", "seconds", "epoch s|ms|us|ns".
+    auto_values : list of str or number, optional
+        Words of the mode column that mean automatic; every other word then means not automatic.
+    bad_values : list of str or number
+        Further words or numbers that stand for a missing value, such as -9999.
+    tf : float, optional
+        Time constant of the detector's filter [s], > 0.
+    n : int
+        Detections behind one estimate, odd, ≥ 1.
+
+    Raises
+    ------
+    InputError
+        With the parameter, its value and its bound.
+
+    Examples
+    --------
+    >>> loop = Loop(name="FIC101", pv_span=(0, 50), op_span=(0, 100), controller={"pb": 200, "ti": 30})
+    >>> loop.ideal()
+    Ideal(k=1.0, ti=30.0, td=0.0, b=1.0)
+    >>> Loop(name="FIC101", pv_span=(50, 0))
+    Traceback (most recent call last):
+    glapp.errors.InputError: pv_span: is (50.0, 0.0), must be low < high
+    """
+
+    name: Annotated[str, Field(min_length=1)]
+    file: Path | None = None
+    columns: Columns = Columns()
+    pv_span: Span | None = None
+    op_span: Span | None = None
+    pv_unit: str | None = None
+    op_unit: str | None = None
+    controller: Controller | None = None
+    process: Process = Process()
+    cascade: Cascade | None = None
+    positioner: Positioner | None = None
+    split_range: bool = False
+    shared_valve_with: str | None = None
+    valve: str | None = None
+    area: str | None = None
+    acceptable_dead_band: Annotated[float, Field(gt=0, le=100)] | None = None
+    sample_time: Annotated[float, Field(gt=0)] | None = None
+    time_zone: str | None = None
+    time_format: TimeFormat | None = None
+    auto_values: tuple[str | float, ...] | None = None
+    bad_values: tuple[str | float, ...] = ()
+    tf: Annotated[float, Field(gt=0)] | None = None
+    n: Annotated[int, Field(ge=1)] = 9
+
+    @field_validator("pv_span", "op_span")
+    @classmethod
+    def _low_below_high(cls, span: Span | None) -> Span | None:
+        if span is not None and not span[0] < span[1]:
+            raise InputError(f"is {span}, must be low < high", value=span, bound="low < high")
+        return span
+
+    @field_validator("time_zone")
+    @classmethod
+    def _known_zone(cls, zone: str | None) -> str | None:
+        if zone is not None:
+            try:
+                ZoneInfo(zone)
+            except (ValueError, OSError, KeyError):
+                what = f"is {zone!r}, must be an IANA time zone such as 'Europe/Stockholm' or 'UTC'"
+                raise InputError(what, value=zone, bound="an IANA time zone") from None
+        return zone
+
+    @field_validator("n")
+    @classmethod
+    def _odd(cls, n: int) -> int:
+        if n % 2 == 0:  # with an even n no detection need lie near the median
+            raise InputError(f"is {n}, must be odd", value=n, bound="odd")
+        return n
+
+    @property
+    def op_label(self) -> str:
+        """Unit of OP for display; "OP unit" where a span other than 0..100 is given without a unit."""
+        if self.op_unit is not None:
+            return self.op_unit
+        return "%" if self.op_span in (None, (0.0, 100.0)) else "OP unit"
+
+    def ideal(self) -> Ideal | None:
+        """The controller in ideal form and signal units, None where no controller is given.
+
+        Raises
+        ------
+        InputError
+            Where the unit of the gain is open, or spans are needed and not given.
+        """
+        if self.controller is None:
+            return None
+        try:
+            return self.controller.ideal(self.pv_span, self.op_span)
+        except InputError as error:
+            error.loop = self.name
+            raise
+
+    def kp(self) -> float | None:
+        """Static process gain Kp [PV unit / OP unit], None where it is not given.
+
+        Raises
+        ------
+        InputError
+            Where its unit is open, or spans are needed and not given.
+
+        Examples
+        --------
+        >>> Loop(name="F", pv_span=(0, 50), op_span=(0, 100), process={"kp": 1.5, "kp_unit": "%/%"}).kp()
+        0.75
+        """
+        kp, unit = self.process.kp, self.process.kp_unit
+        if kp is None or unit == "PV/OP":
+            return kp
+        if self.pv_span is None or self.op_span is None:
+            if unit is None:
+                return kp
+            missing = "pv_span" if self.pv_span is None else "op_span"
+            raise InputError("is required to convert Kp in %/%", loop=self.name, parameter=missing, bound="required")
+        ratio = (self.pv_span[1] - self.pv_span[0]) / (self.op_span[1] - self.op_span[0])
+        if unit is None and ratio != 1.0:
+            raise InputError(
+                "is required, since the spans of PV and OP differ in width",
+                loop=self.name,
+                parameter="process.kp_unit",
+                bound="'%/%' or 'PV/OP'",
+            )
+        return kp * ratio

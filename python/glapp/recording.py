@@ -1,0 +1,103 @@
+"""What reading hands to everything else: a recording of one loop as a stream of batches."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import datetime
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .loop import Loop
+
+__all__ = ["AT_HIGH", "AT_LOW", "BAD", "NOT_AUTO", "Batch", "Recording"]
+
+NOT_AUTO, BAD, AT_LOW, AT_HIGH = 1, 2, 4, 8
+"""Bits of `Batch.flags`: not in automatic, SP or PV missing or of bad quality, OP at its low limit, at its high limit."""
+
+
+@dataclass(frozen=True, slots=True)
+class Batch:
+    """One stretch of a recording; all arrays C-contiguous and of the same length n.
+
+    Attributes
+    ----------
+    t : float64[n]
+        Seconds since the first row of the recording, or the numbers as given where the time column is plain seconds.
+        They may repeat or run backwards: reading neither sorts nor drops.
+    sp, pv : float64[n]
+        Setpoint and process value [PV unit], NaN where missing or bad.
+    op : float64[n] or None
+        Controller output [OP unit], NaN where missing; None where the recording has none.
+    flags : uint8[n] or None
+        Sum of `NOT_AUTO`, `BAD`, `AT_LOW`, `AT_HIGH`; None where all are zero.
+    position : float64[n] or None
+        Measured valve position where recorded.
+    """
+
+    t: NDArray[np.float64]
+    sp: NDArray[np.float64]
+    pv: NDArray[np.float64]
+    op: NDArray[np.float64] | None = None
+    flags: NDArray[np.uint8] | None = None
+    position: NDArray[np.float64] | None = None
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    def __getitem__(self, part: slice) -> Batch:
+        """A stretch of this stretch, without copying."""
+
+        def cut(a):  # type: ignore[no-untyped-def]
+            return None if a is None else a[part]
+
+        return Batch(cut(self.t), cut(self.sp), cut(self.pv), cut(self.op), cut(self.flags), cut(self.position))
+
+
+class Recording(ABC):
+    """A recording of one loop that can be read again and again, a batch at a time.
+
+    Attributes
+    ----------
+    name : str
+        Name of the loop.
+    loop : Loop
+        The loop's settings, as given or as found from the columns.
+    source : str
+        File name as the user wrote it, or "memory".
+    t0 : datetime or None
+        Time of the first row, aware where a zone is known; None for plain seconds.
+    zone : str or None
+        Zone of the times: the one the user named, or "UTC" where the data carries offsets.
+    columns : dict
+        Role ("time", "SP", "PV", "OP", "MODE" ...) to the column or tag taken.
+    units : dict
+        Role to the unit found in the header or in a row of units below it.
+    rows : int or None
+        Number of rows where it is known before reading.
+    """
+
+    name: str
+    loop: Loop
+    source: str
+    t0: datetime | None
+    zone: str | None
+    columns: dict[str, str]
+    units: dict[str, str]
+    rows: int | None
+
+    @abstractmethod
+    def batches(self, rows: int = 65536) -> Iterator[Batch]:
+        """The recording from its first row on, in stretches of at most `rows` rows; each call starts anew.
+
+        Raises
+        ------
+        InputError
+            At the first cell that cannot be used, with its row and column; at the end, if PV never was a number.
+        """
+
+    @abstractmethod
+    def fraction_read(self) -> float | None:
+        """Share of the file or table that the latest pass has read, 0..1; None before the first pass."""

@@ -21,11 +21,17 @@ pub struct Derivative<R> {
 }
 
 impl<R: Real> Derivative<R> {
+    /// The state after a value `previous`.
+    #[inline(always)]
+    pub fn after(previous: R) -> Self {
+        Self { previous, started: true }
+    }
+
     /// Takes one value `x`, `h` seconds after the one before; gives the slope [unit of x/s].
     #[inline(always)]
     pub fn update(&mut self, x: R, h: R) -> R {
         if !self.started {
-            *self = Self { previous: x, started: true };
+            *self = Self::after(x);
             return R::ZERO;
         }
         if h <= R::ZERO {

@@ -147,7 +147,6 @@ pub struct DetectorState<R> {
 struct Signal<R> {
     pv: SecondOrderFilterState<R>,
     op: SecondOrderFilterState<R>,
-    slope: Derivative<R>,
     crossing: ZeroCrossing,
     half: HalfPeriodState<R>,
     /// Why the signal is broken, as flags; 0 while it is whole.
@@ -159,7 +158,6 @@ impl<R: Real> Default for Signal<R> {
         Self {
             pv: SecondOrderFilterState::default(),
             op: SecondOrderFilterState::default(),
-            slope: Derivative::default(),
             crossing: ZeroCrossing::default(),
             half: HalfPeriodState::default(),
             broken: GAP,
@@ -229,11 +227,11 @@ impl<R: Real> Detector<R> {
     /// Takes one sample; gives the record of the half-period that it ended, if it did.
     pub fn update(&self, state: &mut DetectorState<R>, sample: &Sample<R>) -> Option<Record<R>> {
         let &Sample { h, sp, pv, op, flags } = sample;
-        let (half, op_known) = match op {
-            Some(op) => (self.observe::<true>(&mut state.signal, h, sp, pv, op, flags), true),
-            None => (self.observe::<false>(&mut state.signal, h, sp, pv, R::ZERO, flags), false),
+        let ended = match op {
+            Some(op) => self.observe::<true>(&mut state.signal, h, sp, pv, op, flags),
+            None => self.observe::<false>(&mut state.signal, h, sp, pv, R::ZERO, flags),
         };
-        half.map(|half| self.judge(&mut state.memory, half, op_known))
+        ended.map(|half| self.judge(&mut state.memory, half, op.is_some()))
     }
 
     /// Takes many samples; hands every record to `ended`, and every sample's index and filtered PV to `seen` (at a
@@ -269,26 +267,106 @@ impl<R: Real> Detector<R> {
         let (t, sp, pv) = (&columns.t[..n], &columns.sp[..n], &columns.pv[..n]);
         let Some(&first) = t.first() else { return };
         let (mut before, mut start) = state.t.unwrap_or((first, first));
-        // A copy on the stack, so that the inner loop keeps it in registers.
         let mut signal = state.signal;
-        for k in 0..n {
+        let mut k = 0;
+        while k < n {
+            k = self.glide::<OP>(&mut signal, &mut before, k, (t, sp, pv), &op, &flags, seen);
+            if k == n {
+                break;
+            }
             let h = R::of(t[k] - before);
-            if let Some(half) = self.observe::<OP>(&mut signal, h, sp[k], pv[k], op(k), flags(k)) {
-                let in_time = h > R::ZERO && h <= self.max_h;
-                let end = if in_time { t[k] } else { before };
+            let mut end = t[k];
+            let half;
+            if signal.broken == 0 && self.usable::<OP>(h, sp[k], pv[k], op(k), flags(k)) {
+                half = self.observe_good::<OP>(&mut signal, h, sp[k], pv[k], op(k), flags(k));
+                before = t[k];
+            } else {
+                (signal, half) = self.observe_break::<OP>(signal, h, sp[k], pv[k], op(k), flags(k));
+                end = if h > R::ZERO && h <= self.max_h { end } else { before };
+                before = if h.is_number() { t[k] } else { before };
+            }
+            if let Some(half) = half {
                 ended(Span { start, end }, &self.judge(&mut state.memory, half, OP));
                 start = t[k];
             }
-            if h.is_number() {
-                before = t[k];
-            }
             seen(k, signal.pv.y2);
+            k += 1;
         }
         state.signal = signal;
         state.t = Some((before, start));
     }
 
+    /// Passes over samples that neither end a half-period nor break the signal, nearly all there are; gives the index
+    /// of the first other one. A function of its own with copies on its stack, so that the loop stays in registers.
+    #[inline(never)]
+    #[allow(clippy::too_many_arguments)]
+    fn glide<const OP: bool>(
+        &self,
+        signal: &mut Signal<R>,
+        before: &mut f64,
+        from: usize,
+        (t, sp, pv): (&[f64], &[R], &[R]),
+        op: &impl Fn(usize) -> R,
+        flags: &impl Fn(usize) -> u8,
+        seen: &mut impl FnMut(usize, R),
+    ) -> usize {
+        if signal.broken != 0 || !signal.pv.started || signal.crossing.sign == 0 {
+            return from;
+        }
+        let n = t.len().min(sp.len()).min(pv.len());
+        let filter = self.filter;
+        // Both filters have started, which the compiler cannot see from the state.
+        let mut y = SecondOrderFilterState { started: true, ..signal.pv };
+        let mut u = SecondOrderFilterState { started: OP, ..signal.op };
+        let (mut half, mut last) = (signal.half, *before);
+        let below = signal.crossing.sign > 0;
+        let mut k = from;
+        while k < n {
+            let h = R::of(t[k] - last);
+            if !self.usable::<OP>(h, sp[k], pv[k], op(k), flags(k)) {
+                break;
+            }
+            let mut next = y;
+            let yf = filter.update(&mut next, pv[k], h);
+            let e = sp[k] - yf;
+            if if below { e < R::ZERO } else { e > R::ZERO } {
+                break;
+            }
+            y = next;
+            if OP {
+                filter.update(&mut u, op(k), h);
+            }
+            half.add(e, h, sp[k], self.with_limits::<OP>(flags(k), op(k)));
+            seen(k, yf);
+            last = t[k];
+            k += 1;
+        }
+        (signal.pv, signal.op, signal.half, *before) = (y, u, half, last);
+        k
+    }
+
+    /// Whether a sample continues the signal: in time and good.
     #[inline(always)]
+    fn usable<const OP: bool>(&self, h: R, sp: R, pv: R, op: R, flags: u8) -> bool {
+        h > R::ZERO && h <= self.max_h && Self::good::<OP>(sp, pv, op, flags)
+    }
+
+    #[inline(always)]
+    fn good<const OP: bool>(sp: R, pv: R, op: R, flags: u8) -> bool {
+        flags & BAD == 0 && sp.is_number() && pv.is_number() && (!OP || op.is_number())
+    }
+
+    /// The flags of a sample, with those that OP at its limit adds.
+    #[inline(always)]
+    fn with_limits<const OP: bool>(&self, flags: u8, op: R) -> u8 {
+        match self.op_limits {
+            Some((low, high)) if OP => {
+                flags | (if op <= low { AT_LOW } else { 0 }) | (if op >= high { AT_HIGH } else { 0 })
+            }
+            _ => flags,
+        }
+    }
+
     fn observe<const OP: bool>(
         &self,
         s: &mut Signal<R>,
@@ -298,18 +376,15 @@ impl<R: Real> Detector<R> {
         op: R,
         flags: u8,
     ) -> Option<HalfPeriod<R>> {
-        let whole = h > R::ZERO && h <= self.max_h && s.broken == 0;
-        let good = flags & BAD == 0 && sp.is_number() && pv.is_number() && (!OP || op.is_number());
-        if !(whole && good) {
-            // A copy goes to the cold function, so that the caller's own stays in registers.
-            let (signal, ended) = self.observe_break::<OP>(*s, h, sp, pv, op, flags, good);
-            *s = signal;
-            return ended;
+        if s.broken == 0 && self.usable::<OP>(h, sp, pv, op, flags) {
+            return self.observe_good::<OP>(s, h, sp, pv, op, flags);
         }
-        self.observe_good::<OP>(s, h, sp, pv, op, flags)
+        let ended;
+        (*s, ended) = self.observe_break::<OP>(*s, h, sp, pv, op, flags);
+        ended
     }
 
-    /// The ordinary sample: filter, slope, crossing, integrals.
+    /// The ordinary sample: filter, crossing, integrals.
     #[inline(always)]
     fn observe_good<const OP: bool>(
         &self,
@@ -320,25 +395,24 @@ impl<R: Real> Detector<R> {
         op: R,
         flags: u8,
     ) -> Option<HalfPeriod<R>> {
+        let yf_before = s.pv.y2;
         let yf = self.filter.update(&mut s.pv, pv, h);
         let opf = if OP { self.filter.update(&mut s.op, op, h) } else { R::ZERO };
-        let slope = s.slope.update(yf, h);
         let e = sp - yf;
-        let flags = if OP { flags | self.limit_flags(op) } else { flags };
         let sign = s.crossing.sign;
         let mut ended = None;
         if s.crossing.update(e) {
+            let slope = Derivative::after(yf_before).update(yf, h);
             ended = Some(s.half.close(sign, sp, slope, opf));
             s.half = HalfPeriodState::start(sp, slope, opf, 0);
         }
-        s.half.add(e, h, sp, flags);
+        s.half.add(e, h, sp, self.with_limits::<OP>(flags, op));
         ended
     }
 
-    /// The first sample, a repeated time, a gap, a bad value, and the first good sample after any of them.
+    /// The first sample, a repeated time, a gap, a bad value, and the first good sample after any of them. State in,
+    /// state out: the caller's copy can stay in registers.
     #[cold]
-    #[inline(never)]
-    #[allow(clippy::too_many_arguments)]
     fn observe_break<const OP: bool>(
         &self,
         mut s: Signal<R>,
@@ -347,7 +421,6 @@ impl<R: Real> Detector<R> {
         pv: R,
         op: R,
         flags: u8,
-        good: bool,
     ) -> (Signal<R>, Option<HalfPeriod<R>>) {
         let fresh = !s.pv.started && s.half.is_empty();
         if h == R::ZERO && !fresh {
@@ -355,16 +428,10 @@ impl<R: Real> Detector<R> {
             return (s, None);
         }
         let in_time = h > R::ZERO && h <= self.max_h;
-        let cause = if !good {
-            BAD
-        } else if !in_time {
-            GAP
-        } else {
-            // Good and in time: the first good sample after a break, whose cause the stretch carries already.
-            s.broken
-        };
+        let good = Self::good::<OP>(sp, pv, op, flags);
         let mut ended = None;
         if s.broken == 0 || (good && !in_time) {
+            let cause = if good { GAP } else { BAD };
             if !s.half.is_empty() {
                 ended = Some(s.half.break_off(s.crossing.sign, cause));
             }
@@ -378,24 +445,15 @@ impl<R: Real> Detector<R> {
         // The filter starts at this value; the step that led here is not observed time.
         let yf = self.filter.update(&mut s.pv, pv, R::ZERO);
         let opf = if OP { self.filter.update(&mut s.op, op, R::ZERO) } else { R::ZERO };
-        let slope = s.slope.update(yf, R::ZERO);
         s.crossing.update(sp - yf);
-        s.half.resume(sp, slope, opf, s.broken);
-        s.half.add(sp - yf, R::ZERO, sp, flags | if OP { self.limit_flags(op) } else { 0 });
+        s.half.resume(sp, R::ZERO, opf, s.broken);
+        s.half.add(sp - yf, R::ZERO, sp, self.with_limits::<OP>(flags, op));
         s.broken = 0;
         (s, ended)
     }
 
-    #[inline(always)]
-    fn limit_flags(&self, op: R) -> u8 {
-        match self.op_limits {
-            Some((low, high)) => (if op <= low { AT_LOW } else { 0 }) | (if op >= high { AT_HIGH } else { 0 }),
-            None => 0,
-        }
-    }
-
     /// Width, safety net and filter of detections for one half-period.
-    #[inline(never)]
+    #[inline(always)]
     fn judge(&self, m: &mut Memory<R>, half: HalfPeriod<R>, op_known: bool) -> Record<R> {
         let parts = self.width.of(&half, op_known);
         let previous_delta_y = m.previous_delta_y;
@@ -403,12 +461,7 @@ impl<R: Real> Detector<R> {
         let d_hat_before = settled.map(|estimate| estimate.value);
         let mask = self.net.check(&half, &parts, &self.width, previous_delta_y, d_hat_before);
         if mask == 0 {
-            m.estimate = Some(self.detections.update(&mut m.window, parts.d));
-            m.accepted = m.accepted.saturating_add(1);
-            if m.rejected > 0 {
-                m.candidates = MedianMeanState::default();
-                m.rejected = 0;
-            }
+            self.accept(m, parts.d);
         } else if mask == Reason::TooSmall.bit() {
             self.reconsider(m, parts.d);
         }
@@ -417,8 +470,19 @@ impl<R: Real> Detector<R> {
         Record { half, parts, mask, previous_delta_y, d_hat_before, estimate: m.estimate }
     }
 
+    #[inline(never)]
+    fn accept(&self, m: &mut Memory<R>, detection: R) {
+        m.estimate = Some(self.detections.update(&mut m.window, detection));
+        m.accepted = m.accepted.saturating_add(1);
+        m.rejected = 0;
+    }
+
     /// Keeps (5.1) from locking out a gap that has become smaller, or that the first detections got wrong.
+    #[inline(never)]
     fn reconsider(&self, m: &mut Memory<R>, detection: R) {
+        if m.rejected == 0 {
+            m.candidates = MedianMeanState::default();
+        }
         let n = u32::from(self.detections.n());
         let found = self.detections.update(&mut m.candidates, detection);
         m.rejected = m.rejected.saturating_add(1);
@@ -426,7 +490,6 @@ impl<R: Real> Detector<R> {
         if agree || m.rejected >= 5 * n {
             m.window = m.candidates;
             m.estimate = Some(found);
-            m.candidates = MedianMeanState::default();
             m.rejected = 0;
         }
     }

@@ -25,15 +25,21 @@ impl ZeroCrossing {
     /// Takes the error `e` [unit of PV]; true where its sign changed.
     #[inline(always)]
     pub fn update<R: Real>(&mut self, e: R) -> bool {
-        let sign = if e > R::ZERO {
-            1
-        } else if e < R::ZERO {
-            -1
-        } else {
-            self.sign
-        };
+        let sign = sign_of(e, self.sign);
         let crossed = sign != self.sign && self.sign != 0;
         self.sign = sign;
         crossed
+    }
+}
+
+/// The sign of `e`, or `before` where e is zero.
+#[inline(always)]
+pub(crate) fn sign_of<R: Real>(e: R, before: i8) -> i8 {
+    if e > R::ZERO {
+        1
+    } else if e < R::ZERO {
+        -1
+    } else {
+        before
     }
 }

@@ -8,23 +8,32 @@
 //! *Testing and implementation of a backlash detection algorithm*, Lund 2008 (TFRT-5826), here called *the thesis*.
 #![no_std]
 
+#[cfg(test)]
+extern crate std;
+
+mod backlash;
 mod derivative;
 mod detector;
 mod error;
 mod filter;
 pub mod half_period;
 mod median_mean;
+mod noise;
+mod pid;
 mod real;
 mod safety_net;
 mod width;
 mod zero_crossing;
 
+pub use backlash::{Backlash, BacklashState};
 pub use derivative::Derivative;
 pub use detector::{Columns, Detector, DetectorState, Record, Sample, Span};
 pub use error::ParameterError;
 pub use filter::{SecondOrderFilter, SecondOrderFilterState};
 pub use half_period::{HalfPeriod, HalfPeriodState};
 pub use median_mean::{Estimate, LONGEST_WINDOW, MedianMean, MedianMeanState};
+pub use noise::{Noise, NoiseState};
+pub use pid::{Limits, Pid, PidState};
 pub use real::Real;
 pub use safety_net::{Reason, SafetyNet};
 pub use width::{TravelSource, Width, WidthParts};

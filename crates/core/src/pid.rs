@@ -138,11 +138,7 @@ impl<R: Real> Pid<R> {
 
     #[inline(always)]
     fn derivative(&self, state: &PidState<R>, yf: R, h: R) -> R {
-        if state.started && self.td > R::ZERO && h > R::ZERO {
-            self.k * self.td / h * (yf - state.y)
-        } else {
-            R::ZERO
-        }
+        if state.started && self.td > R::ZERO && h > R::ZERO { self.k * self.td / h * (yf - state.y) } else { R::ZERO }
     }
 }
 

@@ -1,11 +1,23 @@
 //! The Python face of glapp: one file per exposed module, no logic of its own.
 
+mod backlash;
 mod detector;
+mod noise;
+mod pid;
+mod sim;
 
 use pyo3::prelude::*;
 
 #[pymodule]
 mod _glapp {
     #[pymodule_export]
+    use crate::backlash::Backlash;
+    #[pymodule_export]
     use crate::detector::{PyDetector, PyHalfPeriod};
+    #[pymodule_export]
+    use crate::noise::Noise;
+    #[pymodule_export]
+    use crate::pid::Pid;
+    #[pymodule_export]
+    use crate::sim::{batch, closed_loop, random_walk};
 }

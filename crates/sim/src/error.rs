@@ -1,0 +1,72 @@
+//! Why a simulation cannot be run, or cannot be believed.
+
+use glapp_core::ParameterError;
+
+/// What stands in the way of a simulation.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SimError {
+    /// A parameter out of its bounds.
+    #[error(transparent)]
+    Parameter(#[from] ParameterError),
+    /// A name that is not in the test batch.
+    #[error("plant '{0}' is not in the test batch: write P1 to P8, or (num, den, dead_time)")]
+    UnknownPlant(String),
+    /// A transfer function that is none.
+    #[error("plant: {0}")]
+    Plant(&'static str),
+    /// The output would act on the sample that it is computed from.
+    #[error(
+        "plant with num of degree {num} over den of degree {den}: num must be of lower degree, since the controller \
+         cannot act on the sample that it is computing from"
+    )]
+    Improper {
+        /// Degree of the numerator.
+        num: usize,
+        /// Degree of the denominator.
+        den: usize,
+    },
+    /// Samples too far apart to show what the plant does.
+    #[error(
+        "h = {h} s is too coarse for the fastest pole: at most {bound:.3} s, or its motion is lost between samples"
+    )]
+    Coarse {
+        /// The step that was asked for [s].
+        h: f64,
+        /// π over the magnitude of the fastest pole [s].
+        bound: f64,
+    },
+    /// A setpoint or load given in the wrong shape.
+    #[error("{name}: {what}")]
+    Signal {
+        /// Which signal.
+        name: &'static str,
+        /// What is wrong with it.
+        what: String,
+    },
+    /// A loop that cannot be at rest where it is asked to begin.
+    #[error("the loop begins at rest, and the first setpoint with the first load needs OP = {op}: {why}")]
+    NoRest {
+        /// The output needed.
+        op: f64,
+        /// Why it cannot be.
+        why: &'static str,
+    },
+    /// A closed loop that runs away.
+    #[error(
+        "unstable closed loop: {signal} went beyond ±{bound:.3e}, a million times what setpoint, load and noise ask for, \
+         at t = {t} s"
+    )]
+    Unstable {
+        /// The signal that ran away first.
+        signal: &'static str,
+        /// The magnitude that it passed.
+        bound: f64,
+        /// When [s].
+        t: f64,
+    },
+}
+
+/// Gives `value` back, or the error that names it, unless it is a number and `holds`.
+pub(crate) fn require(name: &'static str, value: f64, holds: bool, bound: &'static str) -> Result<f64, ParameterError> {
+    if holds && value.is_finite() { Ok(value) } else { Err(ParameterError { name, value, bound }) }
+}

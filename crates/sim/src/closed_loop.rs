@@ -121,6 +121,7 @@ impl ClosedLoop {
         let limits = self.limits.map_or(Ok(Limits::none()), |(low, high)| Limits::new(low, high))?;
         let pid = Pid::new(self.k, self.ti, self.td, self.b, limits)?;
         let filter = SecondOrderFilter::new(self.tf)?;
+        require("noise", self.noise, self.noise >= 0.0, "0 or greater")?;
         let blocks = Blocks { plant, noise: Noise::new(self.noise)?, filter, pid, gap: Backlash::new(self.d)?, limits };
 
         let within = self.t_end >= 0.0 && self.t_end / self.h < MOST_SAMPLES;

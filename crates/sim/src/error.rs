@@ -54,7 +54,7 @@ pub enum SimError {
     /// A closed loop that runs away.
     #[error(
         "unstable closed loop: {signal} went beyond ±{bound:.3e}, a million times what setpoint, load and noise ask for, \
-         at t = {t} s"
+         at t = {t:.3} s"
     )]
     Unstable {
         /// The signal that ran away first.

@@ -8,6 +8,7 @@ import re
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from html.parser import HTMLParser
+from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -73,7 +74,26 @@ def no_half_periods() -> SimpleNamespace:
     return half_periods_of([])
 
 
-COLUMNS = ["t_start", "t_end", "sign", "delta_t", "delta_y", "e_max", "delta_sp", "delta_u", "delta_u_d", "op_travel", "free", "kp_part", "d", "previous_delta_y", "d_hat_before", "mask", "reason", "d_hat"]
+COLUMNS = [
+    "t_start",
+    "t_end",
+    "sign",
+    "delta_t",
+    "delta_y",
+    "e_max",
+    "delta_sp",
+    "delta_u",
+    "delta_u_d",
+    "op_travel",
+    "free",
+    "kp_part",
+    "d",
+    "previous_delta_y",
+    "d_hat_before",
+    "mask",
+    "reason",
+    "d_hat",
+]
 
 
 def half_periods_of(rows: list[dict[str, float]]) -> SimpleNamespace:
@@ -130,7 +150,7 @@ def detect(signals: dict[str, np.ndarray], k: float, ti: float) -> tuple[SimpleN
     crossings = np.flatnonzero(np.diff(np.sign(e)) != 0) + 1
     rows, kept = [], []
     before, previous = math.nan, math.nan
-    for first, end in zip(crossings[:-1], crossings[1:], strict=True):
+    for first, end in pairwise(crossings):
         error = np.abs(e[first:end])
         delta_t, delta_y, e_max = (end - first) * h, float(error.mean()), float(error.max())
         delta_sp = float(np.ptp(sp[first:end]))
@@ -190,7 +210,7 @@ def refused() -> Result:
     return Result(
         name="FIC999",
         verdict="refused",
-        reason="plant.csv, row 18, column PV: 'abc' is not a number; write bad values as empty or name them in bad_values",
+        reason="plant.csv, row 18, column PV: 'abc' is not a number; write bad values as empty, or name them",
         t0=None,
         loop=a_loop(controller=None, op_span=None, pv_unit=None, acceptable_dead_band=None),
         half_periods=no_half_periods(),
@@ -315,7 +335,7 @@ def test_numbers_in_the_report_are_those_of_the_results(worn: Result, tmp_path: 
     assert "29 to no upper bound" in text
     assert "0.953" in text
     assert "1.2 %/%" in text
-    assert "0.6 %OP per m³/h" in text
+    assert "0.600 %OP per m³/h" in text
     assert "0.5 min" in text
     assert "ladder: TI/10" in text
 
@@ -420,6 +440,17 @@ def test_no_peak_is_lost_by_drawing(worn: Result) -> None:
     line = next(trace for trace in loop_figure(worn).data if trace.name == "PV")
     assert np.nanmax(line.y) == pytest.approx(np.nanmax(worn.trace.pv.high), rel=1e-6)
     assert np.nanmin(line.y) == pytest.approx(np.nanmin(worn.trace.pv.low), rel=1e-6)
+
+
+def test_every_estimate_has_one_bar_as_long_as_its_width(run: list[Result]) -> None:
+    loops = [*run, replace(run[1], name="narrow", d_hat=0.4, d_hat_percent_span=np.float64(0.4))]
+    bars = [trace for trace in overview_figure(loops).data if trace.type == "bar"]
+    drawn = sorted((name, x) for bar in bars for name, x in zip(bar.hovertext, bar.x, strict=True))
+    expected = [(r.name, r.d_hat_percent_span or r.d_hat) for r in loops if r.d_hat is not None]
+    assert drawn == sorted(expected)
+    assert {bar.name for bar in bars} == {
+        "wider than acceptable", "wider than acceptable, provisional", "acceptable", "no limit given"
+    }  # fmt: skip
 
 
 def test_results_rank_by_width_and_keep_units_apart(run: list[Result]) -> None:

@@ -11,6 +11,7 @@ import html
 from collections import Counter
 from collections.abc import Sequence
 from datetime import UTC
+from itertools import pairwise, product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -46,11 +47,14 @@ SHADE = 0.38  # opacity of the shading: the signals must stay the strongest thin
 #: More half-periods than this and neighbours share a column: no screen shows more, and the file stays small.
 MAX_COLUMNS = 4000
 
-CONFIG: dict[str, Any] = {
-    "responsive": True,
-    "displaylogo": False,
-    "modeBarButtonsToRemove": ["select2d", "lasso2d", "autoScale2d"],
-}
+#: With more half-periods than this, a gap of a pixel between them would hide the narrow ones.
+MOST_WITH_EDGES = 200
+
+CONFIG: dict[str, Any] = {"responsive": True, "displaylogo": False, "plotlyServerURL": ""}
+
+#: Buttons that do not belong here: selections without a purpose, and one that would send plant data to a server.
+_NO_BUTTONS = ["select2d", "lasso2d", "autoScale2d", "sendChartToCloud", "sendDataToCloud"]
+_ALL_BUTTONS = [*_NO_BUTTONS, "toImage", "zoom2d", "pan2d", "zoomIn2d", "zoomOut2d", "resetScale2d"]
 
 
 def loop_figure(result: Result) -> go.Figure:
@@ -90,15 +94,15 @@ def loop_figure(result: Result) -> go.Figure:
                 col=1,
             )
     zigzag = _zigzag_time(result, trace)
-    hover = "%{y:.5~g} " + _plain(pv_unit)
-    lines: list[tuple[str, str, str, str, dict[str, Any]]] = [
-        ("pv", "PV", "pv", hover, {"color": RAW, "width": 1}),
-        ("sp", "SP", "pv", hover, {"color": INK, "width": 1.3, "dash": "6px,3px"}),
-        ("pv_filtered", "PV filtered", "pv", hover, {"color": SIGNAL, "width": 1.6}),
-        ("op", "OP", "op", "%{y:.5~g} " + _plain(op_unit), {"color": OUTPUT, "width": 1.3}),
-        ("position", "valve position", "op", "%{y:.5~g} %", {"color": POSITION, "width": 1.3}),
+    unit = {"pv": _plain(pv_unit), "op": _plain(op_unit)}
+    lines: list[tuple[str, str, str, dict[str, Any]]] = [
+        ("pv", "PV", "pv", {"color": RAW, "width": 1}),
+        ("sp", "SP", "pv", {"color": INK, "width": 1.3, "dash": "6px,3px"}),
+        ("pv_filtered", "PV filtered", "pv", {"color": SIGNAL, "width": 1.6}),
+        ("op", "OP", "op", {"color": OUTPUT, "width": 1.3}),
+        ("position", "valve position", "op", {"color": POSITION, "width": 1.3}),
     ]
-    for column, name, panel, template, style in lines:
+    for column, name, panel, style in lines:
         if _known(trace, column):
             figure.add_trace(
                 go.Scatter(
@@ -107,7 +111,7 @@ def loop_figure(result: Result) -> go.Figure:
                     mode="lines",
                     line=style,
                     name=name,
-                    hovertemplate=template,
+                    hovertemplate=f"{name} %{{y:.5~g}} {unit[panel]}<br>%{{x}}<extra></extra>",
                 ),
                 row=row[panel],
                 col=1,
@@ -155,7 +159,7 @@ def phase_figure(result: Result) -> go.Figure:
             marker={
                 "size": 4,
                 "color": np.asarray(trace.t, dtype=np.float32),
-                "colorscale": "Cividis",
+                "colorscale": [[0, "#3a6fb0"], [0.5, "#9a8a94"], [1, "#e39a2d"]],  # seen on white and on black
                 "colorbar": {
                     "thickness": 10,
                     "outlinewidth": 0,
@@ -226,16 +230,17 @@ def overview_figure(results: Sequence[Result]) -> go.Figure:
     figure.update_layout(
         height=height,
         margin={"l": 40, "r": 32, "t": top, "b": bottom},
-        bargap=0.35,
         barmode="overlay",
         hovermode="closest",
+        dragmode=False,
+        modebar={"remove": _ALL_BUTTONS},
         legend={"orientation": "h", "x": 0, "y": 1, "yref": "container", "yanchor": "top"},
     )
     return figure
 
 
 def ranked(results: Sequence[Result]) -> list[Result]:
-    """Order results as every list shows them: widest first, those in % of span before those without a span, then the rest."""
+    """Order results as every list shows them: widest in % of span first, then widths in OP units, then the rest."""
 
     def key(r: Result) -> tuple[int, float]:
         if r.d_hat is None:
@@ -247,29 +252,37 @@ def ranked(results: Sequence[Result]) -> list[Result]:
 
 def _bars(figure: go.Figure, loops: list[Result], row: int, seen: set[str]) -> None:
     """Add the bars, marks and reasons of one panel of the overview; `seen` keeps the legend free of repetitions."""
-    groups: dict[tuple[str, str, str], list[int]] = {}
-    for i, r in enumerate(loops):
-        if r.d_hat is not None:
-            wide = words.exceeds(r)
-            name, colour = {
-                True: ("wider than acceptable", TOO_WIDE),
-                False: ("acceptable", ACCEPTABLE),
-                None: ("no limit given", UNJUDGED),
-            }[wide]
-            provisional = r.verdict == "provisional"
-            key = (name + (", provisional" if provisional else ""), colour, "/" if provisional else "")
-            groups.setdefault(key, []).append(i)
-    for (name, colour, pattern), rows in groups.items():
+    kinds = {
+        True: ("wider than acceptable", TOO_WIDE),
+        False: ("acceptable", ACCEPTABLE),
+        None: ("no limit given", UNJUDGED),
+    }
+    for (wide, (name, colour)), provisional in product(kinds.items(), (False, True)):
+        rows = [
+            i
+            for i, r in enumerate(loops)
+            if r.d_hat is not None and words.exceeds(r) is wide and (r.verdict == "provisional") is provisional
+        ]
+        if not rows:
+            continue
         members = [loops[i] for i in rows]
+        if provisional:
+            name += ", provisional"
         figure.add_trace(
             go.Bar(
                 x=[r.d_hat if r.d_hat_percent_span is None else r.d_hat_percent_span for r in members],
                 y=rows,
                 orientation="h",
+                width=0.65,  # else each trace takes its own from the distance of its bars
                 marker={
                     "color": colour,
                     "line": {"color": colour, "width": 1},
-                    "pattern": {"shape": pattern, "fillmode": "replace", "size": 6, "solidity": 0.45},
+                    "pattern": {
+                        "shape": "/" if provisional else "",
+                        "fillmode": "replace",
+                        "size": 6,
+                        "solidity": 0.45,
+                    },
                 },
                 text=[f"{_plain(words.width(r))}, {words.count(r.detections, 'detection')}" for r in members],
                 textposition="none",
@@ -360,6 +373,8 @@ def _figure() -> go.Figure:
             },
             "colorway": [SIGNAL],
             "dragmode": "zoom",
+            "modebar": {"remove": _NO_BUTTONS},
+            "separators": ".\u202f",
         }
     )
 
@@ -379,10 +394,11 @@ def _time(result: Result, seconds: NDArray[np.floating[Any]]) -> NDArray[np.floa
 
     Plotly's dates know no zone, so the wall clock of the first row is given to it as if it were UTC.
     """
-    seconds = np.asarray(seconds, dtype=np.float64)
+    exact: NDArray[np.float64] = np.asarray(seconds, dtype=np.float64)
     if result.t0 is None:
-        return seconds
-    return result.t0.replace(tzinfo=UTC).timestamp() * 1000.0 + np.round(seconds * 1000.0)
+        return exact
+    start = result.t0.replace(tzinfo=UTC).timestamp()
+    return np.round((start + exact) * 1000.0)
 
 
 def _time_axis(figure: go.Figure, result: Result, rows: int) -> None:
@@ -453,7 +469,7 @@ def _shading(result: Result, low: float, high: float) -> go.Heatmap:
     codes: list[float] = []
     texts: list[str] = []
     latest = -np.inf
-    for first, end in zip(cuts[:-1], cuts[1:], strict=True):
+    for first, end in pairwise(cuts):
         start = max(float(h.t_start[first]), latest)  # time may run backwards in a recording; the columns must not
         stop = max(float(h.t_end[end - 1]), start)
         if edges and start > latest:
@@ -485,6 +501,7 @@ def _shading(result: Result, low: float, high: float) -> go.Heatmap:
         text=[texts],
         hovertemplate="%{text}<extra></extra>",
         hoverongaps=False,
+        xgap=1 if h.count <= MOST_WITH_EDGES else 0,
         name="half-periods",
     )
 
@@ -521,7 +538,7 @@ def _group_text(result: Result, first: np.intp, end: np.intp, found: Counter[int
 
 
 def _detections(figure: go.Figure, result: Result, row: int) -> None:
-    """Add the panel of detections: a point each, the displayed estimate as a step line, what is acceptable as a level."""
+    """Add the panel of detections: a point each, the displayed estimate as a step line, the acceptable as a level."""
     h = result.half_periods
     unit = _plain(words.op_unit(result))
     span = result.loop.op_span
@@ -538,11 +555,11 @@ def _detections(figure: go.Figure, result: Result, row: int) -> None:
 
     def hover(label: str, values: NDArray[np.float64]) -> dict[str, Any]:
         if span is None:
-            return {"hovertemplate": f"{label} %{{y:.3~g}} {unit}<extra></extra>"}
+            return {"hovertemplate": f"{label} %{{y:.3~g}} {unit}<br>%{{x}}<extra></extra>"}
         percent = np.asarray(100 * values / (span[1] - span[0]), dtype=np.float32)
         return {
             "customdata": percent,
-            "hovertemplate": f"{label} %{{y:.3~g}} {unit}<br>%{{customdata:.3~g}} % of span<extra></extra>",
+            "hovertemplate": f"{label} %{{y:.3~g}} {unit}<br>%{{customdata:.3~g}} % of span<br>%{{x}}<extra></extra>",
         }
 
     figure.add_trace(
@@ -597,7 +614,7 @@ def _thinned(indices: NDArray[np.intp], values: NDArray[np.float64]) -> NDArray[
         return indices
     cuts = np.linspace(0, len(indices), MAX_COLUMNS // 2).astype(np.intp)
     keep = {int(indices[-1])}
-    for first, end in zip(cuts[:-1], cuts[1:], strict=True):
+    for first, end in pairwise(cuts):
         group = indices[first:end]
         keep |= {int(group[np.argmin(values[group])]), int(group[np.argmax(values[group])])}
     return np.array(sorted(keep), dtype=np.intp)

@@ -161,7 +161,7 @@ def _overview(order: Sequence[Result], links: Sequence[str]) -> str:
     )
     rows = []
     for i, (r, link) in enumerate(zip(order, links, strict=True)):
-        reasons = [f"{words.REASONS[name].label} {n}" for name, n in words.ranked_reasons(r)[:2]]
+        reasons = ", ".join(f"{words.REASONS[name].label} {n}" for name, n in words.ranked_reasons(r)[:2]) or r.reason
         cells = (
             str(i + 1) if r.d_hat is not None else "–",
             f'<a href="{escape(link)}">{_breakable(r.name)}</a>',
@@ -170,7 +170,7 @@ def _overview(order: Sequence[Result], links: Sequence[str]) -> str:
             words.quantity(r.d_hat_percent_span, "%"),
             str(r.detections),
             str(r.half_periods.count),
-            escape(", ".join(reasons)) or "–",
+            escape(reasons or "–"),
             _quality_cell(r),
             escape(words.action(r)),
         )
@@ -183,12 +183,14 @@ def _overview(order: Sequence[Result], links: Sequence[str]) -> str:
             + "</tr>"
         )
     heads = "".join(f'<th scope="col" class="{style}">{escape(label)}</th>' for label, style in head)
-    figure = figures.overview_figure(order)
+    picture = ""
+    if any(r.d_hat is not None for r in order):
+        figure = figures.overview_figure(order)
+        picture = _figure("overview", "overview", figure, "Bars: estimated dead band of each loop, widest first")
+        picture += _payload("overview", {"overview": figure})
     return (
-        '<section class="overview"><h2>Overview</h2>'
-        + _figure("overview", "overview", figure, "Bars: estimated dead band of each loop, widest first")
-        + _payload("overview", {"overview": figure})
-        + '<table class="loops"><caption>Loops, widest dead band first. A dead band is the total width.</caption>'
+        f'<section class="overview"><h2>Overview</h2>{picture}'
+        '<table class="loops"><caption>Loops, widest dead band first. A dead band is the total width.</caption>'
         + f"<thead><tr>{heads}</tr></thead><tbody>{''.join(rows)}</tbody></table></section>"
     )
 
@@ -214,11 +216,12 @@ def _loop(i: int, r: Result, *, opened: bool) -> str:
             + f'<p class="note">{_phase_note(r)}</p></section>'
         )
     width = escape(words.width(r)) if r.d_hat is not None else ""
-    sentences = words.verdict(r)
+    lead, *told = words.verdict(r)
+    basis = "".join(f"<p>{escape(text)}</p>" for text in told)
     return (
         f'<section class="loop" id="{key}"><details{" open" if opened else ""}>'
         f'<summary><h2>{_breakable(r.name)}</h2><span class="width">{width}</span>{_badge(r)}</summary>'
-        f'<div class="verdict"><p class="lead">{escape(sentences[0])}</p><p>{escape(" ".join(sentences[1:]))}</p>'
+        f'<div class="verdict"><p class="lead">{escape(lead).replace(name, _breakable(r.name))}</p>{basis}'
         f'<p class="action"><b>What to do</b> {escape(words.action(r))}</p></div>'
         f"{_facts(r)}{plots}"
         f'<div class="columns">{_reasons(r)}{_quality(r)}</div>{_settings(r)}'
@@ -229,17 +232,23 @@ def _loop(i: int, r: Result, *, opened: bool) -> str:
     )
 
 
+def _analysed(r: Result) -> bool:
+    """Tell a loop that was looked at from one that was refused before: of the latter no absence means anything."""
+    return r.verdict != "refused" or r.half_periods.count > 0
+
+
 def _facts(r: Result) -> str:
     """List what the recording is and what came of it."""
     facts = [("File", escape(r.source))]
     if r.trace is not None and len(r.trace.t):
         first, last = float(np.nanmin(r.trace.t)), float(np.nanmax(r.trace.t))
         start, end = words.clock(r.t0, first), words.clock(r.t0, last)
+        if r.t0 is not None and start[:10] == end[:10]:
+            end = end[11:]
         facts.append(("Recording", f"{escape(start)} to {escape(end)}, {words.duration(last - first)}"))
-    facts.append(("Half-periods", str(r.half_periods.count)))
-    facts.append(("Detections", str(r.detections)))
-    if r.d_hat is not None:
-        facts.append(("Dead band", escape(words.width(r))))
+    if _analysed(r):
+        facts.append(("Half-periods", str(r.half_periods.count)))
+        facts.append(("Detections", str(r.detections)))
     if r.repeatability is not None:
         low, high = r.repeatability
         facts.append(("Repeatability", f"{words.number(low)} to {escape(words.quantity(high, words.op_unit(r)))}"))
@@ -251,17 +260,19 @@ def _facts(r: Result) -> str:
 def _reasons(r: Result) -> str:
     """Draw the verdicts on all half-periods as one bar and list them with their meaning."""
     total = r.half_periods.count
+    if not _analysed(r):
+        return ""
     if not total:
-        return "<section><h3>Half-periods</h3><p>There are none: PV did not cross SP twice while the loop could be judged.</p></section>"
+        return "<section><h3>Half-periods</h3><p>There are none: PV did not cross SP and come back.</p></section>"
     counts = [("accepted", total - sum(r.reasons.values())), *words.ranked_reasons(r)]
     counts = [(name, n) for name, n in counts if n]
     parts, rows = [], []
     for name, n in counts:
         reason = words.REASONS[name]
-        parts.append(f'<i class="r-{name}" style="flex-grow:{n}" title="{escape(reason.label)}: {n}"></i>')
+        parts.append(f'<i class="r-{name}" style="flex-grow:{n}" title="{reason.label}: {n}"></i>')
         rows.append(
-            f'<tr><td><span class="swatch r-{name}"></span>{escape(reason.label)}</td><td class="n">{n}</td>'
-            f'<td class="n">{words.number(100 * n / total, 2)} %</td><td>{escape(reason.meaning)}</td></tr>'
+            f'<tr><td class="label"><span class="swatch r-{name}"></span>{reason.label}</td><td class="n">{n}</td>'
+            f'<td class="n">{words.number(100 * n / total, 2)} %</td><td>{reason.meaning}</td></tr>'
         )
     return (
         '<section><h3>Half-periods</h3><div class="bar" aria-hidden="true">'
@@ -275,6 +286,8 @@ def _reasons(r: Result) -> str:
 def _quality(r: Result) -> str:
     """List the findings on the data, the gravest first, with their evidence."""
     if not r.quality:
+        if not _analysed(r):
+            return ""
         return "<section><h3>Data quality</h3><p>Nothing to remark.</p></section>"
     order = {"refuse": 0, "warning": 1, "info": 2}
     label = {"refuse": "refused", "warning": "warning", "info": "note"}
@@ -284,7 +297,7 @@ def _quality(r: Result) -> str:
         for f in sorted(r.quality, key=lambda f: order[f.severity])
     )
     return (
-        "<section><h3>Data quality</h3><table><caption>Findings on the recording, with their evidence.</caption><thead><tr>"
+        "<section><h3>Data quality</h3><table><caption>Findings on the recording, with evidence.</caption><thead><tr>"
         f'<th scope="col">Weight</th><th scope="col">Finding</th></tr></thead><tbody>{rows}</tbody></table></section>'
     )
 
@@ -299,6 +312,8 @@ def _evidence(evidence: Mapping[str, float | int | str]) -> str:
 def _settings(r: Result) -> str:
     """Set the settings as the maker writes them beside those the detector used."""
     s, loop = r.settings, r.loop
+    if loop.controller is None and s.k is None:
+        return ""
     c, process = loop.controller, loop.process
     form = gain = integral = derivative = action = weight = "–"
     others: list[tuple[str, str]] = []
@@ -369,9 +384,9 @@ def _identification(r: Result) -> str:
     )
     remark = "; ".join(part for part in (f.reason, f.note) if part)
     return (
-        "<section><h3>Controller as identified</h3><table><caption>K and TI read from the moves of OP, SP and PV.</caption>"
-        '<thead><tr><th scope="col"></th><th scope="col" class="n">Value</th><th scope="col" class="n">95 % interval</th>'
-        f"</tr></thead><tbody>{body}</tbody></table>"
+        "<section><h3>Controller as identified</h3><table><caption>Read from the moves of OP, SP and PV.</caption>"
+        '<thead><tr><th scope="col">Setting</th><th scope="col" class="n">Value</th>'
+        f'<th scope="col" class="n">95 % interval</th></tr></thead><tbody>{body}</tbody></table>'
         + (f'<p class="note">{escape(remark)}</p>' if remark else "")
         + "</section>"
     )
@@ -390,7 +405,8 @@ def _phase_note(r: Result) -> str:
     note = (
         f"One point per {words.duration(step)}. With a gap, PV stays level while OP travels across it at each reversal."
     )
-    if r.half_periods.count and step > float(np.median(r.half_periods.delta_t)) / 8:
+    cycles = r.half_periods.delta_t[r.half_periods.reason == 0]
+    if len(cycles) and step > float(np.median(cycles)) / 8:
         note += " The points lie too far apart for this recording: the shape of a single cycle is lost."
     return note
 
@@ -398,7 +414,7 @@ def _phase_note(r: Result) -> str:
 def _explanations() -> str:
     limits = "".join(f"<li>{escape(text)}</li>" for text in words.LIMITS)
     reasons = "".join(
-        f'<div><dt><span class="swatch r-{name}"></span>{escape(reason.label)}</dt><dd>{escape(reason.meaning)}</dd></div>'
+        f'<div><dt><span class="swatch r-{name}"></span>{reason.label}</dt><dd>{reason.meaning}</dd></div>'
         for name, reason in words.REASONS.items()
     )
     verdicts = (
@@ -411,9 +427,10 @@ def _explanations() -> str:
     return (
         '<section class="explain"><h2>How to read this report</h2>'
         f"<ul>{limits}</ul>"
-        "<p>A half-period is the time between two crossings of PV through SP. Δt is its length, Δy the mean distance of PV "
-        "from SP in it, e_max the largest. The detector judges each by these tests, in this order:</p>"
-        f'<dl class="terms">{reasons}</dl><p>A loop ends in one of four verdicts:</p><dl class="terms">{told}</dl></section>'
+        "<p>A half-period is the time between two crossings of PV through SP. Δt is its length, Δy the mean distance "
+        "of PV from SP in it, e_max the largest. The detector judges each by these tests, in this order:</p>"
+        f'<dl class="terms">{reasons}</dl><p>A loop ends in one of four verdicts:</p>'
+        f'<dl class="terms">{told}</dl></section>'
     )
 
 

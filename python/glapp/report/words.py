@@ -48,7 +48,7 @@ REASONS: dict[str, Reason] = {
     "too_short": Reason(
         "too short",
         "Δt is not longer than 5·TI: the loop crosses its setpoint too fast for a dead band to be the cause",
-        "Often a sign of a sound valve or of noise. If the loop oscillates fast, look at tuning and at the load first.",
+        "No sign of a dead band. If the loop oscillates, look at its tuning and at the load first.",
     ),
     "not_square": Reason(
         "not square",
@@ -87,8 +87,8 @@ LIMITS: tuple[str, ...] = (
     "It is worked out from how long and how far PV stays on one side of SP while the controller integrates.",
     "Load changes while the loop waits can make the width read too high. Half-periods that do not cross the whole gap "
     "make it read too low. The scatter of the detections shows repeatability. It does not show either of these errors.",
-    "A sound valve with noise or a changing load can also give a small positive number. A width that is small beside "
-    "what is acceptable is no evidence of a gap.",
+    "A sound valve in noise or under a changing load also gives a number, in simulations up to about 2 % of span. A "
+    "width that is small beside what is acceptable is no evidence of a gap.",
     "Silence proves nothing: a loop that rests at its setpoint gives no half-periods, whatever the state of its valve.",
     "Stiction and backlash look alike to this method. Before work is ordered, confirm with a step test in manual: "
     "small steps up, then small steps down, and note how far OP travels before PV moves.",
@@ -150,7 +150,7 @@ def clock(t0: datetime | None, seconds: float) -> str:
     ('2026-03-01 12:01:30', '90 s')
     """
     if t0 is None:
-        return quantity(seconds, "s", 6)
+        return f"{seconds:.6g} s"
     return (t0.replace(tzinfo=None) + timedelta(seconds=float(seconds))).strftime("%Y-%m-%d %H:%M:%S")
 
 
@@ -164,7 +164,7 @@ def count(n: int, noun: str) -> str:
 
 
 def op_unit(result: Result) -> str:
-    """Unit of OP as a sentence needs it: `%` alone would leave open of what.
+    """Write the unit of OP as a sentence needs it: `%` alone would leave open of what.
 
     >>> from types import SimpleNamespace
     >>> op_unit(SimpleNamespace(unit="%")), op_unit(SimpleNamespace(unit="mA"))
@@ -196,66 +196,67 @@ def width(result: Result) -> str:
 def exceeds(result: Result) -> bool | None:
     """Tell whether the estimate is wider than what the loop file calls acceptable; None where that cannot be said."""
     limit, percent = result.loop.acceptable_dead_band, result.d_hat_percent_span
-    return None if limit is None or percent is None else percent > limit
+    return None if limit is None or percent is None else bool(percent > limit)
 
 
 def verdict(result: Result) -> list[str]:
-    """Tell one result in sentences: the finding first, then what it stands on, then what it does not say."""
-    halves = result.half_periods.count
-    ranked = ranked_reasons(result)
-    sentences = []
+    """Tell one result in paragraphs: what was found, on what it stands, what was rejected, what it does not say."""
+    halves = count(result.half_periods.count, "half-period")
     if result.verdict == "refused":
-        sentences.append(f"{result.name} was not analysed.")
-        sentences.append(_sentence(result.reason))
-        return sentences
+        return [f"{result.name} was not analysed.", _sentence(result.reason)]
+    basis: list[str] = []
     if result.d_hat is None:
-        sentences.append(f"No dead band could be estimated for {result.name}.")
-        if result.reason:
-            sentences.append(_sentence(result.reason))
-        sentences.append(
-            f"None of {count(halves, 'half-period')} was accepted."
-            if halves
-            else "PV never crossed SP and came back, so there is nothing to measure; this does not show that the valve is sound."
-        )
+        finding = f"No dead band could be estimated for {result.name}."
+        basis.append(_sentence(result.reason))
+        if not result.half_periods.count:
+            basis.append(
+                "PV did not cross SP and come back, so there is nothing to measure. "
+                "This does not show that the valve is sound."
+            )
     else:
         percent = result.d_hat_percent_span
         lost = quantity(percent, "% of OP span") if percent is not None else quantity(result.d_hat, op_unit(result))
         in_units = "" if percent is None or result.unit == "%" else f" ({quantity(result.d_hat, op_unit(result))})"
-        hedge = "appears to lose" if result.verdict == "provisional" else "loses"
-        sentences.append(f"The valve of {result.name} {hedge} {lost}{in_units} at each reversal.")
-        sentences.append(f"This comes from {count(result.detections, 'detection')} in {count(halves, 'half-period')}.")
+        verb = "appears to lose" if result.verdict == "provisional" else "loses"
+        finding = f"The valve of {result.name} {verb} {lost}{in_units} at each reversal."
+        if exceeds(result) is False:
+            finding = f"The dead band of {result.name} reads {lost}{in_units}, within what is acceptable."
+        basis.append(f"This comes from {count(result.detections, 'detection')} in {halves}.")
         if result.verdict == "provisional":
-            sentences.append(
+            basis.append(
                 f"It is provisional: fewer than {result.settings.n} detections stand behind it, and it may still move."
             )
         if result.repeatability is not None and result.detections > 1:
             low, high = result.repeatability
-            sentences.append(
-                f"The detections kept lie between {number(low)} and {quantity(high, op_unit(result))}; "
+            basis.append(
+                f"The detections kept lie between {number(low)} and {quantity(high, op_unit(result))}: "
                 "that is how well they repeat, not how near they are to the truth."
             )
-        if exceeds(result) is not None:
-            side = "wider than" if exceeds(result) else "within"
-            sentences.append(
-                f"It is {side} the {quantity(result.loop.acceptable_dead_band, '%')} called acceptable for this loop."
+        wide = exceeds(result)
+        if wide is not None:
+            limit = quantity(result.loop.acceptable_dead_band, "%")
+            basis.append(
+                f"It is {'wider than' if wide else 'within'} the {limit} of span called acceptable for this loop."
             )
         positioner = result.loop.positioner
         if positioner is not None and positioner.dead_band is not None:
-            sentences.append(
-                f"The positioner's own dead band is set to {quantity(positioner.dead_band, '%')} and is part of it."
+            basis.append(
+                f"The positioner's own dead band is set to {quantity(positioner.dead_band, '%')}, which is part of it."
             )
+    paragraphs = [finding, " ".join(filter(None, basis))]
+    ranked = ranked_reasons(result)
     if ranked:
         name, n = ranked[0]
-        sentences.append(
-            f"The most frequent reason for rejection was “{REASONS[name].label}” "
-            f"({n} of {count(halves, 'half-period')}): {REASONS[name].meaning}."
+        paragraphs.append(
+            f"The most frequent reason for rejection was “{REASONS[name].label}” ({n} of {halves}): "
+            f"{REASONS[name].meaning}."
         )
     if result.d_hat is not None:
-        sentences.append(
-            "Load changes can make the width read too high, and small movements can make it read too low; "
-            "stiction looks the same. A step test in manual settles it."
+        paragraphs.append(
+            "Load changes can make the width read too high, so that even a sound valve shows a per cent or two; small "
+            "movements can make it read too low; stiction looks the same. A step test in manual settles it."
         )
-    return sentences
+    return paragraphs
 
 
 def action(result: Result) -> str:
@@ -332,8 +333,9 @@ def failures(mask: int) -> Sequence[str]:
 
 
 def _sentence(text: str | None) -> str:
-    """Make a reason a sentence: capital first letter, full stop."""
+    """Make a reason a sentence: full stop, and a capital letter unless it starts with a file, a tag or a symbol."""
     if not text:
         return ""
-    text = text.strip()
-    return text[:1].upper() + text[1:] + ("" if text.endswith((".", "!", "?")) else ".")
+    if text.split()[0].isalpha():
+        text = text[0].upper() + text[1:]
+    return text if text.endswith((".", "!", "?")) else text + "."

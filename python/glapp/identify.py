@@ -28,6 +28,9 @@ MIN_STEPS = 50
 FROZEN_STEPS = 5
 """Where all signals repeat to the bit for so many steps, the recording stood still, not the loop."""
 
+SORTED_ROWS = 200_000
+"""Rows that are enough to know a signal's steps, noise and spectrum."""
+
 _TUKEY = 4.685  # 95 % efficient for Gaussian residuals
 _HUBER = 1.345
 _SHORTEST = 3  # [steps] one or two steps are ruled by what PV did between the samples
@@ -184,6 +187,23 @@ def in_runs(mask: Bools, least: int) -> Bools:
     return np.cumsum(keep[:-1], dtype=np.int8).astype(bool)
 
 
+def resolution(x: Floats) -> tuple[float, int] | None:
+    """Step of a quantised signal and the number of steps in its range; None when it has no such grid."""
+    x = x[:SORTED_ROWS]
+    values = np.unique(x[np.isfinite(x)])
+    if values.size < 2 or values.size > 0.5 * x.size:
+        return None
+    span, size = float(values[-1] - values[0]), float(np.max(np.abs(values)))
+    apart = np.diff(values)
+    apart = apart[apart > 1e-9 * span + 1e-12 * size]
+    if apart.size == 0 or not math.isfinite(span):
+        return None
+    # A few interpolated values between the steps must not hide the grid: its step is what most neighbours share.
+    step = float(np.median(apart[apart <= 1.5 * np.quantile(apart, 0.1)]))
+    off = np.abs(apart / step - np.round(apart / step))
+    return (step, round(span / step)) if np.mean(off < 0.02) > 0.9 else None
+
+
 def frozen_steps(sp: Floats, pv: Floats, op: Floats | None) -> Bools:
     """Mark long stretches in which no signal changes a bit though the error is not zero, with the step that ends each.
 
@@ -193,6 +213,9 @@ def frozen_steps(sp: Floats, pv: Floats, op: Floats | None) -> Bools:
     if op is not None:
         still &= np.diff(op) == 0
     frozen = in_runs(still, FROZEN_STEPS)
+    # Coarse signals rest by themselves: only where values otherwise hardly ever repeat does a repetition mean anything.
+    if np.count_nonzero(still) - np.count_nonzero(frozen) > 0.1 * np.count_nonzero(~frozen) or resolution(pv):
+        return np.zeros_like(still)
     frozen[1:] |= frozen[:-1].copy()
     return frozen
 

@@ -13,7 +13,7 @@ from datetime import datetime, timedelta
 from typing import Literal
 
 import numpy as np
-from glapp.identify import FROZEN_STEPS, Identification, frozen_steps, in_runs
+from glapp.identify import FROZEN_STEPS, SORTED_ROWS, Identification, frozen_steps, in_runs, resolution
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
@@ -22,8 +22,6 @@ Severity = Literal["info", "warning", "refuse"]
 
 GAP_STEPS = 3.0
 """A step longer than so many ordinary ones is a gap."""
-
-_SORTED_ROWS = 200_000  # [rows] enough to know steps, noise and spectrum; more costs time and tells nothing new
 
 
 @dataclass(frozen=True, slots=True)
@@ -228,10 +226,11 @@ def noise_sigma(pv: Floats) -> float | None:
     >>> round(noise_sigma(slow + np.random.default_rng(1).normal(0, 0.2, 5000)), 2)
     0.2
     """
-    pv = np.asarray(pv, dtype=np.float64)[:_SORTED_ROWS]
+    pv = np.asarray(pv, dtype=np.float64)[:SORTED_ROWS]
     with np.errstate(all="ignore"):
-        held = in_runs(np.diff(pv) == 0, FROZEN_STEPS)
-        pv = np.where(np.concatenate(([False], held)), np.nan, pv) if pv.size else pv
+        grid = resolution(pv)
+        if grid is None and pv.size:  # on a grid, rest is what slow movement looks like
+            pv = np.where(np.concatenate(([False], in_runs(np.diff(pv) == 0, FROZEN_STEPS))), np.nan, pv)
         sigmas = []
         for order in range(5):
             difference = np.diff(pv, order) if pv.size > order else pv[:0]
@@ -240,8 +239,7 @@ def noise_sigma(pv: Floats) -> float | None:
                 return None
             deviation = np.median(np.abs(difference - np.median(difference)))
             sigmas.append(float(deviation) / 0.6745 / math.sqrt(math.comb(2 * order, order)))
-        step = _resolution(pv)
-    return max(min(sigmas), step[0] / math.sqrt(12) if step else 0.0)
+    return max(min(sigmas), grid[0] / math.sqrt(12) if grid else 0.0)
 
 
 class _Look:
@@ -265,7 +263,7 @@ class _Look:
         self.op = None if sample.op is None else np.asarray(sample.op, dtype=np.float64)
         self.e = self.sp - self.pv
         dt = np.diff(self.t)
-        forward = dt[:_SORTED_ROWS][dt[:_SORTED_ROWS] > 0]
+        forward = dt[:SORTED_ROWS][dt[:SORTED_ROWS] > 0]
         self.h = float(np.median(forward)) if forward.size else math.nan
         good = np.isfinite(self.e)
         if self.op is not None:
@@ -294,26 +292,6 @@ class _Look:
 
     def seconds(self, duration: float) -> str:
         return f"{duration:.3g} s" if duration < 1000 else f"{duration:.0f} s"
-
-
-def _resolution(x: Floats) -> tuple[float, int] | None:
-    """Step of a quantised signal and its number of steps in the range; None when it has no such grid."""
-    x = x[:_SORTED_ROWS]
-    values = np.unique(x[np.isfinite(x)])
-    if values.size < 2:
-        return None
-    span = float(values[-1] - values[0])
-    apart = np.diff(values)
-    apart = apart[apart > 1e-9 * max(span, float(np.max(np.abs(values))) * 1e-3)]
-    if apart.size == 0:
-        return None
-    # A few interpolated values between the steps must not hide the grid: its step is what most neighbours share.
-    step = float(np.median(apart[apart <= 1.5 * np.quantile(apart, 0.1)]))
-    off = np.abs(apart / step - np.round(apart / step))
-    levels = round(span / step)
-    if apart.size < 3 or np.mean(off < 0.02) < 0.9 or levels > 1000 or values.size > 0.2 * min(x.size, _SORTED_ROWS):
-        return None
-    return step, levels
 
 
 def _percent(share: float) -> str:
@@ -350,7 +328,7 @@ def _times(look: _Look) -> Iterator[Finding]:
         yield Finding(
             "time_reversed",
             "refuse",
-            f"time runs backwards {c.reversed} times, first at {look.row(c.reversed_row)}, from "
+            f"time runs backwards in {c.reversed} of {c.rows} rows, first at {look.row(c.reversed_row)}, from "
             f"{look.time(c.reversed_from)} to {look.time(c.reversed_to)}: {hint}",
             {
                 "count": c.reversed,
@@ -373,9 +351,9 @@ def _times(look: _Look) -> Iterator[Finding]:
         yield Finding(
             "gaps",
             "warning",
-            f"{c.gaps} gaps longer than {look.seconds(c.gap_threshold)} ({look.seconds(c.gap_total)} in all, the "
-            f"longest {look.seconds(c.gap_longest)}), the first before {look.row(c.gap_row)}: no half-period is taken "
-            "across one",
+            f"gaps longer than {look.seconds(c.gap_threshold)}: {c.gaps}, {look.seconds(c.gap_total)} in all, the longest "
+            f"{look.seconds(c.gap_longest)}, the first before {look.row(c.gap_row)}; no half-period is taken across one: "
+            "ask for raw values if they are many",
             {"count": c.gaps, "longest_s": c.gap_longest, "total_s": c.gap_total, "first_row": c.gap_row},
         )
 
@@ -527,8 +505,8 @@ def _recording(look: _Look) -> Iterator[Finding]:
             "so the historian stood still, not the loop: export raw values, or another time",
             {"share": frozen},
         )
-    grid = _resolution(look.pv)
-    if grid is not None:
+    grid = resolution(look.pv)
+    if grid is not None or not np.ptp(look.pv[look.good]) > 0:
         return  # equal steps on a coarse grid look like straight lines and like holds
     dpv = np.diff(look.pv)
     live = look.live
@@ -564,7 +542,7 @@ def _grids(look: _Look) -> Iterator[Finding]:
         ("PV", "quantised_pv", look.pv, look.pv_unit, "small errors and crossings are lost"),
         ("OP", "quantised_op", look.op, look.op_unit, "no width below a few steps can be told"),
     ):
-        grid = None if x is None else _resolution(x)
+        grid = None if x is None else resolution(x)
         if grid is not None and grid[1] < 100:
             step, levels = grid
             yield Finding(
@@ -642,7 +620,7 @@ def _controller_gaps(look: _Look) -> Iterator[Finding]:
         return
     jumps = move[~rests]
     least = float(np.quantile(jumps, 0.02))
-    if share > 0.3 and least > 0.3 * float(np.median(jumps)) and _resolution(look.op) is None:
+    if share > 0.3 and least > 0.3 * float(np.median(jumps)) and resolution(look.op) is None:
         yield Finding(
             "output_dead_band",
             "warning",
@@ -692,7 +670,7 @@ def _sinusoid(look: _Look) -> Iterator[Finding]:
     if edges.size == 0 or look.ti is None:  # without Ti the cycle of a gap in an integrating loop looks the same
         return
     longest = int(np.argmax(edges[1::2] - edges[::2]))
-    e = look.e[edges[2 * longest] : edges[2 * longest + 1] + 1][:_SORTED_ROWS]
+    e = look.e[edges[2 * longest] : edges[2 * longest + 1] + 1][:SORTED_ROWS]
     if e.size < 64 or not np.ptp(e) > 0:
         return
     sign = np.where(e - e.mean() > 0, 1, -1)

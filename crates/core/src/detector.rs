@@ -38,7 +38,7 @@ pub struct Columns<'a, R> {
 
 impl<R> Columns<'_, R> {
     /// The number of samples: the length of the shortest column.
-    fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         let mut n = self.t.len().min(self.sp.len()).min(self.pv.len());
         if let Some(op) = self.op {
             n = n.min(op.len());

@@ -12,6 +12,7 @@
 extern crate std;
 
 mod backlash;
+mod census;
 mod derivative;
 mod detector;
 mod error;
@@ -26,6 +27,7 @@ mod width;
 mod zero_crossing;
 
 pub use backlash::{Backlash, BacklashState};
+pub use census::{Census, Occurrences, Values};
 pub use derivative::Derivative;
 pub use detector::{Columns, Detector, DetectorState, Record, Sample, Span};
 pub use error::ParameterError;

@@ -10,6 +10,8 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde_json::json;
 
+use crate::columns::with_columns;
+
 fn refused(error: ParameterError) -> PyErr {
     PyValueError::new_err(error.to_string())
 }
@@ -215,29 +217,16 @@ impl PyDetector {
         flags: Option<PyReadonlyArray1<'py, u8>>,
         filtered: bool,
     ) -> PyResult<Option<Bound<'py, PyArray1<f64>>>> {
-        let columns = Columns {
-            t: t.as_slice()?,
-            sp: sp.as_slice()?,
-            pv: pv.as_slice()?,
-            op: op.as_ref().map(|op| op.as_slice()).transpose()?,
-            flags: flags.as_ref().map(|flags| flags.as_slice()).transpose()?,
-        };
-        let n = columns.t.len();
-        if columns.sp.len() != n
-            || columns.pv.len() != n
-            || columns.op.is_some_and(|op| op.len() != n)
-            || columns.flags.is_some_and(|flags| flags.len() != n)
-        {
-            return Err(PyValueError::new_err("t, sp, pv, op and flags must be of the same length"));
-        }
-        if filtered {
-            let mut values = vec![f64::NAN; n];
-            py.detach(|| self.take(columns, |k, value| values[k] = value));
-            Ok(Some(PyArray1::from_vec(py, values)))
-        } else {
-            py.detach(|| self.take(columns, |_, _| ()));
-            Ok(None)
-        }
+        with_columns(&t, &sp, &pv, op.as_ref(), flags.as_ref(), |columns| {
+            if filtered {
+                let mut values = vec![f64::NAN; columns.t.len()];
+                py.detach(|| self.take(columns, |k, value| values[k] = value));
+                Some(PyArray1::from_vec(py, values))
+            } else {
+                py.detach(|| self.take(columns, |_, _| ()));
+                None
+            }
+        })
     }
 
     /// The half-periods of `run` as a dict of arrays: all of them, but of those shorter than 5Ti the first 50 000.

@@ -1,6 +1,8 @@
 //! The Python face of glapp: one file per exposed module, no logic of its own.
 
 mod backlash;
+mod census;
+mod columns;
 mod detector;
 mod noise;
 mod pid;
@@ -12,6 +14,8 @@ use pyo3::prelude::*;
 mod _glapp {
     #[pymodule_export]
     use crate::backlash::Backlash;
+    #[pymodule_export]
+    use crate::census::PyCensus;
     #[pymodule_export]
     use crate::detector::{PyDetector, PyHalfPeriod};
     #[pymodule_export]

@@ -351,9 +351,9 @@ def _times(look: _Look) -> Iterator[Finding]:
         yield Finding(
             "gaps",
             "warning",
-            f"gaps longer than {look.seconds(c.gap_threshold)}: {c.gaps}, {look.seconds(c.gap_total)} in all, the longest "
-            f"{look.seconds(c.gap_longest)}, the first before {look.row(c.gap_row)}; no half-period is taken across one: "
-            "ask for raw values if they are many",
+            f"gaps longer than {look.seconds(c.gap_threshold)}: {c.gaps}, {look.seconds(c.gap_total)} in all, the "
+            f"longest {look.seconds(c.gap_longest)}, the first before {look.row(c.gap_row)}; no half-period is taken "
+            "across one: ask for raw values if they are many",
             {"count": c.gaps, "longest_s": c.gap_longest, "total_s": c.gap_total, "first_row": c.gap_row},
         )
 

@@ -26,7 +26,6 @@ import pyarrow as pa
 import pyarrow.csv
 
 from . import _glapp
-from .controller import Controller
 from .errors import InputError
 
 __all__ = ["PLANTS", "Plant", "Signal", "Simulation", "closed_loop", "random_walk"]
@@ -96,7 +95,7 @@ class Simulation:
 
 def closed_loop(
     plant: str | Plant,
-    controller: Sequence[float] | Controller,
+    controller: Sequence[float],
     *,
     d: float = 0.05,
     noise: float = 0.005,
@@ -116,9 +115,9 @@ def closed_loop(
     plant : str or (num, den, dead_time)
         "P1" to "P8", or a transfer function of order 1 to 10, num of lower degree than den, coefficients in descending
         powers of s, with its dead time ≥ 0 [s].
-    controller : (k, ti), (k, ti, td), (k, ti, td, b) or Controller
-        Ideal form (4.1): gain k ≠ 0, negative where more output lowers the process value; ti > 0 [s]; td ≥ 0 [s];
-        setpoint weight b in 0..1, 0 where not given, as in the thesis. A `Controller` is converted.
+    controller : (k, ti), (k, ti, td) or (k, ti, td, b)
+        Ideal form (4.1), as `Loop.ideal` gives it: gain k ≠ 0, negative where more output lowers the process value;
+        ti > 0 [s]; td ≥ 0 [s]; setpoint weight b in 0..1, 0 where not given, as in the thesis.
     d : float
         Total width of the gap [unit of op], ≥ 0.
     noise : float
@@ -159,7 +158,9 @@ def closed_loop(
     Traceback (most recent call last):
     glapp.errors.InputError: unstable closed loop: ...
     """
-    k, ti, td, b = _ideal(controller)
+    if not 2 <= len(controller) <= 4:
+        raise InputError("write (k, ti), (k, ti, td) or (k, ti, td, b)", parameter="controller", value=controller)
+    k, ti, td, b = [*controller, 0.0, 0.0][:4]
     _check_seed(seed)
     try:
         t, sp, pv, op, position, load_column, flags = _glapp.closed_loop(
@@ -238,12 +239,3 @@ def _transfer_function(plant: str | Plant) -> Plant:
             f"is {plant!r}", parameter="plant", value=plant, hint=f"write {', '.join(PLANTS)} or (num, den, dead_time)"
         )
     return PLANTS[plant]
-
-
-def _ideal(controller: Sequence[float] | Controller) -> Sequence[float]:
-    """K, Ti, Td, b; the thesis' values for those not given."""
-    if isinstance(controller, Controller):
-        return controller.ideal()
-    if not 2 <= len(controller) <= 4:
-        raise InputError("write (k, ti), (k, ti, td) or (k, ti, td, b)", parameter="controller", value=controller)
-    return [*controller, 0.0, 0.0][:4]

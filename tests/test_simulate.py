@@ -1,0 +1,222 @@
+"""The simulator against other roads to the same truth."""
+
+from pathlib import Path
+
+import numpy as np
+import pyarrow.csv
+import pytest
+from glapp.controller import Controller
+from glapp.errors import InputError
+from glapp.simulate import AT_HIGH, AT_LOW, NOT_AUTO, PLANTS, Plant, Simulation, closed_loop, random_walk
+from numpy.typing import NDArray
+from scipy import signal
+
+AMIGO_PI = (0.414, 2.66)
+P3_PI = (0.48, 0.3117)
+STEP_AND_LOAD = {"setpoint": [(1.0, 1.0)], "load": [(100.0, -0.5)]}
+
+
+def columns(s: Simulation) -> list[NDArray[np.float64] | NDArray[np.uint8]]:
+    return [s.t, s.sp, s.pv, s.op, s.position, s.load, s.flags]
+
+
+@pytest.mark.parametrize("name", PLANTS)
+def test_plant_against_lsim(name: str) -> None:
+    """The step response in manual, at a step that no dead time of the batch divides."""
+    num, den, dead_time = PLANTS[name]
+    s = closed_loop(name, (1.0, 1.0), d=0, noise=0, h=0.03, t_end=30, manual=[(0, 99, 1.0)])
+    at = np.maximum(s.t - dead_time, 0.0)
+    exact = signal.lsim(signal.TransferFunction(num, den), np.ones(30001), np.linspace(0, 30, 30001))[1]
+    step = signal.step(signal.TransferFunction(num, den), T=np.linspace(0, 30, 1001))[1]
+    assert np.abs(np.interp(at, np.linspace(0, 30, 30001), exact) - s.pv).max() < 1e-6  # lsim, interpolated
+    if dead_time == 0:
+        assert np.abs(step - s.pv).max() < 1e-9
+
+
+@pytest.mark.parametrize("name", ["P2", "P3"])
+def test_linear_loop_against_the_same_loop_in_one_matrix(name: str) -> None:
+    """PI, filter and plant as one discrete linear system, made by SciPy's matrix exponential and solved by dlsim."""
+    k, ti = 0.5, 2.0
+    h, tf, n = 0.05, 0.3, 4000
+    a, b, c, _ = signal.tf2ss(*PLANTS[name][:2])
+    ad, bd, cd, _, _ = signal.cont2discrete((a, b, c, 0), h)
+    order, g = len(a), h / (tf + h)
+    # State: plant, y1, y2 and the integral, all before the sample; input: setpoint and load.
+    y = np.concatenate([cd[0], np.zeros(3)])
+    y1 = np.eye(order + 3)[order] * (1 - g) + g * y
+    y2 = np.eye(order + 3)[order + 1] * (1 - g) + g * y1
+    integral = np.eye(order + 3)[order + 2] - k * h / ti * y2
+    u = integral - k * y2
+    m = np.vstack([np.hstack([ad, np.zeros((order, 3))]) + bd @ u[None, :], y1, y2, integral])
+    by_sp = np.concatenate([bd[:, 0] * k * h / ti, [0, 0, k * h / ti]])
+    by_load = np.concatenate([bd[:, 0], np.zeros(3)])
+    s = closed_loop(name, (k, ti), d=0, noise=0, h=h, t_end=(n - 1) * h, tf=tf, **STEP_AND_LOAD)
+    inputs = np.column_stack([s.sp, s.load])
+    _, out, _ = signal.dlsim((m, np.column_stack([by_sp, by_load]), y[None, :], np.zeros((1, 2)), h), inputs)
+    assert len(s.t) == n
+    assert np.abs(out[:, 0] - s.pv).max() < 1e-9
+
+
+def test_p3_cycles_through_the_gap_in_noise() -> None:
+    """Thesis 5.2: half-periods much longer than 5 Ti, the output's travel just above d, the mean width near d."""
+    s = closed_loop("P3", P3_PI, d=0.05, noise=0.005, t_end=3000, **STEP_AND_LOAD, seed=4)
+    late = s.t > 500
+    assert 0.05 < np.ptp(s.op[late]) < 0.07
+    assert np.ptp(s.position[late]) < 0.015
+    assert np.abs(s.pv[late] - 1.0).max() < 0.03
+
+
+def test_without_integrator_and_noise_no_cycle_lasts() -> None:
+    """P2 under PI: each passage through the gap takes half as long again as the one before, and the error fades."""
+    s = closed_loop("P2", (0.775, 2.05), d=0.05, noise=0, t_end=3000, **STEP_AND_LOAD)
+    e = s.sp - s.pv
+    passages = np.diff(s.t[np.flatnonzero(np.diff(np.sign(e)))])[-5:]
+    assert np.all(passages[1:] > 1.5 * passages[:-1])
+    assert np.abs(e[s.t > 2000]).max() < 0.002 * 0.05
+
+
+def test_integrating_process_cycles_without_noise_and_in_proportion_to_the_gap() -> None:
+    """P1: the describing function of backlash scales with d, so the cycle does too, at the same frequency."""
+
+    def cycle(d: float) -> tuple[float, float]:
+        s = closed_loop("P1", (0.363, 7.06), d=d, noise=0, t_end=3000, load=[(10.0, -0.5)])
+        e = s.pv[s.t > 1500]
+        return float(np.ptp(e)), float(np.mean(np.diff(np.flatnonzero(np.diff(np.sign(e)) > 0))))
+
+    (small, period), (large, same_period) = cycle(0.01), cycle(0.05)
+    assert large / small == pytest.approx(5, rel=0.01)
+    assert same_period == pytest.approx(period, rel=0.01)
+
+
+def test_position_is_the_output_through_the_gap() -> None:
+    s = closed_loop("P3", P3_PI, d=0.05, t_end=200, **STEP_AND_LOAD)
+    assert np.abs(s.op - s.position).max() <= 0.025 + 1e-12
+    moves = np.diff(s.position)
+    assert np.all(moves * np.diff(s.op) >= 0.0)
+
+
+def test_the_same_arguments_give_the_same_bits_and_another_seed_others() -> None:
+    def run(seed: int) -> Simulation:
+        return closed_loop("P3", P3_PI, t_end=100, seed=seed, **STEP_AND_LOAD)
+
+    assert all(np.array_equal(x, y) for x, y in zip(columns(run(1)), columns(run(1)), strict=True))
+    assert not np.array_equal(run(1).pv, run(2).pv)
+
+
+def test_a_shorter_run_is_the_beginning_of_a_longer_one() -> None:
+    short = closed_loop("P1", (0.363, 7.06), t_end=50, **STEP_AND_LOAD)
+    long = closed_loop("P1", (0.363, 7.06), t_end=200, **STEP_AND_LOAD)
+    assert all(np.array_equal(x, y[: len(x)]) for x, y in zip(columns(short), columns(long), strict=True))
+
+
+def test_limits_hold_and_are_flagged() -> None:
+    s = closed_loop("P2", AMIGO_PI, t_end=300, limits=(0.1, 0.6), setpoint=[(0, 0.3), (50, 1.0), (150, 0.3), (220, 0)])
+    assert s.op.min() == 0.1 and s.op.max() == 0.6
+    assert np.array_equal((s.flags & AT_LOW) != 0, s.op == 0.1)
+    assert np.array_equal((s.flags & AT_HIGH) != 0, s.op == 0.6)
+    # Anti-windup: back from 100 s at the limit soon after the setpoint returns (tens of times slower without).
+    assert s.t[(s.t > 150) & (s.op < 0.6)][0] < 156
+
+
+def test_manual_and_auto_without_a_bump() -> None:
+    s = closed_loop(
+        "P2", (0.5, 3.0), noise=0, t_end=200, setpoint=[(0, 1.0), (20, 1.2)], manual=[(30, 60), (100, 120, 0.9)]
+    )
+    held = (s.t >= 30) & (s.t < 60)
+    assert np.ptp(s.op[held]) == 0.0
+    assert np.all(s.op[(s.t >= 100) & (s.t < 120)] == 0.9)
+    assert np.array_equal((s.flags & NOT_AUTO) != 0, held | ((s.t >= 100) & (s.t < 120)))
+    for back in (60.0, 120.0):
+        k = int(np.flatnonzero(s.t >= back)[0])
+        # One sample moves OP by its own integration and by what PV did in that sample, no more.
+        bound = 0.5 * 0.05 / 3.0 * abs(s.sp[k] - s.pv[k]) + 0.5 * abs(s.pv[k] - s.pv[k - 1])
+        assert abs(s.op[k] - s.op[k - 1]) <= bound + 1e-3
+
+
+def test_begins_at_rest() -> None:
+    s = closed_loop(
+        ([0.8], [5.0, 1.0], 1.3), (2.0, 6.0), noise=0, h=0.5, t_end=60, setpoint=[(0, 120.0)], load=[(0, 3.0)]
+    )
+    assert s.pv == pytest.approx(np.full(121, 120.0), abs=1e-9)
+    assert s.op == pytest.approx(np.full(121, 120.0 / 0.8 - 3.0), abs=1e-9)
+
+
+def test_direct_acting_controller() -> None:
+    s = closed_loop(([-2.0], [5.0, 1.0], 0.0), (-0.5, 6.0), d=0, noise=0, t_end=200, setpoint=[(5, 1.0)])
+    assert s.pv[-1] == pytest.approx(1.0, abs=1e-6)
+    assert s.op[-1] == pytest.approx(-0.5, abs=1e-6)
+
+
+def test_a_dead_time_longer_than_the_run() -> None:
+    s = closed_loop(([1.0], [1.0, 1.0], 1e9), AMIGO_PI, noise=0, t_end=10, setpoint=[(1, 1.0)])
+    assert np.all(s.pv == 0.0)
+
+
+def test_controller_as_its_maker_writes_it() -> None:
+    controller = Controller(k=0.5, ti=0.05, ti_unit="min", setpoint_weight=0)
+    as_written = closed_loop("P2", controller.ideal(), t_end=50, **STEP_AND_LOAD)
+    assert np.array_equal(as_written.pv, closed_loop("P2", (0.5, 3.0), t_end=50, **STEP_AND_LOAD).pv)
+
+
+def test_random_walk_as_load() -> None:
+    walk = random_walk(2001, h=0.05, rate=0.006, seed=1)
+    s = closed_loop("P2", AMIGO_PI, t_end=100, load=walk)
+    assert np.array_equal(s.load, walk)
+    assert walk[0] == 0.0 and not np.array_equal(walk, random_walk(2001, h=0.05, rate=0.006, seed=2))
+
+
+def test_csv_gives_the_same_numbers_back(tmp_path: Path) -> None:
+    s = closed_loop("P2", AMIGO_PI, t_end=20, limits=(-1, 1), manual=[(5, 10)], setpoint=[(1, 1.0)])
+    s.write_csv(tmp_path / "loop.csv")
+    table = pyarrow.csv.read_csv(tmp_path / "loop.csv")
+    assert table.column_names == s.to_arrow().column_names
+    for name, column in (("t", s.t), ("SP", s.sp), ("PV", s.pv), ("OP", s.op), ("POSITION", s.position)):
+        assert np.array_equal(table[name].to_numpy(), column)
+    assert [mode == "MAN" for mode in table["MODE"].to_pylist()] == list((s.flags & NOT_AUTO) != 0)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "line"),
+    [
+        ({"h": 0}, "h = 0: must be greater than 0 s"),
+        ({"h": 5}, "h = 5 s is too coarse for the fastest pole: at most 3.0"),
+        ({"t_end": -1}, "t_end = -1: must be 0 s or greater"),
+        ({"d": -0.1}, "d = -0.1: must be 0 or greater"),
+        ({"noise": float("nan")}, "noise = NaN: must be 0 or greater"),
+        ({"tf": -1}, "tf = -1: must be 0 s or more"),
+        ({"seed": -1}, "seed: is -1, must be 0"),
+        ({"limits": (1, 0)}, "low = 1: must be a number below the upper limit"),
+        ({"limits": (0, 1), "load": [(0, 5.0)]}, "needs OP = -5: outside the limits"),
+        ({"manual": [(5, 3)]}, "manual: stretch from 5 s to 3 s; write ascending times"),
+        ({"setpoint": [(2, 1.0), (1, 0.0)]}, "setpoint: step at 1 s after one at 2 s"),
+        ({"load": np.zeros(3)}, "load: 3 values for 20001 samples"),
+        ({"load": [("soon", 1.0)]}, "load: is no signal; write [(time, value), …]"),
+        ({"plant": "P9"}, "plant: is 'P9'; write P1, P2"),
+        ({"plant": ([1.0, 1.0], [1.0, 1.0], 0.0)}, "plant with num of degree 1 over den of degree 1"),
+        ({"plant": ([1.0], [1.0, 1.0], -1.0)}, "dead_time = -1: must be 0 s or greater"),
+        ({"plant": ([1.0, 0.0], [1.0, 1.0], 0.0)}, "plant with num of degree 1"),
+        ({"controller": (0.0, 1.0)}, "k = 0: must be a number other than 0"),
+        ({"controller": (1.0, 0.0)}, "ti = 0: must be greater than 0 s"),
+        ({"controller": (1.0,)}, "controller: write (k, ti)"),
+        ({"controller": (1.0, 1.0, 0.0, 2.0)}, "b = 2: must be between 0 and 1"),
+    ],
+)
+def test_wrong_input_is_refused_in_one_line(wrong: dict, line: str) -> None:
+    arguments = {"plant": "P2", "controller": AMIGO_PI} | wrong
+    with pytest.raises(InputError) as refusal:
+        closed_loop(**arguments)
+    assert line in str(refusal.value) and "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("plant", "controller", "limits", "signal_name"),
+    [
+        ("P2", (6.0, 1.0), None, "OP"),
+        (([1.0], [1.0, 1.0, -1.0], 0.0), (0.1, 10.0), (-1.0, 1.0), "PV"),  # a pole at +0.62, the output at its limit
+    ],
+)
+def test_an_unstable_loop_is_told_with_the_time(
+    plant: Plant | str, controller: tuple[float, float], limits: tuple[float, float] | None, signal_name: str
+) -> None:
+    with pytest.raises(InputError, match=rf"unstable closed loop: {signal_name} went beyond .* at t = \d+\.\d+ s"):
+        closed_loop(plant, controller, t_end=2000, setpoint=[(1, 1.0)], limits=limits)

@@ -415,6 +415,12 @@ def test_neighbours_share_a_column_when_there_are_too_many_and_none_is_lost() ->
     assert told == result.half_periods.count
 
 
+def test_a_loop_without_detections_has_no_panel_for_them(run: list[Result]) -> None:
+    titles = [axis.title.text for axis in loop_figure(run[4]).select_yaxes()]
+    assert run[4].verdict == "no_estimate"
+    assert titles == ["SP, PV [m³/h]", "OP [%OP]"]
+
+
 def test_time_that_runs_backwards_does_not_fold_the_shading(worn: Result) -> None:
     h = SimpleNamespace(**vars(worn.half_periods))
     h.t_start, h.t_end = h.t_start.copy(), h.t_end.copy()

@@ -47,9 +47,6 @@ SHADE = 0.38  # opacity of the shading: the signals must stay the strongest thin
 #: More half-periods than this and neighbours share a column: no screen shows more, and the file stays small.
 MAX_COLUMNS = 4000
 
-#: With more half-periods than this, a gap of a pixel between them would hide the narrow ones.
-MOST_WITH_EDGES = 200
-
 CONFIG: dict[str, Any] = {"responsive": True, "displaylogo": False, "plotlyServerURL": ""}
 
 #: Buttons that do not belong here: selections without a purpose, and one that would send plant data to a server.
@@ -68,7 +65,8 @@ def loop_figure(result: Result) -> go.Figure:
     pv_unit, op_unit = result.loop.pv_unit or "PV unit", words.op_unit(result)
     has_op = _known(trace, "op") or _known(trace, "position")
     has_halves = halves.count > 0
-    panels = ["pv", *(["op"] if has_op else []), *(["d"] if has_halves else [])]
+    has_detections = bool((halves.reason == 0).any())
+    panels = ["pv", *(["op"] if has_op else []), *(["d"] if has_detections else [])]
     heights = [{"pv": 0.48, "op": 0.26, "d": 0.26}[panel] for panel in panels]
     figure = make_subplots(
         rows=len(panels), cols=1, shared_xaxes=True, vertical_spacing=0.045, row_heights=heights, figure=_figure()
@@ -99,8 +97,8 @@ def loop_figure(result: Result) -> go.Figure:
         ("pv", "PV", "pv", {"color": RAW, "width": 1}),
         ("sp", "SP", "pv", {"color": INK, "width": 1.3, "dash": "6px,3px"}),
         ("pv_filtered", "PV filtered", "pv", {"color": SIGNAL, "width": 1.6}),
-        ("op", "OP", "op", {"color": OUTPUT, "width": 1.3}),
-        ("position", "valve position", "op", {"color": POSITION, "width": 1.3}),
+        ("position", "valve position", "op", {"color": POSITION, "width": 2.2}),  # under OP: often the same line
+        ("op", "OP", "op", {"color": OUTPUT, "width": 1.2}),
     ]
     for column, name, panel, style in lines:
         if _known(trace, column):
@@ -119,7 +117,7 @@ def loop_figure(result: Result) -> go.Figure:
     figure.update_yaxes(title_text=f"SP, PV [{_plain(pv_unit)}]", range=[low, high], row=1, col=1)
     if has_op:
         figure.update_yaxes(title_text=f"OP [{_plain(op_unit)}]", row=row["op"], col=1)
-    if has_halves:
+    if has_detections:
         _detections(figure, result, row["d"])
     _time_axis(figure, result, len(panels))
     figure.update_layout(
@@ -486,6 +484,7 @@ def _shading(result: Result, low: float, high: float) -> go.Heatmap:
         texts.append(
             _half_period_text(result, int(first)) if end - first == 1 else _group_text(result, first, end, found)
         )
+    shortest = min(end - start for start, end in pairwise(edges))
     scale: list[tuple[float, str]] = []
     for code, colour in enumerate(REASON_COLOURS):
         scale += [(code / 10, colour), ((code + 1) / 10, colour)]
@@ -501,7 +500,7 @@ def _shading(result: Result, low: float, high: float) -> go.Heatmap:
         text=[texts],
         hovertemplate="%{text}<extra></extra>",
         hoverongaps=False,
-        xgap=1 if h.count <= MOST_WITH_EDGES else 0,
+        xgap=1 if shortest > (edges[-1] - edges[0]) / 300 else 0,  # a pixel would hide narrow ones
         name="half-periods",
     )
 
@@ -544,12 +543,6 @@ def _detections(figure: go.Figure, result: Result, row: int) -> None:
     span = result.loop.op_span
     accepted = _thinned(np.flatnonzero(np.asarray(h.reason) == 0), np.asarray(h.d))
     figure.update_yaxes(title_text=f"d [{unit}]", rangemode="tozero", row=row, col=1)
-    if not len(accepted):
-        figure.update_yaxes(range=[0, 1], showticklabels=False, row=row, col=1)
-        figure.add_annotation(
-            text="no detection", showarrow=False, x=0.5, xref="x domain", y=0.5, font={"color": MUTED}, row=row, col=1
-        )
-        return
     time = _time(result, np.asarray(h.t_end)[accepted])
     d, d_hat = np.asarray(h.d, dtype=np.float64)[accepted], np.asarray(h.d_hat, dtype=np.float64)[accepted]
 

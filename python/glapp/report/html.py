@@ -249,7 +249,7 @@ def _facts(r: Result) -> str:
     if _analysed(r):
         facts.append(("Half-periods", str(r.half_periods.count)))
         facts.append(("Detections", str(r.detections)))
-    if r.repeatability is not None:
+    if r.repeatability is not None and r.detections > 1:
         low, high = r.repeatability
         facts.append(("Repeatability", f"{words.number(low)} to {escape(words.quantity(high, words.op_unit(r)))}"))
     if r.loop.acceptable_dead_band is not None:

@@ -6,6 +6,7 @@
   const config = JSON.parse(read("config"));
   const scheme = matchMedia("(prefers-color-scheme: dark)");
   const plots = [...document.querySelectorAll(".plot")];
+  const PAPER = 680; // px between the margins of an A4 or Letter page
   let printing = false;
 
   function figure(plot) {
@@ -23,6 +24,7 @@
 
   function draw(plot) {
     const { data, layout } = figure(plot);
+    if (printing) layout.width = Math.min(PAPER, plot.clientWidth);
     Plotly.react(plot, data, layout, config);
     plot.dataset.drawn = "";
   }

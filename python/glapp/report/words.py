@@ -47,8 +47,8 @@ REASONS: dict[str, Reason] = {
     ),
     "too_short": Reason(
         "too short",
-        "Δt is not longer than 5·TI: the loop crosses its setpoint too fast for a dead band to be the cause",
-        "No sign of a dead band. If the loop oscillates, look at its tuning and at the load first.",
+        "Δt is not longer than 5·TI: PV crosses SP too often for a dead band to be measured",
+        "Nothing to measure here. If the loop oscillates, look at tuning and load; only a step test tells of the valve.",
     ),
     "not_square": Reason(
         "not square",

@@ -47,9 +47,12 @@ def loop(
     setpoints: dict[float, float] | None = None,
     gap: float = 0.0,
     integrating: bool = False,
+    tf: float = 0.0,
+    filters: int = 2,
 ) -> tuple[np.ndarray, ...]:
     """Record (t, SP, PV, OP) of a PI loop that runs `runs` times a sample; operating point 50, load a random walk.
 
+    `tf` is the controller's own filter on PV, which is recorded before it.
     The plant's gain has the sign of `k`, so that the loop is stable for both.
     """
     rng = np.random.default_rng(seed)
@@ -57,6 +60,7 @@ def loop(
     line = [0.0] * max(1, round(delay / step))
     sp, x, w, integral, valve, held_noise = 50.0, 0.0, 0.0, 0.0, 0.0, 0.0
     decay = math.exp(-step / 2)
+    filtered = [50.0] * filters
     record = np.empty((4, n))
     for i in range(n * runs):
         sp = (setpoints or {}).get(i * step, sp)
@@ -64,8 +68,12 @@ def loop(
         fresh = noise * rng.standard_normal()
         held_noise = fresh if runs == 1 else decay * held_noise + math.sqrt(1 - decay**2) * fresh
         pv = 50 + x + held_noise
-        integral += k * step / ti * (sp - pv)
-        out = 50 + k * (b * (sp - 50) - (pv - 50)) + integral
+        measured = pv
+        for j in range(filters):
+            filtered[j] += (measured - filtered[j]) * step / (tf + step) if tf else measured - filtered[j]
+            measured = filtered[j]
+        integral += k * step / ti * (sp - measured)
+        out = 50 + k * (b * (sp - 50) - (measured - 50)) + integral
         limited = min(max(out, op_limits[0]), op_limits[1])
         integral += limited - out
         op = round(limited / op_step) * op_step if op_step else limited
@@ -164,6 +172,15 @@ def test_op_recorded_a_sample_late_or_early() -> None:
         found = identify(t, sp, pv, np.roll(op, lag))
         assert pick(found) == pytest.approx((1, 20), rel=0.01)
         assert word in found.note
+
+
+@pytest.mark.parametrize(("filters", "tf"), [(1, 6.0), (2, 2.0), (2, 0.7)])
+@pytest.mark.parametrize("gap", [0.0, 1.0])
+def test_pv_recorded_before_the_filter_of_the_controller(filters: int, tf: float, gap: float) -> None:
+    found = identify(*loop(n=4000, noise=0.3, tf=tf, filters=filters, gap=gap, b=0.0, setpoints={900: 52.0}))
+    assert pick(found) == pytest.approx((1, 20), rel=0.03)
+    assert f"{filters} x Tf" in found.note and found.usable
+    assert found.setpoint_weight == pytest.approx(0, abs=0.05)
 
 
 def test_repeated_rows_of_a_historian_that_stood_still_are_left_out() -> None:

@@ -35,6 +35,7 @@ _TUKEY = 4.685  # 95 % efficient for Gaussian residuals
 _HUBER = 1.345
 _SHORTEST = 3  # [steps] one or two steps are ruled by what PV did between the samples
 _BLOCKS = (8, 30)
+_SEARCH_ROWS = 20_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +111,8 @@ def identify(
     Bias: a recording at step h cannot tell which error the controller integrated within the step.  The values are those
     of a controller that runs once a sample on the current error.  One that runs much faster has the same K/Ti and
     Ti + h/2; one that integrates the previous error Ti + h.  The ends of the intervals away from zero include both.
-    Derivative action is not modelled and lowers R².
+    Derivative action is not modelled and lowers R².  Where the controller filters PV and PV was recorded before the
+    filter, a first or second order filter is fitted first, and `note` says so; without it noise would hide K.
 
     Parameters
     ----------
@@ -169,8 +171,9 @@ def identify(
             return _nothing("OP never moves while in auto, so nothing shows K and Ti: give them", samples)
         if not np.diff(pv)[step].any():
             return _nothing("PV never moves while in auto, so nothing shows K and Ti: give them", samples)
-        moves = _Moves(t, sp, pv, op, step, setpoint_weight)
-        return _identify(moves, h, samples, setpoint_weight)
+        seen = _seen(t, sp, pv, op, step, h, setpoint_weight)
+        moves = _Moves(t, sp, _filtered(pv, seen, h), op, step, setpoint_weight)
+        return _identify(moves, seen, h, samples, setpoint_weight)
 
 
 def _nothing(reason: str, samples: int) -> Identification:
@@ -218,6 +221,19 @@ def frozen_steps(sp: Floats, pv: Floats, op: Floats | None) -> Bools:
         return np.zeros_like(still)
     frozen[1:] |= frozen[:-1].copy()
     return frozen
+
+
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    """How the recording saw the controller.
+
+    `lag` [rows]: OP recorded one late (1) or early (-1).  `order`, `tf` [s]: the controller's filter on PV, where PV
+    was recorded before it.
+    """
+
+    lag: int
+    order: int
+    tf: float
 
 
 class _Moves:
@@ -334,12 +350,11 @@ def _student(df: int) -> float:
     return z + (z**3 + z) / (4 * df) + (5 * z**5 + 16 * z**3 + 3 * z) / (96 * df**2)
 
 
-def _identify(moves: _Moves, h: float, samples: int, given_b: float | None) -> Identification:
-    lag = _lag(moves)
+def _identify(moves: _Moves, seen: _Seen, h: float, samples: int, given_b: float | None) -> Identification:
     best: _Fit | None = None
     m, used, least = _SHORTEST, 0, (True, math.inf)
     while m <= max(_SHORTEST, samples // 20) and (m == _SHORTEST or moves.enough(m)):
-        fit = _fit(*moves.over(m, lag), m)
+        fit = _fit(*moves.over(m, seen.lag), m)
         if fit is not None:
             # A coarse OP hides the law in short stretches; a wrong law is not mended by longer ones.
             rank = (fit.r2 < R2_USABLE, _uncertainty(fit))
@@ -354,7 +369,7 @@ def _identify(moves: _Moves, h: float, samples: int, given_b: float | None) -> I
             "the moves of PV and the area of the error do not each show in OP (a single step, a ramp?): give K and Ti",
             samples,
         )
-    return _judge(best, used, lag, h, samples, given_b, moves.sp_moves)
+    return _judge(best, used, seen, h, samples, given_b, moves.sp_moves)
 
 
 def _uncertainty(fit: _Fit) -> float:
@@ -362,19 +377,63 @@ def _uncertainty(fit: _Fit) -> float:
     return float(np.sum(np.diag(fit.covariance)[:2] / fit.beta[:2] ** 2))
 
 
-def _lag(moves: _Moves) -> int:
-    """Rows by which the recorded OP trails (1) or leads (-1) SP and PV; 0 unless another clearly fits better."""
-    unexplained = {}
-    for lag in (0, 1, -1):
-        start, y, x = moves.over(1, lag)
-        fit = _fit(start, y, x, 1) if start.size else None
-        unexplained[lag] = math.inf if fit is None else 1 - fit.r2
-    lag = min(unexplained, key=lambda k: unexplained[k])
-    return lag if unexplained[lag] < 0.5 * unexplained[0] else 0
+def _seen(t: Floats, sp: Floats, pv: Floats, op: Floats, step: Bools, h: float, b: float | None) -> _Seen:
+    """Find how OP was made and recorded: as written, unless another way leaves a quarter as much unexplained."""
+    first = int(np.argmax(step))
+    part = slice(first, first + _SEARCH_ROWS)
+    within = step[part][:-1] if step.size >= first + _SEARCH_ROWS else step[part]
+    rows = slice(first, first + within.size + 1)
+
+    def unexplained(seen: _Seen) -> float:
+        moves = _Moves(t[rows], sp[rows], _filtered(pv[rows], seen, h), op[rows], within, b)
+        start, y, x = moves.over(_SHORTEST, seen.lag)
+        fit = _fit(start, y, x, _SHORTEST) if start.size else None
+        return math.inf if fit is None else 1 - fit.r2
+
+    plain = _Seen(0, 0, 0.0)
+    scores = {plain: unexplained(plain)}
+    for lag in (1, -1):
+        scores[_Seen(lag, 0, 0.0)] = unexplained(_Seen(lag, 0, 0.0))
+    for order in (1, 2):
+        for octave in range(-1, 8):
+            seen = _Seen(0, order, h * 2.0**octave)
+            scores[seen] = unexplained(seen)
+    best = min(scores, key=lambda seen: scores[seen])
+    if not scores[best] < 0.25 * scores[plain]:
+        return plain
+    # Which order it is shows only once the time of each is right.
+    for order in (1, 2) if best.order else ():
+        for halving in range(1, 7):
+            factor = 2.0 ** (0.5**halving)
+            near = min((seen for seen in scores if seen.order == order), key=lambda seen: scores[seen])
+            for seen in (_Seen(0, order, near.tf / factor), _Seen(0, order, near.tf * factor)):
+                scores[seen] = unexplained(seen)
+    return min(scores, key=lambda seen: scores[seen])
+
+
+def _filtered(x: Floats, seen: _Seen, h: float) -> Floats:
+    """Pass x `order` times through yf += (x - yf) h/(Tf + h), holding the last value where there is no number."""
+    if not seen.order or not x.size:
+        return x
+    known = np.maximum.accumulate(np.where(np.isfinite(x), np.arange(x.size), 0))
+    y, a = np.nan_to_num(x[known]), seen.tf / (seen.tf + h)
+    # In blocks: a matrix for what happens within one, a short loop to carry the state over.
+    size = 64
+    power = a ** np.arange(size + 1)
+    ages = np.subtract.outer(np.arange(size), np.arange(size))
+    within = np.where(ages >= 0, (1 - a) * power[np.abs(ages)], 0.0)
+    for _ in range(seen.order):
+        state = y[0]
+        blocks = np.pad(y, (0, -y.size % size)).reshape(-1, size) @ within.T
+        for block in blocks:
+            block += state * power[1:]
+            state = block[-1]
+        y = blocks.ravel()[: x.size]
+    return y
 
 
 def _judge(
-    fit: _Fit, m: int, lag: int, h: float, samples: int, given_b: float | None, sp_moves: bool
+    fit: _Fit, m: int, seen: _Seen, h: float, samples: int, given_b: float | None, sp_moves: bool
 ) -> Identification:
     k, ki = float(fit.beta[0]), float(fit.beta[1])
     t95 = _student(fit.blocks - 1)
@@ -392,8 +451,10 @@ def _judge(
         b_error = t95 * math.sqrt(max(float(fit.covariance[2, 2]), 0.0)) / abs(k)
         if b_error < 0.25:
             b, b_note = min(max(raw, 0.0), 1.0), f"; setpoint weight {raw:.2f} +- {b_error:.2f} fitted"
-    timing = {0: "", 1: "; OP recorded one sample late", -1: "; OP recorded one sample early"}[lag]
-    note = f"robust fit over stretches of {m} samples ({m * h:g} s){timing}{b_note}"
+    timing = {0: "", 1: "; OP recorded one sample late", -1: "; OP recorded one sample early"}[seen.lag]
+    if seen.order:
+        timing = f"; the controller filters PV, which is recorded unfiltered ({seen.order} x Tf {seen.tf:.3g} s)"
+    note = f"robust fit over stretches of {m} samples ({m * h:.4g} s){timing}{b_note}"
 
     reason = ""
     if fit.r2 < R2_USABLE:

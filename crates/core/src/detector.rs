@@ -234,15 +234,15 @@ impl<R: Real> Detector<R> {
         ended.map(|half| self.judge(&mut state.memory, half, op.is_some()))
     }
 
-    /// Takes many samples; hands every record to `ended`, and every sample's index and filtered PV to `seen` (at a
-    /// sample that cannot be used: the filtered PV before it). The same bits as [`Detector::update`] sample by sample
+    /// Takes many samples; hands every record to `ended`, and every sample's index and filtered PV to `seen`, which is
+    /// none while the filter waits for a sample that can be used. The same bits as [`Detector::update`] sample by sample
     /// with h = t\[k\] − t\[k − 1\].
     pub fn run(
         &self,
         state: &mut DetectorState<R>,
         columns: Columns<'_, R>,
         mut ended: impl FnMut(Span, &Record<R>),
-        mut seen: impl FnMut(usize, R),
+        mut seen: impl FnMut(usize, Option<R>),
     ) {
         let (ended, seen) = (&mut ended, &mut seen);
         match (columns.op, columns.flags) {
@@ -261,7 +261,7 @@ impl<R: Real> Detector<R> {
         op: impl Fn(usize) -> R,
         flags: impl Fn(usize) -> u8,
         ended: &mut impl FnMut(Span, &Record<R>),
-        seen: &mut impl FnMut(usize, R),
+        seen: &mut impl FnMut(usize, Option<R>),
     ) {
         let n = columns.len();
         let (t, sp, pv) = (&columns.t[..n], &columns.sp[..n], &columns.pv[..n]);
@@ -289,7 +289,7 @@ impl<R: Real> Detector<R> {
                 ended(Span { start, end }, &self.judge(&mut state.memory, half, OP));
                 start = t[k];
             }
-            seen(k, signal.pv.y2);
+            seen(k, signal.pv.started.then_some(signal.pv.y2));
             k += 1;
         }
         state.signal = signal;
@@ -308,7 +308,7 @@ impl<R: Real> Detector<R> {
         (t, sp, pv): (&[f64], &[R], &[R]),
         op: &impl Fn(usize) -> R,
         flags: &impl Fn(usize) -> u8,
-        seen: &mut impl FnMut(usize, R),
+        seen: &mut impl FnMut(usize, Option<R>),
     ) -> usize {
         if signal.broken != 0 || !signal.pv.started || signal.crossing.sign == 0 {
             return from;
@@ -337,7 +337,7 @@ impl<R: Real> Detector<R> {
                 filter.update(&mut u, op(k), h);
             }
             half.add(e, h, sp[k], self.with_limits::<OP>(flags(k), op(k)));
-            seen(k, yf);
+            seen(k, Some(yf));
             last = t[k];
             k += 1;
         }

@@ -117,7 +117,7 @@ attributes! {
     /// Estimate after this half-period [OP unit], NaN while there is none.
     d_hat: f64 = |_span, record| record.estimate.map_or(f64::NAN, |e| e.value);
     /// Detections in the window after this half-period.
-    count: u8 = |_span, record| record.estimate.map_or(0, |e| e.count);
+    detections: u8 = |_span, record| record.estimate.map_or(0, |e| e.count);
 }
 
 /// The detector with its state and its table of half-periods.
@@ -143,7 +143,7 @@ impl PyDetector {
         })
     }
 
-    fn take(&mut self, columns: Columns<'_, f64>, seen: impl FnMut(usize, f64)) {
+    fn take(&mut self, columns: Columns<'_, f64>, seen: impl FnMut(usize, Option<f64>)) {
         let Self { detector, state, rows, short_rows, reasons, .. } = self;
         let ended = |span: Span, record: &Record<f64>| {
             reasons[record.reason() as usize] += 1;
@@ -220,7 +220,7 @@ impl PyDetector {
         with_columns(&t, &sp, &pv, op.as_ref(), flags.as_ref(), |columns| {
             if filtered {
                 let mut values = vec![f64::NAN; columns.t.len()];
-                py.detach(|| self.take(columns, |k, value| values[k] = value));
+                py.detach(|| self.take(columns, |k, value| values[k] = value.unwrap_or(f64::NAN)));
                 Some(PyArray1::from_vec(py, values))
             } else {
                 py.detach(|| self.take(columns, |_, _| ()));

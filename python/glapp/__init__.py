@@ -1,0 +1,42 @@
+"""glapp finds, measures and explains backlash (dead band) in control loops from routine data.
+
+>>> import glapp
+>>> loop = glapp.Loop(name="FIC101", pv_span=(0, 50), op_span=(0, 100), controller={"pb": 200, "ti": 30})
+>>> loop.ideal().ti
+30.0
+"""
+
+from importlib.metadata import version as _version
+
+from . import blocks, simulate
+from .controller import Controller, Ideal
+from .errors import InputError
+from .estimate import Estimator, analyze, estimate
+from .identify import Identification, identify
+from .loop import Loop
+from .quality import Finding
+from .recording import Batch, Recording
+from .result import HalfPeriods, Result, Settings
+
+__version__ = _version("glapp")
+
+__all__ = [
+    "Batch",
+    "Controller",
+    "Estimator",
+    "Finding",
+    "HalfPeriods",
+    "Ideal",
+    "Identification",
+    "InputError",
+    "Loop",
+    "Recording",
+    "Result",
+    "Settings",
+    "__version__",
+    "analyze",
+    "blocks",
+    "estimate",
+    "identify",
+    "simulate",
+]

@@ -1,0 +1,518 @@
+"""From a recording, or a stream of samples, to the width of the gap."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _glapp
+from .controller import Ideal
+from .errors import InputError
+from .identify import Identification, identify
+from .loop import Loop
+from .quality import GAP_STEPS, Census, Finding, InspectionSample, inspect, noise_sigma
+from .recording import Batch, Recording
+from .result import REASONS, HalfPeriods, Result, Settings, Verdict
+from .trace import Band, Thinner, Trace
+
+__all__ = ["Estimator", "analyze", "estimate"]
+
+INSPECTED_ROWS = 1_000_000
+"""Rows that identification and the closer look at quality take from the beginning of a recording."""
+
+KP_DEFAULT = 1.5
+"""Process gain [%/%] where none is known but both spans are (thesis 7.2.2)."""
+
+LADDER = (0.1, 0.2, 0.5, 1.0, 2.0)
+"""Filter times tried where none is given, in Ti; with derivative action the first is Td/5 (thesis 2.1, 8.2, 8.4)."""
+
+Progress = Callable[[float | None], None]
+"""Called after each batch with the share of the recording that was read, or None where that is not known."""
+
+
+def estimate(recording: Recording, *, progress: Progress | None = None) -> Result:
+    """Estimate the width of the gap with the settings that the recording's loop has, and nothing else.
+
+    The detector runs over the recording once; the data is neither judged nor is anything identified from it
+    (`analyze` does both). Where the loop gives no filter time, all of a ladder are tried in the same pass, and the
+    smallest that leaves enough accepted half-periods, (N + 1)/2, is taken: a longer filter reads low.
+
+    Parameters
+    ----------
+    recording : Recording
+        From `glapp.recording_from` or `glapp.open_recordings`; its `loop` must have a controller.
+    progress : callable, optional
+        Told how far the reading is.
+
+    Returns
+    -------
+    Result
+
+    Raises
+    ------
+    InputError
+        Where the loop has no controller, or the recording cannot be read.
+
+    Notes
+    -----
+    Known bias: low by the part of OP's travel that Δy/Kp overstates, high under load changes (a random-walk load gives
+    confident false widths); see `docs/estimator.md`.
+
+    Examples
+    --------
+    >>> import glapp
+    >>> sim = glapp.simulate.closed_loop("P3", (0.48, 0.3117), d=0.05, noise=0.001, t_end=400, load=[(100, 0.5)])
+    >>> loop = glapp.Loop(name="P3", controller={"k": 0.48, "ti": 0.3117, "setpoint_weight": 0}, process={"kp": 1})
+    >>> result = glapp.estimate(glapp.recording_from(sim.to_arrow(), loop))
+    >>> result.verdict, 0.045 < result.d_hat < 0.055
+    ('estimate', True)
+    """
+    loop = recording.loop
+    if loop.controller is None:
+        raise InputError(
+            "has no controller settings",
+            loop=loop.name,
+            parameter="controller",
+            hint="give K and Ti, or use glapp.analyze, which identifies them where OP is recorded",
+        )
+    ideal = loop.ideal()
+    assert ideal is not None
+    sample = _inspection(recording, 4096)
+    run = _Run(recording, sample.median_step, ideal, {})
+    run.all(progress, census=None)
+    return run.result([], None, noise_sigma(sample.batch.pv))
+
+
+def analyze(recording: Recording, *, trust: bool = False, progress: Progress | None = None) -> Result:
+    """Judge a recording, find K and Ti where they are not given, and estimate the width of the gap.
+
+    Parameters
+    ----------
+    recording : Recording
+        From `glapp.recording_from` or `glapp.open_recordings`.
+    trust : bool
+        Go on with an identification that is not good enough (R² below 0.9).
+    progress : callable, optional
+        Told how far the reading is.
+
+    Returns
+    -------
+    Result
+        `refused`, with the reason, where data or settings do not allow an answer.
+
+    Raises
+    ------
+    InputError
+        Where settings contradict themselves or the recording cannot be read.
+
+    Examples
+    --------
+    >>> import glapp
+    >>> sim = glapp.simulate.closed_loop("P3", (0.48, 0.3117), d=0.05, noise=0.001, t_end=400, load=[(100, 0.5)])
+    >>> loop = glapp.Loop(name="P3", controller={"k": 0.48, "ti": 0.3117, "setpoint_weight": 0}, process={"kp": 1})
+    >>> glapp.analyze(glapp.recording_from(sim.to_arrow(), loop)).verdict
+    'estimate'
+    """
+    loop = recording.loop
+    ideal = loop.ideal()
+    sample = _inspection(recording, INSPECTED_ROWS)
+    batch = sample.batch
+    found = None
+    notes: dict[str, str] = {}
+    if batch.op is not None:
+        found = identify(
+            batch.t,
+            batch.sp,
+            batch.pv,
+            batch.op,
+            batch.flags,
+            setpoint_weight=None if ideal is None else ideal.b,
+            limits=_op_range(loop),
+        )
+    if ideal is None and found is not None and found.k and found.ti and (found.usable or trust):
+        ideal = Ideal(found.k, found.ti, 0.0, 1.0 if found.setpoint_weight is None else found.setpoint_weight)
+        notes = dict.fromkeys(("k", "ti"), f"identified (R² {found.r2:.2f})")
+        notes["td"] = "PI law identified"
+        notes["b"] = "no setpoint change to tell it by" if found.setpoint_weight is None else notes["k"]
+    run = _Run(recording, sample.median_step, ideal, notes)
+    census = _glapp.Census(run.max_h, _op_range(loop))
+    run.all(progress, census)
+    quality = inspect(
+        InspectionSample(batch.t, batch.sp, batch.pv, batch.op, batch.flags),
+        Census(**census.counts()),
+        k=None if ideal is None else ideal.k,
+        ti=None if ideal is None else ideal.ti,
+        identification=found,
+        pv_unit=loop.pv_unit or "PV unit",
+        op_unit=loop.op_label,
+        t0=recording.t0,
+    )
+    return run.result(quality, found, noise_sigma(batch.pv))
+
+
+class Estimator(_glapp.Detector):
+    """The detector for a stream of samples: of one loop, with its state.
+
+    Parameters
+    ----------
+    loop : Loop
+        With a controller. Without a filter time `tf` it is Td/5, or Ti/10 for PI (thesis 2.1): a stream cannot be run
+        again with a longer one.
+    h : float
+        Usual time between samples [s], > 0; a step longer than three of them is a gap.
+
+    Raises
+    ------
+    InputError
+        Where the loop has no controller, or a value is out of bounds.
+
+    Examples
+    --------
+    >>> import glapp
+    >>> loop = glapp.Loop(name="FIC1", controller={"k": 0.5, "ti": 10}, process={"kp": 2}, n=3, tf=0.001)
+    >>> estimator = glapp.Estimator(loop, h=1.0)
+    >>> for k in range(800):
+    ...     half_period = estimator.update(float(k), 0.0, -1.0 if k // 100 % 2 == 0 else 1.0)
+    ...     if half_period is not None and half_period.reason == 0:
+    ...         print(f"{half_period.t_end:.0f} s: {half_period.d:.2f}")
+    300 s: 4.49
+    400 s: 4.49
+    500 s: 4.49
+    600 s: 4.49
+    700 s: 4.49
+    >>> glapp.Estimator.load(estimator.save()).estimate == estimator.estimate
+    True
+    """
+
+    def __new__(cls, loop: Loop, h: float) -> Self:
+        """Make one, at the beginning of a stream."""
+        ideal = loop.ideal()
+        if ideal is None:
+            raise InputError("has no controller settings", loop=loop.name, parameter="controller", hint="give K and Ti")
+        if not h > 0:
+            raise InputError(f"is {h}, must be > 0 s", parameter="h", value=h, bound="> 0 s")
+        tf = loop.tf if loop.tf is not None else _ladder(ideal)[0]
+        return super().__new__(cls, *_detector_settings(loop, ideal, tf, _process_gain(loop)[0], GAP_STEPS * h))
+
+    def update_many(
+        self,
+        t: ArrayLike,
+        sp: ArrayLike,
+        pv: ArrayLike,
+        op: ArrayLike | None = None,
+        flags: ArrayLike | None = None,
+    ) -> None:
+        """Take many samples; the same bits as `update` one by one, and the half-periods are added to `half_periods`.
+
+        Parameters
+        ----------
+        t, sp, pv, op : float[n]
+            Time [s], signals; NaN is a bad value.
+        flags : uint8[n], optional
+            Sum of 1 not in automatic, 2 bad quality, 4 at the lower, 8 at the upper limit.
+        """
+        self.run(
+            _floats(t),
+            _floats(sp),
+            _floats(pv),
+            None if op is None else _floats(op),
+            None if flags is None else np.ascontiguousarray(flags, dtype=np.uint8),
+            False,
+        )
+
+    @property
+    def half_periods(self) -> HalfPeriods:
+        """Table of the half-periods that `update_many` has ended."""
+        return HalfPeriods(**self.table())
+
+    def save(self) -> str:
+        """Settings and state as JSON; the table is not part of it."""
+        return self.to_json()
+
+    @classmethod
+    def load(cls, saved: str) -> Self:
+        """The estimator that `save` saved: it goes on with the same bits as one never interrupted.
+
+        Raises
+        ------
+        InputError
+            Where the text is not what `save` gave.
+        """
+        self = super().__new__(cls, 1.0, 1.0, None, 1.0, None, 0.0, 1, 1.0, None, None, 0)
+        try:
+            self.restore(saved)
+        except ValueError as error:
+            raise InputError(str(error)) from None
+        return self
+
+    def __reduce__(self) -> tuple[Any, tuple[str]]:
+        return type(self).load, (self.save(),)
+
+
+@dataclass(frozen=True, slots=True)
+class _Inspection:
+    batch: Batch
+    median_step: float
+
+
+def _inspection(recording: Recording, rows: int) -> _Inspection:
+    """The first rows, and the median step between them [s]."""
+    batches: list[Batch] = []
+    left = rows
+    for batch in recording.batches():
+        batches.append(batch[slice(0, left)])
+        left -= len(batches[-1])
+        if left <= 0:
+            break
+
+    def joined(name: str) -> Any:
+        parts = [getattr(b, name) for b in batches]
+        if all(part is None for part in parts):
+            return None
+        nothing = np.uint8(0) if name == "flags" else np.nan
+        return np.concatenate(
+            [np.full(len(b), nothing) if part is None else part for b, part in zip(batches, parts, strict=True)]
+        )
+
+    whole = Batch(*(joined(name) for name in ("t", "sp", "pv", "op", "flags", "position")))
+    steps = np.diff(whole.t)
+    steps = steps[np.isfinite(steps) & (steps > 0)]
+    return _Inspection(whole, float(np.median(steps)) if len(steps) else 1.0)
+
+
+class _Run:
+    """One pass over a recording with a detector for every filter time that is tried."""
+
+    def __init__(self, recording: Recording, step: float, ideal: Ideal | None, notes: dict[str, str]) -> None:
+        self.recording = recording
+        self.loop = recording.loop
+        self.ideal = ideal
+        self.max_h = GAP_STEPS * step
+        self.kp, kp_note = _process_gain(self.loop)
+        self.notes = {**dict.fromkeys(("k", "ti", "td", "b"), "given"), **notes, "kp": kp_note}
+        self.thinner = Thinner()
+        self.op_known = self.position_known = False
+        self.filter_times: list[float] = []
+        if ideal is not None:
+            self.filter_times = [self.loop.tf] if self.loop.tf is not None else _ladder(ideal)
+        self.detectors = [
+            _detector(_glapp.Detector, self.loop, ideal, tf, self.kp, self.max_h)
+            for tf in self.filter_times
+            if ideal is not None
+        ]
+
+    def all(self, progress: Progress | None, census: _glapp.Census | None) -> None:
+        """Read the recording from its first to its last row."""
+        for batch in self.recording.batches():
+            signals = (batch.t, batch.sp, batch.pv, batch.op, batch.flags)
+            if census is not None:
+                census.run(*signals)
+            columns = {"t": batch.t, "sp": batch.sp, "pv": batch.pv}
+            for name in ("op", "position"):
+                if (signal := getattr(batch, name)) is not None:
+                    columns[name] = signal
+            for i, detector in enumerate(self.detectors):
+                filtered = detector.run(*signals, True)
+                assert filtered is not None  # asked for
+                columns[f"filtered {i}"] = filtered
+            self.thinner.add(columns)
+            self.op_known = self.op_known or batch.op is not None
+            self.position_known = self.position_known or batch.position is not None
+            if progress is not None:
+                progress(self.recording.fraction_read())
+
+    def result(self, quality: list[Finding], found: Identification | None, sigma: float | None) -> Result:
+        """Choose the filter time and say what was found."""
+        loop, ideal, notes = self.loop, self.ideal, self.notes
+        chosen = self._choose()
+        detector = self.detectors[chosen] if self.detectors else None
+        tf = None
+        if detector is not None:
+            tf = self.filter_times[chosen]
+            notes["tf"] = "given" if loop.tf is not None else f"smallest of {len(self.filter_times)} that serves"
+            notes["delta_u"] = {
+                "integral": "K/Ti·∫|e|dt (7.5)",
+                "derivative": "K/Ti·∫|e|dt with the derivative part (7.6)",
+                "op": "OP's own travel",
+            }[detector.travel_source(self.op_known)]
+        counts = dict(zip(REASONS, detector.reasons if detector is not None else [0] * len(REASONS), strict=True))
+        detections = counts.pop("accepted")
+        floor = None
+        if ideal is not None and sigma is not None:
+            # Where Kp is not known: a well-tuned loop has 1/(K·Kp) below 2 (7.4).
+            floor = 3.0 * sigma * (2.0 * abs(ideal.k) if self.kp is None else 1.0 / abs(self.kp))
+        value = detector.estimate if detector is not None else None
+        verdict, reason = _verdict(self, quality, found, value, detections, counts, floor)
+        shown = value if verdict in ("estimate", "provisional") else None
+        d_hat = shown[0] if shown else None
+        limits = _op_range(loop)
+        return Result(
+            name=self.recording.name,
+            source=self.recording.source,
+            loop=loop,
+            t0=self.recording.t0,
+            verdict=verdict,
+            reason=reason,
+            d_hat=d_hat,
+            unit=loop.op_label,
+            d_hat_percent_span=None if d_hat is None or limits is None else 100.0 * d_hat / (limits[1] - limits[0]),
+            repeatability=(shown[1], shown[2]) if shown else None,
+            noise_floor=floor,
+            detections=detections,
+            half_periods=_half_periods(detector, self.op_known),
+            reasons={name: count for name, count in counts.items() if count},
+            settings=Settings(
+                k=ideal and ideal.k,
+                ti=ideal and ideal.ti,
+                td=ideal and ideal.td,
+                b=ideal and ideal.b,
+                tf=tf,
+                kp=self.kp,
+                n=loop.n,
+                max_h=self.max_h,
+                notes=notes,
+            ),
+            quality=quality,
+            identification=found,
+            trace=self._trace(chosen),
+        )
+
+    def _choose(self) -> int:
+        """The smallest filter time that leaves enough accepted half-periods; where none does, the one with most."""
+        accepted = [detector.reasons[0] for detector in self.detectors]
+        enough = (self.loop.n + 1) // 2
+        for i, count in enumerate(accepted):
+            if count >= enough:
+                return i
+        return int(np.argmax(accepted)) if accepted else 0
+
+    def _trace(self, chosen: int) -> Trace:
+        thinner = self.thinner
+        t = thinner.band("t")
+        none = Band(np.full(len(t.low), np.nan), np.full(len(t.low), np.nan))
+        return Trace(
+            t=(t.low + t.high) / 2.0,
+            sp=thinner.band("sp"),
+            pv=thinner.band("pv"),
+            pv_filtered=thinner.band(f"filtered {chosen}") if self.detectors else none,
+            op=thinner.band("op") if self.op_known else None,
+            position=thinner.band("position") if self.position_known else None,
+        )
+
+
+def _verdict(
+    run: _Run,
+    quality: list[Finding],
+    found: Identification | None,
+    value: tuple[float, float, float, int, int] | None,
+    detections: int,
+    rejected: dict[str, int],
+    floor: float | None,
+) -> tuple[Verdict, str | None]:
+    """What may be said, and why not more."""
+    loop = run.loop
+    for refusal in _refusals(loop):
+        return "refused", refusal
+    for finding in quality:
+        if finding.severity == "refuse":
+            return "refused", finding.text
+    if run.ideal is None:
+        if found is None:
+            return "refused", "K and Ti are not given, and without OP they cannot be identified: give the controller"
+        return "refused", f"K and Ti are not given and could not be identified: {found.reason}"
+    for finding in quality:
+        if finding.code == "sinusoidal":
+            return "no_estimate", finding.text
+    if value is None:
+        return "no_estimate", _nothing_accepted(rejected)
+    d_hat, _, _, kept, count = value
+    if kept == 0:
+        return "no_estimate", f"the {count} detections do not agree with one another"
+    if d_hat <= 0:
+        return (
+            "no_estimate",
+            "the process-gain part Δy/Kp is larger than OP's travel: Kp is set too low, or there is no gap",
+        )
+    if floor is not None and d_hat < floor:
+        unit = loop.op_label
+        text = f"the detections give {d_hat:.3g} {unit}, less than the {floor:.3g} {unit} that noise can feign"
+        return "no_estimate", text
+    if detections < loop.n:
+        return "provisional", f"{detections} of the {loop.n} detections that an estimate needs"
+    return "estimate", None
+
+
+def _refusals(loop: Loop) -> Iterator[str]:
+    """Places of the detector where its estimate would be wrong (thesis 8.3.2)."""
+    if loop.cascade is not None and loop.cascade.role == "primary":
+        partner = loop.cascade.partner or "the secondary loop"
+        yield f"primary loop of a cascade: its OP is a setpoint, not a valve signal; analyse {partner} instead"
+    if loop.split_range:
+        yield "split range: OP works on several valves, and a width of OP belongs to none of them"
+    if loop.shared_valve_with is not None:
+        yield f"the valve is shared with {loop.shared_valve_with}: this OP is not what moves it all the time"
+
+
+def _nothing_accepted(rejected: dict[str, int]) -> str:
+    from .report.words import REASONS as LABELS
+
+    total = sum(rejected.values())
+    if not total:
+        return "PV never crossed SP: there is no half-period to read a gap from"
+    ranked = sorted(rejected.items(), key=lambda item: -item[1])[:2]
+    causes = " and ".join(f"{count} as {LABELS[name].label}" for name, count in ranked if count)
+    return f"none of {total} half-periods was accepted: {causes}"
+
+
+def _process_gain(loop: Loop) -> tuple[float | None, str]:
+    """Kp [PV unit/OP unit] and where it comes from."""
+    if loop.process.type == "integrating":
+        return None, "integrating process: no static gain, its term is dropped"
+    if (kp := loop.kp()) is not None:
+        return kp, "given"
+    if loop.pv_span is not None and loop.op_span is not None:
+        ratio = (loop.pv_span[1] - loop.pv_span[0]) / (loop.op_span[1] - loop.op_span[0])
+        return KP_DEFAULT * ratio, f"default {KP_DEFAULT} %/%"
+    return None, "not known: its term is dropped, the estimate is high by Δy/Kp"
+
+
+def _ladder(ideal: Ideal) -> list[float]:
+    first = ideal.td / 5.0 if ideal.td > 0 else LADDER[0] * ideal.ti
+    return [first, *(tf for share in LADDER[1:] if (tf := share * ideal.ti) > first)]
+
+
+def _detector_settings(loop: Loop, ideal: Ideal, tf: float, kp: float | None, max_h: float) -> tuple[Any, ...]:
+    limits = _op_range(loop)
+    span = None if limits is None else limits[1] - limits[0]
+    return ideal.k, ideal.ti, ideal.td, ideal.b, kp, tf, loop.n, max_h, span, limits, 0
+
+
+def _op_range(loop: Loop) -> tuple[float, float] | None:
+    """Span of OP; that of a percentage where nothing else is said."""
+    return (0.0, 100.0) if loop.op_span is None and loop.op_label == "%" else loop.op_span
+
+
+def _detector(
+    kind: type[_glapp.Detector], loop: Loop, ideal: Ideal, tf: float, kp: float | None, max_h: float
+) -> _glapp.Detector:
+    try:
+        return kind(*_detector_settings(loop, ideal, tf, kp, max_h))
+    except ValueError as error:
+        raise InputError(str(error), loop=loop.name) from None
+
+
+def _half_periods(detector: _glapp.Detector | None, op_known: bool) -> HalfPeriods:
+    if detector is None:
+        detector = _glapp.Detector(1.0, 1.0, None, 1.0, None, 0.0, 1, 1.0, None, None, 0)
+    table = detector.table()
+    if not op_known:
+        table["op_travel"] = np.full(len(table["t_start"]), np.nan)
+    return HalfPeriods(**table)
+
+
+def _floats(values: ArrayLike) -> NDArray[np.float64]:
+    return np.ascontiguousarray(values, dtype=np.float64)

@@ -1,0 +1,268 @@
+"""What an analysis of one loop ends in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+from datetime import datetime
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import InputError
+from .identify import Identification
+from .loop import Loop
+from .quality import Finding
+from .trace import Trace
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import plotly.graph_objects as go
+
+__all__ = ["REASONS", "HalfPeriods", "Result", "Settings", "Verdict"]
+
+REASONS = (
+    "accepted",
+    "gap",
+    "bad_quality",
+    "not_auto",
+    "saturated",
+    "too_short",
+    "not_square",
+    "uneven",
+    "sp_moved",
+    "too_small",
+)
+"""Names of the codes in `HalfPeriods.reason`; the bit of a reason in `HalfPeriods.mask` is its code − 1."""
+
+Verdict = Literal["estimate", "provisional", "no_estimate", "refused"]
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class HalfPeriods:
+    """A table of half-periods, one array a column, in the order of time.
+
+    All half-periods that last longer than 5·Ti are here, and of the shorter ones the first 50 000.
+
+    Attributes
+    ----------
+    t_start, t_end : float64[n]
+        First sample; sample that ended it, or the last one before a gap [s since t0].
+    sign : int8[n]
+        +1: PV below SP, −1: above, 0: neither was seen.
+    samples : uint32[n]
+        Number of samples.
+    delta_t : float64[n]
+        Duration Δt [s], without the time of a gap.
+    delta_y, e_max, delta_sp : float64[n]
+        Mean distance to the setpoint Δy (2.2), largest error, range of the setpoint [PV unit].
+    delta_u, delta_u_d, delta_u_sp : float64[n]
+        K/Ti·Δy·Δt (7.5), derivative part of (7.6), part of a moving setpoint [OP unit].
+    op_travel : float64[n]
+        OP's own travel in the direction of the integral action [OP unit], NaN where OP is not recorded.
+    free, kp_part, d : float64[n]
+        Kp-free part and Kp part of the width, and the width (2.4) [OP unit].
+    previous_delta_y : float64[n]
+        Δy of the half-period before [PV unit], NaN where there is none to compare with.
+    d_hat_before : float64[n]
+        Estimate compared in (5.1) [OP unit], NaN where it was not asked.
+    mask : uint16[n]
+        All conditions that failed, a bit each.
+    reason : uint8[n]
+        First of them: a code of `REASONS`, 0 = accepted.
+    d_hat : float64[n]
+        Estimate after the half-period [OP unit], NaN while there is none.
+    detections : uint8[n]
+        Detections in the filter's window after the half-period.
+    """
+
+    t_start: Floats
+    t_end: Floats
+    sign: NDArray[np.int8]
+    samples: NDArray[np.uint32]
+    delta_t: Floats
+    delta_y: Floats
+    e_max: Floats
+    delta_sp: Floats
+    delta_u: Floats
+    delta_u_d: Floats
+    delta_u_sp: Floats
+    op_travel: Floats
+    free: Floats
+    kp_part: Floats
+    d: Floats
+    previous_delta_y: Floats
+    d_hat_before: Floats
+    mask: NDArray[np.uint16]
+    reason: NDArray[np.uint8]
+    d_hat: Floats
+    detections: NDArray[np.uint8]
+
+    @property
+    def count(self) -> int:
+        """Number of rows."""
+        return len(self.t_start)
+
+    def to_dict(self) -> dict[str, NDArray[Any]]:
+        """The columns by name."""
+        return {column.name: getattr(self, column.name) for column in fields(self)}
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """What the detector worked with, in ideal form, seconds and the signals' units.
+
+    Attributes
+    ----------
+    k, ti, td, b : float or None
+        Controller [OP unit/PV unit, s, s, 1]; None where nothing is known of it.
+    tf : float or None
+        Time constant of the detector's filter [s].
+    kp : float or None
+        Process gain [PV unit/OP unit]; None: its term is dropped.
+    n : int
+        Detections behind one estimate.
+    max_h : float or None
+        A longer step is a gap [s].
+    notes : dict
+        Where each of them comes from, in words.
+    """
+
+    k: float | None
+    ti: float | None
+    td: float | None
+    b: float | None
+    tf: float | None
+    kp: float | None
+    n: int
+    max_h: float | None
+    notes: dict[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """The answer for one loop.
+
+    Attributes
+    ----------
+    name, source : str
+        Loop, and the file it was recorded in, or "memory".
+    loop : Loop
+        What was known about it.
+    t0 : datetime or None
+        Time of t = 0.
+    verdict : "estimate", "provisional", "no_estimate", "refused"
+        provisional: fewer than N detections. refused: data or settings do not allow an answer.
+    reason : str or None
+        One sentence; None only with an estimate.
+    d_hat : float or None
+        Estimated total width of the gap [`unit`].
+    unit : str
+        Unit of OP.
+    d_hat_percent_span : float or None
+        The same [% of OP span], None where the span is not known.
+    repeatability : (float, float) or None
+        Smallest and largest detection behind `d_hat` [`unit`]: how well detections repeat, not an interval of
+        confidence.
+    noise_floor : float or None
+        A width below this cannot be told from what noise alone produces [`unit`].
+    detections : int
+        Accepted half-periods.
+    half_periods : HalfPeriods
+        Table of half-periods.
+    reasons : dict
+        First reason of rejection to how many half-periods, over all of them.
+    settings : Settings
+        What the detector worked with.
+    quality : list of Finding
+        What is wrong with the recording, gravest first.
+    identification : Identification or None
+        K and Ti as the recording shows them, where they were asked for.
+    trace : Trace or None
+        The signals, thinned for a screen.
+    """
+
+    name: str
+    source: str
+    loop: Loop
+    t0: datetime | None
+    verdict: Verdict
+    reason: str | None
+    d_hat: float | None
+    unit: str
+    d_hat_percent_span: float | None
+    repeatability: tuple[float, float] | None
+    noise_floor: float | None
+    detections: int
+    half_periods: HalfPeriods
+    reasons: dict[str, int]
+    settings: Settings
+    quality: list[Finding] = field(default_factory=list)
+    identification: Identification | None = None
+    trace: Trace | None = None
+
+    @property
+    def total_half_periods(self) -> int:
+        """Accepted and rejected half-periods together, those that the table leaves out included."""
+        return self.detections + sum(self.reasons.values())
+
+    def to_frame(self) -> pd.DataFrame:
+        """The half-periods as a pandas DataFrame, reasons by name.
+
+        Raises
+        ------
+        InputError
+            Where pandas is not installed.
+        """
+        try:
+            import pandas as pd
+        except ImportError:
+            raise InputError(
+                "to_frame() needs pandas", hint="pip install pandas, or use half_periods.to_dict()"
+            ) from None
+        frame = pd.DataFrame(self.half_periods.to_dict())
+        frame["reason"] = np.array(REASONS)[self.half_periods.reason]
+        return frame
+
+    def to_dict(self) -> dict[str, Any]:
+        """The answer in plain types, as `glapp analyze --json` writes it; None where there is no value."""
+        s = self.settings
+        controller = None
+        if s.k is not None:
+            given = self.loop.controller
+            controller = {
+                "k": s.k,
+                "ti": s.ti,
+                "td": s.td,
+                "setpoint_weight": s.b,
+                "kp_process": s.kp,
+                "tf": s.tf,
+                "n": s.n,
+                "as_written": given.as_written() if given is not None else None,
+                "notes": s.notes,
+            }
+        return {
+            "loop": self.name,
+            "file": self.source,
+            "verdict": self.verdict,
+            "reason": self.reason,
+            "d_hat": self.d_hat,
+            "unit": self.unit,
+            "d_hat_percent_span": self.d_hat_percent_span,
+            "repeatability": list(self.repeatability) if self.repeatability else None,
+            "noise_floor": self.noise_floor,
+            "detections": self.detections,
+            "half_periods": self.total_half_periods,
+            "reasons": self.reasons,
+            "quality": [
+                {"code": f.code, "severity": f.severity, "text": f.text, "evidence": f.evidence} for f in self.quality
+            ],
+            "controller": controller,
+        }
+
+    def plot(self) -> go.Figure:
+        """A zoomable figure: SP, PV and filtered PV over shaded half-periods, OP, detections and estimate."""
+        from .report.figures import loop_figure
+
+        return loop_figure(self)

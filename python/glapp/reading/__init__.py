@@ -1,0 +1,126 @@
+"""Reading recordings from files and tables."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from ..errors import InputError
+from ..loop import Loop
+from ..recording import Recording
+from .columns import choose, find_loops, is_long
+from .csv import CsvSource
+from .long import long_recordings
+from .parquet import IpcSource, ParquetSource
+from .source import Source
+from .tables import TableSource, to_table
+from .wide import WideRecording
+
+__all__ = ["open_recordings", "recording_from"]
+
+
+def open_recordings(
+    path: str | Path, loops: Sequence[Loop] | None = None, defaults: Mapping[str, Any] | None = None
+) -> list[Recording]:
+    """Open a CSV, Parquet, Arrow IPC or Feather file and say which loops it holds; nothing is read but its beginning.
+
+    A *wide* file has a column per signal, of one loop (t, SP, PV, OP) or of several (FIC101.SP, FIC101.PV ...). A *long*
+    file has a row per tag and time. See `glapp.reading.long` for how its tags are joined, and for its need of memory.
+
+    Parameters
+    ----------
+    path : str or Path
+        File.
+    loops : sequence of Loop, optional
+        Settings of the loops that are wanted from this file. None: all loops that the column names show.
+    defaults : mapping, optional
+        Settings for the loops found when `loops` is None, as in [defaults] of a loops.toml.
+
+    Returns
+    -------
+    list of Recording
+        One per loop, in the order of `loops` or of the columns; a single loop without a prefix has the file's name.
+
+    Raises
+    ------
+    InputError
+        Where the file or its columns cannot be used.
+    """
+    return _recordings(_open(Path(path), str(path)), Path(path).name.split(".")[0] or "loop", loops, defaults)
+
+
+def recording_from(data: Any, loop: Loop | None = None) -> Recording:
+    """Recording of one loop in a table in memory: pandas, Polars, Arrow, a dict of arrays, a structured NumPy array.
+
+    Parameters
+    ----------
+    data : table
+        See `glapp.reading.tables.to_table`.
+    loop : Loop, optional
+        Settings; by default a loop named "loop" with guessed columns.
+
+    Raises
+    ------
+    InputError
+        Where the table cannot be used, or holds several loops and `loop` does not say which.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> recording = recording_from({"t": np.arange(3.0), "SP": np.ones(3), "PV": [0.9, 1.1, None], "OP": np.zeros(3)})
+    >>> batch = next(recording.batches())
+    >>> batch.t.tolist(), batch.flags.tolist()
+    ([0.0, 1.0, 2.0], [0, 0, 2])
+    """
+    source = TableSource(to_table(data))
+    found = _recordings(source, "loop", None if loop is None else [loop], None)
+    if len(found) > 1:
+        raise InputError(
+            f"holds {len(found)} loops: {', '.join(r.name for r in found)}",
+            file=source.label,
+            hint="give a Loop with the name of the one that is meant",
+        )
+    return found[0]
+
+
+def _open(path: Path, label: str) -> Source:
+    try:
+        if path.is_dir():
+            raise InputError("is a directory", file=label, hint="name the file in it")
+        with path.open("rb") as file:
+            magic = file.read(6)
+    except FileNotFoundError:
+        raise InputError("no such file", file=label) from None
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
+        raise InputError(f"cannot be read: {getattr(error, 'strerror', None) or error}", file=label) from None
+    if magic.startswith(b"PAR1"):
+        return ParquetSource(str(path), label)
+    if magic.startswith((b"ARROW1", b"\xff\xff\xff\xff")):
+        return IpcSource(str(path), label)
+    return CsvSource(str(path), label)
+
+
+def _recordings(
+    source: Source, stem: str, loops: Sequence[Loop] | None, defaults: Mapping[str, Any] | None
+) -> list[Recording]:
+    if is_long(source.names) or any(loop.columns.tag for loop in loops or ()):
+        return long_recordings(source, stem, loops, defaults)
+    groups = find_loops(source.names)
+    if loops is None:
+        found = {group or stem: group for group in groups} or {stem: ""}
+        loops = [Loop(**{**(defaults or {}), "name": name}) for name in found]
+    recordings: list[Recording] = []
+    for loop in loops:
+        recordings.append(WideRecording(source, loop, choose(source.names, loop, group_of(loop, groups), source.label)))
+    return recordings
+
+
+def group_of(loop: Loop, groups: list[str]) -> str | None:
+    """Prefix within which this loop's columns are guessed: its own name, or the only one there is."""
+    for group in groups:
+        if group.lower() == loop.name.lower():
+            return group
+    if len(groups) == 1:
+        return groups[0]
+    return None if groups else ""

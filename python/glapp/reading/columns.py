@@ -1,0 +1,243 @@
+"""Which column, or which tag, is which signal of which loop.
+
+Names are split at the usual separators and compared, whatever the case, with the words that control systems use::
+
+    FIC101.PV    FIC101/PID1/PV.CV    101_PV    PV_FIC101    FIC101PV    Set Point [m3/h]
+
+MV is the *manipulated* variable, hence OP. CV alone is not guessed: it is the output in some systems, the controlled
+variable in others; after another word (PV.CV) it only says "current value".
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+from ..checked import nearest
+from ..errors import InputError
+from ..loop import Loop
+
+__all__ = ["LABELS", "choose", "find_loops", "is_long", "understand"]
+
+LABELS = {
+    "time": "time",
+    "sp": "SP",
+    "pv": "PV",
+    "op": "OP",
+    "mode": "MODE",
+    "quality": "quality",
+    "op_low_flag": "OP low flag",
+    "op_high_flag": "OP high flag",
+    "position": "position",
+    "tag": "tag",
+    "value": "value",
+}
+"""Role to the word that people see."""
+
+_WORDS: dict[str, str] = {
+    word: role
+    for role, words in {
+        "sp": "sp sv spt setpoint setpt setp wsp sollwert",
+        "pv": "pv meas measurement processvalue processvariable processvar istwert",
+        "op": "op mv out output co controlleroutput controloutput outputvalue manipulatedvariable stellgrösse",
+        "mode": "mode md modeactual actualmode controlmode controllermode automan",
+        "quality": "quality qual status pvquality pvstatus qualitycode statuscode",
+        "position": "position pos posn valveposition valvepos actualposition travel",
+    }.items()
+    for word in words.split()
+}
+_WHOLE: dict[str, str] = {
+    word: role
+    for role, words in {
+        "time": "time t ts timestamp date datetime datetimeutc timeutc utctime timestamputc localtime timelocal "
+        "sampletime epoch zeit zeitstempel datum datumzeit tid tidpunkt",
+        "tag": "tag tagname point pointname pointid item itemid signal signalname variable name nodeid",
+        "value": "value val reading wert värde",
+    }.items()
+    for word in words.split()
+}
+_CURRENT = {"cv", "value", "val", "act", "actual", "eu", "current"}  # PV.CV, SP_VALUE: says nothing more
+_JOINED = re.compile(r"(.*\d)(sp|sv|pv|op|mv|out|co|mode)", re.IGNORECASE)  # FIC101PV
+_TOKEN = re.compile(r"[^./_\-:\s|\\#,!]+")
+_UNIT = re.compile(r"\s*[\[(]([^\[\]()]*)[\])]\s*$")
+_SEPARATORS = "./_-:|\\#,! \t"
+_LIMITS = {"hi", "lo", "hihi", "lolo", "hh", "ll", "high", "low", "lim", "limit", "max", "min", "alarm", "alm", "scale"}
+
+
+@dataclass(frozen=True, slots=True)
+class Meaning:
+    """What a column's name says: role, loop ("" where the name has no more to it) and unit."""
+
+    role: str | None
+    loop: str = ""
+    unit: str | None = None
+
+
+def understand(name: str) -> Meaning:
+    """Read a column's name.
+
+    Examples
+    --------
+    >>> understand("FIC101/PID1/PV.CV")
+    Meaning(role='pv', loop='FIC101/PID1', unit=None)
+    >>> understand("Set Point [m3/h]")
+    Meaning(role='sp', loop='', unit='m3/h')
+    >>> understand("PV_HI_LIM").role is None
+    True
+    """
+    text, unit = name.strip(), None
+    if found := _UNIT.search(text):
+        text, unit = text[: found.start()], found.group(1).strip() or None
+    tokens = list(_TOKEN.finditer(text))
+    words = [t.group().lower() for t in tokens]
+    if not words:
+        return Meaning(None)
+    whole = "".join(words)
+    if whole in _WHOLE:
+        return Meaning(_WHOLE[whole], "", unit)
+    if whole in _WORDS:
+        return Meaning(_WORDS[whole], "", unit)
+    while len(words) > 1 and words[-1] in _CURRENT:
+        tokens.pop(), words.pop()
+    if _LIMITS.intersection(words):
+        return Meaning(None)
+    for count in (2, 1):  # "set point" before "point"
+        if len(words) < count:
+            continue
+        if role := _WORDS.get("".join(words[-count:])):
+            rest = text[: tokens[-count].start()].rstrip(_SEPARATORS)
+        elif role := _WORDS.get("".join(words[:count])):
+            rest = text[tokens[count - 1].end() :].strip(_SEPARATORS)
+        else:
+            continue
+        if role == "quality" and rest:  # FIC101.PV.STATUS is the quality of PV, FIC101.SP.STATUS is of no use
+            of = understand(rest)
+            if of.role is not None:
+                return Meaning("quality", of.loop) if of.role == "pv" else Meaning(None)
+        return Meaning(role, rest, unit)
+    if joined := _JOINED.fullmatch(text[: tokens[-1].end()]):
+        return Meaning(_WORDS[joined.group(2).lower()], joined.group(1), unit)
+    return Meaning(None)
+
+
+def is_long(names: Sequence[str]) -> bool:
+    """Whether this is a long table: a row per tag and time.
+
+    Examples
+    --------
+    >>> is_long(["Timestamp", "TagName", "Value", "Quality"])
+    True
+    """
+    roles = [understand(name).role for name in names]
+    return {"tag", "value"} <= set(roles) and "pv" not in roles
+
+
+def find_loops(names: Iterable[str]) -> list[str]:
+    """Names of the loops that have at least SP and PV, in the order in which they appear; "" for unprefixed columns.
+
+    Examples
+    --------
+    >>> find_loops(["t", "FIC101.SP", "FIC101.PV", "TI7.PV", "FIC102.PV", "FIC102.SP"])
+    ['FIC101', 'FIC102']
+    """
+    roles: dict[str, set[str]] = {}
+    for name in names:
+        meaning = understand(name)
+        if meaning.role in ("sp", "pv"):
+            roles.setdefault(meaning.loop, set()).add(meaning.role)
+    return [loop for loop, have in roles.items() if len(have) == 2]
+
+
+def choose(names: Sequence[str], loop: Loop, group: str | None, label: str, *, tags: bool = False) -> dict[str, str]:
+    """Column (or tag) for every role of one loop that has one: named by the user, or guessed within `group`.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Columns or tags there are.
+    loop : Loop
+        Its `columns` win over guesses; an empty string there means "there is none".
+    group : str or None
+        Prefix of this loop's columns as `find_loops` gives it; None when nothing may be guessed.
+    label : str
+        File as the user wrote it, for messages.
+    tags : bool
+        Whether `names` are the tags of a long table.
+
+    Raises
+    ------
+    InputError
+        For a named column that is not there, two columns that fit one role, and missing SP or PV.
+    """
+    kind = "tag" if tags else "column"
+    wanted: Mapping[str, str | None] = loop.columns.model_dump()
+    chosen: dict[str, str] = {}
+    for role in LABELS:
+        if role in ("tag", "value") or (tags and role in ("time", "quality")):
+            continue
+        named = wanted[role]
+        if named is not None:
+            if named:
+                chosen[role] = _named(names, named, role, loop, label, kind)
+        elif guessed := _guess(names, role, group, label, kind):
+            chosen[role] = guessed
+    missing = [LABELS[role] for role in ("sp", "pv") if role not in chosen]
+    if missing:
+        raise InputError(
+            f"no {kind} for {' and '.join(missing)} among: {_listed(names)}",
+            file=label,
+            loop=loop.name if group is None else None,
+            column=None,
+            hint=f'name it in loops.toml: columns = {{ {missing[0].lower()} = "..." }}',
+        )
+    return chosen
+
+
+def _named(names: Sequence[str], named: str, role: str, loop: Loop, label: str, kind: str) -> str:
+    same = [n for n in names if n == named] or [n for n in names if n.strip().lower() == named.strip().lower()]
+    if len(same) == 1:
+        return same[0]
+    if same:
+        raise InputError(
+            f"there are {len(same)} {kind}s of this name", file=label, column=named, hint="give them different names"
+        )
+    near = nearest(named, {n.lower(): n for n in names})
+    near = next((n for n in names if n.lower() == near), None)
+    raise InputError(
+        f"no {kind} '{named}' for {LABELS[role]}"
+        + (f", did you mean '{near}'?" if near else "")
+        + f" There are: {_listed(names)}",
+        file=label,
+        loop=loop.name,
+        parameter=f"columns.{role}",
+        value=named,
+    )
+
+
+def _guess(names: Sequence[str], role: str, group: str | None, label: str, kind: str) -> str | None:
+    if group is None:
+        return None
+    lonely = len(find_loops(names)) <= 1  # an unprefixed MODE or OP beside FIC101.PV belongs to the only loop there is
+    fits, shared = [], []
+    for name in names:
+        meaning = understand(name)
+        if meaning.role == role:
+            if meaning.loop == group or role == "time":
+                fits.append(name)
+            elif meaning.loop == "" and lonely:
+                shared.append(name)
+    fits = fits or shared
+    if len(fits) > 1:
+        key = role
+        raise InputError(
+            f"the {kind}s {' and '.join(repr(f) for f in fits)} could both be {LABELS[role]}",
+            file=label,
+            hint=f'name the right one in loops.toml: columns = {{ {key} = "{fits[0]}" }}',
+        )
+    return fits[0] if fits else None
+
+
+def _listed(names: Sequence[str]) -> str:
+    shown = ", ".join(n if n.strip() else "(no name)" for n in names[:20])
+    return f"{shown} and {len(names) - 20} more" if len(names) > 20 else shown

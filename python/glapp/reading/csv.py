@@ -1,0 +1,293 @@
+"""Text tables: what they look like, and streaming them.
+
+The first 64 KiB (and the last, where they can be had) tell encoding, separator, decimal comma, header and a row of
+units. Arrow then parses numbers and ISO times natively; the first cell that it cannot convert so makes the rest of the
+file be read as text, which knows more spellings and finds the faulty cell. The two roads give the same values.
+"""
+
+from __future__ import annotations
+
+import codecs
+import csv
+import io
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.csv as pc
+
+from ..errors import InputError
+from .columns import understand
+from .source import Source
+from .times import looks_like_stamp
+from .values import null_spellings
+
+__all__ = ["CsvSource"]
+
+_SAMPLE = 1 << 16
+_BLOCK = 1 << 22
+_NUMBER = re.compile(r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?")
+_DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
+_COMPRESSED = {".gz": "gzip", ".bz2": "bz2", ".zst": "zstd", ".lz4": "lz4"}
+
+
+class CsvSource(Source):
+    """A CSV file, plain or compressed; the header is row 1 and rows are counted as an editor counts lines.
+
+    Raises
+    ------
+    InputError
+        Where the file is empty, is not text, has no header or no rows.
+    """
+
+    def __init__(self, path: str, label: str) -> None:
+        self.label = label
+        self.rows = None
+        self._path = path
+        self._compression = _COMPRESSED.get(Path(path).suffix.lower())
+        self._size = Path(path).stat().st_size
+        raw = self._sample(0)
+        if not raw.strip(b"\r\n\t \0"):
+            raise InputError("is empty", file=label)
+        self._encoding = _encoding(raw, label)
+        text = codecs.getincrementaldecoder(self._encoding)("replace").decode(raw)
+        lines = text.splitlines(keepends=True)
+        whole = len(raw) < _SAMPLE
+        if not whole and len(lines) > 1:
+            lines.pop()  # cut off in its middle
+        try:
+            self._delimiter, rows = _separate(lines, label)
+            tail = [] if whole else self._last_rows()
+        except csv.Error as error:
+            raise InputError(f"is not a table of text: {error}", file=label) from None
+        width = Counter(len(cells) for _, cells in rows).most_common(1)[0][0]
+        start = next(i for i, (_, cells) in enumerate(rows) if len(cells) == width)
+        line, header = rows[start]
+        if any(len(cells) > width for _, cells in rows[:start]):
+            start = 0  # not a title above the table, but a header with more names than cells: reported as a ragged row
+            line, header = rows[0]
+        self.names = [cell.strip() for cell in header]
+        if any(_is_data(cell) for cell in header) and not any(understand(n).role for n in self.names):
+            raise InputError(
+                "has no header: the first row holds data",
+                file=label,
+                row=line,
+                hint="write the columns' names in the first row, for instance t,SP,PV,OP,MODE",
+            )
+        self.units = [understand(name).unit for name in self.names]
+        body = rows[start + 1 :]
+        self._skip = line
+        while body and _is_unit_row(body[0][1], width):
+            self._skip, cells = body.pop(0)
+            self.units = [cell.strip(" []()") or None for cell in cells]
+        if not body:
+            raise InputError("has a header but no rows", file=label)
+        body_cells = [cells for _, cells in body if len(cells) == width]
+        self._head = _columns(body_cells, width)
+        self._tail = _columns([cells for cells in tail if len(cells) == width], width) if tail else None
+        cells = [cell.strip() for row in body_cells + tail for cell in row]
+        commas = any(_DECIMAL_COMMA.fullmatch(cell) for cell in cells)
+        points = any("." in cell and _NUMBER.fullmatch(cell) for cell in cells)
+        if commas and points:
+            cell = next(cell for cell in cells if _DECIMAL_COMMA.fullmatch(cell))
+            raise InputError(
+                f"'{cell}' and others have a decimal comma, others a decimal point",
+                file=label,
+                value=cell,
+                hint="write all numbers alike, without separators between thousands",
+            )
+        self._decimal = "," if commas else "."
+        self.comma = not points  # whether text may still turn out to have a decimal comma
+
+    def head(self) -> list[pa.Array]:
+        """First rows of every column, as text."""
+        return self._head
+
+    def tail(self) -> list[pa.Array] | None:
+        """Last rows of every column, as text."""
+        return self._tail
+
+    def stream(
+        self, types: Mapping[int, pa.DataType], bad_words: frozenset[str]
+    ) -> Iterator[tuple[list[pa.Array], float]]:
+        """Pass over the file: converted natively as far as that goes, the rest as text."""
+        done = 0
+        try:
+            for batch, fraction in self._parse(types, bad_words):
+                done += batch.num_rows
+                yield batch.columns, fraction
+            return
+        except pa.ArrowInvalid as error:
+            if not str(error).startswith("In CSV column"):
+                raise self._ragged(error) from None
+        skip = done
+        text = dict.fromkeys(types, pa.string())
+        try:
+            for batch, fraction in self._parse(text, bad_words):
+                if skip >= batch.num_rows:
+                    skip -= batch.num_rows
+                    continue
+                rest, skip = batch.slice(skip), 0
+                yield rest.columns, fraction
+        except pa.ArrowInvalid as error:
+            raise self._ragged(error) from None
+
+    def _parse(
+        self, types: Mapping[int, pa.DataType], bad_words: frozenset[str]
+    ) -> Iterator[tuple[pa.RecordBatch, float]]:
+        with pa.OSFile(self._path) as file:
+            reader = pc.open_csv(
+                self._text(file),
+                # one thread: the caller runs us in the background, and two cores are better spent on its work
+                pc.ReadOptions(
+                    use_threads=False,
+                    block_size=_BLOCK,
+                    skip_rows=self._skip,
+                    column_names=[str(i) for i in range(len(self.names))],
+                ),
+                pc.ParseOptions(delimiter=self._delimiter),
+                pc.ConvertOptions(
+                    column_types={str(i): kind for i, kind in types.items()},
+                    include_columns=[str(i) for i in types],
+                    null_values=null_spellings(bad_words),
+                    strings_can_be_null=False,
+                    decimal_point=self._decimal,
+                ),
+            )
+            for batch in reader:
+                yield batch, min(file.tell() / max(self._size, 1), 1.0)
+
+    def _text(self, file: pa.NativeFile) -> pa.NativeFile:
+        """The file's text as UTF-8 bytes."""
+        stream = pa.CompressedInputStream(file, self._compression) if self._compression else file
+        if self._encoding in ("utf-8", "utf-8-sig"):
+            return stream
+        return pa.transcoding_input_stream(stream, self._encoding, "utf-8")
+
+    def _sample(self, start: int) -> bytes:
+        try:
+            with pa.OSFile(self._path) as file:
+                if self._compression:
+                    return bytes(pa.CompressedInputStream(file, self._compression).read(_SAMPLE))
+                file.seek(start)
+                return bytes(file.read(_SAMPLE))
+        except (OSError, pa.ArrowException) as error:
+            raise InputError(f"cannot be read: {error}", file=self.label) from None
+
+    def _last_rows(self) -> list[list[str]]:
+        """Cells of the last rows; none where the end cannot be had without reading everything."""
+        if self._compression or self._encoding not in ("utf-8", "utf-8-sig", "cp1252"):
+            return []
+        text = self._sample(max(0, self._size - _SAMPLE)).decode(self._encoding, "replace")
+        lines = text.splitlines()[1:]  # the first is cut
+        return [row for row in csv.reader(lines, delimiter=self._delimiter) if row]
+
+    def _lines(self) -> Iterator[str]:
+        with pa.OSFile(self._path) as file:
+            stream = pa.CompressedInputStream(file, self._compression) if self._compression else file
+            yield from io.TextIOWrapper(stream, encoding=self._encoding, errors="replace", newline=None)
+
+    def _records(self) -> Iterator[tuple[int, list[str]]]:
+        """Line number and cells of every record: the slow road, taken only to say where a fault is."""
+        lines = self._lines()
+        for _ in range(self._skip):
+            next(lines, None)
+        reader = csv.reader(lines, delimiter=self._delimiter)
+        line = 0
+        for cells in reader:
+            if cells:
+                yield self._skip + line + 1, cells
+            line = reader.line_num
+
+    def row_number(self, record: int) -> int:
+        """Line on which the record with this index starts."""
+        try:
+            for i, (line, _) in enumerate(self._records()):
+                if i == record:
+                    return line
+        except csv.Error:
+            pass
+        return self._skip + record + 1
+
+    def _ragged(self, error: pa.ArrowInvalid) -> InputError:
+        """Say which row has more or fewer cells than the header."""
+        width = len(self.names)
+        found: tuple[int, int] | None = None
+        last = 0
+        try:
+            for line, cells in self._records():
+                last = line
+                if found is None and len(cells) != width:
+                    found = line, len(cells)
+        except csv.Error:
+            pass
+        if found is None:
+            return InputError(f"is not a regular table: {error}", file=self.label)
+        row, cells = found
+        cut = row == last and cells < width
+        return InputError(
+            f"has {cells} cell{'s' * (cells != 1)} where the header has {width}",
+            file=self.label,
+            row=row,
+            value=cells,
+            bound=str(width),
+            hint="the file ends in the middle of a row, is it still being written?" if cut else None,
+        )
+
+
+def _encoding(raw: bytes, label: str) -> str:
+    for mark, name in (
+        (codecs.BOM_UTF8, "utf-8-sig"),
+        (codecs.BOM_UTF32_LE, "utf-32"),
+        (codecs.BOM_UTF16_LE, "utf-16"),
+        (codecs.BOM_UTF16_BE, "utf-16"),
+    ):
+        if raw.startswith(mark):
+            return name
+    if b"\0" in raw:
+        for name, zeros in (("utf-16-le", raw[1::2]), ("utf-16-be", raw[::2])):
+            if zeros.count(0) > 0.9 * len(zeros):
+                return name
+        raise InputError("is not text, Parquet or Arrow", file=label)
+    control = sum(raw.count(bytes([c])) for c in range(32) if c not in (9, 10, 12, 13))
+    if control > 0.01 * len(raw):
+        raise InputError("is not text, Parquet or Arrow", file=label)
+    try:
+        codecs.getincrementaldecoder("utf-8")().decode(raw)
+    except UnicodeDecodeError:
+        return "cp1252" if not set(raw) & {0x81, 0x8D, 0x8F, 0x90, 0x9D} else "latin-1"
+    return "utf-8"
+
+
+def _separate(lines: list[str], label: str) -> tuple[str, list[tuple[int, list[str]]]]:
+    """The separator that splits most rows into the same number of cells, and the rows so split with their numbers."""
+    best: tuple[tuple[float, int], str, list[tuple[int, list[str]]]] | None = None
+    for order, delimiter in enumerate(("\t", ";", "|", ",")):
+        reader = csv.reader(lines, delimiter=delimiter)
+        rows, line = [], 0
+        for cells in reader:
+            if cells:
+                rows.append((line + 1, cells))
+            line = reader.line_num
+        width, count = Counter(len(cells) for _, cells in rows).most_common(1)[0]
+        score = (count / len(rows), -order)
+        if width > 1 and (best is None or score > best[0]):
+            best = score, delimiter, rows
+    if best is None:
+        raise InputError("has only one column", file=label, hint="separate the columns by comma, semicolon, tab or '|'")
+    return best[1], best[2]
+
+
+def _is_data(cell: str) -> bool:
+    return bool(_NUMBER.fullmatch(cell.strip())) or looks_like_stamp(cell)
+
+
+def _is_unit_row(cells: list[str], width: int) -> bool:
+    """A row of units holds words and no number or time at all."""
+    return len(cells) == width and any(c.strip() for c in cells) and not any(_is_data(c) for c in cells)
+
+
+def _columns(rows: list[list[str]], width: int) -> list[pa.Array]:
+    return [pa.array([row[i] for row in rows], pa.string()) for i in range(width)]

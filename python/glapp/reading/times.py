@@ -1,0 +1,457 @@
+"""The time column: what its cells mean, and seconds since the first row.
+
+ISO stamps are parsed by Arrow. Every other way of writing is parsed by *layout*: a stamp with its digits blanked out,
+such as ``00.00.0000 00:00:00``. A file has few layouts, each is understood once, and its rows are converted together.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from functools import lru_cache
+from zoneinfo import ZoneInfo
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+from numpy.typing import NDArray
+
+from .values import CellFault, is_text, plain
+
+__all__ = ["Clock", "looks_like_stamp"]
+
+_ISO = re.compile(r"\d{4}-\d\d-\d\d(?:[ T]\d\d:\d\d(?::\d\d(?:\.\d{1,9})?)?)?")
+_ISO_ZONED = re.compile(r"\d{4}-\d\d-\d\d[ T]\d\d:\d\d(?::\d\d(?:\.\d{1,9})?)?(?:Z|[+-]\d\d(?::?\d\d)?)")
+_NUMERIC = re.compile(r"[+-]?\d+(?:[.,]\d*)?(?:[eE][+-]?\d+)?")
+
+# In a layout every digit is written 0.
+_LAYOUT = re.compile(
+    r"(?:(?P<y1>0000)(?P<s1>[-/.])(?P<m1>00?)(?P=s1)(?P<d1>00?)"  # 2024-01-31
+    r"|(?P<a>00?)(?P<s2>[-/.])(?P<b>00?)(?P=s2)(?P<y2>0000|00)"  # 31/01/2024 or 01/31/2024
+    r"|(?P<d3>00?)[- /](?P<n3>[A-Za-z]{3,9})[- /](?P<y3>0000|00)"  # 31-Jan-24
+    r"|(?P<n4>[A-Za-z]{3,9}) (?P<d4>00?),? (?P<y4>0000)"  # Jan 31, 2024
+    r"|(?P<y5>0000)(?P<m5>00)(?P<d5>00)(?=T))"  # 20240131T...
+    r"(?:(?:T|,? +)(?P<H>00?)(?::(?P<M>00)(?::(?P<S>00)(?:[.,](?P<F>0{1,9}))?)?|(?P<M2>00)(?P<S2>00))"
+    r"(?: ?(?P<half>[AP])\.?M\.?)?"
+    r"(?: ?(?P<zone>Z|UTC|GMT|(?:UTC|GMT)?(?P<sign>[+-])(?P<zh>00):?(?P<zm>00)?))?)?",
+    re.IGNORECASE,
+)
+_MONTHS = {
+    name: month
+    for month, names in enumerate(
+        ("jan", "feb", "mar", "apr", "may mai maj", "jun", "jul", "aug", "sep", "oct okt", "nov", "dec dez"), start=1
+    )
+    for name in names.split()
+}
+_PER_SECOND = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
+_STATE_ORDER = "write time_format = 'day first' or 'month first'"
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Where in a stamp of one layout its parts are: name to (first, last + 1); constants of the layout."""
+
+    parts: dict[str, tuple[int, int]]
+    month: int | None
+    half: int | None
+    sign: int | None
+    zoned: bool
+
+
+def looks_like_stamp(text: str) -> bool:
+    """Whether a cell holds a date and not a plain number.
+
+    Examples
+    --------
+    >>> looks_like_stamp("31.01.2024 10:00"), looks_like_stamp("12.5")
+    (True, False)
+    """
+    return _plan(re.sub(r"[0-9]", "0", text.strip())) is not None
+
+
+@lru_cache(maxsize=256)
+def _plan(layout: str) -> Plan | None:
+    found = _LAYOUT.fullmatch(layout)
+    if found is None:
+        return None
+    name = found["n3"] or found["n4"]
+    month = _MONTHS.get(name[:3].lower()) if name else None
+    if name and month is None:
+        return None
+    parts = {k.rstrip("12345"): found.span(k) for k in found.groupdict() if found[k] and k[0] in "ymdabHMSFz"}
+    parts.pop("zone", None)
+    half = {"a": 0, "p": 12}[found["half"].lower()] if found["half"] else None
+    sign = {"+": 1, "-": -1}[found["sign"]] if found["sign"] else None
+    return Plan(parts, month, half, sign, found["zone"] is not None)
+
+
+class Clock:
+    """Turns a time column into seconds.
+
+    Parameters
+    ----------
+    head : pyarrow.Array
+        First rows of the column.
+    tail : pyarrow.Array or None
+        Last rows where they are cheap to have: they may settle which number is the day.
+    time_format : str or None
+        As in `Loop`.
+    time_zone : str or None
+        Zone of stamps without one.
+
+    Attributes
+    ----------
+    arrow_type : pyarrow.DataType
+        What a CSV parser should make of the column.
+    t0 : datetime or None
+        Time of the first row.
+    zone : str or None
+        Zone the times are told in.
+
+    Raises
+    ------
+    CellFault
+        Where the first rows are no times, or can be read in two ways.
+    """
+
+    def __init__(self, head: pa.Array, tail: pa.Array | None, time_format: str | None, time_zone: str | None) -> None:
+        head = plain(head)
+        head = head.filter(pc.is_valid(head))
+        if is_text(head.type):
+            trimmed = pc.utf8_trim_whitespace(head)
+            head = trimmed.filter(pc.not_equal(trimmed, ""))
+        if len(head) == 0:
+            raise CellFault(0, "the time is empty")
+        self.zone = time_zone
+        self.t0: datetime | None = None
+        self._format = time_format
+        self._day_first: bool | None = None
+        self._zoned = False
+        self._per_second = 10**9
+        self._origin = 0
+        self._numeric = False
+        self.arrow_type: pa.DataType = pa.string()
+        if is_text(head.type):
+            texts = head.to_pylist()
+            if all(_NUMERIC.fullmatch(t) for t in texts):
+                self._numbers(
+                    np.array([float(t.replace(",", ".")) for t in texts]), int(float(texts[0].replace(",", ".")))
+                )
+            else:
+                self._stamps(head, texts, None if tail is None else plain(tail))
+        elif pa.types.is_timestamp(head.type) or pa.types.is_date(head.type):
+            column = (
+                head.cast(pa.timestamp("s" if pa.types.is_date32(head.type) else "ms"))
+                if pa.types.is_date(head.type)
+                else head
+            )
+            self._per_second = _PER_SECOND[column.type.unit]
+            self._zoned = column.type.tz is not None
+            if self._zoned and time_zone is None:
+                self.zone = column.type.tz
+            self._start(column)
+        elif pa.types.is_integer(head.type) or pa.types.is_floating(head.type) or pa.types.is_decimal(head.type):
+            values = head.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False)
+            self._numbers(values, int(head[0].as_py()) if np.isfinite(values[0]) else 0)
+        else:
+            raise CellFault(0, f"holds {head.type}, not times")
+
+    def reader(self) -> Callable[[pa.Array], NDArray[np.float64]]:
+        """A function for one pass over the recording: column to seconds [s]; raises CellFault."""
+        if self._numeric:
+            return self._read_numbers
+        fold = _Fold(self.zone) if self.zone is not None and not self._zoned else None
+
+        def read(column: pa.Array) -> NDArray[np.float64]:
+            ticks = self._ticks(column)
+            if fold is not None:
+                ticks = fold(ticks, self._per_second)
+            return (ticks - self._origin) / self._per_second
+
+        return read
+
+    # --- numbers
+
+    def _numbers(self, head: NDArray[np.float64], first: int) -> None:
+        self._numeric = True
+        form = self._format
+        if form is None:
+            low, high = float(np.nanmin(head)), float(np.nanmax(head))
+            form = "seconds"
+            for exponent, name in ((0, "epoch s"), (3, "epoch ms"), (6, "epoch us"), (9, "epoch ns")):
+                if 0.6e9 * 10**exponent <= low and high <= 4.2e9 * 10**exponent:  # years 1989 to 2103
+                    form = name
+            steps = np.diff(head)
+            if (
+                form == "seconds"
+                and len(steps)
+                and 25569 < low
+                and high < 80000
+                and np.all((0 < steps) & (steps < 0.004))
+            ):
+                raise CellFault(
+                    0,
+                    f"{head[0]:.10g} looks like a spreadsheet's day number",
+                    "format the column as date and time, or write time_format = 'seconds'",
+                )
+        self.arrow_type = pa.float64()
+        if form == "seconds":
+            self._per_second = 0
+            return
+        if not form.startswith("epoch"):
+            raise CellFault(0, f"holds numbers, which cannot be read '{form}'", "leave out time_format")
+        per_second = _PER_SECOND[form.removeprefix("epoch ")]
+        self._per_second = per_second
+        if per_second <= 1000:  # fractions of s and ms are kept to the microsecond, which float64 holds exactly
+            self._scale = 10**6 // per_second
+            self._per_second = 10**6
+            first = round(float(head[0]) * self._scale)
+        else:
+            self._scale = 1
+            self.arrow_type = pa.int64()
+        self._origin = first
+        zone = ZoneInfo(self.zone) if self.zone else UTC
+        self.zone = self.zone or "UTC"
+        self.t0 = _moment(first, self._per_second).replace(tzinfo=UTC).astimezone(zone)
+
+    def _read_numbers(self, column: pa.Array) -> NDArray[np.float64]:
+        column = plain(column)
+        if is_text(column.type):
+            column = pc.replace_substring(pc.utf8_trim_whitespace(column), ",", ".")
+            good = pc.match_substring_regex(column, rf"^{_NUMERIC.pattern}$")
+            if pc.min(good).as_py() is False:
+                at = pc.index(good, False).as_py()
+                raise CellFault(at, f"'{column[at].as_py()}' is not a time like those before", value=column[at].as_py())
+            column = column.cast(self.arrow_type)
+        if column.null_count:
+            raise CellFault(pc.index(pc.is_null(column), True).as_py(), "the time is empty")
+        if self._per_second == 0 or self._scale != 1:
+            x: NDArray[np.float64] = column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False)
+            finite = np.isfinite(x)
+            if not finite.all():
+                at = int(np.argmin(finite))
+                raise CellFault(at, f"'{x[at]}' is not a time", value=float(x[at]))
+            if self._per_second == 0:
+                return x
+            if np.abs(x).max(initial=0.0) * self._scale > 9e18:
+                raise CellFault(int(np.argmax(np.abs(x))), "is outside the range of times")
+            return (np.rint(x * self._scale).astype(np.int64) - self._origin) / self._per_second
+        ticks: NDArray[np.int64] = column.cast(pa.int64(), safe=False).to_numpy(zero_copy_only=False)
+        return (ticks - self._origin) / self._per_second
+
+    # --- stamps
+
+    def _stamps(self, head: pa.Array, texts: Sequence[str], tail: pa.Array | None) -> None:
+        if self._format in ("day first", "month first"):
+            self._day_first = self._format == "day first"
+        elif self._format is not None:
+            raise CellFault(0, f"'{texts[0]}' cannot be read as '{self._format}'", "leave out time_format", texts[0])
+        if all(_ISO.fullmatch(t) for t in texts):
+            self.arrow_type = pa.timestamp("ns")
+        elif all(_ISO_ZONED.fullmatch(t) for t in texts):
+            self.arrow_type = pa.timestamp("ns", "UTC")
+        plan = _plan(re.sub(r"[0-9]", "0", texts[0]))
+        if plan is None:
+            raise CellFault(0, f"'{texts[0]}' is not a time that is known here", _hint(texts[0]), texts[0])
+        self._zoned = plan.zoned
+        if plan.zoned and self.zone is None:
+            self.zone = "UTC"
+        if self._day_first is None and "a" in plan.parts:
+            rows = list(texts) + ([] if tail is None else [t for t in tail.to_pylist() if t])
+            self._day_first = _day_first(rows)
+        self._start(head)
+
+    def _start(self, head: pa.Array) -> None:
+        first = self._ticks(head.slice(0, 1))
+        if self.zone is not None and not self._zoned:
+            first = _Fold(self.zone)(first, self._per_second)
+        self._origin = int(first[0])
+        moment = _moment(self._origin, self._per_second)
+        self.t0 = moment if self.zone is None else moment.replace(tzinfo=UTC).astimezone(_zone(self.zone))
+
+    def _ticks(self, column: pa.Array) -> NDArray[np.int64]:
+        """Integer time since 1970 in 1/per_second, local where no zone is known."""
+        column = plain(column)
+        if is_text(column.type):
+            return self._parse(column)
+        if column.null_count:
+            raise CellFault(pc.index(pc.is_null(column), True).as_py(), "the time is empty")
+        if pa.types.is_date(column.type):
+            column = column.cast(pa.timestamp("s" if pa.types.is_date32(column.type) else "ms"))
+        ticks: NDArray[np.int64] = column.view(pa.int64()).to_numpy()
+        return ticks
+
+    def _parse(self, column: pa.Array) -> NDArray[np.int64]:
+        column = pc.utf8_trim_whitespace(column)
+        empty = pc.or_kleene(pc.is_null(column), pc.equal(column, ""))
+        if pc.any(empty).as_py():
+            raise CellFault(pc.index(empty, True).as_py(), "the time is empty")
+        n = len(column)
+        offsets = np.frombuffer(column.buffers()[1], np.int32)[column.offset : column.offset + n + 1]
+        data = np.frombuffer(column.buffers()[2] or b"", np.uint8)
+        lengths = np.diff(offsets)
+        out = np.empty(n, np.int64)
+        for length in np.unique(lengths):
+            rows = np.flatnonzero(lengths == length)
+            if length > 64:
+                raise CellFault(int(rows[0]), f"'{column[int(rows[0])].as_py()}' is not a time")
+            cells = data[offsets[rows][:, None] + np.arange(length)]
+            digit = (cells >= 48) & (cells <= 57)
+            layouts = np.where(digit, np.uint8(48), cells)
+            while len(rows):
+                same = (layouts == layouts[0]).all(axis=1)
+                at = int(rows[0])
+                text = column[at].as_py()
+                plan = _plan(layouts[0].tobytes().decode("utf-8", "replace"))
+                if plan is None:
+                    raise CellFault(at, f"'{text}' is not a time that is known here", _hint(text), text)
+                if plan.zoned != self._zoned:
+                    has = "has a zone" if plan.zoned else "has no zone"
+                    raise CellFault(at, f"'{text}' {has}, unlike the first row: mixed zones", value=text)
+                if "a" in plan.parts and self._day_first is None:
+                    raise CellFault(at, f"'{text}' can be read day first or month first", _STATE_ORDER, text)
+                values, wrong = _convert(cells[same], plan, self._day_first)
+                if wrong.any():
+                    at = int(rows[same][np.argmax(wrong)])
+                    text = column[at].as_py()
+                    read = "" if "a" not in plan.parts else " day first" if self._day_first else " month first"
+                    raise CellFault(at, f"'{text}' read{read} is not a date and time that exists", value=text)
+                out[rows[same]] = values
+                rows, cells, layouts = rows[~same], cells[~same], layouts[~same]
+        return out
+
+
+def _convert(
+    cells: NDArray[np.uint8], plan: Plan, day_first: bool | None
+) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Stamps of one layout to ns since 1970, and which of them do not exist."""
+    zero = np.zeros(len(cells), np.int64)
+
+    def part(name: str) -> NDArray[np.int64]:
+        value = zero
+        first, last = plan.parts.get(name, (0, 0))
+        for i in range(first, last):
+            value = value * 10 + (cells[:, i].astype(np.int64) - 48)
+        return value
+
+    year = part("y")
+    if "y" in plan.parts and plan.parts["y"][1] - plan.parts["y"][0] == 2:
+        year = np.where(year < 70, 2000 + year, 1900 + year)
+    if "a" in plan.parts:
+        day, month = (part("a"), part("b")) if day_first else (part("b"), part("a"))
+    else:
+        day, month = part("d"), part("m") if plan.month is None else zero + plan.month
+    hour, minute, second = part("H"), part("M"), part("S")
+    wrong = (year < 1700) | (year > 2250) | (month < 1) | (month > 12) | (minute > 59) | (second > 59)
+    if plan.half is None:
+        wrong |= hour > 23
+    else:
+        wrong |= (hour < 1) | (hour > 12)
+        hour = hour % 12 + plan.half
+    months = (np.where(wrong, 1970, year) - 1970) * 12 + np.where(wrong, 1, month) - 1
+    starts = months.astype("datetime64[M]").astype("datetime64[D]").astype(np.int64)
+    ends = (months + 1).astype("datetime64[M]").astype("datetime64[D]").astype(np.int64)
+    wrong |= (day < 1) | (day > ends - starts)
+    seconds = (starts + day - 1) * 86400 + hour * 3600 + minute * 60 + second
+    if plan.sign is not None:
+        zh, zm = part("zh"), part("zm")
+        wrong |= (zh > 15) | (zm > 59)
+        seconds = seconds - plan.sign * (zh * 3600 + zm * 60)
+    first, last = plan.parts.get("F", (0, 9))
+    fraction = part("F") * 10 ** (9 - (last - first))
+    return np.where(wrong, 0, seconds) * 10**9 + fraction, wrong
+
+
+def _day_first(texts: Sequence[str]) -> bool:
+    """Which of the two leading numbers is the day, from the data alone; CellFault where it stays open."""
+    dates = []
+    for text in texts:
+        if found := re.match(r"(\d{1,2})([-/.])(\d{1,2})\2(\d{4}|\d\d)", text.strip()):
+            dates.append((int(found[1]), int(found[3]), int(found[4]), found[2]))
+    if any(s == "." for *_, s in dates):
+        return True
+    first_over, second_over = any(a > 12 for a, *_ in dates), any(b > 12 for _, b, *_ in dates)
+    if first_over != second_over:
+        return first_over
+    if not first_over:  # dates that follow each other day by day in one reading only
+        steps = {}
+        for day_first in (True, False):
+            days = [
+                np.datetime64(f"{2000 + y % 100:04d}-{b if day_first else a:02d}-{a if day_first else b:02d}", "D")
+                for a, b, y, _ in dates
+                if a >= 1 and b >= 1
+            ]
+            steps[day_first] = set(np.abs(np.diff(np.array(days)).astype(int)).tolist()) - {0} if days else set()
+        consecutive = [day_first for day_first, s in steps.items() if s == {1}]
+        if len(consecutive) == 1:
+            return consecutive[0]
+    raise CellFault(0, f"'{texts[0]}' can be read day first or month first", _STATE_ORDER, texts[0])
+
+
+def _hint(text: str) -> str | None:
+    if re.search(r"\d [A-Z]{3,5}$", text):
+        return "a zone's letters are not unique: write an offset such as +01:00, or leave it out and give time_zone"
+    if re.fullmatch(r"\d{1,2}:\d\d(:\d\d)?([.,]\d+)?", text):
+        return "the date is missing: put date and time in one column"
+    return "write for instance 2024-01-31 13:45:00"
+
+
+def _zone(name: str) -> ZoneInfo:
+    """Zone by IANA name; an Arrow offset such as +01:00 has no such name and is told in UTC."""
+    try:
+        return ZoneInfo(name)
+    except (ValueError, OSError, KeyError):
+        return ZoneInfo("UTC")
+
+
+def _moment(ticks: int, per_second: int) -> datetime:
+    try:
+        return datetime(1970, 1, 1) + timedelta(microseconds=ticks * 10**6 // per_second)
+    except OverflowError:
+        raise CellFault(0, "is outside the range of times") from None
+
+
+class _Fold:
+    """Local times to UTC through one pass; in the hour that autumn repeats, the second run follows a step back."""
+
+    def __init__(self, zone: str) -> None:
+        self._zone = zone
+        self._last: int | None = None
+        self._second = False
+
+    def __call__(self, ticks: NDArray[np.int64], per_second: int) -> NDArray[np.int64]:
+        unit = {v: k for k, v in _PER_SECOND.items()}[per_second]
+        local = pa.array(ticks, pa.int64()).view(pa.timestamp(unit))
+        try:
+            early, late = (
+                pc.assume_timezone(local, self._zone, ambiguous=which, nonexistent="raise").view(pa.int64()).to_numpy()
+                for which in ("earliest", "latest")
+            )
+        except pa.ArrowInvalid:
+            at = next(i for i in range(len(local)) if not self._exists(local.slice(i, 1)))
+            raise CellFault(at, f"{local[at].as_py()} does not exist in {self._zone}", "check time_zone") from None
+        twice = early != late
+        if not twice.any():
+            self._second = False
+        else:
+            back = np.diff(ticks, prepend=ticks[0] if self._last is None else self._last) < 0
+            second = self._second
+            early = early.copy()
+            for i in np.flatnonzero(twice | np.concatenate(([False], twice[:-1]))):
+                second = bool(twice[i]) and (second or bool(back[i]))
+                if second:
+                    early[i] = late[i]
+            self._second = second and bool(twice[-1])
+        if len(ticks):
+            self._last = int(ticks[-1])
+        out: NDArray[np.int64] = early
+        return out
+
+    def _exists(self, one: pa.Array) -> bool:
+        try:
+            pc.assume_timezone(one, self._zone, ambiguous="earliest", nonexistent="raise")
+        except pa.ArrowInvalid:
+            return False
+        return True

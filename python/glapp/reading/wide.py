@@ -1,0 +1,221 @@
+"""A recording with one column per signal."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from datetime import datetime
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from ..errors import InputError
+from ..loop import Loop
+from ..recording import AT_HIGH, AT_LOW, BAD, Batch, Recording
+from .columns import LABELS
+from .source import Source, ahead
+from .times import Clock
+from .values import CellFault, Quality, flags_of, limit_flag, mode_flag, numbers, text_of, words_for_bad
+
+__all__ = ["Reader", "WideRecording"]
+
+_NUMBERS = ("sp", "pv", "op", "position")
+
+
+@dataclass(frozen=True)
+class Reader:
+    """Rules of one loop for turning columns into a `Batch`: words, flags, clock."""
+
+    loop: Loop
+    clock: Clock | None
+    comma: bool
+    quality: Quality
+
+    def number(self, column: pa.Array) -> NDArray[np.float64]:
+        """Numbers, with NaN for everything that stands for missing."""
+        x = numbers(column, words_for_bad(self.loop.bad_values), self.comma)
+        for bad in self.loop.bad_values:
+            if not isinstance(bad, str):
+                x = np.where(x == bad, np.nan, x)
+        return x
+
+    def flag(self, role: str, column: pa.Array) -> NDArray[np.uint8]:
+        """Bits of a mode, quality or limit flag column."""
+        rules: dict[str, Callable[[str], int]] = {
+            "mode": mode_flag(self.loop.auto_values, words_for_bad(self.loop.bad_values)),
+            "quality": self.quality,
+            "op_low_flag": limit_flag(AT_LOW),
+            "op_high_flag": limit_flag(AT_HIGH),
+        }
+        return flags_of(column, rules[role])
+
+
+def finish(t: NDArray[np.float64], values: dict[str, NDArray[np.float64]], flags: NDArray[np.uint8] | None) -> Batch:
+    """Mark rows without SP or PV as bad, and rows marked bad as without PV."""
+    sp, pv = values["sp"], values["pv"]
+    if flags is not None and (bad := flags & BAD != 0).any():
+        pv = np.where(bad, np.nan, pv)
+    if np.isnan(sp.sum()) or np.isnan(pv.sum()):
+        missing = np.isnan(sp) | np.isnan(pv)
+        flags = np.zeros(len(t), np.uint8) if flags is None else flags
+        flags = flags | (missing * np.uint8(BAD))
+    if flags is not None and not flags.any():
+        flags = None
+    return Batch(t, sp, pv, values.get("op"), flags, values.get("position"))
+
+
+class WideRecording(Recording):
+    """One loop of a table with one column per signal.
+
+    Parameters
+    ----------
+    source : Source
+        Table.
+    loop : Loop
+        Settings.
+    chosen : dict
+        Role to column name.
+
+    Raises
+    ------
+    InputError
+        Where the first rows show that the table cannot be used.
+    """
+
+    def __init__(self, source: Source, loop: Loop, chosen: dict[str, str]) -> None:
+        self.name, self.loop, self.source, self.rows = loop.name, loop, source.label, source.rows
+        self._source = source
+        self._fraction: float | None = None
+        self._at = {role: source.names.index(name) for role, name in chosen.items()}
+        for role, name in chosen.items():
+            if source.names.count(name) > 1:
+                what = f"there are {source.names.count(name)} columns of this name"
+                raise InputError(what, file=source.label, column=name, hint="give them different names")
+            del role
+        self.columns = {LABELS[role]: name for role, name in chosen.items()}
+        self.units = {LABELS[r]: unit for r, i in self._at.items() if (unit := source.units[i])}
+        head, tail = source.head(), source.tail()
+        if len(head[0]) == 0:
+            raise InputError("has no rows", file=source.label)
+        if len(head[0]) == 1:
+            raise InputError("has only one row", file=source.label, hint="a recording needs many rows")
+        clock = None
+        if (at := self._at.get("time")) is not None:
+            try:
+                clock = Clock(head[at], tail and tail[at], loop.time_format, loop.time_zone)
+            except CellFault as fault:
+                raise self._fault(fault, "time", 0) from None
+        elif loop.sample_time is None:
+            raise InputError(
+                f"no time column among: {', '.join(source.names[:20])}",
+                file=source.label,
+                loop=loop.name,
+                hint='name it (columns = { time = "..." }) or give sample_time in seconds',
+            )
+        first = [] if "quality" not in self._at else [text_of(v) for v in head[self._at["quality"]].to_pylist()]
+        self._reader = Reader(loop, clock, source.comma, Quality(first, words_for_bad(loop.bad_values)))
+        self.t0: datetime | None = clock.t0 if clock else None
+        self.zone = clock.zone if clock else None
+
+    def fraction_read(self) -> float | None:
+        """Share of the file or table that the latest pass has read."""
+        return self._fraction
+
+    def batches(self, rows: int = 65536) -> Iterator[Batch]:
+        """See `Recording.batches`."""
+        for batch in ahead(self._pass()):
+            if len(batch) <= rows:
+                yield batch
+            else:
+                for start in range(0, len(batch), rows):
+                    yield batch[start : start + rows]
+
+    def _pass(self) -> Iterator[Batch]:
+        reader = self._reader
+        clock = reader.clock.reader() if reader.clock else None
+        types = {i: pa.float64() if role in _NUMBERS else pa.string() for role, i in self._at.items()}
+        if reader.clock:
+            types[self._at["time"]] = reader.clock.arrow_type
+        order = list(types)
+        done, alive = 0, False
+        self._fraction = 0.0
+        for columns, fraction in self._source.stream(types, words_for_bad(self.loop.bad_values)):
+            n = len(columns[0])
+            if n == 0:
+                continue
+            rows = None
+            if clock is not None:
+                columns, rows = self._without_empty_rows(columns, order)
+            values: dict[str, NDArray[np.float64]] = {}
+            flags: NDArray[np.uint8] | None = None
+            role = "time"
+            try:
+                if clock is None:
+                    t = np.arange(done, done + n) * float(self.loop.sample_time or 0.0)
+                else:
+                    t = clock(columns[order.index(self._at["time"])])
+                for role, at in self._at.items():
+                    if role in _NUMBERS:
+                        values[role] = reader.number(columns[order.index(at)])
+                    elif role != "time":
+                        bits = reader.flag(role, columns[order.index(at)])
+                        flags = bits if flags is None else flags | bits
+            except CellFault as fault:
+                if rows is not None:
+                    fault.index = int(rows[fault.index])
+                raise self._fault(fault, role, done) from None
+            done += n
+            self._fraction = fraction
+            if len(t):
+                batch = finish(t, values, flags)
+                alive = alive or bool(np.isfinite(batch.pv).any())
+                yield batch
+        self._fraction = 1.0
+        if not alive:
+            raise InputError(
+                f"holds no number in {done} rows",
+                file=self.source,
+                column=self.columns["PV"],
+                hint="is it the right column?",
+            )
+
+    def _without_empty_rows(
+        self, columns: list[pa.Array], order: list[int]
+    ) -> tuple[list[pa.Array], NDArray[np.intp] | None]:
+        """Leave out rows that are empty in every column that we read, as spreadsheets append them."""
+        empty = _empty(columns[order.index(self._at["time"])])
+        if empty is None:
+            return columns, None
+        for column in columns:
+            other = _empty(column)
+            if other is None:
+                return columns, None
+            empty &= other
+        if not empty.any():
+            return columns, None
+        rows = np.flatnonzero(~empty)
+        return [column.take(pa.array(rows)) for column in columns], rows
+
+    def _fault(self, fault: CellFault, role: str, done: int) -> InputError:
+        return InputError(
+            fault.what,
+            file=self.source,
+            row=self._source.row_number(done + fault.index),
+            column=self.columns[LABELS[role]],
+            value=fault.value,
+            hint=fault.hint,
+        )
+
+
+def _empty(column: pa.Array) -> NDArray[np.bool_] | None:
+    """Which cells are empty, None where none is."""
+    import pyarrow.compute as pc
+
+    mask = pc.is_null(column)
+    if pa.types.is_string(column.type):
+        mask = pc.or_(mask, pc.fill_null(pc.equal(pc.utf8_trim_whitespace(column), ""), True))
+    elif column.null_count == 0:
+        return None
+    found: NDArray[np.bool_] = mask.to_numpy(zero_copy_only=False).copy()
+    return found if found.any() else None

@@ -13,8 +13,9 @@ from datetime import datetime, timedelta
 from typing import Literal
 
 import numpy as np
-from glapp.identify import FROZEN_STEPS, SORTED_ROWS, Identification, frozen_steps, in_runs, resolution
 from numpy.typing import NDArray
+
+from .identify import FROZEN_STEPS, SORTED_ROWS, Identification, frozen_steps, in_runs, resolution
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]

@@ -15,6 +15,7 @@ from .estimate import Estimator, analyze, estimate
 from .identify import Identification, identify
 from .loop import Loop
 from .quality import Finding
+from .reading import open_recordings, recording_from
 from .recording import Batch, Recording
 from .result import HalfPeriods, Result, Settings
 
@@ -38,5 +39,7 @@ __all__ = [
     "blocks",
     "estimate",
     "identify",
+    "open_recordings",
+    "recording_from",
     "simulate",
 ]

@@ -430,8 +430,8 @@ def _verdict(
     if value is None:
         return "no_estimate", _nothing_accepted(rejected)
     d_hat, _, _, kept, count = value
-    if kept == 0:
-        return "no_estimate", f"the {count} detections do not agree with one another"
+    if 3 * kept < count:
+        return "no_estimate", f"the detections do not agree: {kept} of the last {count} lie within 20 % of their median"
     if d_hat <= 0:
         return (
             "no_estimate",

@@ -219,7 +219,7 @@ class Controller(Checked):
                 "is required, since the spans of PV and OP differ in width",
                 parameter="gain_unit",
                 bound="'%/%' or 'OP/PV'",
-                hint="'%/%' if the gain is in % of span per % of span (most control systems), 'OP/PV' if in their units",
+                hint="'%/%' if the gain is in % of span per % of span (as in most systems), 'OP/PV' if in their units",
             )
         return ratio
 

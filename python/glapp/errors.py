@@ -29,8 +29,8 @@ class InputError(ValueError):
 
     Examples
     --------
-    >>> print(InputError("'abc' is not a number", file="plant.csv", row=18, column="PV", hint="write bad values as NaN"))
-    plant.csv, row 18, column PV: 'abc' is not a number; write bad values as NaN
+    >>> print(InputError("'abc' is not a number", file="plant.csv", row=18, column="PV", hint="write NaN"))
+    plant.csv, row 18, column PV: 'abc' is not a number; write NaN
     >>> print(InputError("is -3, must be > 0 s", parameter="ti", value=-3, bound="> 0 s"))
     ti: is -3, must be > 0 s
     """

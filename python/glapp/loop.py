@@ -22,7 +22,8 @@ class Columns(Checked):
     """Column of each signal in a wide table, or its tag in a long one; what is not named is guessed.
 
     `time`, `tag`, `value` and `quality` always name columns; in a long table (one row per tag and time) the others name
-    tags. `op_low_flag` and `op_high_flag` are the control system's own limit flags, `position` a measured valve position.
+    tags. `op_low_flag` and `op_high_flag` are the control system's own limit flags, `position` a measured valve
+    position. An empty string says that there is none, where the guess would find a wrong one.
     """
 
     time: str | None = None

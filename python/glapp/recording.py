@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import datetime
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +15,10 @@ from .loop import Loop
 
 __all__ = ["AT_HIGH", "AT_LOW", "BAD", "NOT_AUTO", "Batch", "Recording"]
 
+T = TypeVar("T", bound=np.generic)
+
 NOT_AUTO, BAD, AT_LOW, AT_HIGH = 1, 2, 4, 8
-"""Bits of `Batch.flags`: not in automatic, SP or PV missing or of bad quality, OP at its low limit, at its high limit."""
+"""Bits of `Batch.flags`: not in automatic; SP or PV missing or of bad quality; OP at its low, at its high limit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,10 +53,11 @@ class Batch:
     def __getitem__(self, part: slice) -> Batch:
         """A stretch of this stretch, without copying."""
 
-        def cut(a):  # type: ignore[no-untyped-def]
+        def cut(a: NDArray[T] | None) -> NDArray[T] | None:
             return None if a is None else a[part]
 
-        return Batch(cut(self.t), cut(self.sp), cut(self.pv), cut(self.op), cut(self.flags), cut(self.position))
+        t, sp, pv = self.t[part], self.sp[part], self.pv[part]
+        return Batch(t, sp, pv, cut(self.op), cut(self.flags), cut(self.position))
 
 
 class Recording(ABC):

@@ -9,7 +9,7 @@ from typing import Any
 from ..errors import InputError
 from ..loop import Loop
 from ..recording import Recording
-from .columns import choose, find_loops, is_long
+from .columns import choose, find_loops, group_of, is_long
 from .csv import CsvSource
 from .long import long_recordings
 from .parquet import IpcSource, ParquetSource
@@ -25,8 +25,8 @@ def open_recordings(
 ) -> list[Recording]:
     """Open a CSV, Parquet, Arrow IPC or Feather file and say which loops it holds; nothing is read but its beginning.
 
-    A *wide* file has a column per signal, of one loop (t, SP, PV, OP) or of several (FIC101.SP, FIC101.PV ...). A *long*
-    file has a row per tag and time. See `glapp.reading.long` for how its tags are joined, and for its need of memory.
+    A *wide* file has a column per signal, of one loop (t, SP, PV, OP) or of several (FIC101.SP, FIC101.PV ...).
+    A *long* file has a row per tag and time: `glapp.reading.long` says how its tags are joined.
 
     Parameters
     ----------
@@ -114,13 +114,3 @@ def _recordings(
     for loop in loops:
         recordings.append(WideRecording(source, loop, choose(source.names, loop, group_of(loop, groups), source.label)))
     return recordings
-
-
-def group_of(loop: Loop, groups: list[str]) -> str | None:
-    """Prefix within which this loop's columns are guessed: its own name, or the only one there is."""
-    for group in groups:
-        if group.lower() == loop.name.lower():
-            return group
-    if len(groups) == 1:
-        return groups[0]
-    return None if groups else ""

@@ -18,7 +18,7 @@ from ..checked import nearest
 from ..errors import InputError
 from ..loop import Loop
 
-__all__ = ["LABELS", "choose", "find_loops", "is_long", "understand"]
+__all__ = ["LABELS", "choose", "find_loops", "group_of", "is_long", "understand"]
 
 LABELS = {
     "time": "time",
@@ -147,6 +147,16 @@ def find_loops(names: Iterable[str]) -> list[str]:
         if meaning.role in ("sp", "pv"):
             roles.setdefault(meaning.loop, set()).add(meaning.role)
     return [loop for loop, have in roles.items() if len(have) == 2]
+
+
+def group_of(loop: Loop, groups: Sequence[str]) -> str | None:
+    """Prefix within which this loop's columns are guessed: its own name, or the only one there is."""
+    for group in groups:
+        if group.lower() == loop.name.lower():
+            return group
+    if len(groups) == 1:
+        return groups[0]
+    return None if groups else ""
 
 
 def choose(names: Sequence[str], loop: Loop, group: str | None, label: str, *, tags: bool = False) -> dict[str, str]:

@@ -225,13 +225,13 @@ class CsvSource(Source):
             pass
         if found is None:
             return InputError(f"is not a regular table: {error}", file=self.label)
-        row, cells = found
-        cut = row == last and cells < width
+        row, count = found
+        cut = row == last and count < width
         return InputError(
-            f"has {cells} cell{'s' * (cells != 1)} where the header has {width}",
+            f"has {count} cell{'s' * (count != 1)} where the header has {width}",
             file=self.label,
             row=row,
-            value=cells,
+            value=count,
             bound=str(width),
             hint="the file ends in the middle of a row, is it still being written?" if cut else None,
         )

@@ -1,7 +1,248 @@
-"""A recording with a row per tag and time."""
+"""A table with a row per tag and time: how its tags become the columns of a recording.
+
+The rows of a recording are the samples of PV, in the file's order: no PV value is invented, and times that repeat or
+run backwards stay visible. Every other tag is *sample and hold*: at the time of a PV sample it has the value of its own
+last sample at or before that time, and none before its first. How old a held value may be is not judged here.
+
+A sample of PV or SP whose quality is not good makes the row `BAD`; a bad sample of another tag counts as missing.
+
+The tags of one loop lie scattered over the whole file, so the rows of the wanted tags are held in memory (17 bytes
+each), for all loops of the file together after one pass over it. Recordings of more than some 10⁸ rows are better
+written as wide Parquet.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+from numpy.typing import NDArray
 
 from ..errors import InputError
+from ..loop import Loop
+from ..recording import BAD, Batch, Recording
+from .columns import LABELS, choose, find_loops, group_of, understand
+from .source import Source
+from .times import Clock
+from .values import CellFault, Quality, flags_of, plain, text_of, words_for_bad
+from .wide import Reader, finish
+
+__all__ = ["LongRecording", "long_recordings"]
+
+_WORDS = ("mode", "op_low_flag", "op_high_flag")
 
 
-def long_recordings(source, stem, loops, defaults):
-    raise InputError("long tables: later")
+@dataclass
+class _Tag:
+    """All samples of one tag."""
+
+    t: NDArray[np.float64]
+    value: NDArray[np.float64]  # flags of the mode and limit tags as numbers
+    bad: NDArray[np.bool_]
+
+
+class _Store:
+    """Reads the wanted tags of a long table once, for all its recordings."""
+
+    def __init__(self, source: Source, loops: Sequence[Loop]) -> None:
+        self.source = source
+        self.fraction: float | None = None
+        # Columns and the way of writing times belong to the file: the first loop that says something wins.
+        self.at = {role: self._column(role, loops) for role in ("time", "tag", "value", "quality")}
+        if self.at["time"] is None:
+            raise InputError(f"no time column among: {', '.join(source.names[:20])}", file=source.label)
+        head, tail = source.head(), source.tail()
+        if len(head[0]) < 2:
+            raise InputError("has only one row" if len(head[0]) else "has no rows", file=source.label)
+        self._types = {i: pa.string() for i in self.at.values() if i is not None}
+        time = self.at["time"]
+        try:
+            zone = next((loop.time_zone for loop in loops if loop.time_zone), None)
+            form = next((loop.time_format for loop in loops if loop.time_format), None)
+            self.clock = Clock(head[time], tail and tail[time], form, zone)
+        except CellFault as fault:
+            raise self.fault(fault, "time", 0) from None
+        self._types[time] = self.clock.arrow_type
+        at = self.at["quality"]
+        first = [] if at is None else [text_of(v) for v in head[at].to_pylist()]
+        self._quality = Quality(first, words_for_bad(()))
+        self._tags: dict[str, _Tag] | None = None
+        self.readers: dict[str, tuple[str, Reader]] = {}
+
+    def _column(self, role: str, loops: Sequence[Loop]) -> int | None:
+        names = self.source.names
+        named = next((c for loop in loops if (c := getattr(loop.columns, role)) is not None), None)
+        if named == "":
+            return None
+        fits = [i for i, name in enumerate(names) if (name == named if named else understand(name).role == role)]
+        if len(fits) == 1:
+            return fits[0]
+        if fits:
+            what = f"the columns {' and '.join(repr(names[i]) for i in fits)} could both be {role}"
+            raise InputError(
+                what, file=self.source.label, hint=f'name one: columns = {{ {role} = "{names[fits[0]]}" }}'
+            )
+        if named or role in ("tag", "value"):
+            what = f"no column '{named or role}' among: {', '.join(names[:20])}"
+            raise InputError(what, file=self.source.label, parameter=f"columns.{role}", value=named)
+        return None
+
+    def names(self) -> list[str]:
+        """All tags there are, in the order in which they first appear: one pass over the tag column."""
+        seen: dict[str, None] = {}
+        at = self.at["tag"]
+        assert at is not None
+        for columns, _ in self.source.stream({at: pa.string()}, frozenset()):
+            seen.update(dict.fromkeys(str(v) for v in pc.unique(plain(columns[0])).to_pylist() if v is not None))
+        return list(seen)
+
+    def tags(self) -> dict[str, _Tag]:
+        """The samples of all wanted tags."""
+        if self._tags is None:
+            self._tags = self._read()
+        return self._tags
+
+    def _read(self) -> dict[str, _Tag]:
+        wanted = pa.array(list(self.readers), pa.string())
+        parts: dict[str, list[_Tag]] = {tag: [] for tag in self.readers}
+        clock = self.clock.reader()
+        order = list(self._types)
+        place = {role: order.index(i) for role, i in self.at.items() if i is not None}
+        done = 0
+        for columns, fraction in self.source.stream(self._types, frozenset({""})):
+            self.fraction = fraction
+            n = len(columns[0])
+            role = "time"
+            rows = np.empty(0, np.int64)
+            tag = ""
+            try:
+                tags = plain(columns[place["tag"]])
+                if not pa.types.is_string(tags.type):
+                    tags = tags.cast(pa.string())
+                codes = pc.index_in(tags, wanted).fill_null(-1).to_numpy(zero_copy_only=False)
+                rows = np.flatnonzero(codes >= 0)
+                codes, keep = codes[rows], pa.array(rows)
+                t = clock(columns[place["time"]].take(keep))
+                role = "quality"
+                bad = np.zeros(len(rows), np.bool_)
+                if role in place:
+                    bad = flags_of(columns[place[role]].take(keep), self._quality) != 0
+                role = "value"
+                values = columns[place[role]]
+                for code in np.unique(codes):
+                    tag = wanted[int(code)].as_py()
+                    mine = np.flatnonzero(codes == code)
+                    kind, reader = self.readers[tag]
+                    cells = values.take(pa.array(rows[mine]))
+                    try:
+                        x = reader.flag(kind, cells).astype(np.float64) if kind in _WORDS else reader.number(cells)
+                    except CellFault as fault:
+                        fault.index = int(mine[fault.index])
+                        raise
+                    parts[tag].append(_Tag(t[mine], x, bad[mine]))
+            except CellFault as fault:
+                if len(rows):
+                    fault.index = int(rows[fault.index])
+                raise self.fault(fault, role, done, tag if role == "value" else None) from None
+            done += n
+        self.fraction = 1.0
+        return {
+            tag: _Tag(*(np.concatenate([getattr(p, f) for p in part]) for f in ("t", "value", "bad")))
+            for tag, part in parts.items()
+            if part
+        }
+
+    def fault(self, fault: CellFault, role: str, done: int, tag: str | None = None) -> InputError:
+        """Where a cell is."""
+        at = self.at[role]
+        return InputError(
+            fault.what,
+            file=self.source.label,
+            row=self.source.row_number(done + fault.index),
+            column=None if at is None else self.source.names[at],
+            tag=tag,
+            value=fault.value,
+            hint=fault.hint,
+        )
+
+
+class LongRecording(Recording):
+    """One loop of a long table."""
+
+    def __init__(self, store: _Store, loop: Loop, chosen: dict[str, str]) -> None:
+        self.name, self.loop, self.source, self.rows = loop.name, loop, store.source.label, None
+        self._store, self._chosen = store, chosen
+        self.columns = {LABELS[role]: tag for role, tag in chosen.items()}
+        time = store.at["time"]
+        self.columns["time"] = store.source.names[time] if time is not None else ""
+        self.units = {LABELS[role]: unit for role, tag in chosen.items() if (unit := understand(tag).unit)}
+        self.t0: datetime | None = store.clock.t0
+        self.zone = store.clock.zone
+
+    def fraction_read(self) -> float | None:
+        """Share of the file that is read; the file is read once for all its loops."""
+        return self._store.fraction
+
+    def batches(self, rows: int = 65536) -> Iterator[Batch]:
+        """See `Recording.batches`."""
+        tags = {role: samples for role, tag in self._chosen.items() if (samples := self._store.tags().get(tag))}
+        for role in ("sp", "pv"):
+            if role not in tags:
+                raise InputError("has no row", file=self.source, tag=self._chosen[role])
+        pv = tags["pv"]
+        if not np.isfinite(np.where(pv.bad, np.nan, pv.value)).any():
+            raise InputError(f"holds no number in {len(pv.t)} rows", file=self.source, tag=self._chosen["pv"])
+        sorted_tags = {role: _in_order(tag) for role, tag in tags.items() if role != "pv"}
+        for start in range(0, len(pv.t), rows):
+            part = slice(start, start + rows)
+            t = pv.t[part]
+            values = {"pv": pv.value[part]}
+            flags = (pv.bad[part] * np.uint8(BAD)).astype(np.uint8)
+            for role, tag in sorted_tags.items():
+                at = np.searchsorted(tag.t, t, side="right") - 1
+                none = (at < 0) | tag.bad[at]
+                if role in _WORDS:  # an unknown mode is not automatic, an unknown limit flag is clear
+                    reader = self._store.readers[self._chosen[role]][1]
+                    missing = reader.flag(role, pa.array([""]))[0]
+                    flags = flags | np.where(none, missing, tag.value[at].astype(np.uint8)).astype(np.uint8)
+                else:
+                    values[role] = np.where(none, np.nan, tag.value[at])
+            yield finish(t, values, flags)
+
+
+def _in_order(tag: _Tag) -> _Tag:
+    if np.all(tag.t[1:] >= tag.t[:-1]):
+        return tag
+    order = np.argsort(tag.t, kind="stable")
+    return _Tag(tag.t[order], tag.value[order], tag.bad[order])
+
+
+def long_recordings(
+    source: Source, stem: str, loops: Sequence[Loop] | None, defaults: Mapping[str, Any] | None
+) -> list[Recording]:
+    """Recordings of the loops of a long table.
+
+    Raises
+    ------
+    InputError
+        Where the table, or the tags of a loop, cannot be used.
+    """
+    store = _Store(source, loops or [Loop(**{**(defaults or {}), "name": stem})])
+    names = store.names()
+    groups = find_loops(names)
+    if loops is None:
+        found = {group or stem: group for group in groups} or {stem: ""}
+        loops = [Loop(**{**(defaults or {}), "name": name}) for name in found]
+    recordings: list[Recording] = []
+    for loop in loops:
+        chosen = choose(names, loop, group_of(loop, groups), source.label, tags=True)
+        reader = Reader(loop, None, source.comma, Quality((), words_for_bad(loop.bad_values)))
+        for role, tag in chosen.items():
+            store.readers[tag] = (role, reader)
+        recordings.append(LongRecording(store, loop, chosen))
+    return recordings

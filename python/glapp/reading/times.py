@@ -187,9 +187,9 @@ class Clock:
             if (
                 form == "seconds"
                 and len(steps)
-                and 25569 < low
+                and low > 25569
                 and high < 80000
-                and np.all((0 < steps) & (steps < 0.004))
+                and np.all((steps > 0) & (steps < 0.004))
             ):
                 raise CellFault(
                     0,

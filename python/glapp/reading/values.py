@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable
 
 import numpy as np
@@ -14,8 +15,9 @@ from ..recording import BAD, NOT_AUTO
 __all__ = ["CellFault", "Quality", "limit_flag", "mode_flag", "null_spellings", "numbers", "text_of", "words_for_bad"]
 
 _BAD_WORDS = """
-bad|bad input|bad value|bad data|bad quality|bad_quality|i/o timeout|io timeout|timeout|no data|nodata|no value|no sample
-no result|#n/a|n/a|na|#value!|#ref!|#div/0!|#num!|nan|-nan|1.#qnan|-1.#ind|null|<null>|none|nil|comm fail|comm failure
+bad|bad input|bad value|bad data|bad quality|bad_quality|i/o timeout|io timeout|timeout|no data|nodata|no value
+no sample|no result|#n/a|n/a|na|#value!|#ref!|#div/0!|#num!|nan|-nan|1.#qnan|-1.#ind|null|<null>|none|nil
+comm fail|comm failure
 not connected|disconnected|pt created|point created|shutdown|intf shut|scan off|scan timeout|out of serv|out of service
 under range|over range|underrange|overrange|invalid|failed|fail|error|err|calc failed|unreliable|configure|offline
 arc off-line|-|--|---|?|??|???|*
@@ -23,9 +25,10 @@ arc off-line|-|--|---|?|??|???|*
 _BAD_SET = frozenset({"", *(w for line in _BAD_WORDS.split("\n") for w in line.split("|"))})
 
 _NUMBER = r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$|^[+-]?(inf|infinity)$"
+_WHOLE = re.compile(r"\d+\.0*")
 
 
-class CellFault(Exception):
+class CellFault(Exception):  # noqa: N818 (it never leaves the package: InputError does)
     """A cell that cannot be used: its index in the batch at hand, its text, and what is wrong with it."""
 
     def __init__(self, index: int, what: str, hint: str | None = None, value: object = None) -> None:
@@ -46,7 +49,7 @@ def null_spellings(words: Iterable[str]) -> list[str]:
 
 def is_text(kind: pa.DataType) -> bool:
     """Whether values of this Arrow type are text."""
-    return pa.types.is_string(kind) or pa.types.is_large_string(kind) or pa.types.is_string_view(kind)
+    return bool(pa.types.is_string(kind) or pa.types.is_large_string(kind) or pa.types.is_string_view(kind))
 
 
 def plain(column: pa.Array) -> pa.Array:
@@ -117,9 +120,7 @@ def text_of(value: object) -> str:
     if isinstance(value, float):
         return "" if np.isnan(value) else f"{value:.17g}"
     text = str(value).strip().lower()
-    if text.endswith(".0") and text[:-2].lstrip("-").isdigit():
-        return text[:-2]
-    return text
+    return text.partition(".")[0] if _WHOLE.fullmatch(text) else text
 
 
 def flags_of(column: pa.Array, bit_of: Callable[[str], int]) -> NDArray[np.uint8]:
@@ -141,16 +142,14 @@ def flags_of(column: pa.Array, bit_of: Callable[[str], int]) -> NDArray[np.uint8
             raise CellFault(at, f"'{value}' {what}", hint, value) from None
     if not bits.any():
         return np.zeros(len(column), np.uint8)
-    return bits[coded.indices.to_numpy(zero_copy_only=False)]
+    found: NDArray[np.uint8] = bits[coded.indices.to_numpy(zero_copy_only=False)]
+    return found
 
 
-_AUTO = frozenset("auto aut a automatic cas cascade csc c rcas rca bcas 1 true".split()) | {"remote cascade"}
-_NOT_AUTO = frozenset("man m manual iman lo oos o/s track trk tracking rout prd 0 false".split()) | {
-    "out of service",
-    "local override",
-    "initialization manual",
-    "remote output",
-}
+_AUTO = frozenset("auto|aut|a|automatic|cas|cascade|csc|c|rcas|rca|bcas|1|true|remote cascade".split("|"))  # noqa: SIM905
+_NOT_AUTO = frozenset(
+    "man|m|manual|iman|lo|oos|o/s|track|trk|tracking|rout|prd|0|false|out of service|local override".split("|")  # noqa: SIM905
+)
 
 
 def mode_flag(auto_values: Iterable[str | float] | None, bad_words: frozenset[str]) -> Callable[[str], int]:

@@ -8,6 +8,7 @@ from datetime import datetime
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from ..errors import InputError
@@ -88,11 +89,10 @@ class WideRecording(Recording):
         self._source = source
         self._fraction: float | None = None
         self._at = {role: source.names.index(name) for role, name in chosen.items()}
-        for role, name in chosen.items():
+        for name in chosen.values():
             if source.names.count(name) > 1:
                 what = f"there are {source.names.count(name)} columns of this name"
                 raise InputError(what, file=source.label, column=name, hint="give them different names")
-            del role
         self.columns = {LABELS[role]: name for role, name in chosen.items()}
         self.units = {LABELS[r]: unit for r, i in self._at.items() if (unit := source.units[i])}
         head, tail = source.head(), source.tail()
@@ -152,7 +152,7 @@ class WideRecording(Recording):
             role = "time"
             try:
                 if clock is None:
-                    t = np.arange(done, done + n) * float(self.loop.sample_time or 0.0)
+                    t = np.arange(done, done + n, dtype=np.float64) * (self.loop.sample_time or 0.0)
                 else:
                     t = clock(columns[order.index(self._at["time"])])
                 for role, at in self._at.items():
@@ -210,8 +210,6 @@ class WideRecording(Recording):
 
 def _empty(column: pa.Array) -> NDArray[np.bool_] | None:
     """Which cells are empty, None where none is."""
-    import pyarrow.compute as pc
-
     mask = pc.is_null(column)
     if pa.types.is_string(column.type):
         mask = pc.or_(mask, pc.fill_null(pc.equal(pc.utf8_trim_whitespace(column), ""), True))

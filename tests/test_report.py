@@ -5,12 +5,11 @@ from __future__ import annotations
 import json
 import math
 import re
-from dataclasses import dataclass, field, replace
+from dataclasses import fields, replace
 from datetime import datetime
 from html.parser import HTMLParser
 from itertools import pairwise
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -21,35 +20,8 @@ from glapp.quality import Finding
 from glapp.report import figures, html, words
 from glapp.report.figures import loop_figure, overview_figure, phase_figure
 from glapp.report.html import write_report
-
-# Stand-ins with the fields of the real objects that the report reads, so that any state of a result can be built.
-
-
-@dataclass
-class Band:
-    low: np.ndarray
-    high: np.ndarray
-
-
-@dataclass
-class Result:
-    name: str = "FIC101"
-    source: str = "plant.csv"
-    t0: datetime | None = datetime(2026, 3, 1, 6, 30)
-    loop: Any = None
-    verdict: str = "estimate"
-    reason: str | None = None
-    d_hat: float | None = None
-    unit: str = "%"
-    d_hat_percent_span: float | None = None
-    repeatability: tuple[float, float] | None = None
-    detections: int = 0
-    half_periods: Any = None
-    reasons: dict[str, int] = field(default_factory=dict)
-    settings: Any = None
-    quality: list[Any] = field(default_factory=list)
-    identification: Any = None
-    trace: Any = None
+from glapp.result import REASONS, HalfPeriods, Result, Settings
+from glapp.trace import Band, Trace
 
 
 def a_loop(**changes: Any) -> Loop:
@@ -64,43 +36,30 @@ def a_loop(**changes: Any) -> Loop:
     return Loop(**(values | changes))
 
 
-def settings(**changes: Any) -> SimpleNamespace:
+def settings(**changes: Any) -> Settings:
     notes = {"k": "given", "ti": "given", "tf": "ladder: TI/10", "kp": "not given and no PV span: term dropped"}
-    values: dict[str, Any] = {"k": 0.6, "ti": 30.0, "td": 0.0, "b": 0.0, "tf": 3.0, "kp": None, "n": 9, "notes": notes}
-    return SimpleNamespace(**(values | changes))
+    values: dict[str, Any] = {"k": 0.6, "ti": 30.0, "td": 0.0, "b": 0.0, "tf": 3.0, "kp": None, "n": 9, "max_h": 5.0}
+    return Settings(**(values | {"notes": notes} | changes))
 
 
-def no_half_periods() -> SimpleNamespace:
-    return half_periods_of([])
+def half_periods_of(rows: list[dict[str, float]]) -> HalfPeriods:
+    whole = {"mask": np.uint16, "reason": np.uint8, "sign": np.int8, "detections": np.uint8, "samples": np.uint32}
+    return HalfPeriods(
+        **{
+            c.name: np.array([row.get(c.name, 0) for row in rows], whole.get(c.name, float))
+            for c in fields(HalfPeriods)
+        }
+    )
 
 
-COLUMNS = [
-    "t_start",
-    "t_end",
-    "sign",
-    "delta_t",
-    "delta_y",
-    "e_max",
-    "delta_sp",
-    "delta_u",
-    "delta_u_d",
-    "op_travel",
-    "free",
-    "kp_part",
-    "d",
-    "previous_delta_y",
-    "d_hat_before",
-    "mask",
-    "reason",
-    "d_hat",
-]
-
-
-def half_periods_of(rows: list[dict[str, float]]) -> SimpleNamespace:
-    table = {c: np.array([row[c] for row in rows], dtype=float) for c in COLUMNS}
-    table["mask"] = table["mask"].astype(np.uint16)
-    table["reason"] = table["reason"].astype(np.uint8)
-    return SimpleNamespace(**table, count=len(rows))
+def a_result(**changes: Any) -> Result:
+    values: dict[str, Any] = {
+        "name": "FIC101", "source": "plant.csv", "loop": a_loop(), "t0": datetime(2026, 3, 1, 6, 30),
+        "verdict": "estimate", "reason": None, "d_hat": None, "unit": "%", "d_hat_percent_span": None,
+        "repeatability": None, "noise_floor": None, "detections": 0, "half_periods": half_periods_of([]),
+        "reasons": {}, "settings": settings(),
+    }  # fmt: skip
+    return Result(**(values | changes))
 
 
 def closed_loop(d: float, *, seconds: int = 12000, noise: float = 0.05, seed: int = 1) -> dict[str, np.ndarray]:
@@ -122,7 +81,7 @@ def closed_loop(d: float, *, seconds: int = 12000, noise: float = 0.05, seed: in
     return {"t": np.arange(seconds) * h, "sp": sp, "pv": pv, "op": op, "position": position}
 
 
-def thin(signals: dict[str, np.ndarray], buckets: int = 1500) -> SimpleNamespace:
+def thin(signals: dict[str, np.ndarray], buckets: int = 1500) -> Trace:
     cuts = np.linspace(0, len(signals["t"]), min(buckets, len(signals["t"])) + 1).astype(int)[:-1]
     bands = {
         name: Band(np.minimum.reduceat(x, cuts), np.maximum.reduceat(x, cuts))
@@ -130,13 +89,13 @@ def thin(signals: dict[str, np.ndarray], buckets: int = 1500) -> SimpleNamespace
         if name != "t"
     }
     counts = np.diff(np.append(cuts, len(signals["t"])))
-    return SimpleNamespace(
+    return Trace(
         t=np.add.reduceat(signals["t"], cuts) / counts,
         **{c: bands.get(c) for c in ("sp", "pv", "pv_filtered", "op", "position")},
     )
 
 
-def detect(signals: dict[str, np.ndarray], k: float, ti: float) -> tuple[SimpleNamespace, np.ndarray, list[float]]:
+def detect(signals: dict[str, np.ndarray], k: float, ti: float) -> tuple[HalfPeriods, np.ndarray, list[float]]:
     """Judge the half-periods roughly as the detector does: enough to draw and to tell."""
     t, sp = signals["t"], signals["sp"]
     h = t[1] - t[0]
@@ -183,9 +142,9 @@ def analysed(
 ) -> Result:
     table, filtered, kept = detect(signals, k, ti)
     codes = table.reason.astype(int)
-    reasons = {n: int((codes == c).sum()) for c, n in enumerate(words.REASON_NAMES) if c and (codes == c).any()}
+    reasons = {n: int((codes == c).sum()) for c, n in enumerate(REASONS) if c and (codes == c).any()}
     d_hat = float(np.median(kept[-9:])) if kept else None
-    result = Result(
+    result = a_result(
         name=name,
         loop=a_loop(),
         verdict="no_estimate" if not kept else "provisional" if len(kept) < 9 else "estimate",
@@ -207,13 +166,13 @@ def analysed(
 
 
 def refused() -> Result:
-    return Result(
+    return a_result(
         name="FIC999",
         verdict="refused",
         reason="plant.csv, row 18, column PV: 'abc' is not a number; write bad values as empty, or name them",
         t0=None,
         loop=a_loop(controller=None, op_span=None, pv_unit=None, acceptable_dead_band=None),
-        half_periods=no_half_periods(),
+        half_periods=half_periods_of([]),
         settings=settings(k=None, ti=None, td=None, b=None, tf=None, notes={}),
     )
 
@@ -231,16 +190,13 @@ def many(n: int) -> Result:
     """A result with `n` half-periods and a full trace."""
     rng = np.random.default_rng(3)
     t = np.arange(n + 1) * 10.0
-    table = half_periods_of([])
-    for c in COLUMNS:
-        setattr(table, c, rng.uniform(0.5, 2, n))
-    table.t_start, table.t_end, table.count = t[:-1], t[1:], n
-    table.reason = rng.integers(0, 10, n).astype(np.uint8)
-    table.mask = np.where(table.reason > 0, 1 << np.maximum(table.reason.astype(int) - 1, 0), 0).astype(np.uint16)
+    reason = rng.integers(0, 10, n).astype(np.uint8)
+    mask = np.where(reason > 0, 1 << np.maximum(reason.astype(int) - 1, 0), 0).astype(np.uint16)
+    columns = {c.name: rng.uniform(0.5, 2, n) for c in fields(HalfPeriods)}
+    table = HalfPeriods(**(columns | {"t_start": t[:-1], "t_end": t[1:], "reason": reason, "mask": mask}))
     signals = {c: rng.normal(size=4000) for c in ("sp", "pv", "pv_filtered", "op", "position")}
-    reasons = {name: int((table.reason == code).sum()) for code, name in enumerate(words.REASON_NAMES) if code}
-    return Result(
-        loop=a_loop(),
+    reasons = {name: int((table.reason == code).sum()) for code, name in enumerate(REASONS) if code}
+    return a_result(
         d_hat=1.25,
         d_hat_percent_span=1.25,
         detections=n - sum(reasons.values()),
@@ -308,6 +264,11 @@ def parsed(path: Path) -> Checker:
     assert checker.stack == []
     assert len(checker.ids) == len(set(checker.ids))
     return checker
+
+
+def test_every_reason_of_the_detector_has_words_and_a_colour() -> None:
+    assert tuple(words.REASONS) == REASONS
+    assert len(figures.REASON_COLOURS) == len(REASONS)
 
 
 def test_the_report_is_one_file_that_asks_for_nothing(run: list[Result], tmp_path: Path) -> None:
@@ -422,10 +383,9 @@ def test_a_loop_without_detections_has_no_panel_for_them(run: list[Result]) -> N
 
 
 def test_time_that_runs_backwards_does_not_fold_the_shading(worn: Result) -> None:
-    h = SimpleNamespace(**vars(worn.half_periods))
-    h.t_start, h.t_end = h.t_start.copy(), h.t_end.copy()
-    h.t_start[5:] -= 2000
-    h.t_end[5:] -= 2000
+    late = np.arange(worn.half_periods.count) >= 5
+    h = worn.half_periods
+    h = replace(h, t_start=h.t_start - 2000 * late, t_end=h.t_end - 2000 * late)
     shading = loop_figure(replace(worn, half_periods=h)).data[0]
     assert np.all(np.diff(shading.x) >= 0)
 
@@ -482,11 +442,11 @@ def test_nothing_breaks_where_a_field_is_none(worn: Result, hole: str, tmp_path:
 
 
 def test_nothing_breaks_without_signals_or_numbers(worn: Result, tmp_path: Path) -> None:
-    trace = SimpleNamespace(**(vars(worn.trace) | {"op": None, "position": None, "pv_filtered": None}))
+    trace = replace(worn.trace, op=None, position=None)
     nan = np.full(len(trace.t), np.nan)
-    void = SimpleNamespace(**(vars(worn.trace) | {c: Band(nan, nan) for c in ("sp", "pv", "pv_filtered", "op")}))
+    void = replace(worn.trace, **{c: Band(nan, nan) for c in ("sp", "pv", "pv_filtered", "op")})
     nothing = {c: Band(nan[:0], nan[:0]) for c in ("sp", "pv", "pv_filtered", "op")}
-    short = SimpleNamespace(**(vars(worn.trace) | nothing | {"t": nan[:0]}))
+    short = replace(worn.trace, t=nan[:0], **nothing)
     for each in (trace, void, short):
         write_report([replace(worn, trace=each)], tmp_path / "report.html")
     [file] = write_report([], tmp_path / "report.html")

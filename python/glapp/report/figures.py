@@ -8,6 +8,7 @@ thousands of them, whose hover answers anywhere inside a half-period.
 from __future__ import annotations
 
 import html
+import math
 from collections import Counter
 from collections.abc import Sequence
 from datetime import UTC
@@ -16,12 +17,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import plotly.graph_objects as go
-from glapp.report import words
 from plotly.subplots import make_subplots
 
+from . import words
+
 if TYPE_CHECKING:
-    from glapp.estimate import Result, Trace
     from numpy.typing import NDArray
+
+    from ..result import Result
+    from ..trace import Trace
 
 FONT = 'system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif'
 INK, MUTED, GRID, PAPER = "#1f2933", "#5a6673", "#e3e7eb", "#ffffff"
@@ -74,17 +78,17 @@ def loop_figure(result: Result) -> go.Figure:
     row = {panel: i + 1 for i, panel in enumerate(panels)}
 
     low, high = _limits(trace)
+    present = sorted({int(code) for code in halves.reason})
     if has_halves:
         figure.add_trace(_shading(result, low, high), row=1, col=1)
-        present = Counter(int(code) for code in halves.reason)
-        for code in sorted(present):
+        for code in present:
             figure.add_trace(
                 go.Scatter(
                     x=[None],
                     y=[None],
                     mode="markers",
                     marker={"symbol": "square", "size": 13, "color": REASON_COLOURS[code], "opacity": SHADE + 0.2},
-                    name=f"{words.REASONS[words.REASON_NAMES[code]].label} ({present[code]})",
+                    name=f"{_label(code)} ({result.reasons.get(words.NAMES[code], result.detections)})",
                     legend="legend2",
                     hoverinfo="skip",
                 ),
@@ -120,9 +124,10 @@ def loop_figure(result: Result) -> go.Figure:
     if has_detections:
         _detections(figure, result, row["d"])
     _time_axis(figure, result, len(panels))
+    legend = 20 * math.ceil(len(present) / 3)  # a narrow page holds three reasons in a row
     figure.update_layout(
-        height={1: 420, 2: 600, 3: 760}[len(panels)],
-        margin={"l": 78, "r": 24, "t": 64, "b": 96 if has_halves else 56},
+        height={1: 400, 2: 560, 3: 700}[len(panels)] + legend,
+        margin={"l": 78, "r": 24, "t": 64, "b": 60 + legend},
         hovermode="closest",
         hoverdistance=8,
         legend={"orientation": "h", "x": 0, "y": 1.0, "yanchor": "bottom", "yref": "paper", "itemsizing": "constant"},
@@ -319,7 +324,7 @@ def _bars(figure: go.Figure, loops: list[Result], row: int, seen: set[str]) -> N
                 x=[0.0] * len(without),
                 y=[i for i, _ in without],
                 mode="text",
-                text=[f"  {words.VERDICTS[r.verdict].lower()}: {_short(short_reason(r), 90)}" for _, r in without],
+                text=[f"  {words.VERDICTS[r.verdict].lower()}: {_short(r.reason or '', 90)}" for _, r in without],
                 textposition="middle right",
                 textfont={"color": MUTED, "size": 12},
                 cliponaxis=True,
@@ -330,17 +335,6 @@ def _bars(figure: go.Figure, loops: list[Result], row: int, seen: set[str]) -> N
             row=row,
             col=1,
         )
-
-
-def short_reason(result: Result) -> str:
-    """Name in a few words why there is no estimate: the reason of a refusal, else the usual reason of rejection."""
-    if result.verdict == "refused":
-        return result.reason or "see the loop's section"
-    top = words.ranked_reasons(result)
-    if not top:
-        return "no half-periods"
-    halves = words.count(result.half_periods.count, "half-period")
-    return f"none of {halves} accepted, mostly “{words.REASONS[top[0][0]].label}”"
 
 
 def _figure() -> go.Figure:
@@ -517,7 +511,7 @@ def _half_period_text(result: Result, i: int) -> str:
     mark = {True: "✓", False: "✗", None: "·"}
     lines = [
         head,
-        f"{words.clock(result.t0, h.t_start[i])}, PV {'below' if h.sign[i] > 0 else 'above'} SP",
+        f"{words.clock(result.t0, h.t_start[i])}, PV {('at', 'below', 'above')[int(h.sign[i])]} SP",
         *(f"{mark[passed]} {text}" for text, passed in words.comparisons(result, i)),
         f"OP travel by the PI law {words.quantity(float(h.delta_u[i]), op_unit)}, "
         f"recorded {words.quantity(float(h.op_travel[i]), op_unit)}",
@@ -531,7 +525,7 @@ def _group_text(result: Result, first: np.intp, end: np.intp, found: Counter[int
     lines = [
         f"<b>{end - first} half-periods</b>",
         f"{words.clock(result.t0, h.t_start[first])} to {words.clock(result.t0, h.t_end[end - 1])}",
-        *(f"{n} {words.REASONS[words.REASON_NAMES[code]].label}" for code, n in found.most_common()),
+        *(f"{n} {_label(code)}" for code, n in found.most_common()),
     ]
     return "<br>".join(lines)
 
@@ -540,7 +534,7 @@ def _detections(figure: go.Figure, result: Result, row: int) -> None:
     """Add the panel of detections: a point each, the displayed estimate as a step line, the acceptable as a level."""
     h = result.half_periods
     unit = _plain(words.op_unit(result))
-    span = result.loop.op_span
+    span = words.span_width(result)
     accepted = _thinned(np.flatnonzero(np.asarray(h.reason) == 0), np.asarray(h.d))
     figure.update_yaxes(title_text=f"d [{unit}]", rangemode="tozero", row=row, col=1)
     time = _time(result, np.asarray(h.t_end)[accepted])
@@ -549,7 +543,7 @@ def _detections(figure: go.Figure, result: Result, row: int) -> None:
     def hover(label: str, values: NDArray[np.float64]) -> dict[str, Any]:
         if span is None:
             return {"hovertemplate": f"{label} %{{y:.3~g}} {unit}<br>%{{x}}<extra></extra>"}
-        percent = np.asarray(100 * values / (span[1] - span[0]), dtype=np.float32)
+        percent = np.asarray(100 * values / span, dtype=np.float32)
         return {
             "customdata": percent,
             "hovertemplate": f"{label} %{{y:.3~g}} {unit}<br>%{{customdata:.3~g}} % of span<br>%{{x}}<extra></extra>",
@@ -590,7 +584,7 @@ def _detections(figure: go.Figure, result: Result, row: int) -> None:
         figure.add_trace(
             go.Scatter(
                 x=[time[0], float(np.maximum(end, time[-1])[0])],
-                y=[limit * (span[1] - span[0]) / 100] * 2,
+                y=[limit * span / 100] * 2,
                 mode="lines",
                 line={"color": TOO_WIDE, "width": 1.2, "dash": "6px,4px"},
                 name="acceptable",
@@ -611,6 +605,10 @@ def _thinned(indices: NDArray[np.intp], values: NDArray[np.float64]) -> NDArray[
         group = indices[first:end]
         keep |= {int(group[np.argmin(values[group])]), int(group[np.argmax(values[group])])}
     return np.array(sorted(keep), dtype=np.intp)
+
+
+def _label(code: int) -> str:
+    return words.REASONS[words.NAMES[code]].label
 
 
 def _plain(text: str) -> str:

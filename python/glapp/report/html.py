@@ -10,23 +10,24 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import datetime
 from html import escape
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 import numpy as np
-from glapp.report import figures, words
 from plotly.offline import get_plotlyjs
+
+from . import figures, words
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
-    from glapp.estimate import Result
+
+    from ..result import Result
 
 MAX_BYTES = 30_000_000
 """A report that would be larger becomes an index with one file per loop."""
 
-OPEN_BELOW = 6  # with fewer loops than this every section starts open
 _ASSETS = Path(__file__).parent
 
 #: Colours of the figures on a dark page.
@@ -68,8 +69,7 @@ def write_report(
     """
     path = Path(path)
     order = figures.ranked(results)
-    opened = len(order) < OPEN_BELOW
-    sections = [_loop(i, r, opened=opened) for i, r in enumerate(order)]
+    sections = [_loop(f"loop-{i}", r) for i, r in enumerate(order)]
     overview = _overview(order, [f"#loop-{i}" for i in range(len(order))])
     page = _page(title, [_header(title, order), overview, *sections, _explanations()]).encode()
     if len(page) < MAX_BYTES:
@@ -80,8 +80,7 @@ def write_report(
     folder.mkdir(exist_ok=True)
     files = [folder / f"{i + 1:0{len(str(len(order)))}d}_{_file_name(r.name)}.html" for i, r in enumerate(order)]
     back = f'<p class="back"><a href="../{quote(path.name)}">All loops of this run</a></p>'
-    for file, r in zip(files, order, strict=True):
-        section = _loop(0, r, opened=True)
+    for file, r, section in zip(files, order, sections, strict=True):
         file.write_text(_page(f"{r.name}: {title}", [back, section, _explanations()]), encoding="utf-8")
     links = [f"{quote(folder.name)}/{quote(file.name)}" for file in files]
     index = _page(title, [_header(title, order), _overview(order, links), _explanations()])
@@ -127,18 +126,14 @@ def _page(title: str, parts: Iterable[str]) -> str:
 
 
 def _header(title: str, order: Sequence[Result]) -> str:
-    try:
-        made_by = f"glapp {version('glapp')}"
-    except PackageNotFoundError:  # run from a source tree
-        made_by = "glapp"
     loops = words.count(len(order), "loop")
     tiles = "".join(
         f'<div class="tile {name}"><dt>{label}</dt><dd>{sum(r.verdict == name for r in order)}</dd></div>'
         for name, label in words.VERDICTS.items()
     )
-    now = datetime.now().astimezone().strftime("%Y-%m-%d %H:%M")
+    written = f"Written {datetime.now():%Y-%m-%d %H:%M} by glapp {version('glapp')}"
     return (
-        f'<header id="top"><h1>{escape(title)}</h1><p class="sub">{loops}. Written {now} by {escape(made_by)}.</p>'
+        f'<header id="top"><h1>{escape(title)}</h1><p class="sub">{loops}. {written}.</p>'
         f'<dl class="tiles">{tiles}</dl></header>'
     )
 
@@ -161,7 +156,9 @@ def _overview(order: Sequence[Result], links: Sequence[str]) -> str:
     )
     rows = []
     for i, (r, link) in enumerate(zip(order, links, strict=True)):
-        reasons = ", ".join(f"{words.REASONS[name].label} {n}" for name, n in words.ranked_reasons(r)[:2]) or r.reason
+        reasons = ", ".join(f"{words.REASONS[name].label} {n}" for name, n in words.ranked_reasons(r)[:2])
+        if r.d_hat is None and (r.verdict == "refused" or r.detections or not reasons):
+            reasons = r.reason or ""
         cells = (
             str(i + 1) if r.d_hat is not None else "–",
             f'<a href="{escape(link)}">{_breakable(r.name)}</a>',
@@ -169,7 +166,7 @@ def _overview(order: Sequence[Result], links: Sequence[str]) -> str:
             escape(words.quantity(r.d_hat, words.op_unit(r))),
             words.quantity(r.d_hat_percent_span, "%"),
             str(r.detections),
-            str(r.half_periods.count),
+            str(r.total_half_periods),
             escape(reasons or "–"),
             _quality_cell(r),
             escape(words.action(r)),
@@ -195,10 +192,9 @@ def _overview(order: Sequence[Result], links: Sequence[str]) -> str:
     )
 
 
-def _loop(i: int, r: Result, *, opened: bool) -> str:
+def _loop(key: str, r: Result) -> str:
     """Write one loop's section: what was found, the figures, and all that it stands on."""
     name = escape(r.name)
-    key = f"loop-{i}"
     drawn: dict[str, go.Figure] = {}
     plots = ""
     if r.trace is not None:
@@ -219,7 +215,7 @@ def _loop(i: int, r: Result, *, opened: bool) -> str:
     lead, *told = words.verdict(r)
     basis = "".join(f"<p>{escape(text)}</p>" for text in told)
     return (
-        f'<section class="loop" id="{key}"><details{" open" if opened else ""}>'
+        f'<section class="loop" id="{key}"><details>'
         f'<summary><h2>{_breakable(r.name)}</h2><span class="width">{width}</span>{_badge(r)}</summary>'
         f'<div class="verdict"><p class="lead">{escape(lead).replace(name, _breakable(r.name))}</p>{basis}'
         f'<p class="action"><b>What to do</b> {escape(words.action(r))}</p></div>'
@@ -234,7 +230,7 @@ def _loop(i: int, r: Result, *, opened: bool) -> str:
 
 def _analysed(r: Result) -> bool:
     """Tell a loop that was looked at from one that was refused before: of the latter no absence means anything."""
-    return r.verdict != "refused" or r.half_periods.count > 0
+    return r.verdict != "refused" or r.total_half_periods > 0
 
 
 def _facts(r: Result) -> str:
@@ -247,11 +243,13 @@ def _facts(r: Result) -> str:
             end = end[11:]
         facts.append(("Recording", f"{escape(start)} to {escape(end)}, {words.duration(last - first)}"))
     if _analysed(r):
-        facts.append(("Half-periods", str(r.half_periods.count)))
+        facts.append(("Half-periods", str(r.total_half_periods)))
         facts.append(("Detections", str(r.detections)))
     if r.repeatability is not None and r.detections > 1:
         low, high = r.repeatability
         facts.append(("Repeatability", f"{words.number(low)} to {escape(words.quantity(high, words.op_unit(r)))}"))
+    if r.noise_floor is not None:
+        facts.append(("Noise can feign", escape(words.quantity(r.noise_floor, words.op_unit(r)))))
     if r.loop.acceptable_dead_band is not None:
         facts.append(("Acceptable", words.quantity(r.loop.acceptable_dead_band, "% of span")))
     return '<dl class="facts">' + "".join(f"<div><dt>{k}</dt><dd>{v}</dd></div>" for k, v in facts) + "</dl>"
@@ -259,12 +257,12 @@ def _facts(r: Result) -> str:
 
 def _reasons(r: Result) -> str:
     """Draw the verdicts on all half-periods as one bar and list them with their meaning."""
-    total = r.half_periods.count
+    total = r.total_half_periods
     if not _analysed(r):
         return ""
     if not total:
         return "<section><h3>Half-periods</h3><p>There are none: PV did not cross SP and come back.</p></section>"
-    counts = [("accepted", total - sum(r.reasons.values())), *words.ranked_reasons(r)]
+    counts = [("accepted", r.detections), *words.ranked_reasons(r)]
     counts = [(name, n) for name, n in counts if n]
     parts, rows = [], []
     for name, n in counts:

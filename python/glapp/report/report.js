@@ -29,6 +29,10 @@
     plot.dataset.drawn = "";
   }
 
+  // A few loops are read one after the other, many are looked up.
+  const sections = document.querySelectorAll(".loop > details");
+  if (sections.length < 6) sections.forEach((details) => (details.open = true));
+
   const watcher = new IntersectionObserver(
     (entries) => {
       for (const { isIntersecting, target } of entries) {
@@ -55,7 +59,7 @@
 
   // A link to a loop opens its section.
   function open() {
-    const details = document.querySelector(location.hash && CSS.escape ? "#" + CSS.escape(location.hash.slice(1)) + " > details" : "none");
+    const details = document.getElementById(location.hash.slice(1))?.querySelector(":scope > details");
     if (details) {
       details.open = true;
       details.scrollIntoView();

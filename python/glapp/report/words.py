@@ -11,7 +11,7 @@ from datetime import datetime, timedelta
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
-    from glapp.estimate import Result
+    from ..result import Result
 
 
 class Reason(NamedTuple):
@@ -22,7 +22,7 @@ class Reason(NamedTuple):
     remedy: str
 
 
-#: In the order of the codes in `HalfPeriods.reason`: the position in this table is the code.
+#: In the order of `glapp.result.REASONS`: the position in this table is the code in `HalfPeriods.reason`.
 REASONS: dict[str, Reason] = {
     "accepted": Reason("accepted", "passed every test and gave one detection of the dead band", ""),
     "gap": Reason(
@@ -48,7 +48,7 @@ REASONS: dict[str, Reason] = {
     "too_short": Reason(
         "too short",
         "Δt is not longer than 5·TI: PV crosses SP too often for a dead band to be measured",
-        "Nothing to measure here. If the loop oscillates, look at tuning and load; only a step test tells of the valve.",
+        "Nothing to measure here. If it oscillates, look at tuning and load. Only a step test tells of the valve.",
     ),
     "not_square": Reason(
         "not square",
@@ -72,7 +72,7 @@ REASONS: dict[str, Reason] = {
     ),
 }
 
-REASON_NAMES: tuple[str, ...] = tuple(REASONS)
+NAMES = tuple(REASONS)
 
 VERDICTS: dict[str, str] = {
     "estimate": "Estimate",
@@ -116,20 +116,20 @@ def number(value: float | None, digits: int = 3) -> str:
 
 
 def quantity(value: float | None, unit: str, digits: int = 3) -> str:
-    """Write a number with its unit; a dash alone where there is no number.
+    r"""Write a number with its unit, with a no-break space between; a dash alone where there is no number.
 
     >>> quantity(1.834, "%"), quantity(None, "%")
-    ('1.83 %', '–')
+    ('1.83\xa0%', '–')
     """
     text = number(value, digits)
-    return text if text == "–" or not unit else f"{text} {unit}"
+    return text if text == "–" or not unit else f"{text}\N{NO-BREAK SPACE}{unit}"
 
 
 def duration(seconds: float) -> str:
-    """Write a time span in the two largest units that fit.
+    r"""Write a time span in the two largest units that fit.
 
     >>> duration(48), duration(7500), duration(200000)
-    ('48 s', '2 h 5 min', '2 d 8 h')
+    ('48\xa0s', '2 h 5 min', '2 d 8 h')
     """
     if seconds < 120:
         return quantity(seconds, "s")
@@ -164,19 +164,15 @@ def count(n: int, noun: str) -> str:
 
 
 def op_unit(result: Result) -> str:
-    """Write the unit of OP as a sentence needs it: `%` alone would leave open of what.
-
-    >>> from types import SimpleNamespace
-    >>> op_unit(SimpleNamespace(unit="%")), op_unit(SimpleNamespace(unit="mA"))
-    ('%OP', 'mA')
-    """
+    """Write the unit of OP as a sentence needs it: `%` alone would leave open of what."""
     return "%OP" if result.unit == "%" else result.unit
 
 
-def percent_of_span(result: Result, value: float | None) -> float | None:
-    """Express a width in OP units as % of OP span; None where the span is not known."""
-    span = result.loop.op_span
-    return None if value is None or span is None else 100.0 * value / (span[1] - span[0])
+def span_width(result: Result) -> float | None:
+    """Tell the width of OP's span [OP unit], None where it is not known; a loop in % without a given span has 100."""
+    if result.loop.op_span is not None:
+        return result.loop.op_span[1] - result.loop.op_span[0]
+    return 100.0 if result.unit == "%" else None
 
 
 def ranked_reasons(result: Result) -> list[tuple[str, int]]:
@@ -201,18 +197,15 @@ def exceeds(result: Result) -> bool | None:
 
 def verdict(result: Result) -> list[str]:
     """Tell one result in paragraphs: what was found, on what it stands, what was rejected, what it does not say."""
-    halves = count(result.half_periods.count, "half-period")
+    halves = count(result.total_half_periods, "half-period")
     if result.verdict == "refused":
         return [f"{result.name} was not analysed.", _sentence(result.reason)]
     basis: list[str] = []
     if result.d_hat is None:
         finding = f"No dead band could be estimated for {result.name}."
         basis.append(_sentence(result.reason))
-        if not result.half_periods.count:
-            basis.append(
-                "PV did not cross SP and come back, so there is nothing to measure. "
-                "This does not show that the valve is sound."
-            )
+        if not result.detections:
+            basis.append("This does not show that the valve is sound.")
     else:
         percent = result.d_hat_percent_span
         lost = quantity(percent, "% of OP span") if percent is not None else quantity(result.d_hat, op_unit(result))
@@ -232,6 +225,8 @@ def verdict(result: Result) -> list[str]:
                 f"The detections kept lie between {number(low)} and {quantity(high, op_unit(result))}: "
                 "that is how well they repeat, not how near they are to the truth."
             )
+        if result.noise_floor is not None:
+            basis.append(f"Noise alone could feign up to {quantity(result.noise_floor, op_unit(result))}.")
         wide = exceeds(result)
         if wide is not None:
             limit = quantity(result.loop.acceptable_dead_band, "%")
@@ -265,6 +260,8 @@ def action(result: Result) -> str:
         return "Correct what is named, then analyse again."
     if result.verdict == "no_estimate":
         ranked = ranked_reasons(result)
+        if result.detections:
+            return "Nothing on this evidence. A step test in manual tells of the valve."
         if not ranked:
             return "Record for longer, or while the load moves slowly."
         return REASONS[ranked[0][0]].remedy
@@ -289,6 +286,7 @@ def comparisons(result: Result, i: int) -> list[tuple[str, bool | None]]:
     """
     h, s = result.half_periods, result.settings
     unit_pv = result.loop.pv_unit or "PV unit"
+    assert s.k is not None and s.ti is not None  # there are no half-periods without a controller
     failed = failures(int(h.mask[i]))
     dy, k = float(h.delta_y[i]), abs(s.k)
     lines: list[tuple[str, bool | None]] = [
@@ -329,7 +327,7 @@ def failures(mask: int) -> Sequence[str]:
     >>> failures(0), failures(0b10001)
     ([], ['gap', 'too_short'])
     """
-    return [name for bit, name in enumerate(REASON_NAMES[1:]) if mask >> bit & 1]
+    return [name for bit, name in enumerate(NAMES[1:]) if mask >> bit & 1]
 
 
 def _sentence(text: str | None) -> str:

@@ -130,7 +130,7 @@ def analyze(recording: Recording, *, trust: bool = False, progress: Progress | N
             batch.pv,
             batch.op,
             batch.flags,
-            setpoint_weight=None if ideal is None else ideal.b,
+            setpoint_weight=_given_setpoint_weight(loop),
             limits=_op_range(loop),
         )
     if ideal is None and found is not None and found.k and found.ti and (found.usable or trust):
@@ -466,6 +466,14 @@ def _nothing_accepted(rejected: dict[str, int]) -> str:
     ranked = sorted(rejected.items(), key=lambda item: -item[1])[:2]
     causes = " and ".join(f"{count} as {LABELS[name].label}" for name, count in ranked if count)
     return f"none of {total} half-periods was accepted: {causes}"
+
+
+def _given_setpoint_weight(loop: Loop) -> float | None:
+    """Setpoint weight b where a person stated it; its default says nothing about the controller."""
+    controller = loop.controller
+    if controller is None or "setpoint_weight" not in controller.model_fields_set:
+        return None
+    return controller.setpoint_weight
 
 
 def _process_gain(loop: Loop) -> tuple[float | None, str]:

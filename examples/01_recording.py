@@ -1,0 +1,23 @@
+"""From a recording in memory to the width of the gap.
+
+A loop with a worn valve is simulated, so that the truth is known: the gap is 5 % of OP span.
+"""
+
+import glapp
+
+load = [(150.0 * k, 20.0 * (k % 2)) for k in range(20)]  # the valve must travel for its gap to show
+sim = glapp.simulate.closed_loop(
+    "P3", (0.48, 0.3117), d=5.0, noise=0.1, t_end=3000, setpoint=[(0, 50.0)], load=load, seed=1
+)
+
+loop = glapp.Loop(
+    name="FIC101",
+    pv_span=(0, 100),
+    op_span=(0, 100),
+    controller={"k": 0.48, "ti": 0.3117, "setpoint_weight": 0},
+    process={"kp": 1.0},
+)
+result = glapp.analyze(glapp.recording_from(sim.to_arrow(), loop))
+
+print(f"{result.name}: {result.verdict}, d = {result.d_hat:.2f} {result.unit} ({result.detections} detections)")
+print("rejected:", result.reasons)

@@ -1,0 +1,26 @@
+"""The examples run, and tell the same story in every language."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+
+
+def output_of(*command: str) -> str:
+    done = subprocess.run(command, cwd=EXAMPLES.parent, capture_output=True, text=True, timeout=600, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.py")), ids=lambda path: path.name)
+def test_python_example_runs(path: Path) -> None:
+    assert output_of(sys.executable, str(path)).strip()
+
+
+@pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.rs")), ids=lambda path: path.name)
+def test_rust_example_prints_what_its_python_twin_prints(path: Path) -> None:
+    ours = output_of("cargo", "run", "--quiet", "--example", path.stem)
+    assert ours == output_of(sys.executable, str(path.with_suffix(".py")))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import html
 import math
+import textwrap
 from collections import Counter
 from collections.abc import Sequence
 from datetime import UTC
@@ -317,18 +318,21 @@ def _bars(figure: go.Figure, loops: list[Result], row: int, seen: set[str]) -> N
             row=row,
             col=1,
         )
-    without = [(i, r) for i, r in enumerate(loops) if r.d_hat is None]
+    without = [(i, r, r.reason or "") for i, r in enumerate(loops) if r.d_hat is None]
     if without:
         figure.add_trace(
             go.Scatter(
                 x=[0.0] * len(without),
-                y=[i for i, _ in without],
+                y=[i for i, _, _ in without],
                 mode="text",
-                text=[f"  {words.VERDICTS[r.verdict].lower()}: {_short(r.reason or '', 90)}" for _, r in without],
+                text=[
+                    f"  {words.VERDICTS[r.verdict].lower()}: {_plain(textwrap.shorten(why, 90, placeholder=' …'))}"
+                    for _, r, why in without
+                ],
                 textposition="middle right",
                 textfont={"color": MUTED, "size": 12},
                 cliponaxis=True,
-                hovertext=[_wrap(f"{r.name}: {r.reason or ''}") for _, r in without],
+                hovertext=[_wrap(f"{r.name}: {why}") for _, r, why in without],
                 hovertemplate="%{hovertext}<extra></extra>",
                 showlegend=False,
             ),
@@ -623,13 +627,6 @@ def _short(text: str, length: int) -> str:
     return _plain(text)
 
 
-def _wrap(text: str, columns: int = 70) -> str:
+def _wrap(text: str) -> str:
     """Break a sentence into lines for a hover label."""
-    lines, line = [], ""
-    for word in text.split():
-        if line and len(line) + len(word) >= columns:
-            lines.append(line)
-            line = word
-        else:
-            line = f"{line} {word}".strip()
-    return "<br>".join(_plain(part) for part in [*lines, line])
+    return "<br>".join(_plain(line) for line in textwrap.wrap(text, 70))

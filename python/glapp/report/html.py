@@ -347,6 +347,8 @@ def _settings(r: Result) -> str:
             "not used" if s.kp is None else words.quantity(s.kp, f"{_pv_unit(r)} per {words.op_unit(r)}"),
             "kp",
         ),
+        ("OP travel Δu", "", "", "delta_u"),
+        ("Longest step between samples", "", words.quantity(s.max_h, "s"), ""),
         ("Detections needed N", str(loop.n), str(s.n), "n"),
         ("PV span", _span(loop.pv_span, _pv_unit(r)), "", ""),
         ("OP span", _span(loop.op_span, words.op_unit(r)), "", ""),

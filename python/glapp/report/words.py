@@ -27,7 +27,7 @@ REASONS: dict[str, Reason] = {
     "accepted": Reason("accepted", "passed every test and gave one detection of the dead band", ""),
     "gap": Reason(
         "gap in the data",
-        "the recording stops or jumps inside the half-period",
+        "the recording starts, stops or jumps inside the half-period",
         "Record without interruptions, with compression and exception reporting switched off.",
     ),
     "bad_quality": Reason(

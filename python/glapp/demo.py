@@ -191,7 +191,12 @@ def _sound(controller: Ideal) -> Simulation:
 
 
 def _in_manual(controller: Ideal) -> Simulation:
-    moves = [(0, 1500), (1500, 3000, 41.0), (3000, 5200, 38.0), (5200, 7201, 39.5)]
+    moves: list[tuple[float, float] | tuple[float, float, float]] = [
+        (0, 1500),
+        (1500, 3000, 41.0),
+        (3000, 5200, 38.0),
+        (5200, 7201, 39.5),
+    ]
     return closed_loop(
         _lags(2.5, 4.0, 3.0, 1.0),
         controller,

@@ -157,14 +157,8 @@ impl ClosedLoop {
         };
         for (samples, mode) in stretches {
             match mode {
-                Mode::Auto => blocks.advance(&mut state, &mut columns, samples, self.h, |pid, state, sp, yf, h| {
-                    (pid.update(state, sp, yf, h), 0)
-                }),
-                Mode::Manual(op) => {
-                    blocks.advance(&mut state, &mut columns, samples, self.h, |pid, state, sp, yf, h| {
-                        (pid.track(state, sp, yf, op.unwrap_or(state.output), h), NOT_AUTO)
-                    })
-                }
+                Mode::Auto => blocks.advance::<false>(&mut state, &mut columns, samples, self.h, None),
+                Mode::Manual(op) => blocks.advance::<true>(&mut state, &mut columns, samples, self.h, op),
             }
         }
         self.refuse_runaway(&columns)?;
@@ -238,15 +232,14 @@ struct State<const N: usize> {
 }
 
 impl<const N: usize> Blocks<N> {
-    /// Takes `samples` steps; `control` gives the output and its flag.
-    #[inline(always)]
-    fn advance(
+    /// Takes `samples` steps, in manual with the output at `manual` or where it stands.
+    fn advance<const MANUAL: bool>(
         &self,
         state: &mut State<N>,
         columns: &mut Columns,
         samples: Range<usize>,
         h: f64,
-        control: impl Fn(&Pid<f64>, &mut PidState<f64>, f64, f64, f64) -> (f64, u8),
+        manual: Option<f64>,
     ) {
         // A copy that nothing else can point to stays in registers.
         let mut s = state.clone();
@@ -260,15 +253,21 @@ impl<const N: usize> Blocks<N> {
         for k in 0..n {
             let y = self.noise.update(&mut s.noise, s.y);
             let yf = self.filter.update(&mut s.filter, y, h);
-            let (u, flag) = control(&self.pid, &mut s.pid, sp[k], yf, h);
+            let u = if MANUAL {
+                let held = manual.unwrap_or(s.pid.output);
+                self.pid.track(&mut s.pid, sp[k], yf, held, h)
+            } else {
+                self.pid.update(&mut s.pid, sp[k], yf, h)
+            };
             let x = self.gap.update(&mut s.gap, u);
             s.y = self.plant.update(&mut s.plant, x + load[k]);
             t[k] = (first + k) as f64 * h;
             pv[k] = y;
             op[k] = u;
             position[k] = x;
+            let mode = if MANUAL { NOT_AUTO } else { 0 };
             flags[k] =
-                flag | if u <= self.limits.low { AT_LOW } else { 0 } | if u >= self.limits.high { AT_HIGH } else { 0 };
+                mode | if u <= self.limits.low { AT_LOW } else { 0 } | if u >= self.limits.high { AT_HIGH } else { 0 };
         }
         *state = s;
     }

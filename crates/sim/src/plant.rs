@@ -191,10 +191,18 @@ impl<const N: usize> Sampled<N> {
         let w = state.delayed(v);
         let mut next = [0.0; N];
         for (column, x) in self.phi.iter().zip(state.x) {
-            next = std::array::from_fn(|i| next[i] + column[i] * x);
+            for (sum, a) in next.iter_mut().zip(column) {
+                *sum += a * x;
+            }
+        }
+        for (sum, gamma1) in next.iter_mut().zip(&self.gamma1) {
+            *sum += gamma1 * state.w_old;
         }
         // The newest input last: the loop waits for it.
-        state.x = std::array::from_fn(|i| next[i] + self.gamma1[i] * state.w_old + self.gamma0[i] * w);
+        for (sum, gamma0) in next.iter_mut().zip(&self.gamma0) {
+            *sum += gamma0 * w;
+        }
+        state.x = next;
         state.w_old = w;
         state.x[0]
     }

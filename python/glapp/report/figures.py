@@ -177,7 +177,9 @@ def phase_figure(result: Result) -> go.Figure:
         )
     )
     figure.update_xaxes(title_text=f"OP [{_plain(words.op_unit(result))}]")
-    figure.update_yaxes(title_text=f"PV filtered [{_plain(result.loop.pv_unit or 'PV unit')}]")
+    figure.update_yaxes(
+        title_text=f"{'PV filtered' if source == 'pv_filtered' else 'PV'} [{_plain(result.loop.pv_unit or 'PV unit')}]"
+    )
     figure.update_layout(height=480, width=560, margin={"l": 78, "r": 24, "t": 24, "b": 56}, hovermode="closest")
     return figure
 

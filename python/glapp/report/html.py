@@ -202,7 +202,8 @@ def _loop(key: str, r: Result) -> str:
         plots = _figure(
             key, "time", drawn["time"], f"{r.name} over time: SP, PV, OP, half-periods by verdict, detections, estimate"
         )
-        plots += '<p class="note">Hover over a half-period for its numbers. Drag to zoom, double-click to return.</p>'
+        hint = "Hover over a half-period for its numbers. " if r.half_periods.count else ""
+        plots += f'<p class="note">{hint}Drag to zoom, double-click to return.</p>'
     phase = ""
     if r.trace is not None and r.trace.op is not None:
         drawn["phase"] = figures.phase_figure(r)

@@ -418,6 +418,9 @@ def _verdict(
     for refusal in _refusals(loop):
         return "refused", refusal
     for finding in quality:
+        if finding.code == "not_auto" and finding.severity == "refuse":
+            return "no_estimate", finding.text  # the data is in order; the loop just did not control
+    for finding in quality:
         if finding.severity == "refuse":
             return "refused", finding.text
     if run.ideal is None:
@@ -515,7 +518,7 @@ def _detector(
 
 def _half_periods(detector: _glapp.Detector | None, op_known: bool) -> HalfPeriods:
     if detector is None:
-        detector = _glapp.Detector(1.0, 1.0, None, 1.0, None, 0.0, 1, 1.0, None, None, 0)
+        return HalfPeriods.empty()
     table = detector.table()
     if not op_known:
         table["op_travel"] = np.full(len(table["t_start"]), np.nan)

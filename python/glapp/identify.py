@@ -35,7 +35,7 @@ _TUKEY = 4.685  # 95 % efficient for Gaussian residuals
 _HUBER = 1.345
 _SHORTEST = 3  # [steps] one or two steps are ruled by what PV did between the samples
 _BLOCKS = (8, 30)
-_SEARCH_ROWS = 20_000
+_SEARCH_ROWS = 4000
 
 
 @dataclass(frozen=True, slots=True)
@@ -392,6 +392,8 @@ def _seen(t: Floats, sp: Floats, pv: Floats, op: Floats, step: Bools, h: float, 
 
     plain = _Seen(0, 0, 0.0)
     scores = {plain: unexplained(plain)}
+    if scores[plain] < 0.01:
+        return plain
     for lag in (1, -1):
         scores[_Seen(lag, 0, 0.0)] = unexplained(_Seen(lag, 0, 0.0))
     for order in (1, 2):

@@ -135,7 +135,7 @@ def analyze(recording: Recording, *, trust: bool = False, progress: Progress | N
         )
     if ideal is None and found is not None and found.k and found.ti and (found.usable or trust):
         ideal = Ideal(found.k, found.ti, 0.0, 1.0 if found.setpoint_weight is None else found.setpoint_weight)
-        notes = dict.fromkeys(("k", "ti"), f"identified (R² {found.r2:.2f})")
+        notes = dict.fromkeys(("k", "ti"), f"identified (R² {found.r2:.3f})")
         notes["td"] = "PI law identified"
         notes["b"] = "no setpoint change to tell it by" if found.setpoint_weight is None else notes["k"]
     run = _Run(recording, sample.median_step, ideal, notes)

@@ -12,7 +12,7 @@ __all__ = ["Band", "Thinner", "Trace"]
 
 Floats = NDArray[np.float64]
 
-MOST_BUCKETS = 8192
+MOST_BUCKETS = 4096
 """A trace has half as many buckets or more, as long as there are as many rows; a screen shows fewer."""
 
 

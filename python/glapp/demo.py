@@ -36,8 +36,7 @@ op_span = [0, 100]
 acceptable_dead_band = 1.0
 time_zone = "Europe/Stockholm"
 
-[[loops]]
-name = "FIC201"
+[loops.FIC201]
 file = "FIC201.csv"
 pv_span = [0, 80]
 pv_unit = "m3/h"
@@ -46,8 +45,7 @@ valve = "globe, DN80"
 process = { kp = 1.0, kp_unit = "%/%" }
 controller = { pb = 80, ti = 5, ti_unit = "repeats/min", pv_filter = 1.0 }
 
-[[loops]]
-name = "PIC305"
+[loops.PIC305]
 file = "PIC305.csv"
 pv_span = [0, 16]
 pv_unit = "bar"
@@ -56,8 +54,7 @@ valve = "segment, DN150"
 positioner = { type = "electro-pneumatic", dead_band = 0.2 }
 controller = { form = "parallel", kp = 0.48, ki = 3.84, ti_unit = "min", gain_unit = "%/%", pv_filter = 0.75 }
 
-[[loops]]
-name = "LIC110"
+[loops.LIC110]
 file = "LIC110.csv"
 pv_span = [0, 100]
 pv_unit = "%"
@@ -65,16 +62,14 @@ area = "Tank farm"
 process = { type = "integrating" }
 controller = { k = 1.5, ti = 7, ti_unit = "min", action = "direct" }
 
-[[loops]]
-name = "FIC402"
+[loops.FIC402]
 file = "FIC402.csv"
 pv_span = [0, 250]
 pv_unit = "l/min"
 area = "Bleaching"
 controller = { form = "series", k = 0.6, gain_unit = "%/%", ti = 10, td = 1 }
 
-[[loops]]
-name = "TIC118"  # no controller settings: K and Ti are identified from the recording
+[loops.TIC118]  # no controller settings: K and Ti are identified from the recording
 file = "TIC118.csv"
 pv_span = [0, 180]
 pv_unit = "°C"
@@ -126,8 +121,8 @@ def write_recordings(folder: str | Path) -> list[Path]:
 def _controllers() -> dict[str, Ideal]:
     """Controllers exactly as `LOOPS` has them, and the one that it keeps to itself."""
     known = tomllib.loads(LOOPS)
-    loops = [Loop(**(known["defaults"] | loop)) for loop in known["loops"]]
-    return {loop.name: loop.ideal() or Ideal(k=0.65, ti=18.0, td=0.0, b=1.0) for loop in loops}
+    loops = {name: Loop(name=name, **(known["defaults"] | table)) for name, table in known["loops"].items()}
+    return {name: loop.ideal() or Ideal(k=0.65, ti=18.0, td=0.0, b=1.0) for name, loop in loops.items()}
 
 
 def _lags(gain: float, *times: float) -> Plant:

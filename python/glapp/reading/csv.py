@@ -10,9 +10,12 @@ from __future__ import annotations
 import codecs
 import csv
 import io
+import os
 import re
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from itertools import chain, repeat
 from pathlib import Path
 
 import pyarrow as pa
@@ -28,6 +31,7 @@ __all__ = ["CsvSource"]
 
 _SAMPLE = 1 << 16
 _BLOCK = 1 << 22
+_THREADS = min(os.cpu_count() or 1, 4)
 _NUMBER = re.compile(r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?")
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 _COMPRESSED = {".gz": "gzip", ".bz2": "bz2", ".zst": "zstd", ".lz4": "lz4"}
@@ -112,52 +116,65 @@ class CsvSource(Source):
     def stream(
         self, types: Mapping[int, pa.DataType], bad_words: frozenset[str]
     ) -> Iterator[tuple[list[pa.Array], float]]:
-        """Pass over the file: converted natively as far as that goes, the rest as text."""
-        done = 0
-        try:
-            for batch, fraction in self._parse(types, bad_words):
-                done += batch.num_rows
-                yield batch.columns, fraction
-            return
-        except pa.ArrowInvalid as error:
-            if not str(error).startswith("In CSV column"):
-                raise self._ragged(error) from None
-        skip = done
-        text = dict.fromkeys(types, pa.string())
-        try:
-            for batch, fraction in self._parse(text, bad_words):
-                if skip >= batch.num_rows:
-                    skip -= batch.num_rows
-                    continue
-                rest, skip = batch.slice(skip), 0
-                yield rest.columns, fraction
-        except pa.ArrowInvalid as error:
-            raise self._ragged(error) from None
+        """Pass over the file, in blocks that are parsed side by side and handed out in order."""
+        names = [str(i) for i in range(len(self.names))]
+        nulls = null_spellings(bad_words)
 
-    def _parse(
-        self, types: Mapping[int, pa.DataType], bad_words: frozenset[str]
-    ) -> Iterator[tuple[pa.RecordBatch, float]]:
-        with pa.OSFile(self._path) as file:
-            reader = pc.open_csv(
-                self._text(file),
-                # one thread: the caller runs us in the background, and two cores are better spent on its work
-                pc.ReadOptions(
-                    use_threads=False,
-                    block_size=_BLOCK,
-                    skip_rows=self._skip,
-                    column_names=[str(i) for i in range(len(self.names))],
-                ),
+        def parse(block: pa.Buffer, skip: int, types: Mapping[int, pa.DataType]) -> pa.Table:
+            return pc.read_csv(
+                pa.BufferReader(block),
+                pc.ReadOptions(use_threads=False, block_size=len(block) + 1, skip_rows=skip, column_names=names),
                 pc.ParseOptions(delimiter=self._delimiter),
                 pc.ConvertOptions(
                     column_types={str(i): kind for i, kind in types.items()},
                     include_columns=[str(i) for i in types],
-                    null_values=null_spellings(bad_words),
+                    null_values=nulls,
                     strings_can_be_null=False,
                     decimal_point=self._decimal,
                 ),
             )
-            for batch in reader:
-                yield batch, min(file.tell() / max(self._size, 1), 1.0)
+
+        def work(block: pa.Buffer, skip: int, fraction: float) -> tuple[list[pa.Array], float]:
+            try:
+                table = parse(block, skip, types)
+            except pa.ArrowInvalid as error:
+                if not str(error).startswith("In CSV column"):
+                    raise
+                table = parse(block, skip, dict.fromkeys(types, pa.string()))
+            return [
+                pa.concat_arrays(c.chunks) if c.num_chunks else pa.nulls(0, c.type) for c in table.columns
+            ], fraction
+
+        waiting: deque[Future[tuple[list[pa.Array], float]]] = deque()
+        with ThreadPoolExecutor(_THREADS) as pool:
+            try:
+                for skip, (block, fraction) in zip(chain((self._skip,), repeat(0)), self._blocks(), strict=False):
+                    waiting.append(pool.submit(work, block, skip, fraction))
+                    if len(waiting) > 2 * _THREADS:
+                        yield waiting.popleft().result()
+                while waiting:
+                    yield waiting.popleft().result()
+            except pa.ArrowInvalid as error:
+                raise self._ragged(error) from None
+            except (OSError, UnicodeError) as error:
+                raise InputError(f"cannot be read: {error}", file=self.label) from None
+            finally:
+                for future in waiting:
+                    future.cancel()
+
+    def _blocks(self) -> Iterator[tuple[pa.Buffer, float]]:
+        """The file's text in pieces that end with a line, with the fraction read."""
+        with pa.OSFile(self._path) as file:
+            stream, rest = self._text(file), b""
+            while data := stream.read(_BLOCK):
+                end = data.rfind(b"\n") + 1 or data.rfind(b"\r") + 1
+                if end:
+                    yield pa.py_buffer(rest + data[:end]), min(file.tell() / max(self._size, 1), 1.0)
+                    rest = data[end:]
+                else:
+                    rest += data
+            if rest.strip(b"\r\n"):
+                yield pa.py_buffer(rest), 1.0
 
     def _text(self, file: pa.NativeFile) -> pa.NativeFile:
         """The file's text as UTF-8 bytes."""

@@ -30,7 +30,7 @@ from .columns import LABELS, choose, find_loops, group_of, understand
 from .source import Source
 from .times import Clock
 from .values import CellFault, Quality, flags_of, plain, text_of, words_for_bad
-from .wide import Reader, finish
+from .wide import Reader, finish, with_units
 
 __all__ = ["LongRecording", "long_recordings"]
 
@@ -181,6 +181,7 @@ class LongRecording(Recording):
         time = store.at["time"]
         self.columns["time"] = store.source.names[time] if time is not None else ""
         self.units = {LABELS[role]: unit for role, tag in chosen.items() if (unit := understand(tag).unit)}
+        self.loop = with_units(loop, self.units)
         self.t0: datetime | None = store.clock.t0
         self.zone = store.clock.zone
 

@@ -168,9 +168,14 @@ class Clock:
             ticks = self._ticks(column)
             if fold is not None:
                 ticks = fold(ticks, self._per_second)
-            return (ticks - self._origin) / self._per_second
+            return self._since(ticks)
 
         return read
+
+    def _since(self, ticks: NDArray[np.int64]) -> NDArray[np.float64]:
+        seconds = (ticks - self._origin).astype(np.float64)
+        seconds /= self._per_second
+        return seconds
 
     # --- numbers
 
@@ -237,9 +242,9 @@ class Clock:
                 return x
             if np.abs(x).max(initial=0.0) * self._scale > 9e18:
                 raise CellFault(int(np.argmax(np.abs(x))), "is outside the range of times")
-            return (np.rint(x * self._scale).astype(np.int64) - self._origin) / self._per_second
+            return self._since(np.rint(x * self._scale).astype(np.int64))
         ticks: NDArray[np.int64] = column.cast(pa.int64(), safe=False).to_numpy(zero_copy_only=False)
-        return (ticks - self._origin) / self._per_second
+        return self._since(ticks)
 
     # --- stamps
 

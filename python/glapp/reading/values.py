@@ -131,7 +131,12 @@ def flags_of(column: pa.Array, bit_of: Callable[[str], int]) -> NDArray[np.uint8
     CellFault
         At the first cell that `bit_of` refuses with a ValueError.
     """
-    coded = plain(column).dictionary_encode(null_encoding="encode")
+    column = plain(column)
+    if len(column) and pc.all(pc.equal(column, column[0]), skip_nulls=False).as_py():  # as modes mostly are
+        column, n = column.slice(0, 1), len(column)
+    else:
+        n = 1
+    coded = column.dictionary_encode(null_encoding="encode")
     bits = np.zeros(max(len(coded.dictionary), 1), np.uint8)
     for i, value in enumerate(coded.dictionary.to_pylist()):
         try:
@@ -140,10 +145,8 @@ def flags_of(column: pa.Array, bit_of: Callable[[str], int]) -> NDArray[np.uint8
             at = pc.index(coded.indices, pa.scalar(i, coded.indices.type)).as_py()
             what, hint = error.args
             raise CellFault(at, f"'{value}' {what}", hint, value) from None
-    if not bits.any():
-        return np.zeros(len(column), np.uint8)
     found: NDArray[np.uint8] = bits[coded.indices.to_numpy(zero_copy_only=False)]
-    return found
+    return found if n == 1 else np.full(n, found[0])
 
 
 _AUTO = frozenset("auto|aut|a|automatic|cas|cascade|csc|c|rcas|rca|bcas|1|true|remote cascade".split("|"))  # noqa: SIM905

@@ -66,6 +66,12 @@ def finish(t: NDArray[np.float64], values: dict[str, NDArray[np.float64]], flags
     return Batch(t, sp, pv, values.get("op"), flags, values.get("position"))
 
 
+def with_units(loop: Loop, units: dict[str, str]) -> Loop:
+    """The loop with the units found in the file where its settings have none."""
+    found = {key: units[label] for key, label in (("pv_unit", "PV"), ("op_unit", "OP")) if label in units}
+    return loop.model_copy(update={key: unit for key, unit in found.items() if getattr(loop, key) is None})
+
+
 class WideRecording(Recording):
     """One loop of a table with one column per signal.
 
@@ -95,6 +101,7 @@ class WideRecording(Recording):
                 raise InputError(what, file=source.label, column=name, hint="give them different names")
         self.columns = {LABELS[role]: name for role, name in chosen.items()}
         self.units = {LABELS[r]: unit for r, i in self._at.items() if (unit := source.units[i])}
+        self.loop = loop = with_units(loop, self.units)
         head, tail = source.head(), source.tail()
         if len(head[0]) == 0:
             raise InputError("has no rows", file=source.label)
@@ -210,10 +217,11 @@ class WideRecording(Recording):
 
 def _empty(column: pa.Array) -> NDArray[np.bool_] | None:
     """Which cells are empty, None where none is."""
-    mask = pc.is_null(column)
     if pa.types.is_string(column.type):
-        mask = pc.or_(mask, pc.fill_null(pc.equal(pc.utf8_trim_whitespace(column), ""), True))
-    elif column.null_count == 0:
+        mask = pc.fill_null(pc.equal(pc.utf8_trim_whitespace(column), ""), True)
+    elif column.null_count:
+        mask = pc.is_null(column)
+    else:
         return None
     found: NDArray[np.bool_] = mask.to_numpy(zero_copy_only=False).copy()
     return found if found.any() else None

@@ -1,0 +1,97 @@
+"""A first loops.toml, written from a recording, to be completed by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ..recording import Recording
+from . import open_recordings
+from .settings import _key, _value
+
+__all__ = ["first_settings"]
+
+_HEAD = """\
+# What glapp knows about the loops in {file}. Remove the '#' in front of what you know and correct the value;
+# everything left out is found from the data where that is possible, and the report says how.
+"""
+
+_LOOP = """
+[loops.{key}]
+file = {file}
+{seen}{columns}
+# The ranges of the instruments, from the control system: never the range of the data.
+# pv_span = [0, 0]  # FILL IN, in {pv_unit}
+{pv_unit_line}
+# op_span = [0, 100]  # FILL IN if OP is not in %
+
+# [loops.{key}.controller]  # as the control system shows it
+# form = "ideal"  # or "series", "parallel"
+# k = 0.0  # FILL IN; or pb = ... for a proportional band in %
+# gain_unit = "%/%"  # or "OP/PV": OP units per PV unit
+# ti = 0.0  # FILL IN
+# ti_unit = "s"  # or "min", "repeats/min", "repeats/s"
+# td = 0.0
+# td_unit = "s"  # or "min"
+# action = "reverse"  # or "direct": OP rises with PV
+
+# [loops.{key}.process]
+# type = "self-regulating"  # or "integrating"
+"""
+
+
+def first_settings(path: str | Path) -> str:
+    """Text of a loops.toml for every loop found in a recording; it can be parsed as it stands.
+
+    Columns, units and the time between rows come from the file. Spans and controller are comments to fill in.
+
+    Parameters
+    ----------
+    path : str or Path
+        Recording; the text names it as given, relative to where the loops.toml will lie.
+
+    Raises
+    ------
+    InputError
+        Where the file or its columns cannot be used.
+    """
+    recordings = open_recordings(path)
+    return _HEAD.format(file=Path(path).name) + "".join(_loop(path, recording) for recording in recordings)
+
+
+def _loop(path: str | Path, recording: Recording) -> str:
+    columns = {role: name for role, name in recording.columns.items() if role in _COLUMN_KEYS}
+    listed = ", ".join(f"{_COLUMN_KEYS[role]} = {_value(name)}" for role, name in columns.items())
+    step = _step(recording)
+    seen = [] if step is None else [f"# One row every {step:g} s at the beginning of the recording."]
+    if recording.t0 is not None and recording.zone is None:
+        seen.append('# time_zone = "Europe/Stockholm"  # zone of the times in the file')
+    pv_unit = recording.units.get("PV")
+    return _LOOP.format(
+        key=_key(recording.name),
+        file=_value(Path(path)),
+        seen="".join(line + "\n" for line in seen),
+        columns=f"columns = {{ {listed} }}\n",
+        pv_unit=pv_unit or "PV's unit",
+        pv_unit_line=f"pv_unit = {_value(pv_unit)}" if pv_unit else '# pv_unit = "m3/h"',
+    )
+
+
+_COLUMN_KEYS: dict[str, str] = {
+    "time": "time",
+    "SP": "sp",
+    "PV": "pv",
+    "OP": "op",
+    "MODE": "mode",
+    "quality": "quality",
+    "position": "position",
+}
+
+
+def _step(recording: Recording) -> float | None:
+    times: Sequence[float] = next((b.t.tolist() for b in recording.batches(1000)), [])
+    steps = np.diff(times)
+    steps = steps[steps > 0]
+    return float(np.median(steps)) if len(steps) else None

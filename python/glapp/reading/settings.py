@@ -1,0 +1,183 @@
+"""loops.toml: what is known about many loops, in one file that people write by hand."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel
+
+from ..checked import nearest
+from ..errors import InputError
+from ..loop import Loop
+
+__all__ = ["read_settings", "write_settings"]
+
+_COMMENTS = {
+    "pv_span": "range of the PV instrument [PV unit]",
+    "op_span": "range of OP [OP unit]",
+    "acceptable_dead_band": "% of OP span",
+    "sample_time": "s",
+    "tf": "s",
+    "controller.k": "gain",
+    "controller.pb": "proportional band [%]",
+    "controller.error_gap": "PV unit",
+    "controller.output_dead_band": "OP unit",
+    "controller.pv_filter": "s",
+    "positioner.dead_band": "% of travel",
+}
+
+
+def read_settings(path: str | Path) -> list[Loop]:
+    """Loops of a loops.toml: tables [loops.NAME], each completed by [defaults].
+
+    A table inside a loop ([loops.NAME.controller]) is completed key by key by the same table of the defaults. File
+    names are relative to the directory of the loops.toml.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+
+    Returns
+    -------
+    list of Loop
+        In the order of the file.
+
+    Raises
+    ------
+    InputError
+        With file, loop, key, value and bound of the first fault; for an unknown key with the nearest known one.
+    """
+    label, path = str(path), Path(path)
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise InputError("no such file", file=label) from None
+    except UnicodeDecodeError:
+        raise InputError("is not UTF-8 text", file=label) from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"cannot be read: {getattr(error, 'strerror', None) or error}", file=label) from None
+    return parse_settings(text, label, path.parent)
+
+
+def parse_settings(text: str, label: str, directory: Path) -> list[Loop]:
+    """As `read_settings`, from the text of the file.
+
+    Examples
+    --------
+    >>> text = '''
+    ... [defaults]
+    ... op_span = [0, 100]
+    ... [loops.FIC101]
+    ... file = "fic101.csv"
+    ... '''
+    >>> [loop] = parse_settings(text, "loops.toml", Path("."))
+    >>> loop.name, loop.op_span
+    ('FIC101', (0.0, 100.0))
+    """
+    try:
+        data = tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise InputError(f"is not valid TOML: {error}", file=label) from None
+    for key in data:
+        if key not in ("defaults", "loops"):
+            near = nearest(key, ["defaults", "loops"])
+            hint = f"did you mean [{near}]?" if near else "the file has the tables [defaults] and [loops.NAME]"
+            raise InputError("no such table", file=label, parameter=key, hint=hint)
+    defaults = _table(data.get("defaults", {}), label, "defaults")
+    tables = _table(data.get("loops", {}), label, "loops")
+    if not tables:
+        raise InputError("has no loops", file=label, hint="write a table [loops.NAME] for each")
+    for key in ("name", "file"):
+        if key in defaults:
+            raise InputError("belongs to a loop, not to the defaults", file=label, parameter=f"defaults.{key}")
+    if defaults:  # so that a fault in the defaults is not blamed on the first loop
+        _loop({**defaults, "name": "defaults"}, label, None)
+    loops = []
+    for name, table in tables.items():
+        own = _table(table, label, f"loops.{name}")
+        if "name" in own:
+            raise InputError("is given by the table [loops.NAME]", file=label, loop=name, parameter="name")
+        loop = _loop({**_merged(defaults, own), "name": name}, label, name)
+        loops.append(loop.model_copy(update={"file": directory / loop.file}) if loop.file is not None else loop)
+    return loops
+
+
+def _table(value: object, label: str, key: str) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise InputError(f"is {value!r}, must be a table", file=label, parameter=key, value=value, bound="a table")
+    return value
+
+
+def _loop(data: dict[str, Any], label: str, name: str | None) -> Loop:
+    try:
+        return Loop(**data)
+    except InputError as error:
+        error.file, error.loop = label, name
+        if name is None:
+            error.parameter = f"defaults.{error.parameter}"
+        raise
+
+
+def _merged(defaults: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
+    out = dict(defaults)
+    for key, value in own.items():
+        old = out.get(key)
+        out[key] = _merged(old, value) if isinstance(old, dict) and isinstance(value, dict) else value
+    return out
+
+
+def write_settings(loops: Iterable[Loop]) -> str:
+    """Text of a loops.toml with everything that differs from a `Loop` of which nothing is known.
+
+    Examples
+    --------
+    >>> print(write_settings([Loop(name="FIC101", op_span=(0, 100), controller={"k": 0.5, "ti": 30})]), end="")
+    [loops.FIC101]
+    op_span = [0.0, 100.0]  # range of OP [OP unit]
+    <BLANKLINE>
+    [loops.FIC101.controller]
+    k = 0.5  # gain
+    ti = 30.0
+    """
+    blocks = []
+    for loop in loops:
+        blocks.append(_block(f"loops.{_key(loop.name)}", "", loop))
+        for name in type(loop).model_fields:
+            inner = getattr(loop, name)
+            if isinstance(inner, BaseModel) and inner.model_fields_set:
+                blocks.append(_block(f"loops.{_key(loop.name)}.{name}", f"{name}.", inner))
+    return "\n".join(blocks)
+
+
+def _block(header: str, prefix: str, model: BaseModel) -> str:
+    lines = [f"[{header}]"]
+    for name, field in type(model).model_fields.items():
+        value = getattr(model, name)
+        if name == "name" or value is None or isinstance(value, BaseModel) or name not in model.model_fields_set:
+            continue
+        if value == field.default and name != "n":
+            continue
+        comment = _COMMENTS.get(prefix + name)
+        lines.append(f"{name} = {_value(value)}" + (f"  # {comment}" if comment else ""))
+    return "\n".join(lines) + "\n"
+
+
+def _key(name: str) -> str:
+    bare = name.isascii() and name.replace("_", "").replace("-", "").isalnum()
+    return name if bare else _value(name)
+
+
+def _value(value: object) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, tuple):
+        return "[" + ", ".join(_value(v) for v in value) + "]"
+    if isinstance(value, int | float):
+        return repr(value)
+    text = value.as_posix() if isinstance(value, Path) else str(value)
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")  # JSON's escapes are TOML's, but for DEL

@@ -232,10 +232,9 @@ def _check_seed(seed: int) -> None:
 
 
 def _transfer_function(plant: str | Plant) -> Plant:
-    if not isinstance(plant, str):
-        return plant
-    if plant not in PLANTS:
-        raise InputError(
-            f"is {plant!r}", parameter="plant", value=plant, hint=f"write {', '.join(PLANTS)} or (num, den, dead_time)"
-        )
-    return PLANTS[plant]
+    hint = f"write {', '.join(PLANTS)} or (num, den, dead_time)"
+    try:
+        num, den, dead_time = PLANTS[plant] if isinstance(plant, str) else plant
+        return [float(c) for c in num], [float(c) for c in den], float(dead_time)
+    except (KeyError, TypeError, ValueError):
+        raise InputError(f"is {plant!r}", parameter="plant", value=plant, hint=hint) from None

@@ -94,6 +94,16 @@ mod tests {
         assert_eq!(gap.update(&mut state, f64::NAN), 1.0);
     }
 
+    #[test]
+    fn single_precision_follows() {
+        let (wide, narrow) = (Backlash::new(0.5_f64).unwrap(), Backlash::new(0.5_f32).unwrap());
+        let (mut a, mut b) = (BacklashState::default(), BacklashState::default());
+        for i in 0_u8..200 {
+            let x = f32::from(i % 7) * 0.125; // exact in both
+            assert_eq!(wide.update(&mut a, x.into()), f64::from(narrow.update(&mut b, x)));
+        }
+    }
+
     proptest! {
         #[test]
         fn output_stays_within_half_a_gap_and_never_moves_against_the_input(

@@ -194,6 +194,18 @@ mod tests {
         assert_eq!(controller.track(&mut state, 0.3, 0.1, f64::NAN, 0.1), 0.4);
     }
 
+    #[test]
+    fn single_precision_follows() {
+        let wide = pid(0.3, 0.5);
+        let narrow = Pid::<f32>::new(0.8, 5.0, 0.3, 0.5, Limits::new(-1.0, 1.0).unwrap()).unwrap();
+        let (mut a, mut b) = (PidState::default(), PidState::default());
+        for i in 0_u8..200 {
+            let y = f32::from(i % 7) * 0.125; // exact in both
+            let (u, v) = (wide.update(&mut a, 0.5, y.into(), 0.25), narrow.update(&mut b, 0.5, y, 0.25));
+            assert!((u - f64::from(v)).abs() < 1e-5, "{u} and {v}");
+        }
+    }
+
     proptest! {
         #[test]
         fn never_beyond_the_limits_and_sign_symmetric(

@@ -93,7 +93,7 @@ pub struct Columns {
 }
 
 /// More samples than this are a slip of the pen, not a simulation.
-const MOST_SAMPLES: f64 = 1e9;
+const MOST_SAMPLES: f64 = 1e8;
 /// How far beyond what is asked of it a loop may go before it is called unstable.
 const RUNAWAY: f64 = 1e6;
 
@@ -125,7 +125,7 @@ impl ClosedLoop {
         let blocks = Blocks { plant, noise: Noise::new(self.noise)?, filter, pid, gap: Backlash::new(self.d)?, limits };
 
         let within = self.t_end >= 0.0 && self.t_end / self.h < MOST_SAMPLES;
-        require("t_end", self.t_end, within, "0 s or greater, and not above 10⁹ steps")?;
+        require("t_end", self.t_end, within, "0 s or greater, and not above 10⁸ steps")?;
         let n = (self.t_end / self.h + 1e-9).floor() as usize + 1;
         let stretches = self.stretches(n)?;
         let sp = self.setpoint.column("setpoint", self.h, n)?;

@@ -99,6 +99,12 @@ class HalfPeriods:
     d_hat: Floats
     detections: NDArray[np.uint8]
 
+    @classmethod
+    def empty(cls) -> HalfPeriods:
+        """A table without rows."""
+        kinds = {"sign": np.int8, "samples": np.uint32, "mask": np.uint16, "reason": np.uint8, "detections": np.uint8}
+        return cls(**{column.name: np.empty(0, kinds.get(column.name, np.float64)) for column in fields(cls)})
+
     @property
     def count(self) -> int:
         """Number of rows."""
@@ -201,6 +207,35 @@ class Result:
     quality: list[Finding] = field(default_factory=list)
     identification: Identification | None = None
     trace: Trace | None = None
+
+    @classmethod
+    def of_error(cls, error: InputError, name: str, source: str, loop: Loop | None = None) -> Result:
+        """The answer for a loop whose settings or recording cannot be used: refused, with the error as its reason.
+
+        Examples
+        --------
+        >>> result = Result.of_error(InputError("no such file", file="plant.csv"), "plant", "plant.csv")
+        >>> result.verdict, result.reason
+        ('refused', 'plant.csv: no such file')
+        """
+        loop = loop or Loop(name=name)
+        return cls(
+            name=name,
+            source=source,
+            loop=loop,
+            t0=None,
+            verdict="refused",
+            reason=str(error),
+            d_hat=None,
+            unit=loop.op_label,
+            d_hat_percent_span=None,
+            repeatability=None,
+            noise_floor=None,
+            detections=0,
+            half_periods=HalfPeriods.empty(),
+            reasons={},
+            settings=Settings(None, None, None, None, None, None, loop.n, None, {}),
+        )
 
     @property
     def total_half_periods(self) -> int:

@@ -1,0 +1,134 @@
+"""The JSON document of `glapp analyze --json`: its models, and the JSON Schema made from them.
+
+`docs/analyze.schema.json` is the output of `python -m glapp.document`.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+
+from . import __version__
+from .result import Result
+
+__all__ = ["to_json", "to_schema"]
+
+
+def _encodable(text: Any) -> Any:
+    """A file name need not be valid text; JSON must be."""
+    return text.encode("utf-8", "replace").decode() if isinstance(text, str) else text
+
+
+Text = Annotated[str, BeforeValidator(_encodable)]
+Count = Annotated[int, Field(ge=0)]
+Value = float | None  # NaN and infinity, which JSON does not have, are written as null
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(extra="forbid", use_attribute_docstrings=True)
+
+
+class Finding(_Part):
+    """One fault or peculiarity of a recording."""
+
+    code: str
+    """Stable name, as in docs/quality.md."""
+    severity: Literal["info", "warning", "refuse"]
+    """refuse: no estimate from this recording can be right."""
+    text: Text
+    """One sentence with the numbers, their units and what to do."""
+    evidence: dict[str, int | float | str | None]
+    """The numbers of the text and more: shares are 0..1, times in s, rows counted from 0."""
+
+
+class Controller(_Part):
+    """What the detector worked with, in ideal form, seconds and the units of the signals."""
+
+    k: Value
+    """Gain K [OP unit/PV unit], negative for a direct-acting controller."""
+    ti: Value
+    """Integral time Ti [s]."""
+    td: Value
+    """Derivative time Td [s]."""
+    setpoint_weight: Value
+    """Setpoint weight b."""
+    kp_process: Value
+    """Static process gain Kp [PV unit/OP unit]; null: its term is dropped."""
+    tf: Value
+    """Time constant of the detector's filter [s]."""
+    n: int
+    """Detections behind one estimate."""
+    as_written: Text | None
+    """The controller in its maker's words; null where it was identified."""
+    notes: dict[str, Text]
+    """Where each of the values comes from."""
+
+
+class LoopAnswer(_Part):
+    """The answer for one loop."""
+
+    loop: Text
+    """Name of the loop."""
+    file: Text
+    """Its recording, as the user wrote it."""
+    verdict: Literal["estimate", "provisional", "no_estimate", "refused"]
+    """provisional: from fewer than N detections. refused: data or settings do not allow an answer."""
+    reason: Text | None
+    """One sentence; null only with an estimate."""
+    d_hat: Value
+    """Estimated total width of the dead band [`unit`]."""
+    unit: Text
+    """Unit of OP."""
+    d_hat_percent_span: Value
+    """The same in % of OP span; null where the span is not known."""
+    repeatability: Annotated[list[float], Field(min_length=2, max_length=2)] | None
+    """Smallest and largest detection behind `d_hat` [`unit`]; not an interval of confidence."""
+    noise_floor: Value
+    """Width below which noise alone could produce an estimate [`unit`]."""
+    detections: Count
+    """Accepted half-periods."""
+    half_periods: Count
+    """Accepted and rejected half-periods."""
+    reasons: dict[str, Count]
+    """First reason of rejection to the number of half-periods."""
+    quality: list[Finding]
+    """What is wrong with the recording, gravest first."""
+    controller: Controller | None
+    """null where nothing is known of it."""
+
+
+class Document(_Part):
+    """Answer of `glapp analyze --json`."""
+
+    glapp: str
+    """Version that wrote it."""
+    loops: list[LoopAnswer]
+    """One per loop, in the order in which they were given."""
+
+
+def to_json(results: Sequence[Result]) -> str:
+    """The document for a run: strict JSON, without NaN or infinity.
+
+    Examples
+    --------
+    >>> print(to_json([]))  # doctest: +ELLIPSIS
+    {
+      "glapp": "...",
+      "loops": []
+    }
+    """
+    document = {"glapp": __version__, "loops": [result.to_dict() for result in results]}
+    return Document.model_validate(document).model_dump_json(indent=2)
+
+
+def to_schema() -> str:
+    """JSON Schema of the document."""
+    schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", **Document.model_json_schema()}
+    return json.dumps(schema, indent=2, ensure_ascii=False)
+
+
+if __name__ == "__main__":
+    print(to_schema())

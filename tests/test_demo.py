@@ -1,22 +1,20 @@
 """The demonstration recordings: read as any user's files, they show what they are said to show."""
 
-import tomllib
 from pathlib import Path
 
 import pytest
-from glapp import Loop, Result, analyze
+from glapp import Result, analyze
 from glapp.demo import write_recordings
 from glapp.reading import open_recordings
+from glapp.reading.settings import read_settings
 
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Result]:
     folder = tmp_path_factory.mktemp("demo")
     write_recordings(folder)
-    settings = tomllib.loads((folder / "loops.toml").read_text(encoding="utf-8"))
-    loops = [Loop(name=name, **(settings["defaults"] | table)) for name, table in settings["loops"].items()]
-    recordings = [open_recordings(folder / str(loop.file), [loop])[0] for loop in loops]
-    return {recording.name: analyze(recording) for recording in recordings}
+    loops = read_settings(folder / "loops.toml")
+    return {loop.name: analyze(open_recordings(str(loop.file), [loop])[0]) for loop in loops}
 
 
 @pytest.mark.parametrize(("name", "d"), [("FIC201", 2.4), ("PIC305", 3.0), ("TIC118", 1.6)])

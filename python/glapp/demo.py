@@ -13,7 +13,6 @@ TIC118      a worn valve, and nobody wrote down the settings   1.6 %
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
@@ -22,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from .controller import Ideal
-from .loop import Loop
+from .reading.settings import parse_settings
 from .simulate import NOT_AUTO, Plant, Simulation, closed_loop, random_walk
 
 __all__ = ["write_recordings"]
@@ -120,9 +119,8 @@ def write_recordings(folder: str | Path) -> list[Path]:
 
 def _controllers() -> dict[str, Ideal]:
     """Controllers exactly as `LOOPS` has them, and the one that it keeps to itself."""
-    known = tomllib.loads(LOOPS)
-    loops = {name: Loop(name=name, **(known["defaults"] | table)) for name, table in known["loops"].items()}
-    return {name: loop.ideal() or Ideal(k=0.65, ti=18.0, td=0.0, b=1.0) for name, loop in loops.items()}
+    loops = parse_settings(LOOPS, "loops.toml", Path())
+    return {loop.name: loop.ideal() or Ideal(k=0.65, ti=18.0, td=0.0, b=1.0) for loop in loops}
 
 
 def _lags(gain: float, *times: float) -> Plant:

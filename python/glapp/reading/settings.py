@@ -14,7 +14,7 @@ from ..checked import nearest
 from ..errors import InputError
 from ..loop import Loop
 
-__all__ = ["read_settings", "write_settings"]
+__all__ = ["read_each", "read_settings", "write_settings"]
 
 _COMMENTS = {
     "pv_span": "range of the PV instrument [PV unit]",
@@ -52,6 +52,17 @@ def read_settings(path: str | Path) -> list[Loop]:
     InputError
         With file, loop, key, value and bound of the first fault; for an unknown key with the nearest known one.
     """
+    return _all_or_none(read_each(path))
+
+
+def read_each(path: str | Path) -> list[Loop | InputError]:
+    """As `read_settings`, with the error in the place of a loop whose own settings are wrong: the others can go on.
+
+    Raises
+    ------
+    InputError
+        For a fault of the whole file or of its defaults.
+    """
     label, path = str(path), Path(path)
     try:
         text = path.read_text(encoding="utf-8-sig")
@@ -61,7 +72,7 @@ def read_settings(path: str | Path) -> list[Loop]:
         raise InputError("is not UTF-8 text", file=label) from None
     except (OSError, ValueError) as error:
         raise InputError(f"cannot be read: {getattr(error, 'strerror', None) or error}", file=label) from None
-    return parse_settings(text, label, path.parent)
+    return _each(text, label, path.parent)
 
 
 def parse_settings(text: str, label: str, directory: Path) -> list[Loop]:
@@ -79,6 +90,19 @@ def parse_settings(text: str, label: str, directory: Path) -> list[Loop]:
     >>> loop.name, loop.op_span
     ('FIC101', (0.0, 100.0))
     """
+    return _all_or_none(_each(text, label, directory))
+
+
+def _all_or_none(loops: list[Loop | InputError]) -> list[Loop]:
+    good = []
+    for loop in loops:
+        if isinstance(loop, InputError):
+            raise loop
+        good.append(loop)
+    return good
+
+
+def _each(text: str, label: str, directory: Path) -> list[Loop | InputError]:
     try:
         data = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
@@ -97,12 +121,16 @@ def parse_settings(text: str, label: str, directory: Path) -> list[Loop]:
             raise InputError("belongs to a loop, not to the defaults", file=label, parameter=f"defaults.{key}")
     if defaults:  # so that a fault in the defaults is not blamed on the first loop
         _loop({**defaults, "name": "defaults"}, label, None)
-    loops = []
+    loops: list[Loop | InputError] = []
     for name, table in tables.items():
-        own = _table(table, label, f"loops.{name}")
-        if "name" in own:
-            raise InputError("is given by the table [loops.NAME]", file=label, loop=name, parameter="name")
-        loop = _loop({**_merged(defaults, own), "name": name}, label, name)
+        try:
+            own = _table(table, label, f"loops.{name}")
+            if "name" in own:
+                raise InputError("is given by the table [loops.NAME]", file=label, loop=name, parameter="name")
+            loop = _loop({**_merged(defaults, own), "name": name}, label, name)
+        except InputError as error:
+            loops.append(error)
+            continue
         loops.append(loop.model_copy(update={"file": directory / loop.file}) if loop.file is not None else loop)
     return loops
 

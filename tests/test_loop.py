@@ -52,7 +52,7 @@ def test_process_gain_in_signal_units():
     assert Loop(name="F", process={"kp": 2.0}).kp() == 2.0
     assert Loop(name="F", process={"kp": 2.0, "kp_unit": "PV/OP"}, **spans).kp() == 2.0
     assert Loop(name="F", process={"kp": 2.0, "kp_unit": "%/%"}, **spans).kp() == 1.0
-    with pytest.raises(InputError, match="process.kp_unit: is required"):
+    with pytest.raises(InputError, match=r"process\.kp_unit: is required"):
         Loop(name="F", process={"kp": 2.0}, **spans).kp()
     with pytest.raises(InputError, match="pv_span: is required to convert Kp"):
         Loop(name="F", process={"kp": 2.0, "kp_unit": "%/%"}).kp()

@@ -226,7 +226,7 @@ def _named(names: Sequence[str], named: str, role: str, loop: Loop, label: str, 
 
 
 def _guess(names: Sequence[str], role: str, group: str | None, label: str, kind: str) -> str | None:
-    if group is None:
+    if group is None and role != "time":
         return None
     lonely = len(find_loops(names)) <= 1  # an unprefixed MODE or OP beside FIC101.PV belongs to the only loop there is
     fits, shared = [], []

@@ -55,10 +55,12 @@ class CsvSource(Source):
         raw = self._sample(0)
         if not raw.strip(b"\r\n\t \0"):
             raise InputError("is empty", file=label)
-        self._encoding = _encoding(raw, label)
-        text = codecs.getincrementaldecoder(self._encoding)("replace").decode(raw)
-        lines = text.splitlines(keepends=True)
         whole = len(raw) < _SAMPLE
+        self._encoding = _encoding(raw, whole, label)
+        text = codecs.getincrementaldecoder(self._encoding)("replace").decode(raw, whole)
+        if "\0" in text:
+            raise InputError("is not text, Parquet or Arrow", file=label)
+        lines = list(io.StringIO(text, newline=None))
         if not whole and len(lines) > 1:
             lines.pop()  # cut off in its middle
         try:
@@ -198,7 +200,8 @@ class CsvSource(Source):
         if self._compression or self._encoding not in ("utf-8", "utf-8-sig", "cp1252"):
             return []
         text = self._sample(max(0, self._size - _SAMPLE)).decode(self._encoding, "replace")
-        lines = text.splitlines()[1:]  # the first is cut
+        lines = io.StringIO(text, newline=None)
+        next(lines, None)  # it is cut
         return [row for row in csv.reader(lines, delimiter=self._delimiter) if row]
 
     def _lines(self) -> Iterator[str]:
@@ -254,7 +257,7 @@ class CsvSource(Source):
         )
 
 
-def _encoding(raw: bytes, label: str) -> str:
+def _encoding(raw: bytes, whole: bool, label: str) -> str:
     for mark, name in (
         (codecs.BOM_UTF8, "utf-8-sig"),
         (codecs.BOM_UTF32_LE, "utf-32"),
@@ -272,7 +275,7 @@ def _encoding(raw: bytes, label: str) -> str:
     if control > 0.01 * len(raw):
         raise InputError("is not text, Parquet or Arrow", file=label)
     try:
-        codecs.getincrementaldecoder("utf-8")().decode(raw)
+        codecs.getincrementaldecoder("utf-8")().decode(raw, whole)
     except UnicodeDecodeError:
         return "cp1252" if not set(raw) & {0x81, 0x8D, 0x8F, 0x90, 0x9D} else "latin-1"
     return "utf-8"
@@ -288,8 +291,8 @@ def _separate(lines: list[str], label: str) -> tuple[str, list[tuple[int, list[s
             if cells:
                 rows.append((line + 1, cells))
             line = reader.line_num
-        width, count = Counter(len(cells) for _, cells in rows).most_common(1)[0]
-        score = (count / len(rows), -order)
+        width, count = Counter(len(cells) for _, cells in rows).most_common(1)[0] if rows else (0, 0)
+        score = (count / max(len(rows), 1), -order)
         if width > 1 and (best is None or score > best[0]):
             best = score, delimiter, rows
     if best is None:

@@ -135,10 +135,9 @@ class Clock:
         self.arrow_type: pa.DataType = pa.string()
         if is_text(head.type):
             texts = head.to_pylist()
-            if all(_NUMERIC.fullmatch(t) for t in texts):
-                self._numbers(
-                    np.array([float(t.replace(",", ".")) for t in texts]), int(float(texts[0].replace(",", ".")))
-                )
+            if _NUMERIC.fullmatch(texts[0]):  # a later cell that is no number is reported where it is
+                numeric = [t.replace(",", ".") for t in texts if _NUMERIC.fullmatch(t)]
+                self._numbers(np.array([float(t) for t in numeric]), numeric[0])
             else:
                 self._stamps(head, texts, None if tail is None else plain(tail))
         elif pa.types.is_timestamp(head.type) or pa.types.is_date(head.type):
@@ -154,7 +153,7 @@ class Clock:
             self._start(column)
         elif pa.types.is_integer(head.type) or pa.types.is_floating(head.type) or pa.types.is_decimal(head.type):
             values = head.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False)
-            self._numbers(values, int(head[0].as_py()) if np.isfinite(values[0]) else 0)
+            self._numbers(values, str(head[0].as_py()))
         else:
             raise CellFault(0, f"holds {head.type}, not times")
 
@@ -179,8 +178,10 @@ class Clock:
 
     # --- numbers
 
-    def _numbers(self, head: NDArray[np.float64], first: int) -> None:
+    def _numbers(self, head: NDArray[np.float64], text: str) -> None:
         self._numeric = True
+        if not np.isfinite(head[0]):
+            raise CellFault(0, f"'{text}' is not a time", value=text)
         form = self._format
         if form is None:
             low, high = float(np.nanmin(head)), float(np.nanmax(head))
@@ -212,14 +213,14 @@ class Clock:
         if per_second <= 1000:  # fractions of s and ms are kept to the microsecond, which float64 holds exactly
             self._scale = 10**6 // per_second
             self._per_second = 10**6
-            first = round(float(head[0]) * self._scale)
+            self._origin = round(float(head[0]) * self._scale)
         else:
             self._scale = 1
             self.arrow_type = pa.int64()
-        self._origin = first
+            self._origin = int(text) if text.lstrip("+-").isdecimal() else int(head[0])
         zone = ZoneInfo(self.zone) if self.zone else UTC
         self.zone = self.zone or "UTC"
-        self.t0 = _moment(first, self._per_second).replace(tzinfo=UTC).astimezone(zone)
+        self.t0 = _moment(self._origin, self._per_second).replace(tzinfo=UTC).astimezone(zone)
 
     def _read_numbers(self, column: pa.Array) -> NDArray[np.float64]:
         column = plain(column)

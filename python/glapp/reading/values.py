@@ -96,12 +96,13 @@ def _parse(column: pa.Array, bad_words: frozenset[str], comma: bool) -> pa.Array
     column = pc.utf8_trim_whitespace(column)
     missing = pc.is_in(pc.utf8_lower(column), value_set=pa.array(bad_words, pa.string()))
     column = pc.if_else(missing, pa.scalar(None, pa.string()), column)
+    written = column
     if comma:
         column = pc.replace_substring(column, ",", ".")
     good = pc.match_substring_regex(column, _NUMBER, ignore_case=True)
     if pc.min(good).as_py() is False:
         at = pc.index(good, False).as_py()
-        value = column[at].as_py()
+        value = written[at].as_py()
         hint = "write bad values as empty, NaN or Bad, or name them in bad_values"
         raise CellFault(at, f"'{value}' is not a number", hint, value)
     return pc.cast(pc.utf8_ltrim(column, "+"), pa.float64())

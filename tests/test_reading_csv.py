@@ -1,0 +1,423 @@
+"""The CSV reader: random tables in random dialects come back equal; every fault is one line with its place."""
+
+import gzip
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pytest
+from glapp.errors import InputError
+from glapp.loop import Loop
+from glapp.reading import csv as csv_module
+from glapp.reading import open_recordings
+from glapp.recording import AT_HIGH, AT_LOW, BAD, NOT_AUTO
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import strategies as st
+
+REFINERY = Path(__file__).parents[1].parent / "shared/data/refinery"
+
+slow_files = settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+
+
+def read(path, loop=None, rows=65536):
+    """All of a recording of one loop as one dict of arrays."""
+    [recording] = open_recordings(path, None if loop is None else [loop])
+    return recording, joined(recording.batches(rows))
+
+
+def joined(batches):
+    batches = list(batches)
+    zeros = [np.zeros(len(b), np.uint8) if b.flags is None else b.flags for b in batches]
+    out = {name: np.concatenate([getattr(b, name) for b in batches]) for name in ("t", "sp", "pv")}
+    out["op"] = None if batches[0].op is None else np.concatenate([b.op for b in batches])
+    return out | {"flags": np.concatenate(zeros)}
+
+
+def write(tmp_path, text, name="plant.csv", encoding="utf-8"):
+    path = tmp_path / name
+    path.write_bytes(text.encode(encoding))
+    return path
+
+
+def lines(rows=5, header="t,SP,PV,OP,MODE", row="2024-01-01 00:00:{i:02d},50,4{i},30.5,AUTO"):
+    return [header, *(row.format(i=i) for i in range(rows))]
+
+
+# --- property: any dialect
+
+STAMPS = {
+    "iso": "%Y-%m-%d %H:%M:%S.%f",
+    "isoT": "%Y-%m-%dT%H:%M:%S.%f",
+    "zoned": "%Y-%m-%dT%H:%M:%S.%fZ",
+    "slashes": "%Y/%m/%d %H:%M:%S.%f",
+    "german": "%d.%m.%Y %H:%M:%S.%f",
+    "us": "%m/%d/%Y %I:%M:%S.%f %p",
+    "uk": "%d/%m/%Y %H:%M:%S.%f",
+    "month": "%d-%b-%y %H:%M:%S.%f",
+    "offset": "%Y-%m-%d %H:%M:%S.%f +00:00",
+}
+FORMAT = {"us": "month first", "uk": "day first"}
+
+
+@st.composite
+def tables(draw):
+    n = draw(st.integers(2, 30))
+    value = st.floats(-1e6, 1e6).map(lambda x: round(x, draw(st.integers(0, 6)))) | st.none()
+    column = st.lists(value, min_size=n, max_size=n)
+    pv = draw(column.filter(lambda c: any(v is not None for v in c)))
+    start = draw(st.datetimes(datetime(1990, 1, 1), datetime(2040, 1, 1))).replace(microsecond=0)
+    steps = draw(st.lists(st.integers(-500, 5000), min_size=n, max_size=n))
+    times = [start + timedelta(milliseconds=ms) for ms in np.cumsum(steps).tolist()]
+    return (
+        times,
+        draw(column),
+        pv,
+        draw(column),
+        draw(st.lists(st.sampled_from(["AUTO", "MAN"]), min_size=n, max_size=n)),
+    )
+
+
+@st.composite
+def dialects(draw):
+    delimiter = draw(st.sampled_from(",;\t|"))
+    stamp = draw(st.sampled_from(sorted(STAMPS) + ["epoch"]))
+    return {
+        "delimiter": delimiter,
+        "comma": draw(st.booleans()),
+        "quoted": draw(st.booleans()) or delimiter == ",",
+        "stamp": stamp,
+        "encoding": draw(st.sampled_from(["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "cp1252"])),
+        "newline": draw(st.sampled_from(["\n", "\r\n", "\r"])),
+        "bad": draw(st.sampled_from(["", "Bad", "I/O Timeout", "NaN", "#N/A", " no data ", "NULL"])),
+        "last_newline": draw(st.booleans()),
+        "units": draw(st.booleans()),
+        "gzip": draw(st.booleans()),
+        "block": draw(st.sampled_from([64, 1 << 22])),
+    }
+
+
+def in_dialect(table, d):
+    quote = '"{}"'.format if d["quoted"] else str
+
+    def number(v):
+        text = d["bad"] if v is None else repr(v)
+        return quote(text.replace(".", ",") if d["comma"] else text)
+
+    def stamp(t):
+        if d["stamp"] == "epoch":
+            return quote(f"{t.replace(tzinfo=UTC).timestamp():.3f}".replace(".", "," if d["comma"] else "."))
+        return quote(
+            t.strftime(STAMPS[d["stamp"]])[:-3] if STAMPS[d["stamp"]].endswith("%f") else t.strftime(STAMPS[d["stamp"]])
+        )
+
+    out = [["Time", "SP", "PV", "OP", "MODE"]]
+    if d["units"]:
+        out.append(["", "°C", "°C", "%", ""])
+    for t, sp, pv, op, mode in zip(*table, strict=True):
+        out.append([stamp(t), number(sp), number(pv), number(op), quote(mode)])
+    text = d["newline"].join(d["delimiter"].join(row) for row in out)
+    return (text + d["newline"] * d["last_newline"]).encode(d["encoding"])
+
+
+@slow_files
+@given(tables(), dialects())
+def test_a_table_in_any_dialect_reads_back_equal(tmp_path, monkeypatch, table, dialect):
+    monkeypatch.setattr(csv_module, "_BLOCK", dialect["block"])
+    data = in_dialect(table, dialect)
+    path = tmp_path / ("x.csv.gz" if dialect["gzip"] else "x.csv")
+    path.write_bytes(gzip.compress(data) if dialect["gzip"] else data)
+    recording, got = read(path, Loop(name="x", time_format=FORMAT.get(dialect["stamp"])))
+    times, sp, pv, op, mode = table
+    assert recording.t0.replace(tzinfo=None) == times[0]
+    np.testing.assert_array_equal(got["t"], [(t - times[0]) / timedelta(seconds=1) for t in times])
+    for name, want in (("sp", sp), ("pv", pv), ("op", op)):
+        np.testing.assert_array_equal(got[name], np.array([np.nan if v is None else v for v in want]))
+    bad = [BAD * (a is None or b is None) for a, b in zip(sp, pv, strict=True)]
+    np.testing.assert_array_equal(got["flags"], np.array(bad) + [NOT_AUTO * (m == "MAN") for m in mode])
+    _, again = read(path, Loop(name="x", time_format=FORMAT.get(dialect["stamp"])), rows=7)
+    for name in got:
+        np.testing.assert_array_equal(got[name], again[name])
+
+
+@slow_files
+@given(st.binary(max_size=300) | st.text(alphabet="0129.,;\t\n\r\"' -:TZtSPVOM\x00é", max_size=300).map(str.encode))
+@example(b"t,SP,PV\n0,1,2\n1,1,2\n\n\n,,\n")
+@example(b'"')
+@example(b"t,SP,PV\r0,1\r")
+def test_any_bytes_give_batches_or_an_input_error(tmp_path, data):
+    path = tmp_path / "x.csv"
+    path.write_bytes(data)
+    try:
+        for recording in open_recordings(path):
+            for batch in recording.batches():
+                assert len(batch.t) == len(batch.sp) == len(batch.pv)
+                assert np.isfinite(batch.t).all()
+    except InputError as error:
+        assert "\n" not in str(error)
+        assert str(error).startswith(str(path))
+
+
+@slow_files
+@given(st.data())
+def test_one_damaged_cell_is_found_in_its_row_and_column(tmp_path, monkeypatch, data):
+    monkeypatch.setattr(csv_module, "_BLOCK", 256)
+    text = lines(rows=40, row="2024-01-01 00:00:{i:02d},50,4{i},30.5,AUTO")
+    at, column = data.draw(st.integers(4, 40)), data.draw(st.sampled_from(["SP", "PV", "OP"]))
+    blank = data.draw(st.integers(1, at))
+    cells = text[at].split(",")
+    cells[text[0].split(",").index(column)] = "abc"
+    text[at] = ",".join(cells)
+    text.insert(blank, "")  # an empty line counts as an editor counts it
+    with pytest.raises(InputError) as caught:
+        read(write(tmp_path, "\n".join(text)))
+    assert (caught.value.row, caught.value.column, caught.value.value) == (at + 2, column, "abc")
+
+
+# --- each dialect by name
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "t0"),
+    [
+        ("2024-03-01 10:00:00", "2024-03-01 10:00:10", "2024-03-01T10:00:00"),
+        ("2024-03-01T10:00", "2024-03-01T10:00:10", "2024-03-01T10:00:00"),
+        ("2024/03/01 10:00:00.5", "2024/03/01 10:00:10.5", "2024-03-01T10:00:00.500000"),
+        ("1.3.2024 9:59:55", "1.3.2024 10:00:05", "2024-03-01T09:59:55"),
+        ("01.03.24 10:00:00,250", "01.03.24 10:00:10,250", "2024-03-01T10:00:00.250000"),
+        ("13/03/2024 10:00:00", "13/03/2024 10:00:10", "2024-03-13T10:00:00"),
+        ("3/13/2024 11:59:55 PM", "3/14/2024 12:00:05 AM", "2024-03-13T23:59:55"),
+        ("01-Mar-24 10:00:00", "01-Mar-24 10:00:10", "2024-03-01T10:00:00"),
+        ("Mar 1, 2024 10:00:00", "Mar 1, 2024 10:00:10", "2024-03-01T10:00:00"),
+        ("20240301T100000", "20240301T100010", "2024-03-01T10:00:00"),
+        ("2024-03-01 10:00:00+01:00", "2024-03-01 10:00:10+01:00", "2024-03-01T09:00:00+00:00"),
+        ("2024-03-01 10:00:00 -0500", "2024-03-01 10:00:10 -0500", "2024-03-01T15:00:00+00:00"),
+        ("2024-03-01T10:00:00Z", "2024-03-01T11:00:10+01:00", "2024-03-01T10:00:00+00:00"),
+        ("2024-03-01 10:00:00 UTC", "2024-03-01 10:00:10 UTC", "2024-03-01T10:00:00+00:00"),
+        ("1709287200", "1709287210", "2024-03-01T10:00:00+00:00"),
+        ("1709287200.25", "1709287210.25", "2024-03-01T10:00:00.250000+00:00"),
+        ("1709287200000", "1709287210000", "2024-03-01T10:00:00+00:00"),
+        ("1709287200000000", "1709287210000000", "2024-03-01T10:00:00+00:00"),
+        ("1709287200000000001", "1709287210000000001", "2024-03-01T10:00:00+00:00"),
+    ],
+)
+def test_time_stamps(tmp_path, first, second, t0):
+    path = write(tmp_path, f"t;SP;PV\n{first};1;2\n{second};1;2\n")
+    recording, got = read(path)
+    assert recording.t0.isoformat() == t0
+    assert got["t"].tolist() == [0.0, 10.0]
+
+
+def test_plain_seconds_are_kept_as_they_are(tmp_path):
+    recording, got = read(write(tmp_path, "t,SP,PV\n3,1,2\n1.5,1,2\n1.5,1,2\n"))
+    assert recording.t0 is None
+    assert got["t"].tolist() == [3, 1.5, 1.5]
+
+
+def test_day_and_month_are_told_apart_by_the_end_of_the_file_or_by_following_days(tmp_path):
+    rows = [f"{1 + i // 1440:02d}/03/2024 {i // 60 % 24:02d}:{i % 60:02d}:00,1,2.000000" for i in range(1440 * 14)]
+    recording, got = read(write(tmp_path, "\n".join(["t,SP,PV", *rows])))
+    assert recording.t0 == datetime(2024, 3, 1)
+    assert np.all(np.diff(got["t"]) == 60)
+    recording, _ = read(write(tmp_path, "t,SP,PV\n05/03/2024 23:59:59,1,2\n06/03/2024 00:00:00,1,2\n"))
+    assert recording.t0 == datetime(2024, 3, 5, 23, 59, 59)
+    recording, _ = read(write(tmp_path, "t,SP,PV\n05/03/2024 23:59:59,1,2\n05/04/2024 00:00:00,1,2\n"))
+    assert recording.t0 == datetime(2024, 5, 3, 23, 59, 59)
+
+
+def test_local_times_in_autumn_are_exact_and_in_spring_must_exist(tmp_path):
+    loop = Loop(name="x", time_zone="Europe/Stockholm")
+    stamps = ["2024-10-27 01:59:00", "2024-10-27 02:30:00", "2024-10-27 02:59:00", "2024-10-27 02:00:00"]
+    stamps += ["2024-10-27 02:59:00", "2024-10-27 03:00:00"]
+    path = write(tmp_path, "t,SP,PV\n" + "".join(f"{s},1,2\n" for s in stamps))
+    for rows in (65536, 1):
+        recording, got = read(path, loop, rows)
+        assert (got["t"] / 60).tolist() == [0, 31, 60, 61, 120, 121]
+    assert recording.t0.isoformat() == "2024-10-27T01:59:00+02:00"
+    path = write(tmp_path, "t,SP,PV\n2024-03-31 01:59:00,1,2\n2024-03-31 02:30:00,1,2\n")
+    with pytest.raises(InputError, match="row 3, column t: 2024-03-31 02:30:00 does not exist in Europe/Stockholm"):
+        read(path, loop)
+
+
+def test_no_time_column_needs_sample_time(tmp_path):
+    path = write(tmp_path, "SP,PV\n1,2\n1,3\n1,4\n")
+    with pytest.raises(InputError, match="no time column among: SP, PV; name it .* or give sample_time"):
+        read(path)
+    recording, got = read(path, Loop(name="x", sample_time=0.5))
+    assert (recording.t0, got["t"].tolist()) == (None, [0, 0.5, 1])
+
+
+def test_title_lines_units_and_empty_rows_of_spreadsheets(tmp_path):
+    text = "Export from the plant\n\nTime;SP;PV;OP\n;degC;degC;%\n2024-01-01 00:00:00;1;2;3\n2024-01-01 00:00:01;1;2;3\n;;;\n;;;\n"
+    recording, got = read(write(tmp_path, text))
+    assert len(got["t"]) == 2
+    assert recording.units == {"SP": "degC", "PV": "degC", "OP": "%"}
+    assert recording.loop.pv_unit == "degC"
+
+
+def test_modes_limits_and_named_words(tmp_path):
+    head = "t,SP,PV,OP,MODE,LO,HI\n"
+    path = write(tmp_path, head + "0,1,2,3,AUTO,0,1\n1,1,2,3,Man,0,0\n2,1,2,3,CAS,1,0\n3,1,2,3,,0,0\n")
+    loop = Loop(name="x", columns={"op_low_flag": "LO", "op_high_flag": "HI"})
+    assert read(path, loop)[1]["flags"].tolist() == [AT_HIGH, NOT_AUTO, AT_LOW, NOT_AUTO]
+    path = write(tmp_path, head + "0,1,2,3,7,0,0\n1,1,-9999,3,8,0,0\n2,1,oops,3,7,0,0\n")
+    loop = Loop(name="x", auto_values=[7], bad_values=[-9999, "Oops"])
+    got = read(path, loop)[1]
+    assert got["flags"].tolist() == [0, NOT_AUTO + BAD, BAD]
+    assert np.isnan(got["pv"][1:]).all()
+
+
+@pytest.mark.parametrize(
+    ("words", "flags"),
+    [
+        (["Good", "Bad", "Uncertain", "GoodLocalOverride"], [0, BAD, BAD, 0]),
+        (["192", "0", "64", "216"], [0, BAD, BAD, 0]),
+        (["0", "0", "2147483648", "1073741824"], [0, 0, BAD, BAD]),
+        (["good", "", "Not Connected", "OK"], [0, BAD, BAD, 0]),
+    ],
+)
+def test_qualities(tmp_path, words, flags):
+    path = write(tmp_path, "t,SP,PV,Quality\n" + "".join(f"{i},1,2,{w}\n" for i, w in enumerate(words)))
+    _, got = read(path)
+    assert got["flags"].tolist() == flags
+    assert np.isnan(got["pv"]).tolist() == [f == BAD for f in flags]
+
+
+def test_wide_file_with_several_loops(tmp_path):
+    head = "Timestamp,FIC1.SP,FIC1.PV,FIC1.OUT,LIC2/PID1/SP.CV,LIC2/PID1/PV.CV,TI9.PV"
+    path = write(tmp_path, head + "\n0,1,2,3,4,5,6\n1,1,2,3,4,5,6\n")
+    recordings = open_recordings(path)
+    assert [r.name for r in recordings] == ["FIC1", "LIC2/PID1"]
+    assert recordings[1].columns == {"time": "Timestamp", "SP": "LIC2/PID1/SP.CV", "PV": "LIC2/PID1/PV.CV"}
+    assert next(recordings[1].batches()).pv.tolist() == [5, 5]
+    [named] = open_recordings(path, [Loop(name="x", columns={"sp": "FIC1.SP", "pv": "TI9.PV"})])
+    assert named.columns == {"SP": "FIC1.SP", "PV": "TI9.PV"} | {"time": "Timestamp"}
+
+
+# --- wrong input
+
+GOOD = "\n".join(lines()) + "\n"
+WRONG = {
+    "empty": ("", ": is empty"),
+    "blank": ("\n\n  \n", ": is empty"),
+    "header only": ("t,SP,PV\n", ": has a header but no rows"),
+    "one row": ("t,SP,PV\n0,1,2\n", ": has only one row"),
+    "one column": ("PV\n1\n2\n", ": has only one column"),
+    "text in numbers": ("t,SP,PV\n0,1,2\n1,1,abc\n", ", row 3, column PV: 'abc' is not a number; write bad values as"),
+    "all NaN": ("t,SP,PV\n0,1,NaN\n1,1,Bad\n", ", column PV: holds no number in 2 rows"),
+    "no pv": ("t,SP,OP\n0,1,2\n1,1,2\n", ": no column for PV among: t, SP, OP; name it in loops.toml"),
+    "no header": ("0,1,2\n1,1,2\n", ", row 1: has no header: the first row holds data"),
+    "ragged": ("t,SP,PV\n0,1,2\n1,1\n2,1,2\n", ", row 3: has 2 cells where the header has 3"),
+    "cut off": (
+        "t,SP,PV\n0,1,2\n1,1,2\n2,1",
+        ", row 4: has 2 cells where the header has 3; the file ends in the middle",
+    ),
+    "too many": ("t,SP,PV\n0,1,2\n1,1,2,3\n2,1,2\n", ", row 3: has 4 cells where the header has 3"),
+    "two PV": ("t,SP,PV,PV\n0,1,2,3\n1,1,2,3\n", ": the columns 'PV' and 'PV' could both be PV"),
+    "two OP": ("t,SP,PV,OP,MV\n0,1,2,3,4\n1,1,2,3,4\n", ": the columns 'OP' and 'MV' could both be OP; name the right"),
+    "ambiguous day": (
+        "t,SP,PV\n01/02/2024 00:00,1,2\n01/02/2024 00:01,1,2\n",
+        ", row 2, column t: '01/02/2024 00:00' can be read day first or month first; write time_format = 'day first'",
+    ),
+    "mixed zones": (
+        "t,SP,PV\n2024-01-01 00:00:00,1,2\n2024-01-01 00:00:01Z,1,2\n",
+        ", row 3, column t: '2024-01-01 00:00:01Z' has a zone, unlike the first row: mixed zones",
+    ),
+    "letters for a zone": (
+        "t,SP,PV\n2024-01-01 00:00 CET,1,2\n2024-01-01 00:01 CET,1,2\n",
+        "; a zone's letters are not",
+    ),
+    "no such day": (
+        "t,SP,PV\n2024-02-28 00:00,1,2\n2024-02-30 00:00,1,2\n",
+        ", row 3, column t: '2024-02-30 00:00' read",
+    ),
+    "time missing": ("t,SP,PV\n2024-02-28 00:00,1,2\n,1,2\n", ", row 3, column t: the time is empty"),
+    "time only": ("t,SP,PV\n00:00:01,1,2\n00:00:02,1,2\n", "; the date is missing"),
+    "text for time": ("t,SP,PV\n0,1,2\nx,1,2\n", ", row 3, column t: 'x' is not a time"),
+    "day numbers": ("t,SP,PV\n45000.1,1,2\n45000.1001,1,2\n", "looks like a spreadsheet's day number"),
+    "unknown mode": (
+        "t,SP,PV,MODE\n0,1,2,AUTO\n1,1,2,TURBO\n",
+        ", row 3, column MODE: 'TURBO' is not a mode known here; write",
+    ),
+    "unknown quality": ("t,SP,PV,Quality\n0,1,2,Good\n1,1,2,Meh\n", ", row 3, column Quality: 'Meh' is not a quality"),
+    "mixed decimals": (
+        "t;SP;PV\n0;1,5;2\n1;1.5;2\n",
+        ": '1,5' and others have a decimal comma, others a decimal point",
+    ),
+    "thousands": ("t;SP;PV\n0;1;2\n1;1.234,5;2\n", ", row 3, column SP: '1.234,5' is not a number"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_wrong_input_is_one_line(tmp_path, case):
+    text, line = WRONG[case]
+    path = write(tmp_path, text)
+    with pytest.raises(InputError) as caught:
+        read(path)
+    assert str(caught.value).startswith(str(path))
+    assert line in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_wrong_paths_and_files(tmp_path):
+    with pytest.raises(InputError, match="no such file"):
+        open_recordings(tmp_path / "none.csv")
+    with pytest.raises(InputError, match="is a directory"):
+        open_recordings(tmp_path)
+    for data in (bytes(range(256)) * 8, b"\x89PNG\r\n\x1a\n" + bytes(100)):
+        (tmp_path / "b.csv").write_bytes(data)
+        with pytest.raises(InputError, match="is not text, Parquet or Arrow"):
+            open_recordings(tmp_path / "b.csv")
+    (tmp_path / "x.csv.gz").write_bytes(b"t,SP,PV\n0,1,2\n")
+    with pytest.raises(InputError, match="cannot be read"):
+        open_recordings(tmp_path / "x.csv.gz")
+
+
+def test_wrong_column_is_told_with_the_nearest_one(tmp_path):
+    path = write(tmp_path, GOOD)
+    with pytest.raises(InputError, match=r"columns\.pv: no column 'PVX' for PV, did you mean 'PV'\? There are: t, SP"):
+        read(path, Loop(name="x", columns={"pv": "PVX"}))
+    with pytest.raises(InputError, match="row 2, column MODE: 'AUTO' is not a number"):
+        read(path, Loop(name="x", columns={"pv": "MODE", "mode": ""}))
+
+
+def test_times_that_repeat_or_run_backwards_are_passed_on(tmp_path):
+    _, got = read(write(tmp_path, "t,SP,PV\n5,1,2\n4,1,2\n4,1,2\n6,1,2\n"))
+    assert got["t"].tolist() == [5, 4, 4, 6]
+
+
+def test_a_recording_can_be_left_early_and_read_again(tmp_path, monkeypatch):
+    monkeypatch.setattr(csv_module, "_BLOCK", 64)
+    [recording] = open_recordings(write(tmp_path, "\n".join(lines(rows=60))))
+    assert recording.fraction_read() is None
+    batches = recording.batches(rows=3)
+    next(batches)
+    batches.close()
+    assert sum(len(b) for b in recording.batches()) == 60
+    assert recording.fraction_read() == 1.0
+
+
+def test_text_road_and_native_road_agree(tmp_path):
+    """Once a cell needs the text road, its block and no other is read that way; values stay the same."""
+    rng = np.random.default_rng(1)
+    rows = [
+        f"2024-01-01 00:00:{i:02d}.{i:03d},{x!r},{y!r},1e{i % 9},1"
+        for i, (x, y) in enumerate(rng.normal(size=(60, 2)).tolist())
+    ]
+    plain = read(write(tmp_path, "\n".join(["t,SP,PV,OP,MODE", *rows])))[1]
+    rows[59] = rows[59].replace(",1e", ", BAD INPUT ,")[: rows[59].rindex(",1e")] + ",  Bad InPut ,1"
+    mixed = read(write(tmp_path, "\n".join(["t,SP,PV,OP,MODE", *rows])))[1]
+    for name in ("t", "sp", "pv", "flags"):
+        np.testing.assert_array_equal(plain[name], mixed[name])
+    np.testing.assert_array_equal(plain["op"][:59], mixed["op"][:59])
+    assert np.isnan(mixed["op"][59])
+
+
+@pytest.mark.skipif(not REFINERY.is_dir(), reason="the refinery recordings are not beside this checkout")
+def test_refinery_files_are_readable():
+    files = sorted(REFINERY.glob("*.csv"))
+    assert len(files) == 12
+    for file in files:
+        recording, got = read(file)
+        assert recording.name == file.stem
+        assert list(recording.columns) == ["time", "SP", "PV", "OP", "MODE"]
+        assert (len(got["t"]), got["t"][-1], got["flags"].any()) == (751, 7500.0, False)

@@ -1,0 +1,158 @@
+"""Tables of every kind give the same batches, and so do Parquet, Arrow and CSV files of them."""
+
+from datetime import datetime
+
+import numpy as np
+import polars as pl
+import pyarrow as pa
+import pyarrow.csv as pacsv
+import pyarrow.feather as feather
+import pyarrow.ipc as ipc
+import pyarrow.parquet as pq
+import pytest
+from glapp.errors import InputError
+from glapp.loop import Loop
+from glapp.reading import open_recordings, recording_from
+from glapp.recording import BAD, NOT_AUTO
+from test_reading_csv import joined
+
+N = 70_000  # more than one batch
+
+
+@pytest.fixture(scope="module")
+def table():
+    rng = np.random.default_rng(7)
+    pv = np.round(rng.normal(50, 1, N), 6)
+    pv[5] = np.nan
+    mode = np.where(np.arange(N) % 1000 < 990, "AUTO", "MAN")
+    t = np.datetime64("2024-01-01T00:00:00", "ms") + np.arange(N) * np.timedelta64(1500, "ms")
+    return pa.table(
+        {"note": [""] * N, "t": t, "SP": pa.array(np.full(N, 50), pa.int32()), "PV": pv, "OP": pv / 2, "MODE": mode}
+    )
+
+
+def same(a, b):
+    for name in ("t", "sp", "pv", "op", "flags"):
+        np.testing.assert_array_equal(a[name], b[name])
+
+
+def check(recording, table):
+    got = joined(recording.batches())
+    np.testing.assert_array_equal(got["t"], np.arange(N) * 1.5)
+    np.testing.assert_array_equal(got["pv"], table["PV"].to_numpy())
+    np.testing.assert_array_equal(got["op"], table["OP"].to_numpy())
+    assert (got["flags"][:7] == [0, 0, 0, 0, 0, BAD, 0]).all()
+    assert (got["flags"][990:1001] == [NOT_AUTO] * 10 + [0]).all()
+    assert recording.t0 == datetime(2024, 1, 1)
+    for batch in recording.batches():
+        for name in ("t", "sp", "pv", "op"):
+            array = getattr(batch, name)
+            assert array.dtype == np.float64 and array.flags.c_contiguous
+    same(got, joined(recording.batches(rows=7777)))
+    assert max(len(b) for b in recording.batches(rows=7777)) == 7777
+
+
+def as_pandas_index(table):
+    frame = table.to_pandas().set_index("t")
+    frame.index.name = None
+    return frame
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [
+        lambda t: t,
+        lambda t: t.to_pandas(),
+        as_pandas_index,
+        pl.from_arrow,
+        lambda t: {n: t[n].to_numpy() for n in t.column_names},
+        lambda t: {n: t[n] for n in t.column_names},
+        lambda t: t.set_column(5, "MODE", t["MODE"].dictionary_encode()),
+        lambda t: t.set_column(3, "PV", t["PV"].cast(pa.string())),
+        lambda t: t.set_column(2, "SP", t["SP"].cast(pa.decimal128(12, 2))),
+    ],
+    ids=["arrow", "pandas", "pandas index", "polars", "numpy", "dict of arrow", "dictionary", "text", "decimal"],
+)
+def test_tables_in_memory(table, kind):
+    check(recording_from(kind(table)), table)
+
+
+def test_structured_array_and_fraction():
+    data = np.array([(0.0, 1.0, 2.0), (1.0, 1.0, 3.0)], [("t", "f8"), ("SP", "f8"), ("PV", "f4")])
+    recording = recording_from(data)
+    assert (recording.rows, recording.source, recording.fraction_read()) == (2, "memory", None)
+    assert joined(recording.batches())["pv"].tolist() == [2, 3]
+    assert recording.fraction_read() == 1.0
+
+
+@pytest.mark.parametrize("kind", ["parquet", "one row group", "ipc", "stream", "feather", "csv"])
+def test_files(table, kind, tmp_path):
+    path = tmp_path / "F1.data"
+    match kind:
+        case "parquet":
+            pq.write_table(table, path, row_group_size=10_000)
+        case "one row group":
+            pq.write_table(table, path, compression="zstd")
+        case "ipc" | "stream":
+            with (ipc.new_file if kind == "ipc" else ipc.new_stream)(path, table.schema) as file:
+                file.write_table(table)
+        case "feather":
+            feather.write_feather(table, str(path), compression="zstd")
+        case "csv":
+            pacsv.write_csv(table, path)
+    [recording] = open_recordings(path)
+    assert recording.name == "F1"
+    check(recording, table)
+    assert recording.fraction_read() == 1.0
+    assert recording.rows == (N if "parquet" in kind or "group" in kind else None)
+
+
+@pytest.mark.parametrize(
+    ("data", "line"),
+    [
+        ({"t": [0, 1], "SP": [1, 2]}, "memory: no column for PV among: t, SP"),
+        ({"t": [0], "SP": [1], "PV": [1]}, "memory: has only one row"),
+        ({"t": [], "SP": [], "PV": []}, "memory: has no rows"),
+        ({"t": [0, 1], "SP": [1, 2], "PV": [1]}, "memory: cannot be read as a table"),
+        ({"t": [0, 1], "SP": [1, 2], "PV": ["x", "1"]}, "memory, row 1, column PV: 'x' is not a number"),
+        ({"t": [0, 1], "SP": [1, 2], "PV": [[1], [2]]}, "memory, row 1, column PV: holds list<"),
+        ({"t": [0, None], "SP": [1, 2], "PV": [1, 2]}, "memory, row 2, column t: the time is empty"),
+        ({"t": [0, np.nan], "SP": [1, 2], "PV": [1, 2]}, "memory, row 2, column t: 'nan' is not a time"),
+        ({"t": [0, 1], "SP": [1, 2], "PV": [np.nan, np.inf]}, "memory, column PV: holds no number in 2 rows"),
+        ({"A.SP": [1, 1], "A.PV": [1, 1], "B.SP": [1, 1], "B.PV": [1, 1], "t": [0, 1]}, "memory: holds 2 loops: A, B"),
+        ([1, 2, 3], "memory: a list is not a table with named columns"),
+        (np.zeros((3, 3)), "memory: a ndarray is not a table"),
+    ],
+)
+def test_wrong_tables_are_one_line(data, line):
+    with pytest.raises(InputError) as caught:
+        list(recording_from(data).batches())
+    assert str(caught.value).startswith(line)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_loop_is_chosen_by_its_name():
+    data = {"A.SP": [1, 1], "A.PV": [1, 1], "B.SP": [2, 2], "B.PV": [2, 2], "t": [0, 1]}
+    assert joined(recording_from(data, Loop(name="b")).batches())["sp"].tolist() == [2, 2]
+    with pytest.raises(InputError, match="loop C: no column for SP and PV among"):
+        recording_from(data, Loop(name="C"))
+
+
+def test_damaged_files(tmp_path, table):
+    path = tmp_path / "F1.parquet"
+    pq.write_table(table, path)
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) // 2])
+    with pytest.raises(InputError, match="is not a readable Parquet file"):
+        open_recordings(path)
+    path.write_bytes(b"PAR1" + bytes(100))
+    with pytest.raises(InputError, match="is not a readable Parquet file"):
+        open_recordings(path)
+    path.write_bytes(b"ARROW1" + bytes(100))
+    with pytest.raises(InputError, match="is not a readable Arrow file"):
+        open_recordings(path)
+    damaged = bytearray(data)
+    damaged[200 : len(data) // 2] = bytes(len(data) // 2 - 200)
+    path.write_bytes(damaged)
+    with pytest.raises(InputError, match="is damaged|PV"):
+        list(open_recordings(path)[0].batches())

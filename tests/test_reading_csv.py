@@ -80,7 +80,7 @@ def tables(draw):
 @st.composite
 def dialects(draw):
     delimiter = draw(st.sampled_from(",;\t|"))
-    stamp = draw(st.sampled_from(sorted(STAMPS) + ["epoch"]))
+    stamp = draw(st.sampled_from([*sorted(STAMPS), "epoch"]))
     return {
         "delimiter": delimiter,
         "comma": draw(st.booleans()),
@@ -240,14 +240,17 @@ def test_local_times_in_autumn_are_exact_and_in_spring_must_exist(tmp_path):
 
 def test_no_time_column_needs_sample_time(tmp_path):
     path = write(tmp_path, "SP,PV\n1,2\n1,3\n1,4\n")
-    with pytest.raises(InputError, match="no time column among: SP, PV; name it .* or give sample_time"):
+    with pytest.raises(InputError, match=r"no time column among: SP, PV; name it .* or give sample_time"):
         read(path)
     recording, got = read(path, Loop(name="x", sample_time=0.5))
     assert (recording.t0, got["t"].tolist()) == (None, [0, 0.5, 1])
 
 
 def test_title_lines_units_and_empty_rows_of_spreadsheets(tmp_path):
-    text = "Export from the plant\n\nTime;SP;PV;OP\n;degC;degC;%\n2024-01-01 00:00:00;1;2;3\n2024-01-01 00:00:01;1;2;3\n;;;\n;;;\n"
+    text = (
+        "Export from the plant\n\nTime;SP;PV;OP\n;degC;degC;%\n2024-01-01 00:00:00;1;2;3\n2024-01-01 00:00:01;1;2;3\n"
+    )
+    text += ";;;\n;;;\n"
     recording, got = read(write(tmp_path, text))
     assert len(got["t"]) == 2
     assert recording.units == {"SP": "degC", "PV": "degC", "OP": "%"}

@@ -154,5 +154,5 @@ def test_damaged_files(tmp_path, table):
     damaged = bytearray(data)
     damaged[200 : len(data) // 2] = bytes(len(data) // 2 - 200)
     path.write_bytes(damaged)
-    with pytest.raises(InputError, match="is damaged|PV"):
+    with pytest.raises(InputError, match=r"is damaged|PV"):
         list(open_recordings(path)[0].batches())

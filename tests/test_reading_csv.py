@@ -144,6 +144,7 @@ def test_a_table_in_any_dialect_reads_back_equal(tmp_path, monkeypatch, table, d
 @example(b"t,SP,PV\n0,1,2\n1,1,2\n\n\n,,\n")
 @example(b'"')
 @example(b"t,SP,PV\r0,1\r")
+@example(b"t;SP;PV;Quality\n\n\n\xf8;\n;")
 def test_any_bytes_give_batches_or_an_input_error(tmp_path, data):
     path = tmp_path / "x.csv"
     path.write_bytes(data)
@@ -314,6 +315,7 @@ WRONG = {
         "t,SP,PV\n0,1,2\n1,1,2\n2,1",
         ", row 4: has 2 cells where the header has 3; the file ends in the middle",
     ),
+    "all short": ("t,SP,PV,OP\n0,1,2\n1,1,2\n", ", row 2: has 3 cells where the header has 4"),
     "too many": ("t,SP,PV\n0,1,2\n1,1,2,3\n2,1,2\n", ", row 3: has 4 cells where the header has 3"),
     "two PV": ("t,SP,PV,PV\n0,1,2,3\n1,1,2,3\n", ": the columns 'PV' and 'PV' could both be PV"),
     "two OP": ("t,SP,PV,OP,MV\n0,1,2,3,4\n1,1,2,3,4\n", ": the columns 'OP' and 'MV' could both be OP; name the right"),

@@ -74,6 +74,7 @@ class CsvSource(Source):
         if any(len(cells) > width for _, cells in rows[:start]):
             start = 0  # not a title above the table, but a header with more names than cells: reported as a ragged row
             line, header = rows[0]
+            width = len(header)
         self.names = [cell.strip() for cell in header]
         if any(_is_data(cell) for cell in header) and not any(understand(n).role for n in self.names):
             raise InputError(
@@ -91,6 +92,8 @@ class CsvSource(Source):
         if not body:
             raise InputError("has a header but no rows", file=label)
         body_cells = [cells for _, cells in body if len(cells) == width]
+        if not body_cells:
+            raise self._ragged(None)
         self._head = _columns(body_cells, width)
         self._tail = _columns([cells for cells in tail if len(cells) == width], width) if tail else None
         cells = [cell.strip() for row in body_cells + tail for cell in row]
@@ -231,7 +234,7 @@ class CsvSource(Source):
             pass
         return self._skip + record + 1
 
-    def _ragged(self, error: pa.ArrowInvalid) -> InputError:
+    def _ragged(self, error: pa.ArrowInvalid | None) -> InputError:
         """Say which row has more or fewer cells than the header."""
         width = len(self.names)
         found: tuple[int, int] | None = None

@@ -420,7 +420,7 @@ def test_every_estimate_has_one_bar_as_long_as_its_width(run: list[Result]) -> N
 
 
 def test_results_rank_by_width_and_keep_units_apart(run: list[Result]) -> None:
-    order = figures.ranked(run)
+    order = words.ranked(run)
     assert [r.name for r in order][-1] == "FIC999"
     percents = [r.d_hat_percent_span for r in order if r.d_hat_percent_span is not None]
     assert percents == sorted(percents, reverse=True)

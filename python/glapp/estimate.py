@@ -19,7 +19,7 @@ from .recording import Batch, Recording
 from .result import REASONS, HalfPeriods, Result, Settings, Verdict
 from .trace import Band, Thinner, Trace
 
-__all__ = ["Estimator", "analyze", "estimate"]
+__all__ = ["Estimator", "analyze", "estimate", "identify_recording"]
 
 INSPECTED_ROWS = 1_000_000
 """Rows that identification and the closer look at quality take from the beginning of a recording."""
@@ -121,18 +121,8 @@ def analyze(recording: Recording, *, trust: bool = False, progress: Progress | N
     ideal = loop.ideal()
     sample = _inspection(recording, INSPECTED_ROWS)
     batch = sample.batch
-    found = None
+    found = None if batch.op is None else _identified(batch, loop)
     notes: dict[str, str] = {}
-    if batch.op is not None:
-        found = identify(
-            batch.t,
-            batch.sp,
-            batch.pv,
-            batch.op,
-            batch.flags,
-            setpoint_weight=_given_setpoint_weight(loop),
-            limits=_op_range(loop),
-        )
     if ideal is None and found is not None and found.k and found.ti and (found.usable or trust):
         ideal = Ideal(found.k, found.ti, 0.0, 1.0 if found.setpoint_weight is None else found.setpoint_weight)
         notes = dict.fromkeys(("k", "ti"), f"identified (R² {found.r2:.3f})")
@@ -152,6 +142,34 @@ def analyze(recording: Recording, *, trust: bool = False, progress: Progress | N
         t0=recording.t0,
     )
     return run.result(quality, found, noise_sigma(batch.pv))
+
+
+def identify_recording(recording: Recording) -> Identification:
+    """K and Ti as the first million rows of a recording show them; `glapp.identify` says how.
+
+    Parameters
+    ----------
+    recording : Recording
+        From `glapp.recording_from` or `glapp.open_recordings`.
+
+    Raises
+    ------
+    InputError
+        Where the recording cannot be read.
+    """
+    return _identified(_inspection(recording, INSPECTED_ROWS).batch, recording.loop)
+
+
+def _identified(batch: Batch, loop: Loop) -> Identification:
+    return identify(
+        batch.t,
+        batch.sp,
+        batch.pv,
+        batch.op,
+        batch.flags,
+        setpoint_weight=_given_setpoint_weight(loop),
+        limits=_op_range(loop),
+    )
 
 
 class Estimator(_glapp.Detector):

@@ -191,7 +191,7 @@ def overview_figure(results: Sequence[Result]) -> go.Figure:
     """
     if not results:
         return _empty("No loops.", height=160)
-    order = ranked(results)
+    order = words.ranked(results)
     by_span = [r for r in order if r.d_hat is not None and r.d_hat_percent_span is not None]
     by_unit = [r for r in order if r.d_hat is not None and r.d_hat_percent_span is None]
     without = [r for r in order if r.d_hat is None]
@@ -243,17 +243,6 @@ def overview_figure(results: Sequence[Result]) -> go.Figure:
         legend={"orientation": "h", "x": 0, "y": 1, "yref": "container", "yanchor": "top"},
     )
     return figure
-
-
-def ranked(results: Sequence[Result]) -> list[Result]:
-    """Order results as every list shows them: widest in % of span first, then widths in OP units, then the rest."""
-
-    def key(r: Result) -> tuple[int, float]:
-        if r.d_hat is None:
-            return (3 if r.verdict == "refused" else 2, 0.0)
-        return (0, -r.d_hat_percent_span) if r.d_hat_percent_span is not None else (1, -r.d_hat)
-
-    return sorted(results, key=key)
 
 
 def _bars(figure: go.Figure, loops: list[Result], row: int, seen: set[str]) -> None:

@@ -68,7 +68,7 @@ def write_report(
         is an index, with one file per loop in a folder beside it that is named after it.
     """
     path = Path(path)
-    order = figures.ranked(results)
+    order = words.ranked(results)
     sections = [_loop(f"loop-{i}", r) for i, r in enumerate(order)]
     overview = _overview(order, [f"#loop-{i}" for i in range(len(order))])
     page = _page(title, [_header(title, order), overview, *sections, _explanations()]).encode()

@@ -175,6 +175,17 @@ def span_width(result: Result) -> float | None:
     return 100.0 if result.unit == "%" else None
 
 
+def ranked(results: Sequence[Result]) -> list[Result]:
+    """Order results as every list shows them: widest in % of span first, then widths in OP units, then the rest."""
+
+    def key(r: Result) -> tuple[int, float]:
+        if r.d_hat is None:
+            return (3 if r.verdict == "refused" else 2, 0.0)
+        return (0, -r.d_hat_percent_span) if r.d_hat_percent_span is not None else (1, -r.d_hat)
+
+    return sorted(results, key=key)
+
+
 def ranked_reasons(result: Result) -> list[tuple[str, int]]:
     """List the reasons of rejection with their counts, the most frequent first."""
     return sorted(((name, n) for name, n in result.reasons.items() if n), key=lambda pair: -pair[1])

@@ -1,0 +1,202 @@
+"""`glapp analyze`: recordings in, dead bands out."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor, wait
+from pathlib import Path
+from threading import Event
+from time import monotonic
+from typing import Annotated
+
+import typer
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+from rich.text import Text
+
+from ..errors import InputError
+from ..estimate import analyze as analyze_recording
+from ..recording import Recording
+from ..result import REASONS, Result
+from .inputs import Refused, open_files
+from .options import Options, with_options
+from .screen import CommandError, err, out, say_error
+
+__all__ = ["analyze"]
+
+PATIENCE = 1.0
+"""A progress bar appears after so many seconds."""
+
+WIDE = 110
+"""From so many columns on, a cell of the table is one line."""
+
+
+@with_options
+def analyze(
+    files: Annotated[list[Path], typer.Argument(metavar="FILES...", help="Recordings, loops.toml files, or both.")],
+    options: Options,
+    report: Annotated[Path | None, typer.Option(metavar="HTML", help="Write a report with zoomable figures.")] = None,
+    json: Annotated[
+        bool, typer.Option("--json", metavar="", help="One JSON object on standard output, nothing else.")
+    ] = False,
+    table: Annotated[
+        Path | None, typer.Option("--csv", metavar="CSV", help="Write a row per loop; - is standard output.")
+    ] = None,
+    trust: Annotated[
+        bool, typer.Option("--trust", metavar="", help="Go on with an identification of R² below 0.9.")
+    ] = False,
+) -> None:
+    """Estimate the dead band of every loop, and say how sure that is and why not surer."""
+    to_output = table is not None and str(table) == "-"
+    if json and to_output:
+        raise CommandError("--json and --csv - both write to standard output; name a file for --csv")
+    for name, path in (("--report", report), ("--csv", table)):
+        if path is not None and not path.parent.is_dir():
+            raise CommandError(f"{name}: there is no folder '{path.parent}'")
+    answers = _answers(open_files(files, options), trust)
+    results = [a.result() if isinstance(a, Refused) else a for a in answers]
+    if json:
+        from ..document import to_json
+
+        typer.echo(to_json(results).encode())
+    elif to_output:
+        typer.echo(_rows(results), nl=False)
+    elif any(isinstance(a, Result) for a in answers):
+        _show(answers)
+    for answer in answers:
+        if isinstance(answer, Refused):
+            say_error(answer.error)
+    if table is not None and not to_output:
+        _write(table, lambda: table.write_text(_rows(results), encoding="utf-8", newline=""))
+    if report is not None:
+        from ..report.html import write_report
+
+        _write(report, lambda: write_report(results, report))
+        if not json and not to_output:
+            out.print(f"\nReport: {report}", soft_wrap=True)
+    if any(result.verdict == "refused" for result in results):
+        raise typer.Exit(1)
+
+
+def _answers(opened: Sequence[Recording | Refused], trust: bool) -> list[Result | Refused]:
+    """Analyse in parallel; the answers in the order of what was opened."""
+    done = [0.0] * len(opened)
+    stop = Event()
+
+    def answer(i: int) -> Result | Refused:
+        def progress(fraction: float | None) -> None:
+            done[i] = fraction or 0.0
+            if stop.is_set():
+                raise InterruptedError
+
+        entry = opened[i]
+        if isinstance(entry, Refused):
+            return entry
+        try:
+            return analyze_recording(entry, trust=trust, progress=progress)
+        except InputError as error:
+            return Refused(entry.name, entry.source, error, entry.loop)
+        finally:
+            done[i] = 1.0
+
+    begun = monotonic()
+    bar = Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.percentage:.0f} %"),
+        TimeRemainingColumn(),
+        console=err,
+        transient=True,
+    )
+    task = bar.add_task(f"{len(opened)} loops" if len(opened) > 1 else opened[0].name, total=len(opened))
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        futures = [pool.submit(answer, i) for i in range(len(opened))]
+        try:
+            while wait(futures, timeout=0.1).not_done:
+                bar.update(task, completed=sum(done))
+                if err.is_terminal and monotonic() - begun > PATIENCE:
+                    bar.start()
+        except BaseException:
+            stop.set()
+            pool.shutdown(cancel_futures=True)
+            raise
+        finally:
+            bar.stop()
+    return [future.result() for future in futures]
+
+
+def _write(path: Path, write: Callable[[], object]) -> None:
+    try:
+        write()
+    except OSError as error:
+        raise InputError(f"cannot be written: {error.strerror}", file=str(path)) from None
+
+
+def _rows(results: Sequence[Result]) -> str:
+    """The answers as CSV, a row per loop in their order."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    answer = ("loop", "file", "verdict", "reason", "d_hat", "unit", "d_hat_percent_span", "detections", "half_periods")
+    controller = ("k", "ti", "td", "setpoint_weight", "kp_process", "tf")
+    writer.writerow([*answer, *REASONS[1:], "quality", *controller])
+    for result in results:
+        row = result.to_dict()
+        writer.writerow(
+            [row[key] for key in answer]
+            + [row["reasons"].get(name, 0) for name in REASONS[1:]]
+            + [" ".join(f"{finding['code']}:{finding['severity']}" for finding in row["quality"])]
+            + [(row["controller"] or {}).get(key) for key in controller]
+        )
+    return text.getvalue()
+
+
+def _show(answers: Sequence[Result | Refused]) -> None:
+    """The table, widest first, then a line for every loop without an estimate."""
+    from ..report.words import ranked
+
+    results = ranked([a.result() if isinstance(a, Refused) else a for a in answers])
+    between = ", " if out.width >= WIDE else "\n"
+    table = Table(box=None, padding=(0, 2 if out.width >= WIDE else 1, 0, 0), header_style="bold", pad_edge=False)
+    table.add_column("Loop", overflow="fold")
+    table.add_column("d̂", justify="right", no_wrap=True)
+    table.add_column("% span", justify="right", no_wrap=True)
+    table.add_column("Det./half", justify="right", no_wrap=True)
+    table.add_column("Rejected as")
+    table.add_column("Quality")
+    table.add_column("Verdict")
+    for result in results:
+        table.add_row(result.name, *_cells(result, between))
+    out.print(table)
+    without = Table.grid(padding=(0, 2))
+    shown = {a.name for a in answers if isinstance(a, Refused)}
+    for result in results:
+        if result.d_hat is None and result.name not in shown:
+            without.add_row(f"{result.name}:", result.reason)
+    if without.row_count:
+        out.print()
+        out.print(without)
+
+
+def _cells(result: Result, between: str) -> list[str | Text]:
+    from ..report import words
+
+    worst = [f.code.replace("_", " ") for f in result.quality if f.severity != "info"]
+    reasons = [f"{words.REASONS[name].label} {n}" for name, n in words.ranked_reasons(result)[:2]]
+    wide = words.exceeds(result)
+    verdict = [words.VERDICTS[result.verdict].lower()]
+    if wide is not None:
+        verdict.append("too wide" if wide else "acceptable")
+    return [
+        words.quantity(result.d_hat, words.op_unit(result)),
+        words.number(result.d_hat_percent_span),
+        f"{result.detections}/{result.total_half_periods}",
+        between.join(reasons) or "–",
+        between.join(worst[:2]) or "good",
+        Text(between.join(verdict), style=_STYLES[result.verdict]),
+    ]
+
+
+_STYLES = {"estimate": "bold", "provisional": "yellow", "no_estimate": "dim", "refused": "red"}

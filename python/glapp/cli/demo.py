@@ -1,0 +1,31 @@
+"""`glapp demo`: recordings to try glapp on."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..errors import InputError
+from .screen import out
+
+__all__ = ["demo"]
+
+
+def demo(folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for the files; made if missing.")]) -> None:
+    """Write demonstration recordings, made by the simulator, and their loops.toml.
+
+    Example: glapp demo demo
+    """
+    from ..demo import write_recordings
+
+    try:
+        files = write_recordings(folder)
+    except OSError as error:
+        raise InputError(f"cannot be written: {error.strerror}", file=str(folder)) from None
+    out.print(f"Wrote {', '.join(file.name for file in files)} in {folder}.", soft_wrap=True)
+    out.print(
+        "\nNext:", f"  glapp analyze {shlex.quote(str(files[-1]))} --report report.html", sep="\n", soft_wrap=True
+    )

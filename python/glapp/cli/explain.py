@@ -1,0 +1,155 @@
+"""`glapp explain`: one half-period, its numbers, and the tests it passed or failed."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from rich.table import Table
+from rich.text import Text
+
+from ..errors import InputError
+from ..estimate import analyze as analyze_recording
+from ..result import REASONS, Result
+from .inputs import open_one
+from .options import Options, with_options
+from .screen import CommandError, key_values, out
+
+__all__ = ["explain"]
+
+
+@with_options
+def explain(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Recording, or a loops.toml with --loop.")],
+    options: Options,
+    at: Annotated[
+        str | None,
+        typer.Option(
+            metavar="TIME", help="A moment in the half-period: date and time as in the recording, or seconds."
+        ),
+    ] = None,
+    trust: Annotated[
+        bool, typer.Option("--trust", metavar="", help="Go on with an identification of R² below 0.9.")
+    ] = False,
+) -> None:
+    """Show one half-period: its numbers, every test, and which of them rejected it. Without --at: list them all."""
+    result = analyze_recording(open_one(file, options), trust=trust)
+    if result.half_periods.count == 0:
+        raise InputError(
+            f"has no half-periods: {result.reason}", file=result.source, loop=result.name, hint="see glapp analyze"
+        )
+    if at is None:
+        _list(result)
+    else:
+        _show(result, _nearest(result, _seconds(at, result.t0), at))
+
+
+def _seconds(at: str, t0: datetime | None) -> float:
+    """The moment [s since t0]; a time without a zone is in that of the recording."""
+    try:
+        return float(at)
+    except ValueError:
+        pass
+    try:
+        moment = datetime.fromisoformat(at)
+    except ValueError:
+        example = "seconds" if t0 is None else f"'{t0:%Y-%m-%d %H:%M:%S}' or seconds"
+        raise CommandError(f"--at: cannot read '{at}' as a time; write {example}") from None
+    if t0 is None:
+        raise CommandError(f"--at: '{at}' is a date, but the recording has plain seconds; write seconds")
+    if t0.tzinfo is None:
+        if moment.tzinfo is not None:
+            raise CommandError(f"--at: '{at}' has a zone, but the recording's times have none; leave it out")
+        return (moment - t0).total_seconds()
+    moment = moment if moment.tzinfo is not None else moment.replace(tzinfo=t0.tzinfo)
+    return (moment.astimezone(UTC) - t0.astimezone(UTC)).total_seconds()
+
+
+def _nearest(result: Result, t: float, at: str) -> int:
+    """The half-period at t, or the one nearest to it."""
+    h = result.half_periods
+    first, last = float(h.t_start.min()), float(h.t_end.max())
+    if not first <= t <= last:
+        from ..report.words import clock
+
+        raise InputError(
+            f"'{at}' is outside the recording, which goes from {clock(result.t0, first)} to {clock(result.t0, last)}",
+            file=result.source,
+            parameter="--at",
+        )
+    outside = np.maximum(h.t_start - t, t - h.t_end)
+    return int(np.argmin(outside))
+
+
+def _list(result: Result) -> None:
+    from ..report.words import REASONS as WORDS
+    from ..report.words import clock, number
+
+    h = result.half_periods
+    pv, op = result.loop.pv_unit or "PV unit", result.unit
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for header in ("From", "Δt [s]", f"Δy [{pv}]", f"d [{op}]", f"d̂ after [{op}]"):
+        table.add_column(header, justify="left" if header == "From" else "right", no_wrap=True)
+    table.add_column("Verdict")
+    for i in range(h.count):
+        table.add_row(
+            clock(result.t0, h.t_start[i]),
+            number(h.delta_t[i]),
+            number(h.delta_y[i]),
+            number(h.d[i]),
+            number(h.d_hat[i]),
+            Text(WORDS[REASONS[h.reason[i]]].label, style="bold" if h.reason[i] == 0 else ""),
+        )
+    out.print(table)
+    if (left := result.total_half_periods - h.count) > 0:
+        out.print(f"\nand {left} more that are shorter than 5·Ti")
+
+
+def _show(result: Result, i: int) -> None:
+    from ..report import words
+
+    h, s = result.half_periods, result.settings
+    pv, op = result.loop.pv_unit or "PV unit", words.op_unit(result)
+    reason = words.REASONS[REASONS[h.reason[i]]]
+    begin, end = words.clock(result.t0, h.t_start[i]), words.clock(result.t0, h.t_end[i])
+    out.print(f"{result.name}, half-period {i + 1} of {h.count}, {begin} to {end}", style="bold", soft_wrap=True)
+    verdict = "accepted" if h.reason[i] == 0 else f"rejected: {reason.label}"
+    out.print(f"{verdict} ({reason.meaning})\n", style="green" if h.reason[i] == 0 else "red")
+    side = {1: "PV below SP", -1: "PV above SP", 0: "PV neither above nor below SP"}[int(h.sign[i])]
+    out.print(
+        key_values(
+            [
+                ("Δt", f"{words.quantity(h.delta_t[i], 's')}, {h.samples[i]} samples, {side}"),
+                ("Δy", f"{words.quantity(h.delta_y[i], pv)}, mean distance of PV from SP"),
+                ("e_max", f"{words.quantity(h.e_max[i], pv)}, largest distance"),
+                ("Δysp", f"{words.quantity(h.delta_sp[i], pv)}, range of SP"),
+                ("Δu", f"{words.quantity(h.delta_u[i], op)}, what the integral moved OP"),
+                ("OP's travel", words.quantity(h.op_travel[i], op) if np.isfinite(h.op_travel[i]) else "not recorded"),
+                (
+                    "d",
+                    f"{words.quantity(h.d[i], op)} = {words.number(h.free[i])} − Kp part {words.number(h.kp_part[i])}",
+                ),
+                (
+                    "d̂ after it",
+                    f"{words.quantity(h.d_hat[i], op)} from {words.count(int(h.detections[i]), 'detection')}",
+                ),
+                (
+                    "worked with",
+                    f"K {words.number(s.k)}, Ti {words.quantity(s.ti, 's')}, Tf {words.quantity(s.tf, 's')}",
+                ),
+            ]
+        )
+    )
+    out.print()
+    failed = words.failures(int(h.mask[i]))
+    for name in REASONS[1:5]:  # those without a comparison of numbers
+        if name in failed:
+            out.print(Text(f"✗ {words.REASONS[name].label}: {words.REASONS[name].meaning}", style="red"))
+    for line, passed in words.comparisons(result, i):
+        mark, style = {True: ("✓", "green"), False: ("✗", "red"), None: ("·", "dim")}[passed]
+        out.print(Text(f"{mark} {line}", style=style))
+    if reason.remedy:
+        out.print(f"\n{reason.remedy}")

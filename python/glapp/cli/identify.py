@@ -1,0 +1,75 @@
+"""`glapp identify`: K and Ti out of a recording."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ..controller import Controller
+from ..estimate import identify_recording
+from ..identify import R2_USABLE, Identification
+from ..loop import Loop
+from ..reading.settings import write_settings
+from ..recording import Recording
+from .inputs import open_one
+from .options import Options, with_options
+from .screen import key_values, out, say_error
+
+__all__ = ["identify"]
+
+
+@with_options
+def identify(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Recording, or a loops.toml with --loop.")],
+    options: Options,
+) -> None:
+    """Find K and Ti of the controller from OP's moves, with their intervals, ready for a loops.toml."""
+    recording = open_one(file, options)
+    found = identify_recording(recording)
+    out.print(f"{recording.name}  ({recording.source})", style="bold", soft_wrap=True)
+    out.print(key_values(_rows(recording, found)))
+    if not found.usable:
+        go_on = "or, knowing that, glapp analyze --trust" if found.k and found.ti else "see docs/identify.md"
+        say_error(f"not usable: {found.reason}; {go_on}")
+        raise typer.Exit(1)
+    assert found.k is not None and found.ti is not None
+    controller: dict[str, Any] = {"k": _rounded(abs(found.k)), "gain_unit": "OP/PV", "ti": _rounded(found.ti)}
+    if found.k < 0:
+        controller["action"] = "direct"
+    if found.setpoint_weight is not None:
+        controller["setpoint_weight"] = round(found.setpoint_weight, 2)
+    loop = Loop(name=recording.name, file=Path(recording.source), controller=Controller(**controller))
+    out.print("\nFor a loops.toml:\n")
+    out.print(write_settings([loop]), end="", soft_wrap=True)
+
+
+def _rows(recording: Recording, found: Identification) -> list[tuple[str, str]]:
+    from ..report.words import number, quantity
+
+    def between(low: float | None, high: float | None, unit: str) -> str:
+        return f"95 %: {number(low)} to {quantity(high, unit) if high != float('inf') else 'no upper end'}"
+
+    op, pv = recording.loop.op_label, recording.loop.pv_unit or recording.units.get("PV") or "PV unit"
+    gain = f"{op}/{pv}"
+    rows = []
+    if found.k is not None:
+        acting = "direct" if found.k < 0 else "reverse"
+        rows.append(("K", f"{quantity(found.k, gain)}  ({between(found.k_low, found.k_high, gain)}; {acting} acting)"))
+    if found.ti is not None:
+        rows.append(("Ti", f"{quantity(found.ti, 's')}  ({between(found.ti_low, found.ti_high, 's')})"))
+    if found.r2 is not None:
+        rows.append(("R²", f"{found.r2:.3f}  (share of OP's moves that K and Ti explain; {R2_USABLE} is needed)"))
+    weight = "SP moved too little to tell" if found.setpoint_weight is None else number(found.setpoint_weight)
+    return [
+        *rows,
+        ("Setpoint weight", weight),
+        ("Samples", f"{found.samples} steps between samples could be used"),
+        ("Fit", found.note),
+    ]
+
+
+def _rounded(value: float) -> float:
+    """Four digits: more than any recording tells."""
+    return float(f"{value:.4g}")

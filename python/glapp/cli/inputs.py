@@ -1,0 +1,113 @@
+"""From the files on the command line to recordings, each loop on its own: a wrong one stops no other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..errors import InputError
+from ..loop import Loop
+from ..reading import open_recordings
+from ..reading.settings import read_each
+from ..recording import Recording
+from ..result import Result
+from .options import Options
+from .screen import CommandError
+
+__all__ = ["Refused", "open_files", "open_one"]
+
+
+@dataclass(frozen=True, slots=True)
+class Refused:
+    """A loop, or a whole file, that cannot be used."""
+
+    name: str
+    source: str
+    error: InputError
+    loop: Loop | None = None
+
+    def result(self) -> Result:
+        """The same as the answer for a loop."""
+        return Result.of_error(self.error, self.name, self.source, self.loop)
+
+
+def open_files(files: Sequence[Path], options: Options) -> list[Recording | Refused]:
+    """Open recordings and the recordings of loops.toml files, in their order.
+
+    Raises
+    ------
+    CommandError
+        Where settings do not go with the files, or a loop that was asked for is in none of them.
+    """
+    settings = options.settings()
+    if settings and any(_is_toml(file) for file in files):
+        raise CommandError("settings on the command line do not go with a loops.toml; write them into it")
+    if settings.keys() - {"columns"} and len(files) > 1:
+        raise CommandError(
+            "settings on the command line are for one recording; for several, write a loops.toml (glapp init FILE)"
+        )
+    opened: list[Recording | Refused] = []
+    for file in files:
+        if _is_toml(file):
+            opened += _from_settings(file)
+            continue
+        try:
+            opened += open_recordings(file, defaults=settings)
+        except InputError as error:
+            opened.append(Refused(error.loop or file.stem, str(file), error))
+    return _only(opened, options.loop)
+
+
+def open_one(file: Path, options: Options) -> Recording:
+    """The one loop that a command is about.
+
+    Raises
+    ------
+    InputError
+        Where it cannot be used.
+    CommandError
+        Where the file holds several and none was named.
+    """
+    opened = open_files([file], options)
+    if len(opened) > 1:
+        names = ", ".join(entry.name for entry in opened)
+        raise CommandError(f"{file} holds {len(opened)} loops; add --loop NAME with one of: {names}")
+    if isinstance(opened[0], Refused):
+        raise opened[0].error
+    return opened[0]
+
+
+def _from_settings(file: Path) -> list[Recording | Refused]:
+    try:
+        loops = read_each(file)
+    except InputError as error:
+        return [Refused(error.loop or file.stem, str(file), error)]
+    opened: list[Recording | Refused] = []
+    for loop in loops:
+        if isinstance(loop, InputError):
+            opened.append(Refused(loop.loop or file.stem, str(file), loop))
+            continue
+        if loop.file is None:
+            missing = InputError("is required", file=str(file), loop=loop.name, parameter="file")
+            opened.append(Refused(loop.name, str(file), missing, loop))
+            continue
+        try:
+            opened += open_recordings(loop.file, [loop])
+        except InputError as error:
+            opened.append(Refused(loop.name, str(loop.file), error, loop))
+    return opened
+
+
+def _only(opened: list[Recording | Refused], names: Sequence[str] | None) -> list[Recording | Refused]:
+    if not names:
+        return opened
+    known = {entry.name for entry in opened}
+    for name in names:
+        if name not in known:
+            raise CommandError(f"--loop: no loop '{name}'; there are: {', '.join(sorted(known))}")
+    return [entry for entry in opened if entry.name in names]
+
+
+def _is_toml(file: Path) -> bool:
+    return file.suffix.lower() == ".toml"

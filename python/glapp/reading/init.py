@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -42,7 +43,7 @@ file = {file}
 """
 
 
-def first_settings(path: str | Path) -> str:
+def first_settings(path: str | Path, directory: str | Path = ".") -> str:
     """Text of a loops.toml for every loop found in a recording; it can be parsed as it stands.
 
     Columns, units and the time between rows come from the file. Spans and controller are comments to fill in.
@@ -50,7 +51,9 @@ def first_settings(path: str | Path) -> str:
     Parameters
     ----------
     path : str or Path
-        Recording; the text names it as given, relative to where the loops.toml will lie.
+        Recording.
+    directory : str or Path
+        Where the loops.toml will lie; the text names the recording relative to it, unless `path` is absolute.
 
     Raises
     ------
@@ -58,10 +61,11 @@ def first_settings(path: str | Path) -> str:
         Where the file or its columns cannot be used.
     """
     recordings = open_recordings(path)
-    return _HEAD.format(file=Path(path).name) + "".join(_loop(path, recording) for recording in recordings)
+    file = Path(path) if Path(path).is_absolute() else Path(os.path.relpath(path, directory))
+    return _HEAD.format(file=file.name) + "".join(_loop(file, recording) for recording in recordings)
 
 
-def _loop(path: str | Path, recording: Recording) -> str:
+def _loop(file: Path, recording: Recording) -> str:
     columns = {role: name for role, name in recording.columns.items() if role in _COLUMN_KEYS}
     listed = ", ".join(f"{_COLUMN_KEYS[role]} = {_value(name)}" for role, name in columns.items())
     step = _step(recording)
@@ -71,7 +75,7 @@ def _loop(path: str | Path, recording: Recording) -> str:
     pv_unit = recording.units.get("PV")
     return _LOOP.format(
         key=_key(recording.name),
-        file=_value(Path(path)),
+        file=_value(file),
         seen="".join(line + "\n" for line in seen),
         columns=f"columns = {{ {listed} }}\n",
         pv_unit=pv_unit or "PV's unit",

@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -72,6 +73,7 @@ class _Store:
         first = [] if at is None else [text_of(v) for v in head[at].to_pylist()]
         self._quality = Quality(first, words_for_bad(()))
         self._tags: dict[str, _Tag] | None = None
+        self._reading = Lock()
         self.readers: dict[str, tuple[str, Reader]] = {}
 
     def _column(self, role: str, loops: Sequence[Loop]) -> int | None:
@@ -102,10 +104,11 @@ class _Store:
         return list(seen)
 
     def tags(self) -> dict[str, _Tag]:
-        """The samples of all wanted tags."""
-        if self._tags is None:
-            self._tags = self._read()
-        return self._tags
+        """The samples of all wanted tags; where several recordings ask at once, one reads and the others wait."""
+        with self._reading:
+            if self._tags is None:
+                self._tags = self._read()
+            return self._tags
 
     def _read(self) -> dict[str, _Tag]:
         wanted = pa.array(list(self.readers), pa.string())

@@ -7,7 +7,7 @@ import pyarrow as pa
 import pytest
 from glapp.reading.times import Clock
 from glapp.reading.values import CellFault
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 moments = st.lists(st.datetimes(datetime(1970, 1, 1), datetime(2200, 1, 1)), min_size=1, max_size=20)
@@ -65,6 +65,8 @@ def test_any_text_is_a_time_or_a_fault(text, form):
     assert np.isfinite(t).all()
 
 
+@example([1.7e308], "epoch ms")
+@example([-1e12], "epoch s")
 @given(st.lists(st.floats(), min_size=1, max_size=5), st.sampled_from([None, "epoch s", "epoch ms", "epoch us"]))
 def test_any_numbers_are_times_or_a_fault(values, form):
     column = pa.array(values, pa.float64())

@@ -213,11 +213,13 @@ class Clock:
         if per_second <= 1000:  # fractions of s and ms are kept to the microsecond, which float64 holds exactly
             self._scale = 10**6 // per_second
             self._per_second = 10**6
-            self._origin = round(float(head[0]) * self._scale)
+            self._origin = round(min(max(float(head[0]), -1e17), 1e17) * self._scale)
         else:
             self._scale = 1
             self.arrow_type = pa.int64()
             self._origin = int(text) if text.lstrip("+-").isdecimal() else int(head[0])
+        if abs(self._origin) > 7 * 10**9 * self._per_second:  # years 1748 to 2191: where ns fit 64 bits
+            raise CellFault(0, f"'{text}' is outside the range of times", value=text)
         zone = ZoneInfo(self.zone) if self.zone else UTC
         self.zone = self.zone or "UTC"
         self.t0 = _moment(self._origin, self._per_second).replace(tzinfo=UTC).astimezone(zone)

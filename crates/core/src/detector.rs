@@ -297,10 +297,35 @@ impl<R: Real> Detector<R> {
     }
 
     /// Passes over samples that neither end a half-period nor break the signal, nearly all there are; gives the index
-    /// of the first other one. A function of its own with copies on its stack, so that the loop stays in registers.
-    #[inline(never)]
+    /// of the first other one.
+    #[inline(always)]
     #[allow(clippy::too_many_arguments)]
     fn glide<const OP: bool>(
+        &self,
+        signal: &mut Signal<R>,
+        before: &mut f64,
+        from: usize,
+        columns: (&[f64], &[R], &[R]),
+        op: &impl Fn(usize) -> R,
+        flags: &impl Fn(usize) -> u8,
+        seen: &mut impl FnMut(usize, Option<R>),
+    ) -> usize {
+        if signal.broken != 0 || !signal.pv.started {
+            return from;
+        }
+        match signal.crossing.sign {
+            1 => self.glide_towards::<OP, true>(signal, before, from, columns, op, flags, seen),
+            -1 => self.glide_towards::<OP, false>(signal, before, from, columns, op, flags, seen),
+            _ => from,
+        }
+    }
+
+    /// As [`Self::glide`], with PV below SP or above it. A function of its own with copies on its stack, so that the
+    /// loop stays in registers. A value that is not a number shows in the error, so that only the error is looked at;
+    /// whoever takes the sample that ends the loop looks again, and closely.
+    #[inline(never)]
+    #[allow(clippy::too_many_arguments)]
+    fn glide_towards<const OP: bool, const BELOW: bool>(
         &self,
         signal: &mut Signal<R>,
         before: &mut f64,
@@ -310,33 +335,29 @@ impl<R: Real> Detector<R> {
         flags: &impl Fn(usize) -> u8,
         seen: &mut impl FnMut(usize, Option<R>),
     ) -> usize {
-        if signal.broken != 0 || !signal.pv.started || signal.crossing.sign == 0 {
-            return from;
-        }
         let n = t.len().min(sp.len()).min(pv.len());
-        let filter = self.filter;
+        let (filter, max_h) = (self.filter, self.max_h);
         // Both filters have started, which the compiler cannot see from the state.
         let mut y = SecondOrderFilterState { started: true, ..signal.pv };
         let mut u = SecondOrderFilterState { started: OP, ..signal.op };
         let (mut half, mut last) = (signal.half, *before);
-        let below = signal.crossing.sign > 0;
         let mut k = from;
         while k < n {
             let h = R::of(t[k] - last);
-            if !self.usable::<OP>(h, sp[k], pv[k], op(k), flags(k)) {
+            if !(h > R::ZERO && h <= max_h) || flags(k) & BAD != 0 || (OP && !op(k).is_number()) {
                 break;
             }
             let mut next = y;
             let yf = filter.update(&mut next, pv[k], h);
-            let e = sp[k] - yf;
-            if if below { e < R::ZERO } else { e > R::ZERO } {
+            let size = if BELOW { sp[k] - yf } else { yf - sp[k] };
+            if !(size >= R::ZERO && size <= R::LARGEST) {
                 break;
             }
             y = next;
             if OP {
                 filter.update(&mut u, op(k), h);
             }
-            half.add(e, h, sp[k], self.with_limits::<OP>(flags(k), op(k)));
+            half.add(size, h, sp[k], self.with_limits::<OP>(flags(k), op(k)));
             seen(k, Some(yf));
             last = t[k];
             k += 1;

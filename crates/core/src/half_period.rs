@@ -43,17 +43,19 @@ pub struct HalfPeriod<R> {
 }
 
 /// The half-period under way.
+// Sums stand apart from sums and extremes from extremes: the compiler would pack neighbours into one register, and the
+// packing takes longer than what it saves.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct HalfPeriodState<R> {
     flags: u8,
     n: u32,
     delta_t: R,
-    integral: R,
-    e_max: R,
     sp_low: R,
+    integral: R,
     sp_high: R,
     sp_start: R,
+    e_max: R,
     slope_start: R,
     op_start: R,
 }

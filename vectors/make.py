@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -136,9 +136,650 @@ def pid_cases() -> Iterator[dict[str, Any]]:
     yield case("time that stands still", ["ZeroStep"], full, auto[:20], h=still)
 
 
+def filter_(params: Params, h: Sequence[float], xs: Sequence[float]) -> list[float]:
+    """Two first-order sections by backward differences (2.1); a start without transient, no step back in time."""
+    tf = params["tf"]
+    sections: list[float] = []
+    outputs = []
+    for step, x in zip(h, xs, strict=True):
+        if not sections:
+            sections = [x, x]
+        elif step > 0.0:
+            share = step / (tf + step)
+            value = x
+            for i in (0, 1):
+                sections[i] = sections[i] + (value - sections[i]) * share
+                value = sections[i]
+        outputs.append(sections[1])
+    return outputs
+
+
+def filter_cases() -> Iterator[dict[str, Any]]:
+    """Steps, walks, any sampling."""
+    wander = list(_walk(11, 60))
+    yield case("step", ["Start"], {"tf": 1.0}, [2.0] + [3.0] * 19, h=0.25)
+    yield case("wandering", [], {"tf": 0.31}, wander, h=0.05)
+    yield case("no filter", ["ZeroTf"], {"tf": 0.0}, wander[:10], h=0.05)
+    yield case("steps of any length", ["IrregularStep"], {"tf": 0.5}, wander, h=list(_walk(12, 60, low=0.01, high=3.0)))
+    still = [-0.1 if i == 9 else 0.0 if i in (3, 4) else 0.2 for i in range(20)]
+    yield case("time that stands still or turns back", ["ZeroStep"], {"tf": 0.5}, wander[:20], h=still)
+    yield case("much longer than a step", ["Rounding"], {"tf": 1e6}, [1e3 + x for x in wander[:20]], h=1e-3)
+
+
+def zero_crossing(_params: Params, _h: Sequence[float], es: Sequence[float]) -> list[Any]:
+    """A crossing (2.1) is where the last error other than zero had the other sign."""
+    outputs = []
+    signs: list[int] = []
+    for e in es:
+        sign = (e > 0.0) - (e < 0.0)
+        crossed = bool(signs) and sign == -signs[-1]
+        if sign:
+            signs.append(sign)
+        outputs.append([int(crossed), signs[-1] if signs else 0])
+    return outputs
+
+
+def zero_crossing_cases() -> Iterator[dict[str, Any]]:
+    """Through zero, onto zero and back."""
+    wander = list(_walk(13, 60))
+    yield case("to and fro", [], {}, [0.5, 0.1, -0.1, -2.0, 1.0, -1.0])
+    yield case("begins at zero", ["Start", "Zero"], {}, [0.0, 0.0, -0.0, 1.0, -1.0])
+    yield case("zero keeps the sign", ["Zero"], {}, [1.0, 0.0, 0.0, 1.0, 0.0, -1.0, 0.0, -0.0, -1.0, 0.0, 1.0])
+    yield case("flat at zero", ["Zero"], {}, [0.0] * 10)
+    yield case("the smallest errors there are", ["Zero"], {}, [5e-324, -5e-324, 0.0, 5e-324])
+    yield case("wandering", [], {}, wander)
+    yield case("wandering the other way", ["Sign"], {}, [-x for x in wander])
+    yield case("not a number keeps the sign", ["NotANumber"], {}, [1.0, NAN, 1.0, NAN, -1.0, NAN, -1.0])
+
+
+def derivative(_params: Params, h: Sequence[float], xs: Sequence[float]) -> list[float]:
+    """Difference to the value before over the time between; 0 where there is neither."""
+    outputs: list[float] = []
+    last: float | None = None
+    for step, x in zip(h, xs, strict=True):
+        outputs.append((x - last) / step if last is not None and step > 0.0 else 0.0)
+        if last is None or step > 0.0:
+            last = x
+    return outputs
+
+
+def derivative_cases() -> Iterator[dict[str, Any]]:
+    """Slopes, the first sample, no time."""
+    wander = list(_walk(14, 40))
+    yield case("begins without a kick", ["Start"], {}, [7.0, 7.0, 8.0, 6.0], h=0.5)
+    yield case("wandering", [], {}, wander, h=0.05)
+    yield case("steps of any length", ["IrregularStep"], {}, wander, h=list(_walk(15, 40, low=0.01, high=2.0)))
+    still = [-1.0 if i == 8 else 0.0 if i in (3, 4) else 0.1 for i in range(12)]
+    yield case("time that stands still or turns back", ["ZeroStep"], {}, wander[:12], h=still)
+
+
+def half_period(_params: Params, h: Sequence[float], samples: Sequence[Sequence[float]]) -> list[Any]:
+    """Measure what lies between two crossings: its samples are kept, and looked at when it ends."""
+    outputs: list[Any] = []
+    kept: list[tuple[float, Sequence[float]]] = []
+    for step, sample in zip(h, samples, strict=True):
+        if sample[5]:
+            outputs.append(_measured(kept, sample))
+            kept = []
+        else:
+            outputs.append(None)
+        kept.append((step, sample))
+    return outputs
+
+
+def _measured(kept: Sequence[tuple[float, Sequence[float]]], closing: Sequence[float]) -> list[float]:
+    """Numbers of one half-period, and the sample of the crossing that closes it; e, sp, slope, op, flags each."""
+    opening = kept[0][1]
+    delta_t = _sum(step for step, _ in kept)
+    area = _sum(abs(sample[0]) * step for step, sample in kept)
+    setpoints = [sample[1] for _, sample in kept] + [closing[1]]
+    flags = 0
+    for _, sample in kept:
+        flags |= int(sample[4])
+    return [
+        flags,
+        len(kept),
+        delta_t,
+        area / delta_t if delta_t > 0.0 else 0.0,
+        max(abs(sample[0]) for _, sample in kept),
+        max(setpoints) - min(setpoints),
+        closing[1] - opening[1],
+        closing[2] - opening[2],
+        closing[3] - opening[3],
+    ]
+
+
+def half_period_cases() -> Iterator[dict[str, Any]]:
+    """Errors, setpoints, flags between crossings."""
+    e, sp, slope, op = (list(_walk(seed, 40, low, high)) for seed, low, high in _HALF_PERIOD_WALKS)
+
+    def rows(crossings: set[int], flags: dict[int, int] | None = None, moving: bool = True) -> list[list[float]]:
+        return [
+            [e[i], sp[i] if moving else 2.0, slope[i], op[i], (flags or {}).get(i, 0), int(i in crossings)]
+            for i in range(40)
+        ]
+
+    yield case("setpoint at rest", [], {}, rows({9, 20, 33}, moving=False), h=0.1)
+    yield case("setpoint that moves", ["Setpoint"], {}, rows({9, 20, 33}), h=0.1)
+    yield case("steps of any length", ["IrregularStep"], {}, rows({9, 33}), h=list(_walk(20, 40, low=0.01, high=2.0)))
+    yield case("one sample long", ["Short"], {}, rows({4, 5, 6, 7}), h=0.1)
+    yield case("without any time", ["Short"], {}, rows({4}, moving=False)[:8], h=0.0)
+    yield case("flags on the way", ["Flags"], {}, rows({9, 20, 33}, {3: 1, 5: 8, 9: 4, 21: 2, 22: 16}), h=0.1)
+    turned = [[-row[0], *row[1:]] for row in rows({9, 20, 33})]
+    yield case("errors of the other sign", ["Sign"], {}, turned, h=0.1)
+
+
+_HALF_PERIOD_WALKS = ((16, -1.0, 1.0), (17, 0.0, 5.0), (18, -0.5, 0.5), (19, 0.0, 100.0))
+
+
+def width(params: Params, _h: Sequence[float], samples: Sequence[Sequence[float]]) -> list[list[float]]:
+    """Compute (2.4) with (7.5) or (7.6) or OP's own travel."""
+    return [_width(params, *sample) for sample in samples]
+
+
+def _width(
+    params: Params, sign: float, delta_t: float, delta_y: float, sp: float, slope: float, op: float
+) -> list[float]:
+    """Parts of one width; op NaN where OP is not known. Counted along the way that the integral part moves u."""
+    k, ti, td, b, kp = (params.get(name) for name in ("k", "ti", "td", "b", "kp"))
+    assert k is not None and ti is not None and b is not None
+    size, along = abs(k), -1.0 if sign < 0 else 1.0
+    integral = size * delta_y * delta_t / ti
+    setpoint = (b - 1.0) * size * sp * along
+    derivative_part = 0.0 if td is None else -(size * td * slope * along)
+    travel = 0.0 if math.isnan(op) else op * math.copysign(along, along * k)
+    free = travel if td is None and not math.isnan(op) else integral + derivative_part + setpoint
+    process = 0.0 if kp is None else delta_y / abs(kp)
+    return [integral, derivative_part, setpoint, travel, free, process, free - process]
+
+
+def width_cases() -> Iterator[dict[str, Any]]:
+    """PI, PID, OP known or not, both directions, setpoint weights."""
+    columns = [list(_walk(seed, 20, low, high)) for seed, low, high in _WIDTH_WALKS]
+    rows = [[1 if i % 2 else -1, *(column[i] for column in columns)] for i in range(20)]
+    blind = [[*row[:5], NAN] for row in rows]
+    pi = {"k": 0.48, "ti": 0.3117, "td": 0.0, "b": 1.0, "kp": 1.0}
+    unknown = {name: value for name, value in pi.items() if name != "td"}
+    yield case("PI (7.5)", [], pi, rows)
+    yield case("PI without OP", ["NoOp"], pi, blind)
+    yield case("PID (7.6)", ["Derivative"], pi | {"k": 1.12, "ti": 2.4, "td": 0.619}, rows)
+    yield case("PID without OP", ["Derivative", "NoOp"], pi | {"k": 1.12, "ti": 2.4, "td": 0.619}, blind)
+    yield case("Td not known: OP's travel", ["Op"], unknown, rows)
+    yield case("Td not known, without OP", ["NoOp"], unknown, blind)
+    yield case("direct-acting", ["Sign"], pi | {"k": -0.48}, rows)
+    yield case("direct-acting, OP's travel", ["Sign", "Op"], unknown | {"k": -0.48}, rows)
+    yield case("process gain below zero", ["Sign"], pi | {"kp": -2.0}, rows)
+    yield case("process gain not known", ["NoKp"], {name: value for name, value in pi.items() if name != "kp"}, rows)
+    yield case("setpoint weight 0", ["Setpoint"], pi | {"b": 0.0}, rows)
+    yield case("setpoint weight in between", ["Setpoint"], pi | {"b": 0.3, "td": 0.1}, rows)
+    yield case("no error, no time", ["Zero"], pi, [[0, 0.0, 0.0, 0.0, 0.0, 0.0], [1, 0.0, 0.0, 0.0, 0.0, NAN]])
+
+
+_WIDTH_WALKS = ((21, 0.0, 60.0), (22, 0.0, 0.2), (23, -0.1, 0.1), (24, -0.05, 0.05), (25, -1.0, 1.0))
+
+REASON_ORDER = (
+    "gap",
+    "bad_quality",
+    "not_auto",
+    "saturated",
+    "too_short",
+    "not_square",
+    "uneven",
+    "sp_moved",
+    "too_small",
+)
+SWITCHES = ("limits", "too_short", "not_square", "decaying", "growing", "sp_moved", "too_small")
+FLAG_NOT_AUTO, FLAG_BAD, FLAG_LIMIT, FLAG_GAP = 1, 2, 4 | 8, 16
+
+
+def safety_net(params: Params, _h: Sequence[float], samples: Sequence[Sequence[float]]) -> list[list[int]]:
+    """All conditions that a half-period fails, and the first of them."""
+    return [list(_verdict(params, *sample)) for sample in samples]
+
+
+def _verdict(
+    params: Params,
+    flags: float,
+    delta_t: float,
+    delta_y: float,
+    e_max: float,
+    delta_sp: float,
+    free: float,
+    previous: float,
+    d_hat: float,
+) -> tuple[int, int]:
+    """Mask and reason; previous and d_hat NaN where there are none."""
+    on = {switch: params.get(switch, 1) != 0 for switch in SWITCHES}
+    known = not math.isnan(previous)
+    met = int(flags)
+    failed = {
+        "gap": bool(met & FLAG_GAP),
+        "bad_quality": bool(met & FLAG_BAD),
+        "not_auto": bool(met & FLAG_NOT_AUTO),
+        "saturated": (on["limits"] and bool(met & FLAG_LIMIT)) or not free < params.get("op_span", math.inf),
+        "too_short": on["too_short"] and not delta_t > 5.0 * params["ti"],
+        "not_square": on["not_square"] and not e_max < 2.0 * delta_y,
+        "uneven": (on["decaying"] and not (known and previous < 1.5 * delta_y))
+        or (on["growing"] and not (known and previous > 0.5 * delta_y)),
+        "sp_moved": on["sp_moved"] and not delta_sp < delta_y,
+        # (5.1) multiplied out; NaN compares false, which is what "not asked" means.
+        "too_small": on["too_small"] and delta_t * 2.0 * abs(params["k"]) * delta_y <= params["ti"] * d_hat,
+    }
+    mask = sum(1 << i for i, reason in enumerate(REASON_ORDER) if failed[reason])
+    return mask, next((i for i, reason in enumerate(REASON_ORDER, 1) if failed[reason]), 0)
+
+
+def safety_net_cases() -> Iterator[dict[str, Any]]:
+    """Each condition on its edge, alone and with others, and switched off."""
+    good = [0, 60.0, 1.0, 1.2, 0.0, 4.0, 1.0, NAN]
+    k = {"k": 0.5, "ti": 10.0}
+
+    def but(**changes: float) -> list[float]:
+        names = ("flags", "delta_t", "delta_y", "e_max", "delta_sp", "free", "previous", "d_hat")
+        return [changes.get(name, value) for name, value in zip(names, good, strict=True)]
+
+    span = k | {"op_span": 100.0}
+    flags = [but(flags=flag) for flag in range(32)]
+    edges = [
+        but(),
+        *(but(delta_t=x) for x in (49.999999999999, 50.0, 50.00000000000001)),
+        *(but(e_max=x) for x in (1.9999999999999998, 2.0, 2.0000000000000004)),
+        *(but(previous=x) for x in (0.5, 0.5000000000000001, 1.4999999999999998, 1.5, NAN)),
+        *(but(delta_sp=x) for x in (0.9999999999999999, 1.0)),
+        *(but(free=x) for x in (99.99999999999999, 100.0, -100.0)),
+        *(but(d_hat=x) for x in (5.999999999999999, 6.0, 6.000000000000001, 0.0, -1.0)),
+    ]
+    everything = but(flags=31, delta_t=1.0, delta_y=0.1, e_max=9.0, delta_sp=9.0, free=200.0, d_hat=9.0)
+    several = [but(delta_t=20.0, e_max=3.0), but(delta_sp=2.0, previous=9.0), but(flags=1, d_hat=90.0), everything]
+    yield case("flags, each alone and together", ["Flags"], k, flags)
+    yield case("on the edge of each condition", ["Edge"], span, edges)
+    yield case("several at once: the first names the reason", ["Order"], span, several)
+    yield case("span of OP not known", ["Span"], k, [but(free=1e9), but(free=-1e9)])
+    yield case("nothing happened", ["Zero"], k, [but(delta_t=0.0, delta_y=0.0, e_max=0.0, previous=0.0, d_hat=0.0)])
+    yield case("direct-acting", ["Sign"], k | {"k": -0.5}, edges)
+    for switch in SWITCHES:
+        rows = [*edges, *several, but(flags=4), but(flags=8), but(previous=9.0), but(previous=0.1), but(d_hat=90.0)]
+        yield case(f"without {switch}", ["Switch"], span | {switch: 0}, rows)
+
+
+def median_mean(params: Params, _h: Sequence[float], xs: Sequence[float]) -> list[list[float]]:
+    """Median of the last n, mean of what lies within 80–120 % of it (7.3)."""
+    return [_shown(xs[max(0, i + 1 - int(params["n"])) : i + 1]) for i in range(len(xs))]
+
+
+def _shown(window: Sequence[float]) -> list[float]:
+    """Value, smallest and largest kept, how many were kept, how many there are."""
+    ranked = sorted(window)
+    middle = len(ranked) // 2
+    median = ranked[middle] if len(ranked) % 2 else (ranked[middle - 1] + ranked[middle]) / 2.0
+    kept = [x for x in ranked if abs(x - median) <= 0.2 * abs(median)]
+    if not kept:
+        return [median, median, median, 0, len(ranked)]
+    return [_sum(kept) / len(kept), kept[0], kept[-1], len(kept), len(ranked)]
+
+
+def median_mean_cases() -> Iterator[dict[str, Any]]:
+    """Few and many detections, outliers, signs, ties."""
+    wander = list(_walk(26, 60, low=2.0, high=8.0))
+    yield case("an outlier in a window of three", [], {"n": 3}, [5.0, 40.0, 5.5, 5.2, 0.1])
+    yield case("two that disagree", ["Even"], {"n": 9}, [1.0, 9.0, 2.0, 8.0])
+    yield case("the window moves", ["Window"], {"n": 5}, wander)
+    yield case("nine", ["Window"], {"n": 9}, wander)
+    yield case("the longest window", ["Window"], {"n": 31}, wander)
+    yield case("one", ["Window"], {"n": 1}, wander[:8])
+    yield case("below zero", ["Sign"], {"n": 5}, [-x for x in wander[:30]])
+    yield case("a step from one width to another", ["Step"], {"n": 9}, [5.0] * 12 + [2.0] * 12)
+    yield case(
+        "on the edge of the band", ["Edge"], {"n": 3}, [10.0, 12.0, 8.0, 10.0, 12.000000000000002, 7.999999999999999]
+    )
+    yield case("nothing but zero", ["Zero"], {"n": 3}, [0.0, 0.0, 0.0, 0.0, 1.0])
+
+
+DETECTION_FIELDS = (
+    "sign",
+    "samples",
+    "delta_t",
+    "delta_y",
+    "e_max",
+    "delta_sp",
+    "delta_u",
+    "delta_u_d",
+    "delta_u_sp",
+    "op_travel",
+    "free",
+    "kp_part",
+    "d",
+    "previous_delta_y",
+    "d_hat_before",
+    "mask",
+    "reason",
+    "d_hat",
+    "detections",
+)
+
+
+def detector(params: Params, h: Sequence[float], samples: Sequence[Sequence[float]]) -> list[Any]:
+    """Cut the recording into stretches, these into half-periods, and judge one after the other."""
+    outputs: list[Any] = [None] * len(samples)
+    memory = _Memory(params)
+    stretches = _stretches(params, h, samples)
+    for number, stretch in enumerate(stretches):
+        ending = stretches[number + 1] if number + 1 < len(stretches) else None
+        for index, sign, measured, op_known in _half_periods(params, stretch, ending):
+            outputs[index] = memory.judge(sign, measured, op_known)
+    return outputs
+
+
+def _stretches(params: Params, h: Sequence[float], samples: Sequence[Sequence[float]]) -> list[dict[str, Any]]:
+    """Cut where time or value breaks the signal: samples that cannot be used come first, then those that can."""
+    op_known = params["op_known"] != 0
+    stretches: list[dict[str, Any]] = []
+    for i, (step, (sp, pv, op, flag)) in enumerate(zip(h, samples, strict=True)):
+        flags = int(flag)
+        good = flags & FLAG_BAD == 0 and all(math.isfinite(x) for x in ((sp, pv, op) if op_known else (sp, pv)))
+        if stretches and step == 0.0:
+            stretches[-1]["flags" if not stretches[-1]["good"] else "last"] |= flags
+            if stretches[-1]["good"]:
+                stretches[-1]["good"][-1][-1] |= flags
+            continue
+        late = not 0.0 < step <= params["max_h"]
+        if not stretches or late or (not good and stretches[-1]["good"]):
+            cause = (FLAG_GAP if late or not stretches else 0) | (0 if good else FLAG_BAD)
+            stretches.append({"at": i, "cause": cause, "flags": cause, "unusable": 0, "last": 0, "good": []})
+        here = stretches[-1]
+        if not good:
+            here["flags"] |= flags | FLAG_BAD
+            here["unusable"] += 1
+            continue
+        if op_known and "op_low" in params:
+            flags |= (4 if op <= params["op_low"] else 0) | (8 if op >= params["op_high"] else 0)
+        here["good"].append([i, step, sp, pv, op if op_known else 0.0, flags])
+    return stretches
+
+
+def _half_periods(
+    params: Params, stretch: dict[str, Any], ending: dict[str, Any] | None
+) -> Iterator[tuple[int, int, list[float], bool]]:
+    """Half-periods of one stretch with the index of the sample that ends each, its sign and its numbers."""
+    good, op_known = stretch["good"], params["op_known"] != 0
+    steps = [0.0 if i == 0 else row[1] for i, row in enumerate(good)]
+    yf = filter_({"tf": params["tf"]}, steps, [row[3] for row in good])
+    opf = filter_({"tf": params["tf"]}, steps, [row[4] for row in good])
+    slopes = derivative({}, steps, yf)
+    errors = [row[2] - y for row, y in zip(good, yf, strict=True)]
+    crossings = zero_crossing({}, steps, errors)
+    rows = [
+        (steps[i], [errors[i], good[i][2], slopes[i], opf[i], good[i][5], crossings[i][0]]) for i in range(len(good))
+    ]
+    begin = 0
+    for i in [i for i, (crossed, _) in enumerate(crossings) if crossed]:
+        measured = _measured(rows[begin:i], rows[i][1])
+        if begin == 0:
+            measured[0] = int(measured[0]) | stretch["flags"]
+            measured[1] += stretch["unusable"]
+        yield good[i][0], crossings[i - 1][1], measured, op_known
+        begin = i
+    if ending is not None:
+        if rows:
+            # What is read at the closing crossing is not known: it is as at the opening one.
+            measured = _measured(rows[begin:], rows[begin][1])
+            sign = crossings[-1][1]
+        else:
+            measured, sign = [0, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], 0
+        if begin == 0:
+            measured[0] = int(measured[0]) | stretch["flags"]
+            measured[1] += stretch["unusable"]
+        measured[0] = int(measured[0]) | ending["cause"]
+        yield ending["at"], sign, measured, op_known
+
+
+class _Memory:
+    """What is remembered from one half-period to the next."""
+
+    def __init__(self, params: Params) -> None:
+        self.params = params
+        self.n = int(params["n"])
+        self.detections: list[float] = []  # all behind the estimate, since it was last replaced
+        self.row: list[tuple[float, float]] = []  # (d, Δt) of those that only (5.1) rejected, since a detection
+        self.row_others: list[float] = []  # Δt of the others since then
+        self.previous = NAN
+
+    def shown(self) -> list[float] | None:
+        """Value, smallest and largest kept, kept, count."""
+        return _shown(self.detections[-self.n :]) if self.detections else None
+
+    def judge(self, sign: int, measured: list[float], op_known: bool) -> list[float]:
+        """Half-period in, everything concluded from it out, as `DETECTION_FIELDS`."""
+        flags, samples, delta_t, delta_y, e_max, delta_sp, sp_change, slope_change, op_change = measured
+        op_change = op_change if op_known else NAN
+        parts = _width(self.params, sign, delta_t, delta_y, sp_change, slope_change, op_change)
+        before = self.shown()
+        d_hat_before = before[0] if before is not None and before[4] == self.n else NAN
+        previous = self.previous
+        mask, reason = _verdict(self.params, flags, delta_t, delta_y, e_max, delta_sp, parts[4], previous, d_hat_before)
+        broken = int(flags) & (FLAG_GAP | FLAG_BAD | FLAG_NOT_AUTO) != 0
+        if mask == 0:
+            self.detections.append(parts[6])
+            self.row, self.row_others = [], []
+        elif reason == REASON_ORDER.index("too_small") + 1:
+            self.row.append((parts[6], delta_t))
+            self._reconsider()
+        elif not broken and self.row:
+            self.row_others.append(delta_t)
+        self.previous = NAN if broken else delta_y
+        after = self.shown()
+        shown = [NAN, 0] if after is None else [after[0], after[4]]
+        head = [sign, samples, delta_t, delta_y, e_max, delta_sp]
+        return [*head, *parts, previous, d_hat_before, mask, reason, *shown]
+
+    def _reconsider(self) -> None:
+        """A row of detections that only (5.1) rejected replaces the others when it is believed."""
+        candidates = [d for d, _ in self.row]
+        _, _, _, kept, count = _shown(candidates[-self.n :])
+        agree = count == self.n and kept >= 2 * self.n / 3
+        mostly = math.fsum(t for _, t in self.row) >= math.fsum(self.row_others)
+        if (agree and mostly) or len(candidates) >= 10 * self.n:
+            self.detections = candidates
+            self.row, self.row_others = [], []
+
+
+def detector_cases() -> Iterator[dict[str, Any]]:
+    """Limit cycles in noise, with everything that breaks, moves or misleads."""
+    pi = {"k": 0.5, "ti": 1.0, "td": 0.0, "b": 1.0, "kp": 2.0, "tf": 0.125, "n": 3, "max_h": 1.0, "op_known": 0}
+    loose = {name: value for name, value in pi.items() if name not in ("td", "kp")} | {"op_known": 1}
+    h = 0.25
+    cycle = _cycle([8.0] * 10)
+
+    def with_(changes: dict[int, dict[str, float]], rows: list[list[float]] = cycle) -> list[list[float]]:
+        names = ("sp", "pv", "op", "flags")
+        return [
+            [changes.get(i, {}).get(name, value) for name, value in zip(names, row, strict=True)]
+            for i, row in enumerate(rows)
+        ]
+
+    yield case("limit cycle", [], pi, cycle, h=h)
+    yield case("limit cycle, other sign", ["Sign"], pi, [[-sp, -pv, op, flags] for sp, pv, op, flags in cycle], h=h)
+    direct = [[sp, pv, -op, flags] for sp, pv, op, flags in cycle]
+    yield case("direct-acting, OP's travel", ["Sign", "Op"], loose | {"k": -0.5}, direct, h=h)
+    yield case("Td not known, OP's travel", ["Op"], loose, cycle, h=h)
+    yield case("PID", ["Derivative"], pi | {"td": 0.25, "b": 0.0}, cycle, h=h)
+    steps = [h * (1 + i * i % 3) for i in range(len(cycle))]
+    yield case("steps of any length", ["IrregularStep"], pi, cycle, h=steps)
+    at = {75: {"sp": 0.3}, 76: {"sp": 0.3}, 77: {"sp": 0.3}}
+    yield case("setpoint that moves", ["Setpoint"], pi | {"b": 0.0}, with_(at), h=h)
+    yield case("in manual for a while", ["Flags"], pi, with_({i: {"flags": 1} for i in range(150, 155)}), h=h)
+    yield case("limit flags", ["Flags"], pi, with_({100: {"flags": 4}, 166: {"flags": 8}}), h=h)
+    yield case("OP at its limits", ["Flags"], loose | {"op_low": -1.27, "op_high": 1.5}, cycle, h=h)
+    yield case("span of OP", ["Flags"], pi | {"op_span": 0.761}, cycle, h=h)
+    bad = {50: {"pv": NAN}, 51: {"sp": NAN}, 52: {"flags": 2}, 130: {"pv": NAN}, 132: {"flags": 3}}
+    yield case("bad values", ["Bad"], pi, with_(bad), h=h)
+    yield case("bad values of OP", ["Bad", "Op"], loose, with_({50: {"op": NAN}, 200: {"op": NAN}}), h=h)
+    yield case("OP not known: its values are nothing", ["Op"], pi, with_({50: {"op": NAN}}), h=h)
+    yield case("begins with bad values", ["Bad", "Start"], pi, with_({0: {"pv": NAN}, 1: {"pv": NAN}}), h=h)
+    late = [30.0 if i in (60, 61) else -5.0 if i == 150 else h for i in range(len(cycle))]
+    yield case("gaps and time that turns back", ["Gap"], pi, cycle, h=late)
+    both = with_({60: {"pv": NAN}, 149: {"pv": NAN}, 150: {"pv": NAN}})
+    yield case("a gap that ends in a bad value", ["Gap", "Bad"], pi, both, h=late)
+    again = [0.0 if i in (0, 49, 50, 125) else h for i in range(len(cycle))]
+    yield case("time that stands still", ["ZeroStep"], pi, with_({49: {"flags": 1}, 125: {"pv": NAN}}), h=again)
+    yield case("exactly at the setpoint", ["Zero"], pi, [[1.0, 1.0, 0.0, 0]] * 30, h=h)
+    smaller = _cycle([16.0] * 5 + [5.5] * 8)
+    yield case("a gap that has become smaller", ["LockOut"], pi, smaller, h=h)
+    rarely = _cycle([16.0] * 5 + [5.5, 3.5, 3.5, 3.5] * 31)
+    yield case("smaller ones now and then: believed after ten times N", ["LockOut"], pi, rarely, h=h)
+
+
+def _cycle(half_periods: Sequence[float]) -> list[list[float]]:
+    """PV nearly square around 0, OP a triangle, in noise; lengths in s at a step of 0.25 s."""
+    random = Random(27)
+    rows = []
+    op, side = 0.0, 1.0
+    for length in half_periods:
+        for _ in range(round(length / 0.25)):
+            op -= side * 0.04
+            rows.append([0.0, side * 0.2 + 0.02 * (random.random() - 0.5), op, 0])
+        side = -side
+    return rows
+
+
 BLOCKS: dict[
     str, tuple[Reference, Callable[[], Iterator[dict[str, Any]]], list[str], list[str], str, dict[str, str]]
 ] = {
+    "filter": (
+        filter_,
+        filter_cases,
+        ["x"],
+        ["y"],
+        "Second-order low-pass filter 1/(1 + s·tf)² (2.1) by backward differences. It begins at the first input.",
+        {
+            "Start": "a transient at the first sample",
+            "ZeroTf": "a division by 0, or a filter where none is asked for",
+            "IrregularStep": "a step length taken once and kept",
+            "ZeroStep": "a step of 0 or less that moves the state",
+            "Rounding": "operations in another order",
+        },
+    ),
+    "zero_crossing": (
+        zero_crossing,
+        zero_crossing_cases,
+        ["e"],
+        ["crossed", "sign"],
+        "Zero crossings of the error (2.1): crossed 1 or 0; sign −1 or 1, 0 before the first error other than zero.",
+        {
+            "Start": "a crossing where there was no sign before",
+            "Zero": "an error of exactly zero taken for a sign",
+            "Sign": "one direction found more readily than the other",
+            "NotANumber": "a bad error taken for a sign",
+        },
+    ),
+    "derivative": (
+        derivative,
+        derivative_cases,
+        ["x"],
+        ["slope"],
+        "Backward difference over the step; 0 at the first input and where no time has passed.",
+        {
+            "Start": "a kick at the first sample",
+            "IrregularStep": "a step length taken once and kept",
+            "ZeroStep": "a division by a step of 0, or a value before that it replaces",
+        },
+    ),
+    "half_period": (
+        half_period,
+        half_period_cases,
+        ["e", "sp", "slope", "op", "flags", "crossed"],
+        [
+            "flags",
+            "samples",
+            "delta_t",
+            "delta_y",
+            "e_max",
+            "delta_sp",
+            "sp_change",
+            "slope_change",
+            "op_change",
+        ],
+        "What the signals did between two crossings (2.2). It begins at the first sample; crossed 1: the sample closes "
+        "one half-period and is the first of the next. Output null where none was closed.",
+        {
+            "Setpoint": "a range without the closing sample, or a change that is a range",
+            "IrregularStep": "a mean over samples instead of time",
+            "Short": "a division by a duration of 0, or a sample counted twice",
+            "Flags": "a flag lost, or carried into the next half-period",
+            "Sign": "an error that counts with its sign",
+        },
+    ),
+    "width": (
+        width,
+        width_cases,
+        ["sign", "delta_t", "delta_y", "sp_change", "slope_change", "op_change"],
+        ["delta_u", "delta_u_d", "delta_u_sp", "op_travel", "free", "kp_part", "d"],
+        "Width of the gap (2.4) by (7.5), (7.6) or OP's own travel, of one half-period; op_change null: OP not known; "
+        "td or kp left out: not known.",
+        {
+            "NoOp": "a travel of OP where it is not known",
+            "Derivative": "a derivative part left out, or with the wrong sign",
+            "Op": "OP's travel not used where Td is not known",
+            "Sign": "a sign of K or Kp that changes the width, or one of K that OP's travel does not follow",
+            "NoKp": "a process-gain part where Kp is not known",
+            "Setpoint": "a setpoint's part with the wrong sign or weight",
+            "Zero": "a division by 0",
+        },
+    ),
+    "safety_net": (
+        safety_net,
+        safety_net_cases,
+        ["flags", "delta_t", "delta_y", "e_max", "delta_sp", "free", "previous", "d_hat"],
+        ["mask", "reason"],
+        "Conditions that a half-period fails (chapter 5, 7.1), a bit each, and the first of them; previous or d_hat "
+        "null: there is none. A switch is on unless its parameter is 0.",
+        {
+            "Flags": "a flag not heeded, or heeded by the wrong reason",
+            "Edge": "≤ where < is meant, or the other way",
+            "Order": "a first reason that is not the first, or a condition not looked at after one that failed",
+            "Span": "a span where none is known",
+            "Zero": "a division by a Δy of 0",
+            "Sign": "a K below 0 that changes (5.1)",
+            "Switch": "a switch that does nothing, or more than it says",
+        },
+    ),
+    "median_mean": (
+        median_mean,
+        median_mean_cases,
+        ["d"],
+        ["value", "low", "high", "kept", "count"],
+        "Median/mean filter of the last n detections (7.3).",
+        {
+            "Even": "an even number of which none lies in the band",
+            "Window": "a detection kept too long or dropped too early",
+            "Sign": "a band turned inside out by a median below 0",
+            "Step": "a mean of two widths",
+            "Edge": "a band that is open where it is closed",
+            "Zero": "a band of no width that drops its own median",
+        },
+    ),
+    "detector": (
+        detector,
+        detector_cases,
+        ["sp", "pv", "op", "flags"],
+        list(DETECTION_FIELDS),
+        "The whole detector: every sample in, each half-period out at the sample that ends it, null at the others. h "
+        "adds up to times that a double holds exactly. op_known 0: OP is not recorded. The first h is not used.",
+        {
+            "Sign": "a width that depends on direction",
+            "Op": "OP heeded where it is not known, or not where it is",
+            "Derivative": "the derivative part left out",
+            "IrregularStep": "a step length taken once and kept",
+            "Setpoint": "a setpoint that moves taken for a gap",
+            "Flags": "a flag lost on the way from sample to reason",
+            "Bad": "a bad value that reaches the filter, or a break that is not one",
+            "Start": "a first half-period that is not called a gap",
+            "Gap": "time that was not observed counted as time",
+            "ZeroStep": "a repeated time that counts as a sample",
+            "Zero": "a crossing where the error rests at zero",
+            "LockOut": "(5.1) that rejects for ever, or that yields to noise",
+        },
+    ),
     "backlash": (
         backlash,
         backlash_cases,
@@ -205,6 +846,14 @@ def documents() -> dict[str, str]:
         head = {"block": block, "doc": doc, "inputs": inputs, "outputs": outputs, "notes": notes}
         texts[f"{block}.json"] = _text(head, done)
     return texts
+
+
+def _sum(values: Iterable[float]) -> float:
+    """Sum in the order given; Python's own may carry more digits on the way."""
+    total = 0.0
+    for value in values:
+        total += value
+    return total
 
 
 def _walk(seed: int, n: int, low: float = -1.0, high: float = 1.0) -> Iterator[float]:

@@ -27,6 +27,99 @@ class Pid:
     def update(self, ysp: float, yf: float, h: float) -> float: ...
     def track(self, ysp: float, yf: float, u: float, h: float) -> float: ...
 
+class SecondOrderFilter:
+    """Second-order low-pass filter of time constant tf ≥ 0 [s] (thesis 2.1); begins at the first value."""
+
+    def __init__(self, tf: float) -> None: ...
+    def update(self, x: float, h: float) -> float: ...
+
+class ZeroCrossing:
+    """Zero crossings of the control error (thesis (2.1)); an error of exactly zero keeps the sign."""
+
+    def __init__(self) -> None: ...
+    def update(self, e: float) -> bool: ...
+    @property
+    def sign(self) -> int: ...
+
+class Derivative:
+    """Backward difference; 0 at the first value."""
+
+    def __init__(self) -> None: ...
+    def update(self, x: float, h: float) -> float: ...
+
+class HalfPeriodBlock:
+    """What the signals did between two zero crossings (thesis (2.2)).
+
+    `update` gives None, or, where `crossed`: (flags, samples, delta_t, delta_y, e_max, delta_sp, sp_change,
+    slope_change, op_change) of the half-period that the sample closes.
+    """
+
+    def __init__(self) -> None: ...
+    def update(
+        self,
+        e: float,
+        h: float,
+        sp: float,
+        slope: float = 0.0,
+        op: float = 0.0,
+        flags: int = 0,
+        crossed: bool = False,
+    ) -> tuple[int, int, float, float, float, float, float, float, float] | None: ...
+
+class Width:
+    """Width of the gap (thesis (2.4)) from one half-period; td, kp, op_change None: not known.
+
+    `of` gives (delta_u, delta_u_d, delta_u_sp, op_travel, free, kp_part, d).
+    """
+
+    def __init__(
+        self, k: float, ti: float, td: float | None = None, b: float = 1.0, kp: float | None = None
+    ) -> None: ...
+    def of(
+        self,
+        sign: int,
+        delta_t: float,
+        delta_y: float,
+        sp_change: float = 0.0,
+        slope_change: float = 0.0,
+        op_change: float | None = None,
+    ) -> tuple[float, float, float, float, float, float, float]: ...
+
+class SafetyNet:
+    """Conditions that a half-period must meet (thesis chapter 5, 7.1); `check` gives (mask, reason)."""
+
+    def __init__(
+        self,
+        k: float,
+        ti: float,
+        op_span: float | None = None,
+        *,
+        limits: bool = True,
+        too_short: bool = True,
+        not_square: bool = True,
+        decaying: bool = True,
+        growing: bool = True,
+        sp_moved: bool = True,
+        too_small: bool = True,
+    ) -> None: ...
+    def check(
+        self,
+        flags: int,
+        delta_t: float,
+        delta_y: float,
+        e_max: float,
+        delta_sp: float,
+        free: float,
+        previous: float | None = None,
+        d_hat: float | None = None,
+    ) -> tuple[int, int]: ...
+
+class MedianMean:
+    """Median/mean filter of n detections, n odd (thesis 7.3); `update` gives (value, low, high, kept, count)."""
+
+    def __init__(self, n: int = 9) -> None: ...
+    def update(self, d: float) -> tuple[float, float, float, int, int]: ...
+
 def batch() -> list[tuple[str, list[float], list[float], float]]: ...
 def closed_loop(
     *,
@@ -119,9 +212,7 @@ class Detector:
         op_limits: tuple[float, float] | None,
         off: int,
     ) -> Self: ...
-    def update(
-        self, t: float, sp: float, pv: float, op: float | None = None, flags: int = 0
-    ) -> HalfPeriod | None: ...
+    def update(self, t: float, sp: float, pv: float, op: float | None = None, flags: int = 0) -> HalfPeriod | None: ...
     def run(
         self,
         t: npt.NDArray[np.float64],

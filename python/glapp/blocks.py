@@ -8,8 +8,23 @@ Examples
 >>> gap = Backlash(2.0)
 >>> [gap.update(x) for x in (0.0, 0.9, 3.0, 2.0, 0.5)]
 [0.0, 0.0, 2.0, 2.0, 1.5]
+>>> shown = MedianMean(n=3)
+>>> [shown.update(d)[0] for d in (5.0, 40.0, 5.5)]
+[5.0, 22.5, 5.25]
 """
 
-from ._glapp import Backlash, Noise, Pid
+from ._glapp import Backlash, Derivative, MedianMean, Noise, Pid, SafetyNet, SecondOrderFilter, Width, ZeroCrossing
+from ._glapp import HalfPeriodBlock as HalfPeriod
 
-__all__ = ["Backlash", "Noise", "Pid"]
+__all__ = [
+    "Backlash",
+    "Derivative",
+    "HalfPeriod",
+    "MedianMean",
+    "Noise",
+    "Pid",
+    "SafetyNet",
+    "SecondOrderFilter",
+    "Width",
+    "ZeroCrossing",
+]

@@ -92,7 +92,8 @@ impl<R> Record<R> {
 /// What breaks the signal:
 /// - the first sample, a step h that is negative or longer than `max_h`: a *gap*. The half-period under way ends with
 ///   that reason; what follows starts the filter anew, and carries the reason until the next crossing.
-/// - a bad flag, or a value that is not a finite number: likewise, with *bad quality*; the value is not used.
+/// - a bad flag, or a value that is not a finite number: likewise, with *bad quality*; the value is not used. What
+///   follows starts at the next good one.
 /// - h = 0, a repeated time: the sample is passed over, only its flags count.
 /// - not in automatic, at a limit: the half-period goes on and is rejected.
 ///
@@ -100,9 +101,16 @@ impl<R> Record<R> {
 /// manual operation.
 ///
 /// (5.1) compares with the estimate only once N detections stand behind it. It cannot lock: detections that fail
-/// nothing but (5.1) are collected beside the window, and when N of them in a row either agree (two thirds within
-/// 80–120 % of their median) or number 5N, they replace it. Half-periods rejected for another reason neither add to
-/// nor end such a row.
+/// nothing but (5.1) are collected beside the window, and a row of them, which only a detection that passes ends,
+/// replaces it
+/// - after N, where two thirds of the last N lie within 80–120 % of their median, and the row's detections last at
+///   least as long as all other half-periods of automatic operation since it began: the gap has become smaller, or the
+///   first detections were false;
+/// - after 10N, whatever they are like.
+///
+/// The time tells a limit cycle, which is nearly all detections, from noise, whose half-periods are now and then as long
+/// as a detection but mostly much shorter: what noise makes after a limit cycle has come to rest must stay rejected
+/// (thesis figure 5.4).
 ///
 /// ```
 /// use glapp_core::{Detector, DetectorState, MedianMean, SafetyNet, Sample, SecondOrderFilter, Width};
@@ -172,9 +180,11 @@ struct Memory<R> {
     window: MedianMeanState<R>,
     estimate: Option<Estimate<R>>,
     accepted: u32,
-    /// Detections that (5.1) alone rejected since the last one accepted, and how many.
+    /// Detections that (5.1) alone rejected since the last one accepted, how many, and their time less that of all other
+    /// half-periods since the first of them \[s\].
     candidates: MedianMeanState<R>,
     rejected: u32,
+    excess: R,
 }
 
 impl<R: Real> Default for DetectorState<R> {
@@ -451,8 +461,8 @@ impl<R: Real> Detector<R> {
         let in_time = h > R::ZERO && h <= self.max_h;
         let good = Self::good::<OP>(sp, pv, op, flags);
         let mut ended = None;
-        if s.broken == 0 || (good && !in_time) {
-            let cause = if good { GAP } else { BAD };
+        if s.broken == 0 || !in_time {
+            let cause = (if in_time { 0 } else { GAP }) | (if good { 0 } else { BAD });
             if !s.half.is_empty() {
                 ended = Some(s.half.break_off(s.crossing.sign, cause));
             }
@@ -481,12 +491,14 @@ impl<R: Real> Detector<R> {
         let settled = m.estimate.filter(|estimate| estimate.count == self.detections.n());
         let d_hat_before = settled.map(|estimate| estimate.value);
         let mask = self.net.check(&half, &parts, &self.width, previous_delta_y, d_hat_before);
+        let broken = half.flags & (GAP | BAD | NOT_AUTO) != 0;
         if mask == 0 {
             self.accept(m, parts.d);
         } else if mask == Reason::TooSmall.bit() {
-            self.reconsider(m, parts.d);
+            self.reconsider(m, parts.d, half.delta_t);
+        } else if !broken {
+            m.excess = m.excess - half.delta_t;
         }
-        let broken = half.flags & (GAP | BAD | NOT_AUTO) != 0;
         m.previous_delta_y = if broken { None } else { Some(half.delta_y) };
         Record { half, parts, mask, previous_delta_y, d_hat_before, estimate: m.estimate }
     }
@@ -500,15 +512,17 @@ impl<R: Real> Detector<R> {
 
     /// Keeps (5.1) from locking out a gap that has become smaller, or that the first detections got wrong.
     #[inline(never)]
-    fn reconsider(&self, m: &mut Memory<R>, detection: R) {
+    fn reconsider(&self, m: &mut Memory<R>, detection: R, delta_t: R) {
         if m.rejected == 0 {
             m.candidates = MedianMeanState::default();
+            m.excess = R::ZERO;
         }
+        m.excess += delta_t;
         let n = u32::from(self.detections.n());
         let found = self.detections.update(&mut m.candidates, detection);
         m.rejected = m.rejected.saturating_add(1);
         let agree = u32::from(found.count) == n && 3 * u32::from(found.kept) >= 2 * n;
-        if agree || m.rejected >= 5 * n {
+        if (agree && m.excess >= R::ZERO) || m.rejected >= 10 * n {
             m.window = m.candidates;
             m.estimate = Some(found);
             m.rejected = 0;

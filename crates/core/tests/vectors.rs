@@ -1,6 +1,10 @@
 //! The golden cases of `vectors/`, which were computed without this crate: every output must agree to the last bit.
 
-use glapp_core::{Backlash, BacklashState, Limits, Noise, NoiseState, Pid, PidState};
+use glapp_core::{
+    Backlash, BacklashState, Derivative, Detector, DetectorState, HalfPeriod, HalfPeriodState, Limits, MedianMean,
+    MedianMeanState, Noise, NoiseState, Pid, PidState, Real, Reason, Record, SafetyNet, Sample, SecondOrderFilter,
+    SecondOrderFilterState, Width, WidthParts, ZeroCrossing,
+};
 use serde_json::Value;
 use std::path::Path;
 
@@ -31,16 +35,42 @@ impl Case {
         input.iter().enumerate().map(|(i, value)| (h(i), values(value))).collect()
     }
 
-    /// Compares the output of `update`, called with each sample and the time before it.
+    /// Compares the output of `update`, called with each sample and the time before it, to the last bit.
     fn check(&self, mut update: impl FnMut(&[f64], f64) -> f64) {
+        self.check_all(|x, h| Some(vec![update(x, h)]));
+    }
+
+    /// The same where there are several outputs, or none at some samples.
+    fn check_all(&self, update: impl FnMut(&[f64], f64) -> Option<Vec<f64>>) {
+        self.compare(update, |expected, output| match expected.as_f64() {
+            Some(number) => number.to_bits() == output.to_bits(),
+            None => output.is_nan(),
+        });
+    }
+
+    /// Compares with a share of the number, or of 1 where that is smaller.
+    fn check_within(&self, tolerance: f64, update: impl FnMut(&[f64], f64) -> Option<Vec<f64>>) {
+        self.compare(update, |expected, output| match expected.as_f64() {
+            Some(number) => (number - output).abs() <= tolerance * number.abs().max(1.0),
+            None => output.is_nan(),
+        });
+    }
+
+    fn compare(&self, mut update: impl FnMut(&[f64], f64) -> Option<Vec<f64>>, same: impl Fn(&Value, f64) -> bool) {
         let expected = self.case["output"].as_array().expect("an array");
-        for (i, ((h, x), expected)) in self.samples().iter().zip(expected).enumerate() {
+        let samples = self.samples();
+        assert_eq!(samples.len(), expected.len(), "{}", self.name);
+        for (i, ((h, x), expected)) in samples.iter().zip(expected).enumerate() {
             let output = update(x, *h);
-            let same = match expected.as_f64() {
-                Some(number) => number.to_bits() == output.to_bits(),
-                None => output.is_nan(),
+            let single = std::slice::from_ref(expected);
+            let agree = match (expected.as_array(), &output) {
+                (Some(row), Some(output)) => {
+                    row.len() == output.len() && row.iter().zip(output).all(|(e, o)| same(e, *o))
+                }
+                (None, Some(output)) => output.len() == 1 && same(&single[0], output[0]),
+                (row, None) => row.is_none() && expected.is_null(),
             };
-            assert!(same, "{}, sample {i}: {output} instead of {expected}", self.name);
+            assert!(agree, "{}, sample {i}: {output:?} instead of {expected}", self.name);
         }
     }
 }
@@ -87,5 +117,194 @@ fn pid() {
                 block.track(&mut state, x[0], x[1], x[2], h)
             }
         });
+    }
+}
+
+#[test]
+fn filter() {
+    for case in cases("filter") {
+        let block = SecondOrderFilter::new(case.given("tf")).unwrap();
+        let mut state = SecondOrderFilterState::default();
+        case.check(|x, h| block.update(&mut state, x[0], h));
+    }
+}
+
+#[test]
+fn zero_crossing() {
+    for case in cases("zero_crossing") {
+        let mut state = ZeroCrossing::default();
+        case.check_all(|x, _| {
+            let crossed = state.update(x[0]);
+            Some(vec![f64::from(u8::from(crossed)), f64::from(state.sign)])
+        });
+    }
+}
+
+#[test]
+fn derivative() {
+    for case in cases("derivative") {
+        let mut state = Derivative::default();
+        case.check(|x, h| state.update(x[0], h));
+    }
+}
+
+#[test]
+fn half_period() {
+    for case in cases("half_period") {
+        let mut state: Option<HalfPeriodState<f64>> = None;
+        case.check_all(|x, h| {
+            let (e, sp, slope, op, flags) = (x[0], x[1], x[2], x[3], x[4] as u8);
+            let ended = state.filter(|_| x[5] != 0.0).map(|state| state.close(1, sp, slope, op));
+            if ended.is_some() || state.is_none() {
+                state = Some(HalfPeriodState::start(sp, slope, op, 0));
+            }
+            state.as_mut().unwrap().add(e, h, sp, flags);
+            ended.map(|half| {
+                vec![
+                    f64::from(half.flags),
+                    f64::from(half.n),
+                    half.delta_t,
+                    half.delta_y,
+                    half.e_max,
+                    half.delta_sp,
+                    half.sp_change,
+                    half.slope_change,
+                    half.op_change,
+                ]
+            })
+        });
+    }
+}
+
+fn width_of(case: &Case) -> Width<f64> {
+    let b = case.param("b").unwrap_or(1.0);
+    Width::new(case.given("k"), case.given("ti"), case.param("td"), b, case.param("kp")).unwrap()
+}
+
+fn parts_as_row<R: Real>(parts: &WidthParts<R>) -> [f64; 7] {
+    [parts.delta_u, parts.delta_u_d, parts.delta_u_sp, parts.op_travel, parts.free, parts.kp_part, parts.d]
+        .map(Real::as_f64)
+}
+
+#[test]
+fn width() {
+    for case in cases("width") {
+        let block = width_of(&case);
+        case.check_all(|x, _| {
+            let op_known = !x[5].is_nan();
+            let half = HalfPeriod {
+                sign: x[0] as i8,
+                delta_t: x[1],
+                delta_y: x[2],
+                sp_change: x[3],
+                slope_change: x[4],
+                op_change: if op_known { x[5] } else { 0.0 },
+                ..HalfPeriod::default()
+            };
+            Some(parts_as_row(&block.of(&half, op_known)).to_vec())
+        });
+    }
+}
+
+fn net_of<R: Real>(case: &Case) -> SafetyNet<R> {
+    let on = |name| case.param(name) != Some(0.0);
+    SafetyNet {
+        limits: on("limits"),
+        too_short: on("too_short"),
+        not_square: on("not_square"),
+        decaying: on("decaying"),
+        growing: on("growing"),
+        sp_moved: on("sp_moved"),
+        too_small: on("too_small"),
+        ..SafetyNet::new(case.param("op_span").map(R::of)).unwrap()
+    }
+}
+
+fn given(x: f64) -> Option<f64> {
+    Some(x).filter(|x| !x.is_nan())
+}
+
+#[test]
+fn safety_net() {
+    for case in cases("safety_net") {
+        let (net, width) = (net_of(&case), width_of(&case));
+        case.check_all(|x, _| {
+            let half = HalfPeriod {
+                flags: x[0] as u8,
+                delta_t: x[1],
+                delta_y: x[2],
+                e_max: x[3],
+                delta_sp: x[4],
+                ..HalfPeriod::default()
+            };
+            let parts = WidthParts { free: x[5], ..WidthParts::default() };
+            let mask = net.check(&half, &parts, &width, given(x[6]), given(x[7]));
+            Some(vec![f64::from(mask), f64::from(Reason::first(mask) as u8)])
+        });
+    }
+}
+
+#[test]
+fn median_mean() {
+    for case in cases("median_mean") {
+        let block = MedianMean::new(case.given("n") as u32).unwrap();
+        let mut state = MedianMeanState::default();
+        case.check_all(|x, _| {
+            let shown = block.update(&mut state, x[0]);
+            Some(vec![shown.value, shown.low, shown.high, f64::from(shown.kept), f64::from(shown.count)])
+        });
+    }
+}
+
+fn detector_of<R: Real>(case: &Case) -> Detector<R> {
+    let number = |name| R::of(case.given(name));
+    let maybe = |name| case.param(name).map(R::of);
+    Detector::new(
+        SecondOrderFilter::new(number("tf")).unwrap(),
+        Width::new(number("k"), number("ti"), maybe("td"), number("b"), maybe("kp")).unwrap(),
+        net_of(case),
+        MedianMean::new(case.given("n") as u32).unwrap(),
+        number("max_h"),
+        maybe("op_low").zip(maybe("op_high")),
+    )
+    .unwrap()
+}
+
+fn record_as_row<R: Real>(record: &Record<R>) -> Vec<f64> {
+    let half = &record.half;
+    let or_nan = |x: Option<R>| x.map_or(f64::NAN, Real::as_f64);
+    let mut row = vec![f64::from(half.sign), f64::from(half.n)];
+    row.extend([half.delta_t, half.delta_y, half.e_max, half.delta_sp].map(Real::as_f64));
+    row.extend(parts_as_row(&record.parts));
+    row.extend([or_nan(record.previous_delta_y), or_nan(record.d_hat_before)]);
+    row.extend([f64::from(record.mask), f64::from(record.reason() as u8)]);
+    row.push(or_nan(record.estimate.map(|estimate| estimate.value)));
+    row.push(record.estimate.map_or(0.0, |estimate| f64::from(estimate.count)));
+    row
+}
+
+fn detect<R: Real>(case: &Case) -> impl FnMut(&[f64], f64) -> Option<Vec<f64>> {
+    let block = detector_of::<R>(case);
+    let op_known = case.given("op_known") != 0.0;
+    let mut state = DetectorState::default();
+    move |x, h| {
+        let (sp, pv, op) = (R::of(x[0]), R::of(x[1]), R::of(x[2]));
+        let sample = Sample { h: R::of(h), sp, pv, op: op_known.then_some(op), flags: x[3] as u8 };
+        block.update(&mut state, &sample).map(|record| record_as_row(&record))
+    }
+}
+
+#[test]
+fn detector() {
+    for case in cases("detector") {
+        case.check_all(detect::<f64>(&case));
+    }
+}
+
+/// A PLC's REAL has seven digits: the same half-periods with the same verdicts, numbers to 1e-5 of their size or of 1.
+#[test]
+fn detector_in_single_precision() {
+    for case in cases("detector") {
+        case.check_within(1e-5, detect::<f32>(&case));
     }
 }

@@ -1,6 +1,7 @@
 //! The Python face of glapp: one file per exposed module, no logic of its own.
 
 mod backlash;
+mod blocks;
 mod census;
 mod columns;
 mod detector;
@@ -14,6 +15,8 @@ use pyo3::prelude::*;
 mod _glapp {
     #[pymodule_export]
     use crate::backlash::Backlash;
+    #[pymodule_export]
+    use crate::blocks::{Derivative, HalfPeriodBlock, MedianMean, SafetyNet, SecondOrderFilter, Width, ZeroCrossing};
     #[pymodule_export]
     use crate::census::PyCensus;
     #[pymodule_export]

@@ -1,0 +1,222 @@
+//! The blocks that the detector is made of.
+
+use glapp_core::{
+    Derivative as Slope, HalfPeriod, HalfPeriodState, MedianMeanState, ParameterError, Reason, SecondOrderFilterState,
+    WidthParts, ZeroCrossing as Crossing,
+};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+
+fn refused(error: ParameterError) -> PyErr {
+    PyValueError::new_err(error.to_string())
+}
+
+/// Second-order low-pass filter (thesis 2.1).
+#[pyclass(module = "glapp.blocks")]
+pub struct SecondOrderFilter {
+    block: glapp_core::SecondOrderFilter<f64>,
+    state: SecondOrderFilterState<f64>,
+}
+
+#[pymethods]
+impl SecondOrderFilter {
+    #[new]
+    fn new(tf: f64) -> PyResult<Self> {
+        let block = glapp_core::SecondOrderFilter::new(tf).map_err(refused)?;
+        Ok(Self { block, state: SecondOrderFilterState::default() })
+    }
+
+    fn update(&mut self, x: f64, h: f64) -> f64 {
+        self.block.update(&mut self.state, x, h)
+    }
+}
+
+/// Zero crossings of the control error (thesis (2.1)).
+#[pyclass(module = "glapp.blocks")]
+#[derive(Default)]
+pub struct ZeroCrossing {
+    state: Crossing,
+}
+
+#[pymethods]
+impl ZeroCrossing {
+    #[new]
+    fn new() -> Self {
+        Self::default()
+    }
+
+    fn update(&mut self, e: f64) -> bool {
+        self.state.update(e)
+    }
+
+    /// +1 or −1; 0 until an error other than zero was seen.
+    #[getter]
+    fn sign(&self) -> i8 {
+        self.state.sign
+    }
+}
+
+/// Backward difference.
+#[pyclass(module = "glapp.blocks")]
+#[derive(Default)]
+pub struct Derivative {
+    state: Slope<f64>,
+}
+
+#[pymethods]
+impl Derivative {
+    #[new]
+    fn new() -> Self {
+        Self::default()
+    }
+
+    fn update(&mut self, x: f64, h: f64) -> f64 {
+        self.state.update(x, h)
+    }
+}
+
+type Measured = (u8, u32, f64, f64, f64, f64, f64, f64, f64);
+
+/// What the signals did between two zero crossings.
+#[pyclass(module = "glapp.blocks", name = "HalfPeriodBlock")]
+#[derive(Default)]
+pub struct HalfPeriodBlock {
+    state: Option<HalfPeriodState<f64>>,
+}
+
+#[pymethods]
+impl HalfPeriodBlock {
+    #[new]
+    fn new() -> Self {
+        Self::default()
+    }
+
+    /// One sample; where `crossed`, it closes the half-period under way, whose numbers are given, and begins the next.
+    #[pyo3(signature = (e, h, sp, slope=0.0, op=0.0, flags=0, crossed=false))]
+    #[allow(clippy::too_many_arguments)]
+    fn update(&mut self, e: f64, h: f64, sp: f64, slope: f64, op: f64, flags: u8, crossed: bool) -> Option<Measured> {
+        let fresh = || HalfPeriodState::start(sp, slope, op, 0);
+        let state = self.state.get_or_insert_with(fresh);
+        let ended = (crossed && !state.is_empty()).then(|| state.close(0, sp, slope, op));
+        if ended.is_some() {
+            *state = fresh();
+        }
+        state.add(e, h, sp, flags);
+        ended.map(|half| {
+            let HalfPeriod { flags, n, delta_t, delta_y, e_max, delta_sp, sp_change, slope_change, op_change, .. } =
+                half;
+            (flags, n, delta_t, delta_y, e_max, delta_sp, sp_change, slope_change, op_change)
+        })
+    }
+}
+
+/// Width of the gap (thesis (2.4)) from one half-period.
+#[pyclass(frozen, module = "glapp.blocks")]
+pub struct Width {
+    block: glapp_core::Width<f64>,
+}
+
+#[pymethods]
+impl Width {
+    #[new]
+    #[pyo3(signature = (k, ti, td=None, b=1.0, kp=None))]
+    fn new(k: f64, ti: f64, td: Option<f64>, b: f64, kp: Option<f64>) -> PyResult<Self> {
+        Ok(Self { block: glapp_core::Width::new(k, ti, td, b, kp).map_err(refused)? })
+    }
+
+    /// (delta_u, delta_u_d, delta_u_sp, op_travel, free, kp_part, d).
+    #[pyo3(signature = (sign, delta_t, delta_y, sp_change=0.0, slope_change=0.0, op_change=None))]
+    fn of(
+        &self,
+        sign: i8,
+        delta_t: f64,
+        delta_y: f64,
+        sp_change: f64,
+        slope_change: f64,
+        op_change: Option<f64>,
+    ) -> (f64, f64, f64, f64, f64, f64, f64) {
+        let change = op_change.unwrap_or(0.0);
+        let half =
+            HalfPeriod { sign, delta_t, delta_y, sp_change, slope_change, op_change: change, ..HalfPeriod::default() };
+        let parts = self.block.of(&half, op_change.is_some());
+        let WidthParts { delta_u, delta_u_d, delta_u_sp, op_travel, free, kp_part, d } = parts;
+        (delta_u, delta_u_d, delta_u_sp, op_travel, free, kp_part, d)
+    }
+}
+
+/// The conditions that a half-period must meet (thesis chapter 5 and 7.1).
+#[pyclass(frozen, module = "glapp.blocks")]
+pub struct SafetyNet {
+    net: glapp_core::SafetyNet<f64>,
+    width: glapp_core::Width<f64>,
+}
+
+#[pymethods]
+impl SafetyNet {
+    #[new]
+    #[pyo3(signature = (
+        k, ti, op_span=None, *, limits=true, too_short=true, not_square=true, decaying=true, growing=true,
+        sp_moved=true, too_small=true,
+    ))]
+    #[allow(clippy::too_many_arguments)]
+    fn new(
+        k: f64,
+        ti: f64,
+        op_span: Option<f64>,
+        limits: bool,
+        too_short: bool,
+        not_square: bool,
+        decaying: bool,
+        growing: bool,
+        sp_moved: bool,
+        too_small: bool,
+    ) -> PyResult<Self> {
+        let op_span = glapp_core::SafetyNet::new(op_span).map_err(refused)?.op_span;
+        let net =
+            glapp_core::SafetyNet { limits, op_span, too_short, not_square, decaying, growing, sp_moved, too_small };
+        Ok(Self { net, width: glapp_core::Width::new(k, ti, None, 1.0, None).map_err(refused)? })
+    }
+
+    /// (mask, reason); previous and d_hat None where there are none.
+    #[pyo3(signature = (flags, delta_t, delta_y, e_max, delta_sp, free, previous=None, d_hat=None))]
+    #[allow(clippy::too_many_arguments)]
+    fn check(
+        &self,
+        flags: u8,
+        delta_t: f64,
+        delta_y: f64,
+        e_max: f64,
+        delta_sp: f64,
+        free: f64,
+        previous: Option<f64>,
+        d_hat: Option<f64>,
+    ) -> (u16, u8) {
+        let half = HalfPeriod { flags, delta_t, delta_y, e_max, delta_sp, ..HalfPeriod::default() };
+        let parts = WidthParts { free, ..WidthParts::default() };
+        let mask = self.net.check(&half, &parts, &self.width, previous, d_hat);
+        (mask, Reason::first(mask) as u8)
+    }
+}
+
+/// Median/mean filter of detections (thesis 7.3).
+#[pyclass(module = "glapp.blocks")]
+pub struct MedianMean {
+    block: glapp_core::MedianMean,
+    state: MedianMeanState<f64>,
+}
+
+#[pymethods]
+impl MedianMean {
+    #[new]
+    #[pyo3(signature = (n=9))]
+    fn new(n: u32) -> PyResult<Self> {
+        let block = glapp_core::MedianMean::new(n).map_err(refused)?;
+        Ok(Self { block, state: MedianMeanState::default() })
+    }
+
+    /// (value, low, high, kept, count).
+    fn update(&mut self, d: f64) -> (f64, f64, f64, u8, u8) {
+        let shown = self.block.update(&mut self.state, d);
+        (shown.value, shown.low, shown.high, shown.kept, shown.count)
+    }
+}

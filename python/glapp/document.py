@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field
 
 from . import __version__
 from .result import Result
@@ -17,12 +17,6 @@ from .result import Result
 __all__ = ["to_json", "to_schema"]
 
 
-def _encodable(text: Any) -> Any:
-    """A file name need not be valid text; JSON must be."""
-    return text.encode("utf-8", "replace").decode() if isinstance(text, str) else text
-
-
-Text = Annotated[str, BeforeValidator(_encodable)]
 Count = Annotated[int, Field(ge=0)]
 Value = float | None  # NaN and infinity, which JSON does not have, are written as null
 
@@ -38,7 +32,7 @@ class Finding(_Part):
     """Stable name, as in docs/quality.md."""
     severity: Literal["info", "warning", "refuse"]
     """refuse: no estimate from this recording can be right."""
-    text: Text
+    text: str
     """One sentence with the numbers, their units and what to do."""
     evidence: dict[str, int | float | str | None]
     """The numbers of the text and more: shares are 0..1, times in s, rows counted from 0."""
@@ -61,26 +55,26 @@ class Controller(_Part):
     """Time constant of the detector's filter [s]."""
     n: int
     """Detections behind one estimate."""
-    as_written: Text | None
+    as_written: str | None
     """The controller in its maker's words; null where it was identified."""
-    notes: dict[str, Text]
+    notes: dict[str, str]
     """Where each of the values comes from."""
 
 
 class LoopAnswer(_Part):
     """The answer for one loop."""
 
-    loop: Text
+    loop: str
     """Name of the loop."""
-    file: Text
+    file: str
     """Its recording, as the user wrote it."""
     verdict: Literal["estimate", "provisional", "no_estimate", "refused"]
     """provisional: from fewer than N detections. refused: data or settings do not allow an answer."""
-    reason: Text | None
+    reason: str | None
     """One sentence; null only with an estimate."""
     d_hat: Value
     """Estimated total width of the dead band [`unit`]."""
-    unit: Text
+    unit: str
     """Unit of OP."""
     d_hat_percent_span: Value
     """The same in % of OP span; null where the span is not known."""

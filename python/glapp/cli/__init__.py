@@ -15,7 +15,7 @@ from .demo import demo
 from .explain import explain
 from .identify import identify
 from .init import init
-from .screen import CommandError, out, say_error
+from .screen import CommandError, examples, out, say_error
 
 __all__ = ["app", "main"]
 
@@ -27,8 +27,25 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (analyze, init, identify, explain, demo):
-    app.command()(command)
+app.command(
+    epilog="[bold]Examples[/bold]\n\n"
+    + examples(
+        "glapp analyze plant.csv",
+        "glapp analyze *.csv --report report.html",
+        "glapp analyze loops.toml --json > answer.json",
+        "glapp analyze plant.csv --op CO --pb 180 --ti 0.5 --ti-unit min --pv-span 0 50 --op-span 0 100",
+    )
+)(analyze)
+app.command(epilog=examples("glapp init plant.csv -o loops.toml"))(init)
+app.command(epilog=examples("glapp identify plant.csv", "glapp identify loops.toml --loop FIC101"))(identify)
+app.command(
+    epilog=examples(
+        "glapp explain plant.csv",
+        'glapp explain plant.csv --at "2026-03-01 12:34"',
+        "glapp explain loops.toml --loop FIC101 --at 5400",
+    )
+)(explain)
+app.command(epilog=examples("glapp demo demo"))(demo)
 
 
 def _version(asked: bool) -> None:
@@ -38,26 +55,28 @@ def _version(asked: bool) -> None:
 
 
 @app.callback(
+    help=f"""\
+Find out from recordings of control loops whether their valves have a dead band, and how wide it is. A recording is a \
+CSV, Parquet or Arrow file with time, SP, PV and, better, OP and mode; what is known about the loops (spans, \
+controller) can stand in a loops.toml.
+
+[bold]Try it[/bold]
+
+{examples("glapp demo demo", "glapp analyze demo/loops.toml --report demo.html")}
+
+[bold]Your own loop, first with nothing but the recording[/bold]
+
+{examples("glapp analyze plant.csv", "glapp init plant.csv -o loops.toml", "glapp analyze loops.toml --report r.html")}
+""",
     epilog="Exit codes: 0 every loop got an answer; 1 at least one loop was refused or could not be read, and each is "
-    "named; 2 the command line is wrong. Each command tells more: glapp analyze --help"
+    "named; 2 the command line is wrong. Each command has examples of its own: glapp analyze --help",
 )
 def glapp(
     version: Annotated[
         bool, typer.Option("--version", metavar="", callback=_version, is_eager=True, help="Show the version and exit.")
     ] = False,
 ) -> None:
-    """Find out from recordings of control loops whether their valves have a dead band, and how wide it is.
-
-    A recording is a CSV, Parquet or Arrow file with time, SP, PV and, better, OP and mode. What is known about the
-    loops (spans, controller) can stand in a loops.toml.
-
-    [bold]Begin here[/bold]
-
-      glapp demo demo                                    recordings to try it on
-      glapp analyze demo/loops.toml --report demo.html   what glapp says of them
-      glapp analyze plant.csv                            your own loop, nothing else known
-      glapp init plant.csv -o loops.toml                 a settings file, to be completed
-    """
+    """Hold the options of the whole program."""
 
 
 def main() -> None:

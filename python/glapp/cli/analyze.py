@@ -13,6 +13,7 @@ from time import monotonic
 from typing import Annotated
 
 import typer
+from rich.measure import Measurement
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
@@ -29,9 +30,6 @@ __all__ = ["analyze"]
 
 PATIENCE = 1.0
 """A progress bar appears after so many seconds."""
-
-WIDE = 110
-"""From so many columns on, a cell of the table is one line."""
 
 
 @with_options
@@ -110,6 +108,7 @@ def _answers(opened: Sequence[Recording | Refused], trust: bool) -> list[Result 
         TimeRemainingColumn(),
         console=err,
         transient=True,
+        disable=not err.is_terminal,
     )
     task = bar.add_task(f"{len(opened)} loops" if len(opened) > 1 else opened[0].name, total=len(opened))
     with ThreadPoolExecutor(os.cpu_count()) as pool:
@@ -117,9 +116,9 @@ def _answers(opened: Sequence[Recording | Refused], trust: bool) -> list[Result 
         try:
             while wait(futures, timeout=0.1).not_done:
                 bar.update(task, completed=sum(done))
-                if err.is_terminal and monotonic() - begun > PATIENCE:
+                if monotonic() - begun > PATIENCE:
                     bar.start()
-        except BaseException:
+        except KeyboardInterrupt:
             stop.set()
             pool.shutdown(cancel_futures=True)
             raise
@@ -158,17 +157,9 @@ def _show(answers: Sequence[Result | Refused]) -> None:
     from ..report.words import ranked
 
     results = ranked([a.result() if isinstance(a, Refused) else a for a in answers])
-    between = ", " if out.width >= WIDE else "\n"
-    table = Table(box=None, padding=(0, 2 if out.width >= WIDE else 1, 0, 0), header_style="bold", pad_edge=False)
-    table.add_column("Loop", overflow="fold")
-    table.add_column("d̂", justify="right", no_wrap=True)
-    table.add_column("% span", justify="right", no_wrap=True)
-    table.add_column("Det./half", justify="right", no_wrap=True)
-    table.add_column("Rejected as")
-    table.add_column("Quality")
-    table.add_column("Verdict")
-    for result in results:
-        table.add_row(result.name, *_cells(result, between))
+    table = _table(results, ", ")
+    if Measurement.get(out, out.options.update(max_width=1000), table).maximum > out.width:
+        table = _table(results, "\n")
     out.print(table)
     without = Table.grid(padding=(0, 2))
     shown = {a.name for a in answers if isinstance(a, Refused)}
@@ -180,11 +171,25 @@ def _show(answers: Sequence[Result | Refused]) -> None:
         out.print(without)
 
 
+def _table(results: Sequence[Result], between: str) -> Table:
+    """A row per loop; two entries of one cell stand `between` apart."""
+    table = Table(box=None, padding=(0, 1 if between == "\n" else 2, 0, 0), header_style="bold", pad_edge=False)
+    table.add_column("loop", no_wrap=True, overflow="fold")
+    table.add_column("d̂", justify="right", no_wrap=True)
+    table.add_column("% of\nspan", justify="right", no_wrap=True)
+    table.add_column("det./\nhalf-p.", justify="right", no_wrap=True)
+    for header in ("rejected as", "quality", "verdict"):
+        table.add_column(header)
+    for result in results:
+        table.add_row(result.name, *_cells(result, between))
+    return table
+
+
 def _cells(result: Result, between: str) -> list[str | Text]:
     from ..report import words
 
     worst = [f.code.replace("_", " ") for f in result.quality if f.severity != "info"]
-    reasons = [f"{words.REASONS[name].label} {n}" for name, n in words.ranked_reasons(result)[:2]]
+    reasons = [f"{name.replace('_', ' ')} {n}" for name, n in words.ranked_reasons(result)[:2]]
     wide = words.exceeds(result)
     verdict = [words.VERDICTS[result.verdict].lower()]
     if wide is not None:
@@ -192,9 +197,9 @@ def _cells(result: Result, between: str) -> list[str | Text]:
     return [
         words.quantity(result.d_hat, words.op_unit(result)),
         words.number(result.d_hat_percent_span),
-        f"{result.detections}/{result.total_half_periods}",
+        f"{result.detections}/{result.total_half_periods}" if result.trace else "–",
         between.join(reasons) or "–",
-        between.join(worst[:2]) or "good",
+        between.join(worst[:2]) or ("good" if result.trace else "–"),
         Text(between.join(verdict), style=_STYLES[result.verdict]),
     ]
 

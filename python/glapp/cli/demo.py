@@ -15,16 +15,14 @@ __all__ = ["demo"]
 
 
 def demo(folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for the files; made if missing.")]) -> None:
-    """Write demonstration recordings, made by the simulator, and their loops.toml.
-
-    Example: glapp demo demo
-    """
+    """Write demonstration recordings, made by the simulator, and their loops.toml."""
     from ..demo import write_recordings
 
     try:
         files = write_recordings(folder)
     except OSError as error:
-        raise InputError(f"cannot be written: {error.strerror}", file=str(folder)) from None
+        hint = "name a folder of your own"
+        raise InputError(f"cannot be written: {error.strerror}", file=str(folder), hint=hint) from None
     out.print(f"Wrote {', '.join(file.name for file in files)} in {folder}.", soft_wrap=True)
     out.print(
         "\nNext:", f"  glapp analyze {shlex.quote(str(files[-1]))} --report report.html", sep="\n", soft_wrap=True

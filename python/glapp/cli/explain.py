@@ -70,18 +70,22 @@ def _seconds(at: str, t0: datetime | None) -> float:
 
 def _nearest(result: Result, t: float, at: str) -> int:
     """The half-period at t, or the one nearest to it."""
+    from ..report.words import clock
+
     h = result.half_periods
     first, last = float(h.t_start.min()), float(h.t_end.max())
-    if not first <= t <= last:
-        from ..report.words import clock
-
-        raise InputError(
-            f"'{at}' is outside the recording, which goes from {clock(result.t0, first)} to {clock(result.t0, last)}",
-            file=result.source,
-            parameter="--at",
-        )
+    end = last if result.trace is None else max(last, float(result.trace.t[-1]))
+    if not first <= t <= end:
+        span = f"{clock(result.t0, first)} to {clock(result.t0, end)}"
+        raise InputError(f"'{at}' is outside the recording, which goes from {span}", file=result.source)
+    if t > last:
+        what = f"at '{at}' runs a half-period that had not ended when the recording stopped"
+        raise InputError(what, file=result.source, hint=f"the last one that did ended at {clock(result.t0, last)}")
     outside = np.maximum(h.t_start - t, t - h.t_end)
-    return int(np.argmin(outside))
+    nearest = int(np.argmin(outside))
+    if outside[nearest] > 0:
+        out.print(f"The half-period at '{at}' is shorter than 5·Ti and was counted, not kept. The nearest that was:\n")
+    return nearest
 
 
 def _list(result: Result) -> None:
@@ -119,30 +123,26 @@ def _show(result: Result, i: int) -> None:
     verdict = "accepted" if h.reason[i] == 0 else f"rejected: {reason.label}"
     out.print(f"{verdict} ({reason.meaning})\n", style="green" if h.reason[i] == 0 else "red")
     side = {1: "PV below SP", -1: "PV above SP", 0: "PV neither above nor below SP"}[int(h.sign[i])]
-    out.print(
-        key_values(
-            [
-                ("Δt", f"{words.quantity(h.delta_t[i], 's')}, {h.samples[i]} samples, {side}"),
-                ("Δy", f"{words.quantity(h.delta_y[i], pv)}, mean distance of PV from SP"),
-                ("e_max", f"{words.quantity(h.e_max[i], pv)}, largest distance"),
-                ("Δysp", f"{words.quantity(h.delta_sp[i], pv)}, range of SP"),
-                ("Δu", f"{words.quantity(h.delta_u[i], op)}, what the integral moved OP"),
-                ("OP's travel", words.quantity(h.op_travel[i], op) if np.isfinite(h.op_travel[i]) else "not recorded"),
-                (
-                    "d",
-                    f"{words.quantity(h.d[i], op)} = {words.number(h.free[i])} − Kp part {words.number(h.kp_part[i])}",
-                ),
-                (
-                    "d̂ after it",
-                    f"{words.quantity(h.d_hat[i], op)} from {words.count(int(h.detections[i]), 'detection')}",
-                ),
-                (
-                    "worked with",
-                    f"K {words.number(s.k)}, Ti {words.quantity(s.ti, 's')}, Tf {words.quantity(s.tf, 's')}",
-                ),
-            ]
-        )
-    )
+    kp_part = f" = {words.number(h.free[i])} − {words.number(h.kp_part[i])} (Δy/Kp)" if s.kp is not None else ""
+    rows = [
+        ("Δt", f"{words.quantity(h.delta_t[i], 's')} ({h.samples[i]} samples, {side})"),
+        ("Δy", f"{words.quantity(h.delta_y[i], pv)} (mean distance of PV from SP)"),
+        ("e_max", f"{words.quantity(h.e_max[i], pv)} (largest distance)"),
+        ("Δysp", f"{words.quantity(h.delta_sp[i], pv)} (range of SP)"),
+        ("Δu", f"{words.quantity(h.delta_u[i], op)} (K/Ti·∫|e|dt, what the integral moved OP)"),
+        ("OP's travel", words.quantity(h.op_travel[i], op) if np.isfinite(h.op_travel[i]) else "not recorded"),
+        ("d", f"{words.quantity(h.d[i], op)}{kp_part}"),
+        ("d̂ after it", f"{words.quantity(h.d_hat[i], op)} ({words.count(int(h.detections[i]), 'detection')})"),
+    ]
+    settings = [
+        ("K", s.k, f"{op}/{pv}"),
+        ("Ti", s.ti, "s"),
+        ("Td", s.td, "s"),
+        ("Tf", s.tf, "s"),
+        ("Kp", s.kp, f"{pv}/{op}"),
+    ]
+    rows += [(name, f"{words.quantity(value, unit)} ({s.notes[name.lower()]})") for name, value, unit in settings]
+    out.print(key_values(rows))
     out.print()
     failed = words.failures(int(h.mask[i]))
     for name in REASONS[1:5]:  # those without a comparison of numbers

@@ -22,11 +22,8 @@ def init(
     ] = None,
     force: Annotated[bool, typer.Option("--force", metavar="", help="Overwrite the file if it exists.")] = False,
 ) -> None:
-    """Write a first settings file for the loops of a recording, to be completed by hand.
-
-    Example: glapp init plant.csv -o loops.toml
-    """
-    text = first_settings(file)
+    """Write a first settings file for the loops of a recording, to be completed by hand."""
+    text = first_settings(file, "." if output is None else output.parent)
     if output is None:
         typer.echo(text, nl=False)
         return

@@ -55,7 +55,7 @@ def open_files(files: Sequence[Path], options: Options) -> list[Recording | Refu
         try:
             opened += open_recordings(file, defaults=settings)
         except InputError as error:
-            opened.append(Refused(error.loop or file.stem, str(file), error))
+            opened.append(_refused(error, file))
     return _only(opened, options.loop)
 
 
@@ -82,21 +82,38 @@ def _from_settings(file: Path) -> list[Recording | Refused]:
     try:
         loops = read_each(file)
     except InputError as error:
-        return [Refused(error.loop or file.stem, str(file), error)]
-    opened: list[Recording | Refused] = []
-    for loop in loops:
+        return [_refused(error, file)]
+    opened: list[Recording | Refused | None] = [None] * len(loops)
+    recorded: dict[Path, dict[int, Loop]] = {}
+    for i, loop in enumerate(loops):
         if isinstance(loop, InputError):
-            opened.append(Refused(loop.loop or file.stem, str(file), loop))
-            continue
-        if loop.file is None:
+            opened[i] = _refused(loop, file)
+        elif loop.file is None:
             missing = InputError("is required", file=str(file), loop=loop.name, parameter="file")
-            opened.append(Refused(loop.name, str(file), missing, loop))
-            continue
-        try:
-            opened += open_recordings(loop.file, [loop])
-        except InputError as error:
-            opened.append(Refused(loop.name, str(loop.file), error, loop))
-    return opened
+            opened[i] = _refused(missing, file, loop)
+        else:
+            recorded.setdefault(loop.file, {})[i] = loop
+    for recording, wanted in recorded.items():
+        for i, entry in zip(wanted, _together(recording, list(wanted.values())), strict=True):
+            opened[i] = entry
+    return [entry for entry in opened if entry is not None]
+
+
+def _together(file: Path, loops: list[Loop]) -> Sequence[Recording | Refused]:
+    """Open the loops of one file at once, so that a long table is read once; one by one where one of them is wrong."""
+    try:
+        return open_recordings(file, loops)
+    except InputError as error:
+        if len(loops) == 1:
+            return [_refused(error, file, loops[0])]
+        return [_together(file, [loop])[0] for loop in loops]
+
+
+def _refused(error: InputError, file: Path, loop: Loop | None = None) -> Refused:
+    name = (loop and loop.name) or error.loop or file.stem or str(file)
+    # A file name need not be text; an answer must be.
+    name, source = (text.encode(errors="replace").decode() for text in (name, str(file)))
+    return Refused(name, source, error, loop)
 
 
 def _only(opened: list[Recording | Refused], names: Sequence[str] | None) -> list[Recording | Refused]:

@@ -32,12 +32,12 @@ def _choices(annotation: Any) -> str:
 
 def _column(signal: str) -> Any:
     return typer.Option(
-        metavar="COLUMN", help=f"Column (or tag) of {signal}.", rich_help_panel="Columns, where the guess is wrong"
+        metavar="COLUMN", help=f"Column of {signal}.", rich_help_panel="Columns or tags, where the guess is wrong"
     )
 
 
-def _setting(text: str, metavar: str | None = None) -> Any:
-    panel = "Settings of the loop, for one recording without a loops.toml"
+def _setting(text: str, metavar: str = "NUMBER") -> Any:
+    panel = "Settings of the loop (for one recording; for several write a loops.toml)"
     return typer.Option(metavar=metavar, help=text, rich_help_panel=panel)
 
 
@@ -97,6 +97,8 @@ class Options:
         parts = {"columns": _COLUMNS, "controller": _CONTROLLER, "process": _PROCESS}
         given: dict[str, Any] = {part: values for part, names in parts.items() if (values := self._given(names))}
         given |= self._given(_LOOP)
+        if self.form == "parallel":
+            raise CommandError("--form: the parallel form has settings of its own; write them into a loops.toml")
         try:
             loop = Loop(name="loop", **given)
             loop.ideal()

@@ -6,7 +6,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-__all__ = ["CommandError", "err", "key_values", "out", "say_error"]
+__all__ = ["CommandError", "err", "examples", "key_values", "out", "say_error"]
 
 # Names of loops and files are shown as they are: no markup, no emoji codes, no colouring of numbers.
 out = Console(markup=False, emoji=False, highlight=False)
@@ -30,3 +30,8 @@ def key_values(rows: list[tuple[str, str]]) -> Table:
     for row in rows:
         grid.add_row(*row)
     return grid
+
+
+def examples(*lines: str) -> str:
+    """Command lines as help shows them: each on its own line."""
+    return "\n".join(f"[cyan]{line}[/cyan]" for line in lines)

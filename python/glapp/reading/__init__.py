@@ -90,6 +90,11 @@ def _open(path: Path, label: str) -> Source:
             raise InputError("is a directory", file=label, hint="name the file in it")
         with path.open("rb") as file:
             magic = file.read(6)
+        label.encode()
+    except InputError:
+        raise
+    except UnicodeEncodeError:
+        raise InputError("has a name that is not UTF-8", file=label, hint="rename it") from None
     except FileNotFoundError:
         raise InputError("no such file", file=label) from None
     except (OSError, ValueError) as error:  # ValueError: a NUL in the name

@@ -216,7 +216,7 @@ def _named(names: Sequence[str], named: str, role: str, loop: Loop, label: str, 
     near = next((n for n in names if n.lower() == near), None)
     raise InputError(
         f"no {kind} '{named}' for {LABELS[role]}"
-        + (f", did you mean '{near}'?" if near else "")
+        + (f", did you mean '{near}'?" if near else ".")
         + f" There are: {_listed(names)}",
         file=label,
         loop=loop.name,

@@ -82,7 +82,7 @@ def _nearest(result: Result, t: float, at: str) -> int:
         what = f"at '{at}' runs a half-period that had not ended when the recording stopped"
         raise InputError(what, file=result.source, hint=f"the last one that did ended at {clock(result.t0, last)}")
     outside = np.maximum(h.t_start - t, t - h.t_end)
-    nearest = int(np.argmin(outside))
+    nearest = h.count - 1 - int(np.argmin(outside[::-1]))  # where one ends and the next begins, the one that begins
     if outside[nearest] > 0:
         out.print(f"The half-period at '{at}' is shorter than 5·Ti and was counted, not kept. The nearest that was:\n")
     return nearest

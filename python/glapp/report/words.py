@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from datetime import datetime, timedelta
+from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
@@ -151,7 +151,10 @@ def clock(t0: datetime | None, seconds: float) -> str:
     """
     if t0 is None:
         return f"{seconds:.6g} s"
-    return (t0.replace(tzinfo=None) + timedelta(seconds=float(seconds))).strftime("%Y-%m-%d %H:%M:%S")
+    # Elapsed time is added in UTC: the zone's clocks may have changed in between.
+    zone = t0.tzinfo or UTC
+    moment = (t0.replace(tzinfo=zone).astimezone(UTC) + timedelta(seconds=float(seconds))).astimezone(zone)
+    return moment.replace(tzinfo=None).isoformat(" ", "milliseconds" if moment.microsecond else "seconds")
 
 
 def count(n: int, noun: str) -> str:

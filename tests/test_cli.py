@@ -1,0 +1,535 @@
+"""The command line as a person types it: what it prints, how it ends, and that one wrong loop stops no other."""
+
+import csv
+import io
+import json
+import os
+import re
+import shlex
+import subprocess
+import sys
+from datetime import datetime
+from pathlib import Path
+from zoneinfo import ZoneInfo
+
+import glapp.cli
+import jsonschema
+import numpy as np
+import pytest
+from glapp.cli.explain import _seconds
+from glapp.cli.screen import CommandError
+from glapp.document import to_schema
+from glapp.reading.settings import read_settings
+from glapp.report.words import clock
+
+ROOT = Path(__file__).parents[1]
+REFINERY = ROOT.parent / "shared/data/refinery"
+GLAPP = (sys.executable, "-c", "from glapp.cli import main; main()")
+
+
+@pytest.fixture
+def run(monkeypatch, capsys, tmp_path):
+    """Run a command line in an empty folder; its exit code, standard output and standard error."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*words):
+        monkeypatch.setattr(sys, "argv", ["glapp", *map(str, words)])
+        code = 0
+        try:
+            glapp.cli.main()
+        except SystemExit as end:
+            code = end.code or 0
+        return code, *capsys.readouterr()
+
+    return run
+
+
+def rows(n=600, header="t,SP,PV,OP", time=str, pv=lambda k, value: value):
+    """A PI loop (K = 0.8, Ti = 25 s) around 50, one row a second."""
+    lines, integral = [header], 0.0
+    for k in range(n):
+        y = 50 + np.sin(k / 17) + 0.3 * np.sin(k / 5)
+        integral += 0.8 / 25 * (50 - y)
+        lines.append(f"{time(k)},50,{pv(k, f'{y:.4f}')},{55 + 0.8 * (50 - y) + integral:.4f}")
+    return "\n".join(lines) + "\n"
+
+
+def write(name, text):
+    Path(name).write_text(text)
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory):
+    from glapp.demo import write_recordings
+
+    return write_recordings(tmp_path_factory.mktemp("demo"))[-1]
+
+
+def documented_commands():
+    """Every command line in the help and in docs/cli.md."""
+    helps = "".join(
+        subprocess.run(
+            [*GLAPP, *command, "--help"], capture_output=True, text=True, env=os.environ | {"COLUMNS": "200"}
+        ).stdout
+        for command in ([], ["analyze"], ["init"], ["identify"], ["explain"], ["demo"])
+    )
+    blocks = "".join(re.findall(r"^```\n(.*?)^```", (ROOT / "docs/cli.md").read_text(), re.DOTALL | re.MULTILINE))
+    return list(dict.fromkeys(line.strip() for line in re.findall(r"^ ?(glapp .*)$", helps + blocks, re.MULTILINE)))
+
+
+def test_every_documented_command_does_what_it_says(run, demo):
+    commands = documented_commands()
+    assert len(commands) > 15
+    begin = np.datetime64("2026-03-01T12:00:00")
+    plant = rows(7200, "t,SP,PV,CO", time=lambda k: str(begin + k).replace("T", " "))
+    settings = '[loops.FIC101]\nfile = "plant.csv"\n[loops.FIC102]\nfile = "plant.csv"\n'
+    for line in commands:
+        for old in Path().glob("*.*"):
+            old.unlink()
+        write("plant.csv", plant)
+        if " -o loops.toml" not in line:
+            write("loops.toml", settings)
+        words = [
+            w
+            for word in shlex.split(line.split(" >")[0])[1:]
+            for w in (sorted(Path().glob(word)) if "*" in word else [word])
+        ]
+        code, out, err = run(*words)
+        assert code == 0, (line, err)
+        assert out or err, line
+        for file in ("report.html", "demo.html", "loops.csv"):
+            assert file not in line or Path(file).stat().st_size > 0, line
+
+
+def test_help_tells_the_exit_codes():
+    text = subprocess.run([*GLAPP, "--help"], capture_output=True, text=True).stdout
+    assert all(part in text for part in ("Exit codes", "0 every", "1 at least", "2 the command"))
+
+
+def test_version(run):
+    assert run("--version") == (0, f"glapp {glapp.__version__}\n", "")
+
+
+@pytest.mark.parametrize("columns", [80, 100, 120])
+def test_the_table_fits_the_terminal(demo, columns):
+    env = os.environ | {"COLUMNS": str(columns)}
+    done = subprocess.run([*GLAPP, "analyze", demo], capture_output=True, text=True, env=env)
+    lines = done.stdout.splitlines()
+    assert max(map(len, lines)) <= columns
+    found = {line.split()[0]: line for line in lines if line[:1].isalpha() and not line.startswith("loop")}
+    assert [name for name in found if name in ("PIC305", "FIC201", "TIC118", "LIC110", "FIC402")][:3] == [
+        "PIC305",
+        "FIC201",
+        "TIC118",
+    ]
+    assert "estimate" in found["FIC201"] and "%OP" in found["FIC201"]
+    if columns == 120:  # a line per loop
+        assert re.search(r"too short \d+, uneven \d+ .* estimate, too wide", found["FIC201"])
+    assert "LIC110:  the error is a clean sinusoid" in done.stdout
+    assert "\x1b" not in done.stdout
+
+
+def test_the_demonstration_says_what_is_true(run, demo):
+    code, out, err = run("analyze", demo, "--json")
+    loops = {loop["loop"]: loop for loop in json.loads(out)["loops"]}
+    assert err == ""
+    for name, true in (("FIC201", 2.4), ("PIC305", 3.0), ("TIC118", 1.6)):
+        assert loops[name]["verdict"] == "estimate" and abs(loops[name]["d_hat"] / true - 1) < 0.15, name
+    for name in ("LIC110", "FIC402"):
+        assert loops[name]["verdict"] in ("no_estimate", "refused") and loops[name]["d_hat"] is None
+    assert code == any(loop["verdict"] == "refused" for loop in loops.values())
+
+
+WRONG = {
+    "empty": ("", "empty.csv: is empty"),
+    "header": ("t,SP,PV,OP\n", "header.csv: has a header but no rows"),
+    "onerow": ("t,SP,PV,OP\n0,1,2,3\n", "onerow.csv: has only one row"),
+    "columns": ("a,b\n1,2\n3,4\n", "columns.csv: no column for SP and PV among: a, b"),
+    "text": (rows(pv=lambda k, y: "abc" if k == 18 else y), "text.csv, row 20, column PV: 'abc' is not a number"),
+    "nan": (rows(pv=lambda k, y: "NaN"), "nan.csv, column PV: holds no number"),
+    "zones": (
+        rows(time=lambda k: f"2026-03-01T12:{k // 60:02d}:{k % 60:02d}" + ("+01:00" if k < 300 else "")),
+        "zones.csv, row 302, column t: '2026-03-01T12:05:00' has no zone",
+    ),
+}
+
+
+def test_a_wrong_recording_is_one_line_and_the_others_are_done(run):
+    for name, (text, _) in WRONG.items():
+        write(f"{name}.csv", text)
+    write("good.csv", rows())
+    Path("folder").mkdir()
+    names = [*WRONG, "missing"]
+    code, out, err = run("analyze", "folder", *(f"{name}.csv" for name in names), "good.csv")
+    assert code == 1
+    lines = err.splitlines()
+    assert lines[0].startswith("error: folder: is a directory")
+    assert len(lines) == 1 + len(names)
+    for line, (_, expected) in zip(lines[1:], [*WRONG.values(), ("", "missing.csv: no such file")], strict=True):
+        assert line.startswith(f"error: {expected}")
+    assert re.search(r"good .* no estimate", out) and out.count("refused") == len(names) + 1
+
+    code, out, err_of_json = run("analyze", "folder", *(f"{name}.csv" for name in names), "good.csv", "--json")
+    loops = json.loads(out)["loops"]
+    assert code == 1 and err_of_json == err
+    assert [loop["loop"] for loop in loops] == ["folder", *names, "good"]
+    assert [loop["verdict"] for loop in loops] == ["refused"] * (len(names) + 1) + ["no_estimate"]
+    assert loops[-2]["reason"] == "missing.csv: no such file"
+    assert loops[-2]["controller"] is None and loops[-2]["reasons"] == {} and loops[-2]["half_periods"] == 0
+
+
+def test_time_that_runs_backwards_is_refused_with_its_row(run):
+    write("back.csv", rows(time=lambda k: "100" if k == 300 else str(k)))
+    code, out, err = run("analyze", "back.csv", "--json")
+    [loop] = json.loads(out)["loops"]
+    assert (code, loop["verdict"], err) == (1, "refused", "")
+    assert "row 302" in loop["reason"] and loop["quality"][0]["code"] == "time_reversed"
+
+
+SETTINGS = {
+    "TI": ("controller = { k = 1, ti = 0 }", "loops.toml, loop TI, controller.ti: is 0, must be > 0"),
+    "K": ("controller = { k = 0, ti = 9 }", "loops.toml, loop K, controller.k: is 0, must be > 0"),
+    "SPAN": ("pv_span = [100, 0]", "loops.toml, loop SPAN, pv_span: is (100.0, 0.0), must be low < high"),
+    "EVEN": ("n = 8", "loops.toml, loop EVEN, n: is 8, must be odd"),
+    "TYPO": ("pvspan = [0, 1]", "loops.toml, loop TYPO, pvspan: no such key; did you mean pv_span?"),
+    "COLUMN": (
+        'columns = { pv = "PW" }',
+        "good.csv, loop COLUMN, columns.pv: no column 'PW' for PV. There are: t, SP, PV, OP",
+    ),
+    "UNIT": (
+        "pv_span = [0, 50]\nop_span = [0, 100]\ncontroller = { k = 1, ti = 9 }",
+        "loop UNIT, gain_unit: is required, since the spans of PV and OP differ in width",
+    ),
+    "GOOD": ("", None),
+}
+
+
+def test_wrong_settings_of_one_loop_stop_no_other(run):
+    write("good.csv", rows())
+    write("loops.toml", "".join(f'[loops.{name}]\nfile = "good.csv"\n{text}\n' for name, (text, _) in SETTINGS.items()))
+    with Path("loops.toml").open("a") as file:
+        file.write('[loops.GONE]\nfile = "gone.csv"\n[loops.NOFILE]\n')
+    code, out, err = run("analyze", "loops.toml", "--json")
+    loops = {loop["loop"]: loop for loop in json.loads(out)["loops"]}
+    assert code == 1 and list(loops) == [*SETTINGS, "GONE", "NOFILE"]
+    for name, (_, expected) in SETTINGS.items():
+        if expected is not None:
+            assert loops[name]["verdict"] == "refused" and loops[name]["reason"].startswith(expected), name
+            assert f"error: {expected}" in err
+    assert loops["GOOD"]["verdict"] == "no_estimate"
+    assert loops["GONE"]["reason"] == "gone.csv: no such file"
+    assert loops["NOFILE"]["reason"] == "loops.toml, loop NOFILE, file: is required"
+
+
+def test_a_loops_toml_that_cannot_be_read(run):
+    write("loops.toml", "[loops\n")
+    code, out, err = run("analyze", "loops.toml")
+    assert (code, out) == (1, "") and err.startswith("error: loops.toml: is not valid TOML") and err.count("\n") == 1
+
+
+LINES = {
+    "analyze good.csv --k 1 --ti 0": "--ti: is 0.0, must be > 0",
+    "analyze good.csv --k 0 --ti 9": "--k: is 0.0, must be > 0",
+    "analyze good.csv --k nan --ti 9": "--k: is nan, must be a finite number",
+    "analyze good.csv --ti 9": "--k: give either the gain k or the proportional band pb",
+    "analyze good.csv --pb 100 --ti 9": "--pv-span: is required to convert a gain in %/%",
+    "analyze good.csv --pv-span 100 0": "--pv-span: is (100.0, 0.0), must be low < high",
+    "analyze good.csv --n 8": "--n: is 8, must be odd",
+    "analyze good.csv --kp 0": "--kp: is 0, must not be 0",
+    "analyze good.csv --k 1 --ti 9 --ti-unit h": "--ti-unit: is 'h', must be one of",
+    "analyze good.csv --form parallel --k 1": "--form: the parallel form has settings of its own",
+    "analyze good.csv good.csv --n 9": "settings on the command line are for one recording",
+    "analyze loops.toml --n 9": "settings on the command line do not go with a loops.toml",
+    "analyze good.csv --json --csv -": "--json and --csv - both write to standard output",
+    "analyze good.csv --report nowhere/report.html": "--report: there is no folder 'nowhere'",
+    "analyze good.csv --csv nowhere/loops.csv": "--csv: there is no folder 'nowhere'",
+    "analyze good.csv --loop X": "--loop: no loop 'X'; there are: good",
+    "explain loops.toml": "loops.toml holds 2 loops; add --loop NAME with one of: A, B",
+    "explain good.csv --at yesterday": "--at: cannot read 'yesterday' as a time; write seconds",
+    "explain good.csv --at 2026-03-01": "--at: '2026-03-01' is a date, but the recording has plain seconds",
+}
+
+
+@pytest.mark.parametrize("line", LINES)
+def test_a_wrong_command_line_is_one_line_and_2(run, line):
+    write("good.csv", rows())
+    write("loops.toml", '[loops.A]\nfile = "good.csv"\n[loops.B]\nfile = "good.csv"\n')
+    code, out, err = run(*line.split())
+    assert (code, out) == (2, "")
+    assert err.startswith(f"error: {LINES[line]}") and err.count("\n") == 1
+
+
+@pytest.mark.parametrize("line", ["", "analyze", "analyze good.csv --bogus", "analyze good.csv --k abc", "frob"])
+def test_usage_errors_end_with_2(run, line):
+    code, out, err = run(*line.split())
+    assert code == 2 and "Usage: glapp" in out + err and "Traceback" not in err
+
+
+def test_what_cannot_be_written_is_one_line(run):
+    write("good.csv", rows())
+    Path("folder").mkdir()
+    for line, place in (
+        ("analyze good.csv --report folder", "folder: cannot be written"),
+        ("analyze good.csv --csv folder", "folder: cannot be written"),
+        ("init good.csv -o folder --force", "folder: cannot be written"),
+        ("demo good.csv", "good.csv: cannot be written"),
+    ):
+        code, _, err = run(*line.split())
+        assert code == 1 and err.startswith(f"error: {place}") and err.count("\n") == 1, line
+
+
+def no_constants(name):
+    raise AssertionError(f"{name} is not JSON")
+
+
+def test_json_follows_its_schema(run, demo):
+    schema = json.loads((ROOT / "docs/analyze.schema.json").read_text())
+    jsonschema.Draft202012Validator.check_schema(schema)
+    validator = jsonschema.Draft202012Validator(schema)
+    files = [demo, "missing.csv", *sorted(REFINERY.glob("*.csv"))]
+    _, out, _ = run("analyze", *files, "--json")
+    document = json.loads(out, parse_constant=no_constants)
+    validator.validate(document)
+    assert document["glapp"] == glapp.__version__ and len(document["loops"]) >= 6
+    with pytest.raises(jsonschema.ValidationError):
+        validator.validate({"glapp": "0"})
+
+
+def test_the_schema_in_docs_is_current():
+    assert (ROOT / "docs/analyze.schema.json").read_text() == to_schema() + "\n", (
+        "run: python -m glapp.document > docs/analyze.schema.json"
+    )
+
+
+def test_csv_has_a_row_per_loop(run, demo):
+    code, out, err = run("analyze", demo, "missing.csv", "--csv", "-")
+    table = list(csv.DictReader(io.StringIO(out)))
+    assert code == 1 and len(err.splitlines()) == 1
+    assert [row["loop"] for row in table] == ["FIC201", "PIC305", "LIC110", "FIC402", "TIC118", "missing"]
+    assert float(table[0]["d_hat"]) > 0 and table[-1]["d_hat"] == ""
+    half_periods = sum(int(table[0][name]) for name in glapp.result.REASONS[1:]) + int(table[0]["detections"])
+    assert half_periods == int(table[0]["half_periods"])
+    _, shown, _ = run("analyze", demo, "missing.csv", "--csv", "loops.csv")
+    assert Path("loops.csv").read_text() == out and "FIC201" in shown
+
+
+def test_settings_of_the_command_line_are_those_of_a_loops_toml(run):
+    write("plant.csv", rows(header="t,SP,PV,CO"))
+    write(
+        "loops.toml",
+        '[loops.plant]\nfile = "plant.csv"\npv_span = [0, 50]\nop_span = [0, 100]\nn = 5\n'
+        'controller = { form = "series", pb = 250, ti = 0.5, ti_unit = "min", td = 1 }\n'
+        'process = { kp = 1, kp_unit = "%/%" }\n',
+    )
+    _, by_file, _ = run("analyze", "loops.toml", "--json")
+    line = (
+        "--form series --pb 250 --ti 0.5 --ti-unit min --td 1 --kp 1 --kp-unit %/% --pv-span 0 50 --op-span 0 100 --n 5"
+    )
+    _, by_line, _ = run("analyze", "plant.csv", *line.split(), "--json")
+    assert by_file == by_line
+    assert json.loads(by_line)["loops"][0]["controller"]["ti"] == 31
+
+
+def test_columns_can_be_named_for_many_recordings(run):
+    for name in ("a.csv", "b.csv"):
+        write(name, rows(header="when,goal,is,valve"))
+    names = ["--time", "when", "--sp", "goal", "--pv", "is", "--op", "valve"]
+    code, out, _ = run("analyze", "a.csv", "b.csv", *names, "--json")
+    assert code == 0 and [loop["controller"]["k"] for loop in json.loads(out)["loops"]] == pytest.approx(
+        [0.8, 0.8], rel=0.02
+    )
+
+
+def test_trust_goes_on_with_a_poor_identification(run):
+    header, *lines = rows(2000).splitlines()
+    noise = np.random.default_rng(7).standard_normal(2000)
+    noisy = [
+        f"{cells},{float(op) + 4 * e:.4f}"
+        for (cells, op), e in zip((x.rsplit(",", 1) for x in lines), noise, strict=True)
+    ]
+    write("poor.csv", "\n".join([header, *noisy]))
+    code, out, err = run("identify", "poor.csv")
+    assert code == 1 and "R²" in out and "loops.toml" not in out and "--trust" in err
+    assert run("analyze", "poor.csv")[0] == 1
+    assert run("analyze", "poor.csv", "--trust")[0] == 0
+
+
+def test_identify_prints_what_a_loops_toml_takes(run):
+    write("good.csv", rows().replace("t,SP,PV,OP", "t,SP,PV (bar),OP"))
+    code, out, err = run("identify", "good.csv")
+    assert (code, err) == (0, "")
+    assert "95 %" in out and "%/bar" in out
+    write("loops.toml", out.split("For a loops.toml:")[1])
+    [loop] = read_settings("loops.toml")
+    assert loop.ideal().k == pytest.approx(0.8, rel=0.02) and loop.ideal().ti == pytest.approx(25, rel=0.05)
+    assert run("analyze", "loops.toml")[0] == 0
+
+
+def test_identify_tells_a_direct_acting_controller(run):
+    lines = rows().splitlines()
+    flipped = [f"{r.rsplit(',', 1)[0]},{100 - float(r.rsplit(',', 1)[1]):.4f}" for r in lines[1:]]
+    write("direct.csv", "\n".join([lines[0], *flipped]))
+    _, out, _ = run("identify", "direct.csv")
+    write("loops.toml", out.split("For a loops.toml:")[1])
+    assert read_settings("loops.toml")[0].ideal().k == pytest.approx(-0.8, rel=0.02)
+
+
+def test_identify_without_op(run):
+    write("no_op.csv", "\n".join(line.rsplit(",", 1)[0] for line in rows().splitlines()))
+    code, _, err = run("identify", "no_op.csv")
+    assert code == 1 and "no OP" in err and err.count("\n") == 1
+
+
+def test_init_writes_settings_that_work_where_they_lie(run):
+    Path("data").mkdir()
+    Path("settings").mkdir()
+    write("data/plant.csv", rows())
+    code, text, _ = run("init", "data/plant.csv")
+    assert code == 0 and 'file = "data/plant.csv"' in text
+    code, out, err = run("init", "data/plant.csv", "-o", "settings/loops.toml")
+    assert (code, out) == (0, "") and "glapp analyze settings/loops.toml" in err
+    assert 'file = "../data/plant.csv"' in Path("settings/loops.toml").read_text()
+    assert run("analyze", "settings/loops.toml")[0] == 0
+
+
+def test_init_overwrites_only_when_told_to(run):
+    write("plant.csv", rows())
+    write("loops.toml", "mine")
+    code, _, err = run("init", "plant.csv", "-o", "loops.toml")
+    assert code == 1 and err == "error: loops.toml: exists already; choose another name, or add --force\n"
+    assert Path("loops.toml").read_text() == "mine"
+    assert run("init", "plant.csv", "-o", "loops.toml", "--force")[0] == 0
+    assert "[loops.plant]" in Path("loops.toml").read_text()
+
+
+def test_explain_shows_one_half_period_and_its_tests(run, demo):
+    code, listed, _ = run("explain", demo, "--loop", "FIC201")
+    assert code == 0
+    accepted = next(line for line in listed.splitlines() if line.rstrip().endswith("accepted"))
+    code, out, _ = run("explain", demo, "--loop", "FIC201", "--at", accepted[:19])
+    assert code == 0 and f"{accepted[:19]} to " in out.splitlines()[0] and out.splitlines()[1].startswith("accepted")
+    assert "✗" not in out and out.count("✓") >= 4
+    rejected = next(line for line in listed.splitlines() if "uneven" in line)
+    _, out, _ = run("explain", demo, "--loop", "FIC201", "--at", rejected[:19])
+    assert "rejected: uneven" in out and re.search(r"✗ .*Δy before / Δy = .*needs 0.5 to 1.5", out)
+
+
+def test_explain_outside_the_recording(run):
+    write("good.csv", rows())
+    code, _, err = run("explain", "good.csv", "--at", "9999")
+    assert code == 1
+    assert err == "error: good.csv: '9999' is outside the recording, which goes from 0 s to 599 s\n"
+    code, _, err = run("explain", "good.csv", "--at", "598")
+    assert code == 1 and "had not ended when the recording stopped" in err
+    write("still.csv", "t,SP,PV,OP\n" + "".join(f"{k},50,50,50\n" for k in range(100)))
+    code, _, err = run("explain", "still.csv", "--at", "5")
+    assert code == 1 and "has no half-periods" in err
+
+
+def test_times_are_those_of_the_recording():
+    stockholm = ZoneInfo("Europe/Stockholm")
+    t0 = datetime(2026, 3, 29, 1, 0, tzinfo=stockholm)  # an hour before the clocks go forward
+    assert _seconds("2026-03-29 03:30", t0) == 1800 + 3600
+    assert _seconds("2026-03-29T01:30:00Z", t0) == 1800 + 3600
+    assert clock(t0, 1800 + 3600) == "2026-03-29 03:30:00"
+    assert clock(t0, 0.25) == "2026-03-29 01:00:00.250"
+    assert _seconds("90", t0) == 90
+    assert _seconds("2026-03-29T01:00:05", t0.replace(tzinfo=None)) == 5
+    with pytest.raises(CommandError, match="has a zone"):
+        _seconds("2026-03-29T01:00:05Z", t0.replace(tzinfo=None))
+
+
+def test_a_name_is_shown_as_it_is(run):
+    write("good.csv", rows())
+    write("loops.toml", '[loops."[red]x[/] :smile:"]\nfile = "good.csv"\n')
+    _, out, _ = run("analyze", "loops.toml")
+    assert out.count("[red]x[/] :smile:") == 2
+
+
+def test_loops_of_a_long_table_one_of_them_wrong(run):
+    lines = ["time,tag,value"]
+    for k, row in enumerate(rows(300).splitlines()[1:]):
+        for signal, value in zip(("SP", "PV", "OP"), row.split(",")[1:], strict=True):
+            lines += [f"{k},FIC{i}.{signal},{value}" for i in (1, 2, 3)]
+    write("long.csv", "\n".join(lines))
+    code, out, _ = run("analyze", "long.csv", "--json")
+    assert code == 0 and [loop["loop"] for loop in json.loads(out)["loops"]] == ["FIC1", "FIC2", "FIC3"]
+    wrong = {"FIC1": "", "FIC2": 'columns = { pv = "NOPE" }', "FIC3": ""}
+    write("loops.toml", "".join(f'[loops.{name}]\nfile = "long.csv"\n{text}\n' for name, text in wrong.items()))
+    code, out, err = run("analyze", "loops.toml", "--json")
+    assert [loop["verdict"] for loop in json.loads(out)["loops"]] == ["no_estimate", "refused", "no_estimate"]
+    assert code == 1 and "NOPE" in err
+
+
+def test_an_interruption_is_quiet_and_stops_the_work(run, monkeypatch):
+    write("good.csv", rows())
+    stopped = []
+
+    def endless(recording, *, trust, progress):
+        try:
+            while True:
+                progress(0.5)
+        except InterruptedError:
+            stopped.append(recording.name)
+            raise
+
+    def interrupted(futures, timeout):
+        raise KeyboardInterrupt
+
+    module = sys.modules["glapp.cli.analyze"]
+    monkeypatch.setattr(module, "analyze_recording", endless)
+    monkeypatch.setattr(module, "wait", interrupted)
+    assert run("analyze", "good.csv") == (130, "", "")
+    assert stopped == ["good"]
+
+
+def test_a_closed_pipe_is_quiet(demo):
+    for line in (
+        ("analyze", demo, "--csv", "-"),
+        ("analyze", demo),
+        ("analyze", demo, "--json"),
+        ("explain", demo, "--loop", "PIC305"),
+    ):
+        with subprocess.Popen([*GLAPP, *line], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+            process.stdout.close()
+            assert process.stderr.read() == b"", line
+
+
+def test_a_terminal_without_unicode(run, demo):
+    env = os.environ | {"PYTHONIOENCODING": "ascii"}
+    done = subprocess.run([*GLAPP, "analyze", demo], capture_output=True, env=env)
+    assert b"Traceback" not in done.stderr and b"FIC201" in done.stdout
+    done = subprocess.run([*GLAPP, "analyze", demo, "--json"], capture_output=True, env=env)
+    assert "°C" in done.stdout.decode() or json.loads(done.stdout)
+
+
+def test_a_file_name_that_is_not_text(run):
+    name = os.fsdecode(b"a\xff.csv")
+    write(name, rows())
+    code, out, err = run("analyze", name, "--json")
+    assert code == 1 and json.loads(out)["loops"][0]["loop"] == "a?" and "rename it" in err
+
+
+def test_what_is_slow_to_import_is_not_imported(demo):
+    code = (
+        "import sys\nfrom glapp.cli import main\nsys.argv = ['glapp', 'analyze', sys.argv[1]]\n"
+        "try: main()\nexcept SystemExit: pass\nprint([m for m in ('plotly', 'scipy') if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code, demo], capture_output=True, text=True)
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+@pytest.mark.skipif(not REFINERY.is_dir(), reason="the refinery recordings are not beside this checkout")
+def test_real_loops_with_nothing_but_their_files(run):
+    _, out, _ = run("analyze", *sorted(REFINERY.glob("*.csv")), "--json")
+    loops = {loop["loop"]: loop for loop in json.loads(out)["loops"]}
+    cycle = loops["FIC46005_0902"]
+    assert cycle["verdict"] == "provisional" and 0.40 < cycle["d_hat"] < 0.60 and cycle["detections"] < 9
+    assert cycle["controller"]["k"] == pytest.approx(0.012, rel=0.1) and cycle["controller"]["ti"] == pytest.approx(
+        34, rel=0.1
+    )
+    for name in ("LIC31102B_0824", "LIC31102B_0904", "LIC31102B_1127"):
+        assert loops[name]["verdict"] == "no_estimate" and "oscillation" in loops[name]["reason"]
+    assert loops["FIC10104_0224"]["verdict"] == "refused" and loops["FIC10104_0224"]["reason"]
+    assert loops["LIC30102_0825"]["controller"]["k"] < 0
+    assert "cascade_slave" in [finding["code"] for finding in loops["FIC40102B_0825"]["quality"]]

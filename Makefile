@@ -38,9 +38,13 @@ lint: setup
 	$(BIN)/ruff check python tests examples bench vectors
 	$(BIN)/mypy
 
-bench: setup
-	$(BIN)/pip install --quiet --editable '.[bench]' || true
+bench: setup $(VENV)/.bench
+	cargo bench --quiet -p glapp-core
 	$(BIN)/python bench/run.py
+
+$(VENV)/.bench: pyproject.toml $(VENV)/.tools
+	$(BIN)/pip install --quiet numba scipy pandas polars
+	touch $@
 
 clean:
 	rm -rf target out $(VENV)

@@ -12,7 +12,7 @@ from datetime import datetime
 from pathlib import Path
 from zoneinfo import ZoneInfo
 
-import glapp.cli
+import glapp.cli.work
 import jsonschema
 import numpy as np
 import pytest
@@ -476,9 +476,8 @@ def test_an_interruption_is_quiet_and_stops_the_work(run, monkeypatch):
     def interrupted(futures, timeout):
         raise KeyboardInterrupt
 
-    module = sys.modules["glapp.cli.analyze"]
-    monkeypatch.setattr(module, "analyze_recording", endless)
-    monkeypatch.setattr(module, "wait", interrupted)
+    monkeypatch.setattr(glapp.cli.work, "analyze", endless)
+    monkeypatch.setattr(glapp.cli.work, "wait", interrupted)
     assert run("analyze", "good.csv") == (130, "", "")
     assert stopped == ["good"]
 

@@ -4,32 +4,23 @@ from __future__ import annotations
 
 import csv
 import io
-import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
-from threading import Event
-from time import monotonic
 from typing import Annotated
 
 import typer
 from rich.measure import Measurement
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
 
 from ..errors import InputError
-from ..estimate import analyze as analyze_recording
-from ..recording import Recording
 from ..result import REASONS, Result
 from .inputs import Refused, open_files
 from .options import Options, with_options
-from .screen import CommandError, err, out, say_error
+from .screen import CommandError, out, say_error
+from .work import analyze_all
 
 __all__ = ["analyze"]
-
-PATIENCE = 1.0
-"""A progress bar appears after so many seconds."""
 
 
 @with_options
@@ -54,7 +45,7 @@ def analyze(
     for name, path in (("--report", report), ("--csv", table)):
         if path is not None and not path.parent.is_dir():
             raise CommandError(f"{name}: there is no folder '{path.parent}'")
-    answers = _answers(open_files(files, options), trust)
+    answers = analyze_all(open_files(files, options), trust)
     results = [a.result() if isinstance(a, Refused) else a for a in answers]
     if json:
         from ..document import to_json
@@ -77,54 +68,6 @@ def analyze(
             out.print(f"\nReport: {report}", soft_wrap=True)
     if any(result.verdict == "refused" for result in results):
         raise typer.Exit(1)
-
-
-def _answers(opened: Sequence[Recording | Refused], trust: bool) -> list[Result | Refused]:
-    """Analyse in parallel; the answers in the order of what was opened."""
-    done = [0.0] * len(opened)
-    stop = Event()
-
-    def answer(i: int) -> Result | Refused:
-        def progress(fraction: float | None) -> None:
-            done[i] = fraction or 0.0
-            if stop.is_set():
-                raise InterruptedError
-
-        entry = opened[i]
-        if isinstance(entry, Refused):
-            return entry
-        try:
-            return analyze_recording(entry, trust=trust, progress=progress)
-        except InputError as error:
-            return Refused(entry.name, entry.source, error, entry.loop)
-        finally:
-            done[i] = 1.0
-
-    begun = monotonic()
-    bar = Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.percentage:.0f} %"),
-        TimeRemainingColumn(),
-        console=err,
-        transient=True,
-        disable=not err.is_terminal,
-    )
-    task = bar.add_task(f"{len(opened)} loops" if len(opened) > 1 else opened[0].name, total=len(opened))
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        futures = [pool.submit(answer, i) for i in range(len(opened))]
-        try:
-            while wait(futures, timeout=0.1).not_done:
-                bar.update(task, completed=sum(done))
-                if monotonic() - begun > PATIENCE:
-                    bar.start()
-        except KeyboardInterrupt:
-            stop.set()
-            pool.shutdown(cancel_futures=True)
-            raise
-        finally:
-            bar.stop()
-    return [future.result() for future in futures]
 
 
 def _write(path: Path, write: Callable[[], object]) -> None:

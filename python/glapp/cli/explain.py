@@ -12,11 +12,11 @@ from rich.table import Table
 from rich.text import Text
 
 from ..errors import InputError
-from ..estimate import analyze as analyze_recording
 from ..result import REASONS, Result
-from .inputs import open_one
+from .inputs import Refused, open_one
 from .options import Options, with_options
 from .screen import CommandError, key_values, out
+from .work import analyze_all
 
 __all__ = ["explain"]
 
@@ -36,7 +36,9 @@ def explain(
     ] = False,
 ) -> None:
     """Show one half-period: its numbers, every test, and which of them rejected it. Without --at: list them all."""
-    result = analyze_recording(open_one(file, options), trust=trust)
+    [result] = analyze_all([open_one(file, options)], trust)
+    if isinstance(result, Refused):
+        raise result.error
     if result.half_periods.count == 0:
         raise InputError(
             f"has no half-periods: {result.reason}", file=result.source, loop=result.name, hint="see glapp analyze"

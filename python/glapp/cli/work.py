@@ -1,0 +1,71 @@
+"""The analysis of many loops at once, with a progress bar, and quick to stop."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor, wait
+from threading import Event
+from time import monotonic
+
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+from ..errors import InputError
+from ..estimate import analyze
+from ..recording import Recording
+from ..result import Result
+from .inputs import Refused
+from .screen import err
+
+__all__ = ["analyze_all"]
+
+PATIENCE = 1.0
+"""A progress bar appears after so many seconds."""
+
+
+def analyze_all(opened: Sequence[Recording | Refused], trust: bool) -> list[Result | Refused]:
+    """Analyse in parallel; the answers in the order of what was opened."""
+    done = [0.0] * len(opened)
+    stop = Event()
+
+    def answer(i: int) -> Result | Refused:
+        def progress(fraction: float | None) -> None:
+            done[i] = fraction or 0.0
+            if stop.is_set():
+                raise InterruptedError
+
+        entry = opened[i]
+        if isinstance(entry, Refused):
+            return entry
+        try:
+            return analyze(entry, trust=trust, progress=progress)
+        except InputError as error:
+            return Refused(entry.name, entry.source, error, entry.loop)
+        finally:
+            done[i] = 1.0
+
+    begun = monotonic()
+    bar = Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.percentage:.0f} %"),
+        TimeRemainingColumn(),
+        console=err,
+        transient=True,
+        disable=not err.is_terminal,
+    )
+    task = bar.add_task(f"{len(opened)} loops" if len(opened) > 1 else opened[0].name, total=len(opened))
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        futures = [pool.submit(answer, i) for i in range(len(opened))]
+        try:
+            while wait(futures, timeout=0.1).not_done:
+                bar.update(task, completed=sum(done))
+                if monotonic() - begun > PATIENCE:
+                    bar.start()
+        except KeyboardInterrupt:
+            stop.set()
+            pool.shutdown(cancel_futures=True)
+            raise
+        finally:
+            bar.stop()
+    return [future.result() for future in futures]

@@ -22,15 +22,14 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
+import glapp
 import numba
 import numpy as np
 import signals
+from glapp import _glapp
 from peers import arrays_pass, loop_pass
 from rich.console import Console
 from rich.table import Table
-
-import glapp
-from glapp import _glapp
 
 HERE = Path(__file__).parent
 DOCS = HERE.parent / "docs" / "benchmarks.md"

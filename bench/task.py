@@ -53,9 +53,8 @@ def pyarrow_csv(path: str) -> str:
 
 
 def _glapp(path: str, judge: bool) -> str:
-    import signals
-
     import glapp
+    import signals
 
     recording = glapp.open_recordings(path, [signals.loop(tf=signals.TF)])[0]
     result = glapp.analyze(recording) if judge else glapp.estimate(recording)

@@ -12,8 +12,7 @@ run: setup
 	$(BIN)/glapp demo out/demo
 	$(BIN)/glapp analyze out/demo/loops.toml --report out/report.html
 	@echo
-	@echo "The report: out/report.html"
-	@echo "Your own loop:  $(BIN)/glapp analyze YOUR.csv --report your.html     (glapp --help tells more)"
+	@echo "Your own loop:  $(BIN)/glapp analyze YOUR.csv --report out/your.html     ($(BIN)/glapp --help tells more)"
 
 setup: $(VENV)/.installed
 
@@ -24,7 +23,7 @@ $(VENV)/.tools: pyproject.toml
 
 # A release wheel, as a user gets it, with the Python sources in place so that they can be edited.
 $(VENV)/.installed: $(VENV)/.tools $(SOURCES)
-	VIRTUAL_ENV=$(abspath $(VENV)) $(BIN)/maturin develop --release --quiet --extras dev
+	PIP_QUIET=1 VIRTUAL_ENV=$(abspath $(VENV)) $(BIN)/maturin develop --release --quiet --extras dev
 	touch $@
 
 test: setup lint

@@ -461,6 +461,23 @@ def test_loops_of_a_long_table_one_of_them_wrong(run):
     assert code == 1 and "NOPE" in err
 
 
+def test_loops_of_a_wide_table_one_of_them_wrong(run):
+    lines = ["t,FIC1.SP,FIC1.PV,FIC1.OP,FIC1.OUT,FIC2.SP,FIC2.PV,FIC2.OP"]
+    for k, row in enumerate(rows().splitlines()[1:]):
+        sp, pv, op = row.split(",")[1:]
+        lines.append(f"{k},{sp},{pv},{op},{op},{sp},{pv},{op}")
+    write("wide.csv", "\n".join(lines))
+    code, out, err = run("analyze", "wide.csv", "--json", "--report", "report.html")
+    assert code == 1 and err.startswith(
+        "error: wide.csv, loop FIC1: the columns 'FIC1.OP' and 'FIC1.OUT' could both be OP"
+    )
+    loops = {loop["loop"]: loop["verdict"] for loop in json.loads(out)["loops"]}
+    assert loops == {"FIC1": "refused", "FIC2": "no_estimate"}
+    assert "could both be OP" in Path("report.html").read_text()
+    assert run("identify", "wide.csv", "--loop", "FIC2")[0] == 0
+    assert run("identify", "wide.csv", "--loop", "FIC1")[0] == 1
+
+
 def test_an_interruption_is_quiet_and_stops_the_work(run, monkeypatch):
     write("good.csv", rows())
     stopped = []

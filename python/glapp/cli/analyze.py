@@ -105,9 +105,8 @@ def _show(answers: Sequence[Result | Refused]) -> None:
         table = _table(results, "\n")
     out.print(table)
     without = Table.grid(padding=(0, 2))
-    shown = {a.name for a in answers if isinstance(a, Refused)}
     for result in results:
-        if result.d_hat is None and result.name not in shown:
+        if result.d_hat is None and result.trace is not None:  # an error has a line of its own
             without.add_row(f"{result.name}:", result.reason)
     if without.row_count:
         out.print()

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ..errors import InputError
 from ..loop import Loop
-from ..reading import open_recordings
+from ..reading import open_each
 from ..reading.settings import read_each
 from ..recording import Recording
 from ..result import Result
@@ -53,9 +53,10 @@ def open_files(files: Sequence[Path], options: Options) -> list[Recording | Refu
             opened += _from_settings(file)
             continue
         try:
-            opened += open_recordings(file, defaults=settings)
+            found = open_each(file, defaults=settings)
         except InputError as error:
-            opened.append(_refused(error, file))
+            found = [error]
+        opened += [_refused(entry, file) if isinstance(entry, InputError) else entry for entry in found]
     return _only(opened, options.loop)
 
 
@@ -94,19 +95,14 @@ def _from_settings(file: Path) -> list[Recording | Refused]:
         else:
             recorded.setdefault(loop.file, {})[i] = loop
     for recording, wanted in recorded.items():
-        for i, entry in zip(wanted, _together(recording, list(wanted.values())), strict=True):
-            opened[i] = entry
+        found: Sequence[Recording | InputError]
+        try:
+            found = open_each(recording, list(wanted.values()))
+        except InputError as error:
+            found = [error] * len(wanted)
+        for (i, loop), entry in zip(wanted.items(), found, strict=True):
+            opened[i] = _refused(entry, recording, loop) if isinstance(entry, InputError) else entry
     return [entry for entry in opened if entry is not None]
-
-
-def _together(file: Path, loops: list[Loop]) -> Sequence[Recording | Refused]:
-    """Open the loops of one file at once, so that a long table is read once; one by one where one of them is wrong."""
-    try:
-        return open_recordings(file, loops)
-    except InputError as error:
-        if len(loops) == 1:
-            return [_refused(error, file, loops[0])]
-        return [_together(file, [loop])[0] for loop in loops]
 
 
 def _refused(error: InputError, file: Path, loop: Loop | None = None) -> Refused:

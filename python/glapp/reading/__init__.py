@@ -11,13 +11,14 @@ from ..loop import Loop
 from ..recording import Recording
 from .columns import choose, find_loops, group_of, is_long
 from .csv import CsvSource
+from .each import all_or_none, each
 from .long import long_recordings
 from .parquet import IpcSource, ParquetSource
 from .source import Source
 from .tables import TableSource, to_table
 from .wide import WideRecording
 
-__all__ = ["open_recordings", "recording_from"]
+__all__ = ["open_each", "open_recordings", "recording_from"]
 
 
 def open_recordings(
@@ -47,6 +48,19 @@ def open_recordings(
     InputError
         Where the file or its columns cannot be used.
     """
+    return all_or_none(open_each(path, loops, defaults))
+
+
+def open_each(
+    path: str | Path, loops: Sequence[Loop] | None = None, defaults: Mapping[str, Any] | None = None
+) -> list[Recording | InputError]:
+    """As `open_recordings`, with the error in the place of a loop that cannot be used: the others can go on.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be used.
+    """
     return _recordings(_open(Path(path), str(path)), Path(path).name.split(".")[0] or "loop", loops, defaults)
 
 
@@ -74,7 +88,7 @@ def recording_from(data: Any, loop: Loop | None = None) -> Recording:
     ([0.0, 1.0, 2.0], [0, 0, 2])
     """
     source = TableSource(to_table(data))
-    found = _recordings(source, "loop", None if loop is None else [loop], None)
+    found = all_or_none(_recordings(source, "loop", None if loop is None else [loop], None))
     if len(found) > 1:
         raise InputError(
             f"holds {len(found)} loops: {', '.join(r.name for r in found)}",
@@ -108,14 +122,15 @@ def _open(path: Path, label: str) -> Source:
 
 def _recordings(
     source: Source, stem: str, loops: Sequence[Loop] | None, defaults: Mapping[str, Any] | None
-) -> list[Recording]:
+) -> list[Recording | InputError]:
     if is_long(source.names) or any(loop.columns.tag for loop in loops or ()):
         return long_recordings(source, stem, loops, defaults)
     groups = find_loops(source.names)
     if loops is None:
         found = {group or stem: group for group in groups} or {stem: ""}
         loops = [Loop(**{**(defaults or {}), "name": name}) for name in found]
-    recordings: list[Recording] = []
-    for loop in loops:
-        recordings.append(WideRecording(source, loop, choose(source.names, loop, group_of(loop, groups), source.label)))
-    return recordings
+
+    def make(loop: Loop) -> Recording:
+        return WideRecording(source, loop, choose(source.names, loop, group_of(loop, groups), source.label))
+
+    return each(loops, make)

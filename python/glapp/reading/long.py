@@ -28,6 +28,7 @@ from ..errors import InputError
 from ..loop import Loop
 from ..recording import BAD, Batch, Recording
 from .columns import LABELS, choose, find_loops, group_of, understand
+from .each import each
 from .source import Source
 from .times import Clock
 from .values import CellFault, Quality, flags_of, plain, text_of, words_for_bad
@@ -228,13 +229,13 @@ def _in_order(tag: _Tag) -> _Tag:
 
 def long_recordings(
     source: Source, stem: str, loops: Sequence[Loop] | None, defaults: Mapping[str, Any] | None
-) -> list[Recording]:
-    """Recordings of the loops of a long table.
+) -> list[Recording | InputError]:
+    """Recordings of the loops of a long table, an error in the place of a loop whose tags cannot be used.
 
     Raises
     ------
     InputError
-        Where the table, or the tags of a loop, cannot be used.
+        Where the table cannot be used.
     """
     store = _Store(source, loops or [Loop(**{**(defaults or {}), "name": stem})])
     names = store.names()
@@ -242,11 +243,12 @@ def long_recordings(
     if loops is None:
         found = {group or stem: group for group in groups} or {stem: ""}
         loops = [Loop(**{**(defaults or {}), "name": name}) for name in found]
-    recordings: list[Recording] = []
-    for loop in loops:
+
+    def make(loop: Loop) -> Recording:
         chosen = choose(names, loop, group_of(loop, groups), source.label, tags=True)
         reader = Reader(loop, None, source.comma, Quality((), words_for_bad(loop.bad_values)))
         for role, tag in chosen.items():
             store.readers[tag] = (role, reader)
-        recordings.append(LongRecording(store, loop, chosen))
-    return recordings
+        return LongRecording(store, loop, chosen)
+
+    return each(loops, make)

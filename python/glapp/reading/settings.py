@@ -13,6 +13,7 @@ from pydantic import BaseModel
 from ..checked import nearest
 from ..errors import InputError
 from ..loop import Loop
+from .each import all_or_none
 
 __all__ = ["read_each", "read_settings", "write_settings"]
 
@@ -52,7 +53,7 @@ def read_settings(path: str | Path) -> list[Loop]:
     InputError
         With file, loop, key, value and bound of the first fault; for an unknown key with the nearest known one.
     """
-    return _all_or_none(read_each(path))
+    return all_or_none(read_each(path))
 
 
 def read_each(path: str | Path) -> list[Loop | InputError]:
@@ -90,16 +91,7 @@ def parse_settings(text: str, label: str, directory: Path) -> list[Loop]:
     >>> loop.name, loop.op_span
     ('FIC101', (0.0, 100.0))
     """
-    return _all_or_none(_each(text, label, directory))
-
-
-def _all_or_none(loops: list[Loop | InputError]) -> list[Loop]:
-    good = []
-    for loop in loops:
-        if isinstance(loop, InputError):
-            raise loop
-        good.append(loop)
-    return good
+    return all_or_none(_each(text, label, directory))
 
 
 def _each(text: str, label: str, directory: Path) -> list[Loop | InputError]:

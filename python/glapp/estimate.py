@@ -66,7 +66,8 @@ def estimate(recording: Recording, *, progress: Progress | None = None) -> Resul
     --------
     >>> import glapp
     >>> sim = glapp.simulate.closed_loop("P3", (0.48, 0.3117), d=0.05, noise=0.001, t_end=400, load=[(100, 0.5)])
-    >>> loop = glapp.Loop(name="P3", controller={"k": 0.48, "ti": 0.3117, "setpoint_weight": 0}, process={"kp": 1})
+    >>> pi = {"k": 0.48, "ti": 0.3117, "setpoint_weight": 0}
+    >>> loop = glapp.Loop(name="P3", op_unit="V", controller=pi, process={"kp": 1})  # "%" would stop at 0 and 100
     >>> result = glapp.estimate(glapp.recording_from(sim.to_arrow(), loop))
     >>> result.verdict, 0.045 < result.d_hat < 0.055
     ('estimate', True)
@@ -113,7 +114,8 @@ def analyze(recording: Recording, *, trust: bool = False, progress: Progress | N
     --------
     >>> import glapp
     >>> sim = glapp.simulate.closed_loop("P3", (0.48, 0.3117), d=0.05, noise=0.001, t_end=400, load=[(100, 0.5)])
-    >>> loop = glapp.Loop(name="P3", controller={"k": 0.48, "ti": 0.3117, "setpoint_weight": 0}, process={"kp": 1})
+    >>> pi = {"k": 0.48, "ti": 0.3117, "setpoint_weight": 0}
+    >>> loop = glapp.Loop(name="P3", op_unit="V", controller=pi, process={"kp": 1})  # "%" would stop at 0 and 100
     >>> glapp.analyze(glapp.recording_from(sim.to_arrow(), loop)).verdict
     'estimate'
     """
@@ -197,11 +199,11 @@ class Estimator(_glapp.Detector):
     ...     half_period = estimator.update(float(k), 0.0, -1.0 if k // 100 % 2 == 0 else 1.0)
     ...     if half_period is not None and half_period.reason == 0:
     ...         print(f"{half_period.t_end:.0f} s: {half_period.d:.2f}")
-    300 s: 4.49
-    400 s: 4.49
-    500 s: 4.49
-    600 s: 4.49
-    700 s: 4.49
+    300 s: 4.50
+    400 s: 4.50
+    500 s: 4.50
+    600 s: 4.50
+    700 s: 4.50
     >>> glapp.Estimator.load(estimator.save()).estimate == estimator.estimate
     True
     """

@@ -255,32 +255,32 @@ impl<R: Real> Detector<R> {
         mut seen: impl FnMut(usize, Option<R>),
     ) {
         let (ended, seen) = (&mut ended, &mut seen);
-        match (columns.op, columns.flags) {
-            (Some(op), Some(flags)) => self.run_columns::<true>(state, columns, |k| op[k], |k| flags[k], ended, seen),
-            (Some(op), None) => self.run_columns::<true>(state, columns, |k| op[k], |_| 0, ended, seen),
-            (None, Some(flags)) => self.run_columns::<false>(state, columns, |_| R::ZERO, |k| flags[k], ended, seen),
-            (None, None) => self.run_columns::<false>(state, columns, |_| R::ZERO, |_| 0, ended, seen),
+        match (columns.op.is_some(), columns.flags.is_some()) {
+            (true, true) => self.run_columns::<true, true>(state, columns, ended, seen),
+            (true, false) => self.run_columns::<true, false>(state, columns, ended, seen),
+            (false, true) => self.run_columns::<false, true>(state, columns, ended, seen),
+            (false, false) => self.run_columns::<false, false>(state, columns, ended, seen),
         }
     }
 
     #[inline(always)]
-    fn run_columns<const OP: bool>(
+    fn run_columns<const OP: bool, const FLAGS: bool>(
         &self,
         state: &mut DetectorState<R>,
         columns: Columns<'_, R>,
-        op: impl Fn(usize) -> R,
-        flags: impl Fn(usize) -> u8,
         ended: &mut impl FnMut(Span, &Record<R>),
         seen: &mut impl FnMut(usize, Option<R>),
     ) {
         let n = columns.len();
         let (t, sp, pv) = (&columns.t[..n], &columns.sp[..n], &columns.pv[..n]);
+        let op = |k: usize| if OP { columns.op.map_or(R::ZERO, |op| op[k]) } else { R::ZERO };
+        let flags = |k: usize| if FLAGS { columns.flags.map_or(0, |flags| flags[k]) } else { 0 };
         let Some(&first) = t.first() else { return };
         let (mut before, mut start) = state.t.unwrap_or((first, first));
         let mut signal = state.signal;
         let mut k = 0;
         while k < n {
-            k = self.glide::<OP>(&mut signal, &mut before, k, (t, sp, pv), &op, &flags, seen);
+            k = self.glide::<OP, FLAGS>(&mut signal, &mut before, k, n, &columns, seen);
             if k == n {
                 break;
             }
@@ -309,23 +309,22 @@ impl<R: Real> Detector<R> {
     /// Passes over samples that neither end a half-period nor break the signal, nearly all there are; gives the index
     /// of the first other one.
     #[inline(always)]
-    #[allow(clippy::too_many_arguments)]
-    fn glide<const OP: bool>(
+    fn glide<const OP: bool, const FLAGS: bool>(
         &self,
         signal: &mut Signal<R>,
         before: &mut f64,
         from: usize,
-        columns: (&[f64], &[R], &[R]),
-        op: &impl Fn(usize) -> R,
-        flags: &impl Fn(usize) -> u8,
+        to: usize,
+        columns: &Columns<'_, R>,
         seen: &mut impl FnMut(usize, Option<R>),
     ) -> usize {
-        if signal.broken != 0 || !signal.pv.started {
+        // The step to the first sample is read from the column too, which spares the loop a register.
+        if signal.broken != 0 || !signal.pv.started || from == 0 || *before != columns.t[from - 1] {
             return from;
         }
         match signal.crossing.sign {
-            1 => self.glide_towards::<OP, true>(signal, before, from, columns, op, flags, seen),
-            -1 => self.glide_towards::<OP, false>(signal, before, from, columns, op, flags, seen),
+            1 => self.glide_towards::<OP, FLAGS, true>(signal, before, from, to, columns, seen),
+            -1 => self.glide_towards::<OP, FLAGS, false>(signal, before, from, to, columns, seen),
             _ => from,
         }
     }
@@ -334,28 +333,41 @@ impl<R: Real> Detector<R> {
     /// loop stays in registers. A value that is not a number shows in the error, so that only the error is looked at;
     /// whoever takes the sample that ends the loop looks again, and closely.
     #[inline(never)]
-    #[allow(clippy::too_many_arguments)]
-    fn glide_towards<const OP: bool, const BELOW: bool>(
+    fn glide_towards<const OP: bool, const FLAGS: bool, const BELOW: bool>(
         &self,
         signal: &mut Signal<R>,
         before: &mut f64,
         from: usize,
-        (t, sp, pv): (&[f64], &[R], &[R]),
-        op: &impl Fn(usize) -> R,
-        flags: &impl Fn(usize) -> u8,
+        to: usize,
+        columns: &Columns<'_, R>,
         seen: &mut impl FnMut(usize, Option<R>),
     ) -> usize {
-        let n = t.len().min(sp.len()).min(pv.len());
+        // Cut to one length here, where the compiler sees that no index leaves them.
+        let (t, sp, pv) = (&columns.t[..to], &columns.sp[..to], &columns.pv[..to]);
+        let op = columns.op.map_or(&[] as &[R], |op| &op[..to]);
+        let flags = columns.flags.map_or(&[] as &[u8], |flags| &flags[..to]);
+        if (OP && op.len() != to) || (FLAGS && flags.len() != to) {
+            return from;
+        }
         let (filter, max_h) = (self.filter, self.max_h);
+        let (op_low, op_high) = self.op_limits.unwrap_or((-R::LARGEST, R::LARGEST));
         // Both filters have started, which the compiler cannot see from the state.
         let mut y = SecondOrderFilterState { started: true, ..signal.pv };
         let mut u = SecondOrderFilterState { started: OP, ..signal.op };
-        let (mut half, mut last) = (signal.half, *before);
+        let mut half = signal.half;
+        let mut sp_before = half.sp_low();
         let mut k = from;
-        while k < n {
-            let h = R::of(t[k] - last);
-            if !(h > R::ZERO && h <= max_h) || flags(k) & BAD != 0 || (OP && !op(k).is_number()) {
+        while k < to {
+            let h = R::of(t[k] - t[k - 1]);
+            let mut flag = if FLAGS { flags[k] } else { 0 };
+            if !(h > R::ZERO && h <= max_h) || flag & BAD != 0 {
                 break;
+            }
+            if OP && !(op[k] > op_low && op[k] < op_high) {
+                if !op[k].is_number() {
+                    break;
+                }
+                flag = self.with_limits::<OP>(flag, op[k]);
             }
             let mut next = y;
             let yf = filter.update(&mut next, pv[k], h);
@@ -365,14 +377,18 @@ impl<R: Real> Detector<R> {
             }
             y = next;
             if OP {
-                filter.update(&mut u, op(k), h);
+                filter.update(&mut u, op[k], h);
             }
-            half.add(size, h, sp[k], self.with_limits::<OP>(flags(k), op(k)));
+            half.add(size, h, flag);
+            // A setpoint that rests, as most do, costs one comparison.
+            if sp[k] != sp_before {
+                sp_before = sp[k];
+                half.widen(sp_before);
+            }
             seen(k, Some(yf));
-            last = t[k];
             k += 1;
         }
-        (signal.pv, signal.op, signal.half, *before) = (y, u, half, last);
+        (signal.pv, signal.op, signal.half, *before) = (y, u, half, t[k - 1]);
         k
     }
 
@@ -437,7 +453,8 @@ impl<R: Real> Detector<R> {
             ended = Some(s.half.close(sign, sp, slope, opf));
             s.half = HalfPeriodState::start(sp, slope, opf, 0);
         }
-        s.half.add(e, h, sp, self.with_limits::<OP>(flags, op));
+        s.half.add(e, h, self.with_limits::<OP>(flags, op));
+        s.half.widen(sp);
         ended
     }
 
@@ -478,7 +495,7 @@ impl<R: Real> Detector<R> {
         let opf = if OP { self.filter.update(&mut s.op, op, R::ZERO) } else { R::ZERO };
         s.crossing.update(sp - yf);
         s.half.resume(sp, R::ZERO, opf, s.broken);
-        s.half.add(sp - yf, R::ZERO, sp, self.with_limits::<OP>(flags, op));
+        s.half.add(sp - yf, R::ZERO, self.with_limits::<OP>(flags, op));
         s.broken = 0;
         (s, ended)
     }

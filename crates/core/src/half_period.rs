@@ -85,17 +85,28 @@ impl<R: Real> HalfPeriodState<R> {
         *self = Self { n: self.n, ..Self::start(sp, slope, op, self.flags | flags) };
     }
 
-    /// Takes one sample: error `e`, step `h` \[s\], setpoint and flags.
+    /// Takes one sample: error `e`, step `h` \[s\] and flags. Its setpoint goes to [`Self::widen`].
     #[inline(always)]
-    pub fn add(&mut self, e: R, h: R, sp: R, flags: u8) {
+    pub fn add(&mut self, e: R, h: R, flags: u8) {
         let size = e.magnitude();
         self.n = self.n.wrapping_add(1);
         self.delta_t += h;
         self.integral += size * h;
         self.e_max = self.e_max.greater(size);
+        self.flags |= flags;
+    }
+
+    /// Takes the setpoint of a sample; one that is the same as the one before need not be told.
+    #[inline(always)]
+    pub fn widen(&mut self, sp: R) {
         self.sp_low = self.sp_low.lesser(sp);
         self.sp_high = self.sp_high.greater(sp);
-        self.flags |= flags;
+    }
+
+    /// The lowest setpoint so far.
+    #[inline(always)]
+    pub(crate) fn sp_low(&self) -> R {
+        self.sp_low
     }
 
     /// Takes a sample of which nothing but its presence can be used.

@@ -158,7 +158,9 @@ fn half_period() {
             if ended.is_some() || state.is_none() {
                 state = Some(HalfPeriodState::start(sp, slope, op, 0));
             }
-            state.as_mut().unwrap().add(e, h, sp, flags);
+            let state = state.as_mut().unwrap();
+            state.add(e, h, flags);
+            state.widen(sp);
             ended.map(|half| {
                 vec![
                     f64::from(half.flags),

@@ -101,7 +101,8 @@ impl HalfPeriodBlock {
         if ended.is_some() {
             *state = fresh();
         }
-        state.add(e, h, sp, flags);
+        state.add(e, h, flags);
+        state.widen(sp);
         ended.map(|half| {
             let HalfPeriod { flags, n, delta_t, delta_y, e_max, delta_sp, sp_change, slope_change, op_change, .. } =
                 half;

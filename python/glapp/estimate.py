@@ -24,6 +24,9 @@ __all__ = ["Estimator", "analyze", "estimate", "identify_recording"]
 INSPECTED_ROWS = 1_000_000
 """Rows that identification and the closer look at quality take from the beginning of a recording."""
 
+CHECKED_ROWS = 20_000
+"""Rows from which given settings are checked."""
+
 KP_DEFAULT = 1.5
 """Process gain [%/%] where none is known but both spans are (thesis 7.2.2)."""
 
@@ -123,7 +126,8 @@ def analyze(recording: Recording, *, trust: bool = False, progress: Progress | N
     ideal = loop.ideal()
     sample = _inspection(recording, INSPECTED_ROWS)
     batch = sample.batch
-    found = None if batch.op is None else _identified(batch, loop)
+    # Settings that are given need only be held against the recording, for which its beginning is enough.
+    found = None if batch.op is None else _identified(batch if ideal is None else batch[slice(0, CHECKED_ROWS)], loop)
     notes: dict[str, str] = {}
     if ideal is None and found is not None and found.k and found.ti and (found.usable or trust):
         ideal = Ideal(found.k, found.ti, 0.0, 1.0 if found.setpoint_weight is None else found.setpoint_weight)
@@ -331,7 +335,7 @@ class _Run:
             signals = (batch.t, batch.sp, batch.pv, batch.op, batch.flags)
             if census is not None:
                 census.run(*signals)
-            columns = {"t": batch.t, "sp": batch.sp, "pv": batch.pv}
+            columns = {"sp": batch.sp, "pv": batch.pv}
             for name in ("op", "position"):
                 if (signal := getattr(batch, name)) is not None:
                     columns[name] = signal
@@ -339,7 +343,7 @@ class _Run:
                 filtered = detector.run(*signals, True)
                 assert filtered is not None  # asked for
                 columns[f"filtered {i}"] = filtered
-            self.thinner.add(columns)
+            self.thinner.add(batch.t, columns)
             self.op_known = self.op_known or batch.op is not None
             self.position_known = self.position_known or batch.position is not None
             if progress is not None:
@@ -412,10 +416,10 @@ class _Run:
 
     def _trace(self, chosen: int) -> Trace:
         thinner = self.thinner
-        t = thinner.band("t")
-        none = Band(np.full(len(t.low), np.nan), np.full(len(t.low), np.nan))
+        t = thinner.times()
+        none = Band(np.full(len(t), np.nan), np.full(len(t), np.nan))
         return Trace(
-            t=(t.low + t.high) / 2.0,
+            t=t,
             sp=thinner.band("sp"),
             pv=thinner.band("pv"),
             pv_filtered=thinner.band(f"filtered {chosen}") if self.detectors else none,

@@ -30,7 +30,7 @@ class Trace:
     Attributes
     ----------
     t : float64[n]
-        Middle of each bucket [s since t0].
+        First row of each bucket [s since t0].
     sp, pv, pv_filtered : Band
         Setpoint, process value, filtered process value [PV unit].
     op, position : Band or None
@@ -48,36 +48,45 @@ class Trace:
 class Thinner:
     """Thins columns batch by batch, in constant memory, to between `MOST_BUCKETS`/2 and `MOST_BUCKETS` buckets.
 
-    A bucket holds `width` rows; when there are too many buckets, neighbours are merged and `width` doubles.
+    A bucket holds `width` rows; before there would be too many, neighbours are merged and `width` doubles.
 
     Examples
     --------
     >>> thinner = Thinner()
-    >>> thinner.add({"t": np.arange(3.0), "pv": np.array([1.0, np.nan, 2.0])})
+    >>> thinner.add(np.arange(3.0), {"pv": np.array([1.0, np.nan, 2.0])})
     >>> thinner.band("pv").high
     array([ 1., nan,  2.])
     """
 
     def __init__(self) -> None:
         self._width = 1
+        self._buckets = 0
+        self._t: list[Floats] = []
         self._low: dict[str, list[Floats]] = {}
         self._high: dict[str, list[Floats]] = {}
+        self._t_rest = np.empty(0)
         self._rest: dict[str, Floats] = {}
-        self._buckets = 0
 
-    def add(self, columns: dict[str, Floats]) -> None:
-        """Take one batch: columns of the same names and, among themselves, the same length."""
-        rest = self._rest
-        rows = {name: np.concatenate((rest[name], x)) if name in rest else x for name, x in columns.items()}
-        n = len(next(iter(rows.values()))) // self._width
-        for name, x in rows.items():
-            low, high = _extremes(x[: n * self._width].reshape(n, self._width))
+    def add(self, t: Floats, columns: dict[str, Floats]) -> None:
+        """Take one batch: times, and columns of the same length and always the same names."""
+        while self._buckets + (len(self._t_rest) + len(t)) // self._width > MOST_BUCKETS:
+            self._merge()
+        width = self._width
+        t = np.concatenate((self._t_rest, t))
+        n = len(t) // width
+        self._t.append(t[: n * width : width].copy())
+        self._t_rest = t[n * width :].copy()
+        for name, x in columns.items():
+            x = np.concatenate((self._rest[name], x)) if name in self._rest else x
+            low, high = _extremes(x[: n * width].reshape(n, width))
             self._low.setdefault(name, []).append(low)
             self._high.setdefault(name, []).append(high)
-            self._rest[name] = x[n * self._width :].copy()
+            self._rest[name] = x[n * width :].copy()
         self._buckets += n
-        while self._buckets > MOST_BUCKETS:
-            self._merge()
+
+    def times(self) -> Floats:
+        """Time of the first row of each bucket, the one of the rows that do not fill a bucket included."""
+        return np.concatenate([*self._t, self._t_rest[:1]])
 
     def band(self, name: str) -> Band:
         """What was thinned of one column, the rows that do not fill a bucket included."""
@@ -90,10 +99,14 @@ class Thinner:
 
     def _merge(self) -> None:
         odd = self._buckets % 2
+        t = np.concatenate([*self._t, np.empty(0)])
+        if odd:
+            # The bucket without a partner waits with the other rows; its two extremes stand for all of its rows.
+            self._t_rest = np.concatenate((np.full(self._width, t[-1]), self._t_rest))
+        self._t = [t[: len(t) - odd : 2]]
         for name in self._low:
             low, high = np.concatenate(self._low[name]), np.concatenate(self._high[name])
             if odd:
-                # The bucket without a partner waits with the other rows; its two extremes stand for all of its rows.
                 fill = np.empty(self._width)
                 fill[0::2], fill[1::2] = low[-1], high[-1]
                 self._rest[name] = np.concatenate((fill, self._rest[name]))

@@ -1,12 +1,12 @@
 //! Counts over all samples of a recording, the evidence of its quality.
 
 use crate::half_period::{AT_HIGH, AT_LOW, BAD, NOT_AUTO};
-use crate::{Columns, ParameterError, error::require};
+use crate::{Columns, ParameterError, Real, error::require};
 
 /// Counts what a recording holds, in one pass and constant memory. Indices count samples from 0.
 ///
-/// A *pair* is a sample and the one before it. Samples whose time is not a number take part in no pair. Infinite counts
-/// as "not a number" everywhere.
+/// A *pair* is a sample and the one before it; for times, the one before it whose time is a number. Infinite counts as
+/// "not a number" everywhere.
 ///
 /// ```
 /// use glapp_core::{Census, Columns};
@@ -20,6 +20,7 @@ use crate::{Columns, ParameterError, error::require};
 pub struct Census {
     gap: f64,
     op_limits: Option<(f64, f64)>,
+    t_before: Option<f64>,
     before: Option<Before>,
     /// Samples.
     pub rows: u64,
@@ -95,26 +96,33 @@ impl Default for Values {
 }
 
 impl Values {
-    #[inline(always)]
-    fn note(&mut self, x: f64, before: Option<f64>, row: u64) {
-        if !x.is_finite() {
-            self.bad += 1;
-            self.bad_first.get_or_insert(row);
-            return;
+    /// Counts a column whose first sample is number `row` and follows `before`.
+    fn take(&mut self, column: &[f64], before: Option<f64>, row: u64) {
+        let (mut bad, mut same, mut different) = (0, 0, 0);
+        let (mut low, mut high) = (self.low, self.high);
+        let mut previous = before.unwrap_or(f64::NAN);
+        for &x in column {
+            let good = x.magnitude() <= f64::LARGEST;
+            bad += u64::from(!good);
+            same += u64::from(good & (x == previous));
+            different += u64::from(good & (x != previous) & (previous.magnitude() <= f64::LARGEST));
+            low = if good & (x < low) { x } else { low };
+            high = if good & (x > high) { x } else { high };
+            previous = x;
         }
-        self.low = self.low.min(x);
-        self.high = self.high.max(x);
-        if let Some(before) = before {
-            let same = x == before;
-            self.unchanged += u64::from(same);
-            self.changed += u64::from(!same && before.is_finite());
+        if bad > 0 && self.bad_first.is_none() {
+            self.bad_first = column.iter().zip(row..).find(|(x, _)| !x.is_number()).map(|(_, row)| row);
         }
+        (self.low, self.high) = (low, high);
+        self.bad += bad;
+        self.unchanged += same;
+        self.changed += different;
     }
 }
 
+/// The last sample, as far as the next one is compared with it.
 #[derive(Clone, Copy, Debug)]
 struct Before {
-    t: f64,
     sp: f64,
     pv: f64,
     op: f64,
@@ -130,6 +138,7 @@ impl Census {
         Ok(Self {
             gap,
             op_limits,
+            t_before: None,
             before: None,
             rows: 0,
             t_bad: 0,
@@ -150,57 +159,85 @@ impl Census {
         })
     }
 
-    /// Counts some samples more.
+    /// Counts some samples more. Column by column, so that most of it is done for several samples at once.
     pub fn run(&mut self, columns: Columns<'_, f64>) {
-        for k in 0..columns.len() {
-            let flags = columns.flags.map_or(0, |flags| flags[k]);
-            self.take(columns.t[k], columns.sp[k], columns.pv[k], columns.op.map(|op| op[k]), flags);
+        let n = columns.len();
+        if n == 0 {
+            return;
+        }
+        let (t, sp, pv) = (&columns.t[..n], &columns.sp[..n], &columns.pv[..n]);
+        let op = columns.op.map(|op| &op[..n]);
+        self.times(t);
+        let (row, before) = (self.rows, self.before);
+        self.sp.take(sp, before.map(|b| b.sp), row);
+        self.pv.take(pv, before.map(|b| b.pv), row);
+        if let Some(op) = op {
+            self.op.take(op, before.map(|b| b.op), row);
+        }
+        self.flags(columns.flags.map(|flags| &flags[..n]), op, n);
+        let value = |k: usize| Before { sp: sp[k], pv: pv[k], op: op.map_or(0.0, |op| op[k]) };
+        let mut previous = before;
+        for k in 0..n {
+            let now = value(k);
+            let rests = previous.is_some_and(|b| (now.sp == b.sp) & (now.pv == b.pv) & (now.op == b.op));
+            self.still += u64::from(rests & (now.sp != now.pv));
+            previous = Some(now);
+        }
+        self.before = previous;
+        self.rows += n as u64;
+    }
+
+    fn times(&mut self, column: &[f64]) {
+        for (&t, row) in column.iter().zip(self.rows..) {
+            let h = t - self.t_before.unwrap_or(f64::NAN);
+            if !(h > 0.0 && h <= self.gap) {
+                self.odd_step(t, h, row);
+            }
+            if t.is_number() {
+                self.t_before = Some(t);
+            }
+        }
+    }
+
+    #[cold]
+    fn odd_step(&mut self, t: f64, h: f64, row: u64) {
+        if !t.is_number() {
+            self.t_bad += 1;
+        } else if h > self.gap {
+            self.gaps.note(row);
+            self.gap_longest = self.gap_longest.max(h);
+            self.gap_total += h;
+        } else if h == 0.0 {
+            self.repeated.note(row);
+        } else if h < 0.0 {
+            if self.reversed.count == 0 {
+                self.reversed_times = (self.t_before.unwrap_or(f64::NAN), t);
+            }
+            self.reversed.note(row);
+        }
+    }
+
+    fn flags(&mut self, flags: Option<&[u8]>, op: Option<&[f64]>, n: usize) {
+        let Some((least, most)) = self.op_limits.filter(|_| op.is_some()) else {
+            for &flag in flags.unwrap_or_default() {
+                self.flag(flag);
+            }
+            return;
+        };
+        for k in 0..n {
+            let op = op.map_or(0.0, |op| op[k]);
+            let flag = flags.map_or(0, |flags| flags[k]);
+            self.flag(flag | if op <= least { AT_LOW } else { 0 } | if op >= most { AT_HIGH } else { 0 });
         }
     }
 
     #[inline(always)]
-    fn take(&mut self, t: f64, sp: f64, pv: f64, op: Option<f64>, flags: u8) {
-        let row = self.rows;
-        self.rows += 1;
-        let before = self.before;
-        if !t.is_finite() {
-            self.t_bad += 1;
-        } else if let Some(b) = before {
-            let h = t - b.t;
-            if h > self.gap {
-                self.gaps.note(row);
-                self.gap_longest = self.gap_longest.max(h);
-                self.gap_total += h;
-            } else if h == 0.0 {
-                self.repeated.note(row);
-            } else if h < 0.0 {
-                if self.reversed.count == 0 {
-                    self.reversed_times = (b.t, t);
-                }
-                self.reversed.note(row);
-            }
-        }
-        self.sp.note(sp, before.map(|b| b.sp), row);
-        self.pv.note(pv, before.map(|b| b.pv), row);
-        let mut low = flags & AT_LOW != 0;
-        let mut high = flags & AT_HIGH != 0;
-        if let Some(op) = op {
-            self.op.note(op, before.map(|b| b.op), row);
-            if let Some((least, most)) = self.op_limits {
-                low |= op <= least;
-                high |= op >= most;
-            }
-        }
-        self.at_low += u64::from(low);
-        self.at_high += u64::from(high);
-        self.not_auto += u64::from(flags & NOT_AUTO != 0);
-        self.bad_quality += u64::from(flags & BAD != 0);
-        let op = op.unwrap_or(0.0);
-        if let Some(b) = before {
-            self.still += u64::from(sp == b.sp && pv == b.pv && op == b.op && sp != pv);
-        }
-        if t.is_finite() {
-            self.before = Some(Before { t, sp, pv, op });
+    fn flag(&mut self, flag: u8) {
+        if flag != 0 {
+            self.not_auto += u64::from(flag & NOT_AUTO != 0);
+            self.bad_quality += u64::from(flag & BAD != 0);
+            self.at_low += u64::from(flag & AT_LOW != 0);
+            self.at_high += u64::from(flag & AT_HIGH != 0);
         }
     }
 }

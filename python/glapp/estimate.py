@@ -69,8 +69,7 @@ def estimate(recording: Recording, *, progress: Progress | None = None) -> Resul
     --------
     >>> import glapp
     >>> sim = glapp.simulate.closed_loop("P3", (0.48, 0.3117), d=0.05, noise=0.001, t_end=400, load=[(100, 0.5)])
-    >>> pi = {"k": 0.48, "ti": 0.3117, "setpoint_weight": 0}
-    >>> loop = glapp.Loop(name="P3", op_unit="V", controller=pi, process={"kp": 1})  # "%" would stop at 0 and 100
+    >>> loop = glapp.Loop(name="P3", controller={"k": 0.48, "ti": 0.3117, "setpoint_weight": 0}, process={"kp": 1})
     >>> result = glapp.estimate(glapp.recording_from(sim.to_arrow(), loop))
     >>> result.verdict, 0.045 < result.d_hat < 0.055
     ('estimate', True)
@@ -86,7 +85,7 @@ def estimate(recording: Recording, *, progress: Progress | None = None) -> Resul
     ideal = loop.ideal()
     assert ideal is not None
     sample = _inspection(recording, 4096)
-    run = _Run(recording, sample.median_step, ideal, {})
+    run = _Run(recording, _with_op_unit(loop, sample.batch), sample.median_step, ideal, {})
     run.all(progress, census=None)
     return run.result([], None, noise_sigma(sample.batch.pv))
 
@@ -117,15 +116,14 @@ def analyze(recording: Recording, *, trust: bool = False, progress: Progress | N
     --------
     >>> import glapp
     >>> sim = glapp.simulate.closed_loop("P3", (0.48, 0.3117), d=0.05, noise=0.001, t_end=400, load=[(100, 0.5)])
-    >>> pi = {"k": 0.48, "ti": 0.3117, "setpoint_weight": 0}
-    >>> loop = glapp.Loop(name="P3", op_unit="V", controller=pi, process={"kp": 1})  # "%" would stop at 0 and 100
+    >>> loop = glapp.Loop(name="P3", controller={"k": 0.48, "ti": 0.3117, "setpoint_weight": 0}, process={"kp": 1})
     >>> glapp.analyze(glapp.recording_from(sim.to_arrow(), loop)).verdict
     'estimate'
     """
-    loop = recording.loop
-    ideal = loop.ideal()
     sample = _inspection(recording, INSPECTED_ROWS)
     batch = sample.batch
+    loop = _with_op_unit(recording.loop, batch)
+    ideal = loop.ideal()
     # Settings that are given need only be held against the recording, for which its beginning is enough.
     found = None if batch.op is None else _identified(batch if ideal is None else batch[slice(0, CHECKED_ROWS)], loop)
     notes: dict[str, str] = {}
@@ -134,7 +132,7 @@ def analyze(recording: Recording, *, trust: bool = False, progress: Progress | N
         notes = dict.fromkeys(("k", "ti"), f"identified (R² {found.r2:.3f})")
         notes["td"] = "PI law identified"
         notes["b"] = "no setpoint change to tell it by" if found.setpoint_weight is None else notes["k"]
-    run = _Run(recording, sample.median_step, ideal, notes)
+    run = _Run(recording, loop, sample.median_step, ideal, notes)
     census = _glapp.Census(run.max_h, _op_range(loop))
     run.all(progress, census)
     quality = inspect(
@@ -163,7 +161,8 @@ def identify_recording(recording: Recording) -> Identification:
     InputError
         Where the recording cannot be read.
     """
-    return _identified(_inspection(recording, INSPECTED_ROWS).batch, recording.loop)
+    batch = _inspection(recording, INSPECTED_ROWS).batch
+    return _identified(batch, _with_op_unit(recording.loop, batch))
 
 
 def _identified(batch: Batch, loop: Loop) -> Identification:
@@ -311,9 +310,11 @@ def _inspection(recording: Recording, rows: int) -> _Inspection:
 class _Run:
     """One pass over a recording with a detector for every filter time that is tried."""
 
-    def __init__(self, recording: Recording, step: float, ideal: Ideal | None, notes: dict[str, str]) -> None:
+    def __init__(
+        self, recording: Recording, loop: Loop, step: float, ideal: Ideal | None, notes: dict[str, str]
+    ) -> None:
         self.recording = recording
-        self.loop = recording.loop
+        self.loop = loop
         self.ideal = ideal
         self.max_h = GAP_STEPS * step
         self.kp, kp_note = _process_gain(self.loop)
@@ -524,6 +525,14 @@ def _detector_settings(loop: Loop, ideal: Ideal, tf: float, kp: float | None, ma
     limits = _op_range(loop)
     span = None if limits is None else limits[1] - limits[0]
     return ideal.k, ideal.ti, ideal.td, ideal.b, kp, tf, loop.n, max_h, span, limits, 0
+
+
+def _with_op_unit(loop: Loop, batch: Batch) -> Loop:
+    """Give up the assumption that OP is a percentage where nothing says so and the recording contradicts it."""
+    assumed = loop.op_span is None and loop.op_unit is None
+    if assumed and batch.op is not None and bool(np.any((batch.op < 0.0) | (batch.op > 100.0))):
+        return loop.model_copy(update={"op_unit": "OP unit"})
+    return loop
 
 
 def _op_range(loop: Loop) -> tuple[float, float] | None:

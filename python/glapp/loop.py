@@ -93,7 +93,8 @@ class Loop(Checked):
     pv_span, op_span : (float, float), optional
         Range of PV and of OP [their units], low < high. Never taken from the range of the data.
     pv_unit, op_unit : str, optional
-        Units for display. `op_unit` is "%" where `op_span` is absent or (0, 100).
+        Units for display. `op_unit` is "%" where `op_span` is absent or (0, 100); a recording with values outside
+        0..100 ends that assumption where neither is given.
     controller : Controller, optional
         As the control system shows it; identified from the data where absent.
     process, cascade, positioner : optional

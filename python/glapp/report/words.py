@@ -26,8 +26,8 @@ class Reason(NamedTuple):
 REASONS: dict[str, Reason] = {
     "accepted": Reason("accepted", "passed every test and gave one detection of the dead band", ""),
     "gap": Reason(
-        "gap in the data",
-        "the recording starts, stops or jumps inside the half-period",
+        "start or gap",
+        "its beginning was not recorded: it is the first one, or samples are missing before or in it",
         "Record without interruptions, with compression and exception reporting switched off.",
     ),
     "bad_quality": Reason(

@@ -51,7 +51,7 @@ impl<R> Columns<'_, R> {
 }
 
 /// From when to when a half-period lasts: its first sample, and the sample that ended it or, at a gap, the last one
-/// before it. In the time of [`Columns`].
+/// before it. In the time of [`Columns`]; NaN before the first time that is a number.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Span {
     /// \[s\].
@@ -93,7 +93,8 @@ impl<R> Record<R> {
 /// - the first sample, a step h that is negative or longer than `max_h`: a *gap*. The half-period under way ends with
 ///   that reason; what follows starts the filter anew, and carries the reason until the next crossing.
 /// - a bad flag, or a value that is not a finite number: likewise, with *bad quality*; the value is not used. What
-///   follows starts at the next good one.
+///   follows starts at the next good one. An error or OP beyond 10¹⁰⁰ (`f32`: 10¹²), and
+///   whatever else makes a number overflow, counts as bad.
 /// - h = 0, a repeated time: the sample is passed over, only its flags count.
 /// - not in automatic, at a limit: the half-period goes on and is rejected.
 ///
@@ -211,7 +212,7 @@ impl<R: Real> DetectorState<R> {
 }
 
 impl<R: Real> Detector<R> {
-    /// Puts the blocks together. `max_h` \[s\] > 0: a longer step is a gap. `op_limits` \[OP unit\], low < high: an OP at
+    /// Puts the blocks together. `max_h` \[s\] > 0, at most 10⁹: a longer step is a gap. `op_limits` \[OP unit\], low < high: an OP at
     /// or beyond one of them is saturated.
     pub fn new(
         filter: SecondOrderFilter<R>,
@@ -221,7 +222,7 @@ impl<R: Real> Detector<R> {
         max_h: R,
         op_limits: Option<(R, R)>,
     ) -> Result<Self, ParameterError> {
-        require("max_h", max_h, max_h > R::ZERO, "greater than 0 s")?;
+        require("max_h", max_h, max_h > R::ZERO && max_h <= R::of(1e9), "greater than 0 s, at most 1e9 s")?;
         if let Some((low, high)) = op_limits {
             require("op_low", low, low < high, "below op_high")?;
             require("op_high", high, low < high, "above op_low")?;
@@ -275,8 +276,7 @@ impl<R: Real> Detector<R> {
         let (t, sp, pv) = (&columns.t[..n], &columns.sp[..n], &columns.pv[..n]);
         let op = |k: usize| if OP { columns.op.map_or(R::ZERO, |op| op[k]) } else { R::ZERO };
         let flags = |k: usize| if FLAGS { columns.flags.map_or(0, |flags| flags[k]) } else { 0 };
-        let Some(&first) = t.first() else { return };
-        let (mut before, mut start) = state.t.unwrap_or((first, first));
+        let (mut before, mut start) = state.t.unwrap_or((f64::NAN, f64::NAN));
         let mut signal = state.signal;
         let mut k = 0;
         while k < n {
@@ -287,23 +287,25 @@ impl<R: Real> Detector<R> {
             let h = R::of(t[k] - before);
             let mut end = t[k];
             let half;
-            if signal.broken == 0 && self.usable::<OP>(h, sp[k], pv[k], op(k), flags(k)) {
-                half = self.observe_good::<OP>(&mut signal, h, sp[k], pv[k], op(k), flags(k));
+            if let Some(next) = self.advance::<OP>(&signal, h, sp[k], pv[k], op(k), flags(k)) {
+                half = self.observe_good::<OP>(&mut signal, next, h, sp[k], op(k), flags(k));
                 before = t[k];
             } else {
                 (signal, half) = self.observe_break::<OP>(signal, h, sp[k], pv[k], op(k), flags(k));
-                end = if h > R::ZERO && h <= self.max_h { end } else { before };
-                before = if h.is_number() { t[k] } else { before };
+                end = if self.in_time(h) { end } else { before };
+                // A time that is not a number stands for the one before it.
+                before = if t[k].is_number() { t[k] } else { before };
+                start = if start.is_number() { start } else { before };
             }
             if let Some(half) = half {
                 ended(Span { start, end }, &self.judge(&mut state.memory, half, OP));
-                start = t[k];
+                start = before;
             }
             seen(k, signal.pv.started.then_some(signal.pv.y2));
             k += 1;
         }
         state.signal = signal;
-        state.t = Some((before, start));
+        state.t = before.is_number().then_some((before, start));
     }
 
     /// Passes over samples that neither end a half-period nor break the signal, nearly all there are; gives the index
@@ -330,8 +332,7 @@ impl<R: Real> Detector<R> {
     }
 
     /// As [`Self::glide`], with PV below SP or above it. A function of its own with copies on its stack, so that the
-    /// loop stays in registers. A value that is not a number shows in the error, so that only the error is looked at;
-    /// whoever takes the sample that ends the loop looks again, and closely.
+    /// loop stays in registers. It asks what [`Self::advance`] asks, and the sign of the error.
     #[inline(never)]
     fn glide_towards<const OP: bool, const FLAGS: bool, const BELOW: bool>(
         &self,
@@ -350,7 +351,9 @@ impl<R: Real> Detector<R> {
             return from;
         }
         let (filter, max_h) = (self.filter, self.max_h);
-        let (op_low, op_high) = self.op_limits.unwrap_or((-R::LARGEST, R::LARGEST));
+        let (op_low, op_high) = self.op_limits.map_or((-R::MOST, R::MOST), |(low, high)| {
+            (low.greater(-R::MOST), high.lesser(R::MOST)) // within them nothing has to be asked
+        });
         // Both filters have started, which the compiler cannot see from the state.
         let mut y = SecondOrderFilterState { started: true, ..signal.pv };
         let mut u = SecondOrderFilterState { started: OP, ..signal.op };
@@ -364,7 +367,7 @@ impl<R: Real> Detector<R> {
                 break;
             }
             if OP && !(op[k] > op_low && op[k] < op_high) {
-                if !op[k].is_number() {
+                if !measurable(op[k]) {
                     break;
                 }
                 flag = self.with_limits::<OP>(flag, op[k]);
@@ -372,7 +375,7 @@ impl<R: Real> Detector<R> {
             let mut next = y;
             let yf = filter.update(&mut next, pv[k], h);
             let size = if BELOW { sp[k] - yf } else { yf - sp[k] };
-            if !(size >= R::ZERO && size <= R::LARGEST) {
+            if !(size >= R::ZERO && size <= R::MOST) {
                 break;
             }
             y = next;
@@ -392,15 +395,35 @@ impl<R: Real> Detector<R> {
         k
     }
 
-    /// Whether a sample continues the signal: in time and good.
+    /// The signal after one sample more, and its error; none where the sample does not continue it: not in time, of bad
+    /// quality, or with a value that is no measurement. In SP and PV such a value shows in the error.
     #[inline(always)]
-    fn usable<const OP: bool>(&self, h: R, sp: R, pv: R, op: R, flags: u8) -> bool {
-        h > R::ZERO && h <= self.max_h && Self::good::<OP>(sp, pv, op, flags)
+    fn advance<const OP: bool>(
+        &self,
+        s: &Signal<R>,
+        h: R,
+        sp: R,
+        pv: R,
+        op: R,
+        flags: u8,
+    ) -> Option<(SecondOrderFilterState<R>, SecondOrderFilterState<R>, R)> {
+        if s.broken != 0 || !self.in_time(h) || flags & BAD != 0 {
+            return None;
+        }
+        let (mut y, mut u) = (s.pv, s.op);
+        let e = sp - self.filter.update(&mut y, pv, h);
+        if !measurable(e) || (OP && !measurable(op)) {
+            return None;
+        }
+        if OP {
+            self.filter.update(&mut u, op, h);
+        }
+        Some((y, u, e))
     }
 
     #[inline(always)]
-    fn good<const OP: bool>(sp: R, pv: R, op: R, flags: u8) -> bool {
-        flags & BAD == 0 && sp.is_number() && pv.is_number() && (!OP || op.is_number())
+    fn in_time(&self, h: R) -> bool {
+        h > R::ZERO && h <= self.max_h
     }
 
     /// The flags of a sample, with those that OP at its limit adds.
@@ -423,35 +446,37 @@ impl<R: Real> Detector<R> {
         op: R,
         flags: u8,
     ) -> Option<HalfPeriod<R>> {
-        if s.broken == 0 && self.usable::<OP>(h, sp, pv, op, flags) {
-            return self.observe_good::<OP>(s, h, sp, pv, op, flags);
+        if let Some(next) = self.advance::<OP>(s, h, sp, pv, op, flags) {
+            return self.observe_good::<OP>(s, next, h, sp, op, flags);
         }
         let ended;
         (*s, ended) = self.observe_break::<OP>(*s, h, sp, pv, op, flags);
         ended
     }
 
-    /// The ordinary sample: filter, crossing, integrals.
+    /// The ordinary sample: crossing and integrals.
     #[inline(always)]
     fn observe_good<const OP: bool>(
         &self,
         s: &mut Signal<R>,
+        (y, u, e): (SecondOrderFilterState<R>, SecondOrderFilterState<R>, R),
         h: R,
         sp: R,
-        pv: R,
         op: R,
         flags: u8,
     ) -> Option<HalfPeriod<R>> {
-        let yf_before = s.pv.y2;
-        let yf = self.filter.update(&mut s.pv, pv, h);
-        let opf = if OP { self.filter.update(&mut s.op, op, h) } else { R::ZERO };
-        let e = sp - yf;
+        let mut slope = Derivative::after(s.pv.y2);
+        (s.pv, s.op) = (y, u);
         let sign = s.crossing.sign;
         let mut ended = None;
         if s.crossing.update(e) {
-            let slope = Derivative::after(yf_before).update(yf, h);
-            ended = Some(s.half.close(sign, sp, slope, opf));
-            s.half = HalfPeriodState::start(sp, slope, opf, 0);
+            let slope = slope.update(y.y2, h);
+            ended = Some(s.half.close(sign, sp, slope, u.y2));
+            s.half = if slope.is_number() {
+                HalfPeriodState::start(sp, slope, u.y2, 0)
+            } else {
+                HalfPeriodState::start(sp, R::ZERO, u.y2, BAD)
+            };
         }
         s.half.add(e, h, self.with_limits::<OP>(flags, op));
         s.half.widen(sp);
@@ -475,8 +500,10 @@ impl<R: Real> Detector<R> {
             s.half.mark(flags);
             return (s, None);
         }
-        let in_time = h > R::ZERO && h <= self.max_h;
-        let good = Self::good::<OP>(sp, pv, op, flags);
+        let in_time = self.in_time(h);
+        // What is in time and continues no whole signal is bad; else the signal would start at this sample.
+        let startable = flags & BAD == 0 && measurable(sp - pv) && (!OP || measurable(op));
+        let good = startable && (s.broken != 0 || !in_time);
         let mut ended = None;
         if s.broken == 0 || !in_time {
             let cause = (if in_time { 0 } else { GAP }) | (if good { 0 } else { BAD });
@@ -502,8 +529,12 @@ impl<R: Real> Detector<R> {
 
     /// Width, safety net and filter of detections for one half-period.
     #[inline(always)]
-    fn judge(&self, m: &mut Memory<R>, half: HalfPeriod<R>, op_known: bool) -> Record<R> {
-        let parts = self.width.of(&half, op_known);
+    fn judge(&self, m: &mut Memory<R>, mut half: HalfPeriod<R>, op_known: bool) -> Record<R> {
+        let mut parts = self.width.of(&half, op_known);
+        if !parts.are_numbers() {
+            half.flags |= BAD;
+            parts = WidthParts::default();
+        }
         let previous_delta_y = m.previous_delta_y;
         let settled = m.estimate.filter(|estimate| estimate.count == self.detections.n());
         let d_hat_before = settled.map(|estimate| estimate.value);
@@ -545,4 +576,10 @@ impl<R: Real> Detector<R> {
             m.rejected = 0;
         }
     }
+}
+
+/// Whether `x` is a number, and not so large that integrals of it overflow.
+#[inline(always)]
+fn measurable<R: Real>(x: R) -> bool {
+    x.magnitude() <= R::MOST
 }

@@ -127,10 +127,11 @@ impl<R: Real> HalfPeriodState<R> {
         self.flags |= flags;
     }
 
-    /// Ends the half-period at a crossing with setpoint `sp`, slope of the filtered PV and filtered OP there.
+    /// Ends the half-period at a crossing with setpoint `sp`, slope of the filtered PV and filtered OP there. Where a
+    /// number has overflowed, all are 0 and it is [`BAD`].
     #[inline(always)]
     pub fn close(&self, sign: i8, sp: R, slope: R, op: R) -> HalfPeriod<R> {
-        HalfPeriod {
+        let half = HalfPeriod {
             sign,
             flags: self.flags,
             n: self.n,
@@ -141,6 +142,12 @@ impl<R: Real> HalfPeriodState<R> {
             sp_change: sp - self.sp_start,
             slope_change: slope - self.slope_start,
             op_change: op - self.op_start,
+        };
+        let sum = half.delta_t + half.delta_y + half.delta_sp + half.sp_change + half.slope_change + half.op_change;
+        if sum.is_number() {
+            half
+        } else {
+            HalfPeriod { sign, flags: half.flags | BAD, n: half.n, ..HalfPeriod::default() }
         }
     }
 

@@ -29,6 +29,8 @@ pub trait Real:
     const ONE: Self;
     /// The largest finite number; a comparison with it finds NaN and infinity alike.
     const LARGEST: Self;
+    /// A number beyond which nothing is a measurement; below it the integrals of a half-period stay finite.
+    const MOST: Self;
 
     /// The nearest number to `x`.
     fn of(x: f64) -> Self;
@@ -59,11 +61,12 @@ pub trait Real:
 }
 
 macro_rules! real {
-    ($float:ty) => {
+    ($float:ty, $most:expr) => {
         impl Real for $float {
             const ZERO: Self = 0.0;
             const ONE: Self = 1.0;
             const LARGEST: Self = <$float>::MAX;
+            const MOST: Self = $most;
 
             #[inline(always)]
             fn of(x: f64) -> Self {
@@ -83,5 +86,5 @@ macro_rules! real {
     };
 }
 
-real!(f32);
-real!(f64);
+real!(f32, 1e12);
+real!(f64, 1e100);

@@ -1,7 +1,7 @@
 //! The width of the gap from one half-period.
 
 use crate::error::require;
-use crate::{HalfPeriod, ParameterError, Real};
+use crate::{HalfPeriod, LONGEST_WINDOW, ParameterError, Real};
 
 /// From which signals Δu, the travel of the control signal, is taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -62,6 +62,15 @@ pub struct WidthParts<R> {
     pub kp_part: R,
     /// The width, `free − kp_part`.
     pub d: R,
+}
+
+impl<R: Real> WidthParts<R> {
+    /// Whether all parts are finite, and so far from the largest number that a window of such widths can be added up.
+    #[inline(always)]
+    pub(crate) fn are_numbers(&self) -> bool {
+        let sum = self.delta_u + self.delta_u_d + self.delta_u_sp + self.op_travel + self.free + self.kp_part;
+        sum.is_number() && self.d.magnitude() <= R::LARGEST / R::of(2.0 * LONGEST_WINDOW as f64)
+    }
 }
 
 impl<R: Real> Width<R> {

@@ -451,7 +451,7 @@ fn what_overflows_is_bad_and_passes() {
         op_limits: None,
     };
     let n = 400;
-    let ordinary = |k: usize| if k / 40 % 2 == 0 { 1.0 } else { -1.0 };
+    let ordinary = |k: usize| if (k / 40).is_multiple_of(2) { 1.0 } else { -1.0 };
     let mut rows = Rows {
         t: (0..n).map(|k| k as f64).collect(),
         sp: vec![0.0; n],

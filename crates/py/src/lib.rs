@@ -7,6 +7,7 @@ mod columns;
 mod detector;
 mod noise;
 mod pid;
+mod read;
 mod sim;
 
 use pyo3::prelude::*;
@@ -25,6 +26,8 @@ mod _glapp {
     use crate::noise::Noise;
     #[pymodule_export]
     use crate::pid::Pid;
+    #[pymodule_export]
+    use crate::read::PyPlainCsv;
     #[pymodule_export]
     use crate::sim::{batch, closed_loop, random_walk};
 }

@@ -120,12 +120,13 @@ class _Store:
         done = 0
         for columns, fraction in self.source.stream(self._types, frozenset({""})):
             self.fraction = fraction
+            columns = [plain(column) for column in columns]  # rows are picked from them, words may go
             n = len(columns[0])
             role = "time"
             rows = np.empty(0, np.int64)
             tag = ""
             try:
-                tags = plain(columns[place["tag"]])
+                tags = columns[place["tag"]]
                 if not pa.types.is_string(tags.type):
                     tags = tags.cast(pa.string())
                 codes = pc.index_in(tags, wanted).fill_null(-1).to_numpy(zero_copy_only=False)

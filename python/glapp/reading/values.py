@@ -132,12 +132,14 @@ def flags_of(column: pa.Array, bit_of: Callable[[str], int]) -> NDArray[np.uint8
     CellFault
         At the first cell that `bit_of` refuses with a ValueError.
     """
-    column = plain(column)
-    if len(column) and pc.all(pc.equal(column, column[0]), skip_nulls=False).as_py():  # as modes mostly are
-        column, n = column.slice(0, 1), len(column)
+    n = 1
+    if pa.types.is_dictionary(column.type) and column.null_count == 0:
+        coded = column
     else:
-        n = 1
-    coded = column.dictionary_encode(null_encoding="encode")
+        column = plain(column)
+        if len(column) and pc.all(pc.equal(column, column[0]), skip_nulls=False).as_py():  # as modes mostly are
+            column, n = column.slice(0, 1), len(column)
+        coded = column.dictionary_encode(null_encoding="encode")
     bits = np.zeros(max(len(coded.dictionary), 1), np.uint8)
     for i, value in enumerate(coded.dictionary.to_pylist()):
         try:

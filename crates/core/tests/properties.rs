@@ -465,3 +465,45 @@ fn what_overflows_is_bad_and_passes() {
     assert!(found.iter().any(|(_, record)| record.mask & Reason::BadQuality.bit() != 0));
     assert_eq!(state.estimate().unwrap().count, 3);
 }
+
+/// Square waves with one number out of all proportion: in the gain, in the step that leads to a crossing, in the setpoint.
+#[test]
+fn numbers_that_overflow_on_the_way_are_bad_too() {
+    let ordinary = Settings {
+        k: 0.5,
+        ti: 1.0,
+        td: Some(0.5),
+        b: 1.0,
+        kp: None,
+        tf: 0.0,
+        n: 3,
+        max_h: 3.0,
+        op_span: None,
+        op_limits: None,
+    };
+    let n = 400;
+    let mut rows = Rows {
+        t: (0..n).map(|k| k as f64).collect(),
+        sp: vec![0.0; n],
+        pv: (0..n).map(|k| if (k / 40).is_multiple_of(2) { 1.0 } else { -1.0 }).collect(),
+        op: vec![0.0; n],
+        flags: vec![0; n],
+    };
+    let bad = |settings: &Settings, rows: &Rows| {
+        let (found, _) = whole(settings, rows);
+        assert!(found.iter().all(|(_, record)| numbers(record).iter().all(|x| x.is_finite())), "{found:?}");
+        found.iter().filter(|(_, record)| record.mask & Reason::BadQuality.bit() != 0).count()
+    };
+    assert_eq!(bad(&ordinary, &rows), 0);
+    assert_eq!(bad(&Settings { k: 1.7e308, ..ordinary }, &rows), 9);
+    let mut steep = rows.clone();
+    steep.t[..80].iter_mut().for_each(|t| *t -= 79.0);
+    steep.t[80..].iter_mut().for_each(|t| *t -= 80.0);
+    steep.t[80] = 1e-310;
+    assert_eq!(bad(&ordinary, &steep), 2); // the half-periods on either side of that crossing
+    for k in 90..110 {
+        let side = if k < 100 { 1.7e308 } else { -1.7e308 };
+        (rows.sp[k], rows.pv[k]) = (side, side);
+    }
+    assert!(bad(&ordinary, &rows) > 0);
+}

@@ -154,11 +154,14 @@ def test_the_derivative_part_opposes_and_op_travels_as_7_6_says() -> None:
     good = accepted(rows)
     assert good.sum() >= 4
     assert (rows["delta_u_d"][good] < 0).all()
-    assert (rows["delta_u"][good] > rows["free"][good]).all()
+    by_7_6 = (rows["delta_u"] + rows["delta_u_d"] + rows["delta_u_sp"])[good]
     # The detector's filter is the controller's: (7.6) is OP's own move between the two crossings.
     first, last = (np.searchsorted(s.t, rows[name][good]) for name in ("t_start", "t_end"))
     moved = (s.op[last] - s.op[first]) * rows["sign"][good]
-    assert rows["free"][good] == pytest.approx(moved, rel=0.02)
+    assert by_7_6 == pytest.approx(moved, rel=0.02)
+    # Noise chose the crossings: OP after the detector's filter, which is what counts, is nearer to the truth.
+    assert (rows["free"] == rows["op_travel"]).all()
+    assert abs(np.median(rows["d"][good]) - 0.1) < abs(np.median(by_7_6 - rows["kp_part"][good]) - 0.1)
     # Without the derivative part it is overstated.
     assert (rows["delta_u"][good] > 1.02 * moved).all()
 

@@ -288,7 +288,7 @@ def _width(
     setpoint = (b - 1.0) * size * sp * along
     derivative_part = 0.0 if td is None else -(size * td * slope * along)
     travel = 0.0 if math.isnan(op) else op * math.copysign(along, along * k)
-    free = travel if td is None and not math.isnan(op) else integral + derivative_part + setpoint
+    free = travel if td != 0.0 and not math.isnan(op) else integral + derivative_part + setpoint
     process = 0.0 if kp is None else delta_y / abs(kp)
     return [integral, derivative_part, setpoint, travel, free, process, free - process]
 

@@ -18,8 +18,9 @@ pub enum TravelSource {
 ///
 /// Δu comes from K/Ti·∫|e|dt (7.5), and, where Td is known, with the derivative part of (7.6). The thesis drops that
 /// part (7.5: "alternating", "less than 10 %"); it does neither: D opposes the integral part in every half-period, and
-/// without it the width is overstated. Where OP is recorded and Td is not known, Δu is OP's own travel. A setpoint
-/// that moved by Δysp between the crossings adds (b − 1)·K·Δysp, since (4.1) has b = 0.
+/// without it the width is overstated. Where OP is recorded and the controller is not known to be a PI, Δu is OP's own
+/// travel: (7.6) is the same in theory, but takes the slope where noise chose the crossing. A setpoint that moved by
+/// Δysp between the crossings adds (b − 1)·K·Δysp, since (4.1) has b = 0.
 ///
 /// Only the sizes of K and Kp are used; the direction of the controller enters with OP's travel.
 ///
@@ -108,9 +109,10 @@ impl<R: Real> Width<R> {
     #[inline(always)]
     pub fn source(&self, op_known: bool) -> TravelSource {
         match (self.td, op_known) {
-            (Some(td), _) if td > R::ZERO => TravelSource::Derivative,
-            (None, true) => TravelSource::Op,
-            _ => TravelSource::Integral,
+            (Some(td), _) if td <= R::ZERO => TravelSource::Integral,
+            (_, true) => TravelSource::Op,
+            (Some(_), false) => TravelSource::Derivative,
+            (None, false) => TravelSource::Integral,
         }
     }
 

@@ -1,6 +1,6 @@
 # make run   sets everything up and does the main job: recordings in, dead bands and a report out
 # make test  sets everything up and runs every test in every language
-.PHONY: run test setup lint bench clean
+.PHONY: run test setup lint bench fuzz clean
 .DELETE_ON_ERROR:
 
 PYTHON ?= python3
@@ -19,11 +19,12 @@ setup: $(VENV)/.installed
 $(VENV)/.tools: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet --upgrade pip maturin
+	$(BIN)/pip install --quiet --group test --group lint
 	touch $@
 
 # A release wheel, as a user gets it, with the Python sources in place so that they can be edited.
 $(VENV)/.installed: $(VENV)/.tools $(SOURCES)
-	PIP_QUIET=1 VIRTUAL_ENV=$(abspath $(VENV)) $(BIN)/maturin develop --release --quiet --extras dev
+	PIP_QUIET=1 VIRTUAL_ENV=$(abspath $(VENV)) $(BIN)/maturin develop --release --quiet
 	touch $@
 
 test: setup lint
@@ -33,8 +34,8 @@ test: setup lint
 lint: setup
 	cargo fmt --check
 	cargo clippy --workspace --all-targets --quiet -- --deny warnings
-	$(BIN)/ruff format --check python tests examples bench vectors
-	$(BIN)/ruff check python tests examples bench vectors
+	$(BIN)/ruff format --check python tests examples bench vectors fuzz
+	$(BIN)/ruff check python tests examples bench vectors fuzz
 	$(BIN)/mypy
 
 bench: setup $(VENV)/.bench
@@ -42,7 +43,18 @@ bench: setup $(VENV)/.bench
 	$(BIN)/python bench/run.py
 
 $(VENV)/.bench: pyproject.toml $(VENV)/.tools
-	$(BIN)/pip install --quiet numba scipy pandas polars
+	$(BIN)/pip install --quiet --group bench
+	touch $@
+
+# Wrong input by the million; SECONDS=600 goes on for longer.
+SECONDS ?= 60
+fuzz: setup $(VENV)/.fuzz
+	RUSTC_BOOTSTRAP=1 cargo fuzz run detector -- -max_total_time=$(SECONDS)
+	$(BIN)/python fuzz/read_csv.py -max_total_time=$(SECONDS)
+
+$(VENV)/.fuzz: $(VENV)/.tools
+	command -v cargo-fuzz >/dev/null || cargo install --quiet cargo-fuzz
+	$(BIN)/pip install --quiet atheris
 	touch $@
 
 clean:

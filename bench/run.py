@@ -22,14 +22,15 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
-import glapp
 import numba
 import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+import glapp
 import signals
 from glapp import _glapp
 from peers import arrays_pass, loop_pass
-from rich.console import Console
-from rich.table import Table
 
 HERE = Path(__file__).parent
 DOCS = HERE.parent / "docs" / "benchmarks.md"

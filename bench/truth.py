@@ -14,8 +14,9 @@ from concurrent.futures import ProcessPoolExecutor
 from random import Random
 from typing import Any, NamedTuple
 
-import glapp
 import numpy as np
+
+import glapp
 from glapp.simulate import Signal, closed_loop, random_walk
 
 CONTROLLERS: dict[str, tuple[str, tuple[float, ...]]] = {

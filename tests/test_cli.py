@@ -12,10 +12,11 @@ from datetime import datetime
 from pathlib import Path
 from zoneinfo import ZoneInfo
 
-import glapp.cli.work
 import jsonschema
 import numpy as np
 import pytest
+
+import glapp.cli.work
 from glapp.cli.explain import _seconds
 from glapp.cli.screen import CommandError
 from glapp.document import to_schema

@@ -3,10 +3,11 @@
 import math
 
 import pytest
-from glapp.controller import Controller
-from glapp.errors import InputError
 from hypothesis import given
 from hypothesis import strategies as st
+
+from glapp.controller import Controller
+from glapp.errors import InputError
 
 gains = st.floats(1e-3, 1e3)
 times = st.floats(1e-2, 1e4)

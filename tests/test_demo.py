@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+
 from glapp import Result, analyze
 from glapp.demo import write_recordings
 from glapp.reading import open_recordings

@@ -5,12 +5,13 @@ import pickle
 from pathlib import Path
 from typing import Any
 
-import glapp
 import numpy as np
 import pandas as pd
 import polars as pl
 import pyarrow as pa
 import pytest
+
+import glapp
 from glapp import Estimator, InputError, Loop, recording_from
 from glapp.result import REASONS
 from glapp.simulate import Simulation, closed_loop

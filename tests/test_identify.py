@@ -10,10 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from glapp.identify import R2_USABLE, Identification, frozen_steps, identify, in_runs
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+
+from glapp.identify import R2_USABLE, Identification, frozen_steps, identify, in_runs
 
 REFINERY = Path(__file__).parents[1].parent / "shared/data/refinery"
 

@@ -1,6 +1,7 @@
 """Bounds and derived values of a loop."""
 
 import pytest
+
 from glapp.errors import InputError
 from glapp.loop import Loop
 

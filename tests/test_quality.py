@@ -11,12 +11,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from glapp.identify import identify
-from glapp.quality import GAP_STEPS, Census, Finding, InspectionSample, inspect, noise_sigma
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from test_identify import loop, numbers, refinery
+
+from glapp.identify import identify
+from glapp.quality import GAP_STEPS, Census, Finding, InspectionSample, inspect, noise_sigma
 
 
 def census_of(sample: InspectionSample) -> Census:

@@ -6,13 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import strategies as st
+
 from glapp.errors import InputError
 from glapp.loop import Loop
 from glapp.reading import csv as csv_module
 from glapp.reading import open_recordings
 from glapp.recording import AT_HIGH, AT_LOW, BAD, NOT_AUTO
-from hypothesis import HealthCheck, example, given, settings
-from hypothesis import strategies as st
 
 REFINERY = Path(__file__).parents[1].parent / "shared/data/refinery"
 

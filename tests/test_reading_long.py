@@ -4,11 +4,12 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from test_reading_csv import joined
+
 from glapp.errors import InputError
 from glapp.loop import Loop
 from glapp.reading import open_recordings, recording_from
 from glapp.recording import BAD, NOT_AUTO
-from test_reading_csv import joined
 
 ROWS = [
     ("F1.PV", 0, "10", "Good"),

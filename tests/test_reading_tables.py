@@ -10,11 +10,12 @@ import pyarrow.feather as feather
 import pyarrow.ipc as ipc
 import pyarrow.parquet as pq
 import pytest
+from test_reading_csv import joined
+
 from glapp.errors import InputError
 from glapp.loop import Loop
 from glapp.reading import open_recordings, recording_from
 from glapp.recording import BAD, NOT_AUTO
-from test_reading_csv import joined
 
 N = 70_000  # more than one batch
 

@@ -5,10 +5,11 @@ from datetime import datetime, timedelta
 import numpy as np
 import pyarrow as pa
 import pytest
-from glapp.reading.times import Clock
-from glapp.reading.values import CellFault
 from hypothesis import example, given
 from hypothesis import strategies as st
+
+from glapp.reading.times import Clock
+from glapp.reading.values import CellFault
 
 moments = st.lists(st.datetimes(datetime(1970, 1, 1), datetime(2200, 1, 1)), min_size=1, max_size=20)
 

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+
 from glapp.identify import Identification
 from glapp.loop import Loop
 from glapp.quality import Finding

@@ -4,12 +4,13 @@ import re
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
 from glapp.errors import InputError
 from glapp.loop import Loop
 from glapp.reading.init import first_settings
 from glapp.reading.settings import parse_settings, read_settings, write_settings
-from hypothesis import given
-from hypothesis import strategies as st
 
 ROOT = Path(__file__).parents[1]
 

@@ -5,11 +5,12 @@ from pathlib import Path
 import numpy as np
 import pyarrow.csv
 import pytest
+from numpy.typing import NDArray
+from scipy import signal
+
 from glapp.controller import Controller
 from glapp.errors import InputError
 from glapp.simulate import AT_HIGH, AT_LOW, NOT_AUTO, PLANTS, Plant, Simulation, closed_loop, random_walk
-from numpy.typing import NDArray
-from scipy import signal
 
 AMIGO_PI = (0.414, 2.66)
 P3_PI = (0.48, 0.3117)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from glapp.trace import MOST_BUCKETS, Thinner
 
 

@@ -2,9 +2,10 @@
 
 from typing import Any
 
-import glapp
 import numpy as np
 import pytest
+
+import glapp
 from glapp import _glapp
 from glapp.simulate import Simulation, closed_loop
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import jsonschema
 import pytest
+
 from glapp import _glapp
 from glapp.blocks import (
     Backlash,

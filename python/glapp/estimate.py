@@ -21,7 +21,7 @@ from .trace import Band, Thinner, Trace
 
 __all__ = ["Estimator", "analyze", "estimate", "identify_recording"]
 
-INSPECTED_ROWS = 1_000_000
+INSPECTED_ROWS = 500_000
 """Rows that identification and the closer look at quality take from the beginning of a recording."""
 
 CHECKED_ROWS = 20_000
@@ -149,7 +149,7 @@ def analyze(recording: Recording, *, trust: bool = False, progress: Progress | N
 
 
 def identify_recording(recording: Recording) -> Identification:
-    """K and Ti as the first million rows of a recording show them; `glapp.identify` says how.
+    """K and Ti as the first half million rows of a recording show them; `glapp.identify` says how.
 
     Parameters
     ----------

@@ -36,6 +36,7 @@ _HUBER = 1.345
 _SHORTEST = 3  # [steps] one or two steps are ruled by what PV did between the samples
 _BLOCKS = (8, 30)
 _SEARCH_ROWS = 4000
+_SEARCH_ROUNDS = (4, 0)  # to rank ways of recording takes no fit to the last digit
 
 
 @dataclass(frozen=True, slots=True)
@@ -280,8 +281,10 @@ class _Fit:
     blocks: int
 
 
-def _fit(start: NDArray[np.int64], y: Floats, x: Floats, m: int) -> _Fit | None:
+def _fit(start: NDArray[np.int64], y: Floats, x: Floats, m: int, rounds: tuple[int, int] = (20, 30)) -> _Fit | None:
     """Huber, then Tukey, from the median absolute residual; covariance from block sums of the scores.
+
+    `rounds` limits the repetitions of each.
 
     None where the rows do not determine the values.
     """
@@ -295,8 +298,8 @@ def _fit(start: NDArray[np.int64], y: Floats, x: Floats, m: int) -> _Fit | None:
     if inverse is None:
         return None
     beta = inverse @ (x.T @ y)
-    for shape, rounds in (("huber", 20), ("tukey", 30)):
-        for _ in range(rounds):
+    for shape, most in zip(("huber", "tukey"), rounds, strict=True):
+        for _ in range(most):
             weight = _weight(_standardised(y - x @ beta), shape)
             inverse = _inverse((x * weight[:, None]).T @ x)
             if inverse is None:
@@ -387,7 +390,7 @@ def _seen(t: Floats, sp: Floats, pv: Floats, op: Floats, step: Bools, h: float, 
     def unexplained(seen: _Seen) -> float:
         moves = _Moves(t[rows], sp[rows], _filtered(pv[rows], seen, h), op[rows], within, b)
         start, y, x = moves.over(_SHORTEST, seen.lag)
-        fit = _fit(start, y, x, _SHORTEST) if start.size else None
+        fit = _fit(start, y, x, _SHORTEST, _SEARCH_ROUNDS) if start.size else None
         return math.inf if fit is None else 1 - fit.r2
 
     plain = _Seen(0, 0, 0.0)

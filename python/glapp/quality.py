@@ -125,7 +125,7 @@ class Census:
 
 @dataclass(frozen=True, slots=True)
 class InspectionSample:
-    """The first rows of a recording (at most about a million), as they came.
+    """The first rows of a recording (at most half a million), as they came.
 
     Attributes
     ----------

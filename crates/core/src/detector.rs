@@ -382,7 +382,7 @@ impl<R: Real> Detector<R> {
             if OP {
                 filter.update(&mut u, op[k], h);
             }
-            half.add(size, h, flag);
+            half.integrate(size, h, flag);
             // A setpoint that rests, as most do, costs one comparison.
             if sp[k] != sp_before {
                 sp_before = sp[k];
@@ -391,6 +391,7 @@ impl<R: Real> Detector<R> {
             seen(k, Some(yf));
             k += 1;
         }
+        half.count((k - from) as u32);
         (signal.pv, signal.op, signal.half, *before) = (y, u, half, t[k - 1]);
         k
     }

@@ -88,8 +88,19 @@ impl<R: Real> HalfPeriodState<R> {
     /// Takes one sample: error `e`, step `h` \[s\] and flags. Its setpoint goes to [`Self::widen`].
     #[inline(always)]
     pub fn add(&mut self, e: R, h: R, flags: u8) {
-        let size = e.magnitude();
-        self.n = self.n.wrapping_add(1);
+        self.count(1);
+        self.integrate(e.magnitude(), h, flags);
+    }
+
+    /// Counts `n` samples, whose sizes go to [`Self::integrate`].
+    #[inline(always)]
+    pub(crate) fn count(&mut self, n: u32) {
+        self.n = self.n.wrapping_add(n);
+    }
+
+    /// Takes the size of an error, step `h` \[s\] and flags of a sample that [`Self::count`] counts.
+    #[inline(always)]
+    pub(crate) fn integrate(&mut self, size: R, h: R, flags: u8) {
         self.delta_t += h;
         self.integral += size * h;
         self.e_max = self.e_max.greater(size);

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, Self
 
@@ -331,24 +333,23 @@ class _Run:
         ]
 
     def all(self, progress: Progress | None, census: _glapp.Census | None) -> None:
-        """Read the recording from its first to its last row."""
-        for batch in self.recording.batches():
-            signals = (batch.t, batch.sp, batch.pv, batch.op, batch.flags)
-            if census is not None:
-                census.run(*signals)
-            columns = {"sp": batch.sp, "pv": batch.pv}
-            for name in ("op", "position"):
-                if (signal := getattr(batch, name)) is not None:
-                    columns[name] = signal
-            for i, detector in enumerate(self.detectors):
-                filtered = detector.run(*signals, True)
-                assert filtered is not None  # asked for
-                columns[f"filtered {i}"] = filtered
-            self.thinner.add(batch.t, columns)
-            self.op_known = self.op_known or batch.op is not None
-            self.position_known = self.position_known or batch.position is not None
-            if progress is not None:
-                progress(self.recording.fraction_read())
+        """Read the recording from its first to its last row, the detectors side by side."""
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            for batch in self.recording.batches():
+                signals = (batch.t, batch.sp, batch.pv, batch.op, batch.flags)
+                filtered = pool.map(lambda detector, signals=signals: detector.run(*signals, True), self.detectors)
+                if census is not None:
+                    census.run(*signals)
+                columns = {"sp": batch.sp, "pv": batch.pv}
+                for name in ("op", "position"):
+                    if (signal := getattr(batch, name)) is not None:
+                        columns[name] = signal
+                columns.update((f"filtered {i}", signal) for i, signal in enumerate(filtered))
+                self.thinner.add(batch.t, columns)
+                self.op_known = self.op_known or batch.op is not None
+                self.position_known = self.position_known or batch.position is not None
+                if progress is not None:
+                    progress(self.recording.fraction_read())
 
     def result(self, quality: list[Finding], found: Identification | None, sigma: float | None) -> Result:
         """Choose the filter time and say what was found."""

@@ -83,7 +83,7 @@ def test_without_a_controller(worn: Simulation) -> None:
     blind = recording_from(worn.to_arrow().drop_columns(["OP"]), loop(controller=None))
     result = glapp.analyze(blind)
     assert result.verdict == "refused"
-    assert result.reason is not None and "without OP" in result.reason
+    assert result.reason is not None and "without an OP column" in result.reason
     with pytest.raises(InputError, match="no controller settings"):
         Estimator(loop(controller=None), h=1.0)
 

@@ -16,7 +16,7 @@ from .controller import Ideal
 from .errors import InputError
 from .identify import Identification, identify
 from .loop import Loop
-from .quality import GAP_STEPS, Census, Finding, InspectionSample, inspect, noise_sigma
+from .quality import GAP_STEPS, Census, Finding, InspectionSample, assumed_gain, inspect, noise_sigma
 from .recording import Batch, Recording
 from .result import REASONS, HalfPeriods, Result, Settings, Verdict
 from .trace import Band, Thinner, Trace
@@ -31,6 +31,9 @@ CHECKED_ROWS = 20_000
 
 KP_DEFAULT = 1.5
 """Process gain [%/%] where none is known but both spans are (thesis 7.2.2)."""
+
+KP_ASSUMED = f"not given, taken as {KP_DEFAULT} %/%"
+"""Note beside it."""
 
 LADDER = (0.1, 0.2, 0.5, 1.0, 2.0)
 """Filter times tried where none is given, in Ti; with derivative action the first is Td/5 (thesis 2.1, 8.2, 8.4)."""
@@ -186,7 +189,8 @@ class Estimator(_glapp.Detector):
     ----------
     loop : Loop
         With a controller. Without a filter time `tf` it is Td/5, or Ti/10 for PI (thesis 2.1): a stream cannot be run
-        again with a longer one.
+        again with a longer one. To go on as `analyze` did, give it the time that `analyze` chose:
+        ``loop.model_copy(update={"tf": result.settings.tf})``.
     h : float
         Usual time between samples [s], > 0; a step longer than three of them is a gap.
 
@@ -365,6 +369,9 @@ class _Run:
                 "derivative": "K/Ti·∫|e|dt with the derivative part (7.6)",
                 "op": "OP's own travel",
             }[detector.travel_source(self.op_known)]
+        half_periods = _half_periods(detector, self.op_known)
+        if notes["kp"] == KP_ASSUMED and self.kp is not None:
+            quality = [*quality, *self._doubt(half_periods)]
         counts = dict(zip(REASONS, detector.reasons if detector is not None else [0] * len(REASONS), strict=True))
         detections = counts.pop("accepted")
         floor = None
@@ -389,7 +396,7 @@ class _Run:
             repeatability=(shown[1], shown[2]) if shown else None,
             noise_floor=floor,
             detections=detections,
-            half_periods=_half_periods(detector, self.op_known),
+            half_periods=half_periods,
             reasons={name: count for name, count in counts.items() if count},
             settings=Settings(
                 k=ideal and ideal.k,
@@ -406,6 +413,17 @@ class _Run:
             identification=found,
             trace=self._trace(chosen),
         )
+
+    def _doubt(self, half_periods: HalfPeriods) -> Iterator[Finding]:
+        """What an assumed Kp does to the detections."""
+        good = half_periods.reason == 0
+        if self.kp is not None and good.any():
+            free, kp_part = (float(np.median(x[good])) for x in (half_periods.free, half_periods.kp_part))
+            found = assumed_gain(
+                self.kp, free, kp_part, pv_unit=self.loop.pv_unit or "PV unit", op_unit=self.loop.op_label
+            )
+            if found is not None:
+                yield found
 
     def _choose(self) -> int:
         """The smallest filter time that leaves enough accepted half-periods; where none does, the one with most."""
@@ -451,7 +469,8 @@ def _verdict(
             return "refused", finding.text
     if run.ideal is None:
         if found is None:
-            return "refused", "K and Ti are not given, and without OP they cannot be identified: give the controller"
+            what = "K and Ti are not given, and without an OP column they cannot be identified"
+            return "refused", f"{what}: name the column (--op, columns.op), or give the controller"
         return "refused", f"K and Ti are not given and could not be identified: {found.reason}"
     for finding in quality:
         if finding.code == "sinusoidal":
@@ -462,10 +481,9 @@ def _verdict(
     if 3 * kept < count:
         return "no_estimate", f"the detections do not agree: {kept} of the last {count} lie within 20 % of their median"
     if d_hat <= 0:
-        return (
-            "no_estimate",
-            "the process-gain part Δy/Kp is larger than OP's travel: Kp is set too low, or there is no gap",
-        )
+        assumed = run.notes["kp"] == KP_ASSUMED
+        what = "the assumed Kp of 1.5 %/% does not fit" if assumed else "Kp is set too low"
+        return "no_estimate", f"Δy/Kp is larger than OP's travel: {what}, check kp and the span of PV"
     if floor is not None and d_hat < floor:
         unit = loop.op_label
         text = f"the detections give {d_hat:.3g} {unit}, less than the {floor:.3g} {unit} that noise can feign"
@@ -513,7 +531,7 @@ def _process_gain(loop: Loop) -> tuple[float | None, str]:
         return kp, "given"
     if loop.pv_span is not None and loop.op_span is not None:
         ratio = (loop.pv_span[1] - loop.pv_span[0]) / (loop.op_span[1] - loop.op_span[0])
-        return KP_DEFAULT * ratio, f"default {KP_DEFAULT} %/%"
+        return KP_DEFAULT * ratio, KP_ASSUMED
     return None, "not known: its term is dropped, the estimate is high by Δy/Kp"
 
 

@@ -199,6 +199,34 @@ def inspect(
     return sorted(found, key=lambda finding: ("refuse", "warning", "info").index(finding.severity))
 
 
+def assumed_gain(
+    kp: float, free: float, kp_part: float, *, pv_unit: str = "PV units", op_unit: str = "OP units"
+) -> Finding | None:
+    """Say how much of the width hangs on a process gain that nobody gave; None where it is less than a tenth.
+
+    Parameters
+    ----------
+    kp : float
+        Gain that was assumed [PV unit/OP unit].
+    free, kp_part : float
+        Kp-free part of the width, and what Kp takes off it [OP unit].
+
+    Examples
+    --------
+    >>> assumed_gain(30.0, 0.45, 0.22, pv_unit="m3/h", op_unit="%").text
+    'Kp is not given and taken as 1.5 %/%, that is 30 m3/h per %: it takes 0.22 % off a width of 0.45 %; give kp'
+    """
+    if not kp_part > 0.1 * free:
+        return None
+    return Finding(
+        "kp_assumed",
+        "warning",
+        f"Kp is not given and taken as 1.5 %/%, that is {abs(kp):.3g} {pv_unit} per {op_unit}: it takes "
+        f"{kp_part:.3g} {op_unit} off a width of {free:.3g} {op_unit}; give kp",
+        {"kp": kp, "free": free, "kp_part": kp_part},
+    )
+
+
 def noise_sigma(pv: Floats) -> float | None:
     """Estimate the standard deviation of PV's fast noise [PV unit].
 

@@ -39,7 +39,7 @@ Verdict = Literal["estimate", "provisional", "no_estimate", "refused"]
 Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class HalfPeriods:
     """A table of half-periods, one array a column, in the order of time.
 
@@ -105,6 +105,9 @@ class HalfPeriods:
         kinds = {"sign": np.int8, "samples": np.uint32, "mask": np.uint16, "reason": np.uint8, "detections": np.uint8}
         return cls(**{column.name: np.empty(0, kinds.get(column.name, np.float64)) for column in fields(cls)})
 
+    def __repr__(self) -> str:
+        return f"<HalfPeriods: {self.count} rows of {', '.join(self.to_dict())}>"
+
     @property
     def count(self) -> int:
         """Number of rows."""
@@ -146,7 +149,7 @@ class Settings:
     notes: dict[str, str]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Result:
     """The answer for one loop.
 
@@ -236,6 +239,11 @@ class Result:
             reasons={},
             settings=Settings(None, None, None, None, None, None, loop.n, None, {}),
         )
+
+    def __repr__(self) -> str:
+        width = "" if self.d_hat is None else f" {self.d_hat:.4g} {self.unit},"
+        found = f"{self.detections} detections in {self.total_half_periods} half-periods"
+        return f"<Result {self.name}: {self.verdict},{width} {found}>"
 
     @property
     def total_half_periods(self) -> int:

@@ -54,6 +54,12 @@ macro_rules! attributes {
     ($($(#[$doc:meta])* $name:ident: $type:ty = |$span:ident, $record:ident| $value:expr;)*) => {
         #[pymethods]
         impl PyHalfPeriod {
+            fn __repr__(&self) -> String {
+                let Self { span, record } = self;
+                let (reason, d) = (record.reason().name(), record.parts.d);
+                format!("<HalfPeriod {} s to {} s: {reason}, d = {d:.4}>", span.start, span.end)
+            }
+
             $($(#[$doc])* #[getter]
             fn $name(&self) -> $type {
                 let ($span, $record) = (&self.span, &self.record);

@@ -96,7 +96,7 @@ def _rows(results: Sequence[Result]) -> str:
 
 
 def _show(answers: Sequence[Result | Refused]) -> None:
-    """The table, widest first, then a line for every loop without an estimate."""
+    """The table, widest first, then the reasons of loops without an estimate and the warnings of those with one."""
     from ..report.words import ranked
 
     results = ranked([a.result() if isinstance(a, Refused) else a for a in answers])
@@ -104,13 +104,17 @@ def _show(answers: Sequence[Result | Refused]) -> None:
     if Measurement.get(out, out.options.update(max_width=1000), table).maximum > out.width:
         table = _table(results, "\n")
     out.print(table)
-    without = Table.grid(padding=(0, 2))
+    notes = Table.grid(padding=(0, 2))
     for result in results:
-        if result.d_hat is None and result.trace is not None:  # an error has a line of its own
-            without.add_row(f"{result.name}:", result.reason)
-    if without.row_count:
+        if result.trace is None:  # an error has a line of its own
+            continue
+        told = [result.reason] if result.d_hat is None else []
+        told += [f.text for f in result.quality if f.severity == "warning" and f.text not in told]
+        for text in told[:2]:
+            notes.add_row(f"{result.name}:", text)
+    if notes.row_count:
         out.print()
-        out.print(without)
+        out.print(notes)
 
 
 def _table(results: Sequence[Result], between: str) -> Table:

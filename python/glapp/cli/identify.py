@@ -60,7 +60,12 @@ def _rows(recording: Recording, found: Identification) -> list[tuple[str, str]]:
     if found.ti is not None:
         rows.append(("Ti", f"{quantity(found.ti, 's')}  ({between(found.ti_low, found.ti_high, 's')})"))
     if found.r2 is not None:
-        rows.append(("R²", f"{found.r2:.3f}  (share of OP's moves that K and Ti explain; {R2_USABLE} is needed)"))
+        rows.append(
+            (
+                "R²",
+                f"{found.r2:.3f}  (share of OP's moves explained, over the samples below; {R2_USABLE} is needed)",
+            )
+        )
     weight = "SP moved too little to tell" if found.setpoint_weight is None else number(found.setpoint_weight)
     return [
         *rows,

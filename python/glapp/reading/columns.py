@@ -40,7 +40,8 @@ _WORDS: dict[str, str] = {
     for role, words in {
         "sp": "sp sv spt setpoint setpt setp wsp sollwert",
         "pv": "pv meas measurement processvalue processvariable processvar istwert",
-        "op": "op mv out output co controlleroutput controloutput outputvalue manipulatedvariable stellgrösse",
+        "op": "op mv out output co controlleroutput controloutput outputvalue manipulatedvariable "
+        "stellgrösse stellgröße",
         "mode": "mode md modeactual actualmode controlmode controllermode automan",
         "quality": "quality qual status pvquality pvstatus qualitycode statuscode",
         "position": "position pos posn valveposition valvepos actualposition travel",

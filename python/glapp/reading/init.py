@@ -40,6 +40,8 @@ file = {file}
 
 # [loops.{key}.process]
 # type = "self-regulating"  # or "integrating"
+# kp = 1.0                  # static gain of the process; without it, and with both spans, 1.5 %/% is assumed
+# kp_unit = "%/%"           # or "PV/OP"
 """
 
 

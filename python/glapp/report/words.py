@@ -58,7 +58,7 @@ REASONS: dict[str, Reason] = {
     "uneven": Reason(
         "uneven",
         "Δy differs too much from that of the half-period before it (5.4)",
-        "The load or the setpoint changes too much. Record a calmer period.",
+        "The load changes, or the two sides of the cycle differ. Record for longer, and while the load is calm.",
     ),
     "sp_moved": Reason(
         "SP moved",
@@ -203,6 +203,10 @@ def width(result: Result) -> str:
     return f"{text} ({quantity(percent, '% of span')})"
 
 
+#: Fewer detections than this, and none of them can be checked against another: no sentence about the valve.
+FEW = 3
+
+
 def exceeds(result: Result) -> bool | None:
     """Tell whether the estimate is wider than what the loop file calls acceptable; None where that cannot be said."""
     limit, percent = result.loop.acceptable_dead_band, result.d_hat_percent_span
@@ -226,6 +230,8 @@ def verdict(result: Result) -> list[str]:
         in_units = "" if percent is None or result.unit == "%" else f" ({quantity(result.d_hat, op_unit(result))})"
         verb = "appears to lose" if result.verdict == "provisional" else "loses"
         finding = f"The valve of {result.name} {verb} {lost}{in_units} at each reversal."
+        if result.detections < FEW:
+            finding = f"Too few detections to judge the valve of {result.name}: they read {lost}{in_units}."
         if exceeds(result) is False:
             finding = f"The dead band of {result.name} reads {lost}{in_units}, within what is acceptable."
         basis.append(f"This comes from {count(result.detections, 'detection')} in {halves}.")
@@ -312,7 +318,7 @@ def comparisons(result: Result, i: int) -> list[tuple[str, bool | None]]:
     ]
     previous = float(h.previous_delta_y[i])
     if math.isfinite(previous) and dy > 0:
-        lines.append((f"Δy before / Δy = {number(previous / dy)}, needs 0.5 to 1.5", "uneven" not in failed))
+        lines.append((f"Δy before / Δy = {number(previous / dy, 4)}, needs 0.5 to 1.5", "uneven" not in failed))
     else:
         lines.append(("no Δy before it to compare with", "uneven" not in failed))
     lines.append(

@@ -339,9 +339,10 @@ class _Run:
     def all(self, progress: Progress | None, census: _glapp.Census | None) -> None:
         """Read the recording from its first to its last row, the detectors side by side."""
         with ThreadPoolExecutor(os.cpu_count()) as pool:
+            each = pool.map if len(self.detectors) > 1 else map
             for batch in self.recording.batches():
                 signals = (batch.t, batch.sp, batch.pv, batch.op, batch.flags)
-                filtered = pool.map(lambda detector, signals=signals: detector.run(*signals, True), self.detectors)
+                filtered = each(lambda detector, signals=signals: detector.run(*signals, True), self.detectors)
                 if census is not None:
                     census.run(*signals)
                 columns = {"sp": batch.sp, "pv": batch.pv}

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from . import _glapp
 from .errors import InputError
 from .identify import Identification
 from .loop import Loop
@@ -21,18 +22,7 @@ if TYPE_CHECKING:
 
 __all__ = ["REASONS", "HalfPeriods", "Result", "Settings", "Verdict"]
 
-REASONS = (
-    "accepted",
-    "gap",
-    "bad_quality",
-    "not_auto",
-    "saturated",
-    "too_short",
-    "not_square",
-    "uneven",
-    "sp_moved",
-    "too_small",
-)
+REASONS = tuple(_glapp.reasons())
 """Names of the codes in `HalfPeriods.reason`; the bit of a reason in `HalfPeriods.mask` is its code − 1."""
 
 Verdict = Literal["estimate", "provisional", "no_estimate", "refused"]

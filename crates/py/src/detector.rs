@@ -50,6 +50,12 @@ pub struct PyHalfPeriod {
     record: Record<f64>,
 }
 
+/// Names of the reasons, by their codes.
+#[pyfunction]
+pub fn reasons() -> Vec<&'static str> {
+    Reason::ALL.iter().map(|reason| reason.name()).collect()
+}
+
 macro_rules! attributes {
     ($($(#[$doc:meta])* $name:ident: $type:ty = |$span:ident, $record:ident| $value:expr;)*) => {
         #[pymethods]

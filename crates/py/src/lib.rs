@@ -21,7 +21,7 @@ mod _glapp {
     #[pymodule_export]
     use crate::census::PyCensus;
     #[pymodule_export]
-    use crate::detector::{PyDetector, PyHalfPeriod};
+    use crate::detector::{PyDetector, PyHalfPeriod, reasons};
     #[pymodule_export]
     use crate::noise::Noise;
     #[pymodule_export]

@@ -342,7 +342,7 @@ class _Run:
             each = pool.map if len(self.detectors) > 1 else map
             for batch in self.recording.batches():
                 signals = (batch.t, batch.sp, batch.pv, batch.op, batch.flags)
-                filtered = each(lambda detector, signals=signals: detector.run(*signals, True), self.detectors)
+                filtered = each(_taking(signals), self.detectors)
                 if census is not None:
                     census.run(*signals)
                 columns = {"sp": batch.sp, "pv": batch.pv}
@@ -567,6 +567,17 @@ def _detector(
         return kind(*_detector_settings(loop, ideal, tf, kp, max_h))
     except ValueError as error:
         raise InputError(str(error), loop=loop.name) from None
+
+
+def _taking(signals: tuple[Any, ...]) -> Callable[[_glapp.Detector], NDArray[np.float64]]:
+    """What a detector does with a batch; it gives the filtered PV."""
+
+    def take(detector: _glapp.Detector) -> NDArray[np.float64]:
+        filtered = detector.run(*signals, True)
+        assert filtered is not None  # asked for
+        return filtered
+
+    return take
 
 
 def _half_periods(detector: _glapp.Detector | None, op_known: bool) -> HalfPeriods:

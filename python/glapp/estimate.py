@@ -341,10 +341,9 @@ class _Run:
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             each = pool.map if len(self.detectors) > 1 else map
             for batch in self.recording.batches():
-                signals = (batch.t, batch.sp, batch.pv, batch.op, batch.flags)
-                filtered = each(_taking(signals), self.detectors)
+                filtered = each(_taking(batch), self.detectors)
                 if census is not None:
-                    census.run(*signals)
+                    census.run(batch.t, batch.sp, batch.pv, batch.op, batch.flags)
                 columns = {"sp": batch.sp, "pv": batch.pv}
                 for name in ("op", "position"):
                     if (signal := getattr(batch, name)) is not None:
@@ -569,11 +568,11 @@ def _detector(
         raise InputError(str(error), loop=loop.name) from None
 
 
-def _taking(signals: tuple[Any, ...]) -> Callable[[_glapp.Detector], NDArray[np.float64]]:
+def _taking(batch: Batch) -> Callable[[_glapp.Detector], NDArray[np.float64]]:
     """What a detector does with a batch; it gives the filtered PV."""
 
     def take(detector: _glapp.Detector) -> NDArray[np.float64]:
-        filtered = detector.run(*signals, True)
+        filtered = detector.run(batch.t, batch.sp, batch.pv, batch.op, batch.flags, True)
         assert filtered is not None  # asked for
         return filtered
 

@@ -18,7 +18,9 @@ from glapp.blocks import (
     MedianMean,
     Noise,
     Pid,
+    RateLimit,
     SafetyNet,
+    Saturation,
     SecondOrderFilter,
     Width,
     ZeroCrossing,
@@ -73,6 +75,15 @@ def pid(params: dict[str, float]) -> Callable[..., float]:
     limits = (params["low"], params["high"]) if "low" in params else None
     block = Pid(params["k"], params["ti"], params["td"], params["b"], limits)
     return lambda ysp, y, u, h: block.update(ysp, y, h) if math.isnan(u) else block.track(ysp, y, u, h)
+
+
+def rate_limit(params: dict[str, float]) -> Callable[..., float]:
+    return RateLimit(params["rate"]).update
+
+
+def saturation(params: dict[str, float]) -> Callable[..., float]:
+    block = Saturation(params["low"], params["high"])
+    return lambda x, h: block.update(x)
 
 
 def given(x: float) -> float | None:
@@ -140,7 +151,9 @@ MAKERS = {
     "median_mean": median_mean,
     "noise": noise,
     "pid": pid,
+    "rate_limit": rate_limit,
     "safety_net": safety_net,
+    "saturation": saturation,
     "width": width,
     "zero_crossing": zero_crossing,
 }

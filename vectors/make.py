@@ -136,6 +136,54 @@ def pid_cases() -> Iterator[dict[str, Any]]:
     yield case("time that stands still", ["ZeroStep"], full, auto[:20], h=still)
 
 
+def saturation(params: Params, _h: Sequence[float], xs: Sequence[float]) -> list[float]:
+    """Keep a value within low and high; what is no number passes."""
+    outputs = []
+    for x in xs:
+        if x < params["low"]:
+            x = params["low"]
+        if x > params["high"]:
+            x = params["high"]
+        outputs.append(x)
+    return outputs
+
+
+def saturation_cases() -> Iterator[dict[str, Any]]:
+    """Within, at and beyond the limits."""
+    yield case("within and beyond", [], {"low": -0.3, "high": 0.4}, list(_walk(7, 40)))
+    yield case("exactly at the limits", ["Edge"], {"low": 0.1, "high": 0.3}, [0.1, 0.3, 0.1 + 0.2, 0.30000000000000004])
+    yield case("not a number passes", ["NotANumber"], {"low": 0.0, "high": 1.0}, [0.5, NAN, 2.0])
+
+
+def rate_limit(params: Params, h: Sequence[float], xs: Sequence[float]) -> list[float]:
+    """Follow the input by at most rate·h a sample."""
+    output = None
+    outputs = []
+    for step, x in zip(h, xs, strict=True):
+        if output is None:
+            outputs.append(x)
+            output = None if math.isnan(x) else x
+            continue
+        if step > 0.0 and math.isfinite(x):
+            most = params["rate"] * step
+            output = max(min(x, output + most), output - most)
+        outputs.append(output)
+    return outputs
+
+
+def rate_limit_cases() -> Iterator[dict[str, Any]]:
+    """Follow, lag, turn; start; steps of any length."""
+    wander = list(_walk(8, 60))
+    yield case("steps followed at the limit", [], {"rate": 2.0}, [5.0, 9.0, 9.0, 8.5, 0.0, 0.0, 7.0], h=1.0)
+    yield case("wandering", [], {"rate": 1.5}, wander, h=0.05)
+    yield case("wandering the other way", ["Sign"], {"rate": 1.5}, [-x for x in wander], h=0.05)
+    yield case("steps of any length", ["IrregularStep"], {"rate": 1.5}, wander, h=list(_walk(9, 60, 0.01, 0.2)))
+    still = [0.0 if i in (4, 5) else -0.05 if i == 11 else 0.05 for i in range(20)]
+    yield case("time that stands still or runs backwards", ["ZeroStep"], {"rate": 1.5}, wander[:20], h=still)
+    yield case("not a number in between", ["NotANumber"], {"rate": 0.5}, [1.0, NAN, 2.0, NAN, 1.9], h=1.0)
+    yield case("not a number at the start", ["NotANumber", "Start"], {"rate": 0.5}, [NAN, NAN, 1.0, 2.0], h=1.0)
+
+
 def filter_(params: Params, h: Sequence[float], xs: Sequence[float]) -> list[float]:
     """Two first-order sections by backward differences (2.1); a start without transient, no step back in time."""
     tf = params["tf"]
@@ -645,6 +693,31 @@ def _cycle(half_periods: Sequence[float]) -> list[list[float]]:
 BLOCKS: dict[
     str, tuple[Reference, Callable[[], Iterator[dict[str, Any]]], list[str], list[str], str, dict[str, str]]
 ] = {
+    "saturation": (
+        saturation,
+        saturation_cases,
+        ["x"],
+        ["y"],
+        "Saturation: x kept within low and high. What is no number passes.",
+        {
+            "Edge": "a comparison that rounds",
+            "NotANumber": "a limit where there is no number",
+        },
+    ),
+    "rate_limit": (
+        rate_limit,
+        rate_limit_cases,
+        ["x"],
+        ["y"],
+        "Rate limit: y follows x by at most rate·h a sample. It begins at the first input.",
+        {
+            "Sign": "an up and a down that differ",
+            "IrregularStep": "a step length taken once and kept",
+            "ZeroStep": "a step of 0 or less that moves the output",
+            "NotANumber": "a bad sample that poisons the output",
+            "Start": "a ramp from 0 to the first sample",
+        },
+    ),
     "filter": (
         filter_,
         filter_cases,

@@ -13,7 +13,19 @@ Examples
 [5.0, 22.5, 5.25]
 """
 
-from ._glapp import Backlash, Derivative, MedianMean, Noise, Pid, SafetyNet, SecondOrderFilter, Width, ZeroCrossing
+from ._glapp import (
+    Backlash,
+    Derivative,
+    MedianMean,
+    Noise,
+    Pid,
+    RateLimit,
+    SafetyNet,
+    Saturation,
+    SecondOrderFilter,
+    Width,
+    ZeroCrossing,
+)
 from ._glapp import HalfPeriodBlock as HalfPeriod
 
 __all__ = [
@@ -23,7 +35,9 @@ __all__ = [
     "MedianMean",
     "Noise",
     "Pid",
+    "RateLimit",
     "SafetyNet",
+    "Saturation",
     "SecondOrderFilter",
     "Width",
     "ZeroCrossing",

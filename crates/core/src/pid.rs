@@ -1,7 +1,7 @@
 //! The PI/PID controller of the loops that are watched.
 
 use crate::error::require;
-use crate::{ParameterError, Real};
+use crate::{ParameterError, Real, Saturation};
 
 /// PI or PID controller in ideal form with setpoint weight, limits and anti-windup.
 ///
@@ -25,9 +25,9 @@ use crate::{ParameterError, Real};
 /// A sample that is no number, or a step h that is not above 0, repeats the last output and changes nothing.
 ///
 /// ```
-/// use glapp_core::{Limits, Pid, PidState};
+/// use glapp_core::{Saturation, Pid, PidState};
 ///
-/// let pi = Pid::new(2.0, 10.0, 0.0, 1.0, Limits::new(0.0, 100.0)?)?;
+/// let pi = Pid::new(2.0, 10.0, 0.0, 1.0, Saturation::new(0.0, 100.0)?)?;
 /// let mut state = PidState::default();
 /// pi.track(&mut state, 50.0, 50.0, 40.0, 1.0); // in manual at 40 %
 /// assert_eq!(pi.update(&mut state, 50.0, 50.0, 1.0), 40.0); // to auto without a bump
@@ -40,16 +40,7 @@ pub struct Pid<R> {
     ti: R,
     td: R,
     b: R,
-    limits: Limits<R>,
-}
-
-/// The range that an output is kept in.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Limits<R> {
-    /// Lower limit [unit of the output].
-    pub low: R,
-    /// Upper limit [unit of the output].
-    pub high: R,
+    limits: Saturation<R>,
 }
 
 /// What a [`Pid`] remembers from sample to sample.
@@ -66,29 +57,10 @@ pub struct PidState<R> {
     pub started: bool,
 }
 
-impl<R: Real> Limits<R> {
-    /// `low` < `high`.
-    pub fn new(low: R, high: R) -> Result<Self, ParameterError> {
-        let low = require("low", low, low < high, "a number below the upper limit")?;
-        let high = require("high", high, true, "a number above the lower limit")?;
-        Ok(Self { low, high })
-    }
-
-    /// No limits short of the largest number.
-    pub fn none() -> Self {
-        Self { low: -R::LARGEST, high: R::LARGEST }
-    }
-
-    #[inline(always)]
-    fn keep(&self, u: R) -> R {
-        u.greater(self.low).lesser(self.high)
-    }
-}
-
 impl<R: Real> Pid<R> {
     /// Gain `k` ≠ 0, negative for a direct-acting controller [output per process value], integral time `ti` > 0 [s],
     /// derivative time `td` ≥ 0 [s], setpoint weight `b` between 0 and 1.
-    pub fn new(k: R, ti: R, td: R, b: R, limits: Limits<R>) -> Result<Self, ParameterError> {
+    pub fn new(k: R, ti: R, td: R, b: R, limits: Saturation<R>) -> Result<Self, ParameterError> {
         Ok(Self {
             k: require("k", k, k != R::ZERO, "a number other than 0")?,
             ti: require("ti", ti, ti > R::ZERO, "greater than 0 s")?,
@@ -107,7 +79,7 @@ impl<R: Real> Pid<R> {
         if !v.is_number() || h <= R::ZERO {
             return state.output;
         }
-        let u = self.limits.keep(v);
+        let u = self.limits.update(v);
         *state = PidState { integral: i + (u - v) * (h / (self.ti + h)), y: yf, output: u, started: true };
         u
     }
@@ -120,7 +92,7 @@ impl<R: Real> Pid<R> {
         if !u.is_number() {
             return state.output;
         }
-        let u = self.limits.keep(u);
+        let u = self.limits.update(u);
         let v_without_i = self.proportional(ysp, yf) - self.derivative(state, yf, h);
         if v_without_i.is_number() && h > R::ZERO {
             *state = PidState { integral: u - v_without_i, y: yf, output: u, started: true };
@@ -148,12 +120,12 @@ mod tests {
     use proptest::prelude::*;
 
     fn pid(td: f64, b: f64) -> Pid<f64> {
-        Pid::new(0.8, 5.0, td, b, Limits::new(-1.0, 1.0).unwrap()).unwrap()
+        Pid::new(0.8, 5.0, td, b, Saturation::new(-1.0, 1.0).unwrap()).unwrap()
     }
 
     #[test]
     fn parameters_out_of_bounds_are_named() {
-        let none = Limits::none();
+        let none = Saturation::none();
         for (k, ti, td, b, name) in [
             (0.0, 1.0, 0.0, 0.0, "k"),
             (f64::NAN, 1.0, 0.0, 0.0, "k"),
@@ -163,8 +135,6 @@ mod tests {
         ] {
             assert_eq!(Pid::new(k, ti, td, b, none).unwrap_err().name, name);
         }
-        assert_eq!(Limits::new(1.0, 1.0).unwrap_err().name, "low");
-        assert_eq!(Limits::new(1.0, f64::INFINITY).unwrap_err().name, "high");
     }
 
     #[test]
@@ -197,7 +167,7 @@ mod tests {
     #[test]
     fn single_precision_follows() {
         let wide = pid(0.3, 0.5);
-        let narrow = Pid::<f32>::new(0.8, 5.0, 0.3, 0.5, Limits::new(-1.0, 1.0).unwrap()).unwrap();
+        let narrow = Pid::<f32>::new(0.8, 5.0, 0.3, 0.5, Saturation::new(-1.0, 1.0).unwrap()).unwrap();
         let (mut a, mut b) = (PidState::default(), PidState::default());
         for i in 0_u8..200 {
             let y = f32::from(i % 7) * 0.125; // exact in both

@@ -1,9 +1,9 @@
 //! The golden cases of `vectors/`, which were computed without this crate: every output must agree to the last bit.
 
 use glapp_core::{
-    Backlash, BacklashState, Derivative, Detector, DetectorState, HalfPeriod, HalfPeriodState, Limits, MedianMean,
-    MedianMeanState, Noise, NoiseState, Pid, PidState, Real, Reason, Record, SafetyNet, Sample, SecondOrderFilter,
-    SecondOrderFilterState, Width, WidthParts, ZeroCrossing,
+    Backlash, BacklashState, Derivative, Detector, DetectorState, HalfPeriod, HalfPeriodState, MedianMean,
+    MedianMeanState, Noise, NoiseState, Pid, PidState, RateLimit, RateLimitState, Real, Reason, Record, SafetyNet,
+    Sample, Saturation, SecondOrderFilter, SecondOrderFilterState, Width, WidthParts, ZeroCrossing,
 };
 use serde_json::Value;
 use std::path::Path;
@@ -105,8 +105,8 @@ fn noise() {
 fn pid() {
     for case in cases("pid") {
         let limits = match (case.param("low"), case.param("high")) {
-            (Some(low), Some(high)) => Limits::new(low, high).unwrap(),
-            _ => Limits::none(),
+            (Some(low), Some(high)) => Saturation::new(low, high).unwrap(),
+            _ => Saturation::none(),
         };
         let block = Pid::new(case.given("k"), case.given("ti"), case.given("td"), case.given("b"), limits).unwrap();
         let mut state = PidState::default();
@@ -117,6 +117,23 @@ fn pid() {
                 block.track(&mut state, x[0], x[1], x[2], h)
             }
         });
+    }
+}
+
+#[test]
+fn saturation() {
+    for case in cases("saturation") {
+        let block = Saturation::new(case.given("low"), case.given("high")).unwrap();
+        case.check(|x, _| block.update(x[0]));
+    }
+}
+
+#[test]
+fn rate_limit() {
+    for case in cases("rate_limit") {
+        let block = RateLimit::new(case.given("rate")).unwrap();
+        let mut state = RateLimitState::default();
+        case.check(|x, h| block.update(&mut state, x[0], h));
     }
 }
 

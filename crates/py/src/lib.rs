@@ -7,7 +7,9 @@ mod columns;
 mod detector;
 mod noise;
 mod pid;
+mod rate_limit;
 mod read;
+mod saturation;
 mod sim;
 
 use pyo3::prelude::*;
@@ -27,7 +29,11 @@ mod _glapp {
     #[pymodule_export]
     use crate::pid::Pid;
     #[pymodule_export]
+    use crate::rate_limit::RateLimit;
+    #[pymodule_export]
     use crate::read::PyPlainCsv;
+    #[pymodule_export]
+    use crate::saturation::Saturation;
     #[pymodule_export]
     use crate::sim::{batch, closed_loop, random_walk};
 }

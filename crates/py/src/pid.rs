@@ -1,6 +1,6 @@
 //! The PID block.
 
-use glapp_core::{Limits, ParameterError, PidState};
+use glapp_core::{ParameterError, PidState, Saturation};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
@@ -17,7 +17,7 @@ impl Pid {
     #[pyo3(signature = (k, ti, td=0.0, b=0.0, limits=None))]
     fn new(k: f64, ti: f64, td: f64, b: f64, limits: Option<(f64, f64)>) -> PyResult<Self> {
         let block = || -> Result<_, ParameterError> {
-            let limits = limits.map_or(Ok(Limits::none()), |(low, high)| Limits::new(low, high))?;
+            let limits = limits.map_or(Ok(Saturation::none()), |(low, high)| Saturation::new(low, high))?;
             glapp_core::Pid::new(k, ti, td, b, limits)
         };
         Ok(Self { block: block().map_err(|e| PyValueError::new_err(e.to_string()))?, state: PidState::default() })

@@ -5,7 +5,7 @@ use crate::plant::{Sampled, SampledState};
 use crate::signal::sample_at;
 use crate::{Plant, Signal, SimError};
 use glapp_core::{
-    Backlash, BacklashState, Limits, Noise, NoiseState, Pid, PidState, SecondOrderFilter, SecondOrderFilterState,
+    Backlash, BacklashState, Noise, NoiseState, Pid, PidState, Saturation, SecondOrderFilter, SecondOrderFilterState,
 };
 use std::ops::Range;
 
@@ -42,7 +42,7 @@ pub struct ClosedLoop {
     pub b: f64,
     /// Time constant of the second-order filter before the controller [s]; 0 for none.
     pub tf: f64,
-    /// Limits of the output; `None` for none.
+    /// Saturation of the output; `None` for none.
     pub limits: Option<(f64, f64)>,
     /// Total width of the gap ≥ 0 [unit of the output].
     pub d: f64,
@@ -118,7 +118,7 @@ impl ClosedLoop {
 
     fn run_order<const N: usize>(&self) -> Result<Columns, SimError> {
         let plant = Sampled::<N>::new(&self.plant, self.h)?;
-        let limits = self.limits.map_or(Ok(Limits::none()), |(low, high)| Limits::new(low, high))?;
+        let limits = self.limits.map_or(Ok(Saturation::none()), |(low, high)| Saturation::new(low, high))?;
         let pid = Pid::new(self.k, self.ti, self.td, self.b, limits)?;
         let filter = SecondOrderFilter::new(self.tf)?;
         require("noise", self.noise, self.noise >= 0.0, "0 or greater")?;
@@ -217,7 +217,7 @@ struct Blocks<const N: usize> {
     filter: SecondOrderFilter<f64>,
     pid: Pid<f64>,
     gap: Backlash<f64>,
-    limits: Limits<f64>,
+    limits: Saturation<f64>,
 }
 
 #[derive(Clone)]

@@ -3,27 +3,19 @@
 //! `cargo run --example 02_stream`
 
 use glapp_core::{Detector, DetectorState, MedianMean, SafetyNet, Sample, SecondOrderFilter, Width};
-use glapp_sim::{ClosedLoop, Plant, Signal};
+use glapp_sim::{Controller, Piece, Plant, Scenario};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let (k, ti, h) = (0.48, 0.3117, 0.05);
-    let signals = ClosedLoop {
-        plant: Plant::named("P3")?,
-        k,
-        ti,
-        td: 0.0,
-        b: 0.0,
-        tf: ti / 10.0,
-        limits: None,
+    let controller = Controller { k, ti, td: 0.0, b: 0.0, tf: ti / 10.0, limits: None };
+    let signals = Scenario {
         d: 5.0,
-        noise: 0.1,
-        h,
-        t_end: 600.0,
-        setpoint: Signal::Steps(vec![(0.0, 50.0)]),
+        noise: vec![Piece::Uniform { amplitude: 0.1 }],
+        setpoint: vec![Piece::Steps(vec![(0.0, 50.0)])],
         // The valve must travel for its gap to show.
-        load: Signal::Steps((0..20).map(|n| (150.0 * f64::from(n), 20.0 * f64::from(n % 2))).collect()),
-        manual: vec![],
+        load: vec![Piece::Steps((0..20).map(|n| (150.0 * f64::from(n), 20.0 * f64::from(n % 2))).collect())],
         seed: 1,
+        ..Scenario::new(Plant::named("P3")?, controller, h, 600.0)
     }
     .run()?;
 

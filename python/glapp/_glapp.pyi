@@ -133,32 +133,19 @@ class MedianMean:
     def update(self, d: float) -> tuple[float, float, float, int, int]: ...
 
 def batch() -> list[tuple[str, list[float], list[float], float]]: ...
-def closed_loop(
-    *,
-    plant: tuple[Sequence[float], Sequence[float], float],
-    k: float,
-    ti: float,
-    td: float,
-    b: float,
-    tf: float,
-    limits: tuple[float, float] | None,
-    d: float,
-    noise: float,
-    h: float,
-    t_end: float,
-    setpoint: Sequence[tuple[float, float]] | npt.NDArray[np.float64],
-    load: Sequence[tuple[float, float]] | npt.NDArray[np.float64],
-    manual: Sequence[tuple[float, float, float | None]],
-    seed: int,
-) -> tuple[
-    npt.NDArray[np.float64],
-    npt.NDArray[np.float64],
-    npt.NDArray[np.float64],
-    npt.NDArray[np.float64],
-    npt.NDArray[np.float64],
-    npt.NDArray[np.float64],
-    npt.NDArray[np.uint8],
-]: ...
+
+class Scenario:
+    """A scenario, checked; `watch` are the settings of a detector beside it."""
+
+    def __init__(self, scenario: dict[str, Any], watch: tuple[Any, ...] | None = None) -> None: ...
+    def run(self) -> dict[str, Any]: ...
+
+def groups(scenarios: Sequence[Scenario]) -> list[list[int]]:
+    """Indices of the scenarios that are best run together."""
+
+def watch(scenarios: Sequence[Scenario]) -> list[tuple[float, float, float, int, int, str | None]]:
+    """d_hat, low, high (NaN: none), detections, half-periods and error of each, run together."""
+
 def random_walk(n: int, h: float, rate: float, seed: int) -> npt.NDArray[np.float64]: ...
 def reasons() -> list[str]: ...
 

@@ -3,62 +3,113 @@
 A loop is a plant (transfer function with exact dead time), a PI or PID controller, a gap of total width d between the
 controller and the valve, measurement noise, and what acts on it from outside::
 
-                                       load
-                                        │ +
-      sp ──→ PID ──→ limits ──→ gap ──→ ○ ──→ plant ──┬──→
-              ↑         │op      │position            │
-              │                                       ○ ←── noise
-              └──────────────── filter ←──────────────┴ pv
+                           op                     position      load
+                            │                        │           │ +
+      sp ──→ PID ──→ limits ┴→ rate ──→ gap ──→ friction ──→ ○ ──→ plant ──┬──→
+              ↑                                                            ○ ←── noise
+              └──────────────── filter ←───────────────────────────────────┴ pv
 
-The plant is sampled exactly (zero-order hold), the blocks are the same as everywhere in glapp, and the same arguments
-give the same bits.
+The plant is sampled exactly (zero-order hold), the blocks are the same as everywhere in glapp, and the same scenario
+gives the same bits, alone or among a thousand. `docs/simulator.md` has every element with its equation and source.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import os
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, Literal, TypeVar, overload
 
 import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.csv
+from rich.progress import Progress
 
 from . import _glapp
 from .errors import InputError
+from .quality import GAP_STEPS
+from .scenario import (
+    PLANTS,
+    Coloured,
+    File,
+    Friction,
+    Gaussian,
+    Manual,
+    Outer,
+    Piece,
+    Ramp,
+    Samples,
+    Scenario,
+    Sine,
+    Steps,
+    TransferFunction,
+    Uniform,
+    Walk,
+    read_scenario,
+)
 
-__all__ = ["PLANTS", "Plant", "Signal", "Simulation", "closed_loop", "random_walk"]
+__all__ = [
+    "PLANTS",
+    "Coloured",
+    "File",
+    "Friction",
+    "Gaussian",
+    "Manual",
+    "Outer",
+    "Plant",
+    "Ramp",
+    "Samples",
+    "Scenario",
+    "Signal",
+    "Simulation",
+    "Sine",
+    "Steps",
+    "TransferFunction",
+    "Uniform",
+    "Walk",
+    "closed_loop",
+    "random_walk",
+    "read_scenario",
+    "run",
+    "run_many",
+]
 
-Plant = tuple[Sequence[float], Sequence[float], float]
-"""Transfer function (num, den, dead time [s]), coefficients in descending powers of s."""
+Plant = TransferFunction | tuple[Sequence[float], Sequence[float], float]
+"""Transfer function, or (num, den, dead time [s]), coefficients in descending powers of s."""
 
-Signal = Sequence[tuple[float, float]] | npt.NDArray[np.float64]
-"""(time [s], value from then on) in ascending order, 0 before the first; or an array with one value a sample."""
-
-PLANTS: dict[str, Plant] = {name: (num, den, dead_time) for name, num, den, dead_time in _glapp.batch()}
-"""The test batch P1 to P8 (thesis 4.1)."""
+Signal = Piece | Sequence[Piece] | Sequence[tuple[float, float]] | npt.NDArray[np.float64]
+"""A piece or several, whose sum it is; (time [s], value from then on) in ascending order, 0 before the first; or an
+array with one value a sample."""
 
 NOT_AUTO, AT_LOW, AT_HIGH = 1, 4, 8
 """Bits of `Simulation.flags`: in manual, output at its lower limit, at its upper limit."""
 
+DETECTIONS = 9
+"""Detections that the estimate of `run_many` stands on, as everywhere where nothing else is said."""
+
 
 @dataclass(frozen=True, slots=True)
 class Simulation:
-    """Signals of a simulated loop, one value a sample.
+    """Signals of a simulated loop, one value a recorded sample.
 
     Attributes
     ----------
     t : float64[n]
-        Time [s], exactly k·h.
+        Time [s], exactly k·h where there is no jitter.
     sp, pv : float64[n]
-        Setpoint, and process value with noise as a recording has it, before any filter.
+        Setpoint (in a cascade that of the inner loop), and process value with noise as a recording has it, before any
+        filter.
     op, position : float64[n]
-        Controller output within its limits, and the valve position that the gap leaves of it.
+        Controller output within its limits as it is sent, and the valve position that speed, gap and friction leave.
     load : float64[n]
         Load at the process input [unit of op].
     flags : uint8[n]
         Bits `NOT_AUTO`, `AT_LOW`, `AT_HIGH`.
+    outer_sp, outer_pv : float64[n] or None
+        Setpoint and process value of the outer loop of a cascade, whose output is `sp`.
     """
 
     t: npt.NDArray[np.float64]
@@ -68,23 +119,26 @@ class Simulation:
     position: npt.NDArray[np.float64]
     load: npt.NDArray[np.float64]
     flags: npt.NDArray[np.uint8]
+    outer_sp: npt.NDArray[np.float64] | None = None
+    outer_pv: npt.NDArray[np.float64] | None = None
 
     def to_arrow(self) -> pa.Table:
-        """Arrow table with the columns t, SP, PV, OP, MODE, OP_LOW, OP_HIGH, POSITION, LOAD."""
+        """Columns t, SP, PV, OP, MODE, OP_LOW, OP_HIGH, POSITION, LOAD; in a cascade OUTER_SP and OUTER_PV too."""
         mode = pa.DictionaryArray.from_arrays(self.flags & NOT_AUTO, pa.array(["AUTO", "MAN"]))
-        return pa.table(
-            {
-                "t": self.t,
-                "SP": self.sp,
-                "PV": self.pv,
-                "OP": self.op,
-                "MODE": mode,
-                "OP_LOW": (self.flags & AT_LOW) != 0,
-                "OP_HIGH": (self.flags & AT_HIGH) != 0,
-                "POSITION": self.position,
-                "LOAD": self.load,
-            }
-        )
+        columns = {
+            "t": self.t,
+            "SP": self.sp,
+            "PV": self.pv,
+            "OP": self.op,
+            "MODE": mode,
+            "OP_LOW": (self.flags & AT_LOW) != 0,
+            "OP_HIGH": (self.flags & AT_HIGH) != 0,
+            "POSITION": self.position,
+            "LOAD": self.load,
+        }
+        if self.outer_sp is not None and self.outer_pv is not None:
+            columns |= {"OUTER_SP": self.outer_sp, "OUTER_PV": self.outer_pv}
+        return pa.table(columns)
 
     def write_csv(self, path: str | Path) -> None:
         """Write the columns of `to_arrow` as CSV, every number with all its digits."""
@@ -93,12 +147,114 @@ class Simulation:
         pyarrow.csv.write_csv(table.set_column(mode, "MODE", table["MODE"].cast(pa.string())), path)
 
 
+def run(scenario: Scenario) -> Simulation:
+    """Run a scenario from rest at its first setpoint and load.
+
+    Raises
+    ------
+    InputError
+        For a parameter out of its bounds, and for a closed loop that runs away, with the time.
+
+    Examples
+    --------
+    A valve that sticks, read off its position: it stands still while the output moves by s, then jumps by j
+    and what the output moved since the sample before.
+
+    >>> s = run(Scenario(plant="P1", controller=(0.363, 7.06), friction=Friction(model="kano", s=0.3, j=0.1),
+    ...                  load=[(5, 0.2)], t_end=600))
+    >>> jumps = np.abs(np.diff(s.position))
+    >>> f"{jumps[s.t[1:] > 300].max():.3f}"
+    '0.104'
+    """
+    return _simulation(_checked(scenario))
+
+
+_T = TypeVar("_T")
+
+
+@overload
+def run_many(
+    scenarios: Iterable[Scenario], keep: Literal["signals"] = "signals", *, progress: bool = True
+) -> list[Simulation]: ...
+@overload
+def run_many(scenarios: Iterable[Scenario], keep: Literal["estimate"], *, progress: bool = True) -> pa.Table: ...
+def run_many(
+    scenarios: Iterable[Scenario], keep: Literal["signals", "estimate"] = "signals", *, progress: bool = True
+) -> list[Simulation] | pa.Table:
+    """Run scenarios on all cores; each gives the same bits as alone.
+
+    Parameters
+    ----------
+    scenarios : iterable of Scenario
+        They are all checked before the first one runs.
+    keep : {"signals", "estimate"}
+        Every signal of every scenario; or only what the detector found, with the settings of the scenario's own
+        controller, its filter time, the plant's static gain and N = 9, without ever storing a signal.
+    progress : bool
+        Show a progress bar while it runs.
+
+    Returns
+    -------
+    list of Simulation, or pyarrow.Table
+        In the order given. The table has a row a scenario: name, seed, d [unit of op], d_hat [unit of op] (null where
+        there is no detection), low and high (range of the detections behind it), detections, half_periods, and error
+        (null, or why the loop could not be believed: an unstable one does not stop the others).
+
+    Raises
+    ------
+    InputError
+        For the first scenario that cannot run, with its number from 0; with "signals" also where a loop runs away.
+
+    Examples
+    --------
+    >>> scenarios = [Scenario(plant="P3", controller=(0.48, 0.3117), d=0.05, noise=0.002, setpoint=[(1, 1.0)],
+    ...                       load=[(100, 0.3)], seed=seed) for seed in range(3)]
+    >>> table = run_many(scenarios, keep="estimate", progress=False)
+    >>> [round(d, 3) for d in table["d_hat"].to_pylist()]
+    [0.053, 0.052, 0.053]
+    """
+    given = list(scenarios)
+    if keep not in ("signals", "estimate"):
+        raise InputError(f"is {keep!r}, must be 'signals' or 'estimate'", parameter="keep", value=keep)
+    checked = [_numbered(i, lambda s=s: _checked(s, watch=keep == "estimate")) for i, s in enumerate(given)]  # type: ignore[misc]
+    if keep == "signals":
+        simulations: list[Simulation | None] = [None] * len(given)
+
+        def simulate(jobs: list[int]) -> None:
+            for i in jobs:
+                simulations[i] = _numbered(i, lambda i=i: _simulation(checked[i]))  # type: ignore[misc]
+
+        _on_all_cores(simulate, [[i] for i in range(len(given))], "simulating", progress)
+        return [simulation for simulation in simulations if simulation is not None]
+    seen: list[Any] = [None] * len(given)
+
+    def watch(jobs: list[int]) -> None:
+        for i, found in zip(jobs, _glapp.watch([checked[i] for i in jobs]), strict=True):
+            seen[i] = found
+
+    _on_all_cores(watch, _glapp.groups(checked), "watching", progress)
+    d_hat, low, high, detections, half_periods, error = zip(*seen, strict=True) if seen else ((),) * 6
+    return pa.table(
+        {
+            "name": pa.array([s.name for s in given], pa.string()),
+            "seed": pa.array([s.seed for s in given], pa.uint64()),
+            "d": pa.array([s.d for s in given], pa.float64()),
+            "d_hat": pa.array(d_hat, pa.float64(), from_pandas=True),
+            "low": pa.array(low, pa.float64(), from_pandas=True),
+            "high": pa.array(high, pa.float64(), from_pandas=True),
+            "detections": pa.array(detections, pa.uint32()),
+            "half_periods": pa.array(half_periods, pa.uint32()),
+            "error": pa.array(error, pa.string()),
+        }
+    )
+
+
 def closed_loop(
     plant: str | Plant,
-    controller: Sequence[float],
+    controller: Any,
     *,
     d: float = 0.05,
-    noise: float = 0.005,
+    noise: float | Signal = 0.005,
     h: float = 0.05,
     t_end: float = 1000.0,
     setpoint: Signal = (),
@@ -107,35 +263,14 @@ def closed_loop(
     manual: Sequence[tuple[float, float] | tuple[float, float, float]] = (),
     tf: float | None = None,
     seed: int = 0,
+    **more: Any,
 ) -> Simulation:
-    """Simulate a loop from rest.
+    """Run a scenario, in one line: with the gap and the noise of the thesis where nothing else is said.
 
     Parameters
     ----------
-    plant : str or (num, den, dead_time)
-        "P1" to "P8", or a transfer function of order 1 to 10, num of lower degree than den, coefficients in descending
-        powers of s, with its dead time ≥ 0 [s].
-    controller : (k, ti), (k, ti, td) or (k, ti, td, b)
-        Ideal form (4.1), as `Loop.ideal` gives it: gain k ≠ 0, negative where more output lowers the process value;
-        ti > 0 [s]; td ≥ 0 [s]; setpoint weight b in 0..1, 0 where not given, as in the thesis.
-    d : float
-        Total width of the gap [unit of op], ≥ 0.
-    noise : float
-        Amplitude of the uniform measurement noise [unit of pv], ≥ 0.
-    h, t_end : float
-        Time between samples [s], > 0 and at most π over the magnitude of the plant's fastest pole; time of the last
-        sample [s].
-    setpoint, load : Signal
-        The loop begins at rest at their first values; load acts at the process input, after the gap.
-    limits : (low, high), optional
-        Limits of the output, with anti-windup.
-    manual : list of (from, to) or (from, to, op)
-        Stretches from ≤ t < to [s] in manual, at op or where the output stood; back to auto without a bump.
-    tf : float, optional
-        Time constant of the second-order filter before the controller [s], 0 for none. Where not given, the thesis' own
-        (2.1): td/5, and ti/10 for a PI controller.
-    seed : int
-        Seed of the noise, 0..2⁶⁴ − 1.
+    plant, controller, d, noise, h, t_end, setpoint, load, limits, manual, tf, seed, **more
+        As in `Scenario`.
 
     Returns
     -------
@@ -158,31 +293,21 @@ def closed_loop(
     Traceback (most recent call last):
     glapp.errors.InputError: unstable closed loop: ...
     """
-    if not 2 <= len(controller) <= 4:
-        raise InputError("write (k, ti), (k, ti, td) or (k, ti, td, b)", parameter="controller", value=controller)
-    k, ti, td, b = [*controller, 0.0, 0.0][:4]
-    _check_seed(seed)
-    try:
-        t, sp, pv, op, position, load_column, flags = _glapp.closed_loop(
-            plant=_transfer_function(plant),
-            k=k,
-            ti=ti,
-            td=td,
-            b=b,
-            tf=(td / 5 if td > 0 else ti / 10) if tf is None else tf,
-            limits=limits,
-            d=d,
-            noise=noise,
-            h=h,
-            t_end=t_end,
-            setpoint=_signal("setpoint", setpoint),
-            load=_signal("load", load),
-            manual=[(*stretch, None) if len(stretch) == 2 else stretch for stretch in manual],
-            seed=seed,
-        )
-    except ValueError as error:
-        raise InputError(str(error)) from None
-    return Simulation(t, sp, pv, op, position, load_column, flags)
+    fields: dict[str, Any] = {
+        "plant": plant,
+        "controller": controller,
+        "d": d,
+        "noise": noise,
+        "h": h,
+        "t_end": t_end,
+        "setpoint": setpoint,
+        "load": load,
+        "limits": limits,
+        "manual": manual,
+        "tf": tf,
+        "seed": seed,
+    }
+    return run(Scenario(**fields, **more))
 
 
 def random_walk(n: int, h: float, rate: float, seed: int = 0) -> npt.NDArray[np.float64]:
@@ -206,7 +331,8 @@ def random_walk(n: int, h: float, rate: float, seed: int = 0) -> npt.NDArray[np.
     >>> bool(np.array_equal(s.load, walk))
     True
     """
-    _check_seed(seed)
+    if not 0 <= seed < 2**64:
+        raise InputError(f"is {seed}, must be 0..2⁶⁴ − 1", parameter="seed", value=seed, bound="0..2⁶⁴ − 1")
     if n < 0:
         raise InputError(f"is {n}, must be 0 or greater", parameter="n", value=n, bound="≥ 0")
     try:
@@ -215,26 +341,51 @@ def random_walk(n: int, h: float, rate: float, seed: int = 0) -> npt.NDArray[np.
         raise InputError(str(error)) from None
 
 
-def _signal(name: str, signal: Signal) -> Signal:
-    """Bring the signal into one of the two shapes that the simulator takes."""
-    if isinstance(signal, np.ndarray) and signal.ndim == 1:
-        return np.ascontiguousarray(signal, dtype=np.float64)
+def _checked(scenario: Scenario, watch: bool = False) -> _glapp.Scenario:
+    settings = None
+    if watch:
+        ideal, limits = scenario.ideal(), scenario.limits
+        span = None if limits is None else limits[1] - limits[0]
+        tf, kp = scenario.filter_time(), scenario.process_gain()
+        settings = (*ideal, kp, tf, DETECTIONS, GAP_STEPS * scenario.h, span, limits, 0)
     try:
-        return [(float(t), float(value)) for t, value in signal]
-    except (TypeError, ValueError):
-        hint = "write [(time, value), …] or an array with one number a sample"
-        raise InputError("is no signal", parameter=name, value=signal, hint=hint) from None
+        return _glapp.Scenario(scenario.for_rust(), settings)
+    except ValueError as error:
+        raise InputError(str(error)) from None
 
 
-def _check_seed(seed: int) -> None:
-    if not 0 <= seed < 2**64:
-        raise InputError(f"is {seed}, must be 0..2⁶⁴ − 1", parameter="seed", value=seed, bound="0..2⁶⁴ − 1")
-
-
-def _transfer_function(plant: str | Plant) -> Plant:
-    hint = f"write {', '.join(PLANTS)} or (num, den, dead_time)"
+def _simulation(checked: _glapp.Scenario) -> Simulation:
     try:
-        num, den, dead_time = PLANTS[plant] if isinstance(plant, str) else plant
-        return [float(c) for c in num], [float(c) for c in den], float(dead_time)
-    except (KeyError, TypeError, ValueError):
-        raise InputError(f"is {plant!r}", parameter="plant", value=plant, hint=hint) from None
+        columns = checked.run()
+    except ValueError as error:
+        raise InputError(str(error)) from None
+    for name in ("outer_sp", "outer_pv"):
+        if not len(columns[name]):
+            del columns[name]
+    return Simulation(**columns)
+
+
+def _numbered(i: int, work: Callable[[], _T]) -> _T:
+    """Do the work for scenario `i`, and name it in what goes wrong."""
+    try:
+        return work()
+    except InputError as error:
+        raise InputError(
+            str(error), parameter=f"scenario {i}", value=error.value, bound=error.bound, hint=error.hint
+        ) from None
+
+
+def _on_all_cores(work: Callable[[list[int]], None], jobs: list[list[int]], what: str, progress: bool) -> None:
+    with (
+        Progress(disable=not progress, transient=True) as bar,
+        ThreadPoolExecutor(max_workers=os.cpu_count()) as pool,
+    ):
+        task = bar.add_task(what, total=sum(len(job) for job in jobs))
+        running = {pool.submit(work, job): len(job) for job in jobs}
+        try:
+            for done in as_completed(running):
+                done.result()
+                bar.advance(task, running[done])
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise

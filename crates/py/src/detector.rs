@@ -20,9 +20,9 @@ fn refused(error: ParameterError) -> PyErr {
 /// others are counted.
 const SHORT_KEPT: usize = 50_000;
 
-type Settings = (f64, f64, Option<f64>, f64, Option<f64>, f64, u32, f64, Option<f64>, Option<(f64, f64)>, u8);
+pub type Settings = (f64, f64, Option<f64>, f64, Option<f64>, f64, u32, f64, Option<f64>, Option<(f64, f64)>, u8);
 
-fn detector(settings: &Settings) -> Result<Detector<f64>, ParameterError> {
+pub fn detector(settings: &Settings) -> Result<Detector<f64>, ParameterError> {
     let &(k, ti, td, b, kp, tf, n, max_h, op_span, op_limits, off) = settings;
     let mut net = SafetyNet::new(op_span)?;
     let on = |bit: u8| off & (1 << bit) == 0;

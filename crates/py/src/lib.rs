@@ -35,5 +35,5 @@ mod _glapp {
     #[pymodule_export]
     use crate::saturation::Saturation;
     #[pymodule_export]
-    use crate::sim::{batch, closed_loop, random_walk};
+    use crate::sim::{PyChecked, batch, groups, random_walk, watch};
 }

@@ -1,15 +1,19 @@
 //! Plants and closed loops with backlash: where the truth for every test of glapp comes from.
 //!
 //! Everything is exact at the samples (zero-order hold by the matrix exponential, dead time of any length), and
-//! deterministic: the same loop with the same seed gives the same bits.
+//! deterministic: the same scenario with the same seed gives the same bits, alone or among others.
 
-mod closed_loop;
+mod engine;
 mod error;
+mod friction;
 mod matrix;
 mod plant;
+mod random;
+mod scenario;
 mod signal;
 
-pub use closed_loop::{AT_HIGH, AT_LOW, ClosedLoop, Columns, Manual, NOT_AUTO};
 pub use error::SimError;
+pub use friction::{Friction, FrictionState, Model};
 pub use plant::{BATCH, MAX_ORDER, Named, Plant};
-pub use signal::{Signal, random_walk};
+pub use scenario::{AT_HIGH, AT_LOW, Columns, Controller, Manual, NOT_AUTO, Outer, Scenario, Seen};
+pub use signal::{Piece, Signal, random_walk};

@@ -1,0 +1,495 @@
+//! One loop, sample by sample.
+
+use crate::error::require;
+use crate::friction::FrictionState;
+use crate::plant::{MAX_ORDER, Sampled, SampledState};
+use crate::random::Integers;
+use crate::scenario::{AT_HIGH, AT_LOW, Columns, Controller, Manual, NOT_AUTO, Scenario, magnitude};
+use crate::signal::{Source, sample_at};
+use crate::{Friction, Outer, Plant, SimError};
+use glapp_core::{
+    Backlash, BacklashState, Pid, PidState, RateLimit, RateLimitState, Saturation, SecondOrderFilter,
+    SecondOrderFilterState,
+};
+use std::ops::Range;
+
+/// More samples than this are a slip of the pen, not a simulation.
+const MOST_SAMPLES: f64 = 1e8;
+/// How far beyond what is asked of it a loop may go before it is called unstable.
+const RUNAWAY: f64 = 1e6;
+
+/// The random streams of a scenario.
+pub(crate) mod stream {
+    pub(crate) const NOISE: u64 = 0;
+    pub(crate) const SETPOINT: u64 = 1;
+    pub(crate) const LOAD: u64 = 2;
+    pub(crate) const OUTER_NOISE: u64 = 3;
+    pub(crate) const OUTER_LOAD: u64 = 4;
+    pub(crate) const JITTER: u64 = 5;
+    pub(crate) const LOST: u64 = 6;
+}
+
+/// A scenario under way.
+pub(crate) struct Run {
+    /// Samples in all.
+    pub(crate) n: usize,
+    sp: Source,
+    load: Source,
+    noise: Source,
+    stretches: Vec<(Range<usize>, Mode)>,
+    machine: Box<dyn Machine>,
+    bounds: Bounds,
+}
+
+/// Number of samples of a scenario.
+pub(crate) fn samples(h: f64, t_end: f64) -> Result<usize, SimError> {
+    require("h", h, h > 0.0, "greater than 0 s")?;
+    let within = t_end >= 0.0 && t_end / h < MOST_SAMPLES;
+    require("t_end", t_end, within, "0 s or greater, and not above 10⁸ steps")?;
+    Ok((t_end / h + 1e-9).floor() as usize + 1)
+}
+
+/// Where a loop is at rest.
+pub(crate) struct Rest {
+    /// Process value.
+    pub(crate) y: f64,
+    /// Input of the process.
+    pub(crate) v: f64,
+    /// Output of the controller.
+    pub(crate) op: f64,
+}
+
+/// The loop at rest at the process value `y` under `load`.
+pub(crate) fn rest(plant: &Plant, limits: Saturation<f64>, y: f64, load: f64) -> Result<Rest, SimError> {
+    let v = plant.gain().map_or(0.0, |kp| y / kp);
+    let op = v - load;
+    if limits.update(op) == op {
+        Ok(Rest { y, v, op })
+    } else {
+        Err(SimError::NoRest { op, why: "outside the limits" })
+    }
+}
+
+type ControllerBlocks = (SecondOrderFilter<f64>, Pid<f64>, Saturation<f64>);
+
+impl Controller {
+    pub(crate) fn blocks(&self) -> Result<ControllerBlocks, SimError> {
+        let limits = self.limits.map_or(Ok(Saturation::none()), |(low, high)| Saturation::new(low, high))?;
+        Ok((SecondOrderFilter::new(self.tf)?, Pid::new(self.k, self.ti, self.td, self.b, limits)?, limits))
+    }
+}
+
+impl Run {
+    pub(crate) fn new(s: &Scenario) -> Result<Self, SimError> {
+        let n = samples(s.h, s.t_end)?;
+        let source = |name, signal, stream| Source::new(name, signal, s.h, n, s.seed, stream);
+        let (sp, load) = (source("setpoint", &s.setpoint, stream::SETPOINT)?, source("load", &s.load, stream::LOAD)?);
+        let (mut first_sp, mut first_load) = ([0.0], [0.0]);
+        sp.clone().fill(0, &mut first_sp);
+        load.clone().fill(0, &mut first_load);
+        Ok(Self {
+            n,
+            noise: source("noise", &s.noise, stream::NOISE)?,
+            stretches: stretches(&s.manual, s.h, n)?,
+            machine: machine(s, n, first_sp[0], first_load[0])?,
+            bounds: Bounds::new(s),
+            sp,
+            load,
+        })
+    }
+
+    /// Takes the next samples, `first` and those that follow, into the columns.
+    pub(crate) fn advance(&mut self, columns: &mut Columns, at: Range<usize>, first: usize) -> Result<(), SimError> {
+        self.sp.fill(first, &mut columns.sp[at.clone()]);
+        self.load.fill(first, &mut columns.load[at.clone()]);
+        // The noise waits in the place of the process value that it is added to.
+        self.noise.fill(first, &mut columns.pv[at.clone()]);
+        let end = first + at.len();
+        for (samples, mode) in &self.stretches {
+            let (from, to) = (samples.start.max(first), samples.end.min(end));
+            if from < to {
+                self.machine.advance(columns, at.start + from - first..at.start + to - first, from, *mode);
+            }
+        }
+        self.bounds.check(columns, at)
+    }
+}
+
+/// The run cut into stretches of one mode.
+fn stretches(manual: &[Manual], h: f64, n: usize) -> Result<Vec<(Range<usize>, Mode)>, SimError> {
+    let mut stretches = Vec::new();
+    let mut done = 0;
+    let mut last = f64::NEG_INFINITY;
+    for &Manual { from, to, op } in manual {
+        let number = from.is_finite() && to.is_finite() && op.is_none_or(f64::is_finite);
+        if !number || from < last || to <= from {
+            let what = format!("stretch from {from} s to {to} s; write ascending times that do not overlap");
+            return Err(SimError::Signal { name: "manual", what });
+        }
+        last = to;
+        let (begin, end) = (sample_at(from, h, n), sample_at(to, h, n));
+        stretches.push((done..begin, Mode::Auto));
+        stretches.push((begin..end, Mode::Manual(op)));
+        done = end;
+    }
+    stretches.push((done..n, Mode::Auto));
+    Ok(stretches)
+}
+
+/// Beyond these a loop has run away.
+pub(crate) struct Bounds {
+    op: f64,
+    pv: f64,
+}
+
+impl Bounds {
+    pub(crate) fn new(s: &Scenario) -> Self {
+        let t = s.t_end.max(s.h);
+        let mut asked = magnitude(&s.setpoint, t);
+        if let Some(outer) = &s.outer {
+            let asked_outside = asked + magnitude(&outer.noise, t);
+            asked = outer.d
+                + magnitude(&outer.load, t)
+                + asked_outside * (outer.controller.k.abs() + 1.0 / outer.plant.reach(t));
+        }
+        asked += magnitude(&s.noise, t);
+        let reach = s.plant.reach(t);
+        let by_hand = s.manual.iter().filter_map(|stretch| stretch.op).fold(0.0, |a: f64, op| a.max(op.abs()));
+        let width = s.d + s.friction.map_or(0.0, |friction| friction.width());
+        let effort = magnitude(&s.load, t) + width + by_hand + asked * (s.controller.k.abs() + 1.0 / reach);
+        Self { op: RUNAWAY * effort, pv: RUNAWAY * (asked + effort * reach) }
+    }
+
+    pub(crate) fn check(&self, columns: &Columns, at: Range<usize>) -> Result<(), SimError> {
+        let (op, pv) = (&columns.op[at.clone()], &columns.pv[at.clone()]);
+        // Written so that what is no number counts as beyond.
+        let within = |x: f64, bound: f64| x.abs() <= bound;
+        let all = |x: &[f64], bound: f64| x.iter().fold(true, |all, x| all & within(*x, bound));
+        if all(op, self.op) && all(pv, self.pv) {
+            return Ok(());
+        }
+        let beyond = |k: &usize| !within(op[*k], self.op) || !within(pv[*k], self.pv);
+        let k = (0..op.len()).find(beyond).unwrap_or(0);
+        let (signal, bound) = if within(op[k], self.op) { ("PV", self.pv) } else { ("OP", self.op) };
+        Err(SimError::Unstable { signal, bound, t: columns.t[at.start + k] })
+    }
+}
+
+/// Who sets the output; in manual, to what, unless it stays.
+#[derive(Clone, Copy)]
+enum Mode {
+    Auto,
+    Manual(Option<f64>),
+}
+
+/// A loop of any order: sp, load and noise (in the place of pv) in the columns become all signals.
+trait Machine {
+    fn advance(&mut self, columns: &mut Columns, at: Range<usize>, first: usize, mode: Mode);
+}
+
+/// A process of any order.
+trait Process {
+    fn update(&mut self, v: f64) -> f64;
+}
+
+/// Calls a function generic in the order of a plant.
+macro_rules! by_order {
+    ($order:expr, $function:ident($($argument:expr),*)) => {
+        match $order {
+            1 => $function::<1>($($argument),*),
+            2 => $function::<2>($($argument),*),
+            3 => $function::<3>($($argument),*),
+            4 => $function::<4>($($argument),*),
+            5 => $function::<5>($($argument),*),
+            6 => $function::<6>($($argument),*),
+            7 => $function::<7>($($argument),*),
+            8 => $function::<8>($($argument),*),
+            9 => $function::<9>($($argument),*),
+            _ => $function::<MAX_ORDER>($($argument),*),
+        }
+    };
+}
+fn machine(s: &Scenario, n: usize, sp: f64, load: f64) -> Result<Box<dyn Machine>, SimError> {
+    by_order!(s.plant.order(), machine_of_order(s, n, sp, load))
+}
+
+fn machine_of_order<const N: usize>(s: &Scenario, n: usize, sp: f64, load: f64) -> Result<Box<dyn Machine>, SimError> {
+    let plant = Sampled::<N>::new(&s.plant, s.h)?;
+    let (filter, pid, limits) = s.controller.blocks()?;
+    let gap = Backlash::new(s.d)?;
+    let outside = s.outer.as_ref().map(|outer| Outside::new(outer, s, n, sp)).transpose()?;
+    let rest = rest(&s.plant, limits, outside.as_ref().map_or(sp, |outer| outer.pid_state.output), load)?;
+    let mut state = State {
+        y: rest.y,
+        plant: plant.at_rest(rest.y, rest.v, n),
+        filter: SecondOrderFilterState::default(),
+        pid: PidState::default(),
+        gap: BacklashState::at(rest.op),
+    };
+    pid.track(&mut state.pid, rest.y, rest.y, rest.op, s.h);
+    let resolution = |name, value: f64| require(name, value, value >= 0.0, "0 or greater");
+    let extras = Extras {
+        pv_resolution: resolution("pv_resolution", s.pv_resolution)?,
+        op_resolution: resolution("op_resolution", s.op_resolution)?,
+        rate: s.rate.map(RateLimit::new).transpose()?.map(|rate| (rate, RateLimitState::at(rest.op))),
+        friction: s.friction.map(|friction| (friction, FrictionState::at(rest.op))),
+        outside,
+    };
+    let blocks = Blocks { plant, filter, pid, gap, limits, h: s.h };
+    Ok(Box::new(Single { blocks, state, extras: extras.any().then_some(extras) }))
+}
+
+struct Single<const N: usize> {
+    blocks: Blocks<N>,
+    state: State<N>,
+    extras: Option<Extras>,
+}
+
+struct Blocks<const N: usize> {
+    plant: Sampled<N>,
+    filter: SecondOrderFilter<f64>,
+    pid: Pid<f64>,
+    gap: Backlash<f64>,
+    limits: Saturation<f64>,
+    h: f64,
+}
+
+#[derive(Clone)]
+struct State<const N: usize> {
+    /// Process value without noise at the coming sample.
+    y: f64,
+    plant: SampledState<N>,
+    filter: SecondOrderFilterState<f64>,
+    pid: PidState<f64>,
+    gap: BacklashState<f64>,
+}
+
+/// What most loops do without.
+struct Extras {
+    pv_resolution: f64,
+    op_resolution: f64,
+    rate: Option<(RateLimit<f64>, RateLimitState<f64>)>,
+    friction: Option<(Friction, FrictionState)>,
+    outside: Option<Outside>,
+}
+
+/// The outer loop of a cascade.
+struct Outside {
+    noise: Source,
+    load: Source,
+    load_now: Vec<f64>,
+    filter: SecondOrderFilter<f64>,
+    filter_state: SecondOrderFilterState<f64>,
+    pid: Pid<f64>,
+    pid_state: PidState<f64>,
+    gap: Backlash<f64>,
+    gap_state: BacklashState<f64>,
+    plant: Box<dyn Process>,
+    y: f64,
+}
+
+impl<const N: usize> Machine for Single<N> {
+    fn advance(&mut self, columns: &mut Columns, at: Range<usize>, first: usize, mode: Mode) {
+        let mut nothing = Extras::none();
+        let (blocks, state) = (&self.blocks, &mut self.state);
+        match (mode, &mut self.extras) {
+            (Mode::Auto, None) => blocks.advance::<false, true>(state, &mut nothing, columns, at, first, None),
+            (Mode::Auto, Some(extras)) => blocks.advance::<false, false>(state, extras, columns, at, first, None),
+            (Mode::Manual(op), None) => blocks.advance::<true, true>(state, &mut nothing, columns, at, first, op),
+            (Mode::Manual(op), Some(extras)) => blocks.advance::<true, false>(state, extras, columns, at, first, op),
+        }
+    }
+}
+
+impl<const N: usize> Blocks<N> {
+    /// Takes the samples `at` of the columns, in manual with the output at `manual` or where it stands.
+    fn advance<const MANUAL: bool, const PLAIN: bool>(
+        &self,
+        state: &mut State<N>,
+        extras: &mut Extras,
+        columns: &mut Columns,
+        at: Range<usize>,
+        first: usize,
+        manual: Option<f64>,
+    ) {
+        // A copy that nothing else can point to stays in registers.
+        let mut s = state.clone();
+        let h = self.h;
+        if let (false, Some(outside)) = (PLAIN, &mut extras.outside) {
+            // The setpoint given is the outer one; the inner one is written in its place.
+            columns.outer_sp[at.clone()].copy_from_slice(&columns.sp[at.clone()]);
+            outside.noise.fill(first, &mut columns.outer_pv[at.clone()]);
+            outside.load_now.resize(at.len(), 0.0);
+            outside.load.fill(first, &mut outside.load_now);
+        }
+        let (outer_sp, outer_pv) = (&columns.outer_sp[..], &mut columns.outer_pv[..]);
+        let begin = at.start;
+        let (t, sp) = (&mut columns.t[at.clone()], &mut columns.sp[at.clone()]);
+        let (pv, op) = (&mut columns.pv[at.clone()], &mut columns.op[at.clone()]);
+        let (position, load) = (&mut columns.position[at.clone()], &columns.load[at.clone()]);
+        let flags = &mut columns.flags[at];
+        let n = t.len();
+        assert!([sp.len(), pv.len(), op.len(), position.len(), load.len(), flags.len()] == [n; 6]);
+        for k in 0..n {
+            let mut y = s.y + pv[k];
+            if !PLAIN {
+                y = rounded(y, extras.pv_resolution);
+                if let Some(outside) = &mut extras.outside {
+                    sp[k] = outside.before::<MANUAL>(outer_sp[begin + k], &mut outer_pv[begin + k], h);
+                }
+            }
+            let yf = self.filter.update(&mut s.filter, y, h);
+            let u = if MANUAL {
+                let held = manual.unwrap_or(s.pid.output);
+                self.pid.track(&mut s.pid, sp[k], yf, held, h)
+            } else {
+                self.pid.update(&mut s.pid, sp[k], yf, h)
+            };
+            let mut sent = u;
+            let mut x = u;
+            if !PLAIN {
+                sent = rounded(u, extras.op_resolution);
+                x = sent;
+                if let Some((rate, state)) = &mut extras.rate {
+                    x = rate.update(state, x, h);
+                }
+            }
+            x = self.gap.update(&mut s.gap, x);
+            if !PLAIN {
+                if let Some((friction, state)) = &mut extras.friction {
+                    x = friction.update(state, x);
+                }
+                if let Some(outside) = &mut extras.outside {
+                    outside.after(k, s.y);
+                }
+            }
+            s.y = self.plant.update(&mut s.plant, x + load[k]);
+            t[k] = (first + k) as f64 * h;
+            pv[k] = y;
+            op[k] = sent;
+            position[k] = x;
+            let mode = if MANUAL { NOT_AUTO } else { 0 };
+            flags[k] =
+                mode | if u <= self.limits.low { AT_LOW } else { 0 } | if u >= self.limits.high { AT_HIGH } else { 0 };
+        }
+        *state = s;
+    }
+}
+
+/// The nearest multiple of `resolution`, halves upwards; `x` itself where that is 0.
+fn rounded(x: f64, resolution: f64) -> f64 {
+    if resolution > 0.0 { (x / resolution + 0.5).floor() * resolution } else { x }
+}
+
+impl Extras {
+    fn none() -> Self {
+        Self { pv_resolution: 0.0, op_resolution: 0.0, rate: None, friction: None, outside: None }
+    }
+
+    fn any(&self) -> bool {
+        self.pv_resolution > 0.0
+            || self.op_resolution > 0.0
+            || self.rate.is_some()
+            || self.friction.is_some()
+            || self.outside.is_some()
+    }
+}
+
+impl Outside {
+    fn new(outer: &Outer, s: &Scenario, n: usize, sp: f64) -> Result<Self, SimError> {
+        let source = |name, signal, stream| Source::new(name, signal, s.h, n, s.seed, stream);
+        let noise = source("outer noise", &outer.noise, stream::OUTER_NOISE)?;
+        let load = source("outer load", &outer.load, stream::OUTER_LOAD)?;
+        let (filter, pid, limits) = outer.controller.blocks()?;
+        let mut first_load = [0.0];
+        load.clone().fill(0, &mut first_load);
+        let rest = rest(&outer.plant, limits, sp, first_load[0])?;
+        let mut pid_state = PidState::default();
+        pid.track(&mut pid_state, sp, sp, rest.op, s.h);
+        Ok(Self {
+            noise,
+            load,
+            load_now: Vec::new(),
+            filter,
+            filter_state: SecondOrderFilterState::default(),
+            pid,
+            pid_state,
+            gap: Backlash::new(outer.d)?,
+            gap_state: BacklashState::at(rest.op),
+            plant: by_order!(outer.plant.order(), process(&outer.plant, s.h, &rest, n))?,
+            y: rest.y,
+        })
+    }
+
+    /// Takes the outer setpoint and, in the place of the process value, its noise; gives the inner setpoint.
+    fn before<const MANUAL: bool>(&mut self, sp: f64, pv: &mut f64, h: f64) -> f64 {
+        *pv += self.y;
+        let yf = self.filter.update(&mut self.filter_state, *pv, h);
+        match MANUAL {
+            true => {
+                let held = self.pid_state.output;
+                self.pid.track(&mut self.pid_state, sp, yf, held, h)
+            }
+            false => self.pid.update(&mut self.pid_state, sp, yf, h),
+        }
+    }
+
+    /// Takes the inner process value, which drives the outer process from here to the next sample.
+    fn after(&mut self, k: usize, inner: f64) {
+        let x = self.gap.update(&mut self.gap_state, inner);
+        self.y = self.plant.update(x + self.load_now[k]);
+    }
+}
+
+struct Alone<const N: usize> {
+    plant: Sampled<N>,
+    state: SampledState<N>,
+}
+
+impl<const N: usize> Process for Alone<N> {
+    fn update(&mut self, v: f64) -> f64 {
+        self.plant.update(&mut self.state, v)
+    }
+}
+
+fn process<const N: usize>(plant: &Plant, h: f64, rest: &Rest, n: usize) -> Result<Box<dyn Process>, SimError> {
+    let plant = Sampled::<N>::new(plant, h)?;
+    let state = plant.at_rest(rest.y, rest.v, n);
+    Ok(Box::new(Alone { plant, state }))
+}
+
+/// From what happened to what the historian has: times that are wrong, samples that are lost.
+pub(crate) struct Recorder {
+    jitter: f64,
+    lost: f64,
+    jitters: Integers,
+    losses: Integers,
+}
+
+impl Recorder {
+    pub(crate) fn new(s: &Scenario) -> Result<Self, SimError> {
+        let integers = |stream: u64| Integers::seeded(s.seed.wrapping_add(stream << 40));
+        Ok(Self {
+            jitter: require("jitter", s.jitter, (0.0..=s.h / 2.0).contains(&s.jitter), "0 s or greater, at most h/2")?,
+            lost: require("lost", s.lost, (0.0..1.0).contains(&s.lost), "0 or greater, below 1")?,
+            jitters: integers(stream::JITTER),
+            losses: integers(stream::LOST),
+        })
+    }
+
+    /// Moves the samples that are recorded to the front of `at`; gives how many there are.
+    pub(crate) fn record(&mut self, columns: &mut Columns, at: Range<usize>) -> usize {
+        if self.jitter > 0.0 {
+            self.jitters.add_uniform(self.jitter, &mut columns.t[at.clone()]);
+        }
+        if self.lost == 0.0 {
+            return at.len();
+        }
+        let kept: Vec<usize> = at.clone().filter(|_| (self.losses.uniform() + 1.0) / 2.0 >= self.lost).collect();
+        for column in columns.signals().into_iter().filter(|column| !column.is_empty()) {
+            kept.iter().zip(at.start..).for_each(|(from, to)| column[to] = column[*from]);
+        }
+        kept.iter().zip(at.start..).for_each(|(from, to)| columns.flags[to] = columns.flags[*from]);
+        kept.len()
+    }
+}

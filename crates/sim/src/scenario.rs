@@ -1,0 +1,298 @@
+//! A scenario: a control loop with a worn valve, what acts on it, and how it is recorded.
+
+use crate::engine::{self, Run};
+use crate::{Friction, Piece, Plant, Signal, SimError};
+use glapp_core::{Detector, DetectorState, Estimate};
+
+/// Flag of a sample in manual.
+pub const NOT_AUTO: u8 = 1;
+/// Flag of a sample with the output at its lower limit.
+pub const AT_LOW: u8 = 4;
+/// Flag of a sample with the output at its upper limit.
+pub const AT_HIGH: u8 = 8;
+
+/// A closed loop, sampled at one rate:
+///
+/// ```text
+///                       op                     position      load
+///                        │                        │           │ +
+///  sp ──→ PID ──→ limits ┴→ rate ──→ gap ──→ friction ──→ ○ ──→ plant ──┬──→
+///          ↑                                                            ○ ←── noise
+///          └──────────────── filter ←───────────────────────────────────┴ pv
+/// ```
+///
+/// It begins at rest at the first setpoint and load, in auto, the output in the middle of the gap.
+#[derive(Clone, Debug)]
+pub struct Scenario {
+    /// The process.
+    pub plant: Plant,
+    /// The controller.
+    pub controller: Controller,
+    /// Total width of the gap ≥ 0 [unit of the output].
+    pub d: f64,
+    /// Stick-slip friction after the gap.
+    pub friction: Option<Friction>,
+    /// Greatest speed of the actuator > 0 [unit of the output per second].
+    pub rate: Option<f64>,
+    /// Measurement noise [unit of the process value].
+    pub noise: Signal,
+    /// Steps that the process value is rounded to ≥ 0, 0 for none [unit of the process value].
+    pub pv_resolution: f64,
+    /// Steps that the output is rounded to ≥ 0, 0 for none [unit of the output].
+    pub op_resolution: f64,
+    /// Setpoint [unit of the process value]; where there is an outer loop, its setpoint.
+    pub setpoint: Signal,
+    /// Load at the process input [unit of the output].
+    pub load: Signal,
+    /// Stretches in manual, in ascending order, without overlap.
+    pub manual: Vec<Manual>,
+    /// The outer loop of a cascade, whose output is this one's setpoint.
+    pub outer: Option<Outer>,
+    /// The recorded time of a sample is wrong by a uniform number between ± this, at most h/2 \[s\].
+    pub jitter: f64,
+    /// Share of the samples that never reach the recording, 0 ≤ lost < 1.
+    pub lost: f64,
+    /// Time between samples > 0 \[s\].
+    pub h: f64,
+    /// Time of the last sample \[s\].
+    pub t_end: f64,
+    /// Seed of everything random.
+    pub seed: u64,
+}
+
+/// PI or PID controller (4.1) with the filter before it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Controller {
+    /// Gain K ≠ 0, negative where more output lowers the process value [output per process value].
+    pub k: f64,
+    /// Integral time > 0 \[s\].
+    pub ti: f64,
+    /// Derivative time ≥ 0 \[s\].
+    pub td: f64,
+    /// Setpoint weight, 0 to 1.
+    pub b: f64,
+    /// Time constant of the second-order filter before the controller \[s\]; 0 for none.
+    pub tf: f64,
+    /// Limits of the output; `None` for none.
+    pub limits: Option<(f64, f64)>,
+}
+
+/// The outer loop of a cascade (thesis 8.3):
+///
+/// ```text
+///  setpoint ──→ PID ──→ [ inner loop ] ──→ gap ──→ ○ ──→ plant ──┬──→
+///                ↑         op = inner sp           ↑ load        ○ ←── noise
+///                └──────────────── filter ←──────────────────────┴ pv
+/// ```
+///
+/// While the inner loop is in manual, the outer output stays where it stood.
+#[derive(Clone, Debug)]
+pub struct Outer {
+    /// The process that the inner loop's process value drives.
+    pub plant: Plant,
+    /// The controller.
+    pub controller: Controller,
+    /// Total width of a gap before the outer process ≥ 0 [unit of the inner process value].
+    pub d: f64,
+    /// Measurement noise [unit of the outer process value].
+    pub noise: Signal,
+    /// Load at the outer process' input [unit of the inner process value].
+    pub load: Signal,
+}
+
+/// A stretch in manual: the samples at `from` ≤ t < `to`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Manual {
+    /// Begin \[s\].
+    pub from: f64,
+    /// End \[s\].
+    pub to: f64,
+    /// The output that the operator sets; `None` leaves it where it stands.
+    pub op: Option<f64>,
+}
+
+/// The signals of a simulated loop, one value a recorded sample.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Columns {
+    /// Time \[s\], k·h where there is no jitter.
+    pub t: Vec<f64>,
+    /// Setpoint; in a cascade that of the inner loop, which is the outer output.
+    pub sp: Vec<f64>,
+    /// Process value with noise, before the filter.
+    pub pv: Vec<f64>,
+    /// Controller output within its limits, as it is sent to the valve.
+    pub op: Vec<f64>,
+    /// Valve position: what rate limit, gap and friction leave of the output.
+    pub position: Vec<f64>,
+    /// Load.
+    pub load: Vec<f64>,
+    /// [`NOT_AUTO`], [`AT_LOW`], [`AT_HIGH`].
+    pub flags: Vec<u8>,
+    /// Setpoint of the outer loop; empty where there is none.
+    pub outer_sp: Vec<f64>,
+    /// Process value of the outer loop; empty where there is none.
+    pub outer_pv: Vec<f64>,
+}
+
+/// What a detector saw in a simulated loop whose signals were not kept.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Seen {
+    /// The estimate at the end.
+    pub estimate: Option<Estimate<f64>>,
+    /// Accepted half-periods.
+    pub detections: u32,
+    /// All half-periods.
+    pub half_periods: u32,
+}
+
+/// Samples at a time: few enough for the columns to stay in the nearest memory.
+pub(crate) const CHUNK: usize = 512;
+
+impl Scenario {
+    /// A sound loop in which nothing happens, up to `t_end` in steps of `h` \[s\].
+    ///
+    /// ```
+    /// use glapp_sim::{Controller, Piece, Plant, Scenario};
+    ///
+    /// let controller = Controller { k: 0.775, ti: 2.05, td: 0.0, b: 0.0, tf: 0.2, limits: None };
+    /// let scenario = Scenario {
+    ///     d: 0.05,
+    ///     setpoint: vec![Piece::Steps(vec![(1.0, 1.0)])],
+    ///     ..Scenario::new(Plant::named("P2")?, controller, 0.05, 100.0)
+    /// };
+    /// let signals = scenario.run()?;
+    /// assert_eq!(signals.t.len(), 2001);
+    /// assert!((signals.pv[2000] - 1.0).abs() < 0.02);
+    /// # Ok::<(), glapp_sim::SimError>(())
+    /// ```
+    pub fn new(plant: Plant, controller: Controller, h: f64, t_end: f64) -> Self {
+        Self {
+            plant,
+            controller,
+            d: 0.0,
+            friction: None,
+            rate: None,
+            noise: vec![],
+            pv_resolution: 0.0,
+            op_resolution: 0.0,
+            setpoint: vec![],
+            load: vec![],
+            manual: vec![],
+            outer: None,
+            jitter: 0.0,
+            lost: 0.0,
+            h,
+            t_end,
+            seed: 0,
+        }
+    }
+
+    /// Runs the loop from t = 0 to `t_end`.
+    ///
+    /// The same scenario gives the same bits, always.
+    pub fn run(&self) -> Result<Columns, SimError> {
+        let mut run = Run::new(self)?;
+        let mut columns = Columns::of_length(run.n, self.outer.is_some());
+        for first in (0..run.n).step_by(CHUNK) {
+            run.advance(&mut columns, first..(first + CHUNK).min(run.n), first)?;
+        }
+        let n = engine::Recorder::new(self)?.record(&mut columns, 0..run.n);
+        columns.shorten(n);
+        Ok(columns)
+    }
+
+    /// Runs the loop, shows it to `detector` and forgets it: the same as with the detector over [`Self::run`].
+    pub fn watch(&self, detector: &Detector<f64>) -> Result<Seen, SimError> {
+        let mut run = Run::new(self)?;
+        let mut watcher = Watcher::new(self, detector)?;
+        let mut columns = Columns::of_length(CHUNK.min(run.n), self.outer.is_some());
+        for first in (0..run.n).step_by(CHUNK) {
+            let length = CHUNK.min(run.n - first);
+            run.advance(&mut columns, 0..length, first)?;
+            watcher.see(&mut columns, length);
+        }
+        Ok(watcher.seen())
+    }
+
+    /// Checks everything that [`Self::run`] would refuse, short of an unstable loop.
+    pub fn check(&self) -> Result<(), SimError> {
+        Run::new(self)?;
+        engine::Recorder::new(self)?;
+        Ok(())
+    }
+}
+
+/// A detector beside a run.
+pub(crate) struct Watcher<'a> {
+    detector: &'a Detector<f64>,
+    state: DetectorState<f64>,
+    recorder: engine::Recorder,
+    half_periods: u32,
+}
+
+impl<'a> Watcher<'a> {
+    pub(crate) fn new(scenario: &Scenario, detector: &'a Detector<f64>) -> Result<Self, SimError> {
+        let recorder = engine::Recorder::new(scenario)?;
+        Ok(Self { detector, state: DetectorState::default(), recorder, half_periods: 0 })
+    }
+
+    /// Takes the first `length` samples of the columns.
+    pub(crate) fn see(&mut self, columns: &mut Columns, length: usize) {
+        let n = self.recorder.record(columns, 0..length);
+        let signals = glapp_core::Columns {
+            t: &columns.t[..n],
+            sp: &columns.sp[..n],
+            pv: &columns.pv[..n],
+            op: Some(&columns.op[..n]),
+            flags: Some(&columns.flags[..n]),
+        };
+        self.detector.run(&mut self.state, signals, |_, _| self.half_periods += 1, |_, _| {});
+    }
+
+    pub(crate) fn seen(&self) -> Seen {
+        let (estimate, detections) = (self.state.estimate(), self.state.accepted());
+        Seen { estimate, detections, half_periods: self.half_periods }
+    }
+}
+
+impl Columns {
+    pub(crate) fn of_length(n: usize, outer: bool) -> Self {
+        let column = || vec![0.0; n];
+        let outside = || if outer { column() } else { Vec::new() };
+        Self {
+            t: column(),
+            sp: column(),
+            pv: column(),
+            op: column(),
+            position: column(),
+            load: column(),
+            flags: vec![0; n],
+            outer_sp: outside(),
+            outer_pv: outside(),
+        }
+    }
+
+    pub(crate) fn signals(&mut self) -> [&mut Vec<f64>; 8] {
+        let Self { t, sp, pv, op, position, load, outer_sp, outer_pv, .. } = self;
+        [t, sp, pv, op, position, load, outer_sp, outer_pv]
+    }
+
+    fn shorten(&mut self, n: usize) {
+        self.signals().into_iter().for_each(|column| column.truncate(n));
+        self.flags.truncate(n);
+    }
+}
+
+/// The largest magnitude that a signal is meant to have in `t` seconds.
+pub(crate) fn magnitude(signal: &[Piece], t: f64) -> f64 {
+    let largest = |x: &mut dyn Iterator<Item = f64>| x.fold(0.0, |a: f64, x| a.max(x.abs()));
+    let of = |piece: &Piece| match piece {
+        Piece::Steps(steps) => largest(&mut steps.iter().map(|step| step.1)),
+        Piece::Ramp { by, .. } => by.abs(),
+        Piece::Sine { amplitude, .. } | Piece::Uniform { amplitude } => amplitude.abs(),
+        Piece::Walk { rate } => 6.0 * rate * t.sqrt(),
+        Piece::Gaussian { sigma } | Piece::Coloured { sigma, .. } => 6.0 * sigma,
+        Piece::Samples(samples) => largest(&mut samples.iter().copied()),
+    };
+    signal.iter().map(of).sum()
+}

@@ -1,0 +1,527 @@
+"""One simulated loop as one small record: plant, controller, valve, what acts on it, and how it is recorded.
+
+A scenario is a frozen value with a form in TOML that a person can read and write; `glapp.simulate.run` runs it.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import tomllib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+import numpy as np
+import numpy.typing as npt
+import pyarrow.csv
+import pyarrow.parquet
+from pydantic import BeforeValidator, ConfigDict, Field
+
+from . import _glapp
+from .checked import Checked
+from .controller import Controller, Ideal, NotNegative, Positive, Span
+from .errors import InputError
+
+__all__ = [
+    "PLANTS",
+    "Coloured",
+    "File",
+    "Friction",
+    "Gaussian",
+    "Manual",
+    "Outer",
+    "Piece",
+    "Ramp",
+    "Samples",
+    "Scenario",
+    "Sine",
+    "Steps",
+    "TransferFunction",
+    "Uniform",
+    "Walk",
+    "read_scenario",
+]
+
+Floats = npt.NDArray[np.float64]
+
+PLANTS: dict[str, tuple[list[float], list[float], float]] = {
+    name: (num, den, dead_time) for name, num, den, dead_time in _glapp.batch()
+}
+"""The test batch P1 to P8 (thesis 4.1): num, den, dead time [s]."""
+
+
+class TransferFunction(Checked):
+    """num(s)/den(s)·e^(−dead_time·s), coefficients in descending powers of s.
+
+    Parameters
+    ----------
+    num, den : list of float
+        num of lower degree than den, den of degree 1 to 10; zeros at the end of den are integrators.
+    dead_time : float
+        [s], ≥ 0, exact.
+    """
+
+    num: tuple[float, ...]
+    den: tuple[float, ...]
+    dead_time: float = 0.0
+
+
+class Steps(Checked):
+    """(time [s], value from then on), times ascending; 0 before the first."""
+
+    kind: Literal["steps"] = "steps"
+    steps: tuple[tuple[float, float], ...]
+
+
+class Ramp(Checked):
+    """From 0 at `t` [s] to `by` at `t + over`, and there it stays."""
+
+    kind: Literal["ramp"] = "ramp"
+    t: float = 0.0
+    by: float
+    over: Positive
+
+
+class Sine(Checked):
+    """amplitude·sin(2π·(time − t)/period) from `t` [s] on."""
+
+    kind: Literal["sine"] = "sine"
+    amplitude: float
+    period: Positive
+    t: float = 0.0
+
+
+class Walk(Checked):
+    """Random walk from 0: standard deviation rate·√t after t seconds [unit per √s]."""
+
+    kind: Literal["walk"] = "walk"
+    rate: NotNegative
+
+
+class Uniform(Checked):
+    """White noise, uniform between ± amplitude (thesis 6.2)."""
+
+    kind: Literal["uniform"] = "uniform"
+    amplitude: NotNegative
+
+
+class Gaussian(Checked):
+    """White noise of standard deviation sigma: the sum of twelve uniform numbers, less 6; it never exceeds 6 sigma."""
+
+    kind: Literal["gaussian"] = "gaussian"
+    sigma: NotNegative
+
+
+class Coloured(Checked):
+    """Noise of standard deviation sigma whose autocorrelation over k samples is (tau/(tau + h))^|k|, tau in s."""
+
+    kind: Literal["coloured"] = "coloured"
+    sigma: NotNegative
+    tau: NotNegative
+
+
+class Samples(Checked):
+    """One value a sample, n = t_end/h + 1 of them. Has no form in TOML: write a file, and `File`."""
+
+    model_config = ConfigDict(arbitrary_types_allowed=True)
+
+    kind: Literal["samples"] = "samples"
+    values: Floats
+
+
+class File(Checked):
+    """A column of a CSV or Parquet file, one value a sample."""
+
+    kind: Literal["file"] = "file"
+    path: Path
+    column: str
+
+    def samples(self) -> Floats:
+        """Read the values."""
+        try:
+            if self.path.suffix == ".parquet":
+                table = pyarrow.parquet.read_table(self.path, columns=[self.column])
+            else:
+                table = pyarrow.csv.read_csv(self.path)
+            return np.ascontiguousarray(table[self.column].to_numpy(), dtype=np.float64)
+        except (OSError, KeyError, ValueError) as error:
+            raise InputError(str(error), file=str(self.path), column=self.column) from None
+
+
+Piece = Annotated[
+    Steps | Ramp | Sine | Walk | Uniform | Gaussian | Coloured | Samples | File, Field(discriminator="kind")
+]
+"""Part of a signal; a signal is the sum of its pieces, each random one with a stream of its own."""
+
+_PIECES = (Steps, Ramp, Sine, Walk, Uniform, Gaussian, Coloured, Samples, File)
+
+
+def _signal(given: Any) -> Any:
+    """Short forms of a signal: one piece, [(time, value), …], an array."""
+    if isinstance(given, _PIECES):
+        return (given,)
+    if isinstance(given, np.ndarray):
+        if given.ndim == 1 and given.dtype.kind in "fiu":
+            return (Samples(values=np.ascontiguousarray(given, dtype=np.float64)),)
+    elif isinstance(given, Sequence) and not isinstance(given, str):
+        if all(isinstance(piece, (*_PIECES, Mapping)) for piece in given):
+            return tuple(given)
+        try:
+            return (Steps(steps=tuple((float(t), float(value)) for t, value in given)),)
+        except (TypeError, ValueError):
+            pass
+    hint = "write [(time, value), …], pieces such as {kind = 'sine', …}, or an array with one number a sample"
+    raise InputError("is no signal", value=given, hint=hint)
+
+
+def _noise(given: Any) -> Any:
+    """A number is the amplitude of uniform noise."""
+    if isinstance(given, int | float):
+        return (Uniform(amplitude=given),) if given != 0 else ()
+    return _signal(given)
+
+
+def _plant(given: Any) -> Any:
+    """Name, (num, den, dead_time), table, or an object that has num and den."""
+    try:
+        if isinstance(given, str | TransferFunction):
+            if isinstance(given, str):
+                PLANTS[given]
+            return given
+        if isinstance(given, Mapping):
+            return TransferFunction(**given)
+        if isinstance(given, Sequence):
+            num, den, dead_time = given
+        else:
+            num, den, dead_time = given.num, given.den, getattr(given, "dead_time", 0.0)
+        while len(num) == 1 and isinstance(num[0], list | np.ndarray):  # as control.TransferFunction nests them
+            num, den = num[0], den[0]
+        return TransferFunction(
+            num=tuple(float(c) for c in num), den=tuple(float(c) for c in den), dead_time=float(dead_time)
+        )
+    except InputError:
+        raise
+    except (AttributeError, KeyError, TypeError, ValueError):
+        hint = f"write {', '.join(PLANTS)} or (num, den, dead_time)"
+        raise InputError(f"is {given!r}", value=given, hint=hint) from None
+
+
+def _controller(given: Any) -> Any:
+    """Short form (k, ti[, td[, b]]): ideal, seconds, k negative for direct action, b = 0 where it is not given."""
+    if isinstance(given, Controller | Mapping):
+        return given
+    try:
+        if not 2 <= len(given) <= 4:
+            raise TypeError
+        k, ti, td, b = [float(x) for x in (*given, 0.0, 0.0)[:4]]
+    except (TypeError, ValueError):
+        raise InputError("write (k, ti), (k, ti, td) or (k, ti, td, b), or a Controller", value=given) from None
+    return Controller(k=abs(k), ti=ti, td=td, setpoint_weight=b, action="direct" if k < 0 else "reverse")
+
+
+def _manual(given: Any) -> Any:
+    """Short form (from, to) or (from, to, op)."""
+    if isinstance(given, Sequence) and 2 <= len(given) <= 3:
+        return dict(zip(("begin", "end", "op"), given, strict=False))
+    return given
+
+
+Signal = Annotated[tuple[Piece, ...], BeforeValidator(_signal)]
+Noise = Annotated[tuple[Piece, ...], BeforeValidator(_noise)]
+Plant = Annotated[str | TransferFunction, BeforeValidator(_plant)]
+Limits = tuple[float, float]
+
+
+class Friction(Checked):
+    """Stick-slip friction of the valve.
+
+    Parameters
+    ----------
+    model : {"kano", "he"}
+        Kano et al. 2004: once loose the stem follows until the output stops or turns. He et al. 2007: it sticks again
+        at every sample.
+    s : float
+        Dead band plus stick band: how far the output must move after a reversal [unit of op], ≥ 0.
+    j : float
+        Slip jump: how far the stem then jumps [unit of op], 0 ≤ j ≤ s. With j = 0 either model is a gap of width s.
+    """
+
+    model: Literal["kano", "he"]
+    s: NotNegative
+    j: NotNegative
+
+
+class Manual(Checked):
+    """A stretch in manual, begin ≤ t < end [s]; at `op`, or where the output stood."""
+
+    begin: float
+    end: float
+    op: float | None = None
+
+
+class Outer(Checked):
+    """The outer loop of a cascade (thesis 8.3); its output is the setpoint of the scenario's own loop.
+
+    Parameters
+    ----------
+    plant, controller, tf, limits, noise
+        As in `Scenario`; the outer process is driven by the inner process value.
+    d : float
+        Width of a gap before the outer process [unit of the inner pv], ≥ 0 (8.3.2).
+    load : Signal
+        At the outer process' input [unit of the inner pv].
+    """
+
+    plant: Plant
+    controller: Annotated[Controller, BeforeValidator(_controller)]
+    tf: NotNegative | None = None
+    limits: Limits | None = None
+    d: NotNegative = 0.0
+    noise: Noise = ()
+    load: Signal = ()
+
+
+class Scenario(Checked):
+    """A loop with a worn valve, and what happens to it.
+
+    Parameters
+    ----------
+    plant : str, (num, den, dead_time), TransferFunction, or an object with num, den and dead_time
+        "P1" to "P8", or a transfer function of order 1 to 10, num of lower degree than den, coefficients in descending
+        powers of s, with its dead time ≥ 0 [s].
+    controller : Controller or (k, ti), (k, ti, td), (k, ti, td, b)
+        In any maker's form; or the ideal form (4.1): gain k ≠ 0, negative where more output lowers the process value;
+        ti > 0 [s]; td ≥ 0 [s]; setpoint weight b in 0..1, 0 where not given, as in the thesis.
+    pv_span, op_span : (low, high), optional
+        Needed for a gain in %/%.
+    tf : float, optional
+        Time constant of the second-order filter [s], 0 for none. Where not given, the thesis' own (2.1): td/5, and
+        ti/10 for a PI controller.
+    filter_in_loop : bool
+        Whether the filter stands before the controller, as in the thesis, or before the detector alone.
+    limits : (low, high), optional
+        Limits of the output, with anti-windup.
+    d : float
+        Total width of the gap [unit of op], ≥ 0.
+    friction : Friction, optional
+        Stick-slip friction after the gap.
+    rate : float, optional
+        Greatest speed of the actuator [unit of op per s], > 0.
+    noise : float or Signal
+        Measurement noise [unit of pv]; a number is the amplitude of uniform noise.
+    pv_resolution, op_resolution : float
+        Steps that pv, and the op that is sent and recorded, are rounded to; 0 for none.
+    setpoint, load : Signal
+        [(time, value), …], an array, or pieces. The loop begins at rest at their first values; load acts at the process
+        input, after the valve.
+    manual : list of Manual, (begin, end) or (begin, end, op)
+        Stretches in manual; back to auto without a bump.
+    outer : Outer, optional
+        Outer loop of a cascade; the setpoint is then the outer one.
+    jitter : float
+        Each recorded time is wrong by a uniform number between ± jitter [s], 0..h/2.
+    lost : float
+        Share of the samples that never reach the recording, 0 ≤ lost < 1.
+    h, t_end : float
+        Time between samples [s], > 0 and at most π over the magnitude of the plant's fastest pole; time of the last
+        sample [s].
+    seed : int
+        Of everything random, 0..2⁶⁴ − 1.
+    name : str
+        For people.
+
+    Raises
+    ------
+    InputError
+        With the parameter, its value and its bound.
+
+    Examples
+    --------
+    >>> s = Scenario(plant="P2", controller=(0.775, 2.05), d=0.05, setpoint=[(1, 1.0)], load=Walk(rate=0.002))
+    >>> print(s.to_toml(), end="")
+    plant = "P2"
+    controller = { k = 0.775, ti = 2.05, setpoint_weight = 0.0 }
+    d = 0.05
+    setpoint = [
+      { kind = "steps", steps = [[1.0, 1.0]] },
+    ]
+    load = [
+      { kind = "walk", rate = 0.002 },
+    ]
+    >>> Scenario.from_toml(s.to_toml()) == s
+    True
+    """
+
+    name: str = ""
+    plant: Plant
+    controller: Annotated[Controller, BeforeValidator(_controller)]
+    pv_span: Span | None = None
+    op_span: Span | None = None
+    tf: NotNegative | None = None
+    filter_in_loop: bool = True
+    limits: Limits | None = None
+    d: NotNegative = 0.0
+    friction: Friction | None = None
+    rate: Positive | None = None
+    noise: Noise = ()
+    pv_resolution: NotNegative = 0.0
+    op_resolution: NotNegative = 0.0
+    setpoint: Signal = ()
+    load: Signal = ()
+    manual: tuple[Annotated[Manual, BeforeValidator(_manual)], ...] = ()
+    outer: Outer | None = None
+    jitter: NotNegative = 0.0
+    lost: Annotated[float, Field(ge=0, lt=1)] = 0.0
+    h: Positive = 0.05
+    t_end: NotNegative = 1000.0
+    seed: Annotated[int, Field(ge=0, lt=2**64)] = 0
+
+    def ideal(self) -> Ideal:
+        """The controller in ideal form, in the units of the signals."""
+        return self.controller.ideal(self.pv_span, self.op_span)
+
+    def filter_time(self) -> float:
+        """Time constant of the filter [s]: as given, or Td/5, or Ti/10 (2.1)."""
+        return _filter_time(self.tf, self.ideal())
+
+    def process_gain(self) -> float | None:
+        """Static gain Kp of the plant; None for an integrating one."""
+        num, den, _ = _transfer_function(self.plant)
+        return num[-1] / den[-1] if den[-1] != 0 else None
+
+    @classmethod
+    def from_toml(cls, text: str) -> Self:
+        """The scenario that a TOML document describes; the same keys as here."""
+        try:
+            return cls(**tomllib.loads(text))
+        except tomllib.TOMLDecodeError as error:
+            raise InputError(str(error)) from None
+
+    def to_toml(self) -> str:
+        """The scenario as TOML, without what stands at its default."""
+        lines = []
+        for name, field in type(self).model_fields.items():
+            value = getattr(self, name)
+            if value != field.default:
+                lines.append(f"{name} = {_toml(value, deep=False)}\n")
+        return "".join(lines)
+
+    def for_rust(self) -> dict[str, Any]:
+        """The scenario as the extension takes it."""
+        friction, outer = self.friction, self.outer
+        tf = self.filter_time() if self.filter_in_loop else 0.0
+        return {
+            "plant": _transfer_function(self.plant),
+            "controller": (*self.ideal(), tf, self.limits),
+            "d": self.d,
+            "friction": None if friction is None else (friction.model, friction.s, friction.j),
+            "rate": self.rate,
+            "noise": _pieces(self.noise),
+            "pv_resolution": self.pv_resolution,
+            "op_resolution": self.op_resolution,
+            "setpoint": _pieces(self.setpoint),
+            "load": _pieces(self.load),
+            "manual": [(stretch.begin, stretch.end, stretch.op) for stretch in self.manual],
+            "outer": None if outer is None else _outer(outer),
+            "jitter": self.jitter,
+            "lost": self.lost,
+            "h": self.h,
+            "t_end": self.t_end,
+            "seed": self.seed,
+        }
+
+
+def read_scenario(path: str | Path) -> Scenario:
+    """The scenario in a TOML file; paths of signals in it are relative to its folder.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be read, or describes none.
+    """
+    path = Path(path)
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise InputError(str(error), file=str(path)) from None
+    for part in (table, table.get("outer", {})):
+        for signal in ("setpoint", "load", "noise"):
+            for piece in part.get(signal, []) if isinstance(part.get(signal), list) else []:
+                if isinstance(piece, dict) and isinstance(piece.get("path"), str):
+                    piece["path"] = path.parent / piece["path"]
+    try:
+        return Scenario(**table)
+    except InputError as error:
+        raise InputError(
+            error.what, file=str(path), parameter=error.parameter, value=error.value, bound=error.bound, hint=error.hint
+        ) from None
+
+
+def _filter_time(tf: float | None, ideal: Ideal) -> float:
+    return tf if tf is not None else ideal.td / 5 if ideal.td > 0 else ideal.ti / 10
+
+
+def _transfer_function(plant: str | TransferFunction) -> tuple[list[float], list[float], float]:
+    if isinstance(plant, str):
+        return PLANTS[plant]
+    return list(plant.num), list(plant.den), plant.dead_time
+
+
+def _outer(outer: Outer) -> dict[str, Any]:
+    ideal = outer.controller.ideal()
+    return {
+        "plant": _transfer_function(outer.plant),
+        "controller": (*ideal, _filter_time(outer.tf, ideal), outer.limits),
+        "d": outer.d,
+        "noise": _pieces(outer.noise),
+        "load": _pieces(outer.load),
+    }
+
+
+def _pieces(signal: tuple[Piece, ...]) -> list[dict[str, Any]]:
+    """Each piece as a dict of its kind and its numbers."""
+    pieces: list[dict[str, Any]] = []
+    for piece in signal:
+        match piece:
+            case Steps():
+                pieces.append({"steps": piece.steps})
+            case Ramp():
+                pieces.append({"ramp": (piece.t, piece.by, piece.over)})
+            case Sine():
+                pieces.append({"sine": (piece.amplitude, piece.period, piece.t)})
+            case Walk():
+                pieces.append({"walk": piece.rate})
+            case Uniform():
+                pieces.append({"uniform": piece.amplitude})
+            case Gaussian():
+                pieces.append({"gaussian": piece.sigma})
+            case Coloured():
+                pieces.append({"coloured": (piece.sigma, piece.tau)})
+            case Samples():
+                pieces.append({"samples": piece.values})
+            case File():
+                pieces.append({"samples": piece.samples()})
+    return pieces
+
+
+def _toml(value: Any, deep: bool = True) -> str:
+    """A value of a scenario in TOML; on the outermost level, lists of tables one a line."""
+    if isinstance(value, Samples):
+        raise InputError("an array has no form in TOML", hint="write it to a file, and name that with kind = 'file'")
+    if isinstance(value, Checked):
+        items = {
+            name: getattr(value, name)
+            for name, field in type(value).model_fields.items()
+            if name == "kind" or getattr(value, name) != field.default
+        }
+        return "{ " + ", ".join(f"{name} = {_toml(item)}" for name, item in items.items()) + " }"
+    if isinstance(value, tuple):
+        if not deep and value and isinstance(value[0], Checked):
+            return "[\n" + "".join(f"  {_toml(item)},\n" for item in value) + "]"
+        return "[" + ", ".join(_toml(item) for item in value) + "]"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, int | float):
+        return repr(value) if math.isfinite(value) else str(value)
+    return json.dumps(value.as_posix() if isinstance(value, Path) else value, ensure_ascii=False)

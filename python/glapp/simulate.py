@@ -166,7 +166,7 @@ def run(scenario: Scenario) -> Simulation:
     >>> f"{jumps[s.t[1:] > 300].max():.3f}"
     '0.104'
     """
-    return _simulation(_checked(scenario))
+    return _simulation(_checked(scenario), scenario.outer is not None)
 
 
 _T = TypeVar("_T")
@@ -222,7 +222,7 @@ def run_many(
 
         def simulate(jobs: list[int]) -> None:
             for i in jobs:
-                simulations[i] = _numbered(i, lambda i=i: _simulation(checked[i]))  # type: ignore[misc]
+                simulations[i] = _numbered(i, lambda i=i: _simulation(checked[i], given[i].outer is not None))  # type: ignore[misc]
 
         _on_all_cores(simulate, [[i] for i in range(len(given))], "simulating", progress)
         return [simulation for simulation in simulations if simulation is not None]
@@ -354,15 +354,18 @@ def _checked(scenario: Scenario, watch: bool = False) -> _glapp.Scenario:
         raise InputError(str(error)) from None
 
 
-def _simulation(checked: _glapp.Scenario) -> Simulation:
+_COLUMNS = ("t", "sp", "pv", "op", "position", "load", "outer_sp", "outer_pv")
+
+
+def _simulation(checked: _glapp.Scenario, cascade: bool) -> Simulation:
+    # One piece of NumPy memory comes in large pages; fetching small ones would take longer than the run.
+    names = _COLUMNS if cascade else _COLUMNS[:-2]
+    signals, flags = np.empty((len(names), checked.samples)), np.empty(checked.samples, dtype=np.uint8)
     try:
-        columns = checked.run()
+        n = checked.run(signals, flags)
     except ValueError as error:
         raise InputError(str(error)) from None
-    for name in ("outer_sp", "outer_pv"):
-        if not len(columns[name]):
-            del columns[name]
-    return Simulation(**columns)
+    return Simulation(**{name: row[:n] for name, row in zip(names, signals, strict=True)}, flags=flags[:n])
 
 
 def _numbered(i: int, work: Callable[[], _T]) -> _T:

@@ -1,11 +1,10 @@
 //! Closed loops (`crates/sim`).
 
 use glapp_core::Detector;
-use glapp_sim::{BATCH, Columns, Controller, Friction, Manual, Model, Outer, Piece, Plant, Scenario, Signal, SimError};
-use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1};
+use glapp_sim::{BATCH, Block, Controller, Friction, Manual, Model, Outer, Piece, Plant, Scenario, Signal, SimError};
+use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1, PyReadwriteArray1, PyReadwriteArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
 
 use crate::detector::{Settings, detector};
 
@@ -177,29 +176,37 @@ impl PyChecked {
         Ok(Self { scenario: scenario.try_into().map_err(value_error)?, detector })
     }
 
-    /// The signals, as a dict of columns.
-    fn run<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        columns(py, py.detach(|| self.scenario.run()).map_err(value_error)?)
+    /// Samples, recorded or lost.
+    #[getter]
+    fn samples(&self) -> PyResult<usize> {
+        self.scenario.samples().map_err(value_error)
     }
-}
 
-fn columns(py: Python<'_>, columns: Columns) -> PyResult<Bound<'_, PyDict>> {
-    let Columns { t, sp, pv, op, position, load, flags, outer_sp, outer_pv } = columns;
-    let named = PyDict::new(py);
-    for (name, column) in [
-        ("t", t),
-        ("sp", sp),
-        ("pv", pv),
-        ("op", op),
-        ("position", position),
-        ("load", load),
-        ("outer_sp", outer_sp),
-        ("outer_pv", outer_pv),
-    ] {
-        named.set_item(name, column.into_pyarray(py))?;
+    /// Writes the signals into the rows of `signals` (t, sp, pv, op, position, load, and in a cascade outer_sp and
+    /// outer_pv) and into `flags`; gives how many samples are recorded.
+    fn run(
+        &self,
+        py: Python<'_>,
+        mut signals: PyReadwriteArray2<'_, f64>,
+        mut flags: PyReadwriteArray1<'_, u8>,
+    ) -> PyResult<usize> {
+        let (signals, flags) = (signals.as_slice_mut()?, flags.as_slice_mut()?);
+        let n = self.samples()?;
+        let mut rows = signals.chunks_exact_mut(n);
+        let mut row = || rows.next().unwrap_or_default();
+        let mut block = Block {
+            t: row(),
+            sp: row(),
+            pv: row(),
+            op: row(),
+            position: row(),
+            load: row(),
+            outer_sp: row(),
+            outer_pv: row(),
+            flags,
+        };
+        py.detach(|| self.scenario.run_into(&mut block)).map_err(value_error)
     }
-    named.set_item("flags", flags.into_pyarray(py))?;
-    Ok(named)
 }
 
 /// What was seen of a watched scenario: d_hat, lowest, highest (NaN: none), detections, half-periods, or the error.

@@ -4,7 +4,7 @@ use crate::error::require;
 use crate::friction::FrictionState;
 use crate::plant::{MAX_ORDER, Sampled, SampledState};
 use crate::random::Integers;
-use crate::scenario::{AT_HIGH, AT_LOW, Columns, Controller, Manual, NOT_AUTO, Scenario, magnitude};
+use crate::scenario::{AT_HIGH, AT_LOW, Block, Controller, Manual, NOT_AUTO, Scenario, magnitude};
 use crate::signal::{Source, sample_at};
 use crate::{Friction, Outer, Plant, SimError};
 use glapp_core::{
@@ -98,20 +98,20 @@ impl Run {
         })
     }
 
-    /// Takes the next samples, `first` and those that follow, into the columns.
-    pub(crate) fn advance(&mut self, columns: &mut Columns, at: Range<usize>, first: usize) -> Result<(), SimError> {
-        self.sp.fill(first, &mut columns.sp[at.clone()]);
-        self.load.fill(first, &mut columns.load[at.clone()]);
+    /// Takes the next samples, `first` and those that follow, into all rows of the block.
+    pub(crate) fn advance(&mut self, block: &mut Block<'_>, first: usize) -> Result<(), SimError> {
+        self.sp.fill(first, block.sp);
+        self.load.fill(first, block.load);
         // The noise waits in the place of the process value that it is added to.
-        self.noise.fill(first, &mut columns.pv[at.clone()]);
-        let end = first + at.len();
+        self.noise.fill(first, block.pv);
+        let end = first + block.t.len();
         for (samples, mode) in &self.stretches {
             let (from, to) = (samples.start.max(first), samples.end.min(end));
             if from < to {
-                self.machine.advance(columns, at.start + from - first..at.start + to - first, from, *mode);
+                self.machine.advance(&mut block.part(from - first..to - first), from, *mode);
             }
         }
-        self.bounds.check(columns, at)
+        self.bounds.check(block.t, block.op, block.pv)
     }
 }
 
@@ -160,8 +160,7 @@ impl Bounds {
         Self { op: RUNAWAY * effort, pv: RUNAWAY * (asked + effort * reach) }
     }
 
-    pub(crate) fn check(&self, columns: &Columns, at: Range<usize>) -> Result<(), SimError> {
-        let (op, pv) = (&columns.op[at.clone()], &columns.pv[at.clone()]);
+    pub(crate) fn check(&self, t: &[f64], op: &[f64], pv: &[f64]) -> Result<(), SimError> {
         // Written so that what is no number counts as beyond.
         let within = |x: f64, bound: f64| x.abs() <= bound;
         let all = |x: &[f64], bound: f64| x.iter().fold(true, |all, x| all & within(*x, bound));
@@ -171,7 +170,7 @@ impl Bounds {
         let beyond = |k: &usize| !within(op[*k], self.op) || !within(pv[*k], self.pv);
         let k = (0..op.len()).find(beyond).unwrap_or(0);
         let (signal, bound) = if within(op[k], self.op) { ("PV", self.pv) } else { ("OP", self.op) };
-        Err(SimError::Unstable { signal, bound, t: columns.t[at.start + k] })
+        Err(SimError::Unstable { signal, bound, t: t[k] })
     }
 }
 
@@ -182,9 +181,9 @@ enum Mode {
     Manual(Option<f64>),
 }
 
-/// A loop of any order: sp, load and noise (in the place of pv) in the columns become all signals.
+/// A loop of any order: sp, load and noise (in the place of pv) in the block become all signals.
 trait Machine {
-    fn advance(&mut self, columns: &mut Columns, at: Range<usize>, first: usize, mode: Mode);
+    fn advance(&mut self, block: &mut Block<'_>, first: usize, mode: Mode);
 }
 
 /// A process of any order.
@@ -289,26 +288,25 @@ struct Outside {
 }
 
 impl<const N: usize> Machine for Single<N> {
-    fn advance(&mut self, columns: &mut Columns, at: Range<usize>, first: usize, mode: Mode) {
+    fn advance(&mut self, block: &mut Block<'_>, first: usize, mode: Mode) {
         let mut nothing = Extras::none();
         let (blocks, state) = (&self.blocks, &mut self.state);
         match (mode, &mut self.extras) {
-            (Mode::Auto, None) => blocks.advance::<false, true>(state, &mut nothing, columns, at, first, None),
-            (Mode::Auto, Some(extras)) => blocks.advance::<false, false>(state, extras, columns, at, first, None),
-            (Mode::Manual(op), None) => blocks.advance::<true, true>(state, &mut nothing, columns, at, first, op),
-            (Mode::Manual(op), Some(extras)) => blocks.advance::<true, false>(state, extras, columns, at, first, op),
+            (Mode::Auto, None) => blocks.advance::<false, true>(state, &mut nothing, block, first, None),
+            (Mode::Auto, Some(extras)) => blocks.advance::<false, false>(state, extras, block, first, None),
+            (Mode::Manual(op), None) => blocks.advance::<true, true>(state, &mut nothing, block, first, op),
+            (Mode::Manual(op), Some(extras)) => blocks.advance::<true, false>(state, extras, block, first, op),
         }
     }
 }
 
 impl<const N: usize> Blocks<N> {
-    /// Takes the samples `at` of the columns, in manual with the output at `manual` or where it stands.
+    /// Takes the samples of the block, in manual with the output at `manual` or where it stands.
     fn advance<const MANUAL: bool, const PLAIN: bool>(
         &self,
         state: &mut State<N>,
         extras: &mut Extras,
-        columns: &mut Columns,
-        at: Range<usize>,
+        block: &mut Block<'_>,
         first: usize,
         manual: Option<f64>,
     ) {
@@ -317,17 +315,12 @@ impl<const N: usize> Blocks<N> {
         let h = self.h;
         if let (false, Some(outside)) = (PLAIN, &mut extras.outside) {
             // The setpoint given is the outer one; the inner one is written in its place.
-            columns.outer_sp[at.clone()].copy_from_slice(&columns.sp[at.clone()]);
-            outside.noise.fill(first, &mut columns.outer_pv[at.clone()]);
-            outside.load_now.resize(at.len(), 0.0);
+            block.outer_sp.copy_from_slice(block.sp);
+            outside.noise.fill(first, block.outer_pv);
+            outside.load_now.resize(block.t.len(), 0.0);
             outside.load.fill(first, &mut outside.load_now);
         }
-        let (outer_sp, outer_pv) = (&columns.outer_sp[..], &mut columns.outer_pv[..]);
-        let begin = at.start;
-        let (t, sp) = (&mut columns.t[at.clone()], &mut columns.sp[at.clone()]);
-        let (pv, op) = (&mut columns.pv[at.clone()], &mut columns.op[at.clone()]);
-        let (position, load) = (&mut columns.position[at.clone()], &columns.load[at.clone()]);
-        let flags = &mut columns.flags[at];
+        let Block { t, sp, pv, op, position, load, flags, outer_sp, outer_pv } = block;
         let n = t.len();
         assert!([sp.len(), pv.len(), op.len(), position.len(), load.len(), flags.len()] == [n; 6]);
         for k in 0..n {
@@ -335,7 +328,7 @@ impl<const N: usize> Blocks<N> {
             if !PLAIN {
                 y = rounded(y, extras.pv_resolution);
                 if let Some(outside) = &mut extras.outside {
-                    sp[k] = outside.before::<MANUAL>(outer_sp[begin + k], &mut outer_pv[begin + k], h);
+                    sp[k] = outside.before::<MANUAL>(outer_sp[k], &mut outer_pv[k], h);
                 }
             }
             let yf = self.filter.update(&mut s.filter, y, h);
@@ -477,19 +470,26 @@ impl Recorder {
         })
     }
 
-    /// Moves the samples that are recorded to the front of `at`; gives how many there are.
-    pub(crate) fn record(&mut self, columns: &mut Columns, at: Range<usize>) -> usize {
+    /// Moves the samples that are recorded to the front of the block; gives how many there are.
+    pub(crate) fn record(&mut self, block: &mut Block<'_>) -> usize {
         if self.jitter > 0.0 {
-            self.jitters.add_uniform(self.jitter, &mut columns.t[at.clone()]);
+            self.jitters.add_uniform(self.jitter, block.t);
         }
         if self.lost == 0.0 {
-            return at.len();
+            return block.t.len();
         }
-        let kept: Vec<usize> = at.clone().filter(|_| (self.losses.uniform() + 1.0) / 2.0 >= self.lost).collect();
-        for column in columns.signals().into_iter().filter(|column| !column.is_empty()) {
-            kept.iter().zip(at.start..).for_each(|(from, to)| column[to] = column[*from]);
+        let kept: Vec<usize> =
+            (0..block.t.len()).filter(|_| (self.losses.uniform() + 1.0) / 2.0 >= self.lost).collect();
+        fn gather<T: Copy>(column: &mut [T], kept: &[usize]) {
+            if !column.is_empty() {
+                kept.iter().enumerate().for_each(|(to, from)| column[to] = column[*from]);
+            }
         }
-        kept.iter().zip(at.start..).for_each(|(from, to)| columns.flags[to] = columns.flags[*from]);
+        let Block { t, sp, pv, op, position, load, flags, outer_sp, outer_pv } = block;
+        for column in [t, sp, pv, op, position, load, outer_sp, outer_pv] {
+            gather(column, &kept);
+        }
+        gather(flags, &kept);
         kept.len()
     }
 }

@@ -3,6 +3,7 @@
 use crate::engine::{self, Run};
 use crate::{Friction, Piece, Plant, Signal, SimError};
 use glapp_core::{Detector, DetectorState, Estimate};
+use std::ops::Range;
 
 /// Flag of a sample in manual.
 pub const NOT_AUTO: u8 = 1;
@@ -134,6 +135,21 @@ pub struct Columns {
     pub outer_pv: Vec<f64>,
 }
 
+/// [`Columns`] in memory that belongs to someone else, or a part of them.
+#[derive(Debug)]
+#[allow(missing_docs)]
+pub struct Block<'a> {
+    pub t: &'a mut [f64],
+    pub sp: &'a mut [f64],
+    pub pv: &'a mut [f64],
+    pub op: &'a mut [f64],
+    pub position: &'a mut [f64],
+    pub load: &'a mut [f64],
+    pub flags: &'a mut [u8],
+    pub outer_sp: &'a mut [f64],
+    pub outer_pv: &'a mut [f64],
+}
+
 /// What a detector saw in a simulated loop whose signals were not kept.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Seen {
@@ -191,14 +207,28 @@ impl Scenario {
     ///
     /// The same scenario gives the same bits, always.
     pub fn run(&self) -> Result<Columns, SimError> {
-        let mut run = Run::new(self)?;
-        let mut columns = Columns::of_length(run.n, self.outer.is_some());
-        for first in (0..run.n).step_by(CHUNK) {
-            run.advance(&mut columns, first..(first + CHUNK).min(run.n), first)?;
-        }
-        let n = engine::Recorder::new(self)?.record(&mut columns, 0..run.n);
+        let mut columns = Columns::of_length(self.samples()?, self.outer.is_some());
+        let n = self.run_into(&mut columns.block())?;
         columns.shorten(n);
         Ok(columns)
+    }
+
+    /// Samples between t = 0 and `t_end`, recorded or lost.
+    pub fn samples(&self) -> Result<usize, SimError> {
+        engine::samples(self.h, self.t_end)
+    }
+
+    /// [`Self::run`] into columns of [`Self::samples`] that are there already; gives how many of them are recorded.
+    ///
+    /// # Panics
+    /// Where the columns are of another length.
+    pub fn run_into(&self, block: &mut Block<'_>) -> Result<usize, SimError> {
+        let mut run = Run::new(self)?;
+        assert_eq!(block.t.len(), run.n, "as many rows as samples");
+        for first in (0..run.n).step_by(CHUNK) {
+            run.advance(&mut block.part(first..(first + CHUNK).min(run.n)), first)?;
+        }
+        Ok(engine::Recorder::new(self)?.record(block))
     }
 
     /// Runs the loop, shows it to `detector` and forgets it: the same as with the detector over [`Self::run`].
@@ -207,9 +237,10 @@ impl Scenario {
         let mut watcher = Watcher::new(self, detector)?;
         let mut columns = Columns::of_length(CHUNK.min(run.n), self.outer.is_some());
         for first in (0..run.n).step_by(CHUNK) {
-            let length = CHUNK.min(run.n - first);
-            run.advance(&mut columns, 0..length, first)?;
-            watcher.see(&mut columns, length);
+            let mut block = columns.block();
+            let mut block = block.part(0..CHUNK.min(run.n - first));
+            run.advance(&mut block, first)?;
+            watcher.see(&mut block);
         }
         Ok(watcher.seen())
     }
@@ -236,15 +267,15 @@ impl<'a> Watcher<'a> {
         Ok(Self { detector, state: DetectorState::default(), recorder, half_periods: 0 })
     }
 
-    /// Takes the first `length` samples of the columns.
-    pub(crate) fn see(&mut self, columns: &mut Columns, length: usize) {
-        let n = self.recorder.record(columns, 0..length);
+    /// Takes the next samples.
+    pub(crate) fn see(&mut self, block: &mut Block<'_>) {
+        let n = self.recorder.record(block);
         let signals = glapp_core::Columns {
-            t: &columns.t[..n],
-            sp: &columns.sp[..n],
-            pv: &columns.pv[..n],
-            op: Some(&columns.op[..n]),
-            flags: Some(&columns.flags[..n]),
+            t: &block.t[..n],
+            sp: &block.sp[..n],
+            pv: &block.pv[..n],
+            op: Some(&block.op[..n]),
+            flags: Some(&block.flags[..n]),
         };
         self.detector.run(&mut self.state, signals, |_, _| self.half_periods += 1, |_, _| {});
     }
@@ -272,14 +303,33 @@ impl Columns {
         }
     }
 
-    pub(crate) fn signals(&mut self) -> [&mut Vec<f64>; 8] {
-        let Self { t, sp, pv, op, position, load, outer_sp, outer_pv, .. } = self;
-        [t, sp, pv, op, position, load, outer_sp, outer_pv]
+    pub(crate) fn block(&mut self) -> Block<'_> {
+        let Self { t, sp, pv, op, position, load, flags, outer_sp, outer_pv } = self;
+        Block { t, sp, pv, op, position, load, flags, outer_sp, outer_pv }
     }
 
     fn shorten(&mut self, n: usize) {
-        self.signals().into_iter().for_each(|column| column.truncate(n));
+        let Self { t, sp, pv, op, position, load, outer_sp, outer_pv, .. } = self;
+        [t, sp, pv, op, position, load, outer_sp, outer_pv].into_iter().for_each(|column| column.truncate(n));
         self.flags.truncate(n);
+    }
+}
+
+impl Block<'_> {
+    /// The rows of a range.
+    pub(crate) fn part(&mut self, rows: Range<usize>) -> Block<'_> {
+        let outer = if self.outer_sp.is_empty() { 0..0 } else { rows.clone() };
+        Block {
+            t: &mut self.t[rows.clone()],
+            sp: &mut self.sp[rows.clone()],
+            pv: &mut self.pv[rows.clone()],
+            op: &mut self.op[rows.clone()],
+            position: &mut self.position[rows.clone()],
+            load: &mut self.load[rows.clone()],
+            flags: &mut self.flags[rows],
+            outer_sp: &mut self.outer_sp[outer.clone()],
+            outer_pv: &mut self.outer_pv[outer],
+        }
     }
 }
 

@@ -140,12 +140,27 @@ class Scenario:
     def __init__(self, scenario: dict[str, Any], watch: tuple[Any, ...] | None = None) -> None: ...
     @property
     def samples(self) -> int: ...
-    def run(self, signals: npt.NDArray[np.float64], flags: npt.NDArray[np.uint8]) -> int: ...
 
 def groups(scenarios: Sequence[Scenario]) -> list[list[int]]:
     """Indices of the scenarios that are best run together."""
 
-def watch(scenarios: Sequence[Scenario]) -> list[tuple[float, float, float, int, int, str | None]]:
+def instruction_sets() -> list[str]:
+    """Names of the instruction sets of this processor, the widest last; the bits do not depend on them."""
+
+def run_together(
+    scenarios: Sequence[Scenario],
+    signals: Sequence[npt.NDArray[np.float64]],
+    flags: Sequence[npt.NDArray[np.uint8]],
+    instructions: str | None = None,
+) -> list[tuple[int, str | None]]:
+    """Run scenarios, each into its arrays: rows t, sp, pv, op, position, load, and in a cascade outer_sp, outer_pv.
+
+    Gives how many samples are recorded, or the error, of each.
+    """
+
+def watch(
+    scenarios: Sequence[Scenario], instructions: str | None = None
+) -> list[tuple[float, float, float, int, int, str | None]]:
     """d_hat, low, high (NaN: none), detections, half-periods and error of each, run together."""
 
 def random_walk(n: int, h: float, rate: float, seed: int) -> npt.NDArray[np.float64]: ...

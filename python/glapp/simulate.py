@@ -166,7 +166,10 @@ def run(scenario: Scenario) -> Simulation:
     >>> f"{jumps[s.t[1:] > 300].max():.3f}"
     '0.104'
     """
-    return _simulation(_checked(scenario), scenario.outer is not None)
+    (simulation,) = _simulations([_checked(scenario)], [scenario.outer is not None])
+    if isinstance(simulation, str):
+        raise InputError(simulation)
+    return simulation
 
 
 _T = TypeVar("_T")
@@ -217,22 +220,26 @@ def run_many(
     if keep not in ("signals", "estimate"):
         raise InputError(f"is {keep!r}, must be 'signals' or 'estimate'", parameter="keep", value=keep)
     checked = [_numbered(i, lambda s=s: _checked(s, watch=keep == "estimate")) for i, s in enumerate(given)]  # type: ignore[misc]
+    groups = _glapp.groups(checked)
     if keep == "signals":
-        simulations: list[Simulation | None] = [None] * len(given)
+        simulations: dict[int, Simulation] = {}
 
         def simulate(jobs: list[int]) -> None:
-            for i in jobs:
-                simulations[i] = _numbered(i, lambda i=i: _simulation(checked[i], given[i].outer is not None))  # type: ignore[misc]
+            cascade = [given[i].outer is not None for i in jobs]
+            for i, simulation in zip(jobs, _simulations([checked[i] for i in jobs], cascade), strict=True):
+                if isinstance(simulation, str):
+                    raise InputError(simulation, parameter=f"scenario {i}")
+                simulations[i] = simulation
 
-        _on_all_cores(simulate, [[i] for i in range(len(given))], "simulating", progress)
-        return [simulation for simulation in simulations if simulation is not None]
+        _on_all_cores(simulate, groups, "simulating", progress)
+        return [simulations[i] for i in range(len(given))]
     seen: list[Any] = [None] * len(given)
 
     def watch(jobs: list[int]) -> None:
         for i, found in zip(jobs, _glapp.watch([checked[i] for i in jobs]), strict=True):
             seen[i] = found
 
-    _on_all_cores(watch, _glapp.groups(checked), "watching", progress)
+    _on_all_cores(watch, groups, "watching", progress)
     d_hat, low, high, detections, half_periods, error = zip(*seen, strict=True) if seen else ((),) * 6
     return pa.table(
         {
@@ -357,15 +364,20 @@ def _checked(scenario: Scenario, watch: bool = False) -> _glapp.Scenario:
 _COLUMNS = ("t", "sp", "pv", "op", "position", "load", "outer_sp", "outer_pv")
 
 
-def _simulation(checked: _glapp.Scenario, cascade: bool) -> Simulation:
+def _simulations(checked: Sequence[_glapp.Scenario], cascade: Sequence[bool]) -> list[Simulation | str]:
+    """The signals of each, or why it could not be believed."""
+    names = [_COLUMNS if both else _COLUMNS[:-2] for both in cascade]
     # One piece of NumPy memory comes in large pages; fetching small ones would take longer than the run.
-    names = _COLUMNS if cascade else _COLUMNS[:-2]
-    signals, flags = np.empty((len(names), checked.samples)), np.empty(checked.samples, dtype=np.uint8)
-    try:
-        n = checked.run(signals, flags)
-    except ValueError as error:
-        raise InputError(str(error)) from None
-    return Simulation(**{name: row[:n] for name, row in zip(names, signals, strict=True)}, flags=flags[:n])
+    signals = [np.empty((len(rows), one.samples)) for rows, one in zip(names, checked, strict=True)]
+    flags = [np.empty(one.samples, dtype=np.uint8) for one in checked]
+    return [
+        Simulation(**{name: row[:n] for name, row in zip(rows, columns, strict=True)}, flags=bits[:n])
+        if error is None
+        else error
+        for (n, error), rows, columns, bits in zip(
+            _glapp.run_together(checked, signals, flags), names, signals, flags, strict=True
+        )
+    ]
 
 
 def _numbered(i: int, work: Callable[[], _T]) -> _T:

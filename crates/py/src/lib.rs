@@ -35,5 +35,5 @@ mod _glapp {
     #[pymodule_export]
     use crate::saturation::Saturation;
     #[pymodule_export]
-    use crate::sim::{PyChecked, batch, groups, random_walk, watch};
+    use crate::sim::{PyChecked, batch, groups, instruction_sets, random_walk, run_together, watch};
 }

@@ -1,7 +1,10 @@
 //! Closed loops (`crates/sim`).
 
 use glapp_core::Detector;
-use glapp_sim::{BATCH, Block, Controller, Friction, Manual, Model, Outer, Piece, Plant, Scenario, Signal, SimError};
+use glapp_sim::{
+    BATCH, Block, Controller, Friction, Instructions, Manual, Model, Outer, Piece, Plant, Scenario, Signal, SimError,
+    watch_together,
+};
 use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1, PyReadwriteArray1, PyReadwriteArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -181,62 +184,96 @@ impl PyChecked {
     fn samples(&self) -> PyResult<usize> {
         self.scenario.samples().map_err(value_error)
     }
-
-    /// Writes the signals into the rows of `signals` (t, sp, pv, op, position, load, and in a cascade outer_sp and
-    /// outer_pv) and into `flags`; gives how many samples are recorded.
-    fn run(
-        &self,
-        py: Python<'_>,
-        mut signals: PyReadwriteArray2<'_, f64>,
-        mut flags: PyReadwriteArray1<'_, u8>,
-    ) -> PyResult<usize> {
-        let (signals, flags) = (signals.as_slice_mut()?, flags.as_slice_mut()?);
-        let n = self.samples()?;
-        let mut rows = signals.chunks_exact_mut(n);
-        let mut row = || rows.next().unwrap_or_default();
-        let mut block = Block {
-            t: row(),
-            sp: row(),
-            pv: row(),
-            op: row(),
-            position: row(),
-            load: row(),
-            outer_sp: row(),
-            outer_pv: row(),
-            flags,
-        };
-        py.detach(|| self.scenario.run_into(&mut block)).map_err(value_error)
-    }
 }
 
 /// What was seen of a watched scenario: d_hat, lowest, highest (NaN: none), detections, half-periods, or the error.
 type PySeen = (f64, f64, f64, u32, u32, Option<String>);
 
-/// Runs watched scenarios and keeps only what the detector saw.
+/// Runs watched scenarios and keeps only what the detector saw. `instructions` is one of those of `instruction_sets`,
+/// the widest where it is not given.
 #[pyfunction]
-pub fn watch(py: Python<'_>, scenarios: Vec<Py<PyChecked>>) -> Vec<PySeen> {
-    let scenarios: Vec<&PyChecked> = scenarios.iter().map(Py::get).collect();
-    py.detach(|| {
-        let seen = |one: &&PyChecked| {
-            let none = (f64::NAN, f64::NAN, f64::NAN, 0, 0);
-            let Some(detector) = &one.detector else { return (none.0, none.1, none.2, none.3, none.4, None) };
-            match one.scenario.watch(detector) {
-                Ok(seen) => {
-                    let (value, low, high) =
-                        seen.estimate.map_or((none.0, none.1, none.2), |e| (e.value, e.low, e.high));
-                    (value, low, high, seen.detections, seen.half_periods, None)
-                }
-                Err(error) => (none.0, none.1, none.2, none.3, none.4, Some(error.to_string())),
+#[pyo3(signature = (scenarios, instructions=None))]
+pub fn watch(py: Python<'_>, scenarios: Vec<Py<PyChecked>>, instructions: Option<&str>) -> PyResult<Vec<PySeen>> {
+    let instructions = chosen(instructions)?;
+    let watched = |one: &'static str| PyValueError::new_err(one);
+    let pairs = scenarios.iter().map(|one| {
+        let one = one.get();
+        Ok((&one.scenario, one.detector.as_ref().ok_or_else(|| watched("a scenario that is not watched"))?))
+    });
+    let pairs = pairs.collect::<PyResult<Vec<_>>>()?;
+    let seen = py.detach(|| watch_together(&pairs, instructions));
+    Ok(seen
+        .into_iter()
+        .map(|seen| match seen {
+            Err(error) => (f64::NAN, f64::NAN, f64::NAN, 0, 0, Some(error.to_string())),
+            Ok(seen) => {
+                let (value, low, high) =
+                    seen.estimate.map_or((f64::NAN, f64::NAN, f64::NAN), |e| (e.value, e.low, e.high));
+                (value, low, high, seen.detections, seen.half_periods, None)
             }
-        };
-        scenarios.iter().map(seen).collect()
-    })
+        })
+        .collect())
+}
+
+fn chosen(name: Option<&str>) -> PyResult<Instructions> {
+    let available = Instructions::available();
+    let found = available.iter().rev().find(|set| name.is_none_or(|name| set.name() == name));
+    found.copied().ok_or_else(|| PyValueError::new_err("not an instruction set of this processor"))
+}
+
+/// Names of the instruction sets of this processor, the widest last.
+#[pyfunction]
+pub fn instruction_sets() -> Vec<&'static str> {
+    Instructions::available().iter().map(Instructions::name).collect()
+}
+
+/// Runs scenarios into their arrays, as `Scenario.run` does each; gives how many samples are recorded, or the error.
+#[pyfunction]
+#[pyo3(signature = (scenarios, signals, flags, instructions=None))]
+pub fn run_together(
+    py: Python<'_>,
+    scenarios: Vec<Py<PyChecked>>,
+    mut signals: Vec<PyReadwriteArray2<'_, f64>>,
+    mut flags: Vec<PyReadwriteArray1<'_, u8>>,
+    instructions: Option<&str>,
+) -> PyResult<Vec<(usize, Option<String>)>> {
+    let instructions = chosen(instructions)?;
+    let alone: Vec<&Scenario> = scenarios.iter().map(|one| &one.get().scenario).collect();
+    let blocks = alone.iter().zip(&mut signals).zip(&mut flags);
+    let blocks = blocks.map(|((s, signals), flags)| {
+        Ok(block(s.samples().map_err(value_error)?, signals.as_slice_mut()?, flags.as_slice_mut()?))
+    });
+    let mut blocks = blocks.collect::<PyResult<Vec<_>>>()?;
+    let recorded = py.detach(|| glapp_sim::run_together(&alone, &mut blocks, instructions));
+    let told = |recorded: Result<usize, SimError>| match recorded {
+        Ok(n) => (n, None),
+        Err(error) => (0, Some(error.to_string())),
+    };
+    Ok(recorded.into_iter().map(told).collect())
+}
+
+/// The rows of an array as columns of `n` samples.
+fn block<'a>(n: usize, signals: &'a mut [f64], flags: &'a mut [u8]) -> Block<'a> {
+    let mut rows = signals.chunks_exact_mut(n);
+    let mut row = || rows.next().unwrap_or_default();
+    Block {
+        t: row(),
+        sp: row(),
+        pv: row(),
+        op: row(),
+        position: row(),
+        load: row(),
+        outer_sp: row(),
+        outer_pv: row(),
+        flags,
+    }
 }
 
 /// Indices of the scenarios that are best run together.
 #[pyfunction]
 pub fn groups(scenarios: Vec<Py<PyChecked>>) -> Vec<Vec<usize>> {
-    (0..scenarios.len()).map(|i| vec![i]).collect()
+    let scenarios: Vec<&Scenario> = scenarios.iter().map(|one| &one.get().scenario).collect();
+    glapp_sim::groups(&scenarios)
 }
 
 /// Random walk of n samples from 0.

@@ -2,11 +2,11 @@
 
 use crate::error::require;
 use crate::friction::FrictionState;
-use crate::plant::{MAX_ORDER, Sampled, SampledState};
+use crate::plant::{Sampled, SampledState};
 use crate::random::Integers;
 use crate::scenario::{AT_HIGH, AT_LOW, Block, Controller, Manual, NOT_AUTO, Scenario, magnitude};
 use crate::signal::{Source, sample_at};
-use crate::{Friction, Outer, Plant, SimError};
+use crate::{Friction, Outer, Piece, Plant, SimError};
 use glapp_core::{
     Backlash, BacklashState, Pid, PidState, RateLimit, RateLimitState, Saturation, SecondOrderFilter,
     SecondOrderFilterState,
@@ -49,6 +49,17 @@ pub(crate) fn samples(h: f64, t_end: f64) -> Result<usize, SimError> {
     Ok((t_end / h + 1e-9).floor() as usize + 1)
 }
 
+/// A signal of a scenario, with random numbers of its own.
+pub(crate) fn source(
+    s: &Scenario,
+    name: &'static str,
+    signal: &[Piece],
+    stream: u64,
+    n: usize,
+) -> Result<Source, SimError> {
+    Source::new(name, signal, s.h, n, s.seed, stream)
+}
+
 /// Where a loop is at rest.
 pub(crate) struct Rest {
     /// Process value.
@@ -82,14 +93,14 @@ impl Controller {
 impl Run {
     pub(crate) fn new(s: &Scenario) -> Result<Self, SimError> {
         let n = samples(s.h, s.t_end)?;
-        let source = |name, signal, stream| Source::new(name, signal, s.h, n, s.seed, stream);
-        let (sp, load) = (source("setpoint", &s.setpoint, stream::SETPOINT)?, source("load", &s.load, stream::LOAD)?);
+        let sp = source(s, "setpoint", &s.setpoint, stream::SETPOINT, n)?;
+        let load = source(s, "load", &s.load, stream::LOAD, n)?;
         let (mut first_sp, mut first_load) = ([0.0], [0.0]);
         sp.clone().fill(0, &mut first_sp);
         load.clone().fill(0, &mut first_load);
         Ok(Self {
             n,
-            noise: source("noise", &s.noise, stream::NOISE)?,
+            noise: source(s, "noise", &s.noise, stream::NOISE, n)?,
             stretches: stretches(&s.manual, s.h, n)?,
             machine: machine(s, n, first_sp[0], first_load[0])?,
             bounds: Bounds::new(s),
@@ -204,10 +215,12 @@ macro_rules! by_order {
             7 => $function::<7>($($argument),*),
             8 => $function::<8>($($argument),*),
             9 => $function::<9>($($argument),*),
-            _ => $function::<MAX_ORDER>($($argument),*),
+            _ => $function::<{ $crate::plant::MAX_ORDER }>($($argument),*),
         }
     };
 }
+pub(crate) use by_order;
+
 fn machine(s: &Scenario, n: usize, sp: f64, load: f64) -> Result<Box<dyn Machine>, SimError> {
     by_order!(s.plant.order(), machine_of_order(s, n, sp, load))
 }
@@ -390,9 +403,8 @@ impl Extras {
 
 impl Outside {
     fn new(outer: &Outer, s: &Scenario, n: usize, sp: f64) -> Result<Self, SimError> {
-        let source = |name, signal, stream| Source::new(name, signal, s.h, n, s.seed, stream);
-        let noise = source("outer noise", &outer.noise, stream::OUTER_NOISE)?;
-        let load = source("outer load", &outer.load, stream::OUTER_LOAD)?;
+        let noise = source(s, "outer noise", &outer.noise, stream::OUTER_NOISE, n)?;
+        let load = source(s, "outer load", &outer.load, stream::OUTER_LOAD, n)?;
         let (filter, pid, limits) = outer.controller.blocks()?;
         let mut first_load = [0.0];
         load.clone().fill(0, &mut first_load);

@@ -83,6 +83,11 @@ impl Plant {
         (self.den[n] != 0.0).then(|| self.num[n] / self.den[n])
     }
 
+    /// Dead time [s].
+    pub fn dead_time(&self) -> f64 {
+        self.dead_time
+    }
+
     /// Number of poles.
     pub fn order(&self) -> usize {
         self.den.len()
@@ -114,6 +119,14 @@ impl Plant {
         }
         (ab, sigma)
     }
+}
+
+/// A dead time as whole steps of `h` and what is left of it.
+pub(crate) fn delay(dead_time: f64, h: f64) -> (usize, f64) {
+    let steps = dead_time / h;
+    // A dead time meant as a multiple of h must not become a step less and a sliver.
+    let whole = if (steps - steps.round()).abs() < 1e-9 { steps.round() } else { steps.floor() };
+    (whole as usize, (dead_time - whole * h).max(0.0))
 }
 
 /// A [`Plant`] of order `N` between samples `h` apart, its input held from sample to sample (exact zero-order hold).
@@ -149,10 +162,7 @@ impl<const N: usize> Sampled<N> {
         if h * fastest > std::f64::consts::PI {
             return Err(SimError::Coarse { h, bound: std::f64::consts::PI / fastest });
         }
-        let steps = plant.dead_time / h;
-        // A dead time meant as a multiple of h must not become a step less and a sliver.
-        let whole = if (steps - steps.round()).abs() < 1e-9 { steps.round() } else { steps.floor() };
-        let f = (plant.dead_time - whole * h).max(0.0);
+        let (delay, f) = delay(plant.dead_time, h);
         let (rest_of_step, begin) = (ab.scaled(h - f).exp(), ab.scaled(f).exp());
         let column = |m: &Matrix, j: usize| std::array::from_fn(|i| m.get(i, j));
         let full = rest_of_step.times(&begin);
@@ -167,12 +177,17 @@ impl<const N: usize> Sampled<N> {
             phi: std::array::from_fn(|j| column(&full, j)),
             gamma0: column(&rest_of_step, N),
             gamma1: column(&rest_of_step.times(&sliver), N),
-            delay: whole as usize,
+            delay,
             rest: std::array::from_fn(|i| {
                 let scale = sigma.powi(i as i32 + 1);
                 (plant.den[i] / scale, plant.num[i] / scale)
             }),
         })
+    }
+
+    /// Φ by columns, Γ₀ and Γ₁.
+    pub(crate) fn matrices(&self) -> (&[[f64; N]; N], &[f64; N], &[f64; N]) {
+        (&self.phi, &self.gamma0, &self.gamma1)
     }
 
     /// The state at rest with output `y` under the constant input `v`; `steps` are all that will be taken.
@@ -209,6 +224,11 @@ impl<const N: usize> Sampled<N> {
 }
 
 impl<const N: usize> SampledState<N> {
+    /// x.
+    pub(crate) fn x(&self) -> &[f64; N] {
+        &self.x
+    }
+
     #[inline(always)]
     fn delayed(&mut self, v: f64) -> f64 {
         let Some(slot) = self.ring.get_mut(self.at) else { return v };

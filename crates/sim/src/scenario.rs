@@ -308,7 +308,7 @@ impl Columns {
         Block { t, sp, pv, op, position, load, flags, outer_sp, outer_pv }
     }
 
-    fn shorten(&mut self, n: usize) {
+    pub(crate) fn shorten(&mut self, n: usize) {
         let Self { t, sp, pv, op, position, load, outer_sp, outer_pv, .. } = self;
         [t, sp, pv, op, position, load, outer_sp, outer_pv].into_iter().for_each(|column| column.truncate(n));
         self.flags.truncate(n);

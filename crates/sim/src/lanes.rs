@@ -203,16 +203,34 @@ impl Group {
 
     /// Takes the next samples, `first` and those that follow, into all rows of the blocks, one a loop.
     fn advance(&mut self, blocks: &mut [Block<'_>], first: usize) {
-        for ((block, (sp, load)), h) in blocks.iter_mut().zip(&mut self.signals).zip(&self.h) {
-            sp.fill(first, block.sp);
-            load.fill(first, block.load);
-            block.t.iter_mut().enumerate().for_each(|(k, t)| *t = (first + k) as f64 * h);
+        let end = first + blocks[0].t.len();
+        let mut constant = Some([[0.0; LANES]; 2]);
+        for (lane, ((block, (sp, load)), h)) in blocks.iter_mut().zip(&mut self.signals).zip(&self.h).enumerate() {
+            constant = match (constant, sp.constant(first, end), load.constant(first, end)) {
+                (Some([mut all_sp, mut all_load]), Some(one_sp), Some(one_load)) => {
+                    block.sp.fill(one_sp);
+                    block.load.fill(one_load);
+                    (all_sp[lane], all_load[lane]) = (one_sp, one_load);
+                    Some([all_sp, all_load])
+                }
+                _ => {
+                    sp.fill(first, block.sp);
+                    load.fill(first, block.load);
+                    None
+                }
+            };
+            // 32-bit integers become floats in lanes, on every instruction set; there are at most 10⁸ samples.
+            (first as i32..).zip(block.t.iter_mut()).for_each(|(k, t)| *t = f64::from(k) * h);
         }
-        self.machine.advance(blocks, self.instructions);
+        self.machine.advance(blocks, constant, self.instructions);
         for (i, block) in blocks.iter_mut().enumerate() {
             let Saturation { low, high } = self.limits[i];
-            for (flag, u) in block.flags.iter_mut().zip(block.op.iter()) {
-                *flag = if *u <= low { AT_LOW } else { 0 } | if *u >= high { AT_HIGH } else { 0 };
+            if self.limits[i] == Saturation::none() {
+                block.flags.fill(0);
+            } else {
+                for (flag, u) in block.flags.iter_mut().zip(block.op.iter()) {
+                    *flag = if *u <= low { AT_LOW } else { 0 } | if *u >= high { AT_HIGH } else { 0 };
+                }
             }
             if self.faults[i].is_none() {
                 self.faults[i] = self.bounds[i].check(block.t, block.op, block.pv).err();
@@ -222,7 +240,8 @@ impl Group {
 }
 
 trait Machine {
-    fn advance(&mut self, blocks: &mut [Block<'_>], instructions: Instructions);
+    /// `constant`: setpoints and loads, where none moves in the whole of the blocks.
+    fn advance(&mut self, blocks: &mut [Block<'_>], constant: Option<[Lane; 2]>, instructions: Instructions);
 }
 
 /// The blocks' parameters, as they enter their equations.
@@ -374,13 +393,19 @@ impl<const N: usize, const DERIVATIVE: bool> Side<N, DERIVATIVE> {
 }
 
 impl<const N: usize, const DERIVATIVE: bool> Machine for Side<N, DERIVATIVE> {
-    fn advance(&mut self, blocks: &mut [Block<'_>], instructions: Instructions) {
+    fn advance(&mut self, blocks: &mut [Block<'_>], constant: Option<[Lane; 2]>, instructions: Instructions) {
+        if let Some([sp, load]) = constant {
+            self.rows.sp.fill(sp);
+            self.rows.load.fill(load);
+        }
         let n = blocks[0].t.len();
         for first in (0..n).step_by(ROWS) {
             let length = ROWS.min(n - first);
-            for (lane, block) in blocks.iter().enumerate() {
-                to_rows(&mut self.rows.sp, lane, &block.sp[first..first + length]);
-                to_rows(&mut self.rows.load, lane, &block.load[first..first + length]);
+            if constant.is_none() {
+                for (lane, block) in blocks.iter().enumerate() {
+                    to_rows(&mut self.rows.sp, lane, &block.sp[first..first + length]);
+                    to_rows(&mut self.rows.load, lane, &block.load[first..first + length]);
+                }
             }
             let Self { parameters, state, ring, at, rows } = self;
             instructions.run(Steps::<N, DERIVATIVE> { parameters, state, ring, at, rows, length });

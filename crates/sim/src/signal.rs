@@ -127,6 +127,16 @@ impl Source {
             piece.add(first, self.h, out);
         }
     }
+
+    /// The value that all samples from `first` up to `end` have, where no piece moves.
+    pub(crate) fn constant(&self, first: usize, end: usize) -> Option<f64> {
+        self.pieces.iter().try_fold(0.0, |sum, piece| match piece {
+            Running::Steps { steps } if !steps.iter().any(|(k, _)| (first + 1..end).contains(k)) => {
+                Some(steps.iter().rev().find(|(k, _)| *k <= first).map_or(sum, |(_, value)| sum + value))
+            }
+            _ => None,
+        })
+    }
 }
 
 /// Sets the seeds of streams far apart; odd, so that no two streams of a seed meet.
@@ -311,6 +321,18 @@ mod tests {
             .map(|k| signal[..3].iter().map(|p| column(std::slice::from_ref(p), 0.1, 1000)[k]).sum())
             .collect();
         assert_eq!(column(&signal[..3], 0.1, 1000), sum);
+    }
+
+    #[test]
+    fn constant_where_nothing_moves() {
+        let source = |signal: &[Piece]| Source::new("load", signal, 1.0, 100, 0, 0).unwrap();
+        let steps = source(&[Piece::Steps(vec![(10.0, 1.0), (20.0, 2.0)]), Piece::Steps(vec![(0.0, 5.0)])]);
+        assert_eq!(steps.constant(0, 10), Some(5.0));
+        assert_eq!(steps.constant(0, 11), None);
+        assert_eq!(steps.constant(10, 20), Some(6.0));
+        assert_eq!(steps.constant(20, 99), Some(7.0));
+        assert_eq!(source(&[]).constant(0, 99), Some(0.0));
+        assert_eq!(source(&[Piece::Walk { rate: 1.0 }]).constant(0, 2), None);
     }
 
     #[test]

@@ -41,6 +41,7 @@ lint: setup
 bench: setup $(VENV)/.bench
 	cargo bench --quiet -p glapp-core
 	$(BIN)/python bench/run.py
+	$(BIN)/python bench/sim.py
 
 $(VENV)/.bench: pyproject.toml $(VENV)/.tools
 	$(BIN)/pip install --quiet --group bench

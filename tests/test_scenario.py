@@ -391,6 +391,8 @@ def test_short_forms() -> None:
     )
     short = Scenario(plant=([1], [1, 1], 0), controller=(-0.5, 3), noise=0.1, manual=[(1, 2), (3, 4, 5)])
     assert long == short
+    loads = [Scenario(plant="P2", controller=P2_PI, load=np.full(3, x)) for x in (0.0, 0.0, 1.0)]
+    assert loads[0] == loads[1] and loads[0] != loads[2]
 
 
 @pytest.mark.parametrize(

@@ -129,6 +129,9 @@ class Samples(Checked):
     kind: Literal["samples"] = "samples"
     values: Floats
 
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Samples) and np.array_equal(self.values, other.values)
+
 
 class File(Checked):
     """A column of a CSV or Parquet file, one value a sample."""

@@ -13,12 +13,13 @@ from importlib.metadata import version
 import control
 import numba
 import numpy as np
-from glapp import _glapp
-from glapp.simulate import Scenario, _checked, run_many
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 from scipy import signal
+
+from glapp import _glapp
+from glapp.simulate import Scenario, _checked, run_many
 
 H, K, TI, D, AMPLITUDE = 0.05, 0.775, 2.05, 0.05, 0.005
 TF = TI / 10

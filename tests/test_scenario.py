@@ -6,11 +6,14 @@ from types import SimpleNamespace
 from typing import Any
 
 import control
-import glapp
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet
 import pytest
+from numpy.typing import NDArray
+from scipy import signal
+
+import glapp
 from glapp.blocks import Backlash, Pid, RateLimit, SecondOrderFilter
 from glapp.controller import Controller
 from glapp.errors import InputError
@@ -38,8 +41,6 @@ from glapp.simulate import (
     run,
     run_many,
 )
-from numpy.typing import NDArray
-from scipy import signal
 
 P2_PI = (0.775, 2.05)
 P3_PI = (0.48, 0.3117)

@@ -23,6 +23,7 @@ mod noise;
 mod pid;
 mod real;
 mod safety_net;
+pub mod tuning;
 mod width;
 mod zero_crossing;
 

@@ -9,6 +9,7 @@ mod noise;
 mod pid;
 mod read;
 mod sim;
+mod tuning;
 
 use pyo3::prelude::*;
 
@@ -30,4 +31,9 @@ mod _glapp {
     use crate::read::PyPlainCsv;
     #[pymodule_export]
     use crate::sim::{batch, closed_loop, random_walk};
+    #[pymodule_export]
+    use crate::tuning::{
+        amigo_frequency, amigo_integrating, amigo_step, lambda_integrating, lambda_tuning, simc, simc_integrating,
+        ziegler_nichols_frequency, ziegler_nichols_step,
+    };
 }

@@ -236,7 +236,7 @@ class TestAssess:
             assess(Plant([1], [1, -1]), (3, 1))
         with pytest.raises(InputError, match="unstable"):
             assess("P2", (-0.1, 2))
-        with pytest.raises(InputError, match="degree"):
+        with pytest.raises(InputError, match="jumps"):
             open_loop(Plant([1, 2], [1, 1]), (1, 1, 1))
         with pytest.raises(InputError, match="tf"):
             open_loop("P2", (1, 1), tf=-1)
@@ -326,12 +326,19 @@ class TestMigo:
             (Plant([1], [1, -1]), {}, "stable"),
             (Plant([1], [1, 0, 0]), {}, "stable"),
             (Plant([1], [1, 1]), {}, "allows any gain"),
+            (Plant([1], [1, 0.1, 1], 0.5), {}, "purely integrating"),
             (Plant([1, 0], [1, 2, 1]), {}, "static gain of 0"),
         ],
     )
     def test_what_has_no_answer(self, plant: Any, bounds: dict[str, float], message: str) -> None:
         with pytest.raises(InputError, match=message):
             migo(plant, **bounds)
+
+    def test_pid_without_limit_and_on_a_jump(self) -> None:
+        with pytest.raises(InputError, match="allows any gain"):
+            migo(Plant([1], [1, 2, 1]), "PID")
+        with pytest.raises(InputError, match="jumps"):
+            migo(Plant([1], [1], 1.0), "PID")
 
     @settings(max_examples=25, deadline=None)
     @given(
@@ -369,6 +376,10 @@ class TestDesign:
                 default=math.inf,
             )  # fmt: skip
             assert t.iae < 1.01 * best
+
+    def test_a_very_slow_lag_is_an_integrator(self) -> None:
+        slow, pure = design(Plant([1], [1000, 1], 0.01), "PID"), design(Plant([1e-3], [1, 0], 0.01), "PID")
+        assert slow.controller[:3] == pytest.approx(pure.controller[:3], rel=0.05)
 
     def test_integrating_process(self) -> None:
         t = design("P1", "PID", ms=1.6, mt=1.6)

@@ -228,8 +228,8 @@ def circle_criterion(loop: Plant) -> Criterion:
     --------
     >>> from glapp.tuning import migo
     >>> c = circle_criterion(migo("P2").loop)
-    >>> c.holds, round(c.margin, 2)
-    (True, 3.15)
+    >>> c.holds, round(c.margin, 1)
+    (True, 3.2)
     """
     loop = _checked(loop)
     if loop.integrators > 1:
@@ -310,8 +310,8 @@ def backlash_cycles(loop: Plant, d: float) -> list[LimitCycle]:
     --------
     >>> from glapp.tuning import migo
     >>> for cycle in backlash_cycles(migo("P1", ms=2.0).loop, d=1.0):
-    ...     print(f"{cycle.w:.3f} rad/s, A = {cycle.amplitude:.3f}, stable: {cycle.stable}")
-    0.447 rad/s, A = 0.900, stable: True
+    ...     print(f"{cycle.w:.2f} rad/s, A = {cycle.amplitude:.2f}, stable: {cycle.stable}")
+    0.45 rad/s, A = 0.90, stable: True
     >>> backlash_cycles(migo("P2").loop, d=1.0)
     []
     """
@@ -451,8 +451,8 @@ def backlash_margin(loop: Plant) -> tuple[float, float]:
     >>> from glapp.tuning import migo
     >>> t = migo("P2")
     >>> margin, w = backlash_margin(t.loop)
-    >>> f"{circle_criterion(t.loop).margin:.2f} < {margin:.2f} < {t.gain_margin:.2f}"
-    '3.15 < 4.62 < 5.34'
+    >>> f"{circle_criterion(t.loop).margin:.1f} < {margin:.1f} < {t.gain_margin:.1f}"
+    '3.2 < 4.6 < 5.3'
     """
     loop = _checked(loop)
     if loop.integrators > 1:

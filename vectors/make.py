@@ -13,6 +13,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from fractions import Fraction
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -690,6 +691,96 @@ def _cycle(half_periods: Sequence[float]) -> list[list[float]]:
     return rows
 
 
+RULES = (
+    "ziegler_nichols_step",
+    "ziegler_nichols_frequency",
+    "lambda",
+    "lambda_integrating",
+    "amigo_step",
+    "amigo_integrating",
+    "amigo_frequency",
+    "simc",
+    "simc_integrating",
+)
+
+
+def tuning(params: Params, _h: Sequence[float], rows: Sequence[Sequence[float]]) -> list[list[float]]:
+    """K, Ti, Td of a rule in exact rational arithmetic, rounded once at the end."""
+    return [[float(number) for number in _tuned(params, row)] for row in rows]
+
+
+def _tuned(params: Params, row: Sequence[float]) -> tuple[Fraction, Fraction, Fraction]:
+    gain, t, t2, l, ku, tu, kappa, wish = (Fraction(0) if math.isnan(x) else Fraction(x) for x in row)  # noqa: E741
+    rule, pid, original = RULES[int(params["rule"])], params["pid"] == 1, params.get("original") == 1
+    c = Fraction  # the coefficients are decimal fractions: c("0.35") is 7/20
+    if rule == "ziegler_nichols_step":
+        if pid:
+            return c("1.2") / gain, 2 * l, l / 2
+        return c("0.9") / gain, l / c("0.3") if original else 3 * l, c(0)
+    if rule == "ziegler_nichols_frequency":
+        if pid:
+            return c("0.6") * ku, tu / 2, tu / 8
+        return (c("0.45") * ku, tu / c("1.2"), c(0)) if original else (c("0.4") * ku, c("0.8") * tu, c(0))
+    if rule == "lambda":
+        if pid:
+            return (t + l / 2) / (gain * (wish + l / 2)), t + l / 2, t * l / (2 * t + l)
+        return t / (gain * (wish + l)), t, c(0)
+    if rule == "lambda_integrating":
+        return (2 * wish + l) / (gain * (wish + l) ** 2), 2 * wish + l, c(0)
+    if rule == "amigo_step":
+        if pid:
+            ti, td = l * (c("0.4") * l + c("0.8") * t) / (l + t / 10), l * t / 2 / (c("0.3") * l + t)
+            return (c("0.2") + c("0.45") * t / l) / gain, ti, td
+        k = (c("0.15") + (c("0.35") - l * t / (l + t) ** 2) * t / l) / gain
+        return k, c("0.35") * l + 13 * l * t**2 / (t**2 + 12 * l * t + 7 * l**2), c(0)
+    if rule == "amigo_integrating":
+        return (c("0.45") / (gain * l), 8 * l, l / 2) if pid else (c("0.35") / (gain * l), c("13.4") * l, c(0))
+    if rule == "amigo_frequency":
+        if pid:
+            td = c("0.15") * (1 - kappa) * tu / (1 - c("0.95") * kappa)
+            return (c("0.3") - c("0.1") * kappa**4) * ku, c("0.6") * tu / (1 + 2 * kappa), td
+        return c("0.16") * ku, tu / (1 + c("4.5") * kappa), c(0)
+    # SIMC: series form K'(1 + 1/sTi')(1 + sTd') multiplied out.
+    reach = wish + l
+    k, ti = (1 / (gain * reach), 4 * reach) if rule == "simc_integrating" else (t / (gain * reach), min(t, 4 * reach))
+    return k * (ti + t2) / ti, ti + t2, ti * t2 / (ti + t2)
+
+
+def tuning_cases() -> Iterator[dict[str, Any]]:
+    """Each rule over processes of every kind, gains of both signs."""
+    delays = [0.01, 0.2, 1.0, 1.42, 3.7, 40.0]
+
+    def row(**given: float) -> list[float]:
+        return [given.get(name, NAN) for name in TUNING_INPUTS]
+
+    a = [row(gain=gain, l=l) for gain in (0.5, -1.7) for l in delays]  # noqa: E741
+    u = [row(ku=ku, tu=tu) for ku in (4.0, -0.3) for tu in (6.28, 0.07, 300.0)]
+    first = [row(gain=gain, t=t, l=l) for gain in (1.0, -2.3) for t in (0.05, 2.9, 17.0) for l in delays]  # noqa: E741
+    wished = [[*x[:7], wish] for x in first for wish in (0.7, 9.0)]
+    slow = [[*x[:7], wish] for x in a for wish in (0.7, 9.0)]
+    kappas = [[*x[:6], kappa, NAN] for x in u for kappa in (0.0, 0.1, 0.25, 0.6, 0.95)]
+    table = [row(gain=1.0, t=2.9, l=1.42)]
+    for pid in (0, 1):
+        name = "PID" if pid else "PI"
+        yield case(f"Ziegler-Nichols step, {name}", [], {"rule": 0, "pid": pid}, a)
+        yield case(f"Ziegler-Nichols frequency, {name}", [], {"rule": 1, "pid": pid}, u)
+        yield case(f"Ziegler-Nichols step of 1942, {name}", ["Table"], {"rule": 0, "pid": pid, "original": 1}, a)
+        yield case(f"Ziegler-Nichols frequency of 1942, {name}", ["Table"], {"rule": 1, "pid": pid, "original": 1}, u)
+        yield case(f"Lambda, {name}", [], {"rule": 2, "pid": pid}, wished)
+        yield case(f"AMIGO step, {name}", ["Coefficients"], {"rule": 4, "pid": pid}, first)
+        yield case(f"AMIGO step of 1/(s + 1)^4, {name}", ["Coefficients"], {"rule": 4, "pid": pid}, table)
+        yield case(f"AMIGO integrating, {name}", ["Coefficients"], {"rule": 5, "pid": pid}, a)
+        yield case(f"AMIGO frequency, {name}", ["Coefficients"], {"rule": 6, "pid": pid}, kappas)
+        lags = 0.03 if pid else 0.0
+        yield case(f"SIMC, {name}", ["Series"], {"rule": 7, "pid": pid}, [[*x[:2], lags, *x[3:]] for x in wished])
+        yield case(
+            f"SIMC integrating, {name}", ["Series"], {"rule": 8, "pid": pid}, [[*x[:2], lags, *x[3:]] for x in slow]
+        )
+    yield case("Lambda integrating", [], {"rule": 3, "pid": 0}, slow)
+
+
+TUNING_INPUTS = ("gain", "t", "t2", "l", "ku", "tu", "kappa", "wish")
+
 BLOCKS: dict[
     str, tuple[Reference, Callable[[], Iterator[dict[str, Any]]], list[str], list[str], str, dict[str, str]]
 ] = {
@@ -851,6 +942,20 @@ BLOCKS: dict[
             "ZeroStep": "a repeated time that counts as a sample",
             "Zero": "a crossing where the error rests at zero",
             "LockOut": "(5.1) that rejects for ever, or that yields to noise",
+        },
+    ),
+    "tuning": (
+        tuning,
+        tuning_cases,
+        list(TUNING_INPUTS),
+        ["k", "ti", "td"],
+        "Tuning rules in closed form; a row is a process, null what the rule does not take, wish: λ or τc. rule "
+        + ", ".join(f"{number} {name}" for number, name in enumerate(RULES))
+        + "; pid 1 or 0; original 1: the table of 1942. The outputs are exact, rounded once: f64 within 1e-14 of them.",
+        {
+            "Table": "the other of the two tables",
+            "Coefficients": "a coefficient or a power that is not the source's; several public codes have a wrong Ti",
+            "Series": "a series form taken for the ideal one",
         },
     ),
     "backlash": (

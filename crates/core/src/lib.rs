@@ -25,6 +25,7 @@ mod rate_limit;
 mod real;
 mod safety_net;
 mod saturation;
+pub mod tuning;
 mod width;
 mod zero_crossing;
 

@@ -327,3 +327,31 @@ fn detector_in_single_precision() {
         case.check_within(1e-5, detect::<f32>(&case));
     }
 }
+
+/// Exact rational numbers on the other side: a few units in the last place are left.
+#[test]
+fn tuning() {
+    use glapp_core::tuning::*;
+    for case in cases("tuning") {
+        let kind = if case.given("pid") == 1.0 { Kind::Pid } else { Kind::Pi };
+        let table = if case.param("original") == Some(1.0) { Table::Original } else { Table::Textbook };
+        let rule = case.given("rule") as u8;
+        case.check_within(1e-12, |x, _| {
+            let &[gain, t, t2, l, ku, tu, kappa, wish] = x else { panic!("eight inputs") };
+            let gains = match rule {
+                0 => ziegler_nichols_step(gain, l, kind, table),
+                1 => ziegler_nichols_frequency(ku, tu, kind, table),
+                2 => lambda(gain, t, l, wish, kind),
+                3 => lambda_integrating(gain, l, wish),
+                4 => amigo_step(gain, t, l, kind),
+                5 => amigo_integrating(gain, l, kind),
+                6 => amigo_frequency(ku, tu, kappa, kind),
+                7 => simc(gain, t, t2, l, wish),
+                8 => simc_integrating(gain, t2, l, wish),
+                _ => panic!("rule {rule}"),
+            };
+            let gains = gains.unwrap();
+            Some(vec![gains.k, gains.ti, gains.td])
+        });
+    }
+}

@@ -11,6 +11,7 @@ mod rate_limit;
 mod read;
 mod saturation;
 mod sim;
+mod tuning;
 
 use pyo3::prelude::*;
 
@@ -36,4 +37,9 @@ mod _glapp {
     use crate::saturation::Saturation;
     #[pymodule_export]
     use crate::sim::{PyChecked, batch, groups, instruction_sets, random_walk, run_together, watch};
+    #[pymodule_export]
+    use crate::tuning::{
+        amigo_frequency, amigo_integrating, amigo_step, lambda_integrating, lambda_tuning, simc, simc_integrating,
+        ziegler_nichols_frequency, ziegler_nichols_step,
+    };
 }

@@ -1,0 +1,372 @@
+"""The process under control as a value: a transfer function with exact dead time.
+
+Only its frequency response and its poles are ever used, so the dead time needs no approximation.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from . import _glapp
+from .errors import InputError
+
+__all__ = ["PLANTS", "Character", "Plant"]
+
+Character = Literal["lag-dominated", "balanced", "delay-dominated", "integrating"]
+"""What limits the control of a process (thesis 4.1)."""
+
+_LAG_DOMINATED, _DELAY_DOMINATED = 0.3, 0.6
+
+_QUIET = 0.02
+"""A loop gain below this no longer matters for stability or robustness."""
+
+
+@dataclass(frozen=True, slots=True)
+class Plant:
+    """Transfer function num(s)/den(s)·e^(−L·s).
+
+    Unpacks into its three parts, multiplies into a series, and is made from anything that means a process by
+    `Plant.of`.
+
+    Parameters
+    ----------
+    num, den : sequence of float
+        Coefficients in descending powers of s. num of at most the degree of den (proper), neither of them all zero.
+        Kept without zeros in front.
+    dead_time : float
+        Dead time L [s], ≥ 0, exact.
+
+    Raises
+    ------
+    InputError
+        For coefficients that are not finite numbers, an improper transfer function, a dead time below 0.
+
+    Examples
+    --------
+    >>> tank = Plant([2], [10, 1, 0], 0.5)
+    >>> tank.integrators, tank.gain, tank.velocity_gain
+    (1, None, 2.0)
+    >>> PLANTS["P2"].gain, PLANTS["P2"].order
+    (1.0, 4)
+    >>> valve = Plant([1], [0.5, 1])
+    >>> num, den, dead_time = valve * tank
+    >>> den, dead_time
+    ((5.0, 10.5, 1.0, 0.0), 0.5)
+    >>> Plant([1, 0, 0], [1, 1])
+    Traceback (most recent call last):
+    glapp.errors.InputError: num: is of degree 2, must be of the degree of den (1) or lower
+    """
+
+    num: tuple[float, ...]
+    den: tuple[float, ...]
+    dead_time: float = 0.0
+
+    def __init__(self, num: Sequence[float], den: Sequence[float], dead_time: float = 0.0) -> None:
+        top, bottom = _coefficients("num", num), _coefficients("den", den)
+        if len(top) > len(bottom):
+            bound = f"of the degree of den ({len(bottom) - 1}) or lower"
+            raise InputError(
+                f"is of degree {len(top) - 1}, must be {bound}", parameter="num", value=tuple(num), bound=bound
+            )
+        if not (isinstance(dead_time, int | float | np.number) and math.isfinite(dead_time) and dead_time >= 0):
+            raise InputError(
+                f"is {dead_time!r}, must be 0 s or greater",
+                parameter="dead_time",
+                value=dead_time,
+                bound="0 s or greater",
+            )
+        object.__setattr__(self, "num", top)
+        object.__setattr__(self, "den", bottom)
+        object.__setattr__(self, "dead_time", float(dead_time))
+
+    @classmethod
+    def of(cls, process: Any) -> Plant:
+        """Make a plant of anything that means one.
+
+        Parameters
+        ----------
+        process : Plant, str, (num, den), (num, den, dead_time), or a transfer function object
+            A name of the test batch, "P1" to "P8"; coefficients; or an object with one input and one output that has
+            `num`, `den` and no sample time, such as `control.TransferFunction` or `scipy.signal.TransferFunction`
+            (these have no dead time: write ``Plant.of(tf).delayed(L)``).
+
+        Raises
+        ------
+        InputError
+            For anything else, and for what `Plant` refuses.
+
+        Examples
+        --------
+        >>> Plant.of("P4")
+        Plant(num=(1.0,), den=(2.0, 1.0), dead_time=4.0)
+        >>> from scipy.signal import TransferFunction
+        >>> Plant.of(TransferFunction([1], [1, 2])).delayed(4)
+        Plant(num=(1.0,), den=(1.0, 2.0), dead_time=4.0)
+        >>> Plant.of("P9")
+        Traceback (most recent call last):
+        glapp.errors.InputError: plant: is 'P9'; write P1, P2, P3, P4, P5, P6, P7, P8 or (num, den, dead_time)
+        """
+        if isinstance(process, cls):
+            return process
+        if isinstance(process, str) and process in PLANTS:
+            return PLANTS[process]
+        if hasattr(process, "num") and hasattr(process, "den"):
+            if getattr(process, "dt", None) not in (None, 0):
+                raise InputError(
+                    "is sampled, must be continuous in time", parameter="plant", value=process, bound="continuous"
+                )
+            return cls(_single(process.num), _single(process.den), float(getattr(process, "dead_time", 0.0)))
+        if not isinstance(process, str):
+            try:
+                num, den, *rest = process
+                if len(rest) <= 1:
+                    return cls(num, den, *rest)
+            except InputError:
+                raise
+            except (TypeError, ValueError):
+                pass
+        hint = f"write {', '.join(PLANTS)} or (num, den, dead_time)"
+        raise InputError(f"is {process!r}", parameter="plant", value=process, hint=hint)
+
+    def __iter__(self) -> Iterator[Any]:
+        """num, den, dead_time: what the simulator takes."""
+        yield from (self.num, self.den, self.dead_time)
+
+    def __mul__(self, other: Plant | float) -> Plant:
+        """Series connection, or a gain."""
+        if isinstance(other, Plant):
+            num, den = np.polymul(self.num, other.num), np.polymul(self.den, other.den)
+            return Plant(num.tolist(), den.tolist(), self.dead_time + other.dead_time)
+        return Plant([other * b for b in self.num], self.den, self.dead_time)
+
+    __rmul__ = __mul__
+
+    def delayed(self, dead_time: float) -> Plant:
+        """The same process behind another `dead_time` ≥ 0 [s]."""
+        return self * Plant([1], [1], dead_time)
+
+    @property
+    def order(self) -> int:
+        """Number of poles."""
+        return len(self.den) - 1
+
+    @property
+    def integrators(self) -> int:
+        """Number of poles at 0 that no zero cancels; negative for zeros there."""
+        return _zeros_at_end(self.den) - _zeros_at_end(self.num)
+
+    @property
+    def gain(self) -> float | None:
+        """Static gain Kp [process value per output]; None for an integrating process."""
+        if self.integrators > 0:
+            return None
+        return self._lowest() if self.integrators == 0 else 0.0
+
+    @property
+    def velocity_gain(self) -> float | None:
+        """Kv, slope of the response to a unit step [process value per output and s]; None unless one integrator."""
+        return self._lowest() if self.integrators == 1 else None
+
+    def _lowest(self) -> float:
+        """Ratio of the lowest coefficients that are not 0."""
+        top, bottom = (c[: len(c) - _zeros_at_end(c)] for c in (self.num, self.den))
+        return top[-1] / bottom[-1]
+
+    @property
+    def poles(self) -> npt.NDArray[np.complex128]:
+        """Poles [1/s], those at 0 exactly there."""
+        return _roots(self.den)
+
+    @property
+    def zeros(self) -> npt.NDArray[np.complex128]:
+        """Zeros [1/s]."""
+        return _roots(self.num)
+
+    @property
+    def is_stable(self) -> bool:
+        """Whether all poles lie in the left half plane, but for one integrator at most."""
+        inside = self.poles.real[self.poles != 0]
+        # Multiple poles are found to about eps^(1/n): what is that near to the axis counts by its rounding's side.
+        return self.integrators <= 1 and bool(np.all(inside < 0))
+
+    def at(self, s: npt.ArrayLike) -> npt.NDArray[np.complex128]:
+        """P(s) at complex s [1/s], any shape."""
+        s = np.asarray(s, dtype=np.complex128)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            value = np.polyval(self.num, s) / np.polyval(self.den, s)
+        return np.asarray(value * np.exp(-self.dead_time * s) if self.dead_time else value, dtype=np.complex128)
+
+    def response(self, w: npt.ArrayLike) -> npt.NDArray[np.complex128]:
+        """Frequency response P(iω).
+
+        Parameters
+        ----------
+        w : array_like of float
+            Frequencies ω [rad/s], any shape.
+
+        Examples
+        --------
+        >>> complex(np.round(PLANTS["P2"].response(1.0), 12))
+        (-0.25-0j)
+        """
+        return self.at(1j * np.asarray(w, dtype=np.float64))
+
+    def frequencies(self, per_decade: int = 60) -> npt.NDArray[np.float64]:
+        """Frequencies [rad/s], ascending, on which nothing of P(iω) is missed.
+
+        Logarithmic from far below the slowest corner to far above the fastest; denser where a pole near the axis makes
+        a resonance, and where dead time turns the curve while it is still large (against its value at the corners).
+        """
+        corners = np.abs(np.concatenate([self.poles, self.zeros]))
+        corners = np.append(corners[corners > 0], [1 / self.dead_time] if self.dead_time else [])
+        if corners.size == 0:
+            corners = np.ones(1)
+        low, high = 1e-3 * corners.min(), 1e3 * corners.max()
+        w = np.geomspace(low, high, int(per_decade * math.log10(high / low)) + 1)
+        parts = [w]
+        for p in np.concatenate([self.poles, self.zeros]):
+            if abs(p.real) < 0.5 * abs(p.imag):
+                around = abs(p.imag) + abs(p.real) * np.linspace(-8, 8, 65)
+                parts.append(around[around > 0])
+        if self.dead_time:
+            alive = w[np.abs(self.response(w)) > _QUIET]
+            turn = 6 / per_decade / self.dead_time
+            end = min(alive.max(initial=0.0), 2_000 / self.dead_time)
+            parts.append(np.arange(turn, end, turn))
+        return np.unique(np.concatenate(parts))
+
+    def step_response(self, t: npt.ArrayLike) -> npt.NDArray[np.float64]:
+        """Response to a unit step at t = 0, exact but for rounding.
+
+        Parameters
+        ----------
+        t : array_like of float
+            Times [s], any shape.
+
+        Notes
+        -----
+        ẋ = A·x + B·u in controllable form, with the held input as one more state: y(t) = [C D]·exp([A B; 0 0]·t)·[0 1].
+        Times equally far apart cost one multiplication each.
+
+        Examples
+        --------
+        >>> PLANTS["P4"].step_response([3.9, 6.0]).round(4)
+        array([0.    , 0.6321])
+        """
+        t = np.asarray(t, dtype=np.float64)
+        a, c = self._companion()
+        y = np.zeros(t.shape)
+        late = t >= self.dead_time
+        since = np.sort(np.unique(t[late])) - self.dead_time
+        state = np.zeros(a.shape[0])
+        state[-1] = 1.0
+        values, before, held, phi = np.empty(since.size), 0.0, math.nan, np.eye(a.shape[0])
+        for i, now in enumerate(since):
+            step = now - before
+            if not abs(step - held) <= 1e-12 * now:
+                held, phi = step, _expm(a * step)
+            state = phi @ state
+            values[i], before = c @ state, now
+        y[late] = values[np.searchsorted(since, t[late] - self.dead_time)]
+        return y
+
+    def _companion(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        """[A B; 0 0] and [C D] of the rational part."""
+        n = self.order
+        den = np.asarray(self.den) / self.den[0]
+        num = np.concatenate([np.zeros(n + 1 - len(self.num)), np.asarray(self.num) / self.den[0]])
+        a = np.zeros((n + 1, n + 1))
+        if n:
+            a[0, :n] = -den[1:]
+            a[np.arange(1, n), np.arange(n - 1)] = 1.0
+            a[0, n] = 1.0
+        return a, np.append(num[1:] - num[0] * den[1:], num[0])
+
+    @property
+    def character(self) -> Character:
+        """What limits its control (thesis 4.1), by τ = L/(L + T) of its FOTD model.
+
+        Below 0.3 lag-dominated, above 0.6 delay-dominated, balanced in between. The thesis gives no numbers; these
+        agree with what it says of P1, P2, P4 and P8.
+
+        Raises
+        ------
+        InputError
+            For a process without an FOTD model (`glapp.tuning.fotd`).
+
+        Examples
+        --------
+        >>> for name, plant in PLANTS.items():
+        ...     print(name, plant.character)
+        P1 integrating
+        P2 balanced
+        P3 balanced
+        P4 delay-dominated
+        P5 lag-dominated
+        P6 balanced
+        P7 balanced
+        P8 delay-dominated
+        """
+        from .tuning import fotd  # which builds on this module
+
+        if self.integrators == 1:
+            return "integrating"
+        tau = fotd(self).tau
+        return "lag-dominated" if tau < _LAG_DOMINATED else "delay-dominated" if tau > _DELAY_DOMINATED else "balanced"
+
+
+def _expm(a: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Matrix exponential by scaling, Taylor's series and squaring: small matrices, and no need of SciPy."""
+    norm = float(np.abs(a).sum(axis=1).max(initial=0.0))
+    squarings = max(0, math.ceil(math.log2(norm / 0.25))) if norm > 0 else 0
+    a = a / 2.0**squarings
+    result = term = np.eye(a.shape[0])
+    for k in range(1, 14):  # 0.25¹⁴/14! < 1e-19
+        term = term @ a / k
+        result = result + term
+    for _ in range(squarings):
+        result = result @ result
+    return result
+
+
+def _roots(coefficients: Sequence[float]) -> npt.NDArray[np.complex128]:
+    at_zero = _zeros_at_end(coefficients)
+    rest = np.roots(coefficients[: len(coefficients) - at_zero])
+    return np.concatenate([rest, np.zeros(at_zero)]).astype(np.complex128)
+
+
+def _zeros_at_end(coefficients: Sequence[float]) -> int:
+    return next(i for i, c in enumerate(reversed(coefficients)) if c != 0)
+
+
+def _coefficients(name: str, values: Any) -> tuple[float, ...]:
+    """Without zeros in front."""
+    try:
+        numbers = [float(c) for c in np.atleast_1d(values)]
+    except (TypeError, ValueError):
+        numbers = [math.nan]
+    if not all(math.isfinite(c) for c in numbers):
+        raise InputError(f"is {values!r}, must be finite numbers", parameter=name, value=values, bound="finite numbers")
+    first = next((i for i, c in enumerate(numbers) if c != 0), None)
+    if first is None:
+        raise InputError(f"is {values!r}, must have a coefficient other than 0", parameter=name, value=values)
+    return tuple(numbers[first:])
+
+
+def _single(polynomial: Any) -> Any:
+    """Coefficients of a polynomial that may be wrapped in a 1 × 1 matrix, as python-control has it."""
+    while len(polynomial) == 1 and np.ndim(polynomial[0]) > 0:
+        polynomial = polynomial[0]
+    if np.ndim(polynomial) != 1:
+        raise InputError("must have one input and one output", parameter="plant", value=polynomial)
+    return polynomial
+
+
+PLANTS: dict[str, Plant] = {name: Plant(num, den, dead_time) for name, num, den, dead_time in _glapp.batch()}
+"""The test batch P1 to P8 (thesis 4.1)."""

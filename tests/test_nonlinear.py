@@ -1,0 +1,230 @@
+"""Describing functions, criteria and predicted limit cycles, against numbers found on other roads."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from glapp import InputError, simulate
+from glapp.blocks import Backlash
+from glapp.nonlinear import (
+    backlash_cycles,
+    backlash_margin,
+    circle_criterion,
+    describing_function,
+    n_backlash,
+    n_relay,
+    negative_inverse,
+    nyquist_figure,
+    over_compensation,
+    phase_lead,
+    relay_cycles,
+    small_gain,
+)
+from glapp.plant import PLANTS, Plant
+from glapp.tuning import assess, migo, open_loop, ultimate
+from hypothesis import given
+from hypothesis import strategies as st
+
+
+class TestDescribingFunctions:
+    @given(ratio=st.floats(0.51, 1e3), d=st.floats(1e-6, 1e6))
+    def test_backlash_by_integration(self, ratio: float, d: float) -> None:
+        analytic = n_backlash(ratio * d, d)
+        numeric = describing_function(lambda: Backlash(d).update, ratio * d, samples=2048)
+        assert abs(analytic - numeric) < 1e-4
+
+    def test_relay_by_integration(self) -> None:
+        a = np.array([0.1, 1.0, 7.0])
+        numeric = describing_function(lambda: lambda x: 0.3 * ((x > 0) - (x < 0)), a, samples=100_000)
+        np.testing.assert_allclose(n_relay(a, 0.3), numeric, rtol=1e-4, atol=1e-4)
+
+    def test_arrays_of_any_shape_and_fresh_elements(self) -> None:
+        a = np.array([[0.6, 1.0], [3.0, 50.0]])
+        assert n_backlash(a, 1.0).shape == n_relay(a, 1.0).shape == (2, 2)
+        forwards = describing_function(lambda: Backlash(1.0).update, a.ravel())
+        backwards = describing_function(lambda: Backlash(1.0).update, a.ravel()[::-1])
+        np.testing.assert_array_equal(forwards, backwards[::-1])
+
+    @given(ratio=st.floats(0.51, 100), d=st.floats(1e-3, 1e3), c=st.floats(1e-2, 1e2))
+    def test_only_the_ratio_counts(self, ratio: float, d: float, c: float) -> None:
+        """N(A, d/c) = N(cA, d) (thesis 1.2)."""
+        assert n_backlash(ratio * d, d / c * c) == pytest.approx(n_backlash(ratio * d * c, d * c), rel=1e-9)
+
+    def test_ends(self) -> None:
+        assert n_backlash(5.0, 0.0) == 1
+        assert abs(n_backlash(0.5 + 1e-9, 1.0)) < 1e-4
+        curve = negative_inverse(n_backlash(np.geomspace(0.51, 1e6, 500), 1.0))
+        assert np.all(curve.real < -0.99) and np.all(curve.imag <= 0)
+        assert np.all(np.diff(np.abs(curve)) < 1e-12)
+
+    @pytest.mark.parametrize(
+        ("call", "parameter"),
+        [
+            (lambda: n_backlash(0.5, 1.0), "a"),
+            (lambda: n_backlash([1.0, math.nan], 1.0), "a"),
+            (lambda: n_backlash(1.0, -1.0), "d"),
+            (lambda: n_relay(0.0, 1.0), "a"),
+            (lambda: n_relay(1.0, math.inf), "level"),
+            (lambda: negative_inverse([1, 0]), "n"),
+            (lambda: describing_function(lambda: Backlash(1.0).update, 1.0, samples=4), "samples"),
+            (lambda: backlash_cycles(PLANTS["P2"], 0.0), "d"),
+            (lambda: relay_cycles(PLANTS["P2"], -1.0), "level"),
+            (lambda: small_gain(Plant([1], [1, -1])), "loop"),
+            (lambda: circle_criterion("P2"), "loop"),  # type: ignore[arg-type]
+            (lambda: phase_lead(PLANTS["P2"], 1.0), "margin"),
+            (lambda: over_compensation("P2", -1.0, 0.1), "compensation"),
+            (lambda: nyquist_figure(PLANTS["P2"], window=0), "window"),
+        ],
+    )
+    def test_bounds(self, call: Any, parameter: str) -> None:
+        with pytest.raises(InputError) as error:
+            call()
+        assert error.value.parameter == parameter
+
+
+class TestCriteria:
+    def test_small_gain(self) -> None:
+        sharp = Plant([0.01], [1, 0.02, 1])
+        criterion = small_gain(sharp)
+        peak = 0.01 / (2 * 0.01 * math.sqrt(1 - 0.01**2))
+        assert (criterion.margin, criterion.w) == pytest.approx((1 / peak, math.sqrt(1 - 2 * 0.01**2)), rel=1e-5)
+        assert criterion.holds and not small_gain(2.1 * sharp).holds
+        assert not small_gain(migo("P2").loop).holds
+
+    @pytest.mark.parametrize("name", ["P2", "P4", "P5", "P7", "P8"])
+    def test_margin_is_where_the_criterion_ends(self, name: str) -> None:
+        loop = migo(name).loop
+        margin = circle_criterion(loop).margin
+        assert margin > 1
+        assert circle_criterion(0.999 * margin * loop).holds
+        assert not circle_criterion(1.001 * margin * loop).holds
+
+    def test_integrators(self) -> None:
+        assert circle_criterion(migo("P1").loop).margin == 0
+        assert not small_gain(PLANTS["P1"]).holds
+
+    @pytest.mark.parametrize("name", ["P2", "P3", "P4", "P5", "P6", "P7", "P8"])
+    @pytest.mark.parametrize("kind", ["PI", "PID"])
+    def test_the_three_margins_are_ordered(self, name: str, kind: Any) -> None:
+        t = migo(name, kind)
+        margin, _ = backlash_margin(t.loop)
+        assert circle_criterion(t.loop).margin <= margin * 1.0001 <= t.gain_margin * 1.0002
+
+    def test_backlash_margin_is_where_cycles_begin(self) -> None:
+        for loop in (migo("P2").loop, 0.8 * PLANTS["P1"], migo("P5", "PID").loop):
+            margin, w = backlash_margin(loop)
+            assert backlash_cycles(0.995 * margin * loop, 1.0) == []
+            first, second = backlash_cycles(1.005 * margin * loop, 1.0)
+            assert first.w < w < second.w and first.stable != second.stable
+
+
+class TestLimitCycles:
+    def test_solves_the_harmonic_balance(self) -> None:
+        for name, kind, d in (("P1", "PI", 0.05), ("P1", "PID", 3.0)):
+            loop = migo(name, kind).loop
+            [cycle] = backlash_cycles(loop, d)
+            assert loop.response(cycle.w) * n_backlash(cycle.amplitude, d) == pytest.approx(-1, abs=1e-8)
+
+    def test_frequency_does_not_depend_on_the_width(self) -> None:
+        loop = migo("P1").loop
+        one, other = backlash_cycles(loop, 1.0), backlash_cycles(loop, 0.01)
+        assert [c.w for c in one] == [c.w for c in other]
+        assert [c.amplitude for c in one] == pytest.approx([100 * c.amplitude for c in other])
+
+    @pytest.mark.parametrize(
+        ("kind", "bounds", "tf", "period_error", "amplitude_error"),
+        [
+            ("PI", {"ms": 2.0}, 0.0, 0.02, 0.05),
+            ("PI", {"ms": 1.4}, 0.7, 0.03, 0.03),
+            ("PI", {"ms": 1.4}, 0.0, 0.11, 0.09),
+            ("PID", {"ms": 2.0}, 0.0, 0.02, 0.06),
+            ("PID", {"m": 1.4}, 0.134, 0.04, 0.03),
+        ],
+    )
+    def test_prediction_against_simulation(
+        self, kind: Any, bounds: dict[str, float], tf: float, period_error: float, amplitude_error: float
+    ) -> None:
+        """P1 with a gap of 1: the less the loop filters, the worse the first harmonic stands for the signal."""
+        t = migo("P1", kind, **bounds)
+        [cycle] = backlash_cycles(open_loop("P1", t.controller, tf), 1.0)
+        period, amplitude = simulated(t.controller, 1.0, tf, cycle.period)
+        assert cycle.stable
+        assert cycle.period == pytest.approx(period, rel=period_error)
+        assert cycle.amplitude == pytest.approx(amplitude, rel=amplitude_error)
+
+    def test_simulated_period_does_not_depend_on_the_width_either(self) -> None:
+        c = migo("P1", ms=2.0).controller
+        (one, a), (other, b) = simulated(c, 1.0, 0.0, 14.0), simulated(c, 0.1, 0.0, 14.0)
+        assert one == pytest.approx(other, rel=1e-3) and a == pytest.approx(10 * b, rel=1e-2)
+
+    def test_none_predicted_none_simulated(self) -> None:
+        c = migo("P2").controller
+        assert backlash_cycles(open_loop("P2", c), 1.0) == []
+        s = simulate.closed_loop("P2", c, d=1.0, noise=0, h=0.02, t_end=2000, setpoint=[(1, 5.0)], tf=0)
+        assert np.ptp(s.position[s.t > 1500]) < 0.02
+
+    def test_relay_finds_the_ultimate_point(self) -> None:
+        for name in PLANTS:
+            ku, tu = ultimate(name)
+            cycle = max(relay_cycles(PLANTS[name], 2.0), key=lambda c: c.amplitude)
+            assert (cycle.period, cycle.amplitude) == pytest.approx((tu, 8 / math.pi / ku), rel=1e-6)
+            assert cycle.stable
+
+    def test_over_compensation(self) -> None:
+        assert over_compensation("P2", 0.05, 0.05) == []
+        [small], [large] = over_compensation("P2", 0.06, 0.05), over_compensation("P2", 0.09, 0.05)
+        assert large.amplitude == pytest.approx(4 * small.amplitude) and large.w == small.w
+        [slow] = over_compensation("P2", 0.06, 0.05, tf=0.5)
+        assert slow.w < small.w
+        assert over_compensation(Plant([1], [1, 2, 1]), 1.0, 0.5) == []
+
+
+def simulated(controller: Any, d: float, tf: float, period: float) -> tuple[float, float]:
+    """Period, and amplitude of OP, of the limit cycle that P1 settles in."""
+    t_end = 60 * period
+    s = simulate.closed_loop("P1", controller, d=d, noise=0.0, h=0.01, t_end=t_end, setpoint=[(1, d)], tf=tf)
+    late = s.t > t_end / 2
+    op, t = s.op[late], s.t[late]
+    middle = op - (op.max() + op.min()) / 2
+    up = np.flatnonzero((middle[:-1] < 0) & (middle[1:] >= 0))
+    crossings = t[up] - middle[up] / (middle[up + 1] - middle[up]) * 0.01
+    return float(np.mean(np.diff(crossings))), float(np.ptp(op) / 2)
+
+
+class TestPhaseLead:
+    @pytest.mark.parametrize("margin", [1.2, 1.5, 1.9])
+    def test_removes_the_intersection_with_its_margin(self, margin: float) -> None:
+        loop = 1.6 * PLANTS["P1"] * Plant([1], [0.5, 1])
+        assert backlash_cycles(loop, 1.0) != []
+        lead = phase_lead(loop, margin)
+        assert backlash_cycles(lead.loop, 1.0) == []
+        assert margin <= lead.margin < 1.02 * margin and lead.lead > lead.lag
+        assert lead.loop.response(1e-6) == pytest.approx(loop.response(1e-6), rel=1e-4)
+
+    def test_more_margin_costs_more_lead(self) -> None:
+        loop = 1.6 * PLANTS["P1"] * Plant([1], [0.5, 1])
+        ratios = [lead.lead / lead.lag for lead in (phase_lead(loop, m) for m in (1.2, 1.5, 1.8))]
+        assert ratios == sorted(ratios) and ratios[0] > 1
+
+    def test_nothing_to_do(self) -> None:
+        lead = phase_lead(migo("P2").loop, 2.0)
+        assert lead.lead == lead.lag and lead.loop == migo("P2").loop
+
+    def test_two_integrators_and_too_much(self) -> None:
+        with pytest.raises(InputError, match="two integrators"):
+            phase_lead(migo("P1").loop, 1.5)
+        with pytest.raises(InputError, match="more than a lead/lag of 20"):
+            phase_lead(PLANTS["P8"] * Plant([3], [1, 0]), 30)
+
+
+def test_figure_has_the_curves_of_the_thesis() -> None:
+    t = assess("P1", (0.4, 7.0))
+    figure = nyquist_figure({"P1": t.loop}, relay=True, criteria=True)
+    names = [trace.name for trace in figure.data]
+    assert names == ["P1", "−1/N(A) of a gap", "limit cycle", "−1/N(A) of a relay", "−1"]
+    met = figure.data[2]
+    [cycle] = backlash_cycles(t.loop, 1.0)
+    assert complex(met.x[0], met.y[0]) == pytest.approx(complex(t.loop.response(cycle.w)))
+    assert len(figure.layout.shapes) == 2
+    assert [trace.name for trace in nyquist_figure(t.loop, backlash=False).data] == ["L(iω)", "−1"]

@@ -5,6 +5,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
 from glapp import InputError, simulate
 from glapp.blocks import Backlash
 from glapp.nonlinear import (
@@ -23,8 +26,6 @@ from glapp.nonlinear import (
 )
 from glapp.plant import PLANTS, Plant
 from glapp.tuning import assess, migo, open_loop, ultimate
-from hypothesis import given
-from hypothesis import strategies as st
 
 
 class TestDescribingFunctions:

@@ -7,10 +7,11 @@ import control
 import numpy as np
 import pytest
 import scipy.signal
-from glapp import InputError, simulate
-from glapp.plant import PLANTS, Plant
 from hypothesis import given
 from hypothesis import strategies as st
+
+from glapp import InputError, simulate
+from glapp.plant import PLANTS, Plant
 
 
 def test_made_from_anything_that_means_a_process() -> None:

@@ -6,6 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy.signal
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import minimize
+
 from glapp import InputError, simulate
 from glapp.plant import PLANTS, Plant
 from glapp.tuning import (
@@ -28,9 +32,6 @@ from glapp.tuning import (
     ziegler_nichols_frequency,
     ziegler_nichols_step,
 )
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from scipy.optimize import minimize
 
 # K and Ti of MIGO PI, computed by two independent programs: combined circle 1.4, Ms 1.4, Ms 2.0.
 MIGO_PI = {

@@ -111,7 +111,7 @@ pub fn lambda_integrating<R: Real>(kv: R, l: R, lambda: R) -> Result<Gains<R>, P
 ///
 /// ```
 /// use glapp_core::tuning::{Kind, amigo_step};
-/// let pi = amigo_step(1.0, 2.9, 1.42, Kind::Pi)?; // 1/(s + 1)⁴
+/// let pi = amigo_step(1.0_f64, 2.9, 1.42, Kind::Pi)?; // 1/(s + 1)⁴
 /// assert!((pi.k - 0.414).abs() < 2e-3 && (pi.ti - 2.66).abs() < 1e-2);
 /// # Ok::<(), glapp_core::ParameterError>(())
 /// ```

@@ -618,8 +618,10 @@ def nyquist_figure(
     named = {"L(iω)": loops} if isinstance(loops, Plant) else dict(loops)
     figure = go.Figure()
     if criteria:
-        figure.add_shape(type="rect", x0=-1, x1=window, y0=-window, y1=window, fillcolor=paper.GRID, line_width=0)
-        figure.add_shape(type="circle", x0=-1, x1=1, y0=-1, y1=1, fillcolor=paper.RAW, line_width=0)
+        figure.add_shape(
+            type="rect", x0=-1, x1=window, y0=-window, y1=window, fillcolor=paper.GRID, line_width=0, layer="below"
+        )
+        figure.add_shape(type="circle", x0=-1, x1=1, y0=-1, y1=1, fillcolor=paper.RAW, line_width=0, layer="below")
     colours = (paper.SIGNAL, paper.POSITION, paper.POINT, paper.OUTPUT)
     met: list[complex] = []
     for i, (name, loop) in enumerate(named.items()):
@@ -664,7 +666,9 @@ def nyquist_figure(
         margin={"l": 60, "r": 20, "t": 30, "b": 50},
         legend={"orientation": "h", "y": 1.08},
     )
-    figure.update_xaxes(title="Re", range=[-window, window / 3], zeroline=True, zerolinecolor=paper.MUTED)
+    figure.update_xaxes(
+        title="Re", range=[-window, window / 3], zeroline=True, zerolinecolor=paper.MUTED, constrain="domain"
+    )
     figure.update_yaxes(
         title="Im", range=[-window, window / 3], scaleanchor="x", zeroline=True, zerolinecolor=paper.MUTED
     )

@@ -928,6 +928,7 @@ def design(plant: Process, kind: Kind = "PID", *, ms: float = 1.4, mt: float = 1
     sign = _sign(plant)
     start = migo(plant, kind, ms=ms, mt=mt).controller
     coarse = _design_frequencies(plant)
+    least = [math.inf]  # IAE so far
 
     def settings(times: Array) -> tuple[float, float, float]:
         """Ti, Td and Tf [s]."""
@@ -946,8 +947,6 @@ def design(plant: Process, kind: Kind = "PID", *, ms: float = 1.4, mt: float = 1
                 return k, ti / k if ti / k > 3 * least[0] else _iae(plant, unit * k, k / ti, nearest)
         return 0.0, math.inf
 
-    least = [math.inf]
-
     def cost(times: Array) -> float:
         iae = min(greatest(times, coarse)[1], 1e300)  # finite, so that the simplex can take differences
         least[0] = min(least[0], iae)
@@ -958,6 +957,8 @@ def design(plant: Process, kind: Kind = "PID", *, ms: float = 1.4, mt: float = 1
         if cost(begin) < 1e300:
             break
         begin[0] += 0.2
+    else:
+        raise InputError(f"no {kind} controller with its filter meets {bound}", parameter="plant", value=plant)
     best, fine = _simplex(cost, begin), plant.frequencies(per_decade=1000)
     expected, k = greatest(best, coarse)[0], 0.0
     for _ in range(20):  # the best Ti may be the least at which this gain was robust, on the coarse grid
@@ -966,8 +967,6 @@ def design(plant: Process, kind: Kind = "PID", *, ms: float = 1.4, mt: float = 1
             break
         best[0] += 0.01
     ti, td, tf = settings(best)
-    if k == 0:
-        raise InputError(f"no {kind} controller with its filter meets {bound}", parameter="plant", value=plant)
     source = "after Garpinger & Hägglund, IFAC World Congress (2008)"
     return assess(plant, (sign * k, ti, td), tf=tf, rule=f"design ({bound}) {kind}", source=source)
 

@@ -51,7 +51,12 @@ impl Layout {
     pub fn parse(&self, block: &[u8], skip: usize) -> Option<Vec<Column>> {
         let mut rest = block;
         for _ in 0..skip {
-            rest = &rest[memchr::memchr(b'\n', rest)? + 1..];
+            let (line, after) = rest.split_at(memchr::memchr(b'\n', rest)? + 1);
+            // A lone '\r' ends a line too: whoever counts lines by '\n' would skip a row of data.
+            if memchr::memchr(b'\r', line).is_some_and(|place| place + 2 != line.len()) {
+                return None;
+            }
+            rest = after;
         }
         let line = memchr::memchr(b'\n', rest).unwrap_or(rest.len()).max(1);
         let rows = rest.len() / line + 1;
@@ -89,7 +94,7 @@ impl Reader {
             Kind::Time | Kind::TimeUtc => Column::Times(Vec::with_capacity(rows)),
             Kind::Word => Column::Words(Vec::new(), Vec::with_capacity(rows)),
         });
-        Self { done, utc: kind == Some(Kind::TimeUtc), date: ([0; 10], 0), code: 0 }
+        Self { done, utc: kind == Some(Kind::TimeUtc), date: (*b"1970-01-01", 0), code: 0 }
     }
 
     /// Takes the cell at the beginning of `text`; gives what follows it.
@@ -255,6 +260,8 @@ mod tests {
             assert_eq!(layout().parse(line.as_bytes(), 0), None, "{line:?}");
         }
         assert_eq!(layout().parse(b"one line", 1), None);
+        assert_eq!(layout().parse(b"\0\0\0\0\0\0\0\0\0\0 00:00:00,1,x,AUTO", 0), None);
+        assert_eq!(layout().parse(b"a title\rt,PV,x,MODE\n2026-03-01 00:00:00,1,x,AUTO\n", 1), None);
     }
 
     proptest! {

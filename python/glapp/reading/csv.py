@@ -20,6 +20,7 @@ from itertools import chain, repeat
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pc
 
@@ -28,7 +29,7 @@ from ..errors import InputError
 from .columns import understand
 from .source import Source
 from .times import looks_like_stamp
-from .values import null_spellings
+from .values import null_spellings, words_for_bad
 
 __all__ = ["CsvSource"]
 
@@ -142,7 +143,7 @@ class CsvSource(Source):
                 ),
             )
 
-        short_cut = self._plain(types)
+        short_cut = self._plain(types, bad_words)
 
         def work(block: bytes, skip: int, fraction: float) -> tuple[list[pa.Array], float]:
             if short_cut is not None and (columns := short_cut(block, skip)) is not None:
@@ -174,15 +175,21 @@ class CsvSource(Source):
                 for future in waiting:
                     future.cancel()
 
-    def _plain(self, types: Mapping[int, pa.DataType]) -> Callable[[bytes, int], list[pa.Array] | None] | None:
-        """The short cut for blocks of plain CSV, None where this file cannot have any."""
+    def _plain(
+        self, types: Mapping[int, pa.DataType], bad_words: frozenset[str]
+    ) -> Callable[[bytes, int], list[pa.Array] | None] | None:
+        """The short cut for blocks of plain CSV, None where this file cannot have any.
+
+        It knows no words for missing values; one with a digit in it, such as "-9999", may look like a number or a time.
+        """
         kinds = {
             pa.float64(): "number",
             pa.string(): "word",
             pa.timestamp("ns"): "time",
             pa.timestamp("ns", "UTC"): "time utc",
         }
-        if self._decimal != "." or any(kind not in kinds for kind in types.values()):
+        digits = any(c.isdigit() for word in bad_words - words_for_bad(()) for c in word)
+        if digits or self._decimal != "." or any(kind not in kinds for kind in types.values()):
             return None
         wanted = [kinds[types[i]] if i in types else None for i in range(len(self.names))]
         parser = _glapp.PlainCsv(ord(self._delimiter), wanted)
@@ -295,6 +302,8 @@ def _arrow(column: Any, kind: pa.DataType) -> pa.Array:
     if isinstance(column, tuple):
         words, codes = column
         return pa.DictionaryArray.from_arrays(pa.array(codes), pa.array(words, pa.string()))
+    if pa.types.is_floating(kind) and np.isnan(column.sum()):  # an empty cell is NaN there and null here
+        return pa.array(column, from_pandas=True)
     return pa.Array.from_buffers(kind, len(column), [None, pa.py_buffer(column)])
 
 

@@ -17,7 +17,7 @@ from ..recording import AT_HIGH, AT_LOW, BAD, Batch, Recording
 from .columns import LABELS
 from .source import Source, ahead
 from .times import Clock
-from .values import CellFault, Quality, flags_of, limit_flag, mode_flag, numbers, text_of, words_for_bad
+from .values import CellFault, Quality, flags_of, limit_flag, mode_flag, numbers, plain, text_of, words_for_bad
 
 __all__ = ["Reader", "WideRecording"]
 
@@ -217,6 +217,8 @@ class WideRecording(Recording):
 
 def _empty(column: pa.Array) -> NDArray[np.bool_] | None:
     """Which cells are empty, None where none is."""
+    if pa.types.is_dictionary(column.type):
+        column = plain(column)
     if pa.types.is_string(column.type):
         mask = pc.fill_null(pc.equal(pc.utf8_trim_whitespace(column), ""), True)
     elif column.null_count:

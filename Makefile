@@ -1,6 +1,6 @@
 # make run   sets everything up and does the main job: recordings in, dead bands and a report out
 # make test  sets everything up and runs every test in every language
-.PHONY: run test setup lint bench fuzz clean
+.PHONY: run test setup lint bench gallery fuzz clean
 .DELETE_ON_ERROR:
 
 PYTHON ?= python3
@@ -46,6 +46,10 @@ bench: setup $(VENV)/.bench
 $(VENV)/.bench: pyproject.toml $(VENV)/.tools
 	$(BIN)/pip install --quiet --group bench
 	touch $@
+
+# The figures of the thesis with their numbers, as docs/gallery has them.
+gallery: setup
+	$(BIN)/glapp thesis --out docs/gallery --markdown
 
 # Wrong input by the million; SECONDS=600 goes on for longer.
 SECONDS ?= 60

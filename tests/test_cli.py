@@ -72,7 +72,7 @@ def documented_commands():
         subprocess.run(
             [*GLAPP, *command, "--help"], capture_output=True, text=True, env=os.environ | {"COLUMNS": "200"}
         ).stdout
-        for command in ([], ["analyze"], ["init"], ["identify"], ["explain"], ["demo"])
+        for command in ([], ["analyze"], ["init"], ["identify"], ["explain"], ["demo"], ["thesis"])
     )
     blocks = "".join(re.findall(r"^```\n(.*?)^```", (ROOT / "docs/cli.md").read_text(), re.DOTALL | re.MULTILINE))
     return list(dict.fromkeys(line.strip() for line in re.findall(r"^ ?(glapp .*)$", helps + blocks, re.MULTILINE)))

@@ -16,6 +16,7 @@ from .explain import explain
 from .identify import identify
 from .init import init
 from .screen import CommandError, examples, out, say_error
+from .thesis import thesis
 
 __all__ = ["app", "main"]
 
@@ -46,6 +47,7 @@ app.command(
     )
 )(explain)
 app.command(epilog=examples("glapp demo demo"))(demo)
+app.command(epilog=examples("glapp thesis 5.1", "glapp thesis 1.2 5.1 --out figures"))(thesis)
 
 
 def _version(asked: bool) -> None:

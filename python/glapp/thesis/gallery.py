@@ -1,0 +1,79 @@
+"""The figures as a gallery: pictures, a page with the numbers, and the numbers for other programs."""
+
+from __future__ import annotations
+
+import html
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from .figure import Number, Shown
+
+__all__ = ["as_html", "as_json", "as_markdown", "recorded", "text"]
+
+TITLE = "The figures of the thesis, computed anew"
+ABOUT = (
+    "O. Haventon and J. Öberg, Testing and implementation of a backlash detection algorithm, Lund University, "
+    "TFRT-5826 (2008). Every picture comes from glapp's own simulator and detector; the thesis' number stands beside "
+    "ours wherever its text gives one."
+)
+
+
+def text(value: float | str | None) -> str:
+    """A value as a person reads it; – for none."""
+    return "–" if value is None else value if isinstance(value, str) else f"{value:.4g}"
+
+
+def as_json(shown: Sequence[Shown]) -> str:
+    """Our numbers: {"5.1": {"what": value}}."""
+    numbers = {one.number: {number.what: number.ours for number in one.numbers} for one in shown}
+    return json.dumps(numbers, ensure_ascii=False, indent=2) + "\n"
+
+
+def recorded(shown: Shown, numbers: Mapping[str, float | None]) -> Shown:
+    """The same figure with the numbers of an earlier run."""
+    return replace(shown, numbers=tuple(replace(number, ours=numbers[number.what]) for number in shown.numbers))
+
+
+def as_markdown(shown: Sequence[Shown]) -> str:
+    """The gallery as a page in Markdown, with the pictures beside it."""
+    parts = [f"# {TITLE}\n", ABOUT + "\n"]
+    for one in shown:
+        parts.append(f"## {one.name}: {one.title}\n")
+        parts.append(f"![{one.name}]({one.picture})\n")
+        parts.append(f"{one.sentence} (Section {one.section})\n")
+        rows = [f"| {' | '.join(cells)} |\n" for cells in _rows(one.numbers)]
+        parts.append("".join(["| | thesis | glapp | unit |\n|---|---:|---:|---|\n", *rows]))
+        if one.difference:
+            parts.append(f"*Difference:* {one.difference}\n")
+    return "\n".join(parts)
+
+
+_CSS = """body{font:16px/1.5 system-ui,sans-serif;color:#1f2933;max-width:760px;margin:2rem auto;padding:0 1rem}
+img{max-width:100%}table{border-collapse:collapse}th,td{text-align:left;padding:.1rem 1rem .1rem 0;vertical-align:top}
+td:nth-child(2),td:nth-child(3),th:nth-child(2),th:nth-child(3){text-align:right}h2{margin-top:3rem}
+a{color:#1d5b9c}nav a{margin-right:.8rem;white-space:nowrap}"""
+
+
+def as_html(shown: Sequence[Shown]) -> str:
+    """The gallery as one page; it needs the pictures beside it and nothing else."""
+    say = html.escape
+    links = " ".join(f'<a href="#{one.picture[:-4]}">{say(one.number)}</a>' for one in shown)
+    parts = [
+        '<!doctype html><html lang="en"><meta charset="utf-8">',
+        '<meta name="viewport" content="width=device-width,initial-scale=1">',
+        f"<title>{TITLE}</title><style>{_CSS}</style><h1>{TITLE}</h1><p>{say(ABOUT)}</p><nav>{links}</nav>",
+    ]
+    for one in shown:
+        parts.append(f'<h2 id="{one.picture[:-4]}">{say(one.name)}: {say(one.title)}</h2>')
+        parts.append(f'<img src="{one.picture}" alt="{say(one.sentence)}"><p>{say(one.sentence)}')
+        parts.append(f"(Section {say(one.section)})</p><table><tr><th><th>thesis<th>glapp<th>unit")
+        parts += ["<tr>" + "".join(f"<td>{say(cell)}" for cell in cells) for cells in _rows(one.numbers)]
+        parts.append("</table>")
+        if one.difference:
+            parts.append(f"<p><em>Difference:</em> {say(one.difference)}</p>")
+    return "\n".join(parts) + "\n"
+
+
+def _rows(numbers: Sequence[Number]) -> list[tuple[str, str, str, str]]:
+    return [(number.what, text(number.thesis), text(number.ours), number.unit) for number in numbers]

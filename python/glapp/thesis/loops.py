@@ -1,0 +1,122 @@
+"""Loops and detectors that several figures share. The thesis counts everything in parts of the span; figures in %."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from .. import _glapp
+from ..quality import GAP_STEPS
+from ..result import HalfPeriods
+from ..scenario import Scenario
+from ..simulate import DETECTIONS, Simulation
+
+__all__ = ["NET", "PERCENT", "Condition", "Detected", "detect", "safety_net_loop"]
+
+Floats = npt.NDArray[np.float64]
+
+PERCENT = 100.0
+
+Condition = Literal["saturation", "5Ti", "5.2", "decay", "growth", "5.5", "5.1"]
+"""Conditions on a half-period, by their equations; "decay" is (5.3) and, with "growth", makes (5.4)."""
+
+NET: tuple[Condition, ...] = get_args(Condition)
+"""All of them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Detected:
+    """What a detector saw: its half-periods, and the filtered process value."""
+
+    half_periods: HalfPeriods
+    filtered: Floats
+
+    @property
+    def accepted(self) -> npt.NDArray[np.bool_]:
+        """Which half-periods became detections."""
+        return np.asarray(self.half_periods.mask == 0)
+
+    @property
+    def t(self) -> Floats:
+        """Times of the detections [s]."""
+        return self.half_periods.t_end[self.accepted]
+
+    @property
+    def d(self) -> Floats:
+        """Their widths [%]."""
+        return PERCENT * self.half_periods.d[self.accepted]
+
+    @property
+    def d_hat(self) -> float | None:
+        """Estimate at the end [%]."""
+        last = self.half_periods.d_hat[-1:]
+        return PERCENT * float(last[0]) if np.isfinite(last).any() else None
+
+
+def detect(
+    scenario: Scenario,
+    signals: Simulation,
+    conditions: tuple[Condition, ...] = NET,
+    *,
+    tf: float | None = None,
+    kp: float | None = None,
+    n: int = DETECTIONS,
+    derivative: bool = False,
+) -> Detected:
+    """Run the detector as the thesis does: on SP and PV alone, with a part of its conditions.
+
+    Parameters
+    ----------
+    scenario, signals : Scenario, Simulation
+        The loop and what it did; the controller's settings are known to the detector.
+    conditions : tuple of Condition
+        The others are off.
+    tf, kp : float, optional
+        Filter time [s] and static gain of the process; those of the scenario where not given.
+    n : int
+        Detections behind an estimate, odd.
+    derivative : bool
+        Whether the derivative part is counted, as in (7.6), or left out, as in (7.5).
+    """
+    k, ti, td, b = scenario.ideal()
+    off = sum(1 << bit for bit, condition in enumerate(NET) if condition not in conditions)
+    limits = scenario.limits
+    detector = _glapp.Detector(
+        k,
+        ti,
+        td if derivative else None,
+        b,
+        scenario.process_gain() if kp is None else kp,
+        scenario.filter_time() if tf is None else tf,
+        n,
+        GAP_STEPS * scenario.h,
+        None if limits is None else limits[1] - limits[0],
+        limits,
+        off,
+    )
+    filtered = detector.run(signals.t, signals.sp, signals.pv, None, signals.flags, True)
+    assert filtered is not None  # asked for
+    return Detected(HalfPeriods(**detector.table()), filtered)
+
+
+def safety_net_loop(**changes: Any) -> Scenario:
+    """P3 with the PI controller of section 5.2, a gap of 5 %, steps of setpoint and load at 1 and 100 s.
+
+    Noise, sample time and size of the load step are not in the thesis. A load step of 100 % gives its detection of over
+    100 % at 105 s; noise of ± 0.05 % at h = 0.01 s gives the change from backlash to noise about 550 s.
+    """
+    fields: dict[str, Any] = {
+        "plant": "P3",
+        "controller": (0.48, 0.3117),
+        "d": 0.05,
+        "noise": 0.0005,
+        "setpoint": [(0.0, 0.0), (1.0, 1.0)],
+        "load": [(100.0, 1.0)],
+        "h": 0.01,
+        "t_end": 1000.0,
+        "seed": 10,
+    }
+    return Scenario(**fields | changes)

@@ -1,0 +1,73 @@
+"""The gallery: every figure of the thesis computed anew, against docs/gallery."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from glapp import InputError
+from glapp.thesis import FIGURES, Shown, find, gallery
+from glapp.thesis.style import save
+
+GALLERY = Path(__file__).parent.parent / "docs/gallery"
+RECORDED = json.loads((GALLERY / "numbers.json").read_text(encoding="utf-8"))
+
+
+@pytest.fixture(scope="module")
+def shown() -> dict[str, Shown]:
+    return {number: function() for number, function in FIGURES.items()}
+
+
+@pytest.mark.parametrize("number", FIGURES)
+def test_numbers_are_those_of_the_gallery(shown: dict[str, Shown], number: str) -> None:
+    one, recorded = shown[number], RECORDED[number]
+    assert one.number == number
+    assert len({x.what for x in one.numbers}) == len(one.numbers)
+    assert recorded.keys() == {x.what for x in one.numbers}
+    for x in one.numbers:
+        assert x.agrees(recorded[x.what]), f"{x.what}: {x.ours}, recorded {recorded[x.what]}; make gallery"
+
+
+def test_a_wrong_number_is_noticed(shown: dict[str, Shown]) -> None:
+    x = shown["5.1"].numbers[0]
+    assert x.ours is not None and not x.agrees(1.00001 * x.ours) and not x.agrees(None)
+
+
+def test_page_is_what_the_figures_say(shown: dict[str, Shown]) -> None:
+    page = (GALLERY / "README.md").read_text(encoding="utf-8")
+    assert page == gallery.as_markdown([gallery.recorded(one, RECORDED[n]) for n, one in shown.items()]), "make gallery"
+
+
+def test_every_picture_is_there_and_no_other(shown: dict[str, Shown]) -> None:
+    assert {path.name for path in GALLERY.glob("*.png")} == {one.picture for one in shown.values()}
+    assert all(path.stat().st_size <= 60_000 for path in GALLERY.glob("*.png"))
+
+
+@pytest.mark.parametrize("number", FIGURES)
+def test_picture_names_its_axes(shown: dict[str, Shown], number: str) -> None:
+    figure = shown[number].draw()
+    for axes in figure.axes:
+        if axes.axison:
+            assert axes.get_ylabel()
+            assert any(each.get_xlabel() for each in axes.get_shared_x_axes().get_siblings(axes))
+
+
+def test_html_page_stands_alone(shown: dict[str, Shown], tmp_path: Path) -> None:
+    page = gallery.as_html(list(shown.values()))
+    links = re.findall(r'(?:src|href)="([^"]*)"', page)
+    targets = {one.picture for one in shown.values()} | {f"#{one.picture[:-4]}" for one in shown.values()}
+    assert set(links) == targets
+    one = shown["5.1"]
+    save(one.draw(), tmp_path / one.picture)
+    assert (tmp_path / one.picture).read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(("said", "number"), [("5.1", "5.1"), ("Figure 5.1", "5.1"), ("figure-5.1", "5.1")])
+def test_numbers_as_people_write_them(said: str, number: str) -> None:
+    assert find(said) == number
+
+
+def test_unknown_number() -> None:
+    with pytest.raises(InputError, match=r"is '3\.1', must be one of 1\.1, "):
+        find("3.1")

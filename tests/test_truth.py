@@ -1,4 +1,7 @@
-"""What the detector says of loops whose gap is known. Few seeds, wide bounds; bench/truth.py prints the whole table."""
+"""What the detector says of loops whose gap is known. Few seeds, wide bounds.
+
+`python -m bench.truth.zero_crossing` prints the whole table.
+"""
 
 from typing import Any
 

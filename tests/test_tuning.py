@@ -148,6 +148,7 @@ class TestModels:
         assert half_rule(plant) == pytest.approx((1, 1.1, 0, 0.02 + 0.1 + 0.05))
         assert half_rule(plant, "PID") == pytest.approx((1, 1, 0.225, 0.045))
         assert half_rule("P6", "PI") == pytest.approx((1, 1.5, 0, 2.0))
+        assert half_rule(([2], [1, 0], 0.5)) == pytest.approx((2, math.inf, 0, 0.5))  # once a mean of no lags
         assert half_rule("P1", "PID") == pytest.approx((1, math.inf, 0.8, 0.2))
         for name in ("P3", Plant([2, 1], [1, 2, 1])):
             with pytest.raises(InputError, match=r"fotd\(plant\)"):

@@ -403,6 +403,8 @@ def half_rule(plant: Process, kind: Kind = "PI") -> tuple[float, float, float, f
 
 def _mean_lags(poles: npt.NDArray[np.complex128]) -> list[float]:
     """Lags of real poles; those that rounding spread around a multiple pole are replaced by their mean."""
+    if not poles.size:  # an integrator alone
+        return []
     lags: list[float] = []
     ordered = np.sort(-poles.real)
     for group in np.split(ordered, np.flatnonzero(np.diff(ordered) > 0.1 * ordered[1:]) + 1):

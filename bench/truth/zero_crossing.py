@@ -1,4 +1,4 @@
-"""The truth table: what `glapp.analyze` says of loops whose gap is known, `python bench/truth.py [seeds]`.
+"""The zero-crossing estimator on loops whose gap is known, `python -m bench.truth.zero_crossing [seeds]`.
 
 Four loops, four widths, five kinds of disturbance, 20 seeds of noise and disturbance each. Noise of amplitude 0.005
 on PV, h = 0.05 s, an hour of the loop's time. The settings are given, as from a control system; nothing tells the

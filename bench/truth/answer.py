@@ -1,0 +1,40 @@
+"""What a method says of a record, in words that are the same for all."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Verdict = Literal[
+    "backlash", "stiction", "both", "valve", "at_least", "oscillation", "sound", "not valve", "cannot_tell"
+]
+"""*valve*: stiction or backlash, which of them is not said. *not valve*: the cause lies elsewhere, or there is none."""
+
+FAULT = ("backlash", "stiction", "both", "valve", "at_least")
+"""Verdicts that send somebody to the valve."""
+
+DENIAL = ("oscillation", "sound", "not valve")
+"""Verdicts that keep people away from it."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """The answer.
+
+    Attributes
+    ----------
+    verdict : Verdict
+    d, low, high : float or None
+        Dead band, and its 95 % interval where the method gives one [% of OP].
+    at_least : float or None
+        Lower bound [% of OP].
+    reason : str
+        Why there is no more, for a person.
+    """
+
+    verdict: Verdict
+    d: float | None = None
+    low: float | None = None
+    high: float | None = None
+    at_least: float | None = None
+    reason: str = ""

@@ -1,0 +1,19 @@
+"""The methods, each in a file of its own with its source, what it needs and what it was made for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from ..answer import Answer
+from ..records import Record
+from . import ellipse, haegglund, he, horch, thesis, yamashita
+
+METHODS: dict[str, Callable[[Record], Answer]] = {
+    "thesis": thesis.answer,
+    "Hägglund": haegglund.answer,
+    "ellipse": ellipse.answer,
+    "He": he.answer,
+    "Horch": horch.answer,
+    "Yamashita": yamashita.answer,
+}
+"""In the order of the tables."""

@@ -1,0 +1,283 @@
+"""From answers to tables."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .answer import DENIAL, FAULT
+from .records import Truth
+
+FAULTY = ("backlash", "stiction", "both")
+"""Causes that are in the valve."""
+
+FEW = 3
+"""Of fewer widths there is no median worth printing."""
+
+
+class Scored(NamedTuple):
+    """One answer beside its truth."""
+
+    truth: Truth
+    method: str
+    verdict: str
+    d: float | None
+    low: float | None
+    high: float | None
+    at_least: float | None
+    reason: str
+    seconds: float
+
+    @property
+    def error(self) -> float:
+        """d̂/d − 1, NaN where there is no width, or none to compare with."""
+        return np.nan if self.d is None or self.truth.d == 0 else self.d / self.truth.d - 1
+
+    @property
+    def covered(self) -> bool | None:
+        """Whether the interval holds d; None where there is no interval."""
+        return None if self.low is None or self.high is None else self.low <= self.truth.d <= self.high
+
+    @property
+    def alarm(self) -> bool:
+        """Whether somebody is sent to the valve."""
+        return self.verdict in FAULT
+
+    @property
+    def careful(self) -> bool:
+        """A bound that is true, a refusal, or a width whose interval is true."""
+        if self.d is not None:
+            return bool(self.covered)
+        return self.at_least is None or self.at_least <= self.truth.d
+
+
+Rows = Sequence[Scored]
+
+
+def tables(scored: Rows) -> str:
+    """All tables in Markdown."""
+    methods = list(dict.fromkeys(row.method for row in scored))
+    sizing = [m for m in methods if any(row.method == m and row.d is not None for row in scored)]
+    judging = [m for m in methods if any(row.method == m and row.verdict != "cannot_tell" for row in scored)]
+    parts = [
+        ("Identifiable gaps: width", _width(scored, sizing)),
+        ("No gap, or another cause: false alarms", _false_alarms(scored, judging)),
+        ("Identifiable gaps: missed", _missed(scored, judging)),
+        ("Gaps that cannot be identified", _unidentifiable(scored, methods)),
+        ("Regular oscillations: is it the valve?", _regular(scored, judging)),
+        ("Causes", "\n\n".join(f"*{m}*\n\n" + _confusion(_by(scored, method=m)) for m in judging)),
+        ("Identifiable gaps: where the width goes wrong", _where(scored, sizing)),
+        ("Time", _time(scored, methods)),
+    ]
+    return "\n\n".join(f"### {title}\n\n{text}" for title, text in parts)
+
+
+def _width(scored: Rows, methods: Sequence[str]) -> str:
+    head = ["method", "family", "cause", "records", "answered", "bias", "spread", "coverage"]
+    body = []
+    for method in methods:
+        for family in ("inside", "outside"):
+            for cause in FAULTY:
+                rows = _by(scored, method=method, family=family, cause=cause, identifiable=True)
+                body.append([method, family, cause, str(len(rows)), *_widths(rows)])
+    return _markdown(head, body)
+
+
+def _widths(rows: Rows) -> list[str]:
+    """Share of widths given, bias, spread and coverage."""
+    errors = np.array([row.error for row in rows])
+    errors = errors[~np.isnan(errors)]
+    covered = [row.covered for row in rows if row.covered is not None]
+    if len(errors) < FEW:
+        return [_share([row.d is not None for row in rows]), "", "", ""]
+    low, high = np.percentile(errors, [15.87, 84.13])
+    return [
+        _share([row.d is not None for row in rows]),
+        f"{100 * np.median(errors):+.1f} %",
+        f"{50 * (high - low):.0f} %",
+        _share(covered) if covered else "no interval",
+    ]
+
+
+def _false_alarms(scored: Rows, methods: Sequence[str]) -> str:
+    groups = [("none", load) for load in ("steps", "ramps", "walk")] + [("oscillation", x) for x in ("sine", "limit")]
+    return _matrix(
+        scored,
+        methods,
+        [
+            (f"{cause}, {load}, {family}", {"cause": cause, "load": load, "family": family})
+            for cause, load in groups
+            for family in ("inside", "outside")
+        ],
+        lambda row: row.alarm,
+    )
+
+
+def _missed(scored: Rows, methods: Sequence[str]) -> str:
+    return _matrix(
+        scored,
+        methods,
+        [
+            (f"{cause}, {load}, {family}", {"cause": cause, "load": load, "family": family, "identifiable": True})
+            for cause in FAULTY
+            for load in ("steps", "ramps", "walk")
+            for family in ("inside", "outside")
+        ],
+        lambda row: not row.alarm,
+    )
+
+
+def _matrix(
+    scored: Rows, methods: Sequence[str], groups: Sequence[tuple[str, dict[str, Any]]], what: Callable[[Scored], bool]
+) -> str:
+    body = []
+    for title, group in groups:
+        chosen = [_by(scored, method=method, **group) for method in methods]
+        body.append([title, str(len(chosen[0])), *(_share([what(row) for row in rows]) for rows in chosen)])
+    return _markdown(["group", "records", *methods], body)
+
+
+def _unidentifiable(scored: Rows, methods: Sequence[str]) -> str:
+    head = ["method", "records", "bound or refusal", "bound too high", "width with a true interval", "other width"]
+    body = []
+    for method in methods:
+        rows = [row for row in _by(scored, method=method, identifiable=False) if row.truth.cause in FAULTY]
+        body.append(
+            [
+                method,
+                str(len(rows)),
+                _share([row.d is None and row.careful for row in rows]),
+                _share([row.d is None and not row.careful for row in rows]),
+                _share([row.d is not None and row.careful for row in rows]),
+                _share([row.d is not None and not row.careful for row in rows]),
+            ]
+        )
+    return _markdown(head, body)
+
+
+def _regular(scored: Rows, methods: Sequence[str]) -> str:
+    """The valve / not the valve / undecided, for records that oscillate regularly; a gap must be identifiable."""
+    body = []
+    for cause in ("none", "oscillation", *FAULTY):
+        rows = [row for row in _by(scored, cause=cause, regular=True) if row.truth.identifiable or cause not in FAULTY]
+        cells = []
+        for method in methods:
+            said = [row.verdict for row in rows if row.method == method]
+            n = max(len(said), 1)
+            valve, denied = sum(v in FAULT for v in said), sum(v in DENIAL for v in said)
+            parts = (valve, denied, len(said) - valve - denied)
+            cells.append(" / ".join(f"{100 * part / n:.0f}" for part in parts))
+        body.append([cause, str(len({row.truth.name for row in rows})), *cells])
+    return _markdown(["truth", "records", *(f"{m} [%]" for m in methods)], body)
+
+
+def _confusion(rows: Rows) -> str:
+    """Truth down, verdicts across; with a gap only identifiable records, with a slip jump only where it can be seen."""
+    verdicts = list(dict.fromkeys(row.verdict for row in rows))
+    verdicts.sort(key=lambda v: -sum(row.verdict == v for row in rows))
+    body = []
+    for cause in ("none", "oscillation", *FAULTY):
+        told = [
+            row
+            for row in _by(rows, cause=cause)
+            if cause not in FAULTY or (row.truth.identifiable and (cause == "backlash" or row.truth.cause_told))
+        ]
+        body.append([cause, str(len(told)), *(_share([row.verdict == v for row in told]) for v in verdicts)])
+    return _markdown(["truth", "records", *verdicts], body)
+
+
+def _where(scored: Rows, methods: Sequence[str]) -> str:
+    """Bias ± spread, share answered and coverage, of identifiable gaps in groups of every kind."""
+    groups: dict[tuple[str, str], list[Scored]] = {}
+    for row in scored:
+        if row.truth.identifiable:
+            for group in _groups(row.truth):
+                groups.setdefault(group, []).append(row)
+    body = []
+    for group in sorted(groups):
+        rows = groups[group]
+        cells = [_widths(_by(rows, method=method)) for method in methods]
+        count = len(rows) // len({row.method for row in rows})
+        body.append([f"{group[0]} {group[1].strip()}", str(count), *(_short(*cell) for cell in cells)])
+    return _markdown(["group", "records", *methods], body)
+
+
+def _short(answered: str, bias: str, spread: str, coverage: str) -> str:
+    """Bias ± spread, share answered, coverage."""
+    if not bias:
+        return answered
+    return f"{bias} ± {spread}, {answered}" + ("" if coverage == "no interval" else f", {coverage}")
+
+
+def _groups(truth: Truth) -> Iterator[tuple[str, str]]:
+    """Groups that a record is in: kind and value, padded so that they sort as numbers."""
+    yield "load", truth.load
+    yield "setpoint", truth.setpoint
+    yield "process", truth.process
+    if truth.departure:
+        yield "departure", truth.departure
+    yield "tuning", truth.rule.rsplit(" ", 1)[0]
+    yield "controller", truth.rule.rsplit(" ", 1)[1]
+    yield "OP", "rounded" if truth.op_resolution else "not rounded"
+    yield "d", f"{truth.d:4.1f} %"
+    steps = truth.lag / truth.h
+    yield "samples in T", "  5 to 15" if steps <= 15 else " 15 to 50" if steps <= 50 else "above 50"
+    clear = truth.d * abs(truth.gain) / truth.sigma
+    yield "d·Kp/σ", "  3 to 10" if clear < 10 else " 10 to 30" if clear < 30 else "above 30"
+    turns = min(truth.up, truth.down)
+    yield "traversals each way", "  5 to 10" if turns <= 10 else " 11 to 50" if turns <= 50 else "above 50"
+
+
+def _time(scored: Rows, methods: Sequence[str]) -> str:
+    body = []
+    for method in methods:
+        seconds = np.array([row.seconds for row in _by(scored, method=method)]) * 1000
+        body.append([method, f"{np.median(seconds):.0f}", f"{np.percentile(seconds, 95):.0f}", f"{seconds.max():.0f}"])
+    return _markdown(["method", "median ms", "95 % ms", "longest ms"], body)
+
+
+def worst(scored: Rows, method: str, count: int = 20) -> str:
+    """The records that a method is most wrong about, with what to make them again by."""
+
+    def wrong(row: Scored) -> float:
+        if row.truth.d == 0:
+            return 10.0 + (row.d or row.at_least or 0.0) if row.alarm else 0.0
+        if not row.truth.identifiable:
+            return 0.0 if row.careful else 5.0 + abs(row.error if row.d is not None else 0.0)
+        return 0.0 if row.d is None or row.covered else abs(row.error)
+
+    rows = sorted(_by(scored, method=method), key=wrong, reverse=True)[:count]
+    body = []
+    for row in rows:
+        if wrong(row) == 0:
+            break
+        interval = "" if row.low is None or row.high is None else f"{row.low:.3g} to {row.high:.3g}"
+        t = row.truth
+        said = [row.verdict, "" if row.d is None else f"{row.d:.3g}", interval]
+        body.append([t.name, t.process, t.rule, t.departure, f"{t.d:g}", "yes" if t.identifiable else "no", *said])
+    head = ["record", "process", "tuning", "departure", "d", "identifiable", "verdict", "d̂", "interval"]
+    return _markdown(head, body)
+
+
+def _by(rows: Rows, **equal: Any) -> list[Scored]:
+    """Rows of a method, and those whose truth has these values."""
+    method = equal.pop("method", None)
+    return [
+        row
+        for row in rows
+        if (method is None or row.method == method) and all(getattr(row.truth, k) == v for k, v in equal.items())
+    ]
+
+
+def _share(of: Sequence[bool | None]) -> str:
+    if not of:
+        return ""
+    share = 100 * sum(bool(x) for x in of) / len(of)
+    return f"{share:.0f} %" if share in (0, 100) or len(of) < 200 else f"{share:.1f} %"
+
+
+def _markdown(head: Sequence[str], body: Iterable[Sequence[str]]) -> str:
+    lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
+    return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in body)])

@@ -1,0 +1,236 @@
+"""The bench of truth: its records can be made again, its rule of what is identifiable holds, its methods do what their
+papers show.
+"""
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+import pytest
+from bench.truth.answer import Answer
+from bench.truth.design import CELLS, Cell, draw
+from bench.truth.methods import METHODS
+from bench.truth.methods.ellipse import ellipse_width
+from bench.truth.oscillation import correlation, oscillation
+from bench.truth.records import Record, chosen, compressed, identifiable, record, traversals
+from bench.truth.score import Scored, tables
+
+import glapp
+from glapp.simulate import Friction, Sine, Steps, Walk, closed_loop
+
+
+class TestRecords:
+    def test_a_name_gives_the_same_bits(self) -> None:
+        name = "stiction/steps/inside/0"
+        first, second = record(name), record(name)
+        assert first is not None and second is not None
+        assert first[0].table.equals(second[0].table)
+        assert first[1] == second[1]
+        other = record("stiction/steps/inside/1")
+        assert other is not None and not other[0].table.equals(first[0].table)
+
+    def test_no_method_sees_valve_or_load(self) -> None:
+        made = record("backlash/steps/inside/0")
+        assert made is not None
+        assert set(made[0].table.column_names) == {"t", "SP", "PV", "OP", "OP_LOW", "OP_HIGH"}
+        batch = next(made[0].recording.batches())
+        assert batch.position is None
+
+    def test_a_cell_is_filled_with_both_kinds(self) -> None:
+        with ThreadPoolExecutor(1) as pool:
+            truths = list(chosen(Cell("backlash", "steps", "outside"), 2, pool))
+        assert sorted(truth.identifiable for truth in truths) == [False, False, True, True]
+        assert all(truth.departure for truth in truths)
+
+    @pytest.mark.parametrize("cell", CELLS, ids=str)
+    def test_what_is_drawn_is_what_the_cell_says(self, cell: Cell) -> None:
+        for number in range(4):
+            drawn = draw(f"{cell}/{number}")
+            if drawn is None:
+                continue
+            scenario = drawn.scenario
+            gap, friction = scenario.d > 0, scenario.friction is not None
+            assert (gap, friction) == (cell.cause in ("backlash", "both"), cell.cause in ("stiction", "both"))
+            whole = scenario.d + (scenario.friction.s if scenario.friction else 0.0)
+            assert drawn.d == pytest.approx(whole)
+            assert bool(drawn.departure) == (cell.family == "outside")
+            ti, h = scenario.controller.ti, scenario.h * drawn.every
+            assert ti / 100 <= h * (1 + 1e-9) and h <= ti / 2 * (1 + 1e-9)
+
+    def test_compression_holds_until_the_band_is_left(self) -> None:
+        pv = np.array([0.0, 0.4, 0.6, 0.9, 1.2, 0.5])
+        assert compressed(pv, 0.5).tolist() == [0.0, 0.0, 0.6, 0.6, 1.2, 0.5]
+
+
+CLEAR = {"d": 2.0, "up": 5, "down": 5, "op_range": 3.0, "gain": 1.0, "sigma": 2 / 3, "h": 0.2, "lag": 1.0}
+
+
+class TestIdentifiable:
+    def test_just_so(self) -> None:
+        assert identifiable(**CLEAR)
+        assert identifiable(**(CLEAR | {"gain": -1.0}))
+
+    @pytest.mark.parametrize(
+        "change",
+        [{"d": 0.0}, {"up": 4}, {"down": 4}, {"op_range": 2.99}, {"sigma": 0.67}, {"h": 0.21}, {"gain": 0.99}],
+        ids=lambda change: next(iter(change)),
+    )
+    def test_just_not(self, change: dict[str, Any]) -> None:
+        assert not identifiable(**(CLEAR | change))
+
+    def test_traversals_are_reversals_of_the_valve(self) -> None:
+        # Up, held in the gap, up again: no traversal; down after up: one down; up again: one up.
+        position = np.array([0.0, 1.0, 1.0, 2.0, 2.0, 2.0, 1.5, 1.0, 1.0, 1.2])
+        assert traversals(position) == (1, 1)
+        assert traversals(np.zeros(10)) == (0, 0)
+
+    def test_of_a_simulated_gap(self) -> None:
+        # A sine of OP crosses the gap twice a period; the first quarter only takes up half of it.
+        op = 3 * np.sin(np.linspace(0, 10 * 2 * np.pi, 5000))
+        low, held = 0.0, []
+        for u in op:
+            low = min(max(low, u - 1.0), u + 1.0)
+            held.append(low)
+        assert traversals(np.array(held)) == (10, 10)
+
+
+def looped(plant: Any, controller: tuple[float, ...], every: int = 5, **changes: Any) -> Record:
+    """A record of a loop without a filter, without its first third."""
+    settings: dict[str, Any] = {
+        "d": 0.0,
+        "tf": 0.0,
+        "noise": 0.02,
+        "h": 0.02,
+        "t_end": 600,
+        "setpoint": [(0, 50.0)],
+    } | changes
+    s = closed_loop(plant, controller, **settings)
+    rows = np.arange(s.t.size // 3, s.t.size, every)
+    table = s.to_arrow().select(["t", "SP", "PV", "OP", "OP_LOW", "OP_HIGH"]).take(rows)
+    integrating = plant[1][-1] == 0 if isinstance(plant, tuple) else plant == "P1"
+    loop = glapp.Loop(
+        name="clear",
+        pv_span=(0, 100),
+        op_span=(0, 100),
+        controller={"k": controller[0], "ti": controller[1], "setpoint_weight": 0, "gain_unit": "OP/PV"},
+        process={"type": "integrating" if integrating else "self-regulating"},
+    )
+    return Record(table, loop, None if integrating else 1.0)
+
+
+LAG, TANK = ([1.0], [1.0, 1.0], 0.5), ([1.0], [1.0, 0.0], 0.5)
+FLOW = ([1.0], [0.2, 1.0], 0.1)
+STICKS = Friction(model="kano", s=5, j=2)
+
+
+@pytest.fixture(scope="module")
+def clear() -> dict[str, Record]:
+    """What the papers are about: clear cycles, of which each has one cause."""
+    pushed, tuned = [(5, 3.0)], (0.8, 1.0)
+    steps = [(t, 6.0 * (-1) ** t) for t in range(5, 2400, 151)]
+    return {
+        "stiction": looped(LAG, tuned, friction=STICKS, load=pushed),
+        "flow": looped(FLOW, (0.3, 0.5), friction=STICKS, load=pushed),
+        "tank, stiction": looped(TANK, (0.7, 3.0), friction=STICKS, load=[(0, -50.0), (5, -47.0)]),
+        "tank, backlash": looped(TANK, (0.7, 3.0), d=5.0, load=[(0, -50.0), (5, -47.0)]),
+        "tank, sine": looped(TANK, (0.7, 3.0), load=(Steps(steps=((0, -50.0),)), Sine(amplitude=4, period=15.0))),
+        "sine": looped(LAG, tuned, load=Sine(amplitude=4, period=8.0)),
+        "over-tuned": looped(LAG, (2.9, 1.0), load=[(t, 4.0 * (-1) ** t) for t in range(5, 590, 40)]),
+        "noise": looped(LAG, tuned, load=Walk(rate=0.3)),
+        "P3": looped("P3", (0.48, 0.3117), d=5.0, load=steps, t_end=2400, every=2, noise=0.005, tf=None),
+    }
+
+
+class TestMethods:
+    @pytest.mark.parametrize(
+        ("method", "record_name", "verdict"),
+        [
+            ("He", "stiction", "valve"),
+            ("He", "tank, stiction", "valve"),
+            ("He", "tank, backlash", "valve"),
+            ("He", "sine", "not valve"),
+            ("He", "tank, sine", "not valve"),
+            ("He", "noise", "cannot_tell"),
+            ("Horch", "stiction", "valve"),
+            ("Horch", "flow", "valve"),
+            ("Horch", "over-tuned", "not valve"),
+            ("Horch", "tank, stiction", "cannot_tell"),
+            ("Yamashita", "flow", "valve"),
+            ("Yamashita", "stiction", "valve"),
+            ("Yamashita", "sine", "not valve"),
+            ("Yamashita", "over-tuned", "not valve"),
+            ("Yamashita", "noise", "not valve"),
+            ("thesis", "sine", "cannot_tell"),
+            ("ellipse", "noise", "cannot_tell"),
+        ],
+    )
+    def test_says_of_a_clear_case_what_its_paper_does(
+        self, method: str, record_name: str, verdict: str, clear: dict[str, Record]
+    ) -> None:
+        answer = METHODS[method](clear[record_name])
+        assert answer.verdict == verdict, answer
+
+    @pytest.mark.parametrize("method", ["thesis", "Hägglund"])
+    def test_zero_crossings_measure_a_lasting_cycle(self, method: str, clear: dict[str, Record]) -> None:
+        answer = METHODS[method](clear["P3"])
+        assert answer.verdict == "backlash"
+        assert answer.d == pytest.approx(5.0, rel=0.25)
+
+    def test_the_ellipse_ranks_and_does_not_measure(self, clear: dict[str, Record]) -> None:
+        width = METHODS["ellipse"](clear["tank, backlash"]).d
+        assert width is not None and 0.5 * 5 < width < 2 * 5
+
+    def test_the_width_of_a_known_ellipse(self) -> None:
+        t = np.linspace(0, 20 * np.pi, 2000, endpoint=False)
+        # x = 3·sin t against y = 2·sin(t − φ): at y = 0, x = ± 3·sin φ.
+        for phase in (0.3, 1.0, np.pi / 2, 2.5):
+            assert ellipse_width(3 * np.sin(t), 2 * np.sin(t - phase)) == pytest.approx(6 * np.sin(phase), rel=1e-6)
+        assert ellipse_width(t * 0, np.sin(t)) is None
+
+    def test_correlation_by_definition(self) -> None:
+        rng = np.random.default_rng(1)
+        x, y = rng.normal(size=50), rng.normal(size=50)
+        a, b = x - x.mean(), y - y.mean()
+        both = correlation(x, y)
+        for lag in (-7, 0, 12):
+            by_hand = sum(a[i] * b[i + lag] for i in range(50) if 0 <= i + lag < 50) / (50 * x.std() * y.std())
+            assert both[49 + lag] == pytest.approx(by_hand)
+
+    def test_oscillation_of_a_noisy_sine_and_of_noise(self) -> None:
+        rng = np.random.default_rng(2)
+        noise = rng.normal(size=2000)
+        found = oscillation(np.sin(np.arange(2000) * 2 * np.pi / 40) + 0.5 * noise)
+        assert found is not None and found.regularity > 1
+        assert found.period == pytest.approx(40, rel=0.02)
+        found = oscillation(noise)
+        assert found is None or found.regularity < 1
+
+
+class TestTables:
+    def test_count_what_they_say(self) -> None:
+        with ThreadPoolExecutor(1) as pool:
+            (known, unknown) = sorted(
+                chosen(Cell("backlash", "steps", "inside"), 1, pool), key=lambda truth: not truth.identifiable
+            )
+            (none,) = chosen(Cell("none", "steps", "inside"), 1, pool)
+
+        def row(truth: Any, answer: Answer) -> Scored:
+            return Scored(
+                truth, "m", answer.verdict, answer.d, answer.low, answer.high, answer.at_least, answer.reason, 0.1
+            )
+
+        d = known.d
+        rows = [row(known, Answer("backlash", c * d, (c - 0.1) * d, (c + 0.1) * d)) for c in (1.05, 1.1, 1.2, 0.95)]
+        rows += [row(known, Answer("sound")), row(none, Answer("sound")), row(none, Answer("at_least", at_least=0.1))]
+        rows += [row(unknown, Answer("at_least", at_least=c * unknown.d)) for c in (0.5, 1.5)]
+        text = tables(rows)
+        # Four of five answered; errors 5, 10, 20, −5 %: median 7.5; three of four intervals hold d (1.1 just so).
+        covered = sum(r.covered is True for r in rows)
+        assert covered == 3
+        assert "| m | inside | backlash | 5 | 80 % | +7.5 % | " in text
+        assert "| 75 % |" in text
+        assert "| none, steps, inside | 2 | 50 % |" in text
+        assert "| backlash, steps, inside | 5 | 20 % |" in text
+        assert "| m | 2 | 50 % | 50 % | 0 % | 0 % |" in text
+        assert math.isnan(rows[4].error)

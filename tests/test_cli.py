@@ -72,7 +72,7 @@ def documented_commands():
         subprocess.run(
             [*GLAPP, *command, "--help"], capture_output=True, text=True, env=os.environ | {"COLUMNS": "200"}
         ).stdout
-        for command in ([], ["analyze"], ["init"], ["identify"], ["explain"], ["demo"], ["thesis"])
+        for command in ([], ["analyze"], ["init"], ["identify"], ["explain"], ["bump"], ["demo"], ["thesis"])
     )
     blocks = "".join(re.findall(r"^```\n(.*?)^```", (ROOT / "docs/cli.md").read_text(), re.DOTALL | re.MULTILINE))
     return list(dict.fromkeys(line.strip() for line in re.findall(r"^ ?(glapp .*)$", helps + blocks, re.MULTILINE)))
@@ -98,8 +98,52 @@ def test_every_documented_command_does_what_it_says(run, demo):
         code, out, err = run(*words)
         assert code == 0, (line, err)
         assert out or err, line
-        for file in ("report.html", "demo.html", "loops.csv"):
+        for file in ("report.html", "demo.html", "test.html", "loops.csv"):
             assert file not in line or Path(file).stat().st_size > 0, line
+
+
+@pytest.fixture
+def by_hand():
+    """A manual test of a valve with a gap of 2 %OP on a process of Kp = 0.8, as text with a mode column."""
+    moves = [(0, 100, 50.0), (100, 200, 53.0), (200, 300, 56.0), (300, 400, 52.0)]
+    s = glapp.simulate.closed_loop(
+        ([0.8], [5, 1], 0), (0.5, 10), d=2.0, h=1.0, t_end=400, manual=moves, setpoint=[(0, 40.0)]
+    )
+    return "t,SP,PV,OP,MODE\n" + "".join(f"{k},40,{s.pv[k]:.3f},{s.op[k]:g},MAN\n" for k in range(400))
+
+
+def test_bump_shows_the_gap_each_reading_and_a_picture(run, by_hand):
+    write("test.csv", by_hand)
+    code, out, err = run("bump", "test.csv", "--plot", "test.html")
+    assert (code, err) == (0, "")
+    gap, low, high = map(float, re.search(r"Gap d +([\d.]+)\s%OP +\(95 %: ([\d.]+) to ([\d.]+)\s%OP", out).groups())
+    assert low < gap < high and low < 2.0 < high < 2.1
+    assert re.search(r"53 → 56 +.* Kp 0\.\d+ .* ΔPV/ΔOP", out)
+    assert re.search(r"56 → 52 +.* d [12]\.\d+ ", out)
+    assert "first move" in out
+    assert "PV after a reversal" in Path("test.html").read_text()
+    code, out, _ = run("bump", "test.csv", "--json")
+    answer = json.loads(out)
+    assert code == 0
+    assert answer["low"] < 2.0 < answer["high"]
+    assert [reading["kind"] for reading in answer["readings"]] == ["none", "gain", "gap"]
+
+
+def test_bump_refuses_with_the_reason_and_what_to_do(run, by_hand):
+    lines = by_hand.splitlines()
+    write("short.csv", "\n".join(lines[:301]) + "\n")
+    code, out, err = run("bump", "short.csv")
+    assert code == 1
+    assert "error: short.csv, loop short: OP never reverses after a move that PV answered; step it back" in err
+    assert "Kp" in out
+    without = "\n".join(line.rsplit(",", 1)[0] for line in lines) + "\n"
+    write("plain.csv", without)
+    assert "say --manual" in run("bump", "plain.csv")[2]
+    assert run("bump", "plain.csv", "--manual")[0] == 0
+    write("test.csv", by_hand)
+    code, _, err = run("bump", "test.csv", "--manual")
+    assert (code, "column MODE, manual: is for recordings without a mode column" in err) == (1, True)
+    assert run("bump", "test.csv", "--plot", "none/x.html")[0] == 2
 
 
 def test_help_tells_the_exit_codes():

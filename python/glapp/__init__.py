@@ -9,6 +9,7 @@
 from importlib.metadata import version as _version
 
 from . import blocks, simulate
+from .bump import Bump, bump
 from .controller import Controller, Ideal
 from .errors import InputError
 from .estimate import Estimator, analyze, estimate
@@ -23,6 +24,7 @@ __version__ = _version("glapp")
 
 __all__ = [
     "Batch",
+    "Bump",
     "Controller",
     "Estimator",
     "Finding",
@@ -37,6 +39,7 @@ __all__ = [
     "__version__",
     "analyze",
     "blocks",
+    "bump",
     "estimate",
     "identify",
     "open_recordings",

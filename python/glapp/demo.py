@@ -6,7 +6,7 @@ recording   what it is                                         true dead band
 FIC201      a worn valve, a clear cycle                        2.4 %
 PIC305      a worn valve behind measurement noise              3.0 %
 LIC110      a sound valve; the load swings, the loop with it   none
-FIC402      a worn valve, the loop in manual                   1.5 %
+FIC402      a worn valve, stepped by hand: the manual test     1.5 %
 TIC118      a worn valve, and nobody wrote down the settings   1.6 %
 ==========  =================================================  ==================
 """
@@ -184,12 +184,9 @@ def _sound(controller: Ideal) -> Simulation:
 
 
 def _in_manual(controller: Ideal) -> Simulation:
-    moves: list[tuple[float, float] | tuple[float, float, float]] = [
-        (0, 1500),
-        (1500, 3000, 41.0),
-        (3000, 5200, 38.0),
-        (5200, 7201, 39.5),
-    ]
+    # Two steps one way, one back, and so on; the last one lies within the gap.
+    moves: list[tuple[float, float] | tuple[float, float, float]] = [(0, 900)]
+    moves += [(900.0 * i, 900.0 * (i + 1), op) for i, op in enumerate((42.0, 45.0, 41.0, 38.0, 42.0, 45.0, 44.0), 1)]
     return closed_loop(
         _lags(2.5, 4.0, 3.0, 1.0),
         controller,
@@ -198,7 +195,7 @@ def _in_manual(controller: Ideal) -> Simulation:
         h=1.0,
         t_end=7200,
         setpoint=[(0.0, 96.0)],
-        load=random_walk(7201, h=1.0, rate=0.01, seed=4),
+        load=random_walk(7201, h=1.0, rate=0.003, seed=4),
         limits=(0.0, 100.0),
         manual=moves,
         seed=4,

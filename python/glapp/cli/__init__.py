@@ -11,6 +11,7 @@ import typer
 from .. import __version__
 from ..errors import InputError
 from .analyze import analyze
+from .bump import bump
 from .demo import demo
 from .explain import explain
 from .identify import identify
@@ -46,6 +47,13 @@ app.command(
         "glapp explain loops.toml --loop FIC101 --at 5400",
     )
 )(explain)
+app.command(
+    epilog=examples(
+        "glapp demo demo",
+        "glapp bump demo/FIC402.csv --plot test.html",
+        "glapp bump demo/loops.toml --loop FIC402 --json",
+    )
+)(bump)
 app.command(epilog=examples("glapp demo demo"))(demo)
 app.command(epilog=examples("glapp thesis 5.1", "glapp thesis 1.2 5.1 --out figures"))(thesis)
 

@@ -11,6 +11,7 @@ from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
+    from ..bump import Bump
     from ..result import Result
 
 
@@ -38,7 +39,7 @@ REASONS: dict[str, Reason] = {
     "not_auto": Reason(
         "not in auto",
         "the controller was not in automatic for all of it",
-        "Record the loop while it runs in automatic.",
+        "Record the loop while it runs in automatic. If this is a test by hand, glapp bump reads it.",
     ),
     "saturated": Reason(
         "OP at a limit",
@@ -166,7 +167,7 @@ def count(n: int, noun: str) -> str:
     return f"{n} {noun}" if n == 1 else f"{n} {noun}s"
 
 
-def op_unit(result: Result) -> str:
+def op_unit(result: Result | Bump) -> str:
     """Write the unit of OP as a sentence needs it: `%` alone would leave open of what."""
     return "%OP" if result.unit == "%" else result.unit
 

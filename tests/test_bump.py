@@ -81,6 +81,7 @@ def test_the_interval_holds_the_truth_in_93_to_98_of_100_tests():
 def test_without_noise_the_gap_is_read_to_a_hundredth(d, kp):
     found = read(recorded(steps(50, 54, 58, 53, 48, 54), plant=([kp], [5.0, 1.0], 2.0), d=d, noise=0.0))
     assert found.reason is None
+    assert not any("disagree" in note for note in found.notes)
     assert found.d == pytest.approx(d, abs=0.01)
     assert found.kp == pytest.approx(kp, rel=0.01)
     assert found.kp_low <= found.kp <= found.kp_high
@@ -175,7 +176,7 @@ def test_travel_gives_the_gap_directly_and_the_positioner_says_its_part():
         assert found.travel.high - found.travel.low < (found.high - found.low) / 3
     assert sum(inside) >= 17
     assert found.d_percent_span == pytest.approx(2 * found.d)
-    assert any("0.2 OP unit" in note for note in found.notes)
+    assert any("0.4 % of travel, 0.2 OP unit" in note for note in found.notes)
 
 
 def test_a_coarse_pv_widens_the_interval():
@@ -272,6 +273,7 @@ def test_scaling_op_and_pv_scales_the_answer():
     scaled = table.set_column(table.schema.get_field_index("OP"), "OP", pa.array(np.asarray(table["OP"]) * -10.0))
     scaled = scaled.set_column(scaled.schema.get_field_index("PV"), "PV", pa.array(np.asarray(table["PV"]) * 4.0))
     one, other = read(table), read(scaled)
+    assert (one.unit, other.unit) == ("%", "OP unit")  # a percentage is never below 0
     assert other.d == pytest.approx(10 * one.d, rel=1e-6)
     assert other.high == pytest.approx(10 * one.high, rel=1e-6)
     assert other.kp == pytest.approx(-0.4 * one.kp, rel=1e-6)

@@ -30,6 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import InputError
+from .estimate import op_range, with_op_unit
 from .identify import resolution
 from .quality import GAP_STEPS
 from .recording import NOT_AUTO, Batch, Recording
@@ -236,13 +237,14 @@ def bump(recording: Recording, *, manual: bool = False) -> Bump:
         )
     found_rows = _rows(recording.batches(), manual)
     rows, number = found_rows if found_rows is not None else (None, None)
+    loop = recording.loop if rows is None else with_op_unit(recording.loop, rows)
     blank = Bump(
         recording.name,
         recording.source,
-        recording.loop.op_label,
-        recording.loop.pv_unit or "PV unit",
+        loop.op_label,
+        loop.pv_unit or "PV unit",
         reason="",
-        integrating=recording.loop.process.type == "integrating",
+        integrating=loop.process.type == "integrating",
         t0=recording.t0,
         signals=rows,
     )
@@ -263,15 +265,17 @@ def bump(recording: Recording, *, manual: bool = False) -> Bump:
         at_valve = replace(blank, pv_unit="% travel", integrating=False, signals=None)
         travel = _Test(rows.t, rows.op, rows.position, stretches, at_valve, "the valve").answer()
         found = replace(found, travel=travel)
-    span, positioner = recording.loop.op_span, recording.loop.positioner
-    width = None if span is None else span[1] - span[0]
-    if width is not None and found.d is not None:
-        found = replace(found, d_percent_span=100 * found.d / width)
+    if found.d is None:
+        return found
+    span, positioner = op_range(loop), loop.positioner
+    percent = None if span is None else (span[1] - span[0]) / 100
+    if percent is not None:
+        found = replace(found, d_percent_span=found.d / percent)
     if positioner is not None and positioner.dead_band is not None:
         own = f"{positioner.dead_band:.3g} % of travel"
-        if width is not None:
-            own = f"{positioner.dead_band * width / 100:.3g} {blank.unit}"
-        found = replace(found, notes=(*found.notes, f"the positioner's own dead band, by its settings, is {own} of it"))
+        if percent is not None:
+            own += f", {positioner.dead_band * percent:.3g} {blank.unit}"
+        found = replace(found, notes=(*found.notes, f"the positioner's own part of it, by its settings: {own}"))
     return found
 
 
@@ -699,8 +703,9 @@ class _Test:
         tight, loose = _Posterior(x, blocks, extra), _Posterior(free, blocks, extra)
         at = loose.best
         rest = loose.rss[at] / loose.freedom
-        coarse = extra * float(np.mean(blocks.rows)) * _BLOCKS  # for a mean of all blocks of a hold, in units of one
-        ratio = (tight.rss[at] - loose.rss[at]) / more / max(rest + coarse, 1e-300)
+        # What no noise shows either: the steps of a coarse PV, and the last of an answer that is not quite over.
+        known = extra + (1e-3 * float(np.ptp(blocks.y))) ** 2
+        ratio = (tight.rss[at] - loose.rss[at]) / more / max(rest + known * _BLOCKS, 1e-300)
         return float(ratio) if ratio > _MISFIT else 1.0
 
     def _moves(self, nodes: list[_Node], free: _Posterior, ends: list[Floats], sign: float) -> list[_Move]:

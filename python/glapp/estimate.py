@@ -90,7 +90,7 @@ def estimate(recording: Recording, *, progress: Progress | None = None) -> Resul
     ideal = loop.ideal()
     assert ideal is not None
     sample = _inspection(recording, 4096)
-    run = _Run(recording, _with_op_unit(loop, sample.batch), sample.median_step, ideal, {})
+    run = _Run(recording, with_op_unit(loop, sample.batch), sample.median_step, ideal, {})
     run.all(progress, census=None)
     return run.result([], None, noise_sigma(sample.batch.pv))
 
@@ -127,7 +127,7 @@ def analyze(recording: Recording, *, trust: bool = False, progress: Progress | N
     """
     sample = _inspection(recording, INSPECTED_ROWS)
     batch = sample.batch
-    loop = _with_op_unit(recording.loop, batch)
+    loop = with_op_unit(recording.loop, batch)
     ideal = loop.ideal()
     # Settings that are given need only be held against the recording, for which its beginning is enough.
     found = None if batch.op is None else _identified(batch if ideal is None else batch[slice(0, CHECKED_ROWS)], loop)
@@ -138,7 +138,7 @@ def analyze(recording: Recording, *, trust: bool = False, progress: Progress | N
         notes["td"] = "PI law identified"
         notes["b"] = "no setpoint change to tell it by" if found.setpoint_weight is None else notes["k"]
     run = _Run(recording, loop, sample.median_step, ideal, notes)
-    census = _glapp.Census(run.max_h, _op_range(loop))
+    census = _glapp.Census(run.max_h, op_range(loop))
     run.all(progress, census)
     quality = inspect(
         InspectionSample(batch.t, batch.sp, batch.pv, batch.op, batch.flags),
@@ -167,7 +167,7 @@ def identify_recording(recording: Recording) -> Identification:
         Where the recording cannot be read.
     """
     batch = _inspection(recording, INSPECTED_ROWS).batch
-    return _identified(batch, _with_op_unit(recording.loop, batch))
+    return _identified(batch, with_op_unit(recording.loop, batch))
 
 
 def _identified(batch: Batch, loop: Loop) -> Identification:
@@ -178,7 +178,7 @@ def _identified(batch: Batch, loop: Loop) -> Identification:
         batch.op,
         batch.flags,
         setpoint_weight=_given_setpoint_weight(loop),
-        limits=_op_range(loop),
+        limits=op_range(loop),
     )
 
 
@@ -382,7 +382,7 @@ class _Run:
         verdict, reason = _verdict(self, quality, found, value, detections, counts, floor)
         shown = value if verdict in ("estimate", "provisional") else None
         d_hat = shown[0] if shown else None
-        limits = _op_range(loop)
+        limits = op_range(loop)
         return Result(
             name=self.recording.name,
             source=self.recording.source,
@@ -541,12 +541,12 @@ def _ladder(ideal: Ideal) -> list[float]:
 
 
 def _detector_settings(loop: Loop, ideal: Ideal, tf: float, kp: float | None, max_h: float) -> tuple[Any, ...]:
-    limits = _op_range(loop)
+    limits = op_range(loop)
     span = None if limits is None else limits[1] - limits[0]
     return ideal.k, ideal.ti, ideal.td, ideal.b, kp, tf, loop.n, max_h, span, limits, 0
 
 
-def _with_op_unit(loop: Loop, batch: Batch) -> Loop:
+def with_op_unit(loop: Loop, batch: Batch) -> Loop:
     """Give up the assumption that OP is a percentage where nothing says so and the recording contradicts it."""
     assumed = loop.op_span is None and loop.op_unit is None
     if assumed and batch.op is not None and bool(np.any((batch.op < 0.0) | (batch.op > 100.0))):
@@ -554,7 +554,7 @@ def _with_op_unit(loop: Loop, batch: Batch) -> Loop:
     return loop
 
 
-def _op_range(loop: Loop) -> tuple[float, float] | None:
+def op_range(loop: Loop) -> tuple[float, float] | None:
     """Span of OP; that of a percentage where nothing else is said."""
     return (0.0, 100.0) if loop.op_span is None and loop.op_label == "%" else loop.op_span
 

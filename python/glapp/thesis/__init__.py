@@ -15,13 +15,15 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from ..errors import InputError
-from . import chapter1, chapter5
+from . import chapter1, chapter2, chapter4, chapter5
 from .figure import Number, Shown
 
 __all__ = ["FIGURES", "Number", "Shown", "find", "show"]
 
 FIGURES: dict[str, Callable[[], Shown]] = {
     **chapter1.FIGURES,
+    **chapter2.FIGURES,
+    **chapter4.FIGURES,
     **chapter5.FIGURES,
 }
 """Number in the thesis to the function that computes it, in the thesis' order."""

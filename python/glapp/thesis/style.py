@@ -81,15 +81,22 @@ def panels(
     return figure, list(axes.flat)
 
 
-def legend(axes: Axes, **where: Any) -> None:
-    """Legend in small type above the axes, or where asked."""
-    if not where:
-        where = {"loc": "lower left", "bbox_to_anchor": (0, 1), "ncols": 4, "borderaxespad": 0.2}
-    axes.legend(fontsize=9, frameon=False, labelcolor=INK, handlelength=1.8, columnspacing=1.4, **where)
+def legend(axes: Axes, columns: int = 4) -> None:
+    """Legend in small type above the axes."""
+    axes.legend(
+        loc="lower left",
+        bbox_to_anchor=(0, 1),
+        ncols=columns,
+        borderaxespad=0.2,
+        fontsize=9,
+        frameon=False,
+        handlelength=1.8,
+        columnspacing=1.4,
+    )
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a PNG with a palette of 48 colours: a third of the size, and nobody sees it."""
+    """Write a PNG with a palette: a third of the size, and nobody sees it."""
     raw = BytesIO()
     figure.savefig(raw, format="png", dpi=DPI)
-    Image.open(raw).convert("RGB").quantize(48, dither=Image.Dither.NONE).save(path, optimize=True)
+    Image.open(raw).convert("RGB").quantize(256, dither=Image.Dither.NONE).save(path, optimize=True)

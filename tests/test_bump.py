@@ -8,6 +8,8 @@ from random import Random
 import numpy as np
 import pyarrow as pa
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import glapp
 from glapp import Bump, InputError, Loop, bump, recording_from
@@ -214,6 +216,7 @@ REFUSED = {
     "no reversal": (lambda: recorded(steps(50, 53, 56, 59)), "OP never reverses"),
     "reversal within the gap": (lambda: recorded(steps(50, 53, 56, 54.5)), "the gap is at least 1.4"),
     "only the first move": (lambda: recorded(steps(50, 54, 50)), "so the gain is not known"),
+    "PV always 0": (lambda: recorded(UP_UP_BACK).set_column(2, "PV", pa.array(np.zeros(401))), "PV did not answer any"),
     "no answer": (lambda: recorded(steps(50, 50.4, 50.8, 50.4)), "PV did not answer any move"),
     "not settled": (lambda: recorded(steps(50, 53, 56, 52), plant=([0.8], [60.0, 1.0], 0)), "did not settle before"),
     "too quick": (lambda: recorded(steps(50, 53, 56, 52, hold=8)), "never held for 10 rows"),
@@ -292,3 +295,28 @@ def test_every_picture_draws():
     names = [trace.name for trace in read(recorded(UP_UP_BACK)).plot().data]
     assert "ΔPV after a reversal" in names
     assert glapp.bump(recording_from(without(recorded(UP_UP_BACK), "OP"))).plot() is not None
+
+
+@given(st.data())
+@settings(deadline=None, max_examples=60)
+def test_whatever_is_recorded_the_answer_is_a_width_in_its_interval_or_a_reason(data):
+    holds = data.draw(
+        st.lists(st.tuples(st.integers(1, 40), st.sampled_from([0.0, 1.0, 1.001, 5.0, -3.0])), max_size=9)
+    )
+    op = np.concatenate([np.full(n, level) for n, level in [(3, 0.0), *holds]])
+    random = np.random.default_rng(data.draw(st.integers(0, 9)))
+    gain, noise = data.draw(st.sampled_from([0.0, 1.0, -1e6])), data.draw(st.sampled_from([0.0, 1e-9, 0.3]))
+    pv = gain * op + noise * random.normal(size=len(op))
+    if data.draw(st.booleans()):
+        pv[random.random(len(op)) < 0.3] = np.nan
+        op[random.random(len(op)) < 0.02] = np.nan
+    pv[0] = 1.0
+    t = np.cumsum(random.choice([1.0, data.draw(st.sampled_from([0.0, 1.0, 5.0]))], len(op), p=[0.95, 0.05]))
+    mode = np.where(random.random(len(op)) < 0.02, "AUTO", "MAN")
+    loop = Loop(name="x", process={"type": data.draw(st.sampled_from(["self-regulating", "integrating"]))})
+    found = read({"t": t, "SP": np.zeros(len(op)), "PV": pv, "OP": op, "MODE": mode, "POSITION": 2 * op}, loop)
+    for answer in (found, found.travel):
+        if answer is not None and answer.reason is None:
+            assert 0 <= answer.low <= answer.d <= answer.high < np.inf
+            assert answer.kp_low <= answer.kp <= answer.kp_high
+    json.dumps(found.to_dict(), allow_nan=False)

@@ -365,7 +365,7 @@ class _Posterior:
         walk = blocks.walk()
         unit = float(np.mean(1 / blocks.rows)) / float(np.mean(blocks.width))
         shared = (blocks.hold[:, None] == np.unique(blocks.hold)).astype(float)
-        floor = (1e-9 * float(np.max(np.abs(blocks.y))) + 1e-300) ** 2
+        floor = (1e-9 * float(np.max(np.abs(blocks.y))) + 1e-100) ** 2  # a PV without noise, or always 0
         fits: list[tuple[float, Floats, Floats, float]] = []
         for ratio in _DRIFT * unit:
             lower = np.linalg.cholesky(spread + ratio * walk)

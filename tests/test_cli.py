@@ -594,3 +594,28 @@ def test_real_loops_with_nothing_but_their_files(run):
     assert loops["FIC10104_0224"]["verdict"] == "refused" and loops["FIC10104_0224"]["reason"]
     assert loops["LIC30102_0825"]["controller"]["k"] < 0
     assert "cascade_slave" in [finding["code"] for finding in loops["FIC40102B_0825"]["quality"]]
+
+
+def test_thesis_writes_a_page_and_says_what_is_wrong(run):
+    code, out, _ = run("thesis", "1.2", "figure 4.1", "--out", "pages")
+    assert code == 0
+    assert "Figures: 2" in out and "width between the flanks" in out
+    assert {path.name for path in Path("pages").iterdir()} == {
+        "index.html",
+        "numbers.json",
+        "figure-1.2.png",
+        "figure-4.1.png",
+    }
+    code, _, err = run("thesis", "3.1")
+    assert code == 2 and "'3.1', must be one of 1.1" in err
+    write("file", "")
+    code, _, err = run("thesis", "1.2", "--out", "file")
+    assert code == 1 and "file: cannot be written" in err and "--out" in err
+
+
+def test_thesis_without_matplotlib(tmp_path):
+    line = "import sys; sys.modules['matplotlib'] = None; from glapp.cli import main; main()"
+    done = subprocess.run(
+        [sys.executable, "-c", line, "thesis", "1.2"], capture_output=True, text=True, cwd=tmp_path, check=False
+    )
+    assert done.returncode == 1 and "pip install 'glapp[thesis]'" in done.stderr

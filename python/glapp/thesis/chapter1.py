@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
-from matplotlib.patches import Circle, Rectangle
 
 from ..blocks import Backlash
 from ..nonlinear import (
@@ -83,12 +82,13 @@ def figure_1_2() -> Shown:
 def figure_1_3() -> Shown:
     """Where the two criteria allow the Nyquist curve to be."""
     inside, right = 0.5 * PLANTS["P3"], migo("P2").loop
-    gain, circle = small_gain(inside), circle_criterion(right)
+    gain, border = small_gain(inside), circle_criterion(right)
 
     def draw() -> Figure:
         figure, (axes,) = style.panels(height=4.4)
         axes.axvspan(-1, 3, color=style.CURVES[0], alpha=0.12, linewidth=0, label="circle criterion")
-        axes.add_patch(Circle((0, 0), 1, color=style.CURVES[1], alpha=0.3, linewidth=0, label="small gain"))
+        circle = np.exp(1j * np.linspace(0, 2 * np.pi, 181))
+        axes.fill(circle.real, circle.imag, color=style.CURVES[1], alpha=0.3, linewidth=0, label="small gain")
         loops = {"0.5·P3, inside both": inside, "P2 with MIGO PI, inside the second": right}
         draw_loops(axes, loops)
         frame(axes, (-2.2, 2.2), (-2.2, 1.4))
@@ -103,7 +103,7 @@ def figure_1_3() -> Shown:
         "(small gain), or to the right of −1 (circle criterion), which allows far more.",
         numbers=(
             Number("radius of the small gain theorem", "", 1.0, gain.margin * abs(complex(inside.response(gain.w)))),
-            Number("border of the circle criterion, real part", "", -1.0, circle.margin * _real(right, circle.w)),
+            Number("border of the circle criterion, real part", "", -1.0, border.margin * _real(right, border.w)),
         ),
         difference="With integral action the curve begins at infinity, so the small gain theorem never applies to the "
         "loops of the thesis.",
@@ -280,7 +280,7 @@ def _draw_sketch(half: float) -> Figure:
 
 def _part(axes: Axes, box: tuple[float, float, float, float], colour: str) -> None:
     x, y, width, height = box
-    axes.add_patch(Rectangle((x, y), width, height, color=colour))
+    axes.fill([x, x + width, x + width, x], [y, y, y + height, y + height], color=colour)
 
 
 FIGURES: dict[str, Callable[[], Shown]] = {

@@ -99,4 +99,5 @@ def save(figure: Figure, path: Path) -> None:
     """Write a PNG with a palette: a third of the size, and nobody sees it."""
     raw = BytesIO()
     figure.savefig(raw, format="png", dpi=DPI)
-    Image.open(raw).convert("RGB").quantize(256, dither=Image.Dither.NONE).save(path, optimize=True)
+    picture = Image.open(raw).convert("RGB")
+    picture.quantize(256, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(path, optimize=True)

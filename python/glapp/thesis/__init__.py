@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from ..errors import InputError
-from . import chapter1, chapter2, chapter4, chapter5
+from . import chapter1, chapter2, chapter4, chapter5, chapter7, chapter8
 from .figure import Number, Shown
 
 __all__ = ["FIGURES", "Number", "Shown", "find", "show"]
@@ -25,6 +25,8 @@ FIGURES: dict[str, Callable[[], Shown]] = {
     **chapter2.FIGURES,
     **chapter4.FIGURES,
     **chapter5.FIGURES,
+    **chapter7.FIGURES,
+    **chapter8.FIGURES,
 }
 """Number in the thesis to the function that computes it, in the thesis' order."""
 

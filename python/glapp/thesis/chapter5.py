@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["FIGURES"]
+__all__ = ["FIGURES", "pv_and_sp"]
 
 Floats = npt.NDArray[np.float64]
 
@@ -59,7 +59,7 @@ def figure_5_1() -> Shown:
 
     def draw() -> Figure:
         figure, (top, bottom) = style.panels(2, height=4.6)
-        _pv_and_sp(top, signals, seen)
+        pv_and_sp(top, signals, seen)
         _detections(bottom, seen)
         bottom.set(xlabel="time [s]", ylim=(-5, 150))
         return figure
@@ -94,7 +94,7 @@ def figure_5_2() -> Shown:
 
     def draw() -> Figure:
         figure, (axes,) = style.panels(height=3.2)
-        _pv_and_sp(axes, signals, seen, 300.0, 800.0)
+        pv_and_sp(axes, signals, seen, 300.0, 800.0)
         axes.set(xlabel="time [s]", ylim=(99.85, 100.15))
         return figure
 
@@ -129,7 +129,7 @@ def figure_5_3() -> Shown:
 
     def draw() -> Figure:
         figure, (top, bottom) = style.panels(2, height=4.8)
-        _pv_and_sp(top, signals, seen, low, high)
+        pv_and_sp(top, signals, seen, low, high)
         top.set_ylim(99, 101)
         bottom.plot(signals.t[here], PERCENT * signals.op[here], color=style.OP, linewidth=1.3, label="OP")
         bottom.plot(
@@ -233,7 +233,7 @@ def figure_5_7() -> Shown:
 
     def draw() -> Figure:
         figure, (top, bottom) = style.panels(2, height=4.6)
-        _pv_and_sp(top, signals, seen, 95.0, 135.0)
+        pv_and_sp(top, signals, seen, 95.0, 135.0)
         _detections(bottom, seen, 95.0, 135.0)
         bottom.set(xlabel="time [s]", ylim=(-2, 45))
         return figure
@@ -310,7 +310,7 @@ def figure_5_10() -> Shown:
 
     def draw() -> Figure:
         figure, (top, bottom) = style.panels(2, height=4.6)
-        _pv_and_sp(top, signals, seen)
+        pv_and_sp(top, signals, seen)
         top.set_ylim(80, 125)
         _detections(bottom, seen)
         bottom.set(xlabel="time [s]", ylim=(-0.5, 16))
@@ -345,7 +345,7 @@ def figure_5_11() -> Shown:
 
     def draw() -> Figure:
         figure, (axes,) = style.panels(height=3.4)
-        _pv_and_sp(axes, signals, seen, 448.0, 470.0)
+        pv_and_sp(axes, signals, seen, 448.0, 470.0)
         inside = (signals.t >= begin) & (signals.t <= end)
         axes.fill_between(
             signals.t[inside],
@@ -393,7 +393,7 @@ def figure_5_12() -> Shown:
 
     def draw() -> Figure:
         figure, (top, bottom) = style.panels(2, height=4.6)
-        _pv_and_sp(top, signals, seen, 500.0, 700.0)
+        pv_and_sp(top, signals, seen, 500.0, 700.0)
         _detections(bottom, seen, 500.0, 700.0)
         bottom.set(xlabel="time [s]", ylim=(-1, 20))
         return figure
@@ -431,7 +431,7 @@ def _first_seconds(
 
     def draw() -> Figure:
         figure, (above, below) = style.panels(2, height=4.6)
-        _pv_and_sp(above, signals, seen, 0.0, 150.0)
+        pv_and_sp(above, signals, seen, 0.0, 150.0)
         _detections(below, seen, 0.0, 150.0)
         below.set(xlabel="time [s]", ylim=(-0.03 * top, top))
         return figure
@@ -474,7 +474,7 @@ def _first_noise(seeds: int) -> float:
     return float(np.median(first))
 
 
-def _pv_and_sp(axes: Axes, signals: Simulation, seen: Detected, begin: float = 0.0, end: float = 1000.0) -> None:
+def pv_and_sp(axes: Axes, signals: Simulation, seen: Detected, begin: float = 0.0, end: float = np.inf) -> None:
     """Setpoint, process value and filtered process value [%]."""
     here = (signals.t >= begin) & (signals.t <= end)
     t = signals.t[here]

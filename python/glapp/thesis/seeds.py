@@ -1,0 +1,88 @@
+"""The same loop over many seeds of its noise: runs that fit into memory, and the median and range of what they show."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ..scenario import Scenario
+from ..simulate import Simulation, run_many
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["SEEDS", "Spread", "each", "plot", "seeded", "spread"]
+
+SEEDS = 20
+
+SAMPLES = 4_000_000
+"""Samples that are held at once, 64 bytes each."""
+
+
+class Spread(NamedTuple):
+    """What many seeds gave.
+
+    Attributes
+    ----------
+    median, low, high : float
+        Of those seeds that gave a number; NaN where none did.
+    share : float
+        Share of the seeds that gave one.
+    """
+
+    median: float
+    low: float
+    high: float
+    share: float
+
+    @property
+    def usual(self) -> float | None:
+        """The median where at least half of the seeds gave a number."""
+        return self.median if self.share >= 0.5 else None
+
+
+def spread(values: Iterable[float | None]) -> Spread:
+    """Median and range of values, of which None is no value.
+
+    Examples
+    --------
+    >>> spread([1.0, None, 3.0, 2.0])
+    Spread(median=2.0, low=1.0, high=3.0, share=0.75)
+    >>> spread([None, None, 5.0]).usual is None
+    True
+    """
+    given = list(values)
+    numbers = [value for value in given if value is not None]
+    if not numbers:
+        return Spread(np.nan, np.nan, np.nan, 0.0)
+    return Spread(float(np.median(numbers)), min(numbers), max(numbers), len(numbers) / len(given))
+
+
+def seeded(scenario: Scenario, seeds: int = SEEDS) -> list[Scenario]:
+    """The scenario with each seed."""
+    return [scenario.model_copy(update={"seed": seed}) for seed in range(seeds)]
+
+
+def each(scenarios: Sequence[Scenario]) -> Iterator[tuple[Scenario, Simulation]]:
+    """Run scenarios in lanes, as many at once as fit into memory, and give them one by one."""
+    at_once: list[Scenario] = []
+    samples = 0.0
+    for scenario in scenarios:
+        at_once.append(scenario)
+        samples += scenario.t_end / scenario.h
+        if samples > SAMPLES or scenario is scenarios[-1]:
+            yield from zip(at_once, run_many(at_once, progress=False), strict=True)
+            at_once, samples = [], 0.0
+
+
+def plot(axes: Axes, x: Sequence[float], spreads: Sequence[Spread], colour: str, label: str, marker: str = "o") -> None:
+    """Medians on a line, ranges as bars; open where fewer than half of the seeds gave a number."""
+    middle = np.array([one.median for one in spreads])
+    low, high = np.array([one.low for one in spreads]), np.array([one.high for one in spreads])
+    usual = np.array([one.usual is not None for one in spreads])
+    at = np.asarray(x, dtype=float)
+    axes.vlines(at, low, high, color=colour, linewidth=1.0)
+    axes.plot(at, np.where(usual, middle, np.nan), f"-{marker}", color=colour, markersize=4, linewidth=1.2, label=label)
+    axes.plot(at[~usual], middle[~usual], marker, color=colour, markersize=4, markerfacecolor="white")

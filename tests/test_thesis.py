@@ -63,7 +63,9 @@ def test_html_page_stands_alone(shown: dict[str, Shown], tmp_path: Path) -> None
     assert (tmp_path / one.picture).read_bytes().startswith(b"\x89PNG")
 
 
-@pytest.mark.parametrize(("said", "number"), [("5.1", "5.1"), ("Figure 5.1", "5.1"), ("figure-5.1", "5.1")])
+@pytest.mark.parametrize(
+    ("said", "number"), [("5.1", "5.1"), ("Figure 5.1", "5.1"), ("figure-5.1", "5.1"), ("table 8.1", "Table 8.1")]
+)
 def test_numbers_as_people_write_them(said: str, number: str) -> None:
     assert find(said) == number
 

@@ -55,7 +55,7 @@ app.command(
     )
 )(bump)
 app.command(epilog=examples("glapp demo demo"))(demo)
-app.command(epilog=examples("glapp thesis 5.1", "glapp thesis 1.2 5.1 --out figures"))(thesis)
+app.command(epilog=examples("glapp thesis 5.1", "glapp thesis 1.2 'Table 8.1' --out figures"))(thesis)
 
 
 def _version(asked: bool) -> None:

@@ -22,7 +22,7 @@ __all__ = ["thesis"]
 def thesis(
     numbers: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[NUMBER]...", help='Figures and tables, such as 5.1 or "Table 8.1"; all if none.'),
+        typer.Argument(metavar="NUMBER", help='Figures and tables, such as 5.1 or "Table 8.1"; all if none.'),
     ] = None,
     folder: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the gallery; made if missing.")] = (
         Path("thesis")

@@ -8,6 +8,7 @@ import pytest
 
 from glapp import InputError
 from glapp.thesis import FIGURES, Shown, find, gallery
+from glapp.thesis.differences import DIFFERENCES, shown_by
 from glapp.thesis.style import save
 
 GALLERY = Path(__file__).parent.parent / "docs/gallery"
@@ -42,6 +43,10 @@ def test_page_is_what_the_figures_say(shown: dict[str, Shown]) -> None:
 def test_every_picture_is_there_and_no_other(shown: dict[str, Shown]) -> None:
     assert {path.name for path in GALLERY.glob("*.png")} == {one.picture for one in shown.values()}
     assert all(path.stat().st_size <= 60_000 for path in GALLERY.glob("*.png"))
+
+
+def test_every_difference_has_its_number(shown: dict[str, Shown]) -> None:
+    assert [difference for difference, _, _ in shown_by(list(shown.values()))] == list(DIFFERENCES)
 
 
 @pytest.mark.parametrize("number", FIGURES)

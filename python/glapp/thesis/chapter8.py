@@ -206,6 +206,20 @@ def thinned(scenario: Scenario, signals: Simulation, seen: Detected, every: int)
     return detect(scenario.model_copy(update={"h": scenario.h * every}), coarse, tf=0.0)
 
 
+def derivative_part() -> tuple[Spread, Spread]:
+    """P2 with AMIGO PID, of each run: median of the derivative part of (7.6) by Δu of (7.5), share opposing it [%]."""
+    controller = tunings()["AMIGO step PID"]
+    scenario = short(plant="P2", controller=controller, d=GAP / PERCENT, t_end=5000, **NEAREST)
+    parts = []
+    for both in each(seeded(scenario)):
+        seen = detect(*both, derivative=True)
+        parts.append(PERCENT * (seen.half_periods.delta_u_d / seen.half_periods.delta_u)[seen.accepted])
+    return (
+        spread(float(np.median(one)) if len(one) else None for one in parts),
+        spread(PERCENT * float(np.mean(one < 0)) if len(one) else None for one in parts),
+    )
+
+
 @cache
 def rows() -> dict[str, Row]:
     """Table 8.1."""
@@ -286,6 +300,11 @@ def table_8_1() -> Shown:
                 Number(f"{name}: highest estimate", "%", None, row.estimate.high),
                 Number(f"{name}: estimate, one sample a second", "%", None, row.thinned_estimate.usual),
             ]
+    part, opposes = derivative_part()
+    numbers += [
+        Number("AMIGO step PID: derivative part by Δu, median", "%", "within 10", part.median),
+        Number("AMIGO step PID: detections in which it opposes Δu", "%", 50.0, opposes.median),
+    ]
     return Shown(
         number="Table 8.1",
         title="P2 with a gap of 5 % under ten controllers",

@@ -7,6 +7,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+from .differences import shown_by
 from .figure import Number, Shown
 
 __all__ = ["as_html", "as_json", "as_markdown", "recorded", "text"]
@@ -17,6 +18,9 @@ ABOUT = (
     "TFRT-5826 (2008). Every picture comes from glapp's own simulator and detector; the thesis' number stands beside "
     "ours wherever its text gives one."
 )
+
+
+DIFFERS = "Where the thesis does not hold"
 
 
 def text(value: float | str | None) -> str:
@@ -38,6 +42,9 @@ def recorded(shown: Shown, numbers: Mapping[str, float | None]) -> Shown:
 def as_markdown(shown: Sequence[Shown]) -> str:
     """The gallery as a page in Markdown, with the pictures beside it."""
     parts = [f"# {TITLE}\n", ABOUT + "\n"]
+    if differs := _differs(shown):
+        rows = [f"| {' | '.join(cells)} |\n" for _, *cells in differs]
+        parts.append("".join([f"## {DIFFERS}\n\n| section | it says | here | |\n|---|---|---|---|\n", *rows]))
     for one in shown:
         parts.append(f"## {one.name}: {one.title}\n")
         parts.append(f"![{one.name}]({one.picture})\n")
@@ -64,6 +71,13 @@ def as_html(shown: Sequence[Shown]) -> str:
         '<meta name="viewport" content="width=device-width,initial-scale=1">',
         f"<title>{TITLE}</title><style>{_CSS}</style><h1>{TITLE}</h1><p>{say(ABOUT)}</p><nav>{links}</nav>",
     ]
+    if differs := _differs(shown):
+        parts.append(f"<h2>{DIFFERS}</h2><ul>")
+        parts += [
+            f'<li>{say(said)} ({say(section)}). Here <a href="#{one.picture[:-4]}">{say(one.name)}</a>: {say(here)}'
+            for one, section, said, here, _ in differs
+        ]
+        parts.append("</ul>")
     for one in shown:
         parts.append(f'<h2 id="{one.picture[:-4]}">{say(one.name)}: {say(one.title)}</h2>')
         parts.append(f'<img src="{one.picture}" alt="{say(one.sentence)}"><p>{say(one.sentence)}')
@@ -73,6 +87,14 @@ def as_html(shown: Sequence[Shown]) -> str:
         if one.difference:
             parts.append(f"<p><em>Difference:</em> {say(one.difference)}</p>")
     return "\n".join(parts) + "\n"
+
+
+def _differs(shown: Sequence[Shown]) -> list[tuple[Shown, str, str, str, str]]:
+    """Figure; section, statement, our number in words, name of the figure."""
+    return [
+        (one, differs.section, differs.statement, f"{number.what}: {text(number.ours)} {number.unit}".strip(), one.name)
+        for differs, one, number in shown_by(shown)
+    ]
 
 
 def _rows(numbers: Sequence[Number]) -> list[tuple[str, str, str, str]]:

@@ -232,5 +232,5 @@ class TestTables:
         assert "| 75 % |" in text
         assert "| none, steps, inside | 2 | 50 % |" in text
         assert "| backlash, steps, inside | 5 | 20 % |" in text
-        assert "| m | 2 | 50 % | 50 % | 0 % | 0 % |" in text
+        assert "| m | all | 2 | 50 % | 50 % | 0 % | 0 % |" in text
         assert math.isnan(rows[4].error)

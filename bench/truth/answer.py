@@ -25,7 +25,7 @@ class Answer:
     ----------
     verdict : Verdict
     d, low, high : float or None
-        Dead band, and its 95 % interval where the method gives one [% of OP].
+        Dead band, and its 95 % interval where the method gives one; `high` alone is an upper limit [% of OP].
     at_least : float or None
         Lower bound [% of OP].
     reason : str

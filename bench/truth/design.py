@@ -136,6 +136,8 @@ class Drawn:
         Standard deviation of the measurement noise [PV unit].
     d, jump : float
         Whole dead band, gap and stick band together, and slip jump [% of OP].
+    load_size : float
+        Largest step or ramp of the load; standard deviation of a walk over the time between two steps [% of OP].
     setpoint : str
         "constant", "steps" or "cascade", that is moving at every sample.
     """
@@ -151,6 +153,7 @@ class Drawn:
     noise: float
     d: float
     jump: float
+    load_size: float
     setpoint: str
 
 
@@ -209,9 +212,10 @@ def draw(name: str) -> Drawn | None:
     width = random.choice(WIDTHS)
     d, friction = 0.0, None
     if sticks:
-        gap = width * random.uniform(0.3, 0.7) if cause == "both" else 0.0
+        # A valve with j < s is, seen from outside, one with a gap of s − j and friction of s = j.
+        gap, slip = (width * random.uniform(0.3, 0.7), random.uniform(0.3, 1.0)) if cause == "both" else (0.0, 1.0)
         s = width - gap
-        friction = Friction(model="he" if departure == FRICTION else "kano", s=s, j=s * random.uniform(0.1, 1.0))
+        friction = Friction(model="he" if departure == FRICTION else "kano", s=s, j=s * slip)
         d = gap
     elif cause == "backlash":
         d = width
@@ -276,6 +280,7 @@ def draw(name: str) -> Drawn | None:
         noise=noise,
         d=width if cause in ("backlash", "stiction", "both") else 0.0,
         jump=friction.j if friction else 0.0,
+        load_size=size,
         setpoint=kind_of_setpoint,
     )
 

@@ -38,14 +38,15 @@ class Truth:
         "cause/load/family/number"; `record(name)` makes the record again.
     cause, load, family, departure, process, rule, setpoint : str
         As in `design`.
-    op_resolution : float
-        Steps that OP is rounded to [%]; 0 for none.
+    op_resolution, load_size : float
+        Steps that OP is rounded to, 0 for none; as in `design` [%].
     d, jump : float
         Whole dead band and slip jump [% of OP].
     up, down : int
         Traversals of the whole gap that a sample of the recording tells from one another: reversals of the valve.
-    op_range : float
-        OP, peak to peak [%].
+    op_range, op_unseen : float
+        OP, peak to peak; and how far it goes, between two recorded samples, from the line through them (99 % of the
+        time it is less) [%].
     sigma : float
         Standard deviation of all that lies between the process and the recorded PV [PV unit].
     gain, lag, h : float
@@ -69,11 +70,13 @@ class Truth:
     rule: str
     setpoint: str
     op_resolution: float
+    load_size: float
     d: float
     jump: float
     up: int
     down: int
     op_range: float
+    op_unseen: float
     sigma: float
     gain: float
     lag: float
@@ -188,6 +191,7 @@ def _recorded(drawn: Drawn, simulation: Simulation, kept: slice) -> Record:
 def _truth(name: str, drawn: Drawn, simulation: Simulation, kept: slice, regular: bool) -> Truth:
     up, down = traversals(simulation.position[kept])
     op = simulation.op[kept]
+    line = np.interp(simulation.t, simulation.t[kept], op)
     h = drawn.scenario.h * drawn.every
     # The held value is off by anything between ± band.
     sigma = math.hypot(drawn.noise, drawn.band / math.sqrt(3))
@@ -212,8 +216,10 @@ def _truth(name: str, drawn: Drawn, simulation: Simulation, kept: slice, regular
         rule=drawn.rule,
         setpoint=drawn.setpoint,
         op_resolution=drawn.scenario.op_resolution,
+        load_size=drawn.load_size,
         jump=drawn.jump,
         samples=op.size,
+        op_unseen=float(np.percentile(np.abs(simulation.op - line), 99)),
         identifiable=identifiable(**numbers),
         cause_told=drawn.jump * abs(drawn.gain) >= 3 * sigma and min(up, down) >= TRAVERSALS,
         regular=regular,

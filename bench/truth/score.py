@@ -2,16 +2,26 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from .answer import DENIAL, FAULT
-from .records import Truth
+from .design import FAMILIES
+from .records import TRAVERSALS, Truth
 
 FAULTY = ("backlash", "stiction", "both")
 """Causes that are in the valve."""
+
+LACKING: dict[str, Callable[[Truth], bool]] = {
+    "few traversals": lambda truth: min(truth.up, truth.down) < TRAVERSALS,
+    "OP moves too little": lambda truth: truth.op_range < 1.5 * truth.d,
+    "noise": lambda truth: truth.d * abs(truth.gain) < 3 * truth.sigma,
+    "h > T/5": lambda truth: truth.h > truth.lag / 5,
+}
+"""What a gap may lack to be identifiable; it may lack several."""
 
 FEW = 3
 """Of fewer widths there is no median worth printing."""
@@ -37,8 +47,10 @@ class Scored(NamedTuple):
 
     @property
     def covered(self) -> bool | None:
-        """Whether the interval holds d; None where there is no interval."""
-        return None if self.low is None or self.high is None else self.low <= self.truth.d <= self.high
+        """Whether the width's interval holds d; None where there is no width, or no interval."""
+        if self.d is None or self.low is None or self.high is None:
+            return None
+        return self.low <= self.truth.d <= self.high
 
     @property
     def alarm(self) -> bool:
@@ -47,10 +59,10 @@ class Scored(NamedTuple):
 
     @property
     def careful(self) -> bool:
-        """A bound that is true, a refusal, or a width whose interval is true."""
+        """A bound, from below or above, that is true; a refusal; or a width whose interval is true."""
         if self.d is not None:
             return bool(self.covered)
-        return self.at_least is None or self.at_least <= self.truth.d
+        return (self.at_least or 0.0) <= self.truth.d <= (math.inf if self.high is None else self.high)
 
 
 Rows = Sequence[Scored]
@@ -62,10 +74,11 @@ def tables(scored: Rows) -> str:
     sizing = [m for m in methods if any(row.method == m and row.d is not None for row in scored)]
     judging = [m for m in methods if any(row.method == m and row.verdict != "cannot_tell" for row in scored)]
     parts = [
+        ("In short", _summary(scored, methods)),
         ("Identifiable gaps: width", _width(scored, sizing)),
         ("No gap, or another cause: false alarms", _false_alarms(scored, judging)),
         ("Identifiable gaps: missed", _missed(scored, judging)),
-        ("Gaps that cannot be identified", _unidentifiable(scored, methods)),
+        ("Gaps that cannot be identified", _unidentifiable(scored, sizing)),
         ("Regular oscillations: is it the valve?", _regular(scored, judging)),
         ("Causes", "\n\n".join(f"*{m}*\n\n" + _confusion(_by(scored, method=m)) for m in judging)),
         ("Identifiable gaps: where the width goes wrong", _where(scored, sizing)),
@@ -74,11 +87,35 @@ def tables(scored: Rows) -> str:
     return "\n\n".join(f"### {title}\n\n{text}" for title, text in parts)
 
 
+def _summary(scored: Rows, methods: Sequence[str]) -> str:
+    """What is asked of a method, on one line."""
+    head = ["method", "answered, inside", "bias", "coverage", "answered, outside", "bias", "coverage"]
+    head += ["false alarms", "true bound or refusal where not identifiable", "cause right where it can be seen"]
+    body = []
+    for method in methods:
+        rows = _by(scored, method=method)
+        faulty = [row for row in rows if row.truth.cause in FAULTY]
+        cells = []
+        for family in FAMILIES:
+            answered, bias, _, coverage = _widths([r for r in _by(faulty, family=family) if r.truth.identifiable])
+            cells += [answered, bias, "" if coverage == "no interval" else coverage]
+        sound = [row.alarm for row in rows if row.truth.cause not in FAULTY]
+        unknown = [row.d is None and row.careful for row in faulty if not row.truth.identifiable]
+        cause = [row.verdict == row.truth.cause for row in faulty if _cause_seen(row.truth)]
+        body.append([method, *cells, _share(sound), _share(unknown), _share(cause)])
+    return _markdown(head, body)
+
+
+def _cause_seen(truth: Truth) -> bool:
+    """Whether one fault of the valve can be told from another."""
+    return truth.identifiable and (truth.cause == "backlash" or truth.cause_told)
+
+
 def _width(scored: Rows, methods: Sequence[str]) -> str:
     head = ["method", "family", "cause", "records", "answered", "bias", "spread", "coverage"]
     body = []
     for method in methods:
-        for family in ("inside", "outside"):
+        for family in FAMILIES:
             for cause in FAULTY:
                 rows = _by(scored, method=method, family=family, cause=cause, identifiable=True)
                 body.append([method, family, cause, str(len(rows)), *_widths(rows)])
@@ -109,7 +146,7 @@ def _false_alarms(scored: Rows, methods: Sequence[str]) -> str:
         [
             (f"{cause}, {load}, {family}", {"cause": cause, "load": load, "family": family})
             for cause, load in groups
-            for family in ("inside", "outside")
+            for family in FAMILIES
         ],
         lambda row: row.alarm,
     )
@@ -123,7 +160,7 @@ def _missed(scored: Rows, methods: Sequence[str]) -> str:
             (f"{cause}, {load}, {family}", {"cause": cause, "load": load, "family": family, "identifiable": True})
             for cause in FAULTY
             for load in ("steps", "ramps", "walk")
-            for family in ("inside", "outside")
+            for family in FAMILIES
         ],
         lambda row: not row.alarm,
     )
@@ -140,20 +177,17 @@ def _matrix(
 
 
 def _unidentifiable(scored: Rows, methods: Sequence[str]) -> str:
-    head = ["method", "records", "bound or refusal", "bound too high", "width with a true interval", "other width"]
+    head = ["method", "why", "records", "bound or refusal", "wrong bound", "width with a true interval", "other width"]
     body = []
     for method in methods:
-        rows = [row for row in _by(scored, method=method, identifiable=False) if row.truth.cause in FAULTY]
-        body.append(
-            [
-                method,
-                str(len(rows)),
-                _share([row.d is None and row.careful for row in rows]),
-                _share([row.d is None and not row.careful for row in rows]),
-                _share([row.d is not None and row.careful for row in rows]),
-                _share([row.d is not None and not row.careful for row in rows]),
-            ]
-        )
+        every = [row for row in _by(scored, method=method, identifiable=False) if row.truth.cause in FAULTY]
+        for why in ("all", *LACKING):
+            rows = every if why == "all" else [row for row in every if LACKING[why](row.truth)]
+            shares = (
+                _share([(row.d is None) == without and row.careful == careful for row in rows])
+                for without, careful in ((True, True), (True, False), (False, True), (False, False))
+            )
+            body.append([method, why, str(len(rows)), *shares])
     return _markdown(head, body)
 
 
@@ -179,11 +213,7 @@ def _confusion(rows: Rows) -> str:
     verdicts.sort(key=lambda v: -sum(row.verdict == v for row in rows))
     body = []
     for cause in ("none", "oscillation", *FAULTY):
-        told = [
-            row
-            for row in _by(rows, cause=cause)
-            if cause not in FAULTY or (row.truth.identifiable and (cause == "backlash" or row.truth.cause_told))
-        ]
+        told = [row for row in _by(rows, cause=cause) if cause not in FAULTY or _cause_seen(row.truth)]
         body.append([cause, str(len(told)), *(_share([row.verdict == v for row in told]) for v in verdicts)])
     return _markdown(["truth", "records", *verdicts], body)
 
@@ -214,6 +244,8 @@ def _short(answered: str, bias: str, spread: str, coverage: str) -> str:
 def _groups(truth: Truth) -> Iterator[tuple[str, str]]:
     """Groups that a record is in: kind and value, padded so that they sort as numbers."""
     yield "load", truth.load
+    size = truth.load_size / truth.d
+    yield "load against d", "below 1" if size < 1 else "1 to 3" if size < 3 else "above 3"
     yield "setpoint", truth.setpoint
     yield "process", truth.process
     if truth.departure:
@@ -222,6 +254,8 @@ def _groups(truth: Truth) -> Iterator[tuple[str, str]]:
     yield "controller", truth.rule.rsplit(" ", 1)[1]
     yield "OP", "rounded" if truth.op_resolution else "not rounded"
     yield "d", f"{truth.d:4.1f} %"
+    unseen = truth.op_unseen / truth.d
+    yield "OP unseen between samples", "below d/50" if unseen < 0.02 else "d/50 to d/5" if unseen < 0.2 else "more"
     steps = truth.lag / truth.h
     yield "samples in T", "  5 to 15" if steps <= 15 else " 15 to 50" if steps <= 50 else "above 50"
     clear = truth.d * abs(truth.gain) / truth.sigma
@@ -243,22 +277,28 @@ def worst(scored: Rows, method: str, count: int = 20) -> str:
 
     def wrong(row: Scored) -> float:
         if row.truth.d == 0:
-            return 10.0 + (row.d or row.at_least or 0.0) if row.alarm else 0.0
-        if not row.truth.identifiable:
-            return 0.0 if row.careful else 5.0 + abs(row.error if row.d is not None else 0.0)
-        return 0.0 if row.d is None or row.covered else abs(row.error)
+            return 20.0 + (row.d or row.at_least or 0.0) if row.alarm else 0.0
+        if row.careful or (row.d is not None and row.covered is None and row.truth.identifiable):
+            return 0.0 if row.d is None or row.covered else abs(row.error)
+        return (10.0 if row.truth.identifiable else 0.0) + (5.0 if row.d is None else abs(row.error))
 
     rows = sorted(_by(scored, method=method), key=wrong, reverse=True)[:count]
     body = []
     for row in rows:
         if wrong(row) == 0:
             break
-        interval = "" if row.low is None or row.high is None else f"{row.low:.3g} to {row.high:.3g}"
         t = row.truth
-        said = [row.verdict, "" if row.d is None else f"{row.d:.3g}", interval]
-        body.append([t.name, t.process, t.rule, t.departure, f"{t.d:g}", "yes" if t.identifiable else "no", *said])
-    head = ["record", "process", "tuning", "departure", "d", "identifiable", "verdict", "d̂", "interval"]
-    return _markdown(head, body)
+        said = " to ".join("" if x is None else f"{x:.3g}" for x in (row.low or row.at_least, row.high))
+        body.append(
+            [
+                *(t.name, t.process, t.rule, t.departure, f"{t.d:g}", "yes" if t.identifiable else "no"),
+                *(f"{min(t.up, t.down)}", f"{t.d * abs(t.gain) / t.sigma:.1f}"),
+                *(f"{t.lag / t.h:.1f}", f"{t.op_unseen:.2g}", f"{t.load_size:.2g}"),
+                *(row.verdict, "" if row.d is None else f"{row.d:.3g}", said.strip() if said != " to " else ""),
+            ]
+        )
+    head = ["record", "process", "tuning", "departure", "d", "identifiable"]
+    return _markdown([*head, "traversals", "d·Kp/σ", "T/h", "OP unseen", "load", "verdict", "d̂", "bounds"], body)
 
 
 def _by(rows: Rows, **equal: Any) -> list[Scored]:

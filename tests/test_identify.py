@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import dataclasses
-import doctest
 import math
 from pathlib import Path
 
@@ -303,9 +302,3 @@ def test_real_loops(name: str, k: tuple[float, float], ti: tuple[float, float]) 
 
 def test_a_real_loop_that_winds_up_is_not_identified() -> None:
     assert not identify(*refinery("FIC10104_0224")).usable
-
-
-def test_the_guide_runs() -> None:
-    guide = Path(__file__).parents[1] / "docs/identify.md"
-    ran = doctest.testfile(str(guide), module_relative=False, encoding="utf-8")
-    assert ran.attempted and not ran.failed

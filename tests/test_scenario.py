@@ -17,10 +17,10 @@ import glapp
 from glapp.blocks import Backlash, Pid, RateLimit, SecondOrderFilter
 from glapp.controller import Controller
 from glapp.errors import InputError
+from glapp.plant import PLANTS, Plant
 from glapp.simulate import (
     AT_HIGH,
     NOT_AUTO,
-    PLANTS,
     Coloured,
     File,
     Friction,
@@ -32,7 +32,6 @@ from glapp.simulate import (
     Simulation,
     Sine,
     Steps,
-    TransferFunction,
     Uniform,
     Walk,
     closed_loop,
@@ -102,7 +101,7 @@ def test_open_loop_against_lsim(name: str) -> None:
             seed=3,
         )
     )
-    _, y, _ = signal.lsim(signal.lti(*PLANTS[name][:2]), s.op + s.load, s.t, interp=False)
+    _, y, _ = signal.lsim(signal.lti(PLANTS[name].num, PLANTS[name].den), s.op + s.load, s.t, interp=False)
     # The load begins at rest; the plant feels what its first sample adds to it from there on.
     assert np.abs(y - s.pv - (y[0] - s.pv[0])).max() < 1e-9
 
@@ -376,16 +375,36 @@ def test_an_unstable_loop_among_many() -> None:
 def test_plants_of_other_packages() -> None:
     by_name = closed_loop("P4", P2_PI, t_end=50, setpoint=[(1, 1.0)])
     thing = SimpleNamespace(num=np.array([1.0]), den=np.array([2.0, 1.0]), dead_time=4.0)
-    assert same(closed_loop(thing, P2_PI, t_end=50, setpoint=[(1, 1.0)]), by_name)  # type: ignore[arg-type]
+    assert same(closed_loop(thing, P2_PI, t_end=50, setpoint=[(1, 1.0)]), by_name)
     without_delay = closed_loop(control.tf([1.0], [2.0, 1.0]), P2_PI, t_end=50, setpoint=[(1, 1.0)])
-    assert same(
-        without_delay, closed_loop(TransferFunction(num=(1,), den=(2, 1)), P2_PI, t_end=50, setpoint=[(1, 1.0)])
-    )
+    assert same(without_delay, closed_loop(Plant([1], [2, 1]), P2_PI, t_end=50, setpoint=[(1, 1.0)]))
+
+
+@pytest.mark.parametrize(
+    ("toml", "plant"),
+    [
+        ('"P6"', Plant.of("P6")),
+        ("{ num = [2.0], den = [3.0, 1.0] }", Plant([2], [3, 1])),
+        ("{ num = [2.0], den = [3.0, 1.0], dead_time = 0.5 }", Plant([2], [3, 1], 0.5)),
+    ],
+)
+def test_a_plant_reads_in_toml_as_it_was_written(toml: str, plant: Plant) -> None:
+    scenario = Scenario(plant=plant, controller=P2_PI)
+    assert scenario.to_toml().splitlines()[0] == f"plant = {toml}"
+    assert Scenario.from_toml(scenario.to_toml()).plant == plant
+
+
+def test_plants_in_series() -> None:
+    """A list of plants is the plant that their product is, in Python and in TOML."""
+    toml = 'plant = ["P4", { num = [1.0], den = [0.5, 1.0], dead_time = 1 }]\ncontroller = { k = 0.2, ti = 3 }'
+    both = Scenario.from_toml(toml)
+    assert both.plant == Plant([1], [2, 1], 4) * Plant([1], [0.5, 1], 1) == Plant([1], [1, 2.5, 1], 5)
+    assert Scenario.from_toml(both.to_toml()) == both
 
 
 def test_short_forms() -> None:
     long = Scenario(
-        plant=TransferFunction(num=(1.0,), den=(1.0, 1.0)),
+        plant=Plant([1], [1, 1]),
         controller=Controller(k=0.5, ti=3, action="direct", setpoint_weight=0),
         noise=(Uniform(amplitude=0.1),),
         manual=(Manual(begin=1, end=2), Manual(begin=3, end=4, op=5)),
@@ -407,6 +426,16 @@ def test_short_forms() -> None:
         ({"load": [{"kind": "sine", "amplitude": 1, "period": 0}]}, "load.0.sine.period: is 0, must be > 0"),
         ({"load": [{"kind": "saw"}]}, "load.0"),
         ({"controller": Controller(k=1, ti=1, gain_unit="%/%")}, "pv_span: is required to convert a gain in %/%"),
+        ({"plant": "P9"}, "plant: is 'P9'; write P1, P2"),
+        ({"plant": {"num": [1], "den": [1, 1], "dead_time": -1}}, "plant.dead_time: is -1, must be 0 s or greater"),
+        (
+            {"plant": {"num": [1], "den": [1, 1], "delay": 1}},
+            "plant.delay: no such key; known keys: num, den, dead_time",
+        ),
+        ({"plant": {"num": [1]}}, "plant.den: is required"),
+        ({"plant": ["P2", "P9"]}, "plant: is 'P9'"),
+        ({"plant": []}, "plant: is []; write P1"),
+        ({"plant": ([1, 0, 0], [1, 1])}, "plant.num: is of degree 2, must be of the degree of den (1) or lower"),
         ({"outer": {"plant": "P9", "controller": (1, 1)}}, "outer.plant: is 'P9'; write P1, P2"),
         ({"outer": {"plant": "P2", "controller": (1, 1), "limits": (5, 6)}}, "needs OP = 0: outside the limits"),
         ({"delay": 3}, "delay: no such key"),

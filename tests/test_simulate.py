@@ -10,7 +10,8 @@ from scipy import signal
 
 from glapp.controller import Controller
 from glapp.errors import InputError
-from glapp.simulate import AT_HIGH, AT_LOW, NOT_AUTO, PLANTS, Plant, Simulation, closed_loop, random_walk
+from glapp.plant import PLANTS, Plant
+from glapp.simulate import AT_HIGH, AT_LOW, NOT_AUTO, Simulation, closed_loop, random_walk
 
 AMIGO_PI = (0.414, 2.66)
 P3_PI = (0.48, 0.3117)
@@ -39,7 +40,7 @@ def test_linear_loop_against_the_same_loop_in_one_matrix(name: str) -> None:
     """PI, filter and plant as one discrete linear system, made by SciPy's matrix exponential and solved by dlsim."""
     k, ti = 0.5, 2.0
     h, tf, n = 0.05, 0.3, 4000
-    a, b, c, _ = signal.tf2ss(*PLANTS[name][:2])
+    a, b, c, _ = signal.tf2ss(PLANTS[name].num, PLANTS[name].den)
     ad, bd, cd, _, _ = signal.cont2discrete((a, b, c, 0), h)
     order, g = len(a), h / (tf + h)
     # State: plant, y1, y2 and the integral, all before the sample; input: setpoint and load.
@@ -194,9 +195,9 @@ def test_csv_gives_the_same_numbers_back(tmp_path: Path) -> None:
         ({"load": np.zeros(3)}, "load: 3 values for 20001 samples"),
         ({"load": [("soon", 1.0)]}, "load: is no signal; write [(time, value), …]"),
         ({"plant": "P9"}, "plant: is 'P9'; write P1, P2"),
-        ({"plant": ([1.0], [1.0, 1.0])}, "plant: is ([1.0], [1.0, 1.0]); write P1, P2"),
+        ({"plant": ([1.0],)}, "plant: is ([1.0],); write P1, P2"),
         ({"plant": ([1.0, 1.0], [1.0, 1.0], 0.0)}, "plant with num of degree 1 over den of degree 1"),
-        ({"plant": ([1.0], [1.0, 1.0], -1.0)}, "dead_time = -1: must be 0 s or greater"),
+        ({"plant": ([1.0], [1.0, 1.0], -1.0)}, "plant.dead_time: is -1.0, must be 0 s or greater"),
         ({"plant": ([1.0, 0.0], [1.0, 1.0], 0.0)}, "plant with num of degree 1"),
         ({"controller": (0.0, 1.0)}, "controller.k: is 0.0, must be > 0"),
         ({"controller": (1.0, 0.0)}, "controller.ti: is 0.0, must be > 0"),

@@ -133,7 +133,7 @@ def test_noise_after_a_limit_cycle_stays_rejected() -> None:
 
 def test_a_direct_acting_loop_has_the_same_width() -> None:
     s = rest_then_load(0.05, 1)
-    num, den, dead_time = glapp.simulate.PLANTS["P3"]
+    num, den, dead_time = glapp.plant.PLANTS["P3"]
     turned = closed_loop(
         ([-x for x in num], den, dead_time),
         (-P3_PI[0], P3_PI[1]),

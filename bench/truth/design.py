@@ -26,7 +26,6 @@ from glapp.scenario import (
     Scenario,
     Sine,
     Steps,
-    TransferFunction,
     Uniform,
     Walk,
 )
@@ -253,7 +252,7 @@ def draw(name: str) -> Drawn | None:
     controller = Controller(k=abs(k), ti=ti, td=td, setpoint_weight=weight, gain_unit="OP/PV")
     scenario = Scenario(
         name=name,
-        plant=TransferFunction(num=tuple(num), den=tuple(den), dead_time=base.dead_time * slower),
+        plant=Plant(num, den, base.dead_time * slower),
         controller=controller,
         pv_span=(0, 100),
         op_span=(0, 100),

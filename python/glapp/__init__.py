@@ -8,7 +8,7 @@
 
 from importlib.metadata import version as _version
 
-from . import blocks, simulate
+from . import blocks, nonlinear, plant, simulate, tuning
 from .bump import Bump, bump
 from .controller import Controller, Ideal
 from .errors import InputError
@@ -42,7 +42,10 @@ __all__ = [
     "bump",
     "estimate",
     "identify",
+    "nonlinear",
     "open_recordings",
+    "plant",
     "recording_from",
     "simulate",
+    "tuning",
 ]

@@ -52,7 +52,7 @@ def _refusal(model: type[BaseModel], error: ValidationError) -> InputError:
     path = [str(p) for p in first["loc"] if not (isinstance(p, str) and ("[" in p or p in {"str", "int", "float"}))]
     inner = first.get("ctx", {}).get("error")
     if isinstance(inner, InputError):
-        path += [inner.parameter] if inner.parameter else []
+        path += [inner.parameter] if inner.parameter and inner.parameter not in path[-1:] else []
         return InputError(
             inner.what, parameter=".".join(path) or None, value=inner.value, bound=inner.bound, hint=inner.hint
         )

@@ -13,6 +13,7 @@ TIC118      a worn valve, and nobody wrote down the settings   1.6 %
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
@@ -21,8 +22,9 @@ from pathlib import Path
 import numpy as np
 
 from .controller import Ideal
+from .plant import Plant
 from .reading.settings import parse_settings
-from .simulate import NOT_AUTO, Plant, Simulation, closed_loop, random_walk
+from .simulate import NOT_AUTO, Simulation, closed_loop, random_walk
 
 __all__ = ["write_recordings"]
 
@@ -125,10 +127,7 @@ def _controllers() -> dict[str, Ideal]:
 
 def _lags(gain: float, *times: float) -> Plant:
     """Plant of a static gain and some time constants [s], without dead time."""
-    den = np.ones(1)
-    for time in times:
-        den = np.convolve(den, [time, 1.0])
-    return [gain], den.tolist(), 0.0
+    return math.prod((Plant([1], [time, 1]) for time in times), start=Plant([gain], [1]))
 
 
 def _worn(controller: Ideal) -> Simulation:

@@ -1,12 +1,13 @@
 """The process under control as a value: a transfer function with exact dead time.
 
-Only its frequency response and its poles are ever used, so the dead time needs no approximation.
+The one notion of a process in glapp: what the rules tune for, what the describing functions look at, and what a
+scenario simulates. No part of it approximates the dead time.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -22,6 +23,8 @@ Character = Literal["lag-dominated", "balanced", "delay-dominated", "integrating
 """What limits the control of a process (thesis 4.1)."""
 
 _LAG_DOMINATED, _DELAY_DOMINATED = 0.3, 0.6
+
+_KEYS = "known keys: num, den, dead_time"
 
 _QUIET = 0.02
 """A loop gain below this no longer matters for stability or robustness."""
@@ -91,10 +94,11 @@ class Plant:
 
         Parameters
         ----------
-        process : Plant, str, (num, den), (num, den, dead_time), or a transfer function object
-            A name of the test batch, "P1" to "P8"; coefficients; or an object with one input and one output that has
-            `num`, `den` and no sample time, such as `control.TransferFunction` or `scipy.signal.TransferFunction`
-            (these have no dead time: write ``Plant.of(tf).delayed(L)``).
+        process : Plant, str, (num, den), (num, den, dead_time), mapping, list of these, or a transfer function object
+            A name of the test batch, "P1" to "P8"; coefficients; a mapping with the keys num, den and dead_time, as
+            TOML has it; a list of names, mappings and plants, which is their series; or an object with one input and
+            one output that has `num`, `den` and no sample time, such as `control.TransferFunction` or
+            `scipy.signal.TransferFunction` (these have no dead time: write ``Plant.of(tf).delayed(L)``).
 
         Raises
         ------
@@ -108,6 +112,8 @@ class Plant:
         >>> from scipy.signal import TransferFunction
         >>> Plant.of(TransferFunction([1], [1, 2])).delayed(4)
         Plant(num=(1.0,), den=(1.0, 2.0), dead_time=4.0)
+        >>> Plant.of(["P4", {"num": [3], "den": [1, 0]}])
+        Plant(num=(3.0,), den=(2.0, 1.0, 0.0), dead_time=4.0)
         >>> Plant.of("P9")
         Traceback (most recent call last):
         glapp.errors.InputError: plant: is 'P9'; write P1, P2, P3, P4, P5, P6, P7, P8 or (num, den, dead_time)
@@ -116,6 +122,10 @@ class Plant:
             return process
         if isinstance(process, str) and process in PLANTS:
             return PLANTS[process]
+        if isinstance(process, Mapping):
+            return cls._of_table(process)
+        if isinstance(process, list) and process and all(isinstance(part, str | Mapping | cls) for part in process):
+            return math.prod((cls.of(part) for part in process), start=cls([1], [1]))
         if hasattr(process, "num") and hasattr(process, "den"):
             if getattr(process, "dt", None) not in (None, 0):
                 raise InputError(
@@ -134,8 +144,18 @@ class Plant:
         hint = f"write {', '.join(PLANTS)} or (num, den, dead_time)"
         raise InputError(f"is {process!r}", parameter="plant", value=process, hint=hint)
 
+    @classmethod
+    def _of_table(cls, table: Mapping[str, Any]) -> Plant:
+        unknown = sorted(set(table) - {"num", "den", "dead_time"})
+        if unknown:
+            raise InputError("no such key", parameter=unknown[0], value=table[unknown[0]], hint=_KEYS)
+        for name in ("num", "den"):
+            if name not in table:
+                raise InputError("is required", parameter=name, bound="required", hint=_KEYS)
+        return cls(**table)
+
     def __iter__(self) -> Iterator[Any]:
-        """num, den, dead_time: what the simulator takes."""
+        """num, den, dead_time."""
         yield from (self.num, self.den, self.dead_time)
 
     def __mul__(self, other: Plant | float) -> Plant:

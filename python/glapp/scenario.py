@@ -16,15 +16,14 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow.csv
 import pyarrow.parquet
-from pydantic import BeforeValidator, ConfigDict, Field
+from pydantic import BeforeValidator, ConfigDict, Field, PlainValidator
 
-from . import _glapp
 from .checked import Checked
 from .controller import Controller, Ideal, NotNegative, Positive, Span
 from .errors import InputError
+from .plant import PLANTS, Plant
 
 __all__ = [
-    "PLANTS",
     "Coloured",
     "File",
     "Friction",
@@ -37,34 +36,12 @@ __all__ = [
     "Scenario",
     "Sine",
     "Steps",
-    "TransferFunction",
     "Uniform",
     "Walk",
     "read_scenario",
 ]
 
 Floats = npt.NDArray[np.float64]
-
-PLANTS: dict[str, tuple[list[float], list[float], float]] = {
-    name: (num, den, dead_time) for name, num, den, dead_time in _glapp.batch()
-}
-"""The test batch P1 to P8 (thesis 4.1): num, den, dead time [s]."""
-
-
-class TransferFunction(Checked):
-    """num(s)/den(s)·e^(−dead_time·s), coefficients in descending powers of s.
-
-    Parameters
-    ----------
-    num, den : list of float
-        num of lower degree than den, den of degree 1 to 10; zeros at the end of den are integrators.
-    dead_time : float
-        [s], ≥ 0, exact.
-    """
-
-    num: tuple[float, ...]
-    den: tuple[float, ...]
-    dead_time: float = 0.0
 
 
 class Steps(Checked):
@@ -185,31 +162,6 @@ def _noise(given: Any) -> Any:
     return _signal(given)
 
 
-def _plant(given: Any) -> Any:
-    """Name, (num, den, dead_time), table, or an object that has num and den."""
-    try:
-        if isinstance(given, str | TransferFunction):
-            if isinstance(given, str):
-                PLANTS[given]
-            return given
-        if isinstance(given, Mapping):
-            return TransferFunction(**given)
-        if isinstance(given, Sequence):
-            num, den, dead_time = given
-        else:
-            num, den, dead_time = given.num, given.den, getattr(given, "dead_time", 0.0)
-        while len(num) == 1 and isinstance(num[0], list | np.ndarray):  # as control.TransferFunction nests them
-            num, den = num[0], den[0]
-        return TransferFunction(
-            num=tuple(float(c) for c in num), den=tuple(float(c) for c in den), dead_time=float(dead_time)
-        )
-    except InputError:
-        raise
-    except (AttributeError, KeyError, TypeError, ValueError):
-        hint = f"write {', '.join(PLANTS)} or (num, den, dead_time)"
-        raise InputError(f"is {given!r}", value=given, hint=hint) from None
-
-
 def _controller(given: Any) -> Any:
     """Short form (k, ti[, td[, b]]): ideal, seconds, k negative for direct action, b = 0 where it is not given."""
     if isinstance(given, Controller | Mapping):
@@ -232,7 +184,7 @@ def _manual(given: Any) -> Any:
 
 Signal = Annotated[tuple[Piece, ...], BeforeValidator(_signal)]
 Noise = Annotated[tuple[Piece, ...], BeforeValidator(_noise)]
-Plant = Annotated[str | TransferFunction, BeforeValidator(_plant)]
+Process = Annotated[Plant, PlainValidator(Plant.of)]
 Limits = tuple[float, float]
 
 
@@ -276,7 +228,7 @@ class Outer(Checked):
         At the outer process' input [unit of the inner pv].
     """
 
-    plant: Plant
+    plant: Process
     controller: Annotated[Controller, BeforeValidator(_controller)]
     tf: NotNegative | None = None
     limits: Limits | None = None
@@ -290,9 +242,9 @@ class Scenario(Checked):
 
     Parameters
     ----------
-    plant : str, (num, den, dead_time), TransferFunction, or an object with num, den and dead_time
-        "P1" to "P8", or a transfer function of order 1 to 10, num of lower degree than den, coefficients in descending
-        powers of s, with its dead time ≥ 0 [s].
+    plant : Plant, or what `Plant.of` makes one of
+        "P1" to "P8", (num, den, dead_time), `control.TransferFunction`, a list of plants in series ...; of order 1 to
+        10, num of lower degree than den and not ending in 0.
     controller : Controller or (k, ti), (k, ti, td), (k, ti, td, b)
         In any maker's form; or the ideal form (4.1): gain k ≠ 0, negative where more output lowers the process value;
         ti > 0 [s]; td ≥ 0 [s]; setpoint weight b in 0..1, 0 where not given, as in the thesis.
@@ -357,7 +309,7 @@ class Scenario(Checked):
     """
 
     name: str = ""
-    plant: Plant
+    plant: Process
     controller: Annotated[Controller, BeforeValidator(_controller)]
     pv_span: Span | None = None
     op_span: Span | None = None
@@ -390,8 +342,7 @@ class Scenario(Checked):
 
     def process_gain(self) -> float | None:
         """Static gain Kp of the plant; None for an integrating one."""
-        num, den, _ = _transfer_function(self.plant)
-        return num[-1] / den[-1] if den[-1] != 0 else None
+        return self.plant.gain
 
     @classmethod
     def from_toml(cls, text: str) -> Self:
@@ -415,7 +366,7 @@ class Scenario(Checked):
         friction, outer = self.friction, self.outer
         tf = self.filter_time() if self.filter_in_loop else 0.0
         return {
-            "plant": _transfer_function(self.plant),
+            "plant": tuple(self.plant),
             "controller": (*self.ideal(), tf, self.limits),
             "d": self.d,
             "friction": None if friction is None else (friction.model, friction.s, friction.j),
@@ -465,16 +416,10 @@ def _filter_time(tf: float | None, ideal: Ideal) -> float:
     return tf if tf is not None else ideal.td / 5 if ideal.td > 0 else ideal.ti / 10
 
 
-def _transfer_function(plant: str | TransferFunction) -> tuple[list[float], list[float], float]:
-    if isinstance(plant, str):
-        return PLANTS[plant]
-    return list(plant.num), list(plant.den), plant.dead_time
-
-
 def _outer(outer: Outer) -> dict[str, Any]:
     ideal = outer.controller.ideal()
     return {
-        "plant": _transfer_function(outer.plant),
+        "plant": tuple(outer.plant),
         "controller": (*ideal, _filter_time(outer.tf, ideal), outer.limits),
         "d": outer.d,
         "noise": _pieces(outer.noise),
@@ -512,6 +457,8 @@ def _toml(value: Any, deep: bool = True) -> str:
     """A value of a scenario in TOML; on the outermost level, lists of tables one a line."""
     if isinstance(value, Samples):
         raise InputError("an array has no form in TOML", hint="write it to a file, and name that with kind = 'file'")
+    if isinstance(value, Plant):
+        return _toml_plant(value)
     if isinstance(value, Checked):
         items = {
             name: getattr(value, name)
@@ -528,3 +475,12 @@ def _toml(value: Any, deep: bool = True) -> str:
     if isinstance(value, int | float):
         return repr(value) if math.isfinite(value) else str(value)
     return json.dumps(value.as_posix() if isinstance(value, Path) else value, ensure_ascii=False)
+
+
+def _toml_plant(plant: Plant) -> str:
+    """The name of a plant of the test batch, the coefficients of any other."""
+    for name, named in PLANTS.items():
+        if plant == named:
+            return json.dumps(name)
+    dead_time = f", dead_time = {_toml(plant.dead_time)}" if plant.dead_time else ""
+    return f"{{ num = {_toml(plant.num)}, den = {_toml(plant.den)}{dead_time} }}"

@@ -32,7 +32,6 @@ from . import _glapp
 from .errors import InputError
 from .quality import GAP_STEPS
 from .scenario import (
-    PLANTS,
     Coloured,
     File,
     Friction,
@@ -45,21 +44,18 @@ from .scenario import (
     Scenario,
     Sine,
     Steps,
-    TransferFunction,
     Uniform,
     Walk,
     read_scenario,
 )
 
 __all__ = [
-    "PLANTS",
     "Coloured",
     "File",
     "Friction",
     "Gaussian",
     "Manual",
     "Outer",
-    "Plant",
     "Ramp",
     "Samples",
     "Scenario",
@@ -67,7 +63,6 @@ __all__ = [
     "Simulation",
     "Sine",
     "Steps",
-    "TransferFunction",
     "Uniform",
     "Walk",
     "closed_loop",
@@ -76,9 +71,6 @@ __all__ = [
     "run",
     "run_many",
 ]
-
-Plant = TransferFunction | tuple[Sequence[float], Sequence[float], float]
-"""Transfer function, or (num, den, dead time [s]), coefficients in descending powers of s."""
 
 Signal = Piece | Sequence[Piece] | Sequence[tuple[float, float]] | npt.NDArray[np.float64]
 """A piece or several, whose sum it is; (time [s], value from then on) in ascending order, 0 before the first; or an
@@ -257,7 +249,7 @@ def run_many(
 
 
 def closed_loop(
-    plant: str | Plant,
+    plant: Any,
     controller: Any,
     *,
     d: float = 0.05,

@@ -11,8 +11,8 @@ import numpy as np
 
 from ..blocks import MedianMean
 from ..nonlinear import n_relay, negative_inverse, over_compensation
-from ..plant import Plant
-from ..scenario import PLANTS, Ramp, Scenario
+from ..plant import PLANTS, Plant
+from ..scenario import Ramp, Scenario
 from ..simulate import Simulation, run
 from . import style
 from .chapter5 import pv_and_sp

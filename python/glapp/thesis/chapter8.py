@@ -14,9 +14,9 @@ from ..controller import Ideal
 from ..errors import InputError
 from ..estimate import analyze
 from ..loop import Cascade, Loop
-from ..plant import Plant
+from ..plant import PLANTS, Plant
 from ..reading import recording_from
-from ..scenario import PLANTS, Manual, Scenario, TransferFunction
+from ..scenario import Manual, Scenario
 from ..simulate import Simulation, run
 from ..tuning import (
     Tuning,
@@ -422,7 +422,7 @@ def figure_8_3() -> Shown:
 
 # --- 8.3 Cascade ----------------------------------------------------------------------------------------------------
 
-HALF_P2 = TransferFunction(num=(1.0,), den=(1.0, 2.0, 1.0))
+HALF_P2 = Plant([1.0], [1.0, 2.0, 1.0])
 """1/(s + 1)², the inner and the outer process."""
 
 INNER_MIGO = (1.39, 1.79)
@@ -577,10 +577,8 @@ def delayed(plant: str, dead_time: float, tf: float, *, ms: float = 1.6, t_end: 
 
 def stable(scenario: Scenario) -> bool:
     """Whether the loop with its filter is."""
-    assert isinstance(scenario.plant, TransferFunction)
-    plant = Plant(scenario.plant.num, scenario.plant.den, scenario.plant.dead_time)
     try:
-        assess(plant, scenario.ideal()[:2], tf=scenario.filter_time())
+        assess(scenario.plant, scenario.ideal()[:2], tf=scenario.filter_time())
     except InputError:
         return False
     return True
@@ -757,7 +755,7 @@ def figure_8_9() -> Shown:
 class Site(NamedTuple):
     """A loop of a field test: what the thesis says of it, and what had to be assumed."""
 
-    plant: TransferFunction
+    plant: Plant
     controller: tuple[float, float]
     d: float
     noise: float
@@ -768,8 +766,8 @@ class Site(NamedTuple):
         return self.plant.num[0]
 
 
-HYLTEBRUK = Site(TransferFunction(num=(1.3,), den=(8.0, 1.0), dead_time=2.0), (0.6, 28.0), 3.0, 0.004)
-PERSTORP = Site(TransferFunction(num=(0.46,), den=(20.0, 1.0), dead_time=0.5), (8.5, 10.3), 25.0, 0.002)
+HYLTEBRUK = Site(Plant([1.3], [8.0, 1.0], 2.0), (0.6, 28.0), 3.0, 0.004)
+PERSTORP = Site(Plant([0.46], [20.0, 1.0], 0.5), (8.5, 10.3), 25.0, 0.002)
 
 NOT_PUBLIC = (
     "The recording is not public; this loop has the thesis' K, Ti, Kp and the width of its manual test, while lag, "

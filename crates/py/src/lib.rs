@@ -5,6 +5,7 @@ mod blocks;
 mod census;
 mod columns;
 mod detector;
+mod fit;
 mod noise;
 mod pid;
 mod rate_limit;
@@ -25,6 +26,8 @@ mod _glapp {
     use crate::census::PyCensus;
     #[pymodule_export]
     use crate::detector::{PyDetector, PyHalfPeriod, reasons};
+    #[pymodule_export]
+    use crate::fit::{fit, fit_combine, fit_window};
     #[pymodule_export]
     use crate::noise::Noise;
     #[pymodule_export]

@@ -2,13 +2,14 @@
 
 /// A square matrix.
 #[derive(Clone, Debug)]
-pub(crate) struct Matrix {
+pub struct Matrix {
     n: usize,
     rows: Vec<f64>,
 }
 
 impl Matrix {
-    pub(crate) fn zeros(n: usize) -> Self {
+    /// All zeros, `n` rows.
+    pub fn zeros(n: usize) -> Self {
         Self { n, rows: vec![0.0; n * n] }
     }
 
@@ -20,19 +21,23 @@ impl Matrix {
         m
     }
 
-    pub(crate) fn get(&self, i: usize, j: usize) -> f64 {
+    /// Row `i`, column `j`.
+    pub fn get(&self, i: usize, j: usize) -> f64 {
         self.rows[i * self.n + j]
     }
 
-    pub(crate) fn set(&mut self, i: usize, j: usize, value: f64) {
+    /// Sets row `i`, column `j`.
+    pub fn set(&mut self, i: usize, j: usize, value: f64) {
         self.rows[i * self.n + j] = value;
     }
 
-    pub(crate) fn scaled(&self, factor: f64) -> Self {
+    /// Every number times `factor`.
+    pub fn scaled(&self, factor: f64) -> Self {
         Self { n: self.n, rows: self.rows.iter().map(|x| x * factor).collect() }
     }
 
-    pub(crate) fn times(&self, other: &Self) -> Self {
+    /// self·other.
+    pub fn times(&self, other: &Self) -> Self {
         let mut product = Self::zeros(self.n);
         for i in 0..self.n {
             for j in 0..self.n {
@@ -48,7 +53,7 @@ impl Matrix {
     }
 
     /// e^self: the series for a 2^s-th of the matrix, small enough for 14 terms to be exact, then s squarings.
-    pub(crate) fn exp(&self) -> Self {
+    pub fn exp(&self) -> Self {
         let mut squarings = 0;
         let mut small = self.clone();
         while small.norm() > 0.25 {
@@ -67,7 +72,7 @@ impl Matrix {
     }
 
     /// Largest magnitude of an eigenvalue, to about four digits: lim ‖Mᵏ‖^(1/k) (Gelfand) by squaring twenty times.
-    pub(crate) fn spectral_radius(&self) -> f64 {
+    pub fn spectral_radius(&self) -> f64 {
         let mut power = self.clone();
         let (mut log, mut weight) = (0.0, 1.0);
         for _ in 0..20 {

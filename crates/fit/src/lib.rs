@@ -1,0 +1,20 @@
+//! Width of a valve's gap with its interval, from OP and PV, by maximum likelihood.
+//!
+//! OP goes through a lost motion (a gap of width d, perhaps with slip jump J), a dead time and a low-order process; a load that
+//! walks acts at the process input, a drift at its output, and white noise on PV. For given d the rest is estimated: the
+//! gain and the size of the noise drop out by least squares, offset and slow load by a Kalman filter that knows nothing of
+//! them at first, and few parameters are left to a search. What stands at the end is the likelihood as a function of d, for
+//! several families of process and disturbance. The derivation is in `docs/fit.md`.
+
+mod combine;
+mod jumps;
+mod kalman;
+mod profile;
+mod record;
+mod search;
+mod structure;
+mod verdict;
+
+pub use combine::{Whole, Window, combine};
+pub use structure::{Noise, Structure};
+pub use verdict::{Answer, Candidate, Question, Verdict, fit, window};

@@ -1,0 +1,192 @@
+//! The likelihood over the width d: where it is greatest, how far it stays near, what it is without a gap.
+
+use crate::record::{Lost, Record};
+use crate::search::{Point, Search, dot, solve};
+use crate::structure::{MOST, Structure, Theta};
+
+/// Likelihood over d of one family; `points` in rising order of d, the first at d = 0.
+#[derive(Clone, Debug)]
+pub(crate) struct Profile {
+    pub(crate) structure: Structure,
+    pub(crate) points: Vec<Point>,
+    /// Place of the best point.
+    pub(crate) best: usize,
+}
+
+/// 95 % of chi-square with one degree of freedom.
+pub(crate) const CHI2_95: f64 = 3.841;
+
+impl Profile {
+    /// Every width of `widths` (rising, the first 0) with the slip jump a `share` of it, begun from its neighbours on both sides and each
+    /// third also from `seeds`.
+    pub(crate) fn over(search: &Search, widths: &[f64], share: f64, seeds: &[Theta], rounds: usize) -> Self {
+        let stretches = search.record.stretches.len();
+        let at = |d: f64| Lost { d, share, start: vec![0.5; stretches] };
+        let mut points: Vec<Point> = Vec::with_capacity(widths.len());
+        for (i, &d) in widths.iter().enumerate() {
+            let mut beginnings = Vec::new();
+            if i % 3 == 0 {
+                beginnings.extend(seeds.iter().map(|theta| (*theta, at(d))));
+            }
+            if let Some(before) = points.last() {
+                beginnings.push((before.theta, at(d)));
+            }
+            points.push(search.from(&beginnings, rounds, 1e-2));
+        }
+        for i in (0..points.len() - 1).rev() {
+            let d = points[i].lost.d;
+            let back = search.from(&[(points[i + 1].theta, at(d))], rounds, 1e-2);
+            if back.cost < points[i].cost {
+                points[i] = back;
+            }
+        }
+        let mut profile = Self { structure: search.structure, points, best: 0 };
+        profile.find();
+        profile
+    }
+
+    fn find(&mut self) {
+        let cost = |i: &usize| self.points[*i].cost;
+        self.best = (0..self.points.len()).min_by(|a, b| cost(a).total_cmp(&cost(b))).expect("a profile has points");
+    }
+
+    pub(crate) fn least(&self) -> f64 {
+        self.points[self.best].cost
+    }
+
+    /// One more width, begun from the better of its neighbours.
+    fn insert(&mut self, search: &Search, d: f64, rounds: usize) -> f64 {
+        let after = self.points.partition_point(|p| p.lost.d < d);
+        if self.points.get(after).is_some_and(|p| p.lost.d == d) {
+            return self.points[after].cost;
+        }
+        let near = [after.checked_sub(1), Some(after)].into_iter().flatten().filter_map(|i| self.points.get(i));
+        let better = near.min_by(|a, b| a.cost.total_cmp(&b.cost)).expect("a profile has points");
+        let lost = Lost { d, ..better.lost.clone() };
+        let point = search.from(&[(better.theta, lost)], rounds, 1e-3);
+        let cost = point.cost;
+        self.points.insert(after, point);
+        self.find();
+        cost
+    }
+
+    /// Adds widths around each of the `most` deepest valleys until they stand `fine` apart.
+    pub(crate) fn refine(&mut self, search: &Search, most: usize, fine: f64) {
+        for _ in 0..16 {
+            let least = self.least();
+            let valley = |i: &usize| {
+                let cost = |j: Option<usize>| j.and_then(|j| self.points.get(j)).map_or(f64::INFINITY, |p| p.cost);
+                cost(Some(*i)) <= cost(i.checked_sub(1)) && cost(Some(*i)) <= cost(Some(i + 1))
+            };
+            let mut valleys: Vec<usize> = (0..self.points.len()).filter(valley).collect();
+            valleys.sort_by(|a, b| self.points[*a].cost.total_cmp(&self.points[*b].cost));
+            let mut new = Vec::new();
+            for &i in valleys.iter().take(most).filter(|i| self.points[**i].cost < least + 60.0) {
+                let d = self.points[i].lost.d;
+                for j in [i.checked_sub(1), Some(i + 1)].into_iter().flatten() {
+                    if let Some(beside) = self.points.get(j)
+                        && (beside.lost.d - d).abs() > fine
+                    {
+                        new.push((beside.lost.d + d) / 2.0);
+                    }
+                }
+            }
+            if new.is_empty() {
+                break;
+            }
+            for d in new {
+                self.insert(search, d, 6);
+            }
+        }
+        let best = self.points[self.best].clone();
+        let polished = search.from(&[(best.theta, best.lost.clone())], 12, 1e-5);
+        if polished.cost < best.cost {
+            self.points[self.best] = polished;
+        }
+        // Its neighbours may do better from there.
+        for i in [0, self.best.saturating_sub(1), (self.best + 1).min(self.points.len() - 1)] {
+            let lost = self.points[i].lost.clone();
+            let again = search.from(&[(self.points[self.best].theta, lost)], 12, 1e-3);
+            if again.cost < self.points[i].cost {
+                self.points[i] = again;
+            }
+        }
+        self.find();
+    }
+
+    /// The lowest and the highest width whose cost is within `rise` of `from`, to within `fine`; the highest is None where
+    /// the profile stays low to its end.
+    pub(crate) fn within(&mut self, search: &Search, from: f64, rise: f64, fine: f64) -> Option<(f64, Option<f64>)> {
+        let limit = from + rise;
+        let inside = |p: &Point| p.cost <= limit;
+        let first = self.points.iter().position(inside)?;
+        let last = self.points.iter().rposition(inside)?;
+        let (first_d, last_d) = (self.points[first].lost.d, self.points[last].lost.d);
+        let low = match first.checked_sub(1) {
+            None => first_d,
+            Some(i) => self.border(search, first_d, self.points[i].lost.d, limit, fine),
+        };
+        let high = (self.points.last().is_some_and(|p| p.lost.d > last_d)).then(|| {
+            let beyond = self.points.iter().find(|p| p.lost.d > last_d).expect("there is one").lost.d;
+            self.border(search, last_d, beyond, limit, fine)
+        });
+        Some((low, high))
+    }
+
+    /// Where the cost crosses `limit` between a width inside and one outside.
+    fn border(&mut self, search: &Search, mut inside: f64, mut outside: f64, limit: f64, fine: f64) -> f64 {
+        while (outside - inside).abs() > fine {
+            let d = (inside + outside) / 2.0;
+            if self.insert(search, d, 4) <= limit {
+                inside = d;
+            } else {
+                outside = d;
+            }
+        }
+        (inside + outside) / 2.0
+    }
+}
+
+/// How much less the record tells of d than the likelihood believes, 0 to 1: the variance of the slope of ln L by d that
+/// equally spread, uncorrelated innovations would give, over the one seen (Bartlett's window of 5 cells). Below 1 where
+/// the innovations are larger just where d matters, as at the reversals of a valve that the model does not quite fit.
+pub(crate) fn trust(search: &Search, point: &Point, step: f64) -> f64 {
+    let record: &Record = search.record;
+    let positions = record.positions(&point.lost);
+    let here = search.at(&point.theta, &positions);
+    let residual = here.lane(0);
+    let moved = |by: f64| {
+        let lost = Lost { d: (point.lost.d + by).max(0.0), ..point.lost.clone() };
+        search.at(&point.theta, &record.positions(&lost)).lane(0)
+    };
+    let (up, down) = (moved(step), moved(-step.min(point.lost.d)));
+    let across = step + step.min(point.lost.d);
+    let mut slope: Vec<f64> = up.iter().zip(&down).map(|(a, b)| (a - b) / across).collect();
+    let others = search.slopes(&point.theta, &positions, &residual);
+    let k = others.len();
+    let mut normal = [[0.0; MOST]; MOST];
+    let mut by = [0.0; MOST];
+    for i in 0..k {
+        for j in 0..k {
+            normal[i][j] = dot(&others[i], &others[j]);
+        }
+        normal[i][i] *= 1.0 + 1e-9;
+        normal[i][i] += 1e-300;
+        by[i] = dot(&others[i], &slope);
+    }
+    let part = solve(normal, by, k);
+    for (other, part) in others.iter().zip(part) {
+        for (s, o) in slope.iter_mut().zip(other) {
+            *s -= part * o;
+        }
+    }
+    let n = slope.len() as f64;
+    let variance = here.sum[0] / n;
+    let nominal = variance * dot(&slope, &slope);
+    let score: Vec<f64> = slope.iter().zip(&residual).map(|(s, r)| s * r).collect();
+    let mut seen = dot(&score, &score);
+    for lag in 1..5 {
+        seen += 2.0 * (1.0 - lag as f64 / 5.0) * dot(&score[lag..], &score[..score.len() - lag]);
+    }
+    if seen > nominal && nominal > 0.0 { nominal / seen } else { 1.0 }
+}

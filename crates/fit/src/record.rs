@@ -1,0 +1,135 @@
+//! The record as the fit sees it: even steps, gathered into cells.
+
+use glapp_core::{Backlash, BacklashState};
+use glapp_sim::{Friction, FrictionState, Model};
+
+/// One unbroken stretch: OP at every step, PV as the mean of each cell of `cell` steps, NaN where there is none.
+#[derive(Clone, Debug)]
+pub(crate) struct Stretch {
+    pub(crate) y: Vec<f64>,
+    u: Vec<f64>,
+    /// Cells before which the load jumped.
+    pub(crate) jumps: Vec<usize>,
+}
+
+/// A record cut into stretches and cells.
+#[derive(Clone, Debug)]
+pub(crate) struct Record {
+    pub(crate) stretches: Vec<Stretch>,
+    /// Steps in a cell.
+    pub(crate) cell: usize,
+    /// Cells whose PV is a number.
+    pub(crate) count: usize,
+    /// Widest move of OP within one stretch [OP unit].
+    pub(crate) range: f64,
+}
+
+/// The lost motion that is tried: total width [OP unit], the share of it that is slip jump, and where in its gap the valve
+/// stands at the start of each stretch, 0 the lower end to 1.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Lost {
+    pub(crate) d: f64,
+    pub(crate) share: f64,
+    pub(crate) start: Vec<f64>,
+}
+
+impl Lost {
+    /// Slip jump J [OP unit].
+    pub(crate) fn jump(&self) -> f64 {
+        self.share * self.d
+    }
+}
+
+/// Position of the valve, a mean for each cell of each stretch.
+pub(crate) type Positions = Vec<Vec<f64>>;
+
+impl Record {
+    /// `parts`: PV and OP at even steps, one pair for each unbroken stretch; OP without NaN.
+    pub(crate) fn new(parts: &[(&[f64], &[f64])], cell: usize) -> Self {
+        let stretches: Vec<Stretch> = parts
+            .iter()
+            .map(|(y, u)| {
+                let cells = y.len() / cell;
+                let mean = |part: &[f64]| {
+                    let (sum, n) = part.iter().filter(|y| !y.is_nan()).fold((0.0, 0), |(s, n), y| (s + y, n + 1));
+                    if 2 * n > cell { sum / f64::from(n as u32) } else { f64::NAN }
+                };
+                Stretch {
+                    y: y[..cells * cell].chunks(cell).map(mean).collect(),
+                    u: u[..cells * cell].to_vec(),
+                    jumps: Vec::new(),
+                }
+            })
+            .filter(|s| s.y.len() > 20)
+            .collect();
+        let count = stretches.iter().flat_map(|s| &s.y).filter(|y| !y.is_nan()).count();
+        let range = stretches.iter().map(|s| span(&s.u)).fold(0.0, f64::max);
+        Self { stretches, cell, count, range }
+    }
+
+    /// The same record with other PV.
+    pub(crate) fn with(&self, ys: Vec<Vec<f64>>) -> Self {
+        let stretches = self.stretches.iter().zip(ys).map(|(s, y)| Stretch { y, ..s.clone() }).collect();
+        Self { stretches, ..*self }
+    }
+
+    /// Position of the valve, a mean for each cell.
+    pub(crate) fn positions(&self, lost: &Lost) -> Positions {
+        let at = |(stretch, start): (&Stretch, &f64)| stretch.positions(lost.d, lost.jump(), *start, self.cell);
+        self.stretches.iter().zip(&lost.start).map(at).collect()
+    }
+
+    /// Times that OP goes through the whole of a gap of width `d` up, and down.
+    pub(crate) fn traversals(&self, d: f64) -> [usize; 2] {
+        self.stretches.iter().map(|s| s.traversals(d)).fold([0; 2], |a, b| [a[0] + b[0], a[1] + b[1]])
+    }
+}
+
+impl Stretch {
+    fn positions(&self, d: f64, jump: f64, start: f64, cell: usize) -> Vec<f64> {
+        let per_cell = 1.0 / cell as f64;
+        // The start is told by where the lower end of the gap lies.
+        let first = self.u[0] + (start - 0.5) * d;
+        let mut path: Box<dyn FnMut(f64) -> f64> = if jump > 0.0 {
+            let friction = Friction::new(Model::Kano, d, jump).expect("0 ≤ jump ≤ d");
+            let mut state = FrictionState::at(first);
+            Box::new(move |u| friction.update(&mut state, u))
+        } else {
+            let gap = Backlash::new(d).expect("d ≥ 0");
+            let mut state = BacklashState::at(first);
+            Box::new(move |u| gap.update(&mut state, u))
+        };
+        self.u.chunks(cell).map(|part| part.iter().map(|&u| path(u)).sum::<f64>() * per_cell).collect()
+    }
+
+    /// Cells until OP has moved by `d`, from where on the start in the gap no longer shows.
+    pub(crate) fn open(&self, d: f64, cell: usize) -> usize {
+        let (mut low, mut high) = (self.u[0], self.u[0]);
+        let moved = self.u.iter().position(|&u| {
+            low = low.min(u);
+            high = high.max(u);
+            high - low >= d
+        });
+        moved.unwrap_or(self.u.len()) / cell
+    }
+
+    fn traversals(&self, d: f64) -> [usize; 2] {
+        let (mut low, mut high, mut way, mut count) = (self.u[0], self.u[0], 0, [0; 2]);
+        for &u in &self.u {
+            low = low.min(u);
+            high = high.max(u);
+            if way != 1 && u - low >= d {
+                (way, high) = (1, u);
+                count[0] += 1;
+            } else if way != -1 && high - u >= d {
+                (way, low) = (-1, u);
+                count[1] += 1;
+            }
+        }
+        count
+    }
+}
+
+fn span(u: &[f64]) -> f64 {
+    u.iter().fold(f64::MIN, |a, &b| a.max(b)) - u.iter().fold(f64::MAX, |a, &b| a.min(b))
+}

@@ -1,0 +1,580 @@
+//! From profiles to an answer: width, interval, and whether there is a gap at all.
+
+use crate::jumps::jumps;
+use crate::profile::{CHI2_95, Profile, trust};
+use crate::record::{Lost, Positions, Record};
+use crate::search::{Point, Search, dot, solve};
+use crate::structure::{MOST, Noise, Structure, Theta};
+use rayon::prelude::*;
+
+/// What is asked.
+#[derive(Clone, Debug)]
+pub struct Question {
+    /// Time between two steps of the record [s].
+    pub h: f64,
+    /// Sign of the process gain where it is known, else 0.
+    pub sign: f64,
+    /// Records invented without a gap to find how large the likelihood ratio gets by chance; 0 for none.
+    pub bootstrap: usize,
+    /// Seed of those.
+    pub seed: u64,
+}
+
+/// What the record says about the valve.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// A gap.
+    Backlash,
+    /// A valve that sticks and jumps, no gap beside it.
+    Stiction,
+    /// Both.
+    Both,
+    /// No gap wider than the upper limit.
+    Sound,
+    /// A gap, wider than the lower limit; OP never went through the whole of it often enough.
+    AtLeast,
+    /// The record cannot tell.
+    CannotTell,
+}
+
+/// One family's view.
+#[derive(Clone, Debug)]
+pub struct Candidate {
+    /// The family.
+    pub structure: Structure,
+    /// −2·ln L over that of the best family.
+    pub behind: f64,
+    /// Best width [OP unit].
+    pub d: f64,
+    /// Likelihood ratio −2·Δln L of no gap against the best width.
+    pub lr_no_gap: f64,
+    /// The profile: width [OP unit] and −2·Δln L over this family's best.
+    pub profile: Vec<(f64, f64)>,
+}
+
+/// The answer.
+#[derive(Clone, Debug)]
+pub struct Answer {
+    /// What the record says.
+    pub verdict: Verdict,
+    /// Most likely total width [OP unit].
+    pub d: f64,
+    /// Lower limit, 95 % [OP unit].
+    pub low: f64,
+    /// Upper limit, 95 % [OP unit]; None where the record gives none.
+    pub high: Option<f64>,
+    /// Slip jump J [OP unit], 0 for mere backlash.
+    pub jump: f64,
+    /// Likelihood ratio of no gap: the least over all families that predict PV nearly as well as the best, times `trust`.
+    pub lr_no_gap: f64,
+    /// What `lr_no_gap` must exceed for a gap, 1 % of records without one do.
+    pub lr_needed: f64,
+    /// Likelihood ratio of J = 0 against the best J.
+    pub lr_no_jump: f64,
+    /// Likelihood ratio of a process that does not answer at all.
+    pub lr_no_answer: f64,
+    /// Share of the likelihood's own information on d that the innovations support, 0 to 1.
+    pub trust: f64,
+    /// Times that OP goes through the whole width up and down.
+    pub traversals: [usize; 2],
+    /// Static gain [PV unit/OP unit]; velocity gain [PV unit/(OP unit·s)] of an integrating process.
+    pub kp: f64,
+    /// The same with its 95 % limits.
+    pub kp_limits: (f64, f64),
+    /// Dead time [s].
+    pub dead_time: f64,
+    /// The same with its 95 % limits.
+    pub dead_time_limits: (f64, f64),
+    /// Lags together: the first-order coefficient of the denominator, behind an integrator if there is one [s].
+    pub lag: f64,
+    /// The same with its 95 % limits.
+    pub lag_limits: (f64, f64),
+    /// Whether the process integrates.
+    pub integrating: bool,
+    /// Standard deviation of what the model does not foresee of PV, a cell ahead [PV unit].
+    pub sigma: f64,
+    /// Cells of PV that were used, and their length [s].
+    pub cells: usize,
+    /// Length of a cell [s].
+    pub cell: f64,
+    /// Widest move of OP within one stretch [OP unit].
+    pub range: f64,
+    /// Steps of the load that were found and taken out.
+    pub load_steps: usize,
+    /// The families, best first.
+    pub candidates: Vec<Candidate>,
+    /// Innovations of the best model [PV unit], one for each used cell.
+    pub innovations: Vec<f64>,
+    /// Why the verdict is what it is, a word that `glapp` turns into a sentence.
+    pub reason: &'static str,
+}
+
+/// Families whose innovations are no more than this larger than the best's (and a −2·ln L of 6) are believed: a gap must
+/// show in all of them, and the interval holds all of theirs.
+const AS_GOOD: f64 = 0.01;
+/// The same after a coarse look, which may sit beside a narrow valley.
+const NEARLY_AS_GOOD: f64 = 0.05;
+/// Least cells for an answer.
+pub const FEWEST: usize = 50;
+
+/// Fits a record of moderate length: PV and OP at even steps of `question.h`, one pair for each unbroken stretch; NaN in PV
+/// is a sample that is missing, OP is without NaN. None where there are fewer than 50 samples or OP never moves.
+pub fn fit(parts: &[(&[f64], &[f64])], question: &Question) -> Option<Answer> {
+    let (seeds, cell) = look(parts, question.sign)?;
+    let raw: usize = parts.iter().map(|(y, _)| y.len()).sum();
+    let coarser = raw.div_ceil(MOST_CELLS);
+    let times = cell as f64 / coarser as f64;
+    let record = Record::new(parts, coarser);
+    let seeds: Vec<Theta> = seeds.iter().map(|theta| rescaled(theta, times)).collect();
+    (record.count >= FEWEST).then(|| answer(&record, &seeds, question))
+}
+
+/// Steps that one fit should hold at most, for its cells to be fine enough for the process: longer records are best cut.
+pub fn window(parts: &[(&[f64], &[f64])], sign: f64) -> Option<usize> {
+    look(parts, sign).map(|(_, cell)| cell * MOST_CELLS)
+}
+
+/// Cells that one fit takes at most.
+const MOST_CELLS: usize = 2000;
+/// Cells of the first look.
+const LOOK_CELLS: usize = 600;
+
+/// How slow the process is: good beginnings, and steps in a cell that is fine enough. Where a look at the whole record is
+/// too coarse to see the process, a nearer look at the part in which OP moves most.
+fn look(parts: &[(&[f64], &[f64])], sign: f64) -> Option<(Vec<Theta>, usize)> {
+    let mut parts = parts.to_vec();
+    loop {
+        let raw: usize = parts.iter().map(|(y, _)| y.len()).sum();
+        let cell = raw.div_ceil(LOOK_CELLS).max(1);
+        let record = Record::new(&parts, cell);
+        if record.count < FEWEST || record.range.is_nan() || record.range <= 0.0 {
+            return None;
+        }
+        let (mut seeds, slow) = pilot(&record, sign);
+        if cell == 1 || slow > 4.0 {
+            let fine = ((cell as f64 * slow / 12.0) as usize).clamp(1, cell);
+            seeds.iter_mut().for_each(|theta| *theta = rescaled(theta, cell as f64 / fine as f64));
+            return Some((seeds, fine));
+        }
+        let steps = LOOK_CELLS * (cell / 4).max(1);
+        let pieces = parts.iter().flat_map(|(y, u)| y.chunks(steps).zip(u.chunks(steps)));
+        let busiest = pieces.max_by(|a, b| moved(a.1).total_cmp(&moved(b.1)))?;
+        parts = vec![busiest];
+    }
+}
+
+/// How far OP goes up and down in all, counted in steps that are large for it.
+fn moved(u: &[f64]) -> f64 {
+    let every = u.len().div_ceil(60).max(1);
+    let coarse: Vec<f64> = u.iter().step_by(every).copied().collect();
+    coarse.windows(2).map(|w| (w[1] - w[0]).abs()).sum()
+}
+
+const PILOT: Structure = Structure { lags: 2, integrating: false, noise: Noise::Input };
+
+/// Good beginnings from one family at a few widths, and lags and half the dead time of the best of them
+/// together [cells].
+fn pilot(record: &Record, sign: f64) -> (Vec<Theta>, f64) {
+    let search = Search { record, structure: PILOT, sign };
+    let n = record.count as f64;
+    let begin = |part: f64, t: f64, dead: f64| {
+        let lost = Lost { d: part * record.range, share: 0.0, start: vec![0.5; record.stretches.len()] };
+        search.descend(PILOT.beginning(t, dead), &lost, 8, 0.1)
+    };
+    let starts = [(1.5, 0.5), (1.5, 5.0), (10.0, 0.5), (10.0, 5.0), (40.0, 15.0)];
+    let mut points: Vec<Point> = [0.0, 0.3, 0.6, 0.85]
+        .into_par_iter()
+        .flat_map_iter(|part| starts.map(|(t, dead)| (part, t, dead)))
+        .filter(|(_, t, dead)| *t < n / 8.0 && *dead < n / 12.0)
+        .map(|(part, t, dead)| begin(part, t, dead))
+        .collect();
+    points.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    let mut seeds: Vec<Theta> = Vec::new();
+    for point in &points {
+        let differs = |s: &Theta| (0..3).any(|i| (s[i] - point.theta[i]).abs() > 0.5);
+        if seeds.len() < 3 && seeds.iter().all(differs) {
+            seeds.push(point.theta);
+        }
+    }
+    let theta = points[0].theta;
+    (seeds, 2.0 * theta[0].exp() * theta[1].exp().max(1.0) + 0.5 * theta[2])
+}
+
+/// The pilot's parameters for cells `finer` times shorter.
+fn rescaled(theta: &Theta, finer: f64) -> Theta {
+    let mut scaled = *theta;
+    scaled[0] += finer.ln();
+    scaled[2] *= finer;
+    // Variance of the load a cell falls with the cell, that of the noise rises.
+    scaled[3] -= 2.0 * finer.ln();
+    scaled
+}
+
+/// A beginning for `structure` from the pilot's parameters.
+fn adapted(structure: Structure, pilot: &Theta) -> Theta {
+    let (t, zeta, dead, q) = (pilot[0].exp(), pilot[1].exp(), pilot[2], pilot[3]);
+    let mut theta = structure.beginning((2.0 * t * zeta).max(0.1), dead);
+    if structure.lags > 1 {
+        (theta[0], theta[1]) = (pilot[0], pilot[1]);
+    }
+    if structure.lags == 3 {
+        theta[2] = pilot[0] - 2.0;
+    }
+    let noise = structure.lags + 1;
+    match structure.noise {
+        Noise::Input => theta[noise] = q,
+        Noise::Output => theta[noise] = q.clamp(-6.0, 6.0),
+        Noise::Both => (theta[noise], theta[noise + 1]) = (q, -4.0),
+    }
+    theta
+}
+
+/// The parameters of a simple family's best point for the family of the same process with both disturbances.
+fn widened(structure: Structure, simple: &Profile) -> Theta {
+    let mut theta = simple.points[simple.best].theta;
+    let noise = structure.lags + 1;
+    match simple.structure.noise {
+        Noise::Input => (theta[noise + 1], theta[noise + 2]) = (-4.0, 2.0),
+        _ => (theta[noise], theta[noise + 1], theta[noise + 2]) = (-6.0, theta[noise], theta[noise + 1]),
+    }
+    theta
+}
+
+/// A coarse look with the simple disturbances, then with both together from where those ended.
+fn looks(record: &Record, seeds: &[Theta], sign: f64) -> Vec<Profile> {
+    let of = |structure| Search { record, structure, sign };
+    let coarse = [0.0, 0.05, 0.15, 0.3, 0.45, 0.6, 0.75, 0.88, 1.0].map(|part| part * record.range);
+    let simple: Vec<Profile> = [Structure::with(Noise::Input), Structure::with(Noise::Output)]
+        .concat()
+        .into_par_iter()
+        .map(|structure| {
+            let begin: Vec<Theta> = seeds.iter().map(|seed| adapted(structure, seed)).collect();
+            Profile::over(&of(structure), &coarse, 0.0, &begin, 5)
+        })
+        .collect();
+    let both: Vec<Profile> = Structure::with(Noise::Both)
+        .into_par_iter()
+        .map(|structure| {
+            let alike = simple
+                .iter()
+                .filter(|p| (p.structure.lags, p.structure.integrating) == (structure.lags, structure.integrating));
+            let begin: Vec<Theta> = alike.map(|p| widened(structure, p)).collect();
+            Profile::over(&of(structure), &coarse, 0.0, &begin, 5)
+        })
+        .collect();
+    [simple, both].concat()
+}
+
+/// The whole profile of a family, from a coarse look.
+fn whole(search: &Search, look: &Profile, share: f64) -> Profile {
+    let range = search.record.range;
+    let fine = [0.0, 0.02, 0.05, 0.1, 0.17, 0.25, 0.33, 0.41, 0.5, 0.58, 0.66, 0.74, 0.82, 0.88, 0.94, 1.0];
+    let mut seeds = vec![look.points[look.best].theta, look.points[0].theta];
+    seeds.dedup();
+    let mut profile = Profile::over(search, &fine.map(|part| part * range), share, &seeds, 4);
+    profile.refine(search, 3, 0.004 * range);
+    profile
+}
+
+/// The best of profiles.
+fn leading(profiles: &[Profile]) -> &Profile {
+    profiles.iter().min_by(|a, b| a.least().total_cmp(&b.least())).expect("there are families")
+}
+
+/// Marks where the load jumped. What is left of a jump widens the walk of the load for all the record, and with it the
+/// interval of d: so each time that jumps were found it is looked again.
+fn without_jumps(record: &Record, seeds: &[Theta], sign: f64) -> (Record, Vec<Profile>) {
+    let mut record = record.clone();
+    let mut seen = looks(&record, seeds, sign);
+    for _ in 0..3 {
+        let best = leading(&seen);
+        let search = Search { record: &record, structure: best.structure, sign };
+        let profile = whole(&search, best, 0.0);
+        let found = jumps(&search, &profile.points[profile.best]);
+        if found.iter().all(Vec::is_empty) {
+            break;
+        }
+        for (stretch, found) in record.stretches.iter_mut().zip(found) {
+            stretch.jumps.extend(found);
+        }
+        seen = looks(&record, seeds, sign);
+    }
+    (record, seen)
+}
+
+fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
+    let n = record.count as f64;
+    let (record, mut looks) = without_jumps(record, seeds, question.sign);
+    let record = &record;
+    let of = |structure| Search { record, structure, sign: question.sign };
+    let least = leading(&looks).least();
+    // The whole profile for the families that predict nearly as well as the best.
+    looks.retain(|p| p.least() < least + 2.0 * (NEARLY_AS_GOOD * n).min(100.0) + 20.0);
+    let mut profiles: Vec<Profile> = looks.par_iter().map(|look| whole(&of(look.structure), look, 0.0)).collect();
+    let penalised = |p: &Profile| p.least() + 2.0 * p.structure.parameters() as f64;
+    profiles.sort_by(|a, b| penalised(a).total_cmp(&penalised(b)));
+    let least = penalised(&profiles[0]);
+    profiles.retain(|p| penalised(p) < least + 6.0 + 2.0 * AS_GOOD * n);
+
+    let search = of(profiles[0].structure);
+    let mut best = profiles[0].points[profiles[0].best].clone();
+    let raw_lr = |p: &Profile| p.points[0].cost - p.least();
+    let here = search.at(&best.theta, &record.positions(&best.lost));
+    let lr_no_answer = search.cost(here.sum_without[0]) - best.cost;
+    let mut trusted = trust(&search, &best, 0.005 * record.range).max(LEAST_TRUST);
+    let lr_no_gap = profiles.iter().map(raw_lr).fold(f64::INFINITY, f64::min) * trusted;
+    let lr_needed = if question.bootstrap > 0 && lr_no_gap > PLAIN && lr_no_gap < 200.0 {
+        by_chance(&search, &profiles[0].points[0], question)
+    } else {
+        PLAIN
+    };
+    let jump = if lr_no_gap > lr_needed { jump(&search, &best) } else { Jump::none(&best) };
+    let fine = 0.001 * record.range;
+    let mut spread = Vec::new();
+    if jump.lr > JUMP {
+        let mut profile = whole(&search, &profiles[0], jump.best.lost.share);
+        best = profile.points[profile.best].clone();
+        trusted = trust(&search, &best, 0.005 * record.range).max(LEAST_TRUST);
+        spread.extend(profile.within(&search, best.cost, CHI2_95 / trusted, fine));
+    } else {
+        for profile in &mut profiles {
+            let from = profile.least();
+            spread.extend(profile.within(&of(profile.structure), from, CHI2_95 / trusted, fine));
+        }
+    }
+    let low = spread.iter().map(|s| s.0).fold(f64::INFINITY, f64::min);
+    let high = spread.iter().map(|s| s.1).try_fold(0.0, |high, h| h.map(|h| f64::max(high, h)));
+    let traversals = record.traversals(best.lost.d);
+    let (verdict, reason) = judge(&Evidence {
+        lr_no_gap,
+        lr_needed,
+        lr_no_answer,
+        low,
+        high,
+        traversals,
+        range: record.range,
+        jump: &jump,
+    });
+    let chosen = &best;
+    let positions = record.positions(&chosen.lost);
+    let final_state = search.at(&chosen.theta, &positions);
+    let h = question.h * record.cell as f64;
+    let per_cell = if search.structure.integrating { 1.0 / h } else { 1.0 };
+    let kp = chosen.kp * per_cell;
+    let spread = 1.96 * kp.abs() / (lr_no_answer * trusted).max(1e-9).sqrt();
+    let variance = final_state.sum[0] / n / trusted;
+    let errors = Errors::new(&search, &chosen.theta, &positions, &final_state.lane(0), variance);
+    let (dead_time, dead_error) = errors.of(|theta| theta[search.structure.dead_time_at()] * h);
+    let (lag, lag_error) = errors.of(|theta| search.structure.lag(theta) * h);
+    let around = |x: f64, error: f64| ((x - 1.96 * error).max(0.0), x + 1.96 * error);
+    let sigma = (final_state.sum[0] / n).sqrt();
+    Answer {
+        verdict,
+        d: chosen.lost.d,
+        low,
+        high,
+        jump: chosen.lost.jump(),
+        lr_no_gap,
+        lr_needed,
+        lr_no_jump: jump.lr,
+        lr_no_answer,
+        trust: trusted,
+        traversals,
+        kp,
+        kp_limits: (kp - spread, kp + spread),
+        dead_time,
+        dead_time_limits: around(dead_time, dead_error),
+        lag,
+        lag_limits: around(lag, lag_error),
+        integrating: search.structure.integrating,
+        sigma,
+        cells: record.count,
+        cell: h,
+        range: record.range,
+        load_steps: record.stretches.iter().map(|s| s.jumps.len()).sum(),
+        candidates: profiles
+            .iter()
+            .map(|p| Candidate {
+                structure: p.structure,
+                behind: penalised(p) - least,
+                d: p.points[p.best].lost.d,
+                lr_no_gap: raw_lr(p),
+                profile: p.points.iter().map(|point| (point.lost.d, point.cost - p.least())).collect(),
+            })
+            .collect(),
+        innovations: final_state.lane(0),
+        reason,
+    }
+}
+
+/// What the likelihood ratio of no gap must exceed at least. Half a chi-square with one degree of freedom (d = 0 lies at the
+/// border of what d can be) exceeds 15 once in 20 000 records; nine families and real innovations are not that tame.
+const PLAIN: f64 = 15.0;
+/// The same for the slip jump.
+const JUMP: f64 = 15.0;
+/// Less trust than this is not believed: it rests on the few cells that matter for d.
+const LEAST_TRUST: f64 = 0.25;
+
+/// The threshold of the likelihood ratio from records that the best model without a gap invents: innovations drawn
+/// from its own, OP as recorded.
+fn by_chance(search: &Search, without: &Point, question: &Question) -> f64 {
+    let record = search.record;
+    let positions = record.positions(&without.lost);
+    let here = search.at(&without.theta, &positions);
+    let residual = here.lane(0);
+    // Innovations over √S: the record's own, in units of which S is told.
+    let scale = 1.0 / here.scale[0];
+    let widths: Vec<f64> = [0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0]
+        .map(|part| part * record.range)
+        .to_vec();
+    let mut ratios: Vec<f64> = (0..question.bootstrap)
+        .into_par_iter()
+        .map(|i| {
+            let mut state = question.seed.wrapping_add(0x9e37_79b9_7f4a_7c15u64.wrapping_mul(i as u64 + 1));
+            let mut draw = || {
+                state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+                let mut z = state;
+                z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+                z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+                let at = ((z ^ (z >> 31)) % residual.len() as u64) as usize;
+                residual[at] * scale
+            };
+            let invented: Vec<Vec<f64>> = record
+                .stretches
+                .iter()
+                .zip(&positions)
+                .map(|(s, v)| {
+                    let kp_v: Vec<f64> = v.iter().map(|v| v * without.kp).collect();
+                    search.structure.invent(&without.theta, &s.y, &s.jumps, &kp_v, &mut draw)
+                })
+                .collect();
+            let record = record.with(invented);
+            let search = Search { record: &record, ..*search };
+            let profile = Profile::over(&search, &widths, 0.0, &[without.theta], 4);
+            (profile.points[0].cost - profile.least()).max(0.0)
+        })
+        .collect();
+    ratios.sort_by(f64::total_cmp);
+    let mean = ratios.iter().sum::<f64>() / ratios.len() as f64;
+    let tail = ratios[(ratios.len() * 99 / 100).min(ratios.len() - 1)];
+    // Half a chi-square with one degree of freedom has the mean 1/2 and exceeds 5.41 once in a hundred records.
+    PLAIN.max(5.41 * mean / 0.5).max(tail)
+}
+
+/// The best slip jump.
+struct Jump {
+    best: Point,
+    /// −2·Δln L of J = 0 against the best J.
+    lr: f64,
+    /// −2·Δln L of J = d (sticks only, no gap beside) against the best J.
+    lr_all: f64,
+}
+
+impl Jump {
+    fn none(best: &Point) -> Self {
+        Self { best: best.clone(), lr: 0.0, lr_all: f64::INFINITY }
+    }
+}
+
+fn jump(search: &Search, without: &Point) -> Jump {
+    let widths = [0.75, 0.85, 0.93, 1.0, 1.07, 1.15, 1.3];
+    let parts = [0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 1.0];
+    let mut points: Vec<Point> = parts
+        .par_iter()
+        .flat_map(|part| {
+            widths.par_iter().map(move |wide| {
+                let d = without.lost.d * wide;
+                let lost = Lost { d, share: *part, start: without.lost.start.clone() };
+                search.from(&[(without.theta, lost)], 4, 1e-2)
+            })
+        })
+        .collect();
+    let least = |part: f64, points: &[Point]| {
+        let of = |p: &&Point| p.lost.share == part;
+        points.iter().filter(of).map(|p| p.cost).fold(f64::INFINITY, f64::min)
+    };
+    let all = least(1.0, &points);
+    points.push(without.clone());
+    let best = points.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost)).expect("not empty");
+    Jump { lr: without.cost - best.cost, lr_all: all - best.cost, best }
+}
+
+/// Standard errors of the search's parameters, from the curvature of the likelihood.
+struct Errors {
+    theta: Theta,
+    covariance: Vec<Theta>,
+}
+
+impl Errors {
+    fn new(search: &Search, theta: &Theta, positions: &Positions, residual: &[f64], variance: f64) -> Self {
+        let slopes = search.slopes(theta, positions, residual);
+        let k = slopes.len();
+        let mut normal = [[0.0; MOST]; MOST];
+        for i in 0..k {
+            for j in 0..k {
+                normal[i][j] = dot(&slopes[i], &slopes[j]);
+            }
+            normal[i][i] = normal[i][i] * (1.0 + 1e-9) + 1e-300;
+        }
+        let column = |j: usize| {
+            let mut unit = [0.0; MOST];
+            unit[j] = variance;
+            solve(normal, unit, k)
+        };
+        Self { theta: *theta, covariance: (0..k).map(column).collect() }
+    }
+
+    /// A quantity of the parameters and its standard error.
+    fn of(&self, quantity: impl Fn(&Theta) -> f64) -> (f64, f64) {
+        let here = quantity(&self.theta);
+        let k = self.covariance.len();
+        let slope: Vec<f64> = (0..k)
+            .map(|j| {
+                let mut moved = self.theta;
+                moved[j] += 1e-5;
+                (quantity(&moved) - here) / 1e-5
+            })
+            .collect();
+        let variance: f64 =
+            (0..k).map(|i| (0..k).map(|j| slope[i] * self.covariance[i][j] * slope[j]).sum::<f64>()).sum();
+        (here, variance.max(0.0).sqrt())
+    }
+}
+
+/// What the verdict rests on.
+struct Evidence<'a> {
+    lr_no_gap: f64,
+    lr_needed: f64,
+    lr_no_answer: f64,
+    low: f64,
+    high: Option<f64>,
+    traversals: [usize; 2],
+    range: f64,
+    jump: &'a Jump,
+}
+
+fn judge(e: &Evidence) -> (Verdict, &'static str) {
+    if e.lr_no_answer < 15.0 {
+        return (Verdict::CannotTell, "no_answer");
+    }
+    if e.lr_no_gap <= e.lr_needed {
+        return match e.high {
+            Some(high) if e.low <= 0.0 && high < 0.25 * e.range => (Verdict::Sound, "no_gap"),
+            _ => (Verdict::CannotTell, "may_be_a_gap"),
+        };
+    }
+    let often = e.traversals.iter().min().is_some_and(|n| *n >= 2);
+    if e.high.is_none() || !often {
+        return (Verdict::AtLeast, "not_traversed");
+    }
+    if e.low <= 0.0 {
+        return (Verdict::CannotTell, "families_disagree");
+    }
+    if e.jump.lr > JUMP {
+        return match e.jump.lr_all < 3.84 {
+            true => (Verdict::Stiction, "jumps"),
+            false => (Verdict::Both, "jumps_in_a_gap"),
+        };
+    }
+    (Verdict::Backlash, "gap")
+}

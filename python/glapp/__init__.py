@@ -13,6 +13,7 @@ from .bump import Bump, bump
 from .controller import Controller, Ideal
 from .errors import InputError
 from .estimate import Estimator, analyze, estimate
+from .fit import Fit, fit
 from .identify import Identification, identify
 from .loop import Loop
 from .quality import Finding
@@ -28,6 +29,7 @@ __all__ = [
     "Controller",
     "Estimator",
     "Finding",
+    "Fit",
     "HalfPeriods",
     "Ideal",
     "Identification",
@@ -41,6 +43,7 @@ __all__ = [
     "blocks",
     "bump",
     "estimate",
+    "fit",
     "identify",
     "nonlinear",
     "open_recordings",

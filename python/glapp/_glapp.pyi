@@ -279,3 +279,19 @@ def amigo_integrating(kv: float, l: float, pid: bool) -> tuple[float, float, flo
 def amigo_frequency(ku: float, tu: float, kappa: float, pid: bool) -> tuple[float, float, float]: ...
 def simc(kp: float, t: float, t2: float, l: float, tau_c: float) -> tuple[float, float, float]: ...
 def simc_integrating(kv: float, t2: float, l: float, tau_c: float) -> tuple[float, float, float]: ...
+def fit(
+    parts: Sequence[tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]],
+    h: float,
+    sign: float,
+    bootstrap: int,
+    seed: int,
+) -> dict[str, Any] | None:
+    """Fit (PV, OP) at even steps h, one pair a stretch; None for fewer than 50 samples or an OP that never moves."""
+
+def fit_window(parts: Sequence[tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]], sign: float) -> int | None:
+    """Steps that one fit should hold at most."""
+
+def fit_combine(
+    windows: Sequence[tuple[str, float, float, float | None, float, float]],
+) -> tuple[Any, float, float, float | None, tuple[float, float] | None]:
+    """One answer from windows of (verdict, d, low, high, lr_no_gap, t)."""

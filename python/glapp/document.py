@@ -61,6 +61,71 @@ class Controller(_Part):
     """Where each of the values comes from."""
 
 
+Limits = Annotated[list[Value], Field(min_length=3, max_length=3)]
+"""A value with its lower and upper 95 % limit."""
+
+
+class Process(_Part):
+    """The process between valve and PV as the best model has it."""
+
+    kp: Limits
+    """Static gain [PV unit/OP unit], or velocity gain [PV unit/(OP unit·s)], with its 95 % limits."""
+    dead_time: Limits
+    """Dead time [s] with its 95 % limits."""
+    lag: Limits
+    """Lags together [s] with their 95 % limits."""
+    integrating: bool
+    """Whether the process integrates."""
+
+
+class Window(_Part):
+    """A window of the recording that was fitted."""
+
+    t_start: float
+    """Its first sample [s since the recording's first row, or the numbers of a time column in plain seconds]."""
+    t_end: float
+    """Its last sample [s]."""
+    verdict: str
+    """What it says by itself."""
+    d: Value
+    """Its width [`unit`]."""
+    low: Value
+    """Lower 95 % limit [`unit`]."""
+    high: Value
+    """Upper 95 % limit [`unit`]; null where there is none."""
+
+
+class FitAnswer(_Part):
+    """Width of the gap with an interval, from OP and PV."""
+
+    d: Value
+    """Most likely total width [`unit`]."""
+    low: Value
+    """Lower limit of the 95 % interval [`unit`]."""
+    high: Value
+    """Upper limit [`unit`]; null where the recording gives none."""
+    unit: str
+    """Unit of OP."""
+    at_least: Value
+    """The lower limit where that is all that can be said [`unit`]."""
+    verdict: Literal["backlash", "stiction", "both", "oscillation", "sound", "at_least", "cannot_tell"]
+    """What kind of lost motion it is, if any."""
+    jump: Value
+    """Slip jump J [`unit`]; 0 for mere backlash."""
+    lr_no_gap: Value
+    """Likelihood ratio -2·Δln L of no gap against the best width."""
+    lr_needed: Value
+    """What it must exceed for a gap."""
+    process: Process | None
+    """null where nothing could be fitted."""
+    trend: Annotated[list[float], Field(min_length=2, max_length=2)] | None
+    """Change of the width and its standard error [`unit`/day], from three windows or more."""
+    windows: list[Window]
+    """The windows that were fitted."""
+    reason: str
+    """One sentence with the evidence."""
+
+
 class LoopAnswer(_Part):
     """The answer for one loop."""
 
@@ -92,6 +157,8 @@ class LoopAnswer(_Part):
     """What is wrong with the recording, gravest first."""
     controller: Controller | None
     """null where nothing is known of it."""
+    fit: FitAnswer | None
+    """Width with an interval from OP and PV; null without OP."""
 
 
 class Document(_Part):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import _glapp
 from .controller import Ideal
 from .errors import InputError
+from .fit import Fit, fit_batch
 from .identify import Identification, identify
 from .loop import Loop
 from .quality import GAP_STEPS, Census, Finding, InspectionSample, assumed_gain, inspect, noise_sigma
@@ -95,8 +96,8 @@ def estimate(recording: Recording, *, progress: Progress | None = None) -> Resul
     return run.result([], None, noise_sigma(sample.batch.pv))
 
 
-def analyze(recording: Recording, *, trust: bool = False, progress: Progress | None = None) -> Result:
-    """Judge a recording, find K and Ti where they are not given, and estimate the width of the gap.
+def analyze(recording: Recording, *, trust: bool = False, fit: bool = True, progress: Progress | None = None) -> Result:
+    """Judge a recording, find K and Ti where they are not given, estimate and fit the width of the gap.
 
     Parameters
     ----------
@@ -104,8 +105,10 @@ def analyze(recording: Recording, *, trust: bool = False, progress: Progress | N
         From `glapp.recording_from` or `glapp.open_recordings`.
     trust : bool
         Go on with an identification that is not good enough (R² below 0.9).
+    fit : bool
+        Fit the gap from OP and PV as well (`glapp.fit`, a second or more a loop); without OP the result has no `fit`.
     progress : callable, optional
-        Told how far the reading is.
+        Told the share that is done; reading is the first half of it, the fit the second.
 
     Returns
     -------
@@ -139,7 +142,9 @@ def analyze(recording: Recording, *, trust: bool = False, progress: Progress | N
         notes["b"] = "no setpoint change to tell it by" if found.setpoint_weight is None else notes["k"]
     run = _Run(recording, loop, sample.median_step, ideal, notes)
     census = _glapp.Census(run.max_h, op_range(loop))
-    run.all(progress, census)
+    fit = fit and batch.op is not None
+    reading, fitting = _halves(progress) if progress is not None and fit else (progress, None)
+    run.all(reading, census)
     quality = inspect(
         InspectionSample(batch.t, batch.sp, batch.pv, batch.op, batch.flags),
         Census(**census.counts()),
@@ -150,7 +155,38 @@ def analyze(recording: Recording, *, trust: bool = False, progress: Progress | N
         op_unit=loop.op_label,
         t0=recording.t0,
     )
-    return run.result(quality, found, noise_sigma(batch.pv))
+    result = run.result(quality, found, noise_sigma(batch.pv))
+    if not fit:
+        return result
+    return replace(result, fit=_fit(batch, loop, ideal, quality, fitting))
+
+
+def _halves(progress: Progress) -> tuple[Progress, Progress]:
+    """One progress for two tasks, of which neither can know how long the other takes."""
+
+    def first(done: float | None) -> None:
+        progress(None if done is None else done / 2)
+
+    def second(done: float | None) -> None:
+        progress(None if done is None else 0.5 + done / 2)
+
+    return first, second
+
+
+def _fit(batch: Batch, loop: Loop, ideal: Ideal | None, quality: list[Finding], progress: Progress | None) -> Fit:
+    """The fit, told what is already known: the sign of the process, and what makes any answer wrong."""
+    refusals = [*_refusals(loop), *(f.text for f in quality if f.severity == "refuse" and f.code != "not_auto")]
+    sinusoids = [f.text for f in quality if f.code == "sinusoidal"]
+    kp = loop.kp()
+    sign = kp if kp is not None else 0.0 if ideal is None else ideal.k
+    return fit_batch(
+        batch,
+        loop,
+        float(np.sign(sign)),
+        refused=refusals[0] if refusals else None,
+        sinusoid=sinusoids[0] if sinusoids else None,
+        progress=progress,
+    )
 
 
 def identify_recording(recording: Recording) -> Identification:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from . import _glapp
 from .errors import InputError
+from .fit import Fit
 from .identify import Identification
 from .loop import Loop
 from .quality import Finding
@@ -180,6 +181,8 @@ class Result:
         K and Ti as the recording shows them, where they were asked for.
     trace : Trace or None
         The signals, thinned for a screen.
+    fit : Fit or None
+        Width with an interval from OP and PV (`glapp.fit`); None without OP.
     """
 
     name: str
@@ -200,6 +203,7 @@ class Result:
     quality: list[Finding] = field(default_factory=list)
     identification: Identification | None = None
     trace: Trace | None = None
+    fit: Fit | None = None
 
     @classmethod
     def of_error(cls, error: InputError, name: str, source: str, loop: Loop | None = None) -> Result:
@@ -292,6 +296,7 @@ class Result:
                 {"code": f.code, "severity": f.severity, "text": f.text, "evidence": f.evidence} for f in self.quality
             ],
             "controller": controller,
+            "fit": None if self.fit is None else self.fit.to_dict(),
         }
 
     def plot(self) -> go.Figure:

@@ -124,7 +124,7 @@ mod tests {
     #[test]
     fn a_growing_gap_shows_its_trend() {
         let grows: Vec<Window> =
-            (0..5).map(|i| f64::from(i)).map(|i| window(Verdict::Backlash, 1.0 + 0.1 * i, 0.95, 1.05, i)).collect();
+            (0..5).map(f64::from).map(|i| window(Verdict::Backlash, 1.0 + 0.1 * i, 0.95, 1.05, i)).collect();
         let (slope, error) = combine(&grows).trend.unwrap();
         assert!((slope - 0.1).abs() < 1e-9 && error < 0.1, "{slope} {error}");
     }

@@ -6,6 +6,9 @@
 //! them at first, and few parameters are left to a search. What stands at the end is the likelihood as a function of d, for
 //! several families of process and disturbance. The derivation is in `docs/fit.md`.
 
+// Indices of matrices, as in the equations.
+#![allow(clippy::needless_range_loop)]
+
 mod combine;
 mod jumps;
 mod kalman;
@@ -17,4 +20,4 @@ mod verdict;
 
 pub use combine::{Whole, Window, combine};
 pub use structure::{Noise, Structure};
-pub use verdict::{Answer, Candidate, Question, Verdict, fit, window};
+pub use verdict::{Answer, Candidate, Question, Seen, Verdict, fit, window};

@@ -10,6 +10,8 @@ pub(crate) struct Stretch {
     u: Vec<f64>,
     /// Cells before which the load jumped.
     pub(crate) jumps: Vec<usize>,
+    /// Which of the parts that were given.
+    pub(crate) part: usize,
 }
 
 /// A record cut into stretches and cells.
@@ -48,7 +50,8 @@ impl Record {
     pub(crate) fn new(parts: &[(&[f64], &[f64])], cell: usize) -> Self {
         let stretches: Vec<Stretch> = parts
             .iter()
-            .map(|(y, u)| {
+            .enumerate()
+            .map(|(part, (y, u))| {
                 let cells = y.len() / cell;
                 let mean = |part: &[f64]| {
                     let (sum, n) = part.iter().filter(|y| !y.is_nan()).fold((0.0, 0), |(s, n), y| (s + y, n + 1));
@@ -58,6 +61,7 @@ impl Record {
                     y: y[..cells * cell].chunks(cell).map(mean).collect(),
                     u: u[..cells * cell].to_vec(),
                     jumps: Vec::new(),
+                    part,
                 }
             })
             .filter(|s| s.y.len() > 20)

@@ -52,6 +52,21 @@ pub struct Candidate {
     pub profile: Vec<(f64, f64)>,
 }
 
+/// A cell of PV beside the best model.
+#[derive(Clone, Copy, Debug)]
+pub struct Seen {
+    /// Part of the record, in the order given.
+    pub part: usize,
+    /// First step of the cell within it.
+    pub step: usize,
+    /// Mean of PV [PV unit].
+    pub pv: f64,
+    /// The model's foresight of it, from all that was before [PV unit].
+    pub foreseen: f64,
+    /// Position of the valve [OP unit].
+    pub position: f64,
+}
+
 /// The answer.
 #[derive(Clone, Debug)]
 pub struct Answer {
@@ -103,8 +118,8 @@ pub struct Answer {
     pub load_steps: usize,
     /// The families, best first.
     pub candidates: Vec<Candidate>,
-    /// Innovations of the best model [PV unit], one for each used cell.
-    pub innovations: Vec<f64>,
+    /// What the best model made of each cell of PV.
+    pub seen: Vec<Seen>,
     /// Why the verdict is what it is, a word that `glapp` turns into a sentence.
     pub reason: &'static str,
 }
@@ -402,7 +417,7 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
                 profile: p.points.iter().map(|point| (point.lost.d, point.cost - p.least())).collect(),
             })
             .collect(),
-        innovations: final_state.lane(0),
+        seen: seen(record, &positions, &final_state.lane(0)),
         reason,
     }
 }
@@ -413,7 +428,7 @@ const PLAIN: f64 = 15.0;
 /// The same for the slip jump.
 const JUMP: f64 = 15.0;
 /// Less trust than this is not believed: it rests on the few cells that matter for d.
-const LEAST_TRUST: f64 = 0.25;
+const LEAST_TRUST: f64 = 0.4;
 
 /// The threshold of the likelihood ratio from records that the best model without a gap invents: innovations drawn
 /// from its own, OP as recorded.
@@ -497,6 +512,18 @@ fn jump(search: &Search, without: &Point) -> Jump {
     points.push(without.clone());
     let best = points.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost)).expect("not empty");
     Jump { lr: without.cost - best.cost, lr_all: all - best.cost, best }
+}
+
+/// The cells of PV with what the model left of each.
+fn seen(record: &Record, positions: &Positions, residual: &[f64]) -> Vec<Seen> {
+    let cells = record.stretches.iter().zip(positions).flat_map(|(stretch, v)| {
+        let there = stretch.y.iter().zip(v).enumerate().filter(|(_, (y, _))| !y.is_nan());
+        there.map(|(k, (y, v))| (stretch.part, k * record.cell, *y, *v))
+    });
+    cells
+        .zip(residual)
+        .map(|((part, step, pv, position), r)| Seen { part, step, pv, foreseen: pv - r, position })
+        .collect()
 }
 
 /// Standard errors of the search's parameters, from the curvature of the likelihood.

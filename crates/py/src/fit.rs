@@ -1,6 +1,6 @@
 //! Width with an interval from OP and PV.
 
-use glapp_fit::{Noise, Question, Verdict, Window};
+use glapp_fit::{Noise, Question, Seen, Verdict, Window};
 use numpy::{PyArray1, PyReadonlyArray1};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -59,7 +59,17 @@ pub fn fit<'py>(
     out.set_item("cells", answer.cells)?;
     out.set_item("load_steps", answer.load_steps)?;
     out.set_item("reason", answer.reason)?;
-    out.set_item("innovations", PyArray1::from_vec(py, answer.innovations))?;
+    for (name, column) in [
+        ("part", answer.seen.iter().map(|s| s.part).collect()),
+        ("step", answer.seen.iter().map(|s| s.step).collect::<Vec<_>>()),
+    ] {
+        out.set_item(name, PyArray1::from_vec(py, column))?;
+    }
+    for (name, of) in
+        [("pv", (|s| s.pv) as fn(&Seen) -> f64), ("foreseen", |s| s.foreseen), ("position", |s| s.position)]
+    {
+        out.set_item(name, PyArray1::from_iter(py, answer.seen.iter().map(of)))?;
+    }
     let candidates = PyList::empty(py);
     for candidate in answer.candidates {
         let one = PyDict::new(py);

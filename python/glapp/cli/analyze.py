@@ -14,6 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ..errors import InputError
+from ..report import words
 from ..result import REASONS, Result
 from .inputs import Refused, open_files
 from .options import Options, with_options
@@ -37,6 +38,9 @@ def analyze(
     trust: Annotated[
         bool, typer.Option("--trust", metavar="", help="Go on with an identification of R² below 0.9.")
     ] = False,
+    no_fit: Annotated[
+        bool, typer.Option("--no-fit", metavar="", help="Leave out the fit of OP and PV, which takes a second a loop.")
+    ] = False,
 ) -> None:
     """Estimate the dead band of every loop, and say how sure that is and why not surer."""
     to_output = table is not None and str(table) == "-"
@@ -45,7 +49,7 @@ def analyze(
     for name, path in (("--report", report), ("--csv", table)):
         if path is not None and not path.parent.is_dir():
             raise CommandError(f"{name}: there is no folder '{path.parent}'")
-    answers = analyze_all(open_files(files, options), trust)
+    answers = analyze_all(open_files(files, options), trust, fit=not no_fit)
     results = [a.result() if isinstance(a, Refused) else a for a in answers]
     if json:
         from ..document import to_json
@@ -83,7 +87,9 @@ def _rows(results: Sequence[Result]) -> str:
     writer = csv.writer(text, lineterminator="\n")
     answer = ("loop", "file", "verdict", "reason", "d_hat", "unit", "d_hat_percent_span", "detections", "half_periods")
     controller = ("k", "ti", "td", "setpoint_weight", "kp_process", "tf")
-    writer.writerow([*answer, *REASONS[1:], "quality", *controller])
+    fit = ("verdict", "d", "low", "high", "jump", "lr_no_gap", "reason")
+    fitted = [f"fit_{name}" for name in fit]
+    writer.writerow([*answer, *REASONS[1:], "quality", *controller, *fitted])
     for result in results:
         row = result.to_dict()
         writer.writerow(
@@ -91,49 +97,68 @@ def _rows(results: Sequence[Result]) -> str:
             + [row["reasons"].get(name, 0) for name in REASONS[1:]]
             + [" ".join(f"{finding['code']}:{finding['severity']}" for finding in row["quality"])]
             + [(row["controller"] or {}).get(key) for key in controller]
+            + [(row["fit"] or {}).get(key) for key in fit]
         )
     return text.getvalue()
 
 
 def _show(answers: Sequence[Result | Refused]) -> None:
     """The table, widest first, then the reasons of loops without an estimate and the warnings of those with one."""
-    from ..report.words import ranked
-
-    results = ranked([a.result() if isinstance(a, Refused) else a for a in answers])
-    table = _table(results, ", ")
-    if Measurement.get(out, out.options.update(max_width=1000), table).maximum > out.width:
-        table = _table(results, "\n")
+    results = words.ranked([a.result() if isinstance(a, Refused) else a for a in answers])
+    for between, brief in ((", ", False), ("\n", False), ("\n", any(r.fit is not None for r in results))):
+        table = _table(results, between, brief)
+        if Measurement.get(out, out.options.update(max_width=1000), table).maximum <= out.width:
+            break
     out.print(table)
     notes = Table.grid(padding=(0, 2))
     for result in results:
         if result.trace is None:  # an error has a line of its own
             continue
-        told = [result.reason] if result.d_hat is None else []
+        told = [] if result.fit is None else [result.fit.reason]
+        if result.d_hat is None and result.reason is not None and result.reason not in told:
+            told.append(result.reason)
         told += [f.text for f in result.quality if f.severity == "warning" and f.text not in told]
-        for text in told[:2]:
+        for text in told[:3]:
             notes.add_row(f"{result.name}:", text)
     if notes.row_count:
         out.print()
         out.print(notes)
 
 
-def _table(results: Sequence[Result], between: str) -> Table:
-    """A row per loop; two entries of one cell stand `between` apart."""
+def _table(results: Sequence[Result], between: str, brief: bool) -> Table:
+    """A row per loop; two entries of one cell stand `between` apart. A `brief` one leaves out how it came about."""
     table = Table(box=None, padding=(0, 1 if between == "\n" else 2, 0, 0), header_style="bold", pad_edge=False)
     table.add_column("loop", no_wrap=True, overflow="fold")
-    table.add_column("d̂", justify="right", no_wrap=True)
-    table.add_column("% of\nspan", justify="right", no_wrap=True)
+    fitted = any(result.fit is not None for result in results)
+    if fitted:
+        table.add_column("gap (95 %)", justify="right", no_wrap=True)
+        table.add_column("valve", no_wrap=not brief)
+    table.add_column("crossings\nd̂" if fitted else "d̂", justify="right", no_wrap=True)
+    if not fitted:
+        table.add_column("% of\nspan", justify="right", no_wrap=True)
     table.add_column("det./\nhalf-p.", justify="right", no_wrap=True)
-    for header in ("rejected as", "quality", "verdict"):
+    for header in () if brief else ("rejected as", "quality", "verdict"):
         table.add_column(header)
     for result in results:
-        table.add_row(result.name, *_cells(result, between))
+        cells = _cells(result, between)
+        first = [] if fitted else [words.number(result.d_hat_percent_span)]
+        row = [*(_fit_cells(result) if fitted else []), cells[0], *first, cells[1], *(() if brief else cells[2:])]
+        table.add_row(result.name, *row)
     return table
 
 
-def _cells(result: Result, between: str) -> list[str | Text]:
-    from ..report import words
+def _fit_cells(result: Result) -> list[str | Text]:
+    """Width with its interval, and what kind of lost motion it is."""
+    if result.fit is None:
+        return ["–", "–"]
+    return [
+        words.fitted_width(result),
+        Text(words.FIT_VERDICTS[result.fit.verdict], style=_FIT_STYLES[result.fit.found]),
+    ]
 
+
+def _cells(result: Result, between: str) -> list[str | Text]:
+    """What the zero crossings gave: width, counts, reasons, quality, verdict."""
     worst = [f.code.replace("_", " ") for f in result.quality if f.severity != "info"]
     reasons = [f"{name.replace('_', ' ')} {n}" for name, n in words.ranked_reasons(result)[:2]]
     wide = words.exceeds(result)
@@ -142,7 +167,6 @@ def _cells(result: Result, between: str) -> list[str | Text]:
         verdict.append("too wide" if wide else "acceptable")
     return [
         words.quantity(result.d_hat, words.op_unit(result)),
-        words.number(result.d_hat_percent_span),
         f"{result.detections}/{result.total_half_periods}" if result.trace else "–",
         between.join(reasons) or "–",
         between.join(worst[:2]) or ("good" if result.trace else "–"),
@@ -150,4 +174,5 @@ def _cells(result: Result, between: str) -> list[str | Text]:
     ]
 
 
+_FIT_STYLES = {True: "bold", False: "dim"}
 _STYLES = {"estimate": "bold", "provisional": "yellow", "no_estimate": "dim", "refused": "red"}

@@ -36,7 +36,7 @@ def explain(
     ] = False,
 ) -> None:
     """Show one half-period: its numbers, every test, and which of them rejected it. Without --at: list them all."""
-    [result] = analyze_all([open_one(file, options)], trust)
+    [result] = analyze_all([open_one(file, options)], trust, fit=False)
     if isinstance(result, Refused):
         raise result.error
     if result.half_periods.count == 0:

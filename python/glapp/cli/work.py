@@ -23,7 +23,7 @@ PATIENCE = 1.0
 """A progress bar appears after so many seconds."""
 
 
-def analyze_all(opened: Sequence[Recording | Refused], trust: bool) -> list[Result | Refused]:
+def analyze_all(opened: Sequence[Recording | Refused], trust: bool, fit: bool) -> list[Result | Refused]:
     """Analyse in parallel; the answers in the order of what was opened."""
     done = [0.0] * len(opened)
     stop = Event()
@@ -38,7 +38,7 @@ def analyze_all(opened: Sequence[Recording | Refused], trust: bool) -> list[Resu
         if isinstance(entry, Refused):
             return entry
         try:
-            return analyze(entry, trust=trust, progress=progress)
+            return analyze(entry, trust=trust, fit=fit, progress=progress)
         except InputError as error:
             return Refused(entry.name, entry.source, error, entry.loop)
         finally:

@@ -82,6 +82,17 @@ VERDICTS: dict[str, str] = {
     "refused": "Refused",
 }
 
+#: What the fit of OP and PV found, as a table shows it.
+FIT_VERDICTS: dict[str, str] = {
+    "backlash": "backlash",
+    "stiction": "stiction",
+    "both": "backlash and stiction",
+    "oscillation": "oscillation",
+    "sound": "sound",
+    "at_least": "at least",
+    "cannot_tell": "cannot tell",
+}
+
 #: What the method is and is not; stands once in every report.
 LIMITS: tuple[str, ...] = (
     "The dead band is the total width, at the actuator input, that OP must travel after a reversal before PV answers. "
@@ -193,6 +204,56 @@ def ranked(results: Sequence[Result]) -> list[Result]:
 def ranked_reasons(result: Result) -> list[tuple[str, int]]:
     """List the reasons of rejection with their counts, the most frequent first."""
     return sorted(((name, n) for name, n in result.reasons.items() if n), key=lambda pair: -pair[1])
+
+
+def fitted_width(result: Result) -> str:
+    """Write the fitted width with its interval in OP units, or the bound, or a dash."""
+    f, unit = result.fit, op_unit(result)
+    if f is None or f.d is None or f.verdict == "oscillation":
+        return "–"
+    if f.verdict == "at_least":
+        return f"> {quantity(f.low, unit)}"
+    if f.verdict == "sound":
+        return f"< {quantity(f.high, unit)}"
+    if f.verdict == "cannot_tell":
+        return "–"
+    return f"{quantity(f.d, unit)} ({number(f.low)} to {number(f.high)})"
+
+
+def fit_verdict(result: Result) -> list[str]:
+    """Tell the fit in one paragraph for the person who plans the maintenance, and what to do."""
+    f, unit = result.fit, op_unit(result)
+    assert f is not None
+    percent = span_width(result)
+    span = "" if percent is None or unit == "%OP" else f", {quantity(100 * (f.d or 0) / percent, '% of span')}"
+    interval = f"between {number(f.low)} and {quantity(f.high, unit)} with 95 % confidence"
+    name = result.name
+    match f.verdict:
+        case "backlash":
+            lead = f"The valve of {name} has a gap of {quantity(f.d, unit)}{span}, {interval}."
+            do = "Look for play in linkage, keys and actuator; confirm with a step test before work is ordered."
+        case "stiction":
+            lead = f"The valve of {name} sticks, then jumps by {quantity(f.jump, unit)}."
+            do = "Look at the packing, the seat and the air supply; confirm with a step test."
+        case "both":
+            lead = (
+                f"The valve of {name} loses {quantity(f.d, unit)}{span} at each reversal, {interval}, and jumps by "
+                f"{quantity(f.jump, unit)} when it breaks loose."
+            )
+            do = "Look for play in the linkage and at the packing; confirm with a step test."
+        case "at_least":
+            lead = f"The valve of {name} loses at least {quantity(f.low, unit)} at each reversal."
+            do = "Record while OP moves further, or make a step test, to learn how much it is."
+        case "sound":
+            lead = f"The valve of {name} shows no gap wider than {quantity(f.high, unit)}."
+            do = "Nothing now."
+        case "oscillation":
+            lead = f"{name} swings in a clean sinusoid: not the valve."
+            do = "Look at the tuning, or for a disturbance from elsewhere."
+        case _:
+            lead = f"OP and PV of {name} do not tell whether there is a gap."
+            do = "Record for longer, while OP moves further, or make a step test in manual."
+    return [lead, _sentence(f.reason[0].upper() + f.reason[1:]), do]
 
 
 def width(result: Result) -> str:

@@ -1,0 +1,398 @@
+"""Width of the gap with an interval, from OP and PV by maximum likelihood; the derivation is in docs/fit.md."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _glapp
+from .loop import Loop
+from .recording import BAD, Batch, Recording
+
+__all__ = ["Fit", "Process", "Window", "fit", "fit_batch"]
+
+Floats = NDArray[np.float64]
+Verdict = Literal["backlash", "stiction", "both", "oscillation", "sound", "at_least", "cannot_tell"]
+
+ROWS = 500_000
+"""Rows from the beginning of a recording that a fit looks at."""
+
+MOST_WINDOWS = 6
+"""Windows of a long recording that are fitted: those in which OP turns most."""
+
+HOLE = 5
+"""Steps without OP, or without any row, after which a new stretch begins."""
+
+BOOTSTRAP = 39
+"""Records invented without a gap, where it is not plain without them whether there is one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Process:
+    """What the best model says of the process between valve and PV: each value with its lower and upper 95 % limit.
+
+    Attributes
+    ----------
+    kp : (float, float, float)
+        Static gain [PV unit/OP unit]; of an integrating process its velocity gain [PV unit/(OP unit·s)].
+    dead_time : (float, float, float)
+        Dead time [s].
+    lag : (float, float, float)
+        Lags together [s].
+    integrating : bool
+        Whether it integrates.
+    """
+
+    kp: tuple[float, float, float]
+    dead_time: tuple[float, float, float]
+    lag: tuple[float, float, float]
+    integrating: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """One window's answer: its time [s since the recording's first row], verdict, width and limits [OP unit]."""
+
+    t_start: float
+    t_end: float
+    verdict: Verdict
+    d: float
+    low: float
+    high: float | None
+    lr_no_gap: float
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Fit:
+    """Width of the gap with an interval, and what kind of lost motion it is.
+
+    Attributes
+    ----------
+    verdict : str
+        *backlash*, *stiction* (sticks and jumps, no gap beside), *both*, *oscillation* (a clean sinusoid, no gap),
+        *sound* (no gap wider than `high`), *at_least* (wider than `low`; OP never went through the whole of it often
+        enough), *cannot_tell*.
+    reason : str
+        One sentence with the evidence.
+    d : float or None
+        Most likely total width at the actuator's input [`unit`]; None where nothing could be fitted.
+    low, high : float or None
+        Limits of its 95 % interval [`unit`]; `high` None where the recording gives none.
+    unit : str
+        Unit of OP.
+    lr_no_gap, lr_needed : float or None
+        Likelihood ratio −2·Δln L of no gap against the best width, and what it must exceed.
+    jump : float
+        Slip jump J [`unit`]; 0 for mere backlash.
+    process : Process or None
+        The process.
+    trend : (float, float) or None
+        Change of the width a day and its standard error [`unit`/day], from three windows or more.
+    windows : list of Window
+        The windows of the recording that were fitted.
+    best : dict
+        Everything the clearest window's fit has to tell, as the core gives it, with the time `t` of each cell.
+    """
+
+    verdict: Verdict
+    reason: str
+    unit: str
+    d: float | None = None
+    low: float | None = None
+    high: float | None = None
+    lr_no_gap: float | None = None
+    lr_needed: float | None = None
+    jump: float = 0.0
+    process: Process | None = None
+    trend: tuple[float, float] | None = None
+    windows: list[Window] = field(default_factory=list)
+    best: dict[str, Any] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        if self.d is None:
+            return f"<Fit: {self.verdict}, {self.reason}>"
+        high = "no upper limit" if self.high is None else f"{self.high:.4g}"
+        return f"<Fit: {self.verdict}, {self.d:.4g} {self.unit} ({self.low:.4g} to {high})>"
+
+    @property
+    def found(self) -> bool:
+        """Whether a lost motion was found: backlash, stiction, both, or at least a bound of it."""
+        return self.verdict in ("backlash", "stiction", "both", "at_least")
+
+    @property
+    def at_least(self) -> float | None:
+        """The width's lower limit where that is all that can be said [`unit`]."""
+        return self.low if self.verdict == "at_least" else None
+
+    def to_dict(self) -> dict[str, Any]:
+        """The answer in plain types, as `glapp analyze --json` writes it."""
+        p = self.process
+        return {
+            "d": self.d,
+            "low": self.low,
+            "high": self.high,
+            "unit": self.unit,
+            "at_least": self.at_least,
+            "verdict": self.verdict,
+            "jump": self.jump,
+            "lr_no_gap": self.lr_no_gap,
+            "lr_needed": self.lr_needed,
+            "process": None
+            if p is None
+            else {
+                "kp": list(p.kp),
+                "dead_time": list(p.dead_time),
+                "lag": list(p.lag),
+                "integrating": p.integrating,
+            },
+            "trend": None if self.trend is None else list(self.trend),
+            "windows": [
+                {"t_start": w.t_start, "t_end": w.t_end, "verdict": w.verdict, "d": w.d, "low": w.low, "high": w.high}
+                for w in self.windows
+            ],
+            "reason": self.reason,
+        }
+
+
+def fit(recording: Recording, *, progress: Callable[[float], None] | None = None) -> Fit:
+    """Fit the gap to a recording of OP and PV: OP → lost motion → dead time → lags → PV, under load and noise.
+
+    The answer is the likelihood as a function of the width d, for several families of process and disturbance; the
+    interval holds those of all that predict PV about as well as the best. Mode and setpoint do not matter: any move
+    of OP tells. A process gain of known sign (from `loop.process.kp` or the controller's action) helps.
+
+    Parameters
+    ----------
+    recording : Recording
+        From `glapp.recording_from` or `glapp.open_recordings`; its first half million rows are looked at.
+    progress : callable, optional
+        Told the share of the windows that are done.
+
+    Returns
+    -------
+    Fit
+
+    Notes
+    -----
+    Known bias: where OP was recorded more coarsely than the controller runs, its turning points are missed, and the
+    width reads low by a few per cent under a load that moves all the time. A step of the load smaller than the gap is
+    taken for part of a wandering load. `docs/fit.md` has the figures.
+
+    Examples
+    --------
+    >>> import glapp
+    >>> acting = {"setpoint": [(1, 1.0)], "load": [(50, 0.3), (100, -0.2)]}
+    >>> sim = glapp.simulate.closed_loop("P3", (0.48, 0.3117), d=0.05, noise=0.005, h=0.1, t_end=200, seed=1, **acting)
+    >>> answer = glapp.fit(glapp.recording_from(sim.to_arrow(), glapp.Loop(name="P3", op_unit="1")))
+    >>> answer.verdict, bool(answer.low < 0.05 < answer.high)
+    ('backlash', True)
+    """
+    parts: list[Batch] = []
+    left = ROWS
+    for batch in recording.batches():
+        parts.append(batch[slice(0, left)])
+        left -= len(parts[-1])
+        if left <= 0:
+            break
+
+    def joined(name: str) -> Any:
+        columns = [getattr(part, name) for part in parts]
+        known = [c for c in columns if c is not None]
+        if not known:
+            return None
+        blank = np.zeros(1, known[0].dtype) if name == "flags" else np.array([np.nan])
+        return np.concatenate(
+            [np.repeat(blank, len(b)) if c is None else c for b, c in zip(parts, columns, strict=True)]
+        )
+
+    whole = Batch(*(joined(name) for name in ("t", "sp", "pv", "op", "flags")))
+    return fit_batch(whole, recording.loop, _sign(recording.loop), progress=progress)
+
+
+def fit_batch(
+    batch: Batch,
+    loop: Loop,
+    sign: float,
+    *,
+    refused: str | None = None,
+    sinusoid: str | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Fit:
+    """Fit a stretch in memory, where `sign` is that of the process gain (0: not known).
+
+    `refused` and `sinusoid` are what the look at the recording's quality found: a reason why nothing can be said, and
+    that the loop swings in a clean sinusoid.
+    """
+    unit = loop.op_label
+    shown = "%OP" if unit == "%" else unit
+    if refused is not None:
+        return Fit("cannot_tell", refused, unit)
+    stretches, h, fault = _stretches(batch)
+    if fault is not None:
+        return Fit("cannot_tell", fault, unit)
+    windows = _windows(stretches, h, sign)
+    # The same recording gets the same answer: the seed is made from what was recorded.
+    seed = zlib.crc32(np.concatenate([pv for _, pv, _ in stretches]).tobytes())
+    answers: list[tuple[Window, dict[str, Any], list[tuple[float, Floats, Floats]]]] = []
+    for i, window in enumerate(windows):
+        answer = _glapp.fit([(pv, op) for _, pv, op in window], h, sign, BOOTSTRAP, seed)
+        if answer is not None:
+            last_t, last_pv, _ = window[-1]
+            span = (window[0][0], last_t + h * (len(last_pv) - 1))
+            verdict, d, low, high, lr = (answer[key] for key in ("verdict", "d", "low", "high", "lr_no_gap"))
+            answers.append((Window(*span, verdict, d, low, high, lr), answer, window))
+        if progress is not None:
+            progress((i + 1) / len(windows))
+    if not answers:
+        return Fit("cannot_tell", "fewer than 50 samples stand together, or OP does not move in them", unit)
+    told = [(w.verdict, w.d, w.low, w.high, w.lr_no_gap, (w.t_start + w.t_end) / 2) for w, _, _ in answers]
+    verdict, d, low, high, trend = _glapp.fit_combine(told)
+    # The window that is shown: of those with the common verdict the clearest.
+    agreeing = [a for a in answers if a[0].verdict == verdict] or answers
+    _, best, window = max(agreeing, key=lambda a: (a[0].lr_no_gap, -a[1]["sigma"]))
+    starts = np.array([t for t, _, _ in window])
+    best["t"] = starts[best["part"]] + h * best["step"]
+    if sinusoid is not None and verdict in ("sound", "cannot_tell"):
+        verdict = "oscillation"
+    kp, dead_time, lag = ((best[name], *best[f"{name}_limits"]) for name in ("kp", "dead_time", "lag"))
+    process = Process(kp, dead_time, lag, best["integrating"])
+    day = 86400.0
+    return Fit(
+        verdict=verdict,
+        reason=sinusoid if verdict == "oscillation" and sinusoid else _reason(verdict, d, low, high, shown, best),
+        unit=unit,
+        d=d,
+        low=low,
+        high=high,
+        lr_no_gap=best["lr_no_gap"],
+        lr_needed=best["lr_needed"],
+        jump=best["jump"],
+        process=process,
+        trend=None if trend is None else (trend[0] * day, trend[1] * day),
+        windows=[w for w, _, _ in answers],
+        best=best,
+    )
+
+
+def _sign(loop: Loop) -> float:
+    """Sign of the process gain: as given, else that of the controller's (a loop that controls has both alike)."""
+    if (kp := loop.kp()) is not None:
+        return float(np.sign(kp))
+    ideal = loop.ideal()
+    return 0.0 if ideal is None else float(np.sign(ideal.k))
+
+
+def _stretches(batch: Batch) -> tuple[list[tuple[float, Floats, Floats]], float, str | None]:
+    """Unbroken stretches at even steps, (start, PV, OP) each; the step [s]; or why there are none."""
+    none: list[tuple[float, Floats, Floats]] = []
+    if batch.op is None:
+        return none, 0.0, "there is no OP: the width cannot be fitted without it"
+    t, pv, op = batch.t, batch.pv.copy(), batch.op
+    if batch.flags is not None:
+        pv[(batch.flags & BAD) != 0] = np.nan
+    steps = np.diff(t)
+    forward = steps[np.isfinite(steps) & (steps > 0)]
+    if len(forward) < 50:
+        return none, 0.0, f"{len(t)} rows are too few: a fit needs 50 samples at least"
+    h = float(np.median(forward))
+    moving = op[np.isfinite(op)]
+    if len(moving) < 50:
+        return none, h, "OP is missing in nearly all rows"
+    if np.ptp(moving) == 0:
+        return none, h, f"OP stands still at {moving[0]:.4g} all the time: only an OP that moves shows a gap"
+    both = np.isfinite(op) & np.isfinite(pv)
+    if both.any() and np.array_equal(op[both], pv[both]):
+        return none, h, "OP and PV are the same signal: check which columns were taken"
+    if both.any() and np.ptp(pv[both]) == 0:
+        return none, h, f"PV stands still at {pv[both][0]:.4g} all the time"
+    levels = np.unique(moving)
+    if len(levels) < 6:
+        return none, h, f"OP takes only {len(levels)} values: it is recorded too coarsely"
+    # A step back in time, a hole in the rows or a hole in OP ends a stretch.
+    known = np.flatnonzero(np.isfinite(op) & np.isfinite(t))
+    gaps = np.diff(t[known])
+    ends = np.flatnonzero((gaps < 0) | (gaps > HOLE * h))
+    stretches = []
+    for part in np.split(known, ends + 1):
+        if len(part) < 20:
+            continue
+        start, end = t[part[0]], t[part[-1]]
+        grid = start + h * np.arange(int((end - start) / h + 1.5))
+        # The latest row at each step; a step is missing where that row is older than a step and a half.
+        at = np.searchsorted(t[part], grid + 0.5 * h, side="right") - 1
+        fresh = grid - t[part][at] < h
+        stretches.append((float(start), np.where(fresh, pv[part][at], np.nan), op[part][at]))
+    if not stretches:
+        return none, h, "no 20 samples stand together without a hole"
+    return stretches, h, None
+
+
+def _windows(
+    stretches: list[tuple[float, Floats, Floats]], h: float, sign: float
+) -> list[list[tuple[float, Floats, Floats]]]:
+    """Windows short enough for cells that are fine enough for the process; of many, those in which OP turns most."""
+    steps = _glapp.fit_window([(pv, op) for _, pv, op in stretches], sign)
+    total = sum(len(pv) for _, pv, _ in stretches)
+    if steps is None or total <= 1.5 * steps:
+        return [stretches]
+    pieces = [
+        (start + h * first, pv[first : first + steps], op[first : first + steps])
+        for start, pv, op in stretches
+        for first in range(0, len(pv), steps)
+    ]
+    windows: list[list[tuple[float, Floats, Floats]]] = [[]]
+    for piece in pieces:
+        if windows[-1] and sum(len(pv) for _, pv, _ in windows[-1]) + len(piece[1]) > steps:
+            windows.append([])
+        windows[-1].append(piece)
+    windows = [w for w in windows if sum(len(pv) for _, pv, _ in w) >= steps // 3] or windows[:1]
+    busiest = sorted(range(len(windows)), key=lambda i: -_turns(windows[i]))[:MOST_WINDOWS]
+    return [windows[i] for i in sorted(busiest)]
+
+
+def _turns(window: list[tuple[float, Floats, Floats]]) -> float:
+    """How far OP goes up and down in all, in steps that are large for it [OP unit]."""
+    return sum(float(np.abs(np.diff(op[:: max(1, len(op) // 60)])).sum()) for _, _, op in window)
+
+
+def _reason(verdict: str, d: float, low: float, high: float | None, unit: str, best: dict[str, Any]) -> str:
+    """The verdict and its evidence in one sentence."""
+    up, down = best["traversals"]
+    evidence = f"no gap is {best['lr_no_gap']:.0f} units of 2·ln L worse, where {best['lr_needed']:.0f} are needed"
+    often = f"OP went through it {up} times up and {down} times down"
+    match verdict:
+        case "backlash":
+            return f"a gap of {d:.3g} {unit}: {evidence}; {often}"
+        case "stiction":
+            return f"the valve sticks and jumps by {best['jump']:.3g} {unit}, no gap beside it: {evidence}; {often}"
+        case "both":
+            return (
+                f"lost motion of {d:.3g} {unit} with jumps of {best['jump']:.3g} {unit} in it: {evidence}, and no jump "
+                f"{best['lr_no_jump']:.0f} worse; {often}"
+            )
+        case "at_least":
+            return (
+                f"at least {low:.3g} {unit} are lost: {evidence}; {often}, too seldom to tell how much more it is. "
+                "Record while OP moves further"
+            )
+        case "sound":
+            return f"no gap wider than {high:.3g} {unit} (95 %): PV answers each turn of OP"
+        case _ if best["lr_no_answer"] < 15:
+            return (
+                f"PV does not answer OP: a process that stands still explains PV as well ({best['lr_no_answer']:.0f} "
+                "units of 2·ln L). Record while OP moves"
+            )
+        case _:
+            most = "any width" if high is None else f"a gap of up to {high:.3g} {unit}"
+            least = (
+                "no gap is as likely" if low <= 0 else f"none is {best['lr_no_gap']:.0f} units of 2·ln L less likely"
+            )
+            return (
+                f"{most} would fit, most likely {d:.3g} {unit}, but {least} ({best['lr_needed']:.0f} are needed): "
+                "record for longer, or while OP moves further"
+            )

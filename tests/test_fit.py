@@ -1,0 +1,180 @@
+"""The fit of the gap from OP and PV: truth from the simulator, wrong input, the traps of other methods."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import glapp
+from glapp.simulate import closed_loop, random_walk
+
+REFINERY = Path(__file__).parents[1].parent / "shared/data/refinery"
+LOADS: dict[str, Any] = {"load": [(50, 0.3), (120, -0.2), (180, 0.1)]}
+GAP = {"backlash", "stiction", "both"}
+
+
+def fitted(t: Any, pv: Any, op: Any, **settings: Any) -> glapp.Fit:
+    table = {"time": t, "SP": np.zeros(len(t)), "PV": pv, "OP": op}
+    return glapp.fit(glapp.recording_from(table, glapp.Loop(name="made", op_unit="1", **settings)))
+
+
+def simulated(plant: str = "P3", controller: Any = (0.48, 0.3117), d: float = 0.05, **kw: Any) -> glapp.Fit:
+    kw = {"noise": 0.005, "h": 0.1, "t_end": 250, "setpoint": [(1, 1.0)], "seed": 1, **kw}
+    s = closed_loop(plant, controller, d=d, **kw)
+    return glapp.fit(glapp.recording_from(s.to_arrow(), glapp.Loop(name=plant, op_unit="1")))
+
+
+@pytest.mark.parametrize("d", [0.1, 0.05, 0.02])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_the_width_is_found_and_lies_in_its_interval(d: float, seed: int) -> None:
+    f = simulated(d=d, seed=seed, **LOADS)
+    assert f.verdict == "backlash", f.reason
+    assert f.d == pytest.approx(d, rel=0.1)
+    assert f.low is not None and f.high is not None
+    assert f.low - 0.03 * d < d < f.high + 0.03 * d, (f.low, f.high)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_without_a_gap_none_is_claimed(seed: int) -> None:
+    f = simulated(d=0.0, seed=seed, **LOADS)
+    assert f.verdict == "sound", f.reason
+    assert f.high is not None and f.high < 0.01
+
+
+def walk(rate: float, h: float, t_end: float, seed: int) -> Any:
+    return random_walk(round(t_end / h) + 1, h, rate, seed=seed)
+
+
+@pytest.mark.parametrize("seed", [3, 4])
+def test_a_load_that_walks_feigns_no_gap(seed: int) -> None:
+    """The zero-crossing estimate shows confident false widths here."""
+    h, t_end = 0.3, 900.0
+    f = simulated("P2", (0.775, 2.05), 0.0, h=h, t_end=t_end, load=walk(0.006, h, t_end, seed), seed=seed)
+    assert f.verdict not in GAP and f.verdict != "at_least", f.reason
+    true = simulated("P2", (0.775, 2.05), 0.05, h=h, t_end=t_end, load=walk(0.006, h, t_end, seed), seed=seed)
+    assert true.verdict == "backlash", true.reason
+    assert true.d == pytest.approx(0.05, rel=0.25)
+
+
+def test_the_derivative_does_not_bias_it() -> None:
+    """Equation (7.5) reads 18 % low in this loop: the derivative part opposes the integral."""
+    f = simulated("P2", (1.12, 2.40, 0.619), 0.05, h=0.2, t_end=700, load=[(100, 0.3), (300, -0.2), (500, 0.2)])
+    assert f.verdict == "backlash", f.reason
+    assert f.d == pytest.approx(0.05, rel=0.05)
+
+
+def test_units_scale_through() -> None:
+    s = closed_loop("P3", (0.48, 0.3117), d=0.05, noise=0.005, h=0.1, t_end=250, setpoint=[(1, 1.0)], seed=1, **LOADS)
+    f = fitted(s.t, s.pv, s.op)
+    g = fitted(s.t * 60.0, 1000.0 - 50.0 * s.pv, s.op * 10.0 + 3.0)
+    assert f.d is not None and g.d is not None and f.process is not None and g.process is not None
+    assert g.verdict == f.verdict
+    assert g.d == pytest.approx(10.0 * f.d, rel=0.01)
+    assert g.process.kp[0] == pytest.approx(-5.0 * f.process.kp[0], rel=0.02)
+    assert g.process.lag[0] == pytest.approx(60.0 * f.process.lag[0], rel=0.05)
+
+
+def test_the_same_recording_gets_the_same_answer() -> None:
+    assert simulated(d=0.02, **LOADS).to_dict() == simulated(d=0.02, **LOADS).to_dict()
+
+
+def test_a_hole_and_bad_values_do_no_harm() -> None:
+    s = closed_loop("P3", (0.48, 0.3117), d=0.05, noise=0.005, h=0.1, t_end=250, setpoint=[(1, 1.0)], seed=1, **LOADS)
+    pv, keep = s.pv.copy(), np.ones(len(s.t), bool)
+    pv[300:310] = np.nan
+    keep[1000:1200] = False
+    f = fitted(s.t[keep], pv[keep], s.op[keep])
+    assert f.verdict == "backlash", f.reason
+    assert f.d == pytest.approx(0.05, rel=0.1)
+
+
+def test_a_gap_that_op_never_goes_through_gives_no_width() -> None:
+    t = np.arange(0, 400, 0.5)
+    rng = np.random.default_rng(1)
+    op = 50 + 0.4 * np.sin(t / 9) + 0.01 * rng.standard_normal(len(t))
+    f = fitted(t, 20 + 0.05 * rng.standard_normal(len(t)), op)
+    assert f.verdict == "cannot_tell" and "does not answer" in f.reason
+
+
+def _noise(n: int) -> Any:
+    return np.random.default_rng(2).standard_normal(n)
+
+
+@pytest.mark.parametrize(
+    ("columns", "told"),
+    [
+        (lambda t: (_noise(len(t)), np.full(len(t), 40.0)), "stands still"),
+        (lambda t: (np.sin(t / 7), np.sin(t / 7)), "same signal"),
+        (lambda t: (np.zeros(len(t)), np.sin(t / 7)), "PV stands still"),
+        (lambda t: (_noise(len(t)), np.round(0.8 * np.sin(t / 7))), "too coarsely"),
+        (lambda t: (_noise(len(t)), np.where(t < 1e9, np.nan, 1.0)), "OP is missing"),
+    ],
+)
+def test_what_cannot_be_fitted_is_refused_with_its_reason(columns: Any, told: str) -> None:
+    t = np.arange(0, 300, 0.5)
+    f = fitted(t, *columns(t))
+    assert f.verdict == "cannot_tell" and told in f.reason, f.reason
+    assert f.d is None
+
+
+def test_five_samples_are_too_few() -> None:
+    f = fitted(np.arange(5.0), np.arange(5.0), np.arange(5.0)[::-1])
+    assert f.verdict == "cannot_tell" and "too few" in f.reason
+
+
+def test_no_op_no_fit() -> None:
+    table = {"time": np.arange(100.0), "SP": np.zeros(100), "PV": _noise(100)}
+    f = glapp.fit(glapp.recording_from(table, glapp.Loop(name="no OP")))
+    assert f.verdict == "cannot_tell" and "no OP" in f.reason
+
+
+def test_op_of_another_loop_gives_no_gap() -> None:
+    t = np.arange(0, 500, 0.5)
+    f = fitted(t, np.cumsum(_noise(len(t))) * 0.1, 50 + 5 * np.sin(t / 11))
+    assert f.verdict in {"cannot_tell", "sound"}, f.reason
+
+
+def refinery(name: str) -> glapp.Fit:
+    path = REFINERY / f"{name}.csv"
+    if not path.exists():
+        pytest.skip(f"the refinery recordings are not here ({REFINERY.name})")
+    [recording] = glapp.open_recordings(path)
+    return glapp.analyze(recording).fit or pytest.fail("OP is recorded, so there must be a fit")
+
+
+def test_the_same_valve_three_months_apart() -> None:
+    late, early = refinery("FIC46005_0902"), refinery("FIC46005_0614")
+    assert late.verdict in GAP
+    assert late.low is not None and late.high is not None and early.low is not None and early.high is not None
+    assert 0.4 < late.low < late.high < 0.7
+    assert early.low < late.high and late.low < early.high, "the intervals overlap"
+
+
+@pytest.mark.parametrize("name", ["FIC20102_0609", "FIC20102_1207"])
+def test_lost_motion_at_setpoint_steps_is_seen_without_zero_crossings(name: str) -> None:
+    f = refinery(name)
+    assert f.found, f.reason
+    assert f.low is not None and 1.5 < f.low < 2.7
+
+
+def test_an_op_that_moves_little_gives_a_bound() -> None:
+    f = refinery("FIC20102_1107")
+    assert f.verdict == "at_least" and f.low is not None and f.low > 0.5
+
+
+@pytest.mark.parametrize("name", ["LIC31102B_0824", "LIC31102B_0904", "LIC31102B_1127"])
+def test_a_clean_sinusoid_is_no_backlash(name: str) -> None:
+    assert refinery(name).verdict == "oscillation"
+
+
+@pytest.mark.parametrize("name", ["FIC41004_1108", "LIC30102_0825"])
+def test_sound_valves(name: str) -> None:
+    assert refinery(name).verdict in {"sound", "cannot_tell"}
+
+
+def test_an_output_that_winds_up_is_refused() -> None:
+    f = refinery("FIC10104_0224")
+    assert f.verdict == "cannot_tell" and f.d is None and "winds" in f.reason

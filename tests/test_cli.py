@@ -167,7 +167,7 @@ def test_the_table_fits_the_terminal(demo, columns):
         "FIC201",
         "TIC118",
     ]
-    assert "estimate" in found["FIC201"] and "%OP" in found["FIC201"]
+    assert "backlash" in found["FIC201"] and "%OP" in found["FIC201"]
     if columns == 120:  # a line per loop
         assert re.search(r"too short \d+, uneven \d+ .* estimate, too wide", found["FIC201"])
     assert "LIC110:  the error is a clean sinusoid" in done.stdout

@@ -22,7 +22,7 @@ Verdict = Literal["backlash", "stiction", "both", "oscillation", "sound", "at_le
 ROWS = 500_000
 """Rows from the beginning of a recording that a fit looks at."""
 
-MOST_WINDOWS = 6
+MOST_WINDOWS = 4
 """Windows of a long recording that are fitted: those in which OP turns most."""
 
 HOLE = 5

@@ -6,6 +6,7 @@ pub(crate) const LANES: usize = 4;
 /// One number for each of the models that run side by side.
 pub(crate) type Lanes = [f64; LANES];
 
+#[inline(always)]
 pub(crate) fn lanes(of: impl FnMut(usize) -> f64) -> Lanes {
     std::array::from_fn(of)
 }
@@ -59,6 +60,7 @@ impl<const N: usize> Models<N> {
 
     /// Innovations of `y` and of the answer to the positions `v`, for each sample of `y` that is a number; Kalman
     /// filter from an unknown start, the load unknown again at each of the cells `jumps`.
+    #[inline(always)]
     pub(crate) fn whiten(&self, y: &[f64], jumps: &[usize], v: &[Lanes], white: &mut White) {
         let mut gain = self.start();
         let (mut of_y, mut of_v) = ([[0.0; LANES]; N], [[0.0; LANES]; N]);
@@ -141,6 +143,7 @@ impl<const N: usize> Models<N> {
         }
     }
 
+    #[inline(always)]
     fn start(&self) -> Gain<N> {
         let mut p = [[[0.0; LANES]; N]; N];
         for (i, row) in p.iter_mut().enumerate() {
@@ -154,6 +157,7 @@ impl<const N: usize> Models<N> {
     }
 
     /// Variance of the next innovation and the gain, from P.
+    #[inline(always)]
     fn measure(gain: &mut Gain<N>) {
         let d = Self::DRIFT;
         let p = &gain.p;
@@ -166,6 +170,7 @@ impl<const N: usize> Models<N> {
     }
 
     /// One step on. The gain of a stretch without holes settles; from then on it is not worked out again.
+    #[inline(always)]
     fn advance(&self, gain: &mut Gain<N>, missing: bool, jump: bool) {
         if gain.still > 3 && !jump {
             return;

@@ -18,14 +18,14 @@ pub(crate) const CHI2_95: f64 = 3.841;
 
 impl Profile {
     /// Every width of `widths` (rising, the first 0) with the slip jump a `share` of it, begun from its neighbours on both sides and each
-    /// third also from `seeds`.
+    /// fourth also from `seeds`.
     pub(crate) fn over(search: &Search, widths: &[f64], share: f64, seeds: &[Theta], rounds: usize) -> Self {
         let stretches = search.record.stretches.len();
         let at = |d: f64| Lost { d, share, start: vec![0.5; stretches] };
         let mut points: Vec<Point> = Vec::with_capacity(widths.len());
         for (i, &d) in widths.iter().enumerate() {
             let mut beginnings = Vec::new();
-            if i % 3 == 0 {
+            if i % 4 == 0 {
                 beginnings.extend(seeds.iter().map(|theta| (*theta, at(d))));
             }
             if let Some(before) = points.last() {

@@ -94,16 +94,16 @@ impl Stretch {
         let per_cell = 1.0 / cell as f64;
         // The start is told by where the lower end of the gap lies.
         let first = self.u[0] + (start - 0.5) * d;
-        let mut path: Box<dyn FnMut(f64) -> f64> = if jump > 0.0 {
+        let mean = |path: &mut dyn FnMut(&[f64]) -> f64| self.u.chunks(cell).map(|u| path(u) * per_cell).collect();
+        if jump > 0.0 {
             let friction = Friction::new(Model::Kano, d, jump).expect("0 ≤ jump ≤ d");
             let mut state = FrictionState::at(first);
-            Box::new(move |u| friction.update(&mut state, u))
+            mean(&mut |u| u.iter().map(|&u| friction.update(&mut state, u)).sum())
         } else {
             let gap = Backlash::new(d).expect("d ≥ 0");
             let mut state = BacklashState::at(first);
-            Box::new(move |u| gap.update(&mut state, u))
-        };
-        self.u.chunks(cell).map(|part| part.iter().map(|&u| path(u)).sum::<f64>() * per_cell).collect()
+            mean(&mut |u| u.iter().map(|&u| gap.update(&mut state, u)).sum())
+        }
     }
 
     /// Cells until OP has moved by `d`, from where on the start in the gap no longer shows.

@@ -177,9 +177,17 @@ impl Structure {
 
     /// See [`Models::whiten`].
     pub(crate) fn whiten(self, thetas: &[Theta; LANES], y: &[f64], jumps: &[usize], v: &[Lanes], white: &mut White) {
+        // The widest vectors that the machine has; nothing is fused, so the bits are the same with any.
+        let arch = pulp::Arch::new();
         match self.states() {
-            4 => self.models::<4>(thetas).whiten(y, jumps, v, white),
-            _ => self.models::<5>(thetas).whiten(y, jumps, v, white),
+            4 => {
+                let models = self.models::<4>(thetas);
+                arch.dispatch(|| models.whiten(y, jumps, v, white))
+            }
+            _ => {
+                let models = self.models::<5>(thetas);
+                arch.dispatch(|| models.whiten(y, jumps, v, white))
+            }
         }
     }
 

@@ -264,17 +264,17 @@ fn looks(record: &Record, seeds: &[Theta], sign: f64) -> Vec<Profile> {
         .into_par_iter()
         .map(|structure| {
             let begin: Vec<Theta> = seeds.iter().map(|seed| adapted(structure, seed)).collect();
-            Profile::over(&of(structure), &coarse, 0.0, &begin, 5)
+            Profile::over(&of(structure), &coarse, 0.0, &begin, 4)
         })
         .collect();
+    let promising = leading(&simple).least() + room(record.count);
     let both: Vec<Profile> = Structure::with(Noise::Both)
         .into_par_iter()
-        .map(|structure| {
-            let alike = simple
-                .iter()
-                .filter(|p| (p.structure.lags, p.structure.integrating) == (structure.lags, structure.integrating));
-            let begin: Vec<Theta> = alike.map(|p| widened(structure, p)).collect();
-            Profile::over(&of(structure), &coarse, 0.0, &begin, 5)
+        .filter_map(|structure| {
+            let process = |s: Structure| (s.lags, s.integrating);
+            let alike = simple.iter().filter(|p| process(p.structure) == process(structure));
+            let begin: Vec<Theta> = alike.filter(|p| p.least() < promising).map(|p| widened(structure, p)).collect();
+            (!begin.is_empty()).then(|| Profile::over(&of(structure), &coarse, 0.0, &begin, 3))
         })
         .collect();
     [simple, both].concat()
@@ -289,6 +289,11 @@ fn whole(search: &Search, look: &Profile, share: f64) -> Profile {
     let mut profile = Profile::over(search, &fine.map(|part| part * range), share, &seeds, 4);
     profile.refine(search, 3, 0.004 * range);
     profile
+}
+
+/// How far a family may lie behind the best after a coarse look [−2·ln L].
+fn room(count: usize) -> f64 {
+    2.0 * (NEARLY_AS_GOOD * count as f64).min(100.0) + 20.0
 }
 
 /// The best of profiles.
@@ -324,7 +329,7 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
     let of = |structure| Search { record, structure, sign: question.sign };
     let least = leading(&looks).least();
     // The whole profile for the families that predict nearly as well as the best.
-    looks.retain(|p| p.least() < least + 2.0 * (NEARLY_AS_GOOD * n).min(100.0) + 20.0);
+    looks.retain(|p| p.least() < least + room(record.count));
     let mut profiles: Vec<Profile> = looks.par_iter().map(|look| whole(&of(look.structure), look, 0.0)).collect();
     let penalised = |p: &Profile| p.least() + 2.0 * p.structure.parameters() as f64;
     profiles.sort_by(|a, b| penalised(a).total_cmp(&penalised(b)));
@@ -338,7 +343,7 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
     let lr_no_answer = search.cost(here.sum_without[0]) - best.cost;
     let mut trusted = trust(&search, &best, 0.005 * record.range).max(LEAST_TRUST);
     let lr_no_gap = profiles.iter().map(raw_lr).fold(f64::INFINITY, f64::min) * trusted;
-    let lr_needed = if question.bootstrap > 0 && lr_no_gap > PLAIN && lr_no_gap < 200.0 {
+    let lr_needed = if question.bootstrap > 0 && lr_no_gap > PLAIN && lr_no_gap < 100.0 {
         by_chance(&search, &profiles[0].points[0], question)
     } else {
         PLAIN
@@ -439,9 +444,8 @@ fn by_chance(search: &Search, without: &Point, question: &Question) -> f64 {
     let residual = here.lane(0);
     // Innovations over √S: the record's own, in units of which S is told.
     let scale = 1.0 / here.scale[0];
-    let widths: Vec<f64> = [0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0]
-        .map(|part| part * record.range)
-        .to_vec();
+    let widths: Vec<f64> =
+        [0.0, 0.03, 0.08, 0.15, 0.25, 0.35, 0.5, 0.65, 0.8, 0.95].map(|part| part * record.range).to_vec();
     let mut ratios: Vec<f64> = (0..question.bootstrap)
         .into_par_iter()
         .map(|i| {
@@ -465,7 +469,7 @@ fn by_chance(search: &Search, without: &Point, question: &Question) -> f64 {
                 .collect();
             let record = record.with(invented);
             let search = Search { record: &record, ..*search };
-            let profile = Profile::over(&search, &widths, 0.0, &[without.theta], 4);
+            let profile = Profile::over(&search, &widths, 0.0, &[without.theta], 3);
             (profile.points[0].cost - profile.least()).max(0.0)
         })
         .collect();

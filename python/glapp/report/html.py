@@ -19,6 +19,7 @@ import numpy as np
 from plotly.offline import get_plotlyjs
 
 from . import figures, words
+from .fit_figure import fit_figure
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
@@ -145,11 +146,11 @@ def _overview(order: Sequence[Result], links: Sequence[str]) -> str:
     head = (
         ("Rank", "n"),
         ("Loop", ""),
-        ("Verdict", ""),
-        ("Dead band", "n"),
-        ("of OP span", "n"),
+        ("Valve", ""),
+        ("Gap (95 %)", "n"),
+        ("Crossings", ""),
+        ("Their d̂", "n"),
         ("Detections", "n"),
-        ("Half-periods", "n"),
         ("Most frequent reasons", ""),
         ("Quality", ""),
         ("What to do", ""),
@@ -160,13 +161,13 @@ def _overview(order: Sequence[Result], links: Sequence[str]) -> str:
         if r.d_hat is None and (r.verdict == "refused" or r.detections or not reasons):
             reasons = r.reason or ""
         cells = (
-            str(i + 1) if r.d_hat is not None else "–",
+            str(i + 1) if words.headline(r) else "–",
             f'<a href="{escape(link)}">{_breakable(r.name)}</a>',
+            "–" if r.fit is None else escape(words.FIT_VERDICTS[r.fit.verdict]),
+            escape(words.fitted_width(r)),
             _badge(r),
             escape(words.quantity(r.d_hat, words.op_unit(r))),
-            words.quantity(r.d_hat_percent_span, "%"),
-            str(r.detections),
-            str(r.total_half_periods),
+            f"{r.detections} of {r.total_half_periods}",
             escape(reasons or "–"),
             _quality_cell(r),
             escape(words.action(r)),
@@ -212,12 +213,18 @@ def _loop(key: str, r: Result) -> str:
             + _figure(key, "phase", drawn["phase"], f"{r.name}: PV against OP, coloured by time")
             + f'<p class="note">{_phase_note(r)}</p></section>'
         )
-    width = escape(words.width(r)) if r.d_hat is not None else ""
+    fitted = ""
+    if r.fit is not None:
+        if r.fit.best:
+            drawn["fit"] = fit_figure(r)
+        fitted = _fit(key, r, drawn)
+    width = escape(words.headline(r))
     lead, *told = words.verdict(r)
     basis = "".join(f"<p>{escape(text)}</p>" for text in told)
     return (
         f'<section class="loop" id="{key}"><details>'
         f'<summary><h2>{_breakable(r.name)}</h2><span class="width">{width}</span>{_badge(r)}</summary>'
+        f"{fitted}"
         f'<div class="verdict"><p class="lead">{escape(lead).replace(name, _breakable(r.name))}</p>{basis}'
         f'<p class="action"><b>What to do</b> {escape(words.action(r))}</p></div>'
         f"{_facts(r)}{plots}"
@@ -227,6 +234,43 @@ def _loop(key: str, r: Result) -> str:
         f'<p class="back"><a href="#top" aria-label="From {name} back to the overview">Back to the overview</a></p>'
         "</details></section>"
     )
+
+
+def _fit(key: str, r: Result, drawn: Mapping[str, go.Figure]) -> str:
+    """Tell the fit of OP and PV: the verdict in plain words, its picture, and the process that came with it."""
+    f = r.fit
+    assert f is not None
+    lead, reason, do = words.fit_verdict(r)
+    told = (
+        f'<div class="verdict"><p class="lead">{escape(lead)}</p><p>{escape(reason)}</p>'
+        f'<p class="action"><b>What to do</b> {escape(do)}</p></div>'
+    )
+    picture = table = ""
+    if "fit" in drawn:
+        picture = _figure(key, "fit", drawn["fit"], f"{r.name}: likelihood over the width, model beside PV, residual")
+        picture += (
+            '<p class="note">Upper panel: the lower a line, the better that width explains PV; the shaded band is the '
+            "95 % interval, the dotted line its level for the best family. Below: PV and what the best model foresaw "
+            "of it one step ahead, the valve as that model has it, and what is left.</p>"
+        )
+    if (p := f.process) is not None:
+        per = _pv_unit(r) + f" per {words.op_unit(r)}" + (" and s" if p.integrating else "")
+        rows = (
+            ("Velocity gain" if p.integrating else "Process gain Kp", p.kp, per),
+            ("Dead time", p.dead_time, "s"),
+            ("Lags together", p.lag, "s"),
+        )
+        body = "".join(
+            f'<tr><th scope="row">{name}</th><td class="n">{escape(words.quantity(value, unit))}</td>'
+            f'<td class="n">{_between(low, high)}</td></tr>'
+            for name, (value, low, high), unit in rows
+        )
+        table = (
+            "<table><caption>The process between valve and PV, from the same fit.</caption><thead><tr>"
+            '<th scope="col">Process</th><th scope="col" class="n">Value</th>'
+            f'<th scope="col" class="n">95 % interval</th></tr></thead><tbody>{body}</tbody></table>'
+        )
+    return f"<section><h3>The gap from OP and PV</h3>{told}{picture}{table}</section><h3>From zero crossings</h3>"
 
 
 def _analysed(r: Result) -> bool:

@@ -194,9 +194,12 @@ def ranked(results: Sequence[Result]) -> list[Result]:
     """Order results as every list shows them: widest in % of span first, then widths in OP units, then the rest."""
 
     def key(r: Result) -> tuple[int, float]:
-        if r.d_hat is None:
-            return (3 if r.verdict == "refused" else 2, 0.0)
-        return (0, -r.d_hat_percent_span) if r.d_hat_percent_span is not None else (1, -r.d_hat)
+        width, span = r.d_hat, span_width(r)
+        if r.fit is not None and r.fit.found:
+            width = r.fit.low if r.fit.verdict == "at_least" else r.fit.d
+        if width is None:
+            return (3 if r.verdict == "refused" and (r.fit is None or r.fit.d is None) else 2, 0.0)
+        return (1, -width) if span is None else (0, -100.0 * width / span)
 
     return sorted(results, key=key)
 
@@ -218,6 +221,13 @@ def fitted_width(result: Result) -> str:
     if f.verdict == "cannot_tell":
         return "–"
     return f"{quantity(f.d, unit)} ({number(f.low)} to {number(f.high)})"
+
+
+def headline(result: Result) -> str:
+    """Write the one width that a list shows: the fitted one, else that of the zero crossings, else nothing."""
+    if result.fit is not None and result.fit.found:
+        return fitted_width(result)
+    return width(result) if result.d_hat is not None else ""
 
 
 def fit_verdict(result: Result) -> list[str]:

@@ -120,6 +120,21 @@ def test_what_cannot_be_fitted_is_refused_with_its_reason(columns: Any, told: st
     assert f.d is None
 
 
+def test_two_moves_one_way_give_a_bound_and_no_width() -> None:
+    """Where in its gap the valve stood at the start decides how far it moved: taken too coarsely, it feigned a width."""
+    t = np.arange(0.0, 1200.0)
+    op = np.where(t < 400, 45.0, np.where(t < 800, 41.0, 38.0)) + 0.01 * np.sin(t)
+    gap = glapp.blocks.Backlash(1.5, 44.25)
+    valve = np.array([gap.update(x) for x in op])
+    pv, level = np.empty(len(t)), valve[0]
+    for i, x in enumerate(valve):
+        level += (x - level) / 12
+        pv[i] = 2.5 * level
+    f = fitted(t, pv + 0.3 * _noise(len(t)), op)
+    assert f.verdict == "at_least", f.reason
+    assert f.low is not None and f.low < 1.5
+
+
 def test_five_samples_are_too_few() -> None:
     f = fitted(np.arange(5.0), np.arange(5.0), np.arange(5.0)[::-1])
     assert f.verdict == "cannot_tell" and "too few" in f.reason
@@ -148,9 +163,9 @@ def refinery(name: str) -> glapp.Fit:
 def test_the_same_valve_three_months_apart() -> None:
     late, early = refinery("FIC46005_0902"), refinery("FIC46005_0614")
     assert late.verdict in GAP
-    assert late.low is not None and late.high is not None and early.low is not None and early.high is not None
+    assert late.low is not None and late.high is not None and early.low is not None
     assert 0.4 < late.low < late.high < 0.7
-    assert early.low < late.high and late.low < early.high, "the intervals overlap"
+    assert early.low < late.high and (early.high is None or late.low < early.high), "the intervals overlap"
 
 
 @pytest.mark.parametrize("name", ["FIC20102_0609", "FIC20102_1207"])

@@ -338,8 +338,9 @@ def _windows(
     """Windows short enough for cells that are fine enough for the process; of many, those in which OP turns most."""
     steps = _glapp.fit_window([(pv, op) for _, pv, op in stretches], sign)
     total = sum(len(pv) for _, pv, _ in stretches)
-    if steps is None or total <= 1.5 * steps:
+    if steps is None or total <= 3 * steps:
         return [stretches]
+    steps *= 2
     pieces = [
         (start + h * first, pv[first : first + steps], op[first : first + steps])
         for start, pv, op in stretches

@@ -165,24 +165,34 @@ impl Search<'_> {
         Point { theta, cost: self.cost(sum), kp, lost: lost.clone() }
     }
 
-    /// The best start of each stretch within the gap at θ, from four places each.
+    /// The best start of each stretch within the gap at θ, to a hundredth of the gap.
     pub(crate) fn placed(&self, theta: &Theta, lost: &Lost) -> Lost {
         let mut best = lost.clone();
-        const PLACES: Lanes = [0.05, 0.35, 0.65, 0.95];
         for stretch in 0..best.start.len() {
-            if self.record.stretches[stretch].open(lost.d, self.record.cell) < 3 {
+            if !self.shows_start(lost, stretch) {
                 continue;
             }
-            let tried = PLACES.map(|place| {
-                let mut tried = best.clone();
-                tried.start[stretch] = place;
-                self.record.positions(&tried)
-            });
-            let sums = self.innovations(&[*theta; LANES], std::array::from_fn(|l| &tried[l])).sum;
-            let least = (0..LANES).min_by(|a, b| sums[*a].total_cmp(&sums[*b])).expect("four lanes");
-            best.start[stretch] = PLACES[least];
+            let (mut centre, mut apart): (f64, f64) = (0.5, 1.0 / 3.0);
+            while apart > 0.01 {
+                let places = [-1.5, -0.5, 0.5, 1.5].map(|k| (centre + k * apart).clamp(0.0, 1.0));
+                let tried = places.map(|place| {
+                    let mut tried = best.clone();
+                    tried.start[stretch] = place;
+                    self.record.positions(&tried)
+                });
+                let sums = self.innovations(&[*theta; LANES], std::array::from_fn(|l| &tried[l])).sum;
+                let least = (0..LANES).min_by(|a, b| sums[*a].total_cmp(&sums[*b])).expect("four lanes");
+                centre = places[least];
+                best.start[stretch] = centre;
+                apart /= 3.0;
+            }
         }
         best
+    }
+
+    /// Whether it matters where in the gap the valve stands at the beginning of a stretch.
+    fn shows_start(&self, lost: &Lost, stretch: usize) -> bool {
+        self.record.stretches[stretch].open(lost.d, self.record.cell) >= 3
     }
 
     /// The best of several beginnings, each with its best starts in the gap.
@@ -191,7 +201,15 @@ impl Search<'_> {
             .iter()
             .map(|(theta, lost)| {
                 let lost = self.placed(&self.structure.bounded(*theta, self.record.count as f64), lost);
-                self.descend(*theta, &lost, rounds, enough)
+                let point = self.descend(*theta, &lost, rounds, enough);
+                let stretches = self.record.stretches.len();
+                if (0..stretches).any(|stretch| self.shows_start(&lost, stretch)) {
+                    // The parameters moved: so may the start.
+                    let lost = self.placed(&point.theta, &lost);
+                    self.descend(point.theta, &lost, rounds, enough)
+                } else {
+                    point
+                }
             })
             .min_by(|a, b| a.cost.total_cmp(&b.cost))
             .expect("at least one beginning")

@@ -121,7 +121,7 @@ def test_what_cannot_be_fitted_is_refused_with_its_reason(columns: Any, told: st
 
 
 def test_two_moves_one_way_give_a_bound_and_no_width() -> None:
-    """Where in its gap the valve stood at the start decides how far it moved: taken too coarsely, it feigned a width."""
+    """Where in its gap the valve stood decides how far it moved first: taken too coarsely, it feigned a width."""
     t = np.arange(0.0, 1200.0)
     op = np.where(t < 400, 45.0, np.where(t < 800, 41.0, 38.0)) + 0.01 * np.sin(t)
     gap = glapp.blocks.Backlash(1.5, 44.25)

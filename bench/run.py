@@ -196,7 +196,7 @@ def text(folder: Path, size: int) -> Iterator[Row]:
 
 
 def _analyze(path: str) -> str:
-    return glapp.analyze(glapp.open_recordings(path, [signals.loop()])[0]).verdict
+    return glapp.analyze(glapp.open_recordings(path, [signals.loop()])[0], fit=False).verdict
 
 
 def fleet(folder: Path, count: int) -> Iterator[Row]:
@@ -232,7 +232,8 @@ def public(folder: Path) -> Iterator[Row]:
             {"controller": controller, "process": {"kp": 1.0}, "op_span": (-100, 100)} if "simulated" in what else {}
         )
         begun = time.perf_counter()
-        result = glapp.analyze(glapp.open_recordings(path, [glapp.Loop.model_validate({"name": "loop", **given})])[0])
+        loop = glapp.Loop.model_validate({"name": "loop", **given})
+        result = glapp.analyze(glapp.open_recordings(path, [loop])[0], fit=False)
         seconds = time.perf_counter() - begun
         width = "" if result.d_hat is None else f", d̂ = {result.d_hat:.3g} {result.unit}"
         yield Row(f"{what}: glapp", f"{1e3 * seconds:.0f} ms: {result.verdict}{width}")

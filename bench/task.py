@@ -57,7 +57,7 @@ def _glapp(path: str, judge: bool) -> str:
     import signals
 
     recording = glapp.open_recordings(path, [signals.loop(tf=signals.TF)])[0]
-    result = glapp.analyze(recording) if judge else glapp.estimate(recording)
+    result = glapp.analyze(recording, fit=False) if judge else glapp.estimate(recording)
     return f"{result.verdict}, {result.detections} detections"
 
 

@@ -175,7 +175,7 @@ def test_the_table_fits_the_terminal(demo, columns):
 
 
 def test_the_demonstration_says_what_is_true(run, demo):
-    code, out, err = run("analyze", demo, "--json")
+    code, out, err = run("analyze", demo, "--json", "--no-fit")
     loops = {loop["loop"]: loop for loop in json.loads(out)["loops"]}
     assert err == ""
     for name, true in (("FIC201", 2.4), ("PIC305", 3.0), ("TIC118", 1.6)):
@@ -347,14 +347,14 @@ def test_the_schema_in_docs_is_current():
 
 
 def test_csv_has_a_row_per_loop(run, demo):
-    code, out, err = run("analyze", demo, "missing.csv", "--csv", "-")
+    code, out, err = run("analyze", demo, "missing.csv", "--csv", "-", "--no-fit")
     table = list(csv.DictReader(io.StringIO(out)))
     assert code == 1 and len(err.splitlines()) == 1
     assert [row["loop"] for row in table] == ["FIC201", "PIC305", "LIC110", "FIC402", "TIC118", "missing"]
     assert float(table[0]["d_hat"]) > 0 and table[-1]["d_hat"] == ""
     half_periods = sum(int(table[0][name]) for name in glapp.result.REASONS[1:]) + int(table[0]["detections"])
     assert half_periods == int(table[0]["half_periods"])
-    _, shown, _ = run("analyze", demo, "missing.csv", "--csv", "loops.csv")
+    _, shown, _ = run("analyze", demo, "missing.csv", "--csv", "loops.csv", "--no-fit")
     assert Path("loops.csv").read_text() == out and "FIC201" in shown
 
 
@@ -546,9 +546,9 @@ def test_an_interruption_is_quiet_and_stops_the_work(run, monkeypatch):
 
 def test_a_closed_pipe_is_quiet(demo):
     for line in (
-        ("analyze", demo, "--csv", "-"),
-        ("analyze", demo),
-        ("analyze", demo, "--json"),
+        ("analyze", demo, "--csv", "-", "--no-fit"),
+        ("analyze", demo, "--no-fit"),
+        ("analyze", demo, "--json", "--no-fit"),
         ("explain", demo, "--loop", "PIC305"),
     ):
         with subprocess.Popen([*GLAPP, *line], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
@@ -558,9 +558,9 @@ def test_a_closed_pipe_is_quiet(demo):
 
 def test_a_terminal_without_unicode(run, demo):
     env = os.environ | {"PYTHONIOENCODING": "ascii"}
-    done = subprocess.run([*GLAPP, "analyze", demo], capture_output=True, env=env)
+    done = subprocess.run([*GLAPP, "analyze", demo, "--no-fit"], capture_output=True, env=env)
     assert b"Traceback" not in done.stderr and b"FIC201" in done.stdout
-    done = subprocess.run([*GLAPP, "analyze", demo, "--json"], capture_output=True, env=env)
+    done = subprocess.run([*GLAPP, "analyze", demo, "--json", "--no-fit"], capture_output=True, env=env)
     assert "°C" in done.stdout.decode() or json.loads(done.stdout)
 
 
@@ -582,7 +582,7 @@ def test_what_is_slow_to_import_is_not_imported(demo):
 
 @pytest.mark.skipif(not REFINERY.is_dir(), reason="the refinery recordings are not beside this checkout")
 def test_real_loops_with_nothing_but_their_files(run):
-    _, out, _ = run("analyze", *sorted(REFINERY.glob("*.csv")), "--json")
+    _, out, _ = run("analyze", *sorted(REFINERY.glob("*.csv")), "--json", "--no-fit")
     loops = {loop["loop"]: loop for loop in json.loads(out)["loops"]}
     cycle = loops["FIC46005_0902"]
     assert cycle["verdict"] == "provisional" and 0.40 < cycle["d_hat"] < 0.60 and cycle["detections"] < 9

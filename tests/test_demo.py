@@ -15,7 +15,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Result]:
     folder = tmp_path_factory.mktemp("demo")
     write_recordings(folder)
     loops = read_settings(folder / "loops.toml")
-    return {loop.name: analyze(open_recordings(str(loop.file), [loop])[0]) for loop in loops}
+    return {loop.name: analyze(open_recordings(str(loop.file), [loop])[0], fit=False) for loop in loops}
 
 
 @pytest.mark.parametrize(("name", "d"), [("FIC201", 2.4), ("PIC305", 3.0), ("TIC118", 1.6)])

@@ -30,7 +30,7 @@ def loop(**changes: Any) -> Loop:
 
 
 def shown(s: Simulation, **changes: Any) -> glapp.Result:
-    return glapp.analyze(recording_from(s.to_arrow(), loop(**changes)))
+    return glapp.analyze(recording_from(s.to_arrow(), loop(**changes)), fit=False)
 
 
 def test_estimate(worn: Simulation) -> None:
@@ -81,7 +81,7 @@ def test_without_a_controller(worn: Simulation) -> None:
     with pytest.raises(InputError, match="no controller settings"):
         glapp.estimate(recording_from(worn.to_arrow(), loop(controller=None)))
     blind = recording_from(worn.to_arrow().drop_columns(["OP"]), loop(controller=None))
-    result = glapp.analyze(blind)
+    result = glapp.analyze(blind, fit=False)
     assert result.verdict == "refused"
     assert result.reason is not None and "without an OP column" in result.reason
     with pytest.raises(InputError, match="no controller settings"):
@@ -213,7 +213,7 @@ def refinery(name: str, **settings: Any) -> glapp.Result:
     path = REFINERY / f"{name}.csv"
     loops = [Loop(name=name, **settings)] if settings else None
     (recording,) = glapp.open_recordings(path, loops)
-    return glapp.analyze(recording)
+    return glapp.analyze(recording, fit=False)
 
 
 @needs_refinery

@@ -43,7 +43,7 @@ def analyzed(s: Simulation, controller: tuple[float, ...] = P3_PI) -> glapp.Resu
     k, ti, td = [*controller, 0.0][:3]
     settings = {"k": k, "ti": ti, "td": td, "setpoint_weight": 0}
     loop = glapp.Loop(name="sim", controller=settings, process={"kp": 1}, op_unit="V")
-    return glapp.analyze(glapp.recording_from(s.to_arrow(), loop))
+    return glapp.analyze(glapp.recording_from(s.to_arrow(), loop), fit=False)
 
 
 @pytest.mark.parametrize("d", [0.02, 0.05, 0.1])

@@ -84,9 +84,8 @@ def run(loop: str, disturbance: str, d: float, seed: int) -> glapp.Result:
     known: dict[str, Any] = {"op_span": acting.limits} if acting.limits else {"op_unit": "1"}
     settings = {"k": k, "ti": ti, "td": td, "setpoint_weight": 0, "gain_unit": "OP/PV"}
     process = {"kp": 1.0, "kp_unit": "PV/OP"}
-    return glapp.analyze(
-        glapp.recording_from(s.to_arrow(), glapp.Loop(name=loop, controller=settings, process=process, **known))
-    )
+    known |= {"controller": settings, "process": process}
+    return glapp.analyze(glapp.recording_from(s.to_arrow(), glapp.Loop(name=loop, **known)), fit=False)
 
 
 def _short(case: tuple[str, str, float, int]) -> tuple[str, float | None, int]:

@@ -165,7 +165,7 @@ impl Search<'_> {
         Point { theta, cost: self.cost(sum), kp, lost: lost.clone() }
     }
 
-    /// The best start of each stretch within the gap at θ, to a hundredth of the gap.
+    /// The best start of each stretch within the gap at θ, to a few hundredths of the gap.
     pub(crate) fn placed(&self, theta: &Theta, lost: &Lost) -> Lost {
         let mut best = lost.clone();
         for stretch in 0..best.start.len() {
@@ -173,7 +173,7 @@ impl Search<'_> {
                 continue;
             }
             let (mut centre, mut apart): (f64, f64) = (0.5, 1.0 / 3.0);
-            while apart > 0.01 {
+            while apart > 0.03 {
                 let places = [-1.5, -0.5, 0.5, 1.5].map(|k| (centre + k * apart).clamp(0.0, 1.0));
                 let tried = places.map(|place| {
                     let mut tried = best.clone();
@@ -202,14 +202,9 @@ impl Search<'_> {
             .map(|(theta, lost)| {
                 let lost = self.placed(&self.structure.bounded(*theta, self.record.count as f64), lost);
                 let point = self.descend(*theta, &lost, rounds, enough);
-                let stretches = self.record.stretches.len();
-                if (0..stretches).any(|stretch| self.shows_start(&lost, stretch)) {
-                    // The parameters moved: so may the start.
-                    let lost = self.placed(&point.theta, &lost);
-                    self.descend(point.theta, &lost, rounds, enough)
-                } else {
-                    point
-                }
+                // The parameters moved: so may the start.
+                let again = self.placed(&point.theta, &lost);
+                if again == lost { point } else { self.descend(point.theta, &again, rounds.div_ceil(2), enough) }
             })
             .min_by(|a, b| a.cost.total_cmp(&b.cost))
             .expect("at least one beginning")

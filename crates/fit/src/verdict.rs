@@ -344,7 +344,8 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
     let mut trusted = trust(&search, &best, 0.005 * record.range).max(LEAST_TRUST);
     let lr_no_gap = profiles.iter().map(raw_lr).fold(f64::INFINITY, f64::min) * trusted;
     let lr_needed = if question.bootstrap > 0 && lr_no_gap > PLAIN && lr_no_gap < 100.0 {
-        by_chance(&search, &profiles[0].points[0], question)
+        // The invented records' innovations are alike everywhere: their ratio is to be held against the one before τ.
+        PLAIN.max(by_chance(&search, &profiles[0].points[0], question) * trusted)
     } else {
         PLAIN
     };
@@ -477,7 +478,7 @@ fn by_chance(search: &Search, without: &Point, question: &Question) -> f64 {
     let mean = ratios.iter().sum::<f64>() / ratios.len() as f64;
     let tail = ratios[(ratios.len() * 99 / 100).min(ratios.len() - 1)];
     // Half a chi-square with one degree of freedom has the mean 1/2 and exceeds 5.41 once in a hundred records.
-    PLAIN.max(5.41 * mean / 0.5).max(tail)
+    tail.max(5.41 * mean / 0.5)
 }
 
 /// The best slip jump.

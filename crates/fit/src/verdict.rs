@@ -349,7 +349,10 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
     } else {
         PLAIN
     };
-    let jump = if lr_no_gap > lr_needed { jump(&search, &best) } else { Jump::none(&best) };
+    let traversals = record.traversals(best.lost.d);
+    // Few break-aways may look like anything.
+    let often = traversals.iter().all(|n| *n >= CYCLES);
+    let jump = if lr_no_gap > lr_needed && often { jump(&search, &best) } else { Jump::none(&best) };
     let fine = 0.001 * record.range;
     let mut spread = Vec::new();
     if jump.lr > JUMP {
@@ -365,7 +368,6 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
     }
     let low = spread.iter().map(|s| s.0).fold(f64::INFINITY, f64::min);
     let high = spread.iter().map(|s| s.1).try_fold(0.0, |high, h| h.map(|h| f64::max(high, h)));
-    let traversals = record.traversals(best.lost.d);
     let (verdict, reason) = judge(&Evidence {
         lr_no_gap,
         lr_needed,
@@ -433,6 +435,8 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
 const PLAIN: f64 = 15.0;
 /// The same for the slip jump.
 const JUMP: f64 = 15.0;
+/// Traversals each way without which no slip jump is looked for.
+const CYCLES: usize = 5;
 /// Less trust than this is not believed: it rests on the few cells that matter for d.
 const LEAST_TRUST: f64 = 0.4;
 

@@ -83,6 +83,15 @@ impl Record {
         self.stretches.iter().zip(&lost.start).map(at).collect()
     }
 
+    /// Half of the median move of OP from one step to the next [OP unit]: where between two steps it turned is not known,
+    /// and how far the valve followed is not known better than that.
+    pub(crate) fn resolution(&self) -> f64 {
+        let moves = self.stretches.iter().flat_map(|s| s.u.windows(2).map(|w| (w[1] - w[0]).abs()));
+        let mut moves: Vec<f64> = moves.filter(|m| *m > 0.0).collect();
+        moves.sort_by(f64::total_cmp);
+        moves.get(moves.len() / 2).map_or(0.0, |m| m / 2.0)
+    }
+
     /// Times that OP goes through the whole of a gap of width `d` up, and down.
     pub(crate) fn traversals(&self, d: f64) -> [usize; 2] {
         self.stretches.iter().map(|s| s.traversals(d)).fold([0; 2], |a, b| [a[0] + b[0], a[1] + b[1]])

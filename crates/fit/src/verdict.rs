@@ -366,7 +366,7 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
             spread.extend(profile.within(&of(profile.structure), from, CHI2_95 / trusted, fine));
         }
     }
-    let low = spread.iter().map(|s| s.0).fold(f64::INFINITY, f64::min);
+    let low = (spread.iter().map(|s| s.0).fold(f64::INFINITY, f64::min) - record.resolution()).max(0.0);
     let high = spread.iter().map(|s| s.1).try_fold(0.0, |high, h| h.map(|h| f64::max(high, h)));
     let (verdict, reason) = judge(&Evidence {
         lr_no_gap,
@@ -395,7 +395,7 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
         verdict,
         d: chosen.lost.d,
         low,
-        high,
+        high: high.map(|high| high + record.resolution()),
         jump: chosen.lost.jump(),
         lr_no_gap,
         lr_needed,

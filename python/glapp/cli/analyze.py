@@ -148,9 +148,9 @@ def _table(results: Sequence[Result], between: str, brief: bool) -> Table:
 
 
 def _fit_cells(result: Result) -> list[str | Text]:
-    """Width with its interval, and what kind of lost motion it is."""
+    """Width with its interval, and what kind of lost motion it is; of a loop that could not be fitted, its verdict."""
     if result.fit is None:
-        return ["–", "–"]
+        return ["–", Text(words.VERDICTS[result.verdict].lower(), style=_STYLES[result.verdict])]
     return [
         words.fitted_width(result),
         Text(words.FIT_VERDICTS[result.fit.verdict], style=_FIT_STYLES[result.fit.found]),

@@ -6,9 +6,10 @@ from collections.abc import Callable
 
 from ..answer import Answer
 from ..records import Record
-from . import ellipse, haegglund, he, horch, thesis, yamashita
+from . import ellipse, fit, haegglund, he, horch, thesis, yamashita
 
 METHODS: dict[str, Callable[[Record], Answer]] = {
+    "fit": fit.answer,
     "thesis": thesis.answer,
     "Hägglund": haegglund.answer,
     "ellipse": ellipse.answer,

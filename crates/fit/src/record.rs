@@ -84,10 +84,10 @@ impl Record {
     }
 
     /// Half of the median move of OP from one step to the next [OP unit]: where between two steps it turned is not known,
-    /// and how far the valve followed is not known better than that.
+    /// and how far the valve followed is not known better than that. Nothing where OP mostly stands still: its steps are seen.
     pub(crate) fn resolution(&self) -> f64 {
         let moves = self.stretches.iter().flat_map(|s| s.u.windows(2).map(|w| (w[1] - w[0]).abs()));
-        let mut moves: Vec<f64> = moves.filter(|m| *m > 0.0).collect();
+        let mut moves: Vec<f64> = moves.collect();
         moves.sort_by(f64::total_cmp);
         moves.get(moves.len() / 2).map_or(0.0, |m| m / 2.0)
     }

@@ -334,11 +334,12 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
     let penalised = |p: &Profile| p.least() + 2.0 * p.structure.parameters() as f64;
     profiles.sort_by(|a, b| penalised(a).total_cmp(&penalised(b)));
     let least = penalised(&profiles[0]);
+    let raw_lr = |p: &Profile| p.points[0].cost - p.least();
+    let dissent = profiles.iter().any(|p| raw_lr(p) > PLAIN);
     profiles.retain(|p| penalised(p) < least + 6.0 + 2.0 * AS_GOOD * n);
 
     let search = of(profiles[0].structure);
     let mut best = profiles[0].points[profiles[0].best].clone();
-    let raw_lr = |p: &Profile| p.points[0].cost - p.least();
     let here = search.at(&best.theta, &record.positions(&best.lost));
     let lr_no_answer = search.cost(here.sum_without[0]) - best.cost;
     let mut trusted = trust(&search, &best, 0.005 * record.range).max(LEAST_TRUST);
@@ -377,6 +378,7 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
         traversals,
         range: record.range,
         jump: &jump,
+        dissent,
     });
     let chosen = &best;
     let positions = record.positions(&chosen.lost);
@@ -587,6 +589,8 @@ struct Evidence<'a> {
     traversals: [usize; 2],
     range: f64,
     jump: &'a Jump,
+    /// Whether a family that predicts nearly as well as the best sees a gap.
+    dissent: bool,
 }
 
 fn judge(e: &Evidence) -> (Verdict, &'static str) {
@@ -595,7 +599,7 @@ fn judge(e: &Evidence) -> (Verdict, &'static str) {
     }
     if e.lr_no_gap <= e.lr_needed {
         return match e.high {
-            Some(high) if e.low <= 0.0 && high < 0.25 * e.range => (Verdict::Sound, "no_gap"),
+            Some(high) if e.low <= 0.0 && high < 0.25 * e.range && !e.dissent => (Verdict::Sound, "no_gap"),
             _ => (Verdict::CannotTell, "may_be_a_gap"),
         };
     }

@@ -1,0 +1,20 @@
+"""The width by maximum likelihood from OP and PV, `glapp.fit` (`docs/fit.md`).
+
+Needs OP and PV; no settings. Made for any record of a loop in which OP moves, also where nothing oscillates.
+"""
+
+from __future__ import annotations
+
+import glapp
+
+from ..answer import Answer
+from ..records import Record
+
+
+def answer(record: Record) -> Answer:
+    """`glapp.fit`; what it says of the width where it says that there is one."""
+    fit = glapp.fit(record.recording)
+    if fit.verdict in ("backlash", "stiction", "both"):
+        return Answer(fit.verdict, fit.d, fit.low, fit.high, reason=fit.reason)
+    high = fit.high if fit.verdict == "sound" else None
+    return Answer(fit.verdict, high=high, at_least=fit.at_least, reason=fit.reason)

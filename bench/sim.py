@@ -8,7 +8,9 @@ from __future__ import annotations
 import platform
 import time
 from collections.abc import Callable
+from contextlib import redirect_stdout
 from importlib.metadata import version
+from io import StringIO
 
 import control
 import numba
@@ -146,6 +148,51 @@ def path_sim(steps: int) -> Callable[[], object]:
     return run
 
 
+def bd_sim(steps: int) -> Callable[[], object]:
+    """Blocks and wires in continuous time, steps of at most h of a Runge-Kutta solver, without the filter."""
+    import bdsim
+
+    simulator = bdsim.BDSim(animation=False, graphics=False, progress=False, toolboxes=False)
+    diagram = simulator.blockdiagram()
+    random = np.random.default_rng(1)
+    position = [0.0]
+
+    def gap(u: float) -> float:
+        position[0] = min(max(position[0], u - D / 2), u + D / 2)
+        return position[0]
+
+    sp, load = diagram.STEP(T=1.0, name="sp"), diagram.STEP(T=100.0, on=-0.5, name="load")
+    clock = diagram.TIME()
+    noise = diagram.FUNCTION(lambda t: random.uniform(-AMPLITUDE, AMPLITUDE), nin=1, nout=1, name="noise")
+    error, proportional, integral = diagram.SUM("+-"), diagram.GAIN(K), diagram.INTEGRATOR(x0=0.0, gain=K / TI)
+    op, valve, total = diagram.SUM("++"), diagram.FUNCTION(gap, nin=1, nout=1, name="gap"), diagram.SUM("++")
+    plant, pv = diagram.LTI_SISO([1.0], [1.0, 4.0, 6.0, 4.0, 1.0]), diagram.SUM("++")
+    for start, end in (
+        (clock, noise),
+        (sp, error[0]),
+        (pv, error[1]),
+        (error, proportional),
+        (error, integral),
+        (proportional, op[0]),
+        (integral, op[1]),
+        (op, valve),
+        (valve, total[0]),
+        (load, total[1]),
+        (total, plant),
+        (plant, pv[0]),
+        (noise, pv[1]),
+    ):
+        diagram.connect(start, end)
+
+    def run() -> None:
+        with redirect_stdout(StringIO()):  # it reports every run
+            simulator.run(diagram, T=steps * H, dt=H, watch=[pv], solver="RK23", max_step=H, block=False)
+
+    with redirect_stdout(StringIO()):
+        diagram.compile()
+    return run
+
+
 def rows() -> list[tuple[str, float]]:
     """What was measured: name and M steps/s."""
     single = best(ours(100_000, 1, None), 100_000, 25)
@@ -171,6 +218,7 @@ def rows() -> list[tuple[str, float]]:
     table.append((f"Python {platform.python_version()}, written out", best(lambda: by_hand(20_000, *plain), 20_000, 3)))
     table.append((f"python-control {version('control')}", best(python_control(2_000), 2_000, 3)))
     table.append((f"PathSim {version('pathsim')}, Euler, no filter", best(path_sim(1_000), 1_000, 3)))
+    table.append((f"bdsim {version('bdsim')}, RK23, no filter", best(bd_sim(400), 400, 3)))
     return table
 
 

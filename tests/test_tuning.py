@@ -404,6 +404,19 @@ class TestRules:
         model = Fotd(2.0, 3.0, 1.0)
         k, ti, *_ = ziegler_nichols_step(model, "PI", table=table).controller
         assert (k, ti) == pytest.approx((0.9 * 3 / 2, 3 if table == "textbook" else 1 / 0.3))
+        again = ziegler_nichols_step(model.plant, "PI", table=table).controller
+        assert (again.k, again.ti) == pytest.approx((k, ti), rel=1e-6)
+
+    def test_ziegler_nichols_takes_the_tangent_of_the_process(self) -> None:
+        """Once it took Kp·L/T of the FOTD model, a third too much.
+
+        For 1/(s + 1)³ the textbooks print a = 0.218, L = 0.806 and PID 5.50 / 1.61 / 0.403.
+        """
+        assert ziegler_nichols_step("P5", "PID").controller[:3] == pytest.approx((5.50, 1.61, 0.403), rel=2e-3)
+        a = 26.5 / math.exp(3) - 1  # 1/(s + 1)⁴: y(3) = 1 − 13/e³, slope 4.5/e³
+        assert 0.9 / ziegler_nichols_step("P2", "PI").controller.k == pytest.approx(a, rel=1e-8)
+        with pytest.raises(InputError, match="unstable"):
+            ziegler_nichols_step("P3", "PI")
 
     def test_lambda_sets_the_closed_loop(self) -> None:
         """PI cancels the lag: the loop is e^(−sL)/(s(λ + L)), whose margins are known."""

@@ -20,7 +20,8 @@ import numpy.typing as npt
 
 from .errors import InputError
 from .plant import Plant
-from .tuning import Process, open_loop
+from .tuning import open_loop
+from .tuning.process import Process
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go

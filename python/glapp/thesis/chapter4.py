@@ -66,7 +66,7 @@ def figure_4_2() -> Shown:
     """The constants a and L of Ziegler and Nichols."""
     model, slope = fotd(PLANT), _steepest()
     by_tangent = slope * model.l
-    rule = ziegler_nichols_step(PLANT, "PI").controller
+    rule = ziegler_nichols_step(PLANT, "PI")
 
     def draw() -> Figure:
         figure, (axes,) = style.panels(height=3.6)
@@ -88,13 +88,13 @@ def figure_4_2() -> Shown:
         "at −a.",
         numbers=(
             Number("L", "s", None, model.l, READ),
-            Number("a, by the tangent", "", None, by_tangent, READ),
-            Number("a of the FOTD model, L/T", "", None, model.l / model.t, READ),
-            Number("K of a PI controller, 0.9/a by the tangent", "", None, 0.9 / by_tangent, READ),
-            Number("K of a PI controller, glapp's rule", "", None, rule.k, READ),
+            Number("a", "", None, by_tangent, READ),
+            Number("L/T, which a would be if P2 were its FOTD model", "", None, model.l / model.t, READ),
+            Number("K of a PI controller, 0.9/a", "", None, rule.controller.k, READ),
+            Number("phase margin that it leaves", "°", None, rule.phase_margin, READ),
         ),
-        difference="glapp's rule takes a from the FOTD model, the thesis by the tangent: for four equal lags that "
-        "makes a third less gain.",
+        difference="The thesis prints no values. By this rule PI control of P2 all but oscillates: the margin that "
+        "0.9/a leaves is gone where the process has four lags and no dead time.",
         draw=draw,
     )
 

@@ -97,7 +97,7 @@ def test_gain_integrators_poles_stability() -> None:
 def test_character_needs_an_fotd_model() -> None:
     assert Plant([2], [10, 1], 1).character == "lag-dominated"
     assert Plant([-2], [1, 1], 1).character == "balanced"
-    assert Plant([2], [1, 1], 2).character == "delay-dominated"
+    assert Plant([2], [1, 1], 1.01).character == "delay-dominated"
     assert (Plant([1], [1, 0]) * Plant([1], [1, 1])).character == "integrating"
     with pytest.raises(InputError, match="unstable"):
         _ = Plant([1], [1, -1]).character

@@ -42,6 +42,7 @@ bench: setup $(VENV)/.bench
 	cargo bench --quiet -p glapp-core
 	$(BIN)/python bench/run.py
 	$(BIN)/python bench/sim.py
+	$(BIN)/python bench/tuning.py
 
 $(VENV)/.bench: pyproject.toml $(VENV)/.tools
 	$(BIN)/pip install --quiet --group bench

@@ -67,6 +67,11 @@ def n_backlash(a: npt.ArrayLike, d: float) -> ComplexArray:
     d : float
         Total width of the gap [unit of a], ≥ 0.
 
+    Returns
+    -------
+    complex128
+        N(A), in the shape of `a`.
+
     Raises
     ------
     InputError
@@ -106,6 +111,11 @@ def n_relay(a: npt.ArrayLike, level: float) -> ComplexArray:
     level : float
         The output is ± level, ≥ 0.
 
+    Returns
+    -------
+    complex128
+        N(A), in the shape of `a`.
+
     Examples
     --------
     >>> complex(n_relay(4.0, math.pi))
@@ -121,6 +131,16 @@ def n_relay(a: npt.ArrayLike, level: float) -> ComplexArray:
 
 def negative_inverse(n: npt.ArrayLike) -> ComplexArray:
     """−1/N, the curve that L(iω) meets where a limit cycle is predicted.
+
+    Parameters
+    ----------
+    n : array_like of complex
+        N(A), ≠ 0. Any shape.
+
+    Returns
+    -------
+    complex128
+        −1/N, in the shape of `n`.
 
     Examples
     --------
@@ -149,6 +169,11 @@ def describing_function(
         Amplitudes, > 0. Any shape.
     samples : int
         Samples a period, ≥ 8. The error falls with its square for a continuous element.
+
+    Returns
+    -------
+    complex128
+        N(A), in the shape of `a`.
 
     Examples
     --------
@@ -602,6 +627,11 @@ def nyquist_figure(
         Shade where the small gain theorem and the circle criterion allow the curve to be (figure 1.3).
     window : float
         The axes reach from −window to window/3, > 0.
+
+    Returns
+    -------
+    plotly.graph_objects.Figure
+        The picture: `.show()` opens it.
 
     Examples
     --------

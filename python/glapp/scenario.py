@@ -45,14 +45,30 @@ Floats = npt.NDArray[np.float64]
 
 
 class Steps(Checked):
-    """(time [s], value from then on), times ascending; 0 before the first."""
+    """A value that changes at given times; 0 before the first.
+
+    Attributes
+    ----------
+    steps : tuple of (float, float)
+        (time [s], value from then on), times ascending.
+    """
 
     kind: Literal["steps"] = "steps"
     steps: tuple[tuple[float, float], ...]
 
 
 class Ramp(Checked):
-    """From 0 at `t` [s] to `by` at `t + over`, and there it stays."""
+    """From 0 at `t` to `by` at `t + over`, and there it stays.
+
+    Attributes
+    ----------
+    t : float
+        Begin [s].
+    by : float
+        Height.
+    over : float
+        Duration [s], > 0.
+    """
 
     kind: Literal["ramp"] = "ramp"
     t: float = 0.0
@@ -61,7 +77,17 @@ class Ramp(Checked):
 
 
 class Sine(Checked):
-    """amplitude·sin(2π·(time − t)/period) from `t` [s] on."""
+    """amplitude·sin(2π·(time − t)/period) from `t` on, 0 before.
+
+    Attributes
+    ----------
+    amplitude : float
+        Of any sign.
+    period : float
+        [s], > 0.
+    t : float
+        Begin [s].
+    """
 
     kind: Literal["sine"] = "sine"
     amplitude: float
@@ -70,28 +96,54 @@ class Sine(Checked):
 
 
 class Walk(Checked):
-    """Random walk from 0: standard deviation rate·√t after t seconds [unit per √s]."""
+    """Random walk from 0: standard deviation rate·√t after t seconds.
+
+    Attributes
+    ----------
+    rate : float
+        [unit per √s], ≥ 0.
+    """
 
     kind: Literal["walk"] = "walk"
     rate: NotNegative
 
 
 class Uniform(Checked):
-    """White noise, uniform between ± amplitude (thesis 6.2)."""
+    """White noise, uniform between ± amplitude (thesis 6.2).
+
+    Attributes
+    ----------
+    amplitude : float
+        ≥ 0; the variance is amplitude²/3.
+    """
 
     kind: Literal["uniform"] = "uniform"
     amplitude: NotNegative
 
 
 class Gaussian(Checked):
-    """White noise of standard deviation sigma: the sum of twelve uniform numbers, less 6; it never exceeds 6 sigma."""
+    """White noise, the sum of twelve uniform numbers between 0 and 1, less 6: it never exceeds 6 sigma.
+
+    Attributes
+    ----------
+    sigma : float
+        Standard deviation, ≥ 0.
+    """
 
     kind: Literal["gaussian"] = "gaussian"
     sigma: NotNegative
 
 
 class Coloured(Checked):
-    """Noise of standard deviation sigma whose autocorrelation over k samples is (tau/(tau + h))^|k|, tau in s."""
+    """Gaussian noise through a lag: its autocorrelation over k samples is (tau/(tau + h))^|k|.
+
+    Attributes
+    ----------
+    sigma : float
+        Standard deviation, ≥ 0.
+    tau : float
+        Time constant of the lag [s], ≥ 0.
+    """
 
     kind: Literal["coloured"] = "coloured"
     sigma: NotNegative
@@ -99,7 +151,13 @@ class Coloured(Checked):
 
 
 class Samples(Checked):
-    """One value a sample, n = t_end/h + 1 of them. Has no form in TOML: write a file, and `File`."""
+    """One value a sample. Has no form in TOML: write a file, and `File`.
+
+    Attributes
+    ----------
+    values : float64[n]
+        n = t_end/h + 1 of them.
+    """
 
     model_config = ConfigDict(arbitrary_types_allowed=True)
 
@@ -111,7 +169,15 @@ class Samples(Checked):
 
 
 class File(Checked):
-    """A column of a CSV or Parquet file, one value a sample."""
+    """A column of a CSV or Parquet file, one value a sample.
+
+    Attributes
+    ----------
+    path : Path
+        The file, by its ending .parquet or CSV.
+    column : str
+        Name of the column, of t_end/h + 1 numbers.
+    """
 
     kind: Literal["file"] = "file"
     path: Path
@@ -208,7 +274,15 @@ class Friction(Checked):
 
 
 class Manual(Checked):
-    """A stretch in manual, begin ≤ t < end [s]; at `op`, or where the output stood."""
+    """A stretch in manual.
+
+    Attributes
+    ----------
+    begin, end : float
+        From `begin` up to and without `end` [s].
+    op : float, optional
+        The output in it; where it stood if not given.
+    """
 
     begin: float
     end: float
@@ -387,12 +461,25 @@ class Scenario(Checked):
 
 
 def read_scenario(path: str | Path) -> Scenario:
-    """The scenario in a TOML file; paths of signals in it are relative to its folder.
+    """The scenario in a TOML file.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file; paths of signals in it are relative to its folder.
 
     Raises
     ------
     InputError
         Where the file cannot be read, or describes none.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> path = Path(tempfile.mkdtemp(), "loop.toml")
+    >>> _ = path.write_text('plant = "P3"\\ncontroller = { k = 0.48, ti = 0.3117 }\\nd = 0.05\\n')
+    >>> read_scenario(path).d
+    0.05
     """
     path = Path(path)
     try:

@@ -142,6 +142,11 @@ class Simulation:
 def run(scenario: Scenario) -> Simulation:
     """Run a scenario from rest at its first setpoint and load.
 
+    Parameters
+    ----------
+    scenario : Scenario
+        The loop and what acts on it.
+
     Raises
     ------
     InputError
@@ -322,6 +327,11 @@ def random_walk(n: int, h: float, rate: float, seed: int = 0) -> npt.NDArray[np.
         Standard deviation after one second [unit per √s], ≥ 0.
     seed : int
         Seed, 0..2⁶⁴ − 1.
+
+    Returns
+    -------
+    float64[n]
+        The walk, 0 at the first sample.
 
     Examples
     --------

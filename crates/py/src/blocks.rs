@@ -11,7 +11,20 @@ fn refused(error: ParameterError) -> PyErr {
     PyValueError::new_err(error.to_string())
 }
 
-/// Second-order low-pass filter (thesis 2.1).
+/// Second-order low-pass filter 1/(1 + s·Tf)² (thesis 2.1): twice y += (x − y)·(h/(Tf + h)).
+///
+/// Known bias: a signal of period T is delayed by about 2·Tf and, at T = 10·Tf, reduced to 72 % of its amplitude.
+///
+/// Parameters
+/// ----------
+/// tf : float
+///     Time constant Tf [s], ≥ 0; 0 passes the signal through.
+///
+/// Examples
+/// --------
+/// >>> smooth = SecondOrderFilter(1.0)
+/// >>> [smooth.update(x, 1.0) for x in (4.0, 8.0)]
+/// [4.0, 5.0]
 #[pyclass(module = "glapp.blocks")]
 pub struct SecondOrderFilter {
     block: glapp_core::SecondOrderFilter<f64>,
@@ -26,12 +39,19 @@ impl SecondOrderFilter {
         Ok(Self { block, state: SecondOrderFilterState::default() })
     }
 
+    /// A value and the time since the one before [s] in, the filtered value out.
     fn update(&mut self, x: f64, h: f64) -> f64 {
         self.block.update(&mut self.state, x, h)
     }
 }
 
-/// Zero crossings of the control error (thesis (2.1)).
+/// Zero crossings of the control error (thesis (2.1)); an error of exactly zero keeps the sign before it.
+///
+/// Examples
+/// --------
+/// >>> crossing = ZeroCrossing()
+/// >>> [crossing.update(e) for e in (0.5, 0.0, -0.1)], crossing.sign
+/// ([False, False, True], -1)
 #[pyclass(module = "glapp.blocks")]
 #[derive(Default)]
 pub struct ZeroCrossing {
@@ -45,6 +65,7 @@ impl ZeroCrossing {
         Self::default()
     }
 
+    /// Whether the error changed its sign.
     fn update(&mut self, e: f64) -> bool {
         self.state.update(e)
     }
@@ -56,7 +77,13 @@ impl ZeroCrossing {
     }
 }
 
-/// Backward difference.
+/// Backward difference (x − x_before)/h; 0 for the first value.
+///
+/// Examples
+/// --------
+/// >>> slope = Derivative()
+/// >>> [slope.update(x, 0.5) for x in (2.0, 3.0)]
+/// [0.0, 2.0]
 #[pyclass(module = "glapp.blocks")]
 #[derive(Default)]
 pub struct Derivative {
@@ -70,6 +97,7 @@ impl Derivative {
         Self::default()
     }
 
+    /// A value and the time since the one before [s] in, the slope out.
     fn update(&mut self, x: f64, h: f64) -> f64 {
         self.state.update(x, h)
     }
@@ -78,6 +106,17 @@ impl Derivative {
 type Measured = (u8, u32, f64, f64, f64, f64, f64, f64, f64);
 
 /// What the signals did between two zero crossings.
+///
+/// Examples
+/// --------
+/// Three samples, then the crossing: flags, samples, Δt, Δy, e_max, Δysp, and how far setpoint, slope of PV and OP
+/// moved from one crossing to the other.
+///
+/// >>> half = HalfPeriod()
+/// >>> for e in (1.0, 2.0, 3.0):
+/// ...     half.update(e, 0.5, 10.0)
+/// >>> half.update(-1.0, 0.5, 10.0, crossed=True)
+/// (0, 3, 1.5, 2.0, 3.0, 0.0, 0.0, 0.0, 0.0)
 #[pyclass(module = "glapp.blocks", name = "HalfPeriodBlock")]
 #[derive(Default)]
 pub struct HalfPeriodBlock {
@@ -111,7 +150,27 @@ impl HalfPeriodBlock {
     }
 }
 
-/// Width of the gap (thesis (2.4)) from one half-period.
+/// Width of the gap from one half-period, d̂ = Δu − Δy/Kp (thesis (2.4)).
+///
+/// Parameters
+/// ----------
+/// k : float
+///     Gain K of the controller [OP per PV], ≠ 0.
+/// ti : float
+///     Integral time Ti [s], > 0.
+/// td : float, optional
+///     Derivative time Td [s], ≥ 0, for the derivative part of (7.6).
+/// b : float
+///     Setpoint weight, 0 to 1.
+/// kp : float, optional
+///     Process gain Kp [PV per OP], ≠ 0; without it Δy/Kp is left out.
+///
+/// Examples
+/// --------
+/// >>> width = Width(0.5, 10.0, kp=2.0)
+/// >>> delta_u, *_, kp_part, d = width.of(sign=1, delta_t=100.0, delta_y=1.0)
+/// >>> delta_u, kp_part, d
+/// (5.0, 0.5, 4.5)
 #[pyclass(frozen, module = "glapp.blocks")]
 pub struct Width {
     block: glapp_core::Width<f64>,
@@ -145,7 +204,24 @@ impl Width {
     }
 }
 
-/// The conditions that a half-period must meet (thesis chapter 5 and 7.1).
+/// The conditions that a half-period must meet (thesis chapter 5 and 7.1); `docs/estimator.md` lists them.
+///
+/// Parameters
+/// ----------
+/// k, ti : float
+///     Gain K [OP per PV], ≠ 0, and integral time Ti [s], > 0, of the controller.
+/// op_span : float, optional
+///     Span of OP, > 0: a Δu of that size or more is refused.
+/// limits, too_short, not_square, decaying, growing, sp_moved, too_small : bool
+///     Which conditions are asked.
+///
+/// Examples
+/// --------
+/// A half-period as short as 5 Ti fails one of them, the bit of reason 5.
+///
+/// >>> net = SafetyNet(0.5, 10.0)
+/// >>> net.check(flags=0, delta_t=50.0, delta_y=1.0, e_max=1.2, delta_sp=0.0, free=2.5, previous=1.0)
+/// (16, 5)
 #[pyclass(frozen, module = "glapp.blocks")]
 pub struct SafetyNet {
     net: glapp_core::SafetyNet<f64>,
@@ -178,7 +254,7 @@ impl SafetyNet {
         Ok(Self { net, width: glapp_core::Width::new(k, ti, None, 1.0, None).map_err(refused)? })
     }
 
-    /// (mask, reason); previous and d_hat None where there are none.
+    /// Mask of the conditions it fails, and the first of them; `previous` (Δy) and `d_hat` None where there are none.
     #[pyo3(signature = (flags, delta_t, delta_y, e_max, delta_sp, free, previous=None, d_hat=None))]
     #[allow(clippy::too_many_arguments)]
     fn check(
@@ -199,7 +275,18 @@ impl SafetyNet {
     }
 }
 
-/// Median/mean filter of detections (thesis 7.3).
+/// Median/mean filter of detections (thesis 7.3): the mean of those within 80 to 120 % of the median of the last n.
+///
+/// Parameters
+/// ----------
+/// n : int
+///     Length of the window, odd; while there are fewer, the same over those there are.
+///
+/// Examples
+/// --------
+/// >>> shown = MedianMean(n=3)
+/// >>> [shown.update(d)[0] for d in (5.0, 40.0, 5.5)]
+/// [5.0, 22.5, 5.25]
 #[pyclass(module = "glapp.blocks")]
 pub struct MedianMean {
     block: glapp_core::MedianMean,
@@ -215,7 +302,7 @@ impl MedianMean {
         Ok(Self { block, state: MedianMeanState::default() })
     }
 
-    /// (value, low, high, kept, count).
+    /// A detection in; estimate, range of the detections kept, their number and that in the window out.
     fn update(&mut self, d: f64) -> (f64, f64, f64, u8, u8) {
         let shown = self.block.update(&mut self.state, d);
         (shown.value, shown.low, shown.high, shown.kept, shown.count)

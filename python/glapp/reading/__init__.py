@@ -47,6 +47,15 @@ def open_recordings(
     ------
     InputError
         Where the file or its columns cannot be used.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> path = Path(tempfile.mkdtemp(), "FIC101.csv")
+    >>> _ = path.write_text("t,SP,PV,OP\\n0,1,0.9,50\\n1,1,1.1,51\\n")
+    >>> [recording] = open_recordings(path)
+    >>> recording.name
+    'FIC101'
     """
     return all_or_none(open_each(path, loops, defaults))
 

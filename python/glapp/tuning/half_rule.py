@@ -18,6 +18,13 @@ def half_rule(plant: Process, kind: Kind = "PI") -> tuple[float, float, float, f
     Lags that are left out become dead time, but for half of the largest of them, which lengthens the last one kept;
     zeros in the right half plane become dead time.
 
+    Parameters
+    ----------
+    plant : process
+        Stable or with one integrator, its poles real, its zeros real and in the right half plane.
+    kind : {"PI", "PID"}
+        One lag is kept, or two.
+
     Returns
     -------
     (gain, t, t2, l) : float

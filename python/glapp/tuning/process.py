@@ -13,6 +13,8 @@ from ..errors import InputError
 from ..plant import Plant
 
 Kind = Literal["PI", "PID"]
+"""Without or with derivative part."""
+
 Array = npt.NDArray[np.float64]
 
 Process = Any

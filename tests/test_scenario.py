@@ -106,18 +106,34 @@ def test_open_loop_against_lsim(name: str) -> None:
     assert np.abs(y - s.pv - (y[0] - s.pv[0])).max() < 1e-9
 
 
-def test_linear_closed_loop_against_python_control() -> None:
-    """Plant, filter and PI as discrete transfer functions, closed by python-control."""
-    k, ti, h, tf, n = 0.5, 2.0, 0.05, 0.3, 600
-    num, den, _ = PLANTS["P2"]
-    a = h / (tf + h)
+@pytest.mark.parametrize(
+    ("name", "controller"),
+    [
+        ("P1", (0.363, 7.06)),
+        ("P2", (0.5, 2.0)),
+        ("P3", (0.48, 0.3117)),
+        ("P4", (0.248, 2.71)),
+        ("P5", (0.606, 2.09)),
+        ("P6", (0.396, 2.02)),
+        ("P7", (0.269, 3.84)),
+        ("P8", (0.17, 0.404)),
+    ],
+)
+def test_linear_closed_loop_against_python_control(name: str, controller: tuple[float, float]) -> None:
+    """Plant, dead time, filter and PI as discrete state spaces, closed by python-control, over 30 s."""
+    (k, ti), h, tf, n = controller, 0.05, 0.1, 600
+    num, den, dead_time = PLANTS[name]
+    a, late = h / (tf + h), round(dead_time / h)
     # In state space: polynomials of the closed loop's order would have lost too many digits.
     plant = control.sample_system(control.ss(control.tf(num, den)), h, method="zoh")
+    if late:
+        shift = control.ss(np.eye(late, k=-1), np.eye(late, 1), np.eye(1, late, k=late - 1), 0, h)
+        plant = plant * shift
     lag = control.ss(control.tf([a, 0], [1, a - 1], h))
     integral = control.ss(control.tf([k * h / ti, 0], [1, -1], h))
     disturbed = control.feedback(plant, (k + integral) * lag * lag)
     closed = disturbed * integral
-    s = closed_loop("P2", (k, ti), d=0, noise=0, h=h, t_end=(n - 1) * h, tf=tf, setpoint=[(1, 1.0)], load=[(10, -0.5)])
+    s = closed_loop(name, (k, ti), d=0, noise=0, h=h, t_end=(n - 1) * h, tf=tf, setpoint=[(1, 1.0)], load=[(10, -0.5)])
     y = control.forced_response(closed, s.t, s.sp).outputs + control.forced_response(disturbed, s.t, s.load).outputs
     assert np.abs(y - s.pv).max() < 1e-9
 

@@ -250,7 +250,6 @@ class TestMigo:
     def test_pi_against_the_table(self, name: str, i: int) -> None:
         t = migo(name, **BOUNDS[i])
         k, ti = MIGO_PI[name][i]
-        # The table's Ti of P3 has two digits.
         assert (t.controller.k, t.controller.ti) == pytest.approx((k, ti), rel=0.02)
         assert t.ki == pytest.approx(k / ti, rel=0.02)
 
@@ -423,6 +422,37 @@ class TestRules:
         t = lambda_tuning(Fotd(2.0, 5.0, 1.0), lam=3.0)
         assert t.phase_margin == pytest.approx(90 - math.degrees(0.25), rel=1e-6)
         assert t.gain_margin == pytest.approx(2 * math.pi, rel=1e-6)
+
+    def test_lambda_pid_on_pade(self) -> None:
+        """With (1 − sL/2)/(1 + sL/2) for the dead time it is made to give (1 − sL/2)/(1 + λs), exactly."""
+        kp, t, l, lam = 2.0, 5.0, 1.0, 3.0
+        k, ti, td, _ = lambda_tuning(Fotd(kp, t, l), "PID", lam=lam).controller
+        s = 1j * np.geomspace(1e-3, 1e3, 40)
+        loop = kp / (1 + t * s) * (1 - s * l / 2) / (1 + s * l / 2) * k * (1 + 1 / (ti * s) + td * s)
+        np.testing.assert_allclose(loop / (1 + loop), (1 - s * l / 2) / (1 + lam * s), rtol=1e-9)
+
+    def test_lambda_on_an_integrator(self) -> None:
+        """With 1 − sL for the dead time both poles of the closed loop are at −1/λ."""
+        kv, l, lam = 0.3, 1.0, 4.0
+        k, ti, *_ = lambda_tuning(Integrating(kv, l), lam=lam).controller
+        closed = np.polyadd([ti, 0, 0], k * kv * np.polymul([-l, 1], [ti, 1]))
+        np.testing.assert_allclose(closed / closed[-1], [lam**2, 2 * lam, 1], rtol=1e-9)
+
+    @pytest.mark.parametrize(
+        ("rule", "kind", "names", "k_within", "ki_within"),
+        [
+            (amigo_step, "PI", ("P1", "P2", "P4", "P5", "P6", "P7", "P8"), 0.15, 0.20),
+            (amigo_step, "PID", ("P2", "P4", "P6", "P7", "P8"), 0.25, 0.15),
+            (amigo_frequency, "PI", ("P4", "P7", "P8"), 0.15, 0.15),
+            (amigo_frequency, "PID", ("P2", "P4", "P6", "P7", "P8"), 0.05, 0.15),
+        ],
+    )
+    def test_amigo_approximates_migo(self, rule: Any, kind: Any, names: Any, k_within: float, ki_within: float) -> None:
+        """What the formulas were fitted to; PID where τ > 0.3, PI by frequency where κ > 0.5."""
+        for name in names:
+            ours, theirs = rule(name, kind), migo(name, kind, m=1.4)
+            assert ours.controller.k == pytest.approx(theirs.controller.k, rel=k_within), name
+            assert ours.ki == pytest.approx(theirs.ki, rel=ki_within), name
 
     def test_simc_has_its_known_margins(self) -> None:
         """Skogestad: with τc = L and Ti = T, Ms = 1.59, gain margin 3.14, phase margin 61.4°."""

@@ -151,6 +151,11 @@ def amigo_frequency(process: Process, kind: Kind = "PID") -> Tuning:
         With an ultimate gain, 0 ≤ κ < 1.
     kind : {"PI", "PID"}
 
+    Notes
+    -----
+    Known bias: for PI the ultimate point says too little where κ is small. Above κ = 0.5 K and ki are within 15 % of
+    MIGO's, P5 (κ = 1/8) gets twice as much and Ms = 1.8, P1 (κ = 0) Ms = 2.7.
+
     Examples
     --------
     >>> [round(x, 3) for x in amigo_frequency("P2").controller[:3]]

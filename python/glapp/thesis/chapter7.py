@@ -412,7 +412,7 @@ def figure_7_7() -> Shown:
 def _detections(axes: Axes, seen: Sequence, x: Floats) -> None:
     axes.plot(x, seen.d, ".", color=style.MUTED, markersize=5, label="detection")
     axes.step(x, seen.true, color=style.TRUE, linewidth=1.0, label="the gap")
-    axes.set(ylabel="detected width [%]", ylim=(0, 16))
+    axes.set(ylabel="detected width [%]", ylim=(0, 30))
 
 
 def _filtered(number: str, title: str, sentence: str, shown: Floats, delay: str | float, difference: str) -> Shown:

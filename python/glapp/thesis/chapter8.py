@@ -92,7 +92,8 @@ def figure_8_1() -> Shown:
             for (name, spreads), colour in zip(controllers.items(), style.CURVES, strict=False):
                 plot(axes, list(spreads), list(spreads.values()), colour, name)
             axes.annotate(plant, (0.06, 0.88), xycoords="axes fraction")
-            axes.set(xlim=(-0.5, 10.5), ylim=(-1, 13), xticks=(0, 5, 10), ylabel="estimate [%]", xlabel="gap [%]")
+            axes.set(xlim=(-0.5, 10.5), ylim=(-1, 16), ylabel="estimate [%]", xlabel="gap [%]")
+            axes.set(xticks=(0, 5, 10), yticks=(0, 5, 10, 15))
             axes.xaxis.label.set_visible(plant >= "P5")
             axes.yaxis.label.set_visible(plant in ("P1", "P5"))
         legend_above(figure, panels[0])
@@ -116,8 +117,8 @@ def figure_8_1() -> Shown:
         number="8.1",
         title="Estimate over the gap, for the whole batch",
         section="8.1",
-        sentence="Where PV shows the shape of backlash the estimate follows the gap, and for the other processes there "
-        "is none, however wide the gap.",
+        sentence="Where PV shows the shape of backlash the estimate follows the gap, and for the other processes "
+        "hardly a run has one, however wide the gap.",
         numbers=(
             *(
                 Number(f"{plant}, {name}: estimate at a gap of 4 %", "%", thesis, usual(plant, name, 4.0))

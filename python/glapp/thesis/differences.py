@@ -32,7 +32,7 @@ class Difference(NamedTuple):
 
 
 DIFFERENCES = (
-    Difference("4.1", "T of P2 is the 4.35 s after which its step response has reached 63 %", "4.1", "T"),
+    Difference("4.1", "T is the time of 63 % of the step response, 4.35 s for P2", "4.1", "T"),
     Difference("7.2.1", "the Kp part never exceeds 10 % of the rest", "7.4", "highest of all"),
     Difference(
         "7.2.3", "no value of Kp makes the estimate of a 5 % gap too high", "7.5", "P3: highest of all seeds and gains"

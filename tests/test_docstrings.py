@@ -1,4 +1,4 @@
-"""What a user meets has a docstring with the sections that it needs; that its examples run is the doctests' business."""
+"""What a user meets has a docstring with the sections that it needs; that its examples run, doctests hold."""
 
 import inspect
 import re

@@ -425,17 +425,17 @@ class TestRules:
 
     def test_lambda_pid_on_pade(self) -> None:
         """With (1 − sL/2)/(1 + sL/2) for the dead time it is made to give (1 − sL/2)/(1 + λs), exactly."""
-        kp, t, l, lam = 2.0, 5.0, 1.0, 3.0
-        k, ti, td, _ = lambda_tuning(Fotd(kp, t, l), "PID", lam=lam).controller
+        kp, t, late, lam = 2.0, 5.0, 1.0, 3.0
+        k, ti, td, _ = lambda_tuning(Fotd(kp, t, late), "PID", lam=lam).controller
         s = 1j * np.geomspace(1e-3, 1e3, 40)
-        loop = kp / (1 + t * s) * (1 - s * l / 2) / (1 + s * l / 2) * k * (1 + 1 / (ti * s) + td * s)
-        np.testing.assert_allclose(loop / (1 + loop), (1 - s * l / 2) / (1 + lam * s), rtol=1e-9)
+        loop = kp / (1 + t * s) * (1 - s * late / 2) / (1 + s * late / 2) * k * (1 + 1 / (ti * s) + td * s)
+        np.testing.assert_allclose(loop / (1 + loop), (1 - s * late / 2) / (1 + lam * s), rtol=1e-9)
 
     def test_lambda_on_an_integrator(self) -> None:
         """With 1 − sL for the dead time both poles of the closed loop are at −1/λ."""
-        kv, l, lam = 0.3, 1.0, 4.0
-        k, ti, *_ = lambda_tuning(Integrating(kv, l), lam=lam).controller
-        closed = np.polyadd([ti, 0, 0], k * kv * np.polymul([-l, 1], [ti, 1]))
+        kv, late, lam = 0.3, 1.0, 4.0
+        k, ti, *_ = lambda_tuning(Integrating(kv, late), lam=lam).controller
+        closed = np.polyadd([ti, 0, 0], k * kv * np.polymul([-late, 1], [ti, 1]))
         np.testing.assert_allclose(closed / closed[-1], [lam**2, 2 * lam, 1], rtol=1e-9)
 
     @pytest.mark.parametrize(

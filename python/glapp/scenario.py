@@ -461,7 +461,7 @@ class Scenario(Checked):
 
 
 def read_scenario(path: str | Path) -> Scenario:
-    """The scenario in a TOML file.
+    r"""The scenario in a TOML file.
 
     Parameters
     ----------
@@ -476,9 +476,10 @@ def read_scenario(path: str | Path) -> Scenario:
     Examples
     --------
     >>> import tempfile
-    >>> path = Path(tempfile.mkdtemp(), "loop.toml")
-    >>> _ = path.write_text('plant = "P3"\\ncontroller = { k = 0.48, ti = 0.3117 }\\nd = 0.05\\n')
-    >>> read_scenario(path).d
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder, "loop.toml")
+    ...     _ = path.write_text('plant = "P3"\ncontroller = { k = 0.48, ti = 0.3117 }\nd = 0.05\n')
+    ...     read_scenario(path).d
     0.05
     """
     path = Path(path)

@@ -24,7 +24,7 @@ __all__ = ["open_each", "open_recordings", "recording_from"]
 def open_recordings(
     path: str | Path, loops: Sequence[Loop] | None = None, defaults: Mapping[str, Any] | None = None
 ) -> list[Recording]:
-    """Open a CSV, Parquet, Arrow IPC or Feather file and say which loops it holds; nothing is read but its beginning.
+    r"""Open a CSV, Parquet, Arrow IPC or Feather file and say which loops it holds; nothing is read but its beginning.
 
     A *wide* file has a column per signal, of one loop (t, SP, PV, OP) or of several (FIC101.SP, FIC101.PV ...).
     A *long* file has a row per tag and time: `glapp.reading.long` says how its tags are joined.
@@ -51,11 +51,11 @@ def open_recordings(
     Examples
     --------
     >>> import tempfile
-    >>> path = Path(tempfile.mkdtemp(), "FIC101.csv")
-    >>> _ = path.write_text("t,SP,PV,OP\\n0,1,0.9,50\\n1,1,1.1,51\\n")
-    >>> [recording] = open_recordings(path)
-    >>> recording.name
-    'FIC101'
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder, "FIC101.csv")
+    ...     _ = path.write_text("t,SP,PV,OP\n0,1,0.9,50\n1,1,1.1,51\n")
+    ...     [recording.name for recording in open_recordings(path)]
+    ['FIC101']
     """
     return all_or_none(open_each(path, loops, defaults))
 

@@ -13,10 +13,12 @@ import pytest
 from glapp import _glapp
 from glapp.blocks import (
     Backlash,
+    Compensation,
     Derivative,
     HalfPeriod,
     MedianMean,
     Noise,
+    OverCompensation,
     Pid,
     RateLimit,
     SafetyNet,
@@ -88,6 +90,34 @@ def saturation(params: dict[str, float]) -> Callable[..., float]:
 
 def given(x: float) -> float | None:
     return None if math.isnan(x) else x
+
+
+def compensation(params: dict[str, float]) -> Callable[..., tuple[float, float, int]]:
+    names = ("k", "size", "share", "band", "tf", "rate", "release", "travel", "reversals")
+    block = Compensation(
+        ("error", "derivative", "inverse")[int(params["way"]) - 1],
+        **{name: params[name] for name in names},
+        limit=params["size"],
+        withdraw=params["withdraw"] == 1,
+        limits=(params["low"], params["high"]) if "low" in params else None,
+    )
+    standings = _glapp.standings()
+
+    def update(e: float, u: float, d_hat: float, over: float, enable: float, flags: float, h: float) -> Any:
+        known = None if math.isnan(d_hat) else d_hat
+        u_ff = block.update(e, u, h, enable=bool(enable), d_hat=known, over=bool(over), flags=int(flags))
+        return u_ff, block.size / 2, standings.index(block.standing)
+
+    return update
+
+
+def over_compensation(params: dict[str, float]) -> Callable[..., list[int]]:
+    block = OverCompensation(params["k"], params["ti"])
+
+    def update(delta_t: float, delta_y: float, delta_sp: float, flags: float, size: float, h: float) -> list[int]:
+        return [int(warned) for warned in block.update(delta_t, delta_y, h, size, delta_sp, int(flags))]
+
+    return update
 
 
 def filter_(params: dict[str, float]) -> Callable[..., float]:
@@ -169,12 +199,14 @@ EXACT = {"tuning"}
 
 MAKERS = {
     "backlash": backlash,
+    "compensation": compensation,
     "derivative": derivative,
     "detector": detector,
     "filter": filter_,
     "half_period": half_period,
     "median_mean": median_mean,
     "noise": noise,
+    "over_compensation": over_compensation,
     "pid": pid,
     "rate_limit": rate_limit,
     "safety_net": safety_net,

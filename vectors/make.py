@@ -185,6 +185,197 @@ def rate_limit_cases() -> Iterator[dict[str, Any]]:
     yield case("not a number at the start", ["NotANumber", "Start"], {"rate": 0.5}, [NAN, NAN, 1.0, 2.0], h=1.0)
 
 
+def compensation(params: Params, h: Sequence[float], samples: Sequence[Sequence[float]]) -> list[list[float]]:
+    """Carry the valve through its gap (2.2): half the width, to the side that the signals say, with limits on all."""
+    way, share, size, release = int(params["way"]), params["share"], params["size"], params["release"]
+    band = params["band"] if way == 3 else 0.0
+    low, high = params.get("low", -math.inf), params.get("high", math.inf)
+    smooth = _smoother(params["tf"])
+    lowest = highest = half = u_ff = travel = reversals = 0.0
+    direction = side = standing = withdrawn = 0
+    standing = 1
+    least: float | None = None
+    outputs = []
+    for step, (e, u, d_hat, over, enable, flags) in zip(h, samples, strict=True):
+        bad = int(flags) & 2 != 0 or not (math.isfinite(e) and math.isfinite(u))
+        if step > 0.0:
+            travel = max(travel - params["travel"] * (step / 7200.0), 0.0)
+            reversals = max(reversals - params["reversals"] * (step / 7200.0), 0.0)
+        if step > 0.0 and not bad and way == 1:
+            direction = (e > 0.0) - (e < 0.0) if e != 0.0 and params["k"] > 0.0 else direction
+            direction = (e < 0.0) - (e > 0.0) if e != 0.0 and params["k"] < 0.0 else direction
+        elif step > 0.0 and not bad:
+            u_f, first = smooth(u, step)
+            lowest, highest = (u_f, u_f) if first else (min(lowest, u_f), max(highest, u_f))
+            turned = 0
+            if direction <= 0 and u_f - lowest > band:
+                turned = 1
+            elif direction >= 0 and highest - u_f > band:
+                turned = -1
+            if turned:
+                direction, lowest, highest = turned, u_f, u_f
+        if not enable:
+            least, withdrawn = None, 0
+        else:
+            if math.isfinite(d_hat):
+                least = d_hat if least is None else min(least, d_hat)
+            if over and params["withdraw"] and not withdrawn:
+                withdrawn = 4
+        wide = size if least is None else min(size, least)
+        goal = max(share * wide - band, 0.0) / 2.0
+        before = standing
+        causes = [
+            (not enable, 1),
+            (int(flags) & 1 != 0, 2),
+            (bad, 3),
+            (withdrawn != 0, withdrawn),
+            (least is not None and not math.isfinite(d_hat), 7),
+            (int(flags) & 12 != 0 or u - goal < low or u + goal > high, 8),
+            (goal == 0.0, 9),
+            (direction == 0, 10),
+        ]
+        standing = next((number for holds, number in causes if holds), 0)
+        if standing == 0 and (before != 0 or side != direction):
+            moves = 1.0 if side == -direction else 0.0
+            if (reversals + moves) * 2.0 > params["reversals"]:
+                standing = withdrawn = 5
+            elif (travel + (abs(u_ff) + 2.0 * goal)) * 2.0 > params["travel"]:
+                standing = withdrawn = 6
+            else:
+                reversals = reversals + moves
+                side = direction
+        if standing == 2:
+            half, u_ff, side = 0.0, 0.0, 0
+        elif step > 0.0:
+            half = _towards(goal if standing == 0 else 0.0, half, share * size / (release + release) * step)
+            old, u_ff = u_ff, _towards(-half if side < 0 else half, u_ff, params["rate"] * step)
+            travel = travel + abs(u_ff - old)
+            if standing != 0 and u_ff == 0.0:
+                side = 0
+        outputs.append([u_ff, half, standing])
+    return outputs
+
+
+def _towards(wish: float, now: float, most: float) -> float:
+    """Go there, by at most so much."""
+    return max(min(wish, now + most), now - most)
+
+
+def _smoother(tf: float) -> Callable[[float, float], tuple[float, bool]]:
+    """Filter of second order (2.1), and whether it begins."""
+    sections: list[float] = []
+
+    def smooth(x: float, step: float) -> tuple[float, bool]:
+        first = not sections
+        if first:
+            sections.extend((x, x))
+        else:
+            share = step / (tf + step)
+            for i in (0, 1):
+                sections[i] = sections[i] + (x - sections[i]) * share
+                x = sections[i]
+        return sections[1], first
+
+    return smooth
+
+
+def compensation_cases() -> Iterator[dict[str, Any]]:
+    """Each way in noise; rates, bands, budgets; every cause to stop, and back."""
+    free = {"k": 0.8, "size": 0.4, "share": 1.0, "band": 0.1, "tf": 0.0, "rate": 50.0, "release": 0.5}
+    free |= {"travel": 1e6, "reversals": 1e6, "withdraw": 1}
+    es, us = list(_walk(31, 80)), list(_walk(32, 80))
+    on = [[e, u, NAN, 0, 1, 0] for e, u in zip(es, us, strict=True)]
+    for way in (1, 2, 3):
+        yield case("enabled from the first sample", ["Start"], free | {"way": way}, on, h=0.1)
+        yield case("K below 0", ["Sign"], free | {"way": way, "k": -0.8}, on[:40], h=0.1)
+        mirrored = [[-e, -u, *rest] for e, u, *rest in on[:40]]
+        yield case("all mirrored", ["Sign"], free | {"way": way}, mirrored, h=0.1)
+        slow = {"way": way, "rate": 0.3, "tf": 0.2, "share": 0.7}
+        yield case("a share, slowly, filtered", ["Rate"], free | slow, on, h=list(_walk(33, 80, 0.01, 0.3)))
+    inverse, error = free | {"way": 3}, free | {"way": 1}
+    yield case("no wider than the band", ["Band"], inverse | {"size": 0.1}, on[:20], h=0.1)
+    edge = [[0.0, u, NAN, 0, 1, 0] for u in (0.0, 0.25, 0.5, 0.25, 0.0, 0.125, 0.25, 0.375)]
+    yield case("back by exactly the band", ["Band", "Edge"], inverse | {"band": 0.25, "size": 1.0}, edge, h=0.1)
+
+    def changed(column: int, values: dict[int, float], rows: list[list[float]] = on[:40]) -> list[list[float]]:
+        return [[values.get(i, x) if j == column else x for j, x in enumerate(row)] for i, row in enumerate(rows)]
+
+    stretch = range(12, 24)
+    for comment, column, value in (
+        ("disabled and enabled", 4, 0.0),
+        ("manual", 5, 1.0),
+        ("a bad value", 5, 2.0),
+        ("at the lower limit", 5, 4.0),
+        ("at the upper limit", 5, 8.0),
+        ("error not a number", 0, NAN),
+        ("output not a number", 1, NAN),
+    ):
+        for params in (error, inverse):
+            yield case(
+                f"{comment} for a while", ["Loss"], params, changed(column, dict.fromkeys(stretch, value)), h=0.1
+            )
+    yield case("no room to the limits", ["Loss", "Edge"], error | {"low": -0.3, "high": 0.2}, on[:40], h=0.1)
+    estimate = {i: (0.5, 0.3, 0.2, 0.35)[i // 6] for i in range(6, 24)} | {30: 0.6, 31: -0.2}
+    yield case("an estimate smaller, lost, back, below 0", ["Estimate"], error, changed(2, estimate), h=0.1)
+    over = changed(3, {15: 1.0})
+    yield case("over-compensated: withdrawn", ["Withdrawn"], error, over, h=0.1)
+    yield case("over-compensated: only a warning", ["Withdrawn"], error | {"withdraw": 0}, over, h=0.1)
+    again = changed(5, {20: 1.0, 21: 2.0}, changed(4, {30: 0.0}, over))
+    yield case("withdrawn through manual, enabled anew", ["Withdrawn"], error, again, h=0.1)
+    noise = [[(-1.0) ** i, 0.3 * (-1.0) ** i, NAN, 0, 1, 0] for i in range(40)]
+    yield case("more reversals than the budget", ["Budget"], error | {"reversals": 20.0}, noise, h=0.1)
+    yield case("more travel than the budget", ["Budget"], error | {"travel": 10.0}, noise, h=0.1)
+    yield case("a budget that fills up again", ["Budget"], error | {"reversals": 20.0}, noise, h=400.0)
+    yield case("a budget that allows nothing", ["Budget"], error | {"travel": 0.1}, noise[:5], h=0.1)
+    still = [0.0 if i in (4, 5, 13) else -0.1 if i == 8 else 0.1 for i in range(20)]
+    yield case("time that stands still or turns back", ["ZeroStep"], error, changed(4, {5: 0.0}, on[:20]), h=still)
+
+
+def over_compensation(params: Params, h: Sequence[float], halves: Sequence[Sequence[float]]) -> list[list[int]]:
+    """Warn of even half-periods (code block 7.1), and of a relay: alike, with hardly any travel of OP's own."""
+    kept: list[tuple[float, float]] = []
+    outputs = []
+    for step, (delta_t, delta_y, delta_sp, flags, size) in zip(h, halves, strict=True):
+        if flags or not delta_y > 0.0 or delta_sp >= delta_y or not size > 0.0:
+            kept = []
+        else:
+            kept = [*kept[-7:], (delta_t, abs(params["k"]) / params["ti"] * delta_y * delta_t)]
+        times = [duration for duration, _ in kept]
+        even = len(kept) >= 4 and max(times[-4:]) - min(times[-4:]) < step + step
+        alike = len(kept) == 8 and max(times) <= min(times) + min(times)
+        outputs.append([int(even), int(alike and sum(5.0 * travel <= size for _, travel in kept) > 4)])
+    return outputs
+
+
+def over_compensation_cases() -> Iterator[dict[str, Any]]:
+    """Relays, gaps, noise, and what breaks the row."""
+    params = {"k": 0.5, "ti": 10.0}
+    relay, gap = [6.0, 0.4, 0.0, 0, 2.0], [30.0, 1.0, 0.0, 0, 2.0]
+    jitter = [[6.0 + x, 0.4 - 0.1 * x, 0.0, 0, 2.0] for x in _walk(34, 30)]
+    yield case("a relay", [], params, [relay] * 10, h=0.1)
+    yield case("a gap", ["Gap"], params, [gap] * 10, h=0.1)
+    yield case("K below 0", ["Sign"], params | {"k": -0.5}, [relay] * 10, h=0.1)
+    yield case("a relay in noise", [], params, jitter, h=0.1)
+    yield case("a gap, then a relay", ["Window"], params, [gap] * 9 + [relay] * 12, h=0.1)
+    yield case(
+        "half-periods of all lengths",
+        ["Uneven"],
+        params,
+        [[abs(x) * 9 + 0.1, 0.1, 0, 0, 2] for x in _walk(35, 30)],
+        h=0.1,
+    )
+    lengths = [6.0, 3.0, 6.0, 6.0, 6.0, 6.0, 6.0, 6.0, 6.0, 6.125, 6.125, 6.125]
+    yield case("twice as long, to the bit", ["Edge"], params, [[t, 0.5, 0.0, 0, 2.0] for t in lengths], h=0.0625)
+    yield case("a fifth, to the bit", ["Edge"], {"k": 1.0, "ti": 8.0}, [[4.0, 0.5, 0.0, 0, 1.25]] * 9, h=0.0625)
+    for comment, other in (
+        ("a flag", [6.0, 0.4, 0.0, 8, 2.0]),
+        ("a setpoint that moves", [6.0, 0.4, 0.4, 0, 2.0]),
+        ("no error at all", [6.0, 0.0, 0.0, 0, 2.0]),
+        ("nothing compensated", [6.0, 0.4, 0.0, 0, 0.0]),
+    ):
+        yield case(f"{comment} breaks the row", ["Break"], params, [relay] * 8 + [other] + [relay] * 9, h=0.1)
+
+
 def filter_(params: Params, h: Sequence[float], xs: Sequence[float]) -> list[float]:
     """Two first-order sections by backward differences (2.1); a start without transient, no step back in time."""
     tf = params["tf"]
@@ -807,6 +998,42 @@ BLOCKS: dict[
             "ZeroStep": "a step of 0 or less that moves the output",
             "NotANumber": "a bad sample that poisons the output",
             "Start": "a ramp from 0 to the first sample",
+        },
+    ),
+    "compensation": (
+        compensation,
+        compensation_cases,
+        ["e", "u", "d_hat", "over", "enable", "flags"],
+        ["u_ff", "half", "standing"],
+        "Compensation of a gap (2.2); way 1 error, 2 derivative, 3 inverse; d_hat null: no estimate. Its limit is its "
+        "size. standing: 0 active, 1 not enabled, 2 not auto, 3 bad quality, 4 over-compensated, 5 too many reversals, "
+        "6 too much travel, 7 estimate lost, 8 at limit, 9 too small, 10 no direction.",
+        {
+            "Start": "a jump before the direction is known, or a first reversal that is none",
+            "Sign": "a sign of K not heeded, or heeded where OP carries it",
+            "Rate": "a rate or a share not kept, or a step length taken once and kept",
+            "Band": "a reversal within the noise band, or a size that the band is not taken off",
+            "Edge": "≥ where > is meant",
+            "Loss": "a bump, a way to the other side while it is taken away, or a state that a bad value poisons",
+            "Estimate": "a size that an estimate makes larger, or that survives its loss",
+            "Withdrawn": "a withdrawal that a change of mode forgives",
+            "Budget": "a budget exceeded, or one that never fills up again",
+            "ZeroStep": "a step of 0 or less that moves the output, or that hides a cause",
+        },
+    ),
+    "over_compensation": (
+        over_compensation,
+        over_compensation_cases,
+        ["delta_t", "delta_y", "delta_sp", "flags", "size"],
+        ["even", "relay"],
+        "Warnings of over-compensation after each half-period: even as in code block 7.1, relay ours.",
+        {
+            "Gap": "the even cycle of a gap taken for a relay",
+            "Sign": "a K below 0 that makes every travel small",
+            "Window": "a half-period kept too long or dropped too early",
+            "Uneven": "noise taken for a relay",
+            "Edge": "< where ≤ is meant, or the other way",
+            "Break": "a row that goes on over a break",
         },
     ),
     "filter": (

@@ -39,6 +39,58 @@ class RateLimit:
     def __init__(self, rate: float) -> None: ...
     def update(self, x: float, h: float) -> float: ...
 
+class Compensation:
+    """Feed-forward that carries the valve through its gap (thesis 2.2); without limits: none.
+
+    d_hat is the on-line estimate of the whole gap, where there is one; over: whether over-compensation is warned of;
+    flags 1 not in automatic, 2 bad, 4 at the lower limit, 8 at the upper one.
+    """
+
+    def __init__(
+        self,
+        way: str,
+        *,
+        k: float,
+        size: float,
+        share: float,
+        limit: float,
+        band: float,
+        tf: float,
+        rate: float,
+        release: float,
+        travel: float,
+        reversals: float,
+        withdraw: bool,
+        limits: tuple[float, float] | None = None,
+    ) -> None: ...
+    def update(
+        self,
+        e: float,
+        u: float,
+        h: float,
+        *,
+        enable: bool,
+        d_hat: float | None = None,
+        over: bool = False,
+        flags: int = 0,
+    ) -> float: ...
+    @property
+    def standing(self) -> str: ...
+    @property
+    def size(self) -> float: ...
+    @property
+    def spent(self) -> tuple[float, float]: ...
+
+def standings() -> list[str]: ...
+
+class OverCompensation:
+    """Warnings of over-compensation after a half-period: (even, as in code block 7.1; relay)."""
+
+    def __init__(self, k: float, ti: float) -> None: ...
+    def update(
+        self, delta_t: float, delta_y: float, h: float, size: float, delta_sp: float = 0.0, flags: int = 0
+    ) -> tuple[bool, bool]: ...
+
 class SecondOrderFilter:
     """Second-order low-pass filter of time constant tf ≥ 0 [s] (thesis 2.1); begins at the first value."""
 

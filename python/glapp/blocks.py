@@ -15,9 +15,11 @@ Examples
 
 from ._glapp import (
     Backlash,
+    Compensation,
     Derivative,
     MedianMean,
     Noise,
+    OverCompensation,
     Pid,
     RateLimit,
     SafetyNet,
@@ -30,10 +32,12 @@ from ._glapp import HalfPeriodBlock as HalfPeriod
 
 __all__ = [
     "Backlash",
+    "Compensation",
     "Derivative",
     "HalfPeriod",
     "MedianMean",
     "Noise",
+    "OverCompensation",
     "Pid",
     "RateLimit",
     "SafetyNet",

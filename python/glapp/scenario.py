@@ -25,6 +25,7 @@ from .plant import PLANTS, Plant
 
 __all__ = [
     "Coloured",
+    "Compensation",
     "File",
     "Friction",
     "Gaussian",
@@ -200,6 +201,8 @@ Piece = Annotated[
 ]
 """Part of a signal; a signal is the sum of its pieces, each random one with a stream of its own."""
 
+_NO_BUDGET = 1e12
+
 _PIECES = (Steps, Ramp, Sine, Walk, Uniform, Gaussian, Coloured, Samples, File)
 
 
@@ -289,6 +292,52 @@ class Manual(Checked):
     op: float | None = None
 
 
+class Compensation(Checked):
+    """Compensation of the gap, added to the output before its limits (thesis 2.2, 7.4); `docs/compensation.md`.
+
+    Parameters
+    ----------
+    way : {"error", "derivative", "inverse"}
+        By the sign of the filtered error, of the output's derivative, or by reversals of the output that exceed a noise
+        band. There is no default: who compensates says how.
+    size : float
+        Width of the gap as far as it is trusted [unit of op], ≥ 0.
+    share : float
+        Share of it to compensate, 0..1.
+    band : float, optional
+        "inverse": how far the output must go back before that is a reversal [unit of op], ≥ 0; a tenth of the size
+        where not given.
+    tf : float
+        Time constant of a filter of the output, before its direction is found [s], ≥ 0.
+    rate : float, optional
+        Greatest rate [unit of op per s], > 0. Where not given: "inverse" goes from side to side in Ti/10, the others
+        jump.
+    release : float, optional
+        Time in which it is brought in and taken away [s], > 0; Ti where not given.
+    travel, reversals : float
+        Budgets in any hour [unit of op; 1]; what is not given has none.
+    withdraw : bool
+        Whether it is withdrawn when over-compensation is found.
+    begin : float
+        When it is enabled [s].
+    k : float, optional
+        Gain whose sign it uses; the controller's where not given.
+    """
+
+    way: Literal["error", "derivative", "inverse"]
+    size: NotNegative
+    share: Annotated[float, Field(ge=0, le=1)] = 1.0
+    band: NotNegative | None = None
+    tf: NotNegative = 0.0
+    rate: Positive | None = None
+    release: Positive | None = None
+    travel: Positive | None = None
+    reversals: Annotated[float, Field(ge=2)] | None = None
+    withdraw: bool = True
+    begin: float = 0.0
+    k: float | None = None
+
+
 class Outer(Checked):
     """The outer loop of a cascade (thesis 8.3); its output is the setpoint of the scenario's own loop.
 
@@ -346,6 +395,11 @@ class Scenario(Checked):
         input, after the valve.
     manual : list of Manual, (begin, end) or (begin, end, op)
         Stretches in manual; back to auto without a bump.
+    bad : list of (begin, end)
+        Stretches [s] in which no process value arrives: the controller repeats its output, the recording the last
+        value, with a flag.
+    compensation : Compensation, optional
+        Compensation of the gap, with the warning of over-compensation beside it.
     outer : Outer, optional
         Outer loop of a cascade; the setpoint is then the outer one.
     jitter : float
@@ -399,6 +453,8 @@ class Scenario(Checked):
     setpoint: Signal = ()
     load: Signal = ()
     manual: tuple[Annotated[Manual, BeforeValidator(_manual)], ...] = ()
+    bad: tuple[tuple[float, float], ...] = ()
+    compensation: Compensation | None = None
     outer: Outer | None = None
     jitter: NotNegative = 0.0
     lost: Annotated[float, Field(ge=0, lt=1)] = 0.0
@@ -417,6 +473,26 @@ class Scenario(Checked):
     def process_gain(self) -> float | None:
         """Static gain Kp of the plant; None for an integrating one."""
         return self.plant.gain
+
+    def _compensation(self, given: Compensation) -> dict[str, Any]:
+        ideal, delta = self.ideal(), given.share * given.size
+        fast = 10 * delta / ideal.ti if given.way == "inverse" else delta / self.h
+        settings = {
+            "way": given.way,
+            "k": ideal.k if given.k is None else given.k,
+            "size": given.size,
+            "share": given.share,
+            "limit": given.size,
+            "band": given.size / 10 if given.band is None else given.band,
+            "tf": given.tf,
+            "rate": given.rate or fast or 1.0,
+            "release": given.release or ideal.ti,
+            "travel": given.travel or _NO_BUDGET,
+            "reversals": given.reversals or _NO_BUDGET,
+            "withdraw": given.withdraw,
+            "limits": self.limits,
+        }
+        return {"settings": settings, "from": given.begin}
 
     @classmethod
     def from_toml(cls, text: str) -> Self:
@@ -451,6 +527,8 @@ class Scenario(Checked):
             "setpoint": _pieces(self.setpoint),
             "load": _pieces(self.load),
             "manual": [(stretch.begin, stretch.end, stretch.op) for stretch in self.manual],
+            "bad": list(self.bad),
+            "compensation": None if self.compensation is None else self._compensation(self.compensation),
             "outer": None if outer is None else _outer(outer),
             "jitter": self.jitter,
             "lost": self.lost,

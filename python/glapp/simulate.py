@@ -3,11 +3,11 @@
 A loop is a plant (transfer function with exact dead time), a PI or PID controller, a gap of total width d between the
 controller and the valve, measurement noise, and what acts on it from outside::
 
-                           op                     position      load
-                            │                        │           │ +
-      sp ──→ PID ──→ limits ┴→ rate ──→ gap ──→ friction ──→ ○ ──→ plant ──┬──→
-              ↑                                                            ○ ←── noise
-              └──────────────── filter ←───────────────────────────────────┴ pv
+              compensation         op                     position      load
+                    │ +             │                        │           │ +
+      sp ──→ PID ──→ ○ ──→ limits ──┴→ rate ──→ gap ──→ friction ──→ ○ ──→ plant ──┬──→
+              ↑                                                                    ○ ←── noise
+              └──────────────────── filter ←───────────────────────────────────────┴ pv
 
 The plant is sampled exactly (zero-order hold), the blocks are the same as everywhere in glapp, and the same scenario
 gives the same bits, alone or among a thousand. `docs/simulator.md` has every element with its equation and source.
@@ -33,6 +33,7 @@ from .errors import InputError
 from .quality import GAP_STEPS
 from .scenario import (
     Coloured,
+    Compensation,
     File,
     Friction,
     Gaussian,
@@ -51,6 +52,7 @@ from .scenario import (
 
 __all__ = [
     "Coloured",
+    "Compensation",
     "File",
     "Friction",
     "Gaussian",
@@ -76,8 +78,11 @@ Signal = Piece | Sequence[Piece] | Sequence[tuple[float, float]] | npt.NDArray[n
 """A piece or several, whose sum it is; (time [s], value from then on) in ascending order, 0 before the first; or an
 array with one value a sample."""
 
-NOT_AUTO, AT_LOW, AT_HIGH = 1, 4, 8
-"""Bits of `Simulation.flags`: in manual, output at its lower limit, at its upper limit."""
+NOT_AUTO, BAD, AT_LOW, AT_HIGH = 1, 2, 4, 8
+"""Bits of `Simulation.flags`: in manual, no process value, output at its lower limit, at its upper limit."""
+
+STANDINGS = tuple(_glapp.standings())
+"""What the numbers in `Simulation.standing` mean."""
 
 DETECTIONS = 9
 """Detections that the estimate of `run_many` stands on, as everywhere where nothing else is said."""
@@ -99,9 +104,11 @@ class Simulation:
     load : float64[n]
         Load at the process input [unit of op].
     flags : uint8[n]
-        Bits `NOT_AUTO`, `AT_LOW`, `AT_HIGH`.
+        Bits `NOT_AUTO`, `BAD`, `AT_LOW`, `AT_HIGH`.
     outer_sp, outer_pv : float64[n] or None
         Setpoint and process value of the outer loop of a cascade, whose output is `sp`.
+    u_ff, standing : float64[n] or None
+        What the compensation added to op, and how it stood: an index of `STANDINGS`.
     """
 
     t: npt.NDArray[np.float64]
@@ -113,9 +120,11 @@ class Simulation:
     flags: npt.NDArray[np.uint8]
     outer_sp: npt.NDArray[np.float64] | None = None
     outer_pv: npt.NDArray[np.float64] | None = None
+    u_ff: npt.NDArray[np.float64] | None = None
+    standing: npt.NDArray[np.float64] | None = None
 
     def to_arrow(self) -> pa.Table:
-        """Columns t, SP, PV, OP, MODE, OP_LOW, OP_HIGH, POSITION, LOAD; in a cascade OUTER_SP and OUTER_PV too."""
+        """Columns t, SP, PV, OP, MODE, OP_LOW, OP_HIGH, POSITION, LOAD; OUTER_SP, OUTER_PV, U_FF where there are."""
         mode = pa.DictionaryArray.from_arrays(self.flags & NOT_AUTO, pa.array(["AUTO", "MAN"]))
         columns = {
             "t": self.t,
@@ -130,6 +139,8 @@ class Simulation:
         }
         if self.outer_sp is not None and self.outer_pv is not None:
             columns |= {"OUTER_SP": self.outer_sp, "OUTER_PV": self.outer_pv}
+        if self.u_ff is not None:
+            columns["U_FF"] = self.u_ff
         return pa.table(columns)
 
     def write_csv(self, path: str | Path) -> None:
@@ -163,7 +174,7 @@ def run(scenario: Scenario) -> Simulation:
     >>> f"{jumps[s.t[1:] > 300].max():.3f}"
     '0.104'
     """
-    (simulation,) = _simulations([_checked(scenario)], [scenario.outer is not None])
+    (simulation,) = _simulations([_checked(scenario)], [scenario])
     if isinstance(simulation, str):
         raise InputError(simulation)
     return simulation
@@ -222,8 +233,8 @@ def run_many(
         simulations: dict[int, Simulation] = {}
 
         def simulate(jobs: list[int]) -> None:
-            cascade = [given[i].outer is not None for i in jobs]
-            for i, simulation in zip(jobs, _simulations([checked[i] for i in jobs], cascade), strict=True):
+            some = [given[i] for i in jobs]
+            for i, simulation in zip(jobs, _simulations([checked[i] for i in jobs], some), strict=True):
                 if isinstance(simulation, str):
                     raise InputError(simulation, parameter=f"scenario {i}")
                 simulations[i] = simulation
@@ -363,12 +374,16 @@ def _checked(scenario: Scenario, watch: bool = False) -> _glapp.Scenario:
         raise InputError(str(error)) from None
 
 
-_COLUMNS = ("t", "sp", "pv", "op", "position", "load", "outer_sp", "outer_pv")
+def _columns(scenario: Scenario) -> tuple[str, ...]:
+    """Signals that a scenario has, in the order in which they are recorded."""
+    outer = ("outer_sp", "outer_pv") if scenario.outer is not None else ()
+    compensated = ("u_ff", "standing") if scenario.compensation is not None else ()
+    return ("t", "sp", "pv", "op", "position", "load", *outer, *compensated)
 
 
-def _simulations(checked: Sequence[_glapp.Scenario], cascade: Sequence[bool]) -> list[Simulation | str]:
+def _simulations(checked: Sequence[_glapp.Scenario], scenarios: Sequence[Scenario]) -> list[Simulation | str]:
     """The signals of each, or why it could not be believed."""
-    names = [_COLUMNS if both else _COLUMNS[:-2] for both in cascade]
+    names = [_columns(scenario) for scenario in scenarios]
     # One piece of NumPy memory comes in large pages; fetching small ones would take longer than the run.
     signals = [np.empty((len(rows), one.samples)) for rows, one in zip(names, checked, strict=True)]
     flags = [np.empty(one.samples, dtype=np.uint8) for one in checked]

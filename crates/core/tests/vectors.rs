@@ -1,9 +1,11 @@
 //! The golden cases of `vectors/`, which were computed without this crate: every output must agree to the last bit.
 
 use glapp_core::{
-    Backlash, BacklashState, Derivative, Detector, DetectorState, HalfPeriod, HalfPeriodState, MedianMean,
-    MedianMeanState, Noise, NoiseState, Pid, PidState, RateLimit, RateLimitState, Real, Reason, Record, SafetyNet,
-    Sample, Saturation, SecondOrderFilter, SecondOrderFilterState, Width, WidthParts, ZeroCrossing,
+    Backlash, BacklashState, Compensation, CompensationSample, CompensationSettings, CompensationState, Derivative,
+    Detector, DetectorState, HalfPeriod, HalfPeriodState, MedianMean, MedianMeanState, Noise, NoiseState,
+    OverCompensation, OverCompensationState, OverWarning, Pid, PidState, RateLimit, RateLimitState, Real, Reason,
+    Record, SafetyNet, Sample, Saturation, SecondOrderFilter, SecondOrderFilterState, Way, Width, WidthParts,
+    ZeroCrossing,
 };
 use serde_json::Value;
 use std::path::Path;
@@ -153,6 +155,64 @@ fn zero_crossing() {
         case.check_all(|x, _| {
             let crossed = state.update(x[0]);
             Some(vec![f64::from(u8::from(crossed)), f64::from(state.sign)])
+        });
+    }
+}
+
+fn compensate<R: Real>(case: &Case) -> impl FnMut(&[f64], f64) -> Option<Vec<f64>> {
+    let number = |name| R::of(case.given(name));
+    let block = Compensation::new(CompensationSettings {
+        way: Way::ALL[case.given("way") as usize - 1],
+        k: number("k"),
+        size: number("size"),
+        share: number("share"),
+        limit: number("size"),
+        band: number("band"),
+        tf: number("tf"),
+        rate: number("rate"),
+        release: number("release"),
+        travel: number("travel"),
+        reversals: number("reversals"),
+        withdraw: case.given("withdraw") != 0.0,
+        limits: match (case.param("low"), case.param("high")) {
+            (Some(low), Some(high)) => Saturation::new(R::of(low), R::of(high)).unwrap(),
+            _ => Saturation::none(),
+        },
+    })
+    .unwrap();
+    let mut state = CompensationState::default();
+    move |x, h| {
+        let sample = CompensationSample {
+            e: R::of(x[0]),
+            u: R::of(x[1]),
+            h: R::of(h),
+            d_hat: given(x[2]).map(R::of),
+            over: x[3] != 0.0,
+            enable: x[4] != 0.0,
+            flags: x[5] as u8,
+        };
+        let u_ff = block.update(&mut state, &sample);
+        Some(vec![u_ff.as_f64(), state.half.as_f64(), f64::from(state.standing as u8)])
+    }
+}
+
+#[test]
+fn compensation() {
+    for case in cases("compensation") {
+        case.check_all(compensate::<f64>(&case));
+    }
+}
+
+#[test]
+fn over_compensation() {
+    for case in cases("over_compensation") {
+        let block = OverCompensation::new(case.given("k"), case.given("ti")).unwrap();
+        let mut state = OverCompensationState::default();
+        case.check_all(|x, h| {
+            let half =
+                HalfPeriod { delta_t: x[0], delta_y: x[1], delta_sp: x[2], flags: x[3] as u8, ..HalfPeriod::default() };
+            let OverWarning { even, relay } = block.update(&mut state, &half, h, x[4]);
+            Some(vec![f64::from(u8::from(even)), f64::from(u8::from(relay))])
         });
     }
 }

@@ -4,6 +4,7 @@ mod backlash;
 mod blocks;
 mod census;
 mod columns;
+mod compensation;
 mod detector;
 mod fit;
 mod noise;
@@ -24,6 +25,8 @@ mod _glapp {
     use crate::blocks::{Derivative, HalfPeriodBlock, MedianMean, SafetyNet, SecondOrderFilter, Width, ZeroCrossing};
     #[pymodule_export]
     use crate::census::PyCensus;
+    #[pymodule_export]
+    use crate::compensation::{Compensation, OverCompensation, standings};
     #[pymodule_export]
     use crate::detector::{PyDetector, PyHalfPeriod, reasons};
     #[pymodule_export]

@@ -2,13 +2,14 @@
 
 use glapp_core::Detector;
 use glapp_sim::{
-    BATCH, Block, Controller, Friction, Instructions, Manual, Model, Outer, Piece, Plant, Scenario, Signal, SimError,
-    watch_together,
+    BATCH, Block, Compensated, Controller, Friction, Instructions, Manual, Model, Outer, Piece, Plant, Scenario,
+    Signal, SimError, watch_together,
 };
 use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1, PyReadwriteArray1, PyReadwriteArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
+use crate::compensation::PySettings;
 use crate::detector::{Settings, detector};
 
 /// A piece of a signal as Python has it: a dict of its kind and its numbers.
@@ -78,6 +79,8 @@ pub struct PyScenario<'py> {
     setpoint: Vec<PyPiece<'py>>,
     load: Vec<PyPiece<'py>>,
     manual: Vec<(f64, f64, Option<f64>)>,
+    bad: Vec<(f64, f64)>,
+    compensation: Option<PyCompensated>,
     outer: Option<PyOuter<'py>>,
     jitter: f64,
     lost: f64,
@@ -88,6 +91,14 @@ pub struct PyScenario<'py> {
 
 /// (k, ti, td, b, tf, limits).
 type PyController = (f64, f64, f64, f64, f64, Option<(f64, f64)>);
+
+/// Compensation as Python has it.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+struct PyCompensated {
+    settings: PySettings,
+    from: f64,
+}
 
 /// The outer loop of a cascade as Python has it.
 #[derive(FromPyObject)]
@@ -112,10 +123,14 @@ fn signal(pieces: Vec<PyPiece<'_>>) -> Signal {
     pieces.into_iter().map(Piece::from).collect()
 }
 
-impl TryFrom<PyScenario<'_>> for Scenario {
-    type Error = SimError;
+fn compensated(given: PyCompensated) -> PyResult<Compensated> {
+    Ok(Compensated { settings: given.settings.try_into()?, from: given.from })
+}
 
-    fn try_from(s: PyScenario<'_>) -> Result<Self, SimError> {
+impl TryFrom<PyScenario<'_>> for Scenario {
+    type Error = PyErr;
+
+    fn try_from(s: PyScenario<'_>) -> PyResult<Self> {
         let friction = |(model, s, j): (String, f64, f64)| {
             Friction::new(if model == "he" { Model::He } else { Model::Kano }, s, j)
         };
@@ -129,10 +144,10 @@ impl TryFrom<PyScenario<'_>> for Scenario {
             })
         };
         let scenario = Self {
-            plant: plant(s.plant)?,
+            plant: plant(s.plant).map_err(value_error)?,
             controller: controller(s.controller),
             d: s.d,
-            friction: s.friction.map(friction).transpose()?,
+            friction: s.friction.map(friction).transpose().map_err(value_error)?,
             rate: s.rate,
             noise: signal(s.noise),
             pv_resolution: s.pv_resolution,
@@ -140,14 +155,16 @@ impl TryFrom<PyScenario<'_>> for Scenario {
             setpoint: signal(s.setpoint),
             load: signal(s.load),
             manual: s.manual.into_iter().map(|(from, to, op)| Manual { from, to, op }).collect(),
-            outer: s.outer.map(outer).transpose()?,
+            bad: s.bad,
+            compensation: s.compensation.map(compensated).transpose()?,
+            outer: s.outer.map(outer).transpose().map_err(value_error)?,
             jitter: s.jitter,
             lost: s.lost,
             h: s.h,
             t_end: s.t_end,
             seed: s.seed,
         };
-        scenario.check()?;
+        scenario.check().map_err(value_error)?;
         Ok(scenario)
     }
 }
@@ -176,7 +193,7 @@ impl PyChecked {
     #[pyo3(signature = (scenario, watch=None))]
     fn new(scenario: PyScenario<'_>, watch: Option<Settings>) -> PyResult<Self> {
         let detector = watch.map(|settings| detector(&settings)).transpose().map_err(value_error)?;
-        Ok(Self { scenario: scenario.try_into().map_err(value_error)?, detector })
+        Ok(Self { scenario: scenario.try_into()?, detector })
     }
 
     /// Samples, recorded or lost.
@@ -241,7 +258,7 @@ pub fn run_together(
     let alone: Vec<&Scenario> = scenarios.iter().map(|one| &one.get().scenario).collect();
     let blocks = alone.iter().zip(&mut signals).zip(&mut flags);
     let blocks = blocks.map(|((s, signals), flags)| {
-        Ok(block(s.samples().map_err(value_error)?, signals.as_slice_mut()?, flags.as_slice_mut()?))
+        Ok(block(s, s.samples().map_err(value_error)?, signals.as_slice_mut()?, flags.as_slice_mut()?))
     });
     let mut blocks = blocks.collect::<PyResult<Vec<_>>>()?;
     let recorded = py.detach(|| glapp_sim::run_together(&alone, &mut blocks, instructions));
@@ -252,19 +269,22 @@ pub fn run_together(
     Ok(recorded.into_iter().map(told).collect())
 }
 
-/// The rows of an array as columns of `n` samples.
-fn block<'a>(n: usize, signals: &'a mut [f64], flags: &'a mut [u8]) -> Block<'a> {
+/// The rows of an array as the columns that a scenario has.
+fn block<'a>(s: &Scenario, n: usize, signals: &'a mut [f64], flags: &'a mut [u8]) -> Block<'a> {
     let mut rows = signals.chunks_exact_mut(n);
-    let mut row = || rows.next().unwrap_or_default();
+    let mut row = |there: bool| if there { rows.next().unwrap_or_default() } else { &mut [] };
+    let (outer, compensated) = (s.outer.is_some(), s.compensation.is_some());
     Block {
-        t: row(),
-        sp: row(),
-        pv: row(),
-        op: row(),
-        position: row(),
-        load: row(),
-        outer_sp: row(),
-        outer_pv: row(),
+        t: row(true),
+        sp: row(true),
+        pv: row(true),
+        op: row(true),
+        position: row(true),
+        load: row(true),
+        outer_sp: row(outer),
+        outer_pv: row(outer),
+        u_ff: row(compensated),
+        standing: row(compensated),
         flags,
     }
 }

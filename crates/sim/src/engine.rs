@@ -4,12 +4,14 @@ use crate::error::require;
 use crate::friction::FrictionState;
 use crate::plant::{Sampled, SampledState};
 use crate::random::Integers;
-use crate::scenario::{AT_HIGH, AT_LOW, Block, Controller, Manual, NOT_AUTO, Scenario, magnitude};
+use crate::scenario::{AT_HIGH, AT_LOW, BAD, Block, Compensated, Controller, Manual, NOT_AUTO, Scenario, magnitude};
 use crate::signal::{Source, sample_at};
 use crate::{Friction, Outer, Piece, Plant, SimError};
+use glapp_core::half_period::GAP;
 use glapp_core::{
-    Backlash, BacklashState, Pid, PidState, RateLimit, RateLimitState, Saturation, SecondOrderFilter,
-    SecondOrderFilterState,
+    Backlash, BacklashState, Compensation, CompensationSample, CompensationState, HalfPeriodState, OverCompensation,
+    OverCompensationState, Pid, PidState, RateLimit, RateLimitState, Saturation, SecondOrderFilter,
+    SecondOrderFilterState, ZeroCrossing,
 };
 use std::ops::Range;
 
@@ -167,7 +169,8 @@ impl Bounds {
         let reach = s.plant.reach(t);
         let by_hand = s.manual.iter().filter_map(|stretch| stretch.op).fold(0.0, |a: f64, op| a.max(op.abs()));
         let width = s.d + s.friction.map_or(0.0, |friction| friction.width());
-        let effort = magnitude(&s.load, t) + width + by_hand + asked * (s.controller.k.abs() + 1.0 / reach);
+        let fed = s.compensation.map_or(0.0, |compensated| compensated.settings.size);
+        let effort = magnitude(&s.load, t) + width + fed + by_hand + asked * (s.controller.k.abs() + 1.0 / reach);
         Self { op: RUNAWAY * effort, pv: RUNAWAY * (asked + effort * reach) }
     }
 
@@ -246,6 +249,9 @@ fn machine_of_order<const N: usize>(s: &Scenario, n: usize, sp: f64, load: f64) 
         op_resolution: resolution("op_resolution", s.op_resolution)?,
         rate: s.rate.map(RateLimit::new).transpose()?.map(|rate| (rate, RateLimitState::at(rest.op))),
         friction: s.friction.map(|friction| (friction, FrictionState::at(rest.op))),
+        bad: s.bad.iter().map(|&(from, to)| bad(from, to, s.h, n)).collect::<Result<_, SimError>>()?,
+        last_y: rest.y,
+        compensating: s.compensation.map(|given| Compensating::new(&given, s, n, sp)).transpose()?,
         outside,
     };
     let blocks = Blocks { plant, filter, pid, gap, limits, h: s.h };
@@ -283,7 +289,26 @@ struct Extras {
     op_resolution: f64,
     rate: Option<(RateLimit<f64>, RateLimitState<f64>)>,
     friction: Option<(Friction, FrictionState)>,
+    bad: Vec<Range<usize>>,
+    /// The process value as it last was recorded.
+    last_y: f64,
+    compensating: Option<Compensating>,
     outside: Option<Outside>,
+}
+
+/// Compensation, and the warning that watches it.
+struct Compensating {
+    block: Compensation<f64>,
+    state: CompensationState<f64>,
+    warning: OverCompensation<f64>,
+    warning_state: OverCompensationState<f64>,
+    crossing: ZeroCrossing,
+    half: HalfPeriodState<f64>,
+    over: bool,
+    /// First sample at which it is enabled.
+    from: usize,
+    /// The last output, which stays where it is when the controller is put into manual.
+    op: f64,
 }
 
 /// The outer loop of a cascade.
@@ -334,24 +359,39 @@ impl<const N: usize> Blocks<N> {
             outside.load_now.resize(block.t.len(), 0.0);
             outside.load.fill(first, &mut outside.load_now);
         }
-        let Block { t, sp, pv, op, position, load, flags, outer_sp, outer_pv } = block;
+        let Block { t, sp, pv, op, position, load, flags, outer_sp, outer_pv, u_ff, standing } = block;
         let n = t.len();
         assert!([sp.len(), pv.len(), op.len(), position.len(), load.len(), flags.len()] == [n; 6]);
         for k in 0..n {
             let mut y = s.y + pv[k];
+            let mut mode = if MANUAL { NOT_AUTO } else { 0 };
             if !PLAIN {
+                if extras.bad.iter().any(|rows| rows.contains(&(first + k))) {
+                    mode |= BAD;
+                    y = extras.last_y;
+                }
                 y = rounded(y, extras.pv_resolution);
+                extras.last_y = y;
                 if let Some(outside) = &mut extras.outside {
                     sp[k] = outside.before::<MANUAL>(outer_sp[k], &mut outer_pv[k], h);
                 }
             }
-            let yf = self.filter.update(&mut s.filter, y, h);
-            let u = if MANUAL {
-                let held = manual.unwrap_or(s.pid.output);
-                self.pid.track(&mut s.pid, sp[k], yf, held, h)
+            let yf = if PLAIN || mode & BAD == 0 { self.filter.update(&mut s.filter, y, h) } else { f64::NAN };
+            let mut u = if MANUAL {
+                let stood = match &extras.compensating {
+                    Some(compensating) if !PLAIN => compensating.op,
+                    _ => s.pid.output,
+                };
+                self.pid.track(&mut s.pid, sp[k], yf, manual.unwrap_or(stood), h)
             } else {
                 self.pid.update(&mut s.pid, sp[k], yf, h)
             };
+            if let (false, Some(compensating)) = (PLAIN, &mut extras.compensating) {
+                u_ff[k] = compensating.update(first + k, sp[k], yf, u, h, mode);
+                u = self.limits.update(u + u_ff[k]);
+                compensating.op = u;
+                standing[k] = f64::from(compensating.state.standing as u8);
+            }
             let mut sent = u;
             let mut x = u;
             if !PLAIN {
@@ -375,7 +415,6 @@ impl<const N: usize> Blocks<N> {
             pv[k] = y;
             op[k] = sent;
             position[k] = x;
-            let mode = if MANUAL { NOT_AUTO } else { 0 };
             flags[k] =
                 mode | if u <= self.limits.low { AT_LOW } else { 0 } | if u >= self.limits.high { AT_HIGH } else { 0 };
         }
@@ -390,7 +429,16 @@ fn rounded(x: f64, resolution: f64) -> f64 {
 
 impl Extras {
     fn none() -> Self {
-        Self { pv_resolution: 0.0, op_resolution: 0.0, rate: None, friction: None, outside: None }
+        Self {
+            pv_resolution: 0.0,
+            op_resolution: 0.0,
+            rate: None,
+            friction: None,
+            bad: Vec::new(),
+            last_y: 0.0,
+            compensating: None,
+            outside: None,
+        }
     }
 
     fn any(&self) -> bool {
@@ -398,7 +446,55 @@ impl Extras {
             || self.op_resolution > 0.0
             || self.rate.is_some()
             || self.friction.is_some()
+            || !self.bad.is_empty()
+            || self.compensating.is_some()
             || self.outside.is_some()
+    }
+}
+
+/// The samples of a stretch without process value.
+fn bad(from: f64, to: f64, h: f64, n: usize) -> Result<Range<usize>, SimError> {
+    if from.is_finite() && to.is_finite() && from < to {
+        return Ok(sample_at(from, h, n)..sample_at(to, h, n));
+    }
+    let what = format!("stretch from {from} s to {to} s; write an end after the begin");
+    Err(SimError::Signal { name: "bad", what })
+}
+
+impl Compensating {
+    fn new(given: &Compensated, s: &Scenario, n: usize, sp: f64) -> Result<Self, SimError> {
+        let Controller { k, ti, .. } = s.controller;
+        require("compensation.from", given.from, true, "a number")?;
+        Ok(Self {
+            block: Compensation::new(given.settings)?,
+            state: CompensationState::default(),
+            warning: OverCompensation::new(k, ti)?,
+            warning_state: OverCompensationState::default(),
+            crossing: ZeroCrossing::default(),
+            half: HalfPeriodState::start(sp, 0.0, 0.0, GAP),
+            over: false,
+            from: sample_at(given.from, s.h, n),
+            op: 0.0,
+        })
+    }
+
+    /// Takes sample `k`; gives what is to be added to the output `u`.
+    fn update(&mut self, k: usize, sp: f64, yf: f64, u: f64, h: f64, flags: u8) -> f64 {
+        let e = sp - yf;
+        if flags & BAD != 0 {
+            self.half.mark(BAD);
+        } else {
+            if self.crossing.update(e) {
+                let half = self.half.close(self.crossing.sign, sp, 0.0, 0.0);
+                let size = 2.0 * self.state.half;
+                self.over = self.warning.update(&mut self.warning_state, &half, h, size).relay;
+                self.half = HalfPeriodState::start(sp, 0.0, 0.0, 0);
+            }
+            self.half.add(e, h, flags);
+            self.half.widen(sp);
+        }
+        let enable = k >= self.from;
+        self.block.update(&mut self.state, &CompensationSample { e, u, h, d_hat: None, over: self.over, enable, flags })
     }
 }
 
@@ -498,8 +594,8 @@ impl Recorder {
                 kept.iter().enumerate().for_each(|(to, from)| column[to] = column[*from]);
             }
         }
-        let Block { t, sp, pv, op, position, load, flags, outer_sp, outer_pv } = block;
-        for column in [t, sp, pv, op, position, load, outer_sp, outer_pv] {
+        let Block { t, sp, pv, op, position, load, flags, outer_sp, outer_pv, u_ff, standing } = block;
+        for column in [t, sp, pv, op, position, load, outer_sp, outer_pv, u_ff, standing] {
             gather(column, &kept);
         }
         gather(flags, &kept);

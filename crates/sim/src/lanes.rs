@@ -98,6 +98,8 @@ fn structure(s: &Scenario) -> Option<Structure> {
         && s.pv_resolution == 0.0
         && s.op_resolution == 0.0
         && s.manual.is_empty()
+        && s.bad.is_empty()
+        && s.compensation.is_none()
         && s.outer.is_none()
         && matches!(s.noise[..], [] | [Piece::Uniform { .. }]);
     let n = samples(s.h, s.t_end).ok()?;
@@ -145,7 +147,7 @@ pub fn watch_together(
         (Err(error), _) | (_, Err(error)) => return vec![Err(error); scenarios.len()],
     };
     let n = structure.2;
-    let mut columns: Vec<Columns> = scenarios.iter().map(|_| Columns::of_length(CHUNK.min(n), false)).collect();
+    let mut columns: Vec<Columns> = alone.iter().map(|s| Columns::of_length(CHUNK.min(n), s)).collect();
     for first in (0..n).step_by(CHUNK) {
         let mut blocks: Vec<Block<'_>> = columns.iter_mut().map(Columns::block).collect();
         let mut parts: Vec<Block<'_>> = blocks.iter_mut().map(|block| block.part(0..CHUNK.min(n - first))).collect();
@@ -603,7 +605,7 @@ mod tests {
             let expected: Vec<Columns> = scenarios.iter().map(|s| s.run().unwrap()).collect();
             for instructions in Instructions::available() {
                 let n = scenarios[0].samples().unwrap();
-                let mut columns = vec![Columns::of_length(n, false); count];
+                let mut columns = vec![Columns::of_length(n, &scenarios[0]); count];
                 let mut blocks: Vec<Block<'_>> = columns.iter_mut().map(Columns::block).collect();
                 let kept = run_together(&refs, &mut blocks, instructions);
                 for ((columns, kept), expected) in columns.iter_mut().zip(kept).zip(&expected) {
@@ -638,7 +640,7 @@ mod tests {
         let mut scenarios = alike("P2", 16, 0.0);
         scenarios[6].controller.k = 60.0;
         let refs: Vec<&Scenario> = scenarios.iter().collect();
-        let mut columns = vec![Columns::of_length(1541, false); 16];
+        let mut columns = vec![Columns::of_length(1541, &scenarios[0]); 16];
         let mut blocks: Vec<Block<'_>> = columns.iter_mut().map(Columns::block).collect();
         let results = run_together(&refs, &mut blocks, Instructions::Baseline);
         assert_eq!(results[6], scenarios[6].run().map(|_| 0));

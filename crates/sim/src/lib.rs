@@ -18,5 +18,7 @@ pub use friction::{Friction, FrictionState, Model};
 pub use lanes::{Instructions, groups, run_together, watch_together};
 pub use matrix::Matrix;
 pub use plant::{BATCH, MAX_ORDER, Named, Plant};
-pub use scenario::{AT_HIGH, AT_LOW, Block, Columns, Controller, Manual, NOT_AUTO, Outer, Scenario, Seen};
+pub use scenario::{
+    AT_HIGH, AT_LOW, BAD, Block, Columns, Compensated, Controller, Manual, NOT_AUTO, Outer, Scenario, Seen,
+};
 pub use signal::{Piece, Signal, random_walk};

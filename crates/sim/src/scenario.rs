@@ -2,11 +2,13 @@
 
 use crate::engine::{self, Run};
 use crate::{Friction, Piece, Plant, Signal, SimError};
-use glapp_core::{Detector, DetectorState, Estimate};
+use glapp_core::{CompensationSettings, Detector, DetectorState, Estimate};
 use std::ops::Range;
 
 /// Flag of a sample in manual.
 pub const NOT_AUTO: u8 = 1;
+/// Flag of a sample whose process value did not arrive.
+pub const BAD: u8 = 2;
 /// Flag of a sample with the output at its lower limit.
 pub const AT_LOW: u8 = 4;
 /// Flag of a sample with the output at its upper limit.
@@ -15,11 +17,11 @@ pub const AT_HIGH: u8 = 8;
 /// A closed loop, sampled at one rate:
 ///
 /// ```text
-///                       op                     position      load
-///                        │                        │           │ +
-///  sp ──→ PID ──→ limits ┴→ rate ──→ gap ──→ friction ──→ ○ ──→ plant ──┬──→
-///          ↑                                                            ○ ←── noise
-///          └──────────────── filter ←───────────────────────────────────┴ pv
+///          compensation         op                     position      load
+///                │ +             │                        │           │ +
+///  sp ──→ PID ──→ ○ ──→ limits ──┴→ rate ──→ gap ──→ friction ──→ ○ ──→ plant ──┬──→
+///          ↑                                                                    ○ ←── noise
+///          └──────────────────── filter ←───────────────────────────────────────┴ pv
 /// ```
 ///
 /// It begins at rest at the first setpoint and load, in auto, the output in the middle of the gap.
@@ -47,6 +49,10 @@ pub struct Scenario {
     pub load: Signal,
     /// Stretches in manual, in ascending order, without overlap.
     pub manual: Vec<Manual>,
+    /// Stretches, from ≤ t < to \[s\], in which no process value arrives: the controller repeats its output.
+    pub bad: Vec<(f64, f64)>,
+    /// Compensation of the gap, with a warning of over-compensation beside it.
+    pub compensation: Option<Compensated>,
     /// The outer loop of a cascade, whose output is this one's setpoint.
     pub outer: Option<Outer>,
     /// The recorded time of a sample is wrong by a uniform number between ± this, at most h/2 \[s\].
@@ -76,6 +82,15 @@ pub struct Controller {
     pub tf: f64,
     /// Limits of the output; `None` for none.
     pub limits: Option<(f64, f64)>,
+}
+
+/// Compensation that a person enables at some time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Compensated {
+    /// Its settings.
+    pub settings: CompensationSettings<f64>,
+    /// When it is enabled \[s\].
+    pub from: f64,
 }
 
 /// The outer loop of a cascade (thesis 8.3):
@@ -127,12 +142,16 @@ pub struct Columns {
     pub position: Vec<f64>,
     /// Load.
     pub load: Vec<f64>,
-    /// [`NOT_AUTO`], [`AT_LOW`], [`AT_HIGH`].
+    /// [`NOT_AUTO`], [`BAD`], [`AT_LOW`], [`AT_HIGH`].
     pub flags: Vec<u8>,
     /// Setpoint of the outer loop; empty where there is none.
     pub outer_sp: Vec<f64>,
     /// Process value of the outer loop; empty where there is none.
     pub outer_pv: Vec<f64>,
+    /// What the compensation added to the output; empty where there is none.
+    pub u_ff: Vec<f64>,
+    /// How the compensation stood, as a number; empty where there is none.
+    pub standing: Vec<f64>,
 }
 
 /// [`Columns`] in memory that belongs to someone else, or a part of them.
@@ -148,6 +167,8 @@ pub struct Block<'a> {
     pub flags: &'a mut [u8],
     pub outer_sp: &'a mut [f64],
     pub outer_pv: &'a mut [f64],
+    pub u_ff: &'a mut [f64],
+    pub standing: &'a mut [f64],
 }
 
 /// What a detector saw in a simulated loop whose signals were not kept.
@@ -194,6 +215,8 @@ impl Scenario {
             setpoint: vec![],
             load: vec![],
             manual: vec![],
+            bad: vec![],
+            compensation: None,
             outer: None,
             jitter: 0.0,
             lost: 0.0,
@@ -207,7 +230,7 @@ impl Scenario {
     ///
     /// The same scenario gives the same bits, always.
     pub fn run(&self) -> Result<Columns, SimError> {
-        let mut columns = Columns::of_length(self.samples()?, self.outer.is_some());
+        let mut columns = Columns::of_length(self.samples()?, self);
         let n = self.run_into(&mut columns.block())?;
         columns.shorten(n);
         Ok(columns)
@@ -235,7 +258,7 @@ impl Scenario {
     pub fn watch(&self, detector: &Detector<f64>) -> Result<Seen, SimError> {
         let mut run = Run::new(self)?;
         let mut watcher = Watcher::new(self, detector)?;
-        let mut columns = Columns::of_length(CHUNK.min(run.n), self.outer.is_some());
+        let mut columns = Columns::of_length(CHUNK.min(run.n), self);
         for first in (0..run.n).step_by(CHUNK) {
             let mut block = columns.block();
             let mut block = block.part(0..CHUNK.min(run.n - first));
@@ -287,9 +310,10 @@ impl<'a> Watcher<'a> {
 }
 
 impl Columns {
-    pub(crate) fn of_length(n: usize, outer: bool) -> Self {
+    pub(crate) fn of_length(n: usize, scenario: &Scenario) -> Self {
         let column = || vec![0.0; n];
-        let outside = || if outer { column() } else { Vec::new() };
+        let only = |there: bool| if there { column() } else { Vec::new() };
+        let (outer, compensated) = (scenario.outer.is_some(), scenario.compensation.is_some());
         Self {
             t: column(),
             sp: column(),
@@ -298,19 +322,23 @@ impl Columns {
             position: column(),
             load: column(),
             flags: vec![0; n],
-            outer_sp: outside(),
-            outer_pv: outside(),
+            outer_sp: only(outer),
+            outer_pv: only(outer),
+            u_ff: only(compensated),
+            standing: only(compensated),
         }
     }
 
     pub(crate) fn block(&mut self) -> Block<'_> {
-        let Self { t, sp, pv, op, position, load, flags, outer_sp, outer_pv } = self;
-        Block { t, sp, pv, op, position, load, flags, outer_sp, outer_pv }
+        let Self { t, sp, pv, op, position, load, flags, outer_sp, outer_pv, u_ff, standing } = self;
+        Block { t, sp, pv, op, position, load, flags, outer_sp, outer_pv, u_ff, standing }
     }
 
     pub(crate) fn shorten(&mut self, n: usize) {
-        let Self { t, sp, pv, op, position, load, outer_sp, outer_pv, .. } = self;
-        [t, sp, pv, op, position, load, outer_sp, outer_pv].into_iter().for_each(|column| column.truncate(n));
+        let Self { t, sp, pv, op, position, load, outer_sp, outer_pv, u_ff, standing, .. } = self;
+        [t, sp, pv, op, position, load, outer_sp, outer_pv, u_ff, standing]
+            .into_iter()
+            .for_each(|column| column.truncate(n));
         self.flags.truncate(n);
     }
 }
@@ -319,6 +347,7 @@ impl Block<'_> {
     /// The rows of a range.
     pub(crate) fn part(&mut self, rows: Range<usize>) -> Block<'_> {
         let outer = if self.outer_sp.is_empty() { 0..0 } else { rows.clone() };
+        let compensated = if self.u_ff.is_empty() { 0..0 } else { rows.clone() };
         Block {
             t: &mut self.t[rows.clone()],
             sp: &mut self.sp[rows.clone()],
@@ -329,6 +358,8 @@ impl Block<'_> {
             flags: &mut self.flags[rows],
             outer_sp: &mut self.outer_sp[outer.clone()],
             outer_pv: &mut self.outer_pv[outer],
+            u_ff: &mut self.u_ff[compensated.clone()],
+            standing: &mut self.standing[compensated],
         }
     }
 }

@@ -1,0 +1,714 @@
+//! Compensation of a gap: what is added to the controller's output so that the valve follows it.
+
+use crate::error::require;
+use crate::half_period::{AT_HIGH, AT_LOW, BAD, NOT_AUTO};
+use crate::zero_crossing::sign_of;
+use crate::{ParameterError, Real, Saturation, SecondOrderFilter, SecondOrderFilterState};
+
+/// How the direction in which the valve is driven is found (thesis 2.2).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Way {
+    /// sign(e)·sign(K): the thesis' own. Jumps whenever the filtered error crosses zero, noise or not.
+    Error = 1,
+    /// sign(du_f/dt): the inverse of the gap, of the filtered output. Chatters wherever u_f does.
+    Derivative = 2,
+    /// The inverse with a noise band: a reversal counts once u_f has gone back by `band` from where it was farthest.
+    Inverse = 3,
+}
+
+impl Way {
+    /// All ways, in order.
+    pub const ALL: [Self; 3] = [Self::Error, Self::Derivative, Self::Inverse];
+
+    /// The name used in every face of glapp.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Error => "error",
+            Self::Derivative => "derivative",
+            Self::Inverse => "inverse",
+        }
+    }
+}
+
+/// What a [`Compensation`] does at present, or why it does nothing. The first that holds, in this order.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[repr(u8)]
+pub enum Standing {
+    /// It compensates.
+    Active = 0,
+    /// Nobody has enabled it.
+    #[default]
+    NotEnabled = 1,
+    /// The controller is not in automatic.
+    NotAuto = 2,
+    /// A value is bad or not a number, or communication is lost.
+    BadQuality = 3,
+    /// Withdrawn: the valve is driven back and forth by it. Holds until it is enabled anew.
+    OverCompensated = 4,
+    /// Withdrawn: more reversals than the budget allows. Holds until it is enabled anew.
+    TooManyReversals = 5,
+    /// Withdrawn: more travel than the budget allows. Holds until it is enabled anew.
+    TooMuchTravel = 6,
+    /// The on-line estimate was there and is gone.
+    EstimateLost = 7,
+    /// Something in the loop is at a limit, or OP is so near one that there is no room.
+    AtLimit = 8,
+    /// Nothing is left to compensate: the size is 0, or no wider than the noise band.
+    TooSmall = 9,
+    /// Which way the valve is driven is not known yet.
+    NoDirection = 10,
+}
+
+impl Standing {
+    /// All of them, in order.
+    pub const ALL: [Self; 11] = [
+        Self::Active,
+        Self::NotEnabled,
+        Self::NotAuto,
+        Self::BadQuality,
+        Self::OverCompensated,
+        Self::TooManyReversals,
+        Self::TooMuchTravel,
+        Self::EstimateLost,
+        Self::AtLimit,
+        Self::TooSmall,
+        Self::NoDirection,
+    ];
+
+    /// The name used in every face of glapp.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Active => "active",
+            Self::NotEnabled => "not_enabled",
+            Self::NotAuto => "not_auto",
+            Self::BadQuality => "bad_quality",
+            Self::OverCompensated => "over_compensated",
+            Self::TooManyReversals => "too_many_reversals",
+            Self::TooMuchTravel => "too_much_travel",
+            Self::EstimateLost => "estimate_lost",
+            Self::AtLimit => "at_limit",
+            Self::TooSmall => "too_small",
+            Self::NoDirection => "no_direction",
+        }
+    }
+}
+
+/// Settings of a [`Compensation`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CompensationSettings<R> {
+    /// How the direction is found.
+    pub way: Way,
+    /// Gain K ≠ 0 of the controller, negative for direct action. Only its sign counts, and only for [`Way::Error`]: OP
+    /// itself carries it already.
+    pub k: R,
+    /// Width that a person typed, or the lower limit of the fit where its verdict is backlash; 0 or greater [OP unit].
+    pub size: R,
+    /// Share of it to compensate, 0 to 1.
+    pub share: R,
+    /// Greatest width that may be compensated, whatever the size came from \[OP unit\].
+    pub limit: R,
+    /// How far u_f must go back before that counts as a reversal, for [`Way::Inverse`]; 0 or greater [OP unit].
+    pub band: R,
+    /// Time constant of the second-order filter of u, 0 or greater \[s\]; not used by [`Way::Error`].
+    pub tf: R,
+    /// Greatest rate of u_FF > 0 [OP unit per s].
+    pub rate: R,
+    /// Time over which it is brought in and taken away > 0 \[s\].
+    pub release: R,
+    /// Budget: travel of u_FF in any hour > 0 [OP unit].
+    pub travel: R,
+    /// Budget: changes of its direction in any hour, 2 or more.
+    pub reversals: R,
+    /// Whether a warning of over-compensation withdraws it.
+    pub withdraw: bool,
+    /// Limits of OP [OP unit].
+    pub limits: Saturation<R>,
+}
+
+/// One sample for a [`Compensation`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CompensationSample<R> {
+    /// Control error e = ysp − yf [PV unit].
+    pub e: R,
+    /// Output of the controller without u_FF; in manual, OP itself [OP unit].
+    pub u: R,
+    /// Time since the sample before \[s\].
+    pub h: R,
+    /// On-line estimate of the whole gap, where there is one: the detector's, which shows what is left, and the size that was in
+    /// force while it was made [OP unit].
+    pub d_hat: Option<R>,
+    /// Whether over-compensation is warned of.
+    pub over: bool,
+    /// Whether a person wants it on.
+    pub enable: bool,
+    /// [`NOT_AUTO`], [`BAD`], [`AT_LOW`], [`AT_HIGH`]; 0 = all well.
+    pub flags: u8,
+}
+
+/// Feed-forward that carries the valve through its gap whenever it is reversed (thesis 2.2, 7.4).
+///
+/// ```text
+/// u = u_FB + u_FF,     u_FF → δ/2·s     by at most rate·h a sample
+///
+///   s = sign(e)·sign(K)      Error         δ = share·size
+///   s = sign(du_f/dt)        Derivative    δ = share·size
+///   s = side of u_f          Inverse       δ = share·size − band
+/// ```
+///
+/// The side of u_f is up until u_f has fallen by more than `band` below its highest since it was last down, and the other way
+/// round. By then u_FB itself has gone `band` of the way, which therefore is taken off: what the controller sees is a
+/// mere gap of width d − δ, and never a slip. With the full size it would be a valve that sticks by `band` and jumps by as
+/// much.
+///
+/// δ/2 rises from 0 within `release` seconds after it is enabled, and falls to 0 within as many (or |u_FF|/rate, where that is
+/// longer) when it is not, on a bad value, at a limit, when the estimate is lost, and when it is withdrawn. In manual u_FF
+/// is 0 at once: OP is the operator's, and a controller that tracks all of OP gives it back without a bump.
+///
+/// The on-line estimate can make the size smaller, and it stays smaller until it is enabled anew; it never makes it larger.
+///
+/// The budgets are kept by two accounts, each of half a budget, that fill up again within an hour: so no hour sees more than
+/// the whole, nor a minute more than the half. Before every reversal, the way there and the way back to 0 must be left, or
+/// it is withdrawn. In manual u_FF takes part in neither.
+///
+/// A sample that is no number counts as bad; a step h that is not above 0 changes nothing but how it stands.
+///
+/// ```
+/// use glapp_core::{Compensation, CompensationSample, CompensationSettings, CompensationState, Saturation, Way};
+///
+/// let inverse = Compensation::new(CompensationSettings {
+///     way: Way::Inverse, k: 1.0, size: 2.0, share: 1.0, limit: 5.0, band: 0.5, tf: 0.0, rate: 1.0, release: 1.0,
+///     travel: 1000.0, reversals: 500.0, withdraw: true, limits: Saturation::new(0.0, 100.0)?,
+/// })?;
+/// let mut state = CompensationState::default();
+/// let mut update = |u| {
+///     let sample = CompensationSample { e: 0.0, u, h: 1.0, d_hat: None, over: false, enable: true, flags: 0 };
+///     inverse.update(&mut state, &sample)
+/// };
+/// assert_eq!([50.0, 50.4, 50.6].map(&mut update), [0.0, 0.0, 0.75]); // up by more than 0.5: δ/2 = (2 − 0.5)/2
+/// assert_eq!([50.2, 50.0, 49.9].map(&mut update), [0.75, -0.25, -0.75]); // back by more than 0.5, at 1 a second
+/// # Ok::<(), glapp_core::ParameterError>(())
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Compensation<R> {
+    settings: CompensationSettings<R>,
+    filter: SecondOrderFilter<R>,
+}
+
+/// What a [`Compensation`] remembers.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct CompensationState<R> {
+    filter: SecondOrderFilterState<R>,
+    /// Lowest and highest u_f since the last reversal.
+    low: R,
+    high: R,
+    /// Which way the valve is driven: +1 or −1; 0 while it is not known.
+    pub direction: i8,
+    /// The side that u_FF was last sent to: +1 or −1; 0 where it rests at 0.
+    side: i8,
+    /// Why it was withdrawn until it is enabled anew.
+    withdrawn: Option<Standing>,
+    /// Half of the width in force now [OP unit].
+    pub half: R,
+    /// What is added to OP [OP unit].
+    pub u_ff: R,
+    /// The smallest on-line estimate since it was enabled [OP unit].
+    pub d_hat: Option<R>,
+    /// Travel that counts against the budget, which an hour takes off again [OP unit].
+    pub travel: R,
+    /// Reversals that count against the budget.
+    pub reversals: R,
+    /// What it does, or why it does nothing.
+    pub standing: Standing,
+}
+
+impl<R: Real> Compensation<R> {
+    /// Checks the settings.
+    pub fn new(settings: CompensationSettings<R>) -> Result<Self, ParameterError> {
+        let s = &settings;
+        let (zero, one) = (R::ZERO, R::ONE);
+        require("k", s.k, s.k != zero, "a number other than 0")?;
+        require("size", s.size, s.size >= zero && s.size <= R::MOST, "0 or greater")?;
+        require("share", s.share, s.share >= zero && s.share <= one, "between 0 and 1")?;
+        require("limit", s.limit, s.limit >= s.share * s.size, "at least share·size")?;
+        require("band", s.band, s.band >= zero, "0 or greater")?;
+        require("rate", s.rate, s.rate > zero, "greater than 0 per second")?;
+        require("release", s.release, s.release > zero, "greater than 0 s")?;
+        require("travel", s.travel, s.travel > zero, "greater than 0")?;
+        require("reversals", s.reversals, s.reversals >= one + one, "2 or greater")?;
+        Ok(Self { settings, filter: SecondOrderFilter::new(s.tf)? })
+    }
+
+    /// The settings.
+    pub fn settings(&self) -> &CompensationSettings<R> {
+        &self.settings
+    }
+
+    /// Takes one sample; gives u_FF, which is to be added to u before OP's limits [OP unit].
+    #[inline(always)]
+    pub fn update(&self, state: &mut CompensationState<R>, sample: &CompensationSample<R>) -> R {
+        let s = &self.settings;
+        let bad = sample.flags & BAD != 0 || !sample.e.is_number() || !sample.u.is_number();
+        let timed = sample.h > R::ZERO && sample.h.is_number();
+        if timed {
+            self.repay(state, sample.h);
+            if !bad {
+                self.look(state, sample);
+            }
+        }
+        let d_hat = sample.d_hat.filter(|d_hat| d_hat.is_number());
+        let goal = self.goal(state, sample.enable, d_hat);
+        let mut standing = self.standing(state, sample, d_hat, bad, goal);
+        if standing == Standing::Active && (state.side != state.direction || state.standing != Standing::Active) {
+            standing = self.pay(state, goal);
+        }
+        state.standing = standing;
+        if standing == Standing::NotAuto {
+            (state.half, state.u_ff, state.side) = (R::ZERO, R::ZERO, 0);
+        } else if timed {
+            let goal = if standing == Standing::Active { goal } else { R::ZERO };
+            let step = s.share * s.size / (s.release + s.release) * sample.h;
+            state.half = goal.lesser(state.half + step).greater(state.half - step);
+            let target = if state.side < 0 { -state.half } else { state.half };
+            let old = state.u_ff;
+            state.u_ff = target.lesser(old + s.rate * sample.h).greater(old - s.rate * sample.h);
+            state.travel += (state.u_ff - old).magnitude();
+            if standing != Standing::Active && state.u_ff == R::ZERO {
+                state.side = 0;
+            }
+        }
+        state.u_ff
+    }
+
+    /// Lets the accounts fill up again.
+    #[inline(always)]
+    fn repay(&self, state: &mut CompensationState<R>, h: R) {
+        let share = h / R::of(7200.0);
+        state.travel = (state.travel - self.settings.travel * share).greater(R::ZERO);
+        state.reversals = (state.reversals - self.settings.reversals * share).greater(R::ZERO);
+    }
+
+    /// Finds the direction.
+    #[inline(always)]
+    fn look(&self, state: &mut CompensationState<R>, sample: &CompensationSample<R>) {
+        let s = &self.settings;
+        if s.way == Way::Error {
+            state.direction =
+                if s.k < R::ZERO { sign_of(-sample.e, state.direction) } else { sign_of(sample.e, state.direction) };
+            return;
+        }
+        let begun = state.filter.started;
+        let u = self.filter.update(&mut state.filter, sample.u, sample.h);
+        if !begun {
+            (state.low, state.high) = (u, u);
+        }
+        state.low = state.low.lesser(u);
+        state.high = state.high.greater(u);
+        let band = if s.way == Way::Inverse { s.band } else { R::ZERO };
+        if state.direction <= 0 && u - state.low > band {
+            (state.direction, state.low, state.high) = (1, u, u);
+        } else if state.direction >= 0 && state.high - u > band {
+            (state.direction, state.low, state.high) = (-1, u, u);
+        }
+    }
+
+    /// Half of the width to compensate.
+    #[inline(always)]
+    fn goal(&self, state: &mut CompensationState<R>, enable: bool, d_hat: Option<R>) -> R {
+        let s = &self.settings;
+        if !enable {
+            state.d_hat = None;
+        } else if let Some(d_hat) = d_hat {
+            state.d_hat = Some(state.d_hat.map_or(d_hat, |least| least.lesser(d_hat)));
+        }
+        let size = state.d_hat.map_or(s.size, |d_hat| s.size.lesser(d_hat));
+        let band = if s.way == Way::Inverse { s.band } else { R::ZERO };
+        (s.share * size - band).greater(R::ZERO) / R::of(2.0)
+    }
+
+    /// The first cause to do nothing.
+    #[inline(always)]
+    fn standing(
+        &self,
+        state: &mut CompensationState<R>,
+        sample: &CompensationSample<R>,
+        d_hat: Option<R>,
+        bad: bool,
+        goal: R,
+    ) -> Standing {
+        let limits = &self.settings.limits;
+        if !sample.enable {
+            state.withdrawn = None;
+        } else if sample.over && self.settings.withdraw && state.withdrawn.is_none() {
+            state.withdrawn = Some(Standing::OverCompensated);
+        }
+        if !sample.enable {
+            Standing::NotEnabled
+        } else if sample.flags & NOT_AUTO != 0 {
+            Standing::NotAuto
+        } else if bad {
+            Standing::BadQuality
+        } else if let Some(withdrawn) = state.withdrawn {
+            withdrawn
+        } else if state.d_hat.is_some() && d_hat.is_none() {
+            Standing::EstimateLost
+        } else if sample.flags & (AT_LOW | AT_HIGH) != 0
+            || sample.u - goal < limits.low
+            || sample.u + goal > limits.high
+        {
+            Standing::AtLimit
+        } else if goal <= R::ZERO {
+            Standing::TooSmall
+        } else if state.direction == 0 {
+            Standing::NoDirection
+        } else {
+            Standing::Active
+        }
+    }
+
+    /// Takes a move to the other side, or from nothing, off the accounts; withdraws it where they do not suffice.
+    #[inline(always)]
+    fn pay(&self, state: &mut CompensationState<R>, goal: R) -> Standing {
+        let s = &self.settings;
+        let two = R::of(2.0);
+        let moves = if state.side == 0 || state.side == state.direction { R::ZERO } else { R::ONE };
+        // There, and from there back to 0.
+        let way = state.u_ff.magnitude() + two * goal;
+        if (state.reversals + moves) * two > s.reversals {
+            state.withdrawn = Some(Standing::TooManyReversals);
+        } else if (state.travel + way) * two > s.travel {
+            state.withdrawn = Some(Standing::TooMuchTravel);
+        } else {
+            state.reversals += moves;
+            state.side = state.direction;
+        }
+        state.withdrawn.unwrap_or(Standing::Active)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::vec::Vec;
+
+    fn settings(way: Way) -> CompensationSettings<f64> {
+        CompensationSettings {
+            way,
+            k: 1.0,
+            size: 2.0,
+            share: 1.0,
+            limit: 5.0,
+            band: 0.5,
+            tf: 0.0,
+            rate: 1e6,
+            release: 1.0,
+            travel: 1e6,
+            reversals: 1e6,
+            withdraw: true,
+            limits: Saturation::new(-100.0, 100.0).unwrap(),
+        }
+    }
+
+    fn sample(e: f64, u: f64) -> CompensationSample<f64> {
+        CompensationSample { e, u, h: 1.0, d_hat: None, over: false, enable: true, flags: 0 }
+    }
+
+    /// A block in force at +δ/2.
+    fn active(settings: CompensationSettings<f64>) -> (Compensation<f64>, CompensationState<f64>) {
+        let block = Compensation::new(settings).unwrap();
+        let mut state = CompensationState::default();
+        for u in [0.0, 1.0, 2.0] {
+            block.update(&mut state, &sample(1.0, u));
+        }
+        assert_eq!((state.standing, state.direction), (Standing::Active, 1));
+        (block, state)
+    }
+
+    #[test]
+    fn settings_out_of_bounds_are_named() {
+        let base = settings(Way::Inverse);
+        type Change = fn(&mut CompensationSettings<f64>);
+        let cases: [(&str, Change); 12] = [
+            ("k", |s| s.k = 0.0),
+            ("size", |s| s.size = -0.1),
+            ("size", |s| s.size = f64::NAN),
+            ("share", |s| s.share = 1.1),
+            ("limit", |s| s.limit = 1.9),
+            ("band", |s| s.band = -1.0),
+            ("tf", |s| s.tf = -1.0),
+            ("rate", |s| s.rate = 0.0),
+            ("rate", |s| s.rate = f64::INFINITY),
+            ("release", |s| s.release = 0.0),
+            ("travel", |s| s.travel = 0.0),
+            ("reversals", |s| s.reversals = 1.0),
+        ];
+        for (name, change) in cases {
+            let mut changed = base;
+            change(&mut changed);
+            assert_eq!(Compensation::new(changed).unwrap_err().name, name);
+        }
+    }
+
+    #[test]
+    fn nothing_before_it_is_enabled() {
+        let block = Compensation::new(settings(Way::Error)).unwrap();
+        let mut state = CompensationState::default();
+        for e in [1.0, -1.0, 1.0] {
+            assert_eq!(block.update(&mut state, &CompensationSample { enable: false, ..sample(e, 0.0) }), 0.0);
+            assert_eq!(state.standing, Standing::NotEnabled);
+        }
+    }
+
+    #[test]
+    fn sign_of_k_turns_the_error_and_nothing_else() {
+        for (way, turned) in [(Way::Error, -1.0), (Way::Derivative, 1.0), (Way::Inverse, 1.0)] {
+            let (one, other) = (settings(way), CompensationSettings { k: -3.0, ..settings(way) });
+            let last = |settings| active_or_not(settings, 1.0).u_ff;
+            assert_eq!(last(one) * turned, last(other), "{way:?}");
+            assert_eq!(last(one).abs(), if way == Way::Inverse { 0.75 } else { 1.0 });
+        }
+    }
+
+    fn active_or_not(settings: CompensationSettings<f64>, e: f64) -> CompensationState<f64> {
+        let block = Compensation::new(settings).unwrap();
+        let mut state = CompensationState::default();
+        for u in [0.0, 1.0, 2.0, 3.0] {
+            block.update(&mut state, &sample(e, u));
+        }
+        state
+    }
+
+    #[test]
+    fn every_loss_takes_it_back_to_zero_with_its_reason() {
+        let lost: [(Standing, CompensationSample<f64>); 8] = [
+            (Standing::NotEnabled, CompensationSample { enable: false, ..sample(1.0, 3.0) }),
+            (Standing::BadQuality, CompensationSample { flags: BAD, ..sample(1.0, 3.0) }),
+            (Standing::BadQuality, sample(f64::NAN, 3.0)),
+            (Standing::BadQuality, sample(1.0, f64::INFINITY)),
+            (Standing::OverCompensated, CompensationSample { over: true, ..sample(1.0, 3.0) }),
+            (Standing::AtLimit, CompensationSample { flags: AT_LOW, ..sample(1.0, 3.0) }),
+            (Standing::AtLimit, sample(1.0, 99.9)),
+            (Standing::TooSmall, CompensationSample { d_hat: Some(-0.1), ..sample(1.0, 3.0) }),
+        ];
+        for way in Way::ALL {
+            for (standing, sample) in &lost {
+                let (block, mut state) = active(settings(way));
+                let full = state.u_ff;
+                // In steps of a tenth of `release`: a ramp, not a jump.
+                let shown: Vec<f64> =
+                    (0..10).map(|_| block.update(&mut state, &CompensationSample { h: 0.1, ..*sample })).collect();
+                assert_eq!(state.standing, *standing);
+                assert!(shown[0] > 0.8 * full && shown[4] > 0.0, "{way:?} {standing:?}: {shown:?}");
+                assert_eq!((shown[9].abs() < 1e-12, state.u_ff.abs() < 1e-12), (true, true));
+            }
+        }
+    }
+
+    #[test]
+    fn manual_takes_it_away_at_once() {
+        let (block, mut state) = active(settings(Way::Inverse));
+        assert_eq!(block.update(&mut state, &CompensationSample { flags: NOT_AUTO, ..sample(1.0, 2.75) }), 0.0);
+        assert_eq!(block.update(&mut state, &CompensationSample { h: 0.1, ..sample(1.0, 2.75) }), 0.1);
+    }
+
+    #[test]
+    fn an_estimate_that_is_lost_or_smaller() {
+        let (block, mut state) = active(settings(Way::Error));
+        let mut with = |d_hat| {
+            block.update(&mut state, &CompensationSample { d_hat, ..sample(1.0, 2.0) });
+            (state.half, state.standing)
+        };
+        assert_eq!(with(Some(9.0)), (1.0, Standing::Active), "never larger than its size");
+        assert_eq!(with(Some(1.0)), (0.5, Standing::Active));
+        assert_eq!(with(Some(1.8)), (0.5, Standing::Active), "never larger again");
+        assert_eq!(with(None), (0.0, Standing::EstimateLost));
+        assert_eq!(with(Some(1.9)), (0.5, Standing::Active));
+        assert_eq!(with(Some(f64::NAN)).1, Standing::EstimateLost);
+        block.update(&mut state, &CompensationSample { enable: false, ..sample(1.0, 2.0) });
+        block.update(&mut state, &sample(1.0, 2.0));
+        assert_eq!(state.standing, Standing::Active, "one that never was there is not lost");
+    }
+
+    #[test]
+    fn withdrawn_until_enabled_anew() {
+        let (block, mut state) = active(settings(Way::Error));
+        block.update(&mut state, &CompensationSample { over: true, ..sample(1.0, 2.0) });
+        for flags in [0, NOT_AUTO, BAD, 0] {
+            block.update(&mut state, &CompensationSample { flags, ..sample(1.0, 2.0) });
+            assert_eq!(state.u_ff, 0.0);
+        }
+        assert_eq!(state.standing, Standing::OverCompensated, "a change of mode does not forgive");
+        block.update(&mut state, &CompensationSample { enable: false, ..sample(1.0, 2.0) });
+        assert!(block.update(&mut state, &sample(1.0, 2.0)) > 0.0);
+    }
+
+    #[test]
+    fn a_warning_only_warns_where_it_shall_not_withdraw() {
+        let (block, mut state) = active(CompensationSettings { withdraw: false, ..settings(Way::Error) });
+        block.update(&mut state, &CompensationSample { over: true, ..sample(1.0, 2.0) });
+        assert_eq!(state.standing, Standing::Active);
+    }
+
+    #[test]
+    fn removal_does_not_follow_a_reversal_to_the_other_side() {
+        let (block, mut state) = active(settings(Way::Error));
+        for _ in 0..20 {
+            let off = CompensationSample { enable: false, h: 0.1, ..sample(-1.0, 2.0) };
+            assert!(block.update(&mut state, &off) >= 0.0);
+        }
+    }
+
+    #[test]
+    fn single_precision_follows() {
+        let wide = Compensation::new(settings(Way::Inverse)).unwrap();
+        let s = settings(Way::Inverse);
+        let narrow = Compensation::<f32>::new(CompensationSettings {
+            way: s.way,
+            k: 1.0,
+            size: 2.0,
+            share: 1.0,
+            limit: 5.0,
+            band: 0.5,
+            tf: 0.0,
+            rate: 1e6,
+            release: 1.0,
+            travel: 1e6,
+            reversals: 1e6,
+            withdraw: true,
+            limits: Saturation::new(-100.0, 100.0).unwrap(),
+        })
+        .unwrap();
+        let (mut a, mut b) = (CompensationState::default(), CompensationState::default());
+        for i in 0_u8..200 {
+            let u = f32::from(i % 7) * 0.375; // exact in both
+            let x = wide.update(&mut a, &CompensationSample { h: 0.25, ..sample(0.0, u.into()) });
+            let y = narrow.update(
+                &mut b,
+                &CompensationSample { e: 0.0, u, h: 0.25, d_hat: None, over: false, enable: true, flags: 0 },
+            );
+            assert!((x - f64::from(y)).abs() < 1e-5, "{x} and {y}");
+        }
+    }
+
+    fn any_way() -> impl Strategy<Value = Way> {
+        prop::sample::select(Way::ALL.to_vec())
+    }
+
+    fn any_sample() -> impl Strategy<Value = CompensationSample<f64>> {
+        let number = || prop_oneof![20 => -3.0..3.0_f64, 1 => Just(f64::NAN), 1 => Just(0.0)];
+        (
+            number(),
+            number(),
+            prop_oneof![20 => 0.01..2.0_f64, 1 => Just(0.0), 1 => Just(-1.0)],
+            prop::option::weighted(0.3, number()),
+            prop::bool::weighted(0.01),
+            prop::bool::weighted(0.95),
+            prop_oneof![30 => Just(0_u8), 1 => Just(NOT_AUTO), 1 => Just(BAD), 1 => Just(AT_LOW), 1 => Just(AT_HIGH)],
+        )
+            .prop_map(|(e, u, h, d_hat, over, enable, flags)| CompensationSample {
+                e,
+                u,
+                h,
+                d_hat,
+                over,
+                enable,
+                flags,
+            })
+    }
+
+    proptest! {
+        #[test]
+        fn never_beyond_size_rate_and_budgets(
+            way in any_way(), k in prop_oneof![-2.0..-0.1_f64, 0.1..2.0_f64], share in 0.0..1.0_f64,
+            band in 0.0..1.0_f64, tf in 0.0..2.0_f64, rate in 0.1..20.0_f64, travel in 2.0..60.0_f64,
+            reversals in 2.0..40.0_f64, samples in prop::collection::vec(any_sample(), 1..400),
+        ) {
+            let s = CompensationSettings { k, share, band, tf, rate, travel, reversals, ..settings(way) };
+            let block = Compensation::new(s).unwrap();
+            let mut state = CompensationState::default();
+            let (mut old, mut way_gone, mut turned, mut side) = (0.0_f64, 0.0, 0.0, 0.0);
+            for x in &samples {
+                let u_ff = block.update(&mut state, x);
+                prop_assert!(u_ff.is_finite() && u_ff.abs() <= share * s.size / 2.0 + 1e-12);
+                if state.standing != Standing::NotAuto {
+                    prop_assert!((u_ff - old).abs() <= rate * x.h.max(0.0) + 1e-12);
+                    way_gone += (u_ff - old).abs();
+                    if u_ff * side < 0.0 {
+                        turned += 1.0;
+                    }
+                }
+                side = if u_ff == 0.0 { side } else { u_ff.signum() };
+                if u_ff == 0.0 { side = 0.0; }
+                old = u_ff;
+            }
+            // 400 samples of at most 2 s are less than an hour.
+            prop_assert!(way_gone <= travel && turned <= reversals, "{} {}", way_gone, turned);
+        }
+
+        #[test]
+        fn back_to_zero_after_any_history(
+            way in any_way(), rate in 0.5..20.0_f64, samples in prop::collection::vec(any_sample(), 1..60),
+            flags in prop::sample::select(std::vec![NOT_AUTO, BAD, AT_LOW, AT_HIGH]),
+        ) {
+            let s = CompensationSettings { rate, ..settings(way) };
+            let block = Compensation::new(s).unwrap();
+            let mut state = CompensationState::default();
+            for x in &samples {
+                block.update(&mut state, x);
+            }
+            let time = s.release + s.size / 2.0 / rate;
+            for _ in 0..=(time / 0.01) as usize + 1 {
+                block.update(&mut state, &CompensationSample { h: 0.01, flags, ..sample(-1.0, 0.0) });
+            }
+            prop_assert!(state.u_ff.abs() < 1e-9 && state.half.abs() < 1e-9, "{:?}", state);
+        }
+
+        #[test]
+        fn sign_symmetric(
+            way in any_way(), band in 0.0..1.0_f64, samples in prop::collection::vec(any_sample(), 1..60),
+        ) {
+            let block = Compensation::new(CompensationSettings { band, ..settings(way) }).unwrap();
+            let (mut a, mut b) = (CompensationState::default(), CompensationState::default());
+            for x in &samples {
+                let mirrored = CompensationSample { e: -x.e, u: -x.u, ..*x };
+                prop_assert_eq!(block.update(&mut a, x), -block.update(&mut b, &mirrored));
+                prop_assert_eq!(a.standing, b.standing);
+            }
+        }
+
+        #[test]
+        fn on_a_known_gap_the_rest_is_a_smaller_gap(
+            d in 0.5..3.0_f64, share in 0.0..1.0_f64, band in 0.0..0.5_f64,
+            moves in prop::collection::vec(-4.0..4.0_f64, 3..40),
+        ) {
+            use crate::{Backlash, BacklashState};
+            // u in small steps, so that a reversal is found where it happens; jumps at once; in force from the start.
+            let s = CompensationSettings { size: d, share, band, release: 1e-3, ..settings(Way::Inverse) };
+            let block = Compensation::new(s).unwrap();
+            let delta = (share * d - band).max(0.0);
+            let (gap, rest) = (Backlash::new(d).unwrap(), Backlash::new(d - delta).unwrap());
+            let (mut state, mut valve, mut wished) =
+                (CompensationState::default(), BacklashState::at(0.0), BacklashState::at(0.0));
+            let (mut u, mut known) = (0.0_f64, false);
+            for &to in &moves {
+                let steps = ((to - u).abs() / 0.01) as usize + 1;
+                let step = (to - u) / steps as f64;
+                for _ in 0..steps {
+                    u += step;
+                    let u_ff = block.update(&mut state, &sample(0.0, u));
+                    let (y, w) = (gap.update(&mut valve, u + u_ff), rest.update(&mut wished, u));
+                    if !known {
+                        // From the first side on: both gaps at the same edge.
+                        known = u.abs() > d + 1.0;
+                        wished = BacklashState::at(y);
+                    } else {
+                        prop_assert!((y - w).abs() <= 0.0101, "{} {} at {}", y, w, u);
+                    }
+                }
+            }
+        }
+    }
+}

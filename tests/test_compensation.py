@@ -1,0 +1,162 @@
+"""Compensation of the gap, in closed loops."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from glapp.errors import InputError
+from glapp.simulate import BAD, NOT_AUTO, STANDINGS, Compensation, Scenario, Simulation, run, run_many
+
+WAYS = ("error", "derivative", "inverse")
+ACTIVE, NOT_ENABLED, MANUAL, BAD_QUALITY = (
+    STANDINGS.index(name) for name in ("active", "not_enabled", "not_auto", "bad_quality")
+)
+
+
+def loop(**changes: Any) -> Scenario:
+    """P1 with its limit cycle."""
+    fields: dict[str, Any] = {
+        "plant": "P1",
+        "controller": (0.363, 7.06),
+        "d": 0.05,
+        "noise": 0.002,
+        "h": 0.05,
+        "t_end": 600,
+        "setpoint": [(1, 1.0)],
+        "load": [(100, 0.3)],
+    }
+    return Scenario(**fields | changes)
+
+
+def compensated(way: Any = "inverse", **changes: Any) -> Compensation:
+    return Compensation(**{"way": way, "size": 0.05, "withdraw": False} | changes)
+
+
+def ff(simulation: Simulation) -> np.ndarray:
+    assert simulation.u_ff is not None
+    return simulation.u_ff
+
+
+def standing(simulation: Simulation) -> np.ndarray:
+    assert simulation.standing is not None
+    return simulation.standing
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_is_the_uncompensated_loop_until_it_is_enabled(way: str) -> None:
+    without, with_it = run(loop()), run(loop(compensation=compensated(way, begin=300.0)))
+    before = with_it.t < 300
+    for name in ("pv", "op", "position", "flags"):
+        assert np.array_equal(getattr(without, name)[before], getattr(with_it, name)[before])
+    assert not ff(with_it)[before].any() and (standing(with_it)[before] == NOT_ENABLED).all()
+    assert ff(with_it)[~before].any() and (standing(with_it)[-1000:] == ACTIVE).all()
+
+
+@pytest.mark.parametrize("direct", [False, True])
+@pytest.mark.parametrize("way", WAYS)
+def test_takes_the_limit_cycle_of_an_integrating_process_away(way: str, direct: bool) -> None:
+    """A loop of P1 swings by the gap for ever; a wrong sign of K would make it swing more."""
+    plant, controller = ("P1", (0.363, 7.06)) if not direct else (([-1.0], [1.0, 1.0, 0.0], 0.0), (-0.363, 7.06))
+    swings = [
+        float(np.ptp(s.pv[s.t > 400]))
+        for s in (
+            run(loop(plant=plant, controller=controller, noise=0.0, compensation=c))
+            for c in (None, compensated(way, band=0.0), compensated(way, size=0.025, band=0.0))
+        )
+    ]
+    assert swings[0] > 0.1
+    assert swings[1] < 0.15 * swings[0]
+    assert 0.3 * swings[0] < swings[2] < 0.7 * swings[0]
+
+
+def test_adds_to_the_output_before_its_limits() -> None:
+    s = run(loop(limits=(-0.5, 0.6), compensation=compensated("error", size=0.2)))
+    assert s.op.min() >= -0.5 and s.op.max() <= 0.6
+    jumps = np.abs(np.diff(ff(s))) > 0.05
+    assert jumps.any()
+    assert np.abs(np.diff(s.op - ff(s)))[jumps].max() < 0.05, "what is left without u_FF has no jumps"
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_manual_takes_it_away_and_leaves_the_output(way: str) -> None:
+    s = run(loop(manual=[(300.0, 320.0)], compensation=compensated(way)))
+    manual = (s.flags & NOT_AUTO) != 0
+    first, last = np.flatnonzero(manual)[[0, -1]]
+    assert ff(s)[first - 1] != 0.0 and not ff(s)[manual].any() and (standing(s)[manual] == MANUAL).all()
+    assert (s.op[manual] == s.op[first - 1]).all(), "OP stays where it stood, with what was added to it"
+    assert abs(s.op[last + 1] - s.op[last]) < 0.002, "back to automatic without a bump"
+
+
+def test_a_lost_signal_ramps_it_to_zero() -> None:
+    s = run(loop(bad=[(300.0, 320.0)], compensation=compensated("inverse", release=5.0)))
+    bad = (s.flags & BAD) != 0
+    assert bad.sum() == 400 and (standing(s)[bad] == BAD_QUALITY).all()
+    assert ff(s)[bad][-1] == 0.0 and abs(ff(s)[bad][50]) > 0.0
+    assert np.abs(np.diff(ff(s)[bad])).max() < 0.0003, "no bump"
+    assert (np.abs(np.diff((s.op - ff(s))[bad])) < 1e-12).all(), "the controller repeats its output"
+    assert (s.pv[bad] == s.pv[np.flatnonzero(bad)[0] - 1]).all(), "the recording repeats the last value"
+    assert (standing(s)[-1000:] == ACTIVE).all()
+
+
+def test_withdraws_where_it_drives_the_loop() -> None:
+    kept = run(loop(compensation=compensated("error", size=0.1)))
+    withdrawn = run(loop(compensation=compensated("error", size=0.1, withdraw=True)))
+    assert STANDINGS[int(standing(withdrawn)[-1])] == "over_compensated" and ff(withdrawn)[-1] == 0.0
+    assert (standing(kept)[-1000:] == ACTIVE).all()
+
+
+def test_a_budget_withdraws() -> None:
+    s = run(loop(compensation=compensated("derivative", reversals=100)))
+    assert STANDINGS[int(standing(s)[-1])] == "too_many_reversals"
+    assert np.sum(np.abs(np.diff(np.sign(ff(s)))) == 2) <= 100
+
+
+def test_together_as_alone() -> None:
+    scenarios = [loop(seed=seed, compensation=compensated()) for seed in range(5)]
+    for alone, together in zip(map(run, scenarios), run_many(scenarios, progress=False), strict=True):
+        for name in ("pv", "op", "u_ff", "standing", "flags"):
+            assert np.array_equal(getattr(alone, name), getattr(together, name))
+
+
+def test_in_toml() -> None:
+    scenario = loop(bad=[(10.0, 20.0)], compensation=compensated("error", share=0.8, begin=5.0))
+    assert (
+        'compensation = { way = "error", size = 0.05, share = 0.8, withdraw = false, begin = 5.0 }\n'
+        in scenario.to_toml()
+    )
+    assert Scenario.from_toml(scenario.to_toml()) == scenario
+
+
+def test_in_a_cascade() -> None:
+    outer = {"plant": ([1.0], [30.0, 1.0], 0.0), "controller": (2.0, 30.0)}
+    s = run(loop(plant="P2", controller=(0.775, 2.05), outer=outer, compensation=compensated()))
+    assert s.outer_pv is not None and abs(s.outer_pv[-1] - 1.0) < 0.1 and ff(s).any()
+
+
+@pytest.mark.parametrize(
+    ("change", "parameter"),
+    [
+        ({"way": "sign"}, "way"),
+        ({"size": -1.0}, "size"),
+        ({"share": 1.5}, "share"),
+        ({"rate": 0.0}, "rate"),
+        ({"reversals": 1}, "reversals"),
+        ({"k": 0.0}, "k"),
+    ],
+)
+def test_refuses_what_is_out_of_bounds(change: dict[str, Any], parameter: str) -> None:
+    with pytest.raises(InputError, match=parameter):
+        run(loop(compensation=compensated(**change)))
+
+
+def test_has_no_default_way() -> None:
+    with pytest.raises(InputError, match="way"):
+        Compensation(size=0.05)  # type: ignore[call-arg]
+
+
+def test_a_stretch_without_values_that_ends_before_it_begins() -> None:
+    with pytest.raises(InputError, match="bad: stretch from 20 s to 10 s"):
+        run(loop(bad=[(20.0, 10.0)]))

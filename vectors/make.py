@@ -332,46 +332,94 @@ def compensation_cases() -> Iterator[dict[str, Any]]:
 
 
 def over_compensation(params: Params, h: Sequence[float], halves: Sequence[Sequence[float]]) -> list[list[int]]:
-    """Warn of even half-periods (code block 7.1), and of a relay: alike, with hardly any travel of OP's own."""
+    """Warn of even half-periods (code block 7.1), and of a relay: alike, new or faster, OP itself hardly moving."""
     kept: list[tuple[float, float]] = []
+    before: float | None = None
+    was_on = False
     outputs = []
     for step, (delta_t, delta_y, delta_sp, flags, size) in zip(h, halves, strict=True):
-        if flags or not delta_y > 0.0 or delta_sp >= delta_y or not size > 0.0:
+        on = size > 0.0
+        if on != was_on:
+            if on and len(kept) == 8:
+                before = _sum(t for t, _ in reversed(kept)) / 8.0 if _alike(kept, step) else 0.0
+            was_on, kept = on, []
+        if flags or not delta_y > 0.0 or delta_sp >= delta_y:
             kept = []
-        else:
-            kept = [*kept[-7:], (delta_t, abs(params["k"]) / params["ti"] * delta_y * delta_t)]
-        times = [duration for duration, _ in kept]
-        even = len(kept) >= 4 and max(times[-4:]) - min(times[-4:]) < step + step
-        alike = len(kept) == 8 and max(times) <= min(times) + min(times)
-        outputs.append([int(even), int(alike and sum(5.0 * travel <= size for _, travel in kept) > 4)])
+            outputs.append([0, 0])
+            continue
+        kept = [*kept[-7:], (delta_t, delta_y)]
+        last = [t for t, _ in kept[-4:]]
+        even = on and len(last) == 4 and max(last) - min(last) < step + step
+        travels = [abs(params["k"]) / params["ti"] * dy * dt for dt, dy in kept]
+        most = 5.0 if before is None else 2.0
+        little = sum(travel * most <= size and travel * 50.0 >= size for travel in travels) > 4
+        faster = not before or _sum(t for t, _ in reversed(kept)) <= 0.75 * 8.0 * before
+        outputs.append([int(even), int(on and len(kept) == 8 and _alike(kept, step) and little and faster)])
     return outputs
 
 
+def _alike(halves: Sequence[tuple[float, float]], step: float) -> bool:
+    """Nearly as long, and nearly as high."""
+    times, heights = [t for t, _ in halves], [y for _, y in halves]
+    return max(times) <= 1.5 * min(times) + step and max(heights) <= min(heights) + min(heights)
+
+
 def over_compensation_cases() -> Iterator[dict[str, Any]]:
-    """Relays, gaps, noise, and what breaks the row."""
+    """Relays, gaps, noise, what was before, and what breaks the row."""
     params = {"k": 0.5, "ti": 10.0}
     relay, gap = [6.0, 0.4, 0.0, 0, 2.0], [30.0, 1.0, 0.0, 0, 2.0]
-    jitter = [[6.0 + x, 0.4 - 0.1 * x, 0.0, 0, 2.0] for x in _walk(34, 30)]
+
+    def off(rows: list[list[float]]) -> list[list[float]]:
+        return [[*row[:4], 0.0] for row in rows]
+
     yield case("a relay", [], params, [relay] * 10, h=0.1)
     yield case("a gap", ["Gap"], params, [gap] * 10, h=0.1)
+    yield case("nothing compensated", ["Off"], params, off([relay] * 10), h=0.1)
     yield case("K below 0", ["Sign"], params | {"k": -0.5}, [relay] * 10, h=0.1)
+    jitter = [[6.0 + x, 0.4 - 0.1 * x, 0.0, 0, 2.0] for x in _walk(34, 30)]
     yield case("a relay in noise", [], params, jitter, h=0.1)
     yield case("a gap, then a relay", ["Window"], params, [gap] * 9 + [relay] * 12, h=0.1)
+    uneven = [[abs(x) * 9 + 0.1, 0.1, 0.0, 0, 2.0] for x in _walk(35, 30)]
+    yield case("half-periods of all lengths", ["Uneven"], params, uneven, h=0.1)
+    slow = [15.0, 1.2, 0.0, 0, 2.0]
+    for comment, rows in (
+        ("as fast before", [slow] * 8),
+        ("slower before", [gap] * 8),
+        ("slower before, then as fast", [gap] * 8 + [slow] * 8),
+        ("slower before, too short to know", [gap] * 7),
+        ("no cycle before", uneven[:12]),
+        ("a ringing before", [[15.0, 1.2 * 0.6**i, 0.0, 0, 2.0] for i in range(8)]),
+    ):
+        yield case(f"a relay, {comment}", ["Before"], params, off(rows) + [slow] * 9, h=0.1)
+    again = off([gap] * 8) + [slow] * 8 + off([slow] * 3) + [slow] * 9
+    yield case("off and on again, too short to learn anew", ["Before"], params, again, h=0.1)
+    edge = [20.0, 0.5, 0.0, 0, 4.0]
     yield case(
-        "half-periods of all lengths",
-        ["Uneven"],
+        "three quarters as long, to the bit",
+        ["Edge", "Before"],
         params,
-        [[abs(x) * 9 + 0.1, 0.1, 0, 0, 2] for x in _walk(35, 30)],
-        h=0.1,
+        off([edge] * 8) + [[15.0, *edge[1:]]] * 9,
+        h=0.5,
     )
-    lengths = [6.0, 3.0, 6.0, 6.0, 6.0, 6.0, 6.0, 6.0, 6.0, 6.125, 6.125, 6.125]
-    yield case("twice as long, to the bit", ["Edge"], params, [[t, 0.5, 0.0, 0, 2.0] for t in lengths], h=0.0625)
-    yield case("a fifth, to the bit", ["Edge"], {"k": 1.0, "ti": 8.0}, [[4.0, 0.5, 0.0, 0, 1.25]] * 9, h=0.0625)
+    lengths = [6.0, 4.0, 6.0, 6.0, 6.0, 6.0, 6.0, 6.0, 6.0, 6.125, 6.125, 6.0625, 4.0625]
+    yield case(
+        "half as long again and a sample, to the bit",
+        ["Edge"],
+        params,
+        [[t, 0.5, 0.0, 0, 2.0] for t in lengths],
+        h=0.0625,
+    )
+    heights = [0.5, 0.5, 1.0, 1.0, 0.5, 1.0, 1.0, 1.0, 0.5000001, 1.0000001, 1.0]
+    yield case("twice as high, to the bit", ["Edge"], params, [[6.0, y, 0.0, 0, 2.0] for y in heights], h=0.0625)
+    whole = {"k": 1.0, "ti": 8.0}
+    yield case("a fifth, to the bit", ["Edge"], whole, [[4.0, 0.5, 0.0, 0, 1.25]] * 9, h=0.0625)
+    yield case("a fiftieth, to the bit", ["Edge"], whole, [[4.0, 0.5, 0.0, 0, 12.5]] * 9, h=0.0625)
+    yield case("less than a fiftieth", ["Uneven"], whole, [[4.0, 0.5, 0.0, 0, 12.75]] * 9, h=0.0625)
     for comment, other in (
         ("a flag", [6.0, 0.4, 0.0, 8, 2.0]),
         ("a setpoint that moves", [6.0, 0.4, 0.4, 0, 2.0]),
         ("no error at all", [6.0, 0.0, 0.0, 0, 2.0]),
-        ("nothing compensated", [6.0, 0.4, 0.0, 0, 0.0]),
+        ("not compensated once", [6.0, 0.4, 0.0, 0, 0.0]),
     ):
         yield case(f"{comment} breaks the row", ["Break"], params, [relay] * 8 + [other] + [relay] * 9, h=0.1)
 
@@ -1029,6 +1077,8 @@ BLOCKS: dict[
         "Warnings of over-compensation after each half-period: even as in code block 7.1, relay ours.",
         {
             "Gap": "the even cycle of a gap taken for a relay",
+            "Off": "a warning where nothing is compensated",
+            "Before": "a cycle that was there before taken for a new one, or forgotten",
             "Sign": "a K below 0 that makes every travel small",
             "Window": "a half-period kept too long or dropped too early",
             "Uneven": "noise taken for a relay",

@@ -11,7 +11,7 @@ const N: usize = 8;
 pub struct OverWarning {
     /// Code block 7.1: the last four half-periods are equally long, to less than two samples.
     pub even: bool,
-    /// The last eight are alike, and OP's own travel in them is no part of a gap: a relay drives the loop.
+    /// The last eight are alike, faster than before, and OP's own travel in them is no part of a gap: a relay drives the loop.
     pub relay: bool,
 }
 
@@ -22,31 +22,45 @@ pub struct OverWarning {
 ///
 /// ```text
 /// even:   max(Δt₁ … Δt₄) − min(Δt₁ … Δt₄) < 2h                                   code block 7.1
-/// relay:  max(Δt₁ … Δt₈) ≤ 2·min(Δt₁ … Δt₈)  and  median |K|/Ti·Δy·Δt ≤ δ/5
+///
+/// relay:  eight half-periods are alike:  max Δt ≤ 1.5·min Δt + h,  max Δy ≤ 2·min Δy
+///         and most of them have  δ/50 ≤ |K|/Ti·Δy·Δt ≤ δ/2
+///         and before it was enabled they were not alike, or longer:  mean Δt ≤ 0.75·mean Δt before
 /// ```
 ///
-/// A gap in an integrating process makes equal half-periods as well, with or without compensation, so that `even` is wrong
-/// there. But where the rest of a gap has to be gone through, OP must travel d − δ on its own in every half-period, by
-/// (7.5) |K|/Ti·Δy·Δt; a relay needs no travel of OP at all, since its jumps do the work. With A from −1/N(A), that travel
-/// is 4/π·|K·P(iω)|/(Ti·ω)·(δ − d), a small part of δ for every loop that is tuned to be stable.
+/// A gap in an integrating process makes equal half-periods too, with or without compensation, so that `even` is wrong there.
+/// What tells a relay from a gap:
 ///
-/// Takes each completed half-period of the error while compensation is in force; one with a flag, or in which the setpoint
-/// moved by Δy or more, begins the row anew, and so does a size of 0.
+/// - **Frequency.** −1/N of a gap lies where the phase of the loop is between −90° and −180°, that of a relay beside the controller
+///   at −180° and beyond: a relay's cycle is faster than the gap's in the same loop, and the gap's is as fast with half a gap
+///   as with a whole one. In a loop that had no cycle before, any is new.
+/// - **OP's own travel**, by (7.5) |K|/Ti·Δy·Δt. What is left of a gap, d − δ, has to be gone through in every half-period; a
+///   relay needs no travel at all, its jumps do the work: by −1/N(A) there is 4/π·|K·P(iω)|/(Ti·ω)·(δ − d), a small part of δ
+///   in every loop that is tuned to be stable. Noise alone makes hardly any.
 ///
-/// Known blindness: between δ = d and 1.2d the rest of the loop decides, and the relay is as small as the noise; noise
-/// larger than the relay's swing makes half-periods of all lengths, and no row of eight.
+/// An oscillation that comes from outside, or from a valve that sticks, was there before and is as fast: no relay. Where nothing
+/// is known of before, OP's own travel must be below δ/5.
+///
+/// Takes every completed half-period of the error, with the width in force: 0 while nothing is compensated. One with a flag,
+/// or in which the setpoint moved by Δy or more, begins the row anew.
+///
+/// Known blindness: noise larger than the relay's swing makes half-periods of all lengths. That is an over-compensation of which
+/// PV shows nothing; OP's travel does, and has a budget.
 ///
 /// ```
 /// use glapp_core::{HalfPeriod, OverCompensation, OverCompensationState};
 ///
 /// let warning = OverCompensation::new(0.5, 10.0)?;
 /// let mut state = OverCompensationState::default();
-/// let half = |delta_t, delta_y| HalfPeriod { delta_t, delta_y, ..HalfPeriod::default() };
-/// let mut after = |half: HalfPeriod<f64>| (0..8).map(|_| warning.update(&mut state, &half, 0.1, 2.0)).last().unwrap();
-/// let gap = after(half(30.0, 1.0)); // OP's own travel: 0.5/10·1·30 = 1.5
-/// assert!(gap.even && !gap.relay);
-/// let relay = after(half(6.0, 0.4)); // 0.12, where 2.0 are compensated
-/// assert!(relay.even && relay.relay);
+/// let mut after = |delta_t, delta_y, size| {
+///     let half = HalfPeriod { delta_t, delta_y, ..HalfPeriod::default() };
+///     (0..8).map(|_| warning.update(&mut state, &half, 0.1, size)).last().unwrap()
+/// };
+/// after(30.0, 1.3, 0.0); // the cycle of a gap, nothing compensated
+/// let half_compensated = after(30.0, 0.6, 2.0); // smaller, and as slow
+/// assert!(half_compensated.even && !half_compensated.relay);
+/// let too_much = after(15.0, 0.4, 6.0);
+/// assert!(too_much.even && too_much.relay);
 /// # Ok::<(), glapp_core::ParameterError>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -59,11 +73,22 @@ pub struct OverCompensation<R> {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct OverCompensationState<R> {
-    /// Δt \[s\] and OP's own travel of the last half-periods, in a ring.
+    /// Δt \[s\] and Δy [PV unit] of the last half-periods, in a ring.
     durations: [R; N],
-    travels: [R; N],
+    heights: [R; N],
     at: u8,
     count: u8,
+    compensating: bool,
+    /// Mean Δt before it was enabled, 0 where half-periods were not alike; `None`: not known.
+    before: Option<R>,
+}
+
+/// What the half-periods in the ring have in common.
+struct Row<R> {
+    even: bool,
+    alike: bool,
+    /// Sum of Δt \[s\].
+    duration: R,
 }
 
 impl<R: Real> OverCompensation<R> {
@@ -76,31 +101,59 @@ impl<R: Real> OverCompensation<R> {
     /// Takes a completed half-period, the time between samples `h` \[s\], and the width in force during it [OP unit].
     #[inline(never)]
     pub fn update(&self, state: &mut OverCompensationState<R>, half: &HalfPeriod<R>, h: R, size: R) -> OverWarning {
-        let usable = half.flags == 0 && half.delta_y > R::ZERO && half.delta_sp < half.delta_y && size > R::ZERO;
-        if !usable {
+        let compensating = size > R::ZERO;
+        if compensating != state.compensating {
+            if compensating && usize::from(state.count) >= N {
+                let row = row(state, h);
+                state.before = Some(if row.alike { row.duration / R::of(N as f64) } else { R::ZERO });
+            }
+            (state.compensating, state.count) = (compensating, 0);
+        }
+        if half.flags != 0 || half.delta_y <= R::ZERO || half.delta_sp >= half.delta_y {
             state.count = 0;
             return OverWarning::default();
         }
         let at = usize::from(state.at) % N;
-        state.durations[at] = half.delta_t;
-        state.travels[at] = self.k / self.ti * half.delta_y * half.delta_t;
+        (state.durations[at], state.heights[at]) = (half.delta_t, half.delta_y);
         state.at = ((at + 1) % N) as u8;
         state.count = state.count.saturating_add(1).min(N as u8);
-        let (mut shortest, mut longest) = (half.delta_t, half.delta_t);
-        let mut even = false;
-        let mut small = 0;
-        for i in 0..usize::from(state.count) {
-            let j = (at + N - i) % N;
-            shortest = shortest.lesser(state.durations[j]);
-            longest = longest.greater(state.durations[j]);
-            if i == 3 {
-                even = longest - shortest < h + h;
-            }
-            small += usize::from(R::of(5.0) * state.travels[j] <= size);
+        if !compensating {
+            return OverWarning::default();
         }
-        let alike = usize::from(state.count) == N && longest <= shortest + shortest;
-        OverWarning { even, relay: alike && small > N / 2 }
+        let row = row(state, h);
+        OverWarning { even: row.even, relay: row.alike && self.drives(state, &row, size) }
     }
+
+    /// Whether half-periods that are alike come from a relay.
+    fn drives(&self, state: &OverCompensationState<R>, row: &Row<R>, size: R) -> bool {
+        let most = if state.before.is_none() { R::of(5.0) } else { R::of(2.0) };
+        let travels = |i: &usize| {
+            let travel = self.k / self.ti * state.heights[*i] * state.durations[*i];
+            travel * most <= size && travel * R::of(50.0) >= size
+        };
+        let faster = |before: R| before <= R::ZERO || row.duration <= R::of(0.75) * R::of(N as f64) * before;
+        (0..N).filter(travels).count() > N / 2 && state.before.is_none_or(faster)
+    }
+}
+
+/// Looks through the ring, from the last half-period back.
+fn row<R: Real>(state: &OverCompensationState<R>, h: R) -> Row<R> {
+    let last = (usize::from(state.at) + N - 1) % N;
+    let (mut shortest, mut longest) = (state.durations[last], state.durations[last]);
+    let (mut lowest, mut highest) = (state.heights[last], state.heights[last]);
+    let mut row = Row { even: false, alike: false, duration: R::ZERO };
+    for i in 0..usize::from(state.count).min(N) {
+        let j = (last + N - i) % N;
+        (shortest, longest) = (shortest.lesser(state.durations[j]), longest.greater(state.durations[j]));
+        (lowest, highest) = (lowest.lesser(state.heights[j]), highest.greater(state.heights[j]));
+        row.duration += state.durations[j];
+        if i == 3 {
+            row.even = longest - shortest < h + h;
+        }
+    }
+    let full = usize::from(state.count) >= N;
+    row.alike = full && longest <= R::of(1.5) * shortest + h && highest <= lowest + lowest;
+    row
 }
 
 #[cfg(test)]
@@ -111,6 +164,12 @@ mod tests {
         HalfPeriod { delta_t, delta_y, ..HalfPeriod::default() }
     }
 
+    /// The last warning after `n` half-periods.
+    fn after(state: &mut OverCompensationState<f64>, n: usize, half: &HalfPeriod<f64>, size: f64) -> OverWarning {
+        let block = OverCompensation::new(-1.0, 10.0).unwrap();
+        (0..n).map(|_| block.update(state, half, 0.1, size)).last().unwrap()
+    }
+
     #[test]
     fn parameters_out_of_bounds_are_named() {
         assert_eq!(OverCompensation::new(0.0, 1.0).unwrap_err().name, "k");
@@ -119,38 +178,61 @@ mod tests {
 
     #[test]
     fn even_looks_at_four_and_relay_at_eight() {
-        let block = OverCompensation::new(-1.0, 10.0).unwrap();
+        for (n, even, relay) in [(3, false, false), (4, true, false), (7, true, false), (8, true, true)] {
+            let mut state = OverCompensationState::default();
+            assert_eq!(after(&mut state, n, &half(2.0, 0.5), 1.0), OverWarning { even, relay });
+        }
+    }
+
+    #[test]
+    fn nothing_is_warned_of_while_nothing_is_compensated() {
         let mut state = OverCompensationState::default();
-        let found: std::vec::Vec<OverWarning> =
-            (0..9).map(|_| block.update(&mut state, &half(2.0, 0.5), 0.1, 1.0)).collect();
-        assert_eq!(found.iter().position(|w| w.even), Some(3));
-        assert_eq!(found.iter().position(|w| w.relay), Some(7));
+        assert_eq!(after(&mut state, 20, &half(2.0, 0.5), 0.0), OverWarning::default());
+    }
+
+    #[test]
+    fn before_decides() {
+        for (cycle_before, relay) in [(Some(2.0), false), (Some(2.8), true), (None, true)] {
+            let mut state = OverCompensationState::default();
+            for i in 0..8 {
+                let duration = cycle_before.unwrap_or(f64::from(i) + 1.0);
+                after(&mut state, 1, &half(duration, 0.5), 0.0);
+            }
+            // OP's own travel is 0.2, a third of what is compensated.
+            assert_eq!(after(&mut state, 8, &half(2.0, 1.0), 0.6).relay, relay, "{cycle_before:?}");
+            // Off and on again, too short to learn anew.
+            after(&mut state, 3, &half(9.0, 0.5), 0.0);
+            assert_eq!(after(&mut state, 8, &half(2.0, 1.0), 0.6).relay, relay, "{cycle_before:?}");
+        }
+        let mut unknown = OverCompensationState::default();
+        assert!(!after(&mut unknown, 8, &half(2.0, 1.0), 0.6).relay);
+    }
+
+    #[test]
+    fn a_ringing_that_dies_out_is_no_cycle() {
+        let mut state = OverCompensationState::default();
+        for i in 0..8 {
+            after(&mut state, 1, &half(2.0, 0.6_f64.powi(i)), 0.0);
+        }
+        assert!(after(&mut state, 8, &half(2.0, 0.5), 1.0).relay, "the same period before, but not kept up");
     }
 
     #[test]
     fn a_break_begins_the_row_anew() {
-        let breaks = [
-            (HalfPeriod { flags: 1, ..half(2.0, 0.5) }, 1.0),
-            (HalfPeriod { delta_sp: 0.5, ..half(2.0, 0.5) }, 1.0),
-            (half(2.0, 0.0), 1.0),
-            (half(2.0, 0.5), 0.0),
-        ];
-        for (other, size) in breaks {
-            let block = OverCompensation::new(1.0, 10.0).unwrap();
+        let breaks =
+            [HalfPeriod { flags: 1, ..half(2.0, 0.5) }, HalfPeriod { delta_sp: 0.5, ..half(2.0, 0.5) }, half(2.0, 0.0)];
+        for other in breaks {
             let mut state = OverCompensationState::default();
-            for _ in 0..8 {
-                block.update(&mut state, &half(2.0, 0.5), 0.1, 1.0);
-            }
-            assert_eq!(block.update(&mut state, &other, 0.1, size), OverWarning::default());
-            assert!(!block.update(&mut state, &half(2.0, 0.5), 0.1, 1.0).even);
+            after(&mut state, 8, &half(2.0, 0.5), 1.0);
+            assert_eq!(after(&mut state, 1, &other, 1.0), OverWarning::default());
+            assert!(!after(&mut state, 3, &half(2.0, 0.5), 1.0).even);
         }
     }
 
     #[test]
     fn a_state_from_outside_is_safe() {
-        let block = OverCompensation::new(1.0, 10.0).unwrap();
         let mut state = OverCompensationState { at: 255, count: 255, ..OverCompensationState::default() };
-        block.update(&mut state, &half(2.0, 0.5), 0.1, 1.0);
-        assert_eq!(usize::from(state.count), N);
+        after(&mut state, 1, &half(2.0, 0.5), 1.0);
+        assert!(usize::from(state.count) <= N);
     }
 }

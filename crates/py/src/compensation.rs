@@ -56,7 +56,43 @@ impl TryFrom<PySettings> for CompensationSettings<f64> {
     }
 }
 
-/// Feed-forward that carries the valve through its gap.
+/// Feed-forward that carries the valve through its gap whenever it is reversed (thesis 2.2).
+///
+/// Parameters
+/// ----------
+/// way : {"error", "derivative", "inverse"}
+///     How the direction is found: sign(e)·sign(K); sign(du_f/dt); or by reversals of u_f that exceed a noise band.
+/// k : float
+///     Gain K ≠ 0 of the controller, negative for direct action; its sign counts for "error".
+/// size : float
+///     Width that a person typed, or the lower limit of the fit where its verdict is backlash; ≥ 0 [unit of OP].
+/// share : float
+///     Share of it to compensate, 0..1.
+/// limit : float
+///     Greatest width that may be compensated, whatever the size came from [unit of OP], ≥ share·size.
+/// band : float
+///     How far u_f must go back before that is a reversal, for "inverse" [unit of OP], ≥ 0.
+/// tf : float
+///     Time constant of the second-order filter of u [s], ≥ 0.
+/// rate : float
+///     Greatest rate of u_FF [unit of OP per s], > 0.
+/// release : float
+///     Time in which it is brought in and taken away [s], > 0.
+/// travel, reversals : float
+///     Budgets of u_FF in any hour [unit of OP; 1], > 0 and ≥ 2.
+/// withdraw : bool
+///     Whether a warning of over-compensation withdraws it.
+/// limits : (low, high), optional
+///     Limits of OP.
+///
+/// Examples
+/// --------
+/// >>> settings = dict(k=1.0, size=2.0, share=1.0, limit=5.0, band=0.5, tf=0.0, rate=1.0, release=1.0)
+/// >>> inverse = Compensation("inverse", **settings, travel=1e3, reversals=500, withdraw=True)
+/// >>> [inverse.update(0.0, u, 1.0, enable=True) for u in (50.0, 50.4, 50.6, 50.2, 50.0, 49.9)]
+/// [0.0, 0.0, 0.75, 0.75, -0.25, -0.75]
+/// >>> inverse.standing
+/// 'active'
 #[pyclass(module = "glapp.blocks")]
 pub struct Compensation {
     block: glapp_core::Compensation<f64>,
@@ -91,6 +127,10 @@ impl Compensation {
         Ok(Self { block, state: CompensationState::default() })
     }
 
+    /// Take the filtered error, OP without u_FF and the time since the last sample [s]; give u_FF.
+    ///
+    /// enable: a person wants it on; d_hat: on-line estimate of the whole gap; over: over-compensation is warned of; flags: 1
+    /// not in automatic, 2 bad, 4 at the lower limit, 8 at the upper one.
     #[pyo3(signature = (e, u, h, *, enable, d_hat=None, over=false, flags=0))]
     #[allow(clippy::too_many_arguments)]
     fn update(&mut self, e: f64, u: f64, h: f64, enable: bool, d_hat: Option<f64>, over: bool, flags: u8) -> f64 {
@@ -122,7 +162,20 @@ pub fn standings() -> Vec<&'static str> {
     Standing::ALL.iter().map(|standing| standing.name()).collect()
 }
 
-/// The two warnings of over-compensation.
+/// Two warnings of a compensation wider than the gap (thesis 7.4): as in code block 7.1, and one that tells a relay from a gap.
+///
+/// Parameters
+/// ----------
+/// k, ti : float
+///     Gain ≠ 0 and integral time > 0 [s] of the controller.
+///
+/// Examples
+/// --------
+/// >>> warning = OverCompensation(0.5, 10.0)
+/// >>> for _ in range(8):
+/// ...     found = warning.update(6.0, 0.4, 0.1, size=2.0)
+/// >>> found
+/// (True, True)
 #[pyclass(module = "glapp.blocks")]
 pub struct OverCompensation {
     block: glapp_core::OverCompensation<f64>,
@@ -137,6 +190,7 @@ impl OverCompensation {
         Ok(Self { block, state: OverCompensationState::default() })
     }
 
+    /// Take a completed half-period: Δt [s], Δy, the sample time [s] and the width in force, 0 while nothing is compensated; give
     /// (even, relay).
     #[pyo3(signature = (delta_t, delta_y, h, size, delta_sp=0.0, flags=0))]
     fn update(&mut self, delta_t: f64, delta_y: f64, h: f64, size: f64, delta_sp: f64, flags: u8) -> (bool, bool) {

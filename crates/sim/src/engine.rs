@@ -463,12 +463,11 @@ fn bad(from: f64, to: f64, h: f64, n: usize) -> Result<Range<usize>, SimError> {
 
 impl Compensating {
     fn new(given: &Compensated, s: &Scenario, n: usize, sp: f64) -> Result<Self, SimError> {
-        let Controller { k, ti, .. } = s.controller;
         require("compensation.from", given.from, true, "a number")?;
         Ok(Self {
             block: Compensation::new(given.settings)?,
             state: CompensationState::default(),
-            warning: OverCompensation::new(k, ti)?,
+            warning: OverCompensation::new(given.settings.k, s.controller.ti)?,
             warning_state: OverCompensationState::default(),
             crossing: ZeroCrossing::default(),
             half: HalfPeriodState::start(sp, 0.0, 0.0, GAP),

@@ -8,7 +8,7 @@
 
 from importlib.metadata import version as _version
 
-from . import blocks, nonlinear, plant, simulate, tuning
+from . import blocks, modules, nonlinear, plant, simulate, tuning
 from .bump import Bump, bump
 from .controller import Controller, Ideal
 from .errors import InputError
@@ -45,6 +45,7 @@ __all__ = [
     "estimate",
     "fit",
     "identify",
+    "modules",
     "nonlinear",
     "open_recordings",
     "plant",

@@ -62,6 +62,7 @@ pub struct Span {
 
 /// One half-period with everything that was concluded from it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Record<R> {
     /// What the signals did.
     pub half: HalfPeriod<R>,

@@ -70,6 +70,12 @@ impl<R: Real> Pid<R> {
         })
     }
 
+    /// The same law with other settings, for one sample of a controller whose gains and limits move.
+    #[inline(always)]
+    pub(crate) fn with(self, k: R, ti: R, td: R, limits: Saturation<R>) -> Self {
+        Self { k, ti, td, b: self.b, limits }
+    }
+
     /// Takes setpoint, filtered process value and the time since the last sample `h` [s]; gives the output in auto.
     #[inline(always)]
     pub fn update(&self, state: &mut PidState<R>, ysp: R, yf: R, h: R) -> R {

@@ -7,6 +7,7 @@ mod columns;
 mod compensation;
 mod detector;
 mod fit;
+mod modules;
 mod noise;
 mod pid;
 mod rate_limit;
@@ -31,6 +32,8 @@ mod _glapp {
     use crate::detector::{PyDetector, PyHalfPeriod, reasons};
     #[pymodule_export]
     use crate::fit::{fit, fit_combine, fit_window};
+    #[pymodule_export]
+    use crate::modules::{Graph, ideal_of_parallel, ideal_of_series};
     #[pymodule_export]
     use crate::noise::Noise;
     #[pymodule_export]

@@ -202,7 +202,8 @@ trait Machine {
 }
 
 /// A process of any order.
-trait Process {
+pub(crate) trait Process: Send + Sync {
+    /// Takes the input held from this sample to the next, gives the output at the next.
     fn update(&mut self, v: f64) -> f64;
 }
 
@@ -557,6 +558,13 @@ fn process<const N: usize>(plant: &Plant, h: f64, rest: &Rest, n: usize) -> Resu
     let plant = Sampled::<N>::new(plant, h)?;
     let state = plant.at_rest(rest.y, rest.v, n);
     Ok(Box::new(Alone { plant, state }))
+}
+
+/// A plant at rest at the process value `y`; with the process value, and the input that holds it there.
+pub(crate) fn process_at_rest(plant: &Plant, h: f64, y: f64) -> Result<(f64, f64, Box<dyn Process>), SimError> {
+    let rest = rest(plant, Saturation::none(), y, 0.0)?;
+    let process = by_order!(plant.order(), process(plant, h, &rest, usize::MAX))?;
+    Ok((rest.y, rest.v, process))
 }
 
 /// From what happened to what the historian has: times that are wrong, samples that are lost.

@@ -6,8 +6,10 @@
 mod engine;
 mod error;
 mod friction;
+mod graph;
 mod lanes;
 mod matrix;
+mod module;
 mod plant;
 mod random;
 mod scenario;
@@ -15,8 +17,10 @@ mod signal;
 
 pub use error::SimError;
 pub use friction::{Friction, FrictionState, Model};
+pub use graph::{Graph, GraphError};
 pub use lanes::{Instructions, groups, run_together, watch_together};
 pub use matrix::Matrix;
+pub use module::Module;
 pub use plant::{BATCH, MAX_ORDER, Named, Plant};
 pub use scenario::{
     AT_HIGH, AT_LOW, BAD, Block, Columns, Compensated, Controller, Manual, NOT_AUTO, Outer, Scenario, Seen,

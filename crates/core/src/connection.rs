@@ -1,0 +1,186 @@
+//! Control connections: what modules tell one another, forward and backward.
+
+use crate::half_period::{AT_HIGH, AT_LOW, BAD, NOT_AUTO};
+use crate::{Backlash, BacklashState, Noise, NoiseState, Real, Saturation, SecondOrderFilter, SecondOrderFilterState};
+
+/// What a module hands on to the next one.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Forward<R> {
+    /// The signal.
+    pub value: R,
+    /// [`BAD`] where the value is not to be believed; 0 = all well.
+    pub flags: u8,
+}
+
+impl<R: Real> Forward<R> {
+    /// A value, with the flags that come with it; what is no number is [`BAD`].
+    #[inline(always)]
+    pub fn new(value: R, flags: u8) -> Self {
+        Self { value, flags: if value.is_number() { flags } else { flags | BAD } }
+    }
+
+    /// Whether the value may be used.
+    #[inline(always)]
+    pub fn is_good(&self) -> bool {
+        self.flags & BAD == 0 && self.value.is_number()
+    }
+}
+
+impl<R: Real> From<R> for Forward<R> {
+    fn from(value: R) -> Self {
+        Self::new(value, 0)
+    }
+}
+
+/// What a module tells the one before it: what became of the value that it was handed (thesis 6.1, 7.1).
+///
+/// | flag | meaning | thesis |
+/// |---|---|---|
+/// | [`AT_LOW`] | something further on is at its lower limit: a lower value has no effect | `MinReached` |
+/// | [`AT_HIGH`] | the same at the upper limit | `MaxReached` |
+/// | [`NOT_AUTO`] | the value is not followed: `tracking` is in effect instead | |
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Backward<R> {
+    /// The lowest value that is followed.
+    pub low: R,
+    /// The highest value that is followed.
+    pub high: R,
+    /// [`AT_LOW`], [`AT_HIGH`], [`NOT_AUTO`]; 0 = all well.
+    pub flags: u8,
+    /// The value in effect, from which whoever takes over goes on without a bump.
+    pub tracking: R,
+}
+
+impl<R: Real> Default for Backward<R> {
+    /// Every value is followed.
+    fn default() -> Self {
+        Self { low: -R::LARGEST, high: R::LARGEST, flags: 0, tracking: R::ZERO }
+    }
+}
+
+impl<R: Real> Backward<R> {
+    /// What two followers of one value say together: the narrower limits, all flags, and the first value in effect that is
+    /// not the one handed over.
+    #[must_use]
+    pub fn and(self, other: Self) -> Self {
+        Self {
+            low: self.low.greater(other.low),
+            high: self.high.lesser(other.high),
+            flags: self.flags | other.flags,
+            tracking: if self.flags & NOT_AUTO == 0 { other.tracking } else { self.tracking },
+        }
+    }
+}
+
+// Blocks that stand in a connection. They hand on the flags of what they get, and what comes back passes them unchanged,
+// save at a `Saturation`.
+
+impl<R: Real> Noise<R> {
+    /// [`update`](Self::update) in a connection.
+    #[inline(always)]
+    pub fn forward(&self, state: &mut NoiseState, x: Forward<R>) -> Forward<R> {
+        Forward::new(self.update(state, x.value), x.flags)
+    }
+}
+
+impl<R: Real> Backlash<R> {
+    /// [`update`](Self::update) in a connection; a bad value leaves the output where it is.
+    #[inline(always)]
+    pub fn forward(&self, state: &mut BacklashState<R>, x: Forward<R>) -> Forward<R> {
+        if x.is_good() {
+            Forward::new(self.update(state, x.value), x.flags)
+        } else {
+            Forward::new(if state.started { state.output } else { x.value }, x.flags | BAD)
+        }
+    }
+}
+
+impl<R: Real> SecondOrderFilter<R> {
+    /// [`update`](Self::update) in a connection: a bad value is flagged, with the last output, and the next good one
+    /// starts the filter anew.
+    #[inline(always)]
+    pub fn forward(&self, state: &mut SecondOrderFilterState<R>, x: Forward<R>, h: R) -> Forward<R> {
+        if x.is_good() {
+            Forward::new(self.update(state, x.value, h), x.flags)
+        } else {
+            state.started = false;
+            Forward::new(state.y2, x.flags | BAD)
+        }
+    }
+}
+
+impl<R: Real> Saturation<R> {
+    /// [`update`](Self::update) in a connection.
+    #[inline(always)]
+    pub fn forward(&self, x: Forward<R>) -> Forward<R> {
+        Forward::new(self.update(x.value), x.flags)
+    }
+
+    /// Tells those before it of its limits, and that its input `x` has reached one.
+    #[inline(always)]
+    pub fn backward(&self, x: R, back: Backward<R>) -> Backward<R> {
+        Backward {
+            low: self.low.greater(back.low),
+            high: self.high.lesser(back.high),
+            flags: back.flags | self.reached(x),
+            tracking: back.tracking,
+        }
+    }
+
+    /// [`AT_LOW`] and [`AT_HIGH`], where `x` has reached a limit.
+    #[inline(always)]
+    pub fn reached(&self, x: R) -> u8 {
+        (if x <= self.low { AT_LOW } else { 0 }) | (if x >= self.high { AT_HIGH } else { 0 })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_no_number_is_bad() {
+        for x in [f64::NAN, f64::INFINITY] {
+            assert!(!Forward::from(x).is_good());
+            assert_eq!(Noise::new(0.1).unwrap().forward(&mut NoiseState::default(), x.into()).flags, BAD);
+        }
+        assert!(Forward::from(1.0).is_good());
+    }
+
+    #[test]
+    fn a_bad_value_moves_nothing_and_is_handed_on() {
+        let gap = Backlash::new(1.0).unwrap();
+        let mut state = BacklashState::at(3.0);
+        let held = gap.forward(&mut state, Forward::new(9.0, BAD));
+        assert_eq!((held.value, held.flags), (3.0, BAD));
+
+        let filter = SecondOrderFilter::new(10.0).unwrap();
+        let mut state = SecondOrderFilterState::default();
+        filter.forward(&mut state, 5.0.into(), 1.0);
+        let held = filter.forward(&mut state, f64::NAN.into(), 1.0);
+        assert_eq!((held.value, held.flags), (5.0, BAD));
+        // It starts at the first good value: what lay before says nothing about it.
+        assert_eq!(filter.forward(&mut state, 80.0.into(), 1.0), Forward::new(80.0, 0));
+    }
+
+    #[test]
+    fn a_limit_is_told_backward() {
+        let valve = Saturation::new(0.0, 100.0).unwrap();
+        let narrower = Backward { high: 90.0, flags: NOT_AUTO, tracking: 7.0, ..Backward::default() };
+        let told = valve.backward(100.0, narrower);
+        assert_eq!(told, Backward { low: 0.0, high: 90.0, flags: NOT_AUTO | AT_HIGH, tracking: 7.0 });
+        assert_eq!(valve.backward(50.0, Backward::default()).flags, 0);
+        assert_eq!(valve.backward(-1.0, Backward::default()).flags, AT_LOW);
+    }
+
+    #[test]
+    fn two_followers_say_the_narrower() {
+        let one = Backward { low: 0.0, high: 50.0, flags: AT_LOW, tracking: 1.0 };
+        let other = Backward { low: -9.0, high: 20.0, flags: NOT_AUTO, tracking: 2.0 };
+        let both = Backward { low: 0.0, high: 20.0, flags: AT_LOW | NOT_AUTO, tracking: 2.0 };
+        assert_eq!(one.and(other), both);
+        assert_eq!(other.and(one), both);
+    }
+}

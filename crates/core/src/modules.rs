@@ -1,0 +1,31 @@
+//! Control modules: blocks with connections, from which loops are put together (thesis chapter 6).
+//!
+//! A module has two passes in every scan. `forward` takes what the modules before it hand on and gives its output;
+//! `backward` takes what the modules after it tell, and gives what it tells those before:
+//!
+//! ```text
+//!             ── forward: value, quality ──→
+//!    filter         pid          gap         process      each in turn, then the same way back
+//!             ←── backward: limits, flags, tracking ──
+//! ```
+//!
+//! Within a scan every `forward` sees what was computed before it in the same scan, and every `backward` likewise. So a
+//! controller's output rests on measurements of the same scan, and on what was told backward in the scan before: a valve
+//! that reaches its limit in a scan stops the controller's integral in the next. A detector learns in the backward pass,
+//! when the flags of the scan are known: a flag belongs to the very sample that it was raised at.
+//!
+//! The blocks that only stand in a connection, [`Noise`](crate::Noise), [`Backlash`](crate::Backlash),
+//! [`SecondOrderFilter`](crate::SecondOrderFilter) and [`Saturation`](crate::Saturation), have their `forward` themselves.
+//!
+//! Whoever sets the output for a while, a person, a controller further in or an experiment, does so by telling
+//! [`NOT_AUTO`](crate::half_period::NOT_AUTO) and the value in effect backward: the controller tracks it.
+
+mod backlash_detection;
+mod pid;
+mod pid_advanced;
+mod process_sim;
+
+pub use backlash_detection::{BacklashDetection, BacklashDetectionSettings, BacklashDetectionState};
+pub use pid::{BAD_FF, BAD_LIMITS, BAD_SP, Mode, Pid, PidSettings, PidState};
+pub use pid_advanced::{Gains, PidAdvanced, PidAdvancedSettings, PidAdvancedState, SCHEDULE_ROWS};
+pub use process_sim::{ProcessSim, ProcessSimState};

@@ -1,0 +1,175 @@
+//! The controller with the detector inside.
+
+use super::backlash_detection::{BacklashDetection, BacklashDetectionSettings, BacklashDetectionState};
+use super::pid::{Pid, PidSettings, PidState};
+use crate::connection::{Backward, Forward};
+use crate::error::require;
+use crate::half_period::{AT_HIGH, AT_LOW, NOT_AUTO};
+use crate::{ParameterError, Real};
+
+/// The most rows of a gain schedule.
+pub const SCHEDULE_ROWS: usize = 8;
+
+/// A row of a gain schedule: the controller's gains where the scheduling variable is `at`.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Gains<R> {
+    /// Value of the scheduling variable [its unit].
+    pub at: R,
+    /// Gain K, of the sign of all other rows.
+    pub k: R,
+    /// Integral time > 0 \[s\].
+    pub ti: R,
+    /// Derivative time ≥ 0 \[s\].
+    pub td: R,
+}
+
+/// Settings of a [`PidAdvanced`]. What detector and controller both need stands here once.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PidAdvancedSettings<R> {
+    /// The controller.
+    pub pid: PidSettings<R>,
+    /// Static process gain ≠ 0, where known: from a fit, an autotuner, a manual test [process value per output].
+    pub kp: Option<R>,
+    /// Length of the filter of detections, odd, 1 to 31.
+    pub n: u32,
+    /// The fastest that the setpoint in effect moves, > 0 [PV unit per second].
+    pub sp_rate: R,
+    /// Rows with ascending `at`; the first `rows` count. With none the controller's own gains are used.
+    pub schedule: [Gains<R>; SCHEDULE_ROWS],
+    /// Number of rows, at most [`SCHEDULE_ROWS`].
+    pub rows: usize,
+}
+
+impl<R: Real> PidAdvancedSettings<R> {
+    /// Kp not known, N = 9, no ramp, no schedule.
+    pub fn new(pid: PidSettings<R>) -> Self {
+        let schedule = [Gains::default(); SCHEDULE_ROWS];
+        Self { pid, kp: None, n: 9, sp_rate: R::LARGEST, schedule, rows: 0 }
+    }
+}
+
+/// A [`Pid`] with [`BacklashDetection`] inside, a setpoint ramp and a gain schedule (thesis 6.4, 6.6, 7.1).
+///
+/// The detector takes the controller's own settings, and sees what the controller sees: the setpoint in effect, the
+/// filtered process value, limits and mode. Where the controller does not filter, the detector does, with Ti/10 (2.1).
+///
+/// The schedule is linear between its rows and constant outside them; a bad scheduling variable leaves the last gains.
+/// With a schedule, K/Ti is not constant within a half-period: the width is then taken from the output's own travel,
+/// and the conditions of the safety net use the longest Ti and the largest |K| of the table.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PidAdvanced<R> {
+    settings: PidAdvancedSettings<R>,
+    pid: Pid<R>,
+    detection: BacklashDetection<R>,
+}
+
+/// State of a [`PidAdvanced`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct PidAdvancedState<R> {
+    /// The controller.
+    pub pid: PidState<R>,
+    /// The detection; a new one resets it.
+    pub detection: BacklashDetectionState<R>,
+    /// The scheduling variable in effect.
+    by: R,
+}
+
+impl<R: Real> PidAdvancedState<R> {
+    /// In auto, with the output at a known value, from which it goes on.
+    pub fn at(output: R) -> Self {
+        Self { pid: PidState::at(output), detection: BacklashDetectionState::default(), by: R::ZERO }
+    }
+}
+
+impl<R: Real> Default for PidAdvancedState<R> {
+    fn default() -> Self {
+        Self::at(R::ZERO)
+    }
+}
+
+impl<R: Real> PidAdvanced<R> {
+    /// Checks the settings.
+    pub fn new(settings: PidAdvancedSettings<R>) -> Result<Self, ParameterError> {
+        let PidAdvancedSettings { pid, kp, n, sp_rate, schedule, rows } = settings;
+        require("sp_rate", sp_rate, sp_rate > R::ZERO, "greater than 0 per second")?;
+        require("rows", R::of(rows as f64), rows <= SCHEDULE_ROWS, "at most 8")?;
+        let mut slowest = pid;
+        for (i, row) in schedule[..rows].iter().enumerate() {
+            let ascending = i == 0 || row.at > schedule[i - 1].at;
+            require("at", row.at, ascending, "greater than in the row before")?;
+            require("k", row.k, row.k * pid.k > R::ZERO, "of the sign of the controller's own k, and not 0")?;
+            require("ti", row.ti, row.ti > R::ZERO, "greater than 0 s")?;
+            require("td", row.td, row.td >= R::ZERO, "0 s or greater")?;
+            let first = i == 0;
+            slowest.ti = if first { row.ti } else { slowest.ti.greater(row.ti) };
+            slowest.k = if first || row.k.magnitude() > slowest.k.magnitude() { row.k } else { slowest.k };
+        }
+        let filtered = pid.tf > R::ZERO;
+        let limited = pid.low > -R::LARGEST && pid.high < R::LARGEST;
+        let detection = BacklashDetectionSettings {
+            k: slowest.k,
+            ti: slowest.ti,
+            td: (rows == 0).then_some(pid.td),
+            b: pid.b,
+            kp,
+            tf: if filtered { R::ZERO } else { slowest.ti / R::of(10.0) },
+            n,
+            op_limits: limited.then_some((pid.low, pid.high)),
+            max_h: pid.max_h.lesser(R::of(1e9)),
+        };
+        Ok(Self { settings, pid: Pid::new(pid)?, detection: BacklashDetection::new(detection)? })
+    }
+
+    /// What it was made of.
+    pub fn settings(&self) -> &PidAdvancedSettings<R> {
+        &self.settings
+    }
+
+    /// As [`Pid::forward`]; `by` is the scheduling variable, anything where there is no schedule.
+    #[inline(always)]
+    pub fn forward(
+        &self,
+        s: &mut PidAdvancedState<R>,
+        pv: Forward<R>,
+        sp: Forward<R>,
+        ff: Forward<R>,
+        by: Forward<R>,
+        h: R,
+    ) -> Forward<R> {
+        if by.is_good() {
+            s.by = by.value;
+        }
+        let u = self.pid.scan(&mut s.pid, self.gains(s.by), self.settings.sp_rate, pv, sp, ff, h);
+        let seen = if self.settings.pid.tf > R::ZERO { s.pid.yf } else { pv.value };
+        self.detection.forward(&mut s.detection, s.pid.ysp.into(), Forward::new(seen, pv.flags), h);
+        u
+    }
+
+    /// As [`Pid::backward`]; the detector learns from the sample of this scan.
+    #[inline(always)]
+    pub fn backward(&self, s: &mut PidAdvancedState<R>, back: Backward<R>) -> (Backward<R>, Backward<R>) {
+        let told = self.pid.backward(&mut s.pid, back);
+        let flags = s.pid.flags & (AT_LOW | AT_HIGH | NOT_AUTO);
+        let seen = Backward { flags, tracking: s.pid.feedback(), ..Backward::default() };
+        self.detection.backward(&mut s.detection, Some(seen));
+        told
+    }
+
+    /// K, Ti and Td at the scheduling variable `by`.
+    #[inline(always)]
+    fn gains(&self, by: R) -> [R; 3] {
+        let PidSettings { k, ti, td, .. } = self.settings.pid;
+        if self.settings.rows == 0 { [k, ti, td] } else { self.scheduled(by) }
+    }
+
+    fn scheduled(&self, by: R) -> [R; 3] {
+        let rows = &self.settings.schedule[..self.settings.rows];
+        let above = rows.iter().take_while(|row| row.at <= by).count();
+        let (low, high) = (rows[above.saturating_sub(1)], rows[above.min(rows.len() - 1)]);
+        let way = high.at - low.at;
+        let share = if way > R::ZERO { (by - low.at) / way } else { R::ZERO };
+        let between = |from: R, to: R| from + (to - from) * share;
+        [between(low.k, high.k), between(low.ti, high.ti), between(low.td, high.td)]
+    }
+}

@@ -1,0 +1,516 @@
+//! A loop put together from modules.
+
+use crate::SimError;
+use crate::module::{Live, MOST_INPUTS, Module, Refusal};
+use glapp_core::{Backward, Forward};
+
+/// What is wrong with a graph of modules.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum GraphError {
+    /// A parameter out of its bounds.
+    #[error("{module}: {error}")]
+    Parameter {
+        /// The module.
+        module: String,
+        /// What is wrong with it.
+        error: SimError,
+    },
+    /// No such kind of modules.
+    #[error("there is no kind of modules '{kind}': {known}")]
+    NoKind {
+        /// The kind that was asked for.
+        kind: String,
+        /// All there are.
+        known: String,
+    },
+    /// A parameter that a module cannot do without.
+    #[error("{module}: {parameter} must be given")]
+    Missing {
+        /// The module's kind.
+        module: &'static str,
+        /// The parameter.
+        parameter: &'static str,
+    },
+    /// No parameter, variable or module of that name, or not one that can be set.
+    #[error("{module}: there is no '{name}' here: {known}")]
+    NoName {
+        /// The module.
+        module: String,
+        /// The name that was asked for.
+        name: String,
+        /// What there is.
+        known: String,
+    },
+    /// A wire that cannot be laid.
+    #[error("wire '{wire}': {what}")]
+    Wire {
+        /// The wire as it was written.
+        wire: String,
+        /// What is wrong with it.
+        what: String,
+    },
+    /// A module that takes no values from outside.
+    #[error("{module} is a {kind}: values are handed to an Input")]
+    NoInput {
+        /// The module.
+        module: String,
+        /// Its kind.
+        kind: &'static str,
+    },
+    /// A column of inputs of the wrong length.
+    #[error("{module}: {values} values for {scans} scans")]
+    Column {
+        /// The module.
+        module: String,
+        /// How many values there are.
+        values: usize,
+        /// How many scans.
+        scans: usize,
+    },
+    /// An input or output that leads nowhere.
+    #[error("{end} is open: connect it")]
+    OpenEnd {
+        /// module.port.
+        end: String,
+    },
+    /// Two signals into one input.
+    #[error(
+        "{input} is driven by {first} and by {second}: one input takes one signal. One valve in two loops has no width \
+         that either of them could read"
+    )]
+    TwoSources {
+        /// module.port.
+        input: String,
+        /// The module connected first.
+        first: String,
+        /// The module connected then.
+        second: String,
+    },
+    /// Outputs that wait for one another.
+    #[error("circle without a delay: {0}. A loop is closed through a ProcessSim or a Plant")]
+    Circle(String),
+    /// A module made for another scan time.
+    #[error(
+        "{module} is made for a scan time of {own} s, the graph runs at {h} s: all modules of a graph scan together"
+    )]
+    SampleTimes {
+        /// The module.
+        module: String,
+        /// Its scan time \[s\].
+        own: f64,
+        /// The graph's \[s\].
+        h: f64,
+    },
+    /// A detector in the outer loop of a cascade.
+    #[error(
+        "{detector} stands in the outer loop of a cascade: {inner} distorts its output before it reaches a gap, and no \
+         width can be read there (thesis 8.3). Put the detector into the inner loop, a plain Pid here"
+    )]
+    OuterLoop {
+        /// The module with the detector.
+        detector: String,
+        /// The controller further in.
+        inner: String,
+    },
+    /// A detector at a controller with several valves.
+    #[error(
+        "{detector} watches an output that goes to {ends}: with a split range no one can tell which valve's gap is seen. \
+         Put a plain Pid here"
+    )]
+    SplitRange {
+        /// The module with the detector.
+        detector: String,
+        /// The valves.
+        ends: String,
+    },
+    /// A detector beside no controller.
+    #[error(
+        "{detector} watches no controller: connect it to the ff of the Pid beside it, or give both the same setpoint and \
+         process value"
+    )]
+    NotWatching {
+        /// The module with the detector.
+        detector: String,
+    },
+}
+
+/// A loop of modules: a small graph, checked when it is made, that runs scan by scan.
+///
+/// It is written as a list of named modules, and wires between them. A wire runs through modules from output to input;
+/// where a module has more inputs than one, the last is named:
+///
+/// ```
+/// use glapp_sim::{Graph, Module};
+///
+/// let modules = vec![
+///     ("sp", Module::new("Input", &[("value", 50.0)])?),
+///     ("pid", Module::new("Pid", &[("k", 0.5), ("ti", 4.0), ("low", 0.0), ("high", 100.0)])?),
+///     ("gap", Module::new("Backlash", &[("d", 2.0)])?),
+///     ("process", Module::new("ProcessSim", &[("gain", 1.0), ("t1", 3.0), ("t2", 1.0)])?),
+///     ("noise", Module::new("Noise", &[("amplitude", 0.1)])?),
+///     ("filter", Module::new("Filter2P", &[("tf", 0.4)])?),
+/// ];
+/// let wires = ["sp -> pid.sp", "pid -> gap -> process -> noise -> filter -> pid.pv"];
+/// let mut tank = Graph::new(0.1, modules, &wires)?;
+/// tank.run(600)?;
+/// tank.set("pid.k", 0.6)?; // while it runs
+/// assert!((tank.get("filter.out")? - 50.0).abs() < 2.0);
+/// # Ok::<(), glapp_sim::GraphError>(())
+/// ```
+///
+/// One scan is a forward pass in the order of the wires, and a backward pass in the opposite order. What a
+/// `ProcessSim` or a `Plant` gives in a scan was made by the inputs of the scans before, so every circle must hold one.
+pub struct Graph {
+    h: f64,
+    scans: u64,
+    nodes: Vec<Node>,
+    /// The forward pass.
+    order: Vec<usize>,
+    /// The modules whose output is there before the scan begins.
+    delays: Vec<usize>,
+}
+
+struct Node {
+    name: String,
+    live: Live,
+    out: Forward<f64>,
+    /// Which node drives each input.
+    sources: [Option<usize>; MOST_INPUTS],
+    /// Which inputs of which nodes follow its output.
+    followers: Vec<(usize, usize)>,
+    /// What each input is told.
+    told: [Backward<f64>; MOST_INPUTS],
+}
+
+/// The wires before the modules are made.
+struct Wiring<'a> {
+    names: &'a [(&'a str, Module)],
+    sources: Vec<[Option<usize>; MOST_INPUTS]>,
+}
+
+impl Graph {
+    /// A graph with scan time `h` \[s\] of named modules, connected by wires.
+    pub fn new(h: f64, modules: Vec<(&str, Module)>, wires: &[&str]) -> Result<Self, GraphError> {
+        let of_graph = |error: glapp_core::ParameterError| GraphError::Parameter {
+            module: "graph".into(),
+            error: SimError::Parameter(error),
+        };
+        crate::error::require("h", h, h > 0.0, "greater than 0 s").map_err(of_graph)?;
+        for (i, (name, module)) in modules.iter().enumerate() {
+            let plain = !name.is_empty() && name.chars().all(|c| c.is_alphanumeric() || c == '_');
+            if !plain || modules[..i].iter().any(|other| other.0 == *name) {
+                let what = "a module's name is made of letters, digits and _, and is given once".into();
+                return Err(GraphError::Wire { wire: (*name).into(), what });
+            }
+            if let Some(own) = module.own_h().filter(|own| *own != h) {
+                return Err(GraphError::SampleTimes { module: (*name).into(), own, h });
+            }
+        }
+        let mut wiring = Wiring { names: &modules, sources: vec![[None; MOST_INPUTS]; modules.len()] };
+        for wire in wires {
+            wiring.lay(wire)?;
+        }
+        wiring.open_ends()?;
+        let order = wiring.order()?;
+        wiring.detectors()?;
+        let sources = wiring.sources;
+        let delays = (0..modules.len()).filter(|i| modules[*i].1.kind.is_delay()).collect();
+        let mut nodes = Vec::with_capacity(modules.len());
+        for ((name, module), sources) in modules.into_iter().zip(&sources) {
+            let external = module.kind.is_controller() && sources[1].is_some();
+            let live =
+                Live::new(module, h, external).map_err(|error| GraphError::Parameter { module: name.into(), error })?;
+            nodes.push(Node {
+                name: name.into(),
+                live,
+                out: Forward::new(0.0, 0),
+                sources: *sources,
+                followers: Vec::new(),
+                told: [Backward::default(); MOST_INPUTS],
+            });
+        }
+        for (i, inputs) in sources.iter().enumerate() {
+            for (port, source) in inputs.iter().enumerate() {
+                if let Some(source) = source {
+                    nodes[*source].followers.push((i, port));
+                }
+            }
+        }
+        Ok(Self { h, scans: 0, nodes, order, delays })
+    }
+
+    /// The scan time \[s\].
+    pub fn h(&self) -> f64 {
+        self.h
+    }
+
+    /// How many scans there were.
+    pub fn scans(&self) -> u64 {
+        self.scans
+    }
+
+    /// One scan, `h` seconds after the one before. Beside a real plant that is the time that has really passed; a
+    /// simulated process moves on by the scan time that it was made for.
+    pub fn scan(&mut self, h: f64) {
+        for &i in &self.delays {
+            self.nodes[i].out = self.nodes[i].live.output();
+        }
+        for &i in &self.order {
+            let sources = self.nodes[i].sources;
+            let inputs = sources.map(|source| source.map_or(Forward::new(0.0, 0), |source| self.nodes[source].out));
+            self.nodes[i].out = self.nodes[i].live.forward(&inputs, h);
+        }
+        for &i in self.order.iter().rev() {
+            let told = |&(follower, port): &(usize, usize)| self.nodes[follower].told[port];
+            let back = self.nodes[i].followers.iter().map(told).reduce(Backward::and);
+            self.nodes[i].told = self.nodes[i].live.backward(back);
+        }
+        self.scans += 1;
+    }
+
+    /// As many scans as are asked for.
+    pub fn run(&mut self, scans: usize) -> Result<(), GraphError> {
+        self.record(scans, &[], &[]).map(|_| ())
+    }
+
+    /// As many scans as are asked for, with inputs that change from scan to scan, each a module and its column; gives the
+    /// columns of what is recorded, each `module.name`.
+    pub fn record(
+        &mut self,
+        scans: usize,
+        inputs: &[(&str, &[f64])],
+        recorded: &[&str],
+    ) -> Result<Vec<Vec<f64>>, GraphError> {
+        let mut fed = Vec::with_capacity(inputs.len());
+        for (name, column) in inputs {
+            if column.len() != scans {
+                return Err(GraphError::Column { module: (*name).into(), values: column.len(), scans });
+            }
+            fed.push((self.input(name)?, *column));
+        }
+        let places = recorded.iter().map(|path| self.place(path)).collect::<Result<Vec<_>, _>>()?;
+        let mut columns = vec![Vec::with_capacity(scans); recorded.len()];
+        for k in 0..scans {
+            for (i, column) in &fed {
+                self.nodes[*i].live.feed(column[k]);
+            }
+            self.scan(self.h);
+            for ((i, name), column) in places.iter().zip(&mut columns) {
+                column.push(self.nodes[*i].read(name).unwrap_or(f64::NAN));
+            }
+        }
+        Ok(columns)
+    }
+
+    /// Reads a parameter or variable of a module while it runs: `"pid.k"`, `"pid.mode"`, `"pid.out"`.
+    pub fn get(&self, path: &str) -> Result<f64, GraphError> {
+        let (i, name) = self.place(path)?;
+        self.nodes[i].read(&name).ok_or_else(|| self.unknown(i, &name))
+    }
+
+    /// Sets a parameter or variable of a module while it runs. What the module remembers stays. A value out of its bounds
+    /// is refused, and all stays as it was.
+    pub fn set(&mut self, path: &str, value: f64) -> Result<(), GraphError> {
+        let (i, name) = self.place(path)?;
+        self.nodes[i].live.set(&name, value).map_err(|refusal| match refusal {
+            Refusal::NoName => self.unknown(i, &name),
+            Refusal::Value(error) => GraphError::Parameter { module: self.nodes[i].name.clone(), error },
+        })
+    }
+
+    /// Makes a detector forget all its detections.
+    pub fn reset_detection(&mut self, module: &str) -> Result<(), GraphError> {
+        let i = self.node(module)?;
+        if self.nodes[i].live.reset_detection() { Ok(()) } else { Err(self.unknown(i, "detection")) }
+    }
+
+    /// All that can be read: `module.name`.
+    pub fn names(&self) -> Vec<String> {
+        let of_node = |node: &Node| node.names().iter().map(|name| format!("{}.{name}", node.name)).collect::<Vec<_>>();
+        self.nodes.iter().flat_map(of_node).collect()
+    }
+
+    fn input(&self, module: &str) -> Result<usize, GraphError> {
+        let i = self.node(module)?;
+        let kind = self.nodes[i].live.module.kind.name;
+        if kind == "Input" { Ok(i) } else { Err(GraphError::NoInput { module: module.into(), kind }) }
+    }
+
+    fn node(&self, module: &str) -> Result<usize, GraphError> {
+        self.nodes.iter().position(|node| node.name == module).ok_or_else(|| GraphError::NoName {
+            module: "graph".into(),
+            name: module.into(),
+            known: self.nodes.iter().map(|node| node.name.as_str()).collect::<Vec<_>>().join(", "),
+        })
+    }
+
+    fn place(&self, path: &str) -> Result<(usize, String), GraphError> {
+        let (module, name) = path.split_once('.').unwrap_or((path, "out"));
+        let i = self.node(module)?;
+        self.nodes[i].read(name).map(|_| (i, name.into())).ok_or_else(|| self.unknown(i, name))
+    }
+
+    fn unknown(&self, i: usize, name: &str) -> GraphError {
+        let node = &self.nodes[i];
+        GraphError::NoName { module: node.name.clone(), name: name.into(), known: node.names().join(", ") }
+    }
+}
+
+impl Node {
+    fn read(&self, name: &str) -> Option<f64> {
+        match name {
+            "out" => Some(self.out.value),
+            "out_flags" => Some(self.out.flags.into()),
+            _ => self.live.get(name),
+        }
+    }
+
+    fn names(&self) -> Vec<&'static str> {
+        ["out", "out_flags"].into_iter().chain(self.live.names()).collect()
+    }
+}
+
+impl Wiring<'_> {
+    fn lay(&mut self, wire: &str) -> Result<(), GraphError> {
+        let wrong = |what: String| GraphError::Wire { wire: wire.into(), what };
+        let stops: Vec<&str> = wire.split("->").map(str::trim).collect();
+        if stops.len() < 2 {
+            return Err(wrong("write it as 'from -> to', or through several modules".into()));
+        }
+        for pair in stops.windows(2) {
+            // A stop in the middle is named without a port.
+            let from = self.node(pair[0].split('.').next().unwrap_or_default()).map_err(wrong)?;
+            let (name, port) = pair[1].split_once('.').map_or((pair[1], None), |(name, port)| (name, Some(port)));
+            let to = self.node(name).map_err(wrong)?;
+            let inputs = self.names[to].1.kind.inputs;
+            let at = match (port, inputs) {
+                (None, ["in", ..]) => Some(0),
+                (None, _) => None,
+                (Some(port), _) => inputs.iter().position(|input| *input == port),
+            };
+            let Some(at) = at else {
+                let inputs = inputs.join(", ");
+                return Err(wrong(format!("{} has no such input; name one as {name}.NAME: {inputs}", pair[1])));
+            };
+            if self.names[from].1.kind.name == "Output" {
+                return Err(wrong(format!("{} is an Output: nothing comes out of it", pair[0])));
+            }
+            if let Some(first) = self.sources[to][at] {
+                let (first, second) = (self.name(first), self.name(from));
+                return Err(GraphError::TwoSources { input: self.end(to, at), first, second });
+            }
+            self.sources[to][at] = Some(from);
+        }
+        Ok(())
+    }
+
+    fn node(&self, name: &str) -> Result<usize, String> {
+        self.names.iter().position(|node| node.0 == name).ok_or_else(|| format!("there is no module '{name}'"))
+    }
+
+    fn name(&self, i: usize) -> String {
+        self.names[i].0.into()
+    }
+
+    fn end(&self, i: usize, port: usize) -> String {
+        format!("{}.{}", self.names[i].0, self.names[i].1.kind.inputs[port])
+    }
+
+    fn followers(&self, i: usize) -> impl Iterator<Item = (usize, usize)> {
+        let all = self.sources.iter().enumerate();
+        all.flat_map(move |(to, inputs)| (0..MOST_INPUTS).filter(move |p| inputs[*p] == Some(i)).map(move |p| (to, p)))
+    }
+
+    fn open_ends(&self) -> Result<(), GraphError> {
+        for (i, (name, module)) in self.names.iter().enumerate() {
+            for (port, input) in module.kind.inputs.iter().enumerate() {
+                if self.sources[i][port].is_none() && !module.kind.optional.contains(input) {
+                    return Err(GraphError::OpenEnd { end: self.end(i, port) });
+                }
+            }
+            if self.followers(i).next().is_none() && !module.kind.may_end {
+                return Err(GraphError::OpenEnd { end: format!("{name}, its output,") });
+            }
+        }
+        Ok(())
+    }
+
+    /// The forward pass: every module after those that drive it, save that the output of a delay is there from the start.
+    fn order(&self) -> Result<Vec<usize>, GraphError> {
+        let n = self.names.len();
+        let waits_for = |i: usize, done: &[bool]| {
+            self.sources[i].iter().flatten().copied().find(|from| !done[*from] && !self.names[*from].1.kind.is_delay())
+        };
+        let mut done = vec![false; n];
+        let mut order = Vec::with_capacity(n);
+        while order.len() < n {
+            let before = order.len();
+            for i in 0..n {
+                if !done[i] && waits_for(i, &done).is_none() {
+                    done[i] = true;
+                    order.push(i);
+                }
+            }
+            if order.len() > before {
+                continue;
+            }
+            // Whoever waits leads, along those it waits for, into the circle, and once around it.
+            let mut way: Vec<usize> = Vec::new();
+            let mut at = (0..n).find(|i| !done[*i]).unwrap_or(0);
+            while !way.contains(&at) {
+                way.push(at);
+                at = waits_for(at, &done).unwrap_or(at);
+            }
+            let from = way.iter().position(|i| *i == at).unwrap_or(0);
+            let circle = way[from..].iter().chain([&at]).rev().map(|i| self.names[*i].0);
+            return Err(GraphError::Circle(circle.collect::<Vec<_>>().join(" -> ")));
+        }
+        Ok(order)
+    }
+
+    /// A detector needs a controller of its own, whose output reaches one valve without another controller in between.
+    fn detectors(&self) -> Result<(), GraphError> {
+        for (i, (_, module)) in self.names.iter().enumerate() {
+            let controller = match module.kind.name {
+                "PidAdvanced" => i,
+                "BacklashDetection" => {
+                    self.watched_by(i).ok_or_else(|| GraphError::NotWatching { detector: self.name(i) })?
+                }
+                _ => continue,
+            };
+            let mut ends = Vec::new();
+            let mut ahead = vec![controller];
+            while let Some(at) = ahead.pop() {
+                for (to, port) in self.followers(at) {
+                    let kind = self.names[to].1.kind;
+                    if kind.is_controller() && kind.inputs[port] == "sp" {
+                        return Err(GraphError::OuterLoop { detector: self.name(i), inner: self.name(to) });
+                    }
+                    if kind.is_delay() || kind.name == "Output" {
+                        ends.push(self.name(to));
+                    } else if !kind.is_controller() && kind.name != "BacklashDetection" {
+                        ahead.push(to);
+                    }
+                }
+            }
+            if ends.len() > 1 {
+                ends.sort();
+                return Err(GraphError::SplitRange { detector: self.name(i), ends: ends.join(" and ") });
+            }
+        }
+        Ok(())
+    }
+
+    /// The controller beside a detector: the one it is connected to, or the one with the same setpoint and process value.
+    fn watched_by(&self, detector: usize) -> Option<usize> {
+        let [sp, pv, ..] = self.sources[detector];
+        let connected = self.followers(detector).find(|(to, port)| {
+            let kind = self.names[*to].1.kind;
+            kind.is_controller() && kind.inputs[*port] == "ff"
+        });
+        let same = |i: &usize| self.names[*i].1.kind.is_controller() && self.sources[*i][..2] == [pv, sp];
+        // The setpoint must be that of the controller in any case.
+        let found = connected.map(|(to, _)| to).or_else(|| (0..self.names.len()).find(same))?;
+        (self.sources[found][1] == sp).then_some(found)
+    }
+}

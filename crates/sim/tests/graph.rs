@@ -1,0 +1,266 @@
+//! Loops of modules: the same bits as the simulator, checked when made, open while they run.
+
+use glapp_core::half_period::{AT_HIGH, AT_LOW, NOT_AUTO};
+use glapp_sim::{Controller, Graph, GraphError, Module, Piece, Plant, Scenario};
+
+fn module(kind: &str, parameters: &[(&str, f64)]) -> Module {
+    Module::new(kind, parameters).unwrap()
+}
+
+/// The loop of the simulator: limits, gap, plant, filter.
+fn like(scenario: &Scenario) -> Graph {
+    let c = &scenario.controller;
+    let (low, high) = c.limits.unwrap();
+    let parameters = [("k", c.k), ("ti", c.ti), ("td", c.td), ("b", c.b), ("low", low), ("high", high), ("max_h", 1e6)];
+    let modules = vec![
+        ("sp", module("Input", &[])),
+        ("load", module("Input", &[])),
+        ("noise", module("Noise", &[("amplitude", 0.0)])),
+        ("filter", module("Filter2P", &[("tf", c.tf)])),
+        ("pid", module("Pid", &parameters)),
+        ("gap", module("Backlash", &[("d", scenario.d)])),
+        ("plant", Module::plant(scenario.plant.clone(), &[]).unwrap()),
+    ];
+    let wires = ["sp -> pid.sp", "load -> plant.load", "pid -> gap -> plant -> noise -> filter -> pid.pv"];
+    Graph::new(scenario.h, modules, &wires).unwrap()
+}
+
+#[test]
+fn a_graph_gives_the_bits_of_the_simulator() {
+    for (name, k, ti, td) in
+        [("P2", 0.775, 2.05, 0.0), ("P2", 1.12, 2.4, 0.619), ("P1", 0.781, 4.04, 0.0), ("P4", 0.39, 2.22, 0.0)]
+    {
+        let controller = Controller { k, ti, td, b: 0.0, tf: ti / 10.0, limits: Some((-0.8, 1.05)) };
+        let scenario = Scenario {
+            d: 0.1,
+            setpoint: vec![Piece::Steps(vec![(1.0, 1.0), (60.0, 0.4)])],
+            load: vec![Piece::Steps(vec![(30.0, 0.3)])],
+            ..Scenario::new(Plant::named(name).unwrap(), controller, 0.05, 100.0)
+        };
+        let expected = scenario.run().unwrap();
+        let mut graph = like(&scenario);
+        let inputs = [("sp", expected.sp.as_slice()), ("load", expected.load.as_slice())];
+        let got = graph.record(expected.t.len(), &inputs, &["plant", "pid", "gap"]).unwrap();
+        assert_eq!((&got[0], &got[1], &got[2]), (&expected.pv, &expected.op, &expected.position), "{name}");
+        assert!(expected.op.contains(&1.05) || name != "P2", "a limit is met");
+    }
+}
+
+fn pid() -> Module {
+    module("Pid", &[("k", 1.0), ("ti", 5.0), ("low", 0.0), ("high", 100.0)])
+}
+
+fn advanced() -> Module {
+    module("PidAdvanced", &[("k", 1.0), ("ti", 5.0), ("low", 0.0), ("high", 100.0)])
+}
+
+fn process() -> Module {
+    module("ProcessSim", &[("gain", 1.0), ("t1", 3.0)])
+}
+
+fn refusal(modules: Vec<(&str, Module)>, wires: &[&str]) -> String {
+    Graph::new(0.1, modules, wires).err().expect("refused").to_string()
+}
+
+#[test]
+fn open_ends_are_named() {
+    let loose = refusal(vec![("pid", pid()), ("process", process())], &["pid -> process"]);
+    assert_eq!(loose, "pid.pv is open: connect it");
+    let loose = refusal(vec![("pv", module("Input", &[])), ("pid", pid())], &["pv -> pid.pv"]);
+    assert_eq!(loose, "pid, its output, is open: connect it");
+}
+
+#[test]
+fn a_circle_without_a_delay_is_named() {
+    let modules = || {
+        vec![("pid", pid()), ("gap", module("Backlash", &[("d", 1.0)])), ("filter", module("Filter2P", &[("tf", 1.0)]))]
+    };
+    let found = refusal(modules(), &["pid -> gap -> filter -> pid.pv"]);
+    assert!(found.contains("pid -> gap -> filter -> pid"), "{found}");
+    let mut with = modules();
+    with.push(("process", process()));
+    Graph::new(0.1, with, &["pid -> gap -> process -> filter -> pid.pv"]).unwrap();
+}
+
+#[test]
+fn mixed_scan_times_are_named() {
+    let slow = module("ProcessSim", &[("gain", 1.0), ("t1", 3.0), ("h", 0.5)]);
+    let found = refusal(vec![("pid", pid()), ("tank", slow)], &["pid -> tank -> pid.pv"]);
+    assert!(found.contains("tank is made for a scan time of 0.5 s, the graph runs at 0.1 s"), "{found}");
+}
+
+#[test]
+fn one_valve_in_two_loops_is_named() {
+    let modules = vec![("one", advanced()), ("two", advanced()), ("tank", process())];
+    let found = refusal(modules, &["one -> tank -> one.pv", "two -> tank", "tank -> two.pv"]);
+    assert!(found.contains("tank.in is driven by one and by two"), "{found}");
+}
+
+#[test]
+fn wires_that_cannot_be_laid_are_named() {
+    let modules = || vec![("pid", pid()), ("process", process())];
+    for (wire, what) in [
+        ("pid", "write it as"),
+        ("pid -> valve", "no module 'valve'"),
+        ("process -> pid", "name one as pid.NAME: pv, sp, ff"),
+        ("process -> pid.op", "no such input"),
+    ] {
+        let found = refusal(modules(), &[wire]);
+        assert!(found.contains(what) && found.contains(wire), "{found}");
+    }
+    let twice = refusal(vec![("pid", pid()), ("pid", pid())], &[]);
+    assert!(twice.contains("given once"), "{twice}");
+}
+
+#[test]
+fn parameters_and_names_are_refused_by_name() {
+    let wrong = refusal(
+        vec![("pid", module("Pid", &[("k", 1.0), ("ti", -5.0)])), ("process", process())],
+        &["pid -> process -> pid.pv"],
+    );
+    assert!(wrong.starts_with("pid: ti = -5: must be greater than 0 s"), "{wrong}");
+    let unknown = Module::new("Pid", &[("k", 1.0), ("Ti", 5.0)]).unwrap_err().to_string();
+    assert!(unknown.contains("'Ti'") && unknown.contains("k, ti, td"), "{unknown}");
+    let missing = Module::new("Backlash", &[]).unwrap_err().to_string();
+    assert_eq!(missing, "Backlash: d must be given");
+    assert!(Module::new("Tank", &[]).unwrap_err().to_string().contains("ProcessSim"));
+    let odd = module("PidAdvanced", &[("k", 1.0), ("ti", 5.0), ("n", 4.0)]);
+    let odd = refusal(vec![("pid", odd), ("process", process())], &["pid -> process -> pid.pv"]);
+    assert!(odd.starts_with("pid: n = 4"), "{odd}");
+}
+
+fn cascade(outer: Module, inner: Module) -> (Vec<(&'static str, Module)>, Vec<&'static str>) {
+    (
+        vec![("outer", outer), ("inner", inner), ("valve", process()), ("tank", process())],
+        vec!["outer -> inner.sp", "inner -> valve -> tank -> outer.pv", "valve -> inner.pv"],
+    )
+}
+
+#[test]
+fn a_detector_in_the_outer_loop_is_refused_with_the_reason() {
+    let (modules, wires) = cascade(pid(), advanced());
+    Graph::new(0.1, modules, &wires).unwrap();
+    let (modules, wires) = cascade(advanced(), pid());
+    let found = refusal(modules, &wires);
+    assert!(found.contains("outer stands in the outer loop of a cascade: inner distorts"), "{found}");
+    // Beside the outer controller it is refused just so, with whatever lies between.
+    let (mut modules, _) = cascade(pid(), pid());
+    modules.push(("watch", module("BacklashDetection", &[("k", 1.0), ("ti", 5.0)])));
+    modules.push(("sp", module("Input", &[])));
+    modules.push(("ramp", module("Filter2P", &[("tf", 1.0)])));
+    let wires = [
+        "outer -> ramp -> inner.sp",
+        "inner -> valve -> tank -> outer.pv",
+        "valve -> inner.pv",
+        "sp -> outer.sp",
+        "sp -> watch.sp",
+        "tank -> watch.pv",
+        "watch -> outer.ff",
+    ];
+    let found = refusal(modules, &wires);
+    assert!(found.contains("watch stands in the outer loop of a cascade: inner distorts"), "{found}");
+}
+
+#[test]
+fn a_split_range_is_refused_with_the_reason() {
+    let modules = |controller| {
+        vec![
+            ("pid", controller),
+            ("heating", module("Saturation", &[("low", 50.0), ("high", 100.0)])),
+            ("cooling", module("Saturation", &[("low", 0.0), ("high", 50.0)])),
+            ("steam", module("Output", &[])),
+            ("water", module("Output", &[])),
+            ("pv", module("Input", &[])),
+        ]
+    };
+    let wires = ["pv -> pid.pv", "pid -> heating -> steam", "pid -> cooling -> water"];
+    let found = refusal(modules(advanced()), &wires);
+    assert!(found.contains("pid watches an output that goes to steam and water"), "{found}");
+    Graph::new(0.1, modules(pid()), &wires).unwrap();
+}
+
+#[test]
+fn a_detector_beside_no_controller_is_refused() {
+    let modules = vec![
+        ("sp", module("Input", &[])),
+        ("other", module("Input", &[])),
+        ("pid", pid()),
+        ("process", process()),
+        ("watch", module("BacklashDetection", &[("k", 1.0), ("ti", 5.0)])),
+    ];
+    let wires =
+        ["sp -> pid.sp", "pid -> process -> pid.pv", "other -> watch.sp", "process -> watch.pv", "watch -> pid.ff"];
+    assert!(refusal(modules, &wires).contains("watch watches no controller"));
+}
+
+#[test]
+fn everything_can_be_read_and_set_while_it_runs() {
+    let modules = vec![("sp", module("Input", &[("value", 50.0)])), ("pid", advanced()), ("process", process())];
+    let mut graph = Graph::new(0.1, modules, &["sp -> pid.sp", "pid -> process -> pid.pv"]).unwrap();
+    graph.run(300).unwrap();
+    for name in graph.names() {
+        graph.get(&name).unwrap();
+    }
+    let before = graph.get("pid.out").unwrap();
+    graph.set("pid.k", 3.0).unwrap();
+    assert_eq!(graph.get("pid.k").unwrap(), 3.0);
+    graph.run(1).unwrap();
+    assert!((graph.get("pid").unwrap() - before).abs() < 0.1, "without a bump");
+    // What is refused changes nothing, and says why.
+    for (path, value, what) in [
+        ("pid.ti", 0.0, "pid: ti = 0: must be greater than 0 s"),
+        ("pid.high", -1.0, "low = 0"),
+        ("pid.mode", 7.0, "mode = 7"),
+        ("pid.sp", f64::NAN, "sp = NaN"),
+        ("pid.out", 1.0, "there is no 'out'"),
+        ("pid.start", 1.0, "there is no 'start'"),
+        ("valve.d", 1.0, "there is no 'valve' here: sp, pid, process"),
+    ] {
+        let found = graph.set(path, value).unwrap_err().to_string();
+        assert!(found.contains(what), "{found}");
+    }
+    assert_eq!(graph.get("pid.ti").unwrap(), 5.0);
+    graph.set("process.gain", 2.0).unwrap();
+    graph.run(2000).unwrap();
+    assert!((graph.get("pid.out").unwrap() - 25.0).abs() < 1e-6);
+    assert!(matches!(graph.reset_detection("process"), Err(GraphError::NoName { .. })));
+    graph.reset_detection("pid").unwrap();
+}
+
+#[test]
+fn columns_of_the_wrong_length_or_for_no_input_are_refused() {
+    let modules = vec![("sp", module("Input", &[])), ("pid", pid()), ("process", process())];
+    let mut graph = Graph::new(0.1, modules, &["sp -> pid.sp", "pid -> process -> pid.pv"]).unwrap();
+    let found = graph.record(3, &[("sp", &[1.0, 2.0])], &[]).unwrap_err().to_string();
+    assert_eq!(found, "sp: 2 values for 3 scans");
+    let found = graph.record(1, &[("pid", &[1.0])], &[]).unwrap_err().to_string();
+    assert_eq!(found, "pid is a Pid: values are handed to an Input");
+}
+
+#[test]
+fn what_a_plant_tells_reaches_every_module_before_it() {
+    let modules = vec![
+        ("sp", module("Input", &[("value", 40.0)])),
+        ("pv", module("Input", &[("value", 40.0)])),
+        ("outer", module("Pid", &[("k", 1.0), ("ti", 5.0), ("low", 0.0), ("high", 100.0), ("start", 20.0)])),
+        ("flow", module("Input", &[("value", 20.0)])),
+        ("inner", module("Pid", &[("k", -1.0), ("ti", 5.0), ("low", 0.0), ("high", 100.0), ("start", 30.0)])),
+        ("noise", module("Noise", &[("amplitude", 0.0)])),
+        ("valve", module("Output", &[])),
+    ];
+    let wires =
+        ["sp -> outer.sp", "pv -> outer.pv", "outer -> inner.sp", "flow -> inner.pv", "inner -> noise -> valve"];
+    let mut graph = Graph::new(0.1, modules, &wires).unwrap();
+    graph.run(5).unwrap();
+    assert_eq!(graph.get("sp.flags").unwrap(), 0.0);
+    graph.set("valve.flags", f64::from(AT_LOW)).unwrap();
+    graph.run(1).unwrap();
+    // In the backward pass of the same scan; direct-acting, so that the master sees its upper side.
+    assert_eq!(graph.get("sp.flags").unwrap(), f64::from(AT_HIGH));
+    graph.set("valve.flags", f64::from(NOT_AUTO)).unwrap();
+    graph.set("valve.tracking", 77.0).unwrap();
+    graph.run(2).unwrap();
+    assert_eq!(graph.get("inner.out").unwrap(), 77.0);
+    assert_eq!(graph.get("sp.flags").unwrap(), f64::from(NOT_AUTO));
+    assert_eq!(graph.get("outer.out").unwrap(), 20.0, "the master tracks the slave's process value");
+}

@@ -1,0 +1,521 @@
+"""Loops put together from control modules, as in a control system (thesis chapter 6).
+
+A `Graph` is a few named modules and the wires between them, checked when it is made. It runs in simulation, or sample
+by sample beside a real plant; every parameter and variable of every module can be read and set while it runs.
+
+Over a connection goes more than a value. Forward go value and quality; backward go limits, whether something further on
+has reached its lower or upper limit, and the value in effect where the one handed over is not followed. So a controller
+knows when a valve, or a slave of its slave, is at its end: its integral stops, and the detector in it rejects the
+half-period (7.1). `docs/modules.md` has the picture of one scan.
+
+Examples
+--------
+The system of 6.5, a gap of 2.0 %, with the detector inside the controller:
+
+>>> loop = Graph(
+...     0.05,
+...     {
+...         "sp": Input(50.0),
+...         "pid": PidAdvanced(k=2.0, ti=1.5, tf=0.05, low=0, high=100, kp=1.0, start=50.0),
+...         "gap": Backlash(2.0),
+...         "load": Input(),
+...         "process": ProcessSim(gain=1.0, t1=1.0, t2=0.5, start=50.0),
+...         "noise": Noise(0.02),
+...     },
+...     ["sp -> pid.sp", "pid -> gap -> process -> noise -> pid.pv", "load -> process.load"],
+... )
+>>> loop.run(10.0, record=["pid.out", "noise"])["noise"].shape
+(200,)
+>>> loop["pid.k"] = 1.8  # while it runs, without a bump
+>>> loop["pid.mode"] = Mode.MANUAL
+>>> loop["pid.manual"] = 55.0
+>>> loop.scan(sp=51.0)
+>>> loop["pid.out"]
+55.0
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, fields
+from typing import ClassVar, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from . import _glapp
+from .errors import InputError
+from .plant import Plant as _Plant
+
+__all__ = [
+    "Backlash",
+    "BacklashDetection",
+    "Filter2P",
+    "Flag",
+    "Graph",
+    "Input",
+    "Mode",
+    "Module",
+    "Noise",
+    "Output",
+    "Pid",
+    "PidAdvanced",
+    "Plant",
+    "ProcessSim",
+    "Saturation",
+]
+
+_MOST = float(np.finfo(np.float64).max)
+
+
+class Mode(enum.IntEnum):
+    """Who sets the output of a controller, `"pid.mode"`."""
+
+    MANUAL = 0
+    """A person, through `"pid.manual"`."""
+    AUTO = 1
+    """The controller, with its own setpoint `"pid.sp"`."""
+    EXTERNAL = 2
+    """The controller, with the setpoint that is connected to it; where one is, it begins so."""
+
+
+class Flag(enum.IntFlag):
+    """Bits of `flags` and `error`; the same numbers as everywhere in glapp."""
+
+    NOT_AUTO = 1
+    """The value is not followed; `tracking` is in effect."""
+    BAD = 2
+    """A value is bad: not a number, or flagged so."""
+    AT_LOW = 4
+    """Something further on is at its lower limit (`MinReached`)."""
+    AT_HIGH = 8
+    """Something further on is at its upper limit (`MaxReached`)."""
+    GAP = 16
+    """The time since the last scan is not above 0, or longer than `max_h`."""
+    BAD_SP = 32
+    """The setpoint is bad; the last good one is in effect."""
+    BAD_FF = 64
+    """The feed-forward is bad; the last good one is in effect."""
+    BAD_LIMITS = 128
+    """Limits told backward cross; the controller's own are in effect."""
+
+
+@dataclass(frozen=True)
+class Module:
+    """A module before it is in a graph. Its bounds are checked when the graph is made."""
+
+    _also: ClassVar[tuple[str, ...]] = ()
+
+    @property
+    def kind(self) -> str:
+        """Name of the kind."""
+        return type(self).__name__
+
+    @property
+    def parameters(self) -> list[tuple[str, float]]:
+        """Name and value of each parameter that is given."""
+        given = [(field.name, getattr(self, field.name)) for field in fields(self) if field.name not in self._also]
+        return [(name, float(value)) for name, value in given if value is not None]
+
+    @property
+    def plant(self) -> tuple[list[float], list[float], float] | None:
+        """Transfer function of a `Plant`."""
+        return None
+
+    @property
+    def schedule(self) -> Sequence[tuple[float, float, float, float]]:
+        """Gain schedule of a `PidAdvanced`."""
+        return ()
+
+
+@dataclass(frozen=True)
+class Input(Module):
+    """A value from outside: a measurement, a setpoint, a load. Not a number is a bad value.
+
+    What it is told backward can be read: `low`, `high`, `flags`, `tracking`.
+
+    Parameters
+    ----------
+    value : float
+        What it holds until it is handed something else.
+    """
+
+    value: float = 0.0
+
+
+@dataclass(frozen=True)
+class Output(Module):
+    """A value to outside, `value`.
+
+    What the world there tells backward can be set: `low`, `high`, `flags`, `tracking`.
+    """
+
+
+@dataclass(frozen=True)
+class Noise(Module):
+    """Uniform noise added to a signal (6.2).
+
+    Parameters
+    ----------
+    amplitude : float
+        The noise lies within ± amplitude, ≥ 0.
+    seed : int
+        0..2³² − 1; used when the graph is made.
+    """
+
+    amplitude: float
+    seed: int = 1
+
+
+@dataclass(frozen=True)
+class Backlash(Module):
+    """A gap (6.3). Its output begins at its first input.
+
+    Parameters
+    ----------
+    d : float
+        Total width, ≥ 0 [unit of the input].
+    """
+
+    d: float
+
+
+@dataclass(frozen=True)
+class Saturation(Module):
+    """End positions of an actuator: the signal is kept within them, and those before are told.
+
+    Parameters
+    ----------
+    low, high : float
+        Limits, low < high.
+    """
+
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Filter2P(Module):
+    """Second-order low-pass filter 1/(1 + s·Tf)² (6.5); starts anew after a bad value.
+
+    Parameters
+    ----------
+    tf : float
+        Time constant, ≥ 0 [s].
+    """
+
+    tf: float
+
+
+@dataclass(frozen=True)
+class ProcessSim(Module):
+    """Process gain/((1 + s·t1)(1 + s·t2))·e^(−dead_time·s) with a load at its input (6.5).
+
+    Known bias: a lag of T acts like one of about T + h/2. `Plant` is exact.
+
+    Parameters
+    ----------
+    gain : float
+        Static gain, ≠ 0.
+    t1, t2 : float
+        Lags, ≥ 0 [s].
+    dead_time : float
+        ≥ 0, at most 1022 scans [s].
+    start : float
+        Process value at which it rests in the beginning.
+    h : float, optional
+        Scan time that it is made for [s]; a graph with another one is refused.
+    """
+
+    gain: float
+    t1: float
+    t2: float = 0.0
+    dead_time: float = 0.0
+    start: float = 0.0
+    h: float | None = None
+
+
+@dataclass(frozen=True)
+class Plant(Module):
+    """An exact plant of any order, with a load at its input.
+
+    Parameters
+    ----------
+    process : Plant, str, tuple
+        Whatever `glapp.plant.Plant.of` takes.
+    start : float
+        Process value at which it rests in the beginning.
+    h : float, optional
+        Scan time that it is made for [s]; a graph with another one is refused.
+    """
+
+    _also = ("process",)
+
+    process: object
+    start: float = 0.0
+    h: float | None = None
+
+    @property
+    def plant(self) -> tuple[list[float], list[float], float]:
+        """Transfer function."""
+        num, den, dead_time = _Plant.of(self.process)
+        return list(num), list(den), dead_time
+
+
+@dataclass(frozen=True)
+class Pid(Module):
+    """PI or PID controller in ideal form (4.1); `series` and `parallel` convert the other forms.
+
+    u = K·(b·ysp − yf + (1/Ti)·∫(ysp − yf) dt + Td·d(c·ysp − yf)/dt) + u_FF
+
+    Parameters
+    ----------
+    k : float
+        Gain, ≠ 0; negative for a direct-acting controller [output per process value].
+    ti, td : float
+        Integral time > 0, derivative time ≥ 0 [s].
+    b, c : float
+        Setpoint weights of the proportional and the derivative part, 0..1.
+    tf : float
+        Time constant of its second-order measurement filter, ≥ 0 [s].
+    low, high : float
+        Limits of the output; narrower ones that are told backward count.
+    rate : float
+        The fastest that the output moves, > 0 [output per second].
+    max_h : float, optional
+        A longer time between scans is a gap, > 0 [s]; Ti/2 where not given.
+    start : float
+        Where the output begins.
+
+    Examples
+    --------
+    >>> Pid.series(k=2.0, ti=8.0, td=2.0).ti
+    10.0
+    >>> Pid.parallel(kp=2.0, ki=0.25, kd=1.0).td
+    0.5
+    """
+
+    k: float
+    ti: float
+    td: float = 0.0
+    b: float = 1.0
+    c: float = 0.0
+    tf: float = 0.0
+    low: float = -_MOST
+    high: float = _MOST
+    rate: float = _MOST
+    max_h: float | None = None
+    start: float = 0.0
+
+    @classmethod
+    def series(cls, k: float, ti: float, td: float = 0.0, **others: float) -> Self:
+        """Series form k·(1 + 1/(s·ti))·(1 + s·td); `others` are the class's other parameters."""
+        return cls._of(_glapp.ideal_of_series, (k, ti, td), others)
+
+    @classmethod
+    def parallel(cls, kp: float, ki: float, kd: float = 0.0, **others: float) -> Self:
+        """Parallel form kp + ki/s + kd·s; `others` are the class's other parameters."""
+        return cls._of(_glapp.ideal_of_parallel, (kp, ki, kd), others)
+
+    @classmethod
+    def _of(
+        cls,
+        ideal: Callable[[float, float, float], tuple[float, float, float]],
+        gains: tuple[float, float, float],
+        others: Mapping[str, float],
+    ) -> Self:
+        with _input_errors():
+            k, ti, td = ideal(*gains)
+        return cls(k=k, ti=ti, td=td, **others)
+
+
+@dataclass(frozen=True)
+class PidAdvanced(Pid):
+    """A `Pid` with the detector inside, a setpoint ramp and a gain schedule (6.4, 6.6, 7.1).
+
+    The detector takes the controller's settings and sees what it sees: setpoint in effect, filtered process value,
+    limits and mode. Where `tf` is 0 the detector filters, with Ti/10. Read `d_hat`, `count` (detections behind it),
+    `detections` (in all), and of the last half-period `d` and `reason` (0: accepted).
+
+    Parameters
+    ----------
+    kp : float, optional
+        Static process gain, ≠ 0: from a fit, a manual test [process value per output]. Set it while it runs when it
+        becomes known.
+    n : int
+        Length of the filter of detections, odd, 1..31.
+    sp_rate : float
+        The fastest that the setpoint in effect moves, > 0 [PV unit per second].
+    schedule : sequence of (at, k, ti, td)
+        Gains by the signal connected to `by`, linear between the rows; at most 8, `at` ascending, k of one sign. The
+        width is then taken from the output's own travel.
+    """
+
+    _also = ("schedule",)
+
+    kp: float | None = None
+    n: int = 9
+    sp_rate: float = _MOST
+    schedule: Sequence[tuple[float, float, float, float]] = ()
+
+
+@dataclass(frozen=True)
+class BacklashDetection(Module):
+    """The detector beside a controller (6.4). Connect its output to the controller's `ff`: the flags come back there.
+
+    Parameters
+    ----------
+    k, ti, td, b : float
+        Settings of the controller in ideal form.
+    kp : float, optional
+        Static process gain, ≠ 0.
+    tf : float, optional
+        Time constant of the detector's filter, ≥ 0 [s]; Ti/10 where not given. 0 where the process value comes
+        filtered.
+    n : int
+        Length of the filter of detections, odd, 1..31.
+    op_low, op_high : float, optional
+        Limits of the output.
+    max_h : float, optional
+        A longer time between scans is a gap, > 0 [s]; Ti/2 where not given.
+    """
+
+    k: float
+    ti: float
+    td: float = 0.0
+    b: float = 1.0
+    kp: float | None = None
+    tf: float | None = None
+    n: int = 9
+    op_low: float | None = None
+    op_high: float | None = None
+    max_h: float | None = None
+
+
+class Graph:
+    """A loop of modules.
+
+    Parameters
+    ----------
+    h : float
+        Scan time, > 0 [s].
+    modules : mapping of name to module
+    wires : sequence of str
+        Each from output to input, through any number of modules: `"pid -> gap -> process -> noise -> pid.pv"`. The last
+        input is named where the module has more than one.
+
+    Raises
+    ------
+    InputError
+        For a parameter out of its bounds; an input or output that leads nowhere, or an input that two modules drive; a
+        circle without a `ProcessSim` or `Plant` in it; modules made for another scan time; and a detector where it
+        cannot work: in the outer loop of a cascade (8.3), or at an output with several valves. The error names the
+        modules.
+
+    Examples
+    --------
+    >>> Graph(0.1, {"pv": Input(), "pid": Pid(k=1.0, ti=5.0)}, ["pv -> pid.pv"])
+    Traceback (most recent call last):
+    glapp.errors.InputError: pid, its output, is open: connect it
+
+    Beside a real plant there is nothing but the controller, its measurements and its valve:
+
+    >>> loop = Graph(
+    ...     1.0,
+    ...     {"pv": Input(), "sp": Input(40.0), "pid": PidAdvanced(k=0.5, ti=20.0, start=30.0), "valve": Output()},
+    ...     ["pv -> pid.pv", "sp -> pid.sp", "pid -> valve"],
+    ... )
+    >>> loop.scan(pv=38.0)
+    >>> loop.scan(pv=37.9, h=1.1)  # the time that has really passed
+    >>> round(loop["valve"], 4)
+    30.1578
+    >>> loop.scan(pv=float("nan"))  # a sensor that fails: the output is held
+    >>> round(loop["valve"], 4), Flag(int(loop["pid.error"]))
+    (30.1578, <Flag.BAD: 2>)
+    """
+
+    def __init__(self, h: float, modules: Mapping[str, Module], wires: Sequence[str]) -> None:
+        with _input_errors():
+            self._graph = _glapp.Graph(h, list(modules.items()), list(wires))
+
+    @property
+    def h(self) -> float:
+        """Scan time [s]."""
+        return self._graph.h
+
+    @property
+    def t(self) -> float:
+        """Time of the coming scan, had all come at the scan time [s]."""
+        return self._graph.scans * self._graph.h
+
+    def scan(self, *, h: float | None = None, **inputs: float) -> None:
+        """One scan.
+
+        Parameters
+        ----------
+        h : float, optional
+            The time since the last scan where it is not the scan time [s].
+        **inputs : float
+            A value for each `Input` that changes; not a number for a bad one.
+        """
+        for name, value in inputs.items():
+            self[f"{name}.value"] = value
+        self._graph.scan(self.h if h is None else h)
+
+    def run(
+        self, t: float, *, record: Sequence[str] = (), **inputs: npt.ArrayLike
+    ) -> dict[str, npt.NDArray[np.float64]]:
+        """Run for `t` seconds.
+
+        Parameters
+        ----------
+        t : float
+            How long, ≥ 0 [s]; as many scans as fit in.
+        record : sequence of str
+            What to record: `"gap"` for a module's output, `"pid.error"` for a variable.
+        **inputs : array
+            A value a scan for each `Input` that changes.
+
+        Returns
+        -------
+        dict of array
+            A value a scan for each that is recorded, and `"t"`, the time [s].
+        """
+        if not (math.isfinite(t) and t >= 0):
+            raise InputError(f"is {t}, must be 0 s or greater", parameter="t", value=t, bound="≥ 0 s")
+        n = math.floor(t / self.h + 1e-9)
+        begin = self._graph.scans
+        with _input_errors():
+            columns = self._graph.record(
+                n, [(name, np.ascontiguousarray(x, np.float64)) for name, x in inputs.items()], list(record)
+            )
+        t_of_scans: npt.NDArray[np.float64] = np.arange(begin, begin + n).astype(np.float64) * self.h
+        return {"t": t_of_scans, **dict(zip(record, columns, strict=True))}
+
+    def reset_detection(self, module: str) -> None:
+        """Make the detector in a module forget its detections."""
+        with _input_errors():
+            self._graph.reset_detection(module)
+
+    def __getitem__(self, path: str) -> float:
+        with _input_errors():
+            return self._graph.get(path)
+
+    def __setitem__(self, path: str, value: float) -> None:
+        with _input_errors():
+            self._graph.set(path, value)
+
+    def __iter__(self) -> Iterator[str]:
+        """All names that can be read."""
+        return iter(self._graph.names())
+
+
+@contextmanager
+def _input_errors() -> Iterator[None]:
+    try:
+        yield
+    except ValueError as error:
+        raise InputError(str(error)) from None

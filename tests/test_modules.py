@@ -1,0 +1,432 @@
+"""Control modules: the controller against independent ones, and what the thesis shows of loops made of modules."""
+
+import itertools
+import math
+from collections.abc import Callable
+from typing import Any
+
+import control
+import numpy as np
+import numpy.typing as npt
+import pytest
+from scipy.integrate import solve_ivp
+
+from glapp.errors import InputError
+from glapp.modules import (
+    Backlash,
+    BacklashDetection,
+    Filter2P,
+    Flag,
+    Graph,
+    Input,
+    Mode,
+    Noise,
+    Output,
+    Pid,
+    PidAdvanced,
+    Plant,
+    ProcessSim,
+    Saturation,
+)
+
+Column = npt.NDArray[np.float64]
+H = 0.05
+
+
+def alone(pid: Pid) -> Graph:
+    """The controller with everything that goes in from outside."""
+    modules = {"pv": Input(), "sp": Input(), "ff": Input(), "pid": pid, "op": Output()}
+    return Graph(H, modules, ["pv -> pid.pv", "sp -> pid.sp", "ff -> pid.ff", "pid -> op"])
+
+
+# --- The law, against python-control ---------------------------------------------------------------------------------
+
+
+def discrete(pid: Pid) -> tuple[control.TransferFunction, control.TransferFunction]:
+    """From setpoint and from process value to output: backward differences, as the documentation states them."""
+    z = control.TransferFunction([1, 0], [1], H)
+    one = control.TransferFunction([1], [1], H)
+    a = H / (pid.tf + H)
+    section = a * z / (z - (1 - a))
+    integral, derivative = H / pid.ti * z / (z - 1), pid.td / H * (z - 1) / z
+    from_sp = pid.k * (pid.b * one + integral + pid.c * derivative)
+    from_pv = -pid.k * (one + integral + derivative) * section * section
+    return from_sp, from_pv
+
+
+FORMS: dict[str, Callable[..., Pid]] = {
+    "ideal": lambda **others: Pid(k=1.3, ti=4.0, td=0.7, **others),
+    "ideal PI": lambda **others: Pid(k=1.3, ti=4.0, **others),
+    "series": lambda **others: Pid.series(k=1.3, ti=4.0, td=0.7, **others),
+    "parallel": lambda **others: Pid.parallel(kp=1.3, ki=0.4, kd=0.9, **others),
+    "direct": lambda **others: Pid(k=-1.3, ti=4.0, td=0.7, **others),
+}
+WEIGHTS: dict[str, dict[str, float]] = {
+    "b = 1": {},
+    "b = 0": {"b": 0.0},
+    "b, c": {"b": 0.4, "c": 0.6},
+    "filter": {"tf": 0.3},
+    "filter, c": {"tf": 0.3, "c": 1.0},
+}
+
+
+@pytest.mark.parametrize("weights", WEIGHTS)
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("mode", [Mode.AUTO, Mode.EXTERNAL])
+def test_the_law_is_that_of_python_control(form: str, weights: str, mode: Mode) -> None:
+    pid = FORMS[form](**WEIGHTS[weights])
+    n = 400
+    random = np.random.default_rng(1)
+    sp, pv = np.cumsum(random.normal(size=(2, n)) * 0.1, axis=1)
+    ff = random.normal(size=n)
+    # The models begin at zero; the first scan seats the integral, so that it is given a zero.
+    sp[0] = pv[0] = ff[0] = 0.0
+    t = np.arange(n) * H
+    expected = sum(
+        control.forced_response(model, t, x).outputs for model, x in zip(discrete(pid), (sp, pv), strict=True)
+    )
+
+    loop = alone(pid)
+    loop["pid.mode"] = mode
+    got = []
+    for y, r, u in zip(pv, sp, ff, strict=True):
+        if mode == Mode.AUTO:
+            loop["pid.sp"] = r
+        loop.scan(pv=y, sp=r, ff=u)
+        got.append(loop["pid"])
+    assert np.max(np.abs(np.array(got) - (expected + ff))) < 1e-9
+
+
+def test_forms_are_the_same_transfer_function() -> None:
+    s = 0.7j
+    for pid, written in (
+        (Pid.series(k=1.3, ti=4.0, td=0.7), 1.3 * (1 + 1 / (4.0 * s)) * (1 + 0.7 * s)),
+        (Pid.parallel(kp=1.3, ki=0.4, kd=0.9), 1.3 + 0.4 / s + 0.9 * s),
+    ):
+        assert abs(pid.k * (1 + 1 / (pid.ti * s) + pid.td * s) - written) < 1e-12
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_step_responses_are_the_closed_form(form: str) -> None:
+    """A step of the error: K·(b + (n + 1)·h/Ti), and c·Td/h more in its first sample."""
+    pid = FORMS[form](b=0.4, c=0.6)
+    loop = alone(pid)
+    loop.run(10 * H)
+    got = loop.run(200 * H, record=["pid"], sp=np.ones(200))["pid"]
+    expected = pid.k * (pid.b + np.arange(1, 201) * H / pid.ti)
+    expected[0] += pid.k * pid.c * pid.td / H
+    assert np.max(np.abs(got - expected)) < 1e-9
+
+
+def test_closed_loop_step_is_the_closed_form() -> None:
+    """A lag whose pole the controller's zero cancels: what remains is one pole, y = 1 − (1 − g)ⁿ."""
+    lag, k = 3.0, 0.4
+    p = math.exp(-H / lag)
+    pid = Pid(k=k, ti=H / (1 / p - 1))
+    loop = Graph(
+        H, {"sp": Input(), "pid": pid, "lag": Plant(([1.0], [lag, 1.0]))}, ["sp -> pid.sp", "pid -> lag -> pid.pv"]
+    )
+    loop.run(10 * H)
+    got = loop.run(300 * H, record=["lag"], sp=np.ones(300))["lag"]
+    assert np.max(np.abs(got - (1 - (1 - k * (1 - p) / p) ** np.arange(300)))) < 1e-9
+
+
+# --- Bumps and windup -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("weights", WEIGHTS)
+def test_from_manual_there_is_no_bump(form: str, weights: str) -> None:
+    pid = FORMS[form](**WEIGHTS[weights])
+    for back in (Mode.AUTO, Mode.EXTERNAL):
+        loop = alone(pid)
+        loop["pid.mode"] = Mode.MANUAL
+        loop["pid.manual"] = 7.0
+        random = np.random.default_rng(2)
+        loop.run(100 * H, pv=random.normal(size=100), sp=np.full(100, 3.0))
+        assert loop["pid"] == 7.0
+        loop["pid.sp"] = 3.0
+        loop["pid.mode"] = back
+        loop.scan(pv=0.5, sp=3.0)
+        # All that the first scan may add is its own integration.
+        assert loop["pid"] == pytest.approx(7.0 + pid.k * H / pid.ti * (3.0 - loop["pid.yf"]), abs=1e-12)
+
+
+WINDUP_LIMIT = 0.1
+
+
+def test_anti_windup_beside_the_integrator_of_the_literature() -> None:
+    """1/s under PI with a limited output, the example on which windup and tracking are usually shown.
+
+    Beside the same loop integrated in continuous time, with the tracking time constant Ti, and without tracking.
+    """
+    k, ti, h, t_end = 1.0, 1.0, 0.005, 40.0
+
+    def continuous(tracking: float) -> Column:
+        def slope(_t: float, x: Column) -> list[float]:
+            y, integral = x
+            v = k * (1 - y) + integral
+            u = min(max(v, -WINDUP_LIMIT), WINDUP_LIMIT)
+            return [u, k / ti * (1 - y) + tracking * (u - v)]
+
+        t = np.arange(0, t_end, h)
+        solved = solve_ivp(slope, (0, t_end), [0.0, 0.0], t_eval=t, max_step=h, rtol=1e-8)
+        y: Column = solved.y[0]
+        return y
+
+    loop = Graph(
+        h,
+        {
+            "sp": Input(),
+            "pid": Pid(k=k, ti=ti),
+            "valve": Saturation(-WINDUP_LIMIT, WINDUP_LIMIT),
+            "integrator": Plant(([1.0], [1.0, 0.0])),
+        },
+        ["sp -> pid.sp", "pid -> valve -> integrator -> pid.pv"],
+    )
+    loop.run(h)
+    n = round(t_end / h)
+    # The limits are the valve's, and the controller knows them from what it is told backward.
+    y = loop.run(t_end, record=["integrator"], sp=np.ones(n))["integrator"]
+    assert np.max(np.abs(y - continuous(tracking=1 / ti))) < 5e-3
+    assert y.max() < 1.06
+    assert continuous(tracking=0.0).max() > 1.5
+
+
+def test_a_limit_beyond_a_slave_stops_the_masters_integral() -> None:
+    modules = {
+        "sp": Input(50.0),
+        "master": Pid(k=1.0, ti=20.0, low=0, high=100, start=50.0),
+        "slave": Pid(k=2.0, ti=2.0, low=0, high=100, start=50.0),
+        "valve": Saturation(0.0, 60.0),
+        "flow": ProcessSim(1.0, 1.0, start=50.0),
+        "tank": ProcessSim(1.0, 20.0, start=50.0),
+    }
+    wires = ["sp -> master.sp", "master -> slave.sp", "slave -> valve -> flow -> tank -> master.pv", "flow -> slave.pv"]
+    loop = Graph(0.2, modules, wires)
+    loop.run(20)
+    asked = loop.run(400, record=["master", "flow", "sp.flags"], sp=np.full(2000, 90.0))
+    # More than the valve can give: the master stands still a little above what the slave reaches.
+    assert asked["master"].max() < 95.0 and np.ptp(asked["master"][-500:]) == 0.0
+    assert Flag.AT_HIGH in Flag(int(asked["sp.flags"][-1]))
+    back = loop.run(100, record=["flow"], sp=np.full(500, 30.0))["flow"]
+    # Both leave the limit at once.
+    assert int(np.argmax(back < 59.0)) * 0.2 < 5.0
+    assert loop["sp.flags"] == 0.0
+
+
+# --- The thesis -------------------------------------------------------------------------------------------------------
+
+
+def saturating_load(t: Column) -> Column:
+    """Ask 2.5 % more than the valve can give, and relieve it for 6 s after 16 to 46 s."""
+
+    def ramp(begin: float, by: float) -> Column:
+        return by * np.clip((t - begin) / 2, 0.0, 1.0)
+
+    load, begin, pauses = ramp(20.0, -2.5), 50.0, itertools.cycle((16, 30, 20, 46, 24, 36))
+    while begin < t[-1]:
+        load += ramp(begin, 5.0) + ramp(begin + 6, -5.0)
+        begin += 6 + next(pauses)
+    return load
+
+
+def saturated(flags: bool, span: bool, pid_limits: tuple[float, float], valve: tuple[float, float]) -> Column:
+    """Widths that the detector accepts on P3 at its upper limit; the gap is 5 %."""
+    h = 0.01
+    load = saturating_load(np.arange(60_000) * h)
+    k, ti = 0.48, 0.3117
+    limits = {"op_low": 0.0, "op_high": 100.0} if span else {}
+    modules = {
+        "sp": Input(97.5),
+        "load": Input(),
+        "pid": Pid(k=k, ti=ti, b=0, tf=ti / 10, low=pid_limits[0], high=pid_limits[1], start=97.5),
+        "valve": Saturation(*valve),
+        "gap": Backlash(5.0),
+        "plant": Plant("P3", start=97.5),
+        "noise": Noise(0.2),
+        "watch": BacklashDetection(k=k, ti=ti, b=0, kp=1.0, **limits),
+    }
+    wires = [
+        "sp -> pid.sp",
+        "sp -> watch.sp",
+        "pid -> valve -> gap -> plant -> noise -> pid.pv",
+        "noise -> watch.pv",
+        "load -> plant.load",
+        *(["watch -> pid.ff"] if flags else []),
+    ]
+    seen = Graph(h, modules, wires).run(load.size * h, record=["watch.d", "watch.detections", "pid"], load=load)
+    assert np.mean(seen["pid"] >= 100.0) > 0.5
+    accepted: Column = seen["watch.d"][1:][np.diff(seen["watch.detections"]) > 0]
+    return accepted
+
+
+@pytest.mark.parametrize("at_its_limit", ["controller", "valve"])
+def test_figure_7_2_saturation_is_rejected_through_the_flags(at_its_limit: str) -> None:
+    """Whether the controller is at its limit, or, further on, only the valve at its end."""
+    wide, narrow = (-1e6, 1e6), (0.0, 100.0)
+    pid_limits, valve = (narrow, wide) if at_its_limit == "controller" else (wide, narrow)
+    blind = saturated(False, False, pid_limits, valve)
+    spanned = saturated(False, True, pid_limits, valve)
+    assert blind.size > spanned.size > 0 and spanned.min() > 10 * 5.0
+    assert saturated(True, False, pid_limits, valve).size == 0
+
+
+def system_of_6_5(seed: int, tf: float, inside: bool) -> Graph:
+    """Noise, ProcessSim, Pid, Filter2P, BacklashDetection and a gap of 2.0 %."""
+    settings = {"k": 2.0, "ti": 2.0}
+    pid = {"low": 0.0, "high": 100.0, "start": 50.0}
+    modules: dict[str, Any] = {
+        "sp": Input(50.0),
+        "load": Input(),
+        "pid": PidAdvanced(**settings, **pid, tf=tf, kp=1.0) if inside else Pid(**settings, **pid),
+        "gap": Backlash(2.0),
+        "process": ProcessSim(1.0, 3.0, 1.0, start=50.0),
+        "noise": Noise(0.1, seed=seed),
+    }
+    wires = ["sp -> pid.sp", "load -> process.load"]
+    if inside:
+        return Graph(0.1, modules, [*wires, "pid -> gap -> process -> noise -> pid.pv"])
+    modules |= {"filter": Filter2P(tf), "watch": BacklashDetection(**settings, kp=1.0, tf=0.0)}
+    return Graph(
+        0.1,
+        modules,
+        [
+            *wires,
+            "sp -> watch.sp",
+            "pid -> gap -> process -> noise -> filter -> pid.pv",
+            "filter -> watch.pv",
+            "watch -> pid.ff",
+        ],
+    )
+
+
+def test_system_of_6_5_shows_its_gap() -> None:
+    load = 5.0 * (np.arange(30_000) // 2000 % 2)
+    for tf, low, high in ((0.2, 1.92, 1.99), (0.1, 1.84, 1.89)):
+        shown = []
+        for seed in range(5):
+            loop = system_of_6_5(seed, tf, inside=False)
+            loop.run(3000, load=load)
+            shown.append(loop["watch.d_hat"])
+        assert low < np.median(shown) < high, shown  # the thesis: 1.8
+
+
+def test_the_detector_inside_sees_what_the_detector_beside_sees() -> None:
+    load = 5.0 * (np.arange(10_000) // 2000 % 2)
+    beside, inside = system_of_6_5(1, 0.2, inside=False), system_of_6_5(1, 0.2, inside=True)
+    beside.run(1000, load=load)
+    inside.run(1000, load=load)
+    assert inside["pid.detections"] > 10
+    assert (inside["pid.detections"], inside["pid.out"]) == (beside["watch.detections"], beside["pid.out"])
+    assert inside["pid.d_hat"] == beside["watch.d_hat"]
+    inside.reset_detection("pid")
+    assert inside["pid.detections"] == 0.0 and math.isnan(inside["pid.d_hat"])
+
+
+def cascade(outer: Pid, inner: Pid) -> Graph:
+    """P2 as two halves, a gap of 5 % in the inner loop."""
+    half = ([1.0], [1.0, 2.0, 1.0])
+    modules = {
+        "sp": Input(),
+        "load": Input(),
+        "outer": outer,
+        "inner": inner,
+        "gap": Backlash(5.0),
+        "first": Plant(half),
+        "second": Plant(half),
+        "noise": Noise(0.5, seed=3),
+        "outer_noise": Noise(0.5, seed=4),
+    }
+    wires = [
+        "sp -> outer.sp",
+        "outer -> inner.sp",
+        "inner -> gap -> first -> second -> outer_noise -> outer.pv",
+        "first -> noise -> inner.pv",
+        "load -> first.load",
+    ]
+    return Graph(0.01, modules, wires)
+
+
+def test_figure_8_5_the_detector_works_in_the_inner_loop() -> None:
+    loop = cascade(
+        Pid(k=0.1, ti=4.0, b=0, tf=1.0, max_h=1.0), PidAdvanced(k=3.0, ti=1.6, b=0, tf=0.16, low=-300, high=300, kp=1.0)
+    )
+    t = np.arange(100_000) * 0.01
+    loop.run(1000, sp=np.where(t < 1, 0.0, 100.0), load=np.where(t < 100, 0.0, 30.0))
+    assert loop["inner.detections"] >= 5
+    assert 3.5 < loop["inner.d_hat"] < 5.5
+
+
+def test_figure_8_6_the_outer_loop_is_refused_with_the_reason() -> None:
+    with pytest.raises(InputError, match=r"outer stands in the outer loop of a cascade: inner distorts"):
+        cascade(PidAdvanced(k=0.1, ti=4.0), Pid(k=3.0, ti=1.6))
+
+
+# --- The face --------------------------------------------------------------------------------------------------------
+
+
+def test_names_values_and_columns_that_are_wrong_are_refused() -> None:
+    loop = alone(Pid(k=1.0, ti=2.0))
+    for path, value, match in (
+        ("pid.ti", 0.0, r"pid: ti = 0: must be greater than 0 s"),
+        ("pid.mode", 3.0, r"mode = 3: must be 0 \(manual\), 1 \(auto\) or 2 \(external\)"),
+        ("op.flags", 16.0, r"flags = 16: must be a sum of"),
+        ("pid.gain", 1.0, r"pid: there is no 'gain' here"),
+        ("tank.k", 1.0, r"no 'tank' here: pv, sp, ff, pid, op"),
+    ):
+        with pytest.raises(InputError, match=match):
+            loop[path] = value
+    with pytest.raises(InputError, match=r"pid\.Ki|'Ki'"):
+        loop["pid.Ki"]
+    with pytest.raises(InputError, match=r"sp: 3 values for 2 scans"):
+        loop.run(2 * H, sp=np.zeros(3))
+    with pytest.raises(InputError, match=r"must be 0 s or greater"):
+        loop.run(-1.0)
+    with pytest.raises(InputError, match=r"ki = 0: must be other than 0"):
+        Pid.parallel(kp=1.0, ki=0.0)
+    with pytest.raises(InputError, match=r"pid: at = 1: must be greater than in the row before"):
+        alone(PidAdvanced(k=1.0, ti=2.0, schedule=[(1, 1, 1, 0), (1, 2, 1, 0)]))
+
+
+def test_every_name_can_be_read() -> None:
+    loop = system_of_6_5(0, 0.2, inside=True)
+    loop.run(1.0)
+    names = list(loop)
+    assert {"pid.k", "pid.mode", "pid.d_hat", "gap.d", "sp.flags", "process.out"} <= set(names)
+    assert all(isinstance(loop[name], float) for name in names)
+
+
+def test_sample_by_sample_beside_a_plant_whose_sensor_fails() -> None:
+    """A plant outside the graph; its sensor fails for 2 s in the middle of half-periods, and once the scan is late."""
+    loop = Graph(
+        0.1,
+        {
+            "pv": Input(),
+            "sp": Input(50.0),
+            "pid": PidAdvanced(k=2.0, ti=2.0, tf=0.2, kp=1.0, start=50.0),
+            "valve": Output(),
+        },
+        ["pv -> pid.pv", "sp -> pid.sp", "pid -> valve"],
+    )
+    lags, position = [50.0, 50.0], 50.0
+    random = np.random.default_rng(5)
+    reasons = set()
+    for n in range(12_000):
+        fails, late = n % 1500 in range(700, 720), n == 5000
+        before = loop["valve"]
+        loop.scan(pv=math.nan if fails else lags[1] + random.uniform(-0.1, 0.1), h=30.0 if late else 0.1)
+        u = loop["valve"]
+        if fails or late:
+            assert u == before
+            assert Flag(int(loop["pid.error"])) == (Flag.BAD if fails else Flag.GAP)
+        elif n > 0:
+            assert loop["pid.error"] == 0.0
+            assert abs(u - before) < 2.0
+        position = min(max(position, u - 1.0), u + 1.0)
+        load = 5.0 * (n // 2000 % 2)
+        lags[0] += (position + load - lags[0]) * 0.1 / 3.1
+        lags[1] += (lags[0] - lags[1]) * 0.1 / 1.1
+        reasons.add(loop["pid.reason"])
+    assert {0.0, 1.0, 2.0} <= reasons  # accepted, gap, bad_quality
+    assert 1.85 < loop["pid.d_hat"] < 2.05

@@ -67,7 +67,8 @@ def test_classes(name: str) -> None:
     one = CLASSES[name]
     found = sections(one)
     assert found[""].strip()
-    fields = set(getattr(one, "model_fields", {})) or set(getattr(one, "__dataclass_fields__", {}))
+    fields = set(getattr(one, "__members__", getattr(one, "model_fields", {})))
+    fields = fields or set(getattr(one, "__dataclass_fields__", {}))
     fields = {field for field in fields or parameters(one) if not field.startswith("_")} - {"kind"}
     assert not fields - described(found.get("Parameters", "") + found.get("Attributes", ""))
 

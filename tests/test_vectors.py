@@ -10,7 +10,7 @@ from typing import Any
 import jsonschema
 import pytest
 
-from glapp import _glapp
+from glapp import _glapp, modules
 from glapp.blocks import (
     Backlash,
     Compensation,
@@ -194,6 +194,38 @@ def tuning(params: dict[str, float]) -> Callable[..., tuple[float, float, float]
     return update
 
 
+def process_sim(params: dict[str, float]) -> Callable[..., float]:
+    h = params["h"]
+    process = modules.ProcessSim(**{name: value for name, value in params.items() if name != "h"})
+    named = {"x": modules.Input(), "load": modules.Input(), "process": process, "y": modules.Output()}
+    graph = modules.Graph(h, named, ["x -> process -> y", "load -> process.load"])
+
+    def update(x: float, load: float, _h: float) -> float:
+        graph.scan(x=x, load=load)
+        return graph["process"]
+
+    return update
+
+
+def pid_module(params: dict[str, float]) -> Callable[..., list[float]]:
+    named = {"pv": modules.Input(), "sp": modules.Input(), "ff": modules.Input(), "valve": modules.Output()}
+    wires = ["pv -> pid.pv", "sp -> pid.sp", "ff -> pid.ff", "pid -> valve"]
+    graph = modules.Graph(0.1, named | {"pid": modules.Pid(**params)}, wires)
+    graph["pid.mode"] = modules.Mode.AUTO
+
+    def update(pv: float, sp: float, ff: float, *others: float) -> list[float]:
+        *set_before, low, high, flags, tracking, h = others
+        for name, value in zip(("mode", "sp", "manual"), set_before, strict=True):
+            if not math.isnan(value):
+                graph[f"pid.{name}"] = value
+        for name, value in {"low": low, "high": high, "flags": flags, "tracking": tracking}.items():
+            graph[f"valve.{name}"] = value
+        graph.scan(pv=pv, sp=sp, ff=ff, h=h)
+        return [graph[f"pid.{name}"] for name in ("out", "ysp", "yf", "error", "flags")]
+
+    return update
+
+
 # The outputs of these are exact, computed in rational numbers: a double may differ in its last digits.
 EXACT = {"tuning"}
 
@@ -208,6 +240,8 @@ MAKERS = {
     "noise": noise,
     "over_compensation": over_compensation,
     "pid": pid,
+    "pid_module": pid_module,
+    "process_sim": process_sim,
     "rate_limit": rate_limit,
     "safety_net": safety_net,
     "saturation": saturation,

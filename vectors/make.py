@@ -1020,9 +1020,276 @@ def tuning_cases() -> Iterator[dict[str, Any]]:
 
 TUNING_INPUTS = ("gain", "t", "t2", "l", "ku", "tu", "kappa", "wish")
 
+
+def process_sim(params: Params, _h: Sequence[float], samples: Sequence[Sequence[float]]) -> list[float]:
+    """Two lags and a dead time; a bad input or load leaves the last one in effect."""
+    h = params["h"]
+    delay = params.get("dead_time", 0.0) / h
+    whole = int(delay + 1e-9)
+    part = delay - whole if delay - whole > 1e-9 else 0.0
+    share1, share2 = h / (params["t1"] + h), h / (params.get("t2", 0.0) + h)
+    y1 = y2 = params.get("start", 0.0) / params["gain"]
+    inputs = [y1] * (whole + 2)
+    outputs = []
+    for x, load in samples:
+        outputs.append(params["gain"] * y2)
+        inputs.append(x + load if math.isfinite(x) and math.isfinite(load) else inputs[-1])
+        late = inputs[-1 - whole]
+        w = late + (inputs[-2 - whole] - late) * part if part > 0.0 else late
+        y1 += (w - y1) * share1
+        y2 += (y1 - y2) * share2
+    return outputs
+
+
+def process_sim_cases() -> Iterator[dict[str, Any]]:
+    """Lags, dead times in whole scans and parts of them, what is bad."""
+    one = {"gain": 2.0, "t1": 3.0, "t2": 1.0, "h": 0.1}
+    wander = [[x, 0.0] for x in _walk(41, 60)]
+    yield case("two lags", [], one, wander)
+    yield case("one lag, and no gain but the sign", ["ZeroTf"], {"gain": -1.0, "t1": 3.0, "h": 0.1}, wander)
+    yield case("no lag at all", ["ZeroTf"], {"gain": 1.0, "t1": 0.0, "h": 0.1}, wander[:10])
+    yield case("dead time of whole scans", ["DeadTime"], one | {"dead_time": 0.7}, wander)
+    yield case("dead time between two scans", ["DeadTime"], one | {"dead_time": 0.25}, wander)
+    yield case("dead time meant as a whole scan", ["DeadTime", "Rounding"], one | {"h": 0.3, "dead_time": 0.9}, wander)
+    yield case("dead time of less than a scan", ["DeadTime"], one | {"dead_time": 0.03}, wander)
+    yield case("begins at rest", ["Start"], one | {"start": 4.0, "dead_time": 0.5}, [[2.0, 0.0]] * 5 + wander[:20])
+    yield case("load", ["Load"], one, [[x, 0.5 if i >= 10 else 0.0] for i, (x, _) in enumerate(wander)])
+    bad = [list(row) for row in wander[:30]]
+    bad[5][0] = bad[6][0] = bad[20][1] = NAN
+    yield case("not a number", ["NotANumber"], one | {"dead_time": 0.2}, bad)
+
+
+MOST = 1.7976931348623157e308
+"""The largest double: no limit."""
+
+BACK = [-MOST, MOST, 0.0, 0.0]
+"""Lowest and highest value that is followed, flags, value in effect: every value is followed."""
+
+MANUAL, AUTO, EXTERNAL = 0.0, 1.0, 2.0
+
+
+def pid_module(params: Params, h: Sequence[float], samples: Sequence[Sequence[float]]) -> list[list[float]]:
+    """The controller with modes, limits that move and bad values; the integral matters in automatic only."""
+    gains = params["k"], params["ti"], params.get("td", 0.0)
+    state = _Controller(params)
+    return [state.scan(gains, MOST, step, *row) for step, row in zip(h, samples, strict=True)]
+
+
+class _Controller:
+    """What the controller remembers from scan to scan."""
+
+    def __init__(self, params: Params) -> None:
+        self.b, self.c, self.tf = params.get("b", 1.0), params.get("c", 0.0), params.get("tf", 0.0)
+        self.own = params.get("low", -MOST), params.get("high", MOST)
+        self.rate, self.max_h = params.get("rate", MOST), params.get("max_h", params["ti"] / 2.0)
+        self.sign = math.copysign(1.0, params["k"])
+        self.mode, self.sp = AUTO, 0.0
+        self.output = self.manual = params.get("start", 0.0)
+        self.ysp = self.yf = self.ff = self.integral = self.y_old = 0.0
+        self.filter: tuple[float, float] | None = None
+        self.told: Sequence[float] = BACK
+        self.last: Any = None
+        self.gains: tuple[float, ...] = ()
+
+    def scan(
+        self,
+        gains: tuple[float, float, float],
+        sp_rate: float,
+        h: float,
+        pv: float,
+        sp: float,
+        ff: float,
+        mode: float,
+        own_sp: float,
+        manual: float,
+        *back: float,
+    ) -> list[float]:
+        """Take one scan; a mode, own setpoint or manual value that is no number is left as it is."""
+        self.mode = self.mode if math.isnan(mode) else mode
+        self.sp = self.sp if math.isnan(own_sp) else own_sp
+        self.manual = self.manual if math.isnan(manual) else manual
+        error = self._take(h, pv, sp)
+        ff_before, ysp_before = self.ff, self.ysp
+        if math.isfinite(ff):
+            self.ff = ff
+        else:
+            error |= 64
+        low, high, flags, tracking = self.told
+        limits = max(self.own[0], low), min(self.own[1], high)
+        if not (low < high and limits[0] < limits[1]):
+            limits, error = self.own, error | 128
+        tracked = int(flags) & FLAG_NOT_AUTO != 0 and math.isfinite(tracking)
+        by_hand, blind = tracked or self.mode == MANUAL, error & (FLAG_BAD | FLAG_GAP) != 0
+        decided = self.mode, tracked, error & (FLAG_BAD | FLAG_GAP | 32 | 64)
+        if by_hand:
+            self.ysp = self.ysp if error & FLAG_BAD else self.yf
+        elif not blind and error & 32 == 0:
+            begin = self.yf if self.last is None else self.ysp
+            self.ysp = max(min(self.sp, begin + sp_rate * h), begin - sp_rate * h)
+
+        if tracked:
+            self.output = tracking
+        elif by_hand:
+            self.output = _within(self.manual, *self._band(limits, 0, h))
+        elif blind:
+            self.output = _within(self.output, *limits)
+        else:
+            self.output = self._law(gains, limits, int(flags), h, ysp_before, ff_before, decided != self.last)
+        self.last, self.gains = decided, (*gains, self.b)
+        self.manual = self.manual if self.mode == MANUAL else self.output
+        self.told = back
+        self.flags = FLAG_NOT_AUTO if by_hand or blind else 0
+        self.flags |= (4 if self.output <= limits[0] else 0) | (8 if self.output >= limits[1] else 0)
+        self.flags |= int(back[2]) & (FLAG_NOT_AUTO | 4 | 8)
+        self.error = error
+        return [self.output, self.ysp, self.yf, error, self.flags]
+
+    def _take(self, h: float, pv: float, sp: float) -> int:
+        """Setpoint and filtered process value; gives what is wrong with them."""
+        error = 0 if 0.0 < h <= self.max_h else FLAG_GAP
+        if self.mode == EXTERNAL:
+            if math.isfinite(sp):
+                self.sp = sp
+            else:
+                error |= 32
+        if not math.isfinite(pv):
+            self.filter = None
+            return error | FLAG_BAD
+        if self.filter is None or not h <= self.max_h:
+            self.filter = pv, pv
+        elif h > 0.0:
+            share = h / (self.tf + h)
+            first = self.filter[0] + (pv - self.filter[0]) * share
+            self.filter = first, self.filter[1] + (first - self.filter[1]) * share
+        self.yf = self.filter[1]
+        return error
+
+    def _band(self, limits: tuple[float, float], reported: int, h: float) -> tuple[float, float]:
+        step = self.rate * h if h > 0.0 else 0.0
+        down, up = 0.0 if reported & 4 else step, 0.0 if reported & 8 else step
+        return _within(self.output - down, *limits), _within(self.output + up, *limits)
+
+    def _law(
+        self,
+        gains: tuple[float, float, float],
+        limits: tuple[float, float],
+        reported: int,
+        h: float,
+        ysp_before: float,
+        ff_before: float,
+        changed: bool,
+    ) -> float:
+        k, ti, td = gains
+        weighted = 0.0
+        if changed:
+            self.integral = self.output - self.ff - k * (self.b * self.ysp - self.yf)
+            self.y_old = self.yf
+        else:
+            if self.gains != (*gains, self.b):
+                self.integral = self.output - ff_before - k * (self.b * ysp_before - self.y_old)
+            if self.c > 0.0 and td > 0.0:
+                weighted = k * td / h * (self.c * (self.ysp - ysp_before))
+        beyond = self.ff + weighted
+        low, high = self._band(limits, reported, h)
+        slope = k * td / h * (self.yf - self.y_old) if td > 0.0 else 0.0
+        i = self.integral + k * h / ti * (self.ysp - self.yf)
+        v = k * (self.b * self.ysp - self.yf) - slope + i
+        u = _within(v, low - beyond, high - beyond)
+        self.integral = i + (u - v) * (h / (ti + h))
+        self.y_old = self.yf
+        return _within(u + beyond, low, high)
+
+
+def _within(x: float, low: float, high: float) -> float:
+    return min(max(x, low), high)
+
+
+def pid_module_cases() -> Iterator[dict[str, Any]]:
+    """Modes, errors, limits told backward, rate, feed-forward and weights."""
+    pi = {"k": 0.8, "ti": 5.0, "start": 0.3}
+    full = {"k": 1.1, "ti": 2.4, "td": 0.6, "b": 0.5, "c": 0.7, "tf": 0.2, "low": -0.8, "high": 1.2, "start": 0.3}
+    ys = list(_walk(51, 60))
+    keep = [NAN, NAN, NAN]
+
+    def rows(**changes: dict[int, float]) -> list[list[float]]:
+        names = ["pv", "sp", "ff", "mode", "own_sp", "manual", "low", "high", "flags", "tracking"]
+        made = [[y, 1.0 if i >= 30 else 0.2, 0.0, *keep, *BACK] for i, y in enumerate(ys)]
+        made[0][3] = EXTERNAL
+        for name, values in changes.items():
+            for i, value in values.items():
+                made[i][names.index(name)] = value
+        return made
+
+    yield case("PI", [], pi, rows(), h=0.1)
+    yield case("PI, direct-acting", ["Sign"], pi | {"k": -0.8}, rows(), h=0.1)
+    yield case("PID with everything", [], full, rows(), h=0.1)
+    yield case("steps of any length", ["IrregularStep"], full, rows(), h=list(_walk(52, 60, low=0.01, high=0.5)))
+    own = rows(mode={0: AUTO}, own_sp={0: 0.5, 20: -0.5})
+    yield case("own setpoint", ["Mode"], full, own, h=0.1)
+    modes = rows(mode={0: EXTERNAL, 10: MANUAL, 20: AUTO, 30: EXTERNAL, 40: MANUAL, 50: EXTERNAL}, manual={12: 0.9})
+    yield case("through all modes", ["Mode", "Bump"], full, modes, h=0.1)
+    yield case("begins in manual", ["Mode", "Start"], full, rows(mode={0: MANUAL, 5: EXTERNAL}, manual={0: 0.7}), h=0.1)
+    beyond = rows(mode={10: MANUAL, 20: EXTERNAL}, manual={10: 9.0})
+    yield case("manual beyond the limits", ["Mode", "Limits"], full, beyond, h=0.1)
+    bad = rows(pv={5: NAN, 6: NAN, 33: NAN}, sp={15: NAN, 16: NAN}, ff={25: NAN, 26: 0.4, 27: 0.4})
+    yield case("what is not a number", ["NotANumber", "Bump"], full, bad, h=0.1)
+    yield case("not a number at the start", ["NotANumber", "Start"], full, rows(pv={0: NAN, 1: NAN}), h=0.1)
+    jumps = [0.0 if i in (7, 8) else 9.0 if i == 20 else 0.1 for i in range(60)]
+    yield case("time that jumps and stands still", ["Gap", "Bump"], full, rows(), h=jumps)
+    yield case("a rate", ["Rate"], full | {"rate": 0.5}, modes, h=0.1)
+    feed = rows(ff={i: 0.3 if i % 20 < 10 else -0.3 for i in range(60)})
+    yield case("feed-forward", ["FeedForward"], full, feed, h=0.1)
+    reported = rows(flags={i: 8.0 if i < 20 else 4.0 for i in range(5, 40)})
+    yield case("limits reported further on", ["Limits"], full, reported, h=0.1)
+    narrow = rows(low={i: 0.0 for i in range(5, 30)}, high={i: 0.5 for i in range(5, 30)})
+    yield case("narrower limits told backward", ["Limits"], full, narrow, h=0.1)
+    cross = rows(low={i: 0.7 for i in range(5, 30)}, high={i: 0.1 for i in range(5, 20)})
+    yield case("limits that cross", ["Limits"], full, cross, h=0.1)
+    told = rows(flags={i: 1.0 for i in range(5, 25)}, tracking={i: 2.0 for i in range(5, 15)} | {20: NAN})
+    yield case("not followed", ["Tracking", "Bump"], full, told, h=0.1)
+
+
 BLOCKS: dict[
     str, tuple[Reference, Callable[[], Iterator[dict[str, Any]]], list[str], list[str], str, dict[str, str]]
 ] = {
+    "process_sim": (
+        process_sim,
+        process_sim_cases,
+        ["x", "load"],
+        ["y"],
+        "Process gain/((1 + s·t1)(1 + s·t2))·e^(−dead_time·s) at the scan time h; y is there before x is taken. It "
+        "begins at rest at start.",
+        {
+            "ZeroTf": "a division by 0, or a lag where none is asked for",
+            "DeadTime": "a dead time a scan too long or too short",
+            "Rounding": "a whole number of scans that becomes one less and a sliver",
+            "Start": "a transient at the beginning",
+            "Load": "a load at another place than the input",
+            "NotANumber": "a bad input that poisons the process",
+        },
+    ),
+    "pid_module": (
+        pid_module,
+        pid_module_cases,
+        ["pv", "sp", "ff", "mode", "own_sp", "manual", "low", "high", "flags", "tracking"],
+        ["u", "ysp", "yf", "error", "flags"],
+        "The controller as a module: mode 0 manual, 1 auto, 2 external, where null leaves mode, own_sp and manual as "
+        "they are; low, high, flags and tracking are told backward after the scan. It begins in auto with the output "
+        "at start.",
+        {
+            "Sign": "a limit, or an error, of the wrong sign",
+            "IrregularStep": "a step length taken once and kept",
+            "Mode": "a mode that takes the wrong setpoint or output",
+            "Start": "a first scan that uses what is not there",
+            "Bump": "an output that jumps where a mode or an error changes",
+            "Limits": "windup, or the wrong one of two limits",
+            "NotANumber": "a bad value that poisons the state",
+            "Gap": "an integral over time that was not observed",
+            "Rate": "a rate that winds up, or that counts in automatic only",
+            "FeedForward": "a feed-forward that escapes the limits",
+            "Tracking": "a value in effect that is not taken over",
+        },
+    ),
     "saturation": (
         saturation,
         saturation_cases,

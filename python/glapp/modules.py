@@ -72,35 +72,50 @@ _MOST = float(np.finfo(np.float64).max)
 
 
 class Mode(enum.IntEnum):
-    """Who sets the output of a controller, `"pid.mode"`."""
+    """Who sets the output of a controller, `"pid.mode"`.
+
+    Attributes
+    ----------
+    MANUAL
+        A person, through `"pid.manual"`.
+    AUTO
+        The controller, with its own setpoint `"pid.sp"`.
+    EXTERNAL
+        The controller, with the setpoint that is connected to it; where one is, it begins so.
+    """
 
     MANUAL = 0
-    """A person, through `"pid.manual"`."""
     AUTO = 1
-    """The controller, with its own setpoint `"pid.sp"`."""
     EXTERNAL = 2
-    """The controller, with the setpoint that is connected to it; where one is, it begins so."""
 
 
 class Flag(enum.IntFlag):
-    """Bits of `flags` and `error`; the same numbers as everywhere in glapp."""
+    """Bits of `flags` and `error`; the same numbers as everywhere in glapp.
+
+    Attributes
+    ----------
+    NOT_AUTO
+        The value is not followed; `tracking` is in effect.
+    BAD
+        A value is bad: not a number, or flagged so.
+    AT_LOW, AT_HIGH
+        Something further on is at its lower, upper limit (`MinReached`, `MaxReached`).
+    GAP
+        The time since the last scan is not above 0, or longer than `max_h`.
+    BAD_SP, BAD_FF
+        The setpoint, the feed-forward is bad; the last good one is in effect.
+    BAD_LIMITS
+        Limits told backward cross; the controller's own are in effect.
+    """
 
     NOT_AUTO = 1
-    """The value is not followed; `tracking` is in effect."""
     BAD = 2
-    """A value is bad: not a number, or flagged so."""
     AT_LOW = 4
-    """Something further on is at its lower limit (`MinReached`)."""
     AT_HIGH = 8
-    """Something further on is at its upper limit (`MaxReached`)."""
     GAP = 16
-    """The time since the last scan is not above 0, or longer than `max_h`."""
     BAD_SP = 32
-    """The setpoint is bad; the last good one is in effect."""
     BAD_FF = 64
-    """The feed-forward is bad; the last good one is in effect."""
     BAD_LIMITS = 128
-    """Limits told backward cross; the controller's own are in effect."""
 
 
 @dataclass(frozen=True)
@@ -342,6 +357,8 @@ class PidAdvanced(Pid):
 
     Parameters
     ----------
+    k, ti, td, b, c, tf, low, high, rate, max_h, start : float
+        As in `Pid`.
     kp : float, optional
         Static process gain, ≠ 0: from a fit, a manual test [process value per output]. Set it while it runs when it
         becomes known.

@@ -414,7 +414,7 @@ fn the_setpoint_ramp_begins_where_the_process_is() {
 
 /// A limit cycle as a gap makes it, in a loop with K = 2 and Ti = 1: half-periods of 10 s.
 fn cycle(k: usize) -> f64 {
-    if k / 100 % 2 == 0 { 49.0 } else { 51.0 }
+    if (k / 100).is_multiple_of(2) { 49.0 } else { 51.0 }
 }
 
 #[test]

@@ -1,8 +1,9 @@
 //! The golden cases of `vectors/`, which were computed without this crate: every output must agree to the last bit.
 
+use glapp_core::modules::{self, Mode, PidSettings, ProcessSim, ProcessSimState};
 use glapp_core::{
-    Backlash, BacklashState, Compensation, CompensationSample, CompensationSettings, CompensationState, Derivative,
-    Detector, DetectorState, HalfPeriod, HalfPeriodState, MedianMean, MedianMeanState, Noise, NoiseState,
+    Backlash, BacklashState, Backward, Compensation, CompensationSample, CompensationSettings, CompensationState,
+    Derivative, Detector, DetectorState, HalfPeriod, HalfPeriodState, MedianMean, MedianMeanState, Noise, NoiseState,
     OverCompensation, OverCompensationState, OverWarning, Pid, PidState, RateLimit, RateLimitState, Real, Reason,
     Record, SafetyNet, Sample, Saturation, SecondOrderFilter, SecondOrderFilterState, Way, Width, WidthParts,
     ZeroCrossing,
@@ -100,6 +101,51 @@ fn noise() {
         let block = Noise::new(case.given("amplitude")).unwrap();
         let mut state = NoiseState { integer: case.given("integer") as i32 };
         case.check(|x, _| block.update(&mut state, x[0]));
+    }
+}
+
+#[test]
+fn process_sim() {
+    for case in cases("process_sim") {
+        let or_zero = |name| case.param(name).unwrap_or(0.0);
+        let (gain, t1, h) = (case.given("gain"), case.given("t1"), case.given("h"));
+        let process = ProcessSim::<f64, 64>::new(gain, t1, or_zero("t2"), or_zero("dead_time"), h).unwrap();
+        let mut state = ProcessSimState::at_rest(or_zero("start") / gain);
+        case.check(|x, _| {
+            let y = process.output(&state).value;
+            process.forward(&mut state, x[0].into(), x[1].into());
+            y
+        });
+    }
+}
+
+#[test]
+fn pid_module() {
+    for case in cases("pid_module") {
+        let or = |name, other: f64| case.param(name).unwrap_or(other);
+        let ideal = PidSettings::ideal(case.given("k"), case.given("ti"), or("td", 0.0));
+        let settings = PidSettings {
+            b: or("b", ideal.b),
+            c: or("c", ideal.c),
+            tf: or("tf", ideal.tf),
+            low: or("low", ideal.low),
+            high: or("high", ideal.high),
+            rate: or("rate", ideal.rate),
+            ..ideal
+        };
+        let module = modules::Pid::new(settings).unwrap();
+        let mut state = modules::PidState::at(case.given("start"));
+        case.check_all(|x, h| {
+            let &[pv, sp, ff, mode, own_sp, manual, low, high, flags, tracking] = x else { panic!("ten inputs") };
+            if !mode.is_nan() {
+                state.mode = [Mode::Manual, Mode::Auto, Mode::External][mode as usize];
+            }
+            state.sp = if own_sp.is_nan() { state.sp } else { own_sp };
+            state.manual = if manual.is_nan() { state.manual } else { manual };
+            let u = module.forward(&mut state, pv.into(), sp.into(), ff.into(), h).value;
+            module.backward(&mut state, Backward { low, high, flags: flags as u8, tracking });
+            Some(vec![u, state.ysp, state.yf, state.error.into(), state.flags.into()])
+        });
     }
 }
 

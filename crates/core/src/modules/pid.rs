@@ -248,7 +248,6 @@ impl<R: Real> Pid<R> {
             error |= BAD;
             s.filter.started = false;
         }
-        s.law.started &= error & BLIND == 0;
         let limits = self.limits(s, &mut error);
 
         let tracked = s.back.flags & NOT_AUTO != 0 && s.back.tracking.is_number();
@@ -266,7 +265,6 @@ impl<R: Real> Pid<R> {
         let [k, ti, td] = gains;
         let gains = [k, ti, td, self.settings.b];
         let law = |limits| self.law.with(k, ti, td, limits);
-        let free = law(Saturation::none());
         let u = if tracked {
             s.back.tracking
         } else if by_hand {
@@ -276,6 +274,7 @@ impl<R: Real> Pid<R> {
             limits.update(s.output)
         } else {
             let mut weighted = R::ZERO;
+            let free = law(Saturation::none());
             if changed {
                 // No difference to a sample from before the change.
                 s.law.started = false;
@@ -295,9 +294,6 @@ impl<R: Real> Pid<R> {
             // Shifting and shifting back may cost a bit.
             band.update(law(shifted).update(&mut s.law, s.ysp, s.yf, h) + beyond)
         };
-        if by_hand || error & BLIND != 0 {
-            free.track(&mut s.law, s.ysp, s.yf, u - s.ff, h);
-        }
         if s.mode != Mode::Manual {
             s.manual = u;
         }

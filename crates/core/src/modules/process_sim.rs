@@ -123,14 +123,22 @@ mod tests {
 
     #[test]
     fn follows_the_lags_in_closed_form() {
-        // Lags of 1 s and 3 s with the half scan that each acts longer.
         let h = 0.01;
         let process = ProcessSim::<f64, 64>::new(2.0, 1.0, 3.0, 0.0, h).unwrap();
         for (k, y) in step_response(&process, 2000).into_iter().enumerate() {
-            let (t, t1, t2) = (k as f64 * h, 1.0 + h / 2.0, 3.0 + h / 2.0);
-            let exact = 2.0 * (1.0 - (t1 * (-t / t1).exp() - t2 * (-t / t2).exp()) / (t1 - t2));
-            assert!((y - exact).abs() < 4e-5 + 2.0 * h * h, "{y} instead of {exact} at {t} s");
+            let t = k as f64 * h;
+            let exact = 2.0 * (1.0 - (1.5 * (-t / 3.0).exp() - 0.5 * (-t).exp()));
+            assert!((y - exact).abs() < 0.5 * h, "{y} instead of {exact} at {t} s");
         }
+    }
+
+    #[test]
+    fn a_lag_acts_half_a_scan_longer() {
+        let (h, lag) = (0.1, 2.0);
+        let y = step_response(&ProcessSim::new(1.0, lag, 0.0, 0.0, h).unwrap(), 50);
+        let decay = (1.0 - y[41]) / (1.0 - y[40]);
+        assert!((decay - (-h / (lag + h / 2.0)).exp()).abs() < 1e-5);
+        assert!((decay - (-h / lag).exp()).abs() > 1e-3);
     }
 
     #[test]

@@ -272,14 +272,14 @@ def test_figure_7_2_saturation_is_rejected_through_the_flags(at_its_limit: str) 
     assert saturated(True, False, pid_limits, valve).size == 0
 
 
-def system_of_6_5(seed: int, tf: float, inside: bool) -> Graph:
+def system_of_6_5(seed: int, tf: float, inside: bool, **compensation: float) -> Graph:
     """Noise, ProcessSim, Pid, Filter2P, BacklashDetection and a gap of 2.0 %."""
     settings = {"k": 2.0, "ti": 2.0}
     pid = {"low": 0.0, "high": 100.0, "start": 50.0}
     modules: dict[str, Any] = {
         "sp": Input(50.0),
         "load": Input(),
-        "pid": PidAdvanced(**settings, **pid, tf=tf, kp=1.0) if inside else Pid(**settings, **pid),
+        "pid": PidAdvanced(**settings, **pid, tf=tf, kp=1.0, **compensation) if inside else Pid(**settings, **pid),
         "gap": Backlash(2.0),
         "process": ProcessSim(1.0, 3.0, 1.0, start=50.0),
         "noise": Noise(0.1, seed=seed),
@@ -287,7 +287,7 @@ def system_of_6_5(seed: int, tf: float, inside: bool) -> Graph:
     wires = ["sp -> pid.sp", "load -> process.load"]
     if inside:
         return Graph(0.1, modules, [*wires, "pid -> gap -> process -> noise -> pid.pv"])
-    modules |= {"filter": Filter2P(tf), "watch": BacklashDetection(**settings, kp=1.0, tf=0.0)}
+    modules |= {"filter": Filter2P(tf), "watch": BacklashDetection(**settings, kp=1.0, tf=0.0, **compensation)}
     return Graph(
         0.1,
         modules,
@@ -322,6 +322,50 @@ def test_the_detector_inside_sees_what_the_detector_beside_sees() -> None:
     assert inside["pid.d_hat"] == beside["watch.d_hat"]
     inside.reset_detection("pid")
     assert inside["pid.detections"] == 0.0 and math.isnan(inside["pid.d_hat"])
+
+
+LOAD = 5.0 * (np.arange(25_000) // 2000 % 2)
+
+
+@pytest.mark.parametrize("inside", [True, False])
+def test_after_compensation_the_detector_shows_what_is_left(inside: bool) -> None:
+    loop = system_of_6_5(1, 0.2, inside, comp_size=1.0)
+    name = "pid" if inside else "watch"
+    before = loop.run(500, load=LOAD[:5000], record=["process"])["process"]
+    assert loop[f"{name}.standing"] == 1.0 and loop[f"{name}.u_ff"] == 0.0  # nobody has switched it on
+    loop[f"{name}.compensate"] = 1
+    after = loop.run(2000, load=LOAD[5000:], record=["process", f"{name}.u_ff"])
+    assert loop[f"{name}.standing"] == 0.0
+    # Half of the size less the band, to either side, and no more.
+    assert np.max(np.abs(after[f"{name}.u_ff"])) == pytest.approx(0.45)
+    assert np.std(after["process"]) < 0.9 * np.std(before)
+    assert 0.95 < loop[f"{name}.d_hat"] < 1.2  # 2.0, of which 0.9 is compensated
+    assert 1.85 < loop[f"{name}.whole"] < 2.1
+
+
+def test_a_compensation_that_loses_its_estimate_is_taken_away_without_a_bump() -> None:
+    loop = system_of_6_5(1, 0.2, True, comp_size=1.0, comp_rate=1.0)
+    loop["pid.compensate"] = 1
+    loop.run(1000, load=LOAD[:10_000])
+    assert loop["pid.whole"] > 1.0 and loop["pid.u_ff"] != 0.0
+    with pytest.raises(InputError, match=r"comp_size = 0: must be greater than 0 while it compensates"):
+        loop["pid.comp_size"] = 0.0
+    loop.reset_detection("pid")
+    gone = loop.run(3, record=["pid", "pid.u_ff", "pid.standing"])
+    assert gone["pid.standing"][0] == 7.0 and gone["pid.u_ff"][-1] == 0.0  # estimate lost
+    assert np.max(np.abs(np.diff(gone["pid.u_ff"]))) <= 0.1 + 1e-12
+    assert np.max(np.abs(np.diff(gone["pid"]))) < 0.5
+    loop.run(500, load=LOAD[:5000])
+    assert loop["pid.standing"] == 0.0  # detections are back
+
+
+def test_the_estimate_may_lower_the_size_and_never_raises_it() -> None:
+    for size, most in ((0.5, 0.5), (4.0, 2.1)):
+        loop = system_of_6_5(1, 0.2, True, comp_size=size, comp_band=0.0, comp_withdraw=False)
+        loop.run(500, load=LOAD[:5000])
+        loop["pid.compensate"] = 1
+        u_ff = loop.run(1000, load=LOAD[:10_000], record=["pid.u_ff"])["pid.u_ff"]
+        assert 0.4 * size < 2 * np.max(np.abs(u_ff)) <= most
 
 
 def cascade(outer: Pid, inner: Pid) -> Graph:

@@ -66,6 +66,7 @@ __all__ = [
     "Plant",
     "ProcessSim",
     "Saturation",
+    "Way",
 ]
 
 _MOST = float(np.finfo(np.float64).max)
@@ -87,6 +88,24 @@ class Mode(enum.IntEnum):
     MANUAL = 0
     AUTO = 1
     EXTERNAL = 2
+
+
+class Way(enum.IntEnum):
+    """How a compensation finds the direction in which the valve is driven (2.2).
+
+    Attributes
+    ----------
+    ERROR
+        sign(e)·sign(K), the thesis' own.
+    DERIVATIVE
+        sign(du_f/dt).
+    INVERSE
+        Reversals of the output that exceed a noise band.
+    """
+
+    ERROR = 1
+    DERIVATIVE = 2
+    INVERSE = 3
 
 
 class Flag(enum.IntFlag):
@@ -347,8 +366,23 @@ class Pid(Module):
         return cls(k=k, ti=ti, td=td, **others)
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Compensating(Module):
+    comp_size: float = 0.0
+    comp_way: Way = Way.INVERSE
+    comp_share: float = 1.0
+    comp_limit: float | None = None
+    comp_band: float | None = None
+    comp_tf: float = 0.0
+    comp_rate: float | None = None
+    comp_release: float | None = None
+    comp_travel: float | None = None
+    comp_reversals: float | None = None
+    comp_withdraw: bool = True
+
+
 @dataclass(frozen=True)
-class PidAdvanced(Pid):
+class PidAdvanced(_Compensating, Pid):
     """A `Pid` with the detector inside, a setpoint ramp and a gain schedule (6.4, 6.6, 7.1).
 
     The detector takes the controller's settings and sees what it sees: setpoint in effect, filtered process value,
@@ -369,6 +403,10 @@ class PidAdvanced(Pid):
     schedule : sequence of (at, k, ti, td)
         Gains by the signal connected to `by`, linear between the rows; at most 8, `at` ascending, k of one sign. The
         width is then taken from the output's own travel.
+    comp_size, comp_way, comp_share, comp_limit, comp_band, comp_tf : float
+        Compensation, as in `BacklashDetection`.
+    comp_rate, comp_release, comp_travel, comp_reversals, comp_withdraw : float, optional
+        Likewise.
     """
 
     _also = ("schedule",)
@@ -380,8 +418,12 @@ class PidAdvanced(Pid):
 
 
 @dataclass(frozen=True)
-class BacklashDetection(Module):
+class BacklashDetection(_Compensating):
     """The detector beside a controller (6.4). Connect its output to the controller's `ff`: the flags come back there.
+
+    Where `comp_size` is given it compensates as soon as `"compensate"` is set to 1 (`docs/compensation.md`). Read `u_ff`,
+    `standing` (0: it compensates, else why not), `over` (1: code block 7.1 warns, 2: the relay), and `whole`, the
+    estimate of the whole gap while `d_hat` shows what is left.
 
     Parameters
     ----------
@@ -398,6 +440,29 @@ class BacklashDetection(Module):
         Limits of the output.
     max_h : float, optional
         A longer time between scans is a gap, > 0 [s]; Ti/2 where not given.
+    comp_size : float
+        Width of the gap as far as it is trusted, ≥ 0; 0: no compensation [unit of the output]. The lower limit of the
+        fit, or what a person knows; the estimate may lower it.
+    comp_way : Way
+        How the direction is found.
+    comp_share : float
+        Share of it to compensate, 0..1.
+    comp_limit : float, optional
+        Greatest width, ≥ share·size; share·size where not given.
+    comp_band : float, optional
+        `Way.INVERSE`: how far the output must go back before that is a reversal, ≥ 0; a tenth of the size where not
+        given.
+    comp_tf : float
+        Time constant of a filter of the output before its direction is found, ≥ 0 [s].
+    comp_rate : float, optional
+        Greatest rate, > 0 [unit of the output per s]; where not given the inverse goes from side to side in Ti/10, the
+        others jump.
+    comp_release : float, optional
+        Time in which it is brought in and taken away, > 0 [s]; Ti where not given.
+    comp_travel, comp_reversals : float, optional
+        Budgets in any hour [unit of the output; 1]; none where not given.
+    comp_withdraw : bool
+        Whether it is withdrawn when the relay warns.
     """
 
     k: float

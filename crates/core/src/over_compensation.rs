@@ -8,6 +8,7 @@ const N: usize = 8;
 
 /// What [`OverCompensation`] says after a half-period.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct OverWarning {
     /// Code block 7.1: the last four half-periods are equally long, to less than two samples.
     pub even: bool,

@@ -5,7 +5,7 @@ use glapp_core::modules::{
     BAD_FF, BAD_LIMITS, BAD_SP, BacklashDetection, BacklashDetectionSettings, BacklashDetectionState, Gains, Mode, Pid,
     PidAdvanced, PidAdvancedSettings, PidAdvancedState, PidSettings, PidState, SCHEDULE_ROWS,
 };
-use glapp_core::{Backward, Forward, Reason, Saturation};
+use glapp_core::{Backward, CompensationSettings, Forward, Reason, Saturation, Way};
 use proptest::prelude::*;
 
 const H: f64 = 0.1;
@@ -187,6 +187,72 @@ fn every_mode_change_in_every_fault_is_held_and_recovers_without_a_bump() {
                         assert_ne!(u, last, "{place}, scan {k}: not at work again");
                     }
                     last = u;
+                }
+            }
+        }
+    }
+}
+
+/// A compensation of 1.5 on the way up, brought in and taken away at no more than 2 a second.
+fn compensating() -> PidAdvanced<f64> {
+    let compensation = CompensationSettings {
+        way: Way::Inverse,
+        k: 2.0,
+        size: 1.5,
+        share: 1.0,
+        limit: 1.5,
+        band: 0.1,
+        tf: 0.0,
+        rate: 2.0,
+        release: 2.0,
+        travel: 1e9,
+        reversals: 1e9,
+        withdraw: true,
+        limits: Saturation::none(),
+    };
+    let advanced = PidAdvancedSettings { compensation: Some(compensation), ..PidAdvancedSettings::new(settings()) };
+    PidAdvanced::new(advanced).unwrap()
+}
+
+#[test]
+fn while_compensating_every_mode_change_in_every_fault_is_without_a_bump_too() {
+    for fault in FAULTS.into_iter().chain(["detector reset", "compensation off"]) {
+        for (from, to) in CHANGES {
+            for at in [3, 5, 10, 15, 20] {
+                let place = format!("{fault}, {from:?} to {to:?} at {at}");
+                let pid = compensating();
+                let mut s = PidAdvancedState::at(40.0);
+                let mut rig = Rig::new(settings());
+                rig.pv = 48.0.into();
+                s.detection.compensate = true;
+                let mut scan = |rig: &mut Rig, mode: Mode, k: usize| {
+                    (s.pid.mode, s.pid.sp) = (mode, if mode == Mode::Auto { 50.0 } else { s.pid.sp });
+                    if fault == "detector reset" && k == 5 {
+                        s.detection.reset();
+                    }
+                    s.detection.compensate = !(fault == "compensation off" && (5..15).contains(&k));
+                    rig.state = s.pid;
+                    if (5..15).contains(&k) {
+                        fail(rig, fault);
+                    } else if k == 15 {
+                        mend(rig, fault);
+                    }
+                    let ff = if fault == "ff bad" { rig.ff } else { 0.0.into() };
+                    let u = pid.forward(&mut s, rig.pv, rig.sp, ff, 0.0.into(), rig.h).value;
+                    pid.backward(&mut s, rig.back);
+                    rig.state = s.pid;
+                    (u, s.detection.compensation.u_ff)
+                };
+                let mut last = (0.0, 0.0);
+                for _ in 0..60 {
+                    last = scan(&mut rig, Mode::External, 100);
+                }
+                assert!(last.1 > 0.5, "{place}: it must compensate: {last:?}");
+                for k in 0..40 {
+                    let now = scan(&mut rig, if k < at { from } else { to }, k);
+                    let most = rig.integration() + 2.0 * H;
+                    assert!((now.0 - last.0).abs() <= most, "{place}, scan {k}: {last:?} to {now:?}");
+                    last = now;
                 }
             }
         }
@@ -440,6 +506,35 @@ fn a_flag_rejects_the_half_period_that_it_was_raised_in() {
             assert!(rejected.len() <= 2, "after a break the next has none to compare with: {rejected:?}");
         }
     }
+}
+
+#[test]
+fn a_slave_at_its_limit_rejects_the_masters_half_periods() {
+    // No graph allows a detector here (8.3); the flags must reach it all the same, as from a positioner in the field.
+    let found = |slave_high: f64| {
+        let master = PidAdvanced::new(PidAdvancedSettings::new(PidSettings::ideal(2.0, 1.0, 0.0))).unwrap();
+        let slave = Pid::new(PidSettings { low: 0.0, high: slave_high, ..PidSettings::ideal(1.0, 5.0, 0.0) }).unwrap();
+        let (mut m, mut s) = (PidAdvancedState::at(40.0), PidState::at(40.0));
+        (m.pid.mode, s.mode) = (Mode::External, Mode::External);
+        let mut reasons = std::vec::Vec::new();
+        for k in 0..1500 {
+            let asked = master.forward(&mut m, cycle(k).into(), 50.0.into(), 0.0.into(), 0.0.into(), H);
+            // The slave's own process follows its output at once.
+            let measured = s.output;
+            slave.forward(&mut s, measured.into(), asked, 0.0.into(), H);
+            let (told, _) = slave.backward(&mut s, Backward::default());
+            master.backward(&mut m, told);
+            if k % 100 == 99 && k > 400 {
+                reasons.push(m.detection.last.map(|last| last.reason()));
+            }
+        }
+        (reasons, m.detection.detector.accepted())
+    };
+    let (reasons, accepted) = found(1000.0);
+    assert!(accepted > 5, "{reasons:?}");
+    let (reasons, accepted) = found(5.0);
+    assert_eq!(accepted, 0);
+    assert!(reasons.iter().all(|reason| *reason == Some(Reason::Saturated)), "{reasons:?}");
 }
 
 #[test]

@@ -9,8 +9,8 @@ use glapp_core::modules::{
     PidAdvancedSettings, PidAdvancedState, PidSettings, PidState, SCHEDULE_ROWS,
 };
 use glapp_core::{
-    Backlash, BacklashState, Backward, Forward, Noise, NoiseState, ParameterError, Saturation, SecondOrderFilter,
-    SecondOrderFilterState,
+    Backlash, BacklashState, Backward, CompensationSettings, Forward, Noise, NoiseState, ParameterError, Saturation,
+    SecondOrderFilter, SecondOrderFilterState, Way,
 };
 
 /// The most inputs of a module.
@@ -53,9 +53,10 @@ const PLAIN: Kind = Kind {
     variables: &[],
 };
 
+/// Parameters of a controller, and more of them.
 macro_rules! controller_parameters {
-    ($($more:expr),*) => {
-        &[
+    ($list:ident, $($more:expr),* $(,)?) => {
+        $list![
             ("k", None),
             ("ti", None),
             ("td", Some(0.0)),
@@ -65,13 +66,34 @@ macro_rules! controller_parameters {
             ("low", Some(-f64::MAX)),
             ("high", Some(f64::MAX)),
             ("rate", Some(f64::MAX)),
-            ("max_h", Some(f64::NAN)),
+            ("max_h", UNKNOWN),
             ("start", Some(0.0)),
             $($more),*
         ]
     };
 }
-const CONTROLLER_COMMANDS: &[&str] = &["mode", "sp", "manual"];
+macro_rules! list {
+    ($($parameter:expr),* $(,)?) => { &[$($parameter),*] };
+}
+/// Parameters of the compensation in a detector; a size of 0: there is none.
+macro_rules! with_compensation {
+    ($($parameter:expr),* $(,)?) => {
+        &[
+            $($parameter,)*
+            ("comp_size", Some(0.0)),
+            ("comp_way", Some(3.0)),
+            ("comp_share", Some(1.0)),
+            ("comp_limit", UNKNOWN),
+            ("comp_band", UNKNOWN),
+            ("comp_tf", Some(0.0)),
+            ("comp_rate", UNKNOWN),
+            ("comp_release", UNKNOWN),
+            ("comp_travel", UNKNOWN),
+            ("comp_reversals", UNKNOWN),
+            ("comp_withdraw", Some(1.0)),
+        ]
+    };
+}
 const UNKNOWN: Option<f64> = Some(f64::NAN);
 
 static KINDS: [Kind; 11] = [
@@ -122,9 +144,9 @@ static KINDS: [Kind; 11] = [
         name: "Pid",
         inputs: &["pv", "sp", "ff"],
         optional: &["sp", "ff"],
-        parameters: controller_parameters!(),
+        parameters: controller_parameters!(list,),
         beginnings: &["start"],
-        commands: CONTROLLER_COMMANDS,
+        commands: &["mode", "sp", "manual"],
         variables: &["ysp", "yf", "error", "flags"],
         ..PLAIN
     },
@@ -132,17 +154,36 @@ static KINDS: [Kind; 11] = [
         name: "PidAdvanced",
         inputs: &["pv", "sp", "ff", "by"],
         optional: &["sp", "ff", "by"],
-        parameters: controller_parameters!(("kp", UNKNOWN), ("n", Some(9.0)), ("sp_rate", Some(f64::MAX))),
+        parameters: controller_parameters!(
+            with_compensation,
+            ("kp", UNKNOWN),
+            ("n", Some(9.0)),
+            ("sp_rate", Some(f64::MAX)),
+        ),
         beginnings: &["start"],
-        commands: CONTROLLER_COMMANDS,
-        variables: &["ysp", "yf", "error", "flags", "d", "reason", "d_hat", "count", "detections"],
+        commands: &["mode", "sp", "manual", "compensate"],
+        variables: &[
+            "ysp",
+            "yf",
+            "error",
+            "flags",
+            "d",
+            "reason",
+            "d_hat",
+            "count",
+            "detections",
+            "whole",
+            "u_ff",
+            "standing",
+            "over",
+        ],
         ..PLAIN
     },
     Kind {
         name: "BacklashDetection",
         inputs: &["sp", "pv"],
         may_end: true,
-        parameters: &[
+        parameters: with_compensation![
             ("k", None),
             ("ti", None),
             ("td", Some(0.0)),
@@ -154,7 +195,8 @@ static KINDS: [Kind; 11] = [
             ("op_high", UNKNOWN),
             ("max_h", UNKNOWN),
         ],
-        variables: &["d", "reason", "d_hat", "count", "detections"],
+        commands: &["compensate"],
+        variables: &["d", "reason", "d_hat", "count", "detections", "whole", "u_ff", "standing", "over"],
         ..PLAIN
     },
 ];
@@ -188,6 +230,11 @@ impl Kind {
 /// | `Pid` | pv (sp, ff) | `k`, `ti`, `td` (0), `b` (1), `c` (0), `tf` (0), `low`, `high`, `rate` (none), `max_h` (Ti/2), `start` (0) |
 /// | `PidAdvanced` | pv (sp, ff, by) | those of `Pid`, and `kp` (not known), `n` (9), `sp_rate` (none) |
 /// | `BacklashDetection` | sp, pv | `k`, `ti`, `td` (0), `b` (1), `kp` (not known), `tf` (Ti/10), `n` (9), `op_low`, `op_high` (not known), `max_h` (Ti/2) |
+///
+/// The last two compensate where `comp_size` (0) is given and `compensate` is set while they run. `comp_way` (3) is 1 error,
+/// 2 derivative, 3 inverse; `comp_share` (1), `comp_limit` (share·size), `comp_band` (a tenth of the size), `comp_tf` (0),
+/// `comp_rate` (the inverse goes from side to side in Ti/10, the others jump), `comp_release` (Ti), `comp_travel` and
+/// `comp_reversals` (no budget), `comp_withdraw` (1) are those of [`CompensationSettings`].
 ///
 /// `start` is where it rests at the beginning: the process value, or a controller's output.
 #[derive(Clone, Debug)]
@@ -265,6 +312,7 @@ impl Module {
             sp_rate: self.value("sp_rate"),
             schedule,
             rows: self.schedule.len(),
+            compensation: self.compensation()?,
         })
     }
 
@@ -277,8 +325,39 @@ impl Module {
             n: whole("n", self.value("n"))?,
             op_limits: self.known("op_low").zip(self.known("op_high")),
             max_h: self.known("max_h").unwrap_or(usual.max_h),
+            compensation: self.compensation()?,
             ..usual
         })
+    }
+
+    /// What is not given: no wider than the size, a band of a tenth of it; the inverse goes from side to side in Ti/10, the
+    /// others jump; it comes and goes within Ti; no budgets.
+    fn compensation(&self) -> Result<Option<CompensationSettings<f64>>, ParameterError> {
+        let (size, share, ti) = (self.value("comp_size"), self.value("comp_share"), self.value("ti"));
+        if size == 0.0 {
+            return Ok(None);
+        }
+        let way = self.value("comp_way");
+        let bound = "1 (error), 2 (derivative) or 3 (inverse)";
+        let named = Way::ALL.into_iter().find(|one| f64::from(*one as u8) == way);
+        let named = named.ok_or(ParameterError { name: "comp_way", value: way, bound })?;
+        let rate = if named == Way::Inverse { size / (ti / 10.0) } else { f64::MAX };
+        let or = |name, usual: f64| self.known(name).unwrap_or(usual);
+        Ok(Some(CompensationSettings {
+            way: named,
+            k: self.value("k"),
+            size,
+            share,
+            limit: or("comp_limit", share * size),
+            band: or("comp_band", size / 10.0),
+            tf: self.value("comp_tf"),
+            rate: or("comp_rate", rate),
+            release: or("comp_release", ti),
+            travel: or("comp_travel", f64::MAX),
+            reversals: or("comp_reversals", f64::MAX),
+            withdraw: self.value("comp_withdraw") != 0.0,
+            limits: Saturation::none(),
+        }))
     }
 }
 
@@ -424,6 +503,10 @@ impl Live {
         let Kind { parameters, beginnings, .. } = self.module.kind;
         let at = parameters.iter().position(|known| known.0 == name).filter(|_| !beginnings.contains(&name));
         let Some(at) = at else { return Err(Refusal::NoName) };
+        if name == "comp_size" && value == 0.0 && self.get("u_ff").is_some_and(|u_ff| u_ff != 0.0) {
+            let bound = "greater than 0 while it compensates: set compensate to 0 first";
+            return Err(Refusal::Value(ParameterError { name: "comp_size", value, bound }.into()));
+        }
         let mut changed = self.module.clone();
         changed.values[at] = value;
         let fresh = make(&changed, self.h, false).map_err(Refusal::Value)?;
@@ -445,8 +528,8 @@ impl Live {
     /// Forgets all detections.
     pub(crate) fn reset_detection(&mut self) -> bool {
         match &mut self.block {
-            Block::PidAdvanced(parts) => parts.1.detection = BacklashDetectionState::default(),
-            Block::BacklashDetection(parts) => parts.1 = BacklashDetectionState::default(),
+            Block::PidAdvanced(parts) => parts.1.detection.reset(),
+            Block::BacklashDetection(parts) => parts.1.reset(),
             _ => return false,
         }
         true
@@ -471,6 +554,18 @@ impl Live {
             return Ok(false);
         }
         let wrong = |name, bound| Err(Refusal::Value(ParameterError { name, value, bound }.into()));
+        if name == "compensate" {
+            let state = match &mut self.block {
+                Block::PidAdvanced(parts) => &mut parts.1.detection,
+                Block::BacklashDetection(parts) => &mut parts.1,
+                _ => return Ok(false),
+            };
+            if value != 0.0 && value != 1.0 {
+                return wrong("compensate", "0 (off) or 1 (on)");
+            }
+            state.compensate = value == 1.0;
+            return Ok(true);
+        }
         match (&mut self.block, name) {
             (Block::Input(to, _), _) => *to = value,
             (Block::Output(_, says), "flags") => {
@@ -547,6 +642,11 @@ fn detection_named(state: &BacklashDetectionState<f64>, name: &str) -> Option<f6
         "d_hat" => Some(estimate.map_or(f64::NAN, |estimate| estimate.value)),
         "count" => Some(estimate.map_or(0.0, |estimate| estimate.count.into())),
         "detections" => Some(state.detector.accepted().into()),
+        "whole" => Some(state.whole.map_or(f64::NAN, |whole| whole.value)),
+        "u_ff" => Some(state.compensation.u_ff),
+        "standing" => Some(f64::from(state.compensation.standing as u8)),
+        "over" => Some(f64::from(u8::from(state.over.even) + 2 * u8::from(state.over.relay))),
+        "compensate" => Some(f64::from(u8::from(state.compensate))),
         _ => None,
     }
 }

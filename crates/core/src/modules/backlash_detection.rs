@@ -3,7 +3,9 @@
 use crate::connection::{Backward, Forward};
 use crate::half_period::{AT_HIGH, AT_LOW, BAD, NOT_AUTO};
 use crate::{
-    Detector, DetectorState, MedianMean, ParameterError, Real, Record, SafetyNet, Sample, SecondOrderFilter, Width,
+    Compensation, CompensationSample, CompensationSettings, CompensationState, Detector, DetectorState, Estimate,
+    MedianMean, MedianMeanState, OverCompensation, OverCompensationState, OverWarning, ParameterError, Real, Record,
+    SafetyNet, Sample, Saturation, SecondOrderFilter, Width,
 };
 
 /// Settings of a [`BacklashDetection`] (thesis 6.4): those of the controller beside it, and the detector's own.
@@ -27,87 +29,169 @@ pub struct BacklashDetectionSettings<R> {
     pub op_limits: Option<(R, R)>,
     /// A longer time between scans, > 0, is a gap \[s\].
     pub max_h: R,
+    /// Compensation, where there is one. Its `k` and `limits` are those of the controller above, whatever stands there.
+    /// Taken out of the settings while it is in force, it is gone at once.
+    pub compensation: Option<CompensationSettings<R>>,
 }
 
 impl<R: Real> BacklashDetectionSettings<R> {
-    /// For a PI or PID controller with b = 1; Kp and limits not known, tf = Ti/10 (2.1), N = 9, a gap above Ti/2.
+    /// For a PI or PID controller with b = 1; Kp and limits not known, tf = Ti/10 (2.1), N = 9, a gap above Ti/2, no
+    /// compensation.
     pub fn new(k: R, ti: R, td: R) -> Self {
         let (tf, max_h) = (ti / R::of(10.0), ti / R::of(2.0));
-        Self { k, ti, td: Some(td), b: R::ONE, kp: None, tf, n: 9, op_limits: None, max_h }
+        Self { k, ti, td: Some(td), b: R::ONE, kp: None, tf, n: 9, op_limits: None, max_h, compensation: None }
     }
 }
 
-/// Detection and estimation of backlash beside a controller (thesis 6.4): a [`Detector`] with connections.
+/// Detection, estimation and compensation of backlash beside a controller (thesis 6.4): a [`Detector`] with connections.
 ///
-/// It takes setpoint and process value on branches of the connections that enter the controller, and its output goes to
-/// the controller's feed-forward. What comes back there is all that it has to know of the loop (7.1): that something is
-/// at a limit, that the controller is not in automatic, and the output in effect. Where the output is not connected, it
-/// sees no flags and no output; then only Δu below the span of the output is asked.
+/// It takes setpoint and process value on branches of the connections that enter the controller, and its output, u_FF,
+/// goes to the controller's feed-forward. What comes back there is all that it has to know of the loop (7.1): that
+/// something is at a limit, that the controller is not in automatic, and the output in effect. Where the output is not
+/// connected, it sees no flags and no output; then only Δu below the span of the output is asked, and nothing is
+/// compensated.
+///
+/// It learns in the backward pass: the u_FF that it hands over in a scan was made by the scan before. While it
+/// compensates, the detector shows what is left of the gap; the whole is the median/mean of what was left and the size in
+/// force, detection by detection. That may lower the size that a person or the fit gave, and never raises it. Both
+/// warnings of over-compensation are shown; the relay withdraws it, where the settings say so. What a half-period means
+/// for the compensation is worked off in the scan after it, so that the worst scan takes little longer than the others.
 ///
 /// It belongs in the inner loop of a cascade (8.3): what comes out of an outer controller is distorted by the inner
 /// loop before it reaches the gap.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BacklashDetection<R> {
     detector: Detector<R>,
+    detections: MedianMean,
+    compensation: Option<(Compensation<R>, OverCompensation<R>)>,
 }
 
-/// State of a [`BacklashDetection`]. A new one resets the detection.
+/// State of a [`BacklashDetection`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct BacklashDetectionState<R> {
-    /// The detector; it holds the estimate.
+    /// Whether a person wants compensation.
+    pub compensate: bool,
+    /// The detector; it holds the estimate of what is left of the gap.
     pub detector: DetectorState<R>,
     /// The last half-period that ended, with what was concluded from it.
     pub last: Option<Record<R>>,
+    /// The compensation: u_FF, the size in force, and what stands in its way.
+    pub compensation: CompensationState<R>,
+    /// The warnings of over-compensation.
+    pub over: OverWarning,
+    /// The whole gap, where there have been detections.
+    pub whole: Option<Estimate<R>>,
+    window: MedianMeanState<R>,
+    warning: OverCompensationState<R>,
+    /// The last half-period is still to be worked off, with the size in force when it ended.
+    due: bool,
+    size: R,
     sp: Forward<R>,
     pv: Forward<R>,
     h: R,
+    u_ff: R,
 }
 
 impl<R: Real> Default for BacklashDetectionState<R> {
     fn default() -> Self {
         let nothing = Forward::new(R::ZERO, 0);
-        Self { detector: DetectorState::default(), last: None, sp: nothing, pv: nothing, h: R::ZERO }
+        Self {
+            compensate: false,
+            detector: DetectorState::default(),
+            last: None,
+            compensation: CompensationState::default(),
+            over: OverWarning::default(),
+            whole: None,
+            window: MedianMeanState::default(),
+            warning: OverCompensationState::default(),
+            due: false,
+            size: R::ZERO,
+            sp: nothing,
+            pv: nothing,
+            h: R::ZERO,
+            u_ff: R::ZERO,
+        }
+    }
+}
+
+impl<R: Real> BacklashDetectionState<R> {
+    /// Forgets all detections. A compensation that went by them is taken away, without a bump.
+    pub fn reset(&mut self) {
+        let Self { compensate, compensation, sp, pv, h, u_ff, .. } = *self;
+        *self = Self { compensate, compensation, sp, pv, h, u_ff, ..Self::default() };
     }
 }
 
 impl<R: Real> BacklashDetection<R> {
     /// Checks the settings.
     pub fn new(settings: BacklashDetectionSettings<R>) -> Result<Self, ParameterError> {
-        let BacklashDetectionSettings { k, ti, td, b, kp, tf, n, op_limits, max_h } = settings;
+        let BacklashDetectionSettings { k, ti, td, b, kp, tf, n, op_limits, max_h, compensation } = settings;
+        let limits = match op_limits {
+            Some((low, high)) => Saturation::new(low, high)?,
+            None => Saturation::none(),
+        };
+        let detections = MedianMean::new(n)?;
         Ok(Self {
             detector: Detector::new(
                 SecondOrderFilter::new(tf)?,
                 Width::new(k, ti, td, b, kp)?,
                 SafetyNet::new(op_limits.map(|(low, high)| high - low))?,
-                MedianMean::new(n)?,
+                detections,
                 max_h,
                 op_limits,
             )?,
+            detections,
+            compensation: match compensation {
+                Some(given) => {
+                    let compensation = Compensation::new(CompensationSettings { k, limits, ..given })?;
+                    Some((compensation, OverCompensation::new(k, ti)?))
+                }
+                None => None,
+            },
         })
     }
 
-    /// Takes setpoint, process value and the time since the last scan `h` \[s\]; gives the feed-forward, 0.
+    /// Takes setpoint, process value and the time since the last scan `h` \[s\]; gives u_FF.
     #[inline(always)]
     pub fn forward(&self, state: &mut BacklashDetectionState<R>, sp: Forward<R>, pv: Forward<R>, h: R) -> Forward<R> {
-        (state.sp, state.pv, state.h) = (sp, pv, h);
-        Forward::new(R::ZERO, 0)
+        (state.sp, state.pv, state.h, state.u_ff) = (sp, pv, h, state.compensation.u_ff);
+        Forward::new(state.u_ff, 0)
     }
 
     /// Takes what the controller tells at its feed-forward, where that is connected; learns from the sample of this scan.
     #[inline(always)]
     pub fn backward(&self, state: &mut BacklashDetectionState<R>, back: Option<Backward<R>>) {
         let told = back.map_or(0, |back| back.flags & (AT_LOW | AT_HIGH | NOT_AUTO));
-        let quality = (state.sp.flags | state.pv.flags) & BAD;
-        let sample = Sample {
-            h: state.h,
-            sp: state.sp.value,
-            pv: state.pv.value,
-            op: back.map(|back| back.tracking),
-            flags: told | quality,
-        };
-        if let Some(record) = self.detector.update(&mut state.detector, &sample) {
-            state.last = Some(record);
+        let flags = told | (state.sp.flags | state.pv.flags) & BAD;
+        let (h, sp) = (state.h, state.sp.value);
+        let op = back.map(|back| back.tracking - state.u_ff);
+        if let (Some((_, warning)), Some(last), true) = (&self.compensation, &state.last, state.due) {
+            state.over = warning.update(&mut state.warning, &last.half, h, state.size);
+            if last.mask == 0 {
+                state.whole = Some(self.detections.update(&mut state.window, last.parts.d + state.size));
+            }
         }
+        let record = self.detector.update(&mut state.detector, &Sample { h, sp, pv: state.pv.value, op, flags });
+        state.due = record.is_some();
+        if state.due {
+            (state.last, state.size) = (record, state.compensation.half + state.compensation.half);
+        }
+        let Some((compensation, _)) = &self.compensation else {
+            if state.compensation.u_ff != R::ZERO {
+                state.compensation = CompensationState::default();
+            }
+            return;
+        };
+        let sample = CompensationSample {
+            e: sp - state.detector.filtered_pv(),
+            u: op.unwrap_or(R::ZERO),
+            h,
+            d_hat: state.whole.map(|whole| whole.value),
+            over: state.over.relay,
+            enable: state.compensate && op.is_some(),
+            flags,
+        };
+        compensation.update(&mut state.compensation, &sample);
     }
 }

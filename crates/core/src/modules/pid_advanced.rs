@@ -5,7 +5,7 @@ use super::pid::{Pid, PidSettings, PidState};
 use crate::connection::{Backward, Forward};
 use crate::error::require;
 use crate::half_period::{AT_HIGH, AT_LOW, NOT_AUTO};
-use crate::{ParameterError, Real};
+use crate::{CompensationSettings, ParameterError, Real};
 
 /// The most rows of a gain schedule.
 pub const SCHEDULE_ROWS: usize = 8;
@@ -38,17 +38,19 @@ pub struct PidAdvancedSettings<R> {
     pub schedule: [Gains<R>; SCHEDULE_ROWS],
     /// Number of rows, at most [`SCHEDULE_ROWS`].
     pub rows: usize,
+    /// Compensation, where there is one. Its `k` and `limits` are the controller's.
+    pub compensation: Option<CompensationSettings<R>>,
 }
 
 impl<R: Real> PidAdvancedSettings<R> {
-    /// Kp not known, N = 9, no ramp, no schedule.
+    /// Kp not known, N = 9, no ramp, no schedule, no compensation.
     pub fn new(pid: PidSettings<R>) -> Self {
         let schedule = [Gains::default(); SCHEDULE_ROWS];
-        Self { pid, kp: None, n: 9, sp_rate: R::LARGEST, schedule, rows: 0 }
+        Self { pid, kp: None, n: 9, sp_rate: R::LARGEST, schedule, rows: 0, compensation: None }
     }
 }
 
-/// A [`Pid`] with [`BacklashDetection`] inside, a setpoint ramp and a gain schedule (thesis 6.4, 6.6, 7.1).
+/// A [`Pid`] with [`BacklashDetection`] inside, that is, with compensation too; a setpoint ramp and a gain schedule (thesis 6.4, 6.6, 7.1).
 ///
 /// The detector takes the controller's own settings, and sees what the controller sees: the setpoint in effect, the
 /// filtered process value, limits and mode. Where the controller does not filter, the detector does, with Ti/10 (2.1).
@@ -91,7 +93,7 @@ impl<R: Real> Default for PidAdvancedState<R> {
 impl<R: Real> PidAdvanced<R> {
     /// Checks the settings.
     pub fn new(settings: PidAdvancedSettings<R>) -> Result<Self, ParameterError> {
-        let PidAdvancedSettings { pid, kp, n, sp_rate, schedule, rows } = settings;
+        let PidAdvancedSettings { pid, kp, n, sp_rate, schedule, rows, compensation } = settings;
         require("sp_rate", sp_rate, sp_rate > R::ZERO, "greater than 0 per second")?;
         require("rows", R::of(rows as f64), rows <= SCHEDULE_ROWS, "at most 8")?;
         let mut slowest = pid;
@@ -117,6 +119,7 @@ impl<R: Real> PidAdvanced<R> {
             n,
             op_limits: limited.then_some((pid.low, pid.high)),
             max_h: pid.max_h.lesser(R::of(1e9)),
+            compensation,
         };
         Ok(Self { settings, pid: Pid::new(pid)?, detection: BacklashDetection::new(detection)? })
     }
@@ -140,18 +143,21 @@ impl<R: Real> PidAdvanced<R> {
         if by.is_good() {
             s.by = by.value;
         }
+        let ff = Forward::new(ff.value + s.detection.compensation.u_ff, ff.flags);
         let u = self.pid.scan(&mut s.pid, self.gains(s.by), self.settings.sp_rate, pv, sp, ff, h);
         let seen = if self.settings.pid.tf > R::ZERO { s.pid.yf } else { pv.value };
         self.detection.forward(&mut s.detection, s.pid.ysp.into(), Forward::new(seen, pv.flags), h);
         u
     }
 
-    /// As [`Pid::backward`]; the detector learns from the sample of this scan.
+    /// As [`Pid::backward`]; the detector learns from the sample of this scan. The output it sees is the controller's own,
+    /// without what came from outside.
     #[inline(always)]
     pub fn backward(&self, s: &mut PidAdvancedState<R>, back: Backward<R>) -> (Backward<R>, Backward<R>) {
         let told = self.pid.backward(&mut s.pid, back);
         let flags = s.pid.flags & (AT_LOW | AT_HIGH | NOT_AUTO);
-        let seen = Backward { flags, tracking: s.pid.feedback(), ..Backward::default() };
+        let tracking = s.pid.feedback() + s.detection.compensation.u_ff;
+        let seen = Backward { flags, tracking, ..Backward::default() };
         self.detection.backward(&mut s.detection, Some(seen));
         told
     }

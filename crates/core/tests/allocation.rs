@@ -1,0 +1,60 @@
+//! Nothing in a scan touches the heap.
+
+use glapp_core::modules::{
+    Gains, Mode, PidAdvanced, PidAdvancedSettings, PidAdvancedState, PidSettings, ProcessSim, ProcessSimState,
+    SCHEDULE_ROWS,
+};
+use glapp_core::{Backlash, BacklashState, Backward, CompensationSettings, Noise, NoiseState, Saturation, Way};
+
+#[test]
+fn a_loop_of_modules_scans_without_allocation() {
+    let mut schedule = [Gains::default(); SCHEDULE_ROWS];
+    schedule[0] = Gains { at: 0.0, k: 2.0, ti: 2.0, td: 0.0 };
+    schedule[1] = Gains { at: 100.0, k: 2.5, ti: 2.0, td: 0.0 };
+    let compensation = CompensationSettings {
+        way: Way::Inverse,
+        k: 2.0,
+        size: 1.0,
+        share: 1.0,
+        limit: 1.0,
+        band: 0.1,
+        tf: 0.2,
+        rate: 5.0,
+        release: 2.0,
+        travel: 1e9,
+        reversals: 1e9,
+        withdraw: true,
+        limits: Saturation::none(),
+    };
+    let settings = PidSettings { tf: 0.2, low: 0.0, high: 100.0, ..PidSettings::ideal(2.0, 2.0, 0.0) };
+    let advanced =
+        PidAdvancedSettings { kp: Some(1.0), compensation: Some(compensation), ..PidAdvancedSettings::new(settings) };
+    let scheduled = PidAdvancedSettings { schedule, rows: 2, ..advanced };
+    for settings in [advanced, scheduled] {
+        let pid = PidAdvanced::new(settings).unwrap();
+        let mut state = PidAdvancedState::at(50.0);
+        (state.pid.mode, state.detection.compensate) = (Mode::External, true);
+        let (gap, noise) = (Backlash::new(2.0).unwrap(), Noise::new(0.1).unwrap());
+        let process = ProcessSim::<f64, 16>::new(1.0, 3.0, 1.0, 0.0, 0.1).unwrap();
+        let (mut position, mut integer) = (BacklashState::default(), NoiseState::default());
+        let mut lags = ProcessSimState::at_rest(50.0);
+        let mut saw_u_ff = false;
+        let counted = allocation_counter::measure(|| {
+            for k in 0..20_000 {
+                let pv = noise.forward(&mut integer, process.output(&lags));
+                // A sensor that fails now and then, a person who takes over.
+                let pv = if k % 5000 == 77 { f64::NAN.into() } else { pv };
+                state.pid.mode = if k % 9000 > 8900 { Mode::Manual } else { Mode::External };
+                let u = pid.forward(&mut state, pv, 50.0.into(), 0.0.into(), pv, 0.1);
+                let x = gap.forward(&mut position, u);
+                process.forward(&mut lags, x, 5.0.into());
+                pid.backward(&mut state, Backward::default());
+                saw_u_ff |= state.detection.compensation.u_ff != 0.0;
+            }
+        });
+        assert!(saw_u_ff && state.detection.detector.accepted() > 5, "{}", state.detection.detector.accepted());
+        assert_eq!(counted.count_total, 0);
+    }
+    // The count counts.
+    assert_eq!(allocation_counter::measure(|| drop(std::hint::black_box(vec![1.0; 9]))).count_total, 1);
+}

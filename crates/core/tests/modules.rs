@@ -513,10 +513,10 @@ fn a_slave_at_its_limit_rejects_the_masters_half_periods() {
     // No graph allows a detector here (8.3); the flags must reach it all the same, as from a positioner in the field.
     let found = |slave_high: f64| {
         let master = PidAdvanced::new(PidAdvancedSettings::new(PidSettings::ideal(2.0, 1.0, 0.0))).unwrap();
-        let slave = Pid::new(PidSettings { low: 0.0, high: slave_high, ..PidSettings::ideal(1.0, 5.0, 0.0) }).unwrap();
+        let slave = Pid::new(PidSettings { low: 0.0, high: slave_high, ..PidSettings::ideal(0.3, 0.5, 0.0) }).unwrap();
         let (mut m, mut s) = (PidAdvancedState::at(40.0), PidState::at(40.0));
         (m.pid.mode, s.mode) = (Mode::External, Mode::External);
-        let mut reasons = std::vec::Vec::new();
+        let (mut ended, mut touched, mut found) = (None, false, std::vec::Vec::new());
         for k in 0..1500 {
             let asked = master.forward(&mut m, cycle(k).into(), 50.0.into(), 0.0.into(), 0.0.into(), H);
             // The slave's own process follows its output at once.
@@ -524,17 +524,21 @@ fn a_slave_at_its_limit_rejects_the_masters_half_periods() {
             slave.forward(&mut s, measured.into(), asked, 0.0.into(), H);
             let (told, _) = slave.backward(&mut s, Backward::default());
             master.backward(&mut m, told);
-            if k % 100 == 99 && k > 400 {
-                reasons.push(m.detection.last.map(|last| last.reason()));
+            if m.detection.last != ended {
+                ended = m.detection.last;
+                found.push((touched, ended.unwrap().reason()));
+                touched = false;
             }
+            touched |= s.flags & (AT_LOW | AT_HIGH) != 0;
         }
-        (reasons, m.detection.detector.accepted())
+        found
     };
-    let (reasons, accepted) = found(1000.0);
-    assert!(accepted > 5, "{reasons:?}");
-    let (reasons, accepted) = found(5.0);
-    assert_eq!(accepted, 0);
-    assert!(reasons.iter().all(|reason| *reason == Some(Reason::Saturated)), "{reasons:?}");
+    // The first begins with a gap, the second has none to compare with.
+    let free = found(1000.0);
+    assert!(free[2..].iter().all(|half| *half == (false, Reason::Accepted)), "{free:?}");
+    let limited = found(5.0);
+    assert!(limited.iter().filter(|half| half.0).count() > 10, "{limited:?}");
+    assert!(limited[1..].iter().all(|(touched, reason)| *touched == (*reason == Reason::Saturated)), "{limited:?}");
 }
 
 #[test]

@@ -226,11 +226,67 @@ def pid_module(params: dict[str, float]) -> Callable[..., list[float]]:
     return update
 
 
+SHOWN = ("u_ff", "d_hat", "count", "whole", "standing", "over")
+
+
+def _set(graph: modules.Graph, module: str, **values: float) -> None:
+    for name, value in values.items():
+        if not math.isnan(value):
+            graph[f"{module}.{name}"] = value
+
+
+def backlash_detection(params: dict[str, float]) -> Callable[..., list[float]]:
+    own = {name: params[name] for name in ("k", "ti", "td", "b") if name in params}
+    more = {name: value for name, value in params.items() if name in ("kp", "n") or name.startswith("comp_")}
+    limits = {name: params[name] for name in ("low", "high") if name in params}
+    named = {
+        "pv": modules.Input(),
+        "sp": modules.Input(),
+        "pid": modules.Pid(**own, **limits, start=params["start"]),
+        "watch": modules.BacklashDetection(
+            **own, **more, **{f"op_{name}": value for name, value in limits.items()}, tf=params["detector_tf"]
+        ),
+        "valve": modules.Output(),
+    }
+    wires = ["pv -> pid.pv", "sp -> pid.sp", "pv -> watch.pv", "sp -> watch.sp", "watch -> pid.ff", "pid -> valve"]
+    graph = modules.Graph(0.25, named, wires)
+
+    def update(pv: float, sp: float, mode: float, manual: float, told: float, enable: float, h: float) -> list[float]:
+        _set(graph, "pid", mode=mode, manual=manual)
+        _set(graph, "valve", flags=told)
+        _set(graph, "watch", compensate=enable)
+        graph.scan(pv=pv, sp=sp, h=h)
+        return [graph["pid"], *(graph[f"watch.{name}"] for name in SHOWN)]
+
+    return update
+
+
+def pid_advanced(params: dict[str, float]) -> Callable[..., list[float]]:
+    rows = [[params[f"{name}{i}"] for name in ("at", "k", "ti", "td")] for i in range(1, 9) if f"at{i}" in params]
+    plain = {name: value for name, value in params.items() if not name[-1].isdigit()}
+    named = {
+        **{name: modules.Input() for name in ("pv", "sp", "by")},
+        "pid": modules.PidAdvanced(**plain, schedule=rows),
+        "valve": modules.Output(),
+    }
+    graph = modules.Graph(0.25, named, ["pv -> pid.pv", "sp -> pid.sp", "by -> pid.by", "pid -> valve"])
+
+    def update(pv: float, sp: float, by: float, *others: float) -> list[float]:
+        mode, manual, told, enable, h = others
+        _set(graph, "pid", mode=mode, manual=manual, compensate=enable)
+        _set(graph, "valve", flags=told)
+        graph.scan(pv=pv, sp=sp, by=by, h=h)
+        return [graph[f"pid.{name}"] for name in ("out", "ysp", *SHOWN)]
+
+    return update
+
+
 # The outputs of these are exact, computed in rational numbers: a double may differ in its last digits.
 EXACT = {"tuning"}
 
 MAKERS = {
     "backlash": backlash,
+    "backlash_detection": backlash_detection,
     "compensation": compensation,
     "derivative": derivative,
     "detector": detector,
@@ -240,6 +296,7 @@ MAKERS = {
     "noise": noise,
     "over_compensation": over_compensation,
     "pid": pid,
+    "pid_advanced": pid_advanced,
     "pid_module": pid_module,
     "process_sim": process_sim,
     "rate_limit": rate_limit,

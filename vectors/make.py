@@ -1249,6 +1249,164 @@ def pid_module_cases() -> Iterator[dict[str, Any]]:
     yield case("not followed", ["Tracking", "Bump"], full, told, h=0.1)
 
 
+class _Detection:
+    """Detector, compensation and warnings on line: each is computed anew from all samples so far."""
+
+    def __init__(self, params: Params, k: float, ti: float, td: float | None, tf: float) -> None:
+        given = {name: params[name] for name in ("kp",) if name in params}
+        limits = {}
+        if "low" in params and "high" in params:
+            low, high = params["low"], params["high"]
+            limits = {"op_low": low, "op_high": high, "op_span": high - low}
+        known = {} if td is None else {"td": td}
+        own = {"k": k, "ti": ti, "b": params.get("b", 1.0), "tf": tf, "n": params.get("n", 9.0), "op_known": 1.0}
+        self.params = own | given | known | limits | {"max_h": params["ti"] / 2.0}
+        self.size = params.get("comp_size", 0.0)
+        renamed = {name.removeprefix("comp_"): value for name, value in params.items() if name.startswith("comp_")}
+        usual = {"way": 3.0, "share": 1.0, "band": self.size / 10.0, "tf": 0.0, "release": ti, "withdraw": 1.0}
+        usual |= {"rate": self.size / (ti / 10.0), "travel": MOST, "reversals": MOST}
+        room = {"low": params["low"], "high": params["high"]} if limits else {}
+        self.compensation = usual | renamed | room | {"k": k}
+        self.h: list[float] = []
+        self.samples: list[list[float]] = []
+        self.compensated: list[list[float]] = []
+        self.halves: list[list[float]] = []
+        self.widths: list[float] = []
+        self.shown, self.over, self.due = [NAN, 0.0], [0, 0], False
+        self.u_ff = self.half = 0.0
+        self.standing = 1
+
+    def learn(self, h: float, sp: float, pv: float, op: float, flags: int, enable: bool) -> None:
+        """One sample; what the last half-period means for the compensation comes in the scan after it."""
+        if self.due and self.size > 0.0:
+            delta_t, delta_y, delta_sp, mask, d, size = self.last
+            self.halves.append([delta_t, delta_y, delta_sp, mask & 15, size])
+            self.over = over_compensation(self.params, [h] * len(self.halves), self.halves)[-1]
+            if mask == 0:
+                self.widths.append(d + size)
+        self.h.append(h)
+        self.samples.append([sp, pv, op, flags])
+        record = detector(self.params, self.h, self.samples)[-1]
+        self.due = record is not None
+        if record is not None:
+            found = dict(zip(DETECTION_FIELDS, record, strict=True))
+            self.shown = [found["d_hat"], found["detections"]]
+            parts = [found[name] for name in ("delta_t", "delta_y", "delta_sp")]
+            self.last = (*parts, int(found["mask"]), found["d"], self.half + self.half)
+        if self.size > 0.0:
+            yf = filter_({"tf": self.params["tf"]}, [0.0, *self.h[1:]], [row[1] for row in self.samples])[-1]
+            self.compensated.append([sp - yf, op, self.whole(), self.over[1], enable, flags])
+            self.u_ff, self.half, self.standing = compensation(self.compensation, self.h, self.compensated)[-1]
+
+    def whole(self) -> float:
+        """The whole gap."""
+        return _shown(self.widths[-int(self.params["n"]) :])[0] if self.widths else NAN
+
+    def all(self) -> list[float]:
+        """What is shown."""
+        return [self.u_ff, *self.shown, self.whole(), self.standing, self.over[0] + 2 * self.over[1]]
+
+
+def backlash_detection(params: Params, h: Sequence[float], samples: Sequence[Sequence[float]]) -> list[list[float]]:
+    """The detection beside a controller, which tells it what is in effect."""
+    gains = params["k"], params["ti"], params.get("td", 0.0)
+    controller = _Controller(params)
+    detection = _Detection(params, *gains, tf=params["detector_tf"])
+    outputs = []
+    for step, (pv, sp, mode, manual, told, enable) in zip(h, samples, strict=True):
+        u_ff = detection.u_ff
+        u = controller.scan(gains, MOST, step, pv, sp, u_ff, mode, NAN, manual, -MOST, MOST, told, 0.0)[0]
+        flags = controller.flags | (0 if controller.mode == EXTERNAL else FLAG_NOT_AUTO)
+        detection.learn(step, sp, pv, u - u_ff, flags, enable != 0)
+        outputs.append([u, *detection.all()])
+    return outputs
+
+
+def pid_advanced(params: Params, h: Sequence[float], samples: Sequence[Sequence[float]]) -> list[list[float]]:
+    """The controller with the detection inside, a ramp of the setpoint, and gains by a schedule."""
+    rows = [[params[f"{name}{i}"] for name in ("at", "k", "ti", "td")] for i in range(1, 9) if f"at{i}" in params]
+    k, ti, td = params["k"], params["ti"], params.get("td", 0.0)
+    controller = _Controller(params)
+    widest = max((row[1] for row in rows), key=abs, default=k)
+    slowest = max((row[2] for row in rows), default=ti)
+    tf = 0.0 if controller.tf > 0.0 else slowest / 10.0
+    detection = _Detection(params, widest, slowest, None if rows else td, tf)
+    by, outputs = 0.0, []
+    for step, (pv, sp, given, mode, manual, told, enable) in zip(h, samples, strict=True):
+        by = given if math.isfinite(given) else by
+        gains = _scheduled(rows, by) if rows else (k, ti, td)
+        back = -MOST, MOST, told, 0.0
+        rate = params.get("sp_rate", MOST)
+        u = controller.scan(gains, rate, step, pv, sp, 0.0 + detection.u_ff, mode, NAN, manual, *back)[0]
+        op = (u - controller.ff) + detection.u_ff - detection.u_ff
+        seen = controller.yf if controller.tf > 0.0 else pv
+        detection.learn(step, controller.ysp, seen, op, controller.flags, enable != 0)
+        outputs.append([u, controller.ysp, *detection.all()])
+    return outputs
+
+
+def _scheduled(rows: list[list[float]], by: float) -> tuple[float, float, float]:
+    above = sum(row[0] <= by for row in rows)
+    low, high = rows[max(above - 1, 0)], rows[min(above, len(rows) - 1)]
+    share = (by - low[0]) / (high[0] - low[0]) if high[0] > low[0] else 0.0
+    k, ti, td = (a + (b - a) * share for a, b in zip(low[1:], high[1:], strict=True))
+    return k, ti, td
+
+
+def _swinging(n: int, half: int) -> list[float]:
+    """PV nearly square around 50, in noise."""
+    random = Random(61)
+    return [50.0 + (1.0 if i // half % 2 else -1.0) + 0.3 * (random.random() - 0.5) for i in range(n)]
+
+
+def backlash_detection_cases() -> Iterator[dict[str, Any]]:
+    """Detections, flags that reject them, and compensation of what they show."""
+    beside = {"k": 0.5, "ti": 1.0, "detector_tf": 0.1, "kp": 2.0, "n": 3.0, "start": 50.0}
+    limited = beside | {"low": 0.0, "high": 100.0}
+    compensating = limited | {"comp_size": 1.5, "comp_band": 0.1, "comp_rate": 3.0}
+    pvs = _swinging(220, 24)
+
+    def rows(**changes: dict[int, float]) -> list[list[float]]:
+        names = ["pv", "sp", "mode", "manual", "told", "enable"]
+        made = [[pv, 50.0, NAN, NAN, 0.0, 0.0] for pv in pvs]
+        made[0][2] = EXTERNAL
+        for name, values in changes.items():
+            for i, value in values.items():
+                made[i][names.index(name)] = value
+        return made
+
+    yield case("detections", [], beside, rows(), h=0.25)
+    yield case("K below 0", ["Sign"], beside | {"k": -0.5}, rows(), h=0.25)
+    told = rows(told={60: 8.0, 110: 4.0}, mode={0: EXTERNAL, 150: AUTO, 155: EXTERNAL})
+    yield case("flags of the scan in which they are told", ["Flags"], limited, told, h=0.25)
+    on = {i: 1.0 for i in range(30, 220)}
+    yield case("compensation", ["Compensation"], compensating, rows(enable=on), h=0.25)
+    yield case("compensation by the error", ["Compensation"], compensating | {"comp_way": 1.0}, rows(enable=on), h=0.25)
+    by_hand = rows(enable=on, mode={0: EXTERNAL, 120: MANUAL, 130: EXTERNAL}, manual={122: 60.0})
+    yield case("compensation, manual in between", ["Compensation", "Flags"], compensating, by_hand, h=0.25)
+
+
+def pid_advanced_cases() -> Iterator[dict[str, Any]]:
+    """The same inside, with ramp and schedule."""
+    inside = {"k": 0.5, "ti": 1.0, "kp": 2.0, "n": 3.0, "start": 50.0}
+    limited = inside | {"low": 0.0, "high": 100.0, "tf": 0.1}
+    compensating = limited | {"comp_size": 1.5, "comp_band": 0.1, "comp_rate": 3.0}
+    pvs = _swinging(220, 24)
+    on = [0.0] * 30 + [1.0] * 190
+    plain = [[pv, 50.0, 0.0, EXTERNAL if i == 0 else NAN, NAN, 0.0, on[i]] for i, pv in enumerate(pvs)]
+    yield case("detections; the detector filters", [], inside, plain, h=0.25)
+    yield case("detections; the controller filters", [], limited, plain, h=0.25)
+    yield case("PID", [], limited | {"td": 0.2, "b": 0.3}, plain, h=0.25)
+    yield case("compensation", ["Compensation"], compensating, plain, h=0.25)
+    steps = [[pv, 52.0 if i >= 100 else 50.0, *rest] for i, (pv, _, *rest) in enumerate(plain)]
+    yield case("a ramp of the setpoint", ["Ramp"], limited | {"sp_rate": 0.5}, steps, h=0.25)
+    schedule = {"at1": 0.0, "k1": 0.5, "ti1": 1.0, "td1": 0.0, "at2": 10.0, "k2": 0.9, "ti2": 0.8, "td2": 0.1}
+    wander = list(_walk(62, 220, low=-2.0, high=12.0))
+    scheduled = [[pv, sp, wander[i], *rest] for i, (pv, sp, _, *rest) in enumerate(plain)]
+    scheduled[50][2] = NAN
+    yield case("a schedule", ["Schedule"], limited | schedule, scheduled, h=0.25)
+
+
 BLOCKS: dict[
     str, tuple[Reference, Callable[[], Iterator[dict[str, Any]]], list[str], list[str], str, dict[str, str]]
 ] = {
@@ -1288,6 +1446,33 @@ BLOCKS: dict[
             "Rate": "a rate that winds up, or that counts in automatic only",
             "FeedForward": "a feed-forward that escapes the limits",
             "Tracking": "a value in effect that is not taken over",
+        },
+    ),
+    "backlash_detection": (
+        backlash_detection,
+        backlash_detection_cases,
+        ["pv", "sp", "mode", "manual", "told", "enable"],
+        ["u", "u_ff", "d_hat", "count", "whole", "standing", "over"],
+        "Detection and compensation beside a controller: pv and sp enter both, u_FF enters the controller, told are "
+        "the flags that the controller is told backward. mode and manual as in pid_module; detector_tf is the "
+        "detector's filter; count: detections behind the estimate since it was last replaced; over: 1 even, 2 relay.",
+        {
+            "Sign": "a direction that K does not turn",
+            "Flags": "a flag that belongs to another scan than its sample",
+            "Compensation": "u_FF taken for the controller's own output, or a half-period worked off twice or never",
+        },
+    ),
+    "pid_advanced": (
+        pid_advanced,
+        pid_advanced_cases,
+        ["pv", "sp", "by", "mode", "manual", "told", "enable"],
+        ["u", "ysp", "u_ff", "d_hat", "count", "whole", "standing", "over"],
+        "The controller with the detection inside, as in backlash_detection; by: the scheduling variable of the rows "
+        "at, k, ti, td.",
+        {
+            "Compensation": "u_FF taken for the controller's own output",
+            "Ramp": "a setpoint that the detector sees before it is in effect",
+            "Schedule": "a row taken too early or too late, or a bump between two",
         },
     ),
     "saturation": (

@@ -1,6 +1,9 @@
 //! The golden cases of `vectors/`, which were computed without this crate: every output must agree to the last bit.
 
-use glapp_core::modules::{self, Mode, PidSettings, ProcessSim, ProcessSimState};
+use glapp_core::modules::{
+    self, BacklashDetection, BacklashDetectionSettings, BacklashDetectionState, Gains, Mode, PidAdvanced,
+    PidAdvancedSettings, PidAdvancedState, PidSettings, ProcessSim, ProcessSimState, SCHEDULE_ROWS,
+};
 use glapp_core::{
     Backlash, BacklashState, Backward, Compensation, CompensationSample, CompensationSettings, CompensationState,
     Derivative, Detector, DetectorState, HalfPeriod, HalfPeriodState, MedianMean, MedianMeanState, Noise, NoiseState,
@@ -122,29 +125,129 @@ fn process_sim() {
 #[test]
 fn pid_module() {
     for case in cases("pid_module") {
-        let or = |name, other: f64| case.param(name).unwrap_or(other);
-        let ideal = PidSettings::ideal(case.given("k"), case.given("ti"), or("td", 0.0));
-        let settings = PidSettings {
-            b: or("b", ideal.b),
-            c: or("c", ideal.c),
-            tf: or("tf", ideal.tf),
-            low: or("low", ideal.low),
-            high: or("high", ideal.high),
-            rate: or("rate", ideal.rate),
-            ..ideal
-        };
-        let module = modules::Pid::new(settings).unwrap();
+        let module = modules::Pid::new(case.controller()).unwrap();
         let mut state = modules::PidState::at(case.given("start"));
         case.check_all(|x, h| {
-            let &[pv, sp, ff, mode, own_sp, manual, low, high, flags, tracking] = x else { panic!("ten inputs") };
-            if !mode.is_nan() {
-                state.mode = [Mode::Manual, Mode::Auto, Mode::External][mode as usize];
-            }
+            let &[pv, sp, ff, given, own_sp, manual, low, high, flags, tracking] = x else { panic!("ten inputs") };
+            state.mode = mode(given, state.mode);
             state.sp = if own_sp.is_nan() { state.sp } else { own_sp };
             state.manual = if manual.is_nan() { state.manual } else { manual };
             let u = module.forward(&mut state, pv.into(), sp.into(), ff.into(), h).value;
             module.backward(&mut state, Backward { low, high, flags: flags as u8, tracking });
             Some(vec![u, state.ysp, state.yf, state.error.into(), state.flags.into()])
+        });
+    }
+}
+
+impl Case {
+    fn or(&self, name: &str, other: f64) -> f64 {
+        self.param(name).unwrap_or(other)
+    }
+
+    fn controller(&self) -> PidSettings<f64> {
+        let ideal = PidSettings::ideal(self.given("k"), self.given("ti"), self.or("td", 0.0));
+        PidSettings {
+            b: self.or("b", ideal.b),
+            c: self.or("c", ideal.c),
+            tf: self.or("tf", ideal.tf),
+            low: self.or("low", ideal.low),
+            high: self.or("high", ideal.high),
+            rate: self.or("rate", ideal.rate),
+            ..ideal
+        }
+    }
+
+    fn compensation(&self) -> Option<CompensationSettings<f64>> {
+        let size = self.param("comp_size")?;
+        Some(CompensationSettings {
+            way: if self.or("comp_way", 3.0) == 1.0 { Way::Error } else { Way::Inverse },
+            k: 1.0, // the controller's is used
+            size,
+            share: 1.0,
+            limit: size,
+            band: self.given("comp_band"),
+            tf: 0.0,
+            rate: self.given("comp_rate"),
+            release: self.given("ti"),
+            travel: f64::MAX,
+            reversals: f64::MAX,
+            withdraw: true,
+            limits: Saturation::none(),
+        })
+    }
+}
+
+fn of_detection(state: &BacklashDetectionState<f64>) -> [f64; 6] {
+    let shown = state.detector.estimate().map_or([f64::NAN, 0.0], |one| [one.value, one.count.into()]);
+    let whole = state.whole.map_or(f64::NAN, |whole| whole.value);
+    let over = u8::from(state.over.even) + 2 * u8::from(state.over.relay);
+    let standing = state.compensation.standing as u8;
+    [state.compensation.u_ff, shown[0], shown[1], whole, standing.into(), over.into()]
+}
+
+fn mode(given: f64, now: Mode) -> Mode {
+    if given.is_nan() { now } else { [Mode::Manual, Mode::Auto, Mode::External][given as usize] }
+}
+
+#[test]
+fn backlash_detection() {
+    for case in cases("backlash_detection") {
+        let settings = case.controller();
+        let pid = modules::Pid::new(settings).unwrap();
+        let watch = BacklashDetection::new(BacklashDetectionSettings {
+            tf: case.given("detector_tf"),
+            kp: case.param("kp"),
+            n: case.given("n") as u32,
+            op_limits: case.param("low").zip(case.param("high")),
+            compensation: case.compensation(),
+            ..BacklashDetectionSettings::new(settings.k, settings.ti, settings.td)
+        });
+        let watch = watch.unwrap();
+        let (mut p, mut w) = (modules::PidState::at(case.given("start")), BacklashDetectionState::default());
+        case.check_all(|x, h| {
+            let &[pv, sp, given, manual, told, enable] = x else { panic!("six inputs") };
+            p.mode = mode(given, p.mode);
+            p.manual = if manual.is_nan() { p.manual } else { manual };
+            w.compensate = enable != 0.0;
+            let u_ff = watch.forward(&mut w, sp.into(), pv.into(), h);
+            let u = pid.forward(&mut p, pv.into(), sp.into(), u_ff, h).value;
+            let (_, ff) = pid.backward(&mut p, Backward { flags: told as u8, ..Backward::default() });
+            watch.backward(&mut w, Some(ff));
+            Some([&[u][..], &of_detection(&w)].concat())
+        });
+    }
+}
+
+#[test]
+fn pid_advanced() {
+    for case in cases("pid_advanced") {
+        let mut schedule = [Gains::default(); SCHEDULE_ROWS];
+        let mut rows = 0;
+        while let Some(at) = case.param(&format!("at{}", rows + 1)) {
+            let of = |name: &str| case.given(&format!("{name}{}", rows + 1));
+            schedule[rows] = Gains { at, k: of("k"), ti: of("ti"), td: of("td") };
+            rows += 1;
+        }
+        let usual = PidAdvancedSettings::new(case.controller());
+        let settings = PidAdvancedSettings {
+            kp: case.param("kp"),
+            n: case.given("n") as u32,
+            sp_rate: case.or("sp_rate", usual.sp_rate),
+            schedule,
+            rows,
+            compensation: case.compensation(),
+            ..usual
+        };
+        let pid = PidAdvanced::new(settings).unwrap();
+        let mut s = PidAdvancedState::at(case.given("start"));
+        case.check_all(|x, h| {
+            let &[pv, sp, by, given, manual, told, enable] = x else { panic!("seven inputs") };
+            s.pid.mode = mode(given, s.pid.mode);
+            s.pid.manual = if manual.is_nan() { s.pid.manual } else { manual };
+            s.detection.compensate = enable != 0.0;
+            let u = pid.forward(&mut s, pv.into(), sp.into(), 0.0.into(), by.into(), h).value;
+            pid.backward(&mut s, Backward { flags: told as u8, ..Backward::default() });
+            Some([&[u, s.pid.ysp][..], &of_detection(&s.detection)].concat())
         });
     }
 }

@@ -20,7 +20,7 @@ pub struct PyModule {
     #[pyo3(attribute)]
     plant: Option<(Vec<f64>, Vec<f64>, f64)>,
     #[pyo3(attribute)]
-    schedule: Vec<(f64, f64, f64, f64)>,
+    schedule: Vec<[f64; 4]>,
 }
 
 impl PyModule {
@@ -31,7 +31,7 @@ impl PyModule {
             let plant = Plant::new(num, den, dead_time).map_err(refused)?;
             return Module::plant(plant, &parameters).map_err(refused);
         }
-        let rows: Vec<_> = self.schedule.iter().map(|&(at, k, ti, td)| Gains { at, k, ti, td }).collect();
+        let rows: Vec<_> = self.schedule.iter().map(|&[at, k, ti, td]| Gains { at, k, ti, td }).collect();
         if rows.is_empty() { Module::new(&self.kind, &parameters) } else { Module::scheduled(&parameters, &rows) }
             .map_err(refused)
     }

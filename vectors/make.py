@@ -1384,6 +1384,7 @@ def backlash_detection_cases() -> Iterator[dict[str, Any]]:
     yield case("compensation by the error", ["Compensation"], compensating | {"comp_way": 1.0}, rows(enable=on), h=0.25)
     by_hand = rows(enable=on, mode={0: EXTERNAL, 120: MANUAL, 130: EXTERNAL}, manual={122: 60.0})
     yield case("compensation, manual in between", ["Compensation", "Flags"], compensating, by_hand, h=0.25)
+    yield case("compensation beside a PID", ["Compensation"], compensating | {"td": 0.2}, rows(enable=on), h=0.25)
 
 
 def pid_advanced_cases() -> Iterator[dict[str, Any]]:
@@ -1398,8 +1399,9 @@ def pid_advanced_cases() -> Iterator[dict[str, Any]]:
     yield case("detections; the controller filters", [], limited, plain, h=0.25)
     yield case("PID", [], limited | {"td": 0.2, "b": 0.3}, plain, h=0.25)
     yield case("compensation", ["Compensation"], compensating, plain, h=0.25)
+    yield case("compensation in a PID", ["Compensation"], compensating | {"td": 0.2}, plain, h=0.25)
     steps = [[pv, 52.0 if i >= 100 else 50.0, *rest] for i, (pv, _, *rest) in enumerate(plain)]
-    yield case("a ramp of the setpoint", ["Ramp"], limited | {"sp_rate": 0.5}, steps, h=0.25)
+    yield case("a ramp of the setpoint", ["Ramp"], limited | {"sp_rate": 0.05}, steps, h=0.25)
     schedule = {"at1": 0.0, "k1": 0.5, "ti1": 1.0, "td1": 0.0, "at2": 10.0, "k2": 0.9, "ti2": 0.8, "td2": 0.1}
     wander = list(_walk(62, 220, low=-2.0, high=12.0))
     scheduled = [[pv, sp, wander[i], *rest] for i, (pv, sp, _, *rest) in enumerate(plain)]

@@ -421,9 +421,9 @@ class PidAdvanced(_Compensating, Pid):
 class BacklashDetection(_Compensating):
     """The detector beside a controller (6.4). Connect its output to the controller's `ff`: the flags come back there.
 
-    Where `comp_size` is given it compensates as soon as `"compensate"` is set to 1 (`docs/compensation.md`). Read `u_ff`,
-    `standing` (0: it compensates, else why not), `over` (1: code block 7.1 warns, 2: the relay), and `whole`, the
-    estimate of the whole gap while `d_hat` shows what is left.
+    Where `comp_size` is given it compensates as soon as `"compensate"` is set to 1. Read `u_ff`, `standing` (0: it
+    compensates, else why not), `over` (1: code block 7.1 warns, 2: the relay), and `whole`, the estimate of the whole
+    gap while `d_hat` shows what is left.
 
     Parameters
     ----------

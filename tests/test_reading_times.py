@@ -56,6 +56,10 @@ def test_stamps_that_do_not_exist_are_refused(text):
         Clock(column, None, None, None).reader()(column)
 
 
+# Arrow reads no sign and no exponent in whole numbers; its error must not come through.
+@example("+0", "epoch ns")
+@example("1e5", "epoch ns")
+@example("1709287200.5", "epoch ns")
 @given(st.text(max_size=40), st.sampled_from([None, "day first", "seconds", "epoch ns"]))
 def test_any_text_is_a_time_or_a_fault(text, form):
     column = pa.array([text])
@@ -81,6 +85,13 @@ def test_any_numbers_are_times_or_a_fault(values, form):
 def test_an_epoch_in_nanoseconds_keeps_every_one():
     column = pa.array([1709287200000000001, 1709287200000000002])
     assert Clock(column, None, None, None).reader()(column).tolist() == [0.0, 1e-9]
+
+
+def test_an_epoch_in_nanoseconds_beyond_64_bits_is_refused():
+    read = Clock(pa.array(["+1709287200000000001"]), None, None, None).reader()
+    assert read(pa.array(["+1709287200000000002"])).tolist() == [1e-9]
+    with pytest.raises(CellFault, match="'9999999999999999999' is not a time like those before"):
+        read(pa.array(["9999999999999999999"]))
 
 
 def test_time_format_must_fit():

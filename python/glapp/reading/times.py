@@ -25,6 +25,8 @@ __all__ = ["Clock", "looks_like_stamp"]
 _ISO = re.compile(r"\d{4}-\d\d-\d\d(?:[ T]\d\d:\d\d(?::\d\d(?:\.\d{1,9})?)?)?")
 _ISO_ZONED = re.compile(r"\d{4}-\d\d-\d\d[ T]\d\d:\d\d(?::\d\d(?:\.\d{1,9})?)?(?:Z|[+-]\d\d(?::?\d\d)?)")
 _NUMERIC = re.compile(r"[+-]?\d+(?:[.,]\d*)?(?:[eE][+-]?\d+)?")
+# Whole numbers that 64 bits hold.
+_WHOLE = re.compile(r"[+-]?0*(?:\d{1,18}|[1-8]\d{18})")
 
 # In a layout every digit is written 0.
 _LAYOUT = re.compile(
@@ -228,11 +230,12 @@ class Clock:
         column = plain(column)
         if is_text(column.type):
             column = pc.replace_substring(pc.utf8_trim_whitespace(column), ",", ".")
-            good = pc.match_substring_regex(column, rf"^{_NUMERIC.pattern}$")
+            pattern = _WHOLE if self.arrow_type == pa.int64() else _NUMERIC
+            good = pc.match_substring_regex(column, rf"^{pattern.pattern}$")
             if pc.min(good).as_py() is False:
                 at = pc.index(good, False).as_py()
                 raise CellFault(at, f"'{column[at].as_py()}' is not a time like those before", value=column[at].as_py())
-            column = column.cast(self.arrow_type)
+            column = pc.replace_substring_regex(column, r"^\+", "").cast(self.arrow_type)
         if column.null_count:
             raise CellFault(pc.index(pc.is_null(column), True).as_py(), "the time is empty")
         if self._per_second == 0 or self._scale != 1:

@@ -258,7 +258,7 @@ numbers = st.one_of(
 )
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(arrays(np.float64, (4, 70), elements=numbers))
 def test_any_numbers_give_an_answer_without_nan(data: np.ndarray) -> None:
     for t in (data[0], np.arange(70.0)):

@@ -297,7 +297,7 @@ def test_noise_of_steps_and_of_nothing() -> None:
     assert noise_sigma(np.arange(0.0)) is None
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(arrays(np.float64, (4, 110), elements=numbers), arrays(np.uint8, 110), st.integers(0, 110))
 def test_any_numbers_are_inspected_without_error(data: np.ndarray, flags: np.ndarray, n: int) -> None:
     for t in (data[0, :n], np.arange(float(n))):

@@ -17,7 +17,7 @@ from glapp.recording import AT_HIGH, AT_LOW, BAD, NOT_AUTO
 
 REFINERY = Path(__file__).parents[1].parent / "shared/data/refinery"
 
-slow_files = settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+slow_files = settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 def read(path, loop=None, rows=65536):

@@ -224,7 +224,7 @@ def test_encodings(roads, encoding):
 
 
 @given(st.data())
-@settings(deadline=None, max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_long_tables(roads, data):
     stamp = data.draw(st.sampled_from(["{}", "2024-01-01 00:00:{:02d}", "2024-01-01T00:00:{:02d}Z"]))
     rows = []
@@ -238,7 +238,7 @@ def test_long_tables(roads, data):
 
 
 @given(st.data())
-@settings(deadline=None, max_examples=300, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=300, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_any_mixture_in_a_wide_table(roads, data):
     end = st.sampled_from(["\n"] * 8 + ["\r\n", "\r", "\n\n", "\r\r\n", "\n\r"])
     ordinary = st.sampled_from(["1", "2.5", "-3", ""])

@@ -341,7 +341,7 @@ class TestMigo:
         with pytest.raises(InputError, match="jumps"):
             migo(Plant([1], [1], 1.0), "PID")
 
-    @settings(max_examples=25, deadline=None)
+    @settings(max_examples=25)
     @given(
         lags=st.lists(st.floats(0.05, 20), min_size=1, max_size=4),
         dead_time=st.floats(0.05, 20),

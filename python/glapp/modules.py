@@ -539,7 +539,8 @@ class Graph:
         Parameters
         ----------
         h : float, optional
-            The time since the last scan where it is not the scan time [s].
+            The time since the last scan where it is not the scan time [s]. A simulated process moves on by its own scan
+            time all the same.
         **inputs : float
             A value for each `Input` that changes; not a number for a bad one.
         """

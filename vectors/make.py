@@ -940,6 +940,7 @@ RULES = (
     "amigo_frequency",
     "simc",
     "simc_integrating",
+    "point_placement",
 )
 
 
@@ -979,6 +980,9 @@ def _tuned(params: Params, row: Sequence[float]) -> tuple[Fraction, Fraction, Fr
             td = c("0.15") * (1 - kappa) * tu / (1 - c("0.95") * kappa)
             return (c("0.3") - c("0.1") * kappa**4) * ku, c("0.6") * tu / (1 + 2 * kappa), td
         return c("0.16") * ku, tu / (1 + c("4.5") * kappa), c(0)
+    if rule == "point_placement":
+        td = c("0.18148635890784376") * tu
+        return c("0.3535533905932738") * ku, c("6.25") * td, td
     # SIMC: series form K'(1 + 1/sTi')(1 + sTd') multiplied out.
     reach = wish + l
     k, ti = (1 / (gain * reach), 4 * reach) if rule == "simc_integrating" else (t / (gain * reach), min(t, 4 * reach))
@@ -1016,6 +1020,317 @@ def tuning_cases() -> Iterator[dict[str, Any]]:
             f"SIMC integrating, {name}", ["Series"], {"rule": 8, "pid": pid}, [[*x[:2], lags, *x[3:]] for x in slow]
         )
     yield case("Lambda integrating", [], {"rule": 3, "pid": 0}, slow)
+    yield case("Ti = 6.25Td", ["Coefficients"], {"rule": 9, "pid": 1}, u)
+
+
+def auto_tuner(params: Params, h: Sequence[float], samples: Sequence[Sequence[float]]) -> list[list[float]]:
+    """Relay experiment; a third input is the output at which one is to begin."""
+    tuner = _Relay(params)
+    outputs = []
+    for step, (pv, flags, start) in zip(h, samples, strict=True):
+        if not math.isnan(start):
+            tuner.start(start)
+        op = tuner.update(pv, step, int(flags))
+        outputs.append([op, tuner.phase, tuner.stop, tuner.hysteresis, tuner.bias, *tuner.found])
+    return outputs
+
+
+class _Relay:
+    """The experiment, with every sample of the cycle under way kept until the cycle is complete."""
+
+    WAITING, BALANCED, BIASED, DONE, ABORTED = 1, 2, 3, 4, 5
+
+    def __init__(self, params: Params) -> None:
+        self.params = params
+        self.most = abs(params["amplitude"])
+        self.sign = 1.0 if params["amplitude"] > 0.0 else -1.0
+        self.reach = self.most / 3.0
+        self.step = 2.0 * self.reach
+        self.phase = self.op = self.begin = 0
+        self.start_anew(0.0, 0)
+
+    def start_anew(self, op: float, phase: int) -> None:
+        self.op = self.begin = op
+        self.phase, self.stop = phase, 0
+        self.hysteresis = self.bias = self.t = self.half = self.period = self.centre = self.x = 0.0
+        self.found = [NAN] * 4
+        self.at_rest: list[tuple[float, float]] = []
+        self.samples: list[tuple[float, float, float, float, bool]] = []
+        self.alike: list[dict[str, float]] = []
+        self.cycles = 0
+        self.up, self.answered = True, False
+        self.balance = (0.0, 0.0, 0.0)
+
+    def start(self, op: float) -> None:
+        self.start_anew(op, self.WAITING)
+        if op - self.most < self.params["op_low"] or op + self.most > self.params["op_high"]:
+            self.abort(4)
+
+    def abort(self, stop: int) -> None:
+        self.phase, self.stop, self.op = self.ABORTED, stop, self.begin
+
+    def update(self, pv: float, h: float, flags: int) -> float:
+        if self.phase in (self.WAITING, self.BALANCED, self.BIASED):
+            stop = self.fault(pv, h, flags)
+            if stop:
+                self.abort(stop)
+            elif self.phase == self.WAITING:
+                self.rest(pv, h)
+            else:
+                self.swing(pv, h)
+        return self.op
+
+    def fault(self, pv: float, h: float, flags: int) -> int:
+        p = self.params
+        if flags & 2 or math.isnan(pv):
+            return 1
+        if flags & 16 or not 0.0 < h <= p["max_h"]:
+            return 2
+        if flags & 1:
+            return 3
+        if flags & (4 | 8):
+            return 4
+        if not p["pv_low"] <= pv <= p["pv_high"]:
+            return 6 if self.went_wrong(self.sign * (pv - self.centre)) else 5
+        return 9 if self.t + h > p["longest"] else 0
+
+    def went_wrong(self, x: float) -> bool:
+        return self.phase != self.WAITING and not self.answered and x < -self.hysteresis
+
+    def rest(self, pv: float, h: float) -> None:
+        self.at_rest.append((h, pv))
+        self.t += h
+        if self.t < self.params["wait"]:
+            return
+        first = self.at_rest[0][1]
+        away = [pv - first for _, pv in self.at_rest]
+        self.centre = first + _sum(step * a for (step, _), a in zip(self.at_rest, away, strict=True)) / self.t
+        self.hysteresis = self.params.get("hysteresis", 0.5 * (max(away) - min(away)))
+        self.phase, self.x = self.BALANCED, self.sign * (pv - self.centre)
+        self.push()
+
+    def push(self) -> None:
+        op = self.begin + (self.bias + self.step if self.up else self.bias - self.step)
+        self.op = min(max(op, self.params["op_low"]), self.params["op_high"])
+
+    def swing(self, pv: float, h: float) -> None:
+        x = self.sign * (pv - self.centre)
+        self.samples.append((h, self.op - self.begin, self.x, x, self.up))
+        self.t += h
+        self.half += h
+        self.x = x
+        if self.up and x > self.hysteresis:
+            self.up, self.answered, self.half = False, True, 0.0
+        elif not self.up and x < -self.hysteresis:
+            self.up, self.half = True, 0.0
+            self.complete()
+        elif self.half > 0.25 * self.params["longest"]:
+            self.abort(6 if self.went_wrong(x) else 7)
+        if self.phase in (self.BALANCED, self.BIASED):
+            self.push()
+
+    def complete(self) -> None:
+        """Look at the cycle that has just ended."""
+        cycle = self.integrals()
+        enough, known = cycle["samples"] >= 8, self.period > 0.0
+        alike, self.alike, self.samples = self.alike, [], []
+        self.period = cycle["t"]
+        self.cycles += 1
+        if self.cycles > 30:
+            self.abort(8)
+            return
+        if not known or not enough or not _power(cycle) > 0.0:
+            return
+        if self.phase == self.BALANCED:
+            bias = min(max(cycle["u"] / cycle["t"], -self.reach), self.reach)
+            uneven = abs(cycle["up"] - (cycle["t"] - cycle["up"])) > 0.2 * cycle["t"]
+            if uneven and abs(bias - self.bias) > 0.01 * self.most:
+                self.bias = bias
+                return
+        if alike and self.agree(alike[0], cycle):
+            self.alike = [*alike, cycle]
+            self.period = _sum(one["t"] for one in self.alike[1:]) / len(alike)
+        else:
+            self.alike = [cycle]
+        if len(self.alike) == 5:
+            total = {key: _sum(one[key] for one in self.alike[1:]) for key in cycle}
+            if self.phase == self.BALANCED:
+                self.read_point(total)
+            else:
+                self.read_gain(total)
+
+    def integrals(self) -> dict[str, float]:
+        """Of OP and PV, plain and with cos and sin at the middle of each step."""
+        t = 0.0
+        turns = []
+        for h, *_ in self.samples:
+            turns.append(min((t + 0.5 * h) / self.period, 2.0) - 0.5 if self.period > 0.0 else None)
+            t += h
+        circle = [(0.0, 0.0) if turn is None else _circle(turn) for turn in turns]
+        u = [level * h for h, level, *_ in self.samples]
+        y = [0.5 * (before + x) * h for h, _, before, x, _ in self.samples]
+        return {
+            "t": t,
+            "samples": len(self.samples),
+            "up": _sum(h for h, *_, up in self.samples if up),
+            "u": _sum(u),
+            "y": _sum(y),
+            "u_cos": _sum(one * cos for one, (cos, _) in zip(u, circle, strict=True)),
+            "u_sin": _sum(one * sin for one, (_, sin) in zip(u, circle, strict=True)),
+            "y_cos": _sum(one * cos for one, (cos, _) in zip(y, circle, strict=True)),
+            "y_sin": _sum(one * sin for one, (_, sin) in zip(y, circle, strict=True)),
+        }
+
+    def agree(self, a: dict[str, float], b: dict[str, float]) -> bool:
+        power, moved = _power(a), b["y"] / b["t"] - a["y"] / a["t"]
+        share = 0.15 + 3.0 / a["samples"]
+        return (
+            abs(b["t"] - a["t"]) <= share * a["t"]
+            and (1.0 - share) * (1.0 - share) * power <= _power(b) <= (1.0 + share) * (1.0 + share) * power
+            and moved * moved <= share * share * power
+            and abs(b["u"] / b["t"] - a["u"] / a["t"]) <= 0.1 * self.most
+        )
+
+    def read_point(self, total: dict[str, float]) -> None:
+        """P(iω) = Y/U with Y = y_cos − i·y_sin and U likewise."""
+        u_cos, u_sin, y_cos, y_sin = (total[key] for key in ("u_cos", "u_sin", "y_cos", "y_sin"))
+        re, im = y_cos * u_cos + y_sin * u_sin, y_cos * u_sin - y_sin * u_cos
+        if not (re < 0.0 and abs(im / re) <= 0.5):
+            self.abort(10)
+            return
+        ratio = (u_cos * u_cos + u_sin * u_sin) / (y_cos * y_cos + y_sin * y_sin)
+        self.balance = (im / re, total["u"] / total["t"], total["y"] / total["t"])
+        self.found = [self.sign * _root(ratio), self.period, NAN, NAN]
+        self.bias = self.bias + (-self.reach if self.bias > 0.0 else self.reach)
+        self.phase, self.cycles, self.alike, self.period = self.BIASED, 0, [], 0.0
+
+    def read_gain(self, total: dict[str, float]) -> None:
+        tangent, mean_u, mean_y = self.balance
+        du, dy = total["u"] / total["t"] - mean_u, total["y"] / total["t"] - mean_y
+        towards = 1.0 if self.bias > mean_u else -1.0
+        if dy * towards > 0.1 * _root(4.0 * _power(total)):
+            gain = abs(self.found[0])
+            integrating = du / dy / gain < 0.05
+            least = 0.0 if integrating else min(du / dy / gain, 1.0)
+            c = tangent / (0.9 + 3.0 * least)
+            ku = gain * (1.0 + 2.0 * (1.0 - least * least) * c)
+            kp, kappa = (NAN, 0.0) if integrating else (self.sign * (dy / du), du / dy / ku)
+            self.found = [self.sign * ku, self.found[1] * (1.0 - c), kp, kappa]
+        self.phase, self.op = self.DONE, self.begin
+
+
+def _power(cycle: dict[str, float]) -> float:
+    """|Y|²/T²."""
+    return (cycle["y_cos"] * cycle["y_cos"] + cycle["y_sin"] * cycle["y_sin"]) / (cycle["t"] * cycle["t"])
+
+
+def _circle(turns: float) -> tuple[float, float]:
+    """Give cos and sin of so many turns: Taylor's series of a quarter of the angle, doubled twice."""
+    b = turns * (math.pi / 2.0)
+    z = b * b
+    cos = sin = 0.0
+    for n in (10, 8, 6, 4, 2):
+        cos = (-1.0) ** (n // 2) / math.factorial(n) + z * cos if cos else -1.0 / math.factorial(10)
+    for n in (9, 7, 5, 3):
+        sin = (-1.0) ** (n // 2) / math.factorial(n) + z * sin if sin else 1.0 / math.factorial(9)
+    cos, sin = 1.0 + z * cos, b * (1.0 + z * sin)
+    for _ in (1, 2):
+        cos, sin = 1.0 - 2.0 * sin * sin, 2.0 * sin * cos
+    return cos, sin
+
+
+def _root(x: float) -> float:
+    """Newton's root from above."""
+    root = max(x, 1.0)
+    while (following := 0.5 * (root + x / root)) < root:
+        root = following
+    return root
+
+
+def auto_tuner_cases() -> Iterator[dict[str, Any]]:
+    """Whole experiments on small processes, and every way in which one ends early."""
+    usual = {"amplitude": 3.0, "wait": 4.0, "longest": 120.0, "max_h": 1.0}
+    usual |= {"pv_low": -9.0, "pv_high": 9.0, "op_low": 0.0, "op_high": 10.0}
+    lags = _Lags(1.0, 3)
+    yield _experiment("three lags", [], usual, lags)
+    yield _experiment("three lags with noise", ["Noise"], usual, lags, noise=0.04)
+    yield _experiment("given hysteresis", ["Hysteresis"], usual | {"hysteresis": 0.1}, lags)
+    yield _experiment("PV falls when OP rises", ["Sign"], usual | {"amplitude": -3.0}, _Lags(-1.0, 3))
+    yield _experiment("a load that makes up shorter", ["Bias"], usual, lags, load=0.6)
+    yield _experiment("a load beyond the bias' reach", ["Bias"], usual, lags, load=-1.5)
+    yield _experiment(
+        "integrating process", ["Integrating"], usual | {"longest": 250.0}, _Lags(0.3, 3, integrating=True)
+    )
+    steps = list(_walk(40, 700, low=0.1, high=0.3))
+    yield _experiment("steps of any length", ["IrregularStep"], usual, lags, h=steps)
+    yield _experiment("amplitude of the wrong sign", ["WrongSign"], usual | {"amplitude": -3.0}, lags)
+    run_away = _Lags(0.3, 2, integrating=True)
+    yield _experiment("wrong sign, out of bounds", ["WrongSign"], usual | {"amplitude": -3.0, "pv_low": -1.0}, run_away)
+    yield _experiment("nothing answers", ["DeadLoop"], usual, _Lags(0.0, 3))
+    yield _experiment("load beyond the relay's power", ["DeadLoop"], usual, lags, load=2.5)
+    yield _experiment("sample time makes the cycle", ["NotRegular"], usual, _Lags(1.0, 1))
+    yield _experiment("hysteresis makes the cycle", ["OffPoint"], usual | {"hysteresis": 0.6}, _Lags(1.0, 1))
+    yield _experiment("no time left", ["TimeBudget"], usual | {"longest": 20.0}, lags)
+    yield _experiment("no time left for the gain", ["TimeBudget"], usual | {"longest": 42.0}, lags)
+    yield _experiment("PV out of bounds", ["PvBounds"], usual | {"pv_high": 0.05}, lags)
+    early = [[0.0, 0, 5.0], *[[0.1 * (i % 2), 0, NAN] for i in range(25)]]
+    for comment, at in _FAULTS.items():
+        ended = [list(row) for row in early]
+        ended[23][:2] = [at.get("pv", 0.0), at.get("flags", 0)]
+        h = [at.get("h", 0.2) if i == 23 else 0.2 for i in range(26)]
+        yield case(comment, ["Fault"], usual, [*ended, [0.0, 0, 6.0], [0.0, 0, NAN]], [*h, 0.2, 0.2])
+    near = [[0.0, 0, op] for op in (2.9, 7.1, 3.0)]
+    yield case("begins near a limit", ["OpLimit"], usual, near, 0.2)
+    yield case("before any start", ["Start"], usual, [[0.0, 0, NAN], [1.0, 0, NAN]], 0.2)
+
+
+_FAULTS: dict[str, dict[str, Any]] = {
+    "PV not a number": {"pv": NAN},
+    "PV bad": {"flags": 2},
+    "a gap": {"flags": 16},
+    "time stands still": {"h": 0.0},
+    "time runs backwards": {"h": -0.2},
+    "a long step": {"h": 1.1},
+    "manual": {"flags": 1},
+    "OP at its lower limit": {"flags": 4},
+    "OP at its upper limit": {"flags": 8},
+    "PV too low": {"pv": -9.5},
+    "everything at once": {"pv": 9.5, "flags": 31, "h": 0.0},
+}
+
+
+class _Lags:
+    """Lags of 1 s in a row, or one less and an integrator, in steps of 10 ms."""
+
+    def __init__(self, gain: float, order: int, integrating: bool = False) -> None:
+        self.gain, self.order, self.integrating = gain, order, integrating
+
+    def respond(self, x: list[float], v: float, h: float) -> None:
+        for _ in range(round(h / 0.01)):
+            for i in range(self.order):
+                before = x[i - 1] if i else self.gain * v
+                x[i] += 0.01 * (before if self.integrating and i == self.order - 1 else before - x[i])
+
+
+def _experiment(
+    comment: str, flags: list[str], params: Params, process: _Lags, h: Any = 0.2, noise: float = 0.0, load: float = 0.0
+) -> dict[str, Any]:
+    """Let the reference experiment on a process from OP = 5 on, a load from 5 s on; PV to five decimals."""
+    tuner, random, x, t = _Relay(params), Random(41), [0.0] * process.order, 0.0
+    rows: list[list[float]] = []
+    steps = iter(h) if isinstance(h, list) else iter(lambda: h, None)
+    op = 5.0
+    while tuner.phase < tuner.DONE:
+        step = next(steps)
+        pv = round(x[-1] + noise * (2.0 * random.random() - 1.0), 5)
+        rows.append([pv, 0, NAN if rows else op])
+        if len(rows) == 1:
+            tuner.start(op)
+        op = tuner.update(pv, step, 0)
+        t += step
+        process.respond(x, op - 5.0 + (load if t > 5.0 else 0.0), step)
+    rows.append([round(x[-1], 5), 0, NAN])
+    return case(comment, flags, params, rows, h[: len(rows)] if isinstance(h, list) else h)
 
 
 TUNING_INPUTS = ("gain", "t", "t2", "l", "ku", "tu", "kappa", "wish")
@@ -1673,6 +1988,33 @@ BLOCKS: dict[
             "ZeroStep": "a repeated time that counts as a sample",
             "Zero": "a crossing where the error rests at zero",
             "LockOut": "(5.1) that rejects for ever, or that yields to noise",
+        },
+    ),
+    "auto_tuner": (
+        auto_tuner,
+        auto_tuner_cases,
+        ["pv", "flags", "start"],
+        ["op", "phase", "stop", "hysteresis", "bias", "ku", "tu", "kp", "kappa"],
+        "Relay experiment. start: the output at which one begins, null: none begins. phase 0 idle, 1 waiting, "
+        "2 balanced, 3 biased, 4 done, 5 aborted; stop 1 bad_quality, 2 sample_time, 3 not_auto, 4 op_limit, "
+        "5 pv_bounds, 6 wrong_sign, 7 dead_loop, 8 not_regular, 9 time_budget, 10 off_point; ku, tu, kp, kappa null: "
+        "not found. Where no hysteresis is given it is half of PV's range at rest.",
+        {
+            "Noise": "a hysteresis that does not come from PV at rest, harmonics that noise shifts",
+            "Hysteresis": "a given hysteresis that is not taken",
+            "Sign": "a process with a gain below 0 treated unlike its mirror image",
+            "Bias": "up and down that do not last alike though they could, or a bias beyond its reach",
+            "Integrating": "a static gain where there is none",
+            "IrregularStep": "integrals that take every step for the same length",
+            "WrongSign": "a process driven away from its centre for long, or not for the stated reason",
+            "DeadLoop": "an experiment that waits for an answer for ever",
+            "NotRegular": "numbers from a cycle that the sampling makes",
+            "OffPoint": "numbers from a cycle that the hysteresis makes",
+            "TimeBudget": "an experiment longer than it may be, or one that forgets what it had found",
+            "PvBounds": "PV out of bounds that is not noticed",
+            "Fault": "a fault that leaves the relay running, another order of reasons, no fresh start after it",
+            "OpLimit": "a relay that would reach a limit of OP",
+            "Start": "an output moved before any start",
         },
     ),
     "tuning": (

@@ -11,6 +11,7 @@
 #[cfg(test)]
 extern crate std;
 
+pub mod auto_tuner;
 mod backlash;
 mod census;
 mod compensation;
@@ -33,6 +34,7 @@ pub mod tuning;
 mod width;
 mod zero_crossing;
 
+pub use auto_tuner::{AutoTuner, AutoTunerSettings, AutoTunerState};
 pub use backlash::{Backlash, BacklashState};
 pub use census::{Census, Occurrences, Values};
 pub use compensation::{Compensation, CompensationSample, CompensationSettings, CompensationState, Standing, Way};

@@ -163,6 +163,28 @@ pub fn amigo_frequency<R: Real>(ku: R, tu: R, kappa: R, kind: Kind) -> Result<Ga
     }
 }
 
+/// PID that moves the ultimate point, −1/Ku, to −0.5·e^(i45°), with Ti = 6.25Td: K = 0.354Ku, Ti = 1.134Tu, Td = 0.181Tu.
+///
+/// In the manner of Åström and Hägglund, *Automatic tuning of simple regulators with specifications on phase and amplitude
+/// margins*, Automatica 20 (1984): a controller K·(1 + i·tan φ) at ω = 2π/Tu turns the point by φ, so that for a distance r
+/// from the origin K = r·cos φ·Ku and Td·ω = (tan φ + √(tan²φ + 4/α))/2, where Ti = α·Td. α = 6.25 is that of the
+/// autotuner in thesis 7.5; r = 0.5 and φ = 45° it does not give. Ms of the test batch is 1.4–1.7 with it, 2.2 for P4.
+/// Known limit: a process that is nearly all dead time becomes unstable (P8, where κ = 0.98), for nothing in it takes off
+/// what the derivative adds.
+///
+/// ```
+/// use glapp_core::tuning::point_placement;
+/// let pid = point_placement(4.0_f64, 10.0)?;
+/// let tangent = std::f64::consts::TAU / 10.0 * pid.td - 10.0 / (std::f64::consts::TAU * pid.ti);
+/// assert!((tangent - 1.0).abs() < 1e-14 && pid.ti == 6.25 * pid.td);
+/// # Ok::<(), glapp_core::ParameterError>(())
+/// ```
+pub fn point_placement<R: Real>(ku: R, tu: R) -> Result<Gains<R>, ParameterError> {
+    let (ku, tu) = ultimate(ku, tu)?;
+    let td = R::of(0.181_486_358_907_843_76) * tu;
+    gains(R::of(0.353_553_390_593_273_8) * ku, R::of(6.25) * td, td)
+}
+
 /// SIMC of Kp·e^(−L·s)/((1 + s·T)(1 + s·T₂)): K' = T/(Kp·(τc + L)), Ti' = min(T, 4(τc + L)), Td' = T₂ in series form.
 ///
 /// The ideal form of these is given: K = K'(1 + Td'/Ti'), Ti = Ti' + Td', Td = Ti'·Td'/(Ti' + Td'). T₂ = 0 gives PI.
@@ -245,6 +267,7 @@ mod tests {
         assert_eq!(name(amigo_integrating(1.0, 0.0, pid)), "l");
         assert_eq!(name(amigo_frequency(1.0, 1.0, 1.0, pid)), "kappa");
         assert_eq!(name(amigo_frequency(1.0, 1.0, -0.1, pi)), "kappa");
+        assert_eq!(name(point_placement(0.0, 1.0)), "ku");
         assert_eq!(name(simc(1.0, 0.0, 0.0, 1.0, 1.0)), "t");
         assert_eq!(name(simc(1.0, 1.0, 2.0, 1.0, 1.0)), "t2");
         assert_eq!(name(simc_integrating(1.0, 0.0, 0.0, 0.0)), "tau_c");
@@ -257,6 +280,7 @@ mod tests {
             [
                 ziegler_nichols_step(0.5 * gain, 1.5 * time, Kind::Pid, Table::Textbook),
                 ziegler_nichols_frequency(3.0 / gain, 5.0 * time, Kind::Pi, Table::Original),
+                point_placement(3.0 / gain, 5.0 * time),
                 lambda(2.0 * gain, 3.0 * time, 1.5 * time, 3.0 * time, Kind::Pid),
                 lambda_integrating(2.0 * gain / time, 1.5 * time, 3.0 * time),
                 amigo_step(2.0 * gain, 3.0 * time, 1.5 * time, Kind::Pi),

@@ -5,11 +5,11 @@ use glapp_core::modules::{
     PidAdvancedSettings, PidAdvancedState, PidSettings, ProcessSim, ProcessSimState, SCHEDULE_ROWS,
 };
 use glapp_core::{
-    Backlash, BacklashState, Backward, Compensation, CompensationSample, CompensationSettings, CompensationState,
-    Derivative, Detector, DetectorState, HalfPeriod, HalfPeriodState, MedianMean, MedianMeanState, Noise, NoiseState,
-    OverCompensation, OverCompensationState, OverWarning, Pid, PidState, RateLimit, RateLimitState, Real, Reason,
-    Record, SafetyNet, Sample, Saturation, SecondOrderFilter, SecondOrderFilterState, Way, Width, WidthParts,
-    ZeroCrossing,
+    AutoTuner, AutoTunerSettings, AutoTunerState, Backlash, BacklashState, Backward, Compensation, CompensationSample,
+    CompensationSettings, CompensationState, Derivative, Detector, DetectorState, HalfPeriod, HalfPeriodState,
+    MedianMean, MedianMeanState, Noise, NoiseState, OverCompensation, OverCompensationState, OverWarning, Pid,
+    PidState, RateLimit, RateLimitState, Real, Reason, Record, SafetyNet, Sample, Saturation, SecondOrderFilter,
+    SecondOrderFilterState, Way, Width, WidthParts, ZeroCrossing,
 };
 use serde_json::Value;
 use std::path::Path;
@@ -87,6 +87,32 @@ fn cases(block: &str) -> Vec<Case> {
     let file: Value = serde_json::from_str(&text).expect("JSON");
     let name = |case: &Value| format!("{block} {} ({})", case["id"], case["comment"]);
     file["cases"].as_array().expect("cases").iter().map(|case| Case { name: name(case), case: case.clone() }).collect()
+}
+
+#[test]
+fn auto_tuner() {
+    for case in cases("auto_tuner") {
+        let tuner = AutoTuner::new(AutoTunerSettings {
+            amplitude: case.given("amplitude"),
+            hysteresis: case.param("hysteresis"),
+            wait: case.given("wait"),
+            longest: case.given("longest"),
+            max_h: case.given("max_h"),
+            pv: (case.given("pv_low"), case.given("pv_high")),
+            op: (case.given("op_low"), case.given("op_high")),
+        })
+        .unwrap();
+        let mut s = AutoTunerState::default();
+        case.check_all(|x, h| {
+            if !x[2].is_nan() {
+                tuner.start(&mut s, x[2]);
+            }
+            let op = tuner.update(&mut s, x[0], h, x[1] as u8);
+            let found =
+                s.found.map_or([f64::NAN; 4], |f| [f.ku, f.tu, f.kp.unwrap_or(f64::NAN), f.kappa.unwrap_or(f64::NAN)]);
+            Some([&[op, f64::from(s.phase as u8), f64::from(s.stop as u8), s.hysteresis, s.bias], &found[..]].concat())
+        });
+    }
 }
 
 #[test]
@@ -557,6 +583,7 @@ fn tuning() {
                 6 => amigo_frequency(ku, tu, kappa, kind),
                 7 => simc(gain, t, t2, l, wish),
                 8 => simc_integrating(gain, t2, l, wish),
+                9 => point_placement(ku, tu),
                 _ => panic!("rule {rule}"),
             };
             let gains = gains.unwrap();

@@ -12,6 +12,7 @@ import pytest
 
 from glapp import _glapp, modules
 from glapp.blocks import (
+    AutoTuner,
     Backlash,
     Compensation,
     Derivative,
@@ -61,6 +62,28 @@ def test_file_follows_the_schema_and_explains_its_flags(path: Path) -> None:
 def flat(values: list[Any]) -> Iterator[float | None]:
     for value in values:
         yield from value if isinstance(value, list) else [value]
+
+
+def auto_tuner(params: dict[str, float]) -> Callable[..., list[float | None]]:
+    block = AutoTuner(
+        params["amplitude"],
+        wait=params["wait"],
+        longest=params["longest"],
+        max_h=params["max_h"],
+        pv_limits=(params["pv_low"], params["pv_high"]),
+        op_limits=(params["op_low"], params["op_high"]),
+        hysteresis=params.get("hysteresis"),
+    )
+    phases = ["idle", "waiting", "balanced", "biased", "done", "aborted"]
+
+    def update(pv: float, flags: float, start: float, h: float) -> list[float | None]:
+        if not math.isnan(start):
+            block.start(start)
+        op = block.update(pv, h, int(flags))
+        stop = _glapp.stops().index(block.stop or "none")
+        return [op, phases.index(block.phase), stop, block.hysteresis, block.bias, *(block.found or [None] * 4)]
+
+    return update
 
 
 def backlash(params: dict[str, float]) -> Callable[..., float]:
@@ -188,6 +211,7 @@ def tuning(params: dict[str, float]) -> Callable[..., tuple[float, float, float]
             lambda: _glapp.amigo_frequency(ku, tu, kappa, pid),
             lambda: _glapp.simc(gain, t, t2, dead, wish),
             lambda: _glapp.simc_integrating(gain, t2, dead, wish),
+            lambda: _glapp.point_placement(ku, tu),
         ]
         return ways[rule]()
 
@@ -285,6 +309,7 @@ def pid_advanced(params: dict[str, float]) -> Callable[..., list[float]]:
 EXACT = {"tuning"}
 
 MAKERS = {
+    "auto_tuner": auto_tuner,
     "backlash": backlash,
     "backlash_detection": backlash_detection,
     "compensation": compensation,

@@ -1115,7 +1115,9 @@ class _Relay:
 
     def swing(self, pv: float, h: float) -> None:
         x = self.sign * (pv - self.centre)
-        self.samples.append((h, self.op - self.begin, self.x, x, self.up))
+        lost = 0.5 * self.params.get("d", 0.0)
+        level = self.op - self.begin - lost if self.up else self.op - self.begin + lost
+        self.samples.append((h, level, self.x, x, self.up))
         self.t += h
         self.half += h
         self.x = x
@@ -1254,6 +1256,7 @@ def auto_tuner_cases() -> Iterator[dict[str, Any]]:
     lags = _Lags(1.0, 3)
     yield _experiment("three lags", [], usual, lags)
     yield _experiment("three lags with noise", ["Noise"], usual, lags, noise=0.04)
+    yield _experiment("a gap of known width", ["Gap"], usual | {"d": 0.8}, lags)
     yield _experiment("given hysteresis", ["Hysteresis"], usual | {"hysteresis": 0.1}, lags)
     yield _experiment("PV falls when OP rises", ["Sign"], usual | {"amplitude": -3.0}, _Lags(-1.0, 3))
     yield _experiment("a load that makes up shorter", ["Bias"], usual, lags, load=0.6)
@@ -1319,7 +1322,8 @@ def _experiment(
     tuner, random, x, t = _Relay(params), Random(41), [0.0] * process.order, 0.0
     rows: list[list[float]] = []
     steps = iter(h) if isinstance(h, list) else iter(lambda: h, None)
-    op = 5.0
+    op = valve = 5.0
+    half_gap = 0.5 * params.get("d", 0.0)
     while tuner.phase < tuner.DONE:
         step = next(steps)
         pv = round(x[-1] + noise * (2.0 * random.random() - 1.0), 5)
@@ -1328,7 +1332,8 @@ def _experiment(
             tuner.start(op)
         op = tuner.update(pv, step, 0)
         t += step
-        process.respond(x, op - 5.0 + (load if t > 5.0 else 0.0), step)
+        valve = min(max(valve, op - half_gap), op + half_gap)
+        process.respond(x, valve - 5.0 + (load if t > 5.0 else 0.0), step)
     rows.append([round(x[-1], 5), 0, NAN])
     return case(comment, flags, params, rows, h[: len(rows)] if isinstance(h, list) else h)
 
@@ -2001,6 +2006,7 @@ BLOCKS: dict[
         "not found. Where no hysteresis is given it is half of PV's range at rest.",
         {
             "Noise": "a hysteresis that does not come from PV at rest, harmonics that noise shifts",
+            "Gap": "a known gap that is not counted in",
             "Hysteresis": "a given hysteresis that is not taken",
             "Sign": "a process with a gain below 0 treated unlike its mirror image",
             "Bias": "up and down that do not last alike though they could, or a bias beyond its reach",

@@ -6,6 +6,45 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
+class AutoTuner:
+    """Relay experiment (thesis 7.5); `found` is (ku, tu, kp, kappa), `tuned` gives (k, ti, td)."""
+
+    def __init__(
+        self,
+        amplitude: float,
+        *,
+        wait: float,
+        longest: float,
+        max_h: float,
+        pv_limits: tuple[float, float],
+        op_limits: tuple[float, float],
+        hysteresis: float | None = None,
+        d: float = 0.0,
+    ) -> None: ...
+    def start(self, op: float) -> None: ...
+    def update(self, pv: float, h: float, flags: int = 0) -> float: ...
+    @property
+    def running(self) -> bool: ...
+    @property
+    def phase(self) -> str: ...
+    @property
+    def stop(self) -> str | None: ...
+    @property
+    def found(self) -> tuple[float, float, float | None, float | None] | None: ...
+    @property
+    def hysteresis(self) -> float: ...
+    @property
+    def bias(self) -> float: ...
+    def tuned(self, rule: str, kind: str = "PID") -> tuple[float, float, float]: ...
+
+def stops() -> list[str]:
+    """Names of the reasons why an experiment is broken off, by their numbers; the first is none."""
+
+def tuned_by(
+    found: tuple[float, float, float | None, float | None], rule: str, kind: str
+) -> tuple[float, float, float]:
+    """(k, ti, td) by a rule from ku, tu, kp and kappa."""
+
 class Backlash:
     """Backlash of total width d ≥ 0 (thesis 6.3); begins at output, or at the first input."""
 
@@ -329,6 +368,7 @@ def lambda_integrating(kv: float, l: float, lam: float) -> tuple[float, float, f
 def amigo_step(kp: float, t: float, l: float, pid: bool) -> tuple[float, float, float]: ...
 def amigo_integrating(kv: float, l: float, pid: bool) -> tuple[float, float, float]: ...
 def amigo_frequency(ku: float, tu: float, kappa: float, pid: bool) -> tuple[float, float, float]: ...
+def point_placement(ku: float, tu: float) -> tuple[float, float, float]: ...
 def simc(kp: float, t: float, t2: float, l: float, tau_c: float) -> tuple[float, float, float]: ...
 def simc_integrating(kv: float, t2: float, l: float, tau_c: float) -> tuple[float, float, float]: ...
 def fit(

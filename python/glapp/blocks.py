@@ -14,6 +14,7 @@ Examples
 """
 
 from ._glapp import (
+    AutoTuner,
     Backlash,
     Compensation,
     Derivative,
@@ -31,6 +32,7 @@ from ._glapp import (
 from ._glapp import HalfPeriodBlock as HalfPeriod
 
 __all__ = [
+    "AutoTuner",
     "Backlash",
     "Compensation",
     "Derivative",

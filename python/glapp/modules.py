@@ -51,6 +51,7 @@ from .errors import InputError
 from .plant import Plant as _Plant
 
 __all__ = [
+    "AutoTuner",
     "Backlash",
     "BacklashDetection",
     "Filter2P",
@@ -415,6 +416,44 @@ class PidAdvanced(_Compensating, Pid):
     n: int = 9
     sp_rate: float = _MOST
     schedule: Sequence[tuple[float, float, float, float]] = ()
+
+
+@dataclass(frozen=True)
+class AutoTuner(Module):
+    """Relay experiment between a controller and its valve: `in` from the controller, `pv` on a branch of its PV.
+
+    `"tuner.run"` = 1 begins one and 0 ends it; `"tuner.phase"` (0 idle, 1 waiting, 2 balanced, 3 biased, 4 done,
+    5 aborted), `"tuner.stop"`, `"tuner.ku"`, `tu`, `kp` and `kappa` tell. Meanwhile the controller tracks the relay and
+    goes on from there without a bump; a limit reached further on, a bad PV or somebody else at the output end it.
+
+    Parameters
+    ----------
+    amplitude : float
+        The greatest distance of the output from where it was, ≠ 0; negative where PV falls when the output rises.
+    wait, longest : float
+        Length of the waiting phase and of the whole experiment, 0 < wait < longest [s].
+    pv_low, pv_high : float
+        PV outside ends it.
+    op_low, op_high : float
+        Limits of the output.
+    hysteresis : float, optional
+        Half width of the relay's hysteresis, ≥ 0; half of PV's range in the waiting phase where not given.
+    d : float
+        Total width of the gap that the valve is known to have, ≥ 0 and less than 4/3 of the amplitude.
+    max_h : float, optional
+        A longer time between scans ends it, > 0 [s]; three scan times where not given.
+    """
+
+    amplitude: float
+    wait: float
+    longest: float
+    pv_low: float
+    pv_high: float
+    op_low: float
+    op_high: float
+    hysteresis: float | None = None
+    d: float = 0.0
+    max_h: float | None = None
 
 
 @dataclass(frozen=True)

@@ -46,13 +46,16 @@ const FEWEST_SAMPLES: u32 = 8;
 /// back to where it was: below κ = 0.05 there is no telling it from one, `kp` is none and `kappa` 0. Known bias: a load that
 /// changes between the two phases goes into Kp in full, save where PV's mean did not follow (`kp` and `kappa` none).
 ///
+/// **A gap** of known width d takes d/2 off either level before it reaches the process; that is counted in. One that is not
+/// known makes Ku too high by the share d/(4a/3 − d) and more, and Kp by much more.
+///
 /// Whatever goes wrong ends the experiment with a [`Stop`], and OP is OP₀ in the same sample.
 ///
 /// ```
-/// use glapp_core::{AutoTuner, AutoTunerSettings, AutoTunerState, Phase};
+/// use glapp_core::{AutoTuner, AutoTunerSettings, AutoTunerState, auto_tuner::Phase};
 ///
 /// let tuner = AutoTuner::new(AutoTunerSettings {
-///     amplitude: 5.0, hysteresis: None, wait: 10.0, longest: 600.0, max_h: 1.0, pv: (0.0, 100.0), op: (0.0, 100.0),
+///     amplitude: 5.0, hysteresis: None, d: 0.0, wait: 10.0, longest: 600.0, max_h: 1.0, pv: (0.0, 100.0), op: (0.0, 100.0),
 /// })?;
 /// let mut state = AutoTunerState::default();
 /// tuner.start(&mut state, 40.0);
@@ -91,6 +94,8 @@ pub struct AutoTunerSettings<R> {
     pub amplitude: R,
     /// ε ≥ 0 [unit of PV]; none: half of PV's range in the waiting phase.
     pub hysteresis: Option<R>,
+    /// Width d of the gap that the valve is known to have [unit of OP], ≥ 0 and < 4/3 of |a|; 0 = none known.
+    pub d: R,
     /// Length of the waiting phase \[s\], > 0; a period of the process is long enough to see its noise.
     pub wait: R,
     /// The whole experiment ends within this time \[s\], > `wait`; a half-period within a quarter of it.
@@ -124,6 +129,18 @@ pub enum Phase {
 }
 
 impl Phase {
+    /// The name used in every face of glapp.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Idle => "idle",
+            Self::Waiting => "waiting",
+            Self::Balanced => "balanced",
+            Self::Biased => "biased",
+            Self::Done => "done",
+            Self::Aborted => "aborted",
+        }
+    }
+
     /// Whether the relay has the output.
     pub fn is_running(self) -> bool {
         matches!(self, Self::Waiting | Self::Balanced | Self::Biased)
@@ -159,6 +176,40 @@ pub enum Stop {
     TimeBudget = 9,
     /// A regular cycle too far from −180° (|tan δ| > 0.5): hysteresis or sample time make it, not the process.
     OffPoint = 10,
+}
+
+impl Stop {
+    /// All of them, in order.
+    pub const ALL: [Self; 11] = [
+        Self::None,
+        Self::BadQuality,
+        Self::SampleTime,
+        Self::NotAuto,
+        Self::OpLimit,
+        Self::PvBounds,
+        Self::WrongSign,
+        Self::DeadLoop,
+        Self::NotRegular,
+        Self::TimeBudget,
+        Self::OffPoint,
+    ];
+
+    /// The name used in every face of glapp.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::BadQuality => "bad_quality",
+            Self::SampleTime => "sample_time",
+            Self::NotAuto => "not_auto",
+            Self::OpLimit => "op_limit",
+            Self::PvBounds => "pv_bounds",
+            Self::WrongSign => "wrong_sign",
+            Self::DeadLoop => "dead_loop",
+            Self::NotRegular => "not_regular",
+            Self::TimeBudget => "time_budget",
+            Self::OffPoint => "off_point",
+        }
+    }
 }
 
 /// What an experiment found.
@@ -205,7 +256,7 @@ struct Cycle<R> {
     t: R,
     up: R,
     samples: u32,
-    /// ∫(OP − OP₀)dt and ∫±(PV − centre)dt.
+    /// ∫(OP − OP₀)dt, as the gap leaves it, and ∫±(PV − centre)dt.
     u: R,
     y: R,
     /// The same times cos 2πt/T and sin 2πt/T.
@@ -299,12 +350,19 @@ pub struct AutoTunerState<R> {
 impl<R: Real> AutoTuner<R> {
     /// Checks the settings.
     pub fn new(settings: AutoTunerSettings<R>) -> Result<Self, ParameterError> {
-        let AutoTunerSettings { amplitude, hysteresis, wait, longest, max_h, pv, op } = settings;
+        let AutoTunerSettings { amplitude, hysteresis, d, wait, longest, max_h, pv, op } = settings;
         let sane = |x: R| x.magnitude() <= R::MOST;
         require("amplitude", amplitude, amplitude != R::ZERO && sane(amplitude), "a number other than 0")?;
         if let Some(hysteresis) = hysteresis {
             require("hysteresis", hysteresis, hysteresis >= R::ZERO && sane(hysteresis), "0 or greater")?;
         }
+        let swing = R::of(4.0) * (amplitude.magnitude() / R::of(3.0));
+        require(
+            "d",
+            d,
+            d >= R::ZERO && d < swing,
+            "0 or greater, and less than 4/3 of the amplitude: the relay's swing",
+        )?;
         require("wait", wait, wait > R::ZERO && sane(wait), "greater than 0 s")?;
         require("longest", longest, longest > wait && sane(longest), "greater than wait")?;
         require("max_h", max_h, max_h > R::ZERO && sane(max_h), "greater than 0 s")?;
@@ -398,7 +456,7 @@ impl<R: Real> AutoTuner<R> {
 
     fn relay(&self, s: &mut AutoTunerState<R>, pv: R, h: R) {
         let x = self.sign * (pv - s.centre);
-        s.integrate(x, h);
+        s.integrate(x, h, R::of(0.5) * self.settings.d);
         s.t += h;
         s.half += h;
         s.x = x;
@@ -513,11 +571,13 @@ impl<R: Real> AutoTuner<R> {
 }
 
 impl<R: Real> AutoTunerState<R> {
-    /// Adds what happened since the last sample: OP was held, PV went from its last value to `x`.
+    /// Adds what happened since the last sample: OP was held, PV went from its last value to `x`. The valve stands half of
+    /// its gap, `lost`, this side of OP: every turn of the relay takes it through the whole of it.
     #[inline]
-    fn integrate(&mut self, x: R, h: R) {
+    fn integrate(&mut self, x: R, h: R, lost: R) {
         let half = R::of(0.5);
-        let u = (self.output - self.start) * h;
+        let level = self.output - self.start;
+        let u = (if self.up { level - lost } else { level + lost }) * h;
         let y = half * (self.x + x) * h;
         let c = &mut self.cycle;
         if self.period > R::ZERO {

@@ -1,9 +1,10 @@
 //! What must hold for a relay experiment: how it ends, whatever comes, and what it finds where the truth is known.
 
+use glapp_core::auto_tuner::{Found, Phase, Stop};
 use glapp_core::half_period::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO};
 use glapp_core::{
-    AutoTuner, AutoTunerSettings, AutoTunerState, Found, Noise, NoiseState, Phase, Real, SecondOrderFilter,
-    SecondOrderFilterState, Stop,
+    AutoTuner, AutoTunerSettings, AutoTunerState, Backlash, BacklashState, Noise, NoiseState, Real, SecondOrderFilter,
+    SecondOrderFilterState,
 };
 use proptest::prelude::*;
 
@@ -12,6 +13,7 @@ type State = AutoTunerState<f64>;
 const USUAL: AutoTunerSettings<f64> = AutoTunerSettings {
     amplitude: 6.0,
     hysteresis: None,
+    d: 0.0,
     wait: 4.0,
     longest: 200.0,
     max_h: 0.5,
@@ -153,10 +155,12 @@ fn a_start_in_every_mode() {
 
 #[test]
 fn settings_out_of_bounds_are_named() {
-    let cases: [(AutoTunerSettings<f64>, &str); 10] = [
+    let cases: [(AutoTunerSettings<f64>, &str); 12] = [
         (AutoTunerSettings { amplitude: 0.0, ..USUAL }, "amplitude"),
         (AutoTunerSettings { amplitude: f64::NAN, ..USUAL }, "amplitude"),
         (AutoTunerSettings { hysteresis: Some(-0.1), ..USUAL }, "hysteresis"),
+        (AutoTunerSettings { d: -0.1, ..USUAL }, "d"),
+        (AutoTunerSettings { d: 8.0, ..USUAL }, "d"),
         (AutoTunerSettings { wait: 0.0, ..USUAL }, "wait"),
         (AutoTunerSettings { longest: 4.0, ..USUAL }, "longest"),
         (AutoTunerSettings { max_h: f64::INFINITY, ..USUAL }, "max_h"),
@@ -189,6 +193,7 @@ fn single_precision_finds_the_same() {
     let settings = AutoTunerSettings::<f32> {
         amplitude: 6.0,
         hysteresis: None,
+        d: 0.0,
         wait: 4.0,
         longest: 200.0,
         max_h: 0.5,
@@ -200,6 +205,25 @@ fn single_precision_finds_the_same() {
     let near = |a: f64, b: f32| (f64::from(b) / a - 1.0).abs() < 0.02;
     assert!(near(wide.ku, narrow.ku) && near(wide.tu, narrow.tu), "{wide:?} {narrow:?}");
     assert!(near(wide.kp.unwrap(), narrow.kp.unwrap()), "{wide:?} {narrow:?}");
+}
+
+/// Not counted in, a gap of an eighth of the relay's swing takes Ku up by more than a seventh and hides Kp.
+#[test]
+fn a_known_gap_is_counted_in() {
+    let find = |d: f64| {
+        let tuner = tuner(AutoTunerSettings { d, ..USUAL });
+        let gap = Backlash::new(1.0).unwrap();
+        let (mut process, mut valve, mut state) = (Lags::new(1.0, 1.0), BacklashState::at(50.0), State::default());
+        tuner.start(&mut state, 50.0);
+        while state.phase.is_running() {
+            let pv = process.update(gap.update(&mut valve, state.output), 0.04);
+            tuner.update(&mut state, pv, 0.04, 0);
+        }
+        state.found.unwrap()
+    };
+    let (known, unknown) = (find(1.0), find(0.0));
+    assert!((known.ku / 8.0 - 1.0).abs() < 0.04 && (known.kp.unwrap() - 1.0).abs() < 0.05, "{known:?}");
+    assert!(unknown.ku > 1.14 * known.ku && unknown.kp.is_none(), "{unknown:?}");
 }
 
 #[test]
@@ -253,14 +277,16 @@ proptest! {
     fn sign_symmetric_and_without_units(
         samples in prop::collection::vec((0.1..5.0_f64, 0.05..0.3_f64), 40..400),
         hysteresis in prop::option::of(0.0..0.1_f64),
+        d in 0.0..2.0_f64,
         (pv_unit, op_unit, time_unit) in (-8..8i32, -8..8i32, -8..8i32),
     ) {
         let (pv_unit, op_unit, time_unit) = (2f64.powi(pv_unit), 2f64.powi(op_unit), 2f64.powi(time_unit));
-        let base = AutoTunerSettings { hysteresis, wait: 1.0, longest: 300.0, ..USUAL };
+        let base = AutoTunerSettings { hysteresis, d, wait: 1.0, longest: 300.0, ..USUAL };
         let turned = AutoTunerSettings { amplitude: -6.0, ..base };
         let scaled = AutoTunerSettings {
             amplitude: 6.0 * op_unit,
             hysteresis: hysteresis.map(|x| x * pv_unit),
+            d: d * op_unit,
             wait: time_unit,
             longest: 300.0 * time_unit,
             max_h: 0.5 * time_unit,

@@ -95,6 +95,7 @@ fn auto_tuner() {
         let tuner = AutoTuner::new(AutoTunerSettings {
             amplitude: case.given("amplitude"),
             hysteresis: case.param("hysteresis"),
+            d: case.param("d").unwrap_or(0.0),
             wait: case.given("wait"),
             longest: case.given("longest"),
             max_h: case.given("max_h"),

@@ -1,5 +1,6 @@
 //! The Python face of glapp: one file per exposed module, no logic of its own.
 
+mod auto_tuner;
 mod backlash;
 mod blocks;
 mod census;
@@ -20,6 +21,8 @@ use pyo3::prelude::*;
 
 #[pymodule]
 mod _glapp {
+    #[pymodule_export]
+    use crate::auto_tuner::{AutoTuner, stops, tuned_by};
     #[pymodule_export]
     use crate::backlash::Backlash;
     #[pymodule_export]
@@ -48,7 +51,7 @@ mod _glapp {
     use crate::sim::{PyChecked, batch, groups, instruction_sets, random_walk, run_together, watch};
     #[pymodule_export]
     use crate::tuning::{
-        amigo_frequency, amigo_integrating, amigo_step, lambda_integrating, lambda_tuning, simc, simc_integrating,
-        ziegler_nichols_frequency, ziegler_nichols_step,
+        amigo_frequency, amigo_integrating, amigo_step, lambda_integrating, lambda_tuning, point_placement, simc,
+        simc_integrating, ziegler_nichols_frequency, ziegler_nichols_step,
     };
 }

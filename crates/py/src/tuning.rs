@@ -56,6 +56,11 @@ pub fn amigo_frequency(ku: f64, tu: f64, kappa: f64, pid: bool) -> Answer {
 }
 
 #[pyfunction]
+pub fn point_placement(ku: f64, tu: f64) -> Answer {
+    answer(rules::point_placement(ku, tu))
+}
+
+#[pyfunction]
 pub fn simc(kp: f64, t: f64, t2: f64, l: f64, tau_c: f64) -> Answer {
     answer(rules::simc(kp, t, t2, l, tau_c))
 }

@@ -3,14 +3,15 @@
 use crate::Plant;
 use crate::engine::{Process, process_at_rest};
 use crate::graph::GraphError;
+use glapp_core::auto_tuner::Found;
 use glapp_core::half_period::{AT_HIGH, AT_LOW, NOT_AUTO};
 use glapp_core::modules::{
-    self, BacklashDetection, BacklashDetectionSettings, BacklashDetectionState, Gains, Mode, Pid, PidAdvanced,
-    PidAdvancedSettings, PidAdvancedState, PidSettings, PidState, SCHEDULE_ROWS,
+    self, AutoTuner, AutoTunerState, BacklashDetection, BacklashDetectionSettings, BacklashDetectionState, Gains, Mode,
+    Pid, PidAdvanced, PidAdvancedSettings, PidAdvancedState, PidSettings, PidState, SCHEDULE_ROWS,
 };
 use glapp_core::{
-    Backlash, BacklashState, Backward, CompensationSettings, Forward, Noise, NoiseState, ParameterError, Saturation,
-    SecondOrderFilter, SecondOrderFilterState, Way,
+    AutoTunerSettings, Backlash, BacklashState, Backward, CompensationSettings, Forward, Noise, NoiseState,
+    ParameterError, Saturation, SecondOrderFilter, SecondOrderFilterState, Way,
 };
 
 /// The most inputs of a module.
@@ -96,7 +97,7 @@ macro_rules! with_compensation {
 }
 const UNKNOWN: Option<f64> = Some(f64::NAN);
 
-static KINDS: [Kind; 11] = [
+static KINDS: [Kind; 12] = [
     Kind {
         name: "Input",
         inputs: &[],
@@ -180,6 +181,25 @@ static KINDS: [Kind; 11] = [
         ..PLAIN
     },
     Kind {
+        name: "AutoTuner",
+        inputs: &["in", "pv"],
+        parameters: &[
+            ("amplitude", None),
+            ("wait", None),
+            ("longest", None),
+            ("pv_low", None),
+            ("pv_high", None),
+            ("op_low", None),
+            ("op_high", None),
+            ("hysteresis", UNKNOWN),
+            ("d", Some(0.0)),
+            ("max_h", UNKNOWN),
+        ],
+        commands: &["run"],
+        variables: &["phase", "stop", "ku", "tu", "kp", "kappa"],
+        ..PLAIN
+    },
+    Kind {
         name: "BacklashDetection",
         inputs: &["sp", "pv"],
         may_end: true,
@@ -227,6 +247,7 @@ impl Kind {
 /// | `Filter2P` | in | `tf` |
 /// | `ProcessSim` | in (load) | `gain`, `t1`, `t2` (0), `dead_time` (0), `start` (0), `h` (the graph's) |
 /// | `Plant`, by [`Module::plant`] | in (load) | `start` (0), `h` (the graph's) |
+/// | `AutoTuner` | in, pv | `amplitude`, `wait`, `longest`, `pv_low`, `pv_high`, `op_low`, `op_high`, `hysteresis` (from noise), `d` (0), `max_h` (3h) |
 /// | `Pid` | pv (sp, ff) | `k`, `ti`, `td` (0), `b` (1), `c` (0), `tf` (0), `low`, `high`, `rate` (none), `max_h` (Ti/2), `start` (0) |
 /// | `PidAdvanced` | pv (sp, ff, by) | those of `Pid`, and `kp` (not known), `n` (9), `sp_rate` (none) |
 /// | `BacklashDetection` | sp, pv | `k`, `ti`, `td` (0), `b` (1), `kp` (not known), `tf` (Ti/10), `n` (9), `op_low`, `op_high` (not known), `max_h` (Ti/2) |
@@ -316,6 +337,19 @@ impl Module {
         })
     }
 
+    fn experiment(&self, h: f64) -> AutoTunerSettings<f64> {
+        AutoTunerSettings {
+            amplitude: self.value("amplitude"),
+            hysteresis: self.known("hysteresis"),
+            d: self.value("d"),
+            wait: self.value("wait"),
+            longest: self.value("longest"),
+            max_h: self.known("max_h").unwrap_or(3.0 * h),
+            pv: (self.value("pv_low"), self.value("pv_high")),
+            op: (self.value("op_low"), self.value("op_high")),
+        }
+    }
+
     fn detection(&self) -> Result<BacklashDetectionSettings<f64>, ParameterError> {
         let usual = BacklashDetectionSettings::new(self.value("k"), self.value("ti"), self.value("td"));
         Ok(BacklashDetectionSettings {
@@ -384,6 +418,7 @@ enum Block {
     Plant(Box<dyn Process>, f64, f64),
     Pid(Pid<f64>, Box<PidState<f64>>),
     PidAdvanced(Box<(PidAdvanced<f64>, PidAdvancedState<f64>)>),
+    AutoTuner(Box<(AutoTuner<f64>, AutoTunerState<f64>)>),
     BacklashDetection(Box<(BacklashDetection<f64>, BacklashDetectionState<f64>)>),
 }
 
@@ -448,6 +483,7 @@ impl Live {
             }
             Block::Pid(pid, state) => pid.forward(state, x, second, third, h),
             Block::PidAdvanced(parts) => parts.0.forward(&mut parts.1, x, second, third, fourth, h),
+            Block::AutoTuner(parts) => parts.0.forward(&mut parts.1, x, second, h),
             Block::BacklashDetection(parts) => parts.0.forward(&mut parts.1, x, second, h),
         }
     }
@@ -473,6 +509,7 @@ impl Live {
                 let (sp, ff) = parts.0.backward(&mut parts.1, told);
                 [open, sp, ff, open]
             }
+            Block::AutoTuner(parts) => [parts.0.backward(&mut parts.1, told), open, open, open],
             Block::BacklashDetection(parts) => {
                 parts.0.backward(&mut parts.1, back);
                 [open; MOST_INPUTS]
@@ -518,6 +555,7 @@ impl Live {
             (Block::ProcessSim(to, _), Block::ProcessSim(from, _)) => *to = from,
             (Block::Pid(to, _), Block::Pid(from, _)) => *to = from,
             (Block::PidAdvanced(to), Block::PidAdvanced(from)) => to.0 = from.0,
+            (Block::AutoTuner(to), Block::AutoTuner(from)) => to.0 = from.0,
             (Block::BacklashDetection(to), Block::BacklashDetection(from)) => to.0 = from.0,
             _ => {}
         }
@@ -543,6 +581,7 @@ impl Live {
             Block::PidAdvanced(parts) => {
                 controller_named(&parts.1.pid, name).or_else(|| detection_named(&parts.1.detection, name))
             }
+            Block::AutoTuner(parts) => experiment_named(&parts.1, name),
             Block::BacklashDetection(parts) => detection_named(&parts.1, name),
             _ => None,
         }
@@ -574,6 +613,11 @@ impl Live {
                 }
                 says.flags = value as u8;
             }
+            (Block::AutoTuner(parts), _) => match value {
+                0.0 => parts.1.run = false,
+                1.0 => parts.1.run = true,
+                _ => return wrong("run", "0 (end it) or 1 (begin)"),
+            },
             // Whatever a plant tells: what makes no sense is the controller's to find out.
             (Block::Output(_, says), "low") => says.low = value,
             (Block::Output(_, says), "high") => says.high = value,
@@ -634,6 +678,22 @@ fn controller_named(state: &PidState<f64>, name: &str) -> Option<f64> {
     }
 }
 
+fn experiment_named(state: &AutoTunerState<f64>, name: &str) -> Option<f64> {
+    let experiment = &state.experiment;
+    let found =
+        |number: fn(&Found<f64>) -> Option<f64>| Some(experiment.found.as_ref().and_then(number).unwrap_or(f64::NAN));
+    match name {
+        "run" => Some(u8::from(state.run).into()),
+        "phase" => Some(f64::from(experiment.phase as u8)),
+        "stop" => Some(f64::from(experiment.stop as u8)),
+        "ku" => found(|found| Some(found.ku)),
+        "tu" => found(|found| Some(found.tu)),
+        "kp" => found(|found| found.kp),
+        "kappa" => found(|found| found.kappa),
+        _ => None,
+    }
+}
+
 fn detection_named(state: &BacklashDetectionState<f64>, name: &str) -> Option<f64> {
     let estimate = state.detector.estimate();
     match name {
@@ -683,6 +743,7 @@ fn make(m: &Module, h: f64, external: bool) -> Result<Block, crate::SimError> {
             begin(&mut state.pid);
             Block::PidAdvanced(Box::new((PidAdvanced::new(m.pid_advanced()?)?, state)))
         }
+        "AutoTuner" => Block::AutoTuner(Box::new((AutoTuner::new(m.experiment(h))?, AutoTunerState::default()))),
         "BacklashDetection" => {
             let detection = BacklashDetection::new(m.detection()?)?;
             Block::BacklashDetection(Box::new((detection, BacklashDetectionState::default())))

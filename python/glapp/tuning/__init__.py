@@ -11,6 +11,7 @@ rule                            needs                                           
 `lambda_tuning`                 FOTD model, the time constant λ wished for                  Dahlin 1968
 `amigo_step`                    FOTD model                                                  APC ch. 7
 `amigo_frequency`               ultimate gain and period, static gain                       APC ch. 7
+`point_placement`               ultimate gain and period                                    Åström & Hägglund 1984
 `simc`                          one or two lags and a dead time                             Skogestad 2003
 `migo`                          the process                                                 Åström et al. 1998, 2004
 `design`                        the process                                                 Garpinger & Hägglund 2008
@@ -26,10 +27,12 @@ from .half_rule import half_rule
 from .integrating import Integrating, integrating
 from .migo import migo
 from .process import Kind
+from .relay import RelayExperiment, relay_experiment
 from .rules import (
     amigo_frequency,
     amigo_step,
     lambda_tuning,
+    point_placement,
     simc,
     ziegler_nichols_frequency,
     ziegler_nichols_step,
@@ -40,6 +43,7 @@ __all__ = [
     "Fotd",
     "Integrating",
     "Kind",
+    "RelayExperiment",
     "Tuning",
     "Ultimate",
     "amigo_frequency",
@@ -53,6 +57,8 @@ __all__ = [
     "lambda_tuning",
     "migo",
     "open_loop",
+    "point_placement",
+    "relay_experiment",
     "simc",
     "ultimate",
     "ziegler_nichols_frequency",

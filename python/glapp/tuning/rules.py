@@ -167,6 +167,28 @@ def amigo_frequency(process: Process, kind: Kind = "PID") -> Tuning:
     return _by(f"AMIGO frequency {kind_of(kind)}", _APC, plant, _glapp.amigo_frequency, ku, tu, kappa, kind == "PID")
 
 
+def point_placement(process: Process) -> Tuning:
+    """PID that moves the ultimate point to −0.5·e^(i45°), with Ti = 6.25Td: K = 0.354Ku, Ti = 1.134Tu, Td = 0.181Tu.
+
+    Ti = 6.25Td is what the thesis says of the autotuner (7.5); the point is ours.
+
+    Parameters
+    ----------
+    process : process or model
+        With an ultimate gain. One that is nearly all dead time (P8) becomes unstable, and is refused.
+
+    Examples
+    --------
+    >>> t = point_placement("P2")
+    >>> [round(x, 3) for x in t.controller[:3]], round(t.ms, 2)
+    ([1.414, 7.125, 1.14], 1.43)
+    """
+    plant = plant_of(process)
+    ku, tu = ultimate(plant)
+    source = "Åström & Hägglund, Automatica 20 (1984); Ti = 6.25Td: thesis 7.5"
+    return _by("point placement PID", source, plant, _glapp.point_placement, ku, tu)
+
+
 def simc(process: Process, kind: Kind = "PI", *, tau_c: float | None = None) -> Tuning:
     """SIMC: K = T/(Kp(τc + L)), Ti = min(T, 4(τc + L)), and for PID Td = T₂ in series form; given in ideal form.
 

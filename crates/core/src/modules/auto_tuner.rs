@@ -1,6 +1,5 @@
 //! The autotuner as a module between a controller and its valve.
 
-use crate::auto_tuner::Stop;
 use crate::connection::{Backward, Forward};
 use crate::half_period::{AT_HIGH, AT_LOW, BAD, NOT_AUTO};
 use crate::{AutoTunerSettings, ParameterError, Real};
@@ -47,14 +46,14 @@ impl<R: Real> AutoTuner<R> {
             return x;
         }
         if !running {
-            self.block.start(&mut s.experiment, if x.is_good() { x.value } else { R::LARGEST + R::LARGEST });
+            self.block.start(&mut s.experiment, x.value);
         }
         let told = s.flags & (AT_LOW | AT_HIGH | NOT_AUTO) | if s.run { 0 } else { NOT_AUTO };
-        let quality = if pv.is_good() { 0 } else { BAD };
+        let quality = if pv.is_good() && (running || x.is_good()) { 0 } else { BAD };
         let op = self.block.update(&mut s.experiment, pv.value, h, told | quality);
         s.run = s.experiment.phase.is_running();
-        // An experiment that did not even begin leaves the controller's output, bad or not, as it is.
-        if running || s.run || s.experiment.stop == Stop::None { Forward::new(op, 0) } else { x }
+        // A bad output of the controller is no place to begin, and is handed on as it is.
+        if running || x.is_good() { Forward::new(op, 0) } else { x }
     }
 
     /// Takes what the modules after it tell, gives what the controller is told.

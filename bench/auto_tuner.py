@@ -41,12 +41,13 @@ OTHERS = {
 
 
 class Condition(NamedTuple):
-    """What an experiment is made under: noise in shares of the cycle's amplitude, load in shares of the amplitude."""
+    """Noise in shares of the amplitude of the cycle, load and gap in shares of the experiment's amplitude."""
 
     title: str
     noise: float = 0.0
     load: float = 0.0
     samples: int = 100
+    d: float = 0.0
 
 
 CONDITIONS = [
@@ -54,6 +55,7 @@ CONDITIONS = [
     Condition("noise ± 5 %", noise=0.05),
     Condition("noise ± 20 %", noise=0.2),
     Condition("load 0.3, noise ± 5 %", noise=0.05, load=0.3),
+    Condition("gap of 0.16, told, noise ± 5 %", noise=0.05, d=0.16),
     Condition("h = Tu/20, noise ± 5 %", noise=0.05, samples=20),
 ]
 
@@ -63,7 +65,8 @@ def run(plant: Plant, condition: Condition, seed: int) -> RelayExperiment:
     ku, tu = ultimate(plant)
     cycle = 4 * POWER / math.pi / abs(ku)
     load = [(1.3 * tu, condition.load)]
-    return relay_experiment(plant, noise=condition.noise * cycle, load=load, h=tu / condition.samples, seed=seed + 1)
+    noise, d, h = condition.noise * cycle, condition.d, tu / condition.samples
+    return relay_experiment(plant, noise=noise, load=load, d=d, known_d=d, h=h, seed=seed + 1)
 
 
 class Errors(NamedTuple):
@@ -120,7 +123,7 @@ def picture(path: Path) -> None:
     """Draw an experiment on P2, with noise and a load that comes with the first cycles."""
     plant = PLANTS["P2"]
     tu = ultimate(plant).tu
-    e = relay_experiment(plant, noise=0.01, load=[(1.5 * tu, 0.3)], seed=3)
+    e = relay_experiment(plant, noise=0.01, load=[(2.5 * tu, 0.3)], wait=2 * tu, seed=3)
     figure, (above, below) = plt.subplots(2, 1, sharex=True, figsize=(9, 5), height_ratios=(3, 2))
     above.plot(e.t, e.pv, lw=0.8, color="tab:blue")
     above.set_ylabel("PV")

@@ -31,8 +31,8 @@ const FEWEST_SAMPLES: u32 = 8;
 /// proportion of the process itself, P(iω) = Y₁/U₁ at ω = 2π/T: nothing is approximated, and noise averages out. Ku = 1/|P|
 /// and Tu = T would be those of the describing function of a relay with hysteresis, 4d/(πA) with its argument asin(ε/A),
 /// freed of the error that the higher harmonics make in A. What is left of it is that the cycle does not stand at −180° but
-/// at −180° + δ (hysteresis, sample time, higher harmonics); without correction Ku is 0–30 % low for it. δ is
-/// measured, and with κ = 1/(Kp·Ku)
+/// at −180° + δ (hysteresis, sample time, higher harmonics); without correction Ku would be
+/// too low for it, by a tenth and more in noise. δ is measured, and with κ = 1/(Kp·Ku)
 ///
 /// ```text
 /// c  = tan δ/(0.9 + 3κ)
@@ -493,8 +493,9 @@ impl<R: Real> AutoTuner<R> {
         if s.cycles > MOST_CYCLES {
             return self.stop(s, Stop::NotRegular);
         }
-        // Without a period before it, it has no harmonics; without a harmonic, nothing swings.
-        if !known || cycle.samples < FEWEST_SAMPLES || !(cycle.power() > R::ZERO) {
+        // Without a period before it, it has no harmonics.
+        let swings = cycle.power() > R::ZERO;
+        if !(known && swings) || cycle.samples < FEWEST_SAMPLES {
             return;
         }
         if s.phase == Phase::Balanced && self.rebalance(s, &cycle) {

@@ -320,7 +320,7 @@ proptest! {
         amplitude in 1.0..20.0_f64,
         noise in 0.0..0.1_f64,
     ) {
-        let cycle = 4.0 / 3.14 * (amplitude * 2.0 / 3.0) / (8.0 / gain.abs());
+        let cycle = 4.0 / std::f64::consts::PI * (amplitude * 2.0 / 3.0) / (8.0 / gain.abs());
         let settings = AutoTunerSettings {
             amplitude: amplitude * gain.signum(), wait: 3.6 * t, longest: 220.0 * t, max_h: t, ..USUAL
         };

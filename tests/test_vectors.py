@@ -73,6 +73,7 @@ def auto_tuner(params: dict[str, float]) -> Callable[..., list[float | None]]:
         pv_limits=(params["pv_low"], params["pv_high"]),
         op_limits=(params["op_low"], params["op_high"]),
         hysteresis=params.get("hysteresis"),
+        d=params.get("d", 0.0),
     )
     phases = ["idle", "waiting", "balanced", "biased", "done", "aborted"]
 

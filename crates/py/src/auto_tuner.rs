@@ -45,9 +45,9 @@ fn refused(error: ParameterError) -> PyErr {
 /// ...     for _ in range(10):
 /// ...         x = [v + (u - v) * 0.005 for u, v in zip((op, *x), x)]
 /// >>> tuner.phase, op, [round(number, 2) for number in tuner.found]
-/// ('done', 40.0, [7.81, 3.64, 1.0, 0.13])
+/// ('done', 40.0, [7.74, 3.64, 1.0, 0.13])
 /// >>> [round(number, 2) for number in tuner.tuned("point_placement")]
-/// [2.76, 4.12, 0.66]
+/// [2.73, 4.13, 0.66]
 #[pyclass(module = "glapp.blocks")]
 pub struct AutoTuner {
     block: glapp_core::AutoTuner<f64>,

@@ -181,7 +181,7 @@ def point_placement(process: Process) -> Tuning:
     --------
     >>> t = point_placement("P2")
     >>> [round(x, 3) for x in t.controller[:3]], round(t.ms, 2)
-    ([1.414, 7.125, 1.14], 1.43)
+    ([1.414, 7.127, 1.14], 1.43)
     """
     plant = plant_of(process)
     ku, tu = ultimate(plant)

@@ -1,10 +1,14 @@
 //! Nothing in a scan touches the heap.
 
+use glapp_core::auto_tuner::Phase;
 use glapp_core::modules::{
     Gains, Mode, PidAdvanced, PidAdvancedSettings, PidAdvancedState, PidSettings, ProcessSim, ProcessSimState,
     SCHEDULE_ROWS,
 };
-use glapp_core::{Backlash, BacklashState, Backward, CompensationSettings, Noise, NoiseState, Saturation, Way};
+use glapp_core::{
+    AutoTuner, AutoTunerSettings, AutoTunerState, Backlash, BacklashState, Backward, CompensationSettings, Noise,
+    NoiseState, Saturation, Way,
+};
 
 #[test]
 fn a_loop_of_modules_scans_without_allocation() {
@@ -57,4 +61,29 @@ fn a_loop_of_modules_scans_without_allocation() {
     }
     // The count counts.
     assert_eq!(allocation_counter::measure(|| drop(std::hint::black_box(vec![1.0; 9]))).count_total, 1);
+}
+
+#[test]
+fn a_relay_experiment_runs_without_allocation() {
+    let tuner = AutoTuner::new(AutoTunerSettings {
+        amplitude: 6.0,
+        hysteresis: None,
+        d: 0.0,
+        wait: 20.0,
+        longest: 900.0,
+        max_h: 0.5,
+        pv: (0.0, 100.0),
+        op: (0.0, 100.0),
+    })
+    .unwrap();
+    let process = ProcessSim::<f64, 16>::new(1.0, 3.0, 1.0, 1.0, 0.1).unwrap();
+    let (mut lags, mut state) = (ProcessSimState::at_rest(50.0), AutoTunerState::default());
+    let counted = allocation_counter::measure(|| {
+        tuner.start(&mut state, 50.0);
+        while state.phase.is_running() {
+            let op = tuner.update(&mut state, process.output(&lags).value, 0.1, 0);
+            process.forward(&mut lags, op.into(), 0.0.into());
+        }
+    });
+    assert_eq!((state.phase, counted.count_total), (Phase::Done, 0));
 }

@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from bench.compensation import Case, Harm, harm, reversals, warned
 
 from glapp.errors import InputError
-from glapp.simulate import BAD, NOT_AUTO, STANDINGS, Compensation, Scenario, Simulation, run, run_many
+from glapp.simulate import BAD, NOT_AUTO, STANDINGS, Compensation, Scenario, Simulation, Walk, run, run_many
 
 WAYS = ("error", "derivative", "inverse")
 ACTIVE, NOT_ENABLED, MANUAL, BAD_QUALITY = (
@@ -87,7 +88,8 @@ def test_manual_takes_it_away_and_leaves_the_output(way: str) -> None:
     first, last = np.flatnonzero(manual)[[0, -1]]
     assert ff(s)[first - 1] != 0.0 and not ff(s)[manual].any() and (standing(s)[manual] == MANUAL).all()
     assert (s.op[manual] == s.op[first - 1]).all(), "OP stays where it stood, with what was added to it"
-    assert abs(s.op[last + 1] - s.op[last]) < 0.002, "back to automatic without a bump"
+    own = s.op[last + 1] - ff(s)[last + 1]
+    assert abs(own - s.op[last]) < 0.002, "back to automatic without a bump; u_FF waits for a reversal"
 
 
 def test_a_lost_signal_ramps_it_to_zero() -> None:
@@ -112,6 +114,54 @@ def test_a_budget_withdraws() -> None:
     s = run(loop(compensation=compensated("derivative", reversals=100)))
     assert STANDINGS[int(standing(s)[-1])] == "too_many_reversals"
     assert np.sum(np.abs(np.diff(np.sign(ff(s)))) == 2) <= 100
+
+
+def test_comes_in_with_a_reversal() -> None:
+    """Sooner, it would push the valve on by half the gap."""
+    s = run(loop(compensation=compensated("inverse", begin=300.0)))
+    first = int(np.flatnonzero(ff(s))[0])
+    assert (standing(s)[s.t == 300.0] == STANDINGS.index("waiting")).all()
+    assert np.abs(np.diff(s.position[first - 2 : first + 10])).max() == 0.0, "the valve stands in its gap"
+
+
+def test_a_loop_whose_valve_is_worn_out_is_left_alone() -> None:
+    """sign(e) in noise makes PV better, at eight times the reversals; a smaller size of the inverse stays."""
+    noisy: dict[str, Any] = {"plant": "P2", "controller": (0.775, 2.05), "noise": 0.005, "t_end": 2000.0}
+    noisy["load"] = [Walk(rate=0.002)]
+    for way, share, name in (("error", 1.0, "worse"), ("inverse", 0.6, "active")):
+        s = run(loop(**noisy, compensation=compensated(way, share=share, begin=600.0, withdraw=True)))
+        assert STANDINGS[int(standing(s)[-1])] == name
+        assert (ff(s)[-1] == 0.0) == (name == "worse")
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_random_loops(way: str) -> None:
+    found = [one for one in (harm(number, way) for number in range(30)) if one is not None]
+    assert len(found) >= 25
+    assert not [one for one in found if one.broken]
+    assert np.mean([one.harmless for one in found]) >= 0.85
+    assert any(one.active > 0.5 for one in found), "a compensation that is never in force does no harm either"
+
+
+def test_what_counts_as_harm() -> None:
+    fields = {"name": "", "gap": 1.0, "size": 0.8, "standing": "active", "active": 1.0, "broken": ""}
+    assert Harm(pv=1.1, turns=17, turns_without=10, **fields).harmless  # type: ignore[arg-type]
+    assert not Harm(pv=1.11, turns=10, turns_without=10, **fields).harmless  # type: ignore[arg-type]
+    assert not Harm(pv=0.5, turns=18, turns_without=10, **fields).harmless  # type: ignore[arg-type]
+
+
+def test_reversals_are_turns_beyond_the_band() -> None:
+    zigzag = np.array([0.0, 1.0, 0.8, 1.2, 1.2, 0.0, 0.3, -1.0, 0.5])
+    assert [reversals(zigzag, band) for band in (0.1, 0.25, 0.5, 3.0)] == [6, 4, 2, 0]
+
+
+@pytest.mark.parametrize(("plant", "ratio"), [("P1", 0.5), ("P1", 0.8), ("P1", 2.0), ("P3", 0.8), ("P3", 2.0)])
+def test_our_warning_is_right_where_that_of_the_thesis_is_wrong(plant: str, ratio: float) -> None:
+    found = warned(Case(plant, noise=0.005, dead_time=0.0, h=0.1, way="inverse", ratio=ratio, seed=3))
+    assert found is not None
+    _, even, relay = found
+    assert even > 0, "equal half-periods there are in all of these"
+    assert relay > 0.5 if ratio > 1 else relay == 0
 
 
 def test_together_as_alone() -> None:

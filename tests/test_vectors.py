@@ -117,7 +117,7 @@ def given(x: float) -> float | None:
 
 
 def compensation(params: dict[str, float]) -> Callable[..., tuple[float, float, int]]:
-    names = ("k", "size", "share", "band", "tf", "rate", "release", "travel", "reversals")
+    names = ("k", "size", "share", "band", "tf", "rate", "release", "watch", "travel", "reversals")
     block = Compensation(
         ("error", "derivative", "inverse")[int(params["way"]) - 1],
         **{name: params[name] for name in names},

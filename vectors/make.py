@@ -193,17 +193,19 @@ def compensation(params: Params, h: Sequence[float], samples: Sequence[Sequence[
     smooth = _smoother(params["tf"])
     lowest = highest = half = u_ff = travel = reversals = 0.0
     direction = side = standing = withdrawn = 0
-    standing = 1
+    in_force = False
     least: float | None = None
+    judge = _Judge(params["watch"], max(params["band"], share * size / 10.0))
     outputs = []
     for step, (e, u, d_hat, over, enable, flags) in zip(h, samples, strict=True):
         bad = int(flags) & 2 != 0 or not (math.isfinite(e) and math.isfinite(u))
+        was = direction
         if step > 0.0:
             travel = max(travel - params["travel"] * (step / 7200.0), 0.0)
             reversals = max(reversals - params["reversals"] * (step / 7200.0), 0.0)
         if step > 0.0 and not bad and way == 1:
-            direction = (e > 0.0) - (e < 0.0) if e != 0.0 and params["k"] > 0.0 else direction
-            direction = (e < 0.0) - (e > 0.0) if e != 0.0 and params["k"] < 0.0 else direction
+            if e != 0.0:
+                direction = 1 if (e > 0.0) == (params["k"] > 0.0) else -1
         elif step > 0.0 and not bad:
             u_f, first = smooth(u, step)
             lowest, highest = (u_f, u_f) if first else (min(lowest, u_f), max(highest, u_f))
@@ -223,7 +225,6 @@ def compensation(params: Params, h: Sequence[float], samples: Sequence[Sequence[
                 withdrawn = 4
         wide = size if least is None else min(size, least)
         goal = max(share * wide - band, 0.0) / 2.0
-        before = standing
         causes = [
             (not enable, 1),
             (int(flags) & 1 != 0, 2),
@@ -232,11 +233,10 @@ def compensation(params: Params, h: Sequence[float], samples: Sequence[Sequence[
             (least is not None and not math.isfinite(d_hat), 7),
             (int(flags) & 12 != 0 or u - goal < low or u + goal > high, 8),
             (goal == 0.0, 9),
-            (direction == 0, 10),
         ]
         standing = next((number for holds, number in causes if holds), 0)
-        if standing == 0 and (before != 0 or side != direction):
-            moves = 1.0 if side == -direction else 0.0
+        if standing == 0 and direction == -was != 0:
+            moves = 1.0 if u_ff != 0.0 and side == -direction else 0.0
             if (reversals + moves) * 2.0 > params["reversals"]:
                 standing = withdrawn = 5
             elif (travel + (abs(u_ff) + 2.0 * goal)) * 2.0 > params["travel"]:
@@ -244,16 +244,58 @@ def compensation(params: Params, h: Sequence[float], samples: Sequence[Sequence[
             else:
                 reversals = reversals + moves
                 side = direction
+        elif standing == 0 and not in_force:
+            standing = 10
+        in_force = standing == 0
         if standing == 2:
             half, u_ff, side = 0.0, 0.0, 0
         elif step > 0.0:
-            half = _towards(goal if standing == 0 else 0.0, half, share * size / (release + release) * step)
+            half = max(goal if in_force else 0.0, half - share * size / (release + release) * step)
             old, u_ff = u_ff, _towards(-half if side < 0 else half, u_ff, params["rate"] * step)
             travel = travel + abs(u_ff - old)
-            if standing != 0 and u_ff == 0.0:
-                side = 0
+            if in_force or (standing == 1 and int(flags) == 0 and math.isfinite(e)):
+                if judge.worse(e, u + u_ff, step, in_force) and params["withdraw"] and not withdrawn:
+                    withdrawn = 11
+            else:
+                judge.direction = 0
         outputs.append([u_ff, half, standing])
     return outputs
+
+
+class _Judge:
+    """Mean |e| and OP's reversals since it is in force, beside those of before."""
+
+    def __init__(self, watch: float, band: float) -> None:
+        self.watch, self.band = watch, band
+        self.means = {False: [0.0, 0.0, 0.0], True: [0.0, 0.0, 0.0]}
+        self.farthest, self.back, self.direction = 0.0, 0.0, 0
+
+    def worse(self, e: float, op: float, step: float, since: bool) -> bool:
+        mean = self.means[since]
+        turned = 1.0 if self.turned(op) else 0.0
+        whole = mean[2] + step
+        mean[0] = mean[0] + (abs(e) - mean[0]) * (step / whole)
+        mean[1] = mean[1] + (turned - mean[1] * step) / whole
+        mean[2] = min(whole, self.watch)
+        if not since:
+            self.means[True] = [0.0, 0.0, 0.0]
+            return False
+        old = self.means[False]
+        if min(old[2], mean[2]) < 0.5 * self.watch:
+            return False
+        return mean[0] > 1.1 * old[0] or mean[1] * self.watch > 1.5 * old[1] * self.watch + 2.0
+
+    def turned(self, op: float) -> bool:
+        """Whether OP has gone back from its farthest by more than the band."""
+        if self.direction == 0:
+            self.farthest, self.direction = op, 1
+        further = max if self.direction > 0 else min
+        self.farthest = further(self.farthest, op)
+        back = self.farthest - op if self.direction > 0 else op - self.farthest
+        if back > self.band:
+            self.farthest, self.direction = op, -self.direction
+            return True
+        return False
 
 
 def _towards(wish: float, now: float, most: float) -> float:
@@ -282,8 +324,8 @@ def _smoother(tf: float) -> Callable[[float, float], tuple[float, bool]]:
 def compensation_cases() -> Iterator[dict[str, Any]]:
     """Each way in noise; rates, bands, budgets; every cause to stop, and back."""
     free = {"k": 0.8, "size": 0.4, "share": 1.0, "band": 0.1, "tf": 0.0, "rate": 50.0, "release": 0.5}
-    free |= {"travel": 1e6, "reversals": 1e6, "withdraw": 1}
-    es, us = list(_walk(31, 80)), list(_walk(32, 80))
+    free |= {"watch": 1e4, "travel": 1e6, "reversals": 1e6, "withdraw": 1}
+    es, us = [x + 0.6 * (-1.0) ** (i // 7) for i, x in enumerate(_walk(31, 80))], list(_walk(32, 80))
     on = [[e, u, NAN, 0, 1, 0] for e, u in zip(es, us, strict=True)]
     for way in (1, 2, 3):
         yield case("enabled from the first sample", ["Start"], free | {"way": way}, on, h=0.1)
@@ -327,6 +369,15 @@ def compensation_cases() -> Iterator[dict[str, Any]]:
     yield case("more travel than the budget", ["Budget"], error | {"travel": 10.0}, noise, h=0.1)
     yield case("a budget that fills up again", ["Budget"], error | {"reversals": 20.0}, noise, h=400.0)
     yield case("a budget that allows nothing", ["Budget"], error | {"travel": 0.1}, noise[:5], h=0.1)
+    quiet = [[0.02 * e, 0.1 * u, NAN, 0, float(i >= 40), 0] for i, (e, u) in enumerate(zip(es, us, strict=True))]
+    farther = [[3.0 * e if i >= 50 else e, *row] for i, (e, *row) in enumerate(quiet)]
+    turning = [[e, u + 0.1 * (-1.0) ** (i // 3) * (i >= 50), *row] for i, (e, u, *row) in enumerate(quiet)]
+    for comment, rows in (("PV farther from SP", farther), ("OP turns more often", turning)):
+        judged = inverse | {"watch": 4.0, "band": 0.05}
+        yield case(f"{comment} than before", ["Worse"], judged, rows, h=0.1)
+        yield case(f"{comment} than before: no withdrawal", ["Worse"], judged | {"withdraw": 0}, rows, h=0.1)
+        yield case(f"{comment} than before: too short to know", ["Worse"], judged | {"watch": 9.0}, rows, h=0.1)
+    yield case("no worse than before", ["Worse"], inverse | {"watch": 4.0, "band": 0.05}, quiet, h=0.1)
     still = [0.0 if i in (4, 5, 13) else -0.1 if i == 8 else 0.1 for i in range(20)]
     yield case("time that stands still or turns back", ["ZeroStep"], error, changed(4, {5: 0.0}, on[:20]), h=still)
 
@@ -351,8 +402,8 @@ def over_compensation(params: Params, h: Sequence[float], halves: Sequence[Seque
         last = [t for t, _ in kept[-4:]]
         even = on and len(last) == 4 and max(last) - min(last) < step + step
         travels = [abs(params["k"]) / params["ti"] * dy * dt for dt, dy in kept]
-        most = 5.0 if before is None else 2.0
-        little = sum(travel * most <= size and travel * 50.0 >= size for travel in travels) > 4
+        most = 5.0 if before is None else 1.0
+        little = sum(travel * most <= size and travel * 100.0 >= size for travel in travels) > 4
         faster = not before or _sum(t for t, _ in reversed(kept)) <= 0.75 * 8.0 * before
         outputs.append([int(even), int(on and len(kept) == 8 and _alike(kept, step) and little and faster)])
     return outputs
@@ -413,8 +464,8 @@ def over_compensation_cases() -> Iterator[dict[str, Any]]:
     yield case("twice as high, to the bit", ["Edge"], params, [[6.0, y, 0.0, 0, 2.0] for y in heights], h=0.0625)
     whole = {"k": 1.0, "ti": 8.0}
     yield case("a fifth, to the bit", ["Edge"], whole, [[4.0, 0.5, 0.0, 0, 1.25]] * 9, h=0.0625)
-    yield case("a fiftieth, to the bit", ["Edge"], whole, [[4.0, 0.5, 0.0, 0, 12.5]] * 9, h=0.0625)
-    yield case("less than a fiftieth", ["Uneven"], whole, [[4.0, 0.5, 0.0, 0, 12.75]] * 9, h=0.0625)
+    yield case("a hundredth, to the bit", ["Edge"], whole, [[4.0, 0.5, 0.0, 0, 25.0]] * 9, h=0.0625)
+    yield case("less than a hundredth", ["Uneven"], whole, [[4.0, 0.5, 0.0, 0, 25.5]] * 9, h=0.0625)
     for comment, other in (
         ("a flag", [6.0, 0.4, 0.0, 8, 2.0]),
         ("a setpoint that moves", [6.0, 0.4, 0.4, 0, 2.0]),
@@ -1829,9 +1880,9 @@ BLOCKS: dict[
         ["u_ff", "half", "standing"],
         "Compensation of a gap (2.2); way 1 error, 2 derivative, 3 inverse; d_hat null: no estimate. Its limit is its "
         "size. standing: 0 active, 1 not enabled, 2 not auto, 3 bad quality, 4 over-compensated, 5 too many reversals, "
-        "6 too much travel, 7 estimate lost, 8 at limit, 9 too small, 10 no direction.",
+        "6 too much travel, 7 estimate lost, 8 at limit, 9 too small, 10 waiting for a reversal, 11 worse.",
         {
-            "Start": "a jump before the direction is known, or a first reversal that is none",
+            "Start": "a push before the first reversal, or a first reversal that is none",
             "Sign": "a sign of K not heeded, or heeded where OP carries it",
             "Rate": "a rate or a share not kept, or a step length taken once and kept",
             "Band": "a reversal within the noise band, or a size that the band is not taken off",
@@ -1839,6 +1890,7 @@ BLOCKS: dict[
             "Loss": "a bump, a way to the other side while it is taken away, or a state that a bad value poisons",
             "Estimate": "a size that an estimate makes larger, or that survives its loss",
             "Withdrawn": "a withdrawal that a change of mode forgives",
+            "Worse": "a comparison with too little, or with another time than before it was enabled",
             "Budget": "a budget exceeded, or one that never fills up again",
             "ZeroStep": "a step of 0 or less that moves the output, or that hides a cause",
         },

@@ -97,6 +97,7 @@ class Compensation:
         tf: float,
         rate: float,
         release: float,
+        watch: float,
         travel: float,
         reversals: float,
         withdraw: bool,

@@ -305,7 +305,7 @@ class Compensation(Checked):
     share : float
         Share of it to compensate, 0..1.
     band : float, optional
-        "inverse": how far the output must go back before that is a reversal [unit of op], ≥ 0; a tenth of the size
+        "inverse": how far the output must go back before that is a reversal [unit of op], ≥ 0; a fifth of the size
         where not given.
     tf : float
         Time constant of a filter of the output, before its direction is found [s], ≥ 0.
@@ -313,11 +313,13 @@ class Compensation(Checked):
         Greatest rate [unit of op per s], > 0. Where not given: "inverse" goes from side to side in Ti/10, the others
         jump.
     release : float, optional
-        Time in which it is brought in and taken away [s], > 0; Ti where not given.
+        Time in which it is taken away [s], > 0; Ti where not given.
+    watch : float, optional
+        Time over which the loop is compared with what it was before [s], > 0; 100 Ti where not given.
     travel, reversals : float
         Budgets in any hour [unit of op; 1]; what is not given has none.
     withdraw : bool
-        Whether it is withdrawn when over-compensation is found.
+        Whether it is withdrawn when over-compensation is found, or the loop is worse than before.
     begin : float
         When it is enabled [s].
     k : float, optional
@@ -331,6 +333,7 @@ class Compensation(Checked):
     tf: NotNegative = 0.0
     rate: Positive | None = None
     release: Positive | None = None
+    watch: Positive | None = None
     travel: Positive | None = None
     reversals: Annotated[float, Field(ge=2)] | None = None
     withdraw: bool = True
@@ -483,10 +486,11 @@ class Scenario(Checked):
             "size": given.size,
             "share": given.share,
             "limit": given.size,
-            "band": given.size / 10 if given.band is None else given.band,
+            "band": given.size / 5 if given.band is None else given.band,
             "tf": given.tf,
             "rate": given.rate or fast or 1.0,
             "release": given.release or ideal.ti,
+            "watch": given.watch or 100 * ideal.ti,
             "travel": given.travel or _NO_BUDGET,
             "reversals": given.reversals or _NO_BUDGET,
             "withdraw": given.withdraw,

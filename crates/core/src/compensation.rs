@@ -2,6 +2,7 @@
 
 use crate::error::require;
 use crate::half_period::{AT_HIGH, AT_LOW, BAD, NOT_AUTO};
+use crate::harm::{Harm, HarmState};
 use crate::zero_crossing::sign_of;
 use crate::{ParameterError, Real, Saturation, SecondOrderFilter, SecondOrderFilterState};
 
@@ -57,13 +58,15 @@ pub enum Standing {
     AtLimit = 8,
     /// Nothing is left to compensate: the size is 0, or no wider than the noise band.
     TooSmall = 9,
-    /// Which way the valve is driven is not known yet.
-    NoDirection = 10,
+    /// All is well: it comes in with the next reversal.
+    Waiting = 10,
+    /// Withdrawn: PV is farther from SP, or OP turns more often, than before. Holds until it is enabled anew.
+    Worse = 11,
 }
 
 impl Standing {
     /// All of them, in order.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::Active,
         Self::NotEnabled,
         Self::NotAuto,
@@ -74,7 +77,8 @@ impl Standing {
         Self::EstimateLost,
         Self::AtLimit,
         Self::TooSmall,
-        Self::NoDirection,
+        Self::Waiting,
+        Self::Worse,
     ];
 
     /// The name used in every face of glapp.
@@ -90,7 +94,8 @@ impl Standing {
             Self::EstimateLost => "estimate_lost",
             Self::AtLimit => "at_limit",
             Self::TooSmall => "too_small",
-            Self::NoDirection => "no_direction",
+            Self::Waiting => "waiting",
+            Self::Worse => "worse",
         }
     }
 }
@@ -115,13 +120,15 @@ pub struct CompensationSettings<R> {
     pub tf: R,
     /// Greatest rate of u_FF > 0 [OP unit per s].
     pub rate: R,
-    /// Time over which it is brought in and taken away > 0 \[s\].
+    /// Time over which it is taken away > 0 \[s\].
     pub release: R,
     /// Budget: travel of u_FF in any hour > 0 [OP unit].
     pub travel: R,
     /// Budget: changes of its direction in any hour, 2 or more.
     pub reversals: R,
-    /// Whether a warning of over-compensation withdraws it.
+    /// Time over which the loop is compared with what it was before > 0 \[s\]; a hundred Ti and more.
+    pub watch: R,
+    /// Whether a warning of over-compensation, and a loop that is worse than before, withdraw it.
     pub withdraw: bool,
     /// Limits of OP [OP unit].
     pub limits: Saturation<R>,
@@ -162,9 +169,11 @@ pub struct CompensationSample<R> {
 /// mere gap of width d − δ, and never a slip. With the full size it would be a valve that sticks by `band` and jumps by as
 /// much.
 ///
-/// δ/2 rises from 0 within `release` seconds after it is enabled, and falls to 0 within as many (or |u_FF|/rate, where that is
-/// longer) when it is not, on a bad value, at a limit, when the estimate is lost, and when it is withdrawn. In manual u_FF
-/// is 0 at once: OP is the operator's, and a controller that tracks all of OP gives it back without a bump.
+/// It comes in with a reversal, when the valve has to go through its gap anyway: sooner, it would push the valve on by δ/2.
+///
+/// It is taken away within `release` seconds (or |u_FF|/rate, where that is longer) when nobody wants it any more, on a bad
+/// value, at a limit, when the estimate is lost, and when it is withdrawn: OP goes back into the gap, where the valve stands. In
+/// manual u_FF is 0 at once: OP is the operator's, and a controller that tracks all of OP gives it back without a bump.
 ///
 /// The on-line estimate can make the size smaller, and it stays smaller until it is enabled anew; it never makes it larger.
 ///
@@ -179,21 +188,23 @@ pub struct CompensationSample<R> {
 ///
 /// let inverse = Compensation::new(CompensationSettings {
 ///     way: Way::Inverse, k: 1.0, size: 2.0, share: 1.0, limit: 5.0, band: 0.5, tf: 0.0, rate: 1.0, release: 1.0,
-///     travel: 1000.0, reversals: 500.0, withdraw: true, limits: Saturation::new(0.0, 100.0)?,
+///     watch: 1e4, travel: 1000.0, reversals: 500.0, withdraw: true, limits: Saturation::new(0.0, 100.0)?,
 /// })?;
 /// let mut state = CompensationState::default();
 /// let mut update = |u| {
 ///     let sample = CompensationSample { e: 0.0, u, h: 1.0, d_hat: None, over: false, enable: true, flags: 0 };
 ///     inverse.update(&mut state, &sample)
 /// };
-/// assert_eq!([50.0, 50.4, 50.6].map(&mut update), [0.0, 0.0, 0.75]); // up by more than 0.5: δ/2 = (2 − 0.5)/2
-/// assert_eq!([50.2, 50.0, 49.9].map(&mut update), [0.75, -0.25, -0.75]); // back by more than 0.5, at 1 a second
+/// assert_eq!([50.0, 50.6, 50.2].map(&mut update), [0.0, 0.0, 0.0]); // up, and not yet back by more than 0.5
+/// assert_eq!([50.0, 49.9].map(&mut update), [-0.75, -0.75]); // δ/2 = (2 − 0.5)/2
+/// assert_eq!([50.5, 50.6].map(&mut update), [0.25, 0.75]); // to the other side, at 1 a second
 /// # Ok::<(), glapp_core::ParameterError>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Compensation<R> {
     settings: CompensationSettings<R>,
     filter: SecondOrderFilter<R>,
+    harm: Harm<R>,
 }
 
 /// What a [`Compensation`] remembers.
@@ -201,13 +212,16 @@ pub struct Compensation<R> {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct CompensationState<R> {
     filter: SecondOrderFilterState<R>,
+    harm: HarmState<R>,
     /// Lowest and highest u_f since the last reversal.
     low: R,
     high: R,
     /// Which way the valve is driven: +1 or −1; 0 while it is not known.
     pub direction: i8,
-    /// The side that u_FF was last sent to: +1 or −1; 0 where it rests at 0.
+    /// The side that u_FF was last sent to: +1 or −1.
     side: i8,
+    /// Whether it compensates.
+    in_force: bool,
     /// Why it was withdrawn until it is enabled anew.
     withdrawn: Option<Standing>,
     /// Half of the width in force now [OP unit].
@@ -238,7 +252,9 @@ impl<R: Real> Compensation<R> {
         require("release", s.release, s.release > zero, "greater than 0 s")?;
         require("travel", s.travel, s.travel > zero, "greater than 0")?;
         require("reversals", s.reversals, s.reversals >= one + one, "2 or greater")?;
-        Ok(Self { settings, filter: SecondOrderFilter::new(s.tf)? })
+        require("watch", s.watch, s.watch > zero, "greater than 0 s")?;
+        let harm = Harm { watch: s.watch, band: s.band.greater(s.share * s.size / R::of(10.0)) };
+        Ok(Self { settings, filter: SecondOrderFilter::new(s.tf)?, harm })
     }
 
     /// The settings.
@@ -252,34 +268,50 @@ impl<R: Real> Compensation<R> {
         let s = &self.settings;
         let bad = sample.flags & BAD != 0 || !sample.e.is_number() || !sample.u.is_number();
         let timed = sample.h > R::ZERO && sample.h.is_number();
+        let before = state.direction;
         if timed {
             self.repay(state, sample.h);
             if !bad {
                 self.look(state, sample);
             }
         }
+        let reversed = before != 0 && state.direction != before;
         let d_hat = sample.d_hat.filter(|d_hat| d_hat.is_number());
         let goal = self.goal(state, sample.enable, d_hat);
         let mut standing = self.standing(state, sample, d_hat, bad, goal);
-        if standing == Standing::Active && (state.side != state.direction || state.standing != Standing::Active) {
+        if standing == Standing::Active && reversed {
             standing = self.pay(state, goal);
+        } else if standing == Standing::Active && !state.in_force {
+            standing = Standing::Waiting;
         }
+        state.in_force = standing == Standing::Active;
         state.standing = standing;
         if standing == Standing::NotAuto {
             (state.half, state.u_ff, state.side) = (R::ZERO, R::ZERO, 0);
         } else if timed {
-            let goal = if standing == Standing::Active { goal } else { R::ZERO };
+            let goal = if state.in_force { goal } else { R::ZERO };
             let step = s.share * s.size / (s.release + s.release) * sample.h;
-            state.half = goal.lesser(state.half + step).greater(state.half - step);
+            state.half = goal.greater(state.half - step);
             let target = if state.side < 0 { -state.half } else { state.half };
             let old = state.u_ff;
             state.u_ff = target.lesser(old + s.rate * sample.h).greater(old - s.rate * sample.h);
             state.travel += (state.u_ff - old).magnitude();
-            if standing != Standing::Active && state.u_ff == R::ZERO {
-                state.side = 0;
-            }
+            self.compare(state, sample);
         }
         state.u_ff
+    }
+
+    /// Compares the loop with what it was before it was enabled.
+    #[inline(always)]
+    fn compare(&self, state: &mut CompensationState<R>, sample: &CompensationSample<R>) {
+        let since = state.in_force;
+        if !since && (state.standing != Standing::NotEnabled || sample.flags != 0 || !sample.e.is_number()) {
+            return self.harm.forget(&mut state.harm);
+        }
+        let worse = self.harm.update(&mut state.harm, sample.e, sample.u + state.u_ff, sample.h, since);
+        if worse && self.settings.withdraw && state.withdrawn.is_none() {
+            state.withdrawn = Some(Standing::Worse);
+        }
     }
 
     /// Lets the accounts fill up again.
@@ -361,19 +393,17 @@ impl<R: Real> Compensation<R> {
             Standing::AtLimit
         } else if goal <= R::ZERO {
             Standing::TooSmall
-        } else if state.direction == 0 {
-            Standing::NoDirection
         } else {
             Standing::Active
         }
     }
 
-    /// Takes a move to the other side, or from nothing, off the accounts; withdraws it where they do not suffice.
+    /// Takes a move to the other side off the accounts; withdraws it where they do not suffice.
     #[inline(always)]
     fn pay(&self, state: &mut CompensationState<R>, goal: R) -> Standing {
         let s = &self.settings;
         let two = R::of(2.0);
-        let moves = if state.side == 0 || state.side == state.direction { R::ZERO } else { R::ONE };
+        let moves = if state.u_ff == R::ZERO || state.side == state.direction { R::ZERO } else { R::ONE };
         // There, and from there back to 0.
         let way = state.u_ff.magnitude() + two * goal;
         if (state.reversals + moves) * two > s.reversals {
@@ -405,6 +435,7 @@ mod tests {
             tf: 0.0,
             rate: 1e6,
             release: 1.0,
+            watch: 1e6,
             travel: 1e6,
             reversals: 1e6,
             withdraw: true,
@@ -420,8 +451,8 @@ mod tests {
     fn active(settings: CompensationSettings<f64>) -> (Compensation<f64>, CompensationState<f64>) {
         let block = Compensation::new(settings).unwrap();
         let mut state = CompensationState::default();
-        for u in [0.0, 1.0, 2.0] {
-            block.update(&mut state, &sample(1.0, u));
+        for (e, u) in [(1.0, 4.0), (-1.0, 1.0), (1.0, 2.0)] {
+            block.update(&mut state, &sample(e, u));
         }
         assert_eq!((state.standing, state.direction), (Standing::Active, 1));
         (block, state)
@@ -475,7 +506,7 @@ mod tests {
     fn active_or_not(settings: CompensationSettings<f64>, e: f64) -> CompensationState<f64> {
         let block = Compensation::new(settings).unwrap();
         let mut state = CompensationState::default();
-        for u in [0.0, 1.0, 2.0, 3.0] {
+        for (e, u) in [(e, 4.0), (-e, 1.0), (e, 2.0), (e, 3.0)] {
             block.update(&mut state, &sample(e, u));
         }
         state
@@ -497,6 +528,7 @@ mod tests {
             for (standing, sample) in &lost {
                 let (block, mut state) = active(settings(way));
                 let full = state.u_ff;
+                assert!(full > 0.7);
                 // In steps of a tenth of `release`: a ramp, not a jump.
                 let shown: Vec<f64> =
                     (0..10).map(|_| block.update(&mut state, &CompensationSample { h: 0.1, ..*sample })).collect();
@@ -511,7 +543,9 @@ mod tests {
     fn manual_takes_it_away_at_once() {
         let (block, mut state) = active(settings(Way::Inverse));
         assert_eq!(block.update(&mut state, &CompensationSample { flags: NOT_AUTO, ..sample(1.0, 2.75) }), 0.0);
-        assert_eq!(block.update(&mut state, &CompensationSample { h: 0.1, ..sample(1.0, 2.75) }), 0.1);
+        assert_eq!(block.update(&mut state, &sample(1.0, 2.75)), 0.0);
+        assert_eq!(state.standing, Standing::Waiting);
+        assert_eq!(block.update(&mut state, &sample(1.0, 2.0)), -0.75, "with the next reversal");
     }
 
     #[test]
@@ -525,11 +559,11 @@ mod tests {
         assert_eq!(with(Some(1.0)), (0.5, Standing::Active));
         assert_eq!(with(Some(1.8)), (0.5, Standing::Active), "never larger again");
         assert_eq!(with(None), (0.0, Standing::EstimateLost));
-        assert_eq!(with(Some(1.9)), (0.5, Standing::Active));
+        assert_eq!(with(Some(1.9)), (0.0, Standing::Waiting));
         assert_eq!(with(Some(f64::NAN)).1, Standing::EstimateLost);
         block.update(&mut state, &CompensationSample { enable: false, ..sample(1.0, 2.0) });
         block.update(&mut state, &sample(1.0, 2.0));
-        assert_eq!(state.standing, Standing::Active, "one that never was there is not lost");
+        assert_eq!(state.standing, Standing::Waiting, "one that never was there is not lost");
     }
 
     #[test]
@@ -542,7 +576,7 @@ mod tests {
         }
         assert_eq!(state.standing, Standing::OverCompensated, "a change of mode does not forgive");
         block.update(&mut state, &CompensationSample { enable: false, ..sample(1.0, 2.0) });
-        assert!(block.update(&mut state, &sample(1.0, 2.0)) > 0.0);
+        assert_eq!(block.update(&mut state, &sample(-1.0, 2.0)), -1.0);
     }
 
     #[test]
@@ -575,6 +609,7 @@ mod tests {
             tf: 0.0,
             rate: 1e6,
             release: 1.0,
+            watch: 1e6,
             travel: 1e6,
             reversals: 1e6,
             withdraw: true,
@@ -682,7 +717,7 @@ mod tests {
         #[test]
         fn on_a_known_gap_the_rest_is_a_smaller_gap(
             d in 0.5..3.0_f64, share in 0.0..1.0_f64, band in 0.0..0.5_f64,
-            moves in prop::collection::vec(-4.0..4.0_f64, 3..40),
+            moves in prop::collection::vec(-9.0..9.0_f64, 3..40),
         ) {
             use crate::{Backlash, BacklashState};
             // u in small steps, so that a reversal is found where it happens; jumps at once; in force from the start.
@@ -692,7 +727,7 @@ mod tests {
             let (gap, rest) = (Backlash::new(d).unwrap(), Backlash::new(d - delta).unwrap());
             let (mut state, mut valve, mut wished) =
                 (CompensationState::default(), BacklashState::at(0.0), BacklashState::at(0.0));
-            let (mut u, mut known) = (0.0_f64, false);
+            let (mut u, mut known, mut ran, mut side) = (0.0_f64, false, 0.0, 0);
             for &to in &moves {
                 let steps = ((to - u).abs() / 0.01) as usize + 1;
                 let step = (to - u) / steps as f64;
@@ -701,8 +736,10 @@ mod tests {
                     let u_ff = block.update(&mut state, &sample(0.0, u));
                     let (y, w) = (gap.update(&mut valve, u + u_ff), rest.update(&mut wished, u));
                     if !known {
-                        // From the first side on: both gaps at the same edge.
-                        known = u.abs() > d + 1.0;
+                        // Both gaps begin at the same edge, once the valve has been driven there.
+                        ran = if state.direction == side { ran + step.abs() } else { 0.0 };
+                        side = state.direction;
+                        known = state.standing == Standing::Active && ran > 2.0 * d;
                         wished = BacklashState::at(y);
                     } else {
                         prop_assert!((y - w).abs() <= 0.0101, "{} {} at {}", y, w, u);

@@ -21,6 +21,7 @@ mod detector;
 mod error;
 mod filter;
 pub mod half_period;
+mod harm;
 mod median_mean;
 pub mod modules;
 mod noise;

@@ -25,7 +25,7 @@ pub struct OverWarning {
 /// even:   max(Δt₁ … Δt₄) − min(Δt₁ … Δt₄) < 2h                                   code block 7.1
 ///
 /// relay:  eight half-periods are alike:  max Δt ≤ 1.5·min Δt + h,  max Δy ≤ 2·min Δy
-///         and most of them have  δ/50 ≤ |K|/Ti·Δy·Δt ≤ δ/2
+///         and most of them have  δ/100 ≤ |K|/Ti·Δy·Δt ≤ δ
 ///         and before it was enabled they were not alike, or longer:  mean Δt ≤ 0.75·mean Δt before
 /// ```
 ///
@@ -127,10 +127,10 @@ impl<R: Real> OverCompensation<R> {
 
     /// Whether half-periods that are alike come from a relay.
     fn drives(&self, state: &OverCompensationState<R>, row: &Row<R>, size: R) -> bool {
-        let most = if state.before.is_none() { R::of(5.0) } else { R::of(2.0) };
+        let most = if state.before.is_none() { R::of(5.0) } else { R::ONE };
         let travels = |i: &usize| {
             let travel = self.k / self.ti * state.heights[*i] * state.durations[*i];
-            travel * most <= size && travel * R::of(50.0) >= size
+            travel * most <= size && travel * R::of(100.0) >= size
         };
         let faster = |before: R| before <= R::ZERO || row.duration <= R::of(0.75) * R::of(N as f64) * before;
         (0..N).filter(travels).count() > N / 2 && state.before.is_none_or(faster)

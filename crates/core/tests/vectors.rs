@@ -347,6 +347,7 @@ fn compensate<R: Real>(case: &Case) -> impl FnMut(&[f64], f64) -> Option<Vec<f64
         tf: number("tf"),
         rate: number("rate"),
         release: number("release"),
+        watch: number("watch"),
         travel: number("travel"),
         reversals: number("reversals"),
         withdraw: case.given("withdraw") != 0.0,

@@ -24,6 +24,7 @@ pub struct PySettings {
     tf: f64,
     rate: f64,
     release: f64,
+    watch: f64,
     travel: f64,
     reversals: f64,
     withdraw: bool,
@@ -34,7 +35,22 @@ impl TryFrom<PySettings> for CompensationSettings<f64> {
     type Error = PyErr;
 
     fn try_from(s: PySettings) -> PyResult<Self> {
-        let PySettings { way, k, size, share, limit, band, tf, rate, release, travel, reversals, withdraw, limits } = s;
+        let PySettings {
+            way,
+            k,
+            size,
+            share,
+            limit,
+            band,
+            tf,
+            rate,
+            release,
+            watch,
+            travel,
+            reversals,
+            withdraw,
+            limits,
+        } = s;
         let named = Way::ALL.into_iter().find(|one| one.name() == way);
         let unknown = || PyValueError::new_err(format!("way = {way}: must be error, derivative or inverse"));
         let limits = limits.map_or(Ok(Saturation::none()), |(low, high)| Saturation::new(low, high));
@@ -49,6 +65,7 @@ impl TryFrom<PySettings> for CompensationSettings<f64> {
             tf,
             rate,
             release,
+            watch,
             travel,
             reversals,
             withdraw,
@@ -77,20 +94,22 @@ impl TryFrom<PySettings> for CompensationSettings<f64> {
 /// rate : float
 ///     Greatest rate of u_FF [unit of OP per s], > 0.
 /// release : float
-///     Time in which it is brought in and taken away [s], > 0.
+///     Time in which it is taken away [s], > 0.
+/// watch : float
+///     Time over which the loop is compared with what it was before [s], > 0.
 /// travel, reversals : float
 ///     Budgets of u_FF in any hour [unit of OP; 1], > 0 and ≥ 2.
 /// withdraw : bool
-///     Whether a warning of over-compensation withdraws it.
+///     Whether a warning of over-compensation, and a loop that is worse than before, withdraw it.
 /// limits : (low, high), optional
 ///     Limits of OP.
 ///
 /// Examples
 /// --------
-/// >>> settings = dict(k=1.0, size=2.0, share=1.0, limit=5.0, band=0.5, tf=0.0, rate=1.0, release=1.0)
+/// >>> settings = dict(k=1.0, size=2.0, share=1.0, limit=5.0, band=0.5, tf=0.0, rate=1.0, release=1.0, watch=1e4)
 /// >>> inverse = Compensation("inverse", **settings, travel=1e3, reversals=500, withdraw=True)
-/// >>> [inverse.update(0.0, u, 1.0, enable=True) for u in (50.0, 50.4, 50.6, 50.2, 50.0, 49.9)]
-/// [0.0, 0.0, 0.75, 0.75, -0.25, -0.75]
+/// >>> [inverse.update(0.0, u, 1.0, enable=True) for u in (50.0, 50.6, 50.2, 50.0, 50.5, 50.6)]
+/// [0.0, 0.0, 0.0, -0.75, 0.25, 0.75]
 /// >>> inverse.standing
 /// 'active'
 #[pyclass(module = "glapp.blocks")]
@@ -103,7 +122,7 @@ pub struct Compensation {
 impl Compensation {
     #[new]
     #[pyo3(signature = (
-        way, *, k, size, share, limit, band, tf, rate, release, travel, reversals, withdraw, limits=None,
+        way, *, k, size, share, limit, band, tf, rate, release, watch, travel, reversals, withdraw, limits=None,
     ))]
     #[allow(clippy::too_many_arguments)]
     fn new(
@@ -116,13 +135,28 @@ impl Compensation {
         tf: f64,
         rate: f64,
         release: f64,
+        watch: f64,
         travel: f64,
         reversals: f64,
         withdraw: bool,
         limits: Option<(f64, f64)>,
     ) -> PyResult<Self> {
-        let settings =
-            PySettings { way, k, size, share, limit, band, tf, rate, release, travel, reversals, withdraw, limits };
+        let settings = PySettings {
+            way,
+            k,
+            size,
+            share,
+            limit,
+            band,
+            tf,
+            rate,
+            release,
+            watch,
+            travel,
+            reversals,
+            withdraw,
+            limits,
+        };
         let block = glapp_core::Compensation::new(settings.try_into()?).map_err(refused)?;
         Ok(Self { block, state: CompensationState::default() })
     }

@@ -1,0 +1,443 @@
+"""What compensation brings, when its warnings are wrong, and whether it does harm: `python bench/compensation.py`.
+
+About three minutes on two cores; `--loops 100` makes the last part shorter, `--docs` writes the tables into
+docs/compensation.md. Everything is simulated, so that the gap is known.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # many processes, each with its own core
+
+import argparse
+import math
+import re
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise, product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from rich.progress import track
+
+from glapp import tuning
+from glapp.blocks import OverCompensation, SecondOrderFilter
+from glapp.errors import InputError
+from glapp.plant import PLANTS, Plant
+from glapp.simulate import (
+    STANDINGS,
+    Coloured,
+    Compensation,
+    Scenario,
+    Simulation,
+    Sine,
+    Steps,
+    Uniform,
+    Walk,
+    run,
+)
+
+Floats = npt.NDArray[np.float64]
+DOCS = Path(__file__).parents[1] / "docs" / "compensation.md"
+WAYS = ("error", "derivative", "inverse")
+GAP = 0.05
+
+
+def reversals(x: Floats, band: float) -> int:
+    """How often x turns back by more than `band`."""
+    slope = np.sign(np.diff(x))
+    moves = np.flatnonzero(slope)
+    turns = moves[1:][np.diff(slope[moves]) != 0]
+    count, direction = 0, 0
+    low = high = float(x[0])
+    for value in [*x[turns].tolist(), float(x[-1])]:
+        low, high = min(low, value), max(high, value)
+        if direction <= 0 and value - low > band:
+            count, direction, low, high = count + (direction < 0), 1, value, value
+        elif direction >= 0 and high - value > band:
+            count, direction, low, high = count + (direction > 0), -1, value, value
+    return count
+
+
+def scenario(**fields: Any) -> Scenario:
+    """A scenario from the short forms of its fields."""
+    return Scenario(**fields)
+
+
+# --- What it brings -------------------------------------------------------------------------------------------------
+
+LOOPS = {
+    "P2, Ms 2.0": ("P2", (0.775, 2.05)),
+    "P3, PI of 5.2": ("P3", (0.48, 0.3117)),
+    "P1, Ms 1.4": ("P1", (0.363, 7.06)),
+}
+SIZES = {"under, d/2": 0.5, "exact, d": 1.0, "over, 1.4d": 1.4}
+SEEDS = 5
+
+
+def measured(fields: dict[str, Any]) -> tuple[float, float, float]:
+    """PV's standard deviation [%], OP's travel [%] and reversals by more than 0.5 %, in 1000 s."""
+    s = run(scenario(**fields))
+    late = s.t > s.t[-1] - 1000
+    op = 100 * s.op[late]
+    return 100 * float(np.std(s.pv[late])), float(np.abs(np.diff(op)).sum()), reversals(op, 0.5)
+
+
+def brings(pool: ProcessPoolExecutor) -> Iterator[str]:
+    """The first table."""
+    yield "| loop | way | size | PV's standard deviation [%] | OP's travel [%/1000 s] | OP's reversals [1/1000 s] |"
+    yield "|---|---|---|---|---|---|"
+    for name, (plant, controller) in LOOPS.items():
+        base = {"plant": plant, "controller": controller, "d": GAP, "noise": 0.005, "t_end": 2000.0}
+        base |= {"setpoint": [(1, 1.0)], "load": [Steps(steps=((100.0, 0.3),)), Walk(rate=0.002)]}
+        ways: list[tuple[str, str, Compensation | None]] = [("none", "before", None)]
+        for way, (what, size) in product(WAYS, SIZES.items()):
+            ways.append((way, what, Compensation(way=way, size=size * GAP, withdraw=False)))  # type: ignore[arg-type]
+        for way, what, compensation in ways:
+            runs = [base | {"seed": seed, "compensation": compensation} for seed in range(SEEDS)]
+            std, travel, turns = np.median(list(pool.map(measured, runs)), axis=0)
+            yield f"| {name} | {way} | {what} | {std:.2f} | {travel:.0f} | {turns:.0f} |"
+
+
+# --- When its warnings are wrong ------------------------------------------------------------------------------------
+
+
+def half_periods(s: Simulation, of: Scenario) -> Iterator[tuple[float, float, float]]:
+    """(end, Δt, Δy) of each half-period of the filtered error."""
+    smooth = SecondOrderFilter(of.filter_time())
+    e = s.sp - np.array([smooth.update(y, of.h) for y in s.pv.tolist()])
+    sign = np.sign(e)
+    known = np.flatnonzero(sign)
+    at = known[1:][np.diff(sign[known]) != 0]
+    area = np.concatenate([[0.0], np.cumsum(np.abs(e) * of.h)])
+    for begin, end in pairwise(at):
+        delta_t = float(end - begin) * of.h
+        yield float(s.t[end]), delta_t, float(area[end] - area[begin]) / delta_t
+
+
+@dataclass(frozen=True)
+class Case:
+    """A compensated loop, and what is true of it."""
+
+    plant: str
+    noise: float
+    dead_time: float
+    h: float
+    way: Any
+    ratio: float
+    seed: int
+
+    @property
+    def over(self) -> bool:
+        """Whether the size exceeds the gap."""
+        return self.ratio > 1
+
+
+CASES = tuple(
+    Case(*case)
+    for case in product(
+        ("P1", "P2", "P3"),
+        (0.001, 0.005, 0.02),
+        (0.0, 1.0, 4.0),
+        (1 / 50, 1 / 10, 1 / 4),
+        ("error", "inverse"),
+        (0.5, 0.8, 1.0, 1.5, 2.0),
+        (0, 1),
+    )
+)
+
+
+def warned(case: Case) -> tuple[Case, float, float] | None:
+    """Share of the half-periods after which each warning stands; None where the loop cannot be sampled so coarsely."""
+    plant = PLANTS[case.plant].delayed(case.dead_time)
+    tuned = tuning.amigo_step(plant, "PI").controller
+    unit = max(tuned.ti, 1.0)
+    begin = 300 * unit
+    size = case.ratio * GAP
+    given = Compensation(way=case.way, size=size, begin=begin, withdraw=False)
+    of = scenario(
+        plant=plant,
+        controller=tuned,
+        d=GAP,
+        noise=case.noise,
+        h=case.h * tuned.ti,
+        t_end=600 * unit,
+        load=[Steps(steps=((20 * unit, 0.3),)), Walk(rate=0.1 * GAP / math.sqrt(10 * unit))],
+        compensation=given,
+        seed=case.seed,
+    )
+    try:
+        s = run(of)
+    except InputError:
+        return None
+    in_force = size - (size / 5 if case.way == "inverse" else 0.0)
+    block = OverCompensation(tuned.k, tuned.ti)
+    found = [
+        block.update(delta_t, delta_y, of.h, in_force if end > begin else 0.0)
+        for end, delta_t, delta_y in half_periods(s, of)
+        if end > 50 * unit
+    ]
+    compensated = found[-max(1, round(len(found) / 2)) :]
+    even, relay = np.mean(compensated, axis=0)
+    return case, float(even), float(relay)
+
+
+def warns(pool: ProcessPoolExecutor) -> Iterator[str]:
+    """The second table."""
+    done = track(pool.map(warned, CASES, chunksize=10), "warnings", total=len(CASES), transient=True)
+    found = [one for one in done if one is not None]
+    yield "| | loops | 7.1: false | 7.1: missed | ours: false | ours: missed |"
+    yield "|---|---|---|---|---|---|"
+    groups: list[tuple[str, Callable[[Case], bool]]] = [("all", lambda _: True)]
+    groups += [(f"plant {x}", lambda c, x=x: c.plant == x) for x in ("P1", "P2", "P3")]
+    groups += [(f"noise ± {100 * x:g} %", lambda c, x=x: c.noise == x) for x in (0.001, 0.005, 0.02)]
+    groups += [(f"dead time + {x:g} s", lambda c, x=x: c.dead_time == x) for x in (0.0, 1.0, 4.0)]
+    groups += [(f"h = Ti/{1 / x:.0f}", lambda c, x=x: c.h == x) for x in (1 / 50, 1 / 10, 1 / 4)]
+    groups += [(f"by {x}", lambda c, x=x: c.way == x) for x in ("error", "inverse")]
+    groups += [(f"size {x:g}d", lambda c, x=x: c.ratio == x) for x in (0.5, 0.8, 1.0, 1.5, 2.0)]
+    for name, belongs in groups:
+        chosen = [one for one in found if belongs(one[0])]
+        cells = []
+        for column in (1, 2):
+            false = [one[column] > 0 for one in chosen if not one[0].over]
+            missed = [one[column] == 0 for one in chosen if one[0].over]
+            cells += [f"{np.mean(x):.1%}" if x else "" for x in (false, missed)]
+        yield f"| {name} | {len(chosen)} | {' | '.join(cells)} |"
+
+
+# --- Whether it does harm -------------------------------------------------------------------------------------------
+
+
+def _process(random: np.random.Generator) -> tuple[str, Plant]:
+    """One of the batch, or lags with dead time, an integrator, a resonance."""
+    kind = random.choice(["batch", "lags", "integrating", "resonant"], p=[0.3, 0.4, 0.2, 0.1])
+    t = 10 ** random.uniform(0, 1.5)
+    if kind == "batch":
+        name = str(random.choice(list(PLANTS)))
+        return name, PLANTS[name]
+    dead_time = t * 10 ** random.uniform(-1.3, 0.3)
+    gain = 10 ** random.uniform(-0.5, 0.5)
+    if kind == "integrating":
+        return "integrator", Plant([gain / t], [t * random.uniform(0.1, 1), 1.0, 0.0], dead_time / 2)
+    if kind == "resonant":
+        return "resonance", Plant([gain], [t * t, 2 * random.uniform(0.2, 0.7) * t, 1.0], dead_time / 2)
+    lags = int(random.integers(1, 5))
+    den = np.array([t, 1.0])
+    for _ in range(lags - 1):
+        den = np.polymul(den, [t * 10 ** random.uniform(-0.7, 0), 1.0])
+    return f"{lags} lags", Plant([gain], den.tolist(), dead_time)
+
+
+def _tuned(random: np.random.Generator) -> tuple[str, Plant, tuple[float, float, float], float, float]:
+    """Process, controller that somebody has tuned and somebody else changed, filter time, Ms below 3."""
+    while True:
+        name, plant = _process(random)
+        kind: Any = "PID" if random.random() < 0.25 else "PI"
+        rules: list[Callable[[], tuning.Tuning]] = [
+            lambda plant=plant, kind=kind: tuning.amigo_step(plant, kind),
+            lambda plant=plant, kind=kind: tuning.amigo_frequency(plant, kind),
+            lambda plant=plant, kind=kind: tuning.migo(plant, kind, ms=float(random.uniform(1.3, 2.0))),
+            lambda plant=plant, kind=kind: tuning.simc(plant, kind),
+            lambda plant=plant, kind=kind: tuning.ziegler_nichols_frequency(plant, kind),
+        ]
+        try:
+            k, ti, td, _ = rules[int(random.integers(len(rules)))]().controller
+            k, ti = k * math.exp(random.normal(0, 0.25)), ti * math.exp(random.normal(0, 0.25))
+            tf = td / 5 if td > 0 else ti / 10
+            ms = tuning.assess(plant, (k, ti, td), tf=tf).ms
+        except InputError:
+            continue
+        if ms < 3:
+            return f"{name}, {kind}", plant, (k, ti, td), tf, ms
+
+
+def random_loop(number: int, way: Any) -> Scenario:
+    """A loop of which everything is drawn: process, tuning, gap, noise, load, setpoint, what is lost or wrong."""
+    random = np.random.default_rng([5, number])
+    name, plant, (k, ti, td), tf, ms = _tuned(random)
+    fastest = float(np.abs(plant.poles).max())
+    h = min(ti / random.uniform(8, 60), 0.9 * math.pi / fastest if fastest > 0 else math.inf)
+    if random.random() < 0.25:
+        plant, k = plant * -1.0, -k
+    width = 10 ** random.uniform(-0.3, 1.0)
+    d = 0.0 if random.random() < 0.15 else width
+    size = width * 10 ** random.uniform(-0.5, 0.3)
+    unit = max(ti, 5 * h)
+    t_end = min(random.uniform(600, 1200) * unit, 150_000 * h)
+    reach = width * (abs(plant.gain) if plant.gain is not None else 1 / abs(k))
+    noise = reach * 10 ** random.uniform(-2, 0)
+    white = random.random() < 0.7
+    load: list[Any] = [Steps(steps=((random.uniform(0.02, 0.1) * t_end, random.uniform(-3, 3) * width),))]
+    if random.random() < 0.7:
+        load.append(Walk(rate=width * 10 ** random.uniform(-1.5, 0) / math.sqrt(10 * unit)))
+    if random.random() < 0.2:
+        load.append(Sine(amplitude=width * random.uniform(0.2, 2), period=unit * 10 ** random.uniform(0.7, 2)))
+    setpoint = [(0.0, 0.0)]
+    if random.random() < 0.3:
+        times = np.cumsum(random.uniform(20, 200, 60) * unit)
+        setpoint += [(float(t), float(reach * random.normal(0, 1.5))) for t in times if t < t_end]
+    lost = random.uniform(0.2, 0.98, 3) * t_end if random.random() < 0.3 else []
+    by_hand = random.uniform(0.35, 0.9) * t_end
+    wrong = (-1 if random.random() < 0.2 else 1) * 10 ** random.uniform(-0.5, 0.5) if random.random() < 0.5 else 1
+    return scenario(
+        name=f"{number}: {name}, Ms {ms:.1f}",
+        plant=plant,
+        controller=(k, ti, td),
+        tf=tf,
+        d=d,
+        noise=Uniform(amplitude=noise) if white else Coloured(sigma=noise / 2, tau=unit * random.uniform(0.05, 1)),
+        load=load,
+        setpoint=setpoint,
+        bad=tuple((float(t), float(t + random.uniform(1, 10) * unit)) for t in lost),
+        manual=((by_hand, by_hand + random.uniform(1, 15) * unit),) if random.random() < 0.2 else (),
+        limits=(-random.uniform(3, 12) * width, random.uniform(3, 12) * width) if random.random() < 0.2 else None,
+        h=h,
+        t_end=t_end,
+        seed=number,
+        compensation=Compensation(way=way, size=size, share=0.8, begin=t_end / 3, k=wrong * k),
+    )
+
+
+@dataclass(frozen=True)
+class Harm:
+    """A random loop with and without its compensation, over the last third."""
+
+    name: str
+    gap: float
+    size: float
+    pv: float
+    """PV's standard deviation by that of the uncompensated loop."""
+    turns: int
+    turns_without: int
+    standing: str
+    active: float
+    """Share of the time in which it was in force."""
+    broken: str
+    """The first promise that it broke, if it did: size, rate, limits, manual, loss."""
+
+    @property
+    def harmless(self) -> bool:
+        """The bounds, with two reversals for counts that are small."""
+        return self.pv <= 1.1 and self.turns <= 1.5 * self.turns_without + 2
+
+    @property
+    def badness(self) -> float:
+        """How far beyond the bounds."""
+        return max(self.pv / 1.1, self.turns / (1.5 * self.turns_without + 2))
+
+
+def harm(number: int, way: str) -> Harm | None:
+    """Both runs of a loop; None where it cannot begin at rest within its limits."""
+    with_it = random_loop(number, way)
+    given = with_it.compensation
+    assert given is not None
+    try:
+        compensated, without = run(with_it), run(with_it.model_copy(update={"compensation": None}))
+    except InputError:
+        return None
+    assert compensated.u_ff is not None and compensated.standing is not None
+    late = without.t > 2 / 3 * without.t[-1]
+    size, ti = given.share * given.size, with_it.ideal().ti
+    pv, pv_without = (float(np.std((s.pv - s.sp)[late])) for s in (compensated, without))
+    turns, turns_without = (reversals(s.op[late], given.size / 10) for s in (compensated, without))
+    return Harm(
+        name=with_it.name,
+        gap=with_it.d,
+        size=size,
+        pv=pv / pv_without,
+        turns=turns,
+        turns_without=turns_without,
+        standing=STANDINGS[int(compensated.standing[-1])],
+        active=float(np.mean(compensated.standing[late] == 0)),
+        broken=_broken(compensated, with_it, size, 10 * size / ti if way == "inverse" else size / with_it.h),
+    )
+
+
+def _broken(s: Simulation, of: Scenario, size: float, rate: float) -> str:
+    """The first promise that u_FF breaks."""
+    assert s.u_ff is not None
+    u, ti = s.u_ff, of.ideal().ti
+    manual = (s.flags & 1) != 0
+    moves = np.abs(np.diff(u))[~manual[1:]]
+    if np.abs(u).max() > size / 2 * (1 + 1e-9):
+        return "size"
+    if moves.max() > rate * of.h * (1 + 1e-9):
+        return "rate"
+    if of.limits is not None and (s.op.min() < of.limits[0] or s.op.max() > of.limits[1]):
+        return "limits"
+    if u[manual].any():
+        return "manual"
+    for begin, end in of.bad:
+        # Taken away within Ti, or as long as the rate takes.
+        gone = (s.t > begin + ti + size / rate + 2 * of.h) & (s.t < end)
+        if np.abs(u[gone]).max(initial=0.0) > 1e-12:
+            return "loss"
+    return ""
+
+
+def harms(pool: ProcessPoolExecutor, loops: int) -> Iterator[str]:
+    """The third table, and the worst ten."""
+    yield (
+        "| way | loops | within both bounds | PV ≤ 1.1 × | reversals ≤ 1.5 × | promises broken | in force at the end | "
+        "withdrawn: worse | over-compensated | PV's median where in force |"
+    )
+    yield "|---|---|---|---|---|---|---|---|---|---|"
+    inverse: list[Harm] = []
+    for way in WAYS:
+        asked = pool.map(partial(harm, way=way), range(loops), chunksize=4)
+        found = [one for one in track(asked, f"harm, {way}", total=loops, transient=True) if one is not None]
+        ends = Counter(one.standing for one in found)
+        in_force = [one.pv for one in found if one.active > 0.5]
+        shares = (
+            [one.harmless for one in found],
+            [one.pv <= 1.1 for one in found],
+            [one.turns <= 1.5 * one.turns_without + 2 for one in found],
+        )
+        cells = [f"{np.mean(share):.1%}" for share in shares]
+        cells.append(str(sum(bool(one.broken) for one in found)))
+        cells += [f"{ends[name] / len(found):.0%}" for name in ("active", "worse", "over_compensated")]
+        cells.append(f"{np.median(in_force):.2f} ×" if in_force else "")
+        yield f"| {way} | {len(found)} | {' | '.join(cells)} |"
+        inverse = found
+    yield ""
+    yield "The worst ten by *inverse*:"
+    yield ""
+    yield "| loop | gap | size | PV | reversals, without | at the end |"
+    yield "|---|---|---|---|---|---|"
+    for one in sorted(inverse, key=lambda one: -one.badness)[:10]:
+        counts = f"{one.turns}, {one.turns_without}"
+        yield f"| {one.name} | {one.gap:.2f} | {one.size:.2f} | {one.pv:.2f} × | {counts} | {one.standing} |"
+
+
+def _sections(parts: Sequence[tuple[str, Iterable[str]]]) -> Iterator[tuple[str, str]]:
+    for name, lines in parts:
+        text = "\n".join(lines)
+        print(f"\n{text}", flush=True)
+        yield name, text
+
+
+def main() -> None:
+    """Measure, print, and write into the docs where asked."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
+    parser.add_argument("--loops", type=int, default=1000, help="random loops of the last part")
+    parser.add_argument("--docs", action="store_true", help="write the tables into docs/compensation.md")
+    given = parser.parse_args()
+    with ProcessPoolExecutor() as pool:
+        parts = [("brings", brings(pool)), ("warns", warns(pool)), ("harms", harms(pool, given.loops))]
+        tables = dict(_sections(parts))
+    if given.docs:
+        document = DOCS.read_text(encoding="utf-8")
+        for name, text in tables.items():
+            between = re.compile(rf"(<!-- {name} -->\n).*?(<!-- end -->)", re.DOTALL)
+            document = between.sub(lambda m, text=text: f"{m[1]}\n{text}\n\n{m[2]}", document)  # type: ignore[misc]
+        DOCS.write_text(document, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

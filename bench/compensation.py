@@ -1,6 +1,6 @@
 """What compensation brings, when its warnings are wrong, and whether it does harm: `python bench/compensation.py`.
 
-About three minutes on two cores; `--loops 100` makes the last part shorter, `--docs` writes the tables into
+A few minutes on two cores; `--loops 100` makes the last part shorter, `--docs` writes the tables into
 docs/compensation.md. Everything is simulated, so that the gap is known.
 """
 
@@ -327,6 +327,11 @@ class Harm:
         return self.pv <= 1.1 and self.turns <= 1.5 * self.turns_without + 2
 
     @property
+    def withdrawn(self) -> bool:
+        """Whether it was, at the end."""
+        return self.standing in ("worse", "over_compensated")
+
+    @property
     def badness(self) -> float:
         """How far beyond the bounds."""
         return max(self.pv / 1.1, self.turns / (1.5 * self.turns_without + 2))
@@ -384,10 +389,10 @@ def _broken(s: Simulation, of: Scenario, size: float, rate: float) -> str:
 def harms(pool: ProcessPoolExecutor, loops: int) -> Iterator[str]:
     """The third table, and the worst ten."""
     yield (
-        "| way | loops | within both bounds | PV ≤ 1.1 × | reversals ≤ 1.5 × | promises broken | in force at the end | "
-        "withdrawn: worse | over-compensated | PV's median where in force |"
+        "| way | loops | within both bounds | PV ≤ 1.1 × | reversals ≤ 1.5 × | beyond them, not withdrawn | "
+        "promises broken | in force at the end | withdrawn: worse | over-compensated | PV's median where in force |"
     )
-    yield "|---|---|---|---|---|---|---|---|---|---|"
+    yield "|---|---|---|---|---|---|---|---|---|---|---|"
     inverse: list[Harm] = []
     for way in WAYS:
         asked = pool.map(partial(harm, way=way), range(loops), chunksize=4)
@@ -400,6 +405,7 @@ def harms(pool: ProcessPoolExecutor, loops: int) -> Iterator[str]:
             [one.turns <= 1.5 * one.turns_without + 2 for one in found],
         )
         cells = [f"{np.mean(share):.1%}" for share in shares]
+        cells.append(f"{np.mean([not one.harmless and not one.withdrawn for one in found]):.1%}")
         cells.append(str(sum(bool(one.broken) for one in found)))
         cells += [f"{ends[name] / len(found):.0%}" for name in ("active", "worse", "over_compensated")]
         cells.append(f"{np.median(in_force):.2f} ×" if in_force else "")

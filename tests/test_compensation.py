@@ -9,6 +9,7 @@ import pytest
 from bench.compensation import Case, Harm, harm, reversals, warned
 
 from glapp.errors import InputError
+from glapp.fit import Fit
 from glapp.simulate import BAD, NOT_AUTO, STANDINGS, Compensation, Scenario, Simulation, Walk, run, run_many
 
 WAYS = ("error", "derivative", "inverse")
@@ -136,8 +137,8 @@ def test_a_loop_whose_valve_is_worn_out_is_left_alone() -> None:
 
 @pytest.mark.parametrize("way", WAYS)
 def test_random_loops(way: str) -> None:
-    found = [one for one in (harm(number, way) for number in range(30)) if one is not None]
-    assert len(found) >= 25
+    found = [one for one in (harm(number, way) for number in range(16)) if one is not None]
+    assert len(found) >= 14
     assert not [one for one in found if one.broken]
     assert np.mean([one.harmless for one in found]) >= 0.85
     assert any(one.active > 0.5 for one in found), "a compensation that is never in force does no harm either"
@@ -162,6 +163,11 @@ def test_our_warning_is_right_where_that_of_the_thesis_is_wrong(plant: str, rati
     _, even, relay = found
     assert even > 0, "equal half-periods there are in all of these"
     assert relay > 0.5 if ratio > 1 else relay == 0
+
+
+def test_only_backlash_may_be_compensated() -> None:
+    for verdict, size in (("backlash", 0.8), ("both", None), ("stiction", None), ("at_least", None), ("sound", None)):
+        assert Fit(verdict=verdict, reason="", unit="%", d=1.0, low=0.8, high=1.2).compensable == size  # type: ignore[arg-type]
 
 
 def test_together_as_alone() -> None:

@@ -28,6 +28,7 @@ fn main() {
         tf: 0.2,
         rate: 5.0,
         release: 2.0,
+        watch: 1000.0,
         travel: 1e9,
         reversals: 1e9,
         withdraw: true,

@@ -1634,7 +1634,8 @@ class _Detection:
         self.params = own | given | known | limits | {"max_h": params["ti"] / 2.0}
         self.size = params.get("comp_size", 0.0)
         renamed = {name.removeprefix("comp_"): value for name, value in params.items() if name.startswith("comp_")}
-        usual = {"way": 3.0, "share": 1.0, "band": self.size / 10.0, "tf": 0.0, "release": ti, "withdraw": 1.0}
+        usual = {"way": 3.0, "share": 1.0, "band": self.size / 5.0, "tf": 0.0, "release": ti, "withdraw": 1.0}
+        usual |= {"watch": 100.0 * ti}
         usual |= {"rate": self.size / (ti / 10.0), "travel": MOST, "reversals": MOST}
         room = {"low": params["low"], "high": params["high"]} if limits else {}
         self.compensation = usual | renamed | room | {"k": k}

@@ -377,6 +377,7 @@ class _Compensating(Module):
     comp_tf: float = 0.0
     comp_rate: float | None = None
     comp_release: float | None = None
+    comp_watch: float | None = None
     comp_travel: float | None = None
     comp_reversals: float | None = None
     comp_withdraw: bool = True
@@ -406,7 +407,7 @@ class PidAdvanced(_Compensating, Pid):
         width is then taken from the output's own travel.
     comp_size, comp_way, comp_share, comp_limit, comp_band, comp_tf : float
         Compensation, as in `BacklashDetection`.
-    comp_rate, comp_release, comp_travel, comp_reversals, comp_withdraw : float, optional
+    comp_rate, comp_release, comp_watch, comp_travel, comp_reversals, comp_withdraw : float, optional
         Likewise.
     """
 
@@ -489,7 +490,7 @@ class BacklashDetection(_Compensating):
     comp_limit : float, optional
         Greatest width, ≥ share·size; share·size where not given.
     comp_band : float, optional
-        `Way.INVERSE`: how far the output must go back before that is a reversal, ≥ 0; a tenth of the size where not
+        `Way.INVERSE`: how far the output must go back before that is a reversal, ≥ 0; a fifth of the size where not
         given.
     comp_tf : float
         Time constant of a filter of the output before its direction is found, ≥ 0 [s].
@@ -497,11 +498,13 @@ class BacklashDetection(_Compensating):
         Greatest rate, > 0 [unit of the output per s]; where not given the inverse goes from side to side in Ti/10, the
         others jump.
     comp_release : float, optional
-        Time in which it is brought in and taken away, > 0 [s]; Ti where not given.
+        Time in which it is taken away, > 0 [s]; Ti where not given.
+    comp_watch : float, optional
+        Time over which the loop is compared with what it was before, > 0 [s]; 100 Ti where not given.
     comp_travel, comp_reversals : float, optional
         Budgets in any hour [unit of the output; 1]; none where not given.
     comp_withdraw : bool
-        Whether it is withdrawn when the relay warns.
+        Whether it is withdrawn when the relay warns, and where the loop is worse than before.
     """
 
     k: float

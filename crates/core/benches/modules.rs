@@ -43,6 +43,7 @@ fn scans(c: &mut Criterion) {
         tf: 3.0,
         rate: 0.5,
         release: 30.0,
+        watch: 1000.0,
         travel: 1e9,
         reversals: 1e9,
         withdraw: true,

@@ -181,7 +181,7 @@ pub struct CompensationSample<R> {
 /// the whole, nor a minute more than the half. Before every reversal, the way there and the way back to 0 must be left, or
 /// it is withdrawn. In manual u_FF takes part in neither.
 ///
-/// A sample that is no number counts as bad; a step h that is not above 0 changes nothing but how it stands.
+/// A sample that is no number, or beyond 10¹⁰⁰ (`f32`: 10¹²), counts as bad; a step h that is not above 0 changes nothing but how it stands.
 ///
 /// ```
 /// use glapp_core::{Compensation, CompensationSample, CompensationSettings, CompensationState, Saturation, Way};
@@ -266,7 +266,7 @@ impl<R: Real> Compensation<R> {
     #[inline(always)]
     pub fn update(&self, state: &mut CompensationState<R>, sample: &CompensationSample<R>) -> R {
         let s = &self.settings;
-        let bad = sample.flags & BAD != 0 || !sample.e.is_number() || !sample.u.is_number();
+        let bad = sample.flags & BAD != 0 || !measurable(sample.e) || !measurable(sample.u);
         let timed = sample.h > R::ZERO && sample.h.is_number();
         let before = state.direction;
         if timed {
@@ -305,7 +305,7 @@ impl<R: Real> Compensation<R> {
     #[inline(always)]
     fn compare(&self, state: &mut CompensationState<R>, sample: &CompensationSample<R>) {
         let since = state.in_force;
-        if !since && (state.standing != Standing::NotEnabled || sample.flags != 0 || !sample.e.is_number()) {
+        if !since && (state.standing != Standing::NotEnabled || sample.flags != 0 || !measurable(sample.e + sample.u)) {
             return self.harm.forget(&mut state.harm);
         }
         let worse = self.harm.update(&mut state.harm, sample.e, sample.u + state.u_ff, sample.h, since);
@@ -418,6 +418,12 @@ impl<R: Real> Compensation<R> {
     }
 }
 
+/// Whether `x` is a number, and not so large that the filter overflows.
+#[inline(always)]
+fn measurable<R: Real>(x: R) -> bool {
+    x.magnitude() <= R::MOST
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -518,7 +524,7 @@ mod tests {
             (Standing::NotEnabled, CompensationSample { enable: false, ..sample(1.0, 3.0) }),
             (Standing::BadQuality, CompensationSample { flags: BAD, ..sample(1.0, 3.0) }),
             (Standing::BadQuality, sample(f64::NAN, 3.0)),
-            (Standing::BadQuality, sample(1.0, f64::INFINITY)),
+            (Standing::BadQuality, sample(1.0, 1e300)),
             (Standing::OverCompensated, CompensationSample { over: true, ..sample(1.0, 3.0) }),
             (Standing::AtLimit, CompensationSample { flags: AT_LOW, ..sample(1.0, 3.0) }),
             (Standing::AtLimit, sample(1.0, 99.9)),

@@ -25,6 +25,7 @@ fn a_loop_of_modules_scans_without_allocation() {
         tf: 0.2,
         rate: 5.0,
         release: 2.0,
+        watch: 1000.0,
         travel: 1e9,
         reversals: 1e9,
         withdraw: true,

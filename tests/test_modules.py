@@ -329,7 +329,7 @@ LOAD = 5.0 * (np.arange(25_000) // 2000 % 2)
 
 @pytest.mark.parametrize("inside", [True, False])
 def test_after_compensation_the_detector_shows_what_is_left(inside: bool) -> None:
-    loop = system_of_6_5(1, 0.2, inside, comp_size=1.0)
+    loop = system_of_6_5(1, 0.2, inside, comp_size=1.0, comp_band=0.1, comp_withdraw=False)
     name = "pid" if inside else "watch"
     before = loop.run(500, load=LOAD[:5000], record=["process"])["process"]
     assert loop[f"{name}.standing"] == 1.0 and loop[f"{name}.u_ff"] == 0.0  # nobody has switched it on

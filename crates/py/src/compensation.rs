@@ -109,7 +109,7 @@ impl TryFrom<PySettings> for CompensationSettings<f64> {
 /// >>> settings = dict(k=1.0, size=2.0, share=1.0, limit=5.0, band=0.5, tf=0.0, rate=1.0, release=1.0, watch=1e4)
 /// >>> inverse = Compensation("inverse", **settings, travel=1e3, reversals=500, withdraw=True)
 /// >>> [inverse.update(0.0, u, 1.0, enable=True) for u in (50.0, 50.6, 50.2, 50.0, 50.5, 50.6)]
-/// [0.0, 0.0, 0.0, -0.75, 0.25, 0.75]
+/// [0.0, 0.0, 0.0, -0.75, -0.75, 0.25]
 /// >>> inverse.standing
 /// 'active'
 #[pyclass(module = "glapp.blocks")]

@@ -31,8 +31,11 @@ pub(crate) struct Models<const N: usize> {
     pub(crate) drift_at_start: Lanes,
 }
 
-/// Variance that stands for "not known at all" at the start, in units of the white noise.
-const UNKNOWN: f64 = 1e8;
+/// Variance that stands for "not known at all", at the start and for the load where it jumps, in units of the white noise.
+pub(crate) const UNKNOWN: f64 = 1e8;
+/// Samples of PV at the beginning of a stretch that tell where the process and the load stand; they are worth nothing, so
+/// that models with more states do not pay for a start that nobody asked about.
+pub(crate) const START: usize = 6;
 
 /// What a pass over a record leaves: innovations divided by their standard deviations, of PV and of the model's answer
 /// with gain 1, and Σ ln S.
@@ -59,22 +62,25 @@ impl<const N: usize> Models<N> {
     const DRIFT: usize = N - 1;
 
     /// Innovations of `y` and of the answer to the positions `v`, for each sample of `y` that is a number; Kalman
-    /// filter from an unknown start, the load unknown again at each of the cells `jumps`.
+    /// filter from an unknown start (the first [`START`] count as 0), the load unknown again at each of the cells `jumps`.
     #[inline(always)]
     pub(crate) fn whiten(&self, y: &[f64], jumps: &[usize], v: &[Lanes], white: &mut White) {
         let mut gain = self.start();
         let (mut of_y, mut of_v) = ([[0.0; LANES]; N], [[0.0; LANES]; N]);
+        let mut seen = 0;
         for (k, (&y, v)) in y.iter().zip(v).enumerate() {
             if y.is_nan() {
                 gain.still = 0;
             } else {
                 let e_y = lanes(|l| y - of_y[0][l] - of_y[Self::DRIFT][l]);
                 let e_v = lanes(|l| -of_v[0][l] - of_v[Self::DRIFT][l]);
-                white.of_y.push(lanes(|l| e_y[l] * gain.scale[l]));
+                let worth = if seen < START { 0.0 } else { 1.0 };
+                seen += 1;
+                white.of_y.push(lanes(|l| worth * e_y[l] * gain.scale[l]));
                 // The model's own answer enters with the other sign: y − kp·answer.
-                white.of_v.push(lanes(|l| -e_v[l] * gain.scale[l]));
+                white.of_v.push(lanes(|l| -worth * e_v[l] * gain.scale[l]));
                 for l in 0..LANES {
-                    white.log_s[l] += gain.log_s[l];
+                    white.log_s[l] += worth * gain.log_s[l];
                 }
                 for i in 0..N {
                     for l in 0..LANES {

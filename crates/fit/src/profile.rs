@@ -15,6 +15,9 @@ pub(crate) struct Profile {
 
 /// 95 % of chi-square with one degree of freedom.
 pub(crate) const CHI2_95: f64 = 3.841;
+/// How far −2·ln L may rise over its least within the 95 % interval. A chi-square would say 3.84; loads that are no random walk
+/// and processes of no family make it rise so far over the true width in one of twenty records of the bench of truth.
+pub(crate) const RISE: f64 = 10.0;
 
 impl Profile {
     /// Every width of `widths` (rising, the first 0) with the slip jump a `share` of it, begun from its neighbours on both sides and each
@@ -40,7 +43,12 @@ impl Profile {
                 points[i] = back;
             }
         }
-        let mut profile = Self { structure: search.structure, points, best: 0 };
+        Self::of(search.structure, points)
+    }
+
+    /// From points in rising order of d.
+    pub(crate) fn of(structure: Structure, points: Vec<Point>) -> Self {
+        let mut profile = Self { structure, points, best: 0 };
         profile.find();
         profile
     }
@@ -50,8 +58,19 @@ impl Profile {
         self.best = (0..self.points.len()).min_by(|a, b| cost(a).total_cmp(&cost(b))).expect("a profile has points");
     }
 
+    /// Whether the other's best point is of the same process, and no better.
+    pub(crate) fn alike(&self, other: &Self) -> bool {
+        let (here, there) = (&self.points[self.best], &other.points[other.best]);
+        self.structure.alike(&here.theta, &there.theta)
+    }
+
     pub(crate) fn least(&self) -> f64 {
         self.points[self.best].cost
+    }
+
+    /// The least with what the family's parameters cost (Akaike).
+    pub(crate) fn penalised(&self) -> f64 {
+        self.least() + 2.0 * self.structure.parameters() as f64
     }
 
     /// One more width, begun from the better of its neighbours.

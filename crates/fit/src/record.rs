@@ -1,5 +1,6 @@
 //! The record as the fit sees it: even steps, gathered into cells.
 
+use crate::kalman::START;
 use glapp_core::{Backlash, BacklashState};
 use glapp_sim::{Friction, FrictionState, Model};
 
@@ -64,11 +65,27 @@ impl Record {
                     part,
                 }
             })
-            .filter(|s| s.y.len() > 20)
+            .filter(|s| s.y.iter().filter(|y| !y.is_nan()).count() > 20)
             .collect();
         let count = stretches.iter().flat_map(|s| &s.y).filter(|y| !y.is_nan()).count();
         let range = stretches.iter().map(|s| span(&s.u)).fold(0.0, f64::max);
         Self { stretches, cell, count, range }
+    }
+
+    /// Cells of PV that count: those that tell where a stretch starts and how far a load jumped are worth nothing.
+    pub(crate) fn freedom(&self) -> f64 {
+        (self.count - START * self.stretches.len() - self.jumps()) as f64
+    }
+
+    /// Jumps of the load that are marked.
+    pub(crate) fn jumps(&self) -> usize {
+        self.stretches.iter().map(|s| s.jumps.len()).sum()
+    }
+
+    /// The same record with other jumps of the load.
+    pub(crate) fn with_jumps(&self, jumps: Vec<Vec<usize>>) -> Self {
+        let stretches = self.stretches.iter().zip(jumps).map(|(s, jumps)| Stretch { jumps, ..s.clone() }).collect();
+        Self { stretches, ..*self }
     }
 
     /// The same record with other PV.
@@ -84,7 +101,8 @@ impl Record {
     }
 
     /// Half of the median move of OP from one step to the next [OP unit]: where between two steps it turned is not known,
-    /// and how far the valve followed is not known better than that. Nothing where OP mostly stands still: its steps are seen.
+    /// and how far the valve followed is not known better than that. Nothing where OP mostly stands still: its steps are
+    /// seen. Turns that are missed make a gap look narrower, at both of its ends.
     pub(crate) fn resolution(&self) -> f64 {
         let moves = self.stretches.iter().flat_map(|s| s.u.windows(2).map(|w| (w[1] - w[0]).abs()));
         let mut moves: Vec<f64> = moves.collect();

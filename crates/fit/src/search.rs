@@ -1,8 +1,9 @@
 //! The likelihood of one family and its maximum for a given lost motion.
 
-use crate::kalman::{LANES, Lanes, White, lanes};
+use crate::kalman::{LANES, Lanes, UNKNOWN, White, lanes};
 use crate::record::{Lost, Positions, Record};
 use crate::structure::{MOST, Structure, Theta};
+use std::f64::consts::PI;
 
 /// A point of the search: the family's parameters and what they are worth.
 #[derive(Clone, Debug)]
@@ -43,8 +44,9 @@ pub(crate) struct Search<'a> {
 impl Search<'_> {
     /// Four sets of parameters at once, each with the positions of one lost motion.
     pub(crate) fn innovations(&self, thetas: &[Theta; LANES], positions: [&Positions; LANES]) -> Innovations {
+        // PV's mean over a cell lies half a cell behind its first step, OP's mean acts from the first step on. OP never acts on
+        // the PV of its own step: it is the controller's answer to that PV, and would explain it all too well.
         let cell = self.record.cell as f64;
-        // PV's mean over a cell lies half a cell behind its first step, OP's mean acts from the first step on.
         let delay = lanes(|l| thetas[l][self.structure.dead_time_at()] - (cell - 1.0) / (2.0 * cell));
         let mut white = White::default();
         let mut delayed = Vec::new();
@@ -68,7 +70,10 @@ impl Search<'_> {
             let kp = if vv[l] > 1e-300 { yv[l] / vv[l] } else { 0.0 };
             if kp * self.sign < 0.0 { 0.0 } else { kp }
         });
-        let scale = lanes(|l| (white.log_s[l] / (2.0 * self.record.count as f64)).exp());
+        let freedom = self.record.freedom();
+        // A jump's size is free: it costs nothing here, and Search::surprise what it is worth.
+        let free = self.record.jumps() as f64 * UNKNOWN.ln();
+        let scale = lanes(|l| ((white.log_s[l] - free) / (2.0 * freedom)).exp());
         let mut residual = white.of_y;
         let mut sum = [0.0; LANES];
         for (y, v) in residual.iter_mut().zip(&white.of_v) {
@@ -84,8 +89,19 @@ impl Search<'_> {
         self.innovations(&[*theta; LANES], [positions; LANES])
     }
 
+    /// −2·ln L with the size of the noise at its best.
     pub(crate) fn cost(&self, sum: f64) -> f64 {
-        self.record.count as f64 * sum.max(1e-300).ln()
+        let freedom = self.record.freedom();
+        freedom * ((sum.max(1e-300) / freedom).ln() + 1.0 + (2.0 * PI).ln())
+    }
+
+    /// What the jumps of the load that are marked cost at `point` [−2·ln L]: each may lie at any cell, and be as large as OP's
+    /// range.
+    pub(crate) fn surprise(&self, point: &Point) -> f64 {
+        let here = self.at(&point.theta, &self.record.positions(&point.lost));
+        let white = here.sum[0] / (here.scale[0] * here.scale[0]) / self.record.freedom();
+        let size = (point.kp * self.record.range).powi(2) / white;
+        self.record.jumps() as f64 * ((2.0 * PI * size).ln().max(0.0) + 2.0 * (self.record.count as f64).ln())
     }
 
     /// Derivatives of the residuals by each parameter, a column each.

@@ -129,6 +129,27 @@ impl Structure {
         self.denominator(theta)[1 + usize::from(self.integrating)]
     }
 
+    /// Whether two sets of parameters are of one process: lags and dead time within a third of their sum.
+    pub(crate) fn alike(self, a: &Theta, b: &Theta) -> bool {
+        let (lags, dead) = ([self.lag(a), self.lag(b)], [a[self.dead_time_at()], b[self.dead_time_at()]]);
+        let near = 0.5 + (lags[0] + dead[0]) / 3.0;
+        (lags[0] - lags[1]).abs() < near && (dead[0] - dead[1]).abs() < near
+    }
+
+    /// The nearest parameters of two lags with a load that walks.
+    pub(crate) fn as_pilot(self, theta: &Theta) -> Theta {
+        let mut pilot = [0.0; MOST];
+        if self.lags == 1 {
+            (pilot[0], pilot[1]) = (theta[0].max(1.0), 0.5);
+        } else {
+            (pilot[0], pilot[1]) = (theta[0], theta[1]);
+        }
+        // The third lag becomes dead time.
+        pilot[2] = theta[self.dead_time_at()] + if self.lags == 3 { theta[2].exp() } else { 0.0 };
+        pilot[3] = if self.noise == Noise::Output { -2.0 } else { theta[self.lags + 1] };
+        pilot
+    }
+
     /// The process with gain 1, held input, one cell a step; its first state is its output.
     fn sampled<const N: usize>(self, theta: &Theta) -> [[f64; N]; N] {
         let den = self.denominator(theta);

@@ -1,7 +1,7 @@
 //! From profiles to an answer: width, interval, and whether there is a gap at all.
 
-use crate::jumps::jumps;
-use crate::profile::{CHI2_95, Profile, trust};
+use crate::jumps::with_jumps;
+use crate::profile::{CHI2_95, Profile, RISE, trust};
 use crate::record::{Lost, Positions, Record};
 use crate::search::{Point, Search, dot, solve};
 use crate::structure::{MOST, Noise, Structure, Theta};
@@ -187,6 +187,11 @@ fn moved(u: &[f64]) -> f64 {
 
 const PILOT: Structure = Structure { lags: 2, integrating: false, noise: Noise::Input };
 
+/// Families of which the whole profile is worked out.
+const MOST_FAMILIES: usize = 7;
+/// Beginnings that are followed.
+const MOST_SEEDS: usize = 4;
+
 /// Good beginnings from one family at a few widths, and lags and half the dead time of the best of them
 /// together [cells].
 fn pilot(record: &Record, sign: f64) -> (Vec<Theta>, f64) {
@@ -206,8 +211,7 @@ fn pilot(record: &Record, sign: f64) -> (Vec<Theta>, f64) {
     points.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     let mut seeds: Vec<Theta> = Vec::new();
     for point in &points {
-        let differs = |s: &Theta| (0..3).any(|i| (s[i] - point.theta[i]).abs() > 0.5);
-        if seeds.len() < 3 && seeds.iter().all(differs) {
+        if seeds.len() < MOST_SEEDS && !seeds.iter().any(|s| PILOT.alike(s, &point.theta)) {
             seeds.push(point.theta);
         }
     }
@@ -255,39 +259,60 @@ fn widened(structure: Structure, simple: &Profile) -> Theta {
     theta
 }
 
-/// A coarse look with the simple disturbances, then with both together from where those ended.
+/// A coarse look with the simple disturbances, then with both together from where those ended: a profile for each family
+/// and each of the `seeds` that leads it somewhere else. In a closed loop a process with another dead time may explain PV
+/// nearly as well, and it is a family of its own.
 fn looks(record: &Record, seeds: &[Theta], sign: f64) -> Vec<Profile> {
     let of = |structure| Search { record, structure, sign };
-    let coarse = [0.0, 0.05, 0.15, 0.3, 0.45, 0.6, 0.75, 0.88, 1.0].map(|part| part * record.range);
-    let simple: Vec<Profile> = [Structure::with(Noise::Input), Structure::with(Noise::Output)]
-        .concat()
+    let coarse = [0.0, 0.06, 0.18, 0.35, 0.55, 0.75, 1.0].map(|part| part * record.range);
+    let begin = |structure: Structure| {
+        // The seeds are of two lags; the other families start from the best of them.
+        let most = if structure == PILOT { MOST_SEEDS } else { 2 - usize::from(structure.integrating) };
+        seeds.iter().take(most).map(move |seed| (structure, adapted(structure, seed)))
+    };
+    let families = [Structure::with(Noise::Input), Structure::with(Noise::Output)].concat();
+    let simple: Vec<Profile> = families
+        .into_iter()
+        .flat_map(begin)
+        .collect::<Vec<_>>()
         .into_par_iter()
-        .map(|structure| {
-            let begin: Vec<Theta> = seeds.iter().map(|seed| adapted(structure, seed)).collect();
-            Profile::over(&of(structure), &coarse, 0.0, &begin, 4)
-        })
+        .map(|(structure, begin)| Profile::over(&of(structure), &coarse, 0.0, &[begin], 4))
         .collect();
+    let simple = distinct(simple);
     let promising = leading(&simple).least() + room(record.count);
-    let both: Vec<Profile> = Structure::with(Noise::Both)
-        .into_par_iter()
-        .filter_map(|structure| {
-            let process = |s: Structure| (s.lags, s.integrating);
-            let alike = simple.iter().filter(|p| process(p.structure) == process(structure));
-            let begin: Vec<Theta> = alike.filter(|p| p.least() < promising).map(|p| widened(structure, p)).collect();
-            (!begin.is_empty()).then(|| Profile::over(&of(structure), &coarse, 0.0, &begin, 3))
+    let both: Vec<Profile> = simple
+        .par_iter()
+        .filter(|p| p.least() < promising)
+        .filter_map(|p| {
+            let structure = Structure { noise: Noise::Both, ..p.structure };
+            let both = Profile::over(&of(structure), &coarse, 0.0, &[widened(structure, p)], 3);
+            // Where the second disturbance is worth nothing it is the same family once more.
+            (both.penalised() < p.penalised()).then_some(both)
         })
         .collect();
-    [simple, both].concat()
+    [simple, distinct(both)].concat()
+}
+
+/// The profiles of which no better one of the same family ends at the same process.
+fn distinct(mut profiles: Vec<Profile>) -> Vec<Profile> {
+    profiles.sort_by(|a, b| a.least().total_cmp(&b.least()));
+    let mut kept: Vec<Profile> = Vec::new();
+    for profile in profiles {
+        if !kept.iter().any(|p| p.structure == profile.structure && p.alike(&profile)) {
+            kept.push(profile);
+        }
+    }
+    kept
 }
 
 /// The whole profile of a family, from a coarse look.
 fn whole(search: &Search, look: &Profile, share: f64) -> Profile {
     let range = search.record.range;
-    let fine = [0.0, 0.02, 0.05, 0.1, 0.17, 0.25, 0.33, 0.41, 0.5, 0.58, 0.66, 0.74, 0.82, 0.88, 0.94, 1.0];
+    let fine = [0.0, 0.03, 0.08, 0.15, 0.24, 0.34, 0.45, 0.56, 0.67, 0.78, 0.9, 1.0];
     let mut seeds = vec![look.points[look.best].theta, look.points[0].theta];
     seeds.dedup();
     let mut profile = Profile::over(search, &fine.map(|part| part * range), share, &seeds, 4);
-    profile.refine(search, 3, 0.004 * range);
+    profile.refine(search, 2, 0.004 * range);
     profile
 }
 
@@ -302,41 +327,44 @@ fn leading(profiles: &[Profile]) -> &Profile {
 }
 
 /// Marks where the load jumped. What is left of a jump widens the walk of the load for all the record, and with it the
-/// interval of d: so each time that jumps were found it is looked again.
+/// interval of d: so when jumps were found it is looked again.
 fn without_jumps(record: &Record, seeds: &[Theta], sign: f64) -> (Record, Vec<Profile>) {
-    let mut record = record.clone();
-    let mut seen = looks(&record, seeds, sign);
+    let mut seen = (record.clone(), looks(record, seeds, sign));
+    let mut least = leading(&seen.1).least();
     for _ in 0..3 {
-        let best = leading(&seen);
-        let search = Search { record: &record, structure: best.structure, sign };
+        let best = leading(&seen.1);
+        let search = Search { record: &seen.0, structure: best.structure, sign };
         let profile = whole(&search, best, 0.0);
-        let found = jumps(&search, &profile.points[profile.best]);
-        if found.iter().all(Vec::is_empty) {
+        let (marked, point, cost) = with_jumps(&search, &profile.points[profile.best]);
+        if cost > least - 1.0 {
             break;
         }
-        for (stretch, found) in record.stretches.iter_mut().zip(found) {
-            stretch.jumps.extend(found);
-        }
-        seen = looks(&record, seeds, sign);
+        least = cost;
+        let structure = best.structure;
+        let mut seeds = pilot(&marked, sign).0;
+        seeds.insert(0, structure.as_pilot(&point.theta));
+        let looked = looks(&marked, &seeds, sign);
+        seen = (marked, looked);
     }
-    (record, seen)
+    seen
 }
 
 fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
-    let n = record.count as f64;
     let (record, mut looks) = without_jumps(record, seeds, question.sign);
     let record = &record;
+    let n = record.freedom();
     let of = |structure| Search { record, structure, sign: question.sign };
     let least = leading(&looks).least();
     // The whole profile for the families that predict nearly as well as the best.
     looks.retain(|p| p.least() < least + room(record.count));
+    looks.sort_by(|a, b| a.penalised().total_cmp(&b.penalised()));
+    looks.truncate(MOST_FAMILIES);
     let mut profiles: Vec<Profile> = looks.par_iter().map(|look| whole(&of(look.structure), look, 0.0)).collect();
-    let penalised = |p: &Profile| p.least() + 2.0 * p.structure.parameters() as f64;
-    profiles.sort_by(|a, b| penalised(a).total_cmp(&penalised(b)));
-    let least = penalised(&profiles[0]);
+    profiles.sort_by(|a, b| a.penalised().total_cmp(&b.penalised()));
+    let least = profiles[0].penalised();
     let raw_lr = |p: &Profile| p.points[0].cost - p.least();
     let dissent = profiles.iter().any(|p| raw_lr(p) > PLAIN);
-    profiles.retain(|p| penalised(p) < least + 6.0 + 2.0 * AS_GOOD * n);
+    profiles.retain(|p| p.penalised() < least + 6.0 + 2.0 * AS_GOOD * n);
 
     let search = of(profiles[0].structure);
     let mut best = profiles[0].points[profiles[0].best].clone();
@@ -356,16 +384,24 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
     let jump = if lr_no_gap > lr_needed && often { jump(&search, &best) } else { Jump::none(&best) };
     let fine = 0.001 * record.range;
     let mut spread = Vec::new();
-    if jump.lr > JUMP {
+    let tells = jump.lr > JUMP;
+    if tells {
         let mut profile = whole(&search, &profiles[0], jump.best.lost.share);
         best = profile.points[profile.best].clone();
         trusted = trust(&search, &best, 0.005 * record.range).max(LEAST_TRUST);
-        spread.extend(profile.within(&search, best.cost, CHI2_95 / trusted, fine));
+        spread.extend(profile.within(&search, best.cost, RISE / trusted, fine));
     } else {
         for profile in &mut profiles {
             let from = profile.least();
-            spread.extend(profile.within(&of(profile.structure), from, CHI2_95 / trusted, fine));
+            spread.extend(profile.within(&of(profile.structure), from, RISE / trusted, fine));
         }
+    }
+    let certain = spread.iter().all(|s| s.0 <= 0.0);
+    // A valve with another slip jump has another width, and may be as likely.
+    for mut profile in jump.shares {
+        let beyond = profile.points.last().map(|p| p.lost.d);
+        let limits = profile.within(&search, best.cost, RISE / trusted, fine);
+        spread.extend(limits.map(|(low, high)| (low, high.or(beyond))));
     }
     let low = (spread.iter().map(|s| s.0).fold(f64::INFINITY, f64::min) - record.resolution()).max(0.0);
     let high = spread.iter().map(|s| s.1).try_fold(0.0, |high, h| h.map(|h| f64::max(high, h)));
@@ -377,8 +413,9 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
         high,
         traversals,
         range: record.range,
-        jump: &jump,
-        dissent,
+        tells,
+        jumps_whole: jump.lr_all < CHI2_95,
+        dissent: dissent || !certain,
     });
     let chosen = &best;
     let positions = record.positions(&chosen.lost);
@@ -397,7 +434,7 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
         verdict,
         d: chosen.lost.d,
         low,
-        high: high.map(|high| high + record.resolution()),
+        high: high.map(|high| high + 3.0 * record.resolution()),
         jump: chosen.lost.jump(),
         lr_no_gap,
         lr_needed,
@@ -416,12 +453,12 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
         cells: record.count,
         cell: h,
         range: record.range,
-        load_steps: record.stretches.iter().map(|s| s.jumps.len()).sum(),
+        load_steps: record.jumps(),
         candidates: profiles
             .iter()
             .map(|p| Candidate {
                 structure: p.structure,
-                behind: penalised(p) - least,
+                behind: p.penalised() - least,
                 d: p.points[p.best].lost.d,
                 lr_no_gap: raw_lr(p),
                 profile: p.points.iter().map(|point| (point.lost.d, point.cost - p.least())).collect(),
@@ -494,35 +531,30 @@ struct Jump {
     lr: f64,
     /// −2·Δln L of J = d (sticks only, no gap beside) against the best J.
     lr_all: f64,
+    /// The likelihood over d for some shares that J may have of it.
+    shares: Vec<Profile>,
 }
 
 impl Jump {
     fn none(best: &Point) -> Self {
-        Self { best: best.clone(), lr: 0.0, lr_all: f64::INFINITY }
+        Self { best: best.clone(), lr: 0.0, lr_all: f64::INFINITY, shares: Vec::new() }
     }
 }
 
 fn jump(search: &Search, without: &Point) -> Jump {
-    let widths = [0.75, 0.85, 0.93, 1.0, 1.07, 1.15, 1.3];
+    let widths = [0.6, 0.75, 0.85, 0.93, 1.0, 1.07, 1.15, 1.3, 1.5, 1.75, 2.0];
     let parts = [0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 1.0];
-    let mut points: Vec<Point> = parts
-        .par_iter()
-        .flat_map(|part| {
-            widths.par_iter().map(move |wide| {
-                let d = without.lost.d * wide;
-                let lost = Lost { d, share: *part, start: without.lost.start.clone() };
-                search.from(&[(without.theta, lost)], 4, 1e-2)
-            })
-        })
-        .collect();
-    let least = |part: f64, points: &[Point]| {
-        let of = |p: &&Point| p.lost.share == part;
-        points.iter().filter(of).map(|p| p.cost).fold(f64::INFINITY, f64::min)
+    let at = |share: f64, wide: f64| {
+        let d = without.lost.d * wide;
+        let lost = Lost { d, share, start: without.lost.start.clone() };
+        search.from(&[(without.theta, lost)], 4, 1e-2)
     };
-    let all = least(1.0, &points);
-    points.push(without.clone());
-    let best = points.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost)).expect("not empty");
-    Jump { lr: without.cost - best.cost, lr_all: all - best.cost, best }
+    let of = |share: f64| Profile::of(search.structure, widths.iter().map(|wide| at(share, *wide)).collect());
+    let shares: Vec<Profile> = parts.par_iter().map(|share| of(*share)).collect();
+    let all = shares[parts.len() - 1].least();
+    let leads = leading(&shares);
+    let best = if leads.least() < without.cost { leads.points[leads.best].clone() } else { without.clone() };
+    Jump { lr: without.cost - best.cost, lr_all: all - best.cost, best, shares }
 }
 
 /// The cells of PV with what the model left of each.
@@ -580,7 +612,7 @@ impl Errors {
 }
 
 /// What the verdict rests on.
-struct Evidence<'a> {
+struct Evidence {
     lr_no_gap: f64,
     lr_needed: f64,
     lr_no_answer: f64,
@@ -588,7 +620,9 @@ struct Evidence<'a> {
     high: Option<f64>,
     traversals: [usize; 2],
     range: f64,
-    jump: &'a Jump,
+    /// Whether a slip jump shows, and whether it may be all of the width.
+    tells: bool,
+    jumps_whole: bool,
     /// Whether a family that predicts nearly as well as the best sees a gap.
     dissent: bool,
 }
@@ -610,8 +644,8 @@ fn judge(e: &Evidence) -> (Verdict, &'static str) {
     if e.low <= 0.0 {
         return (Verdict::CannotTell, "families_disagree");
     }
-    if e.jump.lr > JUMP {
-        return match e.jump.lr_all < 3.84 {
+    if e.tells {
+        return match e.jumps_whole {
             true => (Verdict::Stiction, "jumps"),
             false => (Verdict::Both, "jumps_in_a_gap"),
         };

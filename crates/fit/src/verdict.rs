@@ -264,7 +264,7 @@ fn widened(structure: Structure, simple: &Profile) -> Theta {
 /// nearly as well, and it is a family of its own.
 fn looks(record: &Record, seeds: &[Theta], sign: f64) -> Vec<Profile> {
     let of = |structure| Search { record, structure, sign };
-    let coarse = [0.0, 0.06, 0.18, 0.35, 0.55, 0.75, 1.0].map(|part| part * record.range);
+    let coarse = [0.0, 0.015, 0.05, 0.15, 0.3, 0.45, 0.6, 0.75, 0.88, 1.0].map(|part| part * record.range);
     let begin = |structure: Structure| {
         // The seeds are of two lags; the other families start from the best of them.
         let most = if structure == PILOT { MOST_SEEDS } else { 2 - usize::from(structure.integrating) };
@@ -308,11 +308,13 @@ fn distinct(mut profiles: Vec<Profile>) -> Vec<Profile> {
 /// The whole profile of a family, from a coarse look.
 fn whole(search: &Search, look: &Profile, share: f64) -> Profile {
     let range = search.record.range;
-    let fine = [0.0, 0.03, 0.08, 0.15, 0.24, 0.34, 0.45, 0.56, 0.67, 0.78, 0.9, 1.0];
+    let fine = [0.0, 0.01, 0.02, 0.05, 0.1, 0.17, 0.25, 0.33, 0.41, 0.5, 0.58, 0.66, 0.74, 0.82, 0.88, 0.94, 1.0];
     let mut seeds = vec![look.points[look.best].theta, look.points[0].theta];
     seeds.dedup();
     let mut profile = Profile::over(search, &fine.map(|part| part * range), share, &seeds, 4);
-    profile.refine(search, 2, 0.004 * range);
+    // A gap that is narrow against all that OP does has a narrow valley.
+    let fine = (0.05 * profile.points[profile.best].lost.d).clamp(0.0005 * range, 0.004 * range);
+    profile.refine(search, 2, fine);
     profile
 }
 
@@ -470,8 +472,9 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
 }
 
 /// What the likelihood ratio of no gap must exceed at least. Half a chi-square with one degree of freedom (d = 0 lies at the
-/// border of what d can be) exceeds 15 once in 20 000 records; nine families and real innovations are not that tame.
-const PLAIN: f64 = 15.0;
+/// border of what d can be) exceeds 20 once in 200 000 records; loads that are no random walk and real innovations are not
+/// that tame.
+const PLAIN: f64 = 20.0;
 /// The same for the slip jump.
 const JUMP: f64 = 15.0;
 /// Traversals each way without which no slip jump is looked for.

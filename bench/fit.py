@@ -7,7 +7,10 @@ likelihood costs about a millisecond. What both find must agree.
 
 from __future__ import annotations
 
+import os
 import time
+
+os.environ["OPENBLAS_NUM_THREADS"] = "1"  # matrices of three rows: threads would only wait for each other
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +45,7 @@ def loop(samples: int) -> Simulation:
 
 def recording(samples: int) -> glapp.Recording:
     """Every sixth sample of it."""
-    table = loop(samples).to_arrow().take(np.arange(0, 6 * samples, 6))
+    table = loop(samples).to_arrow().drop_columns("POSITION").take(np.arange(0, 6 * samples, 6))
     return glapp.recording_from(table, glapp.Loop(name="P2", op_unit="1"))
 
 
@@ -92,11 +95,11 @@ def minus_two_log_likelihood(theta: Floats, y: Floats, v: Floats) -> float:
 def with_scipy(y: Floats, u: Floats, widths: Floats) -> tuple[float, int]:
     """The most likely of the widths, and how many likelihoods that took."""
     evaluations, best = 0, (np.inf, 0.0)
-    starts = [np.array([np.log(t), np.log(t), dead, -2.0]) for t in (2.0, 8.0) for dead in (0.7, 5.0)]
+    starts = [np.array([np.log(t), np.log(t), 1.0, -2.0]) for t in (2.0, 8.0)]
     for d in widths:
         v = gap(u, d)
         for start in starts:
-            found = minimize(minus_two_log_likelihood, start, (y, v), "Nelder-Mead", options={"maxfev": 400})
+            found = minimize(minus_two_log_likelihood, start, (y, v), "Nelder-Mead", options={"maxfev": 300})
             evaluations += found.nfev
             best = min(best, (found.fun, float(d)))
     return best[1], evaluations
@@ -117,12 +120,12 @@ def main() -> None:
             ours, ours_took = answer.d, took
     rows = loop(shown)
     y, u = (column[: 6 * shown : 6] for column in (rows.pv, rows.op))
-    widths = np.linspace(0.0, np.ptp(u), 17)
+    widths = np.linspace(0.0, np.ptp(u), 9)
     begun = time.perf_counter()
     d, evaluations = with_scipy(y, u, widths)
     took = time.perf_counter() - begun
-    assert ours is not None and abs(d - ours) <= widths[1] * 1.5, f"SciPy finds {d}, glapp.fit {ours}"
-    table.add_row(f"SciPy, one family, 17 widths, {shown} samples", f"{took:.2f} s", f"{d:.4f}", str(evaluations))
+    assert ours is not None and abs(d - ours) <= widths[1], f"SciPy finds {d}, glapp.fit {ours}"
+    table.add_row(f"SciPy, one family, 9 widths, {shown} samples", f"{took:.2f} s", f"{d:.4f}", str(evaluations))
     table.add_row("SciPy / glapp.fit", f"{took / ours_took:.1f} ×", "", "")
     Console(width=110).print(table)
 

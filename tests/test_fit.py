@@ -24,7 +24,8 @@ def fitted(t: Any, pv: Any, op: Any, **settings: Any) -> glapp.Fit:
 def simulated(plant: str = "P3", controller: Any = (0.48, 0.3117), d: float = 0.05, **kw: Any) -> glapp.Fit:
     kw = {"noise": 0.005, "h": 0.1, "t_end": 250, "setpoint": [(1, 1.0)], "seed": 1, **kw}
     s = closed_loop(plant, controller, d=d, **kw)
-    return glapp.fit(glapp.recording_from(s.to_arrow(), glapp.Loop(name=plant, op_unit="1")))
+    table = s.to_arrow().drop_columns("POSITION")
+    return glapp.fit(glapp.recording_from(table, glapp.Loop(name=plant, op_unit="1")))
 
 
 @pytest.mark.parametrize("d", [0.1, 0.05, 0.02])
@@ -150,6 +151,45 @@ def test_op_of_another_loop_gives_no_gap() -> None:
     t = np.arange(0, 500, 0.5)
     f = fitted(t, np.cumsum(_noise(len(t))) * 0.1, 50 + 5 * np.sin(t / 11))
     assert f.verdict in {"cannot_tell", "sound"}, f.reason
+
+
+def test_the_valve_position_settles_it() -> None:
+    """PV alone cannot tell: OP hardly moves through the gap, and the noise is as large as what PV shows of it."""
+    s = closed_loop("P2", (0.4, 2.3), d=0.05, noise=0.05, h=0.2, t_end=300, load=walk(0.02, 0.2, 300, 1), seed=1)
+    positioned = glapp.Loop(name="P2", op_unit="1", positioner={"dead_band": 0.2})
+    f = glapp.fit(glapp.recording_from(s.to_arrow(), positioned))
+    assert f.verdict == "backlash" and f.low is not None and f.high is not None
+    assert f.low <= 0.05 <= f.high and f.high - f.low < 0.01
+    assert f.through_pv is not None and f.through_pv.verdict != "backlash"
+    assert "valve's position" in f.reason and "0.2 % of travel" in f.reason
+    assert f.to_dict()["signal"] == "position"
+
+
+def test_the_zero_crossing_estimate_takes_the_fitted_gain() -> None:
+    s = closed_loop("P3", (0.48, 0.3117), d=0.05, noise=0.002, h=0.1, t_end=400, setpoint=[(1, 1.0)], **LOADS)
+    spans = {"pv_span": (0, 1), "op_span": (0, 1)}
+    loop = glapp.Loop(name="P3", op_unit="1", controller={"k": 0.48, "ti": 0.3117, "setpoint_weight": 0}, **spans)
+    recording = glapp.recording_from(s.to_arrow().drop_columns("POSITION"), loop)
+    fitted, assumed = glapp.analyze(recording), glapp.analyze(recording, fit=False)
+    assert assumed.settings.kp == pytest.approx(1.5)
+    assert fitted.settings.kp == pytest.approx(1.0, rel=0.15) and "fitted" in fitted.settings.notes["kp"]
+    assert fitted.d_hat is not None and assumed.d_hat is not None and fitted.d_hat < assumed.d_hat
+
+
+def test_the_controllers_filter_time_does_not_matter_to_it() -> None:
+    """The zero-crossing estimate of the same loops reads the lower the longer its filter."""
+    table = closed_loop(
+        "P3", (0.48, 0.3117), d=0.05, noise=0.002, h=0.1, t_end=400, setpoint=[(1, 1.0)], **LOADS
+    ).to_arrow()
+    table = table.drop_columns("POSITION")
+    widths = []
+    for tf in (0.1, 1.0):
+        controller = {"k": 0.48, "ti": 0.3117, "setpoint_weight": 0}
+        loop = glapp.Loop(name="P3", op_unit="1", tf=tf, controller=controller, process={"kp": 1})
+        widths.append(glapp.analyze(glapp.recording_from(table, loop)))
+    assert widths[0].fit is not None and widths[1].fit is not None
+    assert widths[0].fit.d == widths[1].fit.d == pytest.approx(0.05, rel=0.1)
+    assert (widths[1].d_hat or 0.0) < 0.8 * (widths[0].d_hat or 0.0)
 
 
 def refinery(name: str) -> glapp.Fit:

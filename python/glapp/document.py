@@ -118,6 +118,8 @@ class FitAnswer(_Part):
     """What it must exceed for a gap."""
     process: Process | None
     """null where nothing could be fitted."""
+    signal: Literal["PV", "position"]
+    """What was fitted to OP: PV, or the measured valve position where it settled the answer."""
     trend: Annotated[list[float], Field(min_length=2, max_length=2)] | None
     """Change of the width and its standard error [`unit`/day], from three windows or more."""
     windows: list[Window]

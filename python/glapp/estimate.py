@@ -91,7 +91,8 @@ def estimate(recording: Recording, *, progress: Progress | None = None) -> Resul
     ideal = loop.ideal()
     assert ideal is not None
     sample = _inspection(recording, 4096)
-    run = _Run(recording, with_op_unit(loop, sample.batch), sample.median_step, ideal, {})
+    loop = with_op_unit(loop, sample.batch)
+    run = _Run(recording, loop, sample.median_step, ideal, {}, _process_gain(loop))
     run.all(progress, census=None)
     return run.result([], None, noise_sigma(sample.batch.pv))
 
@@ -140,10 +141,10 @@ def analyze(recording: Recording, *, trust: bool = False, fit: bool = True, prog
         notes = dict.fromkeys(("k", "ti"), f"identified (R² {found.r2:.3f})")
         notes["td"] = "PI law identified"
         notes["b"] = "no setpoint change to tell it by" if found.setpoint_weight is None else notes["k"]
-    run = _Run(recording, loop, sample.median_step, ideal, notes)
+    run = _Run(recording, loop, sample.median_step, ideal, notes, _process_gain(loop))
     census = _glapp.Census(run.max_h, op_range(loop))
     fit = fit and batch.op is not None
-    reading, fitting = _halves(progress) if progress is not None and fit else (progress, None)
+    reading, fitting, again = _shares(progress, 0.4, 0.4, 0.2) if fit else (progress, None, None)
     run.all(reading, census)
     quality = inspect(
         InspectionSample(batch.t, batch.sp, batch.pv, batch.op, batch.flags),
@@ -155,22 +156,33 @@ def analyze(recording: Recording, *, trust: bool = False, fit: bool = True, prog
         op_unit=loop.op_label,
         t0=recording.t0,
     )
-    result = run.result(quality, found, noise_sigma(batch.pv))
-    if not fit:
-        return result
-    return replace(result, fit=_fit(batch, loop, ideal, quality, fitting))
+    fitted = _fit(batch, loop, ideal, quality, fitting) if fit else None
+    known = loop.process.type == "integrating" or run.notes["kp"] == "given"
+    if fitted is not None and not known and (gain := _fitted_gain(fitted)) is not None:
+        run = _Run(recording, loop, sample.median_step, ideal, notes, gain)
+        run.all(again, None)
+    return replace(run.result(quality, found, noise_sigma(batch.pv)), fit=fitted)
 
 
-def _halves(progress: Progress) -> tuple[Progress, Progress]:
-    """One progress for two tasks, of which neither can know how long the other takes."""
+def _fitted_gain(fit: Fit) -> tuple[float, str] | None:
+    """Kp where the fit found a lost motion and with it the gain of a process that does not integrate, to a third."""
+    if not fit.found or fit.process is None or fit.process.integrating:
+        return None
+    kp, low, high = fit.process.kp
+    if not low * high > 0 or abs(high - low) > 2 * abs(kp) / 3:
+        return None
+    return kp, f"fitted from OP and PV ({low:.3g} to {high:.3g})"
 
-    def first(done: float | None) -> None:
-        progress(None if done is None else done / 2)
 
-    def second(done: float | None) -> None:
-        progress(None if done is None else 0.5 + done / 2)
+def _shares(progress: Progress | None, *shares: float) -> list[Progress | None]:
+    """One progress for tasks of which none can know how long the others take."""
+    if progress is None:
+        return [None] * len(shares)
 
-    return first, second
+    def part(begin: float, share: float) -> Progress:
+        return lambda done: progress(None if done is None else begin + share * done)
+
+    return [part(sum(shares[:i]), share) for i, share in enumerate(shares)]
 
 
 def _fit(batch: Batch, loop: Loop, ideal: Ideal | None, quality: list[Finding], progress: Progress | None) -> Fit:
@@ -353,13 +365,19 @@ class _Run:
     """One pass over a recording with a detector for every filter time that is tried."""
 
     def __init__(
-        self, recording: Recording, loop: Loop, step: float, ideal: Ideal | None, notes: dict[str, str]
+        self,
+        recording: Recording,
+        loop: Loop,
+        step: float,
+        ideal: Ideal | None,
+        notes: dict[str, str],
+        gain: tuple[float | None, str],
     ) -> None:
         self.recording = recording
         self.loop = loop
         self.ideal = ideal
         self.max_h = GAP_STEPS * step
-        self.kp, kp_note = _process_gain(self.loop)
+        self.kp, kp_note = gain
         self.notes = {**dict.fromkeys(("k", "ti", "td", "b"), "given"), **notes, "kp": kp_note}
         self.thinner = Thinner()
         self.op_known = self.position_known = False

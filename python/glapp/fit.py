@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -96,7 +96,11 @@ class Fit:
     windows : list of Window
         The windows of the recording that were fitted.
     best : dict
-        Everything the clearest window's fit has to tell, as the core gives it, with the time `t` of each cell.
+        Everything the clearest window's fit has to tell, as the core gives it, with the time `t` of each cell and the
+        `signal` that was fitted: "PV", or "position" where the valve's own settled it.
+    through_pv : Fit or None
+        Where the valve's position was recorded and settled the answer, what PV alone would have said. The process is
+        always that of PV.
     """
 
     verdict: Verdict
@@ -112,6 +116,7 @@ class Fit:
     trend: tuple[float, float] | None = None
     windows: list[Window] = field(default_factory=list)
     best: dict[str, Any] = field(default_factory=dict)
+    through_pv: Fit | None = None
 
     def __repr__(self) -> str:
         if self.d is None:
@@ -155,6 +160,7 @@ class Fit:
                 "lag": list(p.lag),
                 "integrating": p.integrating,
             },
+            "signal": self.best.get("signal", "PV"),
             "trend": None if self.trend is None else list(self.trend),
             "windows": [
                 {"t_start": w.t_start, "t_end": w.t_end, "verdict": w.verdict, "d": w.d, "low": w.low, "high": w.high}
@@ -169,7 +175,8 @@ def fit(recording: Recording, *, progress: Callable[[float], None] | None = None
 
     The answer is the likelihood as a function of the width d, for several families of process and disturbance; the
     interval holds those of all that predict PV about as well as the best. Mode and setpoint do not matter: any move
-    of OP tells. A process gain of known sign (from `loop.process.kp` or the controller's action) helps.
+    of OP tells. A process gain of known sign (from `loop.process.kp` or the controller's action) helps. Where the
+    valve's position is recorded it is fitted in PV's place, and if it tells, it settles the answer.
 
     Parameters
     ----------
@@ -193,7 +200,8 @@ def fit(recording: Recording, *, progress: Callable[[float], None] | None = None
     >>> import glapp
     >>> acting = {"setpoint": [(1, 1.0)], "load": [(50, 0.3), (100, -0.2)]}
     >>> sim = glapp.simulate.closed_loop("P3", (0.48, 0.3117), d=0.05, noise=0.005, h=0.1, t_end=200, seed=1, **acting)
-    >>> answer = glapp.fit(glapp.recording_from(sim.to_arrow(), glapp.Loop(name="P3", op_unit="1")))
+    >>> recorded = sim.to_arrow().drop_columns("POSITION")
+    >>> answer = glapp.fit(glapp.recording_from(recorded, glapp.Loop(name="P3", op_unit="1")))
     >>> answer.verdict, bool(answer.low < 0.05 < answer.high)
     ('backlash', True)
     """
@@ -215,7 +223,7 @@ def fit(recording: Recording, *, progress: Callable[[float], None] | None = None
             [np.repeat(blank, len(b)) if c is None else c for b, c in zip(parts, columns, strict=True)]
         )
 
-    whole = Batch(*(joined(name) for name in ("t", "sp", "pv", "op", "flags")))
+    whole = Batch(*(joined(name) for name in ("t", "sp", "pv", "op", "flags", "position")))
     return fit_batch(whole, recording.loop, _sign(recording.loop), progress=progress)
 
 
@@ -233,10 +241,31 @@ def fit_batch(
     `refused` and `sinusoid` are what the look at the recording's quality found: a reason why nothing can be said, and
     that the loop swings in a clean sinusoid.
     """
+    if refused is not None:
+        return Fit("cannot_tell", refused, loop.op_label)
+    position = batch.position
+    if position is None or not np.isfinite(position).any():
+        return _fit_signal(batch, loop, sign, sinusoid, progress)
+    half = None if progress is None else lambda done: progress(done / 2)
+    rest = None if progress is None else lambda done: progress(0.5 + done / 2)
+    through_pv = _fit_signal(batch, loop, sign, sinusoid, half)
+    at_valve = _fit_signal(replace(batch, pv=position), loop, 1.0, None, rest)
+    if not (at_valve.found or at_valve.verdict == "sound"):
+        return through_pv
+    reason = f"read from the valve's position: {at_valve.reason}"
+    own = loop.positioner.dead_band if loop.positioner is not None else None
+    if own is not None and at_valve.found:
+        reason += f"; the positioner's own part of it, by its settings: {own:.3g} % of travel"
+    best = {**at_valve.best, "signal": "position"}
+    return replace(at_valve, reason=reason, process=through_pv.process, best=best, through_pv=through_pv)
+
+
+def _fit_signal(
+    batch: Batch, loop: Loop, sign: float, sinusoid: str | None, progress: Callable[[float], None] | None
+) -> Fit:
+    """Fit PV, or what stands in its place, to OP."""
     unit = loop.op_label
     shown = "%OP" if unit == "%" else unit
-    if refused is not None:
-        return Fit("cannot_tell", refused, unit)
     stretches, h, fault = _stretches(batch)
     if fault is not None:
         return Fit("cannot_tell", fault, unit)
@@ -262,6 +291,7 @@ def fit_batch(
     _, best, window = max(agreeing, key=lambda a: (a[0].lr_no_gap, -a[1]["sigma"]))
     starts = np.array([t for t, _, _ in window])
     best["t"] = starts[best["part"]] + h * best["step"]
+    best["signal"] = "PV"
     if sinusoid is not None and verdict in ("sound", "cannot_tell"):
         verdict = "oscillation"
     kp, dead_time, lag = ((best[name], *best[f"{name}_limits"]) for name in ("kp", "dead_time", "lag"))

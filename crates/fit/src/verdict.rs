@@ -90,6 +90,8 @@ pub struct Answer {
     pub lr_no_answer: f64,
     /// Share of the likelihood's own information on d that the innovations support, 0 to 1.
     pub trust: f64,
+    /// How far −2·ln L may rise within the interval.
+    pub rise: f64,
     /// Times that OP goes through the whole width up and down.
     pub traversals: [usize; 2],
     /// Static gain [PV unit/OP unit]; velocity gain [PV unit/(OP unit·s)] of an integrating process.
@@ -443,6 +445,7 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
         lr_no_jump: jump.lr,
         lr_no_answer,
         trust: trusted,
+        rise: RISE / trusted,
         traversals,
         kp,
         kp_limits: (kp - spread, kp + spread),

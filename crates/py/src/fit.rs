@@ -41,6 +41,7 @@ pub fn fit<'py>(
         ("lr_no_jump", answer.lr_no_jump),
         ("lr_no_answer", answer.lr_no_answer),
         ("trust", answer.trust),
+        ("rise", answer.rise),
         ("kp", answer.kp),
         ("dead_time", answer.dead_time),
         ("lag", answer.lag),

@@ -16,9 +16,6 @@ if TYPE_CHECKING:
 
 __all__ = ["fit_figure"]
 
-CHI2_95 = 3.84
-"""Rise of −2·ln L at the limits of a 95 % interval, one degree of freedom."""
-
 MOST = 4000
 """Cells drawn."""
 
@@ -31,6 +28,9 @@ def fit_figure(result: Result) -> go.Figure:
     f = result.fit
     assert f is not None and f.best  # the caller draws no plot without a fit
     unit, pv = _plain(words.op_unit(result)), _plain(result.loop.pv_unit or "PV unit")
+    signal = "PV"
+    if f.best["signal"] == "position":
+        signal, pv = "measured position", "% travel"
     figure = make_subplots(
         rows=4,
         cols=1,
@@ -67,13 +67,13 @@ def fit_figure(result: Result) -> go.Figure:
     top = float(max(np.quantile(f.best["candidates"][0]["profile"][1], 0.6), f.lr_needed or 0.0, 12.0))
     figure.update_xaxes(title_text=f"width of the gap [{unit}]", range=[0, f.best["range"]], row=1, col=1)
     figure.update_yaxes(title_text="rise of −2·ln L", range=[-0.05 * top, 1.3 * top], row=1, col=1)
-    figure.add_hline(y=CHI2_95, line={"color": INK, "width": 1, "dash": "dot"}, row=1, col=1)
+    figure.add_hline(y=f.best["rise"], line={"color": INK, "width": 1, "dash": "dot"}, row=1, col=1)
 
     every = slice(None, None, max(1, len(f.best["t"]) // MOST))
     t = _time(result, f.best["t"][every])
     columns = {name: f.best[name][every] for name in ("pv", "foreseen", "position")}
     drawn = [
-        ("PV", columns["pv"], {"color": RAW, "width": 1.6}, 2, pv),
+        (signal, columns["pv"], {"color": RAW, "width": 1.6}, 2, pv),
         ("model, one step ahead", columns["foreseen"], {"color": SIGNAL, "width": 1.2}, 2, pv),
         ("valve, as the model has it", columns["position"], {"color": POSITION, "width": 1.6}, 3, unit),
         ("residual", columns["pv"] - columns["foreseen"], {"color": OUTPUT, "width": 1}, 4, pv),
@@ -83,7 +83,7 @@ def fit_figure(result: Result) -> go.Figure:
         figure.add_trace(
             go.Scatter(x=t, y=values, mode="lines", line=style, name=name, hovertemplate=hover), row=row, col=1
         )
-    for row, title in ((2, f"PV [{pv}]"), (3, f"valve [{unit}]"), (4, f"residual [{pv}]")):
+    for row, title in ((2, f"{signal} [{pv}]"), (3, f"valve [{unit}]"), (4, f"residual [{pv}]")):
         figure.update_yaxes(title_text=title, row=row, col=1)
         kind = "date" if result.t0 is not None else "linear"
         figure.update_xaxes(matches="x2", type=kind, showticklabels=row == 4, gridcolor=GRID, row=row, col=1)

@@ -157,7 +157,9 @@ def test_the_valve_position_settles_it() -> None:
     """PV alone cannot tell: OP hardly moves through the gap, and the noise is as large as what PV shows of it."""
     s = closed_loop("P2", (0.4, 2.3), d=0.05, noise=0.05, h=0.2, t_end=300, load=walk(0.02, 0.2, 300, 1), seed=1)
     positioned = glapp.Loop(name="P2", op_unit="1", positioner={"dead_band": 0.2})
-    f = glapp.fit(glapp.recording_from(s.to_arrow(), positioned))
+    position = s.position + np.random.default_rng(1).normal(0.0, 0.002, len(s.t))
+    table = {"time": s.t, "SP": s.sp, "PV": s.pv, "OP": s.op, "POSITION": position}
+    f = glapp.fit(glapp.recording_from(table, positioned))
     assert f.verdict == "backlash" and f.low is not None and f.high is not None
     assert f.low <= 0.05 <= f.high and f.high - f.low < 0.01
     assert f.through_pv is not None and f.through_pv.verdict != "backlash"
@@ -189,7 +191,7 @@ def test_the_controllers_filter_time_does_not_matter_to_it() -> None:
         widths.append(glapp.analyze(glapp.recording_from(table, loop)))
     assert widths[0].fit is not None and widths[1].fit is not None
     assert widths[0].fit.d == widths[1].fit.d == pytest.approx(0.05, rel=0.1)
-    assert (widths[1].d_hat or 0.0) < 0.8 * (widths[0].d_hat or 0.0)
+    assert (widths[1].d_hat or 0.0) < 0.9 * (widths[0].d_hat or 0.0)
 
 
 def refinery(name: str) -> glapp.Fit:

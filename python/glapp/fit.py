@@ -249,7 +249,9 @@ def fit_batch(
     half = None if progress is None else lambda done: progress(done / 2)
     rest = None if progress is None else lambda done: progress(0.5 + done / 2)
     through_pv = _fit_signal(batch, loop, sign, sinusoid, half)
-    at_valve = _fit_signal(replace(batch, pv=position), loop, 1.0, None, rest)
+    # PV never answers OP's own step; a position does, and the controller does not see it.
+    op = None if batch.op is None else np.append(batch.op[1:], batch.op[-1:])
+    at_valve = _fit_signal(replace(batch, pv=position, op=op), loop, 1.0, None, rest)
     if not (at_valve.found or at_valve.verdict == "sound"):
         return through_pv
     reason = f"read from the valve's position: {at_valve.reason}"

@@ -43,6 +43,7 @@ bench: setup $(VENV)/.bench
 	$(BIN)/python bench/run.py
 	$(BIN)/python bench/sim.py
 	$(BIN)/python bench/tuning.py
+	$(BIN)/python bench/fit.py
 
 $(VENV)/.bench: pyproject.toml $(VENV)/.tools
 	$(BIN)/pip install --quiet --group bench

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from glapp.fit import Fit
 from glapp.identify import Identification
 from glapp.loop import Loop
 from glapp.quality import Finding
@@ -418,6 +419,19 @@ def test_every_estimate_has_one_bar_as_long_as_its_width(run: list[Result]) -> N
     assert {bar.name for bar in bars} == {
         "wider than acceptable", "wider than acceptable, provisional", "acceptable", "no limit given"
     }  # fmt: skip
+
+
+def test_the_overview_draws_the_fitted_width_with_its_interval(worn: Result) -> None:
+    gap = replace(worn, name="gap", fit=Fit("backlash", "", "%", 2.0, 1.5, 3.0))
+    bound = replace(worn, name="bound", fit=Fit("at_least", "", "%", 4.0, 2.5, None))
+    unsure = replace(worn, name="unsure", fit=Fit("cannot_tell", "", "%", 9.0, 0.0, None))
+    bars = {name: (bar, k) for bar in overview_figure([gap, bound, unsure]).data if bar.type == "bar"
+            for k, name in enumerate(bar.hovertext)}  # fmt: skip
+    drawn = {name: bar.x[k] for name, (bar, k) in bars.items()}
+    assert drawn == {"gap": 2.0, "bound": 2.5, "unsure": worn.d_hat_percent_span}
+    bar, k = bars["gap"]
+    assert (bar.error_x.arrayminus[k], bar.error_x.array[k]) == (0.5, 1.0)
+    assert bars["bound"][0].marker.pattern.shape == "/" and "at least" in bars["bound"][0].name
 
 
 def test_results_rank_by_width_and_keep_units_apart(run: list[Result]) -> None:

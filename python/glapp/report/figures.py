@@ -318,16 +318,19 @@ def phase_figure(result: Result) -> go.Figure:
 
 
 def overview_figure(results: Sequence[Result]) -> go.Figure:
-    """Draw the loops ranked by width, with what is acceptable as a mark; loops without estimate name their reason.
+    """Draw the loops ranked by width, with what is acceptable as a mark; loops without a width name their reason.
+
+    A width is the fitted one with its 95 % interval, where there is one, else that of the zero crossings.
 
     Widths in % of OP span and widths in OP units (where no span is known) are not comparable: each has its own panel.
     """
     if not results:
         return _empty("No loops.", height=160)
     order = words.ranked(results)
-    by_span = [r for r in order if r.d_hat is not None and r.d_hat_percent_span is not None]
-    by_unit = [r for r in order if r.d_hat is not None and r.d_hat_percent_span is None]
-    without = [r for r in order if r.d_hat is None]
+    shown = [(r, words.shown_width(r)) for r in order]
+    by_span = [r for r, width in shown if width is not None and width[1] is not None]
+    by_unit = [r for r, width in shown if width is not None and width[1] is None]
+    without = [r for r, width in shown if width is None]
     panels: list[tuple[list[Result], str]] = []
     if by_span:
         panels.append((by_span, "dead band, total width [% of OP span]"))
@@ -385,20 +388,18 @@ def _bars(figure: go.Figure, loops: list[Result], row: int, seen: set[str]) -> N
         False: ("acceptable", ACCEPTABLE),
         None: ("no limit given", UNJUDGED),
     }
-    for (wide, (name, colour)), provisional in product(kinds.items(), (False, True)):
-        rows = [
-            i
-            for i, r in enumerate(loops)
-            if r.d_hat is not None and words.exceeds(r) is wide and (r.verdict == "provisional") is provisional
-        ]
+    widths = {i: width for i, r in enumerate(loops) if (width := words.shown_width(r)) is not None}
+    for (wide, (name, colour)), hatched in product(kinds.items(), ("", "provisional", "at least")):
+        rows = [i for i in widths if _exceeds(loops[i], widths[i][1]) is wide and _hatching(loops[i]) == hatched]
         if not rows:
             continue
         members = [loops[i] for i in rows]
-        if provisional:
-            name += ", provisional"
+        if hatched:
+            name += f", {hatched}"
+        lengths = [width if percent is None else percent for width, percent in (widths[i] for i in rows)]
         figure.add_trace(
             go.Bar(
-                x=[r.d_hat if r.d_hat_percent_span is None else r.d_hat_percent_span for r in members],
+                x=lengths,
                 y=rows,
                 orientation="h",
                 width=0.65,  # else each trace takes its own from the distance of its bars
@@ -406,13 +407,14 @@ def _bars(figure: go.Figure, loops: list[Result], row: int, seen: set[str]) -> N
                     "color": colour,
                     "line": {"color": colour, "width": 1},
                     "pattern": {
-                        "shape": "/" if provisional else "",
+                        "shape": "/" if hatched else "",
                         "fillmode": "replace",
                         "size": 6,
                         "solidity": 0.45,
                     },
                 },
-                text=[f"{_plain(words.width(r))}, {words.count(r.detections, 'detection')}" for r in members],
+                error_x=_intervals(members, lengths),
+                text=[_plain(words.headline(r)) for r in members],
                 textposition="none",
                 hovertext=[_plain(r.name) for r in members],
                 hovertemplate="<b>%{hovertext}</b><br>%{text}<extra></extra>",
@@ -427,7 +429,7 @@ def _bars(figure: go.Figure, loops: list[Result], row: int, seen: set[str]) -> N
     limits = [
         (i, limit)
         for i, r in enumerate(loops)
-        if r.d_hat_percent_span is not None and (limit := r.loop.acceptable_dead_band) is not None
+        if i in widths and widths[i][1] is not None and (limit := r.loop.acceptable_dead_band) is not None
     ]
     if limits:
         figure.add_trace(
@@ -442,7 +444,7 @@ def _bars(figure: go.Figure, loops: list[Result], row: int, seen: set[str]) -> N
             row=row,
             col=1,
         )
-    without = [(i, r, r.reason or "") for i, r in enumerate(loops) if r.d_hat is None]
+    without = [(i, r, r.reason or "") for i, r in enumerate(loops) if i not in widths]
     if without:
         figure.add_trace(
             go.Scatter(
@@ -463,6 +465,34 @@ def _bars(figure: go.Figure, loops: list[Result], row: int, seen: set[str]) -> N
             row=row,
             col=1,
         )
+
+
+def _exceeds(r: Result, percent: float | None) -> bool | None:
+    """Tell whether a width [% of span] is wider than what the loop file calls acceptable; None where none can say."""
+    limit = r.loop.acceptable_dead_band
+    return None if limit is None or percent is None else bool(percent > limit)
+
+
+def _hatching(r: Result) -> str:
+    """Tell why a bar is hatched: it is only a bound, or rests on too few detections."""
+    if r.fit is not None and r.fit.found:
+        return "at least" if r.fit.verdict == "at_least" else ""
+    return "provisional" if r.verdict == "provisional" else ""
+
+
+def _intervals(members: list[Result], lengths: list[float]) -> dict[str, Any]:
+    """Write the 95 % intervals of fitted widths as Plotly takes them, nothing for the others."""
+    above, below = [], []
+    for r, length in zip(members, lengths, strict=True):
+        f = r.fit
+        if f is None or not f.found or not f.d or f.low is None or f.high is None:
+            above.append(0.0)
+            below.append(0.0)
+        else:
+            scale = length / f.d
+            above.append(scale * (f.high - f.d))
+            below.append(scale * (f.d - f.low))
+    return {"type": "data", "array": above, "arrayminus": below, "color": INK, "thickness": 1.4, "width": 5}
 
 
 def _figure() -> go.Figure:

@@ -164,7 +164,7 @@ def _overview(order: Sequence[Result], links: Sequence[str]) -> str:
             str(i + 1) if words.headline(r) else "–",
             f'<a href="{escape(link)}">{_breakable(r.name)}</a>',
             "–" if r.fit is None else escape(words.FIT_VERDICTS[r.fit.verdict]),
-            escape(words.fitted_width(r)),
+            escape(words.fitted_width(r)).replace(" to ", "&nbsp;to&nbsp;"),
             _badge(r),
             escape(words.quantity(r.d_hat, words.op_unit(r))),
             f"{r.detections} of {r.total_half_periods}",
@@ -182,9 +182,11 @@ def _overview(order: Sequence[Result], links: Sequence[str]) -> str:
         )
     heads = "".join(f'<th scope="col" class="{style}">{escape(label)}</th>' for label, style in head)
     picture = ""
-    if any(r.d_hat is not None for r in order):
+    if any(words.shown_width(r) is not None for r in order):
         figure = figures.overview_figure(order)
-        picture = _figure("overview", "overview", figure, "Bars: estimated dead band of each loop, widest first")
+        picture = _figure(
+            "overview", "overview", figure, "Bars: dead band of each loop with its interval, widest first"
+        )
         picture += _payload("overview", {"overview": figure})
     return (
         f'<section class="overview"><h2>Overview</h2>{picture}'

@@ -190,16 +190,27 @@ def span_width(result: Result) -> float | None:
     return 100.0 if result.unit == "%" else None
 
 
+def shown_width(result: Result) -> tuple[float, float | None] | None:
+    """Tell the one width that lists rank by and the overview draws [OP unit, % of span where it is known].
+
+    The fitted one, or its lower bound where that is all; else that of the zero crossings; None where there is neither.
+    """
+    f = result.fit
+    if f is not None and f.found and (width := f.low if f.verdict == "at_least" else f.d) is not None:
+        span = span_width(result)
+        return width, None if span is None else 100.0 * width / span
+    return None if result.d_hat is None else (result.d_hat, result.d_hat_percent_span)
+
+
 def ranked(results: Sequence[Result]) -> list[Result]:
     """Order results as every list shows them: widest in % of span first, then widths in OP units, then the rest."""
 
     def key(r: Result) -> tuple[int, float]:
-        width, span = r.d_hat, span_width(r)
-        if r.fit is not None and r.fit.found:
-            width = r.fit.low if r.fit.verdict == "at_least" else r.fit.d
-        if width is None:
+        shown = shown_width(r)
+        if shown is None:
             return (3 if r.verdict == "refused" and (r.fit is None or r.fit.d is None) else 2, 0.0)
-        return (1, -width) if span is None else (0, -100.0 * width / span)
+        width, percent = shown
+        return (1, -width) if percent is None else (0, -percent)
 
     return sorted(results, key=key)
 

@@ -17,6 +17,7 @@ from .errors import InputError
 from .fit import Fit, fit_batch
 from .identify import Identification, identify
 from .loop import Loop
+from .progress import Progress, shares
 from .quality import GAP_STEPS, Census, Finding, InspectionSample, assumed_gain, inspect, noise_sigma
 from .recording import Batch, Recording
 from .result import REASONS, HalfPeriods, Result, Settings, Verdict
@@ -38,9 +39,6 @@ KP_ASSUMED = f"not given, taken as {KP_DEFAULT} %/%"
 
 LADDER = (0.1, 0.2, 0.5, 1.0, 2.0)
 """Filter times tried where none is given, in Ti; with derivative action the first is Td/5 (thesis 2.1, 8.2, 8.4)."""
-
-Progress = Callable[[float | None], None]
-"""Called after each batch with the share of the recording that was read, or None where that is not known."""
 
 
 def estimate(recording: Recording, *, progress: Progress | None = None) -> Result:
@@ -144,7 +142,7 @@ def analyze(recording: Recording, *, trust: bool = False, fit: bool = True, prog
     run = _Run(recording, loop, sample.median_step, ideal, notes, _process_gain(loop))
     census = _glapp.Census(run.max_h, op_range(loop))
     fit = fit and batch.op is not None
-    reading, fitting, again = _shares(progress, 0.4, 0.4, 0.2) if fit else (progress, None, None)
+    reading, fitting, again = shares(progress, 0.4, 0.4, 0.2) if fit else (progress, None, None)
     run.all(reading, census)
     quality = inspect(
         InspectionSample(batch.t, batch.sp, batch.pv, batch.op, batch.flags),
@@ -172,17 +170,6 @@ def _fitted_gain(fit: Fit) -> tuple[float, str] | None:
     if not low * high > 0 or abs(high - low) > 2 * abs(kp) / 3:
         return None
     return kp, f"fitted from OP and PV ({low:.3g} to {high:.3g})"
-
-
-def _shares(progress: Progress | None, *shares: float) -> list[Progress | None]:
-    """One progress for tasks of which none can know how long the others take."""
-    if progress is None:
-        return [None] * len(shares)
-
-    def part(begin: float, share: float) -> Progress:
-        return lambda done: progress(None if done is None else begin + share * done)
-
-    return [part(sum(shares[:i]), share) for i, share in enumerate(shares)]
 
 
 def _fit(batch: Batch, loop: Loop, ideal: Ideal | None, quality: list[Finding], progress: Progress | None) -> Fit:
@@ -338,24 +325,7 @@ class _Inspection:
 
 def _inspection(recording: Recording, rows: int) -> _Inspection:
     """The first rows, and the median step between them [s]."""
-    batches: list[Batch] = []
-    left = rows
-    for batch in recording.batches():
-        batches.append(batch[slice(0, left)])
-        left -= len(batches[-1])
-        if left <= 0:
-            break
-
-    def joined(name: str) -> Any:
-        parts = [getattr(b, name) for b in batches]
-        if all(part is None for part in parts):
-            return None
-        nothing = np.uint8(0) if name == "flags" else np.nan
-        return np.concatenate(
-            [np.full(len(b), nothing) if part is None else part for b, part in zip(batches, parts, strict=True)]
-        )
-
-    whole = Batch(*(joined(name) for name in ("t", "sp", "pv", "op", "flags", "position")))
+    whole = recording.beginning(rows)
     steps = np.diff(whole.t)
     steps = steps[np.isfinite(steps) & (steps > 0)]
     return _Inspection(whole, float(np.median(steps)) if len(steps) else 1.0)

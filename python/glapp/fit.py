@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 
 from . import _glapp
 from .loop import Loop
+from .progress import Progress, shares
 from .recording import BAD, Batch, Recording
 
 __all__ = ["Fit", "Process", "Window", "fit", "fit_batch"]
@@ -170,7 +170,7 @@ class Fit:
         }
 
 
-def fit(recording: Recording, *, progress: Callable[[float], None] | None = None) -> Fit:
+def fit(recording: Recording, *, progress: Progress | None = None) -> Fit:
     """Fit the gap to a recording of OP and PV: OP → lost motion → dead time → lags → PV, under load and noise.
 
     The answer is the likelihood as a function of the width d, for several families of process and disturbance; the
@@ -205,26 +205,7 @@ def fit(recording: Recording, *, progress: Callable[[float], None] | None = None
     >>> answer.verdict, bool(answer.low < 0.05 < answer.high)
     ('backlash', True)
     """
-    parts: list[Batch] = []
-    left = ROWS
-    for batch in recording.batches():
-        parts.append(batch[slice(0, left)])
-        left -= len(parts[-1])
-        if left <= 0:
-            break
-
-    def joined(name: str) -> Any:
-        columns = [getattr(part, name) for part in parts]
-        known = [c for c in columns if c is not None]
-        if not known:
-            return None
-        blank = np.zeros(1, known[0].dtype) if name == "flags" else np.array([np.nan])
-        return np.concatenate(
-            [np.repeat(blank, len(b)) if c is None else c for b, c in zip(parts, columns, strict=True)]
-        )
-
-    whole = Batch(*(joined(name) for name in ("t", "sp", "pv", "op", "flags", "position")))
-    return fit_batch(whole, recording.loop, _sign(recording.loop), progress=progress)
+    return fit_batch(recording.beginning(ROWS), recording.loop, _sign(recording.loop), progress=progress)
 
 
 def fit_batch(
@@ -234,7 +215,7 @@ def fit_batch(
     *,
     refused: str | None = None,
     sinusoid: str | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress | None = None,
 ) -> Fit:
     """Fit a stretch in memory, where `sign` is that of the process gain (0: not known).
 
@@ -246,8 +227,7 @@ def fit_batch(
     position = batch.position
     if position is None or not np.isfinite(position).any():
         return _fit_signal(batch, loop, sign, sinusoid, progress)
-    half = None if progress is None else lambda done: progress(done / 2)
-    rest = None if progress is None else lambda done: progress(0.5 + done / 2)
+    half, rest = shares(progress, 0.5, 0.5)
     through_pv = _fit_signal(batch, loop, sign, sinusoid, half)
     # PV never answers OP's own step; a position does, and the controller does not see it.
     op = None if batch.op is None else np.append(batch.op[1:], batch.op[-1:])
@@ -262,9 +242,7 @@ def fit_batch(
     return replace(at_valve, reason=reason, process=through_pv.process, best=best, through_pv=through_pv)
 
 
-def _fit_signal(
-    batch: Batch, loop: Loop, sign: float, sinusoid: str | None, progress: Callable[[float], None] | None
-) -> Fit:
+def _fit_signal(batch: Batch, loop: Loop, sign: float, sinusoid: str | None, progress: Progress | None) -> Fit:
     """Fit PV, or what stands in its place, to OP."""
     unit = loop.op_label
     shown = "%OP" if unit == "%" else unit

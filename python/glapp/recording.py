@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from datetime import datetime
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -101,6 +101,32 @@ class Recording(ABC):
         InputError
             At the first cell that cannot be used, with its row and column; at the end, if PV never was a number.
         """
+
+    def beginning(self, rows: int) -> Batch:
+        """The first `rows` rows in one stretch; what only some of their batches have is NaN, or no flag, in the others.
+
+        Raises
+        ------
+        InputError
+            As `batches`.
+        """
+        parts: list[Batch] = []
+        for batch in self.batches():
+            parts.append(batch[slice(0, rows)])
+            rows -= len(parts[-1])
+            if rows <= 0:
+                break
+
+        def joined(name: str) -> Any:
+            columns = [getattr(part, name) for part in parts]
+            if all(column is None for column in columns):
+                return None
+            nothing = np.uint8(0) if name == "flags" else np.nan
+            return np.concatenate(
+                [np.full(len(b), nothing) if c is None else c for b, c in zip(parts, columns, strict=True)]
+            )
+
+        return Batch(*(joined(field.name) for field in fields(Batch)))
 
     @abstractmethod
     def fraction_read(self) -> float | None:

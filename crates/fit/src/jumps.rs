@@ -21,7 +21,14 @@ pub(crate) fn with_jumps(search: &Search, point: &Point) -> (Record, Point, f64)
     let search = Search { record: &record, ..*search };
     let with = search.descend(point.theta, &point.lost, 10, 1e-2);
     let cost = with.cost + search.surprise(&with);
-    if cost < without.cost { (record, with, cost) } else { (plain.clone(), without.clone(), without.cost) }
+    if cost < without.cost {
+        (record, with, cost)
+    } else {
+        {
+            let cost = without.cost;
+            (plain, without, cost)
+        }
+    }
 }
 
 /// The record with the jumps that the innovations of `point` tell, largest first.

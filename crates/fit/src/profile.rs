@@ -58,7 +58,7 @@ impl Profile {
         self.best = (0..self.points.len()).min_by(|a, b| cost(a).total_cmp(&cost(b))).expect("a profile has points");
     }
 
-    /// Whether the other's best point is of the same process, and no better.
+    /// Whether the other's best point is of the same process.
     pub(crate) fn alike(&self, other: &Self) -> bool {
         let (here, there) = (&self.points[self.best], &other.points[other.best]);
         self.structure.alike(&here.theta, &there.theta)

@@ -1,14 +1,11 @@
 //! The autotuner block.
 
+use crate::refused;
 use glapp_core::auto_tuner::{Found, Stop};
 use glapp_core::tuning::{Kind, Table};
-use glapp_core::{AutoTunerSettings, AutoTunerState, ParameterError};
+use glapp_core::{AutoTunerSettings, AutoTunerState};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-
-fn refused(error: ParameterError) -> PyErr {
-    PyValueError::new_err(error.to_string())
-}
 
 /// Relay experiment with hysteresis: ultimate gain and period, static gain, and a controller from them.
 ///

@@ -1,15 +1,11 @@
 //! The blocks that the detector is made of.
 
+use crate::refused;
 use glapp_core::{
-    Derivative as Slope, HalfPeriod, HalfPeriodState, MedianMeanState, ParameterError, Reason, SecondOrderFilterState,
-    WidthParts, ZeroCrossing as Crossing,
+    Derivative as Slope, HalfPeriod, HalfPeriodState, MedianMeanState, Reason, SecondOrderFilterState, WidthParts,
+    ZeroCrossing as Crossing,
 };
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-
-fn refused(error: ParameterError) -> PyErr {
-    PyValueError::new_err(error.to_string())
-}
 
 /// Second-order low-pass filter 1/(1 + s·Tf)² (thesis 2.1): twice y += (x − y)·(h/(Tf + h)).
 ///

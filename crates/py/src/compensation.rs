@@ -1,15 +1,12 @@
 //! Compensation of the gap, and the warning of over-compensation.
 
+use crate::refused;
 use glapp_core::{
-    CompensationSample, CompensationSettings, CompensationState, HalfPeriod, OverCompensationState, ParameterError,
-    Saturation, Standing, Way,
+    CompensationSample, CompensationSettings, CompensationState, HalfPeriod, OverCompensationState, Saturation,
+    Standing, Way,
 };
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-
-fn refused(error: ParameterError) -> PyErr {
-    PyValueError::new_err(error.to_string())
-}
 
 /// Settings as Python has them; without limits: none.
 #[derive(FromPyObject)]

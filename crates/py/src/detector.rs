@@ -1,5 +1,6 @@
 //! The detector: samples in, half-periods and the estimate out.
 
+use crate::refused;
 use glapp_core::{
     Columns, Detector, DetectorState, MedianMean, ParameterError, Reason, Record, SafetyNet, SecondOrderFilter, Span,
     Width,
@@ -11,10 +12,6 @@ use pyo3::types::PyDict;
 use serde_json::json;
 
 use crate::columns::with_columns;
-
-fn refused(error: ParameterError) -> PyErr {
-    PyValueError::new_err(error.to_string())
-}
 
 /// A half-period shorter than 5Ti is the most frequent thing that noise makes; so many of them are kept whole, the
 /// others are counted.

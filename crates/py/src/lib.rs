@@ -17,7 +17,13 @@ mod saturation;
 mod sim;
 mod tuning;
 
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+
+/// What the core refuses, as Python's ValueError; `glapp` adds the loop or the file.
+fn refused(error: impl std::fmt::Display) -> PyErr {
+    PyValueError::new_err(error.to_string())
+}
 
 #[pymodule]
 mod _glapp {

@@ -1,14 +1,10 @@
 //! Graphs of control modules (`crates/sim`).
 
+use crate::refused;
 use glapp_core::modules::{Gains, PidSettings};
 use glapp_sim::{GraphError, Module, Plant};
 use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1};
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-
-fn refused(error: impl std::fmt::Display) -> PyErr {
-    PyValueError::new_err(error.to_string())
-}
 
 /// A module as Python has it.
 #[derive(FromPyObject)]

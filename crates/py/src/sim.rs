@@ -1,5 +1,6 @@
 //! Closed loops (`crates/sim`).
 
+use crate::refused;
 use glapp_core::Detector;
 use glapp_sim::{
     BATCH, Block, Compensated, Controller, Friction, Instructions, Manual, Model, Outer, Piece, Plant, Scenario,
@@ -144,10 +145,10 @@ impl TryFrom<PyScenario<'_>> for Scenario {
             })
         };
         let scenario = Self {
-            plant: plant(s.plant).map_err(value_error)?,
+            plant: plant(s.plant).map_err(refused)?,
             controller: controller(s.controller),
             d: s.d,
-            friction: s.friction.map(friction).transpose().map_err(value_error)?,
+            friction: s.friction.map(friction).transpose().map_err(refused)?,
             rate: s.rate,
             noise: signal(s.noise),
             pv_resolution: s.pv_resolution,
@@ -157,20 +158,16 @@ impl TryFrom<PyScenario<'_>> for Scenario {
             manual: s.manual.into_iter().map(|(from, to, op)| Manual { from, to, op }).collect(),
             bad: s.bad,
             compensation: s.compensation.map(compensated).transpose()?,
-            outer: s.outer.map(outer).transpose().map_err(value_error)?,
+            outer: s.outer.map(outer).transpose().map_err(refused)?,
             jitter: s.jitter,
             lost: s.lost,
             h: s.h,
             t_end: s.t_end,
             seed: s.seed,
         };
-        scenario.check().map_err(value_error)?;
+        scenario.check().map_err(refused)?;
         Ok(scenario)
     }
-}
-
-fn value_error(error: impl std::fmt::Display) -> PyErr {
-    PyValueError::new_err(error.to_string())
 }
 
 /// The test batch (thesis 4.1): (name, num, den, dead time).
@@ -192,14 +189,14 @@ impl PyChecked {
     #[new]
     #[pyo3(signature = (scenario, watch=None))]
     fn new(scenario: PyScenario<'_>, watch: Option<Settings>) -> PyResult<Self> {
-        let detector = watch.map(|settings| detector(&settings)).transpose().map_err(value_error)?;
+        let detector = watch.map(|settings| detector(&settings)).transpose().map_err(refused)?;
         Ok(Self { scenario: scenario.try_into()?, detector })
     }
 
     /// Samples, recorded or lost.
     #[getter]
     fn samples(&self) -> PyResult<usize> {
-        self.scenario.samples().map_err(value_error)
+        self.scenario.samples().map_err(refused)
     }
 }
 
@@ -258,7 +255,7 @@ pub fn run_together(
     let alone: Vec<&Scenario> = scenarios.iter().map(|one| &one.get().scenario).collect();
     let blocks = alone.iter().zip(&mut signals).zip(&mut flags);
     let blocks = blocks.map(|((s, signals), flags)| {
-        Ok(block(s, s.samples().map_err(value_error)?, signals.as_slice_mut()?, flags.as_slice_mut()?))
+        Ok(block(s, s.samples().map_err(refused)?, signals.as_slice_mut()?, flags.as_slice_mut()?))
     });
     let mut blocks = blocks.collect::<PyResult<Vec<_>>>()?;
     let recorded = py.detach(|| glapp_sim::run_together(&alone, &mut blocks, instructions));
@@ -300,5 +297,5 @@ pub fn groups(scenarios: Vec<Py<PyChecked>>) -> Vec<Vec<usize>> {
 #[pyfunction]
 #[pyo3(signature = (n, h, rate, seed))]
 pub fn random_walk(py: Python<'_>, n: usize, h: f64, rate: f64, seed: u64) -> PyResult<Bound<'_, PyArray1<f64>>> {
-    Ok(py.detach(|| glapp_sim::random_walk(n, h, rate, seed)).map_err(value_error)?.into_pyarray(py))
+    Ok(py.detach(|| glapp_sim::random_walk(n, h, rate, seed)).map_err(refused)?.into_pyarray(py))
 }

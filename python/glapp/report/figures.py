@@ -390,7 +390,7 @@ def _bars(figure: go.Figure, loops: list[Result], row: int, seen: set[str]) -> N
     }
     widths = {i: width for i, r in enumerate(loops) if (width := words.shown_width(r)) is not None}
     for (wide, (name, colour)), hatched in product(kinds.items(), ("", "provisional", "at least")):
-        rows = [i for i in widths if _exceeds(loops[i], widths[i][1]) is wide and _hatching(loops[i]) == hatched]
+        rows = [i for i in widths if words.too_wide(loops[i], widths[i][1]) is wide and _hatching(loops[i]) == hatched]
         if not rows:
             continue
         members = [loops[i] for i in rows]
@@ -465,12 +465,6 @@ def _bars(figure: go.Figure, loops: list[Result], row: int, seen: set[str]) -> N
             row=row,
             col=1,
         )
-
-
-def _exceeds(r: Result, percent: float | None) -> bool | None:
-    """Tell whether a width [% of span] is wider than what the loop file calls acceptable; None where none can say."""
-    limit = r.loop.acceptable_dead_band
-    return None if limit is None or percent is None else bool(percent > limit)
 
 
 def _hatching(r: Result) -> str:

@@ -292,7 +292,12 @@ FEW = 3
 
 def exceeds(result: Result) -> bool | None:
     """Tell whether the estimate is wider than what the loop file calls acceptable; None where that cannot be said."""
-    limit, percent = result.loop.acceptable_dead_band, result.d_hat_percent_span
+    return too_wide(result, result.d_hat_percent_span)
+
+
+def too_wide(result: Result, percent: float | None) -> bool | None:
+    """Tell the same of any width of that loop [% of span]."""
+    limit = result.loop.acceptable_dead_band
     return None if limit is None or percent is None else bool(percent > limit)
 
 

@@ -1,0 +1,19 @@
+"""How far a task is, told to whoever shows it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+Progress = Callable[[float | None], None]
+"""Told the share that is done, 0 to 1; None where it cannot be known."""
+
+
+def shares(progress: Progress | None, *parts: float) -> list[Progress | None]:
+    """One progress for tasks of which none can know how long the others take."""
+    if progress is None:
+        return [None] * len(parts)
+
+    def part(begin: float, share: float) -> Progress:
+        return lambda done: progress(None if done is None else begin + share * done)
+
+    return [part(sum(parts[:i]), share) for i, share in enumerate(parts)]

@@ -1,6 +1,6 @@
 """What compensation brings, when its warnings are wrong, and whether it does harm: `python bench/compensation.py`.
 
-A few minutes on two cores; `--loops 100` makes the last part shorter, `--docs` writes the tables into
+Some ten minutes on two cores; `--loops 100` makes the last part shorter, `--docs` writes the tables into
 docs/compensation.md. Everything is simulated, so that the gap is known.
 """
 
@@ -46,23 +46,31 @@ from glapp.simulate import (
 Floats = npt.NDArray[np.float64]
 DOCS = Path(__file__).parents[1] / "docs" / "compensation.md"
 WAYS = ("error", "derivative", "inverse")
+WITHDRAWN = [STANDINGS.index(name) for name in ("worse", "over_compensated")]
 GAP = 0.05
+
+
+def turns(x: Floats, band: float) -> list[int]:
+    """Where x has turned back from its farthest by more than `band`: the rows of the next extremes."""
+    slope = np.sign(np.diff(x))
+    moves = np.flatnonzero(slope)
+    rows = np.append(moves[1:][np.diff(slope[moves]) != 0], x.size - 1)
+    found, direction = [], 0
+    low = high = float(x[0])
+    for row, value in zip(rows.tolist(), x[rows].tolist(), strict=True):
+        low, high = min(low, value), max(high, value)
+        if direction <= 0 and value - low > band:
+            found += [row] if direction < 0 else []
+            direction, low, high = 1, value, value
+        elif direction >= 0 and high - value > band:
+            found += [row] if direction > 0 else []
+            direction, low, high = -1, value, value
+    return found
 
 
 def reversals(x: Floats, band: float) -> int:
     """How often x turns back by more than `band`."""
-    slope = np.sign(np.diff(x))
-    moves = np.flatnonzero(slope)
-    turns = moves[1:][np.diff(slope[moves]) != 0]
-    count, direction = 0, 0
-    low = high = float(x[0])
-    for value in [*x[turns].tolist(), float(x[-1])]:
-        low, high = min(low, value), max(high, value)
-        if direction <= 0 and value - low > band:
-            count, direction, low, high = count + (direction < 0), 1, value, value
-        elif direction >= 0 and high - value > band:
-            count, direction, low, high = count + (direction > 0), -1, value, value
-    return count
+    return len(turns(x, band))
 
 
 def scenario(**fields: Any) -> Scenario:
@@ -320,6 +328,12 @@ class Harm:
     """Share of the time in which it was in force."""
     broken: str
     """The first promise that it broke, if it did: size, rate, limits, manual, loss."""
+    since_force: int | None = None
+    """Half-periods from where it came in force to where it was withdrawn; None: it was not."""
+    since_shown: int | None = None
+    """The same from where harm began to show, 0 where it was withdrawn before; None: no withdrawal, or no harm."""
+    needless: bool = False
+    """It was withdrawn, and would have stayed within the bounds."""
 
     @property
     def harmless(self) -> bool:
@@ -327,9 +341,14 @@ class Harm:
         return self.pv <= 1.1 and self.turns <= 1.5 * self.turns_without + 2
 
     @property
-    def withdrawn(self) -> bool:
-        """Whether it was, at the end."""
-        return self.standing in ("worse", "over_compensated")
+    def at_once(self) -> bool:
+        """Withdrawn within ten half-periods of where it came in force."""
+        return self.since_force is not None and self.since_force <= 10
+
+    @property
+    def in_time(self) -> bool:
+        """Withdrawn within ten half-periods of where harm began to show, or of where it came in force."""
+        return self.at_once or (self.since_shown is not None and self.since_shown <= 10)
 
     @property
     def badness(self) -> float:
@@ -338,7 +357,7 @@ class Harm:
 
 
 def harm(number: int, way: str) -> Harm | None:
-    """Both runs of a loop; None where it cannot begin at rest within its limits."""
+    """The runs of a loop; None where it cannot begin at rest within its limits."""
     with_it = random_loop(number, way)
     given = with_it.compensation
     assert given is not None
@@ -347,21 +366,65 @@ def harm(number: int, way: str) -> Harm | None:
     except InputError:
         return None
     assert compensated.u_ff is not None and compensated.standing is not None
-    late = without.t > 2 / 3 * without.t[-1]
+    band = given.size / 10
     size, ti = given.share * given.size, with_it.ideal().ti
-    pv, pv_without = (float(np.std((s.pv - s.sp)[late])) for s in (compensated, without))
-    turns, turns_without = (reversals(s.op[late], given.size / 10) for s in (compensated, without))
+    late = without.t > 2 / 3 * without.t[-1]
+    pv, turns, turns_without = _beside(compensated, without, late, band)
+    withdrawn = np.flatnonzero(np.isin(compensated.standing, WITHDRAWN))
+    counts: dict[str, Any] = {}
+    if withdrawn.size:
+        kept = run(with_it.model_copy(update={"compensation": given.model_copy(update={"withdraw": False})}))
+        pv_kept, turns_kept, _ = _beside(kept, without, late, band)
+        counts["needless"] = pv_kept <= 1.1 and turns_kept <= 1.5 * turns_without + 2
+        counts |= _in_time(compensated, without, with_it, int(withdrawn[0]))
     return Harm(
         name=with_it.name,
         gap=with_it.d,
         size=size,
-        pv=pv / pv_without,
+        pv=pv,
         turns=turns,
         turns_without=turns_without,
         standing=STANDINGS[int(compensated.standing[-1])],
         active=float(np.mean(compensated.standing[late] == 0)),
         broken=_broken(compensated, with_it, size, 10 * size / ti if way == "inverse" else size / with_it.h),
+        **counts,
     )
+
+
+def _beside(s: Simulation, without: Simulation, rows: npt.NDArray[Any], band: float) -> tuple[float, int, int]:
+    """PV's standard deviation by that without compensation, and the reversals of both."""
+    pv, pv_without = (float(np.std((x.pv - x.sp)[rows])) for x in (s, without))
+    return pv / pv_without, reversals(s.op[rows], band), reversals(without.op[rows], band)
+
+
+def _in_time(s: Simulation, without: Simulation, of: Scenario, withdrawn: int) -> dict[str, int | None]:
+    """How many half-periods of the filtered error it took to withdraw it, at row `withdrawn`.
+
+    Harm begins to show with the first half-period, from the tenth on, at whose end the bounds are exceeded from where
+    the compensation came in force to there.
+    """
+    assert s.standing is not None and of.compensation is not None
+    in_force = np.flatnonzero(s.standing == 0)
+    first = int(in_force[0]) if in_force.size else withdrawn
+    ends = np.array([round(end / of.h) for end, _, _ in half_periods(s, of)], dtype=int)
+    ends = ends[ends > first]
+    band = of.compensation.size / 10
+    spread, turned = zip(*(_so_far(x, first, ends, band) for x in (s, without)), strict=True)
+    beyond = (spread[0] > 1.1 * spread[1]) | (turned[0] > 1.5 * turned[1] + 2)
+    shown = np.flatnonzero(beyond[9:])
+    since_shown = None
+    if shown.size:
+        since_shown = int(np.sum((ends > ends[9 + shown[0]]) & (ends <= withdrawn)))
+    return {"since_force": int(np.sum(ends <= withdrawn)), "since_shown": since_shown}
+
+
+def _so_far(s: Simulation, first: int, ends: npt.NDArray[Any], band: float) -> tuple[Floats, Floats]:
+    """PV's standard deviation and OP's reversals from row `first` to each of the rows `ends`."""
+    e = (s.pv - s.sp)[first:]
+    count = ends - first + 1.0
+    mean, square = (np.cumsum(x)[ends - first] / count for x in (e, e * e))
+    turned = np.searchsorted(turns(s.op[first:], band), ends - first, side="right")
+    return np.sqrt(np.maximum(square - mean * mean, 0.0)), turned.astype(float)
 
 
 def _broken(s: Simulation, of: Scenario, size: float, rate: float) -> str:
@@ -386,39 +449,47 @@ def _broken(s: Simulation, of: Scenario, size: float, rate: float) -> str:
     return ""
 
 
-def harms(pool: ProcessPoolExecutor, loops: int) -> Iterator[str]:
-    """The third table, and the worst ten."""
+def harms(pool: ProcessPoolExecutor, numbers: range, worst: int = 0) -> Iterator[str]:
+    """The third table, and the worst by *inverse*."""
     yield (
-        "| way | loops | within both bounds | PV ≤ 1.1 × | reversals ≤ 1.5 × | beyond them, not withdrawn | "
-        "promises broken | in force at the end | withdrawn: worse | over-compensated | PV's median where in force |"
+        "| way | loops | within both bounds, or withdrawn in time | or at once | within both bounds | PV ≤ 1.1 × | "
+        "reversals ≤ 1.5 × | beyond them, not withdrawn | promises broken | in force at the end | withdrawn: worse | "
+        "over-compensated | needlessly | PV's median where in force |"
     )
-    yield "|---|---|---|---|---|---|---|---|---|---|---|"
+    yield "|" + "---|" * 14
     inverse: list[Harm] = []
     for way in WAYS:
-        asked = pool.map(partial(harm, way=way), range(loops), chunksize=4)
-        found = [one for one in track(asked, f"harm, {way}", total=loops, transient=True) if one is not None]
+        asked = pool.map(partial(harm, way=way), numbers, chunksize=4)
+        found = [one for one in track(asked, f"harm, {way}", total=len(numbers), transient=True) if one is not None]
         ends = Counter(one.standing for one in found)
         in_force = [one.pv for one in found if one.active > 0.5]
         shares = (
+            [one.harmless or one.in_time for one in found],
+            [one.harmless or one.at_once for one in found],
             [one.harmless for one in found],
             [one.pv <= 1.1 for one in found],
             [one.turns <= 1.5 * one.turns_without + 2 for one in found],
+            [not one.harmless and one.since_force is None for one in found],
         )
         cells = [f"{np.mean(share):.1%}" for share in shares]
-        cells.append(f"{np.mean([not one.harmless and not one.withdrawn for one in found]):.1%}")
         cells.append(str(sum(bool(one.broken) for one in found)))
         cells += [f"{ends[name] / len(found):.0%}" for name in ("active", "worse", "over_compensated")]
+        cells.append(f"{np.mean([one.needless for one in found]):.0%}")
         cells.append(f"{np.median(in_force):.2f} ×" if in_force else "")
         yield f"| {way} | {len(found)} | {' | '.join(cells)} |"
         inverse = found
+    if not worst:
+        return
     yield ""
-    yield "The worst ten by *inverse*:"
+    yield f"The worst {worst} by *inverse*:"
     yield ""
-    yield "| loop | gap | size | PV | reversals, without | at the end |"
-    yield "|---|---|---|---|---|---|"
-    for one in sorted(inverse, key=lambda one: -one.badness)[:10]:
+    yield "| loop | gap | size | PV | reversals, without | at the end | half-periods in force, of harm |"
+    yield "|---|---|---|---|---|---|---|"
+    for one in sorted(inverse, key=lambda one: (one.harmless or one.in_time, -one.badness))[:worst]:
         counts = f"{one.turns}, {one.turns_without}"
-        yield f"| {one.name} | {one.gap:.2f} | {one.size:.2f} | {one.pv:.2f} × | {counts} | {one.standing} |"
+        after = ", ".join("–" if n is None else str(n) for n in (one.since_force, one.since_shown))
+        shown = f"{one.gap:.2f} | {one.size:.2f} | {one.pv:.2f} × | {counts} | {one.standing} | {after}"
+        yield f"| {one.name} | {shown} |"
 
 
 def _sections(parts: Sequence[tuple[str, Iterable[str]]]) -> Iterator[tuple[str, str]]:
@@ -431,11 +502,13 @@ def _sections(parts: Sequence[tuple[str, Iterable[str]]]) -> Iterator[tuple[str,
 def main() -> None:
     """Measure, print, and write into the docs where asked."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
-    parser.add_argument("--loops", type=int, default=1000, help="random loops of the last part")
+    parser.add_argument("--loops", type=int, default=1000, help="random loops of each of the last two parts")
     parser.add_argument("--docs", action="store_true", help="write the tables into docs/compensation.md")
     given = parser.parse_args()
     with ProcessPoolExecutor() as pool:
-        parts = [("brings", brings(pool)), ("warns", warns(pool)), ("harms", harms(pool, given.loops))]
+        n = given.loops
+        parts = [("brings", brings(pool)), ("warns", warns(pool))]
+        parts += [("harms", harms(pool, range(n, 2 * n), worst=10)), ("tuned", harms(pool, range(n)))]
         tables = dict(_sections(parts))
     if given.docs:
         document = DOCS.read_text(encoding="utf-8")

@@ -191,11 +191,11 @@ def compensation(params: Params, h: Sequence[float], samples: Sequence[Sequence[
     band = params["band"] if way == 3 else 0.0
     low, high = params.get("low", -math.inf), params.get("high", math.inf)
     smooth = _smoother(params["tf"])
-    lowest = highest = half = u_ff = travel = reversals = 0.0
+    lowest = highest = half = whole = u_ff = travel = reversals = 0.0
     direction = side = standing = withdrawn = 0
-    in_force = False
+    in_force = halved = False
     least: float | None = None
-    judge = _Judge(params["watch"], max(params["band"], share * size / 10.0))
+    judge = _Judge(params["watch"], size / 10.0)
     outputs = []
     for step, (e, u, d_hat, over, enable, flags) in zip(h, samples, strict=True):
         bad = int(flags) & 2 != 0 or not (math.isfinite(e) and math.isfinite(u))
@@ -217,14 +217,14 @@ def compensation(params: Params, h: Sequence[float], samples: Sequence[Sequence[
             if turned:
                 direction, lowest, highest = turned, u_f, u_f
         if not enable:
-            least, withdrawn = None, 0
+            least, withdrawn, halved = None, 0, False
         else:
             if math.isfinite(d_hat):
                 least = d_hat if least is None else min(least, d_hat)
             if over and params["withdraw"] and not withdrawn:
                 withdrawn = 4
         wide = size if least is None else min(size, least)
-        goal = max(share * wide - band, 0.0) / 2.0
+        goal = max(share * wide - band, 0.0) / (4.0 if halved else 2.0)
         causes = [
             (not enable, 1),
             (int(flags) & 1 != 0, 2),
@@ -248,14 +248,20 @@ def compensation(params: Params, h: Sequence[float], samples: Sequence[Sequence[
             standing = 10
         in_force = standing == 0
         if standing == 2:
-            half, u_ff, side = 0.0, 0.0, 0
+            half, whole, u_ff, side = 0.0, 0.0, 0.0, 0
         elif step > 0.0:
-            half = max(goal if in_force else 0.0, half - share * size / (release + release) * step)
+            wish = goal if in_force else 0.0
+            half = max(wish, half - whole / release * step)
+            whole = wish if half <= wish else whole
             old, u_ff = u_ff, _towards(-half if side < 0 else half, u_ff, params["rate"] * step)
             travel = travel + abs(u_ff - old)
             if in_force or (standing == 1 and int(flags) == 0 and math.isfinite(e)):
-                if judge.worse(e, u + u_ff, step, in_force) and params["withdraw"] and not withdrawn:
-                    withdrawn = 11
+                if judge.worse(e, u + u_ff, step, in_force, halved) and params["withdraw"] and not withdrawn:
+                    if halved:
+                        withdrawn = 11
+                    else:
+                        halved = True
+                        judge.again()
             else:
                 judge.direction = 0
         outputs.append([u_ff, half, standing])
@@ -263,27 +269,43 @@ def compensation(params: Params, h: Sequence[float], samples: Sequence[Sequence[
 
 
 class _Judge:
-    """Mean |e| and OP's reversals since it is in force, beside those of before."""
+    """Blocks of |e| and of OP's reversals since it is in force, beside those of before."""
 
     def __init__(self, watch: float, band: float) -> None:
         self.watch, self.band = watch, band
-        self.means = {False: [0.0, 0.0, 0.0], True: [0.0, 0.0, 0.0]}
+        self.blocks = {False: _Blocks(), True: _Blocks()}
         self.farthest, self.back, self.direction = 0.0, 0.0, 0
+        self.time = self.area = self.turns = 0.0
+        self.in_force = False
 
-    def worse(self, e: float, op: float, step: float, since: bool) -> bool:
-        mean = self.means[since]
-        turned = 1.0 if self.turned(op) else 0.0
-        whole = mean[2] + step
-        mean[0] = mean[0] + (abs(e) - mean[0]) * (step / whole)
-        mean[1] = mean[1] + (turned - mean[1] * step) / whole
-        mean[2] = min(whole, self.watch)
-        if not since:
-            self.means[True] = [0.0, 0.0, 0.0]
+    def again(self) -> None:
+        """Forget what is since it is in force."""
+        self.time = self.area = self.turns = 0.0
+        self.blocks[True] = _Blocks()
+
+    def worse(self, e: float, op: float, step: float, in_force: bool, halved: bool) -> bool:
+        if in_force != self.in_force:
+            self.in_force = in_force
+            self.again()
+        self.turns += self.turned(op)
+        self.time, self.area = self.time + step, self.area + abs(e) * step
+        if self.time * 150.0 < self.watch:
             return False
-        old = self.means[False]
-        if min(old[2], mean[2]) < 0.5 * self.watch:
+        x, n = self.area / self.time, self.turns
+        self.time = self.area = self.turns = 0.0
+        old, new = self.blocks[False], self.blocks[in_force]
+        if old.count >= 5:
+            x = min(x, 3.0 * old.e[0])
+        was = (*old.e, *old.n, old.count)
+        new.learn(x, n)
+        if not in_force or was[4] < 25:
             return False
-        return mean[0] > 1.1 * old[0] or mean[1] * self.watch > 1.5 * old[1] * self.watch + 2.0
+        scatter = 1.0 / new.count + 1.0 / was[4]
+        farther, oftener = new.e[0] - 1.1 * was[0], new.n[0] - 1.5 * was[2]
+        sure = (1.5, 0.5) if halved else (0.5, 0.0)
+        return (farther > 0.0 and farther * farther > sure[0] * sure[0] * (was[1] * scatter)) or (
+            oftener > 0.0 and oftener * oftener > sure[1] * sure[1] * (max(was[3], was[2]) * scatter)
+        )
 
     def turned(self, op: float) -> bool:
         """Whether OP has gone back from its farthest by more than the band."""
@@ -296,6 +318,21 @@ class _Judge:
             self.farthest, self.direction = op, -self.direction
             return True
         return False
+
+
+class _Blocks:
+    """Mean and variance of both, over the last 150 blocks or thereabouts."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self.e, self.n = [0.0, 0.0], [0.0, 0.0]
+
+    def learn(self, x: float, n: float) -> None:
+        self.count = min(self.count + 1, 150)
+        for mean, value in ((self.e, x), (self.n, n)):
+            off = value - mean[0]
+            mean[0] = mean[0] + off / self.count
+            mean[1] = mean[1] + (off * (value - mean[0]) - mean[1]) / self.count
 
 
 def _towards(wish: float, now: float, most: float) -> float:
@@ -369,15 +406,45 @@ def compensation_cases() -> Iterator[dict[str, Any]]:
     yield case("more travel than the budget", ["Budget"], error | {"travel": 10.0}, noise, h=0.1)
     yield case("a budget that fills up again", ["Budget"], error | {"reversals": 20.0}, noise, h=400.0)
     yield case("a budget that allows nothing", ["Budget"], error | {"travel": 0.1}, noise[:5], h=0.1)
-    quiet = [[0.02 * e, 0.1 * u, NAN, 0, float(i >= 40), 0] for i, (e, u) in enumerate(zip(es, us, strict=True))]
-    farther = [[3.0 * e if i >= 50 else e, *row] for i, (e, *row) in enumerate(quiet)]
-    turning = [[e, u + 0.1 * (-1.0) ** (i // 3) * (i >= 50), *row] for i, (e, u, *row) in enumerate(quiet)]
-    for comment, rows in (("PV farther from SP", farther), ("OP turns more often", turning)):
-        judged = inverse | {"watch": 4.0, "band": 0.05}
-        yield case(f"{comment} than before", ["Worse"], judged, rows, h=0.1)
-        yield case(f"{comment} than before: no withdrawal", ["Worse"], judged | {"withdraw": 0}, rows, h=0.1)
-        yield case(f"{comment} than before: too short to know", ["Worse"], judged | {"watch": 9.0}, rows, h=0.1)
-    yield case("no worse than before", ["Worse"], inverse | {"watch": 4.0, "band": 0.05}, quiet, h=0.1)
+    judged = inverse | {"watch": 37.5, "band": 0.05}  # two samples a block
+    drawn = Random(61)
+    es, us = [drawn.uniform(-0.02, 0.02) for _ in range(240)], [0.1 * x for x in _walk(62, 240)]
+    quiet = [[e, u, NAN, 0, float(i >= 60), 0] for i, (e, u) in enumerate(zip(es, us, strict=True))]
+
+    def from_(begin: int, e: float = 1.0, u: float = 0.0) -> list[list[float]]:
+        """Farther from SP, turning more often."""
+        return [
+            [(e if i >= begin else 1.0) * row[0], row[1] + u * (-1.0) ** (i // 3) * (i >= begin), *row[2:]]
+            for i, row in enumerate(quiet)
+        ]
+
+    for comment, rows in (("PV farther from SP", from_(70, e=3.0)), ("OP turns more often", from_(70, u=0.1))):
+        yield case(f"{comment} than before: halved, withdrawn", ["Worse"], judged, rows, h=0.125)
+        yield case(f"{comment} than before: no withdrawal", ["Worse"], judged | {"withdraw": 0}, rows, h=0.125)
+        late = [[*row[:4], float(i >= 49), 0] for i, row in enumerate(rows)]
+        yield case(f"{comment} than before: too short to know", ["Worse"], judged, late, h=0.125)
+        anew = changed(4, dict.fromkeys(range(150, 160), 0.0), rows)
+        yield case(f"{comment} than before: enabled anew", ["Worse"], judged, anew, h=0.125)
+        holes = changed(5, {i: float(1 + i // 100) for i in (20, 21, 75, 100, 101, 130)}, rows)
+        yield case(f"{comment} than before: in between manual, bad", ["Worse"], judged, holes, h=0.125)
+    calm = from_(70, e=0.6)
+    yield case("no worse than before", ["Worse"], judged, calm, h=0.125)
+
+    def burst(begin: int, end: int, rows: list[list[float]]) -> list[list[float]]:
+        return [[40.0 * e if begin <= i < end else e, *rest] for i, (e, *rest) in enumerate(rows)]
+
+    yield case("farther at first: halved, and no more", ["Worse"], judged, burst(70, 72, calm), h=0.125)
+    yield case("a burst is cut off", ["Worse"], judged, burst(104, 108, calm), h=0.125)
+    yield case("a burst before is cut off", ["Worse"], judged, burst(30, 34, from_(70, e=1.8)), h=0.125)
+    yield case(
+        "blocks beyond the watch are forgotten",
+        ["Worse"],
+        judged | {"watch": 7.5},
+        from_(200, e=4.0),
+        h=list(_walk(63, 240, 0.05, 0.2)),
+    )
+    gone = [[e, u, 0.0 if i >= 20 else NAN, 0, 1, 0] for i, (e, u, *_) in enumerate(on[:40])]
+    yield case("no width left while in force", ["Estimate", "Loss"], error, gone, h=0.1)
     still = [0.0 if i in (4, 5, 13) else -0.1 if i == 8 else 0.1 for i in range(20)]
     yield case("time that stands still or turns back", ["ZeroStep"], error, changed(4, {5: 0.0}, on[:20]), h=still)
 

@@ -500,11 +500,11 @@ class BacklashDetection(_Compensating):
     comp_release : float, optional
         Time in which it is taken away, > 0 [s]; Ti where not given.
     comp_watch : float, optional
-        Time over which the loop is compared with what it was before, > 0 [s]; 100 Ti where not given.
+        Time over which the loop is compared with what it was before, > 0 [s]; 300 Ti where not given.
     comp_travel, comp_reversals : float, optional
         Budgets in any hour [unit of the output; 1]; none where not given.
     comp_withdraw : bool
-        Whether it is withdrawn when the relay warns, and where the loop is worse than before.
+        Whether it is withdrawn when the relay warns, and halved, then withdrawn, where the loop is worse than before.
     """
 
     k: float

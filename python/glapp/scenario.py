@@ -315,11 +315,12 @@ class Compensation(Checked):
     release : float, optional
         Time in which it is taken away [s], > 0; Ti where not given.
     watch : float, optional
-        Time over which the loop is compared with what it was before [s], > 0; 100 Ti where not given.
+        Time over which the loop is compared with what it was before [s], > 0; 300 Ti where not given.
     travel, reversals : float
         Budgets in any hour [unit of op; 1]; what is not given has none.
     withdraw : bool
-        Whether it is withdrawn when over-compensation is found, or the loop is worse than before.
+        Whether it is withdrawn when over-compensation is found, and halved, then withdrawn, when the loop is worse than
+        before.
     begin : float
         When it is enabled [s].
     k : float, optional
@@ -490,7 +491,7 @@ class Scenario(Checked):
             "tf": given.tf,
             "rate": given.rate or fast or 1.0,
             "release": given.release or ideal.ti,
-            "watch": given.watch or 100 * ideal.ti,
+            "watch": given.watch or 300 * ideal.ti,
             "travel": given.travel or _NO_BUDGET,
             "reversals": given.reversals or _NO_BUDGET,
             "withdraw": given.withdraw,

@@ -2,7 +2,7 @@
 
 use crate::error::require;
 use crate::half_period::{AT_HIGH, AT_LOW, BAD, NOT_AUTO};
-use crate::harm::{Harm, HarmState};
+use crate::harm::{Doubt, Harm, HarmState};
 use crate::zero_crossing::sign_of;
 use crate::{ParameterError, Real, Saturation, SecondOrderFilter, SecondOrderFilterState};
 
@@ -126,9 +126,9 @@ pub struct CompensationSettings<R> {
     pub travel: R,
     /// Budget: changes of its direction in any hour, 2 or more.
     pub reversals: R,
-    /// Time over which the loop is compared with what it was before > 0 \[s\]; a hundred Ti and more.
+    /// Time over which the loop is compared with what it was before > 0 \[s\]; three hundred Ti and more.
     pub watch: R,
-    /// Whether a warning of over-compensation, and a loop that is worse than before, withdraw it.
+    /// Whether a warning of over-compensation, and a loop that is worse than before, lessen and withdraw it.
     pub withdraw: bool,
     /// Limits of OP [OP unit].
     pub limits: Saturation<R>,
@@ -177,6 +177,9 @@ pub struct CompensationSample<R> {
 ///
 /// The on-line estimate can make the size smaller, and it stays smaller until it is enabled anew; it never makes it larger.
 ///
+/// Where the loop seems worse than before it was enabled, in PV's distance from SP or in OP's reversals by more than size/10, δ is
+/// halved; where it still is, beyond doubt, it is withdrawn. Either holds until it is enabled anew.
+///
 /// The budgets are kept by two accounts, each of half a budget, that fill up again within an hour: so no hour sees more than
 /// the whole, nor a minute more than the half. Before every reversal, the way there and the way back to 0 must be left, or
 /// it is withdrawn. In manual u_FF takes part in neither.
@@ -224,8 +227,12 @@ pub struct CompensationState<R> {
     in_force: bool,
     /// Why it was withdrawn until it is enabled anew.
     withdrawn: Option<Standing>,
+    /// Whether only half of the width is compensated, because the loop seemed worse.
+    pub halved: bool,
     /// Half of the width in force now [OP unit].
     pub half: R,
+    /// From where it is taken away.
+    whole: R,
     /// What is added to OP [OP unit].
     pub u_ff: R,
     /// The smallest on-line estimate since it was enabled [OP unit].
@@ -253,7 +260,7 @@ impl<R: Real> Compensation<R> {
         require("travel", s.travel, s.travel > zero, "greater than 0")?;
         require("reversals", s.reversals, s.reversals >= one + one, "2 or greater")?;
         require("watch", s.watch, s.watch > zero, "greater than 0 s")?;
-        let harm = Harm { watch: s.watch, band: s.band.greater(s.share * s.size / R::of(10.0)) };
+        let harm = Harm { watch: s.watch, band: s.size / R::of(10.0) };
         Ok(Self { settings, filter: SecondOrderFilter::new(s.tf)?, harm })
     }
 
@@ -287,11 +294,13 @@ impl<R: Real> Compensation<R> {
         state.in_force = standing == Standing::Active;
         state.standing = standing;
         if standing == Standing::NotAuto {
-            (state.half, state.u_ff, state.side) = (R::ZERO, R::ZERO, 0);
+            (state.half, state.whole, state.u_ff, state.side) = (R::ZERO, R::ZERO, R::ZERO, 0);
         } else if timed {
             let goal = if state.in_force { goal } else { R::ZERO };
-            let step = s.share * s.size / (s.release + s.release) * sample.h;
-            state.half = goal.greater(state.half - step);
+            state.half = goal.greater(state.half - state.whole / s.release * sample.h);
+            if state.half <= goal {
+                state.whole = goal;
+            }
             let target = if state.side < 0 { -state.half } else { state.half };
             let old = state.u_ff;
             state.u_ff = target.lesser(old + s.rate * sample.h).greater(old - s.rate * sample.h);
@@ -308,9 +317,16 @@ impl<R: Real> Compensation<R> {
         if !since && (state.standing != Standing::NotEnabled || sample.flags != 0 || !measurable(sample.e + sample.u)) {
             return self.harm.forget(&mut state.harm);
         }
-        let worse = self.harm.update(&mut state.harm, sample.e, sample.u + state.u_ff, sample.h, since);
-        if worse && self.settings.withdraw && state.withdrawn.is_none() {
+        let doubt = if state.halved { Doubt::LAST } else { Doubt::FIRST };
+        let worse = self.harm.update(&mut state.harm, sample.e, sample.u + state.u_ff, sample.h, since, doubt);
+        if !worse || !self.settings.withdraw || state.withdrawn.is_some() {
+            return;
+        }
+        if state.halved {
             state.withdrawn = Some(Standing::Worse);
+        } else {
+            state.halved = true;
+            self.harm.again(&mut state.harm);
         }
     }
 
@@ -351,13 +367,14 @@ impl<R: Real> Compensation<R> {
     fn goal(&self, state: &mut CompensationState<R>, enable: bool, d_hat: Option<R>) -> R {
         let s = &self.settings;
         if !enable {
-            state.d_hat = None;
+            (state.d_hat, state.halved) = (None, false);
         } else if let Some(d_hat) = d_hat {
             state.d_hat = Some(state.d_hat.map_or(d_hat, |least| least.lesser(d_hat)));
         }
         let size = state.d_hat.map_or(s.size, |d_hat| s.size.lesser(d_hat));
         let band = if s.way == Way::Inverse { s.band } else { R::ZERO };
-        (s.share * size - band).greater(R::ZERO) / R::of(2.0)
+        let delta = (s.share * size - band).greater(R::ZERO);
+        delta / R::of(if state.halved { 4.0 } else { 2.0 })
     }
 
     /// The first cause to do nothing.
@@ -590,6 +607,40 @@ mod tests {
         let (block, mut state) = active(CompensationSettings { withdraw: false, ..settings(Way::Error) });
         block.update(&mut state, &CompensationSample { over: true, ..sample(1.0, 2.0) });
         assert_eq!(state.standing, Standing::Active);
+    }
+
+    #[test]
+    fn a_loop_that_seems_worse_is_halved_then_left_alone() {
+        let s = CompensationSettings { watch: 150.0, ..settings(Way::Error) };
+        let block = Compensation::new(s).unwrap();
+        let mut state = CompensationState::default();
+        // Blocks of one sample; OP stands still but for u_FF.
+        let mut run = |n: i32, e: f64, enable| {
+            for i in 0..n {
+                let e = e * f64::from(1 - 2 * (i / 8 % 2));
+                block.update(&mut state, &CompensationSample { enable, ..sample(e, 2.0) });
+            }
+            (state.standing, state.halved, state.half)
+        };
+        run(100, 1.0, false);
+        assert_eq!(run(16, 1.0, true), (Standing::Active, false, 1.0));
+        assert_eq!(run(2, 3.0, true), (Standing::Active, true, 0.5), "the size in force is halved");
+        assert_eq!(run(40, 3.0, true), (Standing::Worse, true, 0.0));
+        assert_eq!(run(1, 3.0, false), (Standing::NotEnabled, false, 0.0));
+    }
+
+    #[test]
+    fn a_size_that_is_set_to_zero_while_it_is_in_force_is_ramped_out() {
+        for way in Way::ALL {
+            let (_, mut state) = active(settings(way));
+            let full = state.u_ff;
+            let none = Compensation::new(CompensationSettings { size: 0.0, ..settings(way) }).unwrap();
+            let shown: Vec<f64> =
+                (0..10).map(|_| none.update(&mut state, &CompensationSample { h: 0.1, ..sample(1.0, 3.0) })).collect();
+            assert!((shown[0] - 0.9 * full).abs() < 1e-12 && (shown[4] - 0.5 * full).abs() < 1e-12, "{shown:?}");
+            assert!(shown[9].abs() < 1e-12, "it stood where it was, with nothing to go by");
+            assert_eq!(state.standing, Standing::TooSmall);
+        }
     }
 
     #[test]

@@ -97,7 +97,7 @@ impl TryFrom<PySettings> for CompensationSettings<f64> {
 /// travel, reversals : float
 ///     Budgets of u_FF in any hour [unit of OP; 1], > 0 and ≥ 2.
 /// withdraw : bool
-///     Whether a warning of over-compensation, and a loop that is worse than before, withdraw it.
+///     Whether a warning of over-compensation, and a loop that is worse than before, lessen and withdraw it.
 /// limits : (low, high), optional
 ///     Limits of OP.
 ///

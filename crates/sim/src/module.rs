@@ -255,7 +255,7 @@ impl Kind {
 ///
 /// The last two compensate where `comp_size` (0) is given and `compensate` is set while they run. `comp_way` (3) is 1 error,
 /// 2 derivative, 3 inverse; `comp_share` (1), `comp_limit` (share·size), `comp_band` (a fifth of the size), `comp_tf` (0),
-/// `comp_rate` (the inverse goes from side to side in Ti/10, the others jump), `comp_release` (Ti), `comp_watch` (100 Ti),
+/// `comp_rate` (the inverse goes from side to side in Ti/10, the others jump), `comp_release` (Ti), `comp_watch` (300 Ti),
 /// `comp_travel` and `comp_reversals` (no budget), `comp_withdraw` (1) are those of [`CompensationSettings`].
 ///
 /// `start` is where it rests at the beginning: the process value, or a controller's output.
@@ -366,7 +366,7 @@ impl Module {
     }
 
     /// What is not given: no wider than the size, a band of a fifth of it; the inverse goes from side to side in Ti/10, the
-    /// others jump; it goes within Ti; the loop is compared over 100 Ti; no budgets.
+    /// others jump; it goes within Ti; the loop is compared over 300 Ti; no budgets.
     fn compensation(&self) -> Result<Option<CompensationSettings<f64>>, ParameterError> {
         let (size, share, ti) = (self.value("comp_size"), self.value("comp_share"), self.value("ti"));
         if size == 0.0 {
@@ -388,7 +388,7 @@ impl Module {
             tf: self.value("comp_tf"),
             rate: or("comp_rate", rate),
             release: or("comp_release", ti),
-            watch: or("comp_watch", 100.0 * ti),
+            watch: or("comp_watch", 300.0 * ti),
             travel: or("comp_travel", f64::MAX),
             reversals: or("comp_reversals", f64::MAX),
             withdraw: self.value("comp_withdraw") != 0.0,

@@ -25,6 +25,7 @@ from glapp.blocks import (
     SafetyNet,
     Saturation,
     SecondOrderFilter,
+    Swing,
     Width,
     ZeroCrossing,
 )
@@ -171,6 +172,17 @@ def safety_net(params: dict[str, float]) -> Callable[..., tuple[int, int]]:
     switches = {name: value != 0 for name, value in params.items() if name not in ("k", "ti", "op_span")}
     block = SafetyNet(params["k"], params["ti"], params.get("op_span"), **switches)
     return lambda flags, *x: block.check(int(flags), *x[:5], given(x[5]), given(x[6]))
+
+
+def swing(params: dict[str, float]) -> Callable[..., list[float | None] | None]:
+    block = Swing(params["k"], params["ti"], params.get("td"), params["b"])
+
+    def update(sp: float, yf: float, op: float, ends: float, flags: float, h: float) -> list[float | None] | None:
+        ended = list(block.end(int(ends), int(flags))) if ends else None
+        block.add(sp, yf, h, given(op))
+        return ended
+
+    return update
 
 
 def median_mean(params: dict[str, float]) -> Callable[..., tuple[float, ...]]:
@@ -328,6 +340,7 @@ MAKERS = {
     "rate_limit": rate_limit,
     "safety_net": safety_net,
     "saturation": saturation,
+    "swing": swing,
     "tuning": tuning,
     "width": width,
     "zero_crossing": zero_crossing,

@@ -723,6 +723,120 @@ def width_cases() -> Iterator[dict[str, Any]]:
 
 _WIDTH_WALKS = ((21, 0.0, 60.0), (22, 0.0, 0.2), (23, -0.1, 0.1), (24, -0.05, 0.05), (25, -1.0, 1.0))
 
+
+def swing(params: Params, h: Sequence[float], samples: Sequence[Sequence[float]]) -> list[Any]:
+    """Keep OP and errors of a half-period, and look at them when it ends; OP by (4.1) where it is NaN."""
+    outputs: list[Any] = []
+    by_hand = _ByHand(params)
+    kept: list[tuple[float, float, float]] = []
+    before: tuple[float, float] | None = None
+    switched = recorded = False
+    for step, (sp, yf, op, ends, flags) in zip(h, samples, strict=True):
+        if ends:
+            sign, whole = int(ends), bool(kept) and not switched and not int(flags) & (1 | 2 | 16)
+            outputs.append(_swung(params, kept, sign, before if whole else None, recorded))
+            turn = _turn(params, kept, sign, recorded)
+            before = (turn, ends) if whole else None
+            if not recorded:
+                by_hand.u = by_hand.u - turn if whole else 0.0
+                before = (0.0, ends) if whole else None
+            kept, switched = [], False
+        else:
+            outputs.append(None)
+        if not step > 0.0 or not math.isfinite(sp - yf):
+            continue
+        value = by_hand.moved(step, sp, yf, op)
+        switched |= recorded == math.isnan(op)
+        recorded = not math.isnan(op)
+        kept.append((step, sp - yf, value))
+    return outputs
+
+
+class _ByHand:
+    """u/K of (4.1), or the OP that was recorded."""
+
+    def __init__(self, params: Params) -> None:
+        self.params = params
+        self.u = self.sp = self.yf = self.slope = 0.0
+        self.started = False
+
+    def moved(self, h: float, sp: float, yf: float, op: float) -> float:
+        slope = 0.0
+        td = self.params.get("td", 0.0)
+        if td > 0.0 and self.started:
+            slope = (yf - self.yf) / h
+        if math.isnan(op):
+            proportional = self.params["b"] * (sp - self.sp) - (yf - self.yf)
+            self.u += proportional + (sp - yf) * (h / self.params["ti"]) - td * (slope - self.slope)
+        else:
+            self.u = op
+        self.sp, self.yf, self.slope, self.started = sp, yf, slope, True
+        return self.u
+
+
+def _turn(params: Params, kept: Sequence[tuple[float, float, float]], sign: int, recorded: bool) -> float:
+    """Furthest value of OP on the side to which the integral action drives it."""
+    rises = (sign > 0) == (not recorded or params["k"] > 0.0)
+    values = [value for _, _, value in kept]
+    return (max(values) if rises else min(values)) if values else 0.0
+
+
+def _swung(
+    params: Params,
+    kept: Sequence[tuple[float, float, float]],
+    sign: int,
+    before: tuple[float, float] | None,
+    recorded: bool,
+) -> list[float]:
+    """Travel from the turn before, NaN without one, and the height of PV's plateau."""
+    travel = NAN
+    if before is not None and before[1] == -sign:
+        travel = abs(_turn(params, kept, sign, recorded) - before[0])
+        travel = travel if recorded else abs(params["k"]) * travel
+    area = _sum(abs(e) * h for h, e, _ in kept)
+    square = _sum(abs(e) * abs(e) * h for h, e, _ in kept)
+    plateau = 2.0 * (square / area) - area / _sum(h for h, _, _ in kept) if area > 0.0 else 0.0
+    return [travel, plateau]
+
+
+def swing_cases() -> Iterator[dict[str, Any]]:
+    """OP recorded or by (4.1), both actions, breaks, half-periods on one side, a setpoint that moves."""
+    e, sp, op = (list(_walk(seed, 60, low, high)) for seed, low, high in ((60, 0.0, 2.0), (61, 4.0, 6.0), (62, 0, 9)))
+
+    def rows(
+        ends: dict[int, int], flags: dict[int, int] | None = None, known: bool = True, moving: bool = False
+    ) -> list[list[float]]:
+        out = []
+        for i in range(60):
+            # The sign of the half-period under way is that of the next end.
+            under_way = next((sign for at, sign in sorted(ends.items()) if at > i), 1)
+            setpoint = sp[i] if moving else 5.0
+            known_op = op[i] if known else NAN
+            out.append([setpoint, setpoint - under_way * e[i], known_op, ends.get(i, 0), (flags or {}).get(i, 0)])
+        return out
+
+    to_and_fro = {9: 1, 20: -1, 33: 1, 45: -1, 57: 1}
+    pi = {"k": 0.775, "ti": 2.05, "b": 0.0}
+    pid_ = {"k": 1.12, "ti": 2.4, "td": 0.619, "b": 0.0}
+    yield case("OP recorded", [], pi, rows(to_and_fro), h=0.1)
+    yield case("OP recorded, direct-acting", ["Sign"], pi | {"k": -0.775}, rows(to_and_fro), h=0.1)
+    yield case("OP of a PI by (4.1)", ["ByHand"], pi, rows(to_and_fro, known=False), h=0.1)
+    yield case("OP of a PID by (4.1)", ["ByHand"], pid_, rows(to_and_fro, known=False), h=0.1)
+    yield case("by (4.1), direct-acting", ["ByHand", "Sign"], pid_ | {"k": -2.0}, rows(to_and_fro, known=False), h=0.1)
+    moving = rows(to_and_fro, known=False, moving=True)
+    yield case("setpoint that moves, weight 0", ["Setpoint"], pi, moving, h=0.1)
+    yield case("setpoint that moves, weight 0.7", ["Setpoint"], pi | {"b": 0.7}, moving, h=0.1)
+    yield case("a break on the way", ["Break"], pi, rows(to_and_fro, {33: 16}), h=0.1)
+    yield case("a bad value, by (4.1)", ["Break", "ByHand"], pi, rows(to_and_fro, {20: 2}, known=False), h=0.1)
+    yield case("at a limit is no break", ["Break"], pi, rows(to_and_fro, {20: 8, 33: 4}), h=0.1)
+    yield case("twice on one side", ["OneSide"], pi, rows({9: 1, 20: 1, 33: -1, 45: 0, 57: 1}), h=0.1)
+    lost = [[*row[:2], NAN if 25 <= i < 40 else row[2], *row[3:]] for i, row in enumerate(rows(to_and_fro))]
+    yield case("OP missing for a while", ["Switch"], pi, lost, h=0.1)
+    steps = [0.0 if i in (0, 14, 15) else h for i, h in enumerate(_walk(63, 60, low=0.01, high=1.0))]
+    yield case("steps of any length", ["ZeroStep"], pid_, rows(to_and_fro, known=False), h=steps)
+    yield case("no time at all", ["ZeroStep"], pi, rows({4: 1, 5: -1})[:8], h=0.0)
+
+
 REASON_ORDER = (
     "gap",
     "bad_quality",
@@ -2059,6 +2173,24 @@ BLOCKS: dict[
             "NoKp": "a process-gain part where Kp is not known",
             "Setpoint": "a setpoint's part with the wrong sign or weight",
             "Zero": "a division by 0",
+        },
+    ),
+    "swing": (
+        swing,
+        swing_cases,
+        ["sp", "yf", "op", "ends", "flags"],
+        ["travel", "plateau"],
+        "OP's travel between its furthest points in two half-periods, null without a turn to count from, and height "
+        "of PV's plateau. ends: sign of the half-period that ends before this sample, which begins the next; flags: of "
+        "the one that ends; op null: by (4.1). td left out: 0.",
+        {
+            "ByHand": "OP by (4.1) with a wrong sign, order or part",
+            "Sign": "a turn on the wrong side where K is negative",
+            "Setpoint": "a setpoint's part with the wrong weight",
+            "Break": "a travel over a break, or none where there was no break",
+            "OneSide": "a travel between two turns on the same side",
+            "Switch": "a travel from a recorded turn to one by (4.1)",
+            "ZeroStep": "a division by a step of 0, or a sample without time that counts",
         },
     ),
     "safety_net": (

@@ -19,7 +19,7 @@ from .loop import Loop
 from .quality import Finding
 from .reading import open_recordings, recording_from
 from .recording import Batch, Recording
-from .result import HalfPeriods, Result, Settings
+from .result import Corrected, HalfPeriods, Result, Settings
 
 __version__ = _version("glapp")
 
@@ -27,6 +27,7 @@ __all__ = [
     "Batch",
     "Bump",
     "Controller",
+    "Corrected",
     "Estimator",
     "Finding",
     "Fit",

@@ -26,6 +26,7 @@ from ._glapp import (
     SafetyNet,
     Saturation,
     SecondOrderFilter,
+    Swing,
     Width,
     ZeroCrossing,
 )
@@ -45,6 +46,7 @@ __all__ = [
     "SafetyNet",
     "Saturation",
     "SecondOrderFilter",
+    "Swing",
     "Width",
     "ZeroCrossing",
 ]

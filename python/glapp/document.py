@@ -128,6 +128,27 @@ class FitAnswer(_Part):
     """One sentence with the evidence."""
 
 
+class Corrected(_Part):
+    """The width from zero crossings with the known bias of (2.4) taken out."""
+
+    d: Value
+    """Total width [`unit`]; null: `reason` says why."""
+    low: Value
+    """Lower end of its range [`unit`]: repeatability, not an interval of confidence."""
+    high: Value
+    """Upper end."""
+    kp: Value
+    """Size of the process gain that it stands on [PV unit/OP unit]."""
+    kp_range: Annotated[list[float], Field(min_length=2, max_length=2)] | None
+    """Range of that gain with any one pair left out; null where it was known."""
+    pairs: Count
+    """Pairs of half-periods that it is made of."""
+    travel: Literal["op", "(4.1)"]
+    """OP as recorded, or as equation (4.1) makes it of SP and PV."""
+    reason: str | None
+    """Why there is no width."""
+
+
 class LoopAnswer(_Part):
     """The answer for one loop."""
 
@@ -149,6 +170,8 @@ class LoopAnswer(_Part):
     """Smallest and largest detection behind `d_hat` [`unit`]; not an interval of confidence."""
     noise_floor: Value
     """Width below which noise alone could produce an estimate [`unit`]."""
+    corrected: Corrected | None
+    """The same width with its known bias taken out; null without detections."""
     detections: Count
     """Accepted half-periods."""
     half_periods: Count

@@ -20,10 +20,12 @@ from .loop import Loop
 from .progress import Progress, shares
 from .quality import GAP_STEPS, Census, Finding, InspectionSample, assumed_gain, inspect, noise_sigma
 from .recording import Batch, Recording
-from .result import REASONS, HalfPeriods, Result, Settings, Verdict
+from .result import REASONS, Corrected, HalfPeriods, Result, Settings, Verdict
 from .trace import Band, Thinner, Trace
 
 __all__ = ["Estimator", "analyze", "estimate", "identify_recording"]
+
+Floats = NDArray[np.float64]
 
 INSPECTED_ROWS = 500_000
 """Rows that identification and the closer look at quality take from the beginning of a recording."""
@@ -92,7 +94,7 @@ def estimate(recording: Recording, *, progress: Progress | None = None) -> Resul
     loop = with_op_unit(loop, sample.batch)
     run = _Run(recording, loop, sample.median_step, ideal, {}, _process_gain(loop))
     run.all(progress, census=None)
-    return run.result([], None, noise_sigma(sample.batch.pv))
+    return run.result([], None, sample.batch)
 
 
 def analyze(recording: Recording, *, trust: bool = False, fit: bool = True, progress: Progress | None = None) -> Result:
@@ -159,7 +161,7 @@ def analyze(recording: Recording, *, trust: bool = False, fit: bool = True, prog
     if fitted is not None and not known and (gain := _fitted_gain(fitted)) is not None:
         run = _Run(recording, loop, sample.median_step, ideal, notes, gain)
         run.all(again, None)
-    return replace(run.result(quality, found, noise_sigma(batch.pv)), fit=fitted)
+    return replace(run.result(quality, found, batch), fit=fitted)
 
 
 def _fitted_gain(fit: Fit) -> tuple[float, str] | None:
@@ -379,9 +381,10 @@ class _Run:
                 if progress is not None:
                     progress(self.recording.fraction_read())
 
-    def result(self, quality: list[Finding], found: Identification | None, sigma: float | None) -> Result:
-        """Choose the filter time and say what was found."""
+    def result(self, quality: list[Finding], found: Identification | None, beginning: Batch) -> Result:
+        """Choose the filter time and say what was found; noise is that of the recording's `beginning`."""
         loop, ideal, notes = self.loop, self.ideal, self.notes
+        sigma = noise_sigma(beginning.pv)
         chosen = self._choose()
         detector = self.detectors[chosen] if self.detectors else None
         tf = None
@@ -436,7 +439,42 @@ class _Run:
             quality=quality,
             identification=found,
             trace=self._trace(chosen),
+            corrected=self._corrected(detector, tf, d_hat, beginning.op) if detections else None,
         )
+
+    def _corrected(
+        self, detector: _glapp.Detector | None, tf: float | None, d_hat: float | None, op: Floats | None
+    ) -> Corrected:
+        """The width with the bias of (2.4) taken out, or why there is none."""
+        assert detector is not None and tf is not None and self.ideal is not None  # there are detections
+        kp = None if self.notes["kp"] == KP_ASSUMED else self.kp
+        pairs, found, doubt = detector.corrected(kp)
+        reason = None if doubt is None else self._doubts(pairs, kp)[doubt]
+        if self.op_known:
+            # Noise alone moves OP from end to end by about six times its deviation, and the valve follows.
+            sigma = None if op is None else noise_sigma(op)
+            noise = 0.0 if sigma is None else 6.0 * sigma
+            if found is not None and found[0] < noise:
+                reason = f"{found[0]:.3g} {self.loop.op_label} is less than the {noise:.3g} that noise moves OP by"
+        elif tf > 1.001 * (0.2 * (self.ideal.td or self.ideal.ti)):
+            reason = f"OP is not recorded, and PV filtered with {tf:.3g} s is too smooth to work out its turns by (4.1)"
+        if self.loop.process.type == "integrating":
+            reason = "an integrating process does not come to rest off SP"
+        if d_hat is None:
+            reason = "there is no estimate to correct"
+        d, low, high, gain, gains = found if found is not None and reason is None else (None, None, None, kp, None)
+        return Corrected(d, low, high, gain, gains, pairs, "op" if self.op_known else "(4.1)", reason)
+
+    def _doubts(self, pairs: int, kp: float | None) -> dict[str, str]:
+        """Why the pairs of half-periods give no width, in words."""
+        few = f"{pairs} pairs of half-periods in which PV came to rest off SP, where 3 are needed"
+        return {
+            "too_few": few if kp is not None else f"{few}, and 4 without the process gain",
+            "alike": "PV's half-periods are too much alike to tell the process gain and the width apart: give kp",
+            "wrong_slope": "OP travels less where PV swings further: not a gap in front of a process at rest",
+            "scattered": f"the {pairs} pairs of half-periods do not agree: the load moves, or PV does not come to rest",
+            "swamped": "the valve moves further than the gap is wide",
+        }
 
     def _doubt(self, half_periods: HalfPeriods) -> Iterator[Finding]:
         """What an assumed Kp does to the detections."""

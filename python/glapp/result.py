@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import pandas as pd
     import plotly.graph_objects as go
 
-__all__ = ["REASONS", "HalfPeriods", "Result", "Settings", "Verdict"]
+__all__ = ["REASONS", "Corrected", "HalfPeriods", "Result", "Settings", "Verdict"]
 
 REASONS = tuple(_glapp.reasons())
 """Names of the codes in `HalfPeriods.reason`; the bit of a reason in `HalfPeriods.mask` is its code − 1."""
@@ -52,6 +52,11 @@ class HalfPeriods:
         K/Ti·Δy·Δt (7.5), derivative part of (7.6), part of a moving setpoint [OP unit].
     op_travel : float64[n]
         OP's own travel in the direction of the integral action [OP unit], NaN where OP is not recorded.
+    swing : float64[n]
+        OP's travel from its furthest point in the half-period before to that in this one [OP unit]; NaN where there is
+        none to count from, and all through with an `Estimator`, which does not look at it.
+    plateau : float64[n]
+        Height of PV's plateau [PV unit]; NaN with an `Estimator`.
     free, kp_part, d : float64[n]
         Kp-free part and Kp part of the width, and the width (2.4) [OP unit].
     previous_delta_y : float64[n]
@@ -80,6 +85,8 @@ class HalfPeriods:
     delta_u_d: Floats
     delta_u_sp: Floats
     op_travel: Floats
+    swing: Floats
+    plateau: Floats
     free: Floats
     kp_part: Floats
     d: Floats
@@ -140,6 +147,47 @@ class Settings:
     notes: dict[str, str]
 
 
+@dataclass(frozen=True, slots=True)
+class Corrected:
+    """The width from zero crossings with the known bias of (2.4) taken out, beside it and never in its place.
+
+    Between two turns OP travels d and all that PV's way from plateau to plateau asks of the valve, not half of it:
+    travel = d + way/Kp. Where Kp is not known, several half-periods of different Δy give d and Kp together.
+
+    Attributes
+    ----------
+    d : float or None
+        Total width [`Result.unit`]; None: `reason` says why.
+    low, high : float or None
+        Its range: of the pairs of half-periods that agree where Kp is known, else with any one pair left out. How well
+        they repeat, not an interval of confidence.
+    kp : float or None
+        |Kp| [PV unit/OP unit] that it stands on.
+    kp_range : (float, float) or None
+        Range of Kp with any one pair left out; None where it was known.
+    pairs : int
+        Pairs of half-periods that it is made of.
+    travel : "op" or "(4.1)"
+        OP as recorded, or as (4.1) makes it of SP and PV.
+    reason : str or None
+        Why there is no width.
+    """
+
+    d: float | None
+    low: float | None
+    high: float | None
+    kp: float | None
+    kp_range: tuple[float, float] | None
+    pairs: int
+    travel: Literal["op", "(4.1)"]
+    reason: str | None
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same in plain types, as `glapp analyze --json` writes it."""
+        shown = {column.name: getattr(self, column.name) for column in fields(self)}
+        return shown | {"kp_range": None if self.kp_range is None else list(self.kp_range)}
+
+
 @dataclass(frozen=True, slots=True, repr=False)
 class Result:
     """The answer for one loop.
@@ -183,6 +231,8 @@ class Result:
         The signals, thinned for a screen.
     fit : Fit or None
         Width with an interval from OP and PV (`glapp.fit`); None without OP.
+    corrected : Corrected or None
+        The width from zero crossings with its known bias taken out; None without detections.
     """
 
     name: str
@@ -204,6 +254,7 @@ class Result:
     identification: Identification | None = None
     trace: Trace | None = None
     fit: Fit | None = None
+    corrected: Corrected | None = None
 
     @classmethod
     def of_error(cls, error: InputError, name: str, source: str, loop: Loop | None = None) -> Result:
@@ -289,6 +340,7 @@ class Result:
             "d_hat_percent_span": self.d_hat_percent_span,
             "repeatability": list(self.repeatability) if self.repeatability else None,
             "noise_floor": self.noise_floor,
+            "corrected": None if self.corrected is None else self.corrected.to_dict(),
             "detections": self.detections,
             "half_periods": self.total_half_periods,
             "reasons": self.reasons,

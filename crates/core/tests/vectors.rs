@@ -9,7 +9,7 @@ use glapp_core::{
     CompensationSettings, CompensationState, Derivative, Detector, DetectorState, HalfPeriod, HalfPeriodState,
     MedianMean, MedianMeanState, Noise, NoiseState, OverCompensation, OverCompensationState, OverWarning, Pid,
     PidState, RateLimit, RateLimitState, Real, Reason, Record, SafetyNet, Sample, Saturation, SecondOrderFilter,
-    SecondOrderFilterState, Way, Width, WidthParts, ZeroCrossing,
+    SecondOrderFilterState, Swing, SwingState, Way, Width, WidthParts, ZeroCrossing,
 };
 use serde_json::Value;
 use std::path::Path;
@@ -497,6 +497,19 @@ fn safety_net() {
             let parts = WidthParts { free: x[5], ..WidthParts::default() };
             let mask = net.check(&half, &parts, &width, given(x[6]), given(x[7]));
             Some(vec![f64::from(mask), f64::from(Reason::first(mask) as u8)])
+        });
+    }
+}
+
+#[test]
+fn swing() {
+    for case in cases("swing") {
+        let block = Swing::new(case.given("k"), case.given("ti"), case.param("td"), case.given("b")).unwrap();
+        let mut state = SwingState::default();
+        case.check_all(|x, h| {
+            let ended = (x[3] != 0.0).then(|| block.end(&mut state, x[3] as i8, x[4] as u8));
+            block.add(&mut state, h, x[0], x[1], given(x[2]));
+            ended.map(|parts| vec![parts.travel.unwrap_or(f64::NAN), parts.plateau])
         });
     }
 }

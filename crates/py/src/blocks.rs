@@ -2,8 +2,8 @@
 
 use crate::refused;
 use glapp_core::{
-    Derivative as Slope, HalfPeriod, HalfPeriodState, MedianMeanState, Reason, SecondOrderFilterState, WidthParts,
-    ZeroCrossing as Crossing,
+    Derivative as Slope, HalfPeriod, HalfPeriodState, MedianMeanState, Reason, SecondOrderFilterState, SwingState,
+    WidthParts, ZeroCrossing as Crossing,
 };
 use pyo3::prelude::*;
 
@@ -197,6 +197,59 @@ impl Width {
         let parts = self.block.of(&half, op_change.is_some());
         let WidthParts { delta_u, delta_u_d, delta_u_sp, op_travel, free, kp_part, d } = parts;
         (delta_u, delta_u_d, delta_u_sp, op_travel, free, kp_part, d)
+    }
+}
+
+/// OP's travel between its furthest points, and the height of PV's plateau, from half-period to half-period.
+///
+/// Parameters
+/// ----------
+/// k, ti : float
+///     Gain K [OP per PV], ≠ 0, and integral time Ti [s], > 0, of the controller.
+/// td : float, optional
+///     Derivative time Td [s], ≥ 0.
+/// b : float
+///     Setpoint weight, 0 to 1.
+///
+/// Examples
+/// --------
+/// OP rises to 3 while PV is low, then falls to −2 while it is high.
+///
+/// >>> swing = Swing(1.0, 10.0)
+/// >>> for op in (0.0, 3.0, 2.5):
+/// ...     swing.add(0.0, -1.0, 1.0, op)
+/// >>> swing.end(1)
+/// (None, 1.0)
+/// >>> for op in (2.0, -2.0, -1.5):
+/// ...     swing.add(0.0, 2.0, 1.0, op)
+/// >>> swing.end(-1)
+/// (5.0, 2.0)
+#[pyclass(module = "glapp.blocks")]
+pub struct Swing {
+    block: glapp_core::Swing<f64>,
+    state: SwingState<f64>,
+}
+
+#[pymethods]
+impl Swing {
+    #[new]
+    #[pyo3(signature = (k, ti, td=None, b=1.0))]
+    fn new(k: f64, ti: f64, td: Option<f64>, b: f64) -> PyResult<Self> {
+        let block = glapp_core::Swing::new(k, ti, td, b).map_err(refused)?;
+        Ok(Self { block, state: SwingState::default() })
+    }
+
+    /// A sample: setpoint, filtered PV, the time since the sample before [s], and OP where it is recorded.
+    #[pyo3(signature = (sp, yf, h, op=None))]
+    fn add(&mut self, sp: f64, yf: f64, h: f64, op: Option<f64>) {
+        self.block.add(&mut self.state, h, sp, yf, op);
+    }
+
+    /// Ends the half-period of this sign and these flags: OP's travel, None where there is none, and PV's plateau.
+    #[pyo3(signature = (sign, flags=0))]
+    fn end(&mut self, sign: i8, flags: u8) -> (Option<f64>, f64) {
+        let parts = self.block.end(&mut self.state, sign, flags);
+        (parts.travel, parts.plateau)
     }
 }
 

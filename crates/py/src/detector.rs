@@ -2,16 +2,20 @@
 
 use crate::refused;
 use glapp_core::{
-    Columns, Detector, DetectorState, MedianMean, ParameterError, Reason, Record, SafetyNet, SecondOrderFilter, Span,
-    Width,
+    Columns, Corrected, Detector, DetectorState, Doubt, Half, MedianMean, Pair, ParameterError, Reason, Record,
+    SafetyNet, SecondOrderFilter, Span, Swing, SwingParts, SwingState, Width, corrected, pairs,
 };
 use numpy::{PyArray1, PyReadonlyArray1};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde_json::json;
+use std::cell::Cell;
+use std::ops::Range;
 
 use crate::columns::with_columns;
+
+type CorrectedParts = (f64, f64, f64, f64, Option<(f64, f64)>);
 
 /// A half-period shorter than 5Ti is the most frequent thing that noise makes; so many of them are kept whole, the
 /// others are counted.
@@ -45,7 +49,16 @@ pub fn detector(settings: &Settings) -> Result<Detector<f64>, ParameterError> {
 pub struct PyHalfPeriod {
     span: Span,
     record: Record<f64>,
+    swing: Option<SwingParts<f64>>,
 }
+
+const DOUBTS: [(Doubt, &str); 5] = [
+    (Doubt::TooFew, "too_few"),
+    (Doubt::Alike, "alike"),
+    (Doubt::WrongSlope, "wrong_slope"),
+    (Doubt::Scattered, "scattered"),
+    (Doubt::Swamped, "swamped"),
+];
 
 /// Names of the reasons, by their codes.
 #[pyfunction]
@@ -54,18 +67,18 @@ pub fn reasons() -> Vec<&'static str> {
 }
 
 macro_rules! attributes {
-    ($($(#[$doc:meta])* $name:ident: $type:ty = |$span:ident, $record:ident| $value:expr;)*) => {
+    ($($(#[$doc:meta])* $name:ident: $type:ty = |$span:ident, $record:ident, $swing:ident| $value:expr;)*) => {
         #[pymethods]
         impl PyHalfPeriod {
             fn __repr__(&self) -> String {
-                let Self { span, record } = self;
+                let Self { span, record, .. } = self;
                 let (reason, d) = (record.reason().name(), record.parts.d);
                 format!("<HalfPeriod {} s to {} s: {reason}, d = {d:.4}>", span.start, span.end)
             }
 
             $($(#[$doc])* #[getter]
             fn $name(&self) -> $type {
-                let ($span, $record) = (&self.span, &self.record);
+                let ($span, $record, $swing) = (&self.span, &self.record, &self.swing);
                 $value
             })*
         }
@@ -73,8 +86,8 @@ macro_rules! attributes {
         fn columns<'py>(py: Python<'py>, rows: &[PyHalfPeriod]) -> PyResult<Bound<'py, PyDict>> {
             let table = PyDict::new(py);
             $({
-                let column = rows.iter().map(|PyHalfPeriod { span: $span, record: $record }| {
-                    let _ = $span;
+                let column = rows.iter().map(|PyHalfPeriod { span: $span, record: $record, swing: $swing }| {
+                    let _ = ($span, $swing);
                     $value
                 });
                 table.set_item(stringify!($name), PyArray1::from_iter(py, column))?;
@@ -86,47 +99,52 @@ macro_rules! attributes {
 
 attributes! {
     /// Time of the first sample [s].
-    t_start: f64 = |span, _record| span.start;
+    t_start: f64 = |span, _record, _swing| span.start;
     /// Time of the sample that ended it, or of the last one before a gap [s].
-    t_end: f64 = |span, _record| span.end;
+    t_end: f64 = |span, _record, _swing| span.end;
     /// +1: PV below SP, −1: above, 0: neither was seen.
-    sign: i8 = |_span, record| record.half.sign;
+    sign: i8 = |_span, record, _swing| record.half.sign;
     /// Number of samples.
-    samples: u32 = |_span, record| record.half.n;
+    samples: u32 = |_span, record, _swing| record.half.n;
     /// Duration Δt [s].
-    delta_t: f64 = |_span, record| record.half.delta_t;
+    delta_t: f64 = |_span, record, _swing| record.half.delta_t;
     /// Mean distance to the setpoint Δy (2.2) [PV unit].
-    delta_y: f64 = |_span, record| record.half.delta_y;
+    delta_y: f64 = |_span, record, _swing| record.half.delta_y;
     /// Largest |e| [PV unit].
-    e_max: f64 = |_span, record| record.half.e_max;
+    e_max: f64 = |_span, record, _swing| record.half.e_max;
     /// Range of SP (5.5) [PV unit].
-    delta_sp: f64 = |_span, record| record.half.delta_sp;
+    delta_sp: f64 = |_span, record, _swing| record.half.delta_sp;
     /// K/Ti·Δy·Δt (7.5) [OP unit].
-    delta_u: f64 = |_span, record| record.parts.delta_u;
+    delta_u: f64 = |_span, record, _swing| record.parts.delta_u;
     /// Derivative part of (7.6) [OP unit].
-    delta_u_d: f64 = |_span, record| record.parts.delta_u_d;
+    delta_u_d: f64 = |_span, record, _swing| record.parts.delta_u_d;
     /// Setpoint part (b − 1)·K·Δysp [OP unit].
-    delta_u_sp: f64 = |_span, record| record.parts.delta_u_sp;
+    delta_u_sp: f64 = |_span, record, _swing| record.parts.delta_u_sp;
     /// OP's own travel in the direction of the integral action [OP unit]; 0 where OP is not known.
-    op_travel: f64 = |_span, record| record.parts.op_travel;
+    op_travel: f64 = |_span, record, _swing| record.parts.op_travel;
+    /// OP's travel from its furthest point in the half-period before to that in this one [OP unit]; NaN where there is
+    /// none to count from, and where `run` did not look closely.
+    swing: f64 = |_span, _record, swing| swing.and_then(|swing| swing.travel).unwrap_or(f64::NAN);
+    /// Height of PV's plateau [PV unit]; NaN where `run` did not look closely.
+    plateau: f64 = |_span, _record, swing| swing.map_or(f64::NAN, |swing| swing.plateau);
     /// Kp-free part of the width [OP unit].
-    free: f64 = |_span, record| record.parts.free;
+    free: f64 = |_span, record, _swing| record.parts.free;
     /// Kp part of the width [OP unit].
-    kp_part: f64 = |_span, record| record.parts.kp_part;
+    kp_part: f64 = |_span, record, _swing| record.parts.kp_part;
     /// Width (2.4) [OP unit].
-    d: f64 = |_span, record| record.parts.d;
+    d: f64 = |_span, record, _swing| record.parts.d;
     /// Δy of the half-period before [PV unit], NaN where there is none to compare with.
-    previous_delta_y: f64 = |_span, record| record.previous_delta_y.unwrap_or(f64::NAN);
+    previous_delta_y: f64 = |_span, record, _swing| record.previous_delta_y.unwrap_or(f64::NAN);
     /// Estimate compared in (5.1) [OP unit], NaN where it was not asked.
-    d_hat_before: f64 = |_span, record| record.d_hat_before.unwrap_or(f64::NAN);
+    d_hat_before: f64 = |_span, record, _swing| record.d_hat_before.unwrap_or(f64::NAN);
     /// All conditions that failed, one bit a reason.
-    mask: u16 = |_span, record| record.mask;
+    mask: u16 = |_span, record, _swing| record.mask;
     /// First reason of rejection, 0 = accepted.
-    reason: u8 = |_span, record| record.reason() as u8;
+    reason: u8 = |_span, record, _swing| record.reason() as u8;
     /// Estimate after this half-period [OP unit], NaN while there is none.
-    d_hat: f64 = |_span, record| record.estimate.map_or(f64::NAN, |e| e.value);
+    d_hat: f64 = |_span, record, _swing| record.estimate.map_or(f64::NAN, |e| e.value);
     /// Detections in the window after this half-period.
-    detections: u8 = |_span, record| record.estimate.map_or(0, |e| e.count);
+    detections: u8 = |_span, record, _swing| record.estimate.map_or(0, |e| e.count);
 }
 
 /// The detector with its state and its table of half-periods.
@@ -135,6 +153,8 @@ pub struct PyDetector {
     settings: Settings,
     detector: Detector<f64>,
     state: DetectorState<f64>,
+    swing: Swing<f64>,
+    swinging: Swinging,
     rows: Vec<PyHalfPeriod>,
     short_rows: usize,
     reasons: [u64; Reason::ALL.len()],
@@ -142,8 +162,11 @@ pub struct PyDetector {
 
 impl PyDetector {
     fn fresh(settings: Settings) -> PyResult<Self> {
+        let &(k, ti, td, b, ..) = &settings;
         Ok(Self {
             detector: detector(&settings).map_err(refused)?,
+            swing: Swing::new(k, ti, td, b).map_err(refused)?,
+            swinging: Default::default(),
             settings,
             state: DetectorState::default(),
             rows: Vec::new(),
@@ -152,19 +175,70 @@ impl PyDetector {
         })
     }
 
-    fn take(&mut self, columns: Columns<'_, f64>, seen: impl FnMut(usize, Option<f64>)) {
+    /// Half-periods to the table, without their swing.
+    fn take(&mut self, columns: Columns<'_, f64>) {
         let Self { detector, state, rows, short_rows, reasons, .. } = self;
         let ended = |span: Span, record: &Record<f64>| {
             reasons[record.reason() as usize] += 1;
-            if record.mask & Reason::TooShort.bit() != 0 {
-                if *short_rows >= SHORT_KEPT {
-                    return;
-                }
-                *short_rows += 1;
-            }
-            rows.push(PyHalfPeriod { span, record: *record });
+            keep(rows, short_rows, PyHalfPeriod { span, record: *record, swing: None });
         };
-        detector.run(state, columns, ended, seen);
+        detector.run(state, columns, ended, |_, _| ());
+    }
+
+    /// The same with their swing; gives the filtered PV of each sample.
+    fn take_closely(&mut self, columns: Columns<'_, f64>) -> Vec<f64> {
+        let Self { detector, state, swing, swinging, rows, short_rows, reasons, .. } = self;
+        let mut filtered = vec![f64::NAN; columns.t.len()];
+        // The first sample of the half-period under way.
+        let next = Cell::new(0);
+        let mut ends = Vec::new();
+        let seen = |k: usize, value: Option<f64>| {
+            filtered[k] = value.unwrap_or(f64::NAN);
+            next.set(k + 1);
+        };
+        detector.run(state, columns, |span, record| ends.push((next.get(), span, *record)), seen);
+        let mut from = 0;
+        for (to, span, record) in ends {
+            swinging.add(swing, &columns, &filtered, from..to);
+            let parts = swing.end(&mut swinging.state, record.half.sign, record.half.flags);
+            reasons[record.reason() as usize] += 1;
+            keep(rows, short_rows, PyHalfPeriod { span, record, swing: Some(parts) });
+            from = to;
+        }
+        swinging.add(swing, &columns, &filtered, from..columns.t.len());
+        filtered
+    }
+}
+
+/// Adds a half-period to the table, if it is not one more of the short ones.
+fn keep(rows: &mut Vec<PyHalfPeriod>, short_rows: &mut usize, half: PyHalfPeriod) {
+    if half.record.mask & Reason::TooShort.bit() != 0 {
+        if *short_rows >= SHORT_KEPT {
+            return;
+        }
+        *short_rows += 1;
+    }
+    rows.push(half);
+}
+
+/// The swing under way, and the time of the last sample [s].
+#[derive(Clone, Copy, Default)]
+struct Swinging {
+    state: SwingState<f64>,
+    t: Option<f64>,
+}
+
+impl Swinging {
+    /// Takes the samples of one half-period; a filtered PV that is not a number is passed over.
+    fn add(&mut self, swing: &Swing<f64>, columns: &Columns<'_, f64>, filtered: &[f64], samples: Range<usize>) {
+        let Self { mut state, mut t } = *self;
+        for k in samples {
+            let (now, op) = (columns.t[k], columns.op.map(|op| op[k]));
+            let h = t.map_or(0.0, |before| now - before);
+            swing.add(&mut state, h, columns.sp[k], filtered[k], op);
+            t = if now.is_finite() { Some(now) } else { t };
+        }
+        *self = Self { state, t };
     }
 }
 
@@ -206,15 +280,16 @@ impl PyDetector {
             columns,
             |span, record| {
                 reasons[record.reason() as usize] += 1;
-                result = Some(PyHalfPeriod { span, record: *record });
+                result = Some(PyHalfPeriod { span, record: *record, swing: None });
             },
             |_, _| (),
         );
         result
     }
 
-    /// Many samples; the half-periods are added to the table. Gives the filtered PV of each sample where asked.
-    #[pyo3(signature = (t, sp, pv, op, flags, filtered))]
+    /// Many samples; the half-periods are added to the table. `closely`: with their swing and plateau, and gives the
+    /// filtered PV of each sample.
+    #[pyo3(signature = (t, sp, pv, op, flags, closely))]
     #[allow(clippy::too_many_arguments)]
     fn run<'py>(
         &mut self,
@@ -224,15 +299,13 @@ impl PyDetector {
         pv: PyReadonlyArray1<'py, f64>,
         op: Option<PyReadonlyArray1<'py, f64>>,
         flags: Option<PyReadonlyArray1<'py, u8>>,
-        filtered: bool,
+        closely: bool,
     ) -> PyResult<Option<Bound<'py, PyArray1<f64>>>> {
         with_columns(&t, &sp, &pv, op.as_ref(), flags.as_ref(), |columns| {
-            if filtered {
-                let mut values = vec![f64::NAN; columns.t.len()];
-                py.detach(|| self.take(columns, |k, value| values[k] = value.unwrap_or(f64::NAN)));
-                Some(PyArray1::from_vec(py, values))
+            if closely {
+                Some(PyArray1::from_vec(py, py.detach(|| self.take_closely(columns))))
             } else {
-                py.detach(|| self.take(columns, |_, _| ()));
+                py.detach(|| self.take(columns));
                 None
             }
         })
@@ -253,6 +326,23 @@ impl PyDetector {
     #[getter]
     fn estimate(&self) -> Option<(f64, f64, f64, u8, u8)> {
         self.state.estimate().map(|e| (e.value, e.low, e.high, e.kept, e.count))
+    }
+
+    /// The width with the bias of (2.4) taken out, from what `run` looked at closely: how many pairs of half-periods there are, and (d, low,
+    /// high, kp, range of kp or None), or why there is none: "too_few", "alike", "wrong_slope", "scattered", "swamped".
+    /// `kp` is the process gain where it is known.
+    fn corrected(&self, kp: Option<f64>) -> (usize, Option<CorrectedParts>, Option<&'static str>) {
+        let half = |row: &PyHalfPeriod| {
+            let (span, half) = (row.span, &row.record.half);
+            let swing = row.swing.unwrap_or_default();
+            Half { span, sign: half.sign, mask: row.record.mask, delta_y: half.delta_y, swing }
+        };
+        let halves: Vec<Half<f64>> = self.rows.iter().map(half).collect();
+        let mut pairs: Vec<Pair<f64>> = pairs(&halves).collect();
+        match corrected(&mut pairs, kp) {
+            Ok(Corrected { d, low, high, kp, kp_range }) => (pairs.len(), Some((d, low, high, kp, kp_range)), None),
+            Err(doubt) => (pairs.len(), None, DOUBTS.iter().find(|(d, _)| *d == doubt).map(|(_, name)| *name)),
+        }
     }
 
     /// "integral", "derivative" or "op": where Δu is taken from, given whether OP is recorded.

@@ -32,7 +32,9 @@ mod _glapp {
     #[pymodule_export]
     use crate::backlash::Backlash;
     #[pymodule_export]
-    use crate::blocks::{Derivative, HalfPeriodBlock, MedianMean, SafetyNet, SecondOrderFilter, Width, ZeroCrossing};
+    use crate::blocks::{
+        Derivative, HalfPeriodBlock, MedianMean, SafetyNet, SecondOrderFilter, Swing, Width, ZeroCrossing,
+    };
     #[pymodule_export]
     use crate::census::PyCensus;
     #[pymodule_export]

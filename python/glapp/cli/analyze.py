@@ -86,10 +86,11 @@ def _rows(results: Sequence[Result]) -> str:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     answer = ("loop", "file", "verdict", "reason", "d_hat", "unit", "d_hat_percent_span", "detections", "half_periods")
+    beside = ("repeatability_low", "repeatability_high", "noise_floor", "corrected_d", "corrected_kp")
     controller = ("k", "ti", "td", "setpoint_weight", "kp_process", "tf")
     fit = ("verdict", "d", "low", "high", "jump", "lr_no_gap", "reason")
     fitted = [f"fit_{name}" for name in fit]
-    writer.writerow([*answer, *REASONS[1:], "quality", *controller, *fitted])
+    writer.writerow([*answer, *REASONS[1:], "quality", *controller, *fitted, *beside])
     for result in results:
         row = result.to_dict()
         writer.writerow(
@@ -98,6 +99,8 @@ def _rows(results: Sequence[Result]) -> str:
             + [" ".join(f"{finding['code']}:{finding['severity']}" for finding in row["quality"])]
             + [(row["controller"] or {}).get(key) for key in controller]
             + [(row["fit"] or {}).get(key) for key in fit]
+            + [*(row["repeatability"] or (None, None)), row["noise_floor"]]
+            + [(row["corrected"] or {}).get(key) for key in ("d", "kp")]
         )
     return text.getvalue()
 
@@ -136,12 +139,18 @@ def _table(results: Sequence[Result], between: str, brief: bool) -> Table:
     table.add_column("crossings\nd̂" if fitted else "d̂", justify="right", no_wrap=True)
     if not fitted:
         table.add_column("% of\nspan", justify="right", no_wrap=True)
+    corrected = any(result.corrected is not None and result.corrected.d is not None for result in results)
+    if corrected:
+        table.add_column("corrected", justify="right", no_wrap=True)
     table.add_column("det./\nhalf-p.", justify="right", no_wrap=True)
     for header in () if brief else ("rejected as", "quality", "verdict"):
         table.add_column(header)
     for result in results:
         cells = _cells(result, between)
         first = [] if fitted else [words.number(result.d_hat_percent_span)]
+        if corrected:
+            c = result.corrected
+            first.append(words.quantity(None if c is None else c.d, words.op_unit(result)))
         row = [*(_fit_cells(result) if fitted else []), cells[0], *first, cells[1], *(() if brief else cells[2:])]
         table.add_row(result.name, *row)
     return table

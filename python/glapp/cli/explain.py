@@ -133,6 +133,8 @@ def _show(result: Result, i: int) -> None:
         ("Δysp", f"{words.quantity(h.delta_sp[i], pv)} (range of SP)"),
         ("Δu", f"{words.quantity(h.delta_u[i], op)} (K/Ti·∫|e|dt, what the integral moved OP)"),
         ("OP's travel", words.quantity(h.op_travel[i], op) if np.isfinite(h.op_travel[i]) else "not recorded"),
+        ("OP turn to turn", f"{words.quantity(h.swing[i], op)} (since its turn in the half-period before)"),
+        ("Plateau", f"{words.quantity(h.plateau[i], pv)} (where PV came to rest off SP)"),
         ("d", f"{words.quantity(h.d[i], op)}{kp_part}"),
         ("d̂ after it", f"{words.quantity(h.d_hat[i], op)} ({words.count(int(h.detections[i]), 'detection')})"),
     ]

@@ -295,6 +295,8 @@ def _facts(r: Result) -> str:
     if r.repeatability is not None and r.detections > 1:
         low, high = r.repeatability
         facts.append(("Repeatability", f"{words.number(low)} to {escape(words.quantity(high, words.op_unit(r)))}"))
+    if r.corrected is not None and r.corrected.d is not None:
+        facts.append(("Bias taken out", escape(words.quantity(r.corrected.d, words.op_unit(r)))))
     if r.noise_floor is not None:
         facts.append(("Noise can feign", escape(words.quantity(r.noise_floor, words.op_unit(r)))))
     if r.loop.acceptable_dead_band is not None:

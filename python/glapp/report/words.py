@@ -333,6 +333,8 @@ def verdict(result: Result) -> list[str]:
                 f"The detections kept lie between {number(low)} and {quantity(high, op_unit(result))}: "
                 "that is how well they repeat, not how near they are to the truth."
             )
+        if result.corrected is not None:
+            basis.append(corrected(result))
         if result.noise_floor is not None:
             basis.append(f"Noise alone could feign up to {quantity(result.noise_floor, op_unit(result))}.")
         wide = exceeds(result)
@@ -360,6 +362,23 @@ def verdict(result: Result) -> list[str]:
             "movements can make it read too low; stiction looks the same. A step test in manual settles it."
         )
     return paragraphs
+
+
+def corrected(result: Result) -> str:
+    """Tell the width with its known bias taken out, or why it is not."""
+    c, unit = result.corrected, op_unit(result)
+    assert c is not None
+    if c.d is None:
+        return f"Its known bias cannot be taken out: {c.reason}."
+    how = "OP's travel from turn to turn" + ("" if c.travel == "op" else ", worked out by (4.1)")
+    gain = ""
+    if c.kp_range is not None:
+        low, high = c.kp_range
+        gain = f", and with it a process gain of {number(c.kp)} ({number(low)} to {number(high)})"
+    return (
+        f"With its known bias taken out it reads {quantity(c.d, unit)} ({number(c.low)} to {number(c.high)}){gain}: "
+        f"from {how} in {count(c.pairs, 'pair')} of half-periods."
+    )
 
 
 def action(result: Result) -> str:

@@ -168,6 +168,8 @@ def test_the_table_fits_the_terminal(demo, columns):
         "TIC118",
     ]
     assert "backlash" in found["FIC201"] and "%OP" in found["FIC201"]
+    # Fitted width, that of the crossings, and the same corrected.
+    assert "corrected" in done.stdout.splitlines()[1] and found["FIC201"].count("%OP") == 3
     if columns == 140:  # a line per loop
         assert re.search(r"too short \d+, uneven \d+ .* estimate, too wide", found["FIC201"])
     assert "LIC110:  the error is a clean sinusoid" in done.stdout
@@ -353,6 +355,9 @@ def test_csv_has_a_row_per_loop(run, demo):
     assert code == 1 and len(err.splitlines()) == 1
     assert [row["loop"] for row in table] == ["FIC201", "PIC305", "LIC110", "FIC402", "TIC118", "missing"]
     assert float(table[0]["d_hat"]) > 0 and table[-1]["d_hat"] == ""
+    low, high = (float(table[0][f"repeatability_{end}"]) for end in ("low", "high"))
+    assert low <= float(table[0]["d_hat"]) <= high and float(table[0]["noise_floor"]) < low
+    assert float(table[0]["corrected_d"]) > 0 and table[-1]["corrected_d"] == ""
     half_periods = sum(int(table[0][name]) for name in glapp.result.REASONS[1:]) + int(table[0]["detections"])
     assert half_periods == int(table[0]["half_periods"])
     _, shown, _ = run("analyze", demo, "missing.csv", "--csv", "loops.csv", "--no-fit")

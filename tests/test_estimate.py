@@ -159,6 +159,11 @@ def test_stream_is_the_recording(worn: Simulation) -> None:
             if record is not None:
                 records.append(record)
     kept = many.half_periods.count
+    # What only a recording is looked at for.
+    for name in ("swing", "plateau"):
+        assert np.isfinite(whole.pop(name)).any()
+        assert np.isnan(many.half_periods.to_dict()[name]).all()
+        assert np.isnan([getattr(record, name) for record in records]).all()
     for name, column in whole.items():
         assert np.array_equal([getattr(record, name) for record in records], column, equal_nan=name != "reason"), name
         assert np.array_equal(many.half_periods.to_dict()[name], column[-kept:], equal_nan=name != "reason"), name

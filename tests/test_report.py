@@ -15,14 +15,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from glapp.fit import Fit
+from glapp.fit import Fit, Trend, Window
 from glapp.identify import Identification
 from glapp.loop import Loop
 from glapp.quality import Finding
 from glapp.report import figures, html, words
 from glapp.report.figures import loop_figure, overview_figure, phase_figure
+from glapp.report.fit_figure import trend_figure
 from glapp.report.html import write_report
-from glapp.result import REASONS, HalfPeriods, Result, Settings
+from glapp.result import REASONS, Corrected, HalfPeriods, Result, Settings
 from glapp.trace import Band, Trace
 
 
@@ -484,6 +485,40 @@ def test_the_words_claim_no_more_than_is_known(run: list[Result]) -> None:
             assert "too high" in text
             assert "step test" in text
     assert "does not show that the valve is sound" in " ".join(words.verdict(run[5]))
+
+
+def test_the_corrected_width_stands_beside_the_other(worn: Result, tmp_path: Path) -> None:
+    found = Corrected(2.5, 2.25, 2.75, 1.5, (1.25, 1.75), 7, "(4.1)", None)
+    write_report([replace(worn, corrected=found)], file := tmp_path / "found.html")
+    text = " ".join(parsed(file).text)
+    assert "With its known bias taken out it reads 2.50\xa0%OP (2.25 to 2.75)" in text
+    assert "a process gain of 1.50 (1.25 to 1.75)" in text and "worked out by (4.1) in 7 pairs" in text
+    assert words.number(worn.d_hat) in text
+    refused = Corrected(None, None, None, None, None, 2, "op", "2 pairs are too few")
+    assert "cannot be taken out: 2 pairs are too few." in " ".join(words.verdict(replace(worn, corrected=refused)))
+
+
+def test_widths_over_time_are_drawn_with_their_intervals(worn: Result, tmp_path: Path) -> None:
+    day = 86400.0
+    windows = [Window(day * i, day * i + 600, "backlash", 2.0 + i, 1.5 + i, 3.0 + i, 99.0) for i in range(5)]
+    windows += [
+        Window(6 * day, 6.1 * day, "at_least", 4.0, 3.5, None, 50.0),
+        Window(7 * day, 7.1 * day, "sound", 0.0, 0.0, 0.4, 0.0),
+        Window(8 * day, 8.1 * day, "cannot_tell", 1.0, 0.0, None, 3.0),
+    ]
+    trend = Trend.through(windows, 1.0, 0.1)
+    assert trend.changes and trend.d == (2.0, 6.0) and trend.windows == 5
+    fit = Fit("backlash", "a gap", "%", 6.0, 5.5, 7.0, trend=trend, windows=windows)
+    result = replace(worn, fit=fit)
+    dots, least, most, line = trend_figure(result).data
+    assert list(dots.y) == [2.0, 3.0, 4.0, 5.0, 6.0]
+    assert list(dots.error_y.array) == [1.0] * 5 and list(dots.error_y.arrayminus) == [0.5] * 5
+    assert (list(least.y), list(most.y)) == ([3.5], [0.4])
+    assert list(line.y) == [2.0, 6.0] and line.x[0] == dots.x[0] and line.x[-1] == dots.x[-1]
+    write_report([result], file := tmp_path / "trend.html")
+    text = " ".join(parsed(file).text)
+    assert "8 windows of the recording" in text and "It has grown to this in 4 d" in text
+    assert "grown" not in " ".join(words.fit_verdict(replace(result, fit=replace(fit, trend=None))))
 
 
 def test_a_width_is_judged_only_against_a_limit_in_the_same_unit(worn: Result) -> None:

@@ -71,6 +71,7 @@ class Run(NamedTuple):
     d_hat: float | None
     detections: int
     known: glapp.Corrected | None
+    d_hat_without_kp: float | None
     together: glapp.Corrected | None
     without_op: glapp.Corrected | None
 
@@ -105,7 +106,7 @@ def run(case: tuple[str, str, float, int]) -> Run:
 
     result = analyzed(table, process=process)
     together, without_op = analyzed(table), analyzed(table.drop_columns("OP"), process=process)
-    answers = (result.corrected, together.corrected, without_op.corrected)
+    answers = (result.corrected, together.d_hat, together.corrected, without_op.corrected)
     return Run(result.verdict, result.d_hat, result.detections, *answers)
 
 
@@ -121,14 +122,16 @@ def rows(seeds: int) -> Iterator[tuple[list[str], list[str]]]:
             counts = [str(verdicts[name]) for name in ("estimate", "provisional", "no_estimate", "refused")]
             counts.append(f"{np.median([run.detections for run in runs]):.0f}")
             shown = [run.d_hat for run in runs if run.d_hat is not None]
-            plain = [f"{np.median(shown):.4f}", *_bias(shown, d)] if shown else ["", "", ""]
             corrected = [str(len(shown)), _bias(shown, d)[0]]
             for way in ("known", "together", "without_op"):
+                if way == "together":
+                    plain = [run.d_hat_without_kp for run in runs if run.d_hat_without_kp is not None]
+                    corrected.append(_bias(plain, d)[0])
                 given = [c for run in runs if (c := getattr(run, way)) is not None and c.d is not None]
                 corrected += [str(len(given)), *_bias([c.d for c in given], d)]
                 if way == "together":
                     corrected.append(f"{np.median([c.kp for c in given]):.2f}" if given else "")
-            yield row + counts + plain, row + corrected
+            yield row + counts + [f"{np.median(shown):.4f}" if shown else "", *_bias(shown, d)], row + corrected
 
 
 def _bias(widths: Sequence[float], d: float) -> list[str]:
@@ -159,8 +162,8 @@ def main() -> None:
     shown = ["median d̂", "bias", "lowest to highest"]
     _print([*which, "est.", "prov.", "none", "refused", "det.", *shown], plain)
     print()
-    head = [*which, "d̂ shown", "its bias", "corrected", "bias", "lowest to highest"]
-    head += ["without Kp", "bias", "lowest to highest", "Kp", "without OP", "bias", "lowest to highest"]
+    head = [*which, "d̂", "bias", "corrected", "bias", "lowest to highest"]
+    head += ["d̂ without Kp", "corrected", "bias", "lowest to highest", "Kp", "without OP", "bias", "lowest to highest"]
     _print(head, corrected)
 
 

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import _glapp
 from .controller import Ideal
 from .errors import InputError
-from .fit import Fit, fit_batch
+from .fit import Fit, fit_batches, history, process_sign
 from .identify import Identification, identify
 from .loop import Loop
 from .progress import Progress, shares
@@ -22,6 +22,7 @@ from .quality import GAP_STEPS, Census, Finding, InspectionSample, assumed_gain,
 from .recording import Batch, Recording
 from .result import REASONS, Corrected, HalfPeriods, Result, Settings, Verdict
 from .trace import Band, Thinner, Trace
+from .windows import Windows
 
 __all__ = ["Estimator", "analyze", "estimate", "identify_recording"]
 
@@ -93,7 +94,7 @@ def estimate(recording: Recording, *, progress: Progress | None = None) -> Resul
     sample = _inspection(recording, 4096)
     loop = with_op_unit(loop, sample.batch)
     run = _Run(recording, loop, sample.median_step, ideal, {}, _process_gain(loop))
-    run.all(progress, census=None)
+    run.all(progress)
     return run.result([], None, sample.batch)
 
 
@@ -107,7 +108,8 @@ def analyze(recording: Recording, *, trust: bool = False, fit: bool = True, prog
     trust : bool
         Go on with an identification that is not good enough (R² below 0.9).
     fit : bool
-        Fit the gap from OP and PV as well (`glapp.fit`, a second or more a loop); without OP the result has no `fit`.
+        Fit the gap from OP and PV as well (`glapp.fit`, a second or more a loop, and a dozen times that for a
+        recording of more than half a million rows); without OP the result has no `fit`.
     progress : callable, optional
         Told the share that is done; reading is the first half of it, the fit the second.
 
@@ -145,7 +147,8 @@ def analyze(recording: Recording, *, trust: bool = False, fit: bool = True, prog
     census = _glapp.Census(run.max_h, op_range(loop))
     fit = fit and batch.op is not None
     reading, fitting, again = shares(progress, 0.4, 0.4, 0.2) if fit else (progress, None, None)
-    run.all(reading, census)
+    windows = history(batch, process_sign(loop, ideal)) if fit else None
+    run.all(reading, census, windows)
     quality = inspect(
         InspectionSample(batch.t, batch.sp, batch.pv, batch.op, batch.flags),
         Census(**census.counts()),
@@ -156,11 +159,12 @@ def analyze(recording: Recording, *, trust: bool = False, fit: bool = True, prog
         op_unit=loop.op_label,
         t0=recording.t0,
     )
-    fitted = _fit(batch, loop, ideal, quality, fitting) if fit else None
+    told = [batch] if windows is None else windows.best()
+    fitted = _fit(told, loop, ideal, quality, fitting) if fit else None
     known = loop.process.type == "integrating" or run.notes["kp"] == "given"
     if fitted is not None and not known and (gain := _fitted_gain(fitted)) is not None:
         run = _Run(recording, loop, sample.median_step, ideal, notes, gain)
-        run.all(again, None)
+        run.all(again)
     return replace(run.result(quality, found, batch), fit=fitted)
 
 
@@ -174,16 +178,16 @@ def _fitted_gain(fit: Fit) -> tuple[float, str] | None:
     return kp, f"fitted from OP and PV ({low:.3g} to {high:.3g})"
 
 
-def _fit(batch: Batch, loop: Loop, ideal: Ideal | None, quality: list[Finding], progress: Progress | None) -> Fit:
+def _fit(
+    batches: list[Batch], loop: Loop, ideal: Ideal | None, quality: list[Finding], progress: Progress | None
+) -> Fit:
     """The fit, told what is already known: the sign of the process, and what makes any answer wrong."""
     refusals = [*_refusals(loop), *(f.text for f in quality if f.severity == "refuse" and f.code != "not_auto")]
     sinusoids = [f.text for f in quality if f.code == "sinusoidal"]
-    kp = loop.kp()
-    sign = kp if kp is not None else 0.0 if ideal is None else ideal.k
-    return fit_batch(
-        batch,
+    return fit_batches(
+        batches,
         loop,
-        float(np.sign(sign)),
+        process_sign(loop, ideal),
         refused=refusals[0] if refusals else None,
         sinusoid=sinusoids[0] if sinusoids else None,
         progress=progress,
@@ -362,7 +366,9 @@ class _Run:
             if ideal is not None
         ]
 
-    def all(self, progress: Progress | None, census: _glapp.Census | None) -> None:
+    def all(
+        self, progress: Progress | None, census: _glapp.Census | None = None, windows: Windows | None = None
+    ) -> None:
         """Read the recording from its first to its last row, the detectors side by side."""
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             each = pool.map if len(self.detectors) > 1 else map
@@ -370,6 +376,8 @@ class _Run:
                 filtered = each(_taking(batch), self.detectors)
                 if census is not None:
                     census.run(batch.t, batch.sp, batch.pv, batch.op, batch.flags)
+                if windows is not None:
+                    windows.add(batch)
                 columns = {"sp": batch.sp, "pv": batch.pv}
                 for name in ("op", "position"):
                     if (signal := getattr(batch, name)) is not None:

@@ -10,23 +10,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _glapp
+from .controller import Ideal
 from .loop import Loop
 from .progress import Progress, shares
 from .recording import BAD, Batch, Recording
+from .windows import Windows, turns
 
-__all__ = ["Fit", "Process", "Window", "fit", "fit_batch"]
+__all__ = ["Fit", "Process", "Trend", "Window", "fit", "fit_batches", "history", "process_sign"]
 
 Floats = NDArray[np.float64]
 Verdict = Literal["backlash", "stiction", "both", "oscillation", "sound", "at_least", "cannot_tell"]
 
 ROWS = 500_000
-"""Rows from the beginning of a recording that a fit looks at."""
+"""A recording with fewer rows is fitted as a whole; a longer one in windows spread over its length."""
 
 MOST_WINDOWS = 4
-"""Windows of a long recording that are fitted: those in which OP turns most."""
+"""Windows of a recording below `ROWS` that are fitted: those in which OP turns most."""
 
 HOLE = 5
 """Steps without OP, or without any row, after which a new stretch begins."""
+
+DAY = 86400.0
+"""[s]."""
 
 BOOTSTRAP = 39
 """Records invented without a gap, where it is not plain without them whether there is one."""
@@ -66,6 +71,54 @@ class Window:
     high: float | None
     lr_no_gap: float
 
+    @property
+    def sided(self) -> bool:
+        """Whether it has a width with a limit on either side."""
+        return self.verdict in ("backlash", "stiction", "both") and self.high is not None
+
+
+@dataclass(frozen=True, slots=True)
+class Trend:
+    """How the width changed from window to window.
+
+    Attributes
+    ----------
+    slope, error : float
+        Change of the width and its standard error [OP unit/day].
+    windows : int
+        Windows with a width that it stands on.
+    t, d : (float, float)
+        From when to when [s since the recording's first row], and the line's widths there [OP unit].
+    """
+
+    slope: float
+    error: float
+    windows: int
+    t: tuple[float, float]
+    d: tuple[float, float]
+
+    @classmethod
+    def through(cls, windows: list[Window], slope: float, error: float) -> Trend:
+        """The line of that slope [OP unit/day] through the middle of the windows that have a width."""
+        sided = [w for w in windows if w.sided]
+        middle = np.array([(w.t_start + w.t_end) / 2 for w in sided])
+        first, last = float(middle[0]), float(middle[-1])
+        d = [float(np.mean([w.d for w in sided])) + slope / DAY * (t - float(middle.mean())) for t in (first, last)]
+        return cls(slope, error, len(sided), (first, last), (d[0], d[1]))
+
+    @property
+    def changes(self) -> bool:
+        """Whether it is plain that the width changes: five windows or more, and three standard errors."""
+        return self.windows >= 5 and abs(self.slope) > 3.0 * self.error
+
+    def told(self, unit: str) -> str:
+        """The same in words."""
+        week, error = 7.0 * abs(self.slope), 7.0 * 1.96 * self.error
+        return (
+            f"it {'grew' if self.slope > 0 else 'shrank'} from {self.d[0]:.3g} to {self.d[1]:.3g} {unit} in "
+            f"{(self.t[1] - self.t[0]) / DAY:.3g} days, by {week:.2g} a week ({week - error:.2g} to {week + error:.2g})"
+        )
+
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Fit:
@@ -91,8 +144,9 @@ class Fit:
         Slip jump J [`unit`]; 0 for mere backlash.
     process : Process or None
         The process.
-    trend : (float, float) or None
-        Change of the width a day and its standard error [`unit`/day], from three windows or more.
+    trend : Trend or None
+        Change of the width in time, from three windows or more. Where it is plain that the width changes, verdict, d
+        and limits are those of the newest window that gave a width; else they are those of all windows together.
     windows : list of Window
         The windows of the recording that were fitted.
     best : dict
@@ -113,7 +167,7 @@ class Fit:
     lr_needed: float | None = None
     jump: float = 0.0
     process: Process | None = None
-    trend: tuple[float, float] | None = None
+    trend: Trend | None = None
     windows: list[Window] = field(default_factory=list)
     best: dict[str, Any] = field(default_factory=dict)
     through_pv: Fit | None = None
@@ -161,7 +215,7 @@ class Fit:
                 "integrating": p.integrating,
             },
             "signal": self.best.get("signal", "PV"),
-            "trend": None if self.trend is None else list(self.trend),
+            "trend": None if self.trend is None else [self.trend.slope, self.trend.error],
             "windows": [
                 {"t_start": w.t_start, "t_end": w.t_end, "verdict": w.verdict, "d": w.d, "low": w.low, "high": w.high}
                 for w in self.windows
@@ -181,7 +235,8 @@ def fit(recording: Recording, *, progress: Progress | None = None) -> Fit:
     Parameters
     ----------
     recording : Recording
-        From `glapp.recording_from` or `glapp.open_recordings`; its first half million rows are looked at.
+        From `glapp.recording_from` or `glapp.open_recordings`, of any length. Of more than half a million rows a
+        dozen windows are fitted at most, spread over the whole length, each the most telling of its epoch.
     progress : callable, optional
         Told the share of the windows that are done.
 
@@ -205,11 +260,35 @@ def fit(recording: Recording, *, progress: Progress | None = None) -> Fit:
     >>> answer.verdict, bool(answer.low < 0.05 < answer.high)
     ('backlash', True)
     """
-    return fit_batch(recording.beginning(ROWS), recording.loop, _sign(recording.loop), progress=progress)
+    sign = process_sign(recording.loop, recording.loop.ideal())
+    beginning = recording.beginning(ROWS)
+    windows = history(beginning, sign)
+    if windows is None:
+        return fit_batches([beginning], recording.loop, sign, progress=progress)
+    reading, fitting = shares(progress, 0.3, 0.7)
+    for batch in recording.batches():
+        windows.add(batch)
+        if reading is not None:
+            reading(recording.fraction_read())
+    return fit_batches(windows.best(), recording.loop, sign, progress=fitting)
 
 
-def fit_batch(
-    batch: Batch,
+def history(beginning: Batch, sign: float) -> Windows | None:
+    """What chooses the windows of a recording that begins so; None where that is all of it.
+
+    A window is as long as one of a shorter recording would be. Where OP stands still all through the beginning, a
+    window is a twelfth of it.
+    """
+    if len(beginning) < ROWS:
+        return None
+    stretches, h, _ = _stretches(beginning)
+    steps = _glapp.fit_window([(pv, op) for _, pv, op in stretches], sign) if stretches else None
+    length = ROWS // 12 if steps is None else min(2 * steps, ROWS // 2)
+    return Windows(length, 0.25 * length * h if h > 0 else np.inf)
+
+
+def fit_batches(
+    batches: list[Batch],
     loop: Loop,
     sign: float,
     *,
@@ -217,21 +296,20 @@ def fit_batch(
     sinusoid: str | None = None,
     progress: Progress | None = None,
 ) -> Fit:
-    """Fit a stretch in memory, where `sign` is that of the process gain (0: not known).
+    """Fit a stretch in memory, or the windows of a longer recording; `sign` is that of the process gain (0: not known).
 
     `refused` and `sinusoid` are what the look at the recording's quality found: a reason why nothing can be said, and
     that the loop swings in a clean sinusoid.
     """
     if refused is not None:
         return Fit("cannot_tell", refused, loop.op_label)
-    position = batch.position
-    if position is None or not np.isfinite(position).any():
-        return _fit_signal(batch, loop, sign, sinusoid, progress)
+    if not batches:
+        return Fit("cannot_tell", "OP stands still all the time: only an OP that moves shows a gap", loop.op_label)
+    if not any(batch.position is not None and np.isfinite(batch.position).any() for batch in batches):
+        return _fit_signal(batches, loop, sign, sinusoid, progress)
     half, rest = shares(progress, 0.5, 0.5)
-    through_pv = _fit_signal(batch, loop, sign, sinusoid, half)
-    # PV never answers OP's own step; a position does, and the controller does not see it.
-    op = None if batch.op is None else np.append(batch.op[1:], batch.op[-1:])
-    at_valve = _fit_signal(replace(batch, pv=position, op=op), loop, 1.0, None, rest)
+    through_pv = _fit_signal(batches, loop, sign, sinusoid, half)
+    at_valve = _fit_signal([_valve(batch) for batch in batches], loop, 1.0, None, rest)
     if not (at_valve.found or at_valve.verdict == "sound"):
         return through_pv
     reason = f"read from the valve's position: {at_valve.reason}"
@@ -242,33 +320,50 @@ def fit_batch(
     return replace(at_valve, reason=reason, process=through_pv.process, best=best, through_pv=through_pv)
 
 
-def _fit_signal(batch: Batch, loop: Loop, sign: float, sinusoid: str | None, progress: Progress | None) -> Fit:
+def _valve(batch: Batch) -> Batch:
+    """The batch with the valve's position in PV's place."""
+    position = np.full(len(batch), np.nan) if batch.position is None else batch.position
+    # PV never answers OP's own step; a position does, and the controller does not see it.
+    op = None if batch.op is None else np.append(batch.op[1:], batch.op[-1:])
+    return replace(batch, pv=position, op=op)
+
+
+def _fit_signal(batches: list[Batch], loop: Loop, sign: float, sinusoid: str | None, progress: Progress | None) -> Fit:
     """Fit PV, or what stands in its place, to OP."""
     unit = loop.op_label
-    shown = "%OP" if unit == "%" else unit
-    stretches, h, fault = _stretches(batch)
-    if fault is not None:
-        return Fit("cannot_tell", fault, unit)
-    windows = _windows(stretches, h, sign)
+    cut = [_stretches(batch) for batch in batches]
+    whole = [(stretches, h) for stretches, h, fault in cut if fault is None]
+    if not whole:
+        return Fit("cannot_tell", cut[0][2] or "", unit)
+    windows = whole
+    if len(batches) == 1:
+        windows = [(window, whole[0][1]) for window in _windows(*whole[0], sign)]
     # The same recording gets the same answer: the seed is made from what was recorded.
-    seed = zlib.crc32(np.concatenate([pv for _, pv, _ in stretches]).tobytes())
-    answers: list[tuple[Window, dict[str, Any], list[tuple[float, Floats, Floats]]]] = []
-    for i, window in enumerate(windows):
+    seed = zlib.crc32(np.concatenate([pv for stretches, _ in whole for _, pv, _ in stretches]).tobytes())
+    answers: list[tuple[Window, dict[str, Any], list[tuple[float, Floats, Floats]], float]] = []
+    for i, (window, h) in enumerate(windows):
         answer = _glapp.fit([(pv, op) for _, pv, op in window], h, sign, BOOTSTRAP, seed)
         if answer is not None:
             last_t, last_pv, _ = window[-1]
             span = (window[0][0], last_t + h * (len(last_pv) - 1))
             verdict, d, low, high, lr = (answer[key] for key in ("verdict", "d", "low", "high", "lr_no_gap"))
-            answers.append((Window(*span, verdict, d, low, high, lr), answer, window))
+            answers.append((Window(*span, verdict, d, low, high, lr), answer, window, h))
         if progress is not None:
             progress((i + 1) / len(windows))
     if not answers:
         return Fit("cannot_tell", "fewer than 50 samples stand together, or OP does not move in them", unit)
-    told = [(w.verdict, w.d, w.low, w.high, w.lr_no_gap, (w.t_start + w.t_end) / 2) for w, _, _ in answers]
-    verdict, d, low, high, trend = _glapp.fit_combine(told)
+    told = [w for w, *_ in answers]
+    verdict, d, low, high, slope = _glapp.fit_combine(
+        [(w.verdict, w.d, w.low, w.high, w.lr_no_gap, (w.t_start + w.t_end) / 2) for w in told]
+    )
+    trend = None if slope is None else Trend.through(told, slope[0] * DAY, slope[1] * DAY)
     # The window that is shown: of those with the common verdict the clearest.
     agreeing = [a for a in answers if a[0].verdict == verdict] or answers
-    _, best, window = max(agreeing, key=lambda a: (a[0].lr_no_gap, -a[1]["sigma"]))
+    _, best, window, h = max(agreeing, key=lambda a: (a[0].lr_no_gap, -a[1]["sigma"]))
+    if trend is not None and trend.changes:
+        # The mean of a width that changes is the width of no day: the newest window has today's.
+        newest, best, window, h = [a for a in answers if a[0].sided][-1]
+        verdict, d, low, high = newest.verdict, newest.d, newest.low, newest.high
     starts = np.array([t for t, _, _ in window])
     best["t"] = starts[best["part"]] + h * best["step"]
     best["signal"] = "PV"
@@ -276,10 +371,13 @@ def _fit_signal(batch: Batch, loop: Loop, sign: float, sinusoid: str | None, pro
         verdict = "oscillation"
     kp, dead_time, lag = ((best[name], *best[f"{name}_limits"]) for name in ("kp", "dead_time", "lag"))
     process = Process(kp, dead_time, lag, best["integrating"])
-    day = 86400.0
+    shown = "%OP" if unit == "%" else unit
+    reason = sinusoid if verdict == "oscillation" and sinusoid else _reason(verdict, d, low, high, shown, best)
+    if trend is not None and trend.changes:
+        reason += f"; {trend.told(shown)}"
     return Fit(
         verdict=verdict,
-        reason=sinusoid if verdict == "oscillation" and sinusoid else _reason(verdict, d, low, high, shown, best),
+        reason=reason,
         unit=unit,
         d=d,
         low=low,
@@ -288,17 +386,16 @@ def _fit_signal(batch: Batch, loop: Loop, sign: float, sinusoid: str | None, pro
         lr_needed=best["lr_needed"],
         jump=best["jump"],
         process=process,
-        trend=None if trend is None else (trend[0] * day, trend[1] * day),
-        windows=[w for w, _, _ in answers],
+        trend=trend,
+        windows=told,
         best=best,
     )
 
 
-def _sign(loop: Loop) -> float:
-    """Sign of the process gain: as given, else that of the controller's (a loop that controls has both alike)."""
+def process_sign(loop: Loop, ideal: Ideal | None) -> float:
+    """Sign of the process gain: as given, else the controller's (a loop that controls has both alike); 0: not known."""
     if (kp := loop.kp()) is not None:
         return float(np.sign(kp))
-    ideal = loop.ideal()
     return 0.0 if ideal is None else float(np.sign(ideal.k))
 
 
@@ -367,13 +464,8 @@ def _windows(
             windows.append([])
         windows[-1].append(piece)
     windows = [w for w in windows if sum(len(pv) for _, pv, _ in w) >= steps // 3] or windows[:1]
-    busiest = sorted(range(len(windows)), key=lambda i: -_turns(windows[i]))[:MOST_WINDOWS]
+    busiest = sorted(range(len(windows)), key=lambda i: -sum(turns(op) for _, _, op in windows[i]))[:MOST_WINDOWS]
     return [windows[i] for i in sorted(busiest)]
-
-
-def _turns(window: list[tuple[float, Floats, Floats]]) -> float:
-    """How far OP goes up and down in all, in steps that are large for it [OP unit]."""
-    return sum(float(np.abs(np.diff(op[:: max(1, len(op) // 60)])).sum()) for _, _, op in window)
 
 
 def _reason(verdict: str, d: float, low: float, high: float | None, unit: str, best: dict[str, Any]) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from datetime import datetime
 from typing import Any, TypeVar
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from .loop import Loop
 
-__all__ = ["AT_HIGH", "AT_LOW", "BAD", "NOT_AUTO", "Batch", "Recording"]
+__all__ = ["AT_HIGH", "AT_LOW", "BAD", "NOT_AUTO", "Batch", "Recording", "joined"]
 
 T = TypeVar("T", bound=np.generic)
 
@@ -58,6 +58,21 @@ class Batch:
 
         t, sp, pv = self.t[part], self.sp[part], self.pv[part]
         return Batch(t, sp, pv, cut(self.op), cut(self.flags), cut(self.position))
+
+
+def joined(parts: Sequence[Batch]) -> Batch:
+    """Several stretches as one; what only some of them have is NaN, or no flag, in the others."""
+
+    def column(name: str) -> Any:
+        columns = [getattr(part, name) for part in parts]
+        if all(column is None for column in columns):
+            return None
+        nothing = np.uint8(0) if name == "flags" else np.nan
+        return np.concatenate(
+            [np.full(len(part), nothing) if x is None else x for part, x in zip(parts, columns, strict=True)]
+        )
+
+    return Batch(*(column(field.name) for field in fields(Batch)))
 
 
 class Recording(ABC):
@@ -116,17 +131,7 @@ class Recording(ABC):
             rows -= len(parts[-1])
             if rows <= 0:
                 break
-
-        def joined(name: str) -> Any:
-            columns = [getattr(part, name) for part in parts]
-            if all(column is None for column in columns):
-                return None
-            nothing = np.uint8(0) if name == "flags" else np.nan
-            return np.concatenate(
-                [np.full(len(b), nothing) if c is None else c for b, c in zip(parts, columns, strict=True)]
-            )
-
-        return Batch(*(joined(field.name) for field in fields(Batch)))
+        return joined(parts)
 
     @abstractmethod
     def fraction_read(self) -> float | None:

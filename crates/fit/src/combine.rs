@@ -69,7 +69,7 @@ pub fn combine(windows: &[Window]) -> Whole {
             [(only, _)] => (only.low, only.high),
             _ => (d - 1.96 * error, Some(d + 1.96 * error)),
         };
-        return Whole { verdict, d, low, high, trend: trend(&sided, between) };
+        return Whole { verdict, d, low, high, trend: trend(&sided) };
     }
     if let Some(best) = windows.iter().filter(|w| w.verdict == Verdict::AtLeast).max_by(|a, b| a.low.total_cmp(&b.low))
     {
@@ -83,18 +83,23 @@ pub fn combine(windows: &[Window]) -> Whole {
     Whole { verdict: Verdict::CannotTell, d: best.d, low: best.low, high: best.high, trend: None }
 }
 
-/// Weighted line through the windows' widths.
-fn trend(sided: &[(&Window, f64)], between: f64) -> Option<(f64, f64)> {
+/// Weighted line through the windows' widths: slope and its standard error. Where they scatter about the line more than
+/// their intervals allow, the error is larger by as much (Birge's ratio). The scatter about their mean, which a change
+/// makes itself, does not count.
+fn trend(sided: &[(&Window, f64)]) -> Option<(f64, f64)> {
     if sided.len() < 3 {
         return None;
     }
-    let weights: Vec<f64> = sided.iter().map(|(_, s)| 1.0 / (s * s + between)).collect();
-    let sum: f64 = weights.iter().sum();
-    let mean = |of: &dyn Fn(&Window) -> f64| sided.iter().zip(&weights).map(|((w, _), i)| of(w) * i).sum::<f64>() / sum;
-    let (t, d) = (mean(&|w| w.t), mean(&|w| w.d));
-    let spread: f64 = sided.iter().zip(&weights).map(|((w, _), i)| (w.t - t) * (w.t - t) * i).sum();
-    let slope = sided.iter().zip(&weights).map(|((w, _), i)| (w.t - t) * (w.d - d) * i).sum::<f64>() / spread;
-    (spread > 0.0).then(|| (slope, spread.recip().sqrt()))
+    let weighed = || sided.iter().map(|(w, s)| (w.t, w.d, 1.0 / (s * s)));
+    let sum: f64 = weighed().map(|(_, _, i)| i).sum();
+    let t = weighed().map(|(t, _, i)| t * i).sum::<f64>() / sum;
+    let d = weighed().map(|(_, d, i)| d * i).sum::<f64>() / sum;
+    let spread: f64 = weighed().map(|(at, _, i)| (at - t) * (at - t) * i).sum();
+    let slope = weighed().map(|(at, width, i)| (at - t) * (width - d) * i).sum::<f64>() / spread;
+    let residual = |at: f64, width: f64| width - d - slope * (at - t);
+    let q: f64 = weighed().map(|(at, width, i)| residual(at, width) * residual(at, width) * i).sum();
+    let birge = (q / (sided.len() as f64 - 2.0)).max(1.0);
+    (spread > 0.0).then(|| (slope, (birge / spread).sqrt()))
 }
 
 #[cfg(test)]
@@ -126,7 +131,20 @@ mod tests {
         let grows: Vec<Window> =
             (0..5).map(f64::from).map(|i| window(Verdict::Backlash, 1.0 + 0.1 * i, 0.95, 1.05, i)).collect();
         let (slope, error) = combine(&grows).trend.unwrap();
-        assert!((slope - 0.1).abs() < 1e-9 && error < 0.1, "{slope} {error}");
+        assert!((slope - 0.1).abs() < 1e-9, "{slope}");
+        // Each window's interval is 0.1 wide, and the line leaves nothing: the change is no scatter.
+        assert!((error - 0.1 / 3.92 / 10f64.sqrt()).abs() < 1e-9, "{error}");
+    }
+
+    #[test]
+    fn widths_that_scatter_about_their_line_make_its_slope_less_sure() {
+        let at = |bumps: [f64; 5]| {
+            let windows: Vec<Window> =
+                (0..5).map(|i| window(Verdict::Backlash, 1.0 + bumps[i], 0.95, 1.05, i as f64)).collect();
+            combine(&windows).trend.unwrap()
+        };
+        let ((_, calm), (_, rough)) = (at([0.0; 5]), at([0.3, -0.3, 0.0, 0.3, -0.3]));
+        assert!(rough > 5.0 * calm, "{rough} {calm}");
     }
 
     #[test]

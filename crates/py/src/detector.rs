@@ -2,8 +2,8 @@
 
 use crate::refused;
 use glapp_core::{
-    Columns, Corrected, Detector, DetectorState, Doubt, Half, MedianMean, Pair, ParameterError, Reason, Record,
-    SafetyNet, SecondOrderFilter, Span, Swing, SwingParts, SwingState, Width, corrected, pairs,
+    Columns, Corrected, Detector, DetectorState, Doubt, Half, LONGEST_WINDOW, MedianMean, Pair, ParameterError, Reason,
+    Record, SafetyNet, SecondOrderFilter, Span, Swing, SwingParts, SwingState, Width, corrected, pairs,
 };
 use numpy::{PyArray1, PyReadonlyArray1};
 use pyo3::exceptions::PyValueError;
@@ -338,7 +338,8 @@ impl PyDetector {
             Half { span, sign: half.sign, mask: row.record.mask, delta_y: half.delta_y, swing }
         };
         let halves: Vec<Half<f64>> = self.rows.iter().map(half).collect();
-        let mut pairs: Vec<Pair<f64>> = pairs(&halves).collect();
+        let all: Vec<Pair<f64>> = pairs(&halves).collect();
+        let mut pairs = all[all.len().saturating_sub(LONGEST_WINDOW)..].to_vec();
         match corrected(&mut pairs, kp) {
             Ok(Corrected { d, low, high, kp, kp_range }) => (pairs.len(), Some((d, low, high, kp, kp_range)), None),
             Err(doubt) => (pairs.len(), None, DOUBTS.iter().find(|(d, _)| *d == doubt).map(|(_, name)| *name)),

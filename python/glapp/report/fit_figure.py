@@ -14,7 +14,7 @@ from .figures import GRID, INK, MUTED, OUTPUT, POINT, POSITION, RAW, SIGNAL, _fi
 if TYPE_CHECKING:
     from ..result import Result
 
-__all__ = ["fit_figure"]
+__all__ = ["fit_figure", "trend_figure"]
 
 MOST = 4000
 """Cells drawn."""
@@ -90,5 +90,66 @@ def fit_figure(result: Result) -> go.Figure:
     if result.t0 is None:
         figure.update_xaxes(title_text="time [s]", row=4, col=1)
     figure.update_layout(height=720, margin={"l": 70, "r": 24, "t": 48, "b": 48}, hovermode="closest")
+    figure.update_layout(legend={"orientation": "h", "x": 0, "y": 1, "yref": "container", "yanchor": "top"})
+    return figure
+
+
+def trend_figure(result: Result) -> go.Figure:
+    """Draw the width that each window of the recording gave, with its interval or bound, over time, and the trend.
+
+    A dot is a width with its 95 % interval, a triangle a bound: upward *at least*, downward *at most*. Windows that
+    cannot tell are left out.
+    """
+    f = result.fit
+    assert f is not None  # the caller draws no plot without a fit
+    unit = _plain(words.op_unit(result))
+    figure = _figure()
+    drawn = (
+        ("width, 95 % interval", "circle", POINT, [(w, w.d) for w in f.windows if w.sided]),
+        ("at least", "triangle-up", POSITION, [(w, w.low) for w in f.windows if w.verdict == "at_least"]),
+        ("no wider than", "triangle-down", SIGNAL, [(w, w.high) for w in f.windows if w.verdict == "sound"]),
+    )
+    for name, symbol, colour, points in drawn:
+        if not points:
+            continue
+        interval = None
+        if symbol == "circle":
+            up = [(w.high or w.d) - w.d for w, _ in points]
+            interval = {"array": up, "arrayminus": [w.d - w.low for w, _ in points], "thickness": 1.6, "width": 5}
+        spans = [
+            f"{words.clock(result.t0, w.t_start)} to {words.clock(result.t0, w.t_end)}<br>{name} "
+            + _plain(words.quantity(value, words.op_unit(result)))
+            + (f" ({words.number(w.low)} to {words.number(w.high)})" if interval else "")
+            for w, value in points
+        ]
+        figure.add_trace(
+            go.Scatter(
+                x=_time(result, np.array([(w.t_start + w.t_end) / 2 for w, _ in points])),
+                y=[value for _, value in points],
+                error_y=interval,
+                mode="markers",
+                marker={"symbol": symbol, "size": 10, "color": colour},
+                name=name,
+                hovertext=spans,
+                hoverinfo="text",
+            )
+        )
+    if f.trend is not None:
+        figure.add_trace(
+            go.Scatter(
+                x=_time(result, np.array(f.trend.t)),
+                y=f.trend.d,
+                mode="lines",
+                line={"color": INK, "width": 1.4, "dash": "dash"},
+                name="trend",
+                hoverinfo="skip",
+            )
+        )
+    figure.update_yaxes(title_text=f"width of the gap [{unit}]", rangemode="tozero")
+    if result.t0 is None:
+        figure.update_xaxes(title_text="time [s]")
+    else:
+        figure.update_xaxes(type="date", title_text="local time")
+    figure.update_layout(height=320, margin={"l": 70, "r": 24, "t": 40, "b": 48}, hovermode="closest", showlegend=True)
     figure.update_layout(legend={"orientation": "h", "x": 0, "y": 1, "yref": "container", "yanchor": "top"})
     return figure

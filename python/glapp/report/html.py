@@ -19,7 +19,7 @@ import numpy as np
 from plotly.offline import get_plotlyjs
 
 from . import figures, words
-from .fit_figure import fit_figure
+from .fit_figure import fit_figure, trend_figure
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
@@ -219,6 +219,8 @@ def _loop(key: str, r: Result) -> str:
     if r.fit is not None:
         if r.fit.best:
             drawn["fit"] = fit_figure(r)
+        if len(r.fit.windows) > 1:
+            drawn["trend"] = trend_figure(r)
         fitted = _fit(key, r, drawn)
     width = escape(words.headline(r))
     lead, *told = words.verdict(r)
@@ -254,6 +256,13 @@ def _fit(key: str, r: Result, drawn: Mapping[str, go.Figure]) -> str:
             '<p class="note">Upper panel: the lower a line, the better that width explains PV; the shaded band is the '
             "95 % interval, the dotted line its level for the best family. Below: PV and what the best model foresaw "
             "of it one step ahead, the valve as that model has it, and what is left.</p>"
+        )
+    if "trend" in drawn:
+        picture += _figure(key, "trend", drawn["trend"], f"{r.name}: width of the gap in each window over time")
+        picture += (
+            f'<p class="note">{words.count(len(f.windows), "window")} of the recording, fitted apart: a dot is a width '
+            "with its 95 % interval, a triangle a bound. Windows that cannot tell are left out. The dashed line is the "
+            "trend.</p>"
         )
     if (p := f.process) is not None:
         per = _pv_unit(r) + f" per {words.op_unit(r)}" + (" and s" if p.integrating else "")

@@ -274,6 +274,9 @@ def fit_verdict(result: Result) -> list[str]:
         case _:
             lead = f"OP and PV of {name} do not tell whether there is a gap."
             do = "Record for longer, while OP moves further, or make a step test in manual."
+    if f.trend is not None and f.trend.changes:
+        now = "has grown to this" if f.trend.slope > 0 else "has shrunk to this"
+        lead = f"{lead} It {now} in {duration(f.trend.t[1] - f.trend.t[0])}."
     return [lead, _sentence(f.reason[0].upper() + f.reason[1:]), do]
 
 

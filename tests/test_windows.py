@@ -1,0 +1,146 @@
+"""Long histories: which windows are kept while they are read, and that a gap that grows shows."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import numpy as np
+import pytest
+
+import glapp
+from glapp.recording import AT_HIGH, BAD, Batch
+from glapp.simulate import closed_loop
+from glapp.windows import MOST_EPOCHS, Windows
+
+DAY = 86400.0
+
+
+def batch(t: Any, op: Any, **more: Any) -> Batch:
+    return Batch(t, np.zeros(len(t)), np.zeros(len(t)), op, **more)
+
+
+def turning(t: Any) -> Any:
+    """An OP that turns all the time, by steps that a coarse look still sees."""
+    return np.where(np.arange(len(t)) // 7 % 2, 41.0, 40.0)
+
+
+@pytest.mark.parametrize("rows", [3_000, 40_000, 1_234_567])
+def test_the_windows_are_spread_over_the_whole_history_in_bounded_memory(rows: int) -> None:
+    windows = Windows(1000, 1e9)
+    t = np.arange(float(rows))
+    op = turning(t)
+    for first in range(0, rows, 65536):
+        windows.add(batch(t, op)[slice(first, first + 65536)])
+        assert len(windows.best()) <= MOST_EPOCHS
+    best = windows.best()
+    assert min(3, MOST_EPOCHS // 2) <= len(best) <= MOST_EPOCHS
+    assert all(len(window) <= 1000 for window in best)
+    starts = [window.t[0] for window in best]
+    assert starts == sorted(starts)
+    # None of the epochs is left out.
+    edges = np.array([*starts, rows])
+    assert np.diff(edges).max() <= 4 * rows / MOST_EPOCHS + 1000
+
+
+def test_how_it_comes_in_does_not_matter() -> None:
+    t = np.arange(50_000.0)
+    rng = np.random.default_rng(3)
+    whole = batch(t, np.round(np.cumsum(rng.standard_normal(len(t)))))
+    kept = []
+    for rows in (50_000, 4_096, 77):
+        windows = Windows(900, 1e9)
+        for first in range(0, len(t), rows):
+            windows.add(whole[slice(first, first + rows)])
+        kept.append([(window.t[0], len(window)) for window in windows.best()])
+    assert kept[0] == kept[1] == kept[2]
+
+
+def test_the_window_in_which_op_turns_and_can_be_used_is_kept() -> None:
+    t = np.arange(24_000.0)
+    busy = (t % 2000 >= 1000) & (t < 23_000)
+    op = np.where(busy, turning(t), 40.0)
+    flags = np.zeros(len(t), np.uint8)
+    flags[(t >= 5000) & (t < 6000)] = BAD
+    flags[(t >= 7000) & (t < 8000)] = AT_HIGH
+    windows = Windows(1000, 1e9)
+    windows.add(batch(t, op, flags=flags))
+    starts = [window.t[0] for window in windows.best()]
+    assert starts and all(start % 2000 == 1000 for start in starts)
+    assert 5000.0 not in starts and 7000.0 not in starts and 23_000.0 not in starts
+
+
+def test_a_long_hole_ends_a_window_and_a_short_rest_is_passed_over() -> None:
+    t = np.concatenate([np.arange(0.0, 2500.0), np.arange(1e6, 1e6 + 150), np.arange(2e6, 2e6 + 1000)])
+    windows = Windows(1000, 500.0)
+    windows.add(batch(t, turning(t)))
+    spans = [(window.t[0], window.t[-1]) for window in windows.best()]
+    assert spans == [(0.0, 999.0), (1000.0, 1999.0), (2000.0, 2499.0), (2e6, 2e6 + 999)]
+
+
+def history(widths: list[float], apart: float) -> dict[str, Any]:
+    """A day's few minutes of every few days, with another gap each time."""
+    parts = []
+    load = [(50, 0.3), (150, -0.2), (260, 0.2), (330, -0.1)]
+    for i, d in enumerate(widths):
+        acting: dict[str, Any] = {"setpoint": [(1, 1.0)], "load": load, "noise": 0.005}
+        s = closed_loop("P3", (0.48, 0.3117), d=d, h=0.2, t_end=400, seed=i, **acting)
+        parts.append((s.t + i * apart, s.sp, s.pv, s.op))
+    return dict(zip(("time", "SP", "PV", "OP"), (np.concatenate(x) for x in zip(*parts, strict=True)), strict=True))
+
+
+@pytest.fixture
+def short_beginning(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A long history that is not half a million rows long."""
+    monkeypatch.setattr(sys.modules["glapp.fit"], "ROWS", 4000)
+    monkeypatch.setattr(sys.modules["glapp.estimate"], "INSPECTED_ROWS", 4000)
+
+
+LOOP = glapp.Loop(name="grows", op_unit="V", controller={"k": 0.48, "ti": 0.3117, "setpoint_weight": 0})
+
+
+@pytest.mark.usefixtures("short_beginning")
+def test_a_gap_that_grows_shows_over_the_whole_history() -> None:
+    widths = [0.04 + 0.007 * i for i in range(8)]
+    recording = glapp.recording_from(history(widths, 4 * DAY), LOOP)
+    result = glapp.analyze(recording)
+    f = result.fit
+    assert f is not None and f.trend is not None
+    assert f.verdict == "backlash" and f.trend.changes
+    assert f.trend.slope == pytest.approx(0.007 / 4, rel=0.1)
+    assert f.trend.error < 0.1 * f.trend.slope
+    assert len(f.windows) >= 6
+    assert f.windows[0].t_start < DAY and f.windows[-1].t_end > 28 * DAY
+    for window in f.windows:
+        truth = widths[round(window.t_start / (4 * DAY))]
+        assert window.d == pytest.approx(truth, rel=0.1)
+    # Today's width, not the mean of those that were.
+    assert f.d == pytest.approx(widths[-1], rel=0.05)
+    assert f.low is not None and f.low > widths[-2]
+    assert "it grew from 0.0" in f.reason and "in 28 days" in f.reason
+    told = result.to_dict()["fit"]
+    assert told["trend"] == [f.trend.slope, f.trend.error]
+    assert len(told["windows"]) == len(f.windows)
+    # Fitted by itself: the same windows.
+    assert glapp.fit(recording).to_dict()["windows"] == told["windows"]
+
+
+@pytest.mark.usefixtures("short_beginning")
+def test_a_gap_that_stays_shows_no_change() -> None:
+    f = glapp.fit(glapp.recording_from(history([0.06] * 6, 4 * DAY), LOOP))
+    assert f.verdict == "backlash" and f.trend is not None
+    assert not f.trend.changes and "grew" not in f.reason and "shrank" not in f.reason
+    assert f.d == pytest.approx(0.06, rel=0.05)
+
+
+@pytest.mark.usefixtures("short_beginning")
+def test_op_that_only_moves_after_the_beginning_is_found() -> None:
+    rest = {"time": np.arange(0.0, 2000.0, 0.2), "SP": np.ones(10_000), "OP": np.full(10_000, 0.5)}
+    rest["PV"] = 1.0 + np.random.default_rng(1).normal(0.0, 0.005, 10_000)
+    moves = history([0.06], 0.0)
+    moves["time"] = moves["time"] + 5000.0
+    table = {name: np.concatenate([rest[name], moves[name]]) for name in moves}
+    f = glapp.fit(glapp.recording_from(table, LOOP))
+    assert f.verdict == "backlash", f.reason
+    assert f.d == pytest.approx(0.06, rel=0.25)  # windows are a twelfth of a short beginning here
+    assert f.windows[0].t_start >= 4000.0

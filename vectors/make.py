@@ -746,7 +746,7 @@ def swing(params: Params, h: Sequence[float], samples: Sequence[Sequence[float]]
         if not step > 0.0 or not math.isfinite(sp - yf):
             continue
         value = by_hand.moved(step, sp, yf, op)
-        switched |= recorded == math.isnan(op)
+        switched |= recorded == math.isnan(op) and (bool(kept) or before is not None)
         recorded = not math.isnan(op)
         kept.append((step, sp - yf, value))
     return outputs

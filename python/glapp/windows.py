@@ -75,7 +75,7 @@ class Windows:
     def _end(self) -> None:
         """The window under way is whole, or will not become longer."""
         rows, self._rest = self._rest, []
-        if sum(len(part) for part in rows) < max(LEAST_ROWS, self._length // 12):
+        if sum(len(part) for part in rows) < min(self._length, max(LEAST_ROWS, self._length // 12)):
             return
         if len(self._epochs) == MOST_EPOCHS and self._seen % self._per_epoch == 0:
             pairs = zip(self._epochs[0::2], self._epochs[1::2], strict=True)

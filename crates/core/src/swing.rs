@@ -113,7 +113,7 @@ impl<R: Real> Swing<R> {
             let moved = self.b * (sp - s.sp) - (yf - s.yf);
             s.op += moved + e * (h / self.ti) - self.td * (slope - s.slope);
         }
-        s.switched |= s.recorded != op.is_some();
+        s.switched |= s.recorded != op.is_some() && (s.n > 0 || s.sign != 0);
         s.recorded = op.is_some();
         (s.sp, s.yf, s.slope) = (sp, yf, slope);
         if s.n == 0 {

@@ -40,6 +40,7 @@ lint: setup
 
 bench: setup $(VENV)/.bench
 	cargo bench --quiet -p glapp-core
+	cargo bench --quiet -p glapp-fit
 	$(BIN)/python bench/run.py
 	$(BIN)/python bench/sim.py
 	$(BIN)/python bench/tuning.py

@@ -16,18 +16,16 @@ const ROUNDS: usize = 8;
 pub(crate) fn with_jumps(search: &Search, point: &Point) -> (Record, Point, f64) {
     let plain = search.record.with_jumps(vec![Vec::new(); search.record.stretches.len()]);
     let unmarked = Search { record: &plain, ..*search };
-    let without = unmarked.descend(point.theta, &point.lost, 10, 1e-2);
+    let without = unmarked.descend(point.theta, &point.lost, 10, 1e-2, f64::INFINITY);
     let record = marked(&unmarked, point);
     let search = Search { record: &record, ..*search };
-    let with = search.descend(point.theta, &point.lost, 10, 1e-2);
+    let with = search.descend(point.theta, &point.lost, 10, 1e-2, f64::INFINITY);
     let cost = with.cost + search.surprise(&with);
     if cost < without.cost {
         (record, with, cost)
     } else {
-        {
-            let cost = without.cost;
-            (plain, without, cost)
-        }
+        let cost = without.cost;
+        (plain, without, cost)
     }
 }
 
@@ -38,7 +36,9 @@ fn marked(search: &Search, point: &Point) -> Record {
     let before = 400;
     let step: Vec<_> = (0..before + ANSWER).map(|k| [if k < before { 0.0 } else { 1.0 }; LANES]).collect();
     let mut white = White::default();
-    search.structure.whiten(&[point.theta; LANES], &vec![0.0; step.len()], &[], &step, &mut white);
+    let nothing = vec![0.0; step.len()];
+    let alone = [(nothing.as_slice(), [].as_slice(), step.as_slice())];
+    search.structure.whiten(&[point.theta; LANES], alone.into_iter(), &mut white);
     let answer: Vec<f64> = white.of_v[before..].iter().map(|v| v[0]).collect();
     let energy: f64 = answer.iter().map(|a| a * a).sum();
     if energy < 1e-12 {

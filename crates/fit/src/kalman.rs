@@ -1,7 +1,8 @@
 //! The innovations of a record: what each sample of PV brings that the model did not foresee.
 
-/// Models that are run side by side: the recurrence waits for itself, four of them fill the waiting.
-pub(crate) const LANES: usize = 4;
+/// Models that are run side by side: the recurrence waits for itself, eight of them fill the waiting, and a point with all
+/// its derivatives is one pass.
+pub(crate) const LANES: usize = 8;
 
 /// One number for each of the models that run side by side.
 pub(crate) type Lanes = [f64; LANES];
@@ -11,8 +12,8 @@ pub(crate) fn lanes(of: impl FnMut(usize) -> f64) -> Lanes {
     std::array::from_fn(of)
 }
 
-/// Models of one sample step, `N` = order of the process + 2: the process, the load at its input (a random walk) and a
-/// drift at its output (first order, its pole in the last place of `transition`).
+/// Models of one sample step with `N` states: those of the process, with `LOADS` = 1 the load at its input (a random walk), and
+/// with `DRIFTS` = 1 a drift at its output (first order).
 ///
 /// ```text
 /// x⁺ = A·x + b·(kp·v + w)      w⁺ = w + n₁, variance q_load
@@ -22,13 +23,14 @@ pub(crate) fn lanes(of: impl FnMut(usize) -> f64) -> Lanes {
 ///
 /// Variances are in units of the white noise on PV, whose own size drops out of the likelihood.
 #[derive(Clone, Debug)]
-pub(crate) struct Models<const N: usize> {
-    /// The whole transition, load and drift included.
+pub(crate) struct Models<const N: usize, const LOADS: usize, const DRIFTS: usize> {
+    /// The rows of the process; the load's column is b.
     pub(crate) transition: [[Lanes; N]; N],
+    /// b.
+    pub(crate) input: [Lanes; N],
     pub(crate) q_load: Lanes,
     pub(crate) q_drift: Lanes,
-    /// Variance of the drift before the first sample.
-    pub(crate) drift_at_start: Lanes,
+    pub(crate) pole: Lanes,
 }
 
 /// Variance that stands for "not known at all", at the start and for the load where it jumps, in units of the white noise.
@@ -46,19 +48,47 @@ pub(crate) struct White {
     pub(crate) log_s: Lanes,
 }
 
+impl White {
+    /// Empty again, its room kept.
+    pub(crate) fn clear(&mut self) {
+        self.of_y.clear();
+        self.of_v.clear();
+        self.log_s = [0.0; LANES];
+    }
+}
+
+/// Variances of which the product is gathered before its logarithm is taken: none is below 1 or far above 10⁹.
+const GATHERED: u32 = 16;
+
 /// Variance of the next innovation and the Kalman gain, kept while they move and frozen once they stand still.
 struct Gain<const N: usize> {
+    /// Below its diagonal P is what it is above, and not kept there.
     p: [[Lanes; N]; N],
     k: [Lanes; N],
     s: Lanes,
-    /// ln S and 1/√S.
-    log_s: Lanes,
+    /// 1/√S.
     scale: Lanes,
     still: u32,
 }
 
-impl<const N: usize> Models<N> {
-    const LOAD: usize = N - 2;
+impl<const N: usize> Gain<N> {
+    #[inline(always)]
+    fn frozen(&self) -> bool {
+        self.still > 3
+    }
+
+    #[inline(always)]
+    fn p(&self, i: usize, j: usize) -> &Lanes {
+        if i < j { &self.p[i][j] } else { &self.p[j][i] }
+    }
+}
+
+impl<const N: usize, const LOADS: usize, const DRIFTS: usize> Models<N, LOADS, DRIFTS> {
+    /// States of the process, behind which the load stands, and last the drift.
+    const ORDER: usize = N - LOADS - DRIFTS;
+    /// States that the process' rows look at.
+    const INNER: usize = N - DRIFTS;
+    const LOAD: usize = Self::ORDER;
     const DRIFT: usize = N - 1;
 
     /// Innovations of `y` and of the answer to the positions `v`, for each sample of `y` that is a number; Kalman
@@ -68,19 +98,28 @@ impl<const N: usize> Models<N> {
         let mut gain = self.start();
         let (mut of_y, mut of_v) = ([[0.0; LANES]; N], [[0.0; LANES]; N]);
         let mut seen = 0;
+        // Σ ln S: a product while S moves, a count once it stands still.
+        let (mut product, mut gathered, mut frozen) = ([1.0; LANES], 0, 0);
         for (k, (&y, v)) in y.iter().zip(v).enumerate() {
             if y.is_nan() {
                 gain.still = 0;
             } else {
-                let e_y = lanes(|l| y - of_y[0][l] - of_y[Self::DRIFT][l]);
-                let e_v = lanes(|l| -of_v[0][l] - of_v[Self::DRIFT][l]);
+                let e_y = self.unforeseen(&of_y, y);
+                let e_v = self.unforeseen(&of_v, 0.0);
                 let worth = if seen < START { 0.0 } else { 1.0 };
                 seen += 1;
                 white.of_y.push(lanes(|l| worth * e_y[l] * gain.scale[l]));
                 // The model's own answer enters with the other sign: y − kp·answer.
                 white.of_v.push(lanes(|l| -worth * e_v[l] * gain.scale[l]));
-                for l in 0..LANES {
-                    white.log_s[l] += worth * gain.log_s[l];
+                if seen > START && gain.frozen() {
+                    frozen += 1;
+                } else if seen > START {
+                    product = lanes(|l| product[l] * gain.s[l]);
+                    gathered += 1;
+                    if gathered == GATHERED {
+                        white.log_s = lanes(|l| white.log_s[l] + product[l].ln());
+                        (product, gathered) = ([1.0; LANES], 0);
+                    }
                 }
                 for i in 0..N {
                     for l in 0..LANES {
@@ -91,14 +130,19 @@ impl<const N: usize> Models<N> {
             }
             self.step(&mut of_y);
             self.step(&mut of_v);
-            // The load enters where the valve does: its column is the process' answer to the position.
-            for i in 0..N - 2 {
+            for i in 0..Self::ORDER {
                 for l in 0..LANES {
-                    of_v[i][l] += self.transition[i][Self::LOAD][l] * v[l];
+                    of_v[i][l] += self.input[i][l] * v[l];
                 }
             }
-            self.advance(&mut gain, y.is_nan(), jumps.contains(&(k + 1)));
+            let jump = jumps.contains(&(k + 1));
+            if frozen > 0 && (jump || y.is_nan()) {
+                white.log_s = lanes(|l| white.log_s[l] + f64::from(frozen) * gain.s[l].ln());
+                frozen = 0;
+            }
+            self.advance(&mut gain, y.is_nan(), jump);
         }
+        white.log_s = lanes(|l| white.log_s[l] + product[l].ln() + f64::from(frozen) * gain.s[l].ln());
     }
 
     /// A record that the first model itself could have made: `y` up to the sample at which the start is forgotten, from
@@ -108,14 +152,16 @@ impl<const N: usize> Models<N> {
         let mut x = [[0.0; LANES]; N];
         let mut made = Vec::with_capacity(y.len());
         let mut seen = 0;
+        // The load and the drift are told by as many samples as the process.
+        let told = 2 * (Self::ORDER + 2);
         for (k, (&y, &v)) in y.iter().zip(kp_v).enumerate() {
             if y.is_nan() {
                 made.push(y);
                 gain.still = 0;
             } else {
-                let foresight = x[0][0] + x[Self::DRIFT][0];
+                let foresight = -self.unforeseen(&x, 0.0)[0];
                 // After a jump PV itself has to tell the load.
-                let known = seen >= 2 * N && !jumps.iter().any(|j| (*j..*j + 2 * N).contains(&k));
+                let known = seen >= told && !jumps.iter().any(|j| (*j..*j + told).contains(&k));
                 let value = if !known { y } else { foresight + draw() / gain.scale[0] };
                 seen += 1;
                 made.push(value);
@@ -124,40 +170,60 @@ impl<const N: usize> Models<N> {
                 }
             }
             self.step(&mut x);
-            for i in 0..N - 2 {
-                x[i][0] += self.transition[i][Self::LOAD][0] * v;
+            for i in 0..Self::ORDER {
+                x[i][0] += self.input[i][0] * v;
             }
             self.advance(&mut gain, y.is_nan(), jumps.contains(&(k + 1)));
         }
         made
     }
 
+    /// What the states `x` did not foresee of `y`.
+    #[inline(always)]
+    fn unforeseen(&self, x: &[Lanes; N], y: f64) -> Lanes {
+        if DRIFTS == 0 {
+            return lanes(|l| y - x[0][l]);
+        }
+        lanes(|l| y - x[0][l] - x[Self::DRIFT][l])
+    }
+
     /// The load stays where it is and the drift fades: only the process' rows are full.
     #[inline(always)]
     fn step(&self, x: &mut [Lanes; N]) {
-        let mut next = [[0.0; LANES]; N];
-        for i in 0..N - 2 {
-            for j in 0..N - 1 {
-                for l in 0..LANES {
-                    next[i][l] += self.transition[i][j][l] * x[j][l];
-                }
+        let before = *x;
+        for i in 0..Self::ORDER {
+            x[i] = self.row(i, |j| &before[j]);
+        }
+        if DRIFTS == 1 {
+            x[Self::DRIFT] = lanes(|l| self.pole[l] * before[Self::DRIFT][l]);
+        }
+    }
+
+    /// A row of the transition times a column.
+    #[inline(always)]
+    fn row<'a>(&self, i: usize, of: impl Fn(usize) -> &'a Lanes) -> Lanes {
+        let mut sum = [0.0; LANES];
+        for j in 0..Self::INNER {
+            let of = of(j);
+            for l in 0..LANES {
+                sum[l] += self.transition[i][j][l] * of[l];
             }
         }
-        x[..N - 2].copy_from_slice(&next[..N - 2]);
-        for l in 0..LANES {
-            x[Self::DRIFT][l] *= self.transition[Self::DRIFT][Self::DRIFT][l];
-        }
+        sum
     }
 
     #[inline(always)]
     fn start(&self) -> Gain<N> {
-        let mut p = [[[0.0; LANES]; N]; N];
+        let nothing = [0.0; LANES];
+        let mut p = [[nothing; N]; N];
         for (i, row) in p.iter_mut().enumerate() {
             row[i] = [UNKNOWN; LANES];
         }
-        p[Self::DRIFT][Self::DRIFT] = self.drift_at_start.map(|v| v.min(UNKNOWN));
-        let nothing = [0.0; LANES];
-        let mut gain = Gain { p, k: [nothing; N], s: nothing, log_s: nothing, scale: nothing, still: 0 };
+        if DRIFTS == 1 {
+            let at_start = lanes(|l| self.q_drift[l] / (1.0 - self.pole[l] * self.pole[l]));
+            p[Self::DRIFT][Self::DRIFT] = lanes(|l| at_start[l].min(UNKNOWN));
+        }
+        let mut gain = Gain { p, k: [nothing; N], s: nothing, scale: nothing, still: 0 };
         Self::measure(&mut gain);
         gain
     }
@@ -166,52 +232,72 @@ impl<const N: usize> Models<N> {
     #[inline(always)]
     fn measure(gain: &mut Gain<N>) {
         let d = Self::DRIFT;
-        let p = &gain.p;
-        gain.s = lanes(|l| p[0][0][l] + 2.0 * p[0][d][l] + p[d][d][l] + 1.0);
-        for i in 0..N {
-            gain.k[i] = lanes(|l| (p[i][0][l] + p[i][d][l]) / gain.s[l]);
+        let mut seen: [Lanes; N] = std::array::from_fn(|i| *gain.p(i, 0));
+        if DRIFTS == 1 {
+            for i in 0..N {
+                seen[i] = lanes(|l| seen[i][l] + gain.p(i, d)[l]);
+            }
         }
-        gain.log_s = gain.s.map(f64::ln);
-        gain.scale = gain.s.map(|s| 1.0 / s.sqrt());
+        gain.s = lanes(|l| seen[0][l] + if DRIFTS == 1 { seen[d][l] } else { 0.0 } + 1.0);
+        let part = lanes(|l| 1.0 / gain.s[l]);
+        for i in 0..N {
+            gain.k[i] = lanes(|l| seen[i][l] * part[l]);
+        }
+        gain.scale = lanes(|l| part[l].sqrt());
     }
 
     /// One step on. The gain of a stretch without holes settles; from then on it is not worked out again.
     #[inline(always)]
     fn advance(&self, gain: &mut Gain<N>, missing: bool, jump: bool) {
-        if gain.still > 3 && !jump {
+        if gain.frozen() && !jump {
             return;
         }
         if !missing {
             for i in 0..N {
                 let by = lanes(|l| gain.k[i][l] * gain.s[l]);
-                for j in 0..N {
+                for j in i..N {
                     for l in 0..LANES {
                         gain.p[i][j][l] -= by[l] * gain.k[j][l];
                     }
                 }
             }
         }
-        // F·P·Fᵀ: the same step for the columns, then for the rows; P is its own transpose.
-        for column in &mut gain.p {
-            self.step(column);
-        }
-        for i in 0..N {
-            for j in 0..i {
-                let lower = gain.p[i][j];
-                gain.p[i][j] = gain.p[j][i];
-                gain.p[j][i] = lower;
+        // F·P, of which only the process' rows are new, then ·Fᵀ.
+        let mut half = [[[0.0; LANES]; N]; N];
+        for i in 0..Self::ORDER {
+            for j in 0..N {
+                half[i][j] = self.row(i, |m| gain.p(m, j));
             }
         }
-        for row in &mut gain.p {
-            self.step(row);
+        for i in 0..Self::ORDER {
+            for j in i..Self::ORDER {
+                gain.p[i][j] = self.row(j, |m| &half[i][m]);
+            }
         }
-        for l in 0..LANES {
-            gain.p[Self::LOAD][Self::LOAD][l] += self.q_load[l] + if jump { UNKNOWN } else { 0.0 };
-            gain.p[Self::DRIFT][Self::DRIFT][l] += self.q_drift[l];
+        if LOADS == 1 {
+            for i in 0..Self::ORDER {
+                gain.p[i][Self::LOAD] = half[i][Self::LOAD];
+            }
+            for l in 0..LANES {
+                gain.p[Self::LOAD][Self::LOAD][l] += self.q_load[l] + if jump { UNKNOWN } else { 0.0 };
+            }
+        }
+        if DRIFTS == 1 {
+            let d = Self::DRIFT;
+            for i in 0..Self::ORDER {
+                gain.p[i][d] = lanes(|l| self.pole[l] * half[i][d][l]);
+            }
+            for i in Self::ORDER..d {
+                gain.p[i][d] = lanes(|l| self.pole[l] * gain.p[i][d][l]);
+            }
+            gain.p[d][d] = lanes(|l| self.pole[l] * self.pole[l] * gain.p[d][d][l] + self.q_drift[l]);
         }
         let before = gain.s;
         Self::measure(gain);
-        let stands = (0..LANES).all(|l| (gain.s[l] - before[l]).abs() < 1e-7 * before[l]);
+        let mut stands = true;
+        for l in 0..LANES {
+            stands &= (gain.s[l] - before[l]).abs() < 1e-7 * before[l];
+        }
         gain.still = if stands { gain.still + 1 } else { 0 };
     }
 }

@@ -19,6 +19,9 @@ pub(crate) const CHI2_95: f64 = 3.841;
 /// and processes of no family make it rise so far over the true width in one of twenty records of the bench of truth.
 pub(crate) const RISE: f64 = 10.0;
 
+/// How near the likelihood at a limit of the interval is to what it should be.
+const NEAR: f64 = 0.1;
+
 impl Profile {
     /// Every width of `widths` (rising, the first 0) with the slip jump a `share` of it, begun from its neighbours on both sides and each
     /// fourth also from `seeds`.
@@ -34,11 +37,11 @@ impl Profile {
             if let Some(before) = points.last() {
                 beginnings.push((before.theta, at(d)));
             }
-            points.push(search.from(&beginnings, rounds, 1e-2));
+            points.push(search.from(&beginnings, rounds, 1e-2, f64::INFINITY));
         }
         for i in (0..points.len() - 1).rev() {
             let d = points[i].lost.d;
-            let back = search.from(&[(points[i + 1].theta, at(d))], rounds, 1e-2);
+            let back = search.from(&[(points[i + 1].theta, at(d))], rounds, 1e-2, points[i].cost);
             if back.cost < points[i].cost {
                 points[i] = back;
             }
@@ -82,34 +85,23 @@ impl Profile {
         let near = [after.checked_sub(1), Some(after)].into_iter().flatten().filter_map(|i| self.points.get(i));
         let better = near.min_by(|a, b| a.cost.total_cmp(&b.cost)).expect("a profile has points");
         let lost = Lost { d, ..better.lost.clone() };
-        let point = search.from(&[(better.theta, lost)], rounds, 1e-3);
+        let point = search.from(&[(better.theta, lost)], rounds, 1e-3, f64::INFINITY);
         let cost = point.cost;
         self.points.insert(after, point);
         self.find();
         cost
     }
 
-    /// Adds widths around each of the `most` deepest valleys until they stand `fine` apart.
+    /// Adds widths around each of the `most` deepest valleys until their neighbours stand `fine` apart.
     pub(crate) fn refine(&mut self, search: &Search, most: usize, fine: f64) {
-        for _ in 0..16 {
+        for _ in 0..12 {
             let least = self.least();
-            let valley = |i: &usize| {
-                let cost = |j: Option<usize>| j.and_then(|j| self.points.get(j)).map_or(f64::INFINITY, |p| p.cost);
-                cost(Some(*i)) <= cost(i.checked_sub(1)) && cost(Some(*i)) <= cost(Some(i + 1))
-            };
+            let cost = |j: Option<usize>| j.and_then(|j| self.points.get(j)).map_or(f64::INFINITY, |p| p.cost);
+            let valley = |i: &usize| cost(Some(*i)) <= cost(i.checked_sub(1)) && cost(Some(*i)) <= cost(Some(i + 1));
             let mut valleys: Vec<usize> = (0..self.points.len()).filter(valley).collect();
             valleys.sort_by(|a, b| self.points[*a].cost.total_cmp(&self.points[*b].cost));
-            let mut new = Vec::new();
-            for &i in valleys.iter().take(most).filter(|i| self.points[**i].cost < least + 60.0) {
-                let d = self.points[i].lost.d;
-                for j in [i.checked_sub(1), Some(i + 1)].into_iter().flatten() {
-                    if let Some(beside) = self.points.get(j)
-                        && (beside.lost.d - d).abs() > fine
-                    {
-                        new.push((beside.lost.d + d) / 2.0);
-                    }
-                }
-            }
+            let deep = valleys.iter().take(most).filter(|i| self.points[**i].cost < least + 60.0);
+            let new: Vec<f64> = deep.filter_map(|i| self.nearer(*i, fine)).collect();
             if new.is_empty() {
                 break;
             }
@@ -118,19 +110,43 @@ impl Profile {
             }
         }
         let best = self.points[self.best].clone();
-        let polished = search.from(&[(best.theta, best.lost.clone())], 12, 1e-5);
+        let polished = search.from(&[(best.theta, best.lost.clone())], 12, 1e-5, f64::INFINITY);
         if polished.cost < best.cost {
             self.points[self.best] = polished;
         }
         // Its neighbours may do better from there.
         for i in [0, self.best.saturating_sub(1), (self.best + 1).min(self.points.len() - 1)] {
-            let lost = self.points[i].lost.clone();
-            let again = search.from(&[(self.points[self.best].theta, lost)], 12, 1e-3);
+            let Point { lost, cost, .. } = self.points[i].clone();
+            let again = search.from(&[(self.points[self.best].theta, lost)], 12, 1e-3, cost);
             if again.cost < self.points[i].cost {
                 self.points[i] = again;
             }
         }
         self.find();
+    }
+
+    /// A width that narrows the valley around point `i`; None where its neighbours stand `fine` apart.
+    fn nearer(&self, i: usize, fine: f64) -> Option<f64> {
+        let at = |j: usize| self.points.get(j).map(|p| (p.lost.d, p.cost));
+        let (d, cost) = at(i)?;
+        let (left, right) = (i.checked_sub(1).and_then(at), at(i + 1));
+        let room = |beside: Option<(f64, f64)>| beside.map_or(0.0, |b| (b.0 - d).abs());
+        let wide = if room(left) > room(right) { -room(left) } else { room(right) };
+        if wide.abs() <= 1.001 * fine {
+            return None;
+        }
+        let (Some(left), Some(right)) = (left, right) else {
+            return Some(d + wide / 2.0);
+        };
+        let (rise, fall) = ((right.1 - cost) / (right.0 - d), (cost - left.1) / (d - left.0));
+        let bottom = (left.0 + d) / 2.0 - fall * (right.0 - left.0) / 2.0 / (rise - fall).max(1e-300);
+        if room(Some(left)).max(room(Some(right))) > 8.0 * room(Some(left)).min(room(Some(right))) && (bottom - d).abs() > fine {
+            Some(d + wide / 2.0)
+        } else if (bottom - d).abs() > fine && bottom > left.0 + 0.5 * fine && bottom < right.0 - 0.5 * fine {
+            Some(bottom)
+        } else {
+            Some(d + fine * wide.signum())
+        }
     }
 
     /// The lowest and the highest width whose cost is within `rise` of `from`, to within `fine`; the highest is None where
@@ -140,29 +156,40 @@ impl Profile {
         let inside = |p: &Point| p.cost <= limit;
         let first = self.points.iter().position(inside)?;
         let last = self.points.iter().rposition(inside)?;
-        let (first_d, last_d) = (self.points[first].lost.d, self.points[last].lost.d);
-        let low = match first.checked_sub(1) {
-            None => first_d,
-            Some(i) => self.border(search, first_d, self.points[i].lost.d, limit, fine),
-        };
-        let high = (self.points.last().is_some_and(|p| p.lost.d > last_d)).then(|| {
-            let beyond = self.points.iter().find(|p| p.lost.d > last_d).expect("there is one").lost.d;
-            self.border(search, last_d, beyond, limit, fine)
-        });
+        let place = |i: usize| (self.points[i].lost.d, self.points[i].cost);
+        let (lowest, highest) = (place(first), place(last));
+        let (below, above) = (first.checked_sub(1).map(place), (last + 1 < self.points.len()).then(|| place(last + 1)));
+        let low = below.map_or(lowest.0, |below| self.border(search, lowest, below, limit, fine));
+        let high = above.map(|above| self.border(search, highest, above, limit, fine));
         Some((low, high))
     }
 
-    /// Where the cost crosses `limit` between a width inside and one outside.
-    fn border(&mut self, search: &Search, mut inside: f64, mut outside: f64, limit: f64, fine: f64) -> f64 {
-        while (outside - inside).abs() > fine {
-            let d = (inside + outside) / 2.0;
-            if self.insert(search, d, 4) <= limit {
-                inside = d;
+    /// Where the cost crosses `limit` between a width and its cost inside and others outside.
+    fn border(
+        &mut self,
+        search: &Search,
+        mut inside: (f64, f64),
+        mut outside: (f64, f64),
+        limit: f64,
+        fine: f64,
+    ) -> f64 {
+        let crossing = |inside: (f64, f64), outside: (f64, f64), edge: f64| {
+            let share = ((limit - inside.1) / (outside.1 - inside.1)).clamp(edge, 1.0 - edge);
+            inside.0 + share * (outside.0 - inside.0)
+        };
+        while (outside.0 - inside.0).abs() > fine {
+            let d = crossing(inside, outside, 0.15);
+            let cost = self.insert(search, d, 4);
+            if (cost - limit).abs() < NEAR {
+                return d;
+            }
+            if cost <= limit {
+                inside = (d, cost);
             } else {
-                outside = d;
+                outside = (d, cost);
             }
         }
-        (inside + outside) / 2.0
+        crossing(inside, outside, 0.0)
     }
 }
 
@@ -172,8 +199,7 @@ impl Profile {
 pub(crate) fn trust(search: &Search, point: &Point, step: f64) -> f64 {
     let record: &Record = search.record;
     let positions = record.positions(&point.lost);
-    let here = search.at(&point.theta, &positions);
-    let residual = here.lane(0);
+    let (residual, others) = search.slopes(&point.theta, &positions);
     let moved = |by: f64| {
         let lost = Lost { d: (point.lost.d + by).max(0.0), ..point.lost.clone() };
         search.at(&point.theta, &record.positions(&lost)).lane(0)
@@ -181,7 +207,6 @@ pub(crate) fn trust(search: &Search, point: &Point, step: f64) -> f64 {
     let (up, down) = (moved(step), moved(-step.min(point.lost.d)));
     let across = step + step.min(point.lost.d);
     let mut slope: Vec<f64> = up.iter().zip(&down).map(|(a, b)| (a - b) / across).collect();
-    let others = search.slopes(&point.theta, &positions, &residual);
     let k = others.len();
     let mut normal = [[0.0; MOST]; MOST];
     let mut by = [0.0; MOST];
@@ -200,7 +225,7 @@ pub(crate) fn trust(search: &Search, point: &Point, step: f64) -> f64 {
         }
     }
     let n = slope.len() as f64;
-    let variance = here.sum[0] / n;
+    let variance = dot(&residual, &residual) / n;
     let nominal = variance * dot(&slope, &slope);
     let score: Vec<f64> = slope.iter().zip(&residual).map(|(s, r)| s * r).collect();
     let mut seen = dot(&score, &score);

@@ -82,6 +82,16 @@ impl Record {
         self.stretches.iter().map(|s| s.jumps.len()).sum()
     }
 
+    /// Whether the same jumps are marked in both.
+    pub(crate) fn same_jumps(&self, other: &Self) -> bool {
+        let sorted = |s: &Stretch| {
+            let mut jumps = s.jumps.clone();
+            jumps.sort_unstable();
+            jumps
+        };
+        self.stretches.iter().map(sorted).eq(other.stretches.iter().map(sorted))
+    }
+
     /// The same record with other jumps of the load.
     pub(crate) fn with_jumps(&self, jumps: Vec<Vec<usize>>) -> Self {
         let stretches = self.stretches.iter().zip(jumps).map(|(s, jumps)| Stretch { jumps, ..s.clone() }).collect();
@@ -96,7 +106,7 @@ impl Record {
 
     /// Position of the valve, a mean for each cell.
     pub(crate) fn positions(&self, lost: &Lost) -> Positions {
-        let at = |(stretch, start): (&Stretch, &f64)| stretch.positions(lost.d, lost.jump(), *start, self.cell);
+        let at = |(stretch, start): (&Stretch, &f64)| stretch.positions(lost, *start, self.cell, stretch.y.len());
         self.stretches.iter().zip(&lost.start).map(at).collect()
     }
 
@@ -117,11 +127,14 @@ impl Record {
 }
 
 impl Stretch {
-    fn positions(&self, d: f64, jump: f64, start: f64, cell: usize) -> Vec<f64> {
+    /// The same for the first `cells` of one stretch, whose start in the gap is `start`.
+    pub(crate) fn positions(&self, lost: &Lost, start: f64, cell: usize, cells: usize) -> Vec<f64> {
+        let (d, jump) = (lost.d, lost.jump());
         let per_cell = 1.0 / cell as f64;
         // The start is told by where the lower end of the gap lies.
         let first = self.u[0] + (start - 0.5) * d;
-        let mean = |path: &mut dyn FnMut(&[f64]) -> f64| self.u.chunks(cell).map(|u| path(u) * per_cell).collect();
+        let u = &self.u[..cells * cell];
+        let mean = |path: &mut dyn FnMut(&[f64]) -> f64| u.chunks(cell).map(|u| path(u) * per_cell).collect();
         if jump > 0.0 {
             let friction = Friction::new(Model::Kano, d, jump).expect("0 ≤ jump ≤ d");
             let mut state = FrictionState::at(first);

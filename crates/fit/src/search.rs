@@ -3,7 +3,9 @@
 use crate::kalman::{LANES, Lanes, UNKNOWN, White, lanes};
 use crate::record::{Lost, Positions, Record};
 use crate::structure::{MOST, Structure, Theta};
+use std::cell::RefCell;
 use std::f64::consts::PI;
+use std::ops::Range;
 
 /// A point of the search: the family's parameters and what they are worth.
 #[derive(Clone, Debug)]
@@ -17,6 +19,7 @@ pub(crate) struct Point {
 }
 
 /// What the likelihood is made of: `residual` = innovation/√S·exp(Σ ln S/2n), whose sum of squares is to be least.
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Innovations {
     pub(crate) residual: Vec<Lanes>,
     pub(crate) kp: Lanes,
@@ -33,6 +36,21 @@ impl Innovations {
     }
 }
 
+/// Room for one pass, kept from one to the next.
+#[derive(Default)]
+struct Work {
+    delayed: Vec<Lanes>,
+    white: White,
+    found: Innovations,
+}
+
+/// Cells after which what the filter was told at first is forgotten.
+const SETTLED: usize = 100;
+
+thread_local! {
+    static WORK: RefCell<Work> = RefCell::default();
+}
+
 /// One family on one record. `sign`: that of the gain where it is known, else 0.
 #[derive(Clone, Copy)]
 pub(crate) struct Search<'a> {
@@ -41,52 +59,130 @@ pub(crate) struct Search<'a> {
     pub(crate) sign: f64,
 }
 
+/// Sums of squares and products of the innovations of PV and of the answer.
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    yy: Lanes,
+    yv: Lanes,
+    vv: Lanes,
+}
+
+impl Sums {
+    #[inline(always)]
+    fn of(white: &White) -> Self {
+        let mut sums = Self::default();
+        for (y, v) in white.of_y.iter().zip(&white.of_v) {
+            for l in 0..LANES {
+                sums.yy[l] += y[l] * y[l];
+                sums.yv[l] += y[l] * v[l];
+                sums.vv[l] += v[l] * v[l];
+            }
+        }
+        sums
+    }
+
+    /// The gain that makes the least of Σ r², not of the other sign.
+    fn kp(&self, lane: usize, sign: f64) -> f64 {
+        let kp = if self.vv[lane] > 1e-300 { self.yv[lane] / self.vv[lane] } else { 0.0 };
+        if kp * sign < 0.0 { 0.0 } else { kp }
+    }
+}
+
+/// A point with the slope and the curvature of the likelihood there.
+struct Local {
+    theta: Theta,
+    kp: f64,
+    sum: f64,
+    /// JᵀJ and −Jᵀr.
+    normal: [[f64; MOST]; MOST],
+    down: Theta,
+}
+
 impl Search<'_> {
-    /// Four sets of parameters at once, each with the positions of one lost motion.
-    pub(crate) fn innovations(&self, thetas: &[Theta; LANES], positions: [&Positions; LANES]) -> Innovations {
+    /// Eight sets of parameters at once, each with the positions of one lost motion; `then` takes what it needs of it.
+    fn innovations<R>(
+        &self,
+        thetas: &[Theta; LANES],
+        positions: &Positions,
+        then: impl FnOnce(&Innovations) -> R,
+    ) -> R {
+        WORK.with_borrow_mut(|work| {
+            // The widest vectors that the machine has; nothing is fused, so the bits are the same with any.
+            pulp::Arch::new().dispatch(
+                #[inline(always)]
+                || {
+                    let all = 0..self.record.stretches.len();
+                    self.whiten(work, thetas, all, |_, i| &positions[i]);
+                    self.weigh(work);
+                    then(&work.found)
+                },
+            )
+        })
+    }
+
+    /// Gain and residuals from what a pass over the whole record left.
+    #[inline(always)]
+    fn weigh(&self, work: &mut Work) {
+        let Work { white, found, .. } = work;
+        let sums = Sums::of(white);
+        found.kp = lanes(|l| sums.kp(l, self.sign));
+        let freedom = self.record.freedom();
+        // A jump's size is free: it costs nothing here, and Search::surprise what it is worth.
+        let free = self.record.jumps() as f64 * UNKNOWN.ln();
+        found.scale = lanes(|l| ((white.log_s[l] - free) / (2.0 * freedom)).exp());
+        found.sum_without = lanes(|l| sums.yy[l] * found.scale[l] * found.scale[l]);
+        found.residual.clear();
+        let mut sum = [0.0; LANES];
+        for (y, v) in white.of_y.iter().zip(&white.of_v) {
+            let r = lanes(|l| (y[l] - found.kp[l] * v[l]) * found.scale[l]);
+            for l in 0..LANES {
+                sum[l] += r[l] * r[l];
+            }
+            found.residual.push(r);
+        }
+        found.sum = sum;
+    }
+
+    /// The innovations of some of the stretches; `of`: the positions for a lane in a stretch, as far as they are wanted.
+    #[inline(always)]
+    fn whiten<'p>(
+        &self,
+        work: &mut Work,
+        thetas: &[Theta; LANES],
+        stretches: Range<usize>,
+        of: impl Fn(usize, usize) -> &'p [f64],
+    ) {
         // PV's mean over a cell lies half a cell behind its first step, OP's mean acts from the first step on. OP never acts on
         // the PV of its own step: it is the controller's answer to that PV, and would explain it all too well.
         let cell = self.record.cell as f64;
         let delay = lanes(|l| thetas[l][self.structure.dead_time_at()] - (cell - 1.0) / (2.0 * cell));
-        let mut white = White::default();
-        let mut delayed = Vec::new();
-        for (i, stretch) in self.record.stretches.iter().enumerate() {
-            delayed.clear();
-            delayed.resize(stretch.y.len(), [0.0; LANES]);
-            for l in 0..LANES {
-                shift(&positions[l][i], delay[l], &mut delayed, l);
-            }
-            self.structure.whiten(thetas, &stretch.y, &stretch.jumps, &delayed, &mut white);
-        }
-        let (mut yy, mut yv, mut vv) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
-        for (y, v) in white.of_y.iter().zip(&white.of_v) {
-            for l in 0..LANES {
-                yy[l] += y[l] * y[l];
-                yv[l] += y[l] * v[l];
-                vv[l] += v[l] * v[l];
+        work.delayed.clear();
+        for i in stretches.clone() {
+            let from = work.delayed.len();
+            let first = of(0, i);
+            delayed(first, delay[0], &mut work.delayed);
+            for l in 1..LANES {
+                // Most lanes differ in something else.
+                let v = of(l, i);
+                if delay[l] != delay[0] || !std::ptr::eq(v, first) {
+                    delay_lane(v, delay[l], &mut work.delayed[from..], l);
+                }
             }
         }
-        let kp = lanes(|l| {
-            let kp = if vv[l] > 1e-300 { yv[l] / vv[l] } else { 0.0 };
-            if kp * self.sign < 0.0 { 0.0 } else { kp }
+        work.white.clear();
+        let mut rest = work.delayed.as_slice();
+        let inputs = stretches.map(|i| {
+            let stretch = &self.record.stretches[i];
+            let (v, after) = rest.split_at(of(0, i).len());
+            rest = after;
+            (&stretch.y[..v.len()], stretch.jumps.as_slice(), v)
         });
-        let freedom = self.record.freedom();
-        // A jump's size is free: it costs nothing here, and Search::surprise what it is worth.
-        let free = self.record.jumps() as f64 * UNKNOWN.ln();
-        let scale = lanes(|l| ((white.log_s[l] - free) / (2.0 * freedom)).exp());
-        let mut residual = white.of_y;
-        let mut sum = [0.0; LANES];
-        for (y, v) in residual.iter_mut().zip(&white.of_v) {
-            for l in 0..LANES {
-                y[l] = (y[l] - kp[l] * v[l]) * scale[l];
-                sum[l] += y[l] * y[l];
-            }
-        }
-        Innovations { residual, kp, sum, sum_without: lanes(|l| yy[l] * scale[l] * scale[l]), scale }
+        self.structure.whiten(thetas, inputs, &mut work.white);
     }
 
+    /// One set of parameters: the first lane tells.
     pub(crate) fn at(&self, theta: &Theta, positions: &Positions) -> Innovations {
-        self.innovations(&[*theta; LANES], [positions; LANES])
+        self.innovations(&[*theta; LANES], positions, Innovations::clone)
     }
 
     /// −2·ln L with the size of the noise at its best.
@@ -104,140 +200,226 @@ impl Search<'_> {
         self.record.jumps() as f64 * ((2.0 * PI * size).ln().max(0.0) + 2.0 * (self.record.count as f64).ln())
     }
 
-    /// Derivatives of the residuals by each parameter, a column each.
-    pub(crate) fn slopes(&self, theta: &Theta, positions: &Positions, at: &[f64]) -> Vec<Vec<f64>> {
+    /// θ in the first lane, in the others θ with one parameter moved, and by how much.
+    fn around(&self, theta: &Theta) -> ([Theta; LANES], Theta) {
         let n = self.record.count as f64;
-        let k = self.structure.parameters();
-        let mut columns = Vec::with_capacity(k);
-        for first in (0..k).step_by(LANES) {
-            let mut thetas = [*theta; LANES];
-            for (l, moved) in thetas.iter_mut().enumerate().take(k - first) {
-                let j = first + l;
-                moved[j] += 1e-4;
-                *moved = self.structure.bounded(*moved, n);
-                if moved[j] == theta[j] {
-                    moved[j] -= 1e-4;
-                }
+        let mut thetas = [*theta; LANES];
+        let mut by = [1.0; MOST];
+        for j in 0..self.structure.parameters() {
+            let moved = &mut thetas[j + 1];
+            moved[j] += 1e-4;
+            *moved = self.structure.bounded(*moved, n);
+            if moved[j] == theta[j] {
+                moved[j] -= 1e-4;
             }
-            let there = self.innovations(&thetas, [positions; LANES]);
-            for l in 0..LANES.min(k - first) {
-                let by = thetas[l][first + l] - theta[first + l];
-                columns.push(there.residual.iter().zip(at).map(|(a, b)| (a[l] - b) / by).collect());
-            }
+            by[j] = moved[j] - theta[j];
         }
-        columns
+        (thetas, by)
     }
 
-    /// Levenberg–Marquardt from `theta`, at most `rounds` steps, until a step brings less than `enough` of −2·ln L. Four
-    /// dampings are tried at each step.
-    pub(crate) fn descend(&self, theta: Theta, lost: &Lost, rounds: usize, enough: f64) -> Point {
+    /// Residuals at θ and their derivatives by each parameter, a column each.
+    pub(crate) fn slopes(&self, theta: &Theta, positions: &Positions) -> (Vec<f64>, Vec<Vec<f64>>) {
+        let (thetas, by) = self.around(theta);
+        self.innovations(&thetas, positions, |found| {
+            let slope = |j: usize| found.residual.iter().map(|r| (r[j + 1] - r[0]) / by[j]).collect();
+            (found.lane(0), (0..self.structure.parameters()).map(slope).collect())
+        })
+    }
+
+    /// θ with slope and curvature, in one pass.
+    fn local(&self, theta: Theta, positions: &Positions) -> Local {
+        let (thetas, by) = self.around(&theta);
+        let k = self.structure.parameters();
+        self.innovations(
+            &thetas,
+            positions,
+            #[inline(always)]
+            |found| {
+                let mut products = [[0.0; LANES]; LANES];
+                for r in &found.residual {
+                    let moved = lanes(|l| if l == 0 { r[0] } else { r[l] - r[0] });
+                    for i in 0..LANES {
+                        for l in 0..LANES {
+                            products[i][l] += moved[i] * moved[l];
+                        }
+                    }
+                }
+                let (mut normal, mut down) = ([[0.0; MOST]; MOST], [0.0; MOST]);
+                for i in 0..k {
+                    for j in 0..k {
+                        normal[i][j] = products[i + 1][j + 1] / (by[i] * by[j]);
+                    }
+                    down[i] = -products[0][i + 1] / by[i];
+                }
+                Local { theta, kp: found.kp[0], sum: found.sum[0], normal, down }
+            },
+        )
+    }
+
+    /// The damped step from a point and how far it should bring Σ r² down. Parameters that stand at a bound and would leave it
+    /// stay.
+    fn step(&self, from: &Local, damping: f64) -> (Theta, f64) {
         let n = self.record.count as f64;
         let k = self.structure.parameters();
+        let (mut normal, mut down) = (from.normal, from.down);
+        let flat = (0..k).map(|i| normal[i][i]).fold(0.0, f64::max) * 1e-9 + 1e-300;
+        for (i, row) in normal.iter_mut().enumerate().take(k) {
+            row[i] += damping * row[i] + flat;
+        }
+        let mut there = from.theta;
+        for _ in 0..k {
+            let step = solve(normal, down, k);
+            there = from.theta;
+            for i in 0..k {
+                there[i] += step[i].clamp(-1.5, 1.5);
+            }
+            let free = there;
+            there = self.structure.bounded(there, n);
+            let mut held = (0..k).filter(|i| there[*i] != free[*i] && there[*i] == from.theta[*i]).peekable();
+            if held.peek().is_none() {
+                break;
+            }
+            for i in held {
+                down[i] = 0.0;
+                for j in 0..k {
+                    (normal[i][j], normal[j][i]) = (0.0, 0.0);
+                }
+                normal[i][i] = 1.0;
+            }
+        }
+        let mut less = 0.0;
+        for i in 0..k {
+            let by = there[i] - from.theta[i];
+            less += by * (2.0 * from.down[i] - (0..k).map(|j| from.normal[i][j] * (there[j] - from.theta[j])).sum::<f64>());
+        }
+        (there, less)
+    }
+
+    /// Levenberg–Marquardt from `theta`, at most `rounds` steps, until a step brings less than `enough` of −2·ln L, or as
+    /// soon as it is plain that it will not come below `unless`.
+    pub(crate) fn descend(&self, theta: Theta, lost: &Lost, rounds: usize, enough: f64, unless: f64) -> Point {
+        let n = self.record.count as f64;
         let positions = self.record.positions(lost);
-        let mut theta = self.structure.bounded(theta, n);
-        let start = self.at(&theta, &positions);
-        let (mut residual, mut sum, mut kp) = (start.lane(0), start.sum[0], start.kp[0]);
+        let mut here = self.local(self.structure.bounded(theta, n), &positions);
         let mut damping = 1e-2;
         for _ in 0..rounds {
-            let slopes = self.slopes(&theta, &positions, &residual);
-            let mut normal = [[0.0; MOST]; MOST];
-            let mut down = [0.0; MOST];
-            for i in 0..k {
-                for j in i..k {
-                    normal[i][j] = dot(&slopes[i], &slopes[j]);
-                    normal[j][i] = normal[i][j];
-                }
-                down[i] = -dot(&slopes[i], &residual);
+            let (there, less) = self.step(&here, damping);
+            let foreseen = self.cost(here.sum) - self.cost((here.sum - less).max(0.1 * here.sum));
+            if foreseen < enough || self.cost(here.sum) - 3.0 * foreseen > unless {
+                break;
             }
-            let flat = (0..k).map(|i| normal[i][i]).fold(0.0, f64::max) * 1e-9 + 1e-300;
-            let dampings = [damping / 10.0, damping, damping * 10.0, damping * 300.0];
-            let thetas = dampings.map(|damping| {
-                let mut damped = normal;
-                for (i, row) in damped.iter_mut().enumerate().take(k) {
-                    row[i] += damping * row[i] + flat;
-                }
-                let step = solve(damped, down, k);
-                let mut there = theta;
-                for i in 0..k {
-                    there[i] += step[i].clamp(-1.5, 1.5);
-                }
-                self.structure.bounded(there, n)
-            });
-            let found = self.innovations(&thetas, [&positions; LANES]);
-            let best = (0..LANES).min_by(|a, b| found.sum[*a].total_cmp(&found.sum[*b])).expect("four lanes");
-            if found.sum[best] < sum {
-                let gained = self.cost(sum) - self.cost(found.sum[best]);
-                (theta, residual, sum, kp) = (thetas[best], found.lane(best), found.sum[best], found.kp[best]);
-                damping = dampings[best].clamp(1e-8, 1e6);
-                if gained < enough {
+            let next = self.local(there, &positions);
+            let before = here.sum;
+            if next.sum < before {
+                here = next;
+                damping = (damping / 10.0).max(1e-8);
+            } else {
+                // Too far: eight shorter steps at once.
+                let dampings: Lanes = lanes(|l| damping * 10f64.powi(l as i32 + 1));
+                let thetas = dampings.map(|damping| self.step(&here, damping).0);
+                let sums = self.innovations(&thetas, &positions, |found| found.sum);
+                let best = (0..LANES).min_by(|a, b| sums[*a].total_cmp(&sums[*b])).expect("eight lanes");
+                if sums[best] >= before {
                     break;
                 }
-            } else if damping < 1e4 {
-                damping *= 3000.0;
-            } else {
+                here = self.local(thetas[best], &positions);
+                damping = dampings[best];
+            }
+            if self.cost(before) - self.cost(here.sum) < enough {
                 break;
             }
         }
-        Point { theta, cost: self.cost(sum), kp, lost: lost.clone() }
+        Point { theta: here.theta, cost: self.cost(here.sum), kp: here.kp, lost: lost.clone() }
     }
 
-    /// The best start of each stretch within the gap at θ, to a few hundredths of the gap.
-    pub(crate) fn placed(&self, theta: &Theta, lost: &Lost) -> Lost {
+    /// The best start of each stretch within the gap at a point, to a few hundredths of the gap.
+    fn placed(&self, point: &Point) -> Lost {
+        let lost = &point.lost;
         let mut best = lost.clone();
-        for stretch in 0..best.start.len() {
-            if !self.shows_start(lost, stretch) {
+        for (i, stretch) in self.record.stretches.iter().enumerate() {
+            let open = stretch.open(lost.d, self.record.cell);
+            if open < 3 {
                 continue;
             }
-            let (mut centre, mut apart): (f64, f64) = (0.5, 1.0 / 3.0);
-            while apart > 0.03 {
-                let places = [-1.5, -0.5, 0.5, 1.5].map(|k| (centre + k * apart).clamp(0.0, 1.0));
-                let tried = places.map(|place| {
-                    let mut tried = best.clone();
-                    tried.start[stretch] = place;
-                    self.record.positions(&tried)
-                });
-                let sums = self.innovations(&[*theta; LANES], std::array::from_fn(|l| &tried[l])).sum;
-                let least = (0..LANES).min_by(|a, b| sums[*a].total_cmp(&sums[*b])).expect("four lanes");
+            // From there on the start shows no longer.
+            let cells = (2 * open + SETTLED).min(stretch.y.len());
+            let (mut centre, mut apart): (f64, f64) = (0.5, 1.0 / 7.0);
+            for _ in 0..2 {
+                let places = lanes(|l| (centre + (l as f64 - 3.5) * apart).clamp(0.0, 1.0));
+                let tried = places.map(|place| stretch.positions(lost, place, self.record.cell, cells));
+                let left = self.left(point, i, tried);
+                let least = (0..LANES).min_by(|a, b| left[*a].total_cmp(&left[*b])).expect("eight lanes");
                 centre = places[least];
-                best.start[stretch] = centre;
-                apart /= 3.0;
+                best.start[i] = centre;
+                apart /= 4.0;
             }
         }
         best
     }
 
-    /// Whether it matters where in the gap the valve stands at the beginning of a stretch.
-    fn shows_start(&self, lost: &Lost, stretch: usize) -> bool {
-        self.record.stretches[stretch].open(lost.d, self.record.cell) >= 3
+    /// Sum of squares over the beginning of one stretch, each lane with positions of its own.
+    fn left(&self, point: &Point, stretch: usize, positions: [Vec<f64>; LANES]) -> Lanes {
+        WORK.with_borrow_mut(|work| {
+            pulp::Arch::new().dispatch(
+                // Takes the positions as its own: a closure that could be called twice would be called through a function
+                // that is compiled for any machine.
+                #[inline(always)]
+                move || {
+                    let positions = positions;
+                    self.whiten(work, &[point.theta; LANES], stretch..stretch + 1, |l, _| &positions[l]);
+                    let mut left = [0.0; LANES];
+                    for (y, v) in work.white.of_y.iter().zip(&work.white.of_v) {
+                        for l in 0..LANES {
+                            let r = y[l] - point.kp * v[l];
+                            left[l] += r * r;
+                        }
+                    }
+                    left
+                },
+            )
+        })
     }
 
-    /// The best of several beginnings, each with its best starts in the gap.
-    pub(crate) fn from(&self, beginnings: &[(Theta, Lost)], rounds: usize, enough: f64) -> Point {
-        beginnings
-            .iter()
-            .map(|(theta, lost)| {
-                let lost = self.placed(&self.structure.bounded(*theta, self.record.count as f64), lost);
-                let point = self.descend(*theta, &lost, rounds, enough);
-                // The parameters moved: so may the start.
-                let again = self.placed(&point.theta, &lost);
-                if again == lost { point } else { self.descend(point.theta, &again, rounds.div_ceil(2), enough) }
-            })
-            .min_by(|a, b| a.cost.total_cmp(&b.cost))
-            .expect("at least one beginning")
+    /// The best of several beginnings, each with its best starts in the gap; one that will plainly not come below `unless` or
+    /// another beginning is left where it is.
+    pub(crate) fn from(&self, beginnings: &[(Theta, Lost)], rounds: usize, enough: f64, unless: f64) -> Point {
+        let mut unless = unless;
+        let ends = beginnings.iter().map(|(theta, lost)| {
+            let mut point = self.descend(*theta, lost, rounds, enough, unless);
+            let placed = self.placed(&point);
+            if placed != point.lost {
+                point = self.descend(point.theta, &placed, rounds.div_ceil(2), enough, unless);
+            }
+            unless = unless.min(point.cost);
+            point
+        });
+        ends.min_by(|a, b| a.cost.total_cmp(&b.cost)).expect("at least one beginning")
     }
 }
 
-/// `v` later by `delay` cells, which need not be whole, into one lane of `out`.
-fn shift(v: &[f64], delay: f64, out: &mut [Lanes], lane: usize) {
+/// `v` later by `delay` cells, which need not be whole, the same in every lane.
+#[inline(always)]
+fn delayed(v: &[f64], delay: f64, out: &mut Vec<Lanes>) {
+    for k in 0..v.len() {
+        out.push([earlier(v, k, delay); LANES]);
+    }
+}
+
+/// The same in one lane.
+#[inline(always)]
+fn delay_lane(v: &[f64], delay: f64, out: &mut [Lanes], lane: usize) {
+    for k in 0..v.len() {
+        out[k][lane] = earlier(v, k, delay);
+    }
+}
+
+/// What `v` was `delay` cells before `k`; before its beginning what it was there.
+#[inline(always)]
+fn earlier(v: &[f64], k: usize, delay: f64) -> f64 {
     let whole = delay.floor();
     let part = delay - whole;
-    let whole = whole as isize;
-    let last = v.len() as isize - 1;
-    for (k, out) in out.iter_mut().enumerate() {
-        let at = |k: isize| v[k.clamp(0, last) as usize];
-        let k = k as isize;
-        out[lane] = (1.0 - part) * at(k - whole) + part * at(k - whole - 1);
-    }
+    let at = |back: isize| v[(k as isize - back).clamp(0, v.len() as isize - 1) as usize];
+    (1.0 - part) * at(whole as isize) + part * at(whole as isize + 1)
 }
 
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {

@@ -1,7 +1,6 @@
 //! The families of models that are tried: lags, an integrator or none, and where the disturbance enters.
 
 use crate::kalman::{LANES, Lanes, Models, White, lanes};
-use glapp_sim::Matrix;
 
 /// Where the disturbance comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -102,24 +101,18 @@ impl Structure {
         theta
     }
 
-    /// Coefficients of 1, s, s² … [cellsᵏ], with the integrator if there is one.
-    pub(crate) fn denominator(self, theta: &Theta) -> Vec<f64> {
-        let mut den = match self.lags {
-            1 => vec![1.0, theta[0].exp()],
-            _ => {
-                let t = theta[0].exp();
-                vec![1.0, 2.0 * theta[1].exp() * t, t * t]
-            }
-        };
+    /// Coefficients of 1, s, s² … [cellsᵏ], with the integrator if there is one; those beyond the order are 0.
+    pub(crate) fn denominator(self, theta: &Theta) -> [f64; 4] {
+        let t = theta[0].exp();
+        if self.integrating {
+            return [0.0, 1.0, t, 0.0];
+        }
+        let mut den = [1.0, 2.0 * theta[1].exp() * t, t * t, 0.0];
         if self.lags == 3 {
             let t = theta[2].exp();
-            den.push(0.0);
             for i in (1..den.len()).rev() {
                 den[i] += t * den[i - 1];
             }
-        }
-        if self.integrating {
-            den.insert(0, 0.0);
         }
         den
     }
@@ -150,66 +143,70 @@ impl Structure {
         pilot
     }
 
-    /// The process with gain 1, held input, one cell a step; its first state is its output.
-    fn sampled<const N: usize>(self, theta: &Theta) -> [[f64; N]; N] {
-        let den = self.denominator(theta);
-        let n = den.len() - 1;
-        let mut generator = Matrix::zeros(n + 1);
-        for i in 0..n - 1 {
-            generator.set(i, i + 1, 1.0);
-        }
-        for j in 0..n {
-            generator.set(n - 1, j, -den[j] / den[n]);
-        }
-        generator.set(n - 1, n, 1.0 / den[n]);
-        let step = generator.exp();
-        let mut transition = [[0.0; N]; N];
-        for i in 0..n {
-            for j in 0..=n {
-                transition[i][j] = step.get(i, j);
+    /// The process with gain 1, held input, one cell a step; its first state is its output, the others its
+    /// derivatives in units of the time constant τ, which keeps all of one size.
+    #[inline(always)]
+    fn models<const N: usize, const LOADS: usize, const DRIFTS: usize>(
+        self,
+        thetas: &[Theta; LANES],
+    ) -> Models<N, LOADS, DRIFTS> {
+        let order = N - LOADS - DRIFTS;
+        let mut generator = [[[0.0; LANES]; N]; N];
+        for (l, theta) in thetas.iter().enumerate() {
+            let den = self.denominator(theta);
+            let tau = if self.integrating { den[2] } else { den[order].powf(1.0 / order as f64) };
+            for i in 0..order - 1 {
+                generator[i][i + 1][l] = 1.0 / tau;
+            }
+            let mut scale = tau.powi(order as i32 - 1) / den[order];
+            generator[order - 1][order][l] = scale;
+            for j in 0..order {
+                generator[order - 1][j][l] = -den[j] * scale;
+                scale /= tau;
             }
         }
-        transition[N - 2][N - 2] = 1.0;
-        transition
+        let transition = exponential(generator);
+        let mut input = [[0.0; LANES]; N];
+        for i in 0..order {
+            input[i] = transition[i][order];
+        }
+        let noise = |place: usize| lanes(|l| thetas[l][self.lags + 1 + place]);
+        let q_load = if LOADS == 1 { noise(0).map(f64::exp) } else { [0.0; LANES] };
+        let q_drift = if DRIFTS == 1 { noise(LOADS).map(f64::exp) } else { [0.0; LANES] };
+        let pole = if DRIFTS == 1 { noise(LOADS + 1).map(logistic) } else { [0.0; LANES] };
+        Models { transition, input, q_load, q_drift, pole }
     }
 
-    fn models<const N: usize>(self, thetas: &[Theta; LANES]) -> Models<N> {
-        let sampled = thetas.map(|theta| self.sampled::<N>(&theta));
-        let mut transition: [[Lanes; N]; N] =
-            std::array::from_fn(|i| std::array::from_fn(|j| lanes(|l| sampled[l][i][j])));
-        let noise = |l: usize, place: usize| thetas[l][self.lags + 1 + place];
-        let nothing = [0.0; LANES];
-        let (q_load, q_drift, pole) = match self.noise {
-            Noise::Input => (lanes(|l| noise(l, 0).exp()), nothing, nothing),
-            Noise::Output => (nothing, lanes(|l| noise(l, 0).exp()), lanes(|l| logistic(noise(l, 1)))),
-            Noise::Both => {
-                (lanes(|l| noise(l, 0).exp()), lanes(|l| noise(l, 1).exp()), lanes(|l| logistic(noise(l, 2))))
-            }
-        };
-        transition[N - 1][N - 1] = pole;
-        let drift_at_start = lanes(|l| q_drift[l] / (1.0 - pole[l] * pole[l]));
-        Models { transition, q_load, q_drift, drift_at_start }
-    }
-
-    /// States of the model: process, load, drift.
-    fn states(self) -> usize {
-        self.lags + usize::from(self.integrating) + 2
-    }
-
-    /// See [`Models::whiten`].
-    pub(crate) fn whiten(self, thetas: &[Theta; LANES], y: &[f64], jumps: &[usize], v: &[Lanes], white: &mut White) {
-        // The widest vectors that the machine has; nothing is fused, so the bits are the same with any.
-        let arch = pulp::Arch::new();
-        match self.states() {
-            4 => {
-                let models = self.models::<4>(thetas);
-                arch.dispatch(|| models.whiten(y, jumps, v, white))
-            }
-            _ => {
-                let models = self.models::<5>(thetas);
-                arch.dispatch(|| models.whiten(y, jumps, v, white))
-            }
+    /// See [`Models::whiten`]: of each stretch its PV, the jumps of its load and its positions.
+    #[inline(always)]
+    pub(crate) fn whiten<'a>(
+        self,
+        thetas: &[Theta; LANES],
+        stretches: impl Iterator<Item = (&'a [f64], &'a [usize], &'a [Lanes])>,
+        white: &mut White,
+    ) {
+        // A loop and no closure: only what is inlined here is compiled for the vectors of the machine.
+        macro_rules! with {
+            ($states:literal, $loads:literal, $drifts:literal) => {{
+                let models = self.models::<$states, $loads, $drifts>(thetas);
+                for (y, jumps, v) in stretches {
+                    models.whiten(y, jumps, v, white);
+                }
+            }};
         }
+        match (self.order(), self.noise) {
+            (2, Noise::Input) => with!(3, 1, 0),
+            (2, Noise::Output) => with!(3, 0, 1),
+            (2, Noise::Both) => with!(4, 1, 1),
+            (_, Noise::Input) => with!(4, 1, 0),
+            (_, Noise::Output) => with!(4, 0, 1),
+            (_, Noise::Both) => with!(5, 1, 1),
+        }
+    }
+
+    /// States of the process.
+    fn order(self) -> usize {
+        self.lags + usize::from(self.integrating)
     }
 
     /// See [`Models::invent`].
@@ -221,13 +218,60 @@ impl Structure {
         kp_v: &[f64],
         draw: &mut impl FnMut() -> f64,
     ) -> Vec<f64> {
-        match self.states() {
-            4 => self.models::<4>(&[*theta; LANES]).invent(y, jumps, kp_v, draw),
-            _ => self.models::<5>(&[*theta; LANES]).invent(y, jumps, kp_v, draw),
+        let thetas = &[*theta; LANES];
+        match (self.order(), self.noise) {
+            (2, Noise::Input) => self.models::<3, 1, 0>(thetas).invent(y, jumps, kp_v, draw),
+            (2, Noise::Output) => self.models::<3, 0, 1>(thetas).invent(y, jumps, kp_v, draw),
+            (2, Noise::Both) => self.models::<4, 1, 1>(thetas).invent(y, jumps, kp_v, draw),
+            (_, Noise::Input) => self.models::<4, 1, 0>(thetas).invent(y, jumps, kp_v, draw),
+            (_, Noise::Output) => self.models::<4, 0, 1>(thetas).invent(y, jumps, kp_v, draw),
+            (_, Noise::Both) => self.models::<5, 1, 1>(thetas).invent(y, jumps, kp_v, draw),
         }
     }
 }
 
 fn logistic(x: f64) -> f64 {
     1.0 / (1.0 + (-x).exp())
+}
+
+/// e^a of eight matrices at once: the series for a 2^s-th of each, small enough for 12 terms to be exact, then s squarings.
+#[inline(always)]
+fn exponential<const N: usize>(mut a: [[Lanes; N]; N]) -> [[Lanes; N]; N] {
+    let norm = a.iter().map(|row| row.iter().flatten().map(|x| x.abs()).fold(0.0, f64::max)).fold(0.0, f64::max);
+    let squarings = (norm * N as f64 / 0.5).log2().ceil().max(0.0);
+    let part = (-squarings).exp2();
+    a.iter_mut().flatten().flatten().for_each(|x| *x *= part);
+    let mut sum = [[[0.0; LANES]; N]; N];
+    for i in 0..N {
+        sum[i][i] = [1.0; LANES];
+    }
+    // Horner: 1 + a(1 + a/2(1 + a/3(…))).
+    for term in (1..=12).rev() {
+        let by = 1.0 / f64::from(term);
+        sum = product(&a, &sum);
+        for i in 0..N {
+            for j in 0..N {
+                sum[i][j] = lanes(|l| sum[i][j][l] * by + if i == j { 1.0 } else { 0.0 });
+            }
+        }
+    }
+    for _ in 0..squarings as usize {
+        sum = product(&sum, &sum);
+    }
+    sum
+}
+
+#[inline(always)]
+fn product<const N: usize>(a: &[[Lanes; N]; N], b: &[[Lanes; N]; N]) -> [[Lanes; N]; N] {
+    let mut c = [[[0.0; LANES]; N]; N];
+    for i in 0..N {
+        for k in 0..N {
+            for j in 0..N {
+                for l in 0..LANES {
+                    c[i][j][l] += a[i][k][l] * b[k][j][l];
+                }
+            }
+        }
+    }
+    c
 }

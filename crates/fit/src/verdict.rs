@@ -201,7 +201,7 @@ fn pilot(record: &Record, sign: f64) -> (Vec<Theta>, f64) {
     let n = record.count as f64;
     let begin = |part: f64, t: f64, dead: f64| {
         let lost = Lost { d: part * record.range, share: 0.0, start: vec![0.5; record.stretches.len()] };
-        search.descend(PILOT.beginning(t, dead), &lost, 8, 0.1)
+        search.descend(PILOT.beginning(t, dead), &lost, 8, 0.1, f64::INFINITY)
     };
     let starts = [(1.5, 0.5), (1.5, 5.0), (10.0, 0.5), (10.0, 5.0), (40.0, 15.0)];
     let mut points: Vec<Point> = [0.0, 0.3, 0.6, 0.85]
@@ -331,30 +331,32 @@ fn leading(profiles: &[Profile]) -> &Profile {
 }
 
 /// Marks where the load jumped. What is left of a jump widens the walk of the load for all the record, and with it the
-/// interval of d: so when jumps were found it is looked again.
-fn without_jumps(record: &Record, seeds: &[Theta], sign: f64) -> (Record, Vec<Profile>) {
-    let mut seen = (record.clone(), looks(record, seeds, sign));
-    let mut least = leading(&seen.1).least();
-    for _ in 0..3 {
-        let best = leading(&seen.1);
-        let search = Search { record: &seen.0, structure: best.structure, sign };
+/// interval of d: so when jumps were found it is looked again. With the last look at all families the whole profile of the
+/// best.
+fn without_jumps(record: &Record, seeds: &[Theta], sign: f64) -> (Record, Vec<Profile>, Profile) {
+    let mut record = record.clone();
+    let mut looked = looks(&record, seeds, sign);
+    let mut least = f64::INFINITY;
+    for round in 0.. {
+        let best = leading(&looked);
+        let search = Search { record: &record, structure: best.structure, sign };
         let profile = whole(&search, best, 0.0);
+        least = least.min(profile.least() + search.surprise(&profile.points[profile.best]));
         let (marked, point, cost) = with_jumps(&search, &profile.points[profile.best]);
-        if cost > least - 1.0 {
-            break;
+        if round == 3 || marked.same_jumps(&record) || cost > least - 1.0 {
+            return (record, looked, profile);
         }
         least = cost;
-        let structure = best.structure;
         let mut seeds = pilot(&marked, sign).0;
-        seeds.insert(0, structure.as_pilot(&point.theta));
-        let looked = looks(&marked, &seeds, sign);
-        seen = (marked, looked);
+        seeds.insert(0, best.structure.as_pilot(&point.theta));
+        looked = looks(&marked, &seeds, sign);
+        record = marked;
     }
-    seen
+    unreachable!("the rounds end")
 }
 
 fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
-    let (record, mut looks) = without_jumps(record, seeds, question.sign);
+    let (record, mut looks, first) = without_jumps(record, seeds, question.sign);
     let record = &record;
     let n = record.freedom();
     let of = |structure| Search { record, structure, sign: question.sign };
@@ -363,7 +365,11 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
     looks.retain(|p| p.least() < least + room(record.count));
     looks.sort_by(|a, b| a.penalised().total_cmp(&b.penalised()));
     looks.truncate(MOST_FAMILIES);
-    let mut profiles: Vec<Profile> = looks.par_iter().map(|look| whole(&of(look.structure), look, 0.0)).collect();
+    let known = leading(&looks).least();
+    let mut profiles: Vec<Profile> = looks
+        .par_iter()
+        .map(|look| if look.least() == known { first.clone() } else { whole(&of(look.structure), look, 0.0) })
+        .collect();
     profiles.sort_by(|a, b| a.penalised().total_cmp(&b.penalised()));
     let least = profiles[0].penalised();
     let raw_lr = |p: &Profile| p.points[0].cost - p.least();
@@ -429,7 +435,7 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
     let kp = chosen.kp * per_cell;
     let spread = 1.96 * kp.abs() / (lr_no_answer * trusted).max(1e-9).sqrt();
     let variance = final_state.sum[0] / n / trusted;
-    let errors = Errors::new(&search, &chosen.theta, &positions, &final_state.lane(0), variance);
+    let errors = Errors::new(&search, &chosen.theta, &positions, variance);
     let (dead_time, dead_error) = errors.of(|theta| theta[search.structure.dead_time_at()] * h);
     let (lag, lag_error) = errors.of(|theta| search.structure.lag(theta) * h);
     let around = |x: f64, error: f64| ((x - 1.96 * error).max(0.0), x + 1.96 * error);
@@ -553,7 +559,7 @@ fn jump(search: &Search, without: &Point) -> Jump {
     let at = |share: f64, wide: f64| {
         let d = without.lost.d * wide;
         let lost = Lost { d, share, start: without.lost.start.clone() };
-        search.from(&[(without.theta, lost)], 4, 1e-2)
+        search.from(&[(without.theta, lost)], 4, 1e-2, f64::INFINITY)
     };
     let of = |share: f64| Profile::of(search.structure, widths.iter().map(|wide| at(share, *wide)).collect());
     let shares: Vec<Profile> = parts.par_iter().map(|share| of(*share)).collect();
@@ -582,8 +588,8 @@ struct Errors {
 }
 
 impl Errors {
-    fn new(search: &Search, theta: &Theta, positions: &Positions, residual: &[f64], variance: f64) -> Self {
-        let slopes = search.slopes(theta, positions, residual);
+    fn new(search: &Search, theta: &Theta, positions: &Positions, variance: f64) -> Self {
+        let (_, slopes) = search.slopes(theta, positions);
         let k = slopes.len();
         let mut normal = [[0.0; MOST]; MOST];
         for i in 0..k {

@@ -13,21 +13,18 @@ pub(crate) struct Profile {
     pub(crate) best: usize,
 }
 
-/// 95 % of chi-square with one degree of freedom.
-pub(crate) const CHI2_95: f64 = 3.841;
 /// How far −2·ln L may rise over its least within the 95 % interval. A chi-square would say 3.84; loads that are no random walk
 /// and processes of no family make it rise so far over the true width in one of twenty records of the bench of truth.
-pub(crate) const RISE: f64 = 10.0;
+pub(crate) const RISE: f64 = 8.0;
 
 /// How near the likelihood at a limit of the interval is to what it should be.
 const NEAR: f64 = 0.1;
 
 impl Profile {
-    /// Every width of `widths` (rising, the first 0) with the slip jump a `share` of it, begun from its neighbours on both sides and each
-    /// fourth also from `seeds`.
-    pub(crate) fn over(search: &Search, widths: &[f64], share: f64, seeds: &[Theta], rounds: usize) -> Self {
-        let stretches = search.record.stretches.len();
-        let at = |d: f64| Lost { d, share, start: vec![0.5; stretches] };
+    /// Every width of `widths` (rising) with a lost motion that is otherwise like `lost`, begun from its neighbours on both sides
+    /// and each fourth also from `seeds`.
+    pub(crate) fn over(search: &Search, widths: &[f64], lost: &Lost, seeds: &[Theta], rounds: usize) -> Self {
+        let at = |d: f64| Lost { d, ..lost.clone() };
         let mut points: Vec<Point> = Vec::with_capacity(widths.len());
         for (i, &d) in widths.iter().enumerate() {
             let mut beginnings = Vec::new();
@@ -50,10 +47,16 @@ impl Profile {
     }
 
     /// From points in rising order of d.
-    pub(crate) fn of(structure: Structure, points: Vec<Point>) -> Self {
+    fn of(structure: Structure, points: Vec<Point>) -> Self {
         let mut profile = Self { structure, points, best: 0 };
         profile.find();
         profile
+    }
+
+    /// The point whose width is nearest to `d`.
+    pub(crate) fn near(&self, d: f64) -> &Point {
+        let off = |p: &&Point| (p.lost.d - d).abs();
+        self.points.iter().min_by(|a, b| off(a).total_cmp(&off(b))).expect("a profile has points")
     }
 
     fn find(&mut self) {

@@ -27,16 +27,22 @@ pub(crate) struct Record {
     pub(crate) range: f64,
 }
 
-/// The lost motion that is tried: total width [OP unit], the share of it that is slip jump, and where in its gap the valve
-/// stands at the start of each stretch, 0 the lower end to 1.
+/// The lost motion that is tried: total width [OP unit], the share of it that is slip jump, what the valve does after a jump,
+/// and where in its gap it stands at the start of each stretch, 0 the lower end to 1.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Lost {
     pub(crate) d: f64,
     pub(crate) share: f64,
+    pub(crate) model: Model,
     pub(crate) start: Vec<f64>,
 }
 
 impl Lost {
+    /// A gap that the valve stands in the middle of.
+    pub(crate) fn gap(d: f64, stretches: usize) -> Self {
+        Self { d, share: 0.0, model: Model::Kano, start: vec![0.5; stretches] }
+    }
+
     /// Slip jump J [OP unit].
     pub(crate) fn jump(&self) -> f64 {
         self.share * self.d
@@ -136,7 +142,7 @@ impl Stretch {
         let u = &self.u[..cells * cell];
         let mean = |path: &mut dyn FnMut(&[f64]) -> f64| u.chunks(cell).map(|u| path(u) * per_cell).collect();
         if jump > 0.0 {
-            let friction = Friction::new(Model::Kano, d, jump).expect("0 ≤ jump ≤ d");
+            let friction = Friction::new(lost.model, d, jump).expect("0 ≤ jump ≤ d");
             let mut state = FrictionState::at(first);
             mean(&mut |u| u.iter().map(|&u| friction.update(&mut state, u)).sum())
         } else {

@@ -1,10 +1,11 @@
 //! From profiles to an answer: width, interval, and whether there is a gap at all.
 
-use crate::jumps::with_jumps;
-use crate::profile::{CHI2_95, Profile, RISE, trust};
+use crate::jumps::told;
+use crate::profile::{Profile, RISE, trust};
 use crate::record::{Lost, Positions, Record};
 use crate::search::{Point, Search, dot, solve};
 use crate::structure::{MOST, Noise, Structure, Theta};
+use glapp_sim::Model;
 use rayon::prelude::*;
 
 /// What is asked.
@@ -200,7 +201,7 @@ fn pilot(record: &Record, sign: f64) -> (Vec<Theta>, f64) {
     let search = Search { record, structure: PILOT, sign };
     let n = record.count as f64;
     let begin = |part: f64, t: f64, dead: f64| {
-        let lost = Lost { d: part * record.range, share: 0.0, start: vec![0.5; record.stretches.len()] };
+        let lost = Lost::gap(part * record.range, record.stretches.len());
         search.descend(PILOT.beginning(t, dead), &lost, 8, 0.1, f64::INFINITY)
     };
     let starts = [(1.5, 0.5), (1.5, 5.0), (10.0, 0.5), (10.0, 5.0), (40.0, 15.0)];
@@ -267,6 +268,7 @@ fn widened(structure: Structure, simple: &Profile) -> Theta {
 fn looks(record: &Record, seeds: &[Theta], sign: f64) -> Vec<Profile> {
     let of = |structure| Search { record, structure, sign };
     let coarse = [0.0, 0.015, 0.05, 0.15, 0.3, 0.45, 0.6, 0.75, 0.88, 1.0].map(|part| part * record.range);
+    let gap = Lost::gap(0.0, record.stretches.len());
     let begin = |structure: Structure| {
         // The seeds are of two lags; the other families start from the best of them.
         let most = if structure == PILOT { MOST_SEEDS } else { 2 - usize::from(structure.integrating) };
@@ -278,7 +280,7 @@ fn looks(record: &Record, seeds: &[Theta], sign: f64) -> Vec<Profile> {
         .flat_map(begin)
         .collect::<Vec<_>>()
         .into_par_iter()
-        .map(|(structure, begin)| Profile::over(&of(structure), &coarse, 0.0, &[begin], 4))
+        .map(|(structure, begin)| Profile::over(&of(structure), &coarse, &gap, &[begin], 4))
         .collect();
     let simple = distinct(simple);
     let promising = leading(&simple).least() + room(record.count);
@@ -287,7 +289,7 @@ fn looks(record: &Record, seeds: &[Theta], sign: f64) -> Vec<Profile> {
         .filter(|p| p.least() < promising)
         .filter_map(|p| {
             let structure = Structure { noise: Noise::Both, ..p.structure };
-            let both = Profile::over(&of(structure), &coarse, 0.0, &[widened(structure, p)], 3);
+            let both = Profile::over(&of(structure), &coarse, &gap, &[widened(structure, p)], 3);
             // Where the second disturbance is worth nothing it is the same family once more.
             (both.penalised() < p.penalised()).then_some(both)
         })
@@ -307,13 +309,13 @@ fn distinct(mut profiles: Vec<Profile>) -> Vec<Profile> {
     kept
 }
 
-/// The whole profile of a family, from a coarse look.
-fn whole(search: &Search, look: &Profile, share: f64) -> Profile {
+/// The whole profile of a family, from a coarse look, for a lost motion like `lost`.
+fn whole(search: &Search, look: &Profile, lost: &Lost) -> Profile {
     let range = search.record.range;
     let fine = [0.0, 0.01, 0.02, 0.05, 0.1, 0.17, 0.25, 0.33, 0.41, 0.5, 0.58, 0.66, 0.74, 0.82, 0.88, 0.94, 1.0];
     let mut seeds = vec![look.points[look.best].theta, look.points[0].theta];
     seeds.dedup();
-    let mut profile = Profile::over(search, &fine.map(|part| part * range), share, &seeds, 4);
+    let mut profile = Profile::over(search, &fine.map(|part| part * range), lost, &seeds, 4);
     // A gap that is narrow against all that OP does has a narrow valley.
     let fine = (0.05 * profile.points[profile.best].lost.d).clamp(0.0005 * range, 0.004 * range);
     profile.refine(search, 2, fine);
@@ -330,33 +332,52 @@ fn leading(profiles: &[Profile]) -> &Profile {
     profiles.iter().min_by(|a, b| a.least().total_cmp(&b.least())).expect("there are families")
 }
 
+/// What was seen of a record before the families are compared.
+struct Looked {
+    /// The record, with the load's jumps marked.
+    record: Record,
+    /// Coarse looks at all families.
+    looks: Vec<Profile>,
+    /// The whole profile of the best.
+    best: Profile,
+    /// How far −2·ln L without a gap lies above the least, each with the jumps of its own that it costs.
+    lr_no_gap: f64,
+}
+
 /// Marks where the load jumped. What is left of a jump widens the walk of the load for all the record, and with it the
-/// interval of d: so when jumps were found it is looked again. With the last look at all families the whole profile of the
-/// best.
-fn without_jumps(record: &Record, seeds: &[Theta], sign: f64) -> (Record, Vec<Profile>, Profile) {
+/// interval of d: so when jumps were found it is looked again.
+fn without_jumps(record: &Record, seeds: &[Theta], sign: f64) -> Looked {
+    let gap = Lost::gap(0.0, record.stretches.len());
     let mut record = record.clone();
-    let mut looked = looks(&record, seeds, sign);
+    let mut looks = looks(&record, seeds, sign);
     let mut least = f64::INFINITY;
     for round in 0.. {
-        let best = leading(&looked);
-        let search = Search { record: &record, structure: best.structure, sign };
-        let profile = whole(&search, best, 0.0);
-        least = least.min(profile.least() + search.surprise(&profile.points[profile.best]));
-        let (marked, point, cost) = with_jumps(&search, &profile.points[profile.best]);
-        if round == 3 || marked.same_jumps(&record) || cost > least - 1.0 {
-            return (record, looked, profile);
+        let leading = leading(&looks);
+        let search = Search { record: &record, structure: leading.structure, sign };
+        let best = whole(&search, leading, &gap);
+        let stuck = sticking(&search, &best);
+        let widths = best.points.iter().chain(stuck.iter().map(|p| &p.points[p.best]));
+        let told = told(&search, widths);
+        let found = told.iter().min_by(|a, b| a.cost.total_cmp(&b.cost)).expect("a profile has points");
+        let here = best.least() + search.surprise(&best.points[best.best]);
+        least = least.min(here);
+        if round == 3 || found.record.same_jumps(&record) || found.cost > least - 1.0 {
+            let lr_no_gap = told[0].cost.min(best.points[0].cost + search.surprise(&best.points[0])) - here;
+            return Looked { record, looks, best, lr_no_gap };
         }
-        least = cost;
-        let mut seeds = pilot(&marked, sign).0;
-        seeds.insert(0, best.structure.as_pilot(&point.theta));
-        looked = looks(&marked, &seeds, sign);
-        record = marked;
+        least = found.cost;
+        let mut seeds = pilot(&found.record, sign).0;
+        seeds.insert(0, leading.structure.as_pilot(&found.point.theta));
+        let again = self::looks(&found.record, &seeds, sign);
+        record = found.record.clone();
+        looks = again;
     }
     unreachable!("the rounds end")
 }
 
 fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
-    let (record, mut looks, first) = without_jumps(record, seeds, question.sign);
+    let Looked { record, mut looks, best: first, lr_no_gap: lr_with_jumps } =
+        without_jumps(record, seeds, question.sign);
     let record = &record;
     let n = record.freedom();
     let of = |structure| Search { record, structure, sign: question.sign };
@@ -366,9 +387,10 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
     looks.sort_by(|a, b| a.penalised().total_cmp(&b.penalised()));
     looks.truncate(MOST_FAMILIES);
     let known = leading(&looks).least();
+    let gap = Lost::gap(0.0, record.stretches.len());
     let mut profiles: Vec<Profile> = looks
         .par_iter()
-        .map(|look| if look.least() == known { first.clone() } else { whole(&of(look.structure), look, 0.0) })
+        .map(|look| if look.least() == known { first.clone() } else { whole(&of(look.structure), look, &gap) })
         .collect();
     profiles.sort_by(|a, b| a.penalised().total_cmp(&b.penalised()));
     let least = profiles[0].penalised();
@@ -380,27 +402,30 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
     let mut best = profiles[0].points[profiles[0].best].clone();
     let here = search.at(&best.theta, &record.positions(&best.lost));
     let lr_no_answer = search.cost(here.sum_without[0]) - best.cost;
-    let mut trusted = trust(&search, &best, 0.005 * record.range).max(LEAST_TRUST);
-    let lr_no_gap = profiles.iter().map(raw_lr).fold(f64::INFINITY, f64::min) * trusted;
-    let lr_needed = if question.bootstrap > 0 && lr_no_gap > PLAIN && lr_no_gap < 100.0 {
-        // The invented records' innovations are alike everywhere: their ratio is to be held against the one before τ.
-        PLAIN.max(by_chance(&search, &profiles[0].points[0], question) * trusted)
-    } else {
-        PLAIN
-    };
+    let mut sticking = sticking(&search, &profiles[0]);
+    // What a slip jump explains beyond a gap; what a gap explains beyond nothing is at least as much.
+    let stuck = sticking.first().map(|p| p.points[p.best].clone());
+    let lr_no_jump = stuck.as_ref().map_or(0.0, |stuck| (best.cost - stuck.cost).max(0.0));
+    let tells = lr_no_jump > JUMP;
+    if let Some(stuck) = stuck
+        && lr_no_jump > SLIPS
+    {
+        best = stuck;
+    }
+    let trusted = trust(&search, &best, 0.005 * record.range).max(LEAST_TRUST);
+    let lr_no_gap = profiles.iter().map(raw_lr).fold(lr_with_jumps, f64::min) + (lr_no_jump - SLIPS).max(0.0);
+    let lr_no_gap = lr_no_gap * trusted;
     let traversals = record.traversals(best.lost.d);
-    // Few break-aways may look like anything.
-    let often = traversals.iter().all(|n| *n >= CYCLES);
-    let jump = if lr_no_gap > lr_needed && often { jump(&search, &best) } else { Jump::none(&best) };
+    let plain = if traversals.iter().all(|n| *n >= CYCLES) { PLAIN } else { PLAIN_IF_SELDOM };
+    let lr_needed = if question.bootstrap > 0 && lr_no_gap > plain && lr_no_gap < 100.0 {
+        // The invented records' innovations are alike everywhere: their ratio is to be held against the one before τ.
+        plain.max(by_chance(&search, &profiles[0].points[0], question) * trusted)
+    } else {
+        plain
+    };
     let fine = 0.001 * record.range;
     let mut spread = Vec::new();
-    let tells = jump.lr > JUMP;
-    if tells {
-        let mut profile = whole(&search, &profiles[0], jump.best.lost.share);
-        best = profile.points[profile.best].clone();
-        trusted = trust(&search, &best, 0.005 * record.range).max(LEAST_TRUST);
-        spread.extend(profile.within(&search, best.cost, RISE / trusted, fine));
-    } else {
+    if !tells {
         for profile in &mut profiles {
             let from = profile.least();
             spread.extend(profile.within(&of(profile.structure), from, RISE / trusted, fine));
@@ -408,23 +433,25 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
     }
     let certain = spread.iter().all(|s| s.0 <= 0.0);
     // A valve with another slip jump has another width, and may be as likely.
-    for mut profile in jump.shares {
+    for profile in &mut sticking {
         let beyond = profile.points.last().map(|p| p.lost.d);
         let limits = profile.within(&search, best.cost, RISE / trusted, fine);
         spread.extend(limits.map(|(low, high)| (low, high.or(beyond))));
     }
+    let sticks_only = |p: &&Profile| p.points[p.best].lost.share >= 1.0;
+    let jumps_whole = sticking.iter().filter(sticks_only).any(|p| p.least() < best.cost + SLIPS);
     let low = (spread.iter().map(|s| s.0).fold(f64::INFINITY, f64::min) - record.resolution()).max(0.0);
     let high = spread.iter().map(|s| s.1).try_fold(0.0, |high, h| h.map(|h| f64::max(high, h)));
     let (verdict, reason) = judge(&Evidence {
+        often: record.traversals(low).iter().all(|n| *n >= CYCLES),
         lr_no_gap,
         lr_needed,
         lr_no_answer,
         low,
         high,
-        traversals,
         range: record.range,
         tells,
-        jumps_whole: jump.lr_all < CHI2_95,
+        jumps_whole,
         dissent: dissent || !certain,
     });
     let chosen = &best;
@@ -448,7 +475,7 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
         jump: chosen.lost.jump(),
         lr_no_gap,
         lr_needed,
-        lr_no_jump: jump.lr,
+        lr_no_jump,
         lr_no_answer,
         trust: trusted,
         rise: RISE / trusted,
@@ -483,10 +510,16 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
 /// What the likelihood ratio of no gap must exceed at least. Half a chi-square with one degree of freedom (d = 0 lies at the
 /// border of what d can be) exceeds 20 once in 200 000 records; loads that are no random walk and real innovations are not
 /// that tame.
-const PLAIN: f64 = 20.0;
+const PLAIN: f64 = 12.0;
+/// The same where OP went through the width fewer than [`CYCLES`] times each way: few break-aways may look like anything.
+const PLAIN_IF_SELDOM: f64 = 20.0;
 /// The same for the slip jump.
 const JUMP: f64 = 15.0;
-/// Traversals each way without which no slip jump is looked for.
+/// What a slip jump must bring to be taken into the most likely width: it has a size, a kind and a width of its own.
+const SLIPS: f64 = 8.0;
+/// Kinds of sticking that are followed.
+const MOST_KINDS: usize = 3;
+/// Traversals each way of a width without which no slip jump is looked for.
 const CYCLES: usize = 5;
 /// Less trust than this is not believed: it rests on the few cells that matter for d.
 const LEAST_TRUST: f64 = 0.4;
@@ -525,7 +558,7 @@ fn by_chance(search: &Search, without: &Point, question: &Question) -> f64 {
                 .collect();
             let record = record.with(invented);
             let search = Search { record: &record, ..*search };
-            let profile = Profile::over(&search, &widths, 0.0, &[without.theta], 3);
+            let profile = Profile::over(&search, &widths, &without.lost, &[without.theta], 3);
             (profile.points[0].cost - profile.least()).max(0.0)
         })
         .collect();
@@ -536,37 +569,46 @@ fn by_chance(search: &Search, without: &Point, question: &Question) -> f64 {
     tail.max(5.41 * mean / 0.5)
 }
 
-/// The best slip jump.
-struct Jump {
-    best: Point,
-    /// −2·Δln L of J = 0 against the best J.
-    lr: f64,
-    /// −2·Δln L of J = d (sticks only, no gap beside) against the best J.
-    lr_all: f64,
-    /// The likelihood over d for some shares that J may have of it.
-    shares: Vec<Profile>,
-}
-
-impl Jump {
-    fn none(best: &Point) -> Self {
-        Self { best: best.clone(), lr: 0.0, lr_all: f64::INFINITY, shares: Vec::new() }
-    }
-}
-
-fn jump(search: &Search, without: &Point) -> Jump {
-    let widths = [0.6, 0.75, 0.85, 0.93, 1.0, 1.07, 1.15, 1.3, 1.5, 1.75, 2.0];
-    let parts = [0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 1.0];
-    let at = |share: f64, wide: f64| {
-        let d = without.lost.d * wide;
-        let lost = Lost { d, share, start: without.lost.start.clone() };
-        search.from(&[(without.theta, lost)], 4, 1e-2, f64::INFINITY)
-    };
-    let of = |share: f64| Profile::of(search.structure, widths.iter().map(|wide| at(share, *wide)).collect());
-    let shares: Vec<Profile> = parts.par_iter().map(|share| of(*share)).collect();
-    let all = shares[parts.len() - 1].least();
-    let leads = leading(&shares);
-    let best = if leads.least() < without.cost { leads.points[leads.best].clone() } else { without.clone() };
-    Jump { lr: without.cost - best.cost, lr_all: all - best.cost, best, shares }
+/// The likelihood over d for the valves that stick that come nearest, best first; none where OP goes through no width often
+/// enough.
+fn sticking(search: &Search, gap: &Profile) -> Vec<Profile> {
+    let record = search.record;
+    let often = |d: &f64| record.traversals(*d).iter().all(|n| *n >= CYCLES);
+    let parts = [0.02, 0.03, 0.045, 0.07, 0.1, 0.14, 0.2, 0.27, 0.35, 0.45, 0.6, 0.8];
+    let widths: Vec<f64> = parts.iter().map(|part| part * record.range).filter(often).collect();
+    let shares = [0.15, 0.3, 0.5, 0.75, 1.0];
+    let kinds = [Model::Kano, Model::He].into_iter().flat_map(|model| shares.map(|share| (model, share)));
+    let mut probed: Vec<Point> = kinds
+        .collect::<Vec<_>>()
+        .into_par_iter()
+        .filter_map(|(model, share)| {
+            let probe = |d: f64| {
+                let near = gap.near(d);
+                search.descend(near.theta, &Lost { d, share, model, ..near.lost.clone() }, 1, 0.1, f64::INFINITY)
+            };
+            widths.iter().map(|d| probe(*d)).min_by(|a, b| a.cost.total_cmp(&b.cost))
+        })
+        .collect();
+    probed.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    // A valve that only sticks is a verdict of its own: its best kind is always followed.
+    let sticks_only = probed.iter().position(|p| p.lost.share >= 1.0);
+    let mut place = 0;
+    probed.retain(|_| {
+        place += 1;
+        place <= MOST_KINDS || Some(place - 1) == sticks_only
+    });
+    let around = [0.5, 0.65, 0.8, 0.9, 1.0, 1.1, 1.2, 1.4, 1.7, 2.1];
+    let mut found: Vec<Profile> = probed
+        .par_iter()
+        .map(|point| {
+            let widths: Vec<f64> = around.iter().map(|part| part * point.lost.d).filter(|d| *d < record.range).collect();
+            let mut profile = Profile::over(search, &widths, &point.lost, &[point.theta], 4);
+            profile.refine(search, 1, 0.02 * point.lost.d);
+            profile
+        })
+        .collect();
+    found.sort_by(|a, b| a.least().total_cmp(&b.least()));
+    found
 }
 
 /// The cells of PV with what the model left of each.
@@ -630,8 +672,9 @@ struct Evidence {
     lr_no_answer: f64,
     low: f64,
     high: Option<f64>,
-    traversals: [usize; 2],
     range: f64,
+    /// Whether OP went through the lower limit often enough for a width.
+    often: bool,
     /// Whether a slip jump shows, and whether it may be all of the width.
     tells: bool,
     jumps_whole: bool,
@@ -649,12 +692,11 @@ fn judge(e: &Evidence) -> (Verdict, &'static str) {
             _ => (Verdict::CannotTell, "may_be_a_gap"),
         };
     }
-    let often = e.traversals.iter().min().is_some_and(|n| *n >= 2);
-    if e.high.is_none() || !often {
-        return (Verdict::AtLeast, "not_traversed");
-    }
     if e.low <= 0.0 {
         return (Verdict::CannotTell, "families_disagree");
+    }
+    if e.high.is_none() || !e.often {
+        return (Verdict::AtLeast, "not_traversed");
     }
     if e.tells {
         return match e.jumps_whole {

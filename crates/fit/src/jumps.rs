@@ -3,43 +3,30 @@
 use crate::kalman::{LANES, White};
 use crate::record::Record;
 use crate::search::{Point, Search};
-use rayon::prelude::*;
 
 /// Likelihood ratio that a jump must bring to be tried.
 const CLEAR: f64 = 50.0;
-/// Smallest jump [gap]: an inexact gap leaves less than that at every reversal.
-const SMALLEST: f64 = 0.4;
 /// Cells over which the answer to a jump is looked for.
 const ANSWER: usize = 60;
 /// Rounds of search; in each all jumps that lie well apart are taken.
 const ROUNDS: usize = 8;
 
-/// Steps of the load as one of the points tells them.
-pub(crate) struct Told {
-    /// The record with its jumps marked.
-    pub(crate) record: Record,
-    /// The point, at its best with them.
-    pub(crate) point: Point,
-    /// Its −2·ln L with what the jumps cost.
-    pub(crate) cost: f64,
-}
-
-/// The load's jumps as each of the `points` tells them; the record's own marks are left aside. A step of the load and the answer
-/// to a gap may look alike, so that a width and the jumps are only found together.
-pub(crate) fn told<'p>(search: &Search, points: impl Iterator<Item = &'p Point>) -> Vec<Told> {
+/// `point` with the load's jumps that make it most likely, counted with what they cost, and that cost; the record's own
+/// marks are left aside. What jumps by less than the gap is wide may be the valve, and is left alone.
+pub(crate) fn with_jumps(search: &Search, point: &Point) -> (Record, Point, f64) {
     let plain = search.record.with_jumps(vec![Vec::new(); search.record.stretches.len()]);
     let unmarked = Search { record: &plain, ..*search };
-    let points: Vec<&Point> = points.collect();
-    points
-        .into_par_iter()
-        .map(|point| {
-            let record = marked(&unmarked, point);
-            let search = Search { record: &record, ..*search };
-            let point = search.descend(point.theta, &point.lost, 8, 0.1, f64::INFINITY);
-            let cost = point.cost + search.surprise(&point);
-            Told { record, point, cost }
-        })
-        .collect()
+    let without = unmarked.descend(point.theta, &point.lost, 10, 1e-2, f64::INFINITY);
+    let record = marked(&unmarked, point);
+    let search = Search { record: &record, ..*search };
+    let with = search.descend(point.theta, &point.lost, 10, 1e-2, f64::INFINITY);
+    let cost = with.cost + search.surprise(&with);
+    if cost < without.cost {
+        (record, with, cost)
+    } else {
+        let cost = without.cost;
+        (plain, without, cost)
+    }
 }
 
 /// The record with the jumps that the innovations of `point` tell, largest first.
@@ -66,7 +53,7 @@ fn marked(search: &Search, point: &Point) -> Record {
         // Spread of the innovations by their median, which jumps do not move.
         let spread = sizes[sizes.len() / 2] / 0.6745;
         let least =
-            (SMALLEST * point.lost.d * point.kp * here.scale[0] * energy).powi(2).max(CLEAR * energy * spread * spread);
+            (1.2 * point.lost.d * point.kp * here.scale[0] * energy).powi(2).max(CLEAR * energy * spread * spread);
         let mut next = here.residual.iter().map(|r| r[0]);
         let mut found_any = false;
         for stretch in &mut record.stretches {

@@ -12,8 +12,8 @@ pub(crate) fn lanes(of: impl FnMut(usize) -> f64) -> Lanes {
     std::array::from_fn(of)
 }
 
-/// Models of one sample step with `N` states: those of the process, with `LOADS` = 1 the load at its input (a random walk), and
-/// with `DRIFTS` = 1 a drift at its output (first order).
+/// Models of one sample step with `N` states: those of the process, the load at its input (a random walk), and with
+/// `DRIFTS` = 1 a drift at its output (first order).
 ///
 /// ```text
 /// x⁺ = A·x + b·(kp·v + w)      w⁺ = w + n₁, variance q_load
@@ -23,11 +23,9 @@ pub(crate) fn lanes(of: impl FnMut(usize) -> f64) -> Lanes {
 ///
 /// Variances are in units of the white noise on PV, whose own size drops out of the likelihood.
 #[derive(Clone, Debug)]
-pub(crate) struct Models<const N: usize, const LOADS: usize, const DRIFTS: usize> {
+pub(crate) struct Models<const N: usize, const DRIFTS: usize> {
     /// The rows of the process; the load's column is b.
     pub(crate) transition: [[Lanes; N]; N],
-    /// b.
-    pub(crate) input: [Lanes; N],
     pub(crate) q_load: Lanes,
     pub(crate) q_drift: Lanes,
     pub(crate) pole: Lanes,
@@ -83,9 +81,9 @@ impl<const N: usize> Gain<N> {
     }
 }
 
-impl<const N: usize, const LOADS: usize, const DRIFTS: usize> Models<N, LOADS, DRIFTS> {
+impl<const N: usize, const DRIFTS: usize> Models<N, DRIFTS> {
     /// States of the process, behind which the load stands, and last the drift.
-    const ORDER: usize = N - LOADS - DRIFTS;
+    const ORDER: usize = N - 1 - DRIFTS;
     /// States that the process' rows look at.
     const INNER: usize = N - DRIFTS;
     const LOAD: usize = Self::ORDER;
@@ -132,7 +130,7 @@ impl<const N: usize, const LOADS: usize, const DRIFTS: usize> Models<N, LOADS, D
             self.step(&mut of_v);
             for i in 0..Self::ORDER {
                 for l in 0..LANES {
-                    of_v[i][l] += self.input[i][l] * v[l];
+                    of_v[i][l] += self.transition[i][Self::LOAD][l] * v[l];
                 }
             }
             let jump = jumps.contains(&(k + 1));
@@ -171,7 +169,7 @@ impl<const N: usize, const LOADS: usize, const DRIFTS: usize> Models<N, LOADS, D
             }
             self.step(&mut x);
             for i in 0..Self::ORDER {
-                x[i][0] += self.input[i][0] * v;
+                x[i][0] += self.transition[i][Self::LOAD][0] * v;
             }
             self.advance(&mut gain, y.is_nan(), jumps.contains(&(k + 1)));
         }
@@ -274,22 +272,18 @@ impl<const N: usize, const LOADS: usize, const DRIFTS: usize> Models<N, LOADS, D
                 gain.p[i][j] = self.row(j, |m| &half[i][m]);
             }
         }
-        if LOADS == 1 {
-            for i in 0..Self::ORDER {
-                gain.p[i][Self::LOAD] = half[i][Self::LOAD];
-            }
-            for l in 0..LANES {
-                gain.p[Self::LOAD][Self::LOAD][l] += self.q_load[l] + if jump { UNKNOWN } else { 0.0 };
-            }
+        for i in 0..Self::ORDER {
+            gain.p[i][Self::LOAD] = half[i][Self::LOAD];
+        }
+        for l in 0..LANES {
+            gain.p[Self::LOAD][Self::LOAD][l] += self.q_load[l] + if jump { UNKNOWN } else { 0.0 };
         }
         if DRIFTS == 1 {
             let d = Self::DRIFT;
             for i in 0..Self::ORDER {
                 gain.p[i][d] = lanes(|l| self.pole[l] * half[i][d][l]);
             }
-            for i in Self::ORDER..d {
-                gain.p[i][d] = lanes(|l| self.pole[l] * gain.p[i][d][l]);
-            }
+            gain.p[Self::LOAD][d] = lanes(|l| self.pole[l] * gain.p[Self::LOAD][d][l]);
             gain.p[d][d] = lanes(|l| self.pole[l] * self.pole[l] * gain.p[d][d][l] + self.q_drift[l]);
         }
         let before = gain.s;

@@ -17,6 +17,8 @@ pub(crate) struct Profile {
 /// and processes of no family make it rise so far over the true width in one of twenty records of the bench of truth.
 pub(crate) const RISE: f64 = 8.0;
 
+/// The same for a valve that sticks: when it breaks loose hangs on moves of OP that no sample shows.
+pub(crate) const RISE_OF_STICKING: f64 = 16.0;
 /// How near the likelihood at a limit of the interval is to what it should be.
 const NEAR: f64 = 0.1;
 

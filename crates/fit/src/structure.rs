@@ -146,11 +146,8 @@ impl Structure {
     /// The process with gain 1, held input, one cell a step; its first state is its output, the others its
     /// derivatives in units of the time constant τ, which keeps all of one size.
     #[inline(always)]
-    fn models<const N: usize, const LOADS: usize, const DRIFTS: usize>(
-        self,
-        thetas: &[Theta; LANES],
-    ) -> Models<N, LOADS, DRIFTS> {
-        let order = N - LOADS - DRIFTS;
+    fn models<const N: usize, const DRIFTS: usize>(self, thetas: &[Theta; LANES]) -> Models<N, DRIFTS> {
+        let order = N - 1 - DRIFTS;
         let mut generator = [[[0.0; LANES]; N]; N];
         for (l, theta) in thetas.iter().enumerate() {
             let den = self.denominator(theta);
@@ -166,15 +163,14 @@ impl Structure {
             }
         }
         let transition = exponential(generator);
-        let mut input = [[0.0; LANES]; N];
-        for i in 0..order {
-            input[i] = transition[i][order];
-        }
+        let nothing = [0.0; LANES];
         let noise = |place: usize| lanes(|l| thetas[l][self.lags + 1 + place]);
-        let q_load = if LOADS == 1 { noise(0).map(f64::exp) } else { [0.0; LANES] };
-        let q_drift = if DRIFTS == 1 { noise(LOADS).map(f64::exp) } else { [0.0; LANES] };
-        let pole = if DRIFTS == 1 { noise(LOADS + 1).map(logistic) } else { [0.0; LANES] };
-        Models { transition, input, q_load, q_drift, pole }
+        let (q_load, q_drift, pole) = match self.noise {
+            Noise::Input => (noise(0).map(f64::exp), nothing, nothing),
+            Noise::Output => (nothing, noise(0).map(f64::exp), noise(1).map(logistic)),
+            Noise::Both => (noise(0).map(f64::exp), noise(1).map(f64::exp), noise(2).map(logistic)),
+        };
+        Models { transition, q_load, q_drift, pole }
     }
 
     /// See [`Models::whiten`]: of each stretch its PV, the jumps of its load and its positions.
@@ -187,20 +183,18 @@ impl Structure {
     ) {
         // A loop and no closure: only what is inlined here is compiled for the vectors of the machine.
         macro_rules! with {
-            ($states:literal, $loads:literal, $drifts:literal) => {{
-                let models = self.models::<$states, $loads, $drifts>(thetas);
+            ($states:literal, $drifts:literal) => {{
+                let models = self.models::<$states, $drifts>(thetas);
                 for (y, jumps, v) in stretches {
                     models.whiten(y, jumps, v, white);
                 }
             }};
         }
         match (self.order(), self.noise) {
-            (2, Noise::Input) => with!(3, 1, 0),
-            (2, Noise::Output) => with!(3, 0, 1),
-            (2, Noise::Both) => with!(4, 1, 1),
-            (_, Noise::Input) => with!(4, 1, 0),
-            (_, Noise::Output) => with!(4, 0, 1),
-            (_, Noise::Both) => with!(5, 1, 1),
+            (2, Noise::Input) => with!(3, 0),
+            (2, _) => with!(4, 1),
+            (_, Noise::Input) => with!(4, 0),
+            (_, _) => with!(5, 1),
         }
     }
 
@@ -220,12 +214,10 @@ impl Structure {
     ) -> Vec<f64> {
         let thetas = &[*theta; LANES];
         match (self.order(), self.noise) {
-            (2, Noise::Input) => self.models::<3, 1, 0>(thetas).invent(y, jumps, kp_v, draw),
-            (2, Noise::Output) => self.models::<3, 0, 1>(thetas).invent(y, jumps, kp_v, draw),
-            (2, Noise::Both) => self.models::<4, 1, 1>(thetas).invent(y, jumps, kp_v, draw),
-            (_, Noise::Input) => self.models::<4, 1, 0>(thetas).invent(y, jumps, kp_v, draw),
-            (_, Noise::Output) => self.models::<4, 0, 1>(thetas).invent(y, jumps, kp_v, draw),
-            (_, Noise::Both) => self.models::<5, 1, 1>(thetas).invent(y, jumps, kp_v, draw),
+            (2, Noise::Input) => self.models::<3, 0>(thetas).invent(y, jumps, kp_v, draw),
+            (2, _) => self.models::<4, 1>(thetas).invent(y, jumps, kp_v, draw),
+            (_, Noise::Input) => self.models::<4, 0>(thetas).invent(y, jumps, kp_v, draw),
+            (_, _) => self.models::<5, 1>(thetas).invent(y, jumps, kp_v, draw),
         }
     }
 }
@@ -274,4 +266,43 @@ fn product<const N: usize>(a: &[[Lanes; N]; N], b: &[[Lanes; N]; N]) -> [[Lanes;
         }
     }
     c
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glapp_sim::Matrix;
+
+    #[test]
+    fn eight_exponentials_are_each_what_one_is() {
+        let entry = |l: usize, i: usize, j: usize| f64::from((7 * l + 3 * i + 5 * j) as u32 % 11) - 5.0;
+        let many = exponential::<4>(std::array::from_fn(|i| std::array::from_fn(|j| lanes(|l| entry(l, i, j)))));
+        for l in 0..LANES {
+            let mut one = Matrix::zeros(4);
+            (0..16).for_each(|at| one.set(at / 4, at % 4, entry(l, at / 4, at % 4)));
+            let one = one.exp();
+            let size = (0..16).map(|at| one.get(at / 4, at % 4).abs()).fold(0.0, f64::max);
+            for at in 0..16 {
+                let off = (many[at / 4][at % 4][l] - one.get(at / 4, at % 4)).abs();
+                assert!(off < 1e-11 * size, "lane {l}: {off} of {size}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_lag_sampled_is_its_step_response() {
+        // One lag of 3 cells, the other next to nothing: after k cells of input 1 its output is 1 − e^(−k/3).
+        let structure = Structure { lags: 2, integrating: false, noise: Noise::Input };
+        let (t1, t2): (f64, f64) = (3.0, 1e-4);
+        let mut theta = [0.0; MOST];
+        (theta[0], theta[1]) = ((t1 * t2).sqrt().ln(), ((t1 + t2) / 2.0 / (t1 * t2).sqrt()).ln());
+        let models = structure.models::<3, 0>(&[theta; LANES]);
+        let mut x = [0.0; 2];
+        for k in 1..=10 {
+            let row = |i: usize| models.transition[i][0][0] * x[0] + models.transition[i][1][0] * x[1] + models.transition[i][2][0];
+            x = [row(0), row(1)];
+            let truth = 1.0 - (-f64::from(k) / 3.0).exp();
+            assert!((x[0] - truth).abs() < 1e-4, "{k}: {} for {truth}", x[0]);
+        }
+    }
 }

@@ -1,7 +1,7 @@
 //! From profiles to an answer: width, interval, and whether there is a gap at all.
 
-use crate::jumps::told;
-use crate::profile::{Profile, RISE, trust};
+use crate::jumps::with_jumps;
+use crate::profile::{Profile, RISE, RISE_OF_STICKING, trust};
 use crate::record::{Lost, Positions, Record};
 use crate::search::{Point, Search, dot, solve};
 use crate::structure::{MOST, Noise, Structure, Theta};
@@ -129,7 +129,7 @@ pub struct Answer {
 
 /// Families whose innovations are no more than this larger than the best's (and a −2·ln L of 6) are believed: a gap must
 /// show in all of them, and the interval holds all of theirs.
-const AS_GOOD: f64 = 0.01;
+const AS_GOOD: f64 = 0.0035;
 /// The same after a coarse look, which may sit beside a narrow valley.
 const NEARLY_AS_GOOD: f64 = 0.05;
 /// Least cells for an answer.
@@ -332,52 +332,34 @@ fn leading(profiles: &[Profile]) -> &Profile {
     profiles.iter().min_by(|a, b| a.least().total_cmp(&b.least())).expect("there are families")
 }
 
-/// What was seen of a record before the families are compared.
-struct Looked {
-    /// The record, with the load's jumps marked.
-    record: Record,
-    /// Coarse looks at all families.
-    looks: Vec<Profile>,
-    /// The whole profile of the best.
-    best: Profile,
-    /// How far −2·ln L without a gap lies above the least, each with the jumps of its own that it costs.
-    lr_no_gap: f64,
-}
-
 /// Marks where the load jumped. What is left of a jump widens the walk of the load for all the record, and with it the
-/// interval of d: so when jumps were found it is looked again.
-fn without_jumps(record: &Record, seeds: &[Theta], sign: f64) -> Looked {
+/// interval of d: so when jumps were found it is looked again. With the last look at all families the whole profile of the
+/// best.
+fn without_jumps(record: &Record, seeds: &[Theta], sign: f64) -> (Record, Vec<Profile>, Profile) {
     let gap = Lost::gap(0.0, record.stretches.len());
     let mut record = record.clone();
-    let mut looks = looks(&record, seeds, sign);
+    let mut looked = looks(&record, seeds, sign);
     let mut least = f64::INFINITY;
     for round in 0.. {
-        let leading = leading(&looks);
+        let leading = leading(&looked);
         let search = Search { record: &record, structure: leading.structure, sign };
         let best = whole(&search, leading, &gap);
-        let stuck = sticking(&search, &best);
-        let widths = best.points.iter().chain(stuck.iter().map(|p| &p.points[p.best]));
-        let told = told(&search, widths);
-        let found = told.iter().min_by(|a, b| a.cost.total_cmp(&b.cost)).expect("a profile has points");
-        let here = best.least() + search.surprise(&best.points[best.best]);
-        least = least.min(here);
-        if round == 3 || found.record.same_jumps(&record) || found.cost > least - 1.0 {
-            let lr_no_gap = told[0].cost.min(best.points[0].cost + search.surprise(&best.points[0])) - here;
-            return Looked { record, looks, best, lr_no_gap };
+        least = least.min(best.least() + search.surprise(&best.points[best.best]));
+        let (marked, point, cost) = with_jumps(&search, &best.points[best.best]);
+        if round == 3 || marked.same_jumps(&record) || cost > least - 1.0 {
+            return (record, looked, best);
         }
-        least = found.cost;
-        let mut seeds = pilot(&found.record, sign).0;
-        seeds.insert(0, leading.structure.as_pilot(&found.point.theta));
-        let again = self::looks(&found.record, &seeds, sign);
-        record = found.record.clone();
-        looks = again;
+        least = cost;
+        let mut seeds = pilot(&marked, sign).0;
+        seeds.insert(0, leading.structure.as_pilot(&point.theta));
+        looked = looks(&marked, &seeds, sign);
+        record = marked;
     }
     unreachable!("the rounds end")
 }
 
 fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
-    let Looked { record, mut looks, best: first, lr_no_gap: lr_with_jumps } =
-        without_jumps(record, seeds, question.sign);
+    let (record, mut looks, first) = without_jumps(record, seeds, question.sign);
     let record = &record;
     let n = record.freedom();
     let of = |structure| Search { record, structure, sign: question.sign };
@@ -413,7 +395,7 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
         best = stuck;
     }
     let trusted = trust(&search, &best, 0.005 * record.range).max(LEAST_TRUST);
-    let lr_no_gap = profiles.iter().map(raw_lr).fold(lr_with_jumps, f64::min) + (lr_no_jump - SLIPS).max(0.0);
+    let lr_no_gap = profiles.iter().map(raw_lr).fold(f64::INFINITY, f64::min) + (lr_no_jump - JUMP).max(0.0);
     let lr_no_gap = lr_no_gap * trusted;
     let traversals = record.traversals(best.lost.d);
     let plain = if traversals.iter().all(|n| *n >= CYCLES) { PLAIN } else { PLAIN_IF_SELDOM };
@@ -435,7 +417,7 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
     // A valve with another slip jump has another width, and may be as likely.
     for profile in &mut sticking {
         let beyond = profile.points.last().map(|p| p.lost.d);
-        let limits = profile.within(&search, best.cost, RISE / trusted, fine);
+        let limits = profile.within(&search, best.cost, RISE_OF_STICKING / trusted, fine);
         spread.extend(limits.map(|(low, high)| (low, high.or(beyond))));
     }
     let sticks_only = |p: &&Profile| p.points[p.best].lost.share >= 1.0;
@@ -514,7 +496,7 @@ const PLAIN: f64 = 12.0;
 /// The same where OP went through the width fewer than [`CYCLES`] times each way: few break-aways may look like anything.
 const PLAIN_IF_SELDOM: f64 = 20.0;
 /// The same for the slip jump.
-const JUMP: f64 = 15.0;
+const JUMP: f64 = 20.0;
 /// What a slip jump must bring to be taken into the most likely width: it has a size, a kind and a width of its own.
 const SLIPS: f64 = 8.0;
 /// Kinds of sticking that are followed.

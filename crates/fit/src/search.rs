@@ -16,6 +16,8 @@ pub(crate) struct Point {
     /// Static gain (of an integrating process: velocity gain a cell) [PV unit / OP unit].
     pub(crate) kp: f64,
     pub(crate) lost: Lost,
+    /// Σ ε_y·ε_v/S and Σ ε_v²/S, of which the gain is the ratio.
+    products: (f64, f64),
 }
 
 /// What the likelihood is made of: `residual` = innovation/√S·exp(Σ ln S/2n), whose sum of squares is to be least.
@@ -23,6 +25,7 @@ pub(crate) struct Point {
 pub(crate) struct Innovations {
     pub(crate) residual: Vec<Lanes>,
     pub(crate) kp: Lanes,
+    sums: Sums,
     pub(crate) sum: Lanes,
     /// Sum of squares with gain 0: what the disturbance alone explains.
     pub(crate) sum_without: Lanes,
@@ -60,7 +63,7 @@ pub(crate) struct Search<'a> {
 }
 
 /// Sums of squares and products of the innovations of PV and of the answer.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Sums {
     yy: Lanes,
     yv: Lanes,
@@ -80,18 +83,19 @@ impl Sums {
         }
         sums
     }
+}
 
-    /// The gain that makes the least of Σ r², not of the other sign.
-    fn kp(&self, lane: usize, sign: f64) -> f64 {
-        let kp = if self.vv[lane] > 1e-300 { self.yv[lane] / self.vv[lane] } else { 0.0 };
-        if kp * sign < 0.0 { 0.0 } else { kp }
-    }
+/// The gain that makes the least of Σ r², not of the other sign.
+fn gain(yv: f64, vv: f64, sign: f64) -> f64 {
+    let kp = if vv > 1e-300 { yv / vv } else { 0.0 };
+    if kp * sign < 0.0 { 0.0 } else { kp }
 }
 
 /// A point with the slope and the curvature of the likelihood there.
 struct Local {
     theta: Theta,
     kp: f64,
+    products: (f64, f64),
     sum: f64,
     /// JᵀJ and −Jᵀr.
     normal: [[f64; MOST]; MOST],
@@ -125,7 +129,8 @@ impl Search<'_> {
     fn weigh(&self, work: &mut Work) {
         let Work { white, found, .. } = work;
         let sums = Sums::of(white);
-        found.kp = lanes(|l| sums.kp(l, self.sign));
+        found.kp = lanes(|l| gain(sums.yv[l], sums.vv[l], self.sign));
+        found.sums = sums;
         let freedom = self.record.freedom();
         // A jump's size is free: it costs nothing here, and Search::surprise what it is worth.
         let free = self.record.jumps() as f64 * UNKNOWN.ln();
@@ -251,7 +256,8 @@ impl Search<'_> {
                     }
                     down[i] = -products[0][i + 1] / by[i];
                 }
-                Local { theta, kp: found.kp[0], sum: found.sum[0], normal, down }
+                let products = (found.sums.yv[0], found.sums.vv[0]);
+                Local { theta, kp: found.kp[0], products, sum: found.sum[0], normal, down }
             },
         )
     }
@@ -329,13 +335,15 @@ impl Search<'_> {
                 break;
             }
         }
-        Point { theta: here.theta, cost: self.cost(here.sum), kp: here.kp, lost: lost.clone() }
+        let Local { theta, kp, products, sum, .. } = here;
+        Point { theta, cost: self.cost(sum), kp, lost: lost.clone(), products }
     }
 
-    /// The best start of each stretch within the gap at a point, to a few hundredths of the gap.
+    /// The best start of each stretch within the gap at a point, to a few hundredths of the gap; the gain follows.
     fn placed(&self, point: &Point) -> Lost {
         let lost = &point.lost;
         let mut best = lost.clone();
+        let (mut yv, mut vv) = point.products;
         for (i, stretch) in self.record.stretches.iter().enumerate() {
             let open = stretch.open(lost.d, self.record.cell);
             if open < 3 {
@@ -343,22 +351,32 @@ impl Search<'_> {
             }
             // From there on the start shows no longer.
             let cells = (2 * open + SETTLED).min(stretch.y.len());
-            let (mut centre, mut apart): (f64, f64) = (0.5, 1.0 / 7.0);
-            for _ in 0..2 {
-                let places = lanes(|l| (centre + (l as f64 - 3.5) * apart).clamp(0.0, 1.0));
-                let tried = places.map(|place| stretch.positions(lost, place, self.record.cell, cells));
-                let left = self.left(point, i, tried);
-                let least = (0..LANES).min_by(|a, b| left[*a].total_cmp(&left[*b])).expect("eight lanes");
-                centre = places[least];
-                best.start[i] = centre;
-                apart /= 4.0;
-            }
+            let tried = |places: Lanes| {
+                self.beginnings(point, i, places.map(|place| stretch.positions(lost, place, self.record.cell, cells)))
+            };
+            let better = |sums: &Sums, rest: (f64, f64)| {
+                let bought = |l: usize| {
+                    let (yv, vv) = (rest.0 + sums.yv[l], rest.1 + sums.vv[l]);
+                    gain(yv, vv, self.sign) * yv
+                };
+                (0..LANES).max_by(|a, b| bought(*a).total_cmp(&bought(*b))).expect("eight lanes")
+            };
+            // As it stands, and seven places over all of the gap; then eight around the best.
+            let places = lanes(|l| if l == 0 { lost.start[i] } else { (l as f64 - 1.0) / 6.0 });
+            let first = tried(places);
+            let rest = (yv - first.yv[0], vv - first.vv[0]);
+            let centre = places[better(&first, rest)];
+            let places = lanes(|l| (centre + (l as f64 - 3.5) / 30.0).clamp(0.0, 1.0));
+            let second = tried(places);
+            let found = better(&second, rest);
+            best.start[i] = places[found];
+            (yv, vv) = (rest.0 + second.yv[found], rest.1 + second.vv[found]);
         }
         best
     }
 
-    /// Sum of squares over the beginning of one stretch, each lane with positions of its own.
-    fn left(&self, point: &Point, stretch: usize, positions: [Vec<f64>; LANES]) -> Lanes {
+    /// Sums over the beginning of one stretch, each lane with positions of its own.
+    fn beginnings(&self, point: &Point, stretch: usize, positions: [Vec<f64>; LANES]) -> Sums {
         WORK.with_borrow_mut(|work| {
             pulp::Arch::new().dispatch(
                 // Takes the positions as its own: a closure that could be called twice would be called through a function
@@ -367,14 +385,7 @@ impl Search<'_> {
                 move || {
                     let positions = positions;
                     self.whiten(work, &[point.theta; LANES], stretch..stretch + 1, |l, _| &positions[l]);
-                    let mut left = [0.0; LANES];
-                    for (y, v) in work.white.of_y.iter().zip(&work.white.of_v) {
-                        for l in 0..LANES {
-                            let r = y[l] - point.kp * v[l];
-                            left[l] += r * r;
-                        }
-                    }
-                    left
+                    Sums::of(&work.white)
                 },
             )
         })

@@ -540,7 +540,7 @@ fn by_chance(search: &Search, without: &Point, question: &Question) -> f64 {
                 .collect();
             let record = record.with(invented);
             let search = Search { record: &record, ..*search };
-            let profile = Profile::over(&search, &widths, &without.lost, &[without.theta], 3);
+            let profile = Profile::over(&search, &widths, &without.lost, &[without.theta], 6);
             (profile.points[0].cost - profile.least()).max(0.0)
         })
         .collect();

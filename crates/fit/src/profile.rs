@@ -145,7 +145,9 @@ impl Profile {
         };
         let (rise, fall) = ((right.1 - cost) / (right.0 - d), (cost - left.1) / (d - left.0));
         let bottom = (left.0 + d) / 2.0 - fall * (right.0 - left.0) / 2.0 / (rise - fall).max(1e-300);
-        if room(Some(left)).max(room(Some(right))) > 8.0 * room(Some(left)).min(room(Some(right))) && (bottom - d).abs() > fine {
+        if room(Some(left)).max(room(Some(right))) > 8.0 * room(Some(left)).min(room(Some(right)))
+            && (bottom - d).abs() > fine
+        {
             Some(d + wide / 2.0)
         } else if (bottom - d).abs() > fine && bottom > left.0 + 0.5 * fine && bottom < right.0 - 0.5 * fine {
             Some(bottom)

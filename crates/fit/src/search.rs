@@ -296,7 +296,8 @@ impl Search<'_> {
         let mut less = 0.0;
         for i in 0..k {
             let by = there[i] - from.theta[i];
-            less += by * (2.0 * from.down[i] - (0..k).map(|j| from.normal[i][j] * (there[j] - from.theta[j])).sum::<f64>());
+            less +=
+                by * (2.0 * from.down[i] - (0..k).map(|j| from.normal[i][j] * (there[j] - from.theta[j])).sum::<f64>());
         }
         (there, less)
     }

@@ -299,7 +299,9 @@ mod tests {
         let models = structure.models::<3, 0>(&[theta; LANES]);
         let mut x = [0.0; 2];
         for k in 1..=10 {
-            let row = |i: usize| models.transition[i][0][0] * x[0] + models.transition[i][1][0] * x[1] + models.transition[i][2][0];
+            let row = |i: usize| {
+                models.transition[i][0][0] * x[0] + models.transition[i][1][0] * x[1] + models.transition[i][2][0]
+            };
             x = [row(0), row(1)];
             let truth = 1.0 - (-f64::from(k) / 3.0).exp();
             assert!((x[0] - truth).abs() < 1e-4, "{k}: {} for {truth}", x[0]);

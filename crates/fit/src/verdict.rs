@@ -583,7 +583,8 @@ fn sticking(search: &Search, gap: &Profile) -> Vec<Profile> {
     let mut found: Vec<Profile> = probed
         .par_iter()
         .map(|point| {
-            let widths: Vec<f64> = around.iter().map(|part| part * point.lost.d).filter(|d| *d < record.range).collect();
+            let widths: Vec<f64> =
+                around.iter().map(|part| part * point.lost.d).filter(|d| *d < record.range).collect();
             let mut profile = Profile::over(search, &widths, &point.lost, &[point.theta], 4);
             profile.refine(search, 1, 0.02 * point.lost.d);
             profile

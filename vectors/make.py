@@ -277,6 +277,7 @@ class _Judge:
         self.farthest, self.back, self.direction = 0.0, 0.0, 0
         self.time = self.area = self.turns = 0.0
         self.in_force = False
+        self.burst = 0
 
     def again(self) -> None:
         """Forget what is since it is in force."""
@@ -295,7 +296,13 @@ class _Judge:
         self.time = self.area = self.turns = 0.0
         old, new = self.blocks[False], self.blocks[in_force]
         if old.count >= 5:
-            x = min(x, 3.0 * old.e[0])
+            most = 3.0 * old.e[0]
+            self.burst = self.burst + 1 if x > most and not in_force else 0
+            x = min(x, most)
+        if self.burst == 10:
+            old = self.blocks[False] = _Blocks()
+            self.burst = 0
+            new = self.blocks[in_force]
         was = (*old.e, *old.n, old.count)
         new.learn(x, n)
         if not in_force or was[4] < 25:
@@ -436,6 +443,9 @@ def compensation_cases() -> Iterator[dict[str, Any]]:
     yield case("farther at first: halved, and no more", ["Worse"], judged, burst(70, 72, calm), h=0.125)
     yield case("a burst is cut off", ["Worse"], judged, burst(104, 108, calm), h=0.125)
     yield case("a burst before is cut off", ["Worse"], judged, burst(30, 34, from_(70, e=1.8)), h=0.125)
+    for count, what in ((20, "ten blocks, and before begins anew"), (18, "nine blocks")):
+        rows = [[*row[:4], float(i >= 60 + count), 0] for i, row in enumerate(burst(60, 240, quiet))]
+        yield case(f"a loop that was quiet up to {what}", ["Worse"], judged, rows, h=0.125)
     yield case(
         "blocks beyond the watch are forgotten",
         ["Worse"],

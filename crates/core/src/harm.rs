@@ -7,6 +7,9 @@ const BLOCKS: f64 = 150.0;
 /// Blocks that must have been watched before anything is concluded.
 const KNOWN: f64 = 25.0;
 
+/// As many blocks in a row are no burst any more.
+const BURST: u8 = 10;
+
 /// How sure it must be, in standard errors: of PV's distance, of OP's reversals.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Doubt {
@@ -34,6 +37,7 @@ impl Doubt {
 ///
 /// So much more than before is told after a few blocks, a little more after many; for counts, no scatter is taken to be less
 /// than that of chance alone. What a step of setpoint or load adds is cut off at three times the mean: it would hide all else.
+/// Where ten blocks in a row before were cut off, the loop is no longer what it was: before begins anew.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Harm<R> {
     /// T \[s\].
@@ -54,6 +58,8 @@ pub(crate) struct HarmState<R> {
     time: R,
     area: R,
     reversals: R,
+    /// Blocks in a row that were cut off.
+    burst: u8,
     /// OP's lowest and highest since it last turned, and which way it goes.
     low: R,
     high: R,
@@ -108,7 +114,12 @@ impl<R: Real> Harm<R> {
         (state.time, state.area, state.reversals) = (R::ZERO, R::ZERO, R::ZERO);
         let before = state.before;
         if before.count >= R::of(5.0) {
-            x = x.lesser(R::of(3.0) * before.e.value);
+            let most = R::of(3.0) * before.e.value;
+            state.burst = if x > most && !state.in_force { state.burst + 1 } else { 0 };
+            x = x.lesser(most);
+        }
+        if state.burst >= BURST {
+            (state.before, state.burst) = (Blocks::default(), 0);
         }
         let blocks = if state.in_force { &mut state.since } else { &mut state.before };
         blocks.count = (blocks.count + R::ONE).lesser(R::of(BLOCKS));

@@ -8,7 +8,7 @@ import re
 import shlex
 import subprocess
 import sys
-from datetime import datetime
+from datetime import UTC, datetime
 from pathlib import Path
 from zoneinfo import ZoneInfo
 
@@ -155,7 +155,7 @@ def test_version(run):
     assert run("--version") == (0, f"glapp {glapp.__version__}\n", "")
 
 
-@pytest.mark.parametrize("columns", [80, 100, 140])
+@pytest.mark.parametrize("columns", [60, 80, 100, 140])
 def test_the_table_fits_the_terminal(demo, columns):
     env = os.environ | {"COLUMNS": str(columns)}
     done = subprocess.run([*GLAPP, "analyze", demo], capture_output=True, text=True, env=env)
@@ -169,7 +169,9 @@ def test_the_table_fits_the_terminal(demo, columns):
     ]
     assert "backlash" in found["FIC201"] and "%OP" in found["FIC201"]
     # Fitted width, that of the crossings, and the same corrected.
-    assert "corrected" in done.stdout.splitlines()[1] and found["FIC201"].count("%OP") == 3
+    assert ("corrected" in done.stdout) == (columns > 60)
+    assert found["FIC201"].count("%OP") == (2 if columns == 60 else 3)
+    assert "…" not in done.stdout
     if columns == 140:  # a line per loop
         assert re.search(r"too short \d+, uneven \d+ .* estimate, too wide", found["FIC201"])
     assert "LIC110:  the error is a clean sinusoid" in done.stdout
@@ -232,6 +234,17 @@ def test_time_that_runs_backwards_is_refused_with_its_row(run):
     [loop] = json.loads(out)["loops"]
     assert (code, loop["verdict"], err) == (1, "refused", "")
     assert "row 302" in loop["reason"] and loop["quality"][0]["code"] == "time_reversed"
+
+
+def test_the_newest_row_first_is_told_as_such(run):
+    for form, step in (("%Y-%m-%d %H:%M", 60), ("%d.%m.%Y %H:%M:%S", 3600)):  # an hour back each row, not summer time
+        stamp = [datetime.fromtimestamp(1.7e9 + step * k, UTC).strftime(form) for k in range(200)]
+        head, *body = rows(200, time=lambda k, stamp=stamp: stamp[k]).splitlines()
+        write("down.csv", "\n".join([head, *reversed(body)]) + "\n")
+        code, out, _ = run("analyze", "down.csv", "--json", "--no-fit")
+        [loop] = json.loads(out)["loops"]
+        assert code == 1 and "the newest row comes first; sort the rows by time, the oldest first" in loop["reason"]
+        assert "summer" not in loop["reason"] and "UTC" not in loop["reason"]
 
 
 SETTINGS = {
@@ -488,6 +501,14 @@ def test_times_are_those_of_the_recording():
     assert _seconds("2026-03-29T01:00:05", t0.replace(tzinfo=None)) == 5
     with pytest.raises(CommandError, match="has a zone"):
         _seconds("2026-03-29T01:00:05Z", t0.replace(tzinfo=None))
+    # In any form that the reader knows.
+    for at in ("29.03.2026 03:30", "29-Mar-26 03:30:00", "29/03/2026 3:30", "Mar 29, 2026 3:30 AM", "20260329T033000"):
+        assert _seconds(at, t0) == 1800 + 3600, at
+    assert _seconds("05/04/2026 01:00", t0, "day first") == 7 * 86400 - 3600
+    with pytest.raises(CommandError, match="day first or month first; write '2026-03-29 01:00:00'"):
+        _seconds("05/04/2026 01:00", t0)
+    with pytest.raises(CommandError, match="cannot read 'noon'"):
+        _seconds("noon", t0)
 
 
 def test_a_name_is_shown_as_it_is(run):

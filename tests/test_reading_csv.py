@@ -259,6 +259,17 @@ def test_title_lines_units_and_empty_rows_of_spreadsheets(tmp_path):
     assert recording.loop.pv_unit == "degC"
 
 
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_a_header_broken_into_lines_within_quotes(tmp_path, end):
+    body = end.join(f"2024-01-01 00:00:{i:02d},50,4{i},30.5" for i in range(5)) + end
+    head = f'"Time{end}(local)",SP,"PV{end} [%]",OP{end}'
+    recording, got = read(write(tmp_path, head + body))
+    assert recording.columns["PV"] == "PV [%]" and recording.units["PV"] == "%"
+    assert got["pv"].tolist() == [40, 41, 42, 43, 44] and got["op"].tolist() == [30.5] * 5
+    with pytest.raises(InputError, match="row 7, column SP: 'x' is not a number"):
+        read(write(tmp_path, head + body.replace(":03,50", ":03,x")))
+
+
 def test_modes_limits_and_named_words(tmp_path):
     head = "t,SP,PV,OP,MODE,LO,HI\n"
     path = write(tmp_path, head + "0,1,2,3,AUTO,0,1\n1,1,2,3,Man,0,0\n2,1,2,3,CAS,1,0\n3,1,2,3,,0,0\n")

@@ -349,11 +349,12 @@ def _times(look: _Look) -> Iterator[Finding]:
         )
     if c.reversed:
         back = c.reversed_from - c.reversed_to
-        hint = (
-            "the clock seems to have been set back an hour: export in UTC or name the time zone"
-            if abs(back - 3600) <= max(60.0, look.h if math.isfinite(look.h) else 0.0)
-            else "sort the rows by time, or export in UTC if this is the end of summer time"
-        )
+        if c.reversed > 0.9 * (c.rows - 1):
+            hint = "the newest row comes first; sort the rows by time, the oldest first"
+        elif abs(back - 3600) <= max(60.0, look.h if math.isfinite(look.h) else 0.0):
+            hint = "the clock seems to have been set back an hour: export in UTC or name the time zone"
+        else:
+            hint = "sort the rows by time, or export in UTC if this is the end of summer time"
         yield Finding(
             "time_reversed",
             "refuse",

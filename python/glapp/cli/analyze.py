@@ -6,9 +6,10 @@ import csv
 import io
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal, NamedTuple
 
 import typer
+from rich.cells import cell_len
 from rich.measure import Measurement
 from rich.table import Table
 from rich.text import Text
@@ -108,8 +109,8 @@ def _rows(results: Sequence[Result]) -> str:
 def _show(answers: Sequence[Result | Refused]) -> None:
     """The table, widest first, then the reasons of loops without an estimate and the warnings of those with one."""
     results = words.ranked([a.result() if isinstance(a, Refused) else a for a in answers])
-    for between, brief in ((", ", False), ("\n", False), ("\n", any(r.fit is not None for r in results))):
-        table = _table(results, between, brief)
+    for layout in _LAYOUTS:
+        table = _table(results, layout)
         if Measurement.get(out, out.options.update(max_width=1000), table).maximum <= out.width:
             break
     out.print(table)
@@ -128,31 +129,50 @@ def _show(answers: Sequence[Result | Refused]) -> None:
         out.print(notes)
 
 
-def _table(results: Sequence[Result], between: str, brief: bool) -> Table:
-    """A row per loop; two entries of one cell stand `between` apart. A `brief` one leaves out how it came about."""
-    table = Table(box=None, padding=(0, 1 if between == "\n" else 2, 0, 0), header_style="bold", pad_edge=False)
-    table.add_column("loop", no_wrap=True, overflow="fold")
+class _Layout(NamedTuple):
+    """What stands between two entries of one cell, and how much is told of what came about how."""
+
+    between: str
+    told: Literal["all", "brief", "least"]
+
+
+_LAYOUTS = (_Layout(", ", "all"), _Layout("\n", "all"), _Layout("\n", "brief"), _Layout("\n", "least"))
+"""From a wide terminal to a narrow one: the first that fits, else the last."""
+
+
+def _table(results: Sequence[Result], layout: _Layout) -> Table:
+    """A row per loop. A `brief` table leaves out how it came about, the `least` all but the loop and its widths."""
+    table = Table(box=None, padding=(0, 1 if layout.between == "\n" else 2, 0, 0), header_style="bold", pad_edge=False)
     fitted = any(result.fit is not None for result in results)
-    if fitted:
-        table.add_column("gap (95 %)", justify="right", no_wrap=True)
-        table.add_column("valve", no_wrap=not brief)
-    table.add_column("crossings\nd̂" if fitted else "d̂", justify="right", no_wrap=True)
-    if not fitted:
-        table.add_column("% of\nspan", justify="right", no_wrap=True)
     corrected = any(result.corrected is not None and result.corrected.d is not None for result in results)
-    if corrected:
-        table.add_column("corrected", justify="right", no_wrap=True)
-    table.add_column("det./\nhalf-p.", justify="right", no_wrap=True)
-    for header in () if brief else ("rejected as", "quality", "verdict"):
-        table.add_column(header)
-    for result in results:
-        cells = _cells(result, between)
-        first = [] if fitted else [words.number(result.d_hat_percent_span)]
-        if corrected:
-            c = result.corrected
-            first.append(words.quantity(None if c is None else c.d, words.op_unit(result)))
-        row = [*(_fit_cells(result) if fitted else []), cells[0], *first, cells[1], *(() if brief else cells[2:])]
-        table.add_row(result.name, *row)
+    whole, least = layout.told == "all", layout.told == "least"
+    columns: list[tuple[str, bool, list[str | Text]]] = []  # header, whether it is a number, cells
+    columns.append(("loop", False, [result.name for result in results]))
+    if fitted:
+        gaps, valves = zip(*(_fit_cells(result) for result in results), strict=True)
+        columns += [("gap (95 %)", True, list(gaps)), ("valve", False, list(valves))]
+    cells = [_cells(result, layout.between) for result in results]
+    found, counts, reasons, quality, verdicts = (list(column) for column in zip(*cells, strict=True))
+    columns.append(("crossings\nd̂" if fitted else "d̂", True, found))
+    if not fitted:
+        columns.append(("% of\nspan", True, [words.number(result.d_hat_percent_span) for result in results]))
+    if corrected and not (least and fitted):
+        of = [None if result.corrected is None else result.corrected.d for result in results]
+        shown: list[str | Text] = [words.quantity(d, words.op_unit(r)) for d, r in zip(of, results, strict=True)]
+        columns.append(("corrected", True, shown))
+    if not least:
+        columns.append(("det./\nhalf-p.", True, counts))
+    if whole:
+        columns += [("rejected as", False, reasons), ("quality", False, quality)]
+    if whole or not fitted:
+        columns.append(("verdict", False, verdicts))
+    for header, number, column in columns:
+        # Numbers are never cut; names fold, all else wraps.
+        width = max(cell_len(str(cell)) for cell in column) if number else None
+        justify: Literal["left", "right"] = "right" if number else "left"
+        table.add_column(header, justify=justify, no_wrap=number, min_width=width, overflow="fold")
+    for row in zip(*(column for _, _, column in columns), strict=True):
+        table.add_row(*row)
     return table
 
 

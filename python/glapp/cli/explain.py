@@ -12,6 +12,8 @@ from rich.table import Table
 from rich.text import Text
 
 from ..errors import InputError
+from ..reading.times import moment
+from ..reading.values import CellFault
 from ..result import REASONS, Result
 from .inputs import Refused, open_one
 from .options import Options, with_options
@@ -46,28 +48,30 @@ def explain(
     if at is None:
         _list(result)
     else:
-        _show(result, _nearest(result, _seconds(at, result.t0), at))
+        _show(result, _nearest(result, _seconds(at, result.t0, result.loop.time_format), at))
 
 
-def _seconds(at: str, t0: datetime | None) -> float:
+def _seconds(at: str, t0: datetime | None, time_format: str | None = None) -> float:
     """The moment [s since t0]; a time without a zone is in that of the recording."""
     try:
         return float(at)
     except ValueError:
         pass
+    example = "seconds" if t0 is None else f"'{t0:%Y-%m-%d %H:%M:%S}' or seconds"
     try:
-        moment = datetime.fromisoformat(at)
-    except ValueError:
-        example = "seconds" if t0 is None else f"'{t0:%Y-%m-%d %H:%M:%S}' or seconds"
-        raise CommandError(f"--at: cannot read '{at}' as a time; write {example}") from None
+        when = moment(at, time_format if time_format in ("day first", "month first") else None)
+    except CellFault as fault:
+        raise CommandError(f"--at: {fault.what}; write {example}") from None
+    if when is None:
+        raise CommandError(f"--at: cannot read '{at}' as a time; write {example}")
     if t0 is None:
         raise CommandError(f"--at: '{at}' is a date, but the recording has plain seconds; write seconds")
     if t0.tzinfo is None:
-        if moment.tzinfo is not None:
+        if when.tzinfo is not None:
             raise CommandError(f"--at: '{at}' has a zone, but the recording's times have none; leave it out")
-        return (moment - t0).total_seconds()
-    moment = moment if moment.tzinfo is not None else moment.replace(tzinfo=t0.tzinfo)
-    return (moment.astimezone(UTC) - t0.astimezone(UTC)).total_seconds()
+        return (when - t0).total_seconds()
+    when = when if when.tzinfo is not None else when.replace(tzinfo=t0.tzinfo)
+    return (when.astimezone(UTC) - t0.astimezone(UTC)).total_seconds()
 
 
 def _nearest(result: Result, t: float, at: str) -> int:

@@ -79,7 +79,7 @@ class CsvSource(Source):
             start = 0  # not a title above the table, but a header with more names than cells: reported as a ragged row
             line, header = rows[0]
             width = len(header)
-        self.names = [cell.strip() for cell in header]
+        self.names = [" ".join(cell.split()) for cell in header]  # a quoted name may be broken into lines
         if any(_is_data(cell) for cell in header) and not any(understand(n).role for n in self.names):
             raise InputError(
                 "has no header: the first row holds data",
@@ -332,15 +332,11 @@ def _encoding(raw: bytes, whole: bool, label: str) -> str:
 
 
 def _separate(lines: list[str], label: str) -> tuple[str, list[tuple[int, list[str]]]]:
-    """The separator that splits most rows into the same number of cells, and the rows so split with their numbers."""
+    """The separator that splits most rows into the same number of cells, and the rows so split with their last line."""
     best: tuple[tuple[float, int], str, list[tuple[int, list[str]]]] | None = None
     for order, delimiter in enumerate(("\t", ";", "|", ",")):
         reader = csv.reader(lines, delimiter=delimiter)
-        rows, line = [], 0
-        for cells in reader:
-            if cells:
-                rows.append((line + 1, cells))
-            line = reader.line_num
+        rows = [(reader.line_num, cells) for cells in reader if cells]
         width, count = Counter(len(cells) for _, cells in rows).most_common(1)[0] if rows else (0, 0)
         score = (count / max(len(rows), 1), -order)
         if width > 1 and (best is None or score > best[0]):

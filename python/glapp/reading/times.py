@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from .values import CellFault, is_text, plain
 
-__all__ = ["Clock", "looks_like_stamp"]
+__all__ = ["Clock", "looks_like_stamp", "moment"]
 
 _ISO = re.compile(r"\d{4}-\d\d-\d\d(?:[ T]\d\d:\d\d(?::\d\d(?:\.\d{1,9})?)?)?")
 _ISO_ZONED = re.compile(r"\d{4}-\d\d-\d\d[ T]\d\d:\d\d(?::\d\d(?:\.\d{1,9})?)?(?:Z|[+-]\d\d(?::?\d\d)?)")
@@ -71,6 +71,22 @@ def looks_like_stamp(text: str) -> bool:
     (True, False)
     """
     return _plan(re.sub(r"[0-9]", "0", text.strip())) is not None
+
+
+def moment(text: str, time_format: str | None) -> datetime | None:
+    """A moment as a person writes it, in any form that a time column may have; aware where it names a zone.
+
+    None where it is no date at all. CellFault where it can be read in two ways, or does not exist.
+
+    Examples
+    --------
+    >>> moment("31.01.2024 10:00", None)
+    datetime.datetime(2024, 1, 31, 10, 0)
+    >>> moment("tomorrow", None)
+    """
+    if not looks_like_stamp(text):
+        return None
+    return Clock(pa.array([text.strip()]), None, time_format, None).t0
 
 
 @lru_cache(maxsize=256)

@@ -137,10 +137,10 @@ def test_a_gap_that_stays_shows_no_change() -> None:
 def test_op_that_only_moves_after_the_beginning_is_found() -> None:
     rest = {"time": np.arange(0.0, 2000.0, 0.2), "SP": np.ones(10_000), "OP": np.full(10_000, 0.5)}
     rest["PV"] = 1.0 + np.random.default_rng(1).normal(0.0, 0.005, 10_000)
-    moves = history([0.06], 0.0)
+    moves = history([0.06, 0.06], 600.0)  # a window is a twelfth of a short beginning: one alone holds few turns
     moves["time"] = moves["time"] + 5000.0
     table = {name: np.concatenate([rest[name], moves[name]]) for name in moves}
     f = glapp.fit(glapp.recording_from(table, LOOP))
     assert f.verdict == "backlash", f.reason
-    assert f.d == pytest.approx(0.06, rel=0.25)  # windows are a twelfth of a short beginning here
+    assert f.d == pytest.approx(0.06, rel=0.25)
     assert f.windows[0].t_start >= 4000.0

@@ -508,7 +508,7 @@ def main() -> None:
     with ProcessPoolExecutor() as pool:
         n = given.loops
         parts = [("brings", brings(pool)), ("warns", warns(pool))]
-        parts += [("harms", harms(pool, range(n, 2 * n), worst=10)), ("tuned", harms(pool, range(n)))]
+        parts += [("harms", harms(pool, range(2 * n, 3 * n), worst=10)), ("tuned", harms(pool, range(n)))]
         tables = dict(_sections(parts))
     if given.docs:
         document = DOCS.read_text(encoding="utf-8")

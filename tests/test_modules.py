@@ -343,6 +343,20 @@ def test_after_compensation_the_detector_shows_what_is_left(inside: bool) -> Non
     assert 1.85 < loop[f"{name}.whole"] < 2.1
 
 
+@pytest.mark.parametrize(("size", "in_force"), [(4.0, (1.6, 2.1)), (1.0, (1.0, 1.0))])
+def test_the_online_estimate_lowers_a_size_that_is_too_large_and_never_raises_one(
+    size: float, in_force: tuple[float, float]
+) -> None:
+    """A gap of 2.0 %, for which somebody typed twice as much, or half: what is in force comes down to the gap."""
+    loop = system_of_6_5(1, 0.2, True, comp_size=size, comp_band=0.0, comp_withdraw=False)
+    loop.run(1000, load=LOAD[:10_000])
+    assert loop["pid.detections"] > 10 and 1.8 < loop["pid.d_hat"] < 2.1
+    loop["pid.compensate"] = 1
+    after = loop.run(1000, load=LOAD[10_000:20_000], record=["process", "pid.u_ff"])
+    widest = 2 * np.max(np.abs(after["pid.u_ff"][-5000:]))
+    assert in_force[0] - 1e-9 <= widest <= in_force[1] + 1e-9
+
+
 def test_a_compensation_that_loses_its_estimate_is_taken_away_without_a_bump() -> None:
     loop = system_of_6_5(1, 0.2, True, comp_size=1.0, comp_rate=1.0)
     loop["pid.compensate"] = 1

@@ -305,7 +305,7 @@ class _Judge:
             new = self.blocks[in_force]
         was = (*old.e, *old.n, old.count)
         new.learn(x, n)
-        if not in_force or was[4] < 25:
+        if not in_force or was[4] < 10:
             return False
         scatter = 1.0 / new.count + 1.0 / was[4]
         farther, oftener = new.e[0] - 1.1 * was[0], new.n[0] - 1.5 * was[2]
@@ -428,7 +428,7 @@ def compensation_cases() -> Iterator[dict[str, Any]]:
     for comment, rows in (("PV farther from SP", from_(70, e=3.0)), ("OP turns more often", from_(70, u=0.1))):
         yield case(f"{comment} than before: halved, withdrawn", ["Worse"], judged, rows, h=0.125)
         yield case(f"{comment} than before: no withdrawal", ["Worse"], judged | {"withdraw": 0}, rows, h=0.125)
-        late = [[*row[:4], float(i >= 49), 0] for i, row in enumerate(rows)]
+        late = [[*row[:4], float(i >= 19), 0] for i, row in enumerate(rows)]
         yield case(f"{comment} than before: too short to know", ["Worse"], judged, late, h=0.125)
         anew = changed(4, dict.fromkeys(range(150, 160), 0.0), rows)
         yield case(f"{comment} than before: enabled anew", ["Worse"], judged, anew, h=0.125)
@@ -440,7 +440,6 @@ def compensation_cases() -> Iterator[dict[str, Any]]:
     def burst(begin: int, end: int, rows: list[list[float]]) -> list[list[float]]:
         return [[40.0 * e if begin <= i < end else e, *rest] for i, (e, *rest) in enumerate(rows)]
 
-    yield case("farther at first: halved, and no more", ["Worse"], judged, burst(70, 72, calm), h=0.125)
     yield case("a burst is cut off", ["Worse"], judged, burst(104, 108, calm), h=0.125)
     yield case("a burst before is cut off", ["Worse"], judged, burst(30, 34, from_(70, e=1.8)), h=0.125)
     for count, what in ((20, "ten blocks, and before begins anew"), (18, "nine blocks")):
@@ -1826,7 +1825,7 @@ class _Detection:
         self.size = params.get("comp_size", 0.0)
         renamed = {name.removeprefix("comp_"): value for name, value in params.items() if name.startswith("comp_")}
         usual = {"way": 3.0, "share": 1.0, "band": self.size / 5.0, "tf": 0.0, "release": ti, "withdraw": 1.0}
-        usual |= {"watch": 100.0 * ti}
+        usual |= {"watch": 300.0 * ti}
         usual |= {"rate": self.size / (ti / 10.0), "travel": MOST, "reversals": MOST}
         room = {"low": params["low"], "high": params["high"]} if limits else {}
         self.compensation = usual | renamed | room | {"k": k}

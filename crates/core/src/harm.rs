@@ -5,7 +5,7 @@ use crate::Real;
 /// Blocks in the time over which a loop is compared.
 const BLOCKS: f64 = 150.0;
 /// Blocks that must have been watched before anything is concluded.
-const KNOWN: f64 = 25.0;
+const KNOWN: f64 = 10.0;
 
 /// As many blocks in a row are no burst any more.
 const BURST: u8 = 10;

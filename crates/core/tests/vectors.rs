@@ -196,7 +196,7 @@ impl Case {
             tf: 0.0,
             rate: self.given("comp_rate"),
             release: self.given("ti"),
-            watch: 100.0 * self.given("ti"),
+            watch: 300.0 * self.given("ti"),
             travel: f64::MAX,
             reversals: f64::MAX,
             withdraw: true,

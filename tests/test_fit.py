@@ -153,6 +153,15 @@ def test_op_of_another_loop_gives_no_gap() -> None:
     assert f.verdict in {"cannot_tell", "sound"}, f.reason
 
 
+def test_a_pv_that_no_model_makes_gives_no_gap() -> None:
+    """OP answers PV, but PV is two sines to the last digit: a gap once explained what was left of them."""
+    t = np.arange(600.0)
+    pv = np.round(50 + np.sin(t / 17) + 0.3 * np.sin(t / 5), 4)
+    op = 55 + 0.8 * (50 - pv) + 0.8 / 25 * np.cumsum(50 - pv)
+    f = fitted(t, pv, op)
+    assert f.verdict == "cannot_tell" and "no model fits" in f.reason, f.reason
+
+
 def test_the_valve_position_settles_it() -> None:
     """PV alone cannot tell: OP hardly moves through the gap, and the noise is as large as what PV shows of it."""
     s = closed_loop("P2", (0.4, 2.3), d=0.05, noise=0.05, h=0.2, t_end=300, load=walk(0.02, 0.2, 300, 1), seed=1)

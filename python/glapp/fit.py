@@ -490,6 +490,11 @@ def _reason(verdict: str, d: float, low: float, high: float | None, unit: str, b
             )
         case "sound":
             return f"no gap wider than {high:.3g} {unit} (95 %): PV answers each turn of OP"
+        case _ if best["reason"] == "misfit":
+            return (
+                f"no model fits: what it does not foresee of PV is alike from one sample to the next (correlation "
+                f"{best['echo']:.2f}). Is PV what this OP moves, and recorded as it was measured?"
+            )
         case _ if best["lr_no_answer"] < 15:
             return (
                 f"PV does not answer OP: a process that stands still explains PV as well ({best['lr_no_answer']:.0f} "

@@ -111,6 +111,8 @@ pub struct Answer {
     pub integrating: bool,
     /// Standard deviation of what the model does not foresee of PV, a cell ahead [PV unit].
     pub sigma: f64,
+    /// Correlation of that with the same a cell before: far from 0 where the model is not of this record.
+    pub echo: f64,
     /// Cells of PV that were used, and their length [s].
     pub cells: usize,
     /// Length of a cell [s].
@@ -424,8 +426,17 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
     let jumps_whole = sticking.iter().filter(sticks_only).any(|p| p.least() < best.cost + SLIPS);
     let low = (spread.iter().map(|s| s.0).fold(f64::INFINITY, f64::min) - record.resolution()).max(0.0);
     let high = spread.iter().map(|s| s.1).try_fold(0.0, |high, h| h.map(|h| f64::max(high, h)));
+    let chosen = &best;
+    let positions = record.positions(&chosen.lost);
+    let final_state = search.at(&chosen.theta, &positions);
+    let residual = final_state.lane(0);
+    let echo = dot(&residual[1..], &residual[..residual.len() - 1]) / final_state.sum[0].max(1e-300);
     let (verdict, reason) = judge(&Evidence {
-        often: record.traversals(low).iter().all(|n| *n >= CYCLES),
+        echo,
+        often: {
+            let least = if lr_no_gap > PLAIN_IF_TWICE { 2 } else { CYCLES };
+            record.traversals(low).iter().all(|n| *n >= least)
+        },
         lr_no_gap,
         lr_needed,
         lr_no_answer,
@@ -436,9 +447,6 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
         jumps_whole,
         dissent: dissent || !certain,
     });
-    let chosen = &best;
-    let positions = record.positions(&chosen.lost);
-    let final_state = search.at(&chosen.theta, &positions);
     let h = question.h * record.cell as f64;
     let per_cell = if search.structure.integrating { 1.0 / h } else { 1.0 };
     let kp = chosen.kp * per_cell;
@@ -470,6 +478,7 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
         lag_limits: around(lag, lag_error),
         integrating: search.structure.integrating,
         sigma,
+        echo,
         cells: record.count,
         cell: h,
         range: record.range,
@@ -484,7 +493,7 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
                 profile: p.points.iter().map(|point| (point.lost.d, point.cost - p.least())).collect(),
             })
             .collect(),
-        seen: seen(record, &positions, &final_state.lane(0)),
+        seen: seen(record, &positions, &residual),
         reason,
     }
 }
@@ -494,11 +503,15 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
 /// that tame.
 const PLAIN: f64 = 12.0;
 /// The same where OP went through the width fewer than [`CYCLES`] times each way: few break-aways may look like anything.
-const PLAIN_IF_SELDOM: f64 = 20.0;
+const PLAIN_IF_SELDOM: f64 = 25.0;
+/// The same where twice each way is often enough for a width with two limits.
+const PLAIN_IF_TWICE: f64 = 100.0;
 /// The same for the slip jump.
 const JUMP: f64 = 20.0;
 /// What a slip jump must bring to be taken into the most likely width: it has a size, a kind and a width of its own.
-const SLIPS: f64 = 8.0;
+const SLIPS: f64 = 4.0;
+/// Greatest correlation of innovations with those a cell before: no model that leaves more of PV unexplained is believed.
+const MOST_ECHO: f64 = 0.4;
 /// Kinds of sticking that are followed.
 const MOST_KINDS: usize = 3;
 /// Traversals each way of a width without which no slip jump is looked for.
@@ -650,6 +663,7 @@ impl Errors {
 
 /// What the verdict rests on.
 struct Evidence {
+    echo: f64,
     lr_no_gap: f64,
     lr_needed: f64,
     lr_no_answer: f64,
@@ -666,6 +680,9 @@ struct Evidence {
 }
 
 fn judge(e: &Evidence) -> (Verdict, &'static str) {
+    if e.echo.abs() > MOST_ECHO {
+        return (Verdict::CannotTell, "misfit");
+    }
     if e.lr_no_answer < 15.0 {
         return (Verdict::CannotTell, "no_answer");
     }

@@ -46,6 +46,7 @@ pub fn fit<'py>(
         ("dead_time", answer.dead_time),
         ("lag", answer.lag),
         ("sigma", answer.sigma),
+        ("echo", answer.echo),
         ("cell", answer.cell),
         ("range", answer.range),
     ] {

@@ -24,8 +24,15 @@ const NEAR: f64 = 0.1;
 
 impl Profile {
     /// Every width of `widths` (rising) with a lost motion that is otherwise like `lost`, begun from its neighbours on both sides
-    /// and each fourth also from `seeds`.
-    pub(crate) fn over(search: &Search, widths: &[f64], lost: &Lost, seeds: &[Theta], rounds: usize) -> Self {
+    /// and each fourth also from `seeds`; `rounds` and `enough` as in [`Search::descend`].
+    pub(crate) fn over(
+        search: &Search,
+        widths: &[f64],
+        lost: &Lost,
+        seeds: &[Theta],
+        rounds: usize,
+        enough: f64,
+    ) -> Self {
         let at = |d: f64| Lost { d, ..lost.clone() };
         let mut points: Vec<Point> = Vec::with_capacity(widths.len());
         for (i, &d) in widths.iter().enumerate() {
@@ -36,11 +43,11 @@ impl Profile {
             if let Some(before) = points.last() {
                 beginnings.push((before.theta, at(d)));
             }
-            points.push(search.from(&beginnings, rounds, 1e-2, f64::INFINITY));
+            points.push(search.from(&beginnings, rounds, enough, f64::INFINITY));
         }
         for i in (0..points.len() - 1).rev() {
             let d = points[i].lost.d;
-            let back = search.from(&[(points[i + 1].theta, at(d))], rounds, 1e-2, points[i].cost);
+            let back = search.from(&[(points[i + 1].theta, at(d))], rounds, enough, points[i].cost);
             if back.cost < points[i].cost {
                 points[i] = back;
             }

@@ -192,6 +192,9 @@ fn moved(u: &[f64]) -> f64 {
 
 const PILOT: Structure = Structure { lags: 2, integrating: false, noise: Noise::Input };
 
+/// Less than this gained by a step ends a descent of a coarse look, of a whole profile [−2·ln L].
+const COARSELY: f64 = 0.3;
+const FINELY: f64 = 0.03;
 /// Families of which the whole profile is worked out.
 const MOST_FAMILIES: usize = 7;
 /// Beginnings that are followed.
@@ -282,7 +285,7 @@ fn looks(record: &Record, seeds: &[Theta], sign: f64) -> Vec<Profile> {
         .flat_map(begin)
         .collect::<Vec<_>>()
         .into_par_iter()
-        .map(|(structure, begin)| Profile::over(&of(structure), &coarse, &gap, &[begin], 4))
+        .map(|(structure, begin)| Profile::over(&of(structure), &coarse, &gap, &[begin], 4, COARSELY))
         .collect();
     let simple = distinct(simple);
     let promising = leading(&simple).least() + room(record.count);
@@ -291,7 +294,7 @@ fn looks(record: &Record, seeds: &[Theta], sign: f64) -> Vec<Profile> {
         .filter(|p| p.least() < promising)
         .filter_map(|p| {
             let structure = Structure { noise: Noise::Both, ..p.structure };
-            let both = Profile::over(&of(structure), &coarse, &gap, &[widened(structure, p)], 3);
+            let both = Profile::over(&of(structure), &coarse, &gap, &[widened(structure, p)], 3, COARSELY);
             // Where the second disturbance is worth nothing it is the same family once more.
             (both.penalised() < p.penalised()).then_some(both)
         })
@@ -317,7 +320,7 @@ fn whole(search: &Search, look: &Profile, lost: &Lost) -> Profile {
     let fine = [0.0, 0.01, 0.02, 0.05, 0.1, 0.17, 0.25, 0.33, 0.41, 0.5, 0.58, 0.66, 0.74, 0.82, 0.88, 0.94, 1.0];
     let mut seeds = vec![look.points[look.best].theta, look.points[0].theta];
     seeds.dedup();
-    let mut profile = Profile::over(search, &fine.map(|part| part * range), lost, &seeds, 4);
+    let mut profile = Profile::over(search, &fine.map(|part| part * range), lost, &seeds, 4, FINELY);
     // A gap that is narrow against all that OP does has a narrow valley.
     let fine = (0.05 * profile.points[profile.best].lost.d).clamp(0.0005 * range, 0.004 * range);
     profile.refine(search, 2, fine);
@@ -553,7 +556,7 @@ fn by_chance(search: &Search, without: &Point, question: &Question) -> f64 {
                 .collect();
             let record = record.with(invented);
             let search = Search { record: &record, ..*search };
-            let profile = Profile::over(&search, &widths, &without.lost, &[without.theta], 6);
+            let profile = Profile::over(&search, &widths, &without.lost, &[without.theta], 6, FINELY);
             (profile.points[0].cost - profile.least()).max(0.0)
         })
         .collect();
@@ -598,7 +601,7 @@ fn sticking(search: &Search, gap: &Profile) -> Vec<Profile> {
         .map(|point| {
             let widths: Vec<f64> =
                 around.iter().map(|part| part * point.lost.d).filter(|d| *d < record.range).collect();
-            let mut profile = Profile::over(search, &widths, &point.lost, &[point.theta], 4);
+            let mut profile = Profile::over(search, &widths, &point.lost, &[point.theta], 4, FINELY);
             profile.refine(search, 1, 0.02 * point.lost.d);
             profile
         })

@@ -502,10 +502,13 @@ def _reason(verdict: str, d: float, low: float, high: float | None, unit: str, b
             )
         case _:
             most = "any width" if high is None else f"a gap of up to {high:.3g} {unit}"
-            least = (
-                "no gap is as likely" if low <= 0 else f"none is {best['lr_no_gap']:.0f} units of 2·ln L less likely"
-            )
+            if low <= 0 or best["reason"] == "families_disagree":
+                against = "next to none would as well"
+            else:
+                against = (
+                    f"none is {best['lr_no_gap']:.0f} units of 2·ln L less likely ({best['lr_needed']:.0f} are needed)"
+                )
             return (
-                f"{most} would fit, most likely {d:.3g} {unit}, but {least} ({best['lr_needed']:.0f} are needed): "
+                f"{most} would fit, most likely {d:.3g} {unit}, but {against}: "
                 "record for longer, or while OP moves further"
             )

@@ -436,6 +436,7 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
     let echo = dot(&residual[1..], &residual[..residual.len() - 1]) / final_state.sum[0].max(1e-300);
     let (verdict, reason) = judge(&Evidence {
         echo,
+        d: best.lost.d,
         often: {
             let least = if lr_no_gap > PLAIN_IF_TWICE { 2 } else { CYCLES };
             record.traversals(low).iter().all(|n| *n >= least)
@@ -513,6 +514,8 @@ const PLAIN_IF_TWICE: f64 = 100.0;
 const JUMP: f64 = 20.0;
 /// What a slip jump must bring to be taken into the most likely width: it has a size, a kind and a width of its own.
 const SLIPS: f64 = 4.0;
+/// A lower limit less than this part of the most likely width is none.
+const LEAST_LOW: f64 = 0.1;
 /// Greatest correlation of innovations with those a cell before: no model that leaves more of PV unexplained is believed.
 const MOST_ECHO: f64 = 0.4;
 /// Kinds of sticking that are followed.
@@ -667,6 +670,7 @@ impl Errors {
 /// What the verdict rests on.
 struct Evidence {
     echo: f64,
+    d: f64,
     lr_no_gap: f64,
     lr_needed: f64,
     lr_no_answer: f64,
@@ -695,7 +699,7 @@ fn judge(e: &Evidence) -> (Verdict, &'static str) {
             _ => (Verdict::CannotTell, "may_be_a_gap"),
         };
     }
-    if e.low <= 0.0 {
+    if e.low < LEAST_LOW * e.d {
         return (Verdict::CannotTell, "families_disagree");
     }
     if e.high.is_none() || !e.often {

@@ -314,13 +314,14 @@ fn distinct(mut profiles: Vec<Profile>) -> Vec<Profile> {
     kept
 }
 
-/// The whole profile of a family, from a coarse look, for a lost motion like `lost`.
-fn whole(search: &Search, look: &Profile, lost: &Lost) -> Profile {
+/// The whole profile of a family, from a coarse look.
+fn whole(search: &Search, look: &Profile) -> Profile {
     let range = search.record.range;
     let fine = [0.0, 0.01, 0.02, 0.05, 0.1, 0.17, 0.25, 0.33, 0.41, 0.5, 0.58, 0.66, 0.74, 0.82, 0.88, 0.94, 1.0];
     let mut seeds = vec![look.points[look.best].theta, look.points[0].theta];
     seeds.dedup();
-    let mut profile = Profile::over(search, &fine.map(|part| part * range), lost, &seeds, 4, FINELY);
+    let gap = Lost::gap(0.0, search.record.stretches.len());
+    let mut profile = Profile::over(search, &fine.map(|part| part * range), &gap, &seeds, 4, FINELY);
     // A gap that is narrow against all that OP does has a narrow valley.
     let fine = (0.05 * profile.points[profile.best].lost.d).clamp(0.0005 * range, 0.004 * range);
     profile.refine(search, 2, fine);
@@ -341,14 +342,13 @@ fn leading(profiles: &[Profile]) -> &Profile {
 /// interval of d: so when jumps were found it is looked again. With the last look at all families the whole profile of the
 /// best.
 fn without_jumps(record: &Record, seeds: &[Theta], sign: f64) -> (Record, Vec<Profile>, Profile) {
-    let gap = Lost::gap(0.0, record.stretches.len());
     let mut record = record.clone();
     let mut looked = looks(&record, seeds, sign);
     let mut least = f64::INFINITY;
     for round in 0.. {
         let leading = leading(&looked);
         let search = Search { record: &record, structure: leading.structure, sign };
-        let best = whole(&search, leading, &gap);
+        let best = whole(&search, leading);
         least = least.min(best.least() + search.surprise(&best.points[best.best]));
         let (marked, point, cost) = with_jumps(&search, &best.points[best.best]);
         if round == 3 || marked.same_jumps(&record) || cost > least - 1.0 {
@@ -374,10 +374,9 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
     looks.sort_by(|a, b| a.penalised().total_cmp(&b.penalised()));
     looks.truncate(MOST_FAMILIES);
     let known = leading(&looks).least();
-    let gap = Lost::gap(0.0, record.stretches.len());
     let mut profiles: Vec<Profile> = looks
         .par_iter()
-        .map(|look| if look.least() == known { first.clone() } else { whole(&of(look.structure), look, &gap) })
+        .map(|look| if look.least() == known { first.clone() } else { whole(&of(look.structure), look) })
         .collect();
     profiles.sort_by(|a, b| a.penalised().total_cmp(&b.penalised()));
     let least = profiles[0].penalised();
@@ -429,9 +428,8 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
     let jumps_whole = sticking.iter().filter(sticks_only).any(|p| p.least() < best.cost + SLIPS);
     let low = (spread.iter().map(|s| s.0).fold(f64::INFINITY, f64::min) - record.resolution()).max(0.0);
     let high = spread.iter().map(|s| s.1).try_fold(0.0, |high, h| h.map(|h| f64::max(high, h)));
-    let chosen = &best;
-    let positions = record.positions(&chosen.lost);
-    let final_state = search.at(&chosen.theta, &positions);
+    let positions = record.positions(&best.lost);
+    let final_state = search.at(&best.theta, &positions);
     let residual = final_state.lane(0);
     let echo = dot(&residual[1..], &residual[..residual.len() - 1]) / final_state.sum[0].max(1e-300);
     let (verdict, reason) = judge(&Evidence {
@@ -453,20 +451,20 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
     });
     let h = question.h * record.cell as f64;
     let per_cell = if search.structure.integrating { 1.0 / h } else { 1.0 };
-    let kp = chosen.kp * per_cell;
+    let kp = best.kp * per_cell;
     let spread = 1.96 * kp.abs() / (lr_no_answer * trusted).max(1e-9).sqrt();
     let variance = final_state.sum[0] / n / trusted;
-    let errors = Errors::new(&search, &chosen.theta, &positions, variance);
+    let errors = Errors::new(&search, &best.theta, &positions, variance);
     let (dead_time, dead_error) = errors.of(|theta| theta[search.structure.dead_time_at()] * h);
     let (lag, lag_error) = errors.of(|theta| search.structure.lag(theta) * h);
     let around = |x: f64, error: f64| ((x - 1.96 * error).max(0.0), x + 1.96 * error);
     let sigma = (final_state.sum[0] / n).sqrt();
     Answer {
         verdict,
-        d: chosen.lost.d,
+        d: best.lost.d,
         low,
         high: high.map(|high| high + 3.0 * record.resolution()),
-        jump: chosen.lost.jump(),
+        jump: best.lost.jump(),
         lr_no_gap,
         lr_needed,
         lr_no_jump,

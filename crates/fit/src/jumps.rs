@@ -18,15 +18,16 @@ pub(crate) fn with_jumps(search: &Search, point: &Point) -> (Record, Point, f64)
     let unmarked = Search { record: &plain, ..*search };
     let without = unmarked.descend(point.theta, &point.lost, 10, 1e-2, f64::INFINITY);
     let record = marked(&unmarked, point);
-    let search = Search { record: &record, ..*search };
-    let with = search.descend(point.theta, &point.lost, 10, 1e-2, f64::INFINITY);
-    let cost = with.cost + search.surprise(&with);
-    if cost < without.cost {
-        (record, with, cost)
-    } else {
-        let cost = without.cost;
-        (plain, without, cost)
+    if record.jumps() > 0 {
+        let search = Search { record: &record, ..*search };
+        let with = search.descend(point.theta, &point.lost, 10, 1e-2, f64::INFINITY);
+        let cost = with.cost + search.surprise(&with);
+        if cost < without.cost {
+            return (record, with, cost);
+        }
     }
+    let cost = without.cost;
+    (plain, without, cost)
 }
 
 /// The record with the jumps that the innovations of `point` tell, largest first.

@@ -199,6 +199,9 @@ impl Search<'_> {
     /// What the jumps of the load that are marked cost at `point` [−2·ln L]: each may lie at any cell, and be as large as OP's
     /// range.
     pub(crate) fn surprise(&self, point: &Point) -> f64 {
+        if self.record.jumps() == 0 {
+            return 0.0;
+        }
         let here = self.at(&point.theta, &self.record.positions(&point.lost));
         let white = here.sum[0] / (here.scale[0] * here.scale[0]) / self.record.freedom();
         let size = (point.kp * self.record.range).powi(2) / white;

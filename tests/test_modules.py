@@ -443,8 +443,79 @@ def test_names_values_and_columns_that_are_wrong_are_refused() -> None:
         loop.run(-1.0)
     with pytest.raises(InputError, match=r"ki = 0: must be other than 0"):
         Pid.parallel(kp=1.0, ki=0.0)
-    with pytest.raises(InputError, match=r"pid: at = 1: must be greater than in the row before"):
+    with pytest.raises(InputError, match=r"pid: at of row 2 = 1: must be a number greater than in the row before"):
         alone(PidAdvanced(k=1.0, ti=2.0, schedule=[(1, 1, 1, 0), (1, 2, 1, 0)]))
+    with pytest.raises(InputError, match=r"pid: there is no 'schedule' here: out, out_flags, k, "):
+        loop.set_schedule("pid", [])
+
+
+ROWS = [(20.0, 1.0, 6.0, 0.0), (40.0, 2.0, 5.0, 0.2), (80.0, 3.0, 4.0, 0.1)]
+
+
+def scheduled(k: float = 1.0) -> Graph:
+    modules = {name: Input() for name in ("pv", "sp", "by")}
+    pid = PidAdvanced(k=k, ti=5.0, low=0, high=100, start=50.0, schedule=[(at, k * g, *r) for at, g, *r in ROWS])
+    wires = ["pv -> pid.pv", "sp -> pid.sp", "by -> pid.by", "pid -> op"]
+    return Graph(H, {**modules, "pid": pid, "op": Output()}, wires)
+
+
+@pytest.mark.parametrize("k", [1.0, -1.0])
+@pytest.mark.parametrize("mode", list(Mode))
+def test_a_schedule_is_edited_while_it_runs_without_a_bump(mode: Mode, k: float) -> None:
+    """PV rests off the setpoint: only integration may move the output, whatever becomes of the gains."""
+    loop = scheduled(k)
+    loop["pid.mode"], loop["pid.sp"] = mode, 51.0
+    for _ in range(10):
+        loop.scan(pv=50.0, sp=51.0, by=30.0)
+    for rows in (ROWS[1:], [(at, 5 * g, ti / 4, 2 * td) for at, g, ti, td in ROWS], [], ROWS):
+        given = [(at, k * g, ti, td) for at, g, ti, td in rows]
+        before = loop["pid"]
+        loop.set_schedule("pid", given)
+        assert loop.schedule("pid") == given
+        loop.scan()
+        most = max((g / ti for _, g, ti, _ in rows), default=1 / 5) * H * 1.0
+        assert abs(loop["pid"] - before) <= most + 1e-9
+        assert (loop["pid"] == before) == (mode == Mode.MANUAL)
+    # And it is in force: a step of PV is answered with the gain between the rows, here 1.5.
+    before = loop["pid"]
+    loop.scan(pv=49.0)
+    answer = 0.0 if mode == Mode.MANUAL else k * 1.5 * (1 + 0.1 / H + 2 * H / 5.5)
+    assert loop["pid"] - before == pytest.approx(answer)
+
+
+NUMBER = r"must be a number greater than in the row before"
+BAD_ROWS: dict[str, tuple[list[tuple[float, float, float, float]], str]] = {
+    "not in order": ([ROWS[1], ROWS[0]], rf"pid: at of row 2 = 20: {NUMBER}"),
+    "twice the same": ([*ROWS, ROWS[2]], rf"pid: at of row 4 = 80: {NUMBER}"),
+    "no number": ([ROWS[0], (math.nan, 1.0, 5.0, 0.0)], rf"pid: at of row 2 = NaN: {NUMBER}"),
+    "a gain of 0": ([(0.0, 0.0, 5.0, 0.0)], r"pid: k of row 1 = 0: must be of the sign of the controller's own k"),
+    "a gain of the other sign": ([*ROWS[:2], (90.0, -1.0, 5.0, 0.0)], r"pid: k of row 3 = -1: must be of the sign"),
+    "a gain without bounds": ([(0.0, math.inf, 5.0, 0.0)], r"pid: k of row 1 = inf: must be of the sign"),
+    "no integral time": ([(0.0, 1.0, 0.0, 0.0)], r"pid: ti of row 1 = 0: must be greater than 0 s"),
+    "derivative time below 0": ([(0.0, 1.0, 1.0, -0.1)], r"pid: td of row 1 = -0.1: must be 0 s or greater"),
+    "too many": ([(float(at), 1.0, 5.0, 0.0) for at in range(9)], r"pid: rows = 9: must be at most 8"),
+}
+
+
+@pytest.mark.parametrize("name", BAD_ROWS)
+def test_a_bad_edit_of_a_schedule_is_refused_and_leaves_the_running_one(name: str) -> None:
+    rows, match = BAD_ROWS[name]
+    edited, untouched = scheduled(), scheduled()
+    for loop in (edited, untouched):
+        loop.run(20 * H, pv=np.linspace(50, 48, 20), sp=np.full(20, 51.0), by=np.linspace(10, 90, 20))
+    with pytest.raises(InputError, match=match):
+        edited.set_schedule("pid", rows)
+    assert edited.schedule("pid") == untouched.schedule("pid") == ROWS
+    for loop in (edited, untouched):
+        loop.run(20 * H, pv=np.linspace(48, 55, 20), by=np.linspace(90, 10, 20))
+    assert [edited[name] for name in ("pid", "pid.flags")] == [untouched[name] for name in ("pid", "pid.flags")]
+
+
+def test_the_sign_of_k_and_that_of_the_schedule_hold_together() -> None:
+    loop = scheduled()
+    with pytest.raises(InputError, match=r"pid: k of row 1 = 1: must be of the sign of the controller's own k"):
+        loop["pid.k"] = -1.0
+    assert loop["pid.k"] == 1.0
 
 
 def test_every_name_can_be_read() -> None:

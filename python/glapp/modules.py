@@ -1,7 +1,8 @@
 """Loops put together from control modules, as in a control system (thesis chapter 6).
 
 A `Graph` is a few named modules and the wires between them, checked when it is made. It runs in simulation, or sample
-by sample beside a real plant; every parameter and variable of every module can be read and set while it runs.
+by sample beside a real plant; every parameter and variable of every module can be read and set while it runs, a gain
+schedule by `Graph.schedule` and `Graph.set_schedule`.
 
 Over a connection goes more than a value. Forward go value and quality; backward go limits, whether something further on
 has reached its lower or upper limit, and the value in effect where the one handed over is not followed. So a controller
@@ -404,7 +405,7 @@ class PidAdvanced(_Compensating, Pid):
         The fastest that the setpoint in effect moves, > 0 [PV unit per second].
     schedule : sequence of (at, k, ti, td)
         Gains by the signal connected to `by`, linear between the rows; at most 8, `at` ascending, k of one sign. The
-        width is then taken from the output's own travel.
+        width is then taken from the output's own travel. `Graph.set_schedule` edits it while it runs.
     comp_size, comp_way, comp_share, comp_limit, comp_band, comp_tf : float
         Compensation, as in `BacklashDetection`.
     comp_rate, comp_release, comp_watch, comp_travel, comp_reversals, comp_withdraw : float, optional
@@ -619,6 +620,42 @@ class Graph:
             )
         t_of_scans: npt.NDArray[np.float64] = np.arange(begin, begin + n).astype(np.float64) * self.h
         return {"t": t_of_scans, **dict(zip(record, columns, strict=True))}
+
+    def schedule(self, module: str) -> list[tuple[float, float, float, float]]:
+        """Rows (at, k, ti, td) of the gain schedule in a `PidAdvanced`; none: its own gains are used."""
+        with _input_errors():
+            return self._graph.schedule(module)
+
+    def set_schedule(self, module: str, rows: Sequence[tuple[float, float, float, float]]) -> None:
+        """Set the gain schedule of a `PidAdvanced`, all rows at once, while it runs and without a bump.
+
+        Parameters
+        ----------
+        module : str
+        rows : sequence of (at, k, ti, td)
+            As `PidAdvanced` takes them; none: its own gains are used from now on.
+
+        Raises
+        ------
+        InputError
+            For a row out of its bounds, which it names with value and bound. The schedule stays as it was.
+
+        Examples
+        --------
+        >>> loop = Graph(
+        ...     1.0,
+        ...     {"pv": Input(), "pid": PidAdvanced(k=0.5, ti=20.0), "valve": Output()},
+        ...     ["pv -> pid.pv", "pv -> pid.by", "pid -> valve"],
+        ... )
+        >>> loop.set_schedule("pid", [(20, 0.5, 20, 0), (60, 0.8, 15, 0)])
+        >>> loop.set_schedule("pid", [(60, 0.8, 15, 0), (20, 0.5, 20, 0)])
+        Traceback (most recent call last):
+        glapp.errors.InputError: pid: at of row 2 = 20: must be a number greater than in the row before
+        >>> loop.schedule("pid")
+        [(20.0, 0.5, 20.0, 0.0), (60.0, 0.8, 15.0, 0.0)]
+        """
+        with _input_errors():
+            self._graph.set_schedule(module, rows)
 
     def reset_detection(self, module: str) -> None:
         """Make the detector in a module forget its detections."""

@@ -79,10 +79,10 @@ fn rows_of_a_schedule_out_of_bounds_are_named() {
         schedule[..rows.len()].copy_from_slice(rows);
         PidAdvanced::new(PidAdvancedSettings { schedule, rows: rows.len(), ..PidAdvancedSettings::new(settings()) })
     };
-    assert_eq!(of(&[row(1.0, 1.0, 1.0, 0.0), row(1.0, 1.0, 1.0, 0.0)]).unwrap_err().name, "at");
-    assert_eq!(of(&[row(1.0, -1.0, 1.0, 0.0)]).unwrap_err().name, "k");
-    assert_eq!(of(&[row(1.0, 1.0, 0.0, 0.0)]).unwrap_err().name, "ti");
-    assert_eq!(of(&[row(1.0, 1.0, 1.0, -1.0)]).unwrap_err().name, "td");
+    assert_eq!(of(&[row(1.0, 1.0, 1.0, 0.0), row(1.0, 1.0, 1.0, 0.0)]).unwrap_err().name, "at of row 2");
+    assert_eq!(of(&[row(1.0, -1.0, 1.0, 0.0)]).unwrap_err().name, "k of row 1");
+    assert_eq!(of(&[row(1.0, 1.0, 0.0, 0.0)]).unwrap_err().name, "ti of row 1");
+    assert_eq!(of(&[row(1.0, 1.0, 1.0, -1.0)]).unwrap_err().name, "td of row 1");
     let many = PidAdvancedSettings { rows: SCHEDULE_ROWS + 1, ..PidAdvancedSettings::new(settings()) };
     assert_eq!(PidAdvanced::new(many).unwrap_err().name, "rows");
 }

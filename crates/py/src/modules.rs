@@ -27,10 +27,14 @@ impl PyModule {
             let plant = Plant::new(num, den, dead_time).map_err(refused)?;
             return Module::plant(plant, &parameters).map_err(refused);
         }
-        let rows: Vec<_> = self.schedule.iter().map(|&[at, k, ti, td]| Gains { at, k, ti, td }).collect();
+        let rows = gains(&self.schedule);
         if rows.is_empty() { Module::new(&self.kind, &parameters) } else { Module::scheduled(&parameters, &rows) }
             .map_err(refused)
     }
+}
+
+fn gains(rows: &[[f64; 4]]) -> Vec<Gains<f64>> {
+    rows.iter().map(|&[at, k, ti, td]| Gains { at, k, ti, td }).collect()
 }
 
 /// A loop of modules.
@@ -90,6 +94,15 @@ impl Graph {
 
     fn set(&mut self, path: &str, value: f64) -> PyResult<()> {
         self.graph.set(path, value).map_err(refused)
+    }
+
+    fn schedule(&self, module: &str) -> PyResult<Vec<(f64, f64, f64, f64)>> {
+        let rows = self.graph.schedule(module).map_err(refused)?;
+        Ok(rows.iter().map(|row| (row.at, row.k, row.ti, row.td)).collect())
+    }
+
+    fn set_schedule(&mut self, module: &str, rows: Vec<[f64; 4]>) -> PyResult<()> {
+        self.graph.set_schedule(module, &gains(&rows)).map_err(refused)
     }
 
     fn reset_detection(&mut self, module: &str) -> PyResult<()> {

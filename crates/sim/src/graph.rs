@@ -2,6 +2,7 @@
 
 use crate::SimError;
 use crate::module::{Live, MOST_INPUTS, Module, Refusal};
+use glapp_core::modules::Gains;
 use glapp_core::{Backward, Forward};
 
 /// What is wrong with a graph of modules.
@@ -312,10 +313,38 @@ impl Graph {
     /// is refused, and all stays as it was.
     pub fn set(&mut self, path: &str, value: f64) -> Result<(), GraphError> {
         let (i, name) = self.place(path)?;
-        self.nodes[i].live.set(&name, value).map_err(|refusal| match refusal {
-            Refusal::NoName => self.unknown(i, &name),
-            Refusal::Value(error) => GraphError::Parameter { module: self.nodes[i].name.clone(), error },
-        })
+        self.nodes[i].live.set(&name, value).map_err(|refusal| self.refused(i, &name, refusal))
+    }
+
+    /// Reads the gain schedule of a `PidAdvanced` while it runs.
+    pub fn schedule(&self, module: &str) -> Result<&[Gains<f64>], GraphError> {
+        let i = self.node(module)?;
+        self.nodes[i].live.schedule().ok_or_else(|| self.unknown(i, "schedule"))
+    }
+
+    /// Sets the gain schedule of a `PidAdvanced` while it runs, all rows at once; none: the controller's own gains. The
+    /// output goes on from where it is. A row out of its bounds is refused, and the schedule stays as it was.
+    ///
+    /// ```
+    /// use glapp_core::modules::Gains;
+    /// use glapp_sim::{Graph, Module};
+    ///
+    /// let modules = vec![
+    ///     ("pv", Module::new("Input", &[])?),
+    ///     ("pid", Module::new("PidAdvanced", &[("k", 1.0), ("ti", 5.0)])?),
+    ///     ("valve", Module::new("Output", &[])?),
+    /// ];
+    /// let mut loop_ = Graph::new(0.1, modules, &["pv -> pid.pv", "pv -> pid.by", "pid -> valve"])?;
+    /// let row = |at, k| Gains { at, k, ti: 5.0, td: 0.0 };
+    /// loop_.set_schedule("pid", &[row(20.0, 1.0), row(60.0, 2.5)])?;
+    /// let error = loop_.set_schedule("pid", &[row(20.0, 1.0), row(60.0, -2.5)]).unwrap_err();
+    /// assert!(error.to_string().starts_with("pid: k of row 2 = -2.5: must be of the sign"));
+    /// assert_eq!(loop_.schedule("pid")?[1].k, 2.5);
+    /// # Ok::<(), glapp_sim::GraphError>(())
+    /// ```
+    pub fn set_schedule(&mut self, module: &str, rows: &[Gains<f64>]) -> Result<(), GraphError> {
+        let i = self.node(module)?;
+        self.nodes[i].live.set_schedule(rows).map_err(|refusal| self.refused(i, "schedule", refusal))
     }
 
     /// Makes a detector forget all its detections.
@@ -348,6 +377,13 @@ impl Graph {
         let (module, name) = path.split_once('.').unwrap_or((path, "out"));
         let i = self.node(module)?;
         self.nodes[i].read(name).map(|_| (i, name.into())).ok_or_else(|| self.unknown(i, name))
+    }
+
+    fn refused(&self, i: usize, name: &str, refusal: Refusal) -> GraphError {
+        match refusal {
+            Refusal::NoName => self.unknown(i, name),
+            Refusal::Value(error) => GraphError::Parameter { module: self.nodes[i].name.clone(), error },
+        }
     }
 
     fn unknown(&self, i: usize, name: &str) -> GraphError {

@@ -548,6 +548,22 @@ impl Live {
         }
         let mut changed = self.module.clone();
         changed.values[at] = value;
+        self.change(changed)
+    }
+
+    /// The gain schedule, where the module can have one.
+    pub(crate) fn schedule(&self) -> Option<&[Gains<f64>]> {
+        matches!(self.block, Block::PidAdvanced(_)).then_some(&self.module.schedule)
+    }
+
+    /// Sets the gain schedule, all rows at once.
+    pub(crate) fn set_schedule(&mut self, rows: &[Gains<f64>]) -> Result<(), Refusal> {
+        self.schedule().ok_or(Refusal::NoName)?;
+        self.change(Module { schedule: rows.to_vec(), ..self.module.clone() })
+    }
+
+    /// Puts new parameters in force, where they are within their bounds. What it remembers stays.
+    fn change(&mut self, changed: Module) -> Result<(), Refusal> {
         let fresh = make(&changed, self.h, false).map_err(Refusal::Value)?;
         match (&mut self.block, fresh) {
             (Block::Noise(to, _), Block::Noise(from, _)) => *to = from,

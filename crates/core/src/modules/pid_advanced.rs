@@ -10,6 +10,16 @@ use crate::{CompensationSettings, ParameterError, Real};
 /// The most rows of a gain schedule.
 pub const SCHEDULE_ROWS: usize = 8;
 
+/// What an error calls the parameters of each row.
+const NAMES: [[&str; 4]; SCHEDULE_ROWS] = {
+    macro_rules! names {
+        ($($row:literal)*) => {
+            [$([concat!("at of row ", $row), concat!("k of row ", $row), concat!("ti of row ", $row), concat!("td of row ", $row)]),*]
+        };
+    }
+    names!(1 2 3 4 5 6 7 8)
+};
+
 /// A row of a gain schedule: the controller's gains where the scheduling variable is `at`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Gains<R> {
@@ -97,12 +107,12 @@ impl<R: Real> PidAdvanced<R> {
         require("sp_rate", sp_rate, sp_rate > R::ZERO, "greater than 0 per second")?;
         require("rows", R::of(rows as f64), rows <= SCHEDULE_ROWS, "at most 8")?;
         let mut slowest = pid;
-        for (i, row) in schedule[..rows].iter().enumerate() {
+        for (i, (row, [at, k, ti, td])) in schedule[..rows].iter().zip(NAMES).enumerate() {
             let ascending = i == 0 || row.at > schedule[i - 1].at;
-            require("at", row.at, ascending, "greater than in the row before")?;
-            require("k", row.k, row.k * pid.k > R::ZERO, "of the sign of the controller's own k, and not 0")?;
-            require("ti", row.ti, row.ti > R::ZERO, "greater than 0 s")?;
-            require("td", row.td, row.td >= R::ZERO, "0 s or greater")?;
+            require(at, row.at, ascending, "a number greater than in the row before")?;
+            require(k, row.k, row.k * pid.k > R::ZERO, "of the sign of the controller's own k, and not 0")?;
+            require(ti, row.ti, row.ti > R::ZERO, "greater than 0 s")?;
+            require(td, row.td, row.td >= R::ZERO, "0 s or greater")?;
             let first = i == 0;
             slowest.ti = if first { row.ti } else { slowest.ti.greater(row.ti) };
             slowest.k = if first || row.k.magnitude() > slowest.k.magnitude() { row.k } else { slowest.k };

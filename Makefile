@@ -45,6 +45,8 @@ bench: setup $(VENV)/.bench
 	$(BIN)/python bench/sim.py
 	$(BIN)/python bench/tuning.py
 	$(BIN)/python bench/fit.py
+	$(BIN)/python bench/scan.py
+	$(BIN)/python bench/size.py
 
 $(VENV)/.bench: pyproject.toml $(VENV)/.tools
 	$(BIN)/pip install --quiet --group bench

@@ -1,7 +1,7 @@
-"""Instructions of one scan of PidAdvanced with detector and compensation, counted by callgrind: `python bench/scan.py`.
+"""Instructions of one scan of PidAdvanced with detector and compensation, and of AutoTuner: `python bench/scan.py`.
 
-The program `bench/scan.rs` scans a loop with a gap until it has many detections; callgrind counts the instructions of
-each scan apart. A PLC must find time for the worst.
+The program `bench/scan.rs` scans a loop with a gap until it has many detections, and a relay experiment to its end;
+callgrind counts the instructions of each scan apart. A PLC must find time for the worst.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ import json
 import shutil
 import statistics
 import subprocess
-import sys
 import tempfile
 from pathlib import Path
 
@@ -27,11 +26,10 @@ def program() -> str:
     )
 
 
-def scans(path: str) -> list[int]:
-    """Instructions of each scan, in order."""
+def scans(path: str, function: str) -> list[int]:
+    """Instructions of each call of a function of the program, in order."""
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "scan"
-        function = "scan::one_scan"
         valgrind = ["valgrind", "--tool=callgrind", f"--callgrind-out-file={out}", "--compress-strings=no"]
         counted = [f"--toggle-collect={function}", f"--dump-after={function}"]
         subprocess.run([*valgrind, *counted, path], check=True, capture_output=True)
@@ -43,12 +41,16 @@ def scans(path: str) -> list[int]:
 def main() -> None:
     """Print median and worst."""
     if shutil.which("valgrind") is None:
-        sys.exit("valgrind is not installed: apt-get install valgrind")
-    counts = scans(program())
-    median, worst = statistics.median(counts), max(counts)
-    print(
-        f"{len(counts)} scans: median {median:.0f} instructions, worst {worst}, {worst / median:.2f} times the median"
-    )
+        print("instructions of a scan are not counted: valgrind is not installed (apt-get install valgrind)")
+        return
+    path = program()
+    for module, function in (("PidAdvanced", "scan::pid_advanced"), ("AutoTuner", "scan::auto_tuner")):
+        counts = scans(path, function)
+        median, worst = statistics.median(counts), max(counts)
+        print(
+            f"{module}, {len(counts)} scans: median {median:.0f} instructions, worst {worst}, "
+            f"{worst / median:.2f} times the median"
+        )
 
 
 if __name__ == "__main__":

@@ -1,48 +1,40 @@
-//! Scans of the controller with detector and compensation, one call each, for `bench/scan.py` to count their
-//! instructions.
+//! Scans of the controller with detector and compensation, and of the autotuner, one call each, for `bench/scan.py` to
+//! count their instructions.
 
-use glapp_core::modules::{Mode, PidAdvanced, PidAdvancedSettings, PidAdvancedState, PidSettings};
-use glapp_core::{
-    Backlash, BacklashState, Backward, CompensationSettings, Forward, Noise, NoiseState, Saturation, Way,
+use glapp_core::modules::{
+    AutoTuner, AutoTunerState, Mode, PidAdvanced, PidAdvancedState, ProcessSim, ProcessSimState,
 };
+use glapp_core::{Backlash, BacklashState, Backward, Forward, Noise, NoiseState};
 use std::hint::black_box;
 
-/// The function that is counted.
+mod settings;
+
+/// A scan of the controller.
 #[inline(never)]
-fn one_scan(pid: &PidAdvanced<f64>, state: &mut PidAdvancedState<f64>, pv: f64) -> f64 {
+fn pid_advanced(pid: &PidAdvanced<f64>, state: &mut PidAdvancedState<f64>, pv: f64) -> f64 {
     let zero = Forward::from(0.0);
     let u = pid.forward(state, pv.into(), 50.0.into(), zero, zero, 0.1);
     pid.backward(state, black_box(Backward::default()));
     u.value
 }
 
-fn main() {
-    let settings = PidSettings { tf: 0.2, low: 0.0, high: 100.0, ..PidSettings::ideal(2.0, 2.0, 0.0) };
-    let compensation = CompensationSettings {
-        way: Way::Inverse,
-        k: 2.0,
-        size: 1.0,
-        share: 1.0,
-        limit: 1.0,
-        band: 0.1,
-        tf: 0.2,
-        rate: 5.0,
-        release: 2.0,
-        watch: 1000.0,
-        travel: 1e9,
-        reversals: 1e9,
-        withdraw: true,
-        limits: Saturation::none(),
-    };
-    let advanced =
-        PidAdvancedSettings { kp: Some(1.0), compensation: Some(compensation), ..PidAdvancedSettings::new(settings) };
-    let pid = PidAdvanced::new(advanced).expect("settings within their bounds");
+/// A scan of the autotuner.
+#[inline(never)]
+fn auto_tuner(tuner: &AutoTuner<f64>, state: &mut AutoTunerState<f64>, pv: f64) -> f64 {
+    let op = tuner.forward(state, 50.0.into(), pv.into(), 0.1);
+    tuner.backward(state, black_box(Backward::default()));
+    op.value
+}
+
+/// A loop with a gap, until there are many detections.
+fn detections(noise: &Noise<f64>) {
+    let pid = PidAdvanced::new(settings::controller()).expect("settings within their bounds");
     let mut state = PidAdvancedState::at(50.0);
     (state.pid.mode, state.detection.compensate) = (Mode::External, true);
-    let (gap, noise) = (Backlash::new(2.0).expect("a width"), Noise::new(0.1).expect("an amplitude"));
+    let gap = Backlash::new(2.0).expect("a width");
     let (mut position, mut integer, mut lags) = (BacklashState::default(), NoiseState::default(), [52.0, 52.0]);
     for _ in 0..3000 {
-        let u = one_scan(&pid, &mut state, noise.update(&mut integer, lags[1]));
+        let u = pid_advanced(&pid, &mut state, noise.update(&mut integer, lags[1]));
         let x = gap.update(&mut position, u) + 5.0;
         lags[0] += (x - lags[0]) * 0.1 / 3.1;
         lags[1] += (lags[0] - lags[1]) * 0.1 / 1.1;
@@ -50,4 +42,30 @@ fn main() {
     let shown = state.detection.whole.expect("detections");
     println!("a state in f32: {} bytes", size_of::<PidAdvancedState<f32>>());
     println!("{} detections, {:.2} %", state.detection.detector.accepted(), shown.value);
+}
+
+/// A relay experiment, from before its beginning to after its end.
+fn experiment(noise: &Noise<f64>) {
+    let tuner = AutoTuner::new(settings::experiment()).expect("settings within their bounds");
+    let process = ProcessSim::<f64, 16>::new(1.0, 3.0, 1.0, 1.0, 0.1).expect("a process");
+    let (mut lags, mut integer) = (ProcessSimState::at_rest(50.0), NoiseState::default());
+    let mut state = AutoTunerState::default();
+    let mut after = 0;
+    for scan in 0.. {
+        state.run |= scan == 10;
+        let pv = noise.update(&mut integer, process.output(&lags).value);
+        let op = auto_tuner(&tuner, &mut state, pv);
+        process.forward(&mut lags, op.into(), 0.0.into());
+        after += i32::from(state.experiment.found.is_some() && !state.run);
+        if after == 10 || scan == 20_000 {
+            break;
+        }
+    }
+    println!("{:?}", state.experiment.found.expect("an experiment that is done"));
+}
+
+fn main() {
+    let noise = Noise::new(0.1).expect("an amplitude");
+    detections(&noise);
+    experiment(&noise);
 }

@@ -43,6 +43,12 @@ def sections(*flags: str) -> dict[str, int]:
 
 def main() -> None:
     """Print the sums, and the scan's own part."""
+    library = subprocess.run(
+        ["rustc", "--print", "target-libdir", "--target", TARGET], check=True, capture_output=True, text=True
+    ).stdout
+    if not Path(library.strip()).exists():
+        print(f"code is not weighed: the target is not installed (rustup target add {TARGET})")
+        return
     for name, *flags in (("PidAdvanced",), ("AutoTuner", "--cfg", "experiment")):
         found = sections(*flags)
         scan = next(size for section, size in found.items() if "4scan" in section)

@@ -2,38 +2,19 @@
 
 use glapp_core::auto_tuner::Phase;
 use glapp_core::modules::{
-    Gains, Mode, PidAdvanced, PidAdvancedSettings, PidAdvancedState, PidSettings, ProcessSim, ProcessSimState,
-    SCHEDULE_ROWS,
+    Gains, Mode, PidAdvanced, PidAdvancedSettings, PidAdvancedState, ProcessSim, ProcessSimState, SCHEDULE_ROWS,
 };
-use glapp_core::{
-    AutoTuner, AutoTunerSettings, AutoTunerState, Backlash, BacklashState, Backward, CompensationSettings, Noise,
-    NoiseState, Saturation, Way,
-};
+use glapp_core::{AutoTuner, AutoTunerState, Backlash, BacklashState, Backward, Noise, NoiseState};
+
+#[path = "../../../bench/settings.rs"]
+mod settings;
 
 #[test]
 fn a_loop_of_modules_scans_without_allocation() {
     let mut schedule = [Gains::default(); SCHEDULE_ROWS];
     schedule[0] = Gains { at: 0.0, k: 2.0, ti: 2.0, td: 0.0 };
     schedule[1] = Gains { at: 100.0, k: 2.5, ti: 2.0, td: 0.0 };
-    let compensation = CompensationSettings {
-        way: Way::Inverse,
-        k: 2.0,
-        size: 1.0,
-        share: 1.0,
-        limit: 1.0,
-        band: 0.1,
-        tf: 0.2,
-        rate: 5.0,
-        release: 2.0,
-        watch: 1000.0,
-        travel: 1e9,
-        reversals: 1e9,
-        withdraw: true,
-        limits: Saturation::none(),
-    };
-    let settings = PidSettings { tf: 0.2, low: 0.0, high: 100.0, ..PidSettings::ideal(2.0, 2.0, 0.0) };
-    let advanced =
-        PidAdvancedSettings { kp: Some(1.0), compensation: Some(compensation), ..PidAdvancedSettings::new(settings) };
+    let advanced = settings::controller();
     let scheduled = PidAdvancedSettings { schedule, rows: 2, ..advanced };
     for settings in [advanced, scheduled] {
         let pid = PidAdvanced::new(settings).unwrap();
@@ -66,17 +47,7 @@ fn a_loop_of_modules_scans_without_allocation() {
 
 #[test]
 fn a_relay_experiment_runs_without_allocation() {
-    let tuner = AutoTuner::new(AutoTunerSettings {
-        amplitude: 6.0,
-        hysteresis: None,
-        d: 0.0,
-        wait: 20.0,
-        longest: 900.0,
-        max_h: 0.5,
-        pv: (0.0, 100.0),
-        op: (0.0, 100.0),
-    })
-    .unwrap();
+    let tuner = AutoTuner::new(settings::experiment()).unwrap();
     let process = ProcessSim::<f64, 16>::new(1.0, 3.0, 1.0, 1.0, 0.1).unwrap();
     let (mut lags, mut state) = (ProcessSimState::at_rest(50.0), AutoTunerState::default());
     let counted = allocation_counter::measure(|| {

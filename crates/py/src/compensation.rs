@@ -8,66 +8,34 @@ use glapp_core::{
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-/// Settings as Python has them; without limits: none.
-#[derive(FromPyObject)]
-#[pyo3(from_item_all)]
-pub struct PySettings {
-    way: String,
-    k: f64,
-    size: f64,
-    share: f64,
-    limit: f64,
-    band: f64,
-    tf: f64,
-    rate: f64,
-    release: f64,
-    watch: f64,
-    travel: f64,
-    reversals: f64,
-    withdraw: bool,
-    limits: Option<(f64, f64)>,
+/// Settings as a scenario has them, in a dict.
+pub fn settings(given: &Bound<'_, PyAny>) -> PyResult<CompensationSettings<f64>> {
+    let number = |name| given.get_item(name)?.extract::<f64>();
+    Ok(CompensationSettings {
+        way: named(&given.get_item("way")?.extract::<String>()?)?,
+        k: number("k")?,
+        size: number("size")?,
+        share: number("share")?,
+        limit: number("limit")?,
+        band: number("band")?,
+        tf: number("tf")?,
+        rate: number("rate")?,
+        release: number("release")?,
+        watch: number("watch")?,
+        travel: number("travel")?,
+        reversals: number("reversals")?,
+        withdraw: given.get_item("withdraw")?.extract()?,
+        limits: within(given.get_item("limits")?.extract()?)?,
+    })
 }
 
-impl TryFrom<PySettings> for CompensationSettings<f64> {
-    type Error = PyErr;
+fn named(way: &str) -> PyResult<Way> {
+    let unknown = || PyValueError::new_err(format!("way = {way}: must be error, derivative or inverse"));
+    Way::ALL.into_iter().find(|one| one.name() == way).ok_or_else(unknown)
+}
 
-    fn try_from(s: PySettings) -> PyResult<Self> {
-        let PySettings {
-            way,
-            k,
-            size,
-            share,
-            limit,
-            band,
-            tf,
-            rate,
-            release,
-            watch,
-            travel,
-            reversals,
-            withdraw,
-            limits,
-        } = s;
-        let named = Way::ALL.into_iter().find(|one| one.name() == way);
-        let unknown = || PyValueError::new_err(format!("way = {way}: must be error, derivative or inverse"));
-        let limits = limits.map_or(Ok(Saturation::none()), |(low, high)| Saturation::new(low, high));
-        Ok(Self {
-            way: named.ok_or_else(unknown)?,
-            limits: limits.map_err(refused)?,
-            k,
-            size,
-            share,
-            limit,
-            band,
-            tf,
-            rate,
-            release,
-            watch,
-            travel,
-            reversals,
-            withdraw,
-        })
-    }
+fn within(limits: Option<(f64, f64)>) -> PyResult<Saturation<f64>> {
+    limits.map_or(Ok(Saturation::none()), |(low, high)| Saturation::new(low, high)).map_err(refused)
 }
 
 /// Feed-forward that carries the valve through its gap whenever it is reversed (thesis 2.2).
@@ -138,8 +106,9 @@ impl Compensation {
         withdraw: bool,
         limits: Option<(f64, f64)>,
     ) -> PyResult<Self> {
-        let settings = PySettings {
-            way,
+        let settings = CompensationSettings {
+            way: named(&way)?,
+            limits: within(limits)?,
             k,
             size,
             share,
@@ -152,9 +121,8 @@ impl Compensation {
             travel,
             reversals,
             withdraw,
-            limits,
         };
-        let block = glapp_core::Compensation::new(settings.try_into()?).map_err(refused)?;
+        let block = glapp_core::Compensation::new(settings).map_err(refused)?;
         Ok(Self { block, state: CompensationState::default() })
     }
 

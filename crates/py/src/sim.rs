@@ -10,7 +10,7 @@ use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1, PyReadwriteArray1, PyReadwr
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-use crate::compensation::PySettings;
+use crate::compensation::settings;
 use crate::detector::{Settings, detector};
 
 /// A piece of a signal as Python has it: a dict of its kind and its numbers.
@@ -81,7 +81,7 @@ pub struct PyScenario<'py> {
     load: Vec<PyPiece<'py>>,
     manual: Vec<(f64, f64, Option<f64>)>,
     bad: Vec<(f64, f64)>,
-    compensation: Option<PyCompensated>,
+    compensation: Option<PyCompensated<'py>>,
     outer: Option<PyOuter<'py>>,
     jitter: f64,
     lost: f64,
@@ -96,8 +96,8 @@ type PyController = (f64, f64, f64, f64, f64, Option<(f64, f64)>);
 /// Compensation as Python has it.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-struct PyCompensated {
-    settings: PySettings,
+struct PyCompensated<'py> {
+    settings: Bound<'py, PyAny>,
     from: f64,
 }
 
@@ -124,8 +124,8 @@ fn signal(pieces: Vec<PyPiece<'_>>) -> Signal {
     pieces.into_iter().map(Piece::from).collect()
 }
 
-fn compensated(given: PyCompensated) -> PyResult<Compensated> {
-    Ok(Compensated { settings: given.settings.try_into()?, from: given.from })
+fn compensated(given: PyCompensated<'_>) -> PyResult<Compensated> {
+    Ok(Compensated { settings: settings(&given.settings)?, from: given.from })
 }
 
 impl TryFrom<PyScenario<'_>> for Scenario {

@@ -26,6 +26,7 @@ from glapp.modules import (
     PidAdvanced,
     Plant,
     ProcessSim,
+    RateLimit,
     Saturation,
 )
 
@@ -213,6 +214,45 @@ def test_a_limit_beyond_a_slave_stops_the_masters_integral() -> None:
     # Both leave the limit at once.
     assert int(np.argmax(back < 59.0)) * 0.2 < 5.0
     assert loop["sp.flags"] == 0.0
+
+
+def with_actuator(rate: float) -> Graph:
+    """The loop of 6.5 with an actuator that moves by `rate` a second, and a controller that gives the setpoint."""
+    modules = {
+        "sp": Input(50.0),
+        "master": Pid(k=0.5, ti=20.0, start=50.0),
+        "pid": PidAdvanced(k=2.0, ti=2.0, tf=0.2, kp=1.0, start=50.0),
+        "actuator": RateLimit(rate),
+        "gap": Backlash(2.0),
+        "load": Input(),
+        "process": ProcessSim(1.0, 3.0, 1.0, start=50.0),
+        "noise": Noise(0.1),
+    }
+    wires = ["sp -> master.sp", "noise -> master.pv", "master -> pid.sp"]
+    return Graph(0.1, modules, [*wires, "pid -> actuator -> gap -> process -> noise -> pid.pv", "load -> process.load"])
+
+
+def test_a_slow_actuator_stops_the_controllers_before_it() -> None:
+    for rate in (2.0, 1e6):
+        loop = with_actuator(rate)
+        loop.run(60)
+        seen = loop.run(3, record=["pid", "actuator", "pid.flags", "sp.flags"], sp=np.full(30, 70.0))
+        told = [Flag.AT_HIGH in Flag(int(seen[name][5])) for name in ("pid.flags", "sp.flags")]
+        assert told == [rate == 2.0] * 2, "the controller before it, and whoever gives the setpoint"
+        waits = np.ptp(seen["pid"][1:10]) == 0.0 and seen["pid"][1] - seen["actuator"][1] > 1.0
+        assert waits == (rate == 2.0), "no further while it is on its way"
+
+
+def test_half_periods_with_a_slow_actuator_are_none() -> None:
+    load = 5.0 * (np.arange(10_000) // 2000 % 2)
+    found = []
+    for rate in (0.05, 1e6):
+        loop = with_actuator(rate)
+        loop["pid.sp"] = 50.0
+        loop["pid.mode"] = Mode.AUTO
+        loop.run(1000, load=load)
+        found.append(loop["pid.detections"])
+    assert found[0] == 0 and found[1] > 10, found
 
 
 # --- The thesis -------------------------------------------------------------------------------------------------------

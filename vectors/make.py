@@ -1688,6 +1688,7 @@ class _Controller:
             begin = self.yf if self.last is None else self.ysp
             self.ysp = max(min(self.sp, begin + sp_rate * h), begin - sp_rate * h)
 
+        self.held_back = 0
         if tracked:
             self.output = tracking
         elif by_hand:
@@ -1700,7 +1701,7 @@ class _Controller:
         self.manual = self.manual if self.mode == MANUAL else self.output
         self.told = back
         self.flags = FLAG_NOT_AUTO if by_hand or blind else 0
-        self.flags |= (4 if self.output <= limits[0] else 0) | (8 if self.output >= limits[1] else 0)
+        self.flags |= (4 if self.output <= limits[0] else 0) | (8 if self.output >= limits[1] else 0) | self.held_back
         self.flags |= int(back[2]) & (FLAG_NOT_AUTO | 4 | 8)
         self.error = error
         return [self.output, self.ysp, self.yf, error, self.flags]
@@ -1756,6 +1757,7 @@ class _Controller:
         i = self.integral + k * h / ti * (self.ysp - self.yf)
         v = k * (self.b * self.ysp - self.yf) - slope + i
         u = _within(v, low - beyond, high - beyond)
+        self.held_back = ((4 if u <= low - beyond else 0) | (8 if u >= high - beyond else 0)) & ~reported
         self.integral = i + (u - v) * (h / (ti + h))
         self.y_old = self.yf
         return _within(u + beyond, low, high)
@@ -1798,6 +1800,10 @@ def pid_module_cases() -> Iterator[dict[str, Any]]:
     jumps = [0.0 if i in (7, 8) else 9.0 if i == 20 else 0.1 for i in range(60)]
     yield case("time that jumps and stands still", ["Gap", "Bump"], full, rows(), h=jumps)
     yield case("a rate", ["Rate"], full | {"rate": 0.5}, modes, h=0.1)
+    fed = rows(ff={i: 0.3 if i % 20 < 10 else -0.3 for i in range(60)}, flags={i: 8.0 for i in range(10, 16)})
+    yield case(
+        "a rate, with feed-forward, and a limit further on", ["Rate", "Limits"], full | {"rate": 2.0}, fed, h=0.1
+    )
     feed = rows(ff={i: 0.3 if i % 20 < 10 else -0.3 for i in range(60)})
     yield case("feed-forward", ["FeedForward"], full, feed, h=0.1)
     reported = rows(flags={i: 8.0 if i < 20 else 4.0 for i in range(5, 40)})
@@ -1893,6 +1899,7 @@ def pid_advanced(params: Params, h: Sequence[float], samples: Sequence[Sequence[
     slowest = max((row[2] for row in rows), default=ti)
     tf = 0.0 if controller.tf > 0.0 else slowest / 10.0
     detection = _Detection(params, widest, slowest, None if rows else td, tf)
+    detection.compensation["rate"] = min(detection.compensation["rate"], controller.rate / 2.0)
     by, outputs = 0.0, []
     for step, (pv, sp, given, mode, manual, told, enable) in zip(h, samples, strict=True):
         by = given if math.isfinite(given) else by
@@ -1962,6 +1969,7 @@ def pid_advanced_cases() -> Iterator[dict[str, Any]]:
     yield case("PID", [], limited | {"td": 0.2, "b": 0.3}, plain, h=0.25)
     yield case("compensation", ["Compensation"], compensating, plain, h=0.25)
     yield case("compensation in a PID", ["Compensation"], compensating | {"td": 0.2}, plain, h=0.25)
+    yield case("compensation within a rate", ["Compensation", "Rate"], compensating | {"rate": 5.0}, plain, h=0.25)
     steps = [[pv, 52.0 if i >= 100 else 50.0, *rest] for i, (pv, _, *rest) in enumerate(plain)]
     yield case("a ramp of the setpoint", ["Ramp"], limited | {"sp_rate": 0.05}, steps, h=0.25)
     schedule = {"at1": 0.0, "k1": 0.5, "ti1": 1.0, "td1": 0.0, "at2": 10.0, "k2": 0.9, "ti2": 0.8, "td2": 0.1}
@@ -2036,6 +2044,7 @@ BLOCKS: dict[
         {
             "Compensation": "u_FF taken for the controller's own output",
             "Ramp": "a setpoint that the detector sees before it is in effect",
+            "Rate": "a rate that limits and is not told, or that u_FF takes up alone",
             "Schedule": "a row taken too early or too late, or a bump between two",
         },
     ),

@@ -67,6 +67,7 @@ __all__ = [
     "PidAdvanced",
     "Plant",
     "ProcessSim",
+    "RateLimit",
     "Saturation",
     "Way",
 ]
@@ -120,7 +121,8 @@ class Flag(enum.IntFlag):
     BAD
         A value is bad: not a number, or flagged so.
     AT_LOW, AT_HIGH
-        Something further on is at its lower, upper limit (`MinReached`, `MaxReached`).
+        Something further on is at its lower, upper limit (`MinReached`, `MaxReached`), or moves down, up as fast as it
+        can.
     GAP
         The time since the last scan is not above 0, or longer than `max_h`.
     BAD_SP, BAD_FF
@@ -231,6 +233,19 @@ class Saturation(Module):
 
     low: float
     high: float
+
+
+@dataclass(frozen=True)
+class RateLimit(Module):
+    """Speed of an actuator: the signal moves by at most so much a second; those before are told while it holds it back.
+
+    Parameters
+    ----------
+    rate : float
+        > 0 [unit of the signal per second].
+    """
+
+    rate: float
 
 
 @dataclass(frozen=True)
@@ -407,7 +422,7 @@ class PidAdvanced(_Compensating, Pid):
         Gains by the signal connected to `by`, linear between the rows; at most 8, `at` ascending, k of one sign. The
         width is then taken from the output's own travel. `Graph.set_schedule` edits it while it runs.
     comp_size, comp_way, comp_share, comp_limit, comp_band, comp_tf : float
-        Compensation, as in `BacklashDetection`.
+        Compensation, as in `BacklashDetection`; it takes at most half of `rate`.
     comp_rate, comp_release, comp_watch, comp_travel, comp_reversals, comp_withdraw : float, optional
         Likewise.
     """

@@ -1,7 +1,10 @@
 //! Control connections: what modules tell one another, forward and backward.
 
 use crate::half_period::{AT_HIGH, AT_LOW, BAD, NOT_AUTO};
-use crate::{Backlash, BacklashState, Noise, NoiseState, Real, Saturation, SecondOrderFilter, SecondOrderFilterState};
+use crate::{
+    Backlash, BacklashState, Noise, NoiseState, RateLimit, RateLimitState, Real, Saturation, SecondOrderFilter,
+    SecondOrderFilterState,
+};
 
 /// What a module hands on to the next one.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -39,6 +42,7 @@ impl<R: Real> From<R> for Forward<R> {
 /// |---|---|---|
 /// | [`AT_LOW`] | something further on is at its lower limit: a lower value has no effect | `MinReached` |
 /// | [`AT_HIGH`] | the same at the upper limit | `MaxReached` |
+/// | either of them | something further on moves as fast as it can that way | |
 /// | [`NOT_AUTO`] | the value is not followed: `tracking` is in effect instead | |
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -75,7 +79,7 @@ impl<R: Real> Backward<R> {
 }
 
 // Blocks that stand in a connection. They hand on the flags of what they get, and what comes back passes them unchanged,
-// save at a `Saturation`.
+// save at a `Saturation` and a `RateLimit`.
 
 impl<R: Real> Noise<R> {
     /// [`update`](Self::update) in a connection.
@@ -129,10 +133,35 @@ impl<R: Real> Saturation<R> {
         }
     }
 
+    /// [`AT_LOW`] and [`AT_HIGH`], where `x` lies beyond a limit.
+    #[inline(always)]
+    pub(crate) fn beyond(&self, x: R) -> u8 {
+        (if x < self.low { AT_LOW } else { 0 }) | (if x > self.high { AT_HIGH } else { 0 })
+    }
+
     /// [`AT_LOW`] and [`AT_HIGH`], where `x` has reached a limit.
     #[inline(always)]
     pub fn reached(&self, x: R) -> u8 {
         (if x <= self.low { AT_LOW } else { 0 }) | (if x >= self.high { AT_HIGH } else { 0 })
+    }
+}
+
+impl<R: Real> RateLimit<R> {
+    /// [`update`](Self::update) in a connection; a bad value leaves the output where it is.
+    #[inline(always)]
+    pub fn forward(&self, state: &mut RateLimitState<R>, x: Forward<R>, h: R) -> Forward<R> {
+        if x.is_good() {
+            Forward::new(self.update(state, x.value, h), x.flags)
+        } else {
+            Forward::new(if state.started { state.output } else { x.value }, x.flags | BAD)
+        }
+    }
+
+    /// Tells those before it that its output has not come as far as its input `x`: farther that way has no effect yet.
+    #[inline(always)]
+    pub fn backward(&self, state: &RateLimitState<R>, x: R, back: Backward<R>) -> Backward<R> {
+        let now = Saturation { low: state.output, high: state.output };
+        Backward { flags: back.flags | now.beyond(x), ..back }
     }
 }
 
@@ -173,6 +202,23 @@ mod tests {
         assert_eq!(told, Backward { low: 0.0, high: 90.0, flags: NOT_AUTO | AT_HIGH, tracking: 7.0 });
         assert_eq!(valve.backward(50.0, Backward::default()).flags, 0);
         assert_eq!(valve.backward(-1.0, Backward::default()).flags, AT_LOW);
+    }
+
+    #[test]
+    fn a_rate_that_limits_is_told_backward_until_it_has_caught_up() {
+        let actuator = RateLimit::new(2.0).unwrap();
+        let mut state = RateLimitState::at(50.0);
+        let mut told = |x: f64| {
+            let y = actuator.forward(&mut state, x.into(), 1.0);
+            let back = actuator.backward(&state, x, Backward { high: 90.0, tracking: 7.0, ..Backward::default() });
+            assert_eq!((back.low, back.high, back.tracking), (-f64::LARGEST, 90.0, 7.0));
+            (y.value, y.flags, back.flags)
+        };
+        assert_eq!(told(55.0), (52.0, 0, AT_HIGH));
+        assert_eq!(told(53.0), (53.0, 0, 0));
+        assert_eq!(told(55.0), (55.0, 0, 0)); // as fast as it can, and it holds nothing back
+        assert_eq!(told(40.0), (53.0, 0, AT_LOW));
+        assert_eq!(told(f64::NAN), (53.0, BAD, 0));
     }
 
     #[test]

@@ -392,6 +392,94 @@ fn the_rate_holds_in_auto_and_manual() {
 }
 
 #[test]
+fn a_rate_that_holds_back_is_told_like_a_limit_until_the_output_has_caught_up() {
+    for sign in [1.0, -1.0] {
+        let (up, down) = if sign > 0.0 { (AT_HIGH, AT_LOW) } else { (AT_LOW, AT_HIGH) };
+        let mut rig = Rig::new(PidSettings { rate: 3.0, ..PidSettings::ideal(2.0 * sign, 5.0, 0.0) });
+        rig.state.mode = Mode::External;
+        rig.scan();
+        rig.sp = 51.0.into();
+        let (mut last, mut scans) = (rig.state.output, 0);
+        loop {
+            let u = rig.pid.forward(&mut rig.state, rig.pv, rig.sp, rig.ff, rig.h).value;
+            let (sp, ff) = rig.pid.backward(&mut rig.state, rig.back);
+            if ff.flags == 0 {
+                assert!((u - last).abs() < 3.0 * H);
+                break;
+            }
+            // Told forward to whoever stands before, and seen from the setpoint in its own direction.
+            assert_eq!((rig.state.flags, ff.flags, sp.flags), (up, up, AT_HIGH));
+            assert!((u - last - 3.0 * H * sign).abs() < 1e-12);
+            (last, scans) = (u, scans + 1);
+        }
+        // 2·(1 + t/5) of 3t: 0.77 s.
+        assert_eq!(scans, 7);
+        rig.sp = 49.0.into();
+        rig.scan();
+        assert_eq!(rig.state.flags, down);
+        (rig.state.mode, rig.state.manual) = (Mode::Manual, 90.0);
+        rig.scan();
+        assert_eq!(rig.state.flags, NOT_AUTO, "in manual nobody before can do anything about it");
+    }
+}
+
+#[test]
+fn a_half_period_in_which_the_rate_limits_is_none() {
+    let found = |rate: f64| {
+        let pid = PidAdvanced::new(PidAdvancedSettings::new(PidSettings { rate, ..PidSettings::ideal(2.0, 1.0, 0.0) }));
+        let (pid, mut state) = (pid.unwrap(), PidAdvancedState::at(40.0));
+        state.pid.mode = Mode::External;
+        for k in 0..1500 {
+            pid.forward(&mut state, cycle(k).into(), 50.0.into(), 0.0.into(), 0.0.into(), H);
+            pid.backward(&mut state, Backward::default());
+        }
+        (state.detection.detector.accepted(), state.detection.last.unwrap().reason())
+    };
+    let free = found(1e6);
+    assert!(free.0 > 10 && free.1 == Reason::Accepted, "{free:?}");
+    assert_eq!(found(1.5), (0, Reason::Saturated));
+}
+
+#[test]
+fn a_ramp_of_the_setpoint_is_told_to_whoever_gives_it_and_not_to_the_detector() {
+    let advanced = PidAdvancedSettings { sp_rate: 2.0, ..PidAdvancedSettings::new(settings()) };
+    let advanced = PidAdvanced::new(advanced).unwrap();
+    let mut state = PidAdvancedState::at(50.0);
+    state.pid.mode = Mode::External;
+    let mut told = |sp: f64| {
+        advanced.forward(&mut state, 50.0.into(), sp.into(), 0.0.into(), 0.0.into(), H);
+        let (sp, ff) = advanced.backward(&mut state, Backward::default());
+        (sp.flags, ff.flags)
+    };
+    assert_eq!([50.0, 50.3, 50.3, 49.9, 49.9].map(&mut told), [(0, 0), (AT_HIGH, 0), (0, 0), (AT_LOW, 0), (0, 0)]);
+}
+
+#[test]
+fn compensation_leaves_half_of_the_rate_to_the_controller() {
+    let of = |rate: f64| {
+        let compensation = compensating().settings().compensation;
+        let pid = PidSettings { rate, ..settings() };
+        PidAdvanced::new(PidAdvancedSettings { compensation, ..PidAdvancedSettings::new(pid) }).unwrap()
+    };
+    for (rate, most) in [(1e6, 2.0), (3.0, 1.5)] {
+        let (pid, mut s) = (of(rate), PidAdvancedState::at(40.0));
+        (s.pid.mode, s.detection.compensate) = (Mode::External, true);
+        let (mut last, mut fastest, mut saw) = (0.0, 0.0_f64, 0.0_f64);
+        for k in 0..400 {
+            let pv = 50.0 + 0.15 * (f64::from(k) / 20.0).sin();
+            pid.forward(&mut s, pv.into(), 50.0.into(), 0.0.into(), 0.0.into(), H);
+            pid.backward(&mut s, Backward::default());
+            let u_ff = s.detection.compensation.u_ff;
+            fastest = fastest.max((u_ff - last).abs() / H);
+            saw = saw.max(u_ff);
+            last = u_ff;
+        }
+        assert!((fastest - most).abs() < 1e-9, "{fastest} for a rate of {rate}");
+        assert!(saw > 0.69, "all of (1.5 − 0.1)/2 in spite of the rate: {saw}");
+    }
+}
+
+#[test]
 fn feed_forward_goes_through_and_within_the_limits() {
     let mut rig = Rig::new(settings());
     rig.state.mode = Mode::External;

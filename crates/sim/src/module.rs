@@ -11,7 +11,7 @@ use glapp_core::modules::{
 };
 use glapp_core::{
     AutoTunerSettings, Backlash, BacklashState, Backward, CompensationSettings, Forward, Noise, NoiseState,
-    ParameterError, Saturation, SecondOrderFilter, SecondOrderFilterState, Way,
+    ParameterError, RateLimit, RateLimitState, Saturation, SecondOrderFilter, SecondOrderFilterState, Way,
 };
 
 /// The most inputs of a module.
@@ -98,7 +98,7 @@ macro_rules! with_compensation {
 }
 const UNKNOWN: Option<f64> = Some(f64::NAN);
 
-static KINDS: [Kind; 12] = [
+static KINDS: [Kind; 13] = [
     Kind {
         name: "Input",
         inputs: &[],
@@ -118,6 +118,7 @@ static KINDS: [Kind; 12] = [
     Kind { name: "Noise", parameters: &[("amplitude", None), ("seed", Some(1.0))], beginnings: &["seed"], ..PLAIN },
     Kind { name: "Backlash", parameters: &[("d", None)], ..PLAIN },
     Kind { name: "Saturation", parameters: &[("low", None), ("high", None)], ..PLAIN },
+    Kind { name: "RateLimit", parameters: &[("rate", None)], ..PLAIN },
     Kind { name: "Filter2P", parameters: &[("tf", None)], ..PLAIN },
     Kind {
         name: "ProcessSim",
@@ -245,6 +246,7 @@ impl Kind {
 /// | `Noise` | in | `amplitude`, `seed` (1) |
 /// | `Backlash` | in | `d` |
 /// | `Saturation` | in | `low`, `high` |
+/// | `RateLimit` | in | `rate` |
 /// | `Filter2P` | in | `tf` |
 /// | `ProcessSim` | in (load) | `gain`, `t1`, `t2` (0), `dead_time` (0), `start` (0), `h` (the graph's) |
 /// | `Plant`, by [`Module::plant`] | in (load) | `start` (0), `h` (the graph's) |
@@ -415,6 +417,7 @@ enum Block {
     Noise(Noise<f64>, NoiseState),
     Backlash(Backlash<f64>, BacklashState<f64>),
     Saturation(Saturation<f64>, f64),
+    RateLimit(RateLimit<f64>, RateLimitState<f64>, f64),
     Filter2P(SecondOrderFilter<f64>, SecondOrderFilterState<f64>),
     ProcessSim(ProcessSim, Box<ProcessSimState>),
     Plant(Box<dyn Process>, f64, f64),
@@ -469,6 +472,10 @@ impl Live {
                 *last = x.value;
                 limits.forward(x)
             }
+            Block::RateLimit(limit, state, last) => {
+                *last = x.value;
+                limit.forward(state, x, h)
+            }
             Block::Filter2P(filter, state) => filter.forward(state, x, h),
             Block::ProcessSim(process, state) => {
                 let now = process.output(state);
@@ -502,6 +509,7 @@ impl Live {
             Block::Output(_, says) => [*says, open, open, open],
             Block::Noise(..) | Block::Backlash(..) | Block::Filter2P(..) => [told, open, open, open],
             Block::Saturation(limits, last) => [limits.backward(*last, told), open, open, open],
+            Block::RateLimit(limit, state, last) => [limit.backward(state, *last, told), open, open, open],
             Block::ProcessSim(..) | Block::Plant(..) => [open; MOST_INPUTS],
             Block::Pid(pid, state) => {
                 let (sp, ff) = pid.backward(state, told);
@@ -569,6 +577,7 @@ impl Live {
             (Block::Noise(to, _), Block::Noise(from, _)) => *to = from,
             (Block::Backlash(to, _), Block::Backlash(from, _)) => *to = from,
             (Block::Saturation(to, _), Block::Saturation(from, _)) => *to = from,
+            (Block::RateLimit(to, ..), Block::RateLimit(from, ..)) => *to = from,
             (Block::Filter2P(to, _), Block::Filter2P(from, _)) => *to = from,
             (Block::ProcessSim(to, _), Block::ProcessSim(from, _)) => *to = from,
             (Block::Pid(to, _), Block::Pid(from, _)) => *to = from,
@@ -745,6 +754,7 @@ fn make(m: &Module, h: f64, external: bool) -> Result<Block, crate::SimError> {
         }
         "Backlash" => Block::Backlash(Backlash::new(m.value("d"))?, BacklashState::default()),
         "Saturation" => Block::Saturation(Saturation::new(m.value("low"), m.value("high"))?, f64::NAN),
+        "RateLimit" => Block::RateLimit(RateLimit::new(m.value("rate"))?, RateLimitState::default(), f64::NAN),
         "Filter2P" => Block::Filter2P(SecondOrderFilter::new(m.value("tf"))?, SecondOrderFilterState::default()),
         "ProcessSim" => {
             let gain = m.value("gain");

@@ -97,7 +97,8 @@ impl<R: Real> PidSettings<R> {
 ///
 /// - its own, and those told backward, whichever are narrower;
 /// - `AT_HIGH` or `AT_LOW` told backward: the output goes no further that way;
-/// - the rate: within ± rate·h of the last output, as far as the limits allow.
+/// - the rate: within ± rate·h of the last output, as far as the limits allow. While it holds the output back it is told as
+///   `AT_HIGH` or `AT_LOW`, in automatic, like any other limit.
 ///
 /// | in this order | the output |
 /// |---|---|
@@ -138,7 +139,8 @@ pub struct PidState<R> {
     pub output: R,
     /// What is wrong: `BAD`, `GAP`, `BAD_SP`, `BAD_FF`, `BAD_LIMITS`; 0 = nothing.
     pub error: u8,
-    /// `AT_LOW`, `AT_HIGH`: the output or something after it is at a limit; `NOT_AUTO`: somebody else sets the output.
+    /// `AT_LOW`, `AT_HIGH`: the output or something after it is at a limit, be it of its rate; `NOT_AUTO`: somebody else sets
+    /// the output.
     pub flags: u8,
     /// The feed-forward in effect.
     pub(super) ff: R,
@@ -265,6 +267,7 @@ impl<R: Real> Pid<R> {
         let [k, ti, td] = gains;
         let gains = [k, ti, td, self.settings.b];
         let law = |limits| self.law.with(k, ti, td, limits);
+        let mut held_back = 0;
         let u = if tracked {
             s.back.tracking
         } else if by_hand {
@@ -291,29 +294,35 @@ impl<R: Real> Pid<R> {
             let beyond = s.ff + weighted;
             let band = self.band(s, limits, s.back.flags, h);
             let shifted = Saturation { low: band.low - beyond, high: band.high - beyond };
+            let v = law(shifted).update(&mut s.law, s.ysp, s.yf, h);
+            // Where only a limit further on holds it, that limit is told in the backward pass.
+            held_back = shifted.reached(v) & !s.back.flags;
             // Shifting and shifting back may cost a bit.
-            band.update(law(shifted).update(&mut s.law, s.ysp, s.yf, h) + beyond)
+            band.update(v + beyond)
         };
         if s.mode != Mode::Manual {
             s.manual = u;
         }
         s.output = u;
         s.error = error;
-        s.flags = limits.reached(u) | if by_hand || error & BLIND != 0 { NOT_AUTO } else { 0 };
+        s.flags = limits.reached(u) | held_back | if by_hand || error & BLIND != 0 { NOT_AUTO } else { 0 };
         s.status = status;
         s.gains = gains;
         Forward::new(u, 0)
     }
 
     /// Takes what the modules after the output tell; gives what setpoint and feed-forward are told. They are told
-    /// [`NOT_AUTO`] unless the controller follows the setpoint handed to it.
+    /// [`NOT_AUTO`] unless the controller follows the setpoint handed to it, and that setpoint has reached a limit while it is
+    /// on its ramp.
     #[inline(always)]
     pub fn backward(&self, s: &mut PidState<R>, back: Backward<R>) -> (Backward<R>, Backward<R>) {
         s.back = back;
         s.flags |= back.flags & (AT_LOW | AT_HIGH | NOT_AUTO);
         let following = if s.mode == Mode::External { s.flags } else { s.flags | NOT_AUTO };
         let ff = Backward { flags: following, tracking: s.output, ..Backward::default() };
-        let sp = Backward { flags: self.seen_from_setpoint(following), tracking: s.ysp, ..Backward::default() };
+        let ramp = if following & NOT_AUTO == 0 { Saturation { low: s.ysp, high: s.ysp }.beyond(s.sp) } else { 0 };
+        let flags = self.seen_from_setpoint(following) | ramp;
+        let sp = Backward { flags, tracking: s.ysp, ..Backward::default() };
         (sp, ff)
     }
 

@@ -48,7 +48,7 @@ pub struct PidAdvancedSettings<R> {
     pub schedule: [Gains<R>; SCHEDULE_ROWS],
     /// Number of rows, at most [`SCHEDULE_ROWS`].
     pub rows: usize,
-    /// Compensation, where there is one. Its `k` and `limits` are the controller's.
+    /// Compensation, where there is one. Its `k` and `limits` are the controller's, and it takes at most half of the rate.
     pub compensation: Option<CompensationSettings<R>>,
 }
 
@@ -129,7 +129,10 @@ impl<R: Real> PidAdvanced<R> {
             n,
             op_limits: limited.then_some((pid.low, pid.high)),
             max_h: pid.max_h.lesser(R::of(1e9)),
-            compensation,
+            compensation: compensation.map(|given| {
+                let rate = given.rate.lesser(pid.rate / R::of(2.0));
+                CompensationSettings { rate, ..given }
+            }),
         };
         Ok(Self { settings, pid: Pid::new(pid)?, detection: BacklashDetection::new(detection)? })
     }

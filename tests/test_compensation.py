@@ -191,6 +191,24 @@ def test_our_warning_is_right_where_that_of_the_thesis_is_wrong(plant: str, rati
     assert relay > 0.5 if ratio > 1 else relay == 0
 
 
+@pytest.mark.parametrize("filtered", [True, False])
+@pytest.mark.parametrize(("size", "in_force"), [(0.025, (0.025, 0.025)), (0.05, (0.045, 0.05)), (0.1, (0.045, 0.056))])
+def test_the_online_estimate_may_lower_the_size_and_never_raises_it(
+    size: float, in_force: tuple[float, float], filtered: bool
+) -> None:
+    """P3 with a gap of 0.05, for which somebody typed half of it, all of it, twice as much."""
+    swinging: dict[str, Any] = {"plant": "P3", "controller": (0.48, 0.3117), "h": 0.02, "t_end": 900}
+    swinging |= {"filter_in_loop": filtered, "load": [Walk(rate=0.002)]}
+    given = {"size": size, "band": 0.0, "begin": 300.0}
+    known, blind = (run(loop(**swinging, compensation=compensated(**given, estimate=on))) for on in (True, False))
+    late = known.t > 600
+    assert (standing(known)[late] == ACTIVE).all()
+    assert in_force[0] <= 2 * np.abs(ff(known)[late]).max() <= in_force[1] + 1e-12
+    assert 2 * np.abs(ff(blind)[late]).max() == pytest.approx(size), "without the estimate the size stays"
+    if size > 0.05:
+        assert known.pv[late].std() < 0.6 * blind.pv[late].std(), "twice the gap drives the valve back and forth"
+
+
 def test_only_backlash_may_be_compensated() -> None:
     for verdict, size in (("backlash", 0.8), ("both", None), ("stiction", None), ("at_least", None), ("sound", None)):
         assert Fit(verdict=verdict, reason="", unit="%", d=1.0, low=0.8, high=1.2).compensable == size  # type: ignore[arg-type]

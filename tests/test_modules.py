@@ -9,6 +9,7 @@ import control
 import numpy as np
 import numpy.typing as npt
 import pytest
+from bench import wrong_sign
 from scipy.integrate import solve_ivp
 
 from glapp.errors import InputError
@@ -28,6 +29,7 @@ from glapp.modules import (
     ProcessSim,
     RateLimit,
     Saturation,
+    Way,
 )
 
 Column = npt.NDArray[np.float64]
@@ -253,6 +255,109 @@ def test_half_periods_with_a_slow_actuator_are_none() -> None:
         loop.run(1000, load=load)
         found.append(loop["pid.detections"])
     assert found[0] == 0 and found[1] > 10, found
+
+
+# --- The wrong sign ---------------------------------------------------------------------------------------------------
+
+
+def wrong_loop(gain: float, way: Way = Way.INVERSE) -> Graph:
+    """A loop that compensates a gap of 2 %; K is 2 whatever the sign of the process."""
+    modules = {
+        "sp": Input(),
+        "load": Input(),
+        "pid": PidAdvanced(k=2.0, ti=2.0, tf=0.2, low=-50, high=50, kp=1.0, comp_size=1.0, comp_way=way),
+        "gap": Backlash(2.0),
+        "process": ProcessSim(gain, 3.0, 1.0),
+        "noise": Noise(0.1),
+    }
+    return Graph(0.1, modules, ["sp -> pid.sp", "load -> process.load", "pid -> gap -> process -> noise -> pid.pv"])
+
+
+@pytest.mark.parametrize("way", list(Way))
+def test_a_process_of_the_wrong_sign_is_told_and_recovers_without_a_bump(way: Way) -> None:
+    """Somebody turns the valve's action round while it compensates; then somebody turns K round."""
+    loop = wrong_loop(1.0, way)
+    loop["pid.compensate"] = 1
+    healthy = loop.run(600, load=LOAD[:6000], record=["pid.error", "pid.u_ff"])
+    assert not healthy["pid.error"].any() and healthy["pid.u_ff"].any()
+    loop["process.gain"] = -1.0
+    seen = loop.run(200, record=["pid", "pid.error", "pid.u_ff", "pid.standing", "pid.flags"])
+    found = int(np.argmax(seen["pid.error"] == Flag.WRONG_SIGN))
+    assert 0 < found < 1000 and (seen["pid.error"][found:] == Flag.WRONG_SIGN).all(), "within 50 Ti, and it stays"
+    assert abs(seen["pid"][-1]) == 50.0 and not seen["pid.u_ff"][found + 25 :].any()
+    assert (seen["pid.standing"][found + 1 :] == 8.0).all()  # as at a limit
+    loop.reset_detection("pid")
+    loop.scan()
+    assert loop["pid.error"] == Flag.WRONG_SIGN, "that is not what a detector forgets"
+    before, most = loop["pid"], 2.0 * 0.1 / 2.0 * abs(loop["pid.yf"])
+    loop["pid.k"] = -2.0
+    back = loop.run(300, record=["pid", "pid.error", "process"])
+    assert 0.0 < abs(back["pid"][0] - before) <= most + 0.5, "no more than its integration"
+    assert back["pid.error"][-1] == 0.0 and abs(back["process"][-1]) < 3.0
+
+
+def test_manual_takes_the_wrong_sign_back() -> None:
+    loop = wrong_loop(-1.0)
+    loop["load.value"] = 3.0
+    loop.run(200)
+    assert loop["pid.error"] == Flag.WRONG_SIGN
+    loop["pid.mode"] = Mode.MANUAL
+    loop.scan()
+    assert loop["pid.error"] == 0.0
+    loop["pid.manual"] = 0.0
+    loop.run(60)
+    loop["pid.mode"] = Mode.EXTERNAL
+    loop.run(200)
+    assert loop["pid.error"] == Flag.WRONG_SIGN, "and it is noticed again"
+
+
+@pytest.mark.parametrize("k", [2.0, -2.0])
+def test_a_detector_that_is_told_the_wrong_sign_of_k_notices_it(k: float) -> None:
+    """The controller beside it has K = 2; with sign(e) the compensation would drive the valve the wrong way."""
+    modules = {
+        "sp": Input(50.0),
+        "load": Input(),
+        "pid": Pid(k=2.0, ti=2.0, low=0, high=100, start=50.0),
+        "gap": Backlash(2.0),
+        "process": ProcessSim(1.0, 3.0, 1.0, start=50.0),
+        "noise": Noise(0.1, seed=1),
+        "filter": Filter2P(0.2),
+        "watch": BacklashDetection(k=k, ti=2.0, kp=1.0, tf=0.0, comp_size=1.0, comp_way=Way.ERROR, comp_withdraw=False),
+    }
+    wires = ["sp -> pid.sp", "sp -> watch.sp", "pid -> gap -> process -> noise -> filter -> pid.pv"]
+    loop = Graph(0.1, modules, [*wires, "filter -> watch.pv", "watch -> pid.ff", "load -> process.load"])
+    loop.run(300, load=LOAD[:3000])
+    assert loop["watch.error"] == (0.0 if k > 0 else Flag.WRONG_SIGN)
+    loop["watch.compensate"] = 1
+    seen = loop.run(300, load=LOAD[3000:6000], record=["watch.error", "watch.u_ff", "watch.standing"])
+    assert np.ptp(seen["watch.error"]) == 0.0
+    assert seen["watch.u_ff"].any() == (k > 0) and (seen["watch.standing"] == 8.0).all() == (k < 0)
+    loop["watch.k"] = 2.0
+    loop.run(300, load=LOAD[6000:9000])
+    assert loop["watch.error"] == 0.0 and loop["watch.standing"] in (0.0, 10.0) and loop["watch.u_ff"] != 0.0
+
+
+def test_the_wrong_sign_of_random_loops() -> None:
+    """A few of those that docs/modules.md counts."""
+    found = [one for one in map(wrong_sign.loop, range(12)) if one is not None]
+    assert len(found) > 10
+    assert all(one.right is None and one.against < 3 for one in found)
+    assert all(one.wrong is not None and one.wrong < 200 for one in found)
+    assert sum(one.told_wrong >= 3 for one in found) > 8
+
+
+def test_manual_follows_while_somebody_else_has_the_output() -> None:
+    """Put into manual while it tracked, the controller went back with a bump once OP was its own again."""
+    loop = alone(Pid(k=1.0, ti=2.0))
+    for n in range(20):
+        loop["op.flags"], loop["op.tracking"] = Flag.NOT_AUTO, 0.1 * n
+        if n == 10:
+            loop["pid.mode"] = Mode.MANUAL
+        loop.scan()
+    loop["op.flags"] = 0
+    loop.scan()
+    loop.scan()
+    assert loop["pid"] == 0.1 * 19
 
 
 # --- The thesis -------------------------------------------------------------------------------------------------------

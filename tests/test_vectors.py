@@ -27,6 +27,7 @@ from glapp.blocks import (
     SecondOrderFilter,
     Swing,
     Width,
+    WrongSign,
     ZeroCrossing,
 )
 
@@ -143,6 +144,11 @@ def over_compensation(params: dict[str, float]) -> Callable[..., list[int]]:
         return [int(warned) for warned in block.update(delta_t, delta_y, h, size, delta_sp, int(flags))]
 
     return update
+
+
+def wrong_sign(params: dict[str, float]) -> Callable[..., float]:
+    block = WrongSign(params["k"], params["ti"], params["low"], params["high"])
+    return lambda sp, yf, op, flags, h: float(block.update(sp, yf, op, h, int(flags)))
 
 
 def filter_(params: dict[str, float]) -> Callable[..., float]:
@@ -263,7 +269,7 @@ def pid_module(params: dict[str, float]) -> Callable[..., list[float]]:
     return update
 
 
-SHOWN = ("u_ff", "d_hat", "count", "whole", "standing", "over")
+SHOWN = ("u_ff", "d_hat", "count", "whole", "standing", "over", "error")
 
 
 def _set(graph: modules.Graph, module: str, **values: float) -> None:
@@ -281,7 +287,10 @@ def backlash_detection(params: dict[str, float]) -> Callable[..., list[float]]:
         "sp": modules.Input(),
         "pid": modules.Pid(**own, **limits, start=params["start"]),
         "watch": modules.BacklashDetection(
-            **own, **more, **{f"op_{name}": value for name, value in limits.items()}, tf=params["detector_tf"]
+            **own | {"k": params.get("detector_k", params["k"])},
+            **more,
+            **{f"op_{name}": value for name, value in limits.items()},
+            tf=params["detector_tf"],
         ),
         "valve": modules.Output(),
     }
@@ -343,6 +352,7 @@ MAKERS = {
     "swing": swing,
     "tuning": tuning,
     "width": width,
+    "wrong_sign": wrong_sign,
     "zero_crossing": zero_crossing,
 }
 

@@ -551,6 +551,110 @@ def over_compensation_cases() -> Iterator[dict[str, Any]]:
         yield case(f"{comment} breaks the row", ["Break"], params, [relay] * 8 + [other] + [relay] * 9, h=0.1)
 
 
+def wrong_sign(params: Params, h: Sequence[float], samples: Sequence[Sequence[float]]) -> list[int]:
+    """OP at its limit and PV running away, judged anew at every sample from all since the error changed its sign."""
+    kept: list[tuple[float, float, float, float, bool]] = []
+    sign, begin, last, found = 0, NAN, NAN, False
+    outputs = []
+    for step, (sp, yf, op, flags) in zip(h, samples, strict=True):
+        e = sp - yf
+        if int(flags) & (FLAG_BAD | FLAG_GAP) or not all(map(math.isfinite, (e, op))):
+            sign, kept = (sign, kept) if found else (0, [])
+        elif step > 0.0:
+            side = sign if e == 0.0 else int(math.copysign(1.0, e))
+            if int(flags) & FLAG_NOT_AUTO:
+                sign, kept, found = 0, [], False
+            else:
+                if side != sign:
+                    sign, begin, kept, found = side, last if sign else op, [], False
+                towards = 8 if (side > 0) == (params["k"] > 0.0) else 4
+                kept.append((step, abs(e), yf, op, int(flags) & towards != 0))
+                found = found or _runs_away(params, sign, begin, kept)
+            last = op
+        outputs.append(int(found))
+    return outputs
+
+
+def _runs_away(
+    params: Params, sign: int, begin: float, kept: Sequence[tuple[float, float, float, float, bool]]
+) -> bool:
+    stretch: list[tuple[float, float, float]] = []
+    early = farthest = 0.0
+    far = False
+    way = 0.2 * (params["high"] - params["low"])
+    for step, e, yf, op, limit in kept:
+        if not limit:
+            stretch, farthest = [], max(farthest, e)
+            early = farthest if abs(op - begin) <= way / 2.0 else early
+            continue
+        if not stretch:
+            farthest, far = max(farthest, e), abs(op - begin) >= way and e >= 1.5 * early
+        stretch.append((step, e, yf))
+    if not stretch:
+        return False
+    _, e_1, y_1 = stretch[0]
+    time = _sum(step for step, _, _ in stretch)
+    aways = [(step, y_1 - yf if sign > 0 else yf - y_1) for step, _, yf in stretch]
+    least = 1.1 * farthest - e_1
+    beyond = aways[-1][1] >= least and _sum(away * step for step, away in aways) >= least * time
+    return far and time >= 5.0 * params["ti"] and beyond
+
+
+def wrong_sign_cases() -> Iterator[dict[str, Any]]:
+    """What runs away, at either limit, and what only looks like it."""
+    up = {"k": 2.0, "ti": 2.4, "low": 0.0, "high": 100.0}
+
+    def rows(*changes: tuple[int, list[float]], turn: int = 1, way: float = 1.0) -> list[list[float]]:
+        """PV falls below SP ever faster, OP opens; from the tenth sample on at 100 %, where PV goes on falling."""
+        made = []
+        for i in range(40):
+            e = 0.2 * 1.6 ** min(i, 10) + 1.5 * max(i - 10, 0)
+            op = min(50.0 + way * 2.0 * e, 100.0) if i < 10 else 100.0
+            flags = 8.0 if i >= 10 else 0.0
+            made.append([50.0, 50.0 - turn * e, op if turn > 0 else 100.0 - op, flags if turn > 0 else flags / 2.0])
+        for i, row in changes:
+            made[i] = row
+        return made
+
+    yield case("a process of the wrong sign", [], up, rows(), h=1.0)
+    yield case("down to the lower limit", ["Sign"], up, rows(turn=-1), h=1.0)
+    yield case(
+        "K below 0", ["Sign"], up | {"k": -2.0}, [[sp, yf, 100.0 - u, f / 2.0] for sp, yf, u, f in rows()], h=1.0
+    )
+    yield case("the other limit is none of its", ["Sign"], up, [[*row, f / 2.0] for *row, f in rows()], h=1.0)
+    yield case("steps of any length", ["IrregularStep"], up, rows(), h=list(_walk(71, 40, low=0.2, high=3.0)))
+    yield case("too short a time", ["Edge"], up, rows()[:21], h=1.0)
+    yield case("just long enough", ["Edge"], up, rows()[:22], h=1.0)
+    yield case("PV comes back", ["Recovery"], up, rows((30, [50.0, 50.1, 90.0, 0.0])), h=1.0)
+    yield case("manual", ["Recovery"], up, rows((30, [50.0, 20.0, 100.0, 1.0])), h=1.0)
+    for comment, row in (
+        ("no number", [50.0, NAN, 60.0, 0.0]),
+        ("bad", [50.0, 90.0, 9.0, 2.0]),
+        ("a gap", [50.0, 90.0, 9.0, 17.0]),
+    ):
+        for when, at in (("on the way", 5), ("at the limit", 15), ("when it is found", 30)):
+            yield case(f"{comment} {when}", ["Break"], up, rows((at, row)), h=1.0)
+    still = [0.0 if i in (3, 12, 13) else -1.0 if i == 16 else 1.0 for i in range(40)]
+    yield case("time that stands still or turns back", ["PassedOver"], up, rows(), h=still)
+    late = rows((14, [50.0, 25.0, 99.0, 0.0]))
+    back = [[50.0, min(yf + 6.0 * max(i - 16, 0), 49.0), *others] for i, (_, yf, *others) in enumerate(rows())]
+    yield case("PV on its way back", ["Healthy"], up, back, h=1.0)
+    yield case("off the limit for a sample", ["Edge"], up, late, h=1.0)
+    near = [[sp, yf, max(u, 81.0), f] for sp, yf, u, f in rows()]
+    yield case("it began near its limit", ["Healthy"], up, near, h=1.0)
+    ramp = [
+        [50.0, 48.0 if i < 15 else 48.0 - 0.5 * (i - 15), min(50.0 + 4.0 * i, 100.0), 8.0 if i > 12 else 0.0]
+        for i in range(40)
+    ]
+    yield case("a load that grows steadily", ["Healthy"], up, ramp, h=1.0)
+    step = [[50.0, 30.0 - 0.2 * min(i, 10), min(50.0 + 4.0 * i, 100.0), 8.0 if i > 12 else 0.0] for i in range(40)]
+    yield case("a load that comes at once", ["Healthy"], up, step, h=1.0)
+    asked = [[70.0, 50.0 + 0.3 * i, 100.0 if i else 90.0, 8.0 if i else 0.0] for i in range(40)]
+    yield case("a step of SP, and PV on its way", ["Healthy"], up, [[50.0, 50.0, 50.0, 0.0], *asked], h=1.0)
+    wrong = [[70.0, 50.0 - 0.3 * i, 100.0 if i else 90.0, 8.0 if i else 0.0] for i in range(40)]
+    yield case("a step of SP, and PV the other way", [], up, [[50.0, 50.1, 50.0, 0.0], *wrong], h=1.0)
+
+
 def filter_(params: Params, h: Sequence[float], xs: Sequence[float]) -> list[float]:
     """Two first-order sections by backward differences (2.1); a start without transient, no step back in time."""
     tf = params["tf"]
@@ -1698,7 +1802,7 @@ class _Controller:
         else:
             self.output = self._law(gains, limits, int(flags), h, ysp_before, ff_before, decided != self.last)
         self.last, self.gains = decided, (*gains, self.b)
-        self.manual = self.manual if self.mode == MANUAL else self.output
+        self.manual = self.manual if self.mode == MANUAL and not tracked else self.output
         self.told = back
         self.flags = FLAG_NOT_AUTO if by_hand or blind else 0
         self.flags |= (4 if self.output <= limits[0] else 0) | (8 if self.output >= limits[1] else 0) | self.held_back
@@ -1814,6 +1918,10 @@ def pid_module_cases() -> Iterator[dict[str, Any]]:
     yield case("limits that cross", ["Limits"], full, cross, h=0.1)
     told = rows(flags={i: 1.0 for i in range(5, 25)}, tracking={i: 2.0 for i in range(5, 15)} | {20: NAN})
     yield case("not followed", ["Tracking", "Bump"], full, told, h=0.1)
+    by_hand = rows(
+        mode={0: EXTERNAL, 8: MANUAL}, flags={i: 1.0 for i in range(5, 25)}, tracking={i: 0.1 * i for i in range(5, 25)}
+    )
+    yield case("not followed, and put into manual meanwhile", ["Tracking", "Bump", "Mode"], full, by_hand, h=0.1)
 
 
 class _Detection:
@@ -1841,17 +1949,22 @@ class _Detection:
         self.halves: list[list[float]] = []
         self.widths: list[float] = []
         self.shown, self.over, self.due = [NAN, 0.0], [0, 0], False
+        self.limits = {"low": params["low"], "high": params["high"]} if limits else {}
+        self.watched: list[list[float]] = []
+        self.against, self.error = 0, 0
         self.u_ff = self.half = 0.0
         self.standing = 1
 
     def learn(self, h: float, sp: float, pv: float, op: float, flags: int, enable: bool) -> None:
         """One sample; what the last half-period means for the compensation comes in the scan after it."""
-        if self.due and self.size > 0.0:
-            delta_t, delta_y, delta_sp, mask, d, size = self.last
-            self.halves.append([delta_t, delta_y, delta_sp, mask & 15, size])
-            self.over = over_compensation(self.params, [h] * len(self.halves), self.halves)[-1]
-            if mask == 0:
-                self.widths.append(d + size)
+        if self.due:
+            delta_t, delta_y, delta_sp, mask, d, size, against = self.last
+            if delta_t > 3.0 * self.params["ti"] and mask & 0b10001111 == 0:
+                self.against = self.against + 1 if against else 0
+            if self.size > 0.0:
+                self.halves.append([delta_t, delta_y, delta_sp, mask & 15, size])
+                self.over = over_compensation(self.params, [h] * len(self.halves), self.halves)[-1]
+                self.widths += [d + size] if mask == 0 else []
         self.h.append(h)
         self.samples.append([sp, pv, op, flags])
         record = detector(self.params, self.h, self.samples)[-1]
@@ -1860,9 +1973,14 @@ class _Detection:
             found = dict(zip(DETECTION_FIELDS, record, strict=True))
             self.shown = [found["d_hat"], found["detections"]]
             parts = [found[name] for name in ("delta_t", "delta_y", "delta_sp")]
-            self.last = (*parts, int(found["mask"]), found["d"], self.half + self.half)
+            against = found["op_travel"] + found["delta_u"] / 2.0 < 0.0
+            self.last = (*parts, int(found["mask"]), found["d"], self.half + self.half, against)
+        yf = filter_({"tf": self.params["tf"]}, [0.0, *self.h[1:]], [row[1] for row in self.samples])[-1]
+        self.watched.append([sp, yf, op, flags])
+        wrong = self.limits and wrong_sign(self.params | self.limits, self.h, self.watched)[-1]
+        self.error = 256 if wrong or self.against >= 3 else 0
         if self.size > 0.0:
-            yf = filter_({"tf": self.params["tf"]}, [0.0, *self.h[1:]], [row[1] for row in self.samples])[-1]
+            flags |= FLAG_LIMIT if self.error else 0
             self.compensated.append([sp - yf, op, self.whole(), self.over[1], enable, flags])
             self.u_ff, self.half, self.standing = compensation(self.compensation, self.h, self.compensated)[-1]
 
@@ -1872,14 +1990,15 @@ class _Detection:
 
     def all(self) -> list[float]:
         """What is shown."""
-        return [self.u_ff, *self.shown, self.whole(), self.standing, self.over[0] + 2 * self.over[1]]
+        return [self.u_ff, *self.shown, self.whole(), self.standing, self.over[0] + 2 * self.over[1], self.error]
 
 
 def backlash_detection(params: Params, h: Sequence[float], samples: Sequence[Sequence[float]]) -> list[list[float]]:
     """The detection beside a controller, which tells it what is in effect."""
     gains = params["k"], params["ti"], params.get("td", 0.0)
     controller = _Controller(params)
-    detection = _Detection(params, *gains, tf=params["detector_tf"])
+    told_k = {"k": params.get("detector_k", params["k"])}
+    detection = _Detection(params | told_k, told_k["k"], *gains[1:], tf=params["detector_tf"])
     outputs = []
     for step, (pv, sp, mode, manual, told, enable) in zip(h, samples, strict=True):
         u_ff = detection.u_ff
@@ -1954,6 +2073,8 @@ def backlash_detection_cases() -> Iterator[dict[str, Any]]:
     by_hand = rows(enable=on, mode={0: EXTERNAL, 120: MANUAL, 130: EXTERNAL}, manual={122: 60.0})
     yield case("compensation, manual in between", ["Compensation", "Flags"], compensating, by_hand, h=0.25)
     yield case("compensation beside a PID", ["Compensation"], compensating | {"td": 0.2}, rows(enable=on), h=0.25)
+    other = compensating | {"comp_way": 1.0, "detector_k": -0.5}
+    yield case("told a gain of the other sign", ["Sign", "WrongSign"], other, rows(enable=on), h=0.25)
 
 
 def pid_advanced_cases() -> Iterator[dict[str, Any]]:
@@ -1977,11 +2098,33 @@ def pid_advanced_cases() -> Iterator[dict[str, Any]]:
     scheduled = [[pv, sp, wander[i], *rest] for i, (pv, sp, _, *rest) in enumerate(plain)]
     scheduled[50][2] = NAN
     yield case("a schedule", ["Schedule"], limited | schedule, scheduled, h=0.25)
+    # The gap's cycle, then PV runs away downward as OP opens.
+    away = [[pv - 0.01 * 1.4 ** max(min(i - 165, 24), 0), *rest] for i, (pv, *rest) in enumerate(plain)]
+    strong = compensating | {"k": 2.0}
+    yield case("PV that runs away", ["WrongSign", "Compensation"], strong, away, h=0.25)
 
 
 BLOCKS: dict[
     str, tuple[Reference, Callable[[], Iterator[dict[str, Any]]], list[str], list[str], str, dict[str, str]]
 ] = {
+    "wrong_sign": (
+        wrong_sign,
+        wrong_sign_cases,
+        ["sp", "yf", "op", "flags"],
+        ["found"],
+        "K has the wrong sign for its process: OP has gone to its limit, PV runs away from SP. k, ti: of the "
+        "controller; low, high: limits of its output; flags: 1 not in automatic, 2 bad, 4 and 8 at the lower and upper "
+        "limit, 16 after a gap.",
+        {
+            "Sign": "a direction that K or the limit does not turn",
+            "IrregularStep": "samples counted instead of their time",
+            "Edge": "a time or a stretch at the limit that is counted otherwise",
+            "Recovery": "a finding that stays when PV or a person is back",
+            "Break": "a sample that was not observed, and is used, or a finding that does not survive it",
+            "PassedOver": "a time that is repeated, and counts",
+            "Healthy": "a load or a setpoint that is taken for a wrong sign",
+        },
+    ),
     "process_sim": (
         process_sim,
         process_sim_cases,
@@ -2024,13 +2167,15 @@ BLOCKS: dict[
         backlash_detection,
         backlash_detection_cases,
         ["pv", "sp", "mode", "manual", "told", "enable"],
-        ["u", "u_ff", "d_hat", "count", "whole", "standing", "over"],
+        ["u", "u_ff", "d_hat", "count", "whole", "standing", "over", "error"],
         "Detection and compensation beside a controller: pv and sp enter both, u_FF enters the controller, told are "
         "the flags that the controller is told backward. mode and manual as in pid_module; detector_tf is the "
-        "detector's filter; count: detections behind the estimate since it was last replaced; over: 1 even, 2 relay.",
+        "detector's filter; count: detections behind the estimate since it was last replaced; over: 1 even, 2 relay; "
+        "error: 256 where K has the wrong sign. detector_k is the gain that the detector is told, where it is another.",
         {
             "Sign": "a direction that K does not turn",
             "Flags": "a flag that belongs to another scan than its sample",
+            "WrongSign": "a sign that is not noticed, or compensation that goes on with it",
             "Compensation": "u_FF taken for the controller's own output, or a half-period worked off twice or never",
         },
     ),
@@ -2038,11 +2183,12 @@ BLOCKS: dict[
         pid_advanced,
         pid_advanced_cases,
         ["pv", "sp", "by", "mode", "manual", "told", "enable"],
-        ["u", "ysp", "u_ff", "d_hat", "count", "whole", "standing", "over"],
+        ["u", "ysp", "u_ff", "d_hat", "count", "whole", "standing", "over", "error"],
         "The controller with the detection inside, as in backlash_detection; by: the scheduling variable of the rows "
         "at, k, ti, td.",
         {
             "Compensation": "u_FF taken for the controller's own output",
+            "WrongSign": "a process of the wrong sign that is not noticed, or compensation that goes on",
             "Ramp": "a setpoint that the detector sees before it is in effect",
             "Rate": "a rate that limits and is not told, or that u_FF takes up alone",
             "Schedule": "a row taken too early or too late, or a bump between two",

@@ -131,6 +131,12 @@ class OverCompensation:
         self, delta_t: float, delta_y: float, h: float, size: float, delta_sp: float = 0.0, flags: int = 0
     ) -> tuple[bool, bool]: ...
 
+class WrongSign:
+    """Notices that K has the wrong sign for its process: OP at its limit, and PV runs away."""
+
+    def __init__(self, k: float, ti: float, low: float, high: float) -> None: ...
+    def update(self, sp: float, yf: float, op: float, h: float, flags: int = 0) -> bool: ...
+
 class SecondOrderFilter:
     """Second-order low-pass filter of time constant tf ≥ 0 [s] (thesis 2.1); begins at the first value."""
 

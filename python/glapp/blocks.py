@@ -28,6 +28,7 @@ from ._glapp import (
     SecondOrderFilter,
     Swing,
     Width,
+    WrongSign,
     ZeroCrossing,
 )
 from ._glapp import HalfPeriodBlock as HalfPeriod
@@ -48,5 +49,6 @@ __all__ = [
     "SecondOrderFilter",
     "Swing",
     "Width",
+    "WrongSign",
     "ZeroCrossing",
 ]

@@ -129,6 +129,9 @@ class Flag(enum.IntFlag):
         The setpoint, the feed-forward is bad; the last good one is in effect.
     BAD_LIMITS
         Limits told backward cross; the controller's own are in effect.
+    WRONG_SIGN
+        The gain has the wrong sign: the output has gone to its limit, and the process value runs away from the setpoint
+        all the same; or, in a detector, the controller beside it goes the other way than the k that it was told says.
     """
 
     NOT_AUTO = 1
@@ -139,6 +142,7 @@ class Flag(enum.IntFlag):
     BAD_SP = 32
     BAD_FF = 64
     BAD_LIMITS = 128
+    WRONG_SIGN = 256
 
 
 @dataclass(frozen=True)
@@ -405,7 +409,8 @@ class PidAdvanced(_Compensating, Pid):
 
     The detector takes the controller's settings and sees what it sees: setpoint in effect, filtered process value,
     limits and mode. Where `tf` is 0 the detector filters, with Ti/10. Read `d_hat`, `count` (detections behind it),
-    `detections` (in all), and of the last half-period `d` and `reason` (0: accepted).
+    `detections` (in all), and of the last half-period `d` and `reason` (0: accepted). `error` says too that k has the
+    wrong sign for the process, where `low` and `high` are given (`docs/modules.md`).
 
     Parameters
     ----------
@@ -478,8 +483,8 @@ class BacklashDetection(_Compensating):
     """The detector beside a controller (6.4). Connect its output to the controller's `ff`: the flags come back there.
 
     Where `comp_size` is given it compensates as soon as `"compensate"` is set to 1. Read `u_ff`, `standing` (0: it
-    compensates, else why not), `over` (1: code block 7.1 warns, 2: the relay), and `whole`, the estimate of the whole
-    gap while `d_hat` shows what is left.
+    compensates, else why not), `over` (1: code block 7.1 warns, 2: the relay), `whole`, the estimate of the whole gap
+    while `d_hat` shows what is left, and `error` (`Flag.WRONG_SIGN`).
 
     Parameters
     ----------

@@ -22,6 +22,7 @@ from .checked import Checked
 from .controller import Controller, Ideal, NotNegative, Positive, Span
 from .errors import InputError
 from .plant import PLANTS, Plant
+from .quality import GAP_STEPS
 
 __all__ = [
     "Coloured",
@@ -43,6 +44,9 @@ __all__ = [
 ]
 
 Floats = npt.NDArray[np.float64]
+
+DETECTIONS = 9
+"""Detections that the estimate of a loop stands on, as everywhere where nothing else is said."""
 
 
 class Steps(Checked):
@@ -325,6 +329,9 @@ class Compensation(Checked):
         When it is enabled [s].
     k : float, optional
         Gain whose sign it uses; the controller's where not given.
+    estimate : bool
+        Whether the on-line estimate of the gap may lower the size, as it does in `glapp.modules.PidAdvanced`; it never
+        raises it.
     """
 
     way: Literal["error", "derivative", "inverse"]
@@ -340,6 +347,7 @@ class Compensation(Checked):
     withdraw: bool = True
     begin: float = 0.0
     k: float | None = None
+    estimate: bool = False
 
 
 class Outer(Checked):
@@ -478,6 +486,12 @@ class Scenario(Checked):
         """Static gain Kp of the plant; None for an integrating one."""
         return self.plant.gain
 
+    def detector(self, tf: float) -> tuple[Any, ...]:
+        """Settings of a detector for this loop with filter time `tf`, as the extension takes them."""
+        limits = self.limits
+        span = None if limits is None else limits[1] - limits[0]
+        return (*self.ideal(), self.process_gain(), tf, DETECTIONS, GAP_STEPS * self.h, span, limits, 0)
+
     def _compensation(self, given: Compensation) -> dict[str, Any]:
         ideal, delta = self.ideal(), given.share * given.size
         fast = 10 * delta / ideal.ti if given.way == "inverse" else delta / self.h
@@ -497,7 +511,8 @@ class Scenario(Checked):
             "withdraw": given.withdraw,
             "limits": self.limits,
         }
-        return {"settings": settings, "from": given.begin}
+        seen = self.detector(0.0 if self.filter_in_loop else self.filter_time())
+        return {"settings": settings, "from": given.begin, "estimate": seen if given.estimate else None}
 
     @classmethod
     def from_toml(cls, text: str) -> Self:

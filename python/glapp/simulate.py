@@ -30,7 +30,6 @@ from rich.progress import Progress
 
 from . import _glapp
 from .errors import InputError
-from .quality import GAP_STEPS
 from .scenario import (
     Coloured,
     Compensation,
@@ -83,9 +82,6 @@ NOT_AUTO, BAD, AT_LOW, AT_HIGH = 1, 2, 4, 8
 
 STANDINGS = tuple(_glapp.standings())
 """What the numbers in `Simulation.standing` mean."""
-
-DETECTIONS = 9
-"""Detections that the estimate of `run_many` stands on, as everywhere where nothing else is said."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -362,12 +358,7 @@ def random_walk(n: int, h: float, rate: float, seed: int = 0) -> npt.NDArray[np.
 
 
 def _checked(scenario: Scenario, watch: bool = False) -> _glapp.Scenario:
-    settings = None
-    if watch:
-        ideal, limits = scenario.ideal(), scenario.limits
-        span = None if limits is None else limits[1] - limits[0]
-        tf, kp = scenario.filter_time(), scenario.process_gain()
-        settings = (*ideal, kp, tf, DETECTIONS, GAP_STEPS * scenario.h, span, limits, 0)
+    settings = scenario.detector(scenario.filter_time()) if watch else None
     try:
         return _glapp.Scenario(scenario.for_rust(), settings)
     except ValueError as error:

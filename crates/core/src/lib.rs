@@ -35,6 +35,7 @@ mod saturation;
 mod swing;
 pub mod tuning;
 mod width;
+mod wrong_sign;
 mod zero_crossing;
 
 pub use auto_tuner::{AutoTuner, AutoTunerSettings, AutoTunerState};
@@ -58,4 +59,5 @@ pub use safety_net::{Reason, SafetyNet};
 pub use saturation::Saturation;
 pub use swing::{Swing, SwingParts, SwingState};
 pub use width::{TravelSource, Width, WidthParts};
+pub use wrong_sign::{WrongSign, WrongSignState};
 pub use zero_crossing::ZeroCrossing;

@@ -15,7 +15,8 @@
 //! when the flags of the scan are known: a flag belongs to the very sample that it was raised at.
 //!
 //! The blocks that only stand in a connection, [`Noise`](crate::Noise), [`Backlash`](crate::Backlash),
-//! [`SecondOrderFilter`](crate::SecondOrderFilter) and [`Saturation`](crate::Saturation), have their `forward` themselves.
+//! [`SecondOrderFilter`](crate::SecondOrderFilter), [`RateLimit`](crate::RateLimit) and [`Saturation`](crate::Saturation), have
+//! their `forward` themselves.
 //!
 //! Whoever sets the output for a while, a person, a controller further in or an experiment, does so by telling
 //! [`NOT_AUTO`](crate::half_period::NOT_AUTO) and the value in effect backward: the controller tracks it.
@@ -27,7 +28,7 @@ mod pid_advanced;
 mod process_sim;
 
 pub use auto_tuner::{AutoTuner, AutoTunerState};
-pub use backlash_detection::{BacklashDetection, BacklashDetectionSettings, BacklashDetectionState};
+pub use backlash_detection::{BacklashDetection, BacklashDetectionSettings, BacklashDetectionState, WRONG_SIGN};
 pub use pid::{BAD_FF, BAD_LIMITS, BAD_SP, Mode, Pid, PidSettings, PidState};
 pub use pid_advanced::{Gains, PidAdvanced, PidAdvancedSettings, PidAdvancedState, SCHEDULE_ROWS};
 pub use process_sim::{ProcessSim, ProcessSimState};

@@ -9,7 +9,7 @@ use glapp_core::{
     CompensationSettings, CompensationState, Derivative, Detector, DetectorState, HalfPeriod, HalfPeriodState,
     MedianMean, MedianMeanState, Noise, NoiseState, OverCompensation, OverCompensationState, OverWarning, Pid,
     PidState, RateLimit, RateLimitState, Real, Reason, Record, SafetyNet, Sample, Saturation, SecondOrderFilter,
-    SecondOrderFilterState, Swing, SwingState, Way, Width, WidthParts, ZeroCrossing,
+    SecondOrderFilterState, Swing, SwingState, Way, Width, WidthParts, WrongSign, WrongSignState, ZeroCrossing,
 };
 use serde_json::Value;
 use std::path::Path;
@@ -205,12 +205,12 @@ impl Case {
     }
 }
 
-fn of_detection(state: &BacklashDetectionState<f64>) -> [f64; 6] {
+fn of_detection(state: &BacklashDetectionState<f64>) -> [f64; 7] {
     let shown = state.detector.estimate().map_or([f64::NAN, 0.0], |one| [one.value, one.count.into()]);
     let whole = state.whole.map_or(f64::NAN, |whole| whole.value);
     let over = u8::from(state.over.even) + 2 * u8::from(state.over.relay);
     let standing = state.compensation.standing as u8;
-    [state.compensation.u_ff, shown[0], shown[1], whole, standing.into(), over.into()]
+    [state.compensation.u_ff, shown[0], shown[1], whole, standing.into(), over.into(), state.error().into()]
 }
 
 fn mode(given: f64, now: Mode) -> Mode {
@@ -228,7 +228,7 @@ fn backlash_detection() {
             n: case.given("n") as u32,
             op_limits: case.param("low").zip(case.param("high")),
             compensation: case.compensation(),
-            ..BacklashDetectionSettings::new(settings.k, settings.ti, settings.td)
+            ..BacklashDetectionSettings::new(case.or("detector_k", settings.k), settings.ti, settings.td)
         });
         let watch = watch.unwrap();
         let (mut p, mut w) = (modules::PidState::at(case.given("start")), BacklashDetectionState::default());
@@ -378,6 +378,16 @@ fn compensate<R: Real>(case: &Case) -> impl FnMut(&[f64], f64) -> Option<Vec<f64
 fn compensation() {
     for case in cases("compensation") {
         case.check_all(compensate::<f64>(&case));
+    }
+}
+
+#[test]
+fn wrong_sign() {
+    for case in cases("wrong_sign") {
+        let limits = Saturation::new(case.given("low"), case.given("high")).unwrap();
+        let block = WrongSign::new(case.given("k"), case.given("ti"), limits).unwrap();
+        let mut state = WrongSignState::default();
+        case.check(|x, h| f64::from(u8::from(block.update(&mut state, x[0], x[1], x[2], h, x[3] as u8))));
     }
 }
 

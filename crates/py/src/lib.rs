@@ -16,6 +16,7 @@ mod read;
 mod saturation;
 mod sim;
 mod tuning;
+mod wrong_sign;
 
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -62,4 +63,6 @@ mod _glapp {
         amigo_frequency, amigo_integrating, amigo_step, lambda_integrating, lambda_tuning, point_placement, simc,
         simc_integrating, ziegler_nichols_frequency, ziegler_nichols_step,
     };
+    #[pymodule_export]
+    use crate::wrong_sign::WrongSign;
 }

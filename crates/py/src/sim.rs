@@ -1,7 +1,7 @@
 //! Closed loops (`crates/sim`).
 
 use crate::refused;
-use glapp_core::Detector;
+use glapp_core::{Detector, MedianMean, ParameterError};
 use glapp_sim::{
     BATCH, Block, Compensated, Controller, Friction, Instructions, Manual, Model, Outer, Piece, Plant, Scenario,
     Signal, SimError, watch_together,
@@ -99,6 +99,7 @@ type PyController = (f64, f64, f64, f64, f64, Option<(f64, f64)>);
 struct PyCompensated<'py> {
     settings: Bound<'py, PyAny>,
     from: f64,
+    estimate: Option<Settings>,
 }
 
 /// The outer loop of a cascade as Python has it.
@@ -125,7 +126,13 @@ fn signal(pieces: Vec<PyPiece<'_>>) -> Signal {
 }
 
 fn compensated(given: PyCompensated<'_>) -> PyResult<Compensated> {
-    Ok(Compensated { settings: settings(&given.settings)?, from: given.from })
+    let estimator = |settings: Settings| Ok((detector(&settings)?, MedianMean::new(settings.6)?));
+    let estimate = given.estimate.map(estimator).transpose();
+    Ok(Compensated {
+        settings: settings(&given.settings)?,
+        from: given.from,
+        estimate: estimate.map_err(|error: ParameterError| refused(error))?,
+    })
 }
 
 impl TryFrom<PyScenario<'_>> for Scenario {

@@ -9,9 +9,9 @@ use crate::signal::{Source, sample_at};
 use crate::{Friction, Outer, Piece, Plant, SimError};
 use glapp_core::half_period::GAP;
 use glapp_core::{
-    Backlash, BacklashState, Compensation, CompensationSample, CompensationState, HalfPeriodState, OverCompensation,
-    OverCompensationState, Pid, PidState, RateLimit, RateLimitState, Saturation, SecondOrderFilter,
-    SecondOrderFilterState, ZeroCrossing,
+    Backlash, BacklashState, Compensation, CompensationSample, CompensationState, Detector, DetectorState,
+    HalfPeriodState, MedianMean, MedianMeanState, OverCompensation, OverCompensationState, Pid, PidState, RateLimit,
+    RateLimitState, Sample, Saturation, SecondOrderFilter, SecondOrderFilterState, ZeroCrossing,
 };
 use std::ops::Range;
 
@@ -306,10 +306,20 @@ struct Compensating {
     crossing: ZeroCrossing,
     half: HalfPeriodState<f64>,
     over: bool,
+    online: Option<Online>,
     /// First sample at which it is enabled.
     from: usize,
     /// The last output, which stays where it is when the controller is put into manual.
     op: f64,
+}
+
+/// The estimate of the whole gap: what the detector shows, and the size that was in force.
+struct Online {
+    detector: Detector<f64>,
+    state: DetectorState<f64>,
+    detections: MedianMean,
+    window: MedianMeanState<f64>,
+    whole: Option<f64>,
 }
 
 /// The outer loop of a cascade.
@@ -473,6 +483,13 @@ impl Compensating {
             crossing: ZeroCrossing::default(),
             half: HalfPeriodState::start(sp, 0.0, 0.0, GAP),
             over: false,
+            online: given.estimate.map(|(detector, detections)| Online {
+                detector,
+                state: DetectorState::default(),
+                detections,
+                window: MedianMeanState::default(),
+                whole: None,
+            }),
             from: sample_at(given.from, s.h, n),
             op: 0.0,
         })
@@ -481,20 +498,34 @@ impl Compensating {
     /// Takes sample `k`; gives what is to be added to the output `u`.
     fn update(&mut self, k: usize, sp: f64, yf: f64, u: f64, h: f64, flags: u8) -> f64 {
         let e = sp - yf;
+        let size = 2.0 * self.state.half;
         if flags & BAD != 0 {
             self.half.mark(BAD);
         } else {
             if self.crossing.update(e) {
                 let half = self.half.close(self.crossing.sign, sp, 0.0, 0.0);
-                let size = 2.0 * self.state.half;
                 self.over = self.warning.update(&mut self.warning_state, &half, h, size).relay;
                 self.half = HalfPeriodState::start(sp, 0.0, 0.0, 0);
             }
             self.half.add(e, h, flags);
             self.half.widen(sp);
         }
+        let seen = Sample { h, sp, pv: yf, op: Some(u), flags };
+        let d_hat = self.online.as_mut().and_then(|online| online.update(&seen, size));
         let enable = k >= self.from;
-        self.block.update(&mut self.state, &CompensationSample { e, u, h, d_hat: None, over: self.over, enable, flags })
+        self.block.update(&mut self.state, &CompensationSample { e, u, h, d_hat, over: self.over, enable, flags })
+    }
+}
+
+impl Online {
+    /// Takes a sample, with the controller's own output, and the size in force; gives the width of the whole gap.
+    fn update(&mut self, sample: &Sample<f64>, size: f64) -> Option<f64> {
+        if let Some(record) = self.detector.update(&mut self.state, sample)
+            && record.mask == 0
+        {
+            self.whole = Some(self.detections.update(&mut self.window, record.parts.d + size).value);
+        }
+        self.whole
     }
 }
 

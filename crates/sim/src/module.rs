@@ -218,7 +218,7 @@ static KINDS: [Kind; 13] = [
             ("max_h", UNKNOWN),
         ],
         commands: &["compensate"],
-        variables: &["d", "reason", "d_hat", "count", "detections", "whole", "u_ff", "standing", "over"],
+        variables: &["error", "d", "reason", "d_hat", "count", "detections", "whole", "u_ff", "standing", "over"],
         ..PLAIN
     },
 ];
@@ -605,6 +605,7 @@ impl Live {
             Block::Input(value, _) | Block::Output(value, _) if name == "value" => Some(*value),
             Block::Input(_, told) | Block::Output(_, told) => backward_named(told, name),
             Block::Pid(_, state) => controller_named(state, name),
+            Block::PidAdvanced(parts) if name == "error" => Some(parts.1.error().into()),
             Block::PidAdvanced(parts) => {
                 controller_named(&parts.1.pid, name).or_else(|| detection_named(&parts.1.detection, name))
             }
@@ -724,6 +725,7 @@ fn experiment_named(state: &AutoTunerState<f64>, name: &str) -> Option<f64> {
 fn detection_named(state: &BacklashDetectionState<f64>, name: &str) -> Option<f64> {
     let estimate = state.detector.estimate();
     match name {
+        "error" => Some(state.error().into()),
         "d" => Some(state.last.map_or(f64::NAN, |last| last.parts.d)),
         "reason" => Some(state.last.map_or(f64::NAN, |last| f64::from(last.reason() as u8))),
         "d_hat" => Some(estimate.map_or(f64::NAN, |estimate| estimate.value)),

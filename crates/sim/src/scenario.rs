@@ -2,7 +2,7 @@
 
 use crate::engine::{self, Run};
 use crate::{Friction, Piece, Plant, Signal, SimError};
-use glapp_core::{CompensationSettings, Detector, DetectorState, Estimate};
+use glapp_core::{CompensationSettings, Detector, DetectorState, Estimate, MedianMean};
 use std::ops::Range;
 
 /// Flag of a sample in manual.
@@ -91,6 +91,9 @@ pub struct Compensated {
     pub settings: CompensationSettings<f64>,
     /// When it is enabled \[s\].
     pub from: f64,
+    /// What estimates the whole gap on line, which may lower the size and never raises it: a detector that takes the process
+    /// value as the controller does, and the filter of its detections. `None`: nothing does.
+    pub estimate: Option<(Detector<f64>, MedianMean)>,
 }
 
 /// The outer loop of a cascade (thesis 8.3):

@@ -12,8 +12,8 @@ from .. import _glapp
 from ..controller import Ideal
 from ..quality import GAP_STEPS
 from ..result import HalfPeriods
-from ..scenario import Scenario
-from ..simulate import DETECTIONS, Simulation, run
+from ..scenario import DETECTIONS, Scenario
+from ..simulate import Simulation, run
 
 __all__ = [
     "NET",

@@ -1,12 +1,24 @@
 //! The detector as a module beside a controller.
 
 use crate::connection::{Backward, Forward};
-use crate::half_period::{AT_HIGH, AT_LOW, BAD, NOT_AUTO};
+use crate::half_period::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO};
 use crate::{
     Compensation, CompensationSample, CompensationSettings, CompensationState, Detector, DetectorState, Estimate,
-    MedianMean, MedianMeanState, OverCompensation, OverCompensationState, OverWarning, ParameterError, Real, Record,
-    SafetyNet, Sample, Saturation, SecondOrderFilter, Width,
+    MedianMean, MedianMeanState, OverCompensation, OverCompensationState, OverWarning, ParameterError, Real, Reason,
+    Record, SafetyNet, Sample, Saturation, SecondOrderFilter, Width, WrongSign, WrongSignState,
 };
+
+/// The gain K has the wrong sign: for the process, or as the detector was told it.
+pub const WRONG_SIGN: u16 = 256;
+/// So many half-periods in a row in which OP went against K tell that the detector was told the wrong sign: of those that are
+/// longer than so many Ti, and in which nothing but K and Ti moved OP.
+const AGAINST: u8 = 3;
+const LONG: f64 = 3.0;
+const DISTURBED: u16 = Reason::Gap.bit()
+    | Reason::BadQuality.bit()
+    | Reason::NotAuto.bit()
+    | Reason::Saturated.bit()
+    | Reason::SpMoved.bit();
 
 /// Settings of a [`BacklashDetection`] (thesis 6.4): those of the controller beside it, and the detector's own.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -57,12 +69,20 @@ impl<R: Real> BacklashDetectionSettings<R> {
 /// warnings of over-compensation are shown; the relay withdraws it, where the settings say so. What a half-period means
 /// for the compensation is worked off in the scan after it, so that the worst scan takes little longer than the others.
 ///
+/// Two things tell that K has the wrong sign, [`WRONG_SIGN`]: OP goes to its limit and PV runs away from SP ([`WrongSign`], where
+/// limits are known), which holds until PV crosses SP; or in three half-periods in a row, each longer than 3Ti and undisturbed, OP
+/// went the other way than K says, so that the controller beside it has a K of the other sign, which holds until one in which it
+/// does not. Either way compensation is taken away as at a limit.
+///
 /// It belongs in the inner loop of a cascade (8.3): what comes out of an outer controller is distorted by the inner
 /// loop before it reaches the gap.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BacklashDetection<R> {
     detector: Detector<R>,
     detections: MedianMean,
+    sign: Option<WrongSign<R>>,
+    max_h: R,
+    long: R,
     compensation: Option<(Compensation<R>, OverCompensation<R>)>,
 }
 
@@ -84,6 +104,9 @@ pub struct BacklashDetectionState<R> {
     pub whole: Option<Estimate<R>>,
     window: MedianMeanState<R>,
     warning: OverCompensationState<R>,
+    sign: WrongSignState<R>,
+    /// Half-periods in a row in which OP went against K.
+    against: u8,
     /// The last half-period is still to be worked off, with the size in force when it ended.
     due: bool,
     size: R,
@@ -105,6 +128,8 @@ impl<R: Real> Default for BacklashDetectionState<R> {
             whole: None,
             window: MedianMeanState::default(),
             warning: OverCompensationState::default(),
+            sign: WrongSignState::default(),
+            against: 0,
             due: false,
             size: R::ZERO,
             sp: nothing,
@@ -118,8 +143,13 @@ impl<R: Real> Default for BacklashDetectionState<R> {
 impl<R: Real> BacklashDetectionState<R> {
     /// Forgets all detections. A compensation that went by them is taken away, without a bump.
     pub fn reset(&mut self) {
-        let Self { compensate, compensation, sp, pv, h, u_ff, .. } = *self;
-        *self = Self { compensate, compensation, sp, pv, h, u_ff, ..Self::default() };
+        let Self { compensate, compensation, sign, sp, pv, h, u_ff, .. } = *self;
+        *self = Self { compensate, compensation, sign, sp, pv, h, u_ff, ..Self::default() };
+    }
+
+    /// What is wrong: [`WRONG_SIGN`], or 0.
+    pub fn error(&self) -> u16 {
+        if self.sign.found || self.against >= AGAINST { WRONG_SIGN } else { 0 }
     }
 }
 
@@ -142,6 +172,9 @@ impl<R: Real> BacklashDetection<R> {
                 op_limits,
             )?,
             detections,
+            sign: op_limits.map(|_| WrongSign::new(k, ti, limits)).transpose()?,
+            max_h,
+            long: R::of(LONG) * ti,
             compensation: match compensation {
                 Some(given) => {
                     let compensation = Compensation::new(CompensationSettings { k, limits, ..given })?;
@@ -166,16 +199,26 @@ impl<R: Real> BacklashDetection<R> {
         let flags = told | (state.sp.flags | state.pv.flags) & BAD;
         let (h, sp) = (state.h, state.sp.value);
         let op = back.map(|back| back.tracking - state.u_ff);
-        if let (Some((_, warning)), Some(last), true) = (&self.compensation, &state.last, state.due) {
-            state.over = warning.update(&mut state.warning, &last.half, h, state.size);
-            if last.mask == 0 {
-                state.whole = Some(self.detections.update(&mut state.window, last.parts.d + state.size));
+        if let (Some(last), true) = (&state.last, state.due) {
+            if let Some((_, warning)) = &self.compensation {
+                state.over = warning.update(&mut state.warning, &last.half, h, state.size);
+                if last.mask == 0 {
+                    state.whole = Some(self.detections.update(&mut state.window, last.parts.d + state.size));
+                }
+            }
+            if last.half.delta_t > self.long && last.mask & DISTURBED == 0 {
+                let against = last.parts.op_travel + last.parts.delta_u / R::of(2.0) < R::ZERO;
+                state.against = if against { AGAINST.min(state.against + 1) } else { 0 };
             }
         }
         let record = self.detector.update(&mut state.detector, &Sample { h, sp, pv: state.pv.value, op, flags });
         state.due = record.is_some();
         if state.due {
             (state.last, state.size) = (record, state.compensation.half + state.compensation.half);
+        }
+        if let (Some(sign), Some(op)) = (&self.sign, op) {
+            let gap = if h <= self.max_h { 0 } else { GAP };
+            sign.update(&mut state.sign, sp, state.detector.filtered_pv(), op, h, flags | gap);
         }
         let Some((compensation, _)) = &self.compensation else {
             if state.compensation.u_ff != R::ZERO {
@@ -190,7 +233,7 @@ impl<R: Real> BacklashDetection<R> {
             d_hat: state.whole.map(|whole| whole.value),
             over: state.over.relay,
             enable: state.compensate && op.is_some(),
-            flags,
+            flags: if state.error() == 0 { flags } else { flags | AT_LOW | AT_HIGH },
         };
         compensation.update(&mut state.compensation, &sample);
     }

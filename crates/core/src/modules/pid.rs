@@ -129,7 +129,7 @@ pub struct PidState<R> {
     pub mode: Mode,
     /// The own setpoint, used in [`Mode::Auto`] [PV unit].
     pub sp: R,
-    /// The output in [`Mode::Manual`]; follows the output in all other modes.
+    /// The output in [`Mode::Manual`]; follows the output in all other modes, and while it tracks.
     pub manual: R,
     /// The setpoint in effect [PV unit].
     pub ysp: R,
@@ -300,7 +300,7 @@ impl<R: Real> Pid<R> {
             // Shifting and shifting back may cost a bit.
             band.update(v + beyond)
         };
-        if s.mode != Mode::Manual {
+        if s.mode != Mode::Manual || tracked {
             s.manual = u;
         }
         s.output = u;

@@ -92,6 +92,11 @@ impl<R: Real> PidAdvancedState<R> {
     pub fn at(output: R) -> Self {
         Self { pid: PidState::at(output), detection: BacklashDetectionState::default(), by: R::ZERO }
     }
+
+    /// What is wrong: what the controller says, and [`WRONG_SIGN`](super::WRONG_SIGN).
+    pub fn error(&self) -> u16 {
+        u16::from(self.pid.error) | self.detection.error()
+    }
 }
 
 impl<R: Real> Default for PidAdvancedState<R> {

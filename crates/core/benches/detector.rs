@@ -3,8 +3,8 @@
 
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use glapp_core::{
-    AutoTuner, AutoTunerSettings, AutoTunerState, Columns, Detector, DetectorState, MedianMean, MedianMeanState,
-    SafetyNet, Sample, SecondOrderFilter, SecondOrderFilterState, Width,
+    Columns, Detector, DetectorState, MedianMean, MedianMeanState, Noise, NoiseState, SafetyNet, Sample,
+    SecondOrderFilter, SecondOrderFilterState, Width,
 };
 use std::hint::black_box;
 
@@ -22,16 +22,10 @@ fn detector() -> Detector<f64> {
     .unwrap()
 }
 
-/// Uniform noise in −1..1, from a xorshift generator.
+/// Uniform noise in −1..1.
 fn noise() -> Vec<f64> {
-    let mut x = 1_u32;
-    let mut next = || {
-        x ^= x << 13;
-        x ^= x >> 17;
-        x ^= x << 5;
-        f64::from(x) / f64::from(u32::MAX) * 2.0 - 1.0
-    };
-    (0..N).map(|_| next()).collect()
+    let (noise, mut state) = (Noise::new(1.0).unwrap(), NoiseState::default());
+    (0..N).map(|_| noise.update(&mut state, 0.0)).collect()
 }
 
 fn whole(c: &mut Criterion) {
@@ -87,29 +81,6 @@ fn blocks(c: &mut Criterion) {
             |state| noise.iter().map(|&x| median_mean.update(state, x).value).fold(0.0, f64::max),
             BatchSize::SmallInput,
         );
-    });
-    // A cycle so long that no experiment is over within a run.
-    let swing: Vec<f64> =
-        noise.iter().enumerate().map(|(k, x)| if k / 50_000 % 2 == 0 { 1.0 } else { -1.0 } + 0.3 * x).collect();
-    let tuner = AutoTuner::new(AutoTunerSettings {
-        amplitude: 5.0,
-        hysteresis: Some(0.5),
-        d: 0.0,
-        wait: 10.0,
-        longest: 1e9,
-        max_h: 2.0,
-        pv: (-9.0, 9.0),
-        op: (0.0, 100.0),
-    })
-    .unwrap();
-    group.bench_function("autotuner, relay running", |b| {
-        b.iter(|| {
-            let mut state = AutoTunerState::default();
-            tuner.start(&mut state, 50.0);
-            let last = swing.iter().map(|&x| tuner.update(&mut state, x, 1.0, 0)).fold(0.0, f64::max);
-            assert!(state.phase.is_running() && state.t > 9e5);
-            last
-        });
     });
     group.finish();
 }

@@ -174,14 +174,22 @@ fn settings_out_of_bounds_are_named() {
     }
 }
 
-/// Runs to its end on three lags under `noise`.
-fn experiment<R: Real>(settings: AutoTunerSettings<R>, process: &mut Lags<R>, h: f64, noise: f64) -> AutoTunerState<R> {
+/// Runs to its end on three lags behind a gap of `d`, under `noise`.
+fn experiment<R: Real>(
+    settings: AutoTunerSettings<R>,
+    process: &mut Lags<R>,
+    d: f64,
+    h: f64,
+    noise: f64,
+) -> AutoTunerState<R> {
     let tuner = AutoTuner::new(settings).unwrap();
     let (noise, mut drawn) = (Noise::new(R::of(noise)).unwrap(), NoiseState::seeded(7));
+    let (gap, mut valve) = (Backlash::new(R::of(d)).unwrap(), BacklashState::at(R::of(50.0)));
     let mut state = AutoTunerState::default();
     tuner.start(&mut state, R::of(50.0));
     while state.phase.is_running() {
-        let pv = noise.update(&mut drawn, process.update(state.output, R::of(h)));
+        let position = gap.update(&mut valve, state.output);
+        let pv = noise.update(&mut drawn, process.update(position, R::of(h)));
         tuner.update(&mut state, pv, R::of(h), 0);
     }
     state
@@ -189,7 +197,7 @@ fn experiment<R: Real>(settings: AutoTunerSettings<R>, process: &mut Lags<R>, h:
 
 #[test]
 fn single_precision_finds_the_same() {
-    let wide = experiment(USUAL, &mut Lags::<f64>::new(1.0, 1.0), 0.05, 0.02).found.unwrap();
+    let wide = experiment(USUAL, &mut Lags::<f64>::new(1.0, 1.0), 0.0, 0.05, 0.02).found.unwrap();
     let settings = AutoTunerSettings::<f32> {
         amplitude: 6.0,
         hysteresis: None,
@@ -200,7 +208,7 @@ fn single_precision_finds_the_same() {
         pv: (-50.0, 50.0),
         op: (0.0, 100.0),
     };
-    let narrow = experiment(settings, &mut Lags::<f32>::new(1.0, 1.0), 0.05, 0.02).found.unwrap();
+    let narrow = experiment(settings, &mut Lags::<f32>::new(1.0, 1.0), 0.0, 0.05, 0.02).found.unwrap();
     // The relay may switch a sample apart.
     let near = |a: f64, b: f32| (f64::from(b) / a - 1.0).abs() < 0.02;
     assert!(near(wide.ku, narrow.ku) && near(wide.tu, narrow.tu), "{wide:?} {narrow:?}");
@@ -211,15 +219,7 @@ fn single_precision_finds_the_same() {
 #[test]
 fn a_known_gap_is_counted_in() {
     let find = |d: f64| {
-        let tuner = tuner(AutoTunerSettings { d, ..USUAL });
-        let gap = Backlash::new(1.0).unwrap();
-        let (mut process, mut valve, mut state) = (Lags::new(1.0, 1.0), BacklashState::at(50.0), State::default());
-        tuner.start(&mut state, 50.0);
-        while state.phase.is_running() {
-            let pv = process.update(gap.update(&mut valve, state.output), 0.04);
-            tuner.update(&mut state, pv, 0.04, 0);
-        }
-        state.found.unwrap()
+        experiment(AutoTunerSettings { d, ..USUAL }, &mut Lags::<f64>::new(1.0, 1.0), 1.0, 0.04, 0.0).found.unwrap()
     };
     let (known, unknown) = (find(1.0), find(0.0));
     assert!((known.ku / 8.0 - 1.0).abs() < 0.04 && (known.kp.unwrap() - 1.0).abs() < 0.05, "{known:?}");
@@ -324,7 +324,7 @@ proptest! {
         let settings = AutoTunerSettings {
             amplitude: amplitude * gain.signum(), wait: 3.6 * t, longest: 220.0 * t, max_h: t, ..USUAL
         };
-        let state = experiment(settings, &mut Lags::<f64>::new(gain, t), 0.036 * t, noise * cycle);
+        let state = experiment(settings, &mut Lags::<f64>::new(gain, t), 0.0, 0.036 * t, noise * cycle);
         prop_assert_eq!((state.phase, state.stop, state.output), (Phase::Done, Stop::None, 50.0));
         let found = state.found.unwrap();
         let apart = |x: f64, truth: f64| (x / truth - 1.0).abs();

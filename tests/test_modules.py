@@ -260,12 +260,12 @@ def test_half_periods_with_a_slow_actuator_are_none() -> None:
 # --- The wrong sign ---------------------------------------------------------------------------------------------------
 
 
-def wrong_loop(gain: float, way: Way = Way.INVERSE) -> Graph:
+def wrong_loop(gain: float, way: Way = Way.INVERSE, rate: float = 1e6) -> Graph:
     """A loop that compensates a gap of 2 %; K is 2 whatever the sign of the process."""
     modules = {
         "sp": Input(),
         "load": Input(),
-        "pid": PidAdvanced(k=2.0, ti=2.0, tf=0.2, low=-50, high=50, kp=1.0, comp_size=1.0, comp_way=way),
+        "pid": PidAdvanced(k=2.0, ti=2.0, tf=0.2, low=-50, high=50, rate=rate, kp=1.0, comp_size=1.0, comp_way=way),
         "gap": Backlash(2.0),
         "process": ProcessSim(gain, 3.0, 1.0),
         "noise": Noise(0.1),
@@ -296,8 +296,10 @@ def test_a_process_of_the_wrong_sign_is_told_and_recovers_without_a_bump(way: Wa
     assert back["pid.error"][-1] == 0.0 and abs(back["process"][-1]) < 3.0
 
 
-def test_manual_takes_the_wrong_sign_back() -> None:
-    loop = wrong_loop(-1.0)
+@pytest.mark.parametrize("rate", [1e6, 2.0])
+def test_manual_takes_the_wrong_sign_back(rate: float) -> None:
+    """A rate that limits all the way to the limit is told as that limit is."""
+    loop = wrong_loop(-1.0, rate=rate)
     loop["load.value"] = 3.0
     loop.run(200)
     assert loop["pid.error"] == Flag.WRONG_SIGN

@@ -554,12 +554,12 @@ def over_compensation_cases() -> Iterator[dict[str, Any]]:
 def wrong_sign(params: Params, h: Sequence[float], samples: Sequence[Sequence[float]]) -> list[int]:
     """OP at its limit and PV running away, judged anew at every sample from all since the error changed its sign."""
     kept: list[tuple[float, float, float, float, bool]] = []
-    sign, begin, last, found = 0, NAN, NAN, False
+    sign, begin, last, found = 0, NAN, 0.0, False
     outputs = []
     for step, (sp, yf, op, flags) in zip(h, samples, strict=True):
         e = sp - yf
         if int(flags) & (FLAG_BAD | FLAG_GAP) or not all(map(math.isfinite, (e, op))):
-            sign, kept = (sign, kept) if found else (0, [])
+            sign, kept, last = (sign, kept, last) if found else (0, [], 0.0)
         elif step > 0.0:
             side = sign if e == 0.0 else int(math.copysign(1.0, e))
             if int(flags) & FLAG_NOT_AUTO:
@@ -568,7 +568,9 @@ def wrong_sign(params: Params, h: Sequence[float], samples: Sequence[Sequence[fl
                 if side != sign:
                     sign, begin, kept, found = side, last if sign else op, [], False
                 towards = 8 if (side > 0) == (params["k"] > 0.0) else 4
-                kept.append((step, abs(e), yf, op, int(flags) & towards != 0))
+                on = op - last if towards == 8 else last - op
+                still = on <= 1e-5 * (0.2 * (params["high"] - params["low"]))
+                kept.append((step, abs(e), yf, op, int(flags) & towards != 0 and still))
                 found = found or _runs_away(params, sign, begin, kept)
             last = op
         outputs.append(int(found))
@@ -623,8 +625,10 @@ def wrong_sign_cases() -> Iterator[dict[str, Any]]:
     )
     yield case("the other limit is none of its", ["Sign"], up, [[*row, f / 2.0] for *row, f in rows()], h=1.0)
     yield case("steps of any length", ["IrregularStep"], up, rows(), h=list(_walk(71, 40, low=0.2, high=3.0)))
-    yield case("too short a time", ["Edge"], up, rows()[:21], h=1.0)
-    yield case("just long enough", ["Edge"], up, rows()[:22], h=1.0)
+    yield case("too short a time", ["Edge"], up, rows()[:22], h=1.0)
+    yield case("just long enough", ["Edge"], up, rows()[:23], h=1.0)
+    ramped = [[sp, yf, min(51.0 + 2.0 * i, 100.0), 8.0] for i, (sp, yf, *_) in enumerate(rows())]
+    yield case("a rate on the way, told as a limit", ["Edge"], up | {"ti": 1.0}, ramped, h=1.0)
     yield case("PV comes back", ["Recovery"], up, rows((30, [50.0, 50.1, 90.0, 0.0])), h=1.0)
     yield case("manual", ["Recovery"], up, rows((30, [50.0, 20.0, 100.0, 1.0])), h=1.0)
     for comment, row in (
@@ -1955,8 +1959,11 @@ class _Detection:
         self.u_ff = self.half = 0.0
         self.standing = 1
 
-    def learn(self, h: float, sp: float, pv: float, op: float, flags: int, enable: bool) -> None:
-        """One sample; what the last half-period means for the compensation comes in the scan after it."""
+    def learn(self, h: float, sp: float, pv: float, sent: float, op: float, flags: int, enable: bool) -> None:
+        """One sample, with the output as it is sent and the controller's own.
+
+        What the last half-period means for the compensation comes in the scan after it.
+        """
         if self.due:
             delta_t, delta_y, delta_sp, mask, d, size, against = self.last
             if delta_t > 3.0 * self.params["ti"] and mask & 0b10001111 == 0:
@@ -1976,7 +1983,7 @@ class _Detection:
             against = found["op_travel"] + found["delta_u"] / 2.0 < 0.0
             self.last = (*parts, int(found["mask"]), found["d"], self.half + self.half, against)
         yf = filter_({"tf": self.params["tf"]}, [0.0, *self.h[1:]], [row[1] for row in self.samples])[-1]
-        self.watched.append([sp, yf, op, flags])
+        self.watched.append([sp, yf, sent, flags])
         wrong = self.limits and wrong_sign(self.params | self.limits, self.h, self.watched)[-1]
         self.error = 256 if wrong or self.against >= 3 else 0
         if self.size > 0.0:
@@ -2004,7 +2011,7 @@ def backlash_detection(params: Params, h: Sequence[float], samples: Sequence[Seq
         u_ff = detection.u_ff
         u = controller.scan(gains, MOST, step, pv, sp, u_ff, mode, NAN, manual, -MOST, MOST, told, 0.0)[0]
         flags = controller.flags | (0 if controller.mode == EXTERNAL else FLAG_NOT_AUTO)
-        detection.learn(step, sp, pv, u - u_ff, flags, enable != 0)
+        detection.learn(step, sp, pv, u, u - u_ff, flags, enable != 0)
         outputs.append([u, *detection.all()])
     return outputs
 
@@ -2026,9 +2033,9 @@ def pid_advanced(params: Params, h: Sequence[float], samples: Sequence[Sequence[
         back = -MOST, MOST, told, 0.0
         rate = params.get("sp_rate", MOST)
         u = controller.scan(gains, rate, step, pv, sp, 0.0 + detection.u_ff, mode, NAN, manual, *back)[0]
-        op = (u - controller.ff) + detection.u_ff - detection.u_ff
+        sent = (u - controller.ff) + detection.u_ff
         seen = controller.yf if controller.tf > 0.0 else pv
-        detection.learn(step, controller.ysp, seen, op, controller.flags, enable != 0)
+        detection.learn(step, controller.ysp, seen, sent, sent - detection.u_ff, controller.flags, enable != 0)
         outputs.append([u, controller.ysp, *detection.all()])
     return outputs
 

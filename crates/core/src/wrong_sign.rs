@@ -7,6 +7,8 @@ use crate::{ParameterError, Real, Saturation};
 
 /// The share of OP's span that it must have gone through on its way to the limit.
 const TRAVEL: f64 = 0.2;
+/// The share of that way by which it moves in a sample where it only rounds.
+const ROUNDING: f64 = 1e-5;
 /// How many times as far PV must be from SP where OP reaches the limit as it was in the first half of that way.
 const GROWN: f64 = 1.5;
 /// How far PV must have gone beyond the farthest that it was from SP before.
@@ -20,7 +22,7 @@ const WAIT: f64 = 5.0;
 /// In a loop that is right OP goes to a limit too, where a load asks for more than there is. What tells them apart:
 ///
 /// ```text
-/// e = ysp − yf has not changed its sign since OP was u₀, and OP stands at the limit to which K·e drives it, for t ≥ 5Ti
+/// e = ysp − yf has not changed its sign since OP was u₀, and OP stands still at the limit to which K·e drives it, for t ≥ 5Ti
 ///
 /// |u − u₀| ≥ 0.2·(high − low)      all that way, and PV has not crossed SP once
 /// |e₁| ≥ 1.5·max |e| while |u − u₀| ≤ 0.1·(high − low)         the farther OP went, the farther PV did: |e₁| at the limit
@@ -50,7 +52,7 @@ const WAIT: f64 = 5.0;
 ///     assert!(!block.update(&mut state, 50.0, pv, op, 1.0, 0));
 /// }
 /// let found = (0..16).map(|k| block.update(&mut state, 50.0, 30.0 - f64::from(k), 100.0, 1.0, AT_HIGH));
-/// assert_eq!(found.filter(|found| *found).count(), 2); // after 5Ti = 15 s
+/// assert_eq!(found.filter(|found| *found).count(), 1); // after 5Ti = 15 s
 /// assert!(!block.update(&mut state, 50.0, 50.1, 70.0, 1.0, 0)); // PV is back
 /// # Ok::<(), glapp_core::ParameterError>(())
 /// ```
@@ -112,13 +114,15 @@ impl<R: Real> WrongSign<R> {
             *state = WrongSignState { op, ..WrongSignState::default() };
             return false;
         }
+        let last = state.op;
         if sign != state.sign {
-            let begin = if state.sign == 0 { op } else { state.op };
+            let begin = if state.sign == 0 { op } else { last };
             *state = WrongSignState { sign, begin, ..WrongSignState::default() };
         }
         state.op = op;
-        let towards = if (sign > 0) != self.direct { AT_HIGH } else { AT_LOW };
-        if flags & towards != 0 {
+        // A rate that limits is told as a limit too: OP is on its way as long as it moves on.
+        let (towards, on) = if (sign > 0) != self.direct { (AT_HIGH, op - last) } else { (AT_LOW, last - op) };
+        if flags & towards != 0 && on <= R::of(ROUNDING) * self.travel {
             self.at_limit(state, e.magnitude(), yf, h);
         } else {
             state.farthest = state.farthest.greater(e.magnitude());
@@ -162,6 +166,16 @@ mod tests {
         assert_eq!(WrongSign::new(0.0, 5.0, limits).unwrap_err().name, "k");
         assert_eq!(WrongSign::new(1.0, 0.0, limits).unwrap_err().name, "ti");
         assert_eq!(WrongSign::new(1.0, 5.0, Saturation { low: 2.0, high: 1.0 }).unwrap_err().name, "low");
+    }
+
+    #[test]
+    fn a_rate_on_the_way_is_no_limit() {
+        let (block, mut state) = (block(1.0), WrongSignState::default());
+        for n in 0..200 {
+            let (op, e) = ((40.0 + f64::from(n)).min(100.0), 1.0 + f64::from(n));
+            let found = block.update(&mut state, 0.0, -e, op, 1.0, AT_HIGH);
+            assert_eq!(found, n >= 60 + 25, "scan {n}: at the limit from 60 on");
+        }
     }
 
     /// A PI on a lag of 10 s with gain `gain`, begun at 50 with PV a little off; whether it was found, and the last PV.

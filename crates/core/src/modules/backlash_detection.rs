@@ -216,9 +216,9 @@ impl<R: Real> BacklashDetection<R> {
         if state.due {
             (state.last, state.size) = (record, state.compensation.half + state.compensation.half);
         }
-        if let (Some(sign), Some(op)) = (&self.sign, op) {
+        if let (Some(sign), Some(back)) = (&self.sign, back) {
             let gap = if h <= self.max_h { 0 } else { GAP };
-            sign.update(&mut state.sign, sp, state.detector.filtered_pv(), op, h, flags | gap);
+            sign.update(&mut state.sign, sp, state.detector.filtered_pv(), back.tracking, h, flags | gap);
         }
         let Some((compensation, _)) = &self.compensation else {
             if state.compensation.u_ff != R::ZERO {

@@ -15,11 +15,11 @@ use pyo3::prelude::*;
 ///
 /// Examples
 /// --------
-/// >>> block = WrongSign(2.0, 5.0, 0.0, 100.0)
+/// >>> block = WrongSign(2.0, 3.0, 0.0, 100.0)
 /// >>> signals = [(50.2, 50.0), (46.0, 60.0), (38.0, 80.0)] + [(30.0 - i, 100.0) for i in range(20)]
 /// >>> found = [block.update(50.0, yf, op, 1.0, 8 if op == 100.0 else 0) for yf, op in signals]
-/// >>> found.index(True)  # 3 Ti after it came to its limit
-/// 17
+/// >>> found.index(True)  # 5 Ti after it has come to its limit
+/// 18
 #[pyclass(module = "glapp.blocks")]
 pub struct WrongSign {
     block: glapp_core::WrongSign<f64>,

@@ -193,7 +193,7 @@ def compensation(params: Params, h: Sequence[float], samples: Sequence[Sequence[
     smooth = _smoother(params["tf"])
     lowest = highest = half = whole = u_ff = travel = reversals = 0.0
     direction = side = standing = withdrawn = 0
-    in_force = halved = False
+    in_force = False
     least: float | None = None
     judge = _Judge(params["watch"], size / 10.0)
     outputs = []
@@ -217,14 +217,14 @@ def compensation(params: Params, h: Sequence[float], samples: Sequence[Sequence[
             if turned:
                 direction, lowest, highest = turned, u_f, u_f
         if not enable:
-            least, withdrawn, halved = None, 0, False
+            least, withdrawn = None, 0
         else:
             if math.isfinite(d_hat):
                 least = d_hat if least is None else min(least, d_hat)
             if over and params["withdraw"] and not withdrawn:
                 withdrawn = 4
         wide = size if least is None else min(size, least)
-        goal = max(share * wide - band, 0.0) / (4.0 if halved else 2.0)
+        goal = max(share * wide - band, 0.0) / 2.0
         causes = [
             (not enable, 1),
             (int(flags) & 1 != 0, 2),
@@ -256,14 +256,10 @@ def compensation(params: Params, h: Sequence[float], samples: Sequence[Sequence[
             old, u_ff = u_ff, _towards(-half if side < 0 else half, u_ff, params["rate"] * step)
             travel = travel + abs(u_ff - old)
             if in_force or (standing == 1 and int(flags) == 0 and math.isfinite(e)):
-                if judge.worse(e, u + u_ff, step, in_force, halved) and params["withdraw"] and not withdrawn:
-                    if halved:
-                        withdrawn = 11
-                    else:
-                        halved = True
-                        judge.again()
+                if judge.worse(e, u + u_ff, step, in_force) and params["withdraw"] and not withdrawn:
+                    withdrawn = 11
             else:
-                judge.direction = 0
+                judge.broken_off(not enable)
         outputs.append([u_ff, half, standing])
     return outputs
 
@@ -279,40 +275,49 @@ class _Judge:
         self.in_force = False
         self.burst = 0
 
-    def again(self) -> None:
-        """Forget what is since it is in force."""
+    def broken_off(self, anew: bool) -> None:
+        """Forget the block under way; `anew`: all that is since it is in force."""
         self.time = self.area = self.turns = 0.0
-        self.blocks[True] = _Blocks()
+        self.direction = 0
+        if anew:
+            self.blocks[True], self.in_force, self.burst = _Blocks(), False, 0
 
-    def worse(self, e: float, op: float, step: float, in_force: bool, halved: bool) -> bool:
+    def worse(self, e: float, op: float, step: float, in_force: bool) -> bool:
         if in_force != self.in_force:
+            self.broken_off(anew=True)
             self.in_force = in_force
-            self.again()
         self.turns += self.turned(op)
         self.time, self.area = self.time + step, self.area + abs(e) * step
         if self.time * 150.0 < self.watch:
             return False
         x, n = self.area / self.time, self.turns
         self.time = self.area = self.turns = 0.0
-        old, new = self.blocks[False], self.blocks[in_force]
-        if old.count >= 5:
-            most = 3.0 * old.e[0]
-            self.burst = self.burst + 1 if x > most and not in_force else 0
-            x = min(x, most)
-        if self.burst == 10:
-            old = self.blocks[False] = _Blocks()
-            self.burst = 0
-            new = self.blocks[in_force]
-        was = (*old.e, *old.n, old.count)
-        new.learn(x, n)
-        if not in_force or was[4] < 10:
+        was, now = self.blocks[False], self.blocks[in_force]
+        step_like = was.count >= 5 and x > 4.0 * was.e[0]
+        self.burst = self.burst + 1 if step_like else 0
+        if 0 < self.burst <= 10:
             return False
-        scatter = 1.0 / new.count + 1.0 / was[4]
-        farther, oftener = new.e[0] - 1.1 * was[0], new.n[0] - 1.5 * was[2]
-        sure = (1.5, 0.5) if halved else (0.5, 0.0)
-        return (farther > 0.0 and farther * farther > sure[0] * sure[0] * (was[1] * scatter)) or (
-            oftener > 0.0 and oftener * oftener > sure[1] * sure[1] * (max(was[3], was[2]) * scatter)
-        )
+        if not in_force and step_like:
+            now = self.blocks[False] = _Blocks()
+            self.burst = 0
+        elif step_like:
+            x = 4.0 * was.e[0]
+        now.learn(x, n)
+        if not in_force or was.count < 10 or now.count < 10:
+            return False
+        scatter = 1.0 / now.count + 1.0 / was.count
+        sure = [60.0 / now.count] * 2 if now.count < 60 else [0.0, -0.8] if now.count < 100 else [1.0, 1.0]
+        more = (now.e[0] - 1.1 * was.e[0], now.n[0] - 1.5 * was.n[0])
+        least = (was.e[1], max(was.n[1], was.n[0]))
+        return any(self.beyond(*each, scatter) for each in zip(more, sure, least, strict=True))
+
+    @staticmethod
+    def beyond(more: float, z: float, variance: float, scatter: float) -> bool:
+        """Whether `more` exceeds z standard errors."""
+        square = z * z * (variance * scatter)
+        if z < 0.0:
+            return more > 0.0 or more * more < square
+        return more > 0.0 and more * more > square
 
     def turned(self, op: float) -> bool:
         """Whether OP has gone back from its farthest by more than the band."""
@@ -426,7 +431,7 @@ def compensation_cases() -> Iterator[dict[str, Any]]:
         ]
 
     for comment, rows in (("PV farther from SP", from_(70, e=3.0)), ("OP turns more often", from_(70, u=0.1))):
-        yield case(f"{comment} than before: halved, withdrawn", ["Worse"], judged, rows, h=0.125)
+        yield case(f"{comment} than before: withdrawn", ["Worse"], judged, rows, h=0.125)
         yield case(f"{comment} than before: no withdrawal", ["Worse"], judged | {"withdraw": 0}, rows, h=0.125)
         late = [[*row[:4], float(i >= 19), 0] for i, row in enumerate(rows)]
         yield case(f"{comment} than before: too short to know", ["Worse"], judged, late, h=0.125)
@@ -434,15 +439,22 @@ def compensation_cases() -> Iterator[dict[str, Any]]:
         yield case(f"{comment} than before: enabled anew", ["Worse"], judged, anew, h=0.125)
         holes = changed(5, {i: float(1 + i // 100) for i in (20, 21, 75, 100, 101, 130)}, rows)
         yield case(f"{comment} than before: in between manual, bad", ["Worse"], judged, holes, h=0.125)
-    calm = from_(70, e=0.6)
+    # OP hardly turns once it is in force.
+    calm = [[e, u if i < 90 else 0.1 * u, *rest] for i, (e, u, *rest) in enumerate(from_(70, e=0.6))]
     yield case("no worse than before", ["Worse"], judged, calm, h=0.125)
 
     def burst(begin: int, end: int, rows: list[list[float]]) -> list[list[float]]:
         return [[40.0 * e if begin <= i < end else e, *rest] for i, (e, *rest) in enumerate(rows)]
 
-    yield case("a burst is cut off", ["Worse"], judged, burst(104, 108, calm), h=0.125)
-    yield case("a burst before is cut off", ["Worse"], judged, burst(30, 34, from_(70, e=1.8)), h=0.125)
-    for count, what in ((20, "ten blocks, and before begins anew"), (18, "nine blocks")):
+    yield case("a step when it is enabled is left out", ["Worse"], judged, burst(62, 82, calm), h=0.125)
+    yield case("eleven blocks are no step", ["Worse"], judged, burst(62, 130, calm), h=0.125)
+    yield case("a step before is left out", ["Worse"], judged, burst(30, 34, from_(70, e=1.8)), h=0.125)
+    for factor, what in ((1.8, "seems worse"), (1.5, "stands it")):
+        rows = [[factor * e if i >= 70 else e, *rest] for i, (e, *rest) in enumerate(calm)]
+        yield case(f"the trial: {what}", ["Worse"], judged, rows, h=0.125)
+    long = [[e if i < 280 else 5.0 * e, *rest] for i, (e, *rest) in enumerate(calm + calm[60:])]
+    yield case("worse long after the trial", ["Worse"], judged, long, h=0.125)
+    for count, what in ((44, "twenty blocks, and before begins anew"), (20, "ten blocks")):
         rows = [[*row[:4], float(i >= 60 + count), 0] for i, row in enumerate(burst(60, 240, quiet))]
         yield case(f"a loop that was quiet up to {what}", ["Worse"], judged, rows, h=0.125)
     yield case(

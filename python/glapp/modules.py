@@ -525,7 +525,7 @@ class BacklashDetection(_Compensating):
     comp_travel, comp_reversals : float, optional
         Budgets in any hour [unit of the output; 1]; none where not given.
     comp_withdraw : bool
-        Whether it is withdrawn when the relay warns, and halved, then withdrawn, where the loop is worse than before.
+        Whether it is withdrawn when the relay warns, and where the loop is worse than before.
     """
 
     k: float

@@ -323,8 +323,7 @@ class Compensation(Checked):
     travel, reversals : float
         Budgets in any hour [unit of op; 1]; what is not given has none.
     withdraw : bool
-        Whether it is withdrawn when over-compensation is found, and halved, then withdrawn, when the loop is worse than
-        before.
+        Whether it is withdrawn when over-compensation is found, and when the loop is worse than before.
     begin : float
         When it is enabled [s].
     k : float, optional

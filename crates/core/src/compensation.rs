@@ -2,7 +2,7 @@
 
 use crate::error::require;
 use crate::half_period::{AT_HIGH, AT_LOW, BAD, NOT_AUTO};
-use crate::harm::{Doubt, Harm, HarmState};
+use crate::harm::{Harm, HarmState};
 use crate::zero_crossing::sign_of;
 use crate::{ParameterError, Real, Saturation, SecondOrderFilter, SecondOrderFilterState};
 
@@ -128,7 +128,7 @@ pub struct CompensationSettings<R> {
     pub reversals: R,
     /// Time over which the loop is compared with what it was before > 0 \[s\]; three hundred Ti and more.
     pub watch: R,
-    /// Whether a warning of over-compensation, and a loop that is worse than before, lessen and withdraw it.
+    /// Whether a warning of over-compensation, and a loop that is worse than before, withdraw it.
     pub withdraw: bool,
     /// Limits of OP [OP unit].
     pub limits: Saturation<R>,
@@ -177,8 +177,8 @@ pub struct CompensationSample<R> {
 ///
 /// The on-line estimate can make the size smaller, and it stays smaller until it is enabled anew; it never makes it larger.
 ///
-/// Where the loop seems worse than before it was enabled, in PV's distance from SP or in OP's reversals by more than size/10, δ is
-/// halved; where it still is, beyond doubt, it is withdrawn. Either holds until it is enabled anew.
+/// Where the loop is worse than before it was enabled, in PV's distance from SP or in OP's reversals by more than size/10, it
+/// is withdrawn until it is enabled anew.
 ///
 /// The budgets are kept by two accounts, each of half a budget, that fill up again within an hour: so no hour sees more than
 /// the whole, nor a minute more than the half. Before every reversal, the way there and the way back to 0 must be left, or
@@ -227,8 +227,6 @@ pub struct CompensationState<R> {
     in_force: bool,
     /// Why it was withdrawn until it is enabled anew.
     withdrawn: Option<Standing>,
-    /// Whether only half of the width is compensated, because the loop seemed worse.
-    pub halved: bool,
     /// Half of the width in force now [OP unit].
     pub half: R,
     /// From where it is taken away.
@@ -315,18 +313,14 @@ impl<R: Real> Compensation<R> {
     fn compare(&self, state: &mut CompensationState<R>, sample: &CompensationSample<R>) {
         let since = state.in_force;
         if !since && (state.standing != Standing::NotEnabled || sample.flags != 0 || !measurable(sample.e + sample.u)) {
-            return self.harm.forget(&mut state.harm);
+            return match state.standing {
+                Standing::NotEnabled => self.harm.begin(&mut state.harm, false),
+                _ => self.harm.interrupt(&mut state.harm),
+            };
         }
-        let doubt = if state.halved { Doubt::LAST } else { Doubt::FIRST };
-        let worse = self.harm.update(&mut state.harm, sample.e, sample.u + state.u_ff, sample.h, since, doubt);
-        if !worse || !self.settings.withdraw || state.withdrawn.is_some() {
-            return;
-        }
-        if state.halved {
+        let worse = self.harm.update(&mut state.harm, sample.e, sample.u + state.u_ff, sample.h, since);
+        if worse && self.settings.withdraw && state.withdrawn.is_none() {
             state.withdrawn = Some(Standing::Worse);
-        } else {
-            state.halved = true;
-            self.harm.again(&mut state.harm);
         }
     }
 
@@ -367,14 +361,14 @@ impl<R: Real> Compensation<R> {
     fn goal(&self, state: &mut CompensationState<R>, enable: bool, d_hat: Option<R>) -> R {
         let s = &self.settings;
         if !enable {
-            (state.d_hat, state.halved) = (None, false);
+            state.d_hat = None;
         } else if let Some(d_hat) = d_hat {
             state.d_hat = Some(state.d_hat.map_or(d_hat, |least| least.lesser(d_hat)));
         }
         let size = state.d_hat.map_or(s.size, |d_hat| s.size.lesser(d_hat));
         let band = if s.way == Way::Inverse { s.band } else { R::ZERO };
         let delta = (s.share * size - band).greater(R::ZERO);
-        delta / R::of(if state.halved { 4.0 } else { 2.0 })
+        delta / R::of(2.0)
     }
 
     /// The first cause to do nothing.
@@ -609,24 +603,52 @@ mod tests {
         assert_eq!(state.standing, Standing::Active);
     }
 
-    #[test]
-    fn a_loop_that_seems_worse_is_halved_then_left_alone() {
-        let s = CompensationSettings { watch: 150.0, ..settings(Way::Error) };
-        let block = Compensation::new(s).unwrap();
+    /// A block whose watch has blocks of one sample, and has seen `before` of them with |e| = 1. OP turns every 20 samples:
+    /// u itself before it is enabled, u_FF afterwards.
+    fn watched(before: i32) -> impl FnMut(i32, f64) -> Standing {
+        let block = Compensation::new(CompensationSettings { watch: 150.0, ..settings(Way::Error) }).unwrap();
         let mut state = CompensationState::default();
-        // Blocks of one sample; OP stands still but for u_FF.
-        let mut run = |n: i32, e: f64, enable| {
-            for i in 0..n {
-                let e = e * f64::from(1 - 2 * (i / 8 % 2));
-                block.update(&mut state, &CompensationSample { enable, ..sample(e, 2.0) });
+        let (mut i, mut enable) = (0, false);
+        let mut run = move |n: i32, e: f64| {
+            for _ in 0..n {
+                let side = f64::from(1 - 2 * (i / 20 % 2));
+                let e = side * e * (1.0 + 0.3 * f64::from(i % 3 - 1));
+                let u = if enable { 2.0 } else { 2.0 + side };
+                block.update(&mut state, &CompensationSample { enable, ..sample(e, u) });
+                i += 1;
             }
-            (state.standing, state.halved, state.half)
+            enable = true;
+            state.standing
         };
-        run(100, 1.0, false);
-        assert_eq!(run(16, 1.0, true), (Standing::Active, false, 1.0));
-        assert_eq!(run(2, 3.0, true), (Standing::Active, true, 0.5), "the size in force is halved");
-        assert_eq!(run(40, 3.0, true), (Standing::Worse, true, 0.0));
-        assert_eq!(run(1, 3.0, false), (Standing::NotEnabled, false, 0.0));
+        run(before, 1.0);
+        run
+    }
+
+    #[test]
+    fn a_loop_that_is_worse_is_withdrawn_the_sooner_the_worse_it_is() {
+        for (e, samples, standing) in [
+            (3.0, 9, Standing::Active),
+            (3.0, 12, Standing::Worse),
+            (1.15, 40, Standing::Active), // not before it is judged
+            (1.15, 70, Standing::Worse),
+            (1.05, 1000, Standing::Active),
+        ] {
+            assert_eq!(watched(300)(samples, e), standing, "{e} after {samples}");
+        }
+    }
+
+    #[test]
+    fn a_step_when_it_is_enabled_does_not_withdraw_it() {
+        let mut run = watched(300);
+        run(10, 20.0);
+        assert_eq!(run(1000, 1.0), Standing::Active);
+        let mut run = watched(300);
+        assert_eq!(run(22, 20.0), Standing::Worse, "what lasts is no step");
+    }
+
+    #[test]
+    fn nothing_is_compared_with_what_is_not_known() {
+        assert_eq!(watched(5)(1000, 9.0), Standing::Active);
     }
 
     #[test]

@@ -6,38 +6,34 @@ use crate::Real;
 const BLOCKS: f64 = 150.0;
 /// Blocks that must have been watched before anything is concluded.
 const KNOWN: f64 = 10.0;
-
-/// As many blocks in a row are no burst any more.
+/// Blocks after which it is judged, and after which it has stood the trial.
+const TRIAL: (f64, f64) = (60.0, 100.0);
+/// As many times the mean of before is no part of how the loop swings: a step of setpoint or load.
+const STEP: f64 = 4.0;
+/// More blocks in a row are no step any more.
 const BURST: u8 = 10;
-
-/// How sure it must be, in standard errors: of PV's distance, of OP's reversals.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Doubt {
-    e: f64,
-    reversals: f64,
-}
-
-impl Doubt {
-    /// Enough to take less.
-    pub(crate) const FIRST: Self = Self { e: 0.5, reversals: 0.0 };
-    /// Enough to give it up.
-    pub(crate) const LAST: Self = Self { e: 1.5, reversals: 0.5 };
-}
 
 /// Compares PV's distance from SP, and how often OP turns, since compensation is in force with before it was enabled.
 ///
 /// ```text
-/// of every block of T/150:  x = min(mean |e|, 3·x̄ before),   n = reversals of OP by more than `band`
+/// of every block of T/150:  x = mean |e|,   n = reversals of OP by more than `band`
 ///
 /// x̄ += (x − x̄)/N,   σ² += ((x − x̄ old)·(x − x̄ new) − σ²)/N      N: blocks so far, up to 150;  n alike
 ///
 /// worse:  x̄ − 1.1·x̄ before > z·σ before·√(1/N + 1/N before)     or
 ///         n̄ − 1.5·n̄ before > z·√max(σ², n̄) before·√(1/N + 1/N before)
+///
+///                    x      n
+///   10 ≤ N < 60     60/N   60/N     much worse is told early
+///   60 ≤ N < 100     0     −0.8     the trial: it must not seem worse, and OP must be seen to turn no more often
+///   100 ≤ N          1      1       it has stood the trial: only what is beyond doubt
 /// ```
 ///
-/// So much more than before is told after a few blocks, a little more after many; for counts, no scatter is taken to be less
-/// than that of chance alone. What a step of setpoint or load adds is cut off at three times the mean: it would hide all else.
-/// Where ten blocks in a row before were cut off, the loop is no longer what it was: before begins anew.
+/// For counts, no scatter is taken to be less than that of chance alone. A step of setpoint or load makes blocks above 4·x̄
+/// before; up to ten of them in a row are left out, before and since alike. More in a row are how the loop swings now: since
+/// it is in force they count as 4·x̄ before each, and before it was enabled everything begins anew with them.
+///
+/// An interruption ends the block, not the trial.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Harm<R> {
     /// T \[s\].
@@ -58,7 +54,7 @@ pub(crate) struct HarmState<R> {
     time: R,
     area: R,
     reversals: R,
-    /// Blocks in a row that were cut off.
+    /// Blocks in a row above [`STEP`].
     burst: u8,
     /// OP's lowest and highest since it last turned, and which way it goes.
     low: R,
@@ -82,6 +78,14 @@ struct Mean<R> {
     variance: R,
 }
 
+impl<R: Real> Blocks<R> {
+    fn learn(&mut self, e: R, reversals: R) {
+        self.count = (self.count + R::ONE).lesser(R::of(BLOCKS));
+        self.e.learn(e, self.count);
+        self.reversals.learn(reversals, self.count);
+    }
+}
+
 impl<R: Real> Mean<R> {
     fn learn(&mut self, x: R, count: R) {
         let off = x - self.value;
@@ -90,61 +94,74 @@ impl<R: Real> Mean<R> {
     }
 }
 
+/// Whether `more` > z·√variance.
+fn beyond<R: Real>(more: R, z: R, variance: R) -> bool {
+    let reach = z * z * variance;
+    if z < R::ZERO { more > R::ZERO || more * more < reach } else { more > R::ZERO && more * more > reach }
+}
+
 impl<R: Real> Harm<R> {
     /// Takes the error, OP as it is sent and the time since the last sample, before it is enabled (`in_force` false) or while
-    /// it is in force; tells whether it is worse beyond doubt.
+    /// it is in force; tells whether it is worse.
     #[inline(always)]
-    pub(crate) fn update(&self, state: &mut HarmState<R>, e: R, op: R, h: R, in_force: bool, doubt: Doubt) -> bool {
+    pub(crate) fn update(&self, state: &mut HarmState<R>, e: R, op: R, h: R, in_force: bool) -> bool {
         if in_force != state.in_force {
-            state.in_force = in_force;
-            self.again(state);
+            self.begin(state, in_force);
         }
         if self.turned(state, op) {
             state.reversals += R::ONE;
         }
         state.time += h;
         state.area += e.magnitude() * h;
-        state.time * R::of(BLOCKS) >= self.watch && self.conclude(state, doubt)
+        state.time * R::of(BLOCKS) >= self.watch && self.conclude(state)
     }
 
     /// Ends a block.
     #[inline(never)]
-    fn conclude(&self, state: &mut HarmState<R>, doubt: Doubt) -> bool {
-        let (mut x, n) = (state.area / state.time, state.reversals);
+    fn conclude(&self, state: &mut HarmState<R>) -> bool {
+        let (x, n) = (state.area / state.time, state.reversals);
         (state.time, state.area, state.reversals) = (R::ZERO, R::ZERO, R::ZERO);
         let before = state.before;
-        if before.count >= R::of(5.0) {
-            let most = R::of(3.0) * before.e.value;
-            state.burst = if x > most && !state.in_force { state.burst + 1 } else { 0 };
-            x = x.lesser(most);
-        }
-        if state.burst >= BURST {
-            (state.before, state.burst) = (Blocks::default(), 0);
-        }
-        let blocks = if state.in_force { &mut state.since } else { &mut state.before };
-        blocks.count = (blocks.count + R::ONE).lesser(R::of(BLOCKS));
-        blocks.e.learn(x, blocks.count);
-        blocks.reversals.learn(n, blocks.count);
-        if !state.in_force || before.count < R::of(KNOWN) {
+        let most = R::of(STEP) * before.e.value;
+        let stepped = before.count >= R::of(5.0) && x > most;
+        state.burst = if stepped { state.burst.saturating_add(1) } else { 0 };
+        if stepped && state.burst <= BURST {
             return false;
         }
+        if !state.in_force {
+            if stepped {
+                (state.before, state.burst) = (Blocks::default(), 0);
+            }
+            state.before.learn(x, n);
+            return false;
+        }
+        state.since.learn(if stepped { most } else { x }, n);
         let since = &state.since;
+        if since.count < R::of(KNOWN) || before.count < R::of(KNOWN) {
+            return false;
+        }
+        let (of_e, of_n) = if since.count < R::of(TRIAL.0) {
+            (R::of(TRIAL.0) / since.count, R::of(TRIAL.0) / since.count)
+        } else if since.count < R::of(TRIAL.1) {
+            (R::ZERO, R::of(-0.8))
+        } else {
+            (R::ONE, R::ONE)
+        };
         let scatter = R::ONE / since.count + R::ONE / before.count;
-        let beyond = |more: R, variance: R, z: f64| more > R::ZERO && more * more > R::of(z * z) * (variance * scatter);
         let chance = before.reversals.variance.greater(before.reversals.value);
-        beyond(since.e.value - R::of(1.1) * before.e.value, before.e.variance, doubt.e)
-            || beyond(since.reversals.value - R::of(1.5) * before.reversals.value, chance, doubt.reversals)
+        beyond(since.e.value - R::of(1.1) * before.e.value, of_e, before.e.variance * scatter)
+            || beyond(since.reversals.value - R::of(1.5) * before.reversals.value, of_n, chance * scatter)
     }
 
     /// Begins anew with what is since it is in force.
-    pub(crate) fn again(&self, state: &mut HarmState<R>) {
-        (state.time, state.area, state.reversals) = (R::ZERO, R::ZERO, R::ZERO);
-        state.since = Blocks::default();
+    pub(crate) fn begin(&self, state: &mut HarmState<R>, in_force: bool) {
+        (state.in_force, state.burst, state.since) = (in_force, 0, Blocks::default());
+        self.interrupt(state);
     }
 
-    /// Begins anew with where OP goes, after samples that were not seen.
-    pub(crate) fn forget(&self, state: &mut HarmState<R>) {
-        state.direction = 0;
+    /// Begins the block anew, and where OP goes, after samples that were not seen.
+    pub(crate) fn interrupt(&self, state: &mut HarmState<R>) {
+        (state.time, state.area, state.reversals, state.direction) = (R::ZERO, R::ZERO, R::ZERO, 0);
     }
 
     #[inline(always)]

@@ -65,7 +65,7 @@ fn within(limits: Option<(f64, f64)>) -> PyResult<Saturation<f64>> {
 /// travel, reversals : float
 ///     Budgets of u_FF in any hour [unit of OP; 1], > 0 and ≥ 2.
 /// withdraw : bool
-///     Whether a warning of over-compensation, and a loop that is worse than before, lessen and withdraw it.
+///     Whether a warning of over-compensation, and a loop that is worse than before, withdraw it.
 /// limits : (low, high), optional
 ///     Limits of OP.
 ///

@@ -17,7 +17,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache
 from itertools import pairwise, product
 from pathlib import Path
 from typing import Any
@@ -48,6 +48,8 @@ DOCS = Path(__file__).parents[1] / "docs" / "compensation.md"
 WAYS = ("error", "derivative", "inverse")
 WITHDRAWN = [STANDINGS.index(name) for name in ("worse", "over_compensated")]
 GAP = 0.05
+HELPS = 0.95
+"""PV's standard deviation, by that without compensation, from which on it counts as a help."""
 
 
 def turns(x: Floats, band: float) -> list[int]:
@@ -267,6 +269,13 @@ def _tuned(random: np.random.Generator) -> tuple[str, Plant, tuple[float, float,
 
 def random_loop(number: int, way: Any) -> Scenario:
     """A loop of which everything is drawn: process, tuning, gap, noise, load, setpoint, what is lost or wrong."""
+    drawn = _drawn(number)
+    assert drawn.compensation is not None
+    return drawn.model_copy(update={"compensation": drawn.compensation.model_copy(update={"way": way})})
+
+
+@lru_cache(maxsize=1)  # tuning it takes longer than running it
+def _drawn(number: int) -> Scenario:
     random = np.random.default_rng([5, number])
     name, plant, (k, ti, td), tf, ms = _tuned(random)
     fastest = float(np.abs(plant.poles).max())
@@ -308,8 +317,13 @@ def random_loop(number: int, way: Any) -> Scenario:
         h=h,
         t_end=t_end,
         seed=number,
-        compensation=Compensation(way=way, size=size, share=0.8, begin=t_end / 3, k=wrong * k),
+        compensation=Compensation(way="inverse", size=size, share=0.8, begin=t_end / 3, k=wrong * k),
     )
+
+
+def _within(pv: float, turns: int, turns_without: int) -> bool:
+    """Whether PV's deviation, by that without compensation, and OP's reversals are within the bounds."""
+    return pv <= 1.1 and turns <= 1.5 * turns_without + 2
 
 
 @dataclass(frozen=True)
@@ -332,13 +346,15 @@ class Harm:
     """Half-periods from where it came in force to where it was withdrawn; None: it was not."""
     since_shown: int | None = None
     """The same from where harm began to show, 0 where it was withdrawn before; None: no withdrawal, or no harm."""
-    needless: bool = False
-    """It was withdrawn, and would have stayed within the bounds."""
+    kept: float | None = None
+    """Where it was withdrawn though it would have stayed within the bounds: `pv` had it not been."""
+    absent: bool = False
+    """u_FF is 0 in all of the last third: what is compared there is the loop without compensation, twice."""
 
     @property
     def harmless(self) -> bool:
         """The bounds, with two reversals for counts that are small."""
-        return self.pv <= 1.1 and self.turns <= 1.5 * self.turns_without + 2
+        return _within(self.pv, self.turns, self.turns_without)
 
     @property
     def at_once(self) -> bool:
@@ -349,6 +365,11 @@ class Harm:
     def in_time(self) -> bool:
         """Withdrawn within ten half-periods of where harm began to show, or of where it came in force."""
         return self.at_once or (self.since_shown is not None and self.since_shown <= 10)
+
+    @property
+    def settled(self) -> bool:
+        """Within the bounds, withdrawn in time, or gone before the last third."""
+        return self.harmless or self.in_time or self.absent
 
     @property
     def badness(self) -> float:
@@ -375,7 +396,8 @@ def harm(number: int, way: str) -> Harm | None:
     if withdrawn.size:
         kept = run(with_it.model_copy(update={"compensation": given.model_copy(update={"withdraw": False})}))
         pv_kept, turns_kept, _ = _beside(kept, without, late, band)
-        counts["needless"] = pv_kept <= 1.1 and turns_kept <= 1.5 * turns_without + 2
+        if _within(pv_kept, turns_kept, turns_without):
+            counts["kept"] = pv_kept
         counts |= _in_time(compensated, without, with_it, int(withdrawn[0]))
     return Harm(
         name=with_it.name,
@@ -386,6 +408,7 @@ def harm(number: int, way: str) -> Harm | None:
         turns_without=turns_without,
         standing=STANDINGS[int(compensated.standing[-1])],
         active=float(np.mean(compensated.standing[late] == 0)),
+        absent=not compensated.u_ff[late].any(),
         broken=_broken(compensated, with_it, size, 10 * size / ti if way == "inverse" else size / with_it.h),
         **counts,
     )
@@ -449,23 +472,33 @@ def _broken(s: Simulation, of: Scenario, size: float, rate: float) -> str:
     return ""
 
 
+def in_every_way(
+    pool: ProcessPoolExecutor, what: Callable[[int, str], Any], numbers: range, name: str
+) -> Iterator[tuple[str, list[Any]]]:
+    """What comes of every loop in each way."""
+    pairs = list(product(numbers, WAYS))
+    asked = pool.map(what, *zip(*pairs, strict=True), chunksize=4 * len(WAYS))
+    done = list(track(asked, name, total=len(pairs), transient=True))
+    for at, way in enumerate(WAYS):
+        yield way, [one for one in done[at :: len(WAYS)] if one is not None]
+
+
 def harms(pool: ProcessPoolExecutor, numbers: range, worst: int = 0) -> Iterator[str]:
     """The third table, and the worst by *inverse*."""
     yield (
-        "| way | loops | within both bounds, or withdrawn in time | or at once | within both bounds | PV ≤ 1.1 × | "
-        "reversals ≤ 1.5 × | beyond them, not withdrawn | promises broken | in force at the end | withdrawn: worse | "
-        "over-compensated | needlessly | PV's median where in force |"
+        "| way | loops | within both bounds, withdrawn in time or gone | without those that were gone | "
+        "within both bounds | PV ≤ 1.1 × | reversals ≤ 1.5 × | beyond them, not withdrawn | promises broken | "
+        "in force at the end | withdrawn: worse | over-compensated | needlessly | of these it helped | "
+        "PV's median where in force |"
     )
-    yield "|" + "---|" * 14
-    inverse: list[Harm] = []
-    for way in WAYS:
-        asked = pool.map(partial(harm, way=way), numbers, chunksize=4)
-        found = [one for one in track(asked, f"harm, {way}", total=len(numbers), transient=True) if one is not None]
+    yield "|" + "---|" * 15
+    found: list[Harm] = []
+    for way, found in in_every_way(pool, harm, numbers, "harm"):
         ends = Counter(one.standing for one in found)
         in_force = [one.pv for one in found if one.active > 0.5]
         shares = (
+            [one.settled for one in found],
             [one.harmless or one.in_time for one in found],
-            [one.harmless or one.at_once for one in found],
             [one.harmless for one in found],
             [one.pv <= 1.1 for one in found],
             [one.turns <= 1.5 * one.turns_without + 2 for one in found],
@@ -474,10 +507,10 @@ def harms(pool: ProcessPoolExecutor, numbers: range, worst: int = 0) -> Iterator
         cells = [f"{np.mean(share):.1%}" for share in shares]
         cells.append(str(sum(bool(one.broken) for one in found)))
         cells += [f"{ends[name] / len(found):.0%}" for name in ("active", "worse", "over_compensated")]
-        cells.append(f"{np.mean([one.needless for one in found]):.0%}")
+        needless = [one.kept for one in found if one.kept is not None]
+        cells += [f"{n / len(found):.0%}" for n in (len(needless), sum(pv <= HELPS for pv in needless))]
         cells.append(f"{np.median(in_force):.2f} ×" if in_force else "")
         yield f"| {way} | {len(found)} | {' | '.join(cells)} |"
-        inverse = found
     if not worst:
         return
     yield ""
@@ -485,11 +518,69 @@ def harms(pool: ProcessPoolExecutor, numbers: range, worst: int = 0) -> Iterator
     yield ""
     yield "| loop | gap | size | PV | reversals, without | at the end | half-periods in force, of harm |"
     yield "|---|---|---|---|---|---|---|"
-    for one in sorted(inverse, key=lambda one: (one.harmless or one.in_time, -one.badness))[:worst]:
+    for one in sorted(found, key=lambda one: (one.settled, one.in_time, -one.badness))[:worst]:
         counts = f"{one.turns}, {one.turns_without}"
         after = ", ".join("–" if n is None else str(n) for n in (one.since_force, one.since_shown))
         shown = f"{one.gap:.2f} | {one.size:.2f} | {one.pv:.2f} × | {counts} | {one.standing} | {after}"
         yield f"| {one.name} | {shown} |"
+
+
+# --- Chance, and steps ----------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Beside:
+    """A random loop, disturbed by next to nothing, and stepped when its compensation is enabled."""
+
+    nudged: bool
+    """Within the bounds with a hundredth of the size, never withdrawn."""
+    helped: bool
+    """Within the bounds, and PV better by a twentieth, with all of the size, never withdrawn."""
+    withdrawn: tuple[bool, bool, bool]
+    """Within 120 Ti of being enabled: without a step, on a step of the load, of the setpoint."""
+
+
+def beside(number: int, way: str) -> Beside | None:
+    """The runs of a loop; None where it cannot begin at rest within its limits."""
+    with_it = random_loop(number, way)
+    given = with_it.compensation
+    assert given is not None
+    kept = given.model_copy(update={"withdraw": False})
+    little = kept.model_copy(update={"share": 0.01, "band": 0.002 * given.size})
+    controller, gain = with_it.ideal(), with_it.plant.gain  # type: ignore[union-attr]
+    reach = 2 * given.size * (abs(gain) if gain is not None else 1 / abs(controller.k))
+    changes: list[dict[str, Any]] = [{"compensation": c} for c in (None, kept, little)]
+    changes += [
+        {},
+        {"load": [*with_it.load, Steps(steps=((given.begin, 2 * given.size),))]},
+        {"setpoint": [*with_it.setpoint, Steps(steps=((given.begin, reach),))]},
+    ]
+    try:
+        without, all_of_it, hundredth, *stepped = (run(with_it.model_copy(update=change)) for change in changes)
+    except InputError:
+        return None
+    late = without.t > 2 / 3 * without.t[-1]
+    soon = (without.t > given.begin) & (without.t < given.begin + 120 * controller.ti)
+    whole = _beside(all_of_it, without, late, given.size / 10)
+    return Beside(
+        nudged=_within(*_beside(hundredth, without, late, given.size / 10)),
+        helped=_within(*whole) and whole[0] <= HELPS,
+        withdrawn=tuple(bool(np.isin(s.standing[soon], WITHDRAWN).any()) for s in stepped),  # type: ignore
+    )
+
+
+def besides(pool: ProcessPoolExecutor, numbers: range) -> Iterator[str]:
+    """The fourth table."""
+    yield (
+        "| way | loops | a hundredth of the size: beyond the bounds | loops that it helps | "
+        "withdrawn within 120 Ti | enabled on a load step | on a setpoint step |"
+    )
+    yield "|---|---|---|---|---|---|---|"
+    for way, found in in_every_way(pool, beside, numbers, "beside"):
+        helped = [one.withdrawn for one in found if one.helped]
+        cells = [f"{np.mean([not one.nudged for one in found]):.1%}", str(len(helped))]
+        cells += [f"{share:.0%}" for share in np.mean(helped, axis=0)]
+        yield f"| {way} | {len(found)} | {' | '.join(cells)} |"
 
 
 def _sections(parts: Sequence[tuple[str, Iterable[str]]]) -> Iterator[tuple[str, str]]:
@@ -502,13 +593,15 @@ def _sections(parts: Sequence[tuple[str, Iterable[str]]]) -> Iterator[tuple[str,
 def main() -> None:
     """Measure, print, and write into the docs where asked."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
-    parser.add_argument("--loops", type=int, default=1000, help="random loops of each of the last two parts")
+    parser.add_argument("--loops", type=int, default=1000, help="random loops of the last parts")
     parser.add_argument("--docs", action="store_true", help="write the tables into docs/compensation.md")
     given = parser.parse_args()
     with ProcessPoolExecutor() as pool:
         n = given.loops
         parts = [("brings", brings(pool)), ("warns", warns(pool))]
-        parts += [("harms", harms(pool, range(2 * n, 3 * n), worst=10)), ("tuned", harms(pool, range(n)))]
+        held_out = range(3 * n, 4 * n)
+        parts += [("tuned", harms(pool, range(2 * n))), ("harms", harms(pool, held_out, worst=10))]
+        parts += [("beside", besides(pool, held_out))]
         tables = dict(_sections(parts))
     if given.docs:
         document = DOCS.read_text(encoding="utf-8")

@@ -31,6 +31,35 @@ pub(crate) struct Models<const N: usize, const DRIFTS: usize> {
     pub(crate) pole: Lanes,
 }
 
+/// A cell before which the load may have jumped in some of the models.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Jump {
+    pub(crate) cell: usize,
+    /// Variance of the jump in each of the models.
+    pub(crate) variance: Lanes,
+    /// How much earlier than the cell began [cells], below 1.
+    pub(crate) before: Lanes,
+}
+
+impl Jump {
+    /// The jumps of all the models, each given by its times [cells].
+    pub(crate) fn gathered<'t>(times: impl Fn(usize) -> &'t [f64]) -> Vec<Self> {
+        let mut all: Vec<Self> = Vec::new();
+        for l in 0..LANES {
+            for time in times(l) {
+                let cell = time.ceil() as usize;
+                let at = all.iter().position(|jump| jump.cell == cell).unwrap_or_else(|| {
+                    all.push(Self { cell, variance: [0.0; LANES], before: [0.0; LANES] });
+                    all.len() - 1
+                });
+                all[at].variance[l] = UNKNOWN;
+                all[at].before[l] = time.ceil() - time;
+            }
+        }
+        all
+    }
+}
+
 /// Variance that stands for "not known at all", at the start and for the load where it jumps, in units of the white noise.
 pub(crate) const UNKNOWN: f64 = 1e8;
 /// Samples of PV at the beginning of a stretch that tell where the process and the load stand; they are worth nothing, so
@@ -90,9 +119,9 @@ impl<const N: usize, const DRIFTS: usize> Models<N, DRIFTS> {
     const DRIFT: usize = N - 1;
 
     /// Innovations of `y` and of the answer to the positions `v`, for each sample of `y` that is a number; Kalman
-    /// filter from an unknown start (the first [`START`] count as 0), the load unknown again at each of the cells `jumps`.
+    /// filter from an unknown start (the first [`START`] count as 0), the load unknown again at each of the `jumps`.
     #[inline(always)]
-    pub(crate) fn whiten(&self, y: &[f64], jumps: &[usize], v: &[Lanes], white: &mut White) {
+    pub(crate) fn whiten(&self, y: &[f64], jumps: &[Jump], v: &[Lanes], white: &mut White) {
         let mut gain = self.start();
         let (mut of_y, mut of_v) = ([[0.0; LANES]; N], [[0.0; LANES]; N]);
         let mut seen = 0;
@@ -133,8 +162,8 @@ impl<const N: usize, const DRIFTS: usize> Models<N, DRIFTS> {
                     of_v[i][l] += self.transition[i][Self::LOAD][l] * v[l];
                 }
             }
-            let jump = jumps.contains(&(k + 1));
-            if frozen > 0 && (jump || y.is_nan()) {
+            let jump = jumps.iter().find(|jump| jump.cell == k + 1);
+            if frozen > 0 && (jump.is_some() || y.is_nan()) {
                 white.log_s = lanes(|l| white.log_s[l] + f64::from(frozen) * gain.s[l].ln());
                 frozen = 0;
             }
@@ -145,13 +174,14 @@ impl<const N: usize, const DRIFTS: usize> Models<N, DRIFTS> {
 
     /// A record that the first model itself could have made: `y` up to the sample at which the start is forgotten, from
     /// there on the model's foresight plus `draw()` standard deviations.
-    pub(crate) fn invent(&self, y: &[f64], jumps: &[usize], kp_v: &[f64], draw: &mut impl FnMut() -> f64) -> Vec<f64> {
+    pub(crate) fn invent(&self, y: &[f64], jumps: &[f64], kp_v: &[f64], draw: &mut impl FnMut() -> f64) -> Vec<f64> {
         let mut gain = self.start();
         let mut x = [[0.0; LANES]; N];
         let mut made = Vec::with_capacity(y.len());
         let mut seen = 0;
         // The load and the drift are told by as many samples as the process.
         let told = 2 * (Self::ORDER + 2);
+        let all = Jump::gathered(|_| jumps);
         for (k, (&y, &v)) in y.iter().zip(kp_v).enumerate() {
             if y.is_nan() {
                 made.push(y);
@@ -159,7 +189,8 @@ impl<const N: usize, const DRIFTS: usize> Models<N, DRIFTS> {
             } else {
                 let foresight = -self.unforeseen(&x, 0.0)[0];
                 // After a jump PV itself has to tell the load.
-                let known = seen >= told && !jumps.iter().any(|j| (*j..*j + told).contains(&k));
+                let known =
+                    seen >= told && !jumps.iter().any(|j| (j.ceil() as usize..j.ceil() as usize + told).contains(&k));
                 let value = if !known { y } else { foresight + draw() / gain.scale[0] };
                 seen += 1;
                 made.push(value);
@@ -171,7 +202,7 @@ impl<const N: usize, const DRIFTS: usize> Models<N, DRIFTS> {
             for i in 0..Self::ORDER {
                 x[i][0] += self.transition[i][Self::LOAD][0] * v;
             }
-            self.advance(&mut gain, y.is_nan(), jumps.contains(&(k + 1)));
+            self.advance(&mut gain, y.is_nan(), all.iter().find(|jump| jump.cell == k + 1));
         }
         made
     }
@@ -246,8 +277,8 @@ impl<const N: usize, const DRIFTS: usize> Models<N, DRIFTS> {
 
     /// One step on. The gain of a stretch without holes settles; from then on it is not worked out again.
     #[inline(always)]
-    fn advance(&self, gain: &mut Gain<N>, missing: bool, jump: bool) {
-        if gain.frozen() && !jump {
+    fn advance(&self, gain: &mut Gain<N>, missing: bool, jump: Option<&Jump>) {
+        if gain.frozen() && jump.is_none() {
             return;
         }
         if !missing {
@@ -276,7 +307,25 @@ impl<const N: usize, const DRIFTS: usize> Models<N, DRIFTS> {
             gain.p[i][Self::LOAD] = half[i][Self::LOAD];
         }
         for l in 0..LANES {
-            gain.p[Self::LOAD][Self::LOAD][l] += self.q_load[l] + if jump { UNKNOWN } else { 0.0 };
+            gain.p[Self::LOAD][Self::LOAD][l] += self.q_load[l];
+        }
+        if let Some(jump) = jump {
+            // What of it reaches the states within the cell; the last one follows at once, the others one after another.
+            let mut reached = [[1.0; LANES]; N];
+            for i in (0..Self::ORDER).rev() {
+                let later = if i + 1 < Self::ORDER { reached[i + 1] } else { [1.0; LANES] };
+                reached[i] = lanes(|l| jump.before[l] * later[l]);
+            }
+            for i in 0..Self::ORDER {
+                reached[i] = lanes(|l| reached[i][l] * self.transition[i][Self::LOAD][l]);
+            }
+            for i in 0..=Self::LOAD {
+                for j in i..=Self::LOAD {
+                    for l in 0..LANES {
+                        gain.p[i][j][l] += jump.variance[l] * reached[i][l] * reached[j][l];
+                    }
+                }
+            }
         }
         if DRIFTS == 1 {
             let d = Self::DRIFT;

@@ -10,13 +10,15 @@
 #![allow(clippy::needless_range_loop)]
 
 mod combine;
-mod jumps;
 mod kalman;
+mod looks;
 mod profile;
 mod record;
 mod search;
+mod steps;
 mod structure;
 mod verdict;
+mod view;
 
 pub use combine::{Whole, Window, combine};
 pub use structure::{Noise, Structure};

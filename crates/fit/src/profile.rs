@@ -83,6 +83,11 @@ impl Profile {
         self.points[self.best].cost
     }
 
+    /// Likelihood ratio −2·Δln L of no gap.
+    pub(crate) fn lr_no_gap(&self) -> f64 {
+        self.points[0].cost - self.least()
+    }
+
     /// The least with what the family's parameters cost (Akaike).
     pub(crate) fn penalised(&self) -> f64 {
         self.least() + 2.0 * self.structure.parameters() as f64

@@ -9,8 +9,8 @@ use glapp_sim::{Friction, FrictionState, Model};
 pub(crate) struct Stretch {
     pub(crate) y: Vec<f64>,
     u: Vec<f64>,
-    /// Cells before which the load jumped.
-    pub(crate) jumps: Vec<usize>,
+    /// When the load jumped [cells].
+    pub(crate) jumps: Vec<f64>,
     /// Which of the parts that were given.
     pub(crate) part: usize,
 }
@@ -25,6 +25,8 @@ pub(crate) struct Record {
     pub(crate) count: usize,
     /// Widest move of OP within one stretch [OP unit].
     pub(crate) range: f64,
+    /// Widest move of PV within one stretch [PV unit].
+    pub(crate) span: f64,
 }
 
 /// The lost motion that is tried: total width [OP unit], the share of it that is slip jump, what the valve does after a jump,
@@ -75,7 +77,9 @@ impl Record {
             .collect();
         let count = stretches.iter().flat_map(|s| &s.y).filter(|y| !y.is_nan()).count();
         let range = stretches.iter().map(|s| span(&s.u)).fold(0.0, f64::max);
-        Self { stretches, cell, count, range }
+        let of_pv = |s: &Stretch| span(&s.y.iter().copied().filter(|y| !y.is_nan()).collect::<Vec<_>>());
+        let span = stretches.iter().map(of_pv).fold(0.0, f64::max);
+        Self { stretches, cell, count, range, span }
     }
 
     /// Cells of PV that count: those that tell where a stretch starts and how far a load jumped are worth nothing.
@@ -88,18 +92,15 @@ impl Record {
         self.stretches.iter().map(|s| s.jumps.len()).sum()
     }
 
-    /// Whether the same jumps are marked in both.
-    pub(crate) fn same_jumps(&self, other: &Self) -> bool {
-        let sorted = |s: &Stretch| {
-            let mut jumps = s.jumps.clone();
-            jumps.sort_unstable();
-            jumps
-        };
-        self.stretches.iter().map(sorted).eq(other.stretches.iter().map(sorted))
+    /// Residuals of all cells that count, each at its cell of its stretch, 0 where PV is none.
+    pub(crate) fn by_stretch(&self, residual: &[f64]) -> Vec<Vec<f64>> {
+        let mut next = residual.iter();
+        let mut of = |y: &f64| if y.is_nan() { 0.0 } else { *next.next().expect("one for each number") };
+        self.stretches.iter().map(|s| s.y.iter().map(&mut of).collect()).collect()
     }
 
     /// The same record with other jumps of the load.
-    pub(crate) fn with_jumps(&self, jumps: Vec<Vec<usize>>) -> Self {
+    pub(crate) fn with_jumps(&self, jumps: Vec<Vec<f64>>) -> Self {
         let stretches = self.stretches.iter().zip(jumps).map(|(s, jumps)| Stretch { jumps, ..s.clone() }).collect();
         Self { stretches, ..*self }
     }
@@ -161,6 +162,11 @@ impl Stretch {
             high - low >= d
         });
         moved.unwrap_or(self.u.len()) / cell
+    }
+
+    /// How far OP moved from one cell to another [OP unit].
+    pub(crate) fn moved(&self, from: usize, to: usize, cell: usize) -> f64 {
+        self.u[to * cell] - self.u[from * cell]
     }
 
     fn traversals(&self, d: f64) -> [usize; 2] {

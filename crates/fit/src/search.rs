@@ -1,6 +1,6 @@
 //! The likelihood of one family and its maximum for a given lost motion.
 
-use crate::kalman::{LANES, Lanes, UNKNOWN, White, lanes};
+use crate::kalman::{Jump, LANES, Lanes, UNKNOWN, White, lanes};
 use crate::record::{Lost, Positions, Record};
 use crate::structure::{MOST, Structure, Theta};
 use std::cell::RefCell;
@@ -43,6 +43,8 @@ impl Innovations {
 #[derive(Default)]
 struct Work {
     delayed: Vec<Lanes>,
+    /// Jumps of each stretch.
+    jumps: Vec<Vec<Jump>>,
     white: White,
     found: Innovations,
 }
@@ -116,9 +118,32 @@ impl Search<'_> {
                 #[inline(always)]
                 || {
                     let all = 0..self.record.stretches.len();
-                    self.whiten(work, thetas, all, |_, i| &positions[i]);
+                    self.whiten(work, thetas, all, |_, i| &positions[i], |_, i| &self.record.stretches[i].jumps);
                     self.weigh(work);
                     then(&work.found)
+                },
+            )
+        })
+    }
+
+    /// Σ r² with eight other sets of jumps in one of the stretches, each as large as the record's own.
+    pub(crate) fn with_other_jumps(
+        &self,
+        theta: &Theta,
+        positions: &Positions,
+        stretch: usize,
+        jumps: &[Vec<f64>; LANES],
+    ) -> Lanes {
+        WORK.with_borrow_mut(|work| {
+            pulp::Arch::new().dispatch(
+                #[inline(always)]
+                || {
+                    let all = 0..self.record.stretches.len();
+                    let of =
+                        |l: usize, i: usize| if i == stretch { &jumps[l] } else { &self.record.stretches[i].jumps };
+                    self.whiten(work, &[*theta; LANES], all, |_, i| &positions[i], of);
+                    self.weigh(work);
+                    work.found.sum
                 },
             )
         })
@@ -148,14 +173,16 @@ impl Search<'_> {
         found.sum = sum;
     }
 
-    /// The innovations of some of the stretches; `of`: the positions for a lane in a stretch, as far as they are wanted.
+    /// The innovations of some of the stretches; `of`: the positions for a lane in a stretch, as far as they are wanted;
+    /// `jumps`: those of the load.
     #[inline(always)]
-    fn whiten<'p>(
+    fn whiten<'p, 'j>(
         &self,
         work: &mut Work,
         thetas: &[Theta; LANES],
         stretches: Range<usize>,
         of: impl Fn(usize, usize) -> &'p [f64],
+        jumps: impl Fn(usize, usize) -> &'j Vec<f64>,
     ) {
         // PV's mean over a cell lies half a cell behind its first step, OP's mean acts from the first step on. OP never acts on
         // the PV of its own step: it is the controller's answer to that PV, and would explain it all too well.
@@ -174,13 +201,16 @@ impl Search<'_> {
                 }
             }
         }
+        work.jumps.clear();
+        for i in stretches.clone() {
+            work.jumps.push(Jump::gathered(|l| jumps(l, i).as_slice()));
+        }
         work.white.clear();
         let mut rest = work.delayed.as_slice();
-        let inputs = stretches.map(|i| {
-            let stretch = &self.record.stretches[i];
+        let inputs = stretches.zip(&work.jumps).map(|(i, jumps)| {
             let (v, after) = rest.split_at(of(0, i).len());
             rest = after;
-            (&stretch.y[..v.len()], stretch.jumps.as_slice(), v)
+            (&self.record.stretches[i].y[..v.len()], jumps.as_slice(), v)
         });
         self.structure.whiten(thetas, inputs, &mut work.white);
     }
@@ -204,8 +234,13 @@ impl Search<'_> {
         }
         let here = self.at(&point.theta, &self.record.positions(&point.lost));
         let white = here.sum[0] / (here.scale[0] * here.scale[0]) / self.record.freedom();
-        let size = (point.kp * self.record.range).powi(2) / white;
-        self.record.jumps() as f64 * ((2.0 * PI * size).ln().max(0.0) + 2.0 * (self.record.count as f64).ln())
+        // What OP could do, or what PV did: a process that hardly answers OP pays no less for its jumps.
+        let seen = if self.structure.integrating { 0.0 } else { self.record.span };
+        let size = (point.kp * self.record.range).abs().max(seen).powi(2) / white;
+        let (jumps, cells) = (self.record.jumps(), self.record.count);
+        // They may come in any order: ln of the binomial coefficient.
+        let places: f64 = (0..jumps).map(|j| ((cells - j) as f64 / (j + 1) as f64).ln()).sum();
+        jumps as f64 * (size / (2.0 * PI)).ln().max(0.0) + 2.0 * places
     }
 
     /// θ in the first lane, in the others θ with one parameter moved, and by how much.
@@ -388,7 +423,8 @@ impl Search<'_> {
                 #[inline(always)]
                 move || {
                     let positions = positions;
-                    self.whiten(work, &[point.theta; LANES], stretch..stretch + 1, |l, _| &positions[l]);
+                    let jumps = &self.record.stretches[stretch].jumps;
+                    self.whiten(work, &[point.theta; LANES], stretch..stretch + 1, |l, _| &positions[l], |_, _| jumps);
                     Sums::of(&work.white)
                 },
             )

@@ -1,10 +1,12 @@
 //! The families of models that are tried: lags, an integrator or none, and where the disturbance enters.
 
-use crate::kalman::{LANES, Lanes, Models, White, lanes};
+use crate::kalman::{Jump, LANES, Lanes, Models, White, lanes};
 
 /// Where the disturbance comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Noise {
+    /// A load at the input that stands still but for the steps that are marked, and white noise on PV.
+    Still,
     /// A load that walks at the input of the process, and white noise on PV.
     Input,
     /// A drift of first order at the output, and white noise on PV.
@@ -23,6 +25,9 @@ pub struct Structure {
     /// Where the disturbance enters.
     pub noise: Noise,
 }
+
+/// Variance by which a load that stands still may yet walk in a cell: nothing, but for the rounding of the filter.
+const STILL: f64 = 1e-5;
 
 /// Most parameters that a structure can have.
 pub(crate) const MOST: usize = 7;
@@ -47,6 +52,7 @@ impl Structure {
 
     fn noise_parameters(self) -> usize {
         match self.noise {
+            Noise::Still => 0,
             Noise::Input => 1,
             Noise::Output => 2,
             Noise::Both => 3,
@@ -69,6 +75,7 @@ impl Structure {
         let d = self.lags;
         theta[d] = dead;
         match self.noise {
+            Noise::Still => {}
             Noise::Input => theta[d + 1] = -2.0,
             Noise::Output => (theta[d + 1], theta[d + 2]) = (-2.0, 2.0),
             Noise::Both => (theta[d + 1], theta[d + 2], theta[d + 3]) = (-3.0, -3.0, 2.0),
@@ -94,7 +101,7 @@ impl Structure {
         for i in d + 1..self.parameters() {
             theta[i] = theta[i].clamp(-10.0, 14.0);
         }
-        if self.noise != Noise::Input {
+        if matches!(self.noise, Noise::Output | Noise::Both) {
             let pole = self.parameters() - 1;
             theta[pole] = theta[pole].clamp(-3.0, 10.0);
         }
@@ -139,7 +146,11 @@ impl Structure {
         }
         // The third lag becomes dead time.
         pilot[2] = theta[self.dead_time_at()] + if self.lags == 3 { theta[2].exp() } else { 0.0 };
-        pilot[3] = if self.noise == Noise::Output { -2.0 } else { theta[self.lags + 1] };
+        pilot[3] = match self.noise {
+            Noise::Still => -6.0,
+            Noise::Output => -2.0,
+            _ => theta[self.lags + 1],
+        };
         pilot
     }
 
@@ -166,6 +177,7 @@ impl Structure {
         let nothing = [0.0; LANES];
         let noise = |place: usize| lanes(|l| thetas[l][self.lags + 1 + place]);
         let (q_load, q_drift, pole) = match self.noise {
+            Noise::Still => ([STILL; LANES], nothing, nothing),
             Noise::Input => (noise(0).map(f64::exp), nothing, nothing),
             Noise::Output => (nothing, noise(0).map(f64::exp), noise(1).map(logistic)),
             Noise::Both => (noise(0).map(f64::exp), noise(1).map(f64::exp), noise(2).map(logistic)),
@@ -178,7 +190,7 @@ impl Structure {
     pub(crate) fn whiten<'a>(
         self,
         thetas: &[Theta; LANES],
-        stretches: impl Iterator<Item = (&'a [f64], &'a [usize], &'a [Lanes])>,
+        stretches: impl Iterator<Item = (&'a [f64], &'a [Jump], &'a [Lanes])>,
         white: &mut White,
     ) {
         // A loop and no closure: only what is inlined here is compiled for the vectors of the machine.
@@ -191,9 +203,9 @@ impl Structure {
             }};
         }
         match (self.order(), self.noise) {
-            (2, Noise::Input) => with!(3, 0),
+            (2, Noise::Still | Noise::Input) => with!(3, 0),
             (2, _) => with!(4, 1),
-            (_, Noise::Input) => with!(4, 0),
+            (_, Noise::Still | Noise::Input) => with!(4, 0),
             (_, _) => with!(5, 1),
         }
     }
@@ -208,15 +220,15 @@ impl Structure {
         self,
         theta: &Theta,
         y: &[f64],
-        jumps: &[usize],
+        jumps: &[f64],
         kp_v: &[f64],
         draw: &mut impl FnMut() -> f64,
     ) -> Vec<f64> {
         let thetas = &[*theta; LANES];
         match (self.order(), self.noise) {
-            (2, Noise::Input) => self.models::<3, 0>(thetas).invent(y, jumps, kp_v, draw),
+            (2, Noise::Still | Noise::Input) => self.models::<3, 0>(thetas).invent(y, jumps, kp_v, draw),
             (2, _) => self.models::<4, 1>(thetas).invent(y, jumps, kp_v, draw),
-            (_, Noise::Input) => self.models::<4, 0>(thetas).invent(y, jumps, kp_v, draw),
+            (_, Noise::Still | Noise::Input) => self.models::<4, 0>(thetas).invent(y, jumps, kp_v, draw),
             (_, _) => self.models::<5, 1>(thetas).invent(y, jumps, kp_v, draw),
         }
     }

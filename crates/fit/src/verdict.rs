@@ -1,11 +1,11 @@
 //! From profiles to an answer: width, interval, and whether there is a gap at all.
 
-use crate::jumps::with_jumps;
+use crate::looks::{FINELY, pilot, rescaled};
 use crate::profile::{Profile, RISE, RISE_OF_STICKING, trust};
-use crate::record::{Lost, Positions, Record};
+use crate::record::{Positions, Record};
 use crate::search::{Point, Search, dot, solve};
-use crate::structure::{MOST, Noise, Structure, Theta};
-use glapp_sim::Model;
+use crate::structure::{MOST, Structure, Theta};
+use crate::view::{CYCLES, View, views};
 use rayon::prelude::*;
 
 /// What is asked.
@@ -129,11 +129,6 @@ pub struct Answer {
     pub reason: &'static str,
 }
 
-/// Families whose innovations are no more than this larger than the best's (and a −2·ln L of 6) are believed: a gap must
-/// show in all of them, and the interval holds all of theirs.
-const AS_GOOD: f64 = 0.0035;
-/// The same after a coarse look, which may sit beside a narrow valley.
-const NEARLY_AS_GOOD: f64 = 0.05;
 /// Least cells for an answer.
 pub const FEWEST: usize = 50;
 
@@ -190,222 +185,37 @@ fn moved(u: &[f64]) -> f64 {
     coarse.windows(2).map(|w| (w[1] - w[0]).abs()).sum()
 }
 
-const PILOT: Structure = Structure { lags: 2, integrating: false, noise: Noise::Input };
-
-/// Less than this gained by a step ends a descent of a coarse look, of a whole profile [−2·ln L].
-const COARSELY: f64 = 0.3;
-const FINELY: f64 = 0.03;
-/// Families of which the whole profile is worked out.
-const MOST_FAMILIES: usize = 7;
-/// Beginnings that are followed.
-const MOST_SEEDS: usize = 4;
-
-/// Good beginnings from one family at a few widths, and lags and half the dead time of the best of them
-/// together [cells].
-fn pilot(record: &Record, sign: f64) -> (Vec<Theta>, f64) {
-    let search = Search { record, structure: PILOT, sign };
-    let n = record.count as f64;
-    let begin = |part: f64, t: f64, dead: f64| {
-        let lost = Lost::gap(part * record.range, record.stretches.len());
-        search.descend(PILOT.beginning(t, dead), &lost, 8, 0.1, f64::INFINITY)
-    };
-    let starts = [(1.5, 0.5), (1.5, 5.0), (10.0, 0.5), (10.0, 5.0), (40.0, 15.0)];
-    let mut points: Vec<Point> = [0.0, 0.3, 0.6, 0.85]
-        .into_par_iter()
-        .flat_map_iter(|part| starts.map(|(t, dead)| (part, t, dead)))
-        .filter(|(_, t, dead)| *t < n / 8.0 && *dead < n / 12.0)
-        .map(|(part, t, dead)| begin(part, t, dead))
-        .collect();
-    points.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    let mut seeds: Vec<Theta> = Vec::new();
-    for point in &points {
-        if seeds.len() < MOST_SEEDS && !seeds.iter().any(|s| PILOT.alike(s, &point.theta)) {
-            seeds.push(point.theta);
-        }
-    }
-    let theta = points[0].theta;
-    (seeds, 2.0 * theta[0].exp() * theta[1].exp().max(1.0) + 0.5 * theta[2])
-}
-
-/// The pilot's parameters for cells `finer` times shorter.
-fn rescaled(theta: &Theta, finer: f64) -> Theta {
-    let mut scaled = *theta;
-    scaled[0] += finer.ln();
-    scaled[2] *= finer;
-    // Variance of the load a cell falls with the cell, that of the noise rises.
-    scaled[3] -= 2.0 * finer.ln();
-    scaled
-}
-
-/// A beginning for `structure` from the pilot's parameters.
-fn adapted(structure: Structure, pilot: &Theta) -> Theta {
-    let (t, zeta, dead, q) = (pilot[0].exp(), pilot[1].exp(), pilot[2], pilot[3]);
-    let mut theta = structure.beginning((2.0 * t * zeta).max(0.1), dead);
-    if structure.lags > 1 {
-        (theta[0], theta[1]) = (pilot[0], pilot[1]);
-    }
-    if structure.lags == 3 {
-        theta[2] = pilot[0] - 2.0;
-    }
-    let noise = structure.lags + 1;
-    match structure.noise {
-        Noise::Input => theta[noise] = q,
-        Noise::Output => theta[noise] = q.clamp(-6.0, 6.0),
-        Noise::Both => (theta[noise], theta[noise + 1]) = (q, -4.0),
-    }
-    theta
-}
-
-/// The parameters of a simple family's best point for the family of the same process with both disturbances.
-fn widened(structure: Structure, simple: &Profile) -> Theta {
-    let mut theta = simple.points[simple.best].theta;
-    let noise = structure.lags + 1;
-    match simple.structure.noise {
-        Noise::Input => (theta[noise + 1], theta[noise + 2]) = (-4.0, 2.0),
-        _ => (theta[noise], theta[noise + 1], theta[noise + 2]) = (-6.0, theta[noise], theta[noise + 1]),
-    }
-    theta
-}
-
-/// A coarse look with the simple disturbances, then with both together from where those ended: a profile for each family
-/// and each of the `seeds` that leads it somewhere else. In a closed loop a process with another dead time may explain PV
-/// nearly as well, and it is a family of its own.
-fn looks(record: &Record, seeds: &[Theta], sign: f64) -> Vec<Profile> {
-    let of = |structure| Search { record, structure, sign };
-    let coarse = [0.0, 0.015, 0.05, 0.15, 0.3, 0.45, 0.6, 0.75, 0.88, 1.0].map(|part| part * record.range);
-    let gap = Lost::gap(0.0, record.stretches.len());
-    let begin = |structure: Structure| {
-        // The seeds are of two lags; the other families start from the best of them.
-        let most = if structure == PILOT { MOST_SEEDS } else { 2 - usize::from(structure.integrating) };
-        seeds.iter().take(most).map(move |seed| (structure, adapted(structure, seed)))
-    };
-    let families = [Structure::with(Noise::Input), Structure::with(Noise::Output)].concat();
-    let simple: Vec<Profile> = families
-        .into_iter()
-        .flat_map(begin)
-        .collect::<Vec<_>>()
-        .into_par_iter()
-        .map(|(structure, begin)| Profile::over(&of(structure), &coarse, &gap, &[begin], 4, COARSELY))
-        .collect();
-    let simple = distinct(simple);
-    let promising = leading(&simple).least() + room(record.count);
-    let both: Vec<Profile> = simple
-        .par_iter()
-        .filter(|p| p.least() < promising)
-        .filter_map(|p| {
-            let structure = Structure { noise: Noise::Both, ..p.structure };
-            let both = Profile::over(&of(structure), &coarse, &gap, &[widened(structure, p)], 3, COARSELY);
-            // Where the second disturbance is worth nothing it is the same family once more.
-            (both.penalised() < p.penalised()).then_some(both)
-        })
-        .collect();
-    [simple, distinct(both)].concat()
-}
-
-/// The profiles of which no better one of the same family ends at the same process.
-fn distinct(mut profiles: Vec<Profile>) -> Vec<Profile> {
-    profiles.sort_by(|a, b| a.least().total_cmp(&b.least()));
-    let mut kept: Vec<Profile> = Vec::new();
-    for profile in profiles {
-        if !kept.iter().any(|p| p.structure == profile.structure && p.alike(&profile)) {
-            kept.push(profile);
-        }
-    }
-    kept
-}
-
-/// The whole profile of a family, from a coarse look.
-fn whole(search: &Search, look: &Profile) -> Profile {
-    let range = search.record.range;
-    let fine = [0.0, 0.01, 0.02, 0.05, 0.1, 0.17, 0.25, 0.33, 0.41, 0.5, 0.58, 0.66, 0.74, 0.82, 0.88, 0.94, 1.0];
-    let mut seeds = vec![look.points[look.best].theta, look.points[0].theta];
-    seeds.dedup();
-    let gap = Lost::gap(0.0, search.record.stretches.len());
-    let mut profile = Profile::over(search, &fine.map(|part| part * range), &gap, &seeds, 4, FINELY);
-    // A gap that is narrow against all that OP does has a narrow valley.
-    let fine = (0.05 * profile.points[profile.best].lost.d).clamp(0.0005 * range, 0.004 * range);
-    profile.refine(search, 2, fine);
-    profile
-}
-
-/// How far a family may lie behind the best after a coarse look [−2·ln L].
-fn room(count: usize) -> f64 {
-    2.0 * (NEARLY_AS_GOOD * count as f64).min(100.0) + 20.0
-}
-
-/// The best of profiles.
-fn leading(profiles: &[Profile]) -> &Profile {
-    profiles.iter().min_by(|a, b| a.least().total_cmp(&b.least())).expect("there are families")
-}
-
-/// Marks where the load jumped. What is left of a jump widens the walk of the load for all the record, and with it the
-/// interval of d: so when jumps were found it is looked again. With the last look at all families the whole profile of the
-/// best.
-fn without_jumps(record: &Record, seeds: &[Theta], sign: f64) -> (Record, Vec<Profile>, Profile) {
-    let mut record = record.clone();
-    let mut looked = looks(&record, seeds, sign);
-    let mut least = f64::INFINITY;
-    for round in 0.. {
-        let leading = leading(&looked);
-        let search = Search { record: &record, structure: leading.structure, sign };
-        let best = whole(&search, leading);
-        least = least.min(best.least() + search.surprise(&best.points[best.best]));
-        let (marked, point, cost) = with_jumps(&search, &best.points[best.best]);
-        if round == 3 || marked.same_jumps(&record) || cost > least - 1.0 {
-            return (record, looked, best);
-        }
-        least = cost;
-        let mut seeds = pilot(&marked, sign).0;
-        seeds.insert(0, leading.structure.as_pilot(&point.theta));
-        looked = looks(&marked, &seeds, sign);
-        record = marked;
-    }
-    unreachable!("the rounds end")
-}
-
 fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
-    let (record, mut looks, first) = without_jumps(record, seeds, question.sign);
+    let (view, without) = views(record, seeds, question.sign);
+    let View { record, mut profiles, dissent, mut sticking, sticks_in, cost, .. } = view;
+    let lr_of_loads = without - cost;
     let record = &record;
     let n = record.freedom();
     let of = |structure| Search { record, structure, sign: question.sign };
-    let least = leading(&looks).least();
-    // The whole profile for the families that predict nearly as well as the best.
-    looks.retain(|p| p.least() < least + room(record.count));
-    looks.sort_by(|a, b| a.penalised().total_cmp(&b.penalised()));
-    looks.truncate(MOST_FAMILIES);
-    let known = leading(&looks).least();
-    let mut profiles: Vec<Profile> = looks
-        .par_iter()
-        .map(|look| if look.least() == known { first.clone() } else { whole(&of(look.structure), look) })
-        .collect();
-    profiles.sort_by(|a, b| a.penalised().total_cmp(&b.penalised()));
     let least = profiles[0].penalised();
-    let raw_lr = |p: &Profile| p.points[0].cost - p.least();
-    let dissent = profiles.iter().any(|p| raw_lr(p) > PLAIN);
-    profiles.retain(|p| p.penalised() < least + 6.0 + 2.0 * AS_GOOD * n);
-
-    let search = of(profiles[0].structure);
+    let mut search = of(profiles[0].structure);
     let mut best = profiles[0].points[profiles[0].best].clone();
     let here = search.at(&best.theta, &record.positions(&best.lost));
     let lr_no_answer = search.cost(here.sum_without[0]) - best.cost;
-    let mut sticking = sticking(&search, &profiles[0]);
     // What a slip jump explains beyond a gap; what a gap explains beyond nothing is at least as much.
-    let stuck = sticking.first().map(|p| p.points[p.best].clone());
-    let lr_no_jump = stuck.as_ref().map_or(0.0, |stuck| (best.cost - stuck.cost).max(0.0));
+    let lr_no_jump = sticking.first().map_or(0.0, |stuck| (least - stuck.penalised()).max(0.0));
     let tells = lr_no_jump > JUMP;
-    if let Some(stuck) = stuck
-        && lr_no_jump > SLIPS
-    {
-        best = stuck;
+    // What a valve that sticks costs where it is as likely as the most likely.
+    let mut as_likely = least - 2.0 * sticks_in.parameters() as f64;
+    if lr_no_jump > SLIPS {
+        best = sticking[0].points[sticking[0].best].clone();
+        search = of(sticks_in);
+        as_likely = best.cost;
     }
     let trusted = trust(&search, &best, 0.005 * record.range).max(LEAST_TRUST);
-    let lr_no_gap = profiles.iter().map(raw_lr).fold(f64::INFINITY, f64::min) + (lr_no_jump - JUMP).max(0.0);
-    let lr_no_gap = lr_no_gap * trusted;
+    let lr_no_gap =
+        profiles.iter().map(Profile::lr_no_gap).fold(f64::INFINITY, f64::min) + (lr_no_jump - JUMP).max(0.0);
+    let lr_no_gap = lr_no_gap.min(lr_of_loads) * trusted;
     let traversals = record.traversals(best.lost.d);
     let plain = if traversals.iter().all(|n| *n >= CYCLES) { PLAIN } else { PLAIN_IF_SELDOM };
     let lr_needed = if question.bootstrap > 0 && lr_no_gap > plain && lr_no_gap < 100.0 {
         // The invented records' innovations are alike everywhere: their ratio is to be held against the one before τ.
-        plain.max(by_chance(&search, &profiles[0].points[0], question) * trusted)
+        plain.max(by_chance(&of(profiles[0].structure), &profiles[0].points[0], question) * trusted)
     } else {
         plain
     };
@@ -421,11 +231,11 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
     // A valve with another slip jump has another width, and may be as likely.
     for profile in &mut sticking {
         let beyond = profile.points.last().map(|p| p.lost.d);
-        let limits = profile.within(&search, best.cost, RISE_OF_STICKING / trusted, fine);
+        let limits = profile.within(&of(sticks_in), as_likely, RISE_OF_STICKING / trusted, fine);
         spread.extend(limits.map(|(low, high)| (low, high.or(beyond))));
     }
     let sticks_only = |p: &&Profile| p.points[p.best].lost.share >= 1.0;
-    let jumps_whole = sticking.iter().filter(sticks_only).any(|p| p.least() < best.cost + SLIPS);
+    let jumps_whole = sticking.iter().filter(sticks_only).any(|p| p.least() < as_likely + SLIPS);
     let low = (spread.iter().map(|s| s.0).fold(f64::INFINITY, f64::min) - record.resolution()).max(0.0);
     let high = spread.iter().map(|s| s.1).try_fold(0.0, |high, h| h.map(|h| f64::max(high, h)));
     let positions = record.positions(&best.lost);
@@ -491,7 +301,7 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
                 structure: p.structure,
                 behind: p.penalised() - least,
                 d: p.points[p.best].lost.d,
-                lr_no_gap: raw_lr(p),
+                lr_no_gap: p.lr_no_gap(),
                 profile: p.points.iter().map(|point| (point.lost.d, point.cost - p.least())).collect(),
             })
             .collect(),
@@ -503,7 +313,7 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
 /// What the likelihood ratio of no gap must exceed at least. Half a chi-square with one degree of freedom (d = 0 lies at the
 /// border of what d can be) exceeds 20 once in 200 000 records; loads that are no random walk and real innovations are not
 /// that tame.
-const PLAIN: f64 = 12.0;
+pub(crate) const PLAIN: f64 = 12.0;
 /// The same where OP went through the width fewer than [`CYCLES`] times each way: few break-aways may look like anything.
 const PLAIN_IF_SELDOM: f64 = 25.0;
 /// The same where twice each way is often enough for a width with two limits.
@@ -516,10 +326,6 @@ const SLIPS: f64 = 4.0;
 const LEAST_LOW: f64 = 0.1;
 /// Greatest correlation of innovations with those a cell before: no model that leaves more of PV unexplained is believed.
 const MOST_ECHO: f64 = 0.4;
-/// Kinds of sticking that are followed.
-const MOST_KINDS: usize = 3;
-/// Traversals each way of a width without which no slip jump is looked for.
-const CYCLES: usize = 5;
 /// Less trust than this is not believed: it rests on the few cells that matter for d.
 const LEAST_TRUST: f64 = 0.4;
 
@@ -566,49 +372,6 @@ fn by_chance(search: &Search, without: &Point, question: &Question) -> f64 {
     let tail = ratios[(ratios.len() * 99 / 100).min(ratios.len() - 1)];
     // Half a chi-square with one degree of freedom has the mean 1/2 and exceeds 5.41 once in a hundred records.
     tail.max(5.41 * mean / 0.5)
-}
-
-/// The likelihood over d for the valves that stick that come nearest, best first; none where OP goes through no width often
-/// enough.
-fn sticking(search: &Search, gap: &Profile) -> Vec<Profile> {
-    let record = search.record;
-    let often = |d: &f64| record.traversals(*d).iter().all(|n| *n >= CYCLES);
-    let parts = [0.02, 0.03, 0.045, 0.07, 0.1, 0.14, 0.2, 0.27, 0.35, 0.45, 0.6, 0.8];
-    let widths: Vec<f64> = parts.iter().map(|part| part * record.range).filter(often).collect();
-    let shares = [0.15, 0.3, 0.5, 0.75, 1.0];
-    let kinds = [Model::Kano, Model::He].into_iter().flat_map(|model| shares.map(|share| (model, share)));
-    let mut probed: Vec<Point> = kinds
-        .collect::<Vec<_>>()
-        .into_par_iter()
-        .filter_map(|(model, share)| {
-            let probe = |d: f64| {
-                let near = gap.near(d);
-                search.descend(near.theta, &Lost { d, share, model, ..near.lost.clone() }, 1, 0.1, f64::INFINITY)
-            };
-            widths.iter().map(|d| probe(*d)).min_by(|a, b| a.cost.total_cmp(&b.cost))
-        })
-        .collect();
-    probed.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    // A valve that only sticks is a verdict of its own: its best kind is always followed.
-    let sticks_only = probed.iter().position(|p| p.lost.share >= 1.0);
-    let mut place = 0;
-    probed.retain(|_| {
-        place += 1;
-        place <= MOST_KINDS || Some(place - 1) == sticks_only
-    });
-    let around = [0.5, 0.65, 0.8, 0.9, 1.0, 1.1, 1.2, 1.4, 1.7, 2.1];
-    let mut found: Vec<Profile> = probed
-        .par_iter()
-        .map(|point| {
-            let widths: Vec<f64> =
-                around.iter().map(|part| part * point.lost.d).filter(|d| *d < record.range).collect();
-            let mut profile = Profile::over(search, &widths, &point.lost, &[point.theta], 4, FINELY);
-            profile.refine(search, 1, 0.02 * point.lost.d);
-            profile
-        })
-        .collect();
-    found.sort_by(|a, b| a.least().total_cmp(&b.least()));
-    found
 }
 
 /// The cells of PV with what the model left of each.

@@ -78,6 +78,7 @@ pub fn fit<'py>(
         one.set_item("lags", candidate.structure.lags)?;
         one.set_item("integrating", candidate.structure.integrating)?;
         let noise = match candidate.structure.noise {
+            Noise::Still => "still",
             Noise::Input => "input",
             Noise::Output => "output",
             Noise::Both => "both",

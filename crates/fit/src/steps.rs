@@ -1,0 +1,345 @@
+//! Steps of the load: each costs what a new level at any time of the record is worth, and is kept where it pays.
+
+use crate::kalman::{LANES, White};
+use crate::looks::{PILOT, adapted};
+use crate::record::{Lost, Record};
+use crate::search::{Point, Search};
+use crate::structure::{Noise, Structure, Theta};
+use crate::view::CYCLES;
+use rayon::prelude::*;
+
+/// Fewer steps than this may each be the valve that breaks loose late.
+const FEWEST: usize = 5;
+/// A load that steps oftener than once in so many cells is not one whose steps can be told.
+const CELLS_A_STEP: usize = 30;
+/// Likelihood ratio that a step must bring to be tried.
+const CLEAR: f64 = 15.0;
+/// Cells over which the answer to a step is looked for.
+const ANSWER: usize = 100;
+/// Rounds in which steps are marked; in each all that lie well apart are taken.
+const ROUNDS: usize = 25;
+/// Cells that lie between two steps at least, when they are marked.
+const APART: f64 = 4.0;
+/// ln of the variance by which the load walks in a cell, in units of the noise, while its steps are looked for.
+const CALM: f64 = -5.0;
+
+/// A record with steps marked, the point that goes with them, and what it costs with them [−2·ln L].
+#[derive(Clone)]
+pub(crate) struct Marked {
+    pub(crate) record: Record,
+    pub(crate) point: Point,
+    pub(crate) cost: f64,
+}
+
+impl Marked {
+    fn new(record: Record, structure: Structure, sign: f64, point: Point) -> Self {
+        let cost = point.cost + Search { record: &record, structure, sign }.surprise(&point);
+        Self { record, point, cost }
+    }
+}
+
+/// That which costs least.
+fn least(marked: impl IntoIterator<Item = Marked>) -> Marked {
+    marked.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost)).expect("one at least")
+}
+
+/// The steps of a load that stands still between them, with the lost motion that goes with them best; and those without a
+/// lost motion.
+pub(crate) fn steps(record: &Record, seeds: &[Theta], sign: f64) -> (Marked, Marked) {
+    let n = record.count as f64;
+    let lost = |part: f64, share: f64| Lost { share, ..Lost::gap(part * record.range, record.stretches.len()) };
+    let from = |theta: Theta, part: f64, share: f64| stilled(record, PILOT, sign, theta, &lost(part, share));
+    let grid = [(4.0, 0.5), (10.0, 2.0), (20.0, 2.0), (20.0, 8.0), (40.0, 10.0)];
+    let grid = grid.into_iter().filter(|(t, dead)| *t < n / 8.0 && *dead < n / 12.0);
+    let grid = grid.map(|(t, dead)| PILOT.beginning(t, dead)).chain(seeds.iter().copied());
+    let kinds = [(0.0, 0.0), (0.1, 0.0), (0.35, 0.0), (0.15, 1.0)];
+    let begun: Vec<_> = grid.flat_map(|theta| kinds.map(|(part, share)| (theta, part, share))).collect();
+    let begun: Vec<Marked> = begun.into_par_iter().map(|(theta, part, share)| from(theta, part, share)).collect();
+    let begun = least(begun);
+    // From the best beginning every width, as a gap, a gap with a jump in it, and a jump alone.
+    let widths = [0.0, 0.015, 0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.65, 0.8];
+    let often = |part: f64| record.traversals(part * record.range).iter().all(|n| *n >= CYCLES);
+    let kinds = widths.into_iter().flat_map(|part| [0.0, 0.4, 1.0].map(|share| (part, share)));
+    let kinds: Vec<_> = kinds.filter(|(part, share)| *share == 0.0 || *part > 0.0 && often(*part)).collect();
+    let mut tried: Vec<Marked> =
+        kinds.into_par_iter().map(|(part, share)| from(begun.point.theta, part, share)).collect();
+    let none = tried[0].clone();
+    tried.push(begun);
+    tried.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    tried.truncate(3);
+    tried.push(none);
+    let mut tried: Vec<Marked> = tried.into_par_iter().map(|marked| settled(PILOT, sign, marked)).collect();
+    let none = tried.pop().expect("four were tried");
+    // Nearer widths and jumps with the steps as they are, then the steps once more.
+    let mut best = least(tried);
+    for by in [0.2, 0.1, 0.05] {
+        let Lost { d, share, .. } = best.point.lost;
+        let nearer = [(1.0 - by, 1.0), (1.0 + by, 1.0), (1.0, 0.75), (1.0, 1.3)].map(|(wider, more)| {
+            let lost = Lost { d: d * wider, share: (share * more).min(1.0), ..best.point.lost.clone() };
+            let search = Search { record: &best.record, structure: PILOT, sign };
+            let point = search.descend(best.point.theta, &lost, 6, 0.1, f64::INFINITY);
+            Marked::new(best.record.clone(), PILOT, sign, point)
+        });
+        best = least(nearer.into_iter().chain([best]));
+    }
+    let again = settled(PILOT, sign, stilled(record, PILOT, sign, best.point.theta, &best.point.lost));
+    (least([best, again]), none)
+}
+
+/// Steps found with two lags, for the family that goes with them best.
+pub(crate) fn refined(record: &Record, marked: Marked, sign: f64) -> (Marked, Structure) {
+    let of = |record: &Record, structure: Structure, theta: Theta, lost: &Lost| {
+        let point = Search { record, structure, sign }.descend(theta, lost, 12, 1e-2, f64::INFINITY);
+        Marked::new(record.clone(), structure, sign, point)
+    };
+    let (mut best, mut family) = (marked, PILOT);
+    for structure in Structure::with(Noise::Input).into_iter().skip(1) {
+        let Point { theta, lost, .. } = &best.point;
+        let mut other = of(&best.record, structure, adapted(structure, &family.as_pilot(theta)), lost);
+        if other.cost < best.cost + 30.0 {
+            let again = stilled(record, structure, sign, other.point.theta, &other.point.lost);
+            other = settled(structure, sign, least([other, again]));
+        }
+        // A parameter more costs 2.
+        if other.cost < best.cost - 2.0 {
+            (best, family) = (other, structure);
+        }
+    }
+    // What is left may drift at the output instead.
+    let drifts = Structure { noise: Noise::Output, ..family };
+    let mut theta = drifts.beginning(1.0, 0.0);
+    theta[..=family.lags].copy_from_slice(&best.point.theta[..=family.lags]);
+    let other = of(&best.record, drifts, theta, &best.point.lost);
+    if other.cost < best.cost - 2.0 { (other, drifts) } else { (best, family) }
+}
+
+/// Whether so many steps can be those of a load.
+pub(crate) fn few(record: &Record) -> bool {
+    (FEWEST..=record.count / CELLS_A_STEP).contains(&record.jumps())
+}
+
+/// Whether the marked steps may be those of a load: few, and not where OP goes more often than chance would have it (5 %).
+/// A load knows nothing of OP; a valve that breaks loose goes where OP has gone.
+pub(crate) fn plausible(marked: &Marked, structure: Structure, sign: f64) -> bool {
+    if !few(&marked.record) {
+        return false;
+    }
+    let (along, all) = with_op(marked, structure, sign);
+    let (along, all) = (along as f64, all as f64);
+    along <= 0.5 * all + 0.82 * all.sqrt()
+}
+
+/// Steps that push PV the way in which OP has been pushing it, and all before which OP moved.
+fn with_op(marked: &Marked, structure: Structure, sign: f64) -> (usize, usize) {
+    let Marked { record, point, .. } = marked;
+    let calm = Structure { noise: Noise::Input, ..structure };
+    let theta = calm_theta(structure, &point.theta);
+    let positions = record.positions(&point.lost);
+    let answer = answer(&Search { record, structure: calm, sign }, &theta);
+    let back = (structure.lag(&theta) + theta[structure.dead_time_at()]).clamp(3.0, 30.0) as usize;
+    let (mut along, mut all) = (0, 0);
+    for (i, stretch) in record.stretches.iter().enumerate() {
+        for (j, time) in stretch.jumps.iter().enumerate() {
+            let time = time.ceil() as usize;
+            let moved = stretch.moved(time.saturating_sub(back), time, record.cell) * point.kp;
+            if moved == 0.0 {
+                continue;
+            }
+            // What PV does there that nothing else explains.
+            let mut fewer = record.clone();
+            fewer.stretches[i].jumps.remove(j);
+            let residual = Search { record: &fewer, structure: calm, sign }.at(&theta, &positions).lane(0);
+            let left = fewer.by_stretch(&residual).swap_remove(i);
+            let end = next(&stretch.jumps, time).min(time + ANSWER).min(left.len());
+            let pushed: f64 = left[time..end].iter().zip(&answer).map(|(r, a)| r * a).sum();
+            all += 1;
+            along += usize::from(pushed * moved > 0.0);
+        }
+    }
+    (along, all)
+}
+
+/// The cell of the next step after `cell`.
+fn next(jumps: &[f64], cell: usize) -> usize {
+    jumps.iter().map(|j| j.ceil() as usize).filter(|j| *j > cell).min().unwrap_or(usize::MAX)
+}
+
+/// The same process under a load that hardly walks.
+fn calm_theta(structure: Structure, theta: &Theta) -> Theta {
+    let mut calm = *theta;
+    calm[structure.lags + 1] = CALM;
+    calm
+}
+
+/// From a beginning to a process whose load stands still between steps: steps and process in turns.
+fn stilled(record: &Record, structure: Structure, sign: f64, theta: Theta, lost: &Lost) -> Marked {
+    let plain = record.with_jumps(vec![Vec::new(); record.stretches.len()]);
+    let watch = Search { record: &plain, structure: Structure { noise: Noise::Input, ..structure }, sign };
+    let still = Structure { noise: Noise::Still, ..structure };
+    let turn = |theta: Theta| {
+        let record = marked(&watch, &calm_theta(structure, &theta), lost);
+        let point = Search { record: &record, structure: still, sign }.descend(theta, lost, 8, 0.1, f64::INFINITY);
+        Marked::new(record, still, sign, point)
+    };
+    let mut best = turn(theta);
+    for _ in 1..3 {
+        let next = turn(best.point.theta);
+        if next.cost > best.cost - 1.0 {
+            break;
+        }
+        best = next;
+    }
+    best
+}
+
+/// Steps that do not pay taken out, the others moved to where they pay most, and a load that may walk between them.
+fn settled(structure: Structure, sign: f64, marked: Marked) -> Marked {
+    let (still, walks) =
+        (Structure { noise: Noise::Still, ..structure }, Structure { noise: Noise::Input, ..structure });
+    let walking = |marked: Marked, q: f64| {
+        let mut theta = marked.point.theta;
+        theta[structure.lags + 1] = q;
+        let search = Search { record: &marked.record, structure: walks, sign };
+        let point = search.descend(theta, &marked.point.lost, 10, 1e-2, f64::INFINITY);
+        tidied(walks, sign, Marked::new(marked.record, walks, sign, point))
+    };
+    // Where the model is not quite that of the record, a load that walks needs fewer steps from the first.
+    least([walking(tidied(still, sign, marked.clone()), -8.0), walking(marked, -4.0)])
+}
+
+fn tidied(structure: Structure, sign: f64, mut marked: Marked) -> Marked {
+    for _ in 0..4 {
+        let record = pruned(&Search { record: &marked.record, structure, sign }, &marked.point);
+        let record = moved(&Search { record: &record, structure, sign }, &marked.point);
+        let search = Search { record: &record, structure, sign };
+        let point = search.descend(marked.point.theta, &marked.point.lost, 10, 1e-2, f64::INFINITY);
+        let before = std::mem::replace(&mut marked, Marked::new(record, structure, sign, point)).cost;
+        if marked.cost > before - 1.0 {
+            break;
+        }
+    }
+    marked
+}
+
+/// Each step at the time near by when it explains most.
+fn moved(search: &Search, point: &Point) -> Record {
+    let mut record = search.record.clone();
+    let positions = record.positions(&point.lost);
+    let mut least = search.at(&point.theta, &positions).sum[0];
+    for i in 0..record.stretches.len() {
+        let last = record.stretches[i].y.len() as f64 - 5.0;
+        for j in 0..record.stretches[i].jumps.len() {
+            for near in [1.0, 0.125] {
+                let tried = [-6.0, -4.0, -2.0, -1.0, 1.0, 2.0, 4.0, 6.0].map(|by| {
+                    let mut jumps = record.stretches[i].jumps.clone();
+                    jumps[j] = (jumps[j] + by * near).clamp(5.0, last);
+                    jumps
+                });
+                let search = Search { record: &record, ..*search };
+                let sums = search.with_other_jumps(&point.theta, &positions, i, &tried);
+                let best = (0..LANES).min_by(|a, b| sums[*a].total_cmp(&sums[*b])).expect("eight lanes");
+                if sums[best] < least {
+                    least = sums[best];
+                    record.stretches[i].jumps.clone_from(&tried[best]);
+                }
+            }
+        }
+    }
+    record
+}
+
+/// Without the steps that do not pay.
+fn pruned(search: &Search, point: &Point) -> Record {
+    let mut record = search.record.clone();
+    let mut cost = point.cost + search.surprise(point);
+    let positions = record.positions(&point.lost);
+    while record.jumps() > 0 {
+        // Step by step: what the record costs without it.
+        let mut without: Vec<(f64, usize, usize)> = Vec::new();
+        for (i, stretch) in record.stretches.iter().enumerate() {
+            let jumps = &stretch.jumps;
+            if jumps.is_empty() {
+                continue;
+            }
+            let mut fewer = record.clone();
+            fewer.stretches[i].jumps.pop();
+            let search = Search { record: &fewer, ..*search };
+            let surprise = search.surprise(point);
+            for first in (0..jumps.len()).step_by(LANES) {
+                let tried: [Vec<f64>; LANES] = std::array::from_fn(|l| {
+                    let j = (first + l).min(jumps.len() - 1);
+                    [&jumps[..j], &jumps[j + 1..]].concat()
+                });
+                let sums = search.with_other_jumps(&point.theta, &positions, i, &tried);
+                without.extend((first..jumps.len()).zip(sums).map(|(j, sum)| (search.cost(sum) + surprise, i, j)));
+            }
+        }
+        let (there, i, j) = without.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)).expect("there are steps");
+        if there >= cost {
+            break;
+        }
+        record.stretches[i].jumps.remove(j);
+        cost = there;
+    }
+    record
+}
+
+/// The record with the steps that the innovations at θ tell, largest first.
+fn marked(search: &Search, theta: &Theta, lost: &Lost) -> Record {
+    let mut record = search.record.clone();
+    let answer = answer(search, theta);
+    let energy: f64 = answer.iter().map(|a| a * a).sum();
+    if energy < 1e-12 {
+        return record;
+    }
+    let positions = record.positions(lost);
+    for _ in 0..ROUNDS {
+        let residual = Search { record: &record, ..*search }.at(theta, &positions).lane(0);
+        // Spread of the innovations by their median, which steps do not move.
+        let mut sizes: Vec<f64> = residual.iter().map(|r| r.abs()).collect();
+        sizes.sort_by(f64::total_cmp);
+        let spread = sizes[sizes.len() / 2] / 0.6745;
+        let clear = CLEAR * energy * spread * spread;
+        let mut any = false;
+        let all_left = record.by_stretch(&residual);
+        for (stretch, left) in record.stretches.iter_mut().zip(all_left) {
+            let free = |k: &usize| stretch.jumps.iter().all(|j| (j - *k as f64).abs() > APART);
+            let told = |k: usize| {
+                // The answer to a step ends where the load is unknown again.
+                let end = next(&stretch.jumps, k).min(left.len());
+                left[k..end].iter().zip(&answer).map(|(r, a)| r * a).sum::<f64>().powi(2)
+            };
+            let mut sizes: Vec<(usize, f64)> = (10..left.len().saturating_sub(5))
+                .filter(free)
+                .map(|k| (k, told(k)))
+                .filter(|(_, s)| *s > clear)
+                .collect();
+            sizes.sort_by(|a, b| b.1.total_cmp(&a.1));
+            let mut found: Vec<f64> = Vec::new();
+            for (k, _) in sizes {
+                let most = left.len() / 12;
+                let apart = found.iter().all(|j| (j - k as f64).abs() > ANSWER as f64);
+                if apart && stretch.jumps.len() + found.len() < most {
+                    found.push(k as f64);
+                }
+            }
+            any |= !found.is_empty();
+            stretch.jumps.extend(found);
+        }
+        if !any {
+            break;
+        }
+    }
+    record
+}
+
+/// What a unit step of the load leaves in the innovations once the filter has settled.
+fn answer(search: &Search, theta: &Theta) -> Vec<f64> {
+    let before = 400;
+    let step: Vec<_> = (0..before + ANSWER).map(|k| [if k < before { 0.0 } else { 1.0 }; LANES]).collect();
+    let mut white = White::default();
+    let nothing = vec![0.0; step.len()];
+    let alone = [(nothing.as_slice(), [].as_slice(), step.as_slice())];
+    search.structure.whiten(&[*theta; LANES], alone.into_iter(), &mut white);
+    white.of_v[before..].iter().map(|v| v[0]).collect()
+}

@@ -1,0 +1,141 @@
+//! The record as one whose load only walks, and as one whose load steps.
+
+use crate::looks::{FINELY, MOST_FAMILIES, PILOT, leading, looks, room, whole};
+use crate::profile::Profile;
+use crate::record::{Lost, Record};
+use crate::search::{Point, Search};
+use crate::steps::{Marked, few, plausible, refined, steps};
+use crate::structure::{Structure, Theta};
+use crate::verdict::PLAIN;
+use glapp_sim::Model;
+use rayon::prelude::*;
+
+/// Families whose innovations are no more than this larger than the best's (and a −2·ln L of 6) are believed: a gap must
+/// show in all of them, and the interval holds all of theirs.
+const AS_GOOD: f64 = 0.0035;
+/// Kinds of sticking that are followed.
+const MOST_KINDS: usize = 3;
+/// Traversals each way of a width without which no slip jump is looked for.
+pub(crate) const CYCLES: usize = 5;
+
+/// What a record says of the valve, under one belief about the load.
+pub(crate) struct View {
+    /// The record, with the steps of the load that are believed in.
+    pub(crate) record: Record,
+    /// The whole profiles of a gap in the families that predict nearly as well as the best, best first.
+    pub(crate) profiles: Vec<Profile>,
+    /// Whether a family that was looked at sees a gap.
+    pub(crate) dissent: bool,
+    /// The likelihood over d for valves that stick, nearest first, and their family.
+    pub(crate) sticking: Vec<Profile>,
+    pub(crate) sticks_in: Structure,
+    /// What the best of all costs, and the best without a gap, with parameters and steps [−2·ln L].
+    pub(crate) cost: f64,
+    pub(crate) without: f64,
+}
+
+impl View {
+    /// From looks at the record; `clue` as in [`sticking`].
+    fn new(record: Record, mut looks: Vec<Profile>, clue: Option<&(Structure, Point)>, sign: f64) -> Self {
+        let of = |structure| Search { record: &record, structure, sign };
+        let least = leading(&looks).least();
+        looks.retain(|p| p.least() < least + room(record.count));
+        looks.sort_by(|a, b| a.penalised().total_cmp(&b.penalised()));
+        looks.truncate(MOST_FAMILIES);
+        let mut profiles: Vec<Profile> = looks.par_iter().map(|look| whole(&of(look.structure), look)).collect();
+        profiles.sort_by(|a, b| a.penalised().total_cmp(&b.penalised()));
+        let dissent = profiles.iter().any(|p| p.lr_no_gap() > PLAIN);
+        let least = profiles[0].penalised();
+        profiles.retain(|p| p.penalised() < least + 6.0 + 2.0 * AS_GOOD * record.freedom());
+        let sticks_in = clue.map_or(profiles[0].structure, |(structure, _)| *structure);
+        let sticking = sticking(&of(sticks_in), &profiles[0], clue);
+        let best = &profiles[0].points[profiles[0].best];
+        let stuck = sticking.first().map_or(f64::INFINITY, Profile::penalised);
+        let surprise = of(profiles[0].structure).surprise(best);
+        let cost = least.min(stuck) + surprise;
+        let none = profiles.iter().map(|p| p.penalised() + p.lr_no_gap()).fold(f64::INFINITY, f64::min);
+        Self { record, dissent, sticking, sticks_in, cost, without: none + surprise, profiles }
+    }
+
+    /// The best of all points, and its family.
+    fn best(&self) -> (Structure, &Point) {
+        let gap = &self.profiles[0];
+        match self.sticking.first() {
+            Some(stuck) if stuck.penalised() < gap.penalised() => (self.sticks_in, &stuck.points[stuck.best]),
+            _ => (gap.structure, &gap.points[gap.best]),
+        }
+    }
+}
+
+/// The record as one whose load only walks, and as one whose load steps: the likelier, and what no gap costs in either.
+pub(crate) fn views(record: &Record, seeds: &[Theta], sign: f64) -> (View, f64) {
+    let walks = View::new(record.clone(), looks(record, seeds, sign, 0.0), None, sign);
+    let best = &walks.profiles[0].points[walks.profiles[0].best];
+    let starts = [&[walks.profiles[0].structure.as_pilot(&best.theta)], seeds].concat();
+    let (with, none) = steps(record, &starts, sign);
+    let (with, structure) = refined(record, with, sign);
+    let mut without = walks.without;
+    if plausible(&none, PILOT, sign) {
+        without = without.min(none.cost + 2.0 * PILOT.parameters() as f64);
+    }
+    // What is left of the cost when the whole profiles are there is at most a little less.
+    if with.cost > walks.cost + 10.0 || !few(&with.record) {
+        return (walks, without);
+    }
+    let clue = (structure, with.point);
+    let seeds = [&[structure.as_pilot(&clue.1.theta)], seeds].concat();
+    let looked = looks(&with.record, &seeds, sign, clue.1.lost.d);
+    let steps = View::new(with.record, looked, Some(&clue), sign);
+    let (structure, point) = steps.best();
+    let best = Marked { record: steps.record.clone(), point: point.clone(), cost: steps.cost };
+    if steps.cost > walks.cost || !plausible(&best, structure, sign) {
+        return (walks, without);
+    }
+    without = without.min(steps.without);
+    (steps, without)
+}
+
+/// The likelihood over d for the valves that stick that come nearest, best first; none where OP goes through no width often
+/// enough. `clue`: a family and its point that are known to be good.
+fn sticking(search: &Search, gap: &Profile, clue: Option<&(Structure, Point)>) -> Vec<Profile> {
+    let record = search.record;
+    let often = |d: &f64| record.traversals(*d).iter().all(|n| *n >= CYCLES);
+    let parts = [0.02, 0.03, 0.045, 0.07, 0.1, 0.14, 0.2, 0.27, 0.35, 0.45, 0.6, 0.8];
+    let told = clue.map(|(_, point)| point.lost.d);
+    let near = told.into_iter().flat_map(|d| [0.8 * d, d, 1.2 * d]);
+    let widths: Vec<f64> = parts.iter().map(|part| part * record.range).chain(near).filter(often).collect();
+    let shares = [0.15, 0.3, 0.5, 0.75, 1.0];
+    let kinds = [Model::Kano, Model::He].into_iter().flat_map(|model| shares.map(|share| (model, share)));
+    let mut probed: Vec<Point> = kinds
+        .collect::<Vec<_>>()
+        .into_par_iter()
+        .filter_map(|(model, share)| {
+            let probe = |d: f64| {
+                let near = clue.map_or_else(|| gap.near(d), |(_, point)| point);
+                search.descend(near.theta, &Lost { d, share, model, ..near.lost.clone() }, 1, 0.1, f64::INFINITY)
+            };
+            widths.iter().map(|d| probe(*d)).min_by(|a, b| a.cost.total_cmp(&b.cost))
+        })
+        .collect();
+    probed.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    // A valve that only sticks is a verdict of its own: its best kind is always followed.
+    let sticks_only = probed.iter().position(|p| p.lost.share >= 1.0);
+    let mut place = 0;
+    probed.retain(|_| {
+        place += 1;
+        place <= MOST_KINDS || Some(place - 1) == sticks_only
+    });
+    let around = [0.5, 0.65, 0.8, 0.9, 1.0, 1.1, 1.2, 1.4, 1.7, 2.1];
+    let mut found: Vec<Profile> = probed
+        .par_iter()
+        .map(|point| {
+            let widths: Vec<f64> =
+                around.iter().map(|part| part * point.lost.d).filter(|d| *d < record.range).collect();
+            let mut profile = Profile::over(search, &widths, &point.lost, &[point.theta], 4, FINELY);
+            profile.refine(search, 1, 0.02 * point.lost.d);
+            profile
+        })
+        .collect();
+    found.sort_by(|a, b| a.least().total_cmp(&b.least()));
+    found
+}

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from typing import NamedTuple
 
@@ -88,7 +88,7 @@ def _through_gap(op: Floats, d: float, first: float) -> Floats:
     return np.array([gap.update(x) for x in op.tolist()])
 
 
-def _whitening(drawn: Drawn, simulation: Simulation, process: Process):  # type: ignore[no-untyped-def]
+def _whitening(drawn: Drawn, simulation: Simulation, process: Process) -> Callable[[Floats], Floats]:
     """A map that leaves white noise of variance 1 of noise, load and start: generalised least squares."""
     scenario, t = drawn.scenario, simulation.t
     kept = slice(0, None, drawn.every)
@@ -122,8 +122,8 @@ def _whitening(drawn: Drawn, simulation: Simulation, process: Process):  # type:
     q = q[:, np.abs(np.diag(r)) > 1e-7]
 
     def whiten(left: Floats) -> Floats:
-        left = linalg.solve_triangular(root, left, lower=True)
-        return left - q @ (q.T @ left)
+        white: Floats = linalg.solve_triangular(root, left, lower=True)
+        return white - q @ (q.T @ white)
 
     return whiten
 

@@ -12,6 +12,7 @@ from bench.truth.answer import Answer
 from bench.truth.design import CELLS, Cell, draw
 from bench.truth.methods import METHODS
 from bench.truth.methods.ellipse import ellipse_width
+from bench.truth.oracle import told
 from bench.truth.oscillation import correlation, oscillation
 from bench.truth.records import Record, chosen, compressed, identifiable, record, traversals
 from bench.truth.score import Scored, tables
@@ -234,3 +235,14 @@ class TestTables:
         assert "| backlash, steps, inside | 5 | 20 % |" in text
         assert "| m | all | 2 | 50 % | 50 % | 0 % | 0 % |" in text
         assert math.isnan(rows[4].error)
+
+
+class TestOracle:
+    def test_it_sees_what_a_record_holds(self) -> None:
+        # A gap of ten times the noise under eleven steps of the load, and one of a tenth of what the load walks.
+        clear, hidden = told("backlash/steps/inside/21"), told("backlash/walk/inside/1")
+        assert clear.lr_no_gap > 500 and abs(clear.lr_no_jump) < 1
+        assert abs(hidden.lr_no_gap) < 12
+
+    def test_it_tells_a_jump_from_a_gap(self) -> None:
+        assert told("both/steps/inside/1").lr_no_jump > 1000

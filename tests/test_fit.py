@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from bench.truth.records import record
 
 import glapp
 from glapp.simulate import closed_loop, random_walk
@@ -43,6 +44,27 @@ def test_without_a_gap_none_is_claimed(seed: int) -> None:
     f = simulated(d=0.0, seed=seed, **LOADS)
     assert f.verdict == "sound", f.reason
     assert f.high is not None and f.high < 0.01
+
+
+@pytest.mark.parametrize(
+    ("name", "verdict"), [("both/steps/inside/1", "both"), ("backlash/steps/outside/20", "backlash")]
+)
+def test_small_steps_of_the_load_are_found_beside_the_lost_motion(name: str, verdict: str) -> None:
+    """A load that walks would be the likelier one only if all of its steps were noise."""
+    made = record(name)
+    assert made is not None
+    f, truth = glapp.fit(made[0].recording), made[1]
+    assert f.verdict == verdict, f.reason
+    assert f.low is not None and f.high is not None and f.low < truth.d < f.high
+    assert f.best is not None and f.best["load_steps"] >= 5
+
+
+@pytest.mark.parametrize("number", [0, 1])
+def test_small_steps_of_the_load_feign_no_gap(number: int) -> None:
+    made = record(f"none/steps/inside/{number}")
+    assert made is not None
+    f = glapp.fit(made[0].recording)
+    assert not f.found, f.reason
 
 
 def walk(rate: float, h: float, t_end: float, seed: int) -> Any:

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import linalg, signal
 
-import glapp
+from glapp.blocks import Backlash
 from glapp.scenario import Coloured, Ramp, Steps, Walk
 from glapp.simulate import Simulation, run
 
@@ -84,7 +84,7 @@ def told(name: str) -> Told:
 
 
 def _through_gap(op: Floats, d: float, first: float) -> Floats:
-    gap = glapp.Backlash(d, first)
+    gap = Backlash(d, first)
     return np.array([gap.update(x) for x in op.tolist()])
 
 

@@ -92,6 +92,16 @@ impl Record {
         self.stretches.iter().map(|s| s.jumps.len()).sum()
     }
 
+    /// Whether the same jumps are marked in both.
+    pub(crate) fn same_jumps(&self, other: &Self) -> bool {
+        let sorted = |s: &Stretch| {
+            let mut jumps = s.jumps.clone();
+            jumps.sort_by(f64::total_cmp);
+            jumps
+        };
+        self.stretches.iter().map(sorted).eq(other.stretches.iter().map(sorted))
+    }
+
     /// Residuals of all cells that count, each at its cell of its stretch, 0 where PV is none.
     pub(crate) fn by_stretch(&self, residual: &[f64]) -> Vec<Vec<f64>> {
         let mut next = residual.iter();

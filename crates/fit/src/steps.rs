@@ -11,9 +11,13 @@ use rayon::prelude::*;
 /// Fewer steps than this may each be the valve that breaks loose late.
 const FEWEST: usize = 5;
 /// A load that steps oftener than once in so many cells is not one whose steps can be told.
-const CELLS_A_STEP: usize = 30;
+const CELLS_A_STEP: usize = 40;
 /// Likelihood ratio that a step must bring to be tried.
 const CLEAR: f64 = 15.0;
+/// The same for a step of a load that walks, and how wide such a step must be against the gap: what is smaller may be the
+/// valve.
+const LARGE: f64 = 50.0;
+const WIDER: f64 = 1.2;
 /// Cells over which the answer to a step is looked for.
 const ANSWER: usize = 100;
 /// Rounds in which steps are marked; in each all that lie well apart are taken.
@@ -41,6 +45,20 @@ impl Marked {
 /// That which costs least.
 fn least(marked: impl IntoIterator<Item = Marked>) -> Marked {
     marked.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost)).expect("one at least")
+}
+
+/// `point` with the large steps of a load that walks, where they pay; the record's own are left aside.
+pub(crate) fn with_large(search: &Search, point: &Point) -> Marked {
+    let (structure, sign) = (search.structure, search.sign);
+    let ended = |record: Record| {
+        let search = Search { record: &record, structure, sign };
+        let point = search.descend(point.theta, &point.lost, 10, 1e-2, f64::INFINITY);
+        Marked::new(record, structure, sign, point)
+    };
+    let plain = search.record.with_jumps(vec![Vec::new(); search.record.stretches.len()]);
+    let least_size = WIDER * point.lost.d * point.kp;
+    let record = marked(&Search { record: &plain, ..*search }, &point.theta, &point.lost, LARGE, least_size);
+    if record.jumps() == 0 { ended(plain) } else { least([ended(plain), ended(record)]) }
 }
 
 /// The steps of a load that stands still between them, with the lost motion that goes with them best; and those without a
@@ -177,7 +195,7 @@ fn stilled(record: &Record, structure: Structure, sign: f64, theta: Theta, lost:
     let watch = Search { record: &plain, structure: Structure { noise: Noise::Input, ..structure }, sign };
     let still = Structure { noise: Noise::Still, ..structure };
     let turn = |theta: Theta| {
-        let record = marked(&watch, &calm_theta(structure, &theta), lost);
+        let record = marked(&watch, &calm_theta(structure, &theta), lost, CLEAR, 0.0);
         let point = Search { record: &record, structure: still, sign }.descend(theta, lost, 8, 0.1, f64::INFINITY);
         Marked::new(record, still, sign, point)
     };
@@ -210,7 +228,9 @@ fn settled(structure: Structure, sign: f64, marked: Marked) -> Marked {
 fn tidied(structure: Structure, sign: f64, mut marked: Marked) -> Marked {
     for _ in 0..4 {
         let record = pruned(&Search { record: &marked.record, structure, sign }, &marked.point);
-        let record = moved(&Search { record: &record, structure, sign }, &marked.point);
+        let all = vec![0; record.stretches.len()];
+        let Point { theta, lost, .. } = &marked.point;
+        let record = moved(&Search { record: &record, structure, sign }, theta, lost, &all);
         let search = Search { record: &record, structure, sign };
         let point = search.descend(marked.point.theta, &marked.point.lost, 10, 1e-2, f64::INFINITY);
         let before = std::mem::replace(&mut marked, Marked::new(record, structure, sign, point)).cost;
@@ -221,14 +241,14 @@ fn tidied(structure: Structure, sign: f64, mut marked: Marked) -> Marked {
     marked
 }
 
-/// Each step at the time near by when it explains most.
-fn moved(search: &Search, point: &Point) -> Record {
+/// Each step at the time near by when it explains most, but for the first `settled` of each stretch.
+fn moved(search: &Search, theta: &Theta, lost: &Lost, settled: &[usize]) -> Record {
     let mut record = search.record.clone();
-    let positions = record.positions(&point.lost);
-    let mut least = search.at(&point.theta, &positions).sum[0];
+    let positions = record.positions(lost);
+    let mut least = search.at(theta, &positions).sum[0];
     for i in 0..record.stretches.len() {
         let last = record.stretches[i].y.len() as f64 - 5.0;
-        for j in 0..record.stretches[i].jumps.len() {
+        for j in settled[i]..record.stretches[i].jumps.len() {
             for near in [1.0, 0.125] {
                 let tried = [-6.0, -4.0, -2.0, -1.0, 1.0, 2.0, 4.0, 6.0].map(|by| {
                     let mut jumps = record.stretches[i].jumps.clone();
@@ -236,7 +256,7 @@ fn moved(search: &Search, point: &Point) -> Record {
                     jumps
                 });
                 let search = Search { record: &record, ..*search };
-                let sums = search.with_other_jumps(&point.theta, &positions, i, &tried);
+                let sums = search.with_other_jumps(theta, &positions, i, &tried);
                 let best = (0..LANES).min_by(|a, b| sums[*a].total_cmp(&sums[*b])).expect("eight lanes");
                 if sums[best] < least {
                     least = sums[best];
@@ -284,8 +304,9 @@ fn pruned(search: &Search, point: &Point) -> Record {
     record
 }
 
-/// The record with the steps that the innovations at θ tell, largest first.
-fn marked(search: &Search, theta: &Theta, lost: &Lost) -> Record {
+/// The record with the steps that the innovations at θ tell, largest first: of a likelihood ratio above `clear`, larger than
+/// `least` [PV unit].
+fn marked(search: &Search, theta: &Theta, lost: &Lost, clear: f64, least: f64) -> Record {
     let mut record = search.record.clone();
     let answer = answer(search, theta);
     let energy: f64 = answer.iter().map(|a| a * a).sum();
@@ -294,13 +315,14 @@ fn marked(search: &Search, theta: &Theta, lost: &Lost) -> Record {
     }
     let positions = record.positions(lost);
     for _ in 0..ROUNDS {
-        let residual = Search { record: &record, ..*search }.at(theta, &positions).lane(0);
+        let here = Search { record: &record, ..*search }.at(theta, &positions);
+        let residual = here.lane(0);
         // Spread of the innovations by their median, which steps do not move.
         let mut sizes: Vec<f64> = residual.iter().map(|r| r.abs()).collect();
         sizes.sort_by(f64::total_cmp);
         let spread = sizes[sizes.len() / 2] / 0.6745;
-        let clear = CLEAR * energy * spread * spread;
-        let mut any = false;
+        let clear = (clear * energy * spread * spread).max((least * here.scale[0] * energy).powi(2));
+        let known: Vec<usize> = record.stretches.iter().map(|s| s.jumps.len()).collect();
         let all_left = record.by_stretch(&residual);
         for (stretch, left) in record.stretches.iter_mut().zip(all_left) {
             let free = |k: &usize| stretch.jumps.iter().all(|j| (j - *k as f64).abs() > APART);
@@ -323,12 +345,13 @@ fn marked(search: &Search, theta: &Theta, lost: &Lost) -> Record {
                     found.push(k as f64);
                 }
             }
-            any |= !found.is_empty();
             stretch.jumps.extend(found);
         }
-        if !any {
+        if record.stretches.iter().map(|s| s.jumps.len()).eq(known.iter().copied()) {
             break;
         }
+        // A step out of place would leave more of itself than a small one is.
+        record = moved(&Search { record: &record, ..*search }, theta, lost, &known);
     }
     record
 }
@@ -342,4 +365,100 @@ fn answer(search: &Search, theta: &Theta) -> Vec<f64> {
     let alone = [(nothing.as_slice(), [].as_slice(), step.as_slice())];
     search.structure.whiten(&[*theta; LANES], alone.into_iter(), &mut white);
     white.of_v[before..].iter().map(|v| v[0]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TIMES: [f64; 6] = [60.4, 130.75, 210.1, 280.5, 350.9, 430.25];
+
+    /// A lag of six cells behind OP and a load that steps at [`TIMES`], 500 cells, noise of ± 0.01.
+    fn record() -> (Record, Point) {
+        let mut x = 7_u32;
+        let mut uniform = || {
+            x ^= x << 13;
+            x ^= x >> 17;
+            x ^= x << 5;
+            f64::from(x) / f64::from(u32::MAX) * 2.0 - 1.0
+        };
+        let (mut level, mut op) = (0.0, 0.0);
+        let (mut y, mut u) = (Vec::new(), Vec::new());
+        for k in 0..500 {
+            y.push(level + 0.01 * uniform());
+            op += 0.1 * uniform();
+            u.push(op);
+            // A twentieth of a cell at a time; OP is held.
+            for part in 0..20 {
+                let now = f64::from(k) + f64::from(part) / 20.0;
+                let load: f64 =
+                    TIMES.iter().zip([1.0, -1.0].iter().cycle()).filter(|(t, _)| **t <= now).map(|(_, way)| way).sum();
+                level += (op + load - level) / 6.0 / 20.0;
+            }
+        }
+        let record = Record::new(&[(&y, &u)], 1);
+        let structure = Structure { noise: Noise::Still, ..PILOT };
+        let plain = Search { record: &record, structure, sign: 1.0 };
+        let mut theta = structure.beginning(6.0, 0.0);
+        (theta[0], theta[1]) = ((6.0_f64 * 0.06).sqrt().ln(), (6.06 / 2.0 / (6.0_f64 * 0.06).sqrt()).ln());
+        let point = plain.descend(theta, &Lost::gap(0.0, 1), 0, 0.1, f64::INFINITY);
+        (record, point)
+    }
+
+    fn still(record: &Record) -> Search<'_> {
+        Search { record, structure: Structure { noise: Noise::Still, ..PILOT }, sign: 1.0 }
+    }
+
+    #[test]
+    fn eight_sets_of_steps_at_once_are_each_what_one_is() {
+        let (record, point) = record();
+        let positions = record.positions(&point.lost);
+        let sets: [Vec<f64>; LANES] = std::array::from_fn(|l| vec![40.0 + 7.3 * l as f64, 200.0 + 0.2 * l as f64]);
+        let marked = record.with_jumps(vec![sets[0].clone()]);
+        let many = still(&marked).with_other_jumps(&point.theta, &positions, 0, &sets);
+        for (set, sum) in sets.into_iter().zip(many) {
+            let alone = record.with_jumps(vec![set]);
+            let one = still(&alone).at(&point.theta, &positions).sum[0];
+            assert!((one - sum).abs() < 1e-9 * one, "{one} for {sum}");
+        }
+    }
+
+    #[test]
+    fn steps_are_marked_and_moved_to_their_times() {
+        let (record, point) = record();
+        let found = tidied(still(&record).structure, 1.0, stilled(&record, PILOT, 1.0, point.theta, &point.lost));
+        let mut times = found.record.stretches[0].jumps.clone();
+        times.sort_by(f64::total_cmp);
+        assert_eq!(times.len(), TIMES.len(), "{times:?}");
+        for (found, truth) in times.iter().zip(TIMES) {
+            assert!((found - truth).abs() < 0.3, "{times:?}");
+        }
+    }
+
+    #[test]
+    fn a_step_that_is_none_is_taken_out() {
+        let (record, point) = record();
+        let marked = record.with_jumps(vec![[TIMES.as_slice(), &[100.0, 390.0]].concat()]);
+        let search = still(&marked);
+        let point = search.descend(point.theta, &point.lost, 8, 0.1, f64::INFINITY);
+        assert_eq!(pruned(&search, &point).stretches[0].jumps, TIMES);
+    }
+
+    #[test]
+    fn steps_that_go_where_op_goes_are_not_the_loads() {
+        let (record, point) = record();
+        let truth = Marked::new(record.with_jumps(vec![TIMES.to_vec()]), still(&record).structure, 1.0, point.clone());
+        assert!(plausible(&truth, PILOT, 1.0));
+        // OP moves up before each step up, and down before each step down.
+        let (y, mut u) = (record.stretches[0].y.clone(), Vec::new());
+        let mut op = 0.0;
+        for k in 0..y.len() {
+            let next = TIMES.iter().position(|t| (k as f64) < *t).unwrap_or(TIMES.len());
+            op += if next % 2 == 0 { 0.01 } else { -0.01 };
+            u.push(op);
+        }
+        let other = Record::new(&[(&y, &u)], 1).with_jumps(vec![TIMES.to_vec()]);
+        let along = Marked::new(other, still(&record).structure, 1.0, point);
+        assert!(!plausible(&along, PILOT, 1.0));
+    }
 }

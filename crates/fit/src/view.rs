@@ -1,10 +1,10 @@
-//! The record as one whose load only walks, and as one whose load steps.
+//! The record as one whose load walks, and as one whose load steps.
 
-use crate::looks::{FINELY, MOST_FAMILIES, PILOT, leading, looks, room, whole};
+use crate::looks::{FINELY, MOST_FAMILIES, PILOT, leading, looks, pilot, room, whole};
 use crate::profile::Profile;
 use crate::record::{Lost, Record};
 use crate::search::{Point, Search};
-use crate::steps::{Marked, few, plausible, refined, steps};
+use crate::steps::{Marked, few, plausible, refined, steps, with_large};
 use crate::structure::{Structure, Theta};
 use crate::verdict::PLAIN;
 use glapp_sim::Model;
@@ -67,19 +67,43 @@ impl View {
     }
 }
 
-/// The record as one whose load only walks, and as one whose load steps: the likelier, and what no gap costs in either.
+/// Looks at the record as one whose load walks, with its large steps marked. What is left of a step widens the walk for all
+/// the record, and with it the interval of d: so where steps were found it is looked again.
+fn walking(record: &Record, seeds: &[Theta], sign: f64) -> (Record, Vec<Profile>) {
+    let mut record = record.clone();
+    let mut looked = looks(&record, seeds, sign, 0.0);
+    let mut least = f64::INFINITY;
+    for _ in 0..3 {
+        let leading = leading(&looked);
+        let search = Search { record: &record, structure: leading.structure, sign };
+        let best = whole(&search, leading);
+        let best = &best.points[best.best];
+        least = least.min(best.cost + search.surprise(best));
+        let marked = with_large(&search, best);
+        if marked.record.same_jumps(&record) || marked.cost > least - 1.0 {
+            break;
+        }
+        least = marked.cost;
+        let mut seeds = pilot(&marked.record, sign).0;
+        seeds.insert(0, leading.structure.as_pilot(&marked.point.theta));
+        looked = looks(&marked.record, &seeds, sign, 0.0);
+        record = marked.record;
+    }
+    (record, looked)
+}
+
+/// The record as one whose load walks, and as one whose load stands still between many small steps: the likelier, and what
+/// no gap costs in either.
 pub(crate) fn views(record: &Record, seeds: &[Theta], sign: f64) -> (View, f64) {
-    let walks = View::new(record.clone(), looks(record, seeds, sign, 0.0), None, sign);
+    let (with_large, looked) = walking(record, seeds, sign);
+    let walks = View::new(with_large, looked, None, sign);
     let best = &walks.profiles[0].points[walks.profiles[0].best];
     let starts = [&[walks.profiles[0].structure.as_pilot(&best.theta)], seeds].concat();
     let (with, none) = steps(record, &starts, sign);
     let (with, structure) = refined(record, with, sign);
-    let mut without = walks.without;
-    if plausible(&none, PILOT, sign) {
-        without = without.min(none.cost + 2.0 * PILOT.parameters() as f64);
-    }
-    // What is left of the cost when the whole profiles are there is at most a little less.
-    if with.cost > walks.cost + 10.0 || !few(&with.record) {
+    let without = walks.without;
+    // The whole profiles may bring a little more.
+    if !few(&with.record) || with.cost > walks.cost + 10.0 {
         return (walks, without);
     }
     let clue = (structure, with.point);
@@ -91,8 +115,9 @@ pub(crate) fn views(record: &Record, seeds: &[Theta], sign: f64) -> (View, f64) 
     if steps.cost > walks.cost || !plausible(&best, structure, sign) {
         return (walks, without);
     }
-    without = without.min(steps.without);
-    (steps, without)
+    let without = without.min(steps.without);
+    let none = if plausible(&none, PILOT, sign) { none.cost + 2.0 * PILOT.parameters() as f64 } else { without };
+    (steps, without.min(none))
 }
 
 /// The likelihood over d for the valves that stick that come nearest, best first; none where OP goes through no width often

@@ -18,6 +18,8 @@ const CLEAR: f64 = 15.0;
 /// valve.
 const LARGE: f64 = 50.0;
 const WIDER: f64 = 1.2;
+/// While they are sought twice as many may be marked: some are taken out again. Where more would be, the load does not step.
+const MARKED_AT_MOST: usize = 2;
 /// Cells over which the answer to a step is looked for.
 const ANSWER: usize = 100;
 /// Rounds in which steps are marked; in each all that lie well apart are taken.
@@ -62,8 +64,8 @@ pub(crate) fn with_large(search: &Search, point: &Point) -> Marked {
 }
 
 /// The steps of a load that stands still between them, with the lost motion that goes with them best; and those without a
-/// lost motion.
-pub(crate) fn steps(record: &Record, seeds: &[Theta], sign: f64) -> (Marked, Marked) {
+/// lost motion. None where there are more of them than can be told.
+pub(crate) fn steps(record: &Record, seeds: &[Theta], sign: f64) -> Option<(Marked, Marked)> {
     let n = record.count as f64;
     let lost = |part: f64, share: f64| Lost { share, ..Lost::gap(part * record.range, record.stretches.len()) };
     let from = |theta: Theta, part: f64, share: f64| stilled(record, PILOT, sign, theta, &lost(part, share));
@@ -74,6 +76,9 @@ pub(crate) fn steps(record: &Record, seeds: &[Theta], sign: f64) -> (Marked, Mar
     let begun: Vec<_> = grid.flat_map(|theta| kinds.map(|(part, share)| (theta, part, share))).collect();
     let begun: Vec<Marked> = begun.into_par_iter().map(|(theta, part, share)| from(theta, part, share)).collect();
     let begun = least(begun);
+    if too_many(&begun.record) {
+        return None;
+    }
     // From the best beginning every width, as a gap, a gap with a jump in it, and a jump alone.
     let widths = [0.0, 0.015, 0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.65, 0.8];
     let often = |part: f64| record.traversals(part * record.range).iter().all(|n| *n >= CYCLES);
@@ -101,7 +106,7 @@ pub(crate) fn steps(record: &Record, seeds: &[Theta], sign: f64) -> (Marked, Mar
         best = least(nearer.into_iter().chain([best]));
     }
     let again = settled(PILOT, sign, stilled(record, PILOT, sign, best.point.theta, &best.point.lost));
-    (least([best, again]), none)
+    Some((least([best, again]), none))
 }
 
 /// Steps found with two lags, for the family that goes with them best.
@@ -129,6 +134,11 @@ pub(crate) fn refined(record: &Record, marked: Marked, sign: f64) -> (Marked, St
     theta[..=family.lags].copy_from_slice(&best.point.theta[..=family.lags]);
     let other = of(&best.record, drifts, theta, &best.point.lost);
     if other.cost < best.cost - 2.0 { (other, drifts) } else { (best, family) }
+}
+
+/// Whether so many steps are marked that more would be if they might.
+fn too_many(record: &Record) -> bool {
+    record.jumps() + record.stretches.len() >= MARKED_AT_MOST * record.count / CELLS_A_STEP
 }
 
 /// Whether so many steps can be those of a load.
@@ -228,9 +238,7 @@ fn settled(structure: Structure, sign: f64, marked: Marked) -> Marked {
 fn tidied(structure: Structure, sign: f64, mut marked: Marked) -> Marked {
     for _ in 0..4 {
         let record = pruned(&Search { record: &marked.record, structure, sign }, &marked.point);
-        let all = vec![0; record.stretches.len()];
-        let Point { theta, lost, .. } = &marked.point;
-        let record = moved(&Search { record: &record, structure, sign }, theta, lost, &all);
+        let record = moved(&Search { record: &record, structure, sign }, &marked.point);
         let search = Search { record: &record, structure, sign };
         let point = search.descend(marked.point.theta, &marked.point.lost, 10, 1e-2, f64::INFINITY);
         let before = std::mem::replace(&mut marked, Marked::new(record, structure, sign, point)).cost;
@@ -241,14 +249,15 @@ fn tidied(structure: Structure, sign: f64, mut marked: Marked) -> Marked {
     marked
 }
 
-/// Each step at the time near by when it explains most, but for the first `settled` of each stretch.
-fn moved(search: &Search, theta: &Theta, lost: &Lost, settled: &[usize]) -> Record {
+/// Each step at the time near by when it explains most.
+fn moved(search: &Search, point: &Point) -> Record {
+    let Point { theta, lost, .. } = point;
     let mut record = search.record.clone();
     let positions = record.positions(lost);
     let mut least = search.at(theta, &positions).sum[0];
     for i in 0..record.stretches.len() {
         let last = record.stretches[i].y.len() as f64 - 5.0;
-        for j in settled[i]..record.stretches[i].jumps.len() {
+        for j in 0..record.stretches[i].jumps.len() {
             for near in [1.0, 0.125] {
                 let tried = [-6.0, -4.0, -2.0, -1.0, 1.0, 2.0, 4.0, 6.0].map(|by| {
                     let mut jumps = record.stretches[i].jumps.clone();
@@ -322,7 +331,7 @@ fn marked(search: &Search, theta: &Theta, lost: &Lost, clear: f64, least: f64) -
         sizes.sort_by(f64::total_cmp);
         let spread = sizes[sizes.len() / 2] / 0.6745;
         let clear = (clear * energy * spread * spread).max((least * here.scale[0] * energy).powi(2));
-        let known: Vec<usize> = record.stretches.iter().map(|s| s.jumps.len()).collect();
+        let known = record.jumps();
         let all_left = record.by_stretch(&residual);
         for (stretch, left) in record.stretches.iter_mut().zip(all_left) {
             let free = |k: &usize| stretch.jumps.iter().all(|j| (j - *k as f64).abs() > APART);
@@ -338,20 +347,21 @@ fn marked(search: &Search, theta: &Theta, lost: &Lost, clear: f64, least: f64) -
                 .collect();
             sizes.sort_by(|a, b| b.1.total_cmp(&a.1));
             let mut found: Vec<f64> = Vec::new();
-            for (k, _) in sizes {
-                let most = left.len() / 12;
+            for (k, here) in sizes {
+                let most = MARKED_AT_MOST * left.len() / CELLS_A_STEP;
                 let apart = found.iter().all(|j| (j - k as f64).abs() > ANSWER as f64);
                 if apart && stretch.jumps.len() + found.len() < most {
-                    found.push(k as f64);
+                    // A step out of its place by half a cell would draw others around it.
+                    let (before, after) = (told(k - 1), told(k + 1));
+                    let off = 0.5 * (after - before) / (2.0 * here - before - after).max(here * 1e-9);
+                    found.push(k as f64 + off.clamp(-0.5, 0.5));
                 }
             }
             stretch.jumps.extend(found);
         }
-        if record.stretches.iter().map(|s| s.jumps.len()).eq(known.iter().copied()) {
+        if record.jumps() == known {
             break;
         }
-        // A step out of place would leave more of itself than a small one is.
-        record = moved(&Search { record: &record, ..*search }, theta, lost, &known);
     }
     record
 }

@@ -99,9 +99,11 @@ pub(crate) fn views(record: &Record, seeds: &[Theta], sign: f64) -> (View, f64) 
     let walks = View::new(with_large, looked, None, sign);
     let best = &walks.profiles[0].points[walks.profiles[0].best];
     let starts = [&[walks.profiles[0].structure.as_pilot(&best.theta)], seeds].concat();
-    let (with, none) = steps(record, &starts, sign);
-    let (with, structure) = refined(record, with, sign);
     let without = walks.without;
+    let Some((with, none)) = steps(record, &starts, sign) else {
+        return (walks, without);
+    };
+    let (with, structure) = refined(record, with, sign);
     // The whole profiles may bring a little more.
     if !few(&with.record) || with.cost > walks.cost + 10.0 {
         return (walks, without);

@@ -211,6 +211,9 @@ fn stilled(record: &Record, structure: Structure, sign: f64, theta: Theta, lost:
     };
     let mut best = turn(theta);
     for _ in 1..3 {
+        if too_many(&best.record) {
+            break;
+        }
         let next = turn(best.point.theta);
         if next.cost > best.cost - 1.0 {
             break;

@@ -81,7 +81,6 @@ fn widened(structure: Structure, simple: &Profile) -> Theta {
     let mut theta = simple.points[simple.best].theta;
     let noise = structure.lags + 1;
     match simple.structure.noise {
-        Noise::Still => (theta[noise], theta[noise + 1], theta[noise + 2]) = (-6.0, -4.0, 2.0),
         Noise::Input => (theta[noise + 1], theta[noise + 2]) = (-4.0, 2.0),
         _ => (theta[noise], theta[noise + 1], theta[noise + 2]) = (-6.0, theta[noise], theta[noise + 1]),
     }

@@ -109,6 +109,11 @@ impl Record {
         self.stretches.iter().map(|s| s.y.iter().map(&mut of).collect()).collect()
     }
 
+    /// The same record without a mark.
+    pub(crate) fn unmarked(&self) -> Self {
+        self.with_jumps(vec![Vec::new(); self.stretches.len()])
+    }
+
     /// The same record with other jumps of the load.
     pub(crate) fn with_jumps(&self, jumps: Vec<Vec<f64>>) -> Self {
         let stretches = self.stretches.iter().zip(jumps).map(|(s, jumps)| Stretch { jumps, ..s.clone() }).collect();

@@ -112,18 +112,7 @@ impl Search<'_> {
         positions: &Positions,
         then: impl FnOnce(&Innovations) -> R,
     ) -> R {
-        WORK.with_borrow_mut(|work| {
-            // The widest vectors that the machine has; nothing is fused, so the bits are the same with any.
-            pulp::Arch::new().dispatch(
-                #[inline(always)]
-                || {
-                    let all = 0..self.record.stretches.len();
-                    self.whiten(work, thetas, all, |_, i| &positions[i], |_, i| &self.record.stretches[i].jumps);
-                    self.weigh(work);
-                    then(&work.found)
-                },
-            )
-        })
+        self.pass(thetas, positions, |_, i| &self.record.stretches[i].jumps, then)
     }
 
     /// Σ r² with eight other sets of jumps in one of the stretches, each as large as the record's own.
@@ -134,16 +123,27 @@ impl Search<'_> {
         stretch: usize,
         jumps: &[Vec<f64>; LANES],
     ) -> Lanes {
+        let of = |l: usize, i: usize| if i == stretch { &jumps[l] } else { &self.record.stretches[i].jumps };
+        self.pass(&[*theta; LANES], positions, of, |found| found.sum)
+    }
+
+    /// A pass over the whole record; `jumps`: those of the load for a lane in a stretch.
+    fn pass<'j, R>(
+        &self,
+        thetas: &[Theta; LANES],
+        positions: &Positions,
+        jumps: impl Fn(usize, usize) -> &'j Vec<f64>,
+        then: impl FnOnce(&Innovations) -> R,
+    ) -> R {
         WORK.with_borrow_mut(|work| {
+            // The widest vectors that the machine has; nothing is fused, so the bits are the same with any.
             pulp::Arch::new().dispatch(
                 #[inline(always)]
                 || {
                     let all = 0..self.record.stretches.len();
-                    let of =
-                        |l: usize, i: usize| if i == stretch { &jumps[l] } else { &self.record.stretches[i].jumps };
-                    self.whiten(work, &[*theta; LANES], all, |_, i| &positions[i], of);
+                    self.whiten(work, thetas, all, |_, i| &positions[i], jumps);
                     self.weigh(work);
-                    work.found.sum
+                    then(&work.found)
                 },
             )
         })

@@ -57,7 +57,7 @@ pub(crate) fn with_large(search: &Search, point: &Point) -> Marked {
         let point = search.descend(point.theta, &point.lost, 10, 1e-2, f64::INFINITY);
         Marked::new(record, structure, sign, point)
     };
-    let plain = search.record.with_jumps(vec![Vec::new(); search.record.stretches.len()]);
+    let plain = search.record.unmarked();
     let least_size = WIDER * point.lost.d * point.kp;
     let record = marked(&Search { record: &plain, ..*search }, &point.theta, &point.lost, LARGE, least_size);
     if record.jumps() == 0 { ended(plain) } else { least([ended(plain), ended(record)]) }
@@ -201,7 +201,7 @@ fn calm_theta(structure: Structure, theta: &Theta) -> Theta {
 
 /// From a beginning to a process whose load stands still between steps: steps and process in turns.
 fn stilled(record: &Record, structure: Structure, sign: f64, theta: Theta, lost: &Lost) -> Marked {
-    let plain = record.with_jumps(vec![Vec::new(); record.stretches.len()]);
+    let plain = record.unmarked();
     let watch = Search { record: &plain, structure: Structure { noise: Noise::Input, ..structure }, sign };
     let still = Structure { noise: Noise::Still, ..structure };
     let turn = |theta: Theta| {

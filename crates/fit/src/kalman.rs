@@ -1,16 +1,8 @@
 //! The innovations of a record: what each sample of PV brings that the model did not foresee.
 
-/// Models that are run side by side: the recurrence waits for itself, eight of them fill the waiting, and a point with all
-/// its derivatives is one pass.
-pub(crate) const LANES: usize = 8;
-
-/// One number for each of the models that run side by side.
-pub(crate) type Lanes = [f64; LANES];
-
-#[inline(always)]
-pub(crate) fn lanes(of: impl FnMut(usize) -> f64) -> Lanes {
-    std::array::from_fn(of)
-}
+use crate::lanes::{LANES, Lanes, Wide};
+use pulp::Simd;
+use std::array;
 
 /// Models of one sample step with `N` states: those of the process, the load at its input (a random walk), and with
 /// `DRIFTS` = 1 a drift at its output (first order).
@@ -22,13 +14,13 @@ pub(crate) fn lanes(of: impl FnMut(usize) -> f64) -> Lanes {
 /// ```
 ///
 /// Variances are in units of the white noise on PV, whose own size drops out of the likelihood.
-#[derive(Clone, Debug)]
-pub(crate) struct Models<const N: usize, const DRIFTS: usize> {
+pub(crate) struct Models<S: Simd, const R: usize, const N: usize, const DRIFTS: usize> {
+    pub(crate) simd: S,
     /// The rows of the process; the load's column is b.
-    pub(crate) transition: [[Lanes; N]; N],
-    pub(crate) q_load: Lanes,
-    pub(crate) q_drift: Lanes,
-    pub(crate) pole: Lanes,
+    pub(crate) transition: [[Wide<S, R>; N]; N],
+    pub(crate) q_load: Wide<S, R>,
+    pub(crate) q_drift: Wide<S, R>,
+    pub(crate) pole: Wide<S, R>,
 }
 
 /// A cell before which the load may have jumped in some of the models.
@@ -42,20 +34,21 @@ pub(crate) struct Jump {
 }
 
 impl Jump {
-    /// The jumps of all the models, each given by its times [cells].
+    /// The jumps of all the models in the order of their cells, each given by its times [cells].
     pub(crate) fn gathered<'t>(times: impl Fn(usize) -> &'t [f64]) -> Vec<Self> {
         let mut all: Vec<Self> = Vec::new();
         for l in 0..LANES {
             for time in times(l) {
                 let cell = time.ceil() as usize;
                 let at = all.iter().position(|jump| jump.cell == cell).unwrap_or_else(|| {
-                    all.push(Self { cell, variance: [0.0; LANES], before: [0.0; LANES] });
+                    all.push(Self { cell, variance: Lanes::all(0.0), before: Lanes::all(0.0) });
                     all.len() - 1
                 });
                 all[at].variance[l] = UNKNOWN;
                 all[at].before[l] = time.ceil() - time;
             }
         }
+        all.sort_by_key(|jump| jump.cell);
         all
     }
 }
@@ -80,7 +73,7 @@ impl White {
     pub(crate) fn clear(&mut self) {
         self.of_y.clear();
         self.of_v.clear();
-        self.log_s = [0.0; LANES];
+        self.log_s = Lanes::all(0.0);
     }
 }
 
@@ -88,29 +81,48 @@ impl White {
 const GATHERED: u32 = 16;
 
 /// Variance of the next innovation and the Kalman gain, kept while they move and frozen once they stand still.
-struct Gain<const N: usize> {
+struct Gain<S: Simd, const R: usize, const N: usize> {
     /// Below its diagonal P is what it is above, and not kept there.
-    p: [[Lanes; N]; N],
-    k: [Lanes; N],
-    s: Lanes,
+    p: [[Wide<S, R>; N]; N],
+    k: [Wide<S, R>; N],
+    s: Wide<S, R>,
     /// 1/√S.
-    scale: Lanes,
-    still: u32,
+    scale: Wide<S, R>,
+    /// S when it was last looked at, and how many cells ago that was.
+    before: Wide<S, R>,
+    since: u32,
+    frozen: bool,
 }
 
-impl<const N: usize> Gain<N> {
+/// Cells from one look to the next whether S still moves, and by what part of itself it may, to be taken for still.
+const LOOK: u32 = 4;
+const MOVES: f64 = 1e-7;
+
+impl<S: Simd, const R: usize, const N: usize> Gain<S, R, N> {
+    /// S will move again.
     #[inline(always)]
-    fn frozen(&self) -> bool {
-        self.still > 3
+    fn thaw(&mut self) {
+        (self.frozen, self.since) = (false, 0);
+    }
+
+    /// Whether S stands still, looked at after each step.
+    #[inline(always)]
+    fn look(&mut self) {
+        self.since += 1;
+        if self.since == LOOK {
+            let moves = Wide::all(self.s.simd, MOVES) * self.before;
+            self.frozen = ((self.s - self.before).abs() - moves).max() < 0.0;
+            (self.before, self.since) = (self.s, 0);
+        }
     }
 
     #[inline(always)]
-    fn p(&self, i: usize, j: usize) -> &Lanes {
-        if i < j { &self.p[i][j] } else { &self.p[j][i] }
+    fn p(&self, i: usize, j: usize) -> Wide<S, R> {
+        if i < j { self.p[i][j] } else { self.p[j][i] }
     }
 }
 
-impl<const N: usize, const DRIFTS: usize> Models<N, DRIFTS> {
+impl<S: Simd, const R: usize, const N: usize, const DRIFTS: usize> Models<S, R, N, DRIFTS> {
     /// States of the process, behind which the load stands, and last the drift.
     const ORDER: usize = N - 1 - DRIFTS;
     /// States that the process' rows look at.
@@ -122,61 +134,61 @@ impl<const N: usize, const DRIFTS: usize> Models<N, DRIFTS> {
     /// filter from an unknown start (the first [`START`] count as 0), the load unknown again at each of the `jumps`.
     #[inline(always)]
     pub(crate) fn whiten(&self, y: &[f64], jumps: &[Jump], v: &[Lanes], white: &mut White) {
+        let all = |x| Wide::all(self.simd, x);
         let mut gain = self.start();
-        let (mut of_y, mut of_v) = ([[0.0; LANES]; N], [[0.0; LANES]; N]);
+        let (mut of_y, mut of_v) = ([all(0.0); N], [all(0.0); N]);
         let mut seen = 0;
+        let mut jumps = jumps.iter().peekable();
         // Σ ln S: a product while S moves, a count once it stands still.
-        let (mut product, mut gathered, mut frozen) = ([1.0; LANES], 0, 0);
+        let (mut log_s, mut product, mut gathered, mut frozen) = (all(0.0), all(1.0), 0, 0);
         for (k, (&y, v)) in y.iter().zip(v).enumerate() {
             if y.is_nan() {
-                gain.still = 0;
+                gain.thaw();
             } else {
                 let e_y = self.unforeseen(&of_y, y);
                 let e_v = self.unforeseen(&of_v, 0.0);
-                let worth = if seen < START { 0.0 } else { 1.0 };
+                let worth = if seen < START { all(0.0) } else { gain.scale };
                 seen += 1;
-                white.of_y.push(lanes(|l| worth * e_y[l] * gain.scale[l]));
+                white.of_y.push((worth * e_y).lanes());
                 // The model's own answer enters with the other sign: y − kp·answer.
-                white.of_v.push(lanes(|l| -worth * e_v[l] * gain.scale[l]));
-                if seen > START && gain.frozen() {
+                white.of_v.push((all(-1.0) * worth * e_v).lanes());
+                if seen > START && gain.frozen {
                     frozen += 1;
                 } else if seen > START {
-                    product = lanes(|l| product[l] * gain.s[l]);
+                    product *= gain.s;
                     gathered += 1;
                     if gathered == GATHERED {
-                        white.log_s = lanes(|l| white.log_s[l] + product[l].ln());
-                        (product, gathered) = ([1.0; LANES], 0);
+                        log_s += product.each(f64::ln);
+                        (product, gathered) = (all(1.0), 0);
                     }
                 }
                 for i in 0..N {
-                    for l in 0..LANES {
-                        of_y[i][l] += gain.k[i][l] * e_y[l];
-                        of_v[i][l] += gain.k[i][l] * e_v[l];
-                    }
+                    of_y[i] += gain.k[i] * e_y;
+                    of_v[i] += gain.k[i] * e_v;
                 }
             }
             self.step(&mut of_y);
             self.step(&mut of_v);
+            let v = Wide::load(self.simd, v);
             for i in 0..Self::ORDER {
-                for l in 0..LANES {
-                    of_v[i][l] += self.transition[i][Self::LOAD][l] * v[l];
-                }
+                of_v[i] += self.transition[i][Self::LOAD] * v;
             }
-            let jump = jumps.iter().find(|jump| jump.cell == k + 1);
+            let jump = jumps.next_if(|jump| jump.cell == k + 1);
             if frozen > 0 && (jump.is_some() || y.is_nan()) {
-                white.log_s = lanes(|l| white.log_s[l] + f64::from(frozen) * gain.s[l].ln());
+                log_s += all(f64::from(frozen)) * gain.s.each(f64::ln);
                 frozen = 0;
             }
             self.advance(&mut gain, y.is_nan(), jump);
         }
-        white.log_s = lanes(|l| white.log_s[l] + product[l].ln() + f64::from(frozen) * gain.s[l].ln());
+        log_s += product.each(f64::ln) + all(f64::from(frozen)) * gain.s.each(f64::ln);
+        white.log_s = (Wide::load(self.simd, &white.log_s) + log_s).lanes();
     }
 
     /// A record that the first model itself could have made: `y` up to the sample at which the start is forgotten, from
     /// there on the model's foresight plus `draw()` standard deviations.
     pub(crate) fn invent(&self, y: &[f64], jumps: &[f64], kp_v: &[f64], draw: &mut impl FnMut() -> f64) -> Vec<f64> {
         let mut gain = self.start();
-        let mut x = [[0.0; LANES]; N];
+        let mut x = [Wide::all(self.simd, 0.0); N];
         let mut made = Vec::with_capacity(y.len());
         let mut seen = 0;
         // The load and the drift are told by as many samples as the process.
@@ -185,22 +197,23 @@ impl<const N: usize, const DRIFTS: usize> Models<N, DRIFTS> {
         for (k, (&y, &v)) in y.iter().zip(kp_v).enumerate() {
             if y.is_nan() {
                 made.push(y);
-                gain.still = 0;
+                gain.thaw();
             } else {
-                let foresight = -self.unforeseen(&x, 0.0)[0];
+                let foresight = -self.unforeseen(&x, 0.0).lanes()[0];
                 // After a jump PV itself has to tell the load.
                 let known =
                     seen >= told && !jumps.iter().any(|j| (j.ceil() as usize..j.ceil() as usize + told).contains(&k));
-                let value = if !known { y } else { foresight + draw() / gain.scale[0] };
+                let value = if !known { y } else { foresight + draw() / gain.scale.lanes()[0] };
                 seen += 1;
                 made.push(value);
+                let unforeseen = Wide::all(self.simd, value - foresight);
                 for i in 0..N {
-                    x[i][0] += gain.k[i][0] * (value - foresight);
+                    x[i] += gain.k[i] * unforeseen;
                 }
             }
             self.step(&mut x);
             for i in 0..Self::ORDER {
-                x[i][0] += self.transition[i][Self::LOAD][0] * v;
+                x[i] += self.transition[i][Self::LOAD] * Wide::all(self.simd, v);
             }
             self.advance(&mut gain, y.is_nan(), all.iter().find(|jump| jump.cell == k + 1));
         }
@@ -209,90 +222,89 @@ impl<const N: usize, const DRIFTS: usize> Models<N, DRIFTS> {
 
     /// What the states `x` did not foresee of `y`.
     #[inline(always)]
-    fn unforeseen(&self, x: &[Lanes; N], y: f64) -> Lanes {
-        if DRIFTS == 0 {
-            return lanes(|l| y - x[0][l]);
-        }
-        lanes(|l| y - x[0][l] - x[Self::DRIFT][l])
+    fn unforeseen(&self, x: &[Wide<S, R>; N], y: f64) -> Wide<S, R> {
+        let rest = Wide::all(self.simd, y) - x[0];
+        if DRIFTS == 0 { rest } else { rest - x[Self::DRIFT] }
     }
 
     /// The load stays where it is and the drift fades: only the process' rows are full.
     #[inline(always)]
-    fn step(&self, x: &mut [Lanes; N]) {
+    fn step(&self, x: &mut [Wide<S, R>; N]) {
         let before = *x;
         for i in 0..Self::ORDER {
-            x[i] = self.row(i, |j| &before[j]);
+            x[i] = self.row(i, |j| before[j]);
         }
         if DRIFTS == 1 {
-            x[Self::DRIFT] = lanes(|l| self.pole[l] * before[Self::DRIFT][l]);
+            x[Self::DRIFT] = self.pole * before[Self::DRIFT];
         }
     }
 
     /// A row of the transition times a column.
     #[inline(always)]
-    fn row<'a>(&self, i: usize, of: impl Fn(usize) -> &'a Lanes) -> Lanes {
-        let mut sum = [0.0; LANES];
-        for j in 0..Self::INNER {
-            let of = of(j);
-            for l in 0..LANES {
-                sum[l] += self.transition[i][j][l] * of[l];
-            }
+    fn row(&self, i: usize, of: impl Fn(usize) -> Wide<S, R>) -> Wide<S, R> {
+        let mut sum = self.transition[i][0] * of(0);
+        for j in 1..Self::INNER {
+            sum += self.transition[i][j] * of(j);
         }
         sum
     }
 
     #[inline(always)]
-    fn start(&self) -> Gain<N> {
-        let nothing = [0.0; LANES];
+    fn start(&self) -> Gain<S, R, N> {
+        let all = |x| Wide::all(self.simd, x);
+        let nothing = all(0.0);
         let mut p = [[nothing; N]; N];
         for (i, row) in p.iter_mut().enumerate() {
-            row[i] = [UNKNOWN; LANES];
+            row[i] = all(UNKNOWN);
         }
         if DRIFTS == 1 {
-            let at_start = lanes(|l| self.q_drift[l] / (1.0 - self.pole[l] * self.pole[l]));
-            p[Self::DRIFT][Self::DRIFT] = lanes(|l| at_start[l].min(UNKNOWN));
+            let at_start = self.q_drift / (all(1.0) - self.pole * self.pole);
+            p[Self::DRIFT][Self::DRIFT] = at_start.each(|variance| variance.min(UNKNOWN));
         }
-        let mut gain = Gain { p, k: [nothing; N], s: nothing, scale: nothing, still: 0 };
-        Self::measure(&mut gain);
+        let mut gain =
+            Gain { p, k: [nothing; N], s: nothing, scale: nothing, before: nothing, since: 0, frozen: false };
+        self.measure(&mut gain);
         gain
     }
 
     /// Variance of the next innovation and the gain, from P.
     #[inline(always)]
-    fn measure(gain: &mut Gain<N>) {
+    fn measure(&self, gain: &mut Gain<S, R, N>) {
         let d = Self::DRIFT;
-        let mut seen: [Lanes; N] = std::array::from_fn(|i| *gain.p(i, 0));
+        let one = Wide::all(self.simd, 1.0);
+        let mut seen: [Wide<S, R>; N] = array::from_fn(|i| gain.p(i, 0));
         if DRIFTS == 1 {
             for i in 0..N {
-                seen[i] = lanes(|l| seen[i][l] + gain.p(i, d)[l]);
+                seen[i] += gain.p(i, d);
             }
         }
-        gain.s = lanes(|l| seen[0][l] + if DRIFTS == 1 { seen[d][l] } else { 0.0 } + 1.0);
-        let part = lanes(|l| 1.0 / gain.s[l]);
+        gain.s = if DRIFTS == 1 { seen[0] + seen[d] } else { seen[0] } + one;
+        let part = one / gain.s;
         for i in 0..N {
-            gain.k[i] = lanes(|l| seen[i][l] * part[l]);
+            gain.k[i] = seen[i] * part;
         }
-        gain.scale = lanes(|l| part[l].sqrt());
+        gain.scale = part.sqrt();
     }
 
     /// One step on. The gain of a stretch without holes settles; from then on it is not worked out again.
     #[inline(always)]
-    fn advance(&self, gain: &mut Gain<N>, missing: bool, jump: Option<&Jump>) {
-        if gain.frozen() && jump.is_none() {
+    fn advance(&self, gain: &mut Gain<S, R, N>, missing: bool, jump: Option<&Jump>) {
+        if gain.frozen && jump.is_none() {
             return;
+        }
+        if jump.is_some() {
+            gain.thaw();
         }
         if !missing {
             for i in 0..N {
-                let by = lanes(|l| gain.k[i][l] * gain.s[l]);
+                let by = gain.k[i] * gain.s;
                 for j in i..N {
-                    for l in 0..LANES {
-                        gain.p[i][j][l] -= by[l] * gain.k[j][l];
-                    }
+                    gain.p[i][j] -= by * gain.k[j];
                 }
             }
         }
         // F·P, of which only the process' rows are new, then ·Fᵀ.
-        let mut half = [[[0.0; LANES]; N]; N];
+        let mut half = [[Wide::all(self.simd, 0.0); N]; N];
         for i in 0..Self::ORDER {
             for j in 0..N {
                 half[i][j] = self.row(i, |m| gain.p(m, j));
@@ -300,47 +312,38 @@ impl<const N: usize, const DRIFTS: usize> Models<N, DRIFTS> {
         }
         for i in 0..Self::ORDER {
             for j in i..Self::ORDER {
-                gain.p[i][j] = self.row(j, |m| &half[i][m]);
+                gain.p[i][j] = self.row(j, |m| half[i][m]);
             }
         }
         for i in 0..Self::ORDER {
             gain.p[i][Self::LOAD] = half[i][Self::LOAD];
         }
-        for l in 0..LANES {
-            gain.p[Self::LOAD][Self::LOAD][l] += self.q_load[l];
-        }
+        gain.p[Self::LOAD][Self::LOAD] += self.q_load;
         if let Some(jump) = jump {
             // What of it reaches the states within the cell; the last one follows at once, the others one after another.
-            let mut reached = [[1.0; LANES]; N];
+            let before = Wide::load(self.simd, &jump.before);
+            let variance = Wide::load(self.simd, &jump.variance);
+            let mut reached = [Wide::all(self.simd, 1.0); N];
+            let mut later = before;
             for i in (0..Self::ORDER).rev() {
-                let later = if i + 1 < Self::ORDER { reached[i + 1] } else { [1.0; LANES] };
-                reached[i] = lanes(|l| jump.before[l] * later[l]);
-            }
-            for i in 0..Self::ORDER {
-                reached[i] = lanes(|l| reached[i][l] * self.transition[i][Self::LOAD][l]);
+                reached[i] = later * self.transition[i][Self::LOAD];
+                later *= before;
             }
             for i in 0..=Self::LOAD {
                 for j in i..=Self::LOAD {
-                    for l in 0..LANES {
-                        gain.p[i][j][l] += jump.variance[l] * reached[i][l] * reached[j][l];
-                    }
+                    gain.p[i][j] += variance * reached[i] * reached[j];
                 }
             }
         }
         if DRIFTS == 1 {
             let d = Self::DRIFT;
             for i in 0..Self::ORDER {
-                gain.p[i][d] = lanes(|l| self.pole[l] * half[i][d][l]);
+                gain.p[i][d] = self.pole * half[i][d];
             }
-            gain.p[Self::LOAD][d] = lanes(|l| self.pole[l] * gain.p[Self::LOAD][d][l]);
-            gain.p[d][d] = lanes(|l| self.pole[l] * self.pole[l] * gain.p[d][d][l] + self.q_drift[l]);
+            gain.p[Self::LOAD][d] *= self.pole;
+            gain.p[d][d] = self.pole * self.pole * gain.p[d][d] + self.q_drift;
         }
-        let before = gain.s;
-        Self::measure(gain);
-        let mut stands = true;
-        for l in 0..LANES {
-            stands &= (gain.s[l] - before[l]).abs() < 1e-7 * before[l];
-        }
-        gain.still = if stands { gain.still + 1 } else { 0 };
+        self.measure(gain);
+        gain.look();
     }
 }

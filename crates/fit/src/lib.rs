@@ -11,6 +11,7 @@
 
 mod combine;
 mod kalman;
+mod lanes;
 mod looks;
 mod profile;
 mod record;

@@ -1,8 +1,10 @@
 //! The likelihood of one family and its maximum for a given lost motion.
 
-use crate::kalman::{Jump, LANES, Lanes, UNKNOWN, White, lanes};
+use crate::kalman::{Jump, UNKNOWN, White};
+use crate::lanes::{LANES, Lanes, Wide, Work, widest};
 use crate::record::{Lost, Positions, Record};
 use crate::structure::{MOST, Structure, Theta};
+use pulp::Simd;
 use std::cell::RefCell;
 use std::f64::consts::PI;
 use std::ops::Range;
@@ -31,6 +33,8 @@ pub(crate) struct Innovations {
     pub(crate) sum_without: Lanes,
     /// exp(Σ ln S/2n).
     pub(crate) scale: Lanes,
+    /// Σ Δᵢ·Δ for every lane i, where Δ is the residual of the first lane and what it is more in each other.
+    products: [Lanes; LANES],
 }
 
 impl Innovations {
@@ -39,9 +43,30 @@ impl Innovations {
     }
 }
 
+/// Sums of squares and products of the innovations of PV and of the answer.
+#[derive(Clone, Copy, Debug, Default)]
+struct Sums {
+    yy: Lanes,
+    yv: Lanes,
+    vv: Lanes,
+}
+
+/// What a pass is made for.
+#[derive(Clone, Copy, PartialEq)]
+enum Wanted {
+    /// The sums of the innovations of PV and of the answer.
+    Sums,
+    /// The sum of the squares of the residuals.
+    Least,
+    /// Every residual.
+    Residuals,
+    /// The products of the residuals.
+    Products,
+}
+
 /// Room for one pass, kept from one to the next.
 #[derive(Default)]
-struct Work {
+struct Room {
     delayed: Vec<Lanes>,
     /// Jumps of each stretch.
     jumps: Vec<Vec<Jump>>,
@@ -53,7 +78,7 @@ struct Work {
 const SETTLED: usize = 100;
 
 thread_local! {
-    static WORK: RefCell<Work> = RefCell::default();
+    static ROOM: RefCell<Room> = RefCell::default();
 }
 
 /// One family on one record. `sign`: that of the gain where it is known, else 0.
@@ -62,29 +87,6 @@ pub(crate) struct Search<'a> {
     pub(crate) record: &'a Record,
     pub(crate) structure: Structure,
     pub(crate) sign: f64,
-}
-
-/// Sums of squares and products of the innovations of PV and of the answer.
-#[derive(Clone, Copy, Debug, Default)]
-struct Sums {
-    yy: Lanes,
-    yv: Lanes,
-    vv: Lanes,
-}
-
-impl Sums {
-    #[inline(always)]
-    fn of(white: &White) -> Self {
-        let mut sums = Self::default();
-        for (y, v) in white.of_y.iter().zip(&white.of_v) {
-            for l in 0..LANES {
-                sums.yy[l] += y[l] * y[l];
-                sums.yv[l] += y[l] * v[l];
-                sums.vv[l] += v[l] * v[l];
-            }
-        }
-        sums
-    }
 }
 
 /// The gain that makes the least of Σ r², not of the other sign.
@@ -104,15 +106,91 @@ struct Local {
     down: Theta,
 }
 
+/// A pass over some of the stretches of a record: eight sets of parameters at once.
+struct Pass<'s, P, J> {
+    search: &'s Search<'s>,
+    room: &'s mut Room,
+    thetas: &'s [Theta; LANES],
+    stretches: Range<usize>,
+    /// The positions for a lane in a stretch, as far as they are wanted.
+    positions: P,
+    /// The jumps of the load for a lane in a stretch.
+    jumps: J,
+    wanted: Wanted,
+}
+
+impl<'p, 'j, P: Fn(usize, usize) -> &'p [f64], J: Fn(usize, usize) -> &'j Vec<f64>> Work for Pass<'_, P, J> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd, const R: usize>(self, simd: S) {
+        let Self { search, room, thetas, stretches, positions, jumps, wanted } = self;
+        let Search { record, structure, .. } = search;
+        // PV's mean over a cell lies half a cell behind its first step, OP's mean acts from the first step on. OP never acts on
+        // the PV of its own step: it is the controller's answer to that PV, and would explain it all too well.
+        let cell = record.cell as f64;
+        let delay = Lanes::each(|l| thetas[l][structure.dead_time_at()] - (cell - 1.0) / (2.0 * cell));
+        room.delayed.clear();
+        for i in stretches.clone() {
+            let from = room.delayed.len();
+            let first = positions(0, i);
+            room.delayed.extend((0..first.len()).map(|k| Lanes::all(earlier(first, k, delay[0]))));
+            for l in 1..LANES {
+                // Most lanes differ in something else.
+                let v = positions(l, i);
+                if delay[l] != delay[0] || !std::ptr::eq(v, first) {
+                    for (k, delayed) in room.delayed[from..].iter_mut().enumerate() {
+                        delayed[l] = earlier(v, k, delay[l]);
+                    }
+                }
+            }
+        }
+        room.jumps.clear();
+        for i in stretches.clone() {
+            room.jumps.push(Jump::gathered(|l| jumps(l, i).as_slice()));
+        }
+        room.white.clear();
+        let mut rest = room.delayed.as_slice();
+        let inputs = stretches.zip(&room.jumps).map(|(i, jumps)| {
+            let (v, after) = rest.split_at(positions(0, i).len());
+            rest = after;
+            (&record.stretches[i].y[..v.len()], jumps.as_slice(), v)
+        });
+        structure.whiten::<S, R>(simd, thetas, inputs, &mut room.white);
+        search.weigh::<S, R>(simd, &room.white, &mut room.found, wanted);
+    }
+}
+
+/// The answer of a process to positions alone.
+struct Answer<'s> {
+    structure: Structure,
+    theta: &'s Theta,
+    positions: &'s [Lanes],
+    white: &'s mut White,
+}
+
+impl Work for Answer<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd, const R: usize>(self, simd: S) {
+        let nothing = vec![0.0; self.positions.len()];
+        let alone = [(nothing.as_slice(), [].as_slice(), self.positions)];
+        self.structure.whiten::<S, R>(simd, &[*self.theta; LANES], alone.into_iter(), self.white);
+    }
+}
+
 impl Search<'_> {
     /// Eight sets of parameters at once, each with the positions of one lost motion; `then` takes what it needs of it.
-    fn innovations<R>(
+    fn innovations<T>(
         &self,
         thetas: &[Theta; LANES],
         positions: &Positions,
-        then: impl FnOnce(&Innovations) -> R,
-    ) -> R {
-        self.pass(thetas, positions, |_, i| &self.record.stretches[i].jumps, then)
+        wanted: Wanted,
+        then: impl FnOnce(&Innovations) -> T,
+    ) -> T {
+        let all = 0..self.record.stretches.len();
+        self.pass(thetas, all, |_, i| &positions[i], |_, i| &self.record.stretches[i].jumps, wanted, then)
     }
 
     /// Σ r² with eight other sets of jumps in one of the stretches, each as large as the record's own.
@@ -123,101 +201,77 @@ impl Search<'_> {
         stretch: usize,
         jumps: &[Vec<f64>; LANES],
     ) -> Lanes {
+        let all = 0..self.record.stretches.len();
         let of = |l: usize, i: usize| if i == stretch { &jumps[l] } else { &self.record.stretches[i].jumps };
-        self.pass(&[*theta; LANES], positions, of, |found| found.sum)
+        self.pass(&[*theta; LANES], all, |_, i| &positions[i], of, Wanted::Least, |found| found.sum)
     }
 
-    /// A pass over the whole record; `jumps`: those of the load for a lane in a stretch.
-    fn pass<'j, R>(
+    /// See [`Pass`].
+    fn pass<'p, 'j, T>(
         &self,
         thetas: &[Theta; LANES],
-        positions: &Positions,
+        stretches: Range<usize>,
+        positions: impl Fn(usize, usize) -> &'p [f64],
         jumps: impl Fn(usize, usize) -> &'j Vec<f64>,
-        then: impl FnOnce(&Innovations) -> R,
-    ) -> R {
-        WORK.with_borrow_mut(|work| {
-            // The widest vectors that the machine has; nothing is fused, so the bits are the same with any.
-            pulp::Arch::new().dispatch(
-                #[inline(always)]
-                || {
-                    let all = 0..self.record.stretches.len();
-                    self.whiten(work, thetas, all, |_, i| &positions[i], jumps);
-                    self.weigh(work);
-                    then(&work.found)
-                },
-            )
+        wanted: Wanted,
+        then: impl FnOnce(&Innovations) -> T,
+    ) -> T {
+        ROOM.with_borrow_mut(|room| {
+            widest(Pass { search: self, room, thetas, stretches, positions, jumps, wanted });
+            then(&room.found)
         })
     }
 
-    /// Gain and residuals from what a pass over the whole record left.
+    /// Gain and residuals from what a pass left.
     #[inline(always)]
-    fn weigh(&self, work: &mut Work) {
-        let Work { white, found, .. } = work;
-        let sums = Sums::of(white);
-        found.kp = lanes(|l| gain(sums.yv[l], sums.vv[l], self.sign));
-        found.sums = sums;
+    fn weigh<S: Simd, const R: usize>(&self, simd: S, white: &White, found: &mut Innovations, wanted: Wanted) {
+        let load = |lanes: &Lanes| Wide::<S, R>::load(simd, lanes);
+        let nothing = Wide::<S, R>::all(simd, 0.0);
+        let (mut yy, mut yv, mut vv) = (nothing, nothing, nothing);
+        for (y, v) in white.of_y.iter().zip(&white.of_v) {
+            let (y, v) = (load(y), load(v));
+            yy += y * y;
+            yv += y * v;
+            vv += v * v;
+        }
+        found.sums = Sums { yy: yy.lanes(), yv: yv.lanes(), vv: vv.lanes() };
+        found.residual.clear();
+        if wanted == Wanted::Sums {
+            return;
+        }
+        let sums = found.sums;
+        found.kp = Lanes::each(|l| gain(sums.yv[l], sums.vv[l], self.sign));
         let freedom = self.record.freedom();
         // A jump's size is free: it costs nothing here, and Search::surprise what it is worth.
         let free = self.record.jumps() as f64 * UNKNOWN.ln();
-        found.scale = lanes(|l| ((white.log_s[l] - free) / (2.0 * freedom)).exp());
-        found.sum_without = lanes(|l| sums.yy[l] * found.scale[l] * found.scale[l]);
-        found.residual.clear();
-        let mut sum = [0.0; LANES];
+        found.scale = Lanes::each(|l| ((white.log_s[l] - free) / (2.0 * freedom)).exp());
+        found.sum_without = Lanes::each(|l| sums.yy[l] * found.scale[l] * found.scale[l]);
+        let (kp, scale) = (load(&found.kp), load(&found.scale));
+        let mut sum = nothing;
+        let mut products = [nothing; LANES];
+        let first = load(&Lanes::each(|l| if l == 0 { 0.0 } else { 1.0 }));
         for (y, v) in white.of_y.iter().zip(&white.of_v) {
-            let r = lanes(|l| (y[l] - found.kp[l] * v[l]) * found.scale[l]);
-            for l in 0..LANES {
-                sum[l] += r[l] * r[l];
-            }
-            found.residual.push(r);
-        }
-        found.sum = sum;
-    }
-
-    /// The innovations of some of the stretches; `of`: the positions for a lane in a stretch, as far as they are wanted;
-    /// `jumps`: those of the load.
-    #[inline(always)]
-    fn whiten<'p, 'j>(
-        &self,
-        work: &mut Work,
-        thetas: &[Theta; LANES],
-        stretches: Range<usize>,
-        of: impl Fn(usize, usize) -> &'p [f64],
-        jumps: impl Fn(usize, usize) -> &'j Vec<f64>,
-    ) {
-        // PV's mean over a cell lies half a cell behind its first step, OP's mean acts from the first step on. OP never acts on
-        // the PV of its own step: it is the controller's answer to that PV, and would explain it all too well.
-        let cell = self.record.cell as f64;
-        let delay = lanes(|l| thetas[l][self.structure.dead_time_at()] - (cell - 1.0) / (2.0 * cell));
-        work.delayed.clear();
-        for i in stretches.clone() {
-            let from = work.delayed.len();
-            let first = of(0, i);
-            delayed(first, delay[0], &mut work.delayed);
-            for l in 1..LANES {
-                // Most lanes differ in something else.
-                let v = of(l, i);
-                if delay[l] != delay[0] || !std::ptr::eq(v, first) {
-                    delay_lane(v, delay[l], &mut work.delayed[from..], l);
+            let r = (load(y) - kp * load(v)) * scale;
+            sum += r * r;
+            match wanted {
+                Wanted::Sums | Wanted::Least => {}
+                Wanted::Residuals => found.residual.push(r.lanes()),
+                Wanted::Products => {
+                    let more = r - first * Wide::all(simd, r.lanes()[0]);
+                    let each = more.lanes();
+                    for l in 0..LANES {
+                        products[l] += Wide::all(simd, each[l]) * more;
+                    }
                 }
             }
         }
-        work.jumps.clear();
-        for i in stretches.clone() {
-            work.jumps.push(Jump::gathered(|l| jumps(l, i).as_slice()));
-        }
-        work.white.clear();
-        let mut rest = work.delayed.as_slice();
-        let inputs = stretches.zip(&work.jumps).map(|(i, jumps)| {
-            let (v, after) = rest.split_at(of(0, i).len());
-            rest = after;
-            (&self.record.stretches[i].y[..v.len()], jumps.as_slice(), v)
-        });
-        self.structure.whiten(thetas, inputs, &mut work.white);
+        found.sum = sum.lanes();
+        found.products = products.map(Wide::lanes);
     }
 
     /// One set of parameters: the first lane tells.
     pub(crate) fn at(&self, theta: &Theta, positions: &Positions) -> Innovations {
-        self.innovations(&[*theta; LANES], positions, Innovations::clone)
+        self.innovations(&[*theta; LANES], positions, Wanted::Residuals, Innovations::clone)
     }
 
     /// −2·ln L with the size of the noise at its best.
@@ -243,6 +297,15 @@ impl Search<'_> {
         jumps as f64 * (size / (2.0 * PI)).ln().max(0.0) + 2.0 * places
     }
 
+    /// What a unit step of the load, with gain 1, leaves in the innovations over the `cells` after it, once the filter has settled.
+    pub(crate) fn answer(&self, theta: &Theta, cells: usize) -> Vec<f64> {
+        let before = 400;
+        let step: Vec<Lanes> = (0..before + cells).map(|k| Lanes::all(if k < before { 0.0 } else { 1.0 })).collect();
+        let mut white = White::default();
+        widest(Answer { structure: self.structure, theta, positions: &step, white: &mut white });
+        white.of_v[before..].iter().map(|v| v[0]).collect()
+    }
+
     /// θ in the first lane, in the others θ with one parameter moved, and by how much.
     fn around(&self, theta: &Theta) -> ([Theta; LANES], Theta) {
         let n = self.record.count as f64;
@@ -263,7 +326,7 @@ impl Search<'_> {
     /// Residuals at θ and their derivatives by each parameter, a column each.
     pub(crate) fn slopes(&self, theta: &Theta, positions: &Positions) -> (Vec<f64>, Vec<Vec<f64>>) {
         let (thetas, by) = self.around(theta);
-        self.innovations(&thetas, positions, |found| {
+        self.innovations(&thetas, positions, Wanted::Residuals, |found| {
             let slope = |j: usize| found.residual.iter().map(|r| (r[j + 1] - r[0]) / by[j]).collect();
             (found.lane(0), (0..self.structure.parameters()).map(slope).collect())
         })
@@ -273,31 +336,17 @@ impl Search<'_> {
     fn local(&self, theta: Theta, positions: &Positions) -> Local {
         let (thetas, by) = self.around(&theta);
         let k = self.structure.parameters();
-        self.innovations(
-            &thetas,
-            positions,
-            #[inline(always)]
-            |found| {
-                let mut products = [[0.0; LANES]; LANES];
-                for r in &found.residual {
-                    let moved = lanes(|l| if l == 0 { r[0] } else { r[l] - r[0] });
-                    for i in 0..LANES {
-                        for l in 0..LANES {
-                            products[i][l] += moved[i] * moved[l];
-                        }
-                    }
+        self.innovations(&thetas, positions, Wanted::Products, |found| {
+            let (mut normal, mut down) = ([[0.0; MOST]; MOST], [0.0; MOST]);
+            for i in 0..k {
+                for j in 0..k {
+                    normal[i][j] = found.products[i + 1][j + 1] / (by[i] * by[j]);
                 }
-                let (mut normal, mut down) = ([[0.0; MOST]; MOST], [0.0; MOST]);
-                for i in 0..k {
-                    for j in 0..k {
-                        normal[i][j] = products[i + 1][j + 1] / (by[i] * by[j]);
-                    }
-                    down[i] = -products[0][i + 1] / by[i];
-                }
-                let products = (found.sums.yv[0], found.sums.vv[0]);
-                Local { theta, kp: found.kp[0], products, sum: found.sum[0], normal, down }
-            },
-        )
+                down[i] = -found.products[0][i + 1] / by[i];
+            }
+            let products = (found.sums.yv[0], found.sums.vv[0]);
+            Local { theta, kp: found.kp[0], products, sum: found.sum[0], normal, down }
+        })
     }
 
     /// The damped step from a point and how far it should bring Σ r² down. Parameters that stand at a bound and would leave it
@@ -360,9 +409,9 @@ impl Search<'_> {
                 damping = (damping / 10.0).max(1e-8);
             } else {
                 // Too far: eight shorter steps at once.
-                let dampings: Lanes = lanes(|l| damping * 10f64.powi(l as i32 + 1));
+                let dampings = Lanes::each(|l| damping * 10f64.powi(l as i32 + 1));
                 let thetas = dampings.map(|damping| self.step(&here, damping).0);
-                let sums = self.innovations(&thetas, &positions, |found| found.sum);
+                let sums = self.innovations(&thetas, &positions, Wanted::Least, |found| found.sum);
                 let best = (0..LANES).min_by(|a, b| sums[*a].total_cmp(&sums[*b])).expect("eight lanes");
                 if sums[best] >= before {
                     break;
@@ -391,7 +440,7 @@ impl Search<'_> {
             // From there on the start shows no longer.
             let cells = (2 * open + SETTLED).min(stretch.y.len());
             let tried = |places: Lanes| {
-                self.beginnings(point, i, places.map(|place| stretch.positions(lost, place, self.record.cell, cells)))
+                self.beginnings(point, i, &places.map(|place| stretch.positions(lost, place, self.record.cell, cells)))
             };
             let better = |sums: &Sums, rest: (f64, f64)| {
                 let bought = |l: usize| {
@@ -401,11 +450,11 @@ impl Search<'_> {
                 (0..LANES).max_by(|a, b| bought(*a).total_cmp(&bought(*b))).expect("eight lanes")
             };
             // As it stands, and seven places over all of the gap; then eight around the best.
-            let places = lanes(|l| if l == 0 { lost.start[i] } else { (l as f64 - 1.0) / 6.0 });
+            let places = Lanes::each(|l| if l == 0 { lost.start[i] } else { (l as f64 - 1.0) / 6.0 });
             let first = tried(places);
             let rest = (yv - first.yv[0], vv - first.vv[0]);
             let centre = places[better(&first, rest)];
-            let places = lanes(|l| (centre + (l as f64 - 3.5) / 30.0).clamp(0.0, 1.0));
+            let places = Lanes::each(|l| (centre + (l as f64 - 3.5) / 30.0).clamp(0.0, 1.0));
             let second = tried(places);
             let found = better(&second, rest);
             best.start[i] = places[found];
@@ -415,20 +464,10 @@ impl Search<'_> {
     }
 
     /// Sums over the beginning of one stretch, each lane with positions of its own.
-    fn beginnings(&self, point: &Point, stretch: usize, positions: [Vec<f64>; LANES]) -> Sums {
-        WORK.with_borrow_mut(|work| {
-            pulp::Arch::new().dispatch(
-                // Takes the positions as its own: a closure that could be called twice would be called through a function
-                // that is compiled for any machine.
-                #[inline(always)]
-                move || {
-                    let positions = positions;
-                    let jumps = &self.record.stretches[stretch].jumps;
-                    self.whiten(work, &[point.theta; LANES], stretch..stretch + 1, |l, _| &positions[l], |_, _| jumps);
-                    Sums::of(&work.white)
-                },
-            )
-        })
+    fn beginnings(&self, point: &Point, stretch: usize, positions: &[Vec<f64>; LANES]) -> Sums {
+        let jumps = &self.record.stretches[stretch].jumps;
+        let of = |l: usize, _| positions[l].as_slice();
+        self.pass(&[point.theta; LANES], stretch..stretch + 1, of, |_, _| jumps, Wanted::Sums, |found| found.sums)
     }
 
     /// The best of several beginnings, each with its best starts in the gap; one that will plainly not come below `unless` or
@@ -445,22 +484,6 @@ impl Search<'_> {
             point
         });
         ends.min_by(|a, b| a.cost.total_cmp(&b.cost)).expect("at least one beginning")
-    }
-}
-
-/// `v` later by `delay` cells, which need not be whole, the same in every lane.
-#[inline(always)]
-fn delayed(v: &[f64], delay: f64, out: &mut Vec<Lanes>) {
-    for k in 0..v.len() {
-        out.push([earlier(v, k, delay); LANES]);
-    }
-}
-
-/// The same in one lane.
-#[inline(always)]
-fn delay_lane(v: &[f64], delay: f64, out: &mut [Lanes], lane: usize) {
-    for k in 0..v.len() {
-        out[k][lane] = earlier(v, k, delay);
     }
 }
 

@@ -1,6 +1,6 @@
 //! Steps of the load: each costs what a new level at any time of the record is worth, and is kept where it pays.
 
-use crate::kalman::{LANES, White};
+use crate::lanes::LANES;
 use crate::looks::{PILOT, adapted};
 use crate::record::{Lost, Record};
 use crate::search::{Point, Search};
@@ -163,7 +163,7 @@ fn with_op(marked: &Marked, structure: Structure, sign: f64) -> (usize, usize) {
     let calm = Structure { noise: Noise::Input, ..structure };
     let theta = calm_theta(structure, &point.theta);
     let positions = record.positions(&point.lost);
-    let answer = answer(&Search { record, structure: calm, sign }, &theta);
+    let answer = Search { record, structure: calm, sign }.answer(&theta, ANSWER);
     let back = (structure.lag(&theta) + theta[structure.dead_time_at()]).clamp(3.0, 30.0) as usize;
     let (mut along, mut all) = (0, 0);
     for (i, stretch) in record.stretches.iter().enumerate() {
@@ -303,7 +303,7 @@ fn pruned(search: &Search, point: &Point) -> Record {
                     [&jumps[..j], &jumps[j + 1..]].concat()
                 });
                 let sums = search.with_other_jumps(&point.theta, &positions, i, &tried);
-                without.extend((first..jumps.len()).zip(sums).map(|(j, sum)| (search.cost(sum) + surprise, i, j)));
+                without.extend((first..jumps.len()).zip(*sums).map(|(j, sum)| (search.cost(sum) + surprise, i, j)));
             }
         }
         let (there, i, j) = without.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)).expect("there are steps");
@@ -320,7 +320,7 @@ fn pruned(search: &Search, point: &Point) -> Record {
 /// `least` [PV unit].
 fn marked(search: &Search, theta: &Theta, lost: &Lost, clear: f64, least: f64) -> Record {
     let mut record = search.record.clone();
-    let answer = answer(search, theta);
+    let answer = search.answer(theta, ANSWER);
     let energy: f64 = answer.iter().map(|a| a * a).sum();
     if energy < 1e-12 {
         return record;
@@ -331,22 +331,17 @@ fn marked(search: &Search, theta: &Theta, lost: &Lost, clear: f64, least: f64) -
         let residual = here.lane(0);
         // Spread of the innovations by their median, which steps do not move.
         let mut sizes: Vec<f64> = residual.iter().map(|r| r.abs()).collect();
-        sizes.sort_by(f64::total_cmp);
-        let spread = sizes[sizes.len() / 2] / 0.6745;
+        let middle = sizes.len() / 2;
+        let spread = *sizes.select_nth_unstable_by(middle, f64::total_cmp).1 / 0.6745;
         let clear = (clear * energy * spread * spread).max((least * here.scale[0] * energy).powi(2));
         let known = record.jumps();
         let all_left = record.by_stretch(&residual);
         for (stretch, left) in record.stretches.iter_mut().zip(all_left) {
             let free = |k: &usize| stretch.jumps.iter().all(|j| (j - *k as f64).abs() > APART);
-            let told = |k: usize| {
-                // The answer to a step ends where the load is unknown again.
-                let end = next(&stretch.jumps, k).min(left.len());
-                left[k..end].iter().zip(&answer).map(|(r, a)| r * a).sum::<f64>().powi(2)
-            };
+            let told = told(&left, &stretch.jumps, &answer);
             let mut sizes: Vec<(usize, f64)> = (10..left.len().saturating_sub(5))
-                .filter(free)
-                .map(|k| (k, told(k)))
-                .filter(|(_, s)| *s > clear)
+                .map(|k| (k, told[k]))
+                .filter(|(k, s)| *s > clear && free(k))
                 .collect();
             sizes.sort_by(|a, b| b.1.total_cmp(&a.1));
             let mut found: Vec<f64> = Vec::new();
@@ -355,7 +350,7 @@ fn marked(search: &Search, theta: &Theta, lost: &Lost, clear: f64, least: f64) -
                 let apart = found.iter().all(|j| (j - k as f64).abs() > ANSWER as f64);
                 if apart && stretch.jumps.len() + found.len() < most {
                     // A step out of its place by half a cell would draw others around it.
-                    let (before, after) = (told(k - 1), told(k + 1));
+                    let (before, after) = (told[k - 1], told[k + 1]);
                     let off = 0.5 * (after - before) / (2.0 * here - before - after).max(here * 1e-9);
                     found.push(k as f64 + off.clamp(-0.5, 0.5));
                 }
@@ -369,15 +364,27 @@ fn marked(search: &Search, theta: &Theta, lost: &Lost, clear: f64, least: f64) -
     record
 }
 
-/// What a unit step of the load leaves in the innovations once the filter has settled.
-fn answer(search: &Search, theta: &Theta) -> Vec<f64> {
-    let before = 400;
-    let step: Vec<_> = (0..before + ANSWER).map(|k| [if k < before { 0.0 } else { 1.0 }; LANES]).collect();
-    let mut white = White::default();
-    let nothing = vec![0.0; step.len()];
-    let alone = [(nothing.as_slice(), [].as_slice(), step.as_slice())];
-    search.structure.whiten(&[*theta; LANES], alone.into_iter(), &mut white);
-    white.of_v[before..].iter().map(|v| v[0]).collect()
+/// What the innovations tell of a step before each cell: the square of their product with the answer to it, which ends where
+/// the load is unknown again.
+fn told(left: &[f64], jumps: &[f64], answer: &[f64]) -> Vec<f64> {
+    let mut ends: Vec<usize> = jumps.iter().map(|j| j.ceil() as usize).chain([left.len()]).collect();
+    ends.sort_unstable();
+    let mut told = vec![0.0; left.len()];
+    let mut from = 0;
+    for end in ends {
+        let padded = [&left[from..end], &vec![0.0; answer.len()]].concat();
+        let told = &mut told[from..end];
+        pulp::Arch::new().dispatch(move || {
+            for (later, answer) in answer.iter().enumerate() {
+                for (told, left) in told.iter_mut().zip(&padded[later..]) {
+                    *told += answer * left;
+                }
+            }
+            told.iter_mut().for_each(|told| *told *= *told);
+        });
+        from = end;
+    }
+    told
 }
 
 #[cfg(test)]
@@ -429,7 +436,7 @@ mod tests {
         let sets: [Vec<f64>; LANES] = std::array::from_fn(|l| vec![40.0 + 7.3 * l as f64, 200.0 + 0.2 * l as f64]);
         let marked = record.with_jumps(vec![sets[0].clone()]);
         let many = still(&marked).with_other_jumps(&point.theta, &positions, 0, &sets);
-        for (set, sum) in sets.into_iter().zip(many) {
+        for (set, sum) in sets.into_iter().zip(*many) {
             let alone = record.with_jumps(vec![set]);
             let one = still(&alone).at(&point.theta, &positions).sum[0];
             assert!((one - sum).abs() < 1e-9 * one, "{one} for {sum}");

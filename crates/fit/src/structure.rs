@@ -1,6 +1,9 @@
 //! The families of models that are tried: lags, an integrator or none, and where the disturbance enters.
 
-use crate::kalman::{Jump, LANES, Lanes, Models, White, lanes};
+use crate::kalman::{Jump, Models, White};
+use crate::lanes::{LANES, Lanes, Wide};
+use pulp::{Scalar, Simd};
+use std::array;
 
 /// Where the disturbance comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -157,9 +160,13 @@ impl Structure {
     /// The process with gain 1, held input, one cell a step; its first state is its output, the others its
     /// derivatives in units of the time constant τ, which keeps all of one size.
     #[inline(always)]
-    fn models<const N: usize, const DRIFTS: usize>(self, thetas: &[Theta; LANES]) -> Models<N, DRIFTS> {
+    fn models<S: Simd, const R: usize, const N: usize, const DRIFTS: usize>(
+        self,
+        simd: S,
+        thetas: &[Theta; LANES],
+    ) -> Models<S, R, N, DRIFTS> {
         let order = N - 1 - DRIFTS;
-        let mut generator = [[[0.0; LANES]; N]; N];
+        let mut generator = [[Lanes::default(); N]; N];
         for (l, theta) in thetas.iter().enumerate() {
             let den = self.denominator(theta);
             let tau = if self.integrating { den[2] } else { den[order].powf(1.0 / order as f64) };
@@ -173,30 +180,33 @@ impl Structure {
                 scale /= tau;
             }
         }
-        let transition = exponential(generator);
-        let nothing = [0.0; LANES];
-        let noise = |place: usize| lanes(|l| thetas[l][self.lags + 1 + place]);
-        let (q_load, q_drift, pole) = match self.noise {
-            Noise::Still => ([STILL; LANES], nothing, nothing),
-            Noise::Input => (noise(0).map(f64::exp), nothing, nothing),
-            Noise::Output => (nothing, noise(0).map(f64::exp), noise(1).map(logistic)),
-            Noise::Both => (noise(0).map(f64::exp), noise(1).map(f64::exp), noise(2).map(logistic)),
+        let transition = exponential(simd, generator);
+        let nothing = Wide::all(simd, 0.0);
+        let noise = |place: usize, scale: fn(f64) -> f64| {
+            Wide::load(simd, &Lanes::each(|l| scale(thetas[l][self.lags + 1 + place])))
         };
-        Models { transition, q_load, q_drift, pole }
+        let (q_load, q_drift, pole) = match self.noise {
+            Noise::Still => (Wide::all(simd, STILL), nothing, nothing),
+            Noise::Input => (noise(0, f64::exp), nothing, nothing),
+            Noise::Output => (nothing, noise(0, f64::exp), noise(1, logistic)),
+            Noise::Both => (noise(0, f64::exp), noise(1, f64::exp), noise(2, logistic)),
+        };
+        Models { simd, transition, q_load, q_drift, pole }
     }
 
     /// See [`Models::whiten`]: of each stretch its PV, the jumps of its load and its positions.
     #[inline(always)]
-    pub(crate) fn whiten<'a>(
+    pub(crate) fn whiten<'a, S: Simd, const R: usize>(
         self,
+        simd: S,
         thetas: &[Theta; LANES],
         stretches: impl Iterator<Item = (&'a [f64], &'a [Jump], &'a [Lanes])>,
         white: &mut White,
     ) {
-        // A loop and no closure: only what is inlined here is compiled for the vectors of the machine.
+        // A loop and no closure: only what is inlined here is compiled for the registers of the machine.
         macro_rules! with {
             ($states:literal, $drifts:literal) => {{
-                let models = self.models::<$states, $drifts>(thetas);
+                let models = self.models::<S, R, $states, $drifts>(simd, thetas);
                 for (y, jumps, v) in stretches {
                     models.whiten(y, jumps, v, white);
                 }
@@ -224,12 +234,17 @@ impl Structure {
         kp_v: &[f64],
         draw: &mut impl FnMut() -> f64,
     ) -> Vec<f64> {
-        let thetas = &[*theta; LANES];
+        macro_rules! with {
+            ($states:literal, $drifts:literal) => {
+                self.models::<Scalar, LANES, $states, $drifts>(Scalar::new(), &[*theta; LANES])
+                    .invent(y, jumps, kp_v, draw)
+            };
+        }
         match (self.order(), self.noise) {
-            (2, Noise::Still | Noise::Input) => self.models::<3, 0>(thetas).invent(y, jumps, kp_v, draw),
-            (2, _) => self.models::<4, 1>(thetas).invent(y, jumps, kp_v, draw),
-            (_, Noise::Still | Noise::Input) => self.models::<4, 0>(thetas).invent(y, jumps, kp_v, draw),
-            (_, _) => self.models::<5, 1>(thetas).invent(y, jumps, kp_v, draw),
+            (2, Noise::Still | Noise::Input) => with!(3, 0),
+            (2, _) => with!(4, 1),
+            (_, Noise::Still | Noise::Input) => with!(4, 0),
+            (_, _) => with!(5, 1),
         }
     }
 }
@@ -240,22 +255,20 @@ fn logistic(x: f64) -> f64 {
 
 /// e^a of eight matrices at once: the series for a 2^s-th of each, small enough for 12 terms to be exact, then s squarings.
 #[inline(always)]
-fn exponential<const N: usize>(mut a: [[Lanes; N]; N]) -> [[Lanes; N]; N] {
-    let norm = a.iter().map(|row| row.iter().flatten().map(|x| x.abs()).fold(0.0, f64::max)).fold(0.0, f64::max);
+fn exponential<S: Simd, const R: usize, const N: usize>(simd: S, a: [[Lanes; N]; N]) -> [[Wide<S, R>; N]; N] {
+    let norm = a.iter().flatten().flat_map(|x| x.iter()).fold(0.0, |norm: f64, x| norm.max(x.abs()));
     let squarings = (norm * N as f64 / 0.5).log2().ceil().max(0.0);
-    let part = (-squarings).exp2();
-    a.iter_mut().flatten().flatten().for_each(|x| *x *= part);
-    let mut sum = [[[0.0; LANES]; N]; N];
-    for i in 0..N {
-        sum[i][i] = [1.0; LANES];
-    }
+    let part = Wide::all(simd, (-squarings).exp2());
+    let a = a.map(|row| row.map(|x| Wide::load(simd, &x) * part));
+    let one = |i, j| Wide::all(simd, if i == j { 1.0 } else { 0.0 });
+    let mut sum: [[Wide<S, R>; N]; N] = array::from_fn(|i| array::from_fn(|j| one(i, j)));
     // Horner: 1 + a(1 + a/2(1 + a/3(…))).
     for term in (1..=12).rev() {
-        let by = 1.0 / f64::from(term);
+        let by = Wide::all(simd, 1.0 / f64::from(term));
         sum = product(&a, &sum);
         for i in 0..N {
             for j in 0..N {
-                sum[i][j] = lanes(|l| sum[i][j][l] * by + if i == j { 1.0 } else { 0.0 });
+                sum[i][j] = sum[i][j] * by + one(i, j);
             }
         }
     }
@@ -266,14 +279,16 @@ fn exponential<const N: usize>(mut a: [[Lanes; N]; N]) -> [[Lanes; N]; N] {
 }
 
 #[inline(always)]
-fn product<const N: usize>(a: &[[Lanes; N]; N], b: &[[Lanes; N]; N]) -> [[Lanes; N]; N] {
-    let mut c = [[[0.0; LANES]; N]; N];
+fn product<S: Simd, const R: usize, const N: usize>(
+    a: &[[Wide<S, R>; N]; N],
+    b: &[[Wide<S, R>; N]; N],
+) -> [[Wide<S, R>; N]; N] {
+    let mut c = *a;
     for i in 0..N {
-        for k in 0..N {
-            for j in 0..N {
-                for l in 0..LANES {
-                    c[i][j][l] += a[i][k][l] * b[k][j][l];
-                }
+        for j in 0..N {
+            c[i][j] = a[i][0] * b[0][j];
+            for k in 1..N {
+                c[i][j] += a[i][k] * b[k][j];
             }
         }
     }
@@ -288,7 +303,9 @@ mod tests {
     #[test]
     fn eight_exponentials_are_each_what_one_is() {
         let entry = |l: usize, i: usize, j: usize| f64::from((7 * l + 3 * i + 5 * j) as u32 % 11) - 5.0;
-        let many = exponential::<4>(std::array::from_fn(|i| std::array::from_fn(|j| lanes(|l| entry(l, i, j)))));
+        let many: [[Wide<_, LANES>; 4]; 4] =
+            exponential(Scalar::new(), array::from_fn(|i| array::from_fn(|j| Lanes::each(|l| entry(l, i, j)))));
+        let many = many.map(|row| row.map(Wide::lanes));
         for l in 0..LANES {
             let mut one = Matrix::zeros(4);
             (0..16).for_each(|at| one.set(at / 4, at % 4, entry(l, at / 4, at % 4)));
@@ -308,12 +325,11 @@ mod tests {
         let (t1, t2): (f64, f64) = (3.0, 1e-4);
         let mut theta = [0.0; MOST];
         (theta[0], theta[1]) = ((t1 * t2).sqrt().ln(), ((t1 + t2) / 2.0 / (t1 * t2).sqrt()).ln());
-        let models = structure.models::<3, 0>(&[theta; LANES]);
+        let models = structure.models::<Scalar, LANES, 3, 0>(Scalar::new(), &[theta; LANES]);
+        let transition = models.transition.map(|row| row.map(Wide::lanes));
         let mut x = [0.0; 2];
         for k in 1..=10 {
-            let row = |i: usize| {
-                models.transition[i][0][0] * x[0] + models.transition[i][1][0] * x[1] + models.transition[i][2][0]
-            };
+            let row = |i: usize| transition[i][0][0] * x[0] + transition[i][1][0] * x[1] + transition[i][2][0];
             x = [row(0), row(1)];
             let truth = 1.0 - (-f64::from(k) / 3.0).exp();
             assert!((x[0] - truth).abs() < 1e-4, "{k}: {} for {truth}", x[0]);

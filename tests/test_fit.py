@@ -67,6 +67,31 @@ def test_small_steps_of_the_load_feign_no_gap(number: int) -> None:
     assert not f.found, f.reason
 
 
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("none/steps/outside/36", "Record faster"),
+        ("oscillation/sine/inside/4", "Record faster"),
+        ("backlash/ramps/outside/56", "60 are needed"),
+    ],
+)
+def test_samples_too_far_apart_or_a_single_move_of_op_feign_no_gap(name: str, told: str) -> None:
+    """Each of these once had a width that was not there, or a bound above the truth."""
+    made = record(name)
+    assert made is not None
+    f = glapp.fit(made[0].recording)
+    assert f.verdict == "cannot_tell" and told in f.reason, f.reason
+
+
+@pytest.mark.parametrize("name", ["both/steps/inside/5", "backlash/steps/inside/11"])
+def test_a_gap_that_the_noise_hides_gets_a_bound_and_no_width(name: str) -> None:
+    made = record(name)
+    assert made is not None
+    f, truth = glapp.fit(made[0].recording), made[1]
+    assert f.verdict == "at_least" and f.high is None and "noise hides" in f.reason, f.reason
+    assert f.low is not None and 0 < f.low < truth.d
+
+
 def walk(rate: float, h: float, t_end: float, seed: int) -> Any:
     return random_walk(round(t_end / h) + 1, h, rate, seed=seed)
 

@@ -396,10 +396,14 @@ def fit(
     parts: Sequence[tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]],
     h: float,
     sign: float,
+    position: bool,
     bootstrap: int,
     seed: int,
 ) -> dict[str, Any] | None:
-    """Fit (PV, OP) at even steps h, one pair a stretch; None for fewer than 50 samples or an OP that never moves."""
+    """Fit (PV, OP), or (position, OP), at even steps h, one pair a stretch.
+
+    None for fewer than 50 samples or an OP that never moves.
+    """
 
 def fit_window(parts: Sequence[tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]], sign: float) -> int | None:
     """Steps that one fit should hold at most."""

@@ -306,18 +306,17 @@ def fit_batches(
     if not batches:
         return Fit("cannot_tell", "OP stands still all the time: only an OP that moves shows a gap", loop.op_label)
     if not any(batch.position is not None and np.isfinite(batch.position).any() for batch in batches):
-        return _fit_signal(batches, loop, sign, sinusoid, progress)
+        return _fit_signal("PV", batches, loop, sign, sinusoid, progress)
     half, rest = shares(progress, 0.5, 0.5)
-    through_pv = _fit_signal(batches, loop, sign, sinusoid, half)
-    at_valve = _fit_signal([_valve(batch) for batch in batches], loop, 1.0, None, rest)
+    through_pv = _fit_signal("PV", batches, loop, sign, sinusoid, half)
+    at_valve = _fit_signal("position", [_valve(batch) for batch in batches], loop, 1.0, None, rest)
     if not (at_valve.found or at_valve.verdict == "sound"):
         return through_pv
     reason = f"read from the valve's position: {at_valve.reason}"
     own = loop.positioner.dead_band if loop.positioner is not None else None
     if own is not None and at_valve.found:
         reason += f"; the positioner's own part of it, by its settings: {own:.3g} % of travel"
-    best = {**at_valve.best, "signal": "position"}
-    return replace(at_valve, reason=reason, process=through_pv.process, best=best, through_pv=through_pv)
+    return replace(at_valve, reason=reason, process=through_pv.process, through_pv=through_pv)
 
 
 def _valve(batch: Batch) -> Batch:
@@ -328,8 +327,15 @@ def _valve(batch: Batch) -> Batch:
     return replace(batch, pv=position, op=op)
 
 
-def _fit_signal(batches: list[Batch], loop: Loop, sign: float, sinusoid: str | None, progress: Progress | None) -> Fit:
-    """Fit PV, or what stands in its place, to OP."""
+def _fit_signal(
+    signal: Literal["PV", "position"],
+    batches: list[Batch],
+    loop: Loop,
+    sign: float,
+    sinusoid: str | None,
+    progress: Progress | None,
+) -> Fit:
+    """Fit PV, or the position that stands in its place, to OP."""
     unit = loop.op_label
     cut = [_stretches(batch) for batch in batches]
     whole = [(stretches, h) for stretches, h, fault in cut if fault is None]
@@ -342,7 +348,7 @@ def _fit_signal(batches: list[Batch], loop: Loop, sign: float, sinusoid: str | N
     seed = zlib.crc32(np.concatenate([pv for stretches, _ in whole for _, pv, _ in stretches]).tobytes())
     answers: list[tuple[Window, dict[str, Any], list[tuple[float, Floats, Floats]], float]] = []
     for i, (window, h) in enumerate(windows):
-        answer = _glapp.fit([(pv, op) for _, pv, op in window], h, sign, BOOTSTRAP, seed)
+        answer = _glapp.fit([(pv, op) for _, pv, op in window], h, sign, signal == "position", BOOTSTRAP, seed)
         if answer is not None:
             last_t, last_pv, _ = window[-1]
             span = (window[0][0], last_t + h * (len(last_pv) - 1))
@@ -366,13 +372,13 @@ def _fit_signal(batches: list[Batch], loop: Loop, sign: float, sinusoid: str | N
         verdict, d, low, high = newest.verdict, newest.d, newest.low, newest.high
     starts = np.array([t for t, _, _ in window])
     best["t"] = starts[best["part"]] + h * best["step"]
-    best["signal"] = "PV"
+    best["signal"] = signal
     if sinusoid is not None and verdict in ("sound", "cannot_tell"):
         verdict = "oscillation"
     kp, dead_time, lag = ((best[name], *best[f"{name}_limits"]) for name in ("kp", "dead_time", "lag"))
     process = Process(kp, dead_time, lag, best["integrating"])
     shown = "%OP" if unit == "%" else unit
-    reason = sinusoid if verdict == "oscillation" and sinusoid else _reason(verdict, d, low, high, shown, best)
+    reason = sinusoid if verdict == "oscillation" and sinusoid else _reason(verdict, d, low, high, shown, h, best)
     if trend is not None and trend.changes:
         reason += f"; {trend.told(shown)}"
     return Fit(
@@ -468,7 +474,7 @@ def _windows(
     return [windows[i] for i in sorted(busiest)]
 
 
-def _reason(verdict: str, d: float, low: float, high: float | None, unit: str, best: dict[str, Any]) -> str:
+def _reason(verdict: str, d: float, low: float, high: float | None, unit: str, h: float, best: dict[str, Any]) -> str:
     """The verdict and its evidence in one sentence."""
     up, down = best["traversals"]
     evidence = f"no gap is {best['lr_no_gap']:.0f} units of 2·ln L worse, where {best['lr_needed']:.0f} are needed"
@@ -483,6 +489,11 @@ def _reason(verdict: str, d: float, low: float, high: float | None, unit: str, b
                 f"lost motion of {d:.3g} {unit} with jumps of {best['jump']:.3g} {unit} in it: {evidence}, and no jump "
                 f"{best['lr_no_jump']:.0f} worse; {often}"
             )
+        case "at_least" if best["reason"] == "noisy":
+            return (
+                f"at least {low:.3g} {unit} are lost: {evidence}; {often}, but PV's noise hides how much more it is. "
+                "Record with a finer PV, or while OP moves further"
+            )
         case "at_least":
             return (
                 f"at least {low:.3g} {unit} are lost: {evidence}; {often}, too seldom to tell how much more it is. "
@@ -494,6 +505,11 @@ def _reason(verdict: str, d: float, low: float, high: float | None, unit: str, b
             return (
                 f"no model fits: what it does not foresee of PV is alike from one sample to the next (correlation "
                 f"{best['echo']:.2f}). Is PV what this OP moves, and recorded as it was measured?"
+            )
+        case _ if best["reason"] == "coarse":
+            return (
+                f"a gap of {d:.3g} {unit} would fit, but between samples {h:.3g} s apart OP does what none of them "
+                f"shows: the process lags by {best['lag']:.3g} s, and five samples are needed in that. Record faster"
             )
         case _ if best["lr_no_answer"] < 15:
             return (

@@ -142,6 +142,12 @@ impl Record {
         moves.get(moves.len() / 2).map_or(0.0, |m| m / 2.0)
     }
 
+    /// How far OP goes up and down in a step, in the mean [OP unit].
+    pub(crate) fn travel(&self) -> f64 {
+        let moves: f64 = self.stretches.iter().flat_map(|s| s.u.windows(2).map(|w| (w[1] - w[0]).abs())).sum();
+        moves / self.stretches.iter().map(|s| s.u.len()).sum::<usize>() as f64
+    }
+
     /// Times that OP goes through the whole of a gap of width `d` up, and down.
     pub(crate) fn traversals(&self, d: f64) -> [usize; 2] {
         self.stretches.iter().map(|s| s.traversals(d)).fold([0; 2], |a, b| [a[0] + b[0], a[1] + b[1]])

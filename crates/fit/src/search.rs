@@ -535,3 +535,55 @@ pub(crate) fn solve(mut a: [[f64; MOST]; MOST], mut b: Theta, k: usize) -> Theta
     }
     b
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::structure::Noise;
+    use pulp::Scalar;
+
+    /// What a pass makes of a record with a hole and a jump of the load, in registers of the instructions `S`.
+    fn passed<S: Simd, const R: usize>(simd: S, structure: Structure) -> [u64; 2 * LANES] {
+        let u: Vec<f64> = (0..200).map(|k| (f64::from(k) * 0.1).sin()).collect();
+        let mut y: Vec<f64> =
+            (0..200).map(|k| (f64::from(k) * 0.1 - 1.0).sin() + 0.01 * f64::from(k * 7919 % 13)).collect();
+        y[70..75].fill(f64::NAN);
+        let record = Record::new(&[(&y, &u)], 1).with_jumps(vec![vec![120.3]]);
+        let search = Search { record: &record, structure, sign: 1.0 };
+        let (thetas, _) = search.around(&structure.beginning(8.0, 2.4));
+        let positions = record.positions(&Lost::gap(0.1, 1));
+        let mut room = Room::default();
+        let pass = Pass {
+            search: &search,
+            room: &mut room,
+            thetas: &thetas,
+            stretches: 0..1,
+            positions: |_: usize, i: usize| positions[i].as_slice(),
+            jumps: |_: usize, i: usize| &record.stretches[i].jumps,
+            wanted: Wanted::Products,
+        };
+        pass.run::<S, R>(simd);
+        std::array::from_fn(|i| if i < LANES { room.found.sum[i] } else { room.found.products[1][i - LANES] }.to_bits())
+    }
+
+    #[test]
+    fn registers_of_every_width_give_the_same_bits() {
+        for noise in [Noise::Still, Noise::Input, Noise::Output, Noise::Both] {
+            for lags in [2, 3] {
+                let structure = Structure { lags, integrating: false, noise };
+                let alone = passed::<Scalar, LANES>(Scalar::new(), structure);
+                assert!(alone.iter().all(|bits| f64::from_bits(*bits).is_finite()));
+                #[cfg(target_arch = "x86_64")]
+                {
+                    use pulp::x86::{V3, V4};
+                    if let Some(v3) = V3::try_new() {
+                        assert_eq!(passed::<V3, 2>(v3, structure), alone, "{structure:?}");
+                    }
+                    if let Some(v4) = V4::try_new() {
+                        assert_eq!(passed::<V4, 1>(v4, structure), alone, "{structure:?}");
+                    }
+                }
+            }
+        }
+    }
+}

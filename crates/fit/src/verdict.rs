@@ -15,6 +15,8 @@ pub struct Question {
     pub h: f64,
     /// Sign of the process gain where it is known, else 0.
     pub sign: f64,
+    /// Whether the valve's own position stands in PV's place: it follows at once, and no sampling is too slow for it.
+    pub position: bool,
     /// Records invented without a gap to find how large the likelihood ratio gets by chance; 0 for none.
     pub bootstrap: usize,
     /// Seed of those.
@@ -150,7 +152,7 @@ pub fn window(parts: &[(&[f64], &[f64])], sign: f64) -> Option<usize> {
 }
 
 /// Cells that one fit takes at most.
-const MOST_CELLS: usize = 2000;
+const MOST_CELLS: usize = 3000;
 /// Cells of the first look.
 const LOOK_CELLS: usize = 600;
 
@@ -212,7 +214,11 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
         profiles.iter().map(Profile::lr_no_gap).fold(f64::INFINITY, f64::min) + (lr_no_jump - JUMP).max(0.0);
     let lr_no_gap = lr_no_gap.min(lr_of_loads) * trusted;
     let traversals = record.traversals(best.lost.d);
-    let plain = if traversals.iter().all(|n| *n >= CYCLES) { PLAIN } else { PLAIN_IF_SELDOM };
+    let plain = match traversals {
+        [up, down] if up.min(down) >= CYCLES => PLAIN,
+        [up, down] if up + down > 1 => PLAIN_IF_SELDOM,
+        _ => PLAIN_IF_ONCE,
+    };
     let lr_needed = if question.bootstrap > 0 && lr_no_gap > plain && lr_no_gap < 100.0 {
         // The invented records' innovations are alike everywhere: their ratio is to be held against the one before τ.
         plain.max(by_chance(&of(profiles[0].structure), &profiles[0].points[0], question) * trusted)
@@ -241,13 +247,19 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
     let positions = record.positions(&best.lost);
     let final_state = search.at(&best.theta, &positions);
     let residual = final_state.lane(0);
+    let noise = (final_state.sum[0] / n).sqrt() / final_state.scale[0];
     let echo = dot(&residual[1..], &residual[..residual.len() - 1]) / final_state.sum[0].max(1e-300);
     let (verdict, reason) = judge(&Evidence {
         echo,
         d: best.lost.d,
+        coarse: !question.position
+            && search.structure.lag(&best.theta) * (record.cell as f64) < COARSE
+            && best.lost.d < SLOWLY * record.travel(),
+        noisy: !search.structure.integrating && (best.kp * best.lost.d).abs() < NOISY * noise,
         often: {
             let least = if lr_no_gap > PLAIN_IF_TWICE { 2 } else { CYCLES };
-            record.traversals(low).iter().all(|n| *n >= least)
+            // At the most likely width the count may be one too many.
+            record.traversals(low).iter().all(|n| *n >= least) && traversals.iter().all(|n| *n > least)
         },
         lr_no_gap,
         lr_needed,
@@ -315,7 +327,10 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
 /// that tame.
 pub(crate) const PLAIN: f64 = 12.0;
 /// The same where OP went through the width fewer than [`CYCLES`] times each way: few break-aways may look like anything.
-const PLAIN_IF_SELDOM: f64 = 25.0;
+const PLAIN_IF_SELDOM: f64 = 32.0;
+/// The same where OP went through the width but once: a step of the load at the right moment looks like a valve that
+/// follows late.
+const PLAIN_IF_ONCE: f64 = 60.0;
 /// The same where twice each way is often enough for a width with two limits.
 const PLAIN_IF_TWICE: f64 = 100.0;
 /// The same for the slip jump.
@@ -323,9 +338,15 @@ const JUMP: f64 = 20.0;
 /// What a slip jump must bring to be taken into the most likely width: it has a size, a kind and a width of its own.
 const SLIPS: f64 = 4.0;
 /// A lower limit less than this part of the most likely width is none.
-const LEAST_LOW: f64 = 0.1;
+const LEAST_LOW: f64 = 0.2;
 /// Greatest correlation of innovations with those a cell before: no model that leaves more of PV unexplained is believed.
-const MOST_ECHO: f64 = 0.4;
+const MOST_ECHO: f64 = 0.25;
+/// Where the process lags by fewer steps than this, PV is sampled too seldom to tell a gap from what OP did between them;
+const COARSE: f64 = 5.0;
+/// unless OP takes as many steps as this to go through the gap.
+const SLOWLY: f64 = 25.0;
+/// Standard deviations of PV's noise that a gap must make of PV for a width with two limits.
+const NOISY: f64 = 3.0;
 /// Less trust than this is not believed: it rests on the few cells that matter for d.
 const LEAST_TRUST: f64 = 0.4;
 
@@ -440,6 +461,10 @@ struct Evidence {
     range: f64,
     /// Whether OP went through the lower limit often enough for a width.
     often: bool,
+    /// Whether the samples are too far apart for the process, and for how fast OP goes through the gap.
+    coarse: bool,
+    /// Whether PV's noise hides what the gap makes.
+    noisy: bool,
     /// Whether a slip jump shows, and whether it may be all of the width.
     tells: bool,
     jumps_whole: bool,
@@ -463,8 +488,14 @@ fn judge(e: &Evidence) -> (Verdict, &'static str) {
     if e.low < LEAST_LOW * e.d {
         return (Verdict::CannotTell, "families_disagree");
     }
+    if e.coarse {
+        return (Verdict::CannotTell, "coarse");
+    }
     if e.high.is_none() || !e.often {
         return (Verdict::AtLeast, "not_traversed");
+    }
+    if e.noisy {
+        return (Verdict::AtLeast, "noisy");
     }
     if e.tells {
         return match e.jumps_whole {

@@ -23,12 +23,13 @@ pub fn fit<'py>(
     parts: Vec<(PyReadonlyArray1<'py, f64>, PyReadonlyArray1<'py, f64>)>,
     h: f64,
     sign: f64,
+    position: bool,
     bootstrap: usize,
     seed: u64,
 ) -> PyResult<Option<Bound<'py, PyDict>>> {
     let parts: Vec<(&[f64], &[f64])> =
         parts.iter().map(|(y, u)| Ok((y.as_slice()?, u.as_slice()?))).collect::<PyResult<_>>()?;
-    let question = Question { h, sign, bootstrap, seed };
+    let question = Question { h, sign, position, bootstrap, seed };
     let Some(answer) = py.detach(|| glapp_fit::fit(&parts, &question)) else { return Ok(None) };
     let out = PyDict::new(py);
     out.set_item("verdict", VERDICTS.iter().find(|(v, _)| *v == answer.verdict).expect("all have names").1)?;

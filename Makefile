@@ -41,12 +41,12 @@ lint: setup
 bench: setup $(VENV)/.bench
 	cargo bench --quiet -p glapp-core
 	cargo bench --quiet -p glapp-fit
-	$(BIN)/python bench/run.py
-	$(BIN)/python bench/sim.py
-	$(BIN)/python bench/tuning.py
-	$(BIN)/python bench/fit.py
-	$(BIN)/python bench/scan.py
-	$(BIN)/python bench/size.py
+	$(BIN)/python -m bench.run
+	$(BIN)/python -m bench.sim
+	$(BIN)/python -m bench.tuning
+	$(BIN)/python -m bench.fit
+	$(BIN)/python -m bench.scan
+	$(BIN)/python -m bench.size
 
 $(VENV)/.bench: pyproject.toml $(VENV)/.tools
 	$(BIN)/pip install --quiet --group bench

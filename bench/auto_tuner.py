@@ -1,4 +1,4 @@
-"""What the autotuner finds on the test batch, beside the truth: `python bench/auto_tuner.py` writes it into the docs.
+"""What the autotuner finds on the test batch, beside the truth: `python -m bench.auto_tuner` writes it into the docs.
 
 Also other processes than those on which the slopes of its correction were chosen, and the picture of one experiment.
 """
@@ -18,7 +18,8 @@ from matplotlib import pyplot as plt
 from glapp.plant import PLANTS, Plant
 from glapp.tuning import RelayExperiment, relay_experiment, ultimate
 
-DOCS = Path(__file__).parents[1] / "docs"
+from .page import DOCS, write
+
 SEEDS = 20
 POWER = 2 / 3
 """Half swing of the relay, with an amplitude of 1."""
@@ -155,11 +156,7 @@ def main() -> None:
         for condition in CONDITIONS:
             lines += table(PLANTS, condition, pool)
         lines += table(OTHERS, CONDITIONS[1]._replace(title="other processes, noise ± 5 %"), pool)
-    page = DOCS / "auto_tuner.md"
-    before, _, rest = page.read_text(encoding="utf-8").partition("<!-- measured -->\n")
-    _, _, after = rest.partition("<!-- end -->\n")
-    measured = "\n".join(lines)
-    page.write_text(f"{before}<!-- measured -->\n{measured}<!-- end -->\n{after}", encoding="utf-8")
+    write("auto_tuner.md", "\n".join(lines))
     picture(DOCS / "auto_tuner.png")
 
 

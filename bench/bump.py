@@ -1,4 +1,4 @@
-"""How often the interval of `glapp.bump` holds the truth: `python bench/bump.py [tests]`, 1000 a row by default.
+"""How often the interval of `glapp.bump` holds the truth: `python -m bench.bump [tests]`, 1000 a row by default.
 
 Each row is a kind of manual test on a simulated valve with a known gap; every test has its own noise and drift. What
 the columns mean is written in docs/bump.md, which has the table.

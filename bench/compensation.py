@@ -1,4 +1,4 @@
-"""What compensation brings, when its warnings are wrong, and whether it does harm: `python bench/compensation.py`.
+"""What compensation brings, when its warnings are wrong, and whether it does harm: `python -m bench.compensation`.
 
 Some ten minutes on two cores; `--loops 100` makes the last part shorter, `--docs` writes the tables into
 docs/compensation.md. Everything is simulated, so that the gap is known.
@@ -12,14 +12,12 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # many processes, each with its o
 
 import argparse
 import math
-import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise, product
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -43,8 +41,9 @@ from glapp.simulate import (
     run,
 )
 
+from .page import write
+
 Floats = npt.NDArray[np.float64]
-DOCS = Path(__file__).parents[1] / "docs" / "compensation.md"
 WAYS = ("error", "derivative", "inverse")
 WITHDRAWN = [STANDINGS.index(name) for name in ("worse", "over_compensated")]
 GAP = 0.05
@@ -604,11 +603,8 @@ def main() -> None:
         parts += [("beside", besides(pool, held_out))]
         tables = dict(_sections(parts))
     if given.docs:
-        document = DOCS.read_text(encoding="utf-8")
         for name, text in tables.items():
-            between = re.compile(rf"(<!-- {name} -->\n).*?(<!-- end -->)", re.DOTALL)
-            document = between.sub(lambda m, text=text: f"{m[1]}\n{text}\n\n{m[2]}", document)  # type: ignore[misc]
-        DOCS.write_text(document, encoding="utf-8")
+            write("compensation.md", text, name)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""How long a fit takes, and the same likelihood maximised with SciPy: `python bench/fit.py`.
+"""How long a fit takes, and the same likelihood maximised with SciPy: `python -m bench.fit`.
 
 SciPy's is one family of those that `glapp.fit` tries, written from the equations of docs/fit.md and not from the core:
 two lags, a load that walks, white noise; a stationary Kalman filter as a transfer function run by `lfilter`, so that a

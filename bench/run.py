@@ -28,12 +28,12 @@ from rich.console import Console
 from rich.table import Table
 
 import glapp
-import signals
 from glapp import _glapp
-from peers import arrays_pass, loop_pass
+
+from . import page, signals
+from .peers import arrays_pass, loop_pass
 
 HERE = Path(__file__).parent
-DOCS = HERE.parent / "docs" / "benchmarks.md"
 REFINERY = HERE.parents[1] / "shared" / "data" / "refinery"
 N = 9
 SETTINGS = (signals.K, signals.TI, signals.KP, signals.TF, N, 5.0, 100.0)
@@ -152,7 +152,7 @@ def in_process(task: str, path: Path, repetitions: int = 3) -> tuple[float, floa
     """Best time [s] and highest peak of memory [MiB] of a task in processes of its own."""
     runs = []
     for _ in range(repetitions):
-        command = [sys.executable, str(HERE / "task.py"), task, str(path)]
+        command = [sys.executable, "-m", "bench.task", task, str(path)]
         runs.append(json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout))
     return min(r[0] for r in runs), max(r[1] for r in runs), runs[0][2], runs[0][3]
 
@@ -265,10 +265,7 @@ def write(sections: list[tuple[str, list[Row]]]) -> None:
         mark = {None: "", True: "met", False: "missed"}
         lines += [f"| {r.work.strip()} | {r.figure} | {r.target} | {mark[r.holds]} |" for r in rows]
         lines.append("")
-    before, rest = DOCS.read_text(encoding="utf-8").split("<!-- measured -->\n")
-    after = rest.split("<!-- end -->\n")[1]
-    tables = "\n".join(lines)
-    DOCS.write_text(f"{before}<!-- measured -->\n{tables}<!-- end -->\n{after}", encoding="utf-8")
+    page.write("benchmarks.md", "\n".join(lines))
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""Instructions of one scan of PidAdvanced with detector and compensation, and of AutoTuner: `python bench/scan.py`.
+"""Instructions of one scan of PidAdvanced with detector and compensation, and of AutoTuner: `python -m bench.scan`.
 
 The program `bench/scan.rs` scans a loop with a gap until it has many detections, and a relay experiment to its end;
 callgrind counts the instructions of each scan apart. A PLC must find time for the worst.

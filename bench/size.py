@@ -1,6 +1,6 @@
 """Code size of PidAdvanced with detector and compensation, and of AutoTuner, in f32 on a Cortex-M4F or M7.
 
-`python bench/size.py`; needs the target once: `rustup target add thumbv7em-none-eabihf`. Optimised for size; the sum of
+`python -m bench.size`; needs the target once: `rustup target add thumbv7em-none-eabihf`. Optimised for size; the sum of
 all code and constants that `bench/size.rs` brings with it, before a linker drops what is not used.
 """
 

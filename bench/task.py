@@ -54,7 +54,8 @@ def pyarrow_csv(path: str) -> str:
 
 def _glapp(path: str, judge: bool) -> str:
     import glapp
-    import signals
+
+    from . import signals
 
     recording = glapp.open_recordings(path, [signals.loop(tf=signals.TF)])[0]
     result = glapp.analyze(recording, fit=False) if judge else glapp.estimate(recording)
@@ -82,7 +83,7 @@ def peak() -> float:
 def main() -> None:
     """Run the task named on the command line once."""
     name, path = sys.argv[1:]
-    for module in IMPORTS.get(name, ("glapp", "signals")):
+    for module in IMPORTS.get(name, ("glapp", "bench.signals")):
         importlib.import_module(module)
     task = {f.__name__: f for f in (pyarrow_parquet, pandas_csv, polars_csv, pyarrow_csv, estimate, analyze)}[name]
     begun = time.perf_counter()

@@ -7,10 +7,8 @@ they have no limits. `--docs` writes the table into docs/modules.md; two minutes
 from __future__ import annotations
 
 import argparse
-import re
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -21,8 +19,8 @@ from glapp.errors import InputError
 from glapp.simulate import Scenario, Simulation, run
 
 from .compensation import random_loop
+from .page import write
 
-DOCS = Path(__file__).parents[1] / "docs" / "modules.md"
 RANGE = (-50.0, 50.0)
 IN_A_ROW = 3
 DISTURBED = 0b1000_1111
@@ -134,9 +132,7 @@ def main() -> None:
     print("taken for wrong:", [number for number, one in found if one and one.right is not None])
     print("missed:", [number for number, one in found if one and one.wrong is None])
     if given.docs:
-        document = DOCS.read_text(encoding="utf-8")
-        between = re.compile(r"(<!-- wrong sign -->\n).*?(<!-- end -->)", re.DOTALL)
-        DOCS.write_text(between.sub(lambda m: f"{m[1]}\n{text}\n\n{m[2]}", document), encoding="utf-8")
+        write("modules.md", text, "wrong sign")
 
 
 if __name__ == "__main__":

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import csv
-import re
 import sys
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
@@ -22,6 +21,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from glapp.errors import InputError
 
+from ..page import write
 from .answer import Answer
 from .design import CELLS
 from .methods import METHODS
@@ -30,7 +30,6 @@ from .score import Scored, tables, worst
 
 ROOT = Path(__file__).parents[2]
 OUT = ROOT / "out" / "truth.csv"
-DOCS = ROOT / "docs" / "truth.md"
 SHORT, FULL = 20, 1000
 SAID = ("verdict", "d", "low", "high", "at_least", "reason")
 
@@ -124,9 +123,7 @@ def main() -> None:
         print(f"\n### {method}: the worst\n\n{worst(scored, method)}")
     print(f"\n{perf_counter() - begin:.0f} s", file=sys.stderr)
     if given.docs:
-        document = DOCS.read_text(encoding="utf-8")
-        between = re.compile(r"(<!-- tables -->\n).*(<!-- end -->)", re.DOTALL)
-        DOCS.write_text(between.sub(lambda m: f"{m[1]}\n{text}\n\n{m[2]}", document), encoding="utf-8")
+        write("truth.md", text, "tables")
 
 
 if __name__ == "__main__":

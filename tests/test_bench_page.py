@@ -1,0 +1,40 @@
+"""What a bench writes into the docs stands between its marks, and nowhere else."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from bench import page
+
+
+def test_only_what_stands_between_the_marks_is_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(page, "DOCS", tmp_path)
+    document = tmp_path / "a.md"
+    document.write_text("before\n<!-- one -->\nold\n<!-- end -->\n<!-- two -->\nkept\n<!-- end -->\n", encoding="utf-8")
+    page.write("a.md", "new \\1\n", "one")
+    told = document.read_text(encoding="utf-8")
+    assert told == "before\n<!-- one -->\n\nnew \\1\n\n<!-- end -->\n<!-- two -->\nkept\n<!-- end -->\n"
+
+
+def test_a_page_without_the_marks_is_left_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(page, "DOCS", tmp_path)
+    document = tmp_path / "a.md"
+    document.write_text("<!-- one -->\nold\n", encoding="utf-8")
+    with pytest.raises(ValueError, match=r"docs/a\.md has 0 places between <!-- one -->"):
+        page.write("a.md", "new", "one")
+    assert document.read_text(encoding="utf-8") == "<!-- one -->\nold\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "mark"),
+    [
+        ("benchmarks.md", "measured"),
+        ("auto_tuner.md", "measured"),
+        ("truth.md", "tables"),
+        ("modules.md", "wrong sign"),
+        *[("compensation.md", mark) for mark in ("brings", "warns", "tuned", "harms", "beside")],
+    ],
+)
+def test_every_page_that_a_bench_writes_has_its_marks(name: str, mark: str) -> None:
+    assert f"<!-- {mark} -->\n" in (page.DOCS / name).read_text(encoding="utf-8")

@@ -487,6 +487,28 @@ def test_the_words_claim_no_more_than_is_known(run: list[Result]) -> None:
     assert "does not show that the valve is sound" in " ".join(words.verdict(run[5]))
 
 
+def test_where_the_fit_tells_it_alone_says_what_to_do(worn: Result, tmp_path: Path) -> None:
+    """A planner read "nothing on this evidence" beside a gap that the fit had found."""
+    silent = replace(worn, verdict="no_estimate", d_hat=None, reason="the detections do not agree")
+    bound = replace(silent, name="bound", fit=Fit("at_least", "at least 2 %OP are lost", "%", 4.0, 2.0, None))
+    sound = replace(silent, name="sound", fit=Fit("sound", "no gap wider than 1 %OP", "%", 0.0, 0.0, 1.0))
+    unsure = replace(silent, name="unsure", fit=Fit("cannot_tell", "any width would fit", "%", 9.0, 0.0, None))
+    assert [words.finding(r) for r in (bound, sound, unsure, silent, worn)] == [
+        "gap",
+        "no_gap",
+        "unknown",
+        "unknown",
+        "gap",
+    ]
+    assert "step test" in words.next_step(bound) and words.next_step(sound) == "Nothing now."
+    assert words.next_step(unsure) == words.action(silent)
+    write_report([bound, sound, unsure], file := tmp_path / "report.html")
+    page = parsed(file)
+    text = " ".join(page.text)
+    assert text.count("What to do") == 1 + 1 + 1 + 2, "the overview's column, each fit, and the crossings of one"
+    assert text.count(words.action(silent)) == 2, "of the one that the fit cannot tell: overview and section"
+
+
 def test_the_corrected_width_stands_beside_the_other(worn: Result, tmp_path: Path) -> None:
     found = Corrected(2.5, 2.25, 2.75, 1.5, (1.25, 1.75), 7, "(4.1)", None)
     write_report([replace(worn, corrected=found)], file := tmp_path / "found.html")

@@ -128,8 +128,8 @@ class Fit:
     ----------
     verdict : str
         *backlash*, *stiction* (sticks and jumps, no gap beside), *both*, *oscillation* (a clean sinusoid, no gap),
-        *sound* (no gap wider than `high`), *at_least* (wider than `low`; OP never went through the whole of it often
-        enough), *cannot_tell*.
+        *sound* (no gap wider than `high`), *at_least* (wider than `low`; OP did not go through the whole of it often
+        enough, or PV's noise hides how much wider), *cannot_tell*.
     reason : str
         One sentence with the evidence.
     d : float or None
@@ -474,11 +474,15 @@ def _windows(
     return [windows[i] for i in sorted(busiest)]
 
 
+def _times(n: int) -> str:
+    return {0: "never", 1: "once", 2: "twice"}.get(n, f"{n} times")
+
+
 def _reason(verdict: str, d: float, low: float, high: float | None, unit: str, h: float, best: dict[str, Any]) -> str:
     """The verdict and its evidence in one sentence."""
     up, down = best["traversals"]
     evidence = f"no gap is {best['lr_no_gap']:.0f} units of 2·ln L worse, where {best['lr_needed']:.0f} are needed"
-    often = f"OP went through it {up} times up and {down} times down"
+    often = f"OP went through it {_times(up)} up and {_times(down)} down"
     match verdict:
         case "backlash":
             return f"a gap of {d:.3g} {unit}: {evidence}; {often}"

@@ -129,8 +129,8 @@ def _page(title: str, parts: Iterable[str]) -> str:
 def _header(title: str, order: Sequence[Result]) -> str:
     loops = words.count(len(order), "loop")
     tiles = "".join(
-        f'<div class="tile {name}"><dt>{label}</dt><dd>{sum(r.verdict == name for r in order)}</dd></div>'
-        for name, label in words.VERDICTS.items()
+        f'<div class="tile {name}"><dt>{label}</dt><dd>{sum(words.finding(r) == name for r in order)}</dd></div>'
+        for name, label in words.FINDINGS.items()
     )
     written = f"Written {datetime.now():%Y-%m-%d %H:%M} by glapp {version('glapp')}"
     return (
@@ -170,7 +170,7 @@ def _overview(order: Sequence[Result], links: Sequence[str]) -> str:
             f"{r.detections} of {r.total_half_periods}",
             escape(reasons or "–"),
             _quality_cell(r),
-            escape(words.action(r)),
+            escape(words.next_step(r)),
         )
         rows.append(
             "<tr>"
@@ -225,12 +225,15 @@ def _loop(key: str, r: Result) -> str:
     width = escape(words.headline(r))
     lead, *told = words.verdict(r)
     basis = "".join(f"<p>{escape(text)}</p>" for text in told)
+    # Where the fit tells, it has said what to do.
+    settled = r.fit is not None and words.finding(r) in ("gap", "no_gap")
+    todo = "" if settled else f'<p class="action"><b>What to do</b> {escape(words.action(r))}</p>'
     return (
         f'<section class="loop" id="{key}"><details>'
         f'<summary><h2>{_breakable(r.name)}</h2><span class="width">{width}</span>{_badge(r)}</summary>'
         f"{fitted}"
         f'<div class="verdict"><p class="lead">{escape(lead).replace(name, _breakable(r.name))}</p>{basis}'
-        f'<p class="action"><b>What to do</b> {escape(words.action(r))}</p></div>'
+        f"{todo}</div>"
         f"{_facts(r)}{plots}"
         f'<div class="columns">{_reasons(r)}{_quality(r)}</div>{_settings(r)}'
         f'<div class="columns">{_identification(r)}{phase}</div>'

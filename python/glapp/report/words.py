@@ -93,6 +93,14 @@ FIT_VERDICTS: dict[str, str] = {
     "cannot_tell": "cannot tell",
 }
 
+#: What is known of a valve, by the fit of OP and PV, or by the zero crossings where there is no fit.
+FINDINGS: dict[str, str] = {
+    "gap": "Gap found",
+    "no_gap": "No gap shown",
+    "unknown": "Cannot tell",
+    "refused": "Refused",
+}
+
 #: What the method is and is not; stands once in every report.
 LIMITS: tuple[str, ...] = (
     "The dead band is the total width, at the actuator input, that OP must travel after a reversal before PV answers. "
@@ -384,8 +392,26 @@ def corrected(result: Result) -> str:
     )
 
 
+def finding(result: Result) -> str:
+    """Name what is known of the valve, one of `FINDINGS`."""
+    if result.verdict == "refused":
+        return "refused"
+    if result.fit is None:
+        return "gap" if result.d_hat is not None else "unknown"
+    if result.fit.found:
+        return "gap"
+    return "unknown" if result.fit.verdict == "cannot_tell" else "no_gap"
+
+
+def next_step(result: Result) -> str:
+    """Say in one or two sentences what to do next: by the fit where it tells, else by the zero crossings."""
+    if result.fit is not None and finding(result) in ("gap", "no_gap"):
+        return fit_verdict(result)[-1]
+    return action(result)
+
+
 def action(result: Result) -> str:
-    """Say in one or two sentences what to do next."""
+    """Say in one or two sentences what to do next by what the zero crossings tell."""
     if result.verdict == "refused":
         return "Correct what is named, then analyse again."
     if result.verdict == "no_estimate":

@@ -511,9 +511,10 @@ def _reason(verdict: str, d: float, low: float, high: float | None, unit: str, h
                 f"{best['echo']:.2f}). Is PV what this OP moves, and recorded as it was measured?"
             )
         case _ if best["reason"] == "coarse":
+            lags = best["lag"] + (best["dead_time"] if best["integrating"] else 0.0)
             return (
                 f"a gap of {d:.3g} {unit} would fit, but between samples {h:.3g} s apart OP does what none of them "
-                f"shows: the process lags by {best['lag']:.3g} s, and five samples are needed in that. Record faster"
+                f"shows: the process lags by {lags:.3g} s, and five samples are needed in that. Record faster"
             )
         case _ if best["lr_no_answer"] < 15:
             return (

@@ -132,6 +132,11 @@ impl Structure {
         self.denominator(theta)[1 + usize::from(self.integrating)]
     }
 
+    /// What PV takes to answer [cells]: its lags; behind an integrator, which answers at once, with the dead time.
+    pub(crate) fn settles(self, theta: &Theta) -> f64 {
+        self.lag(theta) + if self.integrating { theta[self.dead_time_at()] } else { 0.0 }
+    }
+
     /// Whether two sets of parameters are of one process: lags and dead time within a third of their sum.
     pub(crate) fn alike(self, a: &Theta, b: &Theta) -> bool {
         let (lags, dead) = ([self.lag(a), self.lag(b)], [a[self.dead_time_at()], b[self.dead_time_at()]]);

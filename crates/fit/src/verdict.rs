@@ -253,7 +253,7 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
         echo,
         d: best.lost.d,
         coarse: !question.position
-            && search.structure.lag(&best.theta) * (record.cell as f64) < COARSE
+            && search.structure.settles(&best.theta) * (record.cell as f64) < COARSE
             && best.lost.d < SLOWLY * record.travel(),
         noisy: !search.structure.integrating && (best.kp * best.lost.d).abs() < NOISY * noise,
         often: {
@@ -341,7 +341,7 @@ const SLIPS: f64 = 4.0;
 const LEAST_LOW: f64 = 0.2;
 /// Greatest correlation of innovations with those a cell before: no model that leaves more of PV unexplained is believed.
 const MOST_ECHO: f64 = 0.25;
-/// Where the process lags by fewer steps than this, PV is sampled too seldom to tell a gap from what OP did between them;
+/// Where the process settles in fewer steps than this, PV is sampled too seldom to tell a gap from what OP did between them;
 const COARSE: f64 = 5.0;
 /// unless OP takes as many steps as this to go through the gap.
 const SLOWLY: f64 = 25.0;

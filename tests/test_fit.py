@@ -72,7 +72,7 @@ def test_small_steps_of_the_load_feign_no_gap(number: int) -> None:
     [
         ("none/steps/outside/36", "Record faster"),
         ("oscillation/sine/inside/4", "Record faster"),
-        ("backlash/ramps/outside/56", "60 are needed"),
+        ("backlash/ramps/outside/56", "80 are needed"),
     ],
 )
 def test_samples_too_far_apart_or_a_single_move_of_op_feign_no_gap(name: str, told: str) -> None:

@@ -325,12 +325,12 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
 /// What the likelihood ratio of no gap must exceed at least. Half a chi-square with one degree of freedom (d = 0 lies at the
 /// border of what d can be) exceeds 20 once in 200 000 records; loads that are no random walk and real innovations are not
 /// that tame.
-pub(crate) const PLAIN: f64 = 12.0;
+const PLAIN: f64 = 15.0;
 /// The same where OP went through the width fewer than [`CYCLES`] times each way: few break-aways may look like anything.
 const PLAIN_IF_SELDOM: f64 = 32.0;
 /// The same where OP went through the width but once: a step of the load at the right moment looks like a valve that
 /// follows late.
-const PLAIN_IF_ONCE: f64 = 60.0;
+const PLAIN_IF_ONCE: f64 = 80.0;
 /// The same where twice each way is often enough for a width with two limits.
 const PLAIN_IF_TWICE: f64 = 100.0;
 /// The same for the slip jump.

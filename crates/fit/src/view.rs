@@ -6,13 +6,14 @@ use crate::record::{Lost, Record};
 use crate::search::{Point, Search};
 use crate::steps::{Marked, few, plausible, refined, steps, with_large};
 use crate::structure::{Structure, Theta};
-use crate::verdict::PLAIN;
 use glapp_sim::Model;
 use rayon::prelude::*;
 
 /// Families whose innovations are no more than this larger than the best's (and a −2·ln L of 6) are believed: a gap must
 /// show in all of them, and the interval holds all of theirs.
 const AS_GOOD: f64 = 0.0035;
+/// Likelihood ratio of no gap above which a family sees one.
+const SEES: f64 = 12.0;
 /// Kinds of sticking that are followed.
 const MOST_KINDS: usize = 3;
 /// Traversals each way of a width without which no slip jump is looked for.
@@ -44,7 +45,7 @@ impl View {
         looks.truncate(MOST_FAMILIES);
         let mut profiles: Vec<Profile> = looks.par_iter().map(|look| whole(&of(look.structure), look)).collect();
         profiles.sort_by(|a, b| a.penalised().total_cmp(&b.penalised()));
-        let dissent = profiles.iter().any(|p| p.lr_no_gap() > PLAIN);
+        let dissent = profiles.iter().any(|p| p.lr_no_gap() > SEES);
         let least = profiles[0].penalised();
         profiles.retain(|p| p.penalised() < least + 6.0 + 2.0 * AS_GOOD * record.freedom());
         let sticks_in = clue.map_or(profiles[0].structure, |(structure, _)| *structure);

@@ -26,7 +26,7 @@ from .design import CELLS, LOADS, Drawn, draw
 from .records import Floats, Truth, chosen, compressed
 from .score import FAULTY
 
-NO_GAP, NO_JUMP = 12.0, 20.0
+NO_GAP, NO_JUMP = 15.0, 20.0
 """What the likelihood ratio must exceed: the thresholds of the fit."""
 
 NEARER = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.15, 1.3)

@@ -509,6 +509,20 @@ def test_where_the_fit_tells_it_alone_says_what_to_do(worn: Result, tmp_path: Pa
     assert text.count(words.action(silent)) == 2, "of the one that the fit cannot tell: overview and section"
 
 
+def test_what_to_do_about_a_fitted_gap_hangs_on_what_is_acceptable(worn: Result) -> None:
+    def step(verdict: Any, low: float, high: float | None, limit: float | None = 2.0) -> str:
+        loop = worn.loop.model_copy(update={"op_span": (0.0, 200.0), "acceptable_dead_band": limit})
+        return words.next_step(replace(worn, loop=loop, fit=Fit(verdict, "found", "mA", low, low, high)))
+
+    # 2 % of a span of 200 are 4.
+    assert step("backlash", 5.0, 6.0).startswith("It is more than what is acceptable here, 2 % of span. Look for play")
+    assert step("at_least", 5.0, None).startswith("It is more than")
+    assert step("backlash", 2.0, 3.9).startswith("Nothing now: all of it is within what is acceptable here, 2 % of")
+    assert step("backlash", 3.0, 5.0).startswith("Look for play"), "it may be either"
+    assert step("at_least", 3.0, None).startswith("Record while OP moves further")
+    assert step("backlash", 5.0, 6.0, None).startswith("Look for play")
+
+
 def test_the_corrected_width_stands_beside_the_other(worn: Result, tmp_path: Path) -> None:
     found = Corrected(2.5, 2.25, 2.75, 1.5, (1.25, 1.75), 7, "(4.1)", None)
     write_report([replace(worn, corrected=found)], file := tmp_path / "found.html")

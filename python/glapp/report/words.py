@@ -285,7 +285,21 @@ def fit_verdict(result: Result) -> list[str]:
     if f.trend is not None and f.trend.changes:
         now = "has grown to this" if f.trend.slope > 0 else "has shrunk to this"
         lead = f"{lead} It {now} in {duration(f.trend.t[1] - f.trend.t[0])}."
-    return [lead, _sentence(f.reason[0].upper() + f.reason[1:]), do]
+    return [lead, _sentence(f.reason[0].upper() + f.reason[1:]), _by_the_limit(result, do)]
+
+
+def _by_the_limit(result: Result, do: str) -> str:
+    """Weigh what to do about a fitted width by what is acceptable for the loop, where that is known."""
+    f, span, limit = result.fit, span_width(result), result.loop.acceptable_dead_band
+    assert f is not None
+    if not f.found or f.low is None or span is None or limit is None:
+        return do
+    acceptable = f"what is acceptable here, {number(limit)} % of span"
+    if too_wide(result, 100 * f.low / span):
+        return f"It is more than {acceptable}. {do}"
+    if f.high is not None and not too_wide(result, 100 * f.high / span):
+        return f"Nothing now: all of it is within {acceptable}. Analyse again at the next review."
+    return do
 
 
 def width(result: Result) -> str:

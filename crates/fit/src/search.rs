@@ -161,15 +161,15 @@ impl<'p, 'j, P: Fn(usize, usize) -> &'p [f64], J: Fn(usize, usize) -> &'j Vec<f6
     }
 }
 
-/// The answer of a process to positions alone.
-struct Answer<'s> {
+/// The response of a process to positions alone.
+struct Response<'s> {
     structure: Structure,
     theta: &'s Theta,
     positions: &'s [Lanes],
     white: &'s mut White,
 }
 
-impl Work for Answer<'_> {
+impl Work for Response<'_> {
     type Output = ();
 
     #[inline(always)]
@@ -286,8 +286,10 @@ impl Search<'_> {
         if self.record.jumps() == 0 {
             return 0.0;
         }
-        let here = self.at(&point.theta, &self.record.positions(&point.lost));
-        let white = here.sum[0] / (here.scale[0] * here.scale[0]) / self.record.freedom();
+        let positions = self.record.positions(&point.lost);
+        let (sum, scale) =
+            self.innovations(&[point.theta; LANES], &positions, Wanted::Least, |found| (found.sum[0], found.scale[0]));
+        let white = sum / (scale * scale) / self.record.freedom();
         // What OP could do, or what PV did: a process that hardly answers OP pays no less for its jumps.
         let seen = if self.structure.integrating { 0.0 } else { self.record.span };
         let size = (point.kp * self.record.range).abs().max(seen).powi(2) / white;
@@ -302,7 +304,7 @@ impl Search<'_> {
         let before = 400;
         let step: Vec<Lanes> = (0..before + cells).map(|k| Lanes::all(if k < before { 0.0 } else { 1.0 })).collect();
         let mut white = White::default();
-        widest(Answer { structure: self.structure, theta, positions: &step, white: &mut white });
+        widest(Response { structure: self.structure, theta, positions: &step, white: &mut white });
         white.of_v[before..].iter().map(|v| v[0]).collect()
     }
 

@@ -226,8 +226,7 @@ def _loop(key: str, r: Result) -> str:
     lead, *told = words.verdict(r)
     basis = "".join(f"<p>{escape(text)}</p>" for text in told)
     # Where the fit tells, it has said what to do.
-    settled = r.fit is not None and words.finding(r) in ("gap", "no_gap")
-    todo = "" if settled else f'<p class="action"><b>What to do</b> {escape(words.action(r))}</p>'
+    todo = "" if words.fit_tells(r) else f'<p class="action"><b>What to do</b> {escape(words.action(r))}</p>'
     return (
         f'<section class="loop" id="{key}"><details>'
         f'<summary><h2>{_breakable(r.name)}</h2><span class="width">{width}</span>{_badge(r)}</summary>'

@@ -412,16 +412,19 @@ def finding(result: Result) -> str:
         return "refused"
     if result.fit is None:
         return "gap" if result.d_hat is not None else "unknown"
-    if result.fit.found:
-        return "gap"
-    return "unknown" if result.fit.verdict == "cannot_tell" else "no_gap"
+    if not fit_tells(result):
+        return "unknown"
+    return "gap" if result.fit.found else "no_gap"
+
+
+def fit_tells(result: Result) -> bool:
+    """Whether the fit of OP and PV says something of the valve."""
+    return result.verdict != "refused" and result.fit is not None and result.fit.verdict != "cannot_tell"
 
 
 def next_step(result: Result) -> str:
     """Say in one or two sentences what to do next: by the fit where it tells, else by the zero crossings."""
-    if result.fit is not None and finding(result) in ("gap", "no_gap"):
-        return fit_verdict(result)[-1]
-    return action(result)
+    return fit_verdict(result)[-1] if fit_tells(result) else action(result)
 
 
 def action(result: Result) -> str:

@@ -130,25 +130,22 @@ impl<S: Simd, const R: usize> Div for Wide<S, R> {
 
 /// Work on eight lanes, written for any registers.
 pub(crate) trait Work {
-    /// What comes of it.
-    type Output;
-
     /// Does it, eight numbers in `R` registers.
-    fn run<S: Simd, const R: usize>(self, simd: S) -> Self::Output;
+    fn run<S: Simd, const R: usize>(self, simd: S);
 }
 
 /// Does the work with the widest registers of this machine.
-pub(crate) fn widest<W: Work>(work: W) -> W::Output {
-    pulp::Arch::new().dispatch(Dispatched(work))
+pub(crate) fn widest(work: impl Work) {
+    pulp::Arch::new().dispatch(Dispatched(work));
 }
 
 struct Dispatched<W>(W);
 
 impl<W: Work> pulp::WithSimd for Dispatched<W> {
-    type Output = W::Output;
+    type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) -> W::Output {
+    fn with_simd<S: Simd>(self, simd: S) {
         match S::F64_LANES {
             8 => self.0.run::<S, 1>(simd),
             4 => self.0.run::<S, 2>(simd),

@@ -132,20 +132,23 @@ impl Record {
         self.stretches.iter().zip(&lost.start).map(at).collect()
     }
 
+    /// How far OP moves from each step to the next [OP unit].
+    fn moves(&self) -> impl Iterator<Item = f64> + '_ {
+        self.stretches.iter().flat_map(|s| s.u.windows(2).map(|w| (w[1] - w[0]).abs()))
+    }
+
     /// Half of the median move of OP from one step to the next [OP unit]: where between two steps it turned is not known,
     /// and how far the valve followed is not known better than that. Nothing where OP mostly stands still: its steps are
     /// seen. Turns that are missed make a gap look narrower, at both of its ends.
     pub(crate) fn resolution(&self) -> f64 {
-        let moves = self.stretches.iter().flat_map(|s| s.u.windows(2).map(|w| (w[1] - w[0]).abs()));
-        let mut moves: Vec<f64> = moves.collect();
+        let mut moves: Vec<f64> = self.moves().collect();
         moves.sort_by(f64::total_cmp);
         moves.get(moves.len() / 2).map_or(0.0, |m| m / 2.0)
     }
 
     /// How far OP goes up and down in a step, in the mean [OP unit].
     pub(crate) fn travel(&self) -> f64 {
-        let moves: f64 = self.stretches.iter().flat_map(|s| s.u.windows(2).map(|w| (w[1] - w[0]).abs())).sum();
-        moves / self.stretches.iter().map(|s| s.u.len()).sum::<usize>() as f64
+        self.moves().sum::<f64>() / self.stretches.iter().map(|s| s.u.len()).sum::<usize>() as f64
     }
 
     /// Times that OP goes through the whole of a gap of width `d` up, and down.

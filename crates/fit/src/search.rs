@@ -120,8 +120,6 @@ struct Pass<'s, P, J> {
 }
 
 impl<'p, 'j, P: Fn(usize, usize) -> &'p [f64], J: Fn(usize, usize) -> &'j Vec<f64>> Work for Pass<'_, P, J> {
-    type Output = ();
-
     #[inline(always)]
     fn run<S: Simd, const R: usize>(self, simd: S) {
         let Self { search, room, thetas, stretches, positions, jumps, wanted } = self;
@@ -170,8 +168,6 @@ struct Response<'s> {
 }
 
 impl Work for Response<'_> {
-    type Output = ();
-
     #[inline(always)]
     fn run<S: Simd, const R: usize>(self, simd: S) {
         let nothing = vec![0.0; self.positions.len()];

@@ -392,26 +392,17 @@ def amigo_frequency(ku: float, tu: float, kappa: float, pid: bool) -> tuple[floa
 def point_placement(ku: float, tu: float) -> tuple[float, float, float]: ...
 def simc(kp: float, t: float, t2: float, l: float, tau_c: float) -> tuple[float, float, float]: ...
 def simc_integrating(kv: float, t2: float, l: float, tau_c: float) -> tuple[float, float, float]: ...
-def fit(
-    parts: Sequence[tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]],
-    h: float,
-    sign: float,
-    position: bool,
-    bootstrap: int,
-    seed: int,
-) -> dict[str, Any] | None:
-    """Fit (PV, OP), or (position, OP), at even steps h, one pair a stretch.
+_Floats = npt.NDArray[np.float64]
+_Batch = tuple[float, Sequence[tuple[float, _Floats, _Floats]]]
+
+def fit(batches: Sequence[_Batch], sign: float, position: bool, bootstrap: int) -> dict[str, Any] | None:
+    """Fit recordings at even steps h: (h, stretches) each, a stretch (start, PV or position, OP).
 
     None for fewer than 50 samples or an OP that never moves.
     """
 
-def fit_window(parts: Sequence[tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]], sign: float) -> int | None:
-    """Steps that one fit should hold at most."""
-
-def fit_combine(
-    windows: Sequence[tuple[str, float, float, float | None, float, float]],
-) -> tuple[Any, float, float, float | None, tuple[float, float] | None]:
-    """One answer from windows of (verdict, d, low, high, lr_no_gap, t)."""
+def fit_window(whole: _Batch, sign: float) -> int | None:
+    """Steps that one window should hold."""
 
 class Graph:
     """A loop of control modules; `modules` are (name, module) with its kind, parameters, plant and schedule."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zlib
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
@@ -14,7 +13,7 @@ from .controller import Ideal
 from .loop import Loop
 from .progress import Progress, shares
 from .recording import BAD, Batch, Recording
-from .windows import Windows, turns
+from .windows import Windows
 
 __all__ = ["Fit", "Process", "Trend", "Window", "fit", "fit_batches", "history", "process_sign"]
 
@@ -23,9 +22,6 @@ Verdict = Literal["backlash", "stiction", "both", "oscillation", "sound", "at_le
 
 ROWS = 500_000
 """A recording with fewer rows is fitted as a whole; a longer one in windows spread over its length."""
-
-MOST_WINDOWS = 4
-"""Windows of a recording below `ROWS` that are fitted: those in which OP turns most."""
 
 HOLE = 5
 """Steps without OP, or without any row, after which a new stretch begins."""
@@ -282,8 +278,8 @@ def history(beginning: Batch, sign: float) -> Windows | None:
     if len(beginning) < ROWS:
         return None
     stretches, h, _ = _stretches(beginning)
-    steps = _glapp.fit_window([(pv, op) for _, pv, op in stretches], sign) if stretches else None
-    length = ROWS // 12 if steps is None else min(2 * steps, ROWS // 2)
+    steps = _glapp.fit_window((h, stretches), sign) if stretches else None
+    length = ROWS // 12 if steps is None else min(steps, ROWS // 2)
     return Windows(length, 0.25 * length * h if h > 0 else np.inf)
 
 
@@ -341,44 +337,30 @@ def _fit_signal(
     whole = [(stretches, h) for stretches, h, fault in cut if fault is None]
     if not whole:
         return Fit("cannot_tell", cut[0][2] or "", unit)
-    windows = whole
-    if len(batches) == 1:
-        windows = [(window, whole[0][1]) for window in _windows(*whole[0], sign)]
-    # The same recording gets the same answer: the seed is made from what was recorded.
-    seed = zlib.crc32(np.concatenate([pv for stretches, _ in whole for _, pv, _ in stretches]).tobytes())
-    answers: list[tuple[Window, dict[str, Any], list[tuple[float, Floats, Floats]], float]] = []
-    for i, (window, h) in enumerate(windows):
-        answer = _glapp.fit([(pv, op) for _, pv, op in window], h, sign, signal == "position", BOOTSTRAP, seed)
-        if answer is not None:
-            last_t, last_pv, _ = window[-1]
-            span = (window[0][0], last_t + h * (len(last_pv) - 1))
-            verdict, d, low, high, lr = (answer[key] for key in ("verdict", "d", "low", "high", "lr_no_gap"))
-            answers.append((Window(*span, verdict, d, low, high, lr), answer, window, h))
-        if progress is not None:
-            progress((i + 1) / len(windows))
-    if not answers:
+    if progress is not None:
+        progress(0.0)
+    answer = _glapp.fit([(h, stretches) for stretches, h in whole], sign, signal == "position", BOOTSTRAP)
+    if progress is not None:
+        progress(1.0)
+    if answer is None:
         return Fit("cannot_tell", "fewer than 50 samples stand together, or OP does not move in them", unit)
-    told = [w for w, *_ in answers]
-    verdict, d, low, high, slope = _glapp.fit_combine(
-        [(w.verdict, w.d, w.low, w.high, w.lr_no_gap, (w.t_start + w.t_end) / 2) for w in told]
-    )
-    trend = None if slope is None else Trend.through(told, slope[0] * DAY, slope[1] * DAY)
-    # The window that is shown: of those with the common verdict the clearest.
-    agreeing = [a for a in answers if a[0].verdict == verdict] or answers
-    _, best, window, h = max(agreeing, key=lambda a: (a[0].lr_no_gap, -a[1]["sigma"]))
+    verdict, d, low, high = (answer[key] for key in ("verdict", "d", "low", "high"))
+    names = ("t_start", "t_end", "verdict", "d", "low", "high", "lr_no_gap")
+    told = [Window(*(window[key] for key in names)) for window in answer["windows"]]
+    best = answer["windows"][answer["shown"]]
+    trend = None if answer["trend"] is None else Trend.through(told, *(DAY * x for x in answer["trend"]))
     if trend is not None and trend.changes:
-        # The mean of a width that changes is the width of no day: the newest window has today's.
-        newest, best, window, h = [a for a in answers if a[0].sided][-1]
+        # One width for all of a time in which it changes is the width of no day: the newest window has today's.
+        newest, best = [(w, b) for w, b in zip(told, answer["windows"], strict=True) if w.sided][-1]
         verdict, d, low, high = newest.verdict, newest.d, newest.low, newest.high
-    starts = np.array([t for t, _, _ in window])
-    best["t"] = starts[best["part"]] + h * best["step"]
+        answer = best
     best["signal"] = signal
     if sinusoid is not None and verdict in ("sound", "cannot_tell"):
         verdict = "oscillation"
     kp, dead_time, lag = ((best[name], *best[f"{name}_limits"]) for name in ("kp", "dead_time", "lag"))
     process = Process(kp, dead_time, lag, best["integrating"])
     shown = "%OP" if unit == "%" else unit
-    reason = sinusoid if verdict == "oscillation" and sinusoid else _reason(verdict, d, low, high, shown, h, best)
+    reason = sinusoid if verdict == "oscillation" and sinusoid else _reason(answer, verdict, shown, best)
     if trend is not None and trend.changes:
         reason += f"; {trend.told(shown)}"
     return Fit(
@@ -388,8 +370,8 @@ def _fit_signal(
         d=d,
         low=low,
         high=high,
-        lr_no_gap=best["lr_no_gap"],
-        lr_needed=best["lr_needed"],
+        lr_no_gap=answer["lr_no_gap"],
+        lr_needed=answer["lr_needed"],
         jump=best["jump"],
         process=process,
         trend=trend,
@@ -450,38 +432,15 @@ def _stretches(batch: Batch) -> tuple[list[tuple[float, Floats, Floats]], float,
     return stretches, h, None
 
 
-def _windows(
-    stretches: list[tuple[float, Floats, Floats]], h: float, sign: float
-) -> list[list[tuple[float, Floats, Floats]]]:
-    """Windows short enough for cells that are fine enough for the process; of many, those in which OP turns most."""
-    steps = _glapp.fit_window([(pv, op) for _, pv, op in stretches], sign)
-    total = sum(len(pv) for _, pv, _ in stretches)
-    if steps is None or total <= 3 * steps:
-        return [stretches]
-    steps *= 2
-    pieces = [
-        (start + h * first, pv[first : first + steps], op[first : first + steps])
-        for start, pv, op in stretches
-        for first in range(0, len(pv), steps)
-    ]
-    windows: list[list[tuple[float, Floats, Floats]]] = [[]]
-    for piece in pieces:
-        if windows[-1] and sum(len(pv) for _, pv, _ in windows[-1]) + len(piece[1]) > steps:
-            windows.append([])
-        windows[-1].append(piece)
-    windows = [w for w in windows if sum(len(pv) for _, pv, _ in w) >= steps // 3] or windows[:1]
-    busiest = sorted(range(len(windows)), key=lambda i: -sum(turns(op) for _, _, op in windows[i]))[:MOST_WINDOWS]
-    return [windows[i] for i in sorted(busiest)]
-
-
 def _times(n: int) -> str:
     return {0: "never", 1: "once", 2: "twice"}.get(n, f"{n} times")
 
 
-def _reason(verdict: str, d: float, low: float, high: float | None, unit: str, h: float, best: dict[str, Any]) -> str:
-    """The verdict and its evidence in one sentence."""
-    up, down = best["traversals"]
-    evidence = f"no gap is {best['lr_no_gap']:.0f} units of 2·ln L worse, where {best['lr_needed']:.0f} are needed"
+def _reason(answer: dict[str, Any], verdict: str, unit: str, best: dict[str, Any]) -> str:
+    """The verdict and its evidence in one sentence: `answer` is that of all windows, `best` that of the one shown."""
+    d, low, high, reason = (answer[key] for key in ("d", "low", "high", "reason"))
+    up, down = answer["traversals"]
+    evidence = f"no gap is {answer['lr_no_gap']:.0f} units of 2·ln L worse, where {answer['lr_needed']:.0f} are needed"
     often = f"OP went through it {_times(up)} up and {_times(down)} down"
     match verdict:
         case "backlash":
@@ -493,7 +452,7 @@ def _reason(verdict: str, d: float, low: float, high: float | None, unit: str, h
                 f"lost motion of {d:.3g} {unit} with jumps of {best['jump']:.3g} {unit} in it: {evidence}, and no jump "
                 f"{best['lr_no_jump']:.0f} worse; {often}"
             )
-        case "at_least" if best["reason"] == "noisy":
+        case "at_least" if reason == "noisy":
             return (
                 f"at least {low:.3g} {unit} are lost: {evidence}; {often}, but PV's noise hides how much more it is. "
                 "Record with a finer PV, or while OP moves further"
@@ -505,30 +464,38 @@ def _reason(verdict: str, d: float, low: float, high: float | None, unit: str, h
             )
         case "sound":
             return f"no gap wider than {high:.3g} {unit} (95 %): PV answers each turn of OP"
-        case _ if best["reason"] == "misfit":
+        case _ if reason == "misfit":
             return (
                 f"no model fits: what it does not foresee of PV is alike from one sample to the next (correlation "
                 f"{best['echo']:.2f}). Is PV what this OP moves, and recorded as it was measured?"
             )
-        case _ if best["reason"] == "coarse":
+        case _ if reason == "coarse":
             lags = best["lag"] + (best["dead_time"] if best["integrating"] else 0.0)
             return (
-                f"a gap of {d:.3g} {unit} would fit, but between samples {h:.3g} s apart OP does what none of them "
+                f"a gap of {d:.3g} {unit} would fit, but between samples {best['h']:.3g} s apart OP does what none of them "
                 f"shows: the process lags by {lags:.3g} s, and five samples are needed in that. Record faster"
             )
-        case _ if best["lr_no_answer"] < 15:
+        case _ if reason == "windows_disagree":
+            return (
+                f"a gap of {d:.3g} {unit} would fit all of the recording best, but its parts disagree "
+                f"{answer['dispersion']:.0f} times more than chance allows: fit a time in which nothing was changed"
+            )
+        case _ if reason == "still":
+            return (
+                f"a gap of {d:.3g} {unit} would fit, but in it the valve hardly moves: one step of PV at a time and of a "
+                "size that are free explains as much. Record while OP moves further"
+            )
+        case _ if reason == "no_answer":
             return (
                 f"PV does not answer OP: a process that stands still explains PV as well ({best['lr_no_answer']:.0f} "
                 "units of 2·ln L). Record while OP moves"
             )
         case _:
             most = "any width" if high is None else f"a gap of up to {high:.3g} {unit}"
-            if low <= 0 or best["reason"] == "families_disagree":
+            if low <= 0 or reason == "families_disagree":
                 against = "next to none would as well"
             else:
-                against = (
-                    f"none is {best['lr_no_gap']:.0f} units of 2·ln L less likely ({best['lr_needed']:.0f} are needed)"
-                )
+                against = f"none is {answer['lr_no_gap']:.0f} units of 2·ln L less likely ({answer['lr_needed']:.0f} are needed)"
             return (
                 f"{most} would fit, most likely {d:.3g} {unit}, but {against}: "
                 "record for longer, or while OP moves further"

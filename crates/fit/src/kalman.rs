@@ -4,24 +4,28 @@ use crate::lanes::{LANES, Lanes, Wide};
 use pulp::Simd;
 use std::array;
 
-/// Models of one sample step with `N` states: those of the process, the load at its input (a random walk), and with
-/// `DRIFTS` = 1 a drift at its output (first order).
+/// Models of one sample step with `N` states: those of the process, the load at its input (a random walk), and perhaps one
+/// more of first order: with `MORE` = [`DRIFT`] a drift o at the output, with [`SLOPE`] the slope of the load.
 ///
 /// ```text
-/// x⁺ = A·x + b·(kp·v + w)      w⁺ = w + n₁, variance q_load
-/// o⁺ = pole·o + n₂, variance q_drift
+/// x⁺ = A·x + b·(kp·v + w)      w⁺ = w + s + n₁, variance q_load
+/// o⁺ = pole·o + n₂, or s⁺ = pole·s + n₂, variance q_more
 /// y  = x₀ + o + e, variance 1
 /// ```
 ///
 /// Variances are in units of the white noise on PV, whose own size drops out of the likelihood.
-pub(crate) struct Models<S: Simd, const R: usize, const N: usize, const DRIFTS: usize> {
+pub(crate) struct Models<S: Simd, const R: usize, const N: usize, const MORE: usize> {
     pub(crate) simd: S,
     /// The rows of the process; the load's column is b.
     pub(crate) transition: [[Wide<S, R>; N]; N],
     pub(crate) q_load: Wide<S, R>,
-    pub(crate) q_drift: Wide<S, R>,
+    pub(crate) q_more: Wide<S, R>,
     pub(crate) pole: Wide<S, R>,
 }
+
+/// What the last state is, where there is one more.
+pub(crate) const DRIFT: usize = 1;
+pub(crate) const SLOPE: usize = 2;
 
 /// A cell before which the load may have jumped in some of the models.
 #[derive(Clone, Copy, Debug)]
@@ -122,13 +126,13 @@ impl<S: Simd, const R: usize, const N: usize> Gain<S, R, N> {
     }
 }
 
-impl<S: Simd, const R: usize, const N: usize, const DRIFTS: usize> Models<S, R, N, DRIFTS> {
+impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N, MORE> {
     /// States of the process, behind which the load stands, and last the drift.
-    const ORDER: usize = N - 1 - DRIFTS;
+    const ORDER: usize = N - 1 - (MORE > 0) as usize;
     /// States that the process' rows look at.
-    const INNER: usize = N - DRIFTS;
+    const INNER: usize = N - (MORE > 0) as usize;
     const LOAD: usize = Self::ORDER;
-    const DRIFT: usize = N - 1;
+    const LAST: usize = N - 1;
 
     /// Innovations of `y` and of the answer to the positions `v`, for each sample of `y` that is a number; Kalman
     /// filter from an unknown start (the first [`START`] count as 0), the load unknown again at each of the `jumps`.
@@ -224,7 +228,7 @@ impl<S: Simd, const R: usize, const N: usize, const DRIFTS: usize> Models<S, R, 
     #[inline(always)]
     fn unforeseen(&self, x: &[Wide<S, R>; N], y: f64) -> Wide<S, R> {
         let rest = Wide::all(self.simd, y) - x[0];
-        if DRIFTS == 0 { rest } else { rest - x[Self::DRIFT] }
+        if MORE == DRIFT { rest - x[Self::LAST] } else { rest }
     }
 
     /// The load stays where it is and the drift fades: only the process' rows are full.
@@ -234,8 +238,11 @@ impl<S: Simd, const R: usize, const N: usize, const DRIFTS: usize> Models<S, R, 
         for i in 0..Self::ORDER {
             x[i] = self.row(i, |j| before[j]);
         }
-        if DRIFTS == 1 {
-            x[Self::DRIFT] = self.pole * before[Self::DRIFT];
+        if MORE == SLOPE {
+            x[Self::LOAD] += before[Self::LAST];
+        }
+        if MORE > 0 {
+            x[Self::LAST] = self.pole * before[Self::LAST];
         }
     }
 
@@ -257,9 +264,9 @@ impl<S: Simd, const R: usize, const N: usize, const DRIFTS: usize> Models<S, R, 
         for (i, row) in p.iter_mut().enumerate() {
             row[i] = all(UNKNOWN);
         }
-        if DRIFTS == 1 {
-            let at_start = self.q_drift / (all(1.0) - self.pole * self.pole);
-            p[Self::DRIFT][Self::DRIFT] = at_start.each(|variance| variance.min(UNKNOWN));
+        if MORE > 0 {
+            let at_start = self.q_more / (all(1.0) - self.pole * self.pole);
+            p[Self::LAST][Self::LAST] = at_start.each(|variance| variance.min(UNKNOWN));
         }
         let mut gain =
             Gain { p, k: [nothing; N], s: nothing, scale: nothing, before: nothing, since: 0, frozen: false };
@@ -270,15 +277,15 @@ impl<S: Simd, const R: usize, const N: usize, const DRIFTS: usize> Models<S, R, 
     /// Variance of the next innovation and the gain, from P.
     #[inline(always)]
     fn measure(&self, gain: &mut Gain<S, R, N>) {
-        let d = Self::DRIFT;
+        let d = Self::LAST;
         let one = Wide::all(self.simd, 1.0);
         let mut seen: [Wide<S, R>; N] = array::from_fn(|i| gain.p(i, 0));
-        if DRIFTS == 1 {
+        if MORE == DRIFT {
             for i in 0..N {
                 seen[i] += gain.p(i, d);
             }
         }
-        gain.s = if DRIFTS == 1 { seen[0] + seen[d] } else { seen[0] } + one;
+        gain.s = if MORE == DRIFT { seen[0] + seen[d] } else { seen[0] } + one;
         let part = one / gain.s;
         for i in 0..N {
             gain.k[i] = seen[i] * part;
@@ -318,6 +325,16 @@ impl<S: Simd, const R: usize, const N: usize, const DRIFTS: usize> Models<S, R, 
         for i in 0..Self::ORDER {
             gain.p[i][Self::LOAD] = half[i][Self::LOAD];
         }
+        if MORE == SLOPE {
+            // The load goes on by its slope, which all that knows of the load then knows too.
+            let d = Self::LAST;
+            for i in 0..Self::ORDER {
+                gain.p[i][Self::LOAD] += half[i][d];
+            }
+            let both = gain.p[Self::LOAD][d];
+            gain.p[Self::LOAD][Self::LOAD] += both + both + gain.p[d][d];
+            gain.p[Self::LOAD][d] = both + gain.p[d][d];
+        }
         gain.p[Self::LOAD][Self::LOAD] += self.q_load;
         if let Some(jump) = jump {
             // What of it reaches the states within the cell; the last one follows at once, the others one after another.
@@ -335,13 +352,13 @@ impl<S: Simd, const R: usize, const N: usize, const DRIFTS: usize> Models<S, R, 
                 }
             }
         }
-        if DRIFTS == 1 {
-            let d = Self::DRIFT;
+        if MORE > 0 {
+            let d = Self::LAST;
             for i in 0..Self::ORDER {
                 gain.p[i][d] = self.pole * half[i][d];
             }
             gain.p[Self::LOAD][d] *= self.pole;
-            gain.p[d][d] = self.pole * self.pole * gain.p[d][d] + self.q_drift;
+            gain.p[d][d] = self.pole * self.pole * gain.p[d][d] + self.q_more;
         }
         self.measure(gain);
         gain.look();

@@ -9,9 +9,10 @@
 // Indices of matrices, as in the equations.
 #![allow(clippy::needless_range_loop)]
 
-mod combine;
+mod joint;
 mod kalman;
 mod lanes;
+mod loads;
 mod looks;
 mod profile;
 mod record;
@@ -20,7 +21,9 @@ mod steps;
 mod structure;
 mod verdict;
 mod view;
+mod windows;
 
-pub use combine::{Whole, Window, combine};
+pub use joint::Whole;
 pub use structure::{Noise, Structure};
-pub use verdict::{Answer, Candidate, Question, Seen, Verdict, fit, window};
+pub use verdict::{Answer, Candidate, Question, Seen, Verdict};
+pub use windows::{Batch, Part, Window, fit, window};

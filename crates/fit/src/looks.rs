@@ -19,14 +19,27 @@ pub(crate) const MOST_FAMILIES: usize = 7;
 /// Beginnings that are followed.
 const MOST_SEEDS: usize = 4;
 
-/// Good beginnings from one family at a few widths, and lags and half the dead time of the best of them
-/// together [cells].
-pub(crate) fn pilot(record: &Record, sign: f64) -> (Vec<Theta>, f64) {
-    let search = Search { record, structure: PILOT, sign };
+/// What the first look at a record shows.
+pub(crate) struct Pilot {
+    /// Good beginnings of [`PILOT`], best first.
+    pub(crate) seeds: Vec<Theta>,
+    /// Lags and half the dead time of the best together [cells].
+    pub(crate) slow: f64,
+    /// Likelihood ratio of a process that does not answer.
+    pub(crate) answers: f64,
+}
+
+/// Good beginnings from one family at a few widths.
+pub(crate) fn pilot(record: &Record, sign: f64) -> Pilot {
+    begun(record, sign, PILOT)
+}
+
+fn begun(record: &Record, sign: f64, structure: Structure) -> Pilot {
+    let search = Search { record, structure, sign };
     let n = record.count as f64;
     let begin = |part: f64, t: f64, dead: f64| {
         let lost = Lost::gap(part * record.range, record.stretches.len());
-        search.descend(PILOT.beginning(t, dead), &lost, 8, 0.1, f64::INFINITY)
+        search.descend(search.roused(structure.beginning(t, dead), &lost), &lost, 8, 0.1, f64::INFINITY)
     };
     let starts = [(1.5, 0.5), (1.5, 5.0), (10.0, 0.5), (10.0, 5.0), (40.0, 15.0)];
     let mut points: Vec<Point> = [0.0, 0.3, 0.6, 0.85]
@@ -38,12 +51,15 @@ pub(crate) fn pilot(record: &Record, sign: f64) -> (Vec<Theta>, f64) {
     points.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     let mut seeds: Vec<Theta> = Vec::new();
     for point in &points {
-        if seeds.len() < MOST_SEEDS && !seeds.iter().any(|s| PILOT.alike(s, &point.theta)) {
+        if seeds.len() < MOST_SEEDS && !seeds.iter().any(|s| structure.alike(s, &point.theta)) {
             seeds.push(point.theta);
         }
     }
-    let theta = points[0].theta;
-    (seeds, 2.0 * theta[0].exp() * theta[1].exp().max(1.0) + 0.5 * theta[2])
+    let best = &points[0];
+    let without = search.at(&best.theta, &record.positions(&best.lost)).sum_without[0];
+    let theta = &best.theta;
+    let slow = 2.0 * theta[0].exp() * theta[1].exp().max(1.0) + 0.5 * theta[2];
+    Pilot { seeds, slow, answers: search.cost(without) - best.cost }
 }
 
 /// The pilot's parameters for cells `finer` times shorter.
@@ -71,6 +87,8 @@ pub(crate) fn adapted(structure: Structure, pilot: &Theta) -> Theta {
         Noise::Still => {}
         Noise::Input => theta[noise] = q,
         Noise::Output => theta[noise] = q.clamp(-6.0, 6.0),
+        // The slope of a load that walked as far in ten cells.
+        Noise::Slope => theta[noise] = q.clamp(-6.0, 8.0) - 4.6,
         Noise::Both => (theta[noise], theta[noise + 1]) = (q, -4.0),
     }
     theta
@@ -101,9 +119,21 @@ pub(crate) fn looks(record: &Record, seeds: &[Theta], sign: f64, near: f64) -> V
         seeds.iter().take(most).map(move |seed| (structure, adapted(structure, seed)))
     };
     let families = [Structure::with(Noise::Input), Structure::with(Noise::Output)].concat();
+    // A load that goes along lines hides another process than one that walks.
+    let slope = Structure { noise: Noise::Slope, ..PILOT };
+    let slopes = begun(record, sign, slope).seeds;
+    let sloping = |structure: Structure| {
+        let most = if structure == slope { MOST_SEEDS } else { 2 - usize::from(structure.integrating) };
+        slopes.iter().take(most).map(move |seed| {
+            let mut theta = adapted(structure, &slope.as_pilot(seed));
+            theta[structure.lags + 1..structure.lags + 3].copy_from_slice(&seed[slope.lags + 1..slope.lags + 3]);
+            (structure, theta)
+        })
+    };
     let simple: Vec<Profile> = families
         .into_iter()
         .flat_map(begin)
+        .chain(Structure::with(Noise::Slope).into_iter().flat_map(sloping))
         .collect::<Vec<_>>()
         .into_par_iter()
         .map(|(structure, begin)| Profile::over(&of(structure), &coarse, &gap, &[begin], 4, COARSELY))
@@ -112,7 +142,7 @@ pub(crate) fn looks(record: &Record, seeds: &[Theta], sign: f64, near: f64) -> V
     let promising = leading(&simple).least() + room(record.count);
     let both: Vec<Profile> = simple
         .par_iter()
-        .filter(|p| p.least() < promising)
+        .filter(|p| p.least() < promising && p.structure.noise != Noise::Slope)
         .filter_map(|p| {
             let structure = Structure { noise: Noise::Both, ..p.structure };
             let both = Profile::over(&of(structure), &coarse, &gap, &[widened(structure, p)], 3, COARSELY);

@@ -94,7 +94,7 @@ impl Profile {
     }
 
     /// One more width, begun from the better of its neighbours.
-    fn insert(&mut self, search: &Search, d: f64, rounds: usize) -> f64 {
+    pub(crate) fn insert(&mut self, search: &Search, d: f64, rounds: usize) -> f64 {
         let after = self.points.partition_point(|p| p.lost.d < d);
         if self.points.get(after).is_some_and(|p| p.lost.d == d) {
             return self.points[after].cost;

@@ -11,6 +11,10 @@ pub(crate) struct Stretch {
     u: Vec<f64>,
     /// When the load jumped [cells].
     pub(crate) jumps: Vec<f64>,
+    /// A load that is known, a mean for each cell [OP unit]; empty for none.
+    load: Vec<f64>,
+    /// Cells before it, from the beginning of the record.
+    pub(crate) since: f64,
     /// Which of the parts that were given.
     pub(crate) part: usize,
 }
@@ -57,6 +61,10 @@ pub(crate) type Positions = Vec<Vec<f64>>;
 impl Record {
     /// `parts`: PV and OP at even steps, one pair for each unbroken stretch; OP without NaN.
     pub(crate) fn new(parts: &[(&[f64], &[f64])], cell: usize) -> Self {
+        let before: Vec<f64> = parts
+            .iter()
+            .scan(0, |sum, (y, _)| Some(std::mem::replace(sum, *sum + y.len()) as f64 / cell as f64))
+            .collect();
         let stretches: Vec<Stretch> = parts
             .iter()
             .enumerate()
@@ -70,6 +78,8 @@ impl Record {
                     y: y[..cells * cell].chunks(cell).map(mean).collect(),
                     u: u[..cells * cell].to_vec(),
                     jumps: Vec::new(),
+                    load: Vec::new(),
+                    since: before[part],
                     part,
                 }
             })
@@ -120,6 +130,17 @@ impl Record {
         Self { stretches, ..*self }
     }
 
+    /// The same record with a load that is known.
+    pub(crate) fn with_load(&self, load: Positions) -> Self {
+        let stretches = self.stretches.iter().zip(load).map(|(s, load)| Stretch { load, ..s.clone() }).collect();
+        Self { stretches, ..*self }
+    }
+
+    /// Cells of the longest stretch.
+    pub(crate) fn longest(&self) -> usize {
+        self.stretches.iter().map(|s| s.y.len()).max().unwrap_or(0)
+    }
+
     /// The same record with other PV.
     pub(crate) fn with(&self, ys: Vec<Vec<f64>>) -> Self {
         let stretches = self.stretches.iter().zip(ys).map(|(s, y)| Stretch { y, ..s.clone() }).collect();
@@ -151,9 +172,29 @@ impl Record {
         self.moves().sum::<f64>() / self.stretches.iter().map(|s| s.u.len()).sum::<usize>() as f64
     }
 
+    /// How far the valve moves at most within a stretch [OP unit].
+    pub(crate) fn reach(&self, lost: &Lost) -> f64 {
+        self.positions(lost).iter().map(|v| span(v)).fold(0.0, f64::max)
+    }
+
     /// Times that OP goes through the whole of a gap of width `d` up, and down.
     pub(crate) fn traversals(&self, d: f64) -> [usize; 2] {
-        self.stretches.iter().map(|s| s.traversals(d)).fold([0; 2], |a, b| [a[0] + b[0], a[1] + b[1]])
+        let each = self.stretches.iter().map(|s| s.traversals(d).map(|steps| steps.len()));
+        each.fold([0; 2], |a, b| [a[0] + b[0], a[1] + b[1]])
+    }
+
+    /// Standard deviation of the times from one traversal of `d` to the next the same way, part of their mean; infinite where
+    /// there are fewer than four.
+    pub(crate) fn even(&self, d: f64) -> f64 {
+        let ways = self.stretches.iter().flat_map(|s| s.traversals(d));
+        let times: Vec<f64> =
+            ways.flat_map(|steps| steps.windows(2).map(|w| (w[1] - w[0]) as f64).collect::<Vec<_>>()).collect();
+        if times.len() < 4 {
+            return f64::INFINITY;
+        }
+        let n = times.len() as f64;
+        let mean = times.iter().sum::<f64>() / n;
+        (times.iter().map(|t| (t - mean) * (t - mean)).sum::<f64>() / n).sqrt() / mean
     }
 }
 
@@ -165,7 +206,10 @@ impl Stretch {
         // The start is told by where the lower end of the gap lies.
         let first = self.u[0] + (start - 0.5) * d;
         let u = &self.u[..cells * cell];
-        let mean = |path: &mut dyn FnMut(&[f64]) -> f64| u.chunks(cell).map(|u| path(u) * per_cell).collect();
+        let load = self.load.iter().copied().chain(std::iter::repeat(0.0));
+        let mean = |path: &mut dyn FnMut(&[f64]) -> f64| {
+            u.chunks(cell).zip(load).map(|(u, load)| path(u) * per_cell + load).collect()
+        };
         if jump > 0.0 {
             let friction = Friction::new(lost.model, d, jump).expect("0 ≤ jump ≤ d");
             let mut state = FrictionState::at(first);
@@ -193,20 +237,22 @@ impl Stretch {
         self.u[to * cell] - self.u[from * cell]
     }
 
-    fn traversals(&self, d: f64) -> [usize; 2] {
-        let (mut low, mut high, mut way, mut count) = (self.u[0], self.u[0], 0, [0; 2]);
-        for &u in &self.u {
+    /// Steps at which OP has gone through the whole of a gap of width `d` up, and down.
+    fn traversals(&self, d: f64) -> [Vec<usize>; 2] {
+        let (mut low, mut high, mut way) = (self.u[0], self.u[0], 0);
+        let mut steps = [Vec::new(), Vec::new()];
+        for (k, &u) in self.u.iter().enumerate() {
             low = low.min(u);
             high = high.max(u);
             if way != 1 && u - low >= d {
                 (way, high) = (1, u);
-                count[0] += 1;
+                steps[0].push(k);
             } else if way != -1 && high - u >= d {
                 (way, low) = (-1, u);
-                count[1] += 1;
+                steps[1].push(k);
             }
         }
-        count
+        steps
     }
 }
 

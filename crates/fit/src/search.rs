@@ -186,7 +186,8 @@ impl Search<'_> {
         then: impl FnOnce(&Innovations) -> T,
     ) -> T {
         let all = 0..self.record.stretches.len();
-        self.pass(thetas, all, |_, i| &positions[i], |_, i| &self.record.stretches[i].jumps, wanted, then)
+        let jumps = |_, i: usize| &self.record.stretches[i].jumps;
+        self.pass(thetas, all, |_, i| &positions[i], jumps, wanted, |room| then(&room.found))
     }
 
     /// Σ r² with eight other sets of jumps in one of the stretches, each as large as the record's own.
@@ -199,7 +200,7 @@ impl Search<'_> {
     ) -> Lanes {
         let all = 0..self.record.stretches.len();
         let of = |l: usize, i: usize| if i == stretch { &jumps[l] } else { &self.record.stretches[i].jumps };
-        self.pass(&[*theta; LANES], all, |_, i| &positions[i], of, Wanted::Least, |found| found.sum)
+        self.pass(&[*theta; LANES], all, |_, i| &positions[i], of, Wanted::Least, |room| room.found.sum)
     }
 
     /// See [`Pass`].
@@ -210,11 +211,11 @@ impl Search<'_> {
         positions: impl Fn(usize, usize) -> &'p [f64],
         jumps: impl Fn(usize, usize) -> &'j Vec<f64>,
         wanted: Wanted,
-        then: impl FnOnce(&Innovations) -> T,
+        then: impl FnOnce(&Room) -> T,
     ) -> T {
         ROOM.with_borrow_mut(|room| {
             widest(Pass { search: self, room, thetas, stretches, positions, jumps, wanted });
-            then(&room.found)
+            then(room)
         })
     }
 
@@ -265,6 +266,18 @@ impl Search<'_> {
         found.products = products.map(Wide::lanes);
     }
 
+    /// θ with the variance of its first disturbance that explains most: how restless a load is spans many powers of ten.
+    pub(crate) fn roused(&self, theta: Theta, lost: &Lost) -> Theta {
+        let thetas: [Theta; LANES] = std::array::from_fn(|l| {
+            let mut theta = theta;
+            theta[self.structure.lags + 1] = 2.5 * l as f64 - 8.0;
+            theta
+        });
+        let positions = self.record.positions(lost);
+        let sums = self.innovations(&thetas, &positions, Wanted::Least, |found| found.sum);
+        thetas[(0..LANES).min_by(|a, b| sums[*a].total_cmp(&sums[*b])).expect("eight lanes")]
+    }
+
     /// One set of parameters: the first lane tells.
     pub(crate) fn at(&self, theta: &Theta, positions: &Positions) -> Innovations {
         self.innovations(&[*theta; LANES], positions, Wanted::Residuals, Innovations::clone)
@@ -302,6 +315,21 @@ impl Search<'_> {
         let mut white = White::default();
         widest(Response { structure: self.structure, theta, positions: &step, white: &mut white });
         white.of_v[before..].iter().map(|v| v[0]).collect()
+    }
+
+    /// Whitened PV, and what a unit of each of the inputs makes of it.
+    pub(crate) fn answers(&self, theta: &Theta, inputs: &[&Positions]) -> (Vec<f64>, Vec<Vec<f64>>) {
+        let all = 0..self.record.stretches.len();
+        let (mut of_y, mut answers) = (Vec::new(), Vec::new());
+        for eight in inputs.chunks(LANES) {
+            let of = |l: usize, i: usize| eight[l.min(eight.len() - 1)][i].as_slice();
+            let jumps = |_, i: usize| &self.record.stretches[i].jumps;
+            self.pass(&[*theta; LANES], all.clone(), of, jumps, Wanted::Sums, |room| {
+                of_y = room.white.of_y.iter().map(|y| y[0]).collect();
+                answers.extend((0..eight.len()).map(|l| room.white.of_v.iter().map(|v| v[l]).collect::<Vec<f64>>()));
+            });
+        }
+        (of_y, answers)
     }
 
     /// θ in the first lane, in the others θ with one parameter moved, and by how much.
@@ -465,7 +493,7 @@ impl Search<'_> {
     fn beginnings(&self, point: &Point, stretch: usize, positions: &[Vec<f64>; LANES]) -> Sums {
         let jumps = &self.record.stretches[stretch].jumps;
         let of = |l: usize, _| positions[l].as_slice();
-        self.pass(&[point.theta; LANES], stretch..stretch + 1, of, |_, _| jumps, Wanted::Sums, |found| found.sums)
+        self.pass(&[point.theta; LANES], stretch..stretch + 1, of, |_, _| jumps, Wanted::Sums, |room| room.found.sums)
     }
 
     /// The best of several beginnings, each with its best starts in the gap; one that will plainly not come below `unless` or
@@ -566,7 +594,7 @@ mod tests {
 
     #[test]
     fn registers_of_every_width_give_the_same_bits() {
-        for noise in [Noise::Still, Noise::Input, Noise::Output, Noise::Both] {
+        for noise in [Noise::Still, Noise::Input, Noise::Output, Noise::Slope, Noise::Both] {
             for lags in [2, 3] {
                 let structure = Structure { lags, integrating: false, noise };
                 let alone = passed::<Scalar, LANES>(Scalar::new(), structure);

@@ -1,6 +1,6 @@
 //! The families of models that are tried: lags, an integrator or none, and where the disturbance enters.
 
-use crate::kalman::{Jump, Models, White};
+use crate::kalman::{DRIFT, Jump, Models, SLOPE, White};
 use crate::lanes::{LANES, Lanes, Wide};
 use pulp::{Scalar, Simd};
 use std::array;
@@ -12,6 +12,8 @@ pub enum Noise {
     Still,
     /// A load that walks at the input of the process, and white noise on PV.
     Input,
+    /// A load at the input whose slope walks and fades, and white noise on PV: it goes along lines, or follows steps late.
+    Slope,
     /// A drift of first order at the output, and white noise on PV.
     Output,
     /// Both.
@@ -36,7 +38,7 @@ const STILL: f64 = 1e-5;
 pub(crate) const MOST: usize = 7;
 
 /// The parameters of a structure in the order in which the search moves them, all on scales where a step of 1 is large:
-/// ln T, ln ζ (two lags or more), ln T₃ (three lags), dead time in cells, then of the noise ln q_load, ln q_drift,
+/// ln T, ln ζ (two lags or more), ln T₃ (three lags), dead time in cells, then of the noise ln q_load, ln q_more,
 /// logit of the drift's pole. T in cells; two lags are 1/(1 + 2ζTs + T²s²).
 pub(crate) type Theta = [f64; MOST];
 
@@ -57,7 +59,7 @@ impl Structure {
         match self.noise {
             Noise::Still => 0,
             Noise::Input => 1,
-            Noise::Output => 2,
+            Noise::Output | Noise::Slope => 2,
             Noise::Both => 3,
         }
     }
@@ -81,6 +83,7 @@ impl Structure {
             Noise::Still => {}
             Noise::Input => theta[d + 1] = -2.0,
             Noise::Output => (theta[d + 1], theta[d + 2]) = (-2.0, 2.0),
+            Noise::Slope => (theta[d + 1], theta[d + 2]) = (-6.0, 3.0),
             Noise::Both => (theta[d + 1], theta[d + 2], theta[d + 3]) = (-3.0, -3.0, 2.0),
         }
         theta
@@ -101,10 +104,12 @@ impl Structure {
         }
         let d = self.lags;
         theta[d] = theta[d].clamp(0.0, (n / 6.0).min(80.0));
+        // A slope of next to no variance still bends the load in the end.
+        let least = if self.noise == Noise::Slope { -30.0 } else { -10.0 };
         for i in d + 1..self.parameters() {
-            theta[i] = theta[i].clamp(-10.0, 14.0);
+            theta[i] = theta[i].clamp(least, 14.0);
         }
-        if matches!(self.noise, Noise::Output | Noise::Both) {
+        if matches!(self.noise, Noise::Output | Noise::Slope | Noise::Both) {
             let pole = self.parameters() - 1;
             theta[pole] = theta[pole].clamp(-3.0, 10.0);
         }
@@ -156,7 +161,7 @@ impl Structure {
         pilot[2] = theta[self.dead_time_at()] + if self.lags == 3 { theta[2].exp() } else { 0.0 };
         pilot[3] = match self.noise {
             Noise::Still => -6.0,
-            Noise::Output => -2.0,
+            Noise::Output | Noise::Slope => -2.0,
             _ => theta[self.lags + 1],
         };
         pilot
@@ -165,12 +170,12 @@ impl Structure {
     /// The process with gain 1, held input, one cell a step; its first state is its output, the others its
     /// derivatives in units of the time constant τ, which keeps all of one size.
     #[inline(always)]
-    fn models<S: Simd, const R: usize, const N: usize, const DRIFTS: usize>(
+    fn models<S: Simd, const R: usize, const N: usize, const MORE: usize>(
         self,
         simd: S,
         thetas: &[Theta; LANES],
-    ) -> Models<S, R, N, DRIFTS> {
-        let order = N - 1 - DRIFTS;
+    ) -> Models<S, R, N, MORE> {
+        let order = N - 1 - (MORE > 0) as usize;
         let mut generator = [[Lanes::default(); N]; N];
         for (l, theta) in thetas.iter().enumerate() {
             let den = self.denominator(theta);
@@ -190,13 +195,14 @@ impl Structure {
         let noise = |place: usize, scale: fn(f64) -> f64| {
             Wide::load(simd, &Lanes::each(|l| scale(thetas[l][self.lags + 1 + place])))
         };
-        let (q_load, q_drift, pole) = match self.noise {
+        let (q_load, q_more, pole) = match self.noise {
             Noise::Still => (Wide::all(simd, STILL), nothing, nothing),
             Noise::Input => (noise(0, f64::exp), nothing, nothing),
             Noise::Output => (nothing, noise(0, f64::exp), noise(1, logistic)),
+            Noise::Slope => (Wide::all(simd, STILL), noise(0, f64::exp), noise(1, logistic)),
             Noise::Both => (noise(0, f64::exp), noise(1, f64::exp), noise(2, logistic)),
         };
-        Models { simd, transition, q_load, q_drift, pole }
+        Models { simd, transition, q_load, q_more, pole }
     }
 
     /// See [`Models::whiten`]: of each stretch its PV, the jumps of its load and its positions.
@@ -210,8 +216,8 @@ impl Structure {
     ) {
         // A loop and no closure: only what is inlined here is compiled for the registers of the machine.
         macro_rules! with {
-            ($states:literal, $drifts:literal) => {{
-                let models = self.models::<S, R, $states, $drifts>(simd, thetas);
+            ($states:literal, $more:expr) => {{
+                let models = self.models::<S, R, $states, { $more }>(simd, thetas);
                 for (y, jumps, v) in stretches {
                     models.whiten(y, jumps, v, white);
                 }
@@ -219,9 +225,11 @@ impl Structure {
         }
         match (self.order(), self.noise) {
             (2, Noise::Still | Noise::Input) => with!(3, 0),
-            (2, _) => with!(4, 1),
+            (2, Noise::Slope) => with!(4, SLOPE),
+            (2, _) => with!(4, DRIFT),
             (_, Noise::Still | Noise::Input) => with!(4, 0),
-            (_, _) => with!(5, 1),
+            (_, Noise::Slope) => with!(5, SLOPE),
+            (_, _) => with!(5, DRIFT),
         }
     }
 
@@ -240,16 +248,18 @@ impl Structure {
         draw: &mut impl FnMut() -> f64,
     ) -> Vec<f64> {
         macro_rules! with {
-            ($states:literal, $drifts:literal) => {
-                self.models::<Scalar, LANES, $states, $drifts>(Scalar::new(), &[*theta; LANES])
+            ($states:literal, $more:expr) => {
+                self.models::<Scalar, LANES, $states, { $more }>(Scalar::new(), &[*theta; LANES])
                     .invent(y, jumps, kp_v, draw)
             };
         }
         match (self.order(), self.noise) {
             (2, Noise::Still | Noise::Input) => with!(3, 0),
-            (2, _) => with!(4, 1),
+            (2, Noise::Slope) => with!(4, SLOPE),
+            (2, _) => with!(4, DRIFT),
             (_, Noise::Still | Noise::Input) => with!(4, 0),
-            (_, _) => with!(5, 1),
+            (_, Noise::Slope) => with!(5, SLOPE),
+            (_, _) => with!(5, DRIFT),
         }
     }
 }

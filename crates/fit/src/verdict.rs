@@ -1,26 +1,24 @@
 //! From profiles to an answer: width, interval, and whether there is a gap at all.
 
-use crate::looks::{FINELY, pilot, rescaled};
+use crate::loads::beside_a_cycle;
+use crate::looks::FINELY;
 use crate::profile::{Profile, RISE, RISE_OF_STICKING, trust};
-use crate::record::{Positions, Record};
+use crate::record::{Lost, Positions, Record};
 use crate::search::{Point, Search, dot, solve};
 use crate::structure::{MOST, Structure, Theta};
 use crate::view::{CYCLES, View, views};
+use crate::windows::Unit;
 use rayon::prelude::*;
 
 /// What is asked.
 #[derive(Clone, Debug)]
 pub struct Question {
-    /// Time between two steps of the record [s].
-    pub h: f64,
     /// Sign of the process gain where it is known, else 0.
     pub sign: f64,
     /// Whether the valve's own position stands in PV's place: it follows at once, and no sampling is too slow for it.
     pub position: bool,
     /// Records invented without a gap to find how large the likelihood ratio gets by chance; 0 for none.
     pub bootstrap: usize,
-    /// Seed of those.
-    pub seed: u64,
 }
 
 /// What the record says about the valve.
@@ -131,69 +129,55 @@ pub struct Answer {
     pub reason: &'static str,
 }
 
-/// Least cells for an answer.
-pub const FEWEST: usize = 50;
+impl Answer {
+    /// Whether a model of this kind made the record, and PV answers OP in it.
+    pub(crate) fn usable(&self) -> bool {
+        !matches!(self.reason, "misfit" | "no_answer")
+    }
 
-/// Fits a record of moderate length: PV and OP at even steps of `question.h`, one pair for each unbroken stretch; NaN in PV
-/// is a sample that is missing, OP is without NaN. None where there are fewer than 50 samples or OP never moves.
-pub fn fit(parts: &[(&[f64], &[f64])], question: &Question) -> Option<Answer> {
-    let (seeds, cell) = look(parts, question.sign)?;
-    let raw: usize = parts.iter().map(|(y, _)| y.len()).sum();
-    let coarser = raw.div_ceil(MOST_CELLS);
-    let times = cell as f64 / coarser as f64;
-    let record = Record::new(parts, coarser);
-    let seeds: Vec<Theta> = seeds.iter().map(|theta| rescaled(theta, times)).collect();
-    (record.count >= FEWEST).then(|| answer(&record, &seeds, question))
-}
-
-/// Steps that one fit should hold at most, for its cells to be fine enough for the process: longer records are best cut.
-pub fn window(parts: &[(&[f64], &[f64])], sign: f64) -> Option<usize> {
-    look(parts, sign).map(|(_, cell)| cell * MOST_CELLS)
-}
-
-/// Cells that one fit takes at most.
-const MOST_CELLS: usize = 3000;
-/// Cells of the first look.
-const LOOK_CELLS: usize = 600;
-
-/// How slow the process is: good beginnings, and steps in a cell that is fine enough. Where a look at the whole record is
-/// too coarse to see the process, a nearer look at the part in which OP moves most.
-fn look(parts: &[(&[f64], &[f64])], sign: f64) -> Option<(Vec<Theta>, usize)> {
-    let mut parts = parts.to_vec();
-    loop {
-        let raw: usize = parts.iter().map(|(y, _)| y.len()).sum();
-        let cell = raw.div_ceil(LOOK_CELLS).max(1);
-        let record = Record::new(&parts, cell);
-        if record.count < FEWEST || record.range.is_nan() || record.range <= 0.0 {
-            return None;
+    /// The same where OP's and PV's units were `op` and `pv`, and their zeros lay elsewhere.
+    pub(crate) fn in_units(&mut self, op: Unit, pv: Unit) {
+        for width in [&mut self.d, &mut self.low, &mut self.jump, &mut self.range] {
+            *width *= op.size;
         }
-        let (mut seeds, slow) = pilot(&record, sign);
-        if cell == 1 || slow > 4.0 {
-            let fine = ((cell as f64 * slow / 12.0) as usize).clamp(1, cell);
-            seeds.iter_mut().for_each(|theta| *theta = rescaled(theta, cell as f64 / fine as f64));
-            return Some((seeds, fine));
+        self.high = self.high.map(|high| high * op.size);
+        let gain = pv.size / op.size;
+        self.kp *= gain;
+        self.kp_limits = (self.kp_limits.0 * gain, self.kp_limits.1 * gain);
+        self.sigma *= pv.size;
+        for candidate in &mut self.candidates {
+            candidate.d *= op.size;
+            candidate.profile.iter_mut().for_each(|(d, _)| *d *= op.size);
         }
-        let steps = LOOK_CELLS * (cell / 4).max(1);
-        let pieces = parts.iter().flat_map(|(y, u)| y.chunks(steps).zip(u.chunks(steps)));
-        let busiest = pieces.max_by(|a, b| moved(a.1).total_cmp(&moved(b.1)))?;
-        parts = vec![busiest];
+        for seen in &mut self.seen {
+            (seen.pv, seen.foreseen) = (pv.zero + seen.pv * pv.size, pv.zero + seen.foreseen * pv.size);
+            seen.position = op.zero + seen.position * op.size;
+        }
     }
 }
 
-/// How far OP goes up and down in all, counted in steps that are large for it.
-fn moved(u: &[f64]) -> f64 {
-    let every = u.len().div_ceil(60).max(1);
-    let coarse: Vec<f64> = u.iter().step_by(every).copied().collect();
-    coarse.windows(2).map(|w| (w[1] - w[0]).abs()).sum()
+/// What one window says, with all that is needed to ask it about another width.
+pub(crate) struct Told {
+    pub(crate) answer: Answer,
+    pub(crate) record: Record,
+    /// The believed families of a gap, best first, and the valves that stick, nearest first.
+    pub(crate) profiles: Vec<Profile>,
+    pub(crate) sticking: Vec<Profile>,
+    pub(crate) sticks_in: Structure,
+    /// What the loads that were looked for leave of the likelihood ratio of no gap.
+    pub(crate) lr_of_loads: f64,
+    /// By how much more than 1 the ratios of records without a gap scatter.
+    pub(crate) by_chance: f64,
+    pub(crate) evidence: Evidence,
 }
 
-fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
+/// Answers for a record of one window, whose steps lie `h` [s] apart.
+pub(crate) fn told(record: &Record, seeds: &[Theta], h: f64, question: &Question) -> Told {
     let (view, without) = views(record, seeds, question.sign);
     let View { record, mut profiles, dissent, mut sticking, sticks_in, cost, .. } = view;
     let lr_of_loads = without - cost;
-    let record = &record;
     let n = record.freedom();
-    let of = |structure| Search { record, structure, sign: question.sign };
+    let of = |structure| Search { record: &record, structure, sign: question.sign };
     let least = profiles[0].penalised();
     let mut search = of(profiles[0].structure);
     let mut best = profiles[0].points[profiles[0].best].clone();
@@ -212,13 +196,17 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
     let trusted = trust(&search, &best, 0.005 * record.range).max(LEAST_TRUST);
     let lr_no_gap =
         profiles.iter().map(Profile::lr_no_gap).fold(f64::INFINITY, f64::min) + (lr_no_jump - JUMP).max(0.0);
-    let lr_no_gap = lr_no_gap.min(lr_of_loads) * trusted;
+    let mut lr_of_loads = lr_of_loads;
     let traversals = record.traversals(best.lost.d);
-    let plain = match traversals {
-        [up, down] if up.min(down) >= CYCLES => PLAIN,
-        [up, down] if up + down > 1 => PLAIN_IF_SELDOM,
-        _ => PLAIN_IF_ONCE,
-    };
+    let plain = plain(traversals);
+    if lr_no_gap.min(lr_of_loads) * trusted > plain {
+        let family = &profiles[0];
+        let points = [(search.structure, &best), (family.structure, &family.points[0])];
+        let beside = beside_a_cycle(&record, question.sign, &points, &best.lost, without);
+        lr_of_loads = beside.map_or(lr_of_loads, |beside| beside.min(lr_of_loads));
+    }
+    let repeats = lr_of_loads < without - cost;
+    let lr_no_gap = lr_no_gap.min(lr_of_loads) * trusted;
     let lr_needed = if question.bootstrap > 0 && lr_no_gap > plain && lr_no_gap < 100.0 {
         // The invented records' innovations are alike everywhere: their ratio is to be held against the one before τ.
         plain.max(by_chance(&of(profiles[0].structure), &profiles[0].points[0], question) * trusted)
@@ -249,18 +237,19 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
     let residual = final_state.lane(0);
     let noise = (final_state.sum[0] / n).sqrt() / final_state.scale[0];
     let echo = dot(&residual[1..], &residual[..residual.len() - 1]) / final_state.sum[0].max(1e-300);
-    let (verdict, reason) = judge(&Evidence {
+    let reaches = |lost: &Lost| record.reach(lost);
+    let at_low = if low > 0.0 { reaches(&Lost { d: low, ..best.lost.clone() }) / low } else { 1.0 };
+    let fast = search.structure.settles(&best.theta) * (record.cell as f64) < COARSE;
+    // PV stands still while OP goes through the gap: no load follows OP so closely.
+    let dwells = fast && best.lost.d >= SLOWLY * record.travel();
+    let evidence = Evidence {
         echo,
         d: best.lost.d,
-        coarse: !question.position
-            && search.structure.settles(&best.theta) * (record.cell as f64) < COARSE
-            && best.lost.d < SLOWLY * record.travel(),
+        // A model whose valve hardly moves is a step of PV at a time and of a size that are free.
+        still: (reaches(&best.lost) / best.lost.d.max(1e-300)).min(at_low) < STIRS,
+        coarse: !question.position && fast && best.lost.d < SLOWLY * record.travel(),
         noisy: !search.structure.integrating && (best.kp * best.lost.d).abs() < NOISY * noise,
-        often: {
-            let least = if lr_no_gap > PLAIN_IF_TWICE { 2 } else { CYCLES };
-            // At the most likely width the count may be one too many.
-            record.traversals(low).iter().all(|n| *n >= least) && traversals.iter().all(|n| *n > least)
-        },
+        often: often(lr_no_gap, record.traversals(low), traversals),
         lr_no_gap,
         lr_needed,
         lr_no_answer,
@@ -270,8 +259,11 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
         tells,
         jumps_whole,
         dissent: dissent || !certain,
-    });
-    let h = question.h * record.cell as f64;
+        repeats,
+        swings: record.even(best.lost.d) < EVEN && !search.structure.integrating && !dwells,
+    };
+    let (verdict, reason) = judge(&evidence);
+    let h = h * record.cell as f64;
     let per_cell = if search.structure.integrating { 1.0 / h } else { 1.0 };
     let kp = best.kp * per_cell;
     let spread = 1.96 * kp.abs() / (lr_no_answer * trusted).max(1e-9).sqrt();
@@ -281,7 +273,7 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
     let (lag, lag_error) = errors.of(|theta| search.structure.lag(theta) * h);
     let around = |x: f64, error: f64| ((x - 1.96 * error).max(0.0), x + 1.96 * error);
     let sigma = (final_state.sum[0] / n).sqrt();
-    Answer {
+    let answer = Answer {
         verdict,
         d: best.lost.d,
         low,
@@ -317,8 +309,26 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
                 profile: p.points.iter().map(|point| (point.lost.d, point.cost - p.least())).collect(),
             })
             .collect(),
-        seen: seen(record, &positions, &residual),
+        seen: seen(&record, &positions, &residual),
         reason,
+    };
+    let by_chance = lr_needed / plain;
+    Told { answer, record, profiles, sticking, sticks_in, lr_of_loads, by_chance, evidence }
+}
+
+/// Whether OP went often enough through the lower limit and the most likely width for a width with two limits.
+pub(crate) fn often(lr_no_gap: f64, low: [usize; 2], d: [usize; 2]) -> bool {
+    let least = if lr_no_gap > PLAIN_IF_TWICE { 2 } else { CYCLES };
+    // At the most likely width the count may be one too many.
+    low.iter().all(|n| *n >= least) && d.iter().all(|n| *n > least)
+}
+
+/// What OP's way through a width asks of the likelihood ratio of no gap.
+pub(crate) fn plain(traversals: [usize; 2]) -> f64 {
+    match traversals {
+        [up, down] if up.min(down) >= CYCLES => PLAIN,
+        [up, down] if up + down > 1 => PLAIN_IF_SELDOM,
+        _ => PLAIN_IF_ONCE,
     }
 }
 
@@ -327,14 +337,14 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
 /// that tame.
 const PLAIN: f64 = 15.0;
 /// The same where OP went through the width fewer than [`CYCLES`] times each way: few break-aways may look like anything.
-const PLAIN_IF_SELDOM: f64 = 32.0;
+const PLAIN_IF_SELDOM: f64 = 45.0;
 /// The same where OP went through the width but once: a step of the load at the right moment looks like a valve that
 /// follows late.
 const PLAIN_IF_ONCE: f64 = 80.0;
 /// The same where twice each way is often enough for a width with two limits.
 const PLAIN_IF_TWICE: f64 = 100.0;
 /// The same for the slip jump.
-const JUMP: f64 = 20.0;
+pub(crate) const JUMP: f64 = 20.0;
 /// What a slip jump must bring to be taken into the most likely width: it has a size, a kind and a width of its own.
 const SLIPS: f64 = 4.0;
 /// A lower limit less than this part of the most likely width is none.
@@ -345,6 +355,12 @@ const MOST_ECHO: f64 = 0.25;
 const COARSE: f64 = 5.0;
 /// unless OP takes as many steps as this to go through the gap.
 const SLOWLY: f64 = 25.0;
+/// Likelihood ratio of a process that does not answer that a record must have.
+const ANSWERS: f64 = 15.0;
+/// Spread of the times from one traversal to the next the same way, part of their mean, below which OP swings evenly.
+const EVEN: f64 = 0.3;
+/// Part of the width that the model's valve must move for a width or a bound.
+const STIRS: f64 = 0.1;
 /// Standard deviations of PV's noise that a gap must make of PV for a width with two limits.
 const NOISY: f64 = 3.0;
 /// Less trust than this is not believed: it rests on the few cells that matter for d.
@@ -364,7 +380,7 @@ fn by_chance(search: &Search, without: &Point, question: &Question) -> f64 {
     let mut ratios: Vec<f64> = (0..question.bootstrap)
         .into_par_iter()
         .map(|i| {
-            let mut state = question.seed.wrapping_add(0x9e37_79b9_7f4a_7c15u64.wrapping_mul(i as u64 + 1));
+            let mut state = 0x9e37_79b9_7f4a_7c15u64.wrapping_mul(i as u64 + 1);
             let mut draw = || {
                 state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
                 let mut z = state;
@@ -450,36 +466,46 @@ impl Errors {
 }
 
 /// What the verdict rests on.
-struct Evidence {
-    echo: f64,
-    d: f64,
-    lr_no_gap: f64,
-    lr_needed: f64,
-    lr_no_answer: f64,
-    low: f64,
-    high: Option<f64>,
-    range: f64,
+#[derive(Clone, Debug)]
+pub(crate) struct Evidence {
+    pub(crate) echo: f64,
+    pub(crate) d: f64,
+    pub(crate) lr_no_gap: f64,
+    pub(crate) lr_needed: f64,
+    pub(crate) lr_no_answer: f64,
+    pub(crate) low: f64,
+    pub(crate) high: Option<f64>,
+    pub(crate) range: f64,
+    /// Whether the valve of the best model hardly moves.
+    pub(crate) still: bool,
     /// Whether OP went through the lower limit often enough for a width.
-    often: bool,
+    pub(crate) often: bool,
     /// Whether the samples are too far apart for the process, and for how fast OP goes through the gap.
-    coarse: bool,
+    pub(crate) coarse: bool,
     /// Whether PV's noise hides what the gap makes.
-    noisy: bool,
+    pub(crate) noisy: bool,
     /// Whether a slip jump shows, and whether it may be all of the width.
-    tells: bool,
-    jumps_whole: bool,
+    pub(crate) tells: bool,
+    pub(crate) jumps_whole: bool,
+    /// Whether a load that repeats itself leaves the gap less than others do.
+    pub(crate) repeats: bool,
+    /// Whether OP swings to and fro in almost even time, though no gap makes this process do that.
+    pub(crate) swings: bool,
     /// Whether a family that predicts nearly as well as the best sees a gap.
-    dissent: bool,
+    pub(crate) dissent: bool,
 }
 
-fn judge(e: &Evidence) -> (Verdict, &'static str) {
+pub(crate) fn judge(e: &Evidence) -> (Verdict, &'static str) {
     if e.echo.abs() > MOST_ECHO {
         return (Verdict::CannotTell, "misfit");
     }
-    if e.lr_no_answer < 15.0 {
+    if e.lr_no_answer < ANSWERS {
         return (Verdict::CannotTell, "no_answer");
     }
     if e.lr_no_gap <= e.lr_needed {
+        if e.repeats {
+            return (Verdict::CannotTell, "repeats");
+        }
         return match e.high {
             Some(high) if e.low <= 0.0 && high < 0.25 * e.range && !e.dissent => (Verdict::Sound, "no_gap"),
             _ => (Verdict::CannotTell, "may_be_a_gap"),
@@ -490,6 +516,12 @@ fn judge(e: &Evidence) -> (Verdict, &'static str) {
     }
     if e.coarse {
         return (Verdict::CannotTell, "coarse");
+    }
+    if e.swings {
+        return (Verdict::CannotTell, "swings");
+    }
+    if e.still {
+        return (Verdict::CannotTell, "still");
     }
     if e.high.is_none() || !e.often {
         return (Verdict::AtLeast, "not_traversed");

@@ -85,7 +85,7 @@ fn walking(record: &Record, seeds: &[Theta], sign: f64) -> (Record, Vec<Profile>
             break;
         }
         least = marked.cost;
-        let mut seeds = pilot(&marked.record, sign).0;
+        let mut seeds = pilot(&marked.record, sign).seeds;
         seeds.insert(0, leading.structure.as_pilot(&marked.point.theta));
         looked = looks(&marked.record, &seeds, sign, 0.0);
         record = marked.record;

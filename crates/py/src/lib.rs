@@ -43,7 +43,7 @@ mod _glapp {
     #[pymodule_export]
     use crate::detector::{PyDetector, PyHalfPeriod, reasons};
     #[pymodule_export]
-    use crate::fit::{fit, fit_combine, fit_window};
+    use crate::fit::{fit, fit_window};
     #[pymodule_export]
     use crate::modules::{Graph, ideal_of_parallel, ideal_of_series};
     #[pymodule_export]

@@ -1,0 +1,313 @@
+//! One answer from the windows of a recording: one width, everything else free in each.
+
+use crate::profile::{Profile, RISE, RISE_OF_STICKING};
+use crate::search::Search;
+use crate::verdict::{Answer, Evidence, JUMP, Question, Told, Verdict, judge, often, plain};
+use crate::windows::{Batch, Unit, Window};
+use rayon::prelude::*;
+
+/// What the windows say together.
+#[derive(Clone, Debug)]
+pub struct Whole {
+    /// The verdict.
+    pub verdict: Verdict,
+    /// Width [OP unit].
+    pub d: f64,
+    /// Lower limit, 95 % [OP unit].
+    pub low: f64,
+    /// Upper limit, 95 % [OP unit]; None where there is none.
+    pub high: Option<f64>,
+    /// Likelihood ratio of no gap, over all windows, and what it must exceed.
+    pub lr_no_gap: f64,
+    /// See `lr_no_gap`.
+    pub lr_needed: f64,
+    /// Times that OP goes through the whole width up and down.
+    pub traversals: [usize; 2],
+    /// By how much the windows differ more than their intervals allow, 1 where they do not.
+    pub dispersion: f64,
+    /// Why the verdict is what it is, a word that `glapp` turns into a sentence.
+    pub reason: &'static str,
+    /// Change of the width [OP unit/s] and its standard error, where three windows or more give a width.
+    pub trend: Option<(f64, f64)>,
+    /// The windows, in the order of time.
+    pub windows: Vec<Window>,
+    /// Place of the window that shows best what all say.
+    pub shown: usize,
+}
+
+/// What the likelihood ratio of all windows must exceed, and what without the one that gives most.
+const PLAIN: f64 = 32.0;
+const PLAIN_WITHOUT_ONE: f64 = 15.0;
+/// Greatest dispersion of windows of one width.
+const DISAGREE: f64 = 5.0;
+/// Mean rise of the likelihood over the width of all windows that is no disagreement.
+const AGREES: f64 = 4.0;
+/// One window, and all that the likelihood says there of another width.
+struct Curve<'a> {
+    batch: Batch<'a>,
+    told: Told,
+    sign: f64,
+    /// What a unit of its likelihood is worth: the innovations' trust over what chance makes of records without a gap.
+    worth: f64,
+}
+
+impl Curve<'_> {
+    /// −2·ln L at a width, of the families of a gap and of the valves that stick; beyond OP's range what it is there, infinite
+    /// where a valve was not looked at.
+    fn costs(&mut self, d: f64) -> Vec<f64> {
+        let Told { record, profiles, sticking, sticks_in, .. } = &mut self.told;
+        let of = |structure| Search { record, structure, sign: self.sign };
+        let last = |p: &Profile| p.points.last().map_or(0.0, |p| p.lost.d);
+        let gaps = profiles.iter_mut().map(|p| p.insert(&of(p.structure), d.min(last(p)), ROUNDS));
+        let mut costs: Vec<f64> = gaps.collect();
+        costs.extend(sticking.iter_mut().map(|p| {
+            let there = (p.points[0].lost.d..=last(p)).contains(&d);
+            if there { p.insert(&of(*sticks_in), d, ROUNDS) } else { f64::INFINITY }
+        }));
+        costs
+    }
+
+    /// How much each of the [`Curve::costs`] counts, its parameters' price, and its least.
+    fn weights(&self) -> Vec<(f64, f64, f64)> {
+        let Told { profiles, sticking, sticks_in, .. } = &self.told;
+        let gaps = profiles.iter().map(|p| (1.0, 2.0 * p.structure.parameters() as f64, p.least()));
+        let sticks = 2.0 * sticks_in.parameters() as f64 + SLIPS;
+        gaps.chain(sticking.iter().map(|p| (RISE / RISE_OF_STICKING, sticks, p.least()))).collect()
+    }
+}
+
+/// All windows at one width.
+fn at(curves: &mut [Curve], d: f64) -> Vec<Vec<f64>> {
+    curves.par_iter_mut().map(|curve| curve.costs(d)).collect()
+}
+
+/// What all windows cost at best.
+fn cost(curves: &[Curve], costs: &[Vec<f64>]) -> f64 {
+    let least = |(curve, costs): (&Curve, &Vec<f64>)| {
+        let prices = curve.weights();
+        let all = costs.iter().zip(prices).map(|(cost, (_, price, _))| cost + price);
+        curve.worth * all.fold(f64::INFINITY, f64::min)
+    };
+    curves.iter().zip(costs).map(least).sum()
+}
+
+/// How far the likelihood rises in each window from costs to others in the family that rises least.
+fn rises(curves: &[Curve], from: &[Vec<f64>], to: &[Vec<f64>]) -> Vec<f64> {
+    let rise = |((curve, from), to): ((&Curve, &Vec<f64>), &Vec<f64>)| {
+        let pairs = from.iter().zip(to).zip(curve.weights());
+        let known = pairs.filter(|((from, to), _)| from.is_finite() && to.is_finite());
+        curve.worth * known.map(|((from, to), (weight, ..))| weight * (to - from)).fold(f64::INFINITY, f64::min)
+    };
+    curves.iter().zip(from).zip(to).map(rise).collect()
+}
+
+/// Steps of the descent at one more width.
+const ROUNDS: usize = 4;
+/// Price of a slip jump's own parameters.
+const SLIPS: f64 = 4.0;
+/// Halvings of a border of the interval.
+const HALVINGS: usize = 7;
+
+/// The answer of all windows.
+pub(crate) fn joint(told: Vec<(Batch, Told)>, question: &Question, op: Unit, pv: Unit) -> Option<Whole> {
+    let fits = |told: &Told| told.answer.usable();
+    let sound = told.iter().filter(|(_, told)| fits(told)).count();
+    let all = told.len();
+    let worth = |told: &Told| told.answer.trust / told.by_chance;
+    let curves = told.into_iter().map(|(batch, told)| Curve { worth: worth(&told), batch, told, sign: question.sign });
+    let mut whole = if all > 1 && 2 * sound > all && sound > 1 {
+        let (mut fit, unfit): (Vec<Curve>, Vec<Curve>) = curves.partition(|curve| fits(&curve.told));
+        let mut whole = together(&mut fit);
+        whole.windows = fit.into_iter().chain(unfit).map(|curve| curve.batch.window(curve.told.answer)).collect();
+        whole
+    } else {
+        // One window, or none but one that can be used: where most cannot, neither does that.
+        let mut windows: Vec<Window> = curves.map(|curve| curve.batch.window(curve.told.answer)).collect();
+        let usable = |w: &Window| 2 * sound > all || !w.answer.usable();
+        let best = (0..windows.len())
+            .filter(|i| usable(&windows[*i]))
+            .max_by(|a, b| windows[*a].answer.lr_no_gap.total_cmp(&windows[*b].answer.lr_no_gap))?;
+        windows.swap(0, best);
+        let Answer { verdict, d, low, high, lr_no_gap, lr_needed, traversals, reason, .. } = windows[0].answer;
+        let (trend, dispersion) = (None, 1.0);
+        Whole { verdict, d, low, high, lr_no_gap, lr_needed, traversals, dispersion, reason, trend, windows, shown: 0 }
+    };
+    whole.trend = trend(&whole.windows);
+    whole.shown = shown(&whole);
+    whole.windows.iter_mut().for_each(|w| w.answer.in_units(op, pv));
+    for width in [&mut whole.d, &mut whole.low] {
+        *width *= op.size;
+    }
+    whole.high = whole.high.map(|high| high * op.size);
+    whole.trend = whole.trend.map(|(slope, error)| (slope * op.size, error * op.size));
+    // In the order of time, with the place of the one that is shown.
+    let start = whole.windows[whole.shown].start;
+    whole.windows.sort_by(|a, b| a.start.total_cmp(&b.start));
+    whole.shown = whole.windows.iter().position(|w| w.start == start)?;
+    Some(whole)
+}
+
+/// The window that shows best what all say.
+fn shown(whole: &Whole) -> usize {
+    let agrees = |w: &Window| w.answer.verdict == whole.verdict;
+    let rank = |w: &Window| (agrees(w), w.answer.lr_no_gap);
+    let order = |a: &Window, b: &Window| rank(a).0.cmp(&rank(b).0).then(rank(a).1.total_cmp(&rank(b).1));
+    (0..whole.windows.len()).max_by(|a, b| order(&whole.windows[*a], &whole.windows[*b])).unwrap_or(0)
+}
+
+/// One width of two windows or more.
+fn together(curves: &mut [Curve]) -> Whole {
+    let n = curves.len() as f64;
+    let range = curves.iter().map(|c| c.told.record.range).fold(0.0, f64::max);
+    let mut tried: Vec<f64> = curves.iter().map(|c| c.told.answer.d).chain([0.0, range]).collect();
+    tried.sort_by(f64::total_cmp);
+    tried.dedup();
+    let mut known: Vec<(f64, Vec<Vec<f64>>)> = tried.into_iter().map(|d| (d, at(curves, d))).collect();
+    // The most likely width, narrowed down between its neighbours.
+    let best = loop {
+        let costs: Vec<f64> = known.iter().map(|(_, costs)| cost(curves, costs)).collect();
+        let best = (0..costs.len()).min_by(|a, b| costs[*a].total_cmp(&costs[*b])).expect("0 at least");
+        let room = |beside: Option<usize>| {
+            beside.and_then(|i| known.get(i)).map_or(0.0, |(d, _)| (d - known[best].0).abs())
+        };
+        let (below, above) = (room(best.checked_sub(1)), room(Some(best + 1)));
+        if below.max(above) < NEAR * known[best].0.max(0.02 * range) {
+            break best;
+        }
+        let d = if below > above { known[best].0 - below / 2.0 } else { known[best].0 + above / 2.0 };
+        let costs = at(curves, d);
+        known.insert(known.partition_point(|(at, _)| *at < d), (d, costs));
+    };
+    let (d, here) = known[best].clone();
+    // How far each window's own optimum lies off.
+    let own = |(curve, costs): (&Curve, &Vec<f64>)| {
+        let above = costs.iter().zip(curve.weights()).map(|(cost, (weight, _, least))| weight * (cost - least));
+        curve.worth * above.fold(f64::INFINITY, f64::min).max(0.0)
+    };
+    let off: f64 = curves.iter().zip(&here).map(own).sum();
+    let dispersion = (off / (n - 1.0) / AGREES).max(1.0);
+    let rise = |curves: &[Curve], costs: &[Vec<f64>]| rises(curves, &here, costs).iter().sum::<f64>();
+    let limit = RISE * dispersion;
+    let inside: Vec<bool> = known.iter().map(|(_, costs)| rise(curves, costs) <= limit).collect();
+    let (first, last) = (inside.iter().position(|i| *i), inside.iter().rposition(|i| *i));
+    let (first, last) = (first.expect("the best is inside"), last.expect("the best is inside"));
+    let mut border = |mut within: f64, mut beyond: f64| {
+        for _ in 0..HALVINGS {
+            let middle = 0.5 * (within + beyond);
+            let costs = at(curves, middle);
+            *(if rise(curves, &costs) <= limit { &mut within } else { &mut beyond }) = middle;
+        }
+        0.5 * (within + beyond)
+    };
+    let low = if first == 0 { 0.0 } else { border(known[first].0, known[first - 1].0) };
+    let high = (last + 1 < known.len()).then(|| border(known[last].0, known[last + 1].0));
+    let resolution = curves.iter().map(|c| c.told.record.resolution()).sum::<f64>() / n;
+    let low = (low - resolution).max(0.0);
+    // No gap: what each window leaves of it, the loads that were looked for counted in.
+    let none = &known[0].1;
+    let mut against: Vec<f64> = rises(curves, &here, none);
+    for (curve, lr) in curves.iter().zip(&mut against) {
+        let Told { answer, lr_of_loads, .. } = &curve.told;
+        let jumps = (answer.lr_no_jump - JUMP).max(0.0);
+        *lr = (*lr + curve.worth * jumps).min(curve.worth * lr_of_loads);
+    }
+    let lr_no_gap: f64 = against.iter().sum();
+    let most = against.iter().copied().fold(0.0, f64::max);
+    let times = |d: f64| {
+        let each = curves.iter().map(|c| c.told.record.traversals(d));
+        each.fold([0; 2], |a, b| [a[0] + b[0], a[1] + b[1]])
+    };
+    let traversals = times(d);
+    let lr_needed = (dispersion * PLAIN.max(plain(traversals))).max(most + dispersion * PLAIN_WITHOUT_ONE);
+    let many = |of: fn(&Evidence) -> bool| 2 * curves.iter().filter(|c| of(&c.told.evidence)).count() > curves.len();
+    // What a slip jump brings over all, where it brings nothing it counts against it.
+    let jumps = |told: &Told| told.sticking.first().map_or(0.0, |p| told.profiles[0].penalised() - p.penalised());
+    let lr_no_jump: f64 = curves.iter().map(|c| c.worth * jumps(&c.told)).sum();
+    let jumping = curves.iter().filter(|c| jumps(&c.told) > 0.0).count();
+    let mean = |of: fn(&Evidence) -> f64| curves.iter().map(|c| of(&c.told.evidence)).sum::<f64>() / n;
+    let high = high.map(|high| high + 3.0 * resolution);
+    let evidence = Evidence {
+        echo: mean(|e| e.echo),
+        d,
+        lr_no_gap,
+        lr_needed,
+        lr_no_answer: mean(|e| e.lr_no_answer),
+        low,
+        high,
+        range,
+        still: many(|e| e.still),
+        often: often(lr_no_gap / dispersion, times(low), traversals),
+        coarse: many(|e| e.coarse),
+        noisy: many(|e| e.noisy),
+        tells: lr_no_jump > JUMP && 2 * jumping > curves.len(),
+        jumps_whole: many(|e| e.jumps_whole),
+        repeats: many(|e| e.repeats),
+        swings: many(|e| e.swings),
+        dissent: 3 * curves.iter().filter(|c| c.told.evidence.dissent).count() > curves.len(),
+    };
+    let (verdict, reason) =
+        if dispersion > DISAGREE { (Verdict::CannotTell, "windows_disagree") } else { judge(&evidence) };
+    let (trend, windows, shown) = (None, Vec::new(), 0);
+    Whole { verdict, d, low, high, lr_no_gap, lr_needed, traversals, dispersion, reason, trend, windows, shown }
+}
+
+/// How near the most likely width is found, part of itself.
+const NEAR: f64 = 0.01;
+
+/// Weighted line through the widths of the windows that give one with two limits, each worth the inverse square of its standard
+/// error (a quarter of the interval): slope and its standard error. Where they scatter about the line more than their
+/// intervals allow, the error is larger by as much (Birge's ratio). The scatter about their mean, which a change makes
+/// itself, does not count.
+fn trend(windows: &[Window]) -> Option<(f64, f64)> {
+    let sided: Vec<(f64, f64, f64)> = windows
+        .iter()
+        .filter(|w| matches!(w.answer.verdict, Verdict::Backlash | Verdict::Stiction | Verdict::Both))
+        .filter_map(|w| {
+            let Answer { d, low, high, .. } = w.answer;
+            high.map(|high| (0.5 * (w.start + w.end), d, ((high - low) / 3.92).max(1e-9 * d)))
+        })
+        .collect();
+    line(&sided)
+}
+
+/// The line through (time, width, standard error).
+fn line(sided: &[(f64, f64, f64)]) -> Option<(f64, f64)> {
+    if sided.len() < 3 {
+        return None;
+    }
+    let weighed = || sided.iter().map(|(t, d, s)| (*t, *d, 1.0 / (s * s)));
+    let sum: f64 = weighed().map(|(_, _, i)| i).sum();
+    let t = weighed().map(|(t, _, i)| t * i).sum::<f64>() / sum;
+    let d = weighed().map(|(_, d, i)| d * i).sum::<f64>() / sum;
+    let spread: f64 = weighed().map(|(at, _, i)| (at - t) * (at - t) * i).sum();
+    let slope = weighed().map(|(at, width, i)| (at - t) * (width - d) * i).sum::<f64>() / spread;
+    let residual = |at: f64, width: f64| width - d - slope * (at - t);
+    let q: f64 = weighed().map(|(at, width, i)| residual(at, width) * residual(at, width) * i).sum();
+    let birge = (q / (sided.len() as f64 - 2.0)).max(1.0);
+    (spread > 0.0).then(|| (slope, (birge / spread).sqrt()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_growing_gap_shows_its_trend() {
+        let error = 0.1 / 3.92;
+        let grows: Vec<_> = (0..5).map(f64::from).map(|i| (i, 1.0 + 0.1 * i, error)).collect();
+        let (slope, of_slope) = line(&grows).unwrap();
+        assert!((slope - 0.1).abs() < 1e-9, "{slope}");
+        // Each window's interval is 0.1 wide, and the line leaves nothing: the change is no scatter.
+        assert!((of_slope - error / 10f64.sqrt()).abs() < 1e-9, "{of_slope}");
+    }
+
+    #[test]
+    fn widths_that_scatter_about_their_line_make_its_slope_less_sure() {
+        let at = |bumps: [f64; 5]| {
+            let windows: Vec<_> = (0..5).map(|i| (i as f64, 1.0 + bumps[i], 0.1 / 3.92)).collect();
+            line(&windows).unwrap()
+        };
+        let ((_, calm), (_, rough)) = (at([0.0; 5]), at([0.3, -0.3, 0.0, 0.3, -0.3]));
+        assert!(rough > 5.0 * calm, "{rough} {calm}");
+    }
+}

@@ -355,7 +355,7 @@ def _fit_signal(
         verdict, d, low, high = newest.verdict, newest.d, newest.low, newest.high
         answer = best
     best["signal"] = signal
-    if sinusoid is not None and verdict in ("sound", "cannot_tell"):
+    if sinusoid is not None:
         verdict = "oscillation"
     kp, dead_time, lag = ((best[name], *best[f"{name}_limits"]) for name in ("kp", "dead_time", "lag"))
     process = Process(kp, dead_time, lag, best["integrating"])
@@ -484,6 +484,22 @@ def _reason(answer: dict[str, Any], verdict: str, unit: str, best: dict[str, Any
             return (
                 f"a gap of {d:.3g} {unit} would fit, but in it the valve hardly moves: one step of PV at a time and of a "
                 "size that are free explains as much. Record while OP moves further"
+            )
+        case _ if reason == "repeats":
+            return (
+                f"a gap of {d:.3g} {unit} would fit, but so would a load that repeats itself with the cycle of this loop: "
+                "find what swings there, or record while the setpoint moves, on calmer days, or with the valve's position"
+            )
+        case _ if reason == "swings":
+            return (
+                f"a gap of {d:.3g} {unit} would fit, but OP swings to and fro in almost even time, which no gap makes of "
+                "this process: a load that swings so explains as much. Record while the setpoint moves, on calmer days, "
+                "make a bump test, or record the valve's position"
+            )
+        case _ if reason == "lined":
+            return (
+                f"a gap of {d:.3g} {unit} would fit, but a historian kept only corners of PV and drew lines between them, "
+                "which bend by as much. Record without compression"
             )
         case _ if reason == "no_answer":
             return (

@@ -243,6 +243,7 @@ fn together(curves: &mut [Curve]) -> Whole {
         jumps_whole: many(|e| e.jumps_whole),
         repeats: many(|e| e.repeats),
         swings: many(|e| e.swings),
+        lined: many(|e| e.lined),
         dissent: 3 * curves.iter().filter(|c| c.told.evidence.dissent).count() > curves.len(),
     };
     let (verdict, reason) =

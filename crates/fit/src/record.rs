@@ -184,12 +184,12 @@ impl Record {
     }
 
     /// Standard deviation of the times from one traversal of `d` to the next the same way, part of their mean; infinite where
-    /// there are fewer than four.
+    /// there are fewer than six.
     pub(crate) fn even(&self, d: f64) -> f64 {
         let ways = self.stretches.iter().flat_map(|s| s.traversals(d));
         let times: Vec<f64> =
             ways.flat_map(|steps| steps.windows(2).map(|w| (w[1] - w[0]) as f64).collect::<Vec<_>>()).collect();
-        if times.len() < 4 {
+        if times.len() < 6 {
             return f64::INFINITY;
         }
         let n = times.len() as f64;

@@ -171,8 +171,8 @@ pub(crate) struct Told {
     pub(crate) evidence: Evidence,
 }
 
-/// Answers for a record of one window, whose steps lie `h` [s] apart.
-pub(crate) fn told(record: &Record, seeds: &[Theta], h: f64, question: &Question) -> Told {
+/// Answers for a record of one window, whose steps lie `h` [s] apart, and whose PV a historian may have bent by `bow` [PV unit].
+pub(crate) fn told(record: &Record, seeds: &[Theta], h: f64, bow: f64, question: &Question) -> Told {
     let (view, without) = views(record, seeds, question.sign);
     let View { record, mut profiles, dissent, mut sticking, sticks_in, cost, .. } = view;
     let lr_of_loads = without - cost;
@@ -260,7 +260,9 @@ pub(crate) fn told(record: &Record, seeds: &[Theta], h: f64, question: &Question
         jumps_whole,
         dissent: dissent || !certain,
         repeats,
-        swings: record.even(best.lost.d) < EVEN && !search.structure.integrating && !dwells,
+        // Steps of the load that were found tell what drives OP.
+        swings: record.even(best.lost.d) < EVEN && record.jumps() == 0 && !search.structure.integrating && !dwells,
+        lined: (best.kp * best.lost.d).abs() < LINED * bow,
     };
     let (verdict, reason) = judge(&evidence);
     let h = h * record.cell as f64;
@@ -359,6 +361,8 @@ const SLOWLY: f64 = 25.0;
 const ANSWERS: f64 = 15.0;
 /// Spread of the times from one traversal to the next the same way, part of their mean, below which OP swings evenly.
 const EVEN: f64 = 0.3;
+/// How much more than the bow of its lines a gap must make of a PV that is recorded as lines.
+const LINED: f64 = 10.0;
 /// Part of the width that the model's valve must move for a width or a bound.
 const STIRS: f64 = 0.1;
 /// Standard deviations of PV's noise that a gap must make of PV for a width with two limits.
@@ -491,6 +495,8 @@ pub(crate) struct Evidence {
     pub(crate) repeats: bool,
     /// Whether OP swings to and fro in almost even time, though no gap makes this process do that.
     pub(crate) swings: bool,
+    /// Whether PV is recorded as lines that bend too coarsely for what the gap makes of it.
+    pub(crate) lined: bool,
     /// Whether a family that predicts nearly as well as the best sees a gap.
     pub(crate) dissent: bool,
 }
@@ -519,6 +525,9 @@ pub(crate) fn judge(e: &Evidence) -> (Verdict, &'static str) {
     }
     if e.swings {
         return (Verdict::CannotTell, "swings");
+    }
+    if e.lined {
+        return (Verdict::CannotTell, "lined");
     }
     if e.still {
         return (Verdict::CannotTell, "still");

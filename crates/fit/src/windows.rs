@@ -110,6 +110,31 @@ fn without_spikes(mut pv: Vec<f64>) -> Vec<f64> {
     pv
 }
 
+/// Share of the corners between lines among the samples of a PV above which it was measured, and not drawn.
+const CORNERS: f64 = 0.4;
+
+/// How far PV bends between the points that a historian kept and drew lines between, in the mean (median); 0 where it kept
+/// every sample.
+fn bow(pv: &[f64]) -> f64 {
+    let bend = |w: &[f64]| w[2] - 2.0 * w[1] + w[0];
+    // Where PV stands still nothing is drawn.
+    let moving = |w: &&[f64]| (w[2] - w[1]).abs() + (w[1] - w[0]).abs() > 8.0 / GRID;
+    let corner = |w: &[f64]| bend(w).abs() > 8.0 / GRID;
+    let all = pv.windows(3).filter(moving).count();
+    let corners: Vec<(usize, f64)> =
+        pv.windows(3).enumerate().filter(|(_, w)| corner(w)).map(|(k, w)| (k, bend(w).abs())).collect();
+    if corners.len() < 3 || corners.len() as f64 > CORNERS * all as f64 {
+        return 0.0;
+    }
+    let beside = |w: &[(usize, f64)]| {
+        let (left, right) = ((w[1].0 - w[0].0) as f64, (w[2].0 - w[1].0) as f64);
+        w[1].1 * left * right / (left + right)
+    };
+    let mut bows: Vec<f64> = corners.windows(3).map(beside).collect();
+    let middle = bows.len() / 2;
+    *bows.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
 /// Fits a recording, or windows of a longer one: each window alone and all together. None where no window has 50 samples
 /// in which OP moves.
 pub fn fit(batches: &[Batch], question: &Question) -> Option<Whole> {
@@ -170,7 +195,8 @@ impl<'a> Batch<'a> {
         let times = looked as f64 / finest as f64;
         let record = Record::new(&parts, finest);
         let seeds: Vec<Theta> = seeds.iter().map(|theta| rescaled(theta, times)).collect();
-        (record.count >= FEWEST).then(|| told(&record, &seeds, self.h, question))
+        let bow = parts.iter().map(|(pv, _)| bow(pv)).fold(0.0, f64::max);
+        (record.count >= FEWEST).then(|| told(&record, &seeds, self.h, bow, question))
     }
 }
 

@@ -136,3 +136,7 @@ class Recording(ABC):
     @abstractmethod
     def fraction_read(self) -> float | None:
         """Share of the file or table that the latest pass has read, 0..1; None before the first pass."""
+
+    def release(self) -> None:
+        """Let go of rows that are held in memory; they are read again where they are asked for again."""
+        return None

@@ -43,6 +43,7 @@ def analyze_all(opened: Sequence[Recording | Refused], trust: bool, fit: bool) -
             return Refused(entry.name, entry.source, error, entry.loop)
         finally:
             done[i] = 1.0
+            entry.release()
 
     begun = monotonic()
     bar = Progress(

@@ -7,7 +7,7 @@ Two sources of evidence: a `Census`, counts over every row, and an `InspectionSa
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from typing import Literal
@@ -155,6 +155,7 @@ def inspect(
     op_unit: str = "OP units",
     t0: datetime | None = None,
     first_row: int = 2,
+    known: Sequence[Finding] = (),
 ) -> list[Finding]:
     """List what is wrong with a recording, gravest first.
 
@@ -176,6 +177,8 @@ def inspect(
         Time of t = 0, to name times as a person knows them.
     first_row : int
         Number of the first data row as its reader sees it (2 below a header).
+    known : sequence of Finding
+        What was found when the recording was opened.
 
     Returns
     -------
@@ -195,7 +198,7 @@ def inspect(
     """
     with np.errstate(all="ignore"):
         look = _Look(sample, census, k, ti, identification, pv_unit, op_unit, t0, first_row)
-        found = [finding for test in _TESTS for finding in test(look)]
+        found = [*known, *(finding for test in _TESTS for finding in test(look))]
     return sorted(found, key=lambda finding: ("refuse", "warning", "info").index(finding.severity))
 
 

@@ -66,7 +66,7 @@ class _Store:
         try:
             zone = next((loop.time_zone for loop in loops if loop.time_zone), None)
             form = next((loop.time_format for loop in loops if loop.time_format), None)
-            self.clock = Clock(head, source.tail(time), form, zone)
+            self.clock = Clock(head, source.tail(time), form, zone, source.names[time], source.unit(time))
         except CellFault as fault:
             raise self.fault(fault, "time", 0) from None
         self._types[time] = self.clock.arrow_type
@@ -189,6 +189,7 @@ class LongRecording(Recording):
         self.loop = with_units(loop, self.units)
         self.t0: datetime | None = store.clock.t0
         self.zone = store.clock.zone
+        self.found = store.clock.found
 
     def fraction_read(self) -> float | None:
         """Share of the file that is read; the file is read once for all its loops."""

@@ -11,6 +11,8 @@ from typing import TypeVar
 
 import pyarrow as pa
 
+from .columns import understand
+
 __all__ = ["Source", "ahead"]
 
 T = TypeVar("T")
@@ -45,6 +47,10 @@ class Source(ABC):
         for i, name in enumerate(self.names):
             places.setdefault(name, []).append(i)
         return places
+
+    def unit(self, column: int) -> str | None:
+        """Unit that stands below a column's name, or in it."""
+        return self.units[column] or understand(self.names[column]).unit
 
     @abstractmethod
     def head(self, columns: Sequence[int]) -> list[pa.Array]:

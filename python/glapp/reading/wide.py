@@ -112,7 +112,7 @@ class WideRecording(Recording):
         clock = None
         if (at := self._at.get("time")) is not None:
             try:
-                clock = Clock(head, source.tail(at), loop.time_format, loop.time_zone)
+                clock = Clock(head, source.tail(at), loop.time_format, loop.time_zone, chosen["time"], source.unit(at))
             except CellFault as fault:
                 raise self._fault(fault, "time", 0) from None
         elif loop.sample_time is None:
@@ -129,6 +129,7 @@ class WideRecording(Recording):
         self._reader = Reader(loop, clock, source.comma, Quality(first, bad_words))
         self.t0: datetime | None = clock.t0 if clock else None
         self.zone = clock.zone if clock else None
+        self.found = clock.found if clock else ()
         types = {i: pa.float64() if role in _NUMBERS else pa.string() for role, i in self._at.items()}
         if clock is not None:
             types[self._at["time"]] = clock.arrow_type

@@ -12,6 +12,7 @@ from pydantic import BaseModel
 
 from ..checked import nearest
 from ..errors import InputError
+from ..escape import in_quotes
 from ..loop import Loop
 from .each import all_or_none
 from .files import check_file
@@ -238,4 +239,4 @@ def _value(value: object) -> str:
     if isinstance(value, int | float):
         return repr(value)
     text = value.as_posix() if isinstance(value, Path) else str(value)
-    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")  # JSON's escapes are TOML's, but for DEL
+    return in_quotes(json.dumps(text, ensure_ascii=False))  # JSON's escapes are TOML's, but for DEL

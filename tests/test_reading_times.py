@@ -160,9 +160,9 @@ def test_what_may_be_either_is_read_as_seconds_and_told(step, name):
     clock, t = clock_of(45000.5 + step * np.arange(20), name=name)
     assert t[0] == 45000.5
     [found] = clock.found
-    assert (found.severity, found.evidence["read_as"], found.evidence["first"]) == ("warning", "seconds", 45000.5)
+    assert (found.severity, found.evidence["read_as"], found.evidence["first"]) == ("warning", "seconds", "45000.5")
     assert f"column '{name}' begins at 45000.5" in found.text
-    assert "2023-03-15, write time_format = 'excel'" in found.text
+    assert "2023-03-15 12:00:00, write time_format = 'excel'" in found.text
 
 
 def test_a_name_or_a_unit_settles_it():

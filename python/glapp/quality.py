@@ -202,6 +202,35 @@ def inspect(
     return sorted(found, key=lambda finding: ("refuse", "warning", "info").index(finding.severity))
 
 
+def assumed_time(column: str, first: str, step: float | None, calendar: str, days: str, sure: bool) -> Finding:
+    """Say what the numbers of a time column were taken for, where that was not plain.
+
+    Parameters
+    ----------
+    column, first : str
+        Its name, and its first value as it is written.
+    step : float | None
+        Ordinary step between its numbers; None where they do not step.
+    calendar, days : str
+        The `time_format` that reads them as days, and what they are then.
+    sure : bool
+        Whether they were read so; else as seconds.
+
+    Examples
+    --------
+    >>> assumed_time("t", "45000.5", 1.0, "excel", "a spreadsheet's day numbers, 2023-03-15 12:00:00", False).severity
+    'warning'
+    """
+    begins = f"column '{column}' begins at {first} and " + ("does not step" if step is None else f"steps by {step:.6g}")
+    if sure:
+        text = f"{begins}: read as {days}; if it counts seconds, write time_format = 'seconds'"
+    else:
+        text = f"{begins}: read as seconds; if these are {days}, write time_format = '{calendar}'"
+    evidence: dict[str, float | int | str] = {"column": column, "first": first, "step": 0.0 if step is None else step}
+    evidence["read_as"] = calendar if sure else "seconds"
+    return Finding("time_assumed", "info" if sure else "warning", text, evidence)
+
+
 def assumed_gain(
     kp: float, free: float, kp_part: float, *, pv_unit: str = "PV units", op_unit: str = "OP units"
 ) -> Finding | None:

@@ -18,7 +18,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from ..quality import Finding
+from ..quality import Finding, assumed_time
 from .values import CellFault, is_text, plain
 
 __all__ = ["Clock", "looks_like_stamp", "moment"]
@@ -299,18 +299,9 @@ class Clock:
         return "seconds"
 
     def _told(self, calendar: str, sure: bool, text: str, first: float, step: float | None) -> None:
-        days = _CALENDARS[calendar]
         date = _moment(round((first - _TO_1970[calendar]) * 86_400_000), 1000)
-        steps = "does not step" if step is None else f"steps by {step:.6g}"
-        begins = f"column '{self._name}' begins at {text} and {steps}"
-        if sure:
-            hint = "if it counts seconds, write time_format = 'seconds'"
-            what = f"{begins}: read as {days}, {date:%Y-%m-%d %H:%M:%S}; {hint}"
-        else:
-            what = f"{begins}: read as seconds; if these are {days}, {date:%Y-%m-%d}, write time_format = '{calendar}'"
-        evidence: dict[str, float | int | str] = {"column": self._name, "first": first}
-        evidence |= {"step": 0.0 if step is None else step, "read_as": calendar if sure else "seconds"}
-        self.found.append(Finding("time_assumed", "info" if sure else "warning", what, evidence))
+        told = assumed_time(self._name, text, step, calendar, f"{_CALENDARS[calendar]}, {date:%Y-%m-%d %H:%M:%S}", sure)
+        self.found.append(told)
 
     def _read_numbers(self, column: pa.Array) -> NDArray[np.float64]:
         column = self._as_numbers(column)

@@ -99,3 +99,112 @@ def test_time_format_must_fit():
         Clock(pa.array(["2024-01-01"]), None, "epoch s", None)
     with pytest.raises(CellFault, match="cannot be read 'day first'"):
         Clock(pa.array([1.0]), None, "day first", None)
+
+
+DAYS = {"excel": 25569.0, "matlab": 719529.0, "julian": 2440587.5}  # 1970-01-01
+DATE = datetime(2026, 3, 1, 12, 30)
+
+
+def day_numbers(calendar, step, n=20):
+    start = (DATE - datetime(1970, 1, 1)).total_seconds()
+    return DAYS[calendar] + (start + step * np.arange(n)) / 86400
+
+
+def clock_of(values, **more):
+    column = pa.array(values)
+    clock = Clock(column, None, more.pop("time_format", None), more.pop("time_zone", None), **more)
+    return clock, clock.reader()(column)
+
+
+@pytest.mark.parametrize("calendar", list(DAYS))
+@pytest.mark.parametrize("step", [0.1, 1, 5, 60, 300, 600, 900, 3600])
+@pytest.mark.parametrize("text", [False, True])
+def test_day_numbers_are_dates(calendar, step, text):
+    """All but fast spreadsheets were read as seconds, in silence: a minute of samples took 0.0007 s."""
+    values = day_numbers(calendar, step)
+    clock, t = clock_of([f"{x:.10f}".replace(".", "," if step == 1 else ".") for x in values] if text else values)
+    assert (clock.t0, clock.zone) == (DATE, None)
+    np.testing.assert_allclose(t, step * np.arange(20), atol=1e-3)
+    [found] = clock.found
+    assert (found.code, found.severity, found.evidence["read_as"]) == ("time_assumed", "info", calendar)
+    assert "column 'time' begins at " in found.text and "2026-03-01 12:30:00" in found.text
+    assert "time_format = 'seconds'" in found.text
+
+
+def test_a_spreadsheet_of_few_digits_keeps_its_minutes():
+    clock, t = clock_of([f"{x:.5f}" for x in day_numbers("excel", 60)])
+    assert clock.t0 == DATE.replace(second=0, microsecond=clock.t0.microsecond) or abs(clock.t0 - DATE) < timedelta(
+        seconds=1
+    )
+    np.testing.assert_allclose(np.diff(t), 60, atol=1)
+
+
+def test_day_numbers_are_local_times_where_a_zone_is_given():
+    clock, t = clock_of(day_numbers("excel", 60), time_zone="Europe/Stockholm")
+    assert clock.t0.isoformat() == "2026-03-01T12:30:00+01:00"
+    assert t[-1] == 19 * 60
+
+
+@pytest.mark.parametrize(
+    ("start", "step", "name"),
+    [(45000.0, 1.0, "t"), (45000.0, 0.1, "t"), (730000.0, 10.0, "time"), (2.45e6, 60.0, "t"), (0.0, 0.001, "t")],
+)
+def test_seconds_in_the_range_of_day_numbers_stay_seconds(start, step, name):
+    clock, t = clock_of(start + step * np.arange(50), name=name)
+    np.testing.assert_array_equal(t, start + step * np.arange(50))
+    assert (clock.found, clock.t0) == ([], None)
+
+
+@pytest.mark.parametrize(("step", "name"), [(0.04, "t"), (0.01, "time"), (1.0, "Date"), (0.0, "t")])
+def test_what_may_be_either_is_read_as_seconds_and_told(step, name):
+    clock, t = clock_of(45000.5 + step * np.arange(20), name=name)
+    assert t[0] == 45000.5
+    [found] = clock.found
+    assert (found.severity, found.evidence["read_as"], found.evidence["first"]) == ("warning", "seconds", "45000.5")
+    assert f"column '{name}' begins at 45000.5" in found.text
+    assert "2023-03-15 12:00:00, write time_format = 'excel'" in found.text
+
+
+def test_a_name_or_a_unit_settles_it():
+    assert clock_of(45000 + 0.04 * np.arange(9), name="Timestamp")[0].t0 == datetime(2023, 3, 15)
+    assert clock_of(45000 + np.arange(9.0), unit="days")[0].t0 == datetime(2023, 3, 15)
+    clock, t = clock_of(45000 + 0.001 * np.arange(9), unit="s")
+    assert (clock.t0, clock.found, t[0]) == (None, [], 45000)
+
+
+@pytest.mark.parametrize(
+    ("form", "unit", "seconds"),
+    [
+        ("milliseconds", "ms", 1e-3),
+        ("seconds", "s", 1),
+        ("minutes", "min", 60),
+        ("hours", "h", 3600),
+        ("days", "d", 86400),
+    ],
+)
+def test_numbers_in_other_units(form, unit, seconds):
+    """A column headed 't [min]' was read as seconds."""
+    want = seconds * np.arange(9.0)
+    np.testing.assert_array_equal(clock_of(np.arange(9.0), time_format=form)[1], want)
+    clock, t = clock_of(np.arange(9.0), unit=unit)
+    np.testing.assert_array_equal(t, want)
+    assert clock.t0 is None
+
+
+@pytest.mark.parametrize("form", list(DAYS))
+def test_a_calendar_that_is_named_is_taken_whatever_the_step(form):
+    clock, t = clock_of(day_numbers(form, 86400.0), time_format=form)
+    assert clock.t0 == DATE
+    np.testing.assert_allclose(t, 86400.0 * np.arange(20))
+    with pytest.raises(CellFault, match="outside the range"):
+        clock_of([1e9, 1e9 + 1], time_format=form)
+    assert clock_of(day_numbers(form, 60), time_format="seconds")[0].t0 is None
+
+
+@pytest.mark.parametrize(
+    "values", [[20260301123000, 20260301123001], [6.387e17, 6.387e17 + 1e7], [1.34e17, 1.34e17 + 1e7]]
+)
+def test_numbers_too_large_for_seconds_are_refused(values):
+    with pytest.raises(CellFault, match="too large for seconds") as caught:
+        clock_of(np.array(values, float))
+    assert "time_format" in caught.value.hint

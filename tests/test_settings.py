@@ -34,6 +34,46 @@ def test_defaults_complete_a_loop_key_by_key():
 
 
 @pytest.mark.parametrize(
+    ("defaults", "own", "written"),
+    [
+        # The defaults alone were refused: "give either the gain k or the proportional band pb".
+        ('form = "series"\nti_unit = "min"', "k = 2\nti = 0.5", "series: K 2, Ti 0.5 min, Td 0 s, reverse acting"),
+        ("k = 1\nti = 30", "ti = 40", "ideal: K 1, Ti 40 s, Td 0 s, reverse acting"),
+        ("k = 1\nti = 30", 'ti_unit = "min"', "ideal: K 1, Ti 30 min, Td 0 s, reverse acting"),
+        # These two were "give either": the default says in another way what the loop says.
+        ('k = 1\nti = 30\ngain_unit = "OP/PV"', "pb = 50", "ideal: PB 50 %, Ti 30 s, Td 0 s, reverse acting"),
+        ("pb = 50\nti = 30", "k = 3", "ideal: K 3, Ti 30 s, Td 0 s, reverse acting"),
+        ("k = 1\nti = 30\ntd = 2", 'form = "parallel"\nkp = 2\nki = 0.1', "parallel: kp 2, ki 0.1 per s, kd 0 s, "),
+        ('form = "parallel"\nkp = 2\nki = 1', 'form = "ideal"\nk = 1\nti = 9', "ideal: K 1, Ti 9 s, Td 0 s, reverse"),
+    ],
+)
+def test_a_default_controller_is_completed_by_the_loop_whose_keys_win(defaults, own, written):
+    [loop] = parse(f"[defaults.controller]\n{defaults}\n[loops.A.controller]\n{own}\n")
+    assert loop.controller.as_written().startswith(written)
+
+
+def test_a_default_controller_that_is_not_whole_is_for_loops_that_have_one():
+    a, b = parse("""
+        [defaults.controller]
+        ti_unit = "min"
+        action = "direct"
+        [loops.A]
+        [loops.B.controller]
+        k = 2
+        ti = 1
+    """)
+    assert a.controller is None  # identified from the data
+    assert b.controller.as_written() == "ideal: K 2, Ti 1 min, Td 0 s, direct acting"
+    [c] = parse("[defaults.controller]\nk = 2\nti = 1\n[loops.C]")
+    assert c.ideal().k == 2
+
+
+def test_a_default_gain_is_no_gain_of_an_integrating_process():
+    [loop] = parse("[defaults.process]\nkp = 2\n[loops.A.process]\ntype = 'integrating'")
+    assert (loop.process.type, loop.process.kp) == ("integrating", None)
+
+
+@pytest.mark.parametrize(
     ("text", "line"),
     [
         ("", "loops.toml: has no loops"),
@@ -51,6 +91,15 @@ def test_defaults_complete_a_loop_key_by_key():
         ("[loops.A]\nname = 'B'", "loops.toml, loop A, name: is given by the table"),
         ("[defaults]\nfile = 'x'\n[loops.A]", "loops.toml, defaults.file: belongs to a loop"),
         ("[defaults]\nn = 4\n[loops.A]", "loops.toml, defaults.n: is 4, must be odd"),
+        (
+            "[defaults.controller]\nti_unti = 's'\n[loops.A]",
+            "loops.toml, defaults.controller.ti_unti: no such key; did",
+        ),
+        ("[defaults.controller]\ntd = -1\n[loops.A]", "loops.toml, defaults.controller.td: is -1, must be ≥ 0"),
+        (
+            "[defaults.controller]\nti = 3\n[loops.A.controller]\ntd = 1",
+            "loops.toml, loop A, controller.k: give either",
+        ),
     ],
 )
 def test_each_fault_is_one_line(text, line):
@@ -63,7 +112,7 @@ def test_each_fault_is_one_line(text, line):
 def test_missing_directory_and_binary(tmp_path):
     with pytest.raises(InputError, match="no such file"):
         read_settings(tmp_path / "no.toml")
-    with pytest.raises(InputError, match="cannot be read"):
+    with pytest.raises(InputError, match="is a directory"):
         read_settings(tmp_path)
     (tmp_path / "b.toml").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(InputError, match="is not UTF-8 text"):

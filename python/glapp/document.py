@@ -12,6 +12,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from . import __version__
+from .escape import in_quotes
 from .result import Result
 
 __all__ = ["to_json", "to_schema"]
@@ -207,7 +208,7 @@ def to_json(results: Sequence[Result]) -> str:
     }
     """
     document = {"glapp": __version__, "loops": [result.to_dict() for result in results]}
-    return Document.model_validate(document).model_dump_json(indent=2)
+    return in_quotes(Document.model_validate(document).model_dump_json(indent=2))
 
 
 def to_schema() -> str:

@@ -158,6 +158,7 @@ def analyze(recording: Recording, *, trust: bool = False, fit: bool = True, prog
         pv_unit=loop.pv_unit or "PV unit",
         op_unit=loop.op_label,
         t0=recording.t0,
+        known=recording.found,
     )
     told = [batch] if windows is None else windows.best()
     fitted = _fit(told, loop, ideal, quality, fitting) if fit else None

@@ -14,8 +14,23 @@ from .errors import InputError
 
 __all__ = ["Cascade", "Columns", "Loop", "Positioner", "Process", "TimeFormat"]
 
-TimeFormat = Literal["day first", "month first", "seconds", "epoch s", "epoch ms", "epoch us", "epoch ns"]
-"""How a time column is written where the data does not tell."""
+TimeFormat = Literal[
+    "day first",
+    "month first",
+    "milliseconds",
+    "seconds",
+    "minutes",
+    "hours",
+    "days",
+    "epoch s",
+    "epoch ms",
+    "epoch us",
+    "epoch ns",
+    "excel",
+    "matlab",
+    "julian",
+]
+"""How a time column is written where the data does not tell: the order of a date, or what its numbers count."""
 
 
 class Columns(Checked):
@@ -112,7 +127,9 @@ class Loop(Checked):
     time_zone : str, optional
         IANA name ("Europe/Stockholm") of times written without a zone.
     time_format : str, optional
-        Needed only where the data leaves it open: "day first", "month first", "seconds", "epoch s|ms|us|ns".
+        Needed only where the data leaves it open: "day first", "month first"; numbers that count "milliseconds",
+        "seconds", "minutes", "hours" or "days" from any moment, "epoch s|ms|us|ns" since 1970, or days as "excel",
+        "matlab" (datenum) or "julian" (Julian date) count them.
     auto_values : list of str or number, optional
         Words of the mode column that mean automatic; every other word then means not automatic.
     bad_values : list of str or number

@@ -7,7 +7,7 @@ Two sources of evidence: a `Census`, counts over every row, and an `InspectionSa
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from typing import Literal
@@ -155,6 +155,7 @@ def inspect(
     op_unit: str = "OP units",
     t0: datetime | None = None,
     first_row: int = 2,
+    known: Sequence[Finding] = (),
 ) -> list[Finding]:
     """List what is wrong with a recording, gravest first.
 
@@ -176,6 +177,8 @@ def inspect(
         Time of t = 0, to name times as a person knows them.
     first_row : int
         Number of the first data row as its reader sees it (2 below a header).
+    known : sequence of Finding
+        What was found when the recording was opened.
 
     Returns
     -------
@@ -195,8 +198,37 @@ def inspect(
     """
     with np.errstate(all="ignore"):
         look = _Look(sample, census, k, ti, identification, pv_unit, op_unit, t0, first_row)
-        found = [finding for test in _TESTS for finding in test(look)]
+        found = [*known, *(finding for test in _TESTS for finding in test(look))]
     return sorted(found, key=lambda finding: ("refuse", "warning", "info").index(finding.severity))
+
+
+def assumed_time(column: str, first: str, step: float | None, calendar: str, days: str, sure: bool) -> Finding:
+    """Say what the numbers of a time column were taken for, where that was not plain.
+
+    Parameters
+    ----------
+    column, first : str
+        Its name, and its first value as it is written.
+    step : float | None
+        Ordinary step between its numbers; None where they do not step.
+    calendar, days : str
+        The `time_format` that reads them as days, and what they are then.
+    sure : bool
+        Whether they were read so; else as seconds.
+
+    Examples
+    --------
+    >>> assumed_time("t", "45000.5", 1.0, "excel", "a spreadsheet's day numbers, 2023-03-15 12:00:00", False).severity
+    'warning'
+    """
+    begins = f"column '{column}' begins at {first} and " + ("does not step" if step is None else f"steps by {step:.6g}")
+    if sure:
+        text = f"{begins}: read as {days}; if it counts seconds, write time_format = 'seconds'"
+    else:
+        text = f"{begins}: read as seconds; if these are {days}, write time_format = '{calendar}'"
+    evidence: dict[str, float | int | str] = {"column": column, "first": first, "step": 0.0 if step is None else step}
+    evidence["read_as"] = calendar if sure else "seconds"
+    return Finding("time_assumed", "info" if sure else "warning", text, evidence)
 
 
 def assumed_gain(

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .loop import Loop
+from .quality import Finding
 
 __all__ = ["AT_HIGH", "AT_LOW", "BAD", "NOT_AUTO", "Batch", "Recording", "joined"]
 
@@ -96,6 +97,8 @@ class Recording(ABC):
         Role to the unit found in the header or in a row of units below it.
     rows : int or None
         Number of rows where it is known before reading.
+    found : sequence of Finding
+        What was noticed when it was opened.
     """
 
     name: str
@@ -106,6 +109,7 @@ class Recording(ABC):
     columns: dict[str, str]
     units: dict[str, str]
     rows: int | None
+    found: Sequence[Finding] = ()
 
     @abstractmethod
     def batches(self, rows: int = 65536) -> Iterator[Batch]:
@@ -136,3 +140,7 @@ class Recording(ABC):
     @abstractmethod
     def fraction_read(self) -> float | None:
         """Share of the file or table that the latest pass has read, 0..1; None before the first pass."""
+
+    def release(self) -> None:
+        """Let go of rows that are held in memory; they are read again where they are asked for again."""
+        return None

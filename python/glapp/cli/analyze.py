@@ -15,11 +15,12 @@ from rich.table import Table
 from rich.text import Text
 
 from ..errors import InputError
+from ..escape import for_spreadsheet, one_line
 from ..report import words
 from ..result import REASONS, Result
 from .inputs import Refused, open_files
 from .options import Options, with_options
-from .screen import CommandError, out, say_error
+from .screen import CommandError, out, say_error, styled
 from .work import analyze_all
 
 __all__ = ["analyze"]
@@ -94,7 +95,7 @@ def _rows(results: Sequence[Result]) -> str:
     writer.writerow([*answer, *REASONS[1:], "quality", *controller, *fitted, *beside])
     for result in results:
         row = result.to_dict()
-        writer.writerow(
+        cells = (
             [row[key] for key in answer]
             + [row["reasons"].get(name, 0) for name in REASONS[1:]]
             + [" ".join(f"{finding['code']}:{finding['severity']}" for finding in row["quality"])]
@@ -103,6 +104,7 @@ def _rows(results: Sequence[Result]) -> str:
             + [*(row["repeatability"] or (None, None)), row["noise_floor"]]
             + [(row["corrected"] or {}).get(key) for key in ("d", "kp")]
         )
+        writer.writerow([for_spreadsheet(cell) if isinstance(cell, str) else cell for cell in cells])
     return text.getvalue()
 
 
@@ -123,7 +125,7 @@ def _show(answers: Sequence[Result | Refused]) -> None:
             told.append(result.reason)
         told += [f.text for f in result.quality if f.severity == "warning" and f.text not in told]
         for text in told[:3]:
-            notes.add_row(f"{result.name}:", text)
+            notes.add_row(f"{one_line(result.name)}:", one_line(text))
     if notes.row_count:
         out.print()
         out.print(notes)
@@ -147,7 +149,7 @@ def _table(results: Sequence[Result], layout: _Layout) -> Table:
     corrected = any(result.corrected is not None and result.corrected.d is not None for result in results)
     whole, least = layout.told == "all", layout.told == "least"
     columns: list[tuple[str, bool, list[str | Text]]] = []  # header, whether it is a number, cells
-    columns.append(("loop", False, [result.name for result in results]))
+    columns.append(("loop", False, [one_line(result.name) for result in results]))
     if fitted:
         gaps, valves = zip(*(_fit_cells(result) for result in results), strict=True)
         columns += [("gap (95 %)", True, list(gaps)), ("valve", False, list(valves))]
@@ -179,10 +181,10 @@ def _table(results: Sequence[Result], layout: _Layout) -> Table:
 def _fit_cells(result: Result) -> list[str | Text]:
     """Width with its interval, and what kind of lost motion it is; of a loop that could not be fitted, its verdict."""
     if result.fit is None:
-        return ["–", Text(words.VERDICTS[result.verdict].lower(), style=_STYLES[result.verdict])]
+        return ["–", styled(words.VERDICTS[result.verdict].lower(), style=_STYLES[result.verdict])]
     return [
         words.fitted_width(result),
-        Text(words.FIT_VERDICTS[result.fit.verdict], style=_FIT_STYLES[result.fit.found]),
+        styled(words.FIT_VERDICTS[result.fit.verdict], style=_FIT_STYLES[result.fit.found]),
     ]
 
 
@@ -199,7 +201,7 @@ def _cells(result: Result, between: str) -> list[str | Text]:
         f"{result.detections}/{result.total_half_periods}" if result.trace else "–",
         between.join(reasons) or "–",
         between.join(worst[:2]) or ("good" if result.trace else "–"),
-        Text(between.join(verdict), style=_STYLES[result.verdict]),
+        styled(between.join(verdict), style=_STYLES[result.verdict]),
     ]
 
 

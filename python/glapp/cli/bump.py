@@ -8,14 +8,14 @@ from typing import Annotated
 
 import typer
 from rich.table import Table
-from rich.text import Text
 
 from ..bump import Bump
 from ..bump import bump as read_bump
 from ..errors import InputError
+from ..escape import in_quotes, one_line
 from .inputs import open_one
 from .options import Options, with_options
-from .screen import CommandError, key_values, out, say_error
+from .screen import CommandError, key_values, out, say_error, styled
 
 __all__ = ["bump"]
 
@@ -46,7 +46,8 @@ back moves OP, and PV does not follow, is the gap: d = |ΔOP| − |ΔPV|/Kp.
         raise CommandError(f"--plot: there is no folder '{plot.parent}'")
     found = read_bump(open_one(file, options), manual=manual)
     if json:
-        typer.echo(json_format.dumps(found.to_dict(), indent=2, ensure_ascii=False, allow_nan=False).encode())
+        text = json_format.dumps(found.to_dict(), indent=2, ensure_ascii=False, allow_nan=False)
+        typer.echo(in_quotes(text).encode())
     else:
         _show(found)
     if plot is not None:
@@ -67,7 +68,7 @@ def _show(found: Bump) -> None:
     from ..report.words import clock, number, op_unit, quantity
 
     op = op_unit(found)
-    out.print(f"{found.name}  ({found.source})", style="bold", soft_wrap=True)
+    out.print(one_line(f"{found.name}  ({found.source})"), style="bold", soft_wrap=True)
     gain = f"{found.pv_unit}/{op}" + ("/s" if found.integrating else "")
 
     def between(low: float | None, high: float | None, unit: str) -> str:
@@ -107,6 +108,6 @@ def _show(found: Bump) -> None:
             " → ".join(number(x, 4) for x in reading.pv),
             value,
             interval,
-            Text(reading.evidence, style="" if reading.value is not None else "dim"),
+            styled(reading.evidence, style="" if reading.value is not None else "dim"),
         )
     out.print(table)

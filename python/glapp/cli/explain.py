@@ -9,15 +9,15 @@ from typing import Annotated
 import numpy as np
 import typer
 from rich.table import Table
-from rich.text import Text
 
 from ..errors import InputError
+from ..escape import one_line
 from ..reading.times import moment
 from ..reading.values import CellFault
 from ..result import REASONS, Result
 from .inputs import Refused, open_one
 from .options import Options, with_options
-from .screen import CommandError, key_values, out
+from .screen import CommandError, key_values, out, styled
 from .work import analyze_all
 
 __all__ = ["explain"]
@@ -111,7 +111,7 @@ def _list(result: Result) -> None:
             number(h.delta_y[i]),
             number(h.d[i]),
             number(h.d_hat[i]),
-            Text(WORDS[REASONS[h.reason[i]]].label, style="bold" if h.reason[i] == 0 else ""),
+            styled(WORDS[REASONS[h.reason[i]]].label, style="bold" if h.reason[i] == 0 else ""),
         )
     out.print(table)
     if (left := result.total_half_periods - h.count) > 0:
@@ -125,7 +125,9 @@ def _show(result: Result, i: int) -> None:
     pv, op = result.loop.pv_unit or "PV unit", words.op_unit(result)
     reason = words.REASONS[REASONS[h.reason[i]]]
     begin, end = words.clock(result.t0, h.t_start[i]), words.clock(result.t0, h.t_end[i])
-    out.print(f"{result.name}, half-period {i + 1} of {h.count}, {begin} to {end}", style="bold", soft_wrap=True)
+    out.print(
+        f"{one_line(result.name)}, half-period {i + 1} of {h.count}, {begin} to {end}", style="bold", soft_wrap=True
+    )
     verdict = "accepted" if h.reason[i] == 0 else f"rejected: {reason.label}"
     out.print(f"{verdict} ({reason.meaning})\n", style="green" if h.reason[i] == 0 else "red")
     side = {1: "PV below SP", -1: "PV above SP", 0: "PV neither above nor below SP"}[int(h.sign[i])]
@@ -155,9 +157,9 @@ def _show(result: Result, i: int) -> None:
     failed = words.failures(int(h.mask[i]))
     for name in REASONS[1:5]:  # those without a comparison of numbers
         if name in failed:
-            out.print(Text(f"✗ {words.REASONS[name].label}: {words.REASONS[name].meaning}", style="red"))
+            out.print(styled(f"✗ {words.REASONS[name].label}: {words.REASONS[name].meaning}", style="red"))
     for line, passed in words.comparisons(result, i):
         mark, style = {True: ("✓", "green"), False: ("✗", "red"), None: ("·", "dim")}[passed]
-        out.print(Text(f"{mark} {line}", style=style))
+        out.print(styled(f"{mark} {line}", style=style))
     if reason.remedy:
         out.print(f"\n{reason.remedy}")

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from ..controller import Controller
+from ..escape import one_line
 from ..estimate import identify_recording
 from ..identify import R2_USABLE, Identification
 from ..loop import Loop
@@ -28,7 +29,7 @@ def identify(
     """Find K and Ti of the controller from OP's moves, with their intervals, ready for a loops.toml."""
     recording = open_one(file, options)
     found = identify_recording(recording)
-    out.print(f"{recording.name}  ({recording.source})", style="bold", soft_wrap=True)
+    out.print(one_line(f"{recording.name}  ({recording.source})"), style="bold", soft_wrap=True)
     out.print(key_values(_rows(recording, found)))
     if not found.usable:
         go_on = "or, knowing that, glapp analyze --trust" if found.k and found.ti else "see docs/identify.md"

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..errors import InputError
 from ..loop import Loop
 from ..reading import open_each
+from ..reading.files import name_of
 from ..reading.settings import read_each
 from ..recording import Recording
 from ..result import Result
 from .options import Options
-from .screen import CommandError
+from .screen import CommandError, say_note
 
 __all__ = ["Refused", "open_files", "open_one"]
 
@@ -33,7 +34,7 @@ class Refused:
 
 
 def open_files(files: Sequence[Path], options: Options) -> list[Recording | Refused]:
-    """Open recordings and the recordings of loops.toml files, in their order.
+    """Open recordings and the recordings of loops.toml files, in their order; no two have the same name.
 
     Raises
     ------
@@ -57,7 +58,9 @@ def open_files(files: Sequence[Path], options: Options) -> list[Recording | Refu
         except InputError as error:
             found = [error]
         opened += [_refused(entry, file) if isinstance(entry, InputError) else entry for entry in found]
-    return _only(opened, options.loop)
+    asked = [entry.name for entry in opened]
+    opened = _told_apart(opened)
+    return _only(opened, asked, options.loop)
 
 
 def open_one(file: Path, options: Options) -> Recording:
@@ -106,20 +109,67 @@ def _from_settings(file: Path) -> list[Recording | Refused]:
 
 
 def _refused(error: InputError, file: Path, loop: Loop | None = None) -> Refused:
-    name = (loop and loop.name) or error.loop or file.stem or str(file)
+    name = (loop and loop.name) or error.loop or name_of(file)
     # A file name need not be text; an answer must be.
     name, source = (text.encode(errors="replace").decode() for text in (name, str(file)))
     return Refused(name, source, error, loop)
 
 
-def _only(opened: list[Recording | Refused], names: Sequence[str] | None) -> list[Recording | Refused]:
+def _told_apart(opened: list[Recording | Refused]) -> list[Recording | Refused]:
+    """Loops of the same name get as much of their files' paths before it as tells them apart."""
+    same: dict[str, list[int]] = {}
+    for i, entry in enumerate(opened):
+        same.setdefault(entry.name, []).append(i)
+    taken = {name for name, places in same.items() if len(places) == 1}
+    told = list(opened)
+    clashes = {name: places for name, places in same.items() if len(places) > 1}
+    for name, places in clashes.items():
+        for i, apart in zip(places, _with_paths(name, [opened[i].source for i in places]), strict=True):
+            free, number = apart, 1
+            while free in taken:  # the same file twice, or a loop that is called like this by itself
+                number += 1
+                free = f"{apart} ({number})"
+            taken.add(free)
+            told[i] = _renamed(opened[i], free)
+    if clashes:
+        name, places = next(iter(clashes.items()))
+        shown = ", ".join(told[i].name for i in places[:3]) + (" ..." if len(places) > 3 else "")
+        others = f", and {len(clashes) - 1} more names likewise" if len(clashes) > 1 else ""
+        say_note(f"{len(places)} loops are named {name}; they are shown as {shown}{others}")
+    return told
+
+
+def _with_paths(name: str, sources: Sequence[str]) -> list[str]:
+    """The name after as many of the last parts of its file's path as tell these apart; else after the whole path."""
+    for stem in (name_of, lambda source: Path(source).name):  # FIC101.csv beside FIC101.parquet: with the endings
+        parts = [
+            (*Path(source).parent.parts, stem(source), *([] if name_of(source) == name else [name]))
+            for source in sources
+        ]
+        tails = [["/".join(part[-depth:]) for part in parts] for depth in range(1, max(map(len, parts)) + 1)]
+        if (found := next((tail for tail in tails if len(set(tail)) == len(set(sources))), None)) is not None:
+            return found
+    return tails[-1]
+
+
+def _renamed(entry: Recording | Refused, name: str) -> Recording | Refused:
+    if isinstance(entry, Refused):
+        return replace(entry, name=name)
+    entry.name, entry.loop = name, entry.loop.model_copy(update={"name": name})
+    return entry
+
+
+def _only(
+    opened: list[Recording | Refused], asked: Sequence[str], names: Sequence[str] | None
+) -> list[Recording | Refused]:
+    """Those that were asked for, by the name they have here or by the one in their file."""
     if not names:
         return opened
     known = {entry.name for entry in opened}
     for name in names:
-        if name not in known:
+        if name not in known and name not in asked:
             raise CommandError(f"--loop: no loop '{name}'; there are: {', '.join(sorted(known))}")
-    return [entry for entry in opened if entry.name in names]
+    return [entry for entry, own in zip(opened, asked, strict=True) if entry.name in names or own in names]
 
 
 def _is_toml(file: Path) -> bool:

@@ -1,16 +1,40 @@
-"""The terminal: standard output for answers, standard error for everything about them."""
+"""The terminal: standard output for answers, standard error for everything about them.
+
+Names of files, loops, columns and tags come from outside, and a terminal obeys control characters: `glapp.escape` shows
+them instead.
+"""
 
 from __future__ import annotations
+
+from typing import Any
 
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-__all__ = ["CommandError", "err", "examples", "key_values", "out", "say_error"]
+from ..escape import escaped, one_line
 
-# Names of loops and files are shown as they are: no markup, no emoji codes, no colouring of numbers.
-out = Console(markup=False, emoji=False, highlight=False)
-err = Console(markup=False, emoji=False, highlight=False, stderr=True)
+__all__ = ["CommandError", "err", "examples", "key_values", "out", "say_error", "say_note", "styled"]
+
+
+def styled(text: str, style: str = "") -> Text:
+    """Text in a style, escaped."""
+    return Text(escaped(text), style=style)
+
+
+class _Screen(Console):
+    """A console that shows strings as they are, but for control characters: no markup, no emoji, no colouring."""
+
+    def __init__(self, *, stderr: bool = False) -> None:
+        super().__init__(markup=False, emoji=False, highlight=False, stderr=stderr)
+
+    def render_str(self, text: str, **options: Any) -> Text:
+        """Every string that is printed, or stands in a table, comes through here."""
+        return super().render_str(escaped(text), **options)
+
+
+out = _Screen()
+err = _Screen(stderr=True)
 
 
 class CommandError(Exception):
@@ -19,7 +43,12 @@ class CommandError(Exception):
 
 def say_error(error: Exception | str) -> None:
     """One line on standard error; a terminal wraps it, nothing else does."""
-    err.print(Text("error: ", style="bold red") + Text(str(error)), soft_wrap=True)
+    err.print(Text("error: ", style="bold red") + Text(one_line(str(error))), soft_wrap=True)
+
+
+def say_note(text: str) -> None:
+    """One line on standard error about what was done."""
+    err.print(f"note: {one_line(text)}", soft_wrap=True)
 
 
 def key_values(rows: list[tuple[str, str]]) -> Table:

@@ -11,6 +11,7 @@ from time import monotonic
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from ..errors import InputError
+from ..escape import one_line
 from ..estimate import analyze
 from ..recording import Recording
 from ..result import Result
@@ -43,10 +44,11 @@ def analyze_all(opened: Sequence[Recording | Refused], trust: bool, fit: bool) -
             return Refused(entry.name, entry.source, error, entry.loop)
         finally:
             done[i] = 1.0
+            entry.release()
 
     begun = monotonic()
     bar = Progress(
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         TextColumn("{task.percentage:.0f} %"),
         TimeRemainingColumn(),
@@ -54,7 +56,7 @@ def analyze_all(opened: Sequence[Recording | Refused], trust: bool, fit: bool) -
         transient=True,
         disable=not err.is_terminal,
     )
-    task = bar.add_task(f"{len(opened)} loops" if len(opened) > 1 else opened[0].name, total=len(opened))
+    task = bar.add_task(f"{len(opened)} loops" if len(opened) > 1 else one_line(opened[0].name), total=len(opened))
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         futures = [pool.submit(answer, i) for i in range(len(opened))]
         try:

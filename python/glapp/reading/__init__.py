@@ -9,11 +9,13 @@ from typing import Any
 from ..errors import InputError
 from ..loop import Loop
 from ..recording import Recording
-from .columns import choose, find_loops, group_of, is_long
+from .columns import Signals, choose, is_long
 from .csv import CsvSource
 from .each import all_or_none, each
+from .files import check_file, name_of
 from .long import long_recordings
 from .parquet import IpcSource, ParquetSource
+from .passes import Passes
 from .source import Source
 from .tables import TableSource, to_table
 from .wide import WideRecording
@@ -70,7 +72,7 @@ def open_each(
     InputError
         Where the file cannot be used.
     """
-    return _recordings(_open(Path(path), str(path)), Path(path).name.split(".")[0] or "loop", loops, defaults)
+    return _recordings(_open(Path(path), str(path)), name_of(path), loops, defaults)
 
 
 def recording_from(data: Any, loop: Loop | None = None) -> Recording:
@@ -108,20 +110,12 @@ def recording_from(data: Any, loop: Loop | None = None) -> Recording:
 
 
 def _open(path: Path, label: str) -> Source:
+    check_file(path, label)
     try:
-        if path.is_dir():
-            raise InputError("is a directory", file=label, hint="name the file in it")
         with path.open("rb") as file:
             magic = file.read(6)
-        label.encode()
-    except InputError:
-        raise
-    except UnicodeEncodeError:
-        raise InputError("has a name that is not UTF-8", file=label, hint="rename it") from None
-    except FileNotFoundError:
-        raise InputError("no such file", file=label) from None
-    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
-        raise InputError(f"cannot be read: {getattr(error, 'strerror', None) or error}", file=label) from None
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror or error}", file=label) from None
     if magic.startswith(b"PAR1"):
         return ParquetSource(str(path), label)
     if magic.startswith((b"ARROW1", b"\xff\xff\xff\xff")):
@@ -134,12 +128,15 @@ def _recordings(
 ) -> list[Recording | InputError]:
     if is_long(source.names) or any(loop.columns.tag for loop in loops or ()):
         return long_recordings(source, stem, loops, defaults)
-    groups = find_loops(source.names)
+    signals = Signals(source.names)
+    found: dict[str, str] = {}
     if loops is None:
-        found = {group or stem: group for group in groups} or {stem: ""}
+        found = signals.loops(stem)
         loops = [Loop(**{**(defaults or {}), "name": name}) for name in found]
+    passes = Passes(source)
 
     def make(loop: Loop) -> Recording:
-        return WideRecording(source, loop, choose(source.names, loop, group_of(loop, groups), source.label))
+        group = found[loop.name] if found else signals.group_of(loop)
+        return WideRecording(passes, loop, choose(signals, loop, group, source.label))
 
     return each(loops, make)

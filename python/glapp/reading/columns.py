@@ -18,7 +18,7 @@ from ..checked import nearest
 from ..errors import InputError
 from ..loop import Loop
 
-__all__ = ["LABELS", "choose", "find_loops", "group_of", "is_long", "understand"]
+__all__ = ["LABELS", "Signals", "choose", "is_long", "understand"]
 
 LABELS = {
     "time": "time",
@@ -134,47 +134,98 @@ def is_long(names: Sequence[str]) -> bool:
     return {"tag", "value"} <= set(roles) and "pv" not in roles
 
 
-def find_loops(names: Iterable[str]) -> list[str]:
-    """Names of the loops that have at least SP and PV, in the order in which they appear; "" for unprefixed columns.
+class Signals:
+    """The columns of a wide table, or the tags of a long one, each name understood once for all loops.
+
+    Parameters
+    ----------
+    names : iterable of str
+        In the order in which they appear; they may repeat.
+
+    Attributes
+    ----------
+    names : list of str
+        The same.
+    groups : list of str
+        Loops that have at least SP and PV, in the order in which they appear; "" for names without a prefix.
 
     Examples
     --------
-    >>> find_loops(["t", "FIC101.SP", "FIC101.PV", "TI7.PV", "FIC102.PV", "FIC102.SP"])
+    >>> Signals(["t", "FIC101.SP", "FIC101.PV", "TI7.PV", "FIC102.PV", "FIC102.SP"]).groups
     ['FIC101', 'FIC102']
     """
-    roles: dict[str, set[str]] = {}
-    for name in names:
-        meaning = understand(name)
-        if meaning.role in ("sp", "pv"):
-            roles.setdefault(meaning.loop, set()).add(meaning.role)
-    return [loop for loop, have in roles.items() if len(have) == 2]
 
+    def __init__(self, names: Iterable[str]) -> None:
+        self.names = list(names)
+        self._meant: dict[tuple[str, str], list[str]] = {}
+        self._times: list[str] = []
+        self._folded: dict[str, list[str]] = {}
+        roles: dict[str, set[str]] = {}
+        for name in self.names:
+            self._folded.setdefault(name.strip().lower(), []).append(name)
+            meaning = understand(name)
+            if meaning.role is None:
+                continue
+            self._meant.setdefault((meaning.role, meaning.loop), []).append(name)
+            if meaning.role == "time":
+                self._times.append(name)
+            elif meaning.role in ("sp", "pv"):
+                roles.setdefault(meaning.loop, set()).add(meaning.role)
+        self.groups = [loop for loop, have in roles.items() if len(have) == 2]
+        self._exact = set(self.groups)
+        self._group = {group.lower(): group for group in reversed(self.groups)}
 
-def group_of(loop: Loop, groups: Sequence[str]) -> str | None:
-    """Prefix within which this loop's columns are guessed: its own name, or the only one there is."""
-    for group in groups:
-        if group.lower() == loop.name.lower():
+    def loops(self, stem: str) -> dict[str, str]:
+        """Name of every loop that the names show to its prefix; the one without a prefix has the name `stem`.
+
+        Examples
+        --------
+        >>> Signals(["t", "SP", "PV", "FIC1.SP", "FIC1.PV"]).loops("FIC1")
+        {'FIC1 (no prefix)': '', 'FIC1': 'FIC1'}
+        """
+        bare = stem if stem not in self._exact else f"{stem} (no prefix)"
+        return {group or bare: group for group in self.groups or [""]}
+
+    def group_of(self, loop: Loop) -> str | None:
+        """Prefix within which this loop's columns are guessed: its own name, or the only one there is."""
+        if loop.name in self._exact:
+            return loop.name
+        if (group := self._group.get(loop.name.lower())) is not None:
             return group
-    if len(groups) == 1:
-        return groups[0]
-    return None if groups else ""
+        if len(self.groups) == 1:
+            return self.groups[0]
+        return None if self.groups else ""
+
+    def named(self, name: str) -> list[str]:
+        """Those that a person who wrote `name` means."""
+        like = self._folded.get(name.strip().lower(), [])
+        return [n for n in like if n == name] or like
+
+    def meant(self, role: str, group: str) -> list[str]:
+        """Those that are `role` of the loop `group`, by their names."""
+        if role == "time":
+            return self._times
+        found = self._meant.get((role, group), [])
+        if found or len(self.groups) > 1:
+            return found
+        return self._meant.get((role, ""), [])  # a MODE or OP beside FIC101.PV belongs to the only loop there is
 
 
-def choose(names: Sequence[str], loop: Loop, group: str | None, label: str, *, tags: bool = False) -> dict[str, str]:
+def choose(signals: Signals, loop: Loop, group: str | None, label: str, *, tags: bool = False) -> dict[str, str]:
     """Column (or tag) for every role of one loop that has one: named by the user, or guessed within `group`.
 
     Parameters
     ----------
-    names : sequence of str
+    signals : Signals
         Columns or tags there are.
     loop : Loop
         Its `columns` win over guesses; an empty string there means "there is none".
     group : str or None
-        Prefix of this loop's columns as `find_loops` gives it; None when nothing may be guessed.
+        Prefix of this loop's columns, one of `signals.groups`; None when nothing may be guessed.
     label : str
         File as the user wrote it, for messages.
     tags : bool
-        Whether `names` are the tags of a long table.
+        Whether `signals` are the tags of a long table.
 
     Raises
     ------
@@ -190,13 +241,13 @@ def choose(names: Sequence[str], loop: Loop, group: str | None, label: str, *, t
         named = wanted[role]
         if named is not None:
             if named:
-                chosen[role] = _named(names, named, role, loop, label, kind)
-        elif guessed := _guess(names, role, group, label, kind):
+                chosen[role] = _named(signals, named, role, loop, label, kind)
+        elif guessed := _guess(signals, role, group, label, kind):
             chosen[role] = guessed
     missing = [LABELS[role] for role in ("sp", "pv") if role not in chosen]
     if missing:
         raise InputError(
-            f"no {kind} for {' and '.join(missing)} among: {_listed(names)}",
+            f"no {kind} for {' and '.join(missing)} among: {_listed(signals.names)}",
             file=label,
             loop=loop.name if group is None else None,
             column=None,
@@ -205,14 +256,15 @@ def choose(names: Sequence[str], loop: Loop, group: str | None, label: str, *, t
     return chosen
 
 
-def _named(names: Sequence[str], named: str, role: str, loop: Loop, label: str, kind: str) -> str:
-    same = [n for n in names if n == named] or [n for n in names if n.strip().lower() == named.strip().lower()]
+def _named(signals: Signals, named: str, role: str, loop: Loop, label: str, kind: str) -> str:
+    same = signals.named(named)
     if len(same) == 1:
         return same[0]
     if same:
         raise InputError(
             f"there are {len(same)} {kind}s of this name", file=label, column=named, hint="give them different names"
         )
+    names = signals.names
     near = nearest(named, {n.lower(): n for n in names})
     near = next((n for n in names if n.lower() == near), None)
     raise InputError(
@@ -226,19 +278,10 @@ def _named(names: Sequence[str], named: str, role: str, loop: Loop, label: str, 
     )
 
 
-def _guess(names: Sequence[str], role: str, group: str | None, label: str, kind: str) -> str | None:
+def _guess(signals: Signals, role: str, group: str | None, label: str, kind: str) -> str | None:
     if group is None and role != "time":
         return None
-    lonely = len(find_loops(names)) <= 1  # an unprefixed MODE or OP beside FIC101.PV belongs to the only loop there is
-    fits, shared = [], []
-    for name in names:
-        meaning = understand(name)
-        if meaning.role == role:
-            if meaning.loop == group or role == "time":
-                fits.append(name)
-            elif meaning.loop == "" and lonely:
-                shared.append(name)
-    fits = fits or shared
+    fits = signals.meant(role, group or "")
     if len(fits) > 1:
         key = role
         raise InputError(

@@ -1,9 +1,10 @@
 """Text tables: what they look like, and streaming them.
 
-The first 64 KiB (and the last, where they can be had) tell encoding, separator, decimal comma, header and a row of
-units. Then there are three roads, which give the same values. A block that is plain CSV throughout is parsed by
-`_glapp.PlainCsv`, which is fast and knows nothing else. Arrow parses any other, numbers and ISO times natively; a cell
-that it cannot convert so makes the block be read as text, which knows all spellings and finds the faulty cell.
+The first 64 KiB, or 20 lines where they are longer, (and the last, where they can be had) tell encoding, separator,
+decimal comma, header and a row of units. Then there are three roads, which give the same values. A block that is plain
+CSV throughout is parsed by `_glapp.PlainCsv`, which is fast and knows nothing else. Arrow parses any other, numbers and
+ISO times natively; a column that it cannot convert so is read as text, which knows all spellings and finds the faulty
+cell.
 """
 
 from __future__ import annotations
@@ -13,11 +14,14 @@ import csv
 import io
 import os
 import re
+import sys
+from bisect import bisect_right
 from collections import Counter, deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from itertools import chain, repeat
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -34,10 +38,14 @@ from .values import null_spellings, words_for_bad
 __all__ = ["CsvSource"]
 
 _SAMPLE = 1 << 16
+_LINES = 20
+_LARGEST_SAMPLE = 1 << 24
 _BLOCK = 1 << 22
 _THREADS = min(os.cpu_count() or 1, 4)
 _NUMBER = re.compile(r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?")
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
+_IN_COLUMN = re.compile(r"In CSV column #(\d+)")
+_FAULTS = 4  # columns of a block found not to be numbers one by one, before all of them are read as text
 _COMPRESSED = {".gz": "gzip", ".bz2": "bz2", ".zst": "zstd", ".lz4": "lz4"}
 
 
@@ -53,13 +61,16 @@ class CsvSource(Source):
     def __init__(self, path: str, label: str) -> None:
         self.label = label
         self.rows = None
+        self.one_fault = True
         self._path = path
+        self._starts: list[tuple[int, int]] | None = None
+        self._counting = Lock()
         self._compression = _COMPRESSED.get(Path(path).suffix.lower())
         self._size = Path(path).stat().st_size
-        raw = self._sample(0)
+        raw, whole = self._beginning()
+        self._sampled = len(raw)
         if not raw.strip(b"\r\n\t \0"):
             raise InputError("is empty", file=label)
-        whole = len(raw) < _SAMPLE
         self._encoding = _encoding(raw, whole, label)
         text = codecs.getincrementaldecoder(self._encoding)("replace").decode(raw, whole)
         if "\0" in text:
@@ -67,6 +78,8 @@ class CsvSource(Source):
         lines = list(io.StringIO(text, newline=None))
         if not whole and len(lines) > 1:
             lines.pop()  # cut off in its middle
+        if not whole and len(lines) == 1:
+            raise InputError(f"has a first line of more than {self._sampled >> 20} MiB", file=label, row=1)
         try:
             self._delimiter, rows = _separate(lines, label)
             tail = [] if whole else self._last_rows()
@@ -98,8 +111,8 @@ class CsvSource(Source):
         body_cells = [cells for _, cells in body if len(cells) == width]
         if not body_cells:
             raise self._ragged(None)
-        self._head = _columns(body_cells, width)
-        self._tail = _columns([cells for cells in tail if len(cells) == width], width) if tail else None
+        self._head = body_cells
+        self._tail = [cells for cells in tail if len(cells) == width]
         cells = [cell.strip() for row in body_cells + tail for cell in row]
         commas = any(_DECIMAL_COMMA.fullmatch(cell) for cell in cells)
         points = any("." in cell and _NUMBER.fullmatch(cell) for cell in cells)
@@ -114,13 +127,13 @@ class CsvSource(Source):
         self._decimal = "," if commas else "."
         self.comma = not points  # whether text may still turn out to have a decimal comma
 
-    def head(self) -> list[pa.Array]:
-        """First rows of every column, as text."""
-        return self._head
+    def head(self, columns: Sequence[int]) -> list[pa.Array]:
+        """First rows of the columns, as text."""
+        return [_column(self._head, i) for i in columns]
 
-    def tail(self) -> list[pa.Array] | None:
-        """Last rows of every column, as text."""
-        return self._tail
+    def tail(self, column: int) -> pa.Array | None:
+        """Last rows of a column, as text."""
+        return _column(self._tail, column) if self._tail else None
 
     def stream(
         self, types: Mapping[int, pa.DataType], bad_words: frozenset[str]
@@ -148,11 +161,16 @@ class CsvSource(Source):
         def work(block: bytes, skip: int, fraction: float) -> tuple[list[pa.Array], float]:
             if short_cut is not None and (columns := short_cut(block, skip)) is not None:
                 return columns, fraction
-            try:
-                table = parse(block, skip, types)
-            except pa.ArrowInvalid as error:
-                if not str(error).startswith("In CSV column"):
-                    raise
+            kinds = dict(types)
+            for _ in range(_FAULTS):
+                try:
+                    table = parse(block, skip, kinds)
+                    break
+                except pa.ArrowInvalid as error:
+                    if not (found := _IN_COLUMN.match(str(error))):
+                        raise
+                    kinds[int(found[1])] = pa.string()
+            else:
                 table = parse(block, skip, dict.fromkeys(types, pa.string()))
             return [
                 pa.concat_arrays(c.chunks) if c.num_chunks else pa.nulls(0, c.type) for c in table.columns
@@ -225,13 +243,20 @@ class CsvSource(Source):
             return stream
         return pa.transcoding_input_stream(stream, self._encoding, "utf-8")
 
-    def _sample(self, start: int) -> bytes:
+    def _beginning(self) -> tuple[bytes, bool]:
+        """The beginning of the file, long enough to hold some lines, and whether that is all of it."""
         try:
             with pa.OSFile(self._path) as file:
-                if self._compression:
-                    return bytes(pa.CompressedInputStream(file, self._compression).read(_SAMPLE))
-                file.seek(start)
-                return bytes(file.read(_SAMPLE))
+                stream = pa.CompressedInputStream(file, self._compression) if self._compression else file
+                raw = b""
+                while len(raw) < _LARGEST_SAMPLE:
+                    more = bytes(stream.read(max(_SAMPLE, len(raw))))
+                    if not more:
+                        return raw, True
+                    raw += more
+                    if len(raw) >= _SAMPLE and max(raw.count(b"\n"), raw.count(b"\r")) > _LINES:
+                        break
+                return raw, False
         except (OSError, pa.ArrowException) as error:
             raise InputError(f"cannot be read: {error}", file=self.label) from None
 
@@ -239,7 +264,12 @@ class CsvSource(Source):
         """Cells of the last rows; none where the end cannot be had without reading everything."""
         if self._compression or self._encoding not in ("utf-8", "utf-8-sig", "cp1252"):
             return []
-        text = self._sample(max(0, self._size - _SAMPLE)).decode(self._encoding, "replace")
+        try:
+            with pa.OSFile(self._path) as file:
+                file.seek(max(0, self._size - self._sampled))
+                text = bytes(file.read(self._sampled)).decode(self._encoding, "replace")
+        except OSError as error:
+            raise InputError(f"cannot be read: {error}", file=self.label) from None
         lines = io.StringIO(text, newline=None)
         next(lines, None)  # it is cut
         return [row for row in csv.reader(lines, delimiter=self._delimiter) if row]
@@ -263,13 +293,18 @@ class CsvSource(Source):
 
     def row_number(self, record: int) -> int:
         """Line on which the record with this index starts."""
-        try:
-            for i, (line, _) in enumerate(self._records()):
-                if i == record:
-                    return line
-        except csv.Error:
-            pass
-        return self._skip + record + 1
+        with self._counting:
+            if self._starts is None:  # where lines and records part: many loops may ask
+                self._starts, before = [(0, self._skip + 1)], self._skip
+                try:
+                    for i, (line, _) in enumerate(self._records()):
+                        if line != before + 1:
+                            self._starts.append((i, line))
+                        before = line
+                except csv.Error:
+                    pass
+        at, line = self._starts[bisect_right(self._starts, (record, sys.maxsize)) - 1]
+        return line + record - at
 
     def _ragged(self, error: pa.ArrowInvalid | None) -> InputError:
         """Say which row has more or fewer cells than the header."""
@@ -334,14 +369,21 @@ def _encoding(raw: bytes, whole: bool, label: str) -> str:
 def _separate(lines: list[str], label: str) -> tuple[str, list[tuple[int, list[str]]]]:
     """The separator that splits most rows into the same number of cells, and the rows so split with their last line."""
     best: tuple[tuple[float, int], str, list[tuple[int, list[str]]]] | None = None
+    fault: csv.Error | None = None
     for order, delimiter in enumerate(("\t", ";", "|", ",")):
         reader = csv.reader(lines, delimiter=delimiter)
-        rows = [(reader.line_num, cells) for cells in reader if cells]
+        try:
+            rows = [(reader.line_num, cells) for cells in reader if cells]
+        except csv.Error as error:  # a wide line that this does not separate is one cell, longer than a cell may be
+            fault = fault or error
+            continue
         width, count = Counter(len(cells) for _, cells in rows).most_common(1)[0] if rows else (0, 0)
         score = (count / max(len(rows), 1), -order)
         if width > 1 and (best is None or score > best[0]):
             best = score, delimiter, rows
     if best is None:
+        if fault is not None:
+            raise fault
         raise InputError("has only one column", file=label, hint="separate the columns by comma, semicolon, tab or '|'")
     return best[1], best[2]
 
@@ -355,5 +397,5 @@ def _is_unit_row(cells: list[str], width: int) -> bool:
     return len(cells) == width and any(c.strip() for c in cells) and not any(_is_data(c) for c in cells)
 
 
-def _columns(rows: list[list[str]], width: int) -> list[pa.Array]:
-    return [pa.array([row[i] for row in rows], pa.string()) for i in range(width)]
+def _column(rows: list[list[str]], column: int) -> pa.Array:
+    return pa.array([row[column] for row in rows], pa.string())

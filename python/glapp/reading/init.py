@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..escape import one_line
 from ..recording import Recording
 from . import open_recordings
 from .settings import _key, _value
@@ -64,7 +65,7 @@ def first_settings(path: str | Path, directory: str | Path = ".") -> str:
     """
     recordings = open_recordings(path)
     file = Path(path) if Path(path).is_absolute() else Path(os.path.relpath(path, directory))
-    return _HEAD.format(file=file.name) + "".join(_loop(file, recording) for recording in recordings)
+    return _HEAD.format(file=one_line(file.name)) + "".join(_loop(file, recording) for recording in recordings)
 
 
 def _loop(file: Path, recording: Recording) -> str:
@@ -80,7 +81,7 @@ def _loop(file: Path, recording: Recording) -> str:
         file=_value(file),
         seen="".join(line + "\n" for line in seen),
         columns=f"columns = {{ {listed} }}\n",
-        pv_unit=pv_unit or "PV's unit",
+        pv_unit=one_line(pv_unit) if pv_unit else "PV's unit",
         pv_unit_line=f"pv_unit = {_value(pv_unit)}" if pv_unit else '# pv_unit = "m3/h"',
     )
 

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..loop import Loop
 from ..recording import BAD, Batch, Recording
-from .columns import LABELS, choose, find_loops, group_of, understand
+from .columns import LABELS, Signals, choose, understand
 from .each import each
 from .source import Source
 from .times import Clock
@@ -58,20 +58,20 @@ class _Store:
         self.at = {role: self._column(role, loops) for role in ("time", "tag", "value", "quality")}
         if self.at["time"] is None:
             raise InputError(f"no time column among: {', '.join(source.names[:20])}", file=source.label)
-        head, tail = source.head(), source.tail()
-        if len(head[0]) < 2:
-            raise InputError("has only one row" if len(head[0]) else "has no rows", file=source.label)
-        self._types = {i: pa.string() for i in self.at.values() if i is not None}
         time = self.at["time"]
+        [head] = source.head([time])
+        if len(head) < 2:
+            raise InputError("has only one row" if len(head) else "has no rows", file=source.label)
+        self._types = {i: pa.string() for i in self.at.values() if i is not None}
         try:
             zone = next((loop.time_zone for loop in loops if loop.time_zone), None)
             form = next((loop.time_format for loop in loops if loop.time_format), None)
-            self.clock = Clock(head[time], tail and tail[time], form, zone)
+            self.clock = Clock(head, source.tail(time), form, zone, source.names[time], source.unit(time))
         except CellFault as fault:
             raise self.fault(fault, "time", 0) from None
         self._types[time] = self.clock.arrow_type
         at = self.at["quality"]
-        first = [] if at is None else [text_of(v) for v in head[at].to_pylist()]
+        first = [] if at is None else [text_of(v) for v in source.head([at])[0].to_pylist()]
         self._quality = Quality(first, words_for_bad(()))
         self._tags: dict[str, _Tag] | None = None
         self._reading = Lock()
@@ -189,6 +189,7 @@ class LongRecording(Recording):
         self.loop = with_units(loop, self.units)
         self.t0: datetime | None = store.clock.t0
         self.zone = store.clock.zone
+        self.found = store.clock.found
 
     def fraction_read(self) -> float | None:
         """Share of the file that is read; the file is read once for all its loops."""
@@ -239,14 +240,15 @@ def long_recordings(
         Where the table cannot be used.
     """
     store = _Store(source, loops or [Loop(**{**(defaults or {}), "name": stem})])
-    names = store.names()
-    groups = find_loops(names)
+    signals = Signals(store.names())
+    found: dict[str, str] = {}
     if loops is None:
-        found = {group or stem: group for group in groups} or {stem: ""}
+        found = signals.loops(stem)
         loops = [Loop(**{**(defaults or {}), "name": name}) for name in found]
 
     def make(loop: Loop) -> Recording:
-        chosen = choose(names, loop, group_of(loop, groups), source.label, tags=True)
+        group = found[loop.name] if found else signals.group_of(loop)
+        chosen = choose(signals, loop, group, source.label, tags=True)
         reader = Reader(loop, None, source.comma, Quality((), words_for_bad(loop.bad_values)))
         for role, tag in chosen.items():
             store.readers[tag] = (role, reader)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 import pyarrow as pa
 import pyarrow.ipc as ipc
@@ -25,6 +25,7 @@ class ParquetSource(Source):
             self.rows = file.metadata.num_rows
         self.names = list(schema.names)
         self.units = [None] * len(self.names)
+        self._head: dict[int, pa.Array] = {}
 
     def _open(self) -> pq.ParquetFile:
         try:
@@ -33,14 +34,22 @@ class ParquetSource(Source):
         except (pa.ArrowException, OSError) as error:
             raise InputError(f"is not a readable Parquet file: {error}", file=self.label) from None
 
-    def head(self) -> list[pa.Array]:
-        """First rows of every column."""
-        with self._open() as file:
-            try:
-                batch = next(file.iter_batches(1000), None)
-            except (pa.ArrowException, OSError) as error:
-                raise InputError(f"is damaged: {error}", file=self.label) from None
-            return [pa.nulls(0, f.type) for f in file.schema_arrow] if batch is None else batch.columns
+    def head(self, columns: Sequence[int]) -> list[pa.Array]:
+        """First rows of the columns; each is read once."""
+        missing = [i for i in columns if i not in self._head]
+        if missing:
+            with self._open() as file:
+                schema = file.schema_arrow
+                for start in range(0, len(missing), 64):  # a page of each is in memory
+                    part = missing[start : start + 64]
+                    try:
+                        batch = next(file.iter_batches(1000, columns=[self.names[i] for i in part]), None)
+                    except (pa.ArrowException, OSError) as error:
+                        raise InputError(f"is damaged: {error}", file=self.label) from None
+                    for i in part:
+                        nothing = pa.nulls(0, schema.field(i).type)
+                        self._head[i] = nothing if batch is None else batch.column(self.names[i])
+        return [self._head[i] for i in columns]
 
     def stream(
         self, types: Mapping[int, pa.DataType], bad_words: frozenset[str]
@@ -71,6 +80,7 @@ class IpcSource(Source):
         self.names = list(schema.names)
         self.units = [None] * len(self.names)
         self.rows = None
+        self._head: dict[int, pa.Array] = {}
 
     def _open(self, fields: list[int] | None) -> ipc.RecordBatchFileReader | ipc.RecordBatchStreamReader:
         try:
@@ -94,12 +104,14 @@ class IpcSource(Source):
         except (pa.ArrowException, OSError) as error:
             raise InputError(f"is damaged: {error}", file=self.label) from None
 
-    def head(self) -> list[pa.Array]:
-        """First rows of every column."""
-        for batch, _ in self._batches(None):
-            if batch.num_rows:
-                return [column.slice(0, 1000) for column in batch.columns]
-        return [pa.nulls(0, f.type) for f in self._open(None).schema]
+    def head(self, columns: Sequence[int]) -> list[pa.Array]:
+        """First rows of the columns; each is read once."""
+        missing = sorted(set(columns) - self._head.keys())
+        if missing:
+            first = next((batch for batch, _ in self._batches(missing) if batch.num_rows), None)
+            found = [pa.nulls(0) for _ in missing] if first is None else first.columns
+            self._head.update(zip(missing, (column.slice(0, 1000) for column in found), strict=True))
+        return [self._head[i] for i in columns]
 
     def stream(
         self, types: Mapping[int, pa.DataType], bad_words: frozenset[str]

@@ -12,8 +12,10 @@ from pydantic import BaseModel
 
 from ..checked import nearest
 from ..errors import InputError
+from ..escape import in_quotes
 from ..loop import Loop
 from .each import all_or_none
+from .files import check_file
 
 __all__ = ["read_each", "read_settings", "write_settings"]
 
@@ -35,8 +37,9 @@ _COMMENTS = {
 def read_settings(path: str | Path) -> list[Loop]:
     """Loops of a loops.toml: tables [loops.NAME], each completed by [defaults].
 
-    A table inside a loop ([loops.NAME.controller]) is completed key by key by the same table of the defaults. File
-    names are relative to the directory of the loops.toml.
+    A table inside a loop ([loops.NAME.controller]) is completed key by key by the same table of the defaults: the
+    loop's own keys win, and a default that says the same in another way (`k` for `pb`) is left out. File names are
+    relative to the directory of the loops.toml.
 
     Parameters
     ----------
@@ -65,14 +68,13 @@ def read_each(path: str | Path) -> list[Loop | InputError]:
         For a fault of the whole file or of its defaults.
     """
     label, path = str(path), Path(path)
+    check_file(path, label)
     try:
         text = path.read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise InputError("no such file", file=label) from None
     except UnicodeDecodeError:
         raise InputError("is not UTF-8 text", file=label) from None
-    except (OSError, ValueError) as error:
-        raise InputError(f"cannot be read: {getattr(error, 'strerror', None) or error}", file=label) from None
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror or error}", file=label) from None
     return _each(text, label, path.parent)
 
 
@@ -112,7 +114,7 @@ def _each(text: str, label: str, directory: Path) -> list[Loop | InputError]:
         if key in defaults:
             raise InputError("belongs to a loop, not to the defaults", file=label, parameter=f"defaults.{key}")
     if defaults:  # so that a fault in the defaults is not blamed on the first loop
-        _loop({**defaults, "name": "defaults"}, label, None)
+        _loop({**defaults, **_completed(defaults), "name": "defaults"}, label, None)
     loops: list[Loop | InputError] = []
     for name, table in tables.items():
         try:
@@ -144,11 +146,48 @@ def _loop(data: dict[str, Any], label: str, name: str | None) -> Loop:
 
 
 def _merged(defaults: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
+    """The loop's table, completed key by key by the defaults; the loop's own keys win."""
     out = dict(defaults)
+    controller = defaults.get("controller")
+    if "controller" not in own and isinstance(controller, dict) and not _complete(controller):
+        del out["controller"]  # it completes those of the loops that have one; the others' are found from the data
     for key, value in own.items():
         old = out.get(key)
-        out[key] = _merged(old, value) if isinstance(old, dict) and isinstance(value, dict) else value
+        if isinstance(old, dict) and isinstance(value, dict):
+            rivals = _rivals(key, old, value)
+            out[key] = {**{k: v for k, v in old.items() if k not in rivals}, **value}
+        else:
+            out[key] = value
     return out
+
+
+def _rivals(table: str, defaults: Mapping[str, Any], own: Mapping[str, Any]) -> set[str]:
+    """Keys of the defaults that say in another way what the loop says itself."""
+    if table == "process":
+        return {"kp", "kp_unit"} if own.get("type") == "integrating" else set()
+    if table != "controller":
+        return set()
+    parallel = own.get("form", defaults.get("form")) == "parallel"
+    rivals = {"k", "pb", "ti", "td"} if parallel else {"kp", "ki", "kd"}
+    return rivals | ({"pb"} if "k" in own else set()) | ({"k", "gain_unit"} if "pb" in own else set())
+
+
+def _complete(controller: Mapping[str, Any]) -> bool:
+    """Whether it says all that a controller needs."""
+    if controller.get("form") == "parallel":
+        return "kp" in controller and "ki" in controller
+    return ("k" in controller or "pb" in controller) and "ti" in controller
+
+
+def _completed(defaults: Mapping[str, Any]) -> dict[str, Any]:
+    """A default controller with what the loops must add, so that what it does say can be checked."""
+    controller = defaults.get("controller")
+    if not isinstance(controller, dict):
+        return {}
+    needed = {"kp": 1.0, "ki": 1.0} if controller.get("form") == "parallel" else {"ti": 1.0}
+    if controller.get("form") != "parallel" and "pb" not in controller:
+        needed["k"] = 1.0
+    return {"controller": {**needed, **controller}}
 
 
 def write_settings(loops: Iterable[Loop]) -> str:
@@ -200,4 +239,4 @@ def _value(value: object) -> str:
     if isinstance(value, int | float):
         return repr(value)
     text = value.as_posix() if isinstance(value, Path) else str(value)
-    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")  # JSON's escapes are TOML's, but for DEL
+    return in_quotes(json.dumps(text, ensure_ascii=False))  # JSON's escapes are TOML's, but for DEL

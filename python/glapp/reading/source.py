@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
 from queue import Empty, Full, Queue
 from threading import Event, Thread
 from typing import TypeVar
 
 import pyarrow as pa
+
+from .columns import understand
 
 __all__ = ["Source", "ahead"]
 
@@ -26,6 +29,8 @@ class Source(ABC):
         Column names in order (they may repeat), and units found below them.
     rows : int or None
         Number of rows where known.
+    one_fault : bool
+        Whether a fault of the file stops all its loops, whichever columns are read.
     """
 
     label: str
@@ -33,13 +38,26 @@ class Source(ABC):
     units: list[str | None]
     rows: int | None
     comma: bool = False
+    one_fault: bool = False
+
+    @cached_property
+    def places(self) -> dict[str, list[int]]:
+        """Name to the indices of the columns of this name."""
+        places: dict[str, list[int]] = {}
+        for i, name in enumerate(self.names):
+            places.setdefault(name, []).append(i)
+        return places
+
+    def unit(self, column: int) -> str | None:
+        """Unit that stands below a column's name, or in it."""
+        return self.units[column] or understand(self.names[column]).unit
 
     @abstractmethod
-    def head(self) -> list[pa.Array]:
-        """First rows of every column, at least two rows where there are two."""
+    def head(self, columns: Sequence[int]) -> list[pa.Array]:
+        """First rows of the columns at these indices, at least two rows where there are two."""
 
-    def tail(self) -> list[pa.Array] | None:
-        """Last rows of every column where they are cheap to have."""
+    def tail(self, column: int) -> pa.Array | None:
+        """Last rows of a column where they are cheap to have."""
         return None
 
     @abstractmethod

@@ -18,6 +18,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
+from ..quality import Finding, assumed_time
 from .values import CellFault, is_text, plain
 
 __all__ = ["Clock", "looks_like_stamp", "moment"]
@@ -47,8 +48,29 @@ _MONTHS = {
     )
     for name in names.split()
 }
+_ELAPSED = {"milliseconds": 1e-3, "seconds": 1.0, "minutes": 60.0, "hours": 3600.0, "days": 86400.0}
+_UNITS = {
+    unit: form
+    for form, units in {
+        "milliseconds": "ms msec millisecond milliseconds",
+        "seconds": "s sec secs second seconds sek sekunden",
+        "minutes": "min mins minute minutes minuten",
+        "hours": "h hr hrs hour hours std stunden",
+        "days": "d day days tage dygn",
+    }.items()
+    for unit in units.split()
+}
+_TO_1970 = {"excel": 25569.0, "matlab": 719529.0, "julian": 2440587.5}
+"""1970-01-01 00:00 as each of them counts days."""
+_CALENDARS = {"excel": "a spreadsheet's day numbers", "matlab": "MATLAB's datenum", "julian": "Julian dates"}
+_YEARS = 3652.0, 29220.0
+"""A day number between 1980 and 2050 [days since 1970] may be the date of a recording."""
+_DATED = {"date", "datetime", "timestamp", "datum", "datumzeit", "zeitstempel", "tidpunkt"}
+_USUAL = (600, 900, 1200, 1800, 3600)
+"""Steps that recordings of more than five minutes a sample have [s]."""
 _PER_SECOND = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
 _STATE_ORDER = "write time_format = 'day first' or 'month first'"
+_STATE_COUNT = "format the column as date and time, or say what it counts: time_format = 'seconds', 'days', 'excel' ..."
 
 
 @dataclass(frozen=True)
@@ -118,6 +140,10 @@ class Clock:
         As in `Loop`.
     time_zone : str or None
         Zone of stamps without one.
+    name : str
+        Name of the column.
+    unit : str or None
+        Unit that stands beside it.
 
     Attributes
     ----------
@@ -127,6 +153,8 @@ class Clock:
         Time of the first row.
     zone : str or None
         Zone the times are told in.
+    found : list of Finding
+        What its numbers were taken for, where that was not plain.
 
     Raises
     ------
@@ -134,7 +162,15 @@ class Clock:
         Where the first rows are no times, or can be read in two ways.
     """
 
-    def __init__(self, head: pa.Array, tail: pa.Array | None, time_format: str | None, time_zone: str | None) -> None:
+    def __init__(
+        self,
+        head: pa.Array,
+        tail: pa.Array | None,
+        time_format: str | None,
+        time_zone: str | None,
+        name: str = "time",
+        unit: str | None = None,
+    ) -> None:
         head = plain(head)
         head = head.filter(pc.is_valid(head))
         if is_text(head.type):
@@ -144,7 +180,11 @@ class Clock:
             raise CellFault(0, "the time is empty")
         self.zone = time_zone
         self.t0: datetime | None = None
+        self.found: list[Finding] = []
+        self._name, self._unit = name, _UNITS.get((unit or "").strip(" .").lower())
         self._format = time_format
+        self._calendar: str | None = None
+        self._seconds = 1.0
         self._day_first: bool | None = None
         self._zoned = False
         self._per_second = 10**9
@@ -155,7 +195,7 @@ class Clock:
             texts = head.to_pylist()
             if _NUMERIC.fullmatch(texts[0]):  # a later cell that is no number is reported where it is
                 numeric = [t.replace(",", ".") for t in texts if _NUMERIC.fullmatch(t)]
-                self._numbers(np.array([float(t) for t in numeric]), numeric[0])
+                self._numbers(np.array([float(t) for t in numeric]), numeric[0], head.slice(0, 1))
             else:
                 self._stamps(head, texts, None if tail is None else plain(tail))
         elif pa.types.is_timestamp(head.type) or pa.types.is_date(head.type):
@@ -171,7 +211,7 @@ class Clock:
             self._start(column)
         elif pa.types.is_integer(head.type) or pa.types.is_floating(head.type) or pa.types.is_decimal(head.type):
             values = head.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False)
-            self._numbers(values, str(head[0].as_py()))
+            self._numbers(values, str(head[0].as_py()), head.slice(0, 1))
         else:
             raise CellFault(0, f"holds {head.type}, not times")
 
@@ -196,33 +236,18 @@ class Clock:
 
     # --- numbers
 
-    def _numbers(self, head: NDArray[np.float64], text: str) -> None:
-        self._numeric = True
+    def _numbers(self, head: NDArray[np.float64], text: str, first: pa.Array) -> None:
         if not np.isfinite(head[0]):
             raise CellFault(0, f"'{text}' is not a time", value=text)
-        form = self._format
-        if form is None:
-            low, high = float(np.nanmin(head)), float(np.nanmax(head))
-            form = "seconds"
-            for exponent, name in ((0, "epoch s"), (3, "epoch ms"), (6, "epoch us"), (9, "epoch ns")):
-                if 0.6e9 * 10**exponent <= low and high <= 4.2e9 * 10**exponent:  # years 1989 to 2103
-                    form = name
-            steps = np.diff(head)
-            if (
-                form == "seconds"
-                and len(steps)
-                and low > 25569
-                and high < 80000
-                and np.all((steps > 0) & (steps < 0.004))
-            ):
-                raise CellFault(
-                    0,
-                    f"{head[0]:.10g} looks like a spreadsheet's day number",
-                    "format the column as date and time, or write time_format = 'seconds'",
-                )
+        form = self._format or self._form_of(head, text)
         self.arrow_type = pa.float64()
-        if form == "seconds":
-            self._per_second = 0
+        if form in _CALENDARS:
+            self._calendar, self._per_second = form, 1000  # as fine as the numbers of any of them
+            self._start(first)
+            return
+        self._numeric = True
+        if form in _ELAPSED:
+            self._per_second, self._seconds = 0, _ELAPSED[form]
             return
         if not form.startswith("epoch"):
             raise CellFault(0, f"holds numbers, which cannot be read '{form}'", "leave out time_format")
@@ -242,7 +267,56 @@ class Clock:
         self.zone = self.zone or "UTC"
         self.t0 = _moment(self._origin, self._per_second).replace(tzinfo=UTC).astimezone(zone)
 
+    def _form_of(self, head: NDArray[np.float64], text: str) -> str:
+        """What numbers count, from their range, their steps, the column's name and its unit."""
+        low, high = float(np.nanmin(head)), float(np.nanmax(head))
+        for exponent, name in ((0, "epoch s"), (3, "epoch ms"), (6, "epoch us"), (9, "epoch ns")):
+            if 0.67e9 * 10**exponent <= low and high <= 4.2e9 * 10**exponent:  # years 1991 to 2103
+                return name
+        steps = np.abs(np.diff(head))
+        steps = steps[steps > 0]
+        step = float(np.median(steps)) if len(steps) else None
+        dated = self._name.strip().lower() in _DATED
+        for calendar, zero in _TO_1970.items():
+            if zero + _YEARS[0] <= low and high <= zero + _YEARS[1]:
+                if self._unit is not None and self._unit != "days":
+                    return self._unit
+                # A sample every 0.004 s is faster than control loops are recorded, one every 0.05 days slower.
+                usual = any(abs(step * 86400 / seconds - 1) < 0.001 for seconds in _USUAL) if step else False
+                sure = self._unit == "days" or (
+                    step is not None and (step < 0.004 or (step < 0.05 and (dated or usual)))
+                )
+                if sure or step is None or step < 0.05 or dated:
+                    self._told(calendar, sure, text, float(head[0]), step)
+                return calendar if sure else "seconds"
+        if self._unit is not None:
+            return self._unit
+        if step is not None and step < 0.004 and low > 25569 and high < 80000:
+            what = f"{text} looks like a day number, but of which calendar?"
+            raise CellFault(0, what, _STATE_COUNT, text)
+        if high > 1e11:
+            raise CellFault(0, f"{text} is too large for seconds", _STATE_COUNT, text)
+        return "seconds"
+
+    def _told(self, calendar: str, sure: bool, text: str, first: float, step: float | None) -> None:
+        date = _moment(round((first - _TO_1970[calendar]) * 86_400_000), 1000)
+        told = assumed_time(self._name, text, step, calendar, f"{_CALENDARS[calendar]}, {date:%Y-%m-%d %H:%M:%S}", sure)
+        self.found.append(told)
+
     def _read_numbers(self, column: pa.Array) -> NDArray[np.float64]:
+        column = self._as_numbers(column)
+        if self._per_second == 0 or self._scale != 1:
+            x = _finite(column)
+            if self._per_second == 0:
+                return x if self._seconds == 1.0 else x * self._seconds
+            if np.abs(x).max(initial=0.0) * self._scale > 9e18:
+                raise CellFault(int(np.argmax(np.abs(x))), "is outside the range of times")
+            return self._since(np.rint(x * self._scale).astype(np.int64))
+        ticks: NDArray[np.int64] = column.cast(pa.int64(), safe=False).to_numpy(zero_copy_only=False)
+        return self._since(ticks)
+
+    def _as_numbers(self, column: pa.Array) -> pa.Array:
+        """The column as numbers, none of them empty."""
         column = plain(column)
         if is_text(column.type):
             column = pc.replace_substring(pc.utf8_trim_whitespace(column), ",", ".")
@@ -254,19 +328,7 @@ class Clock:
             column = pc.replace_substring_regex(column, r"^\+", "").cast(self.arrow_type)
         if column.null_count:
             raise CellFault(pc.index(pc.is_null(column), True).as_py(), "the time is empty")
-        if self._per_second == 0 or self._scale != 1:
-            x: NDArray[np.float64] = column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False)
-            finite = np.isfinite(x)
-            if not finite.all():
-                at = int(np.argmin(finite))
-                raise CellFault(at, f"'{x[at]}' is not a time", value=float(x[at]))
-            if self._per_second == 0:
-                return x
-            if np.abs(x).max(initial=0.0) * self._scale > 9e18:
-                raise CellFault(int(np.argmax(np.abs(x))), "is outside the range of times")
-            return self._since(np.rint(x * self._scale).astype(np.int64))
-        ticks: NDArray[np.int64] = column.cast(pa.int64(), safe=False).to_numpy(zero_copy_only=False)
-        return self._since(ticks)
+        return column
 
     # --- stamps
 
@@ -300,6 +362,14 @@ class Clock:
 
     def _ticks(self, column: pa.Array) -> NDArray[np.int64]:
         """Integer time since 1970 in 1/per_second, local where no zone is known."""
+        if self._calendar is not None:
+            since = _finite(self._as_numbers(column)) - _TO_1970[self._calendar]
+            far = np.abs(since) > 80_000  # years 1751 to 2189
+            if far.any():
+                at = int(np.argmax(far))
+                raise CellFault(at, "is outside the range of times", value=float(since[at] + _TO_1970[self._calendar]))
+            whole: NDArray[np.int64] = np.rint(since * 86_400_000).astype(np.int64)
+            return whole
         column = plain(column)
         if is_text(column.type):
             return self._parse(column)
@@ -348,6 +418,15 @@ class Clock:
                 out[rows[same]] = values
                 rows, cells, layouts = rows[~same], cells[~same], layouts[~same]
         return out
+
+
+def _finite(column: pa.Array) -> NDArray[np.float64]:
+    x: NDArray[np.float64] = column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False)
+    finite = np.isfinite(x)
+    if not finite.all():
+        at = int(np.argmin(finite))
+        raise CellFault(at, f"'{x[at]}' is not a time", value=float(x[at]))
+    return x
 
 
 def _convert(

@@ -15,7 +15,8 @@ from ..errors import InputError
 from ..loop import Loop
 from ..recording import AT_HIGH, AT_LOW, BAD, Batch, Recording
 from .columns import LABELS
-from .source import Source, ahead
+from .passes import Passes
+from .source import ahead
 from .times import Clock
 from .values import CellFault, Quality, flags_of, limit_flag, mode_flag, numbers, plain, text_of, words_for_bad
 
@@ -77,8 +78,8 @@ class WideRecording(Recording):
 
     Parameters
     ----------
-    source : Source
-        Table.
+    passes : Passes
+        Over the table.
     loop : Loop
         Settings.
     chosen : dict
@@ -90,27 +91,28 @@ class WideRecording(Recording):
         Where the first rows show that the table cannot be used.
     """
 
-    def __init__(self, source: Source, loop: Loop, chosen: dict[str, str]) -> None:
+    def __init__(self, passes: Passes, loop: Loop, chosen: dict[str, str]) -> None:
+        source = passes.source
         self.name, self.loop, self.source, self.rows = loop.name, loop, source.label, source.rows
         self._source = source
         self._fraction: float | None = None
-        self._at = {role: source.names.index(name) for role, name in chosen.items()}
         for name in chosen.values():
-            if source.names.count(name) > 1:
-                what = f"there are {source.names.count(name)} columns of this name"
+            if (same := len(source.places[name])) > 1:
+                what = f"there are {same} columns of this name"
                 raise InputError(what, file=source.label, column=name, hint="give them different names")
+        self._at = {role: source.places[name][0] for role, name in chosen.items()}
         self.columns = {LABELS[role]: name for role, name in chosen.items()}
         self.units = {LABELS[r]: unit for r, i in self._at.items() if (unit := source.units[i])}
         self.loop = loop = with_units(loop, self.units)
-        head, tail = source.head(), source.tail()
-        if len(head[0]) == 0:
+        [head] = source.head([self._at.get("time", self._at["pv"])])
+        if len(head) == 0:
             raise InputError("has no rows", file=source.label)
-        if len(head[0]) == 1:
+        if len(head) == 1:
             raise InputError("has only one row", file=source.label, hint="a recording needs many rows")
         clock = None
         if (at := self._at.get("time")) is not None:
             try:
-                clock = Clock(head[at], tail and tail[at], loop.time_format, loop.time_zone)
+                clock = Clock(head, source.tail(at), loop.time_format, loop.time_zone, chosen["time"], source.unit(at))
             except CellFault as fault:
                 raise self._fault(fault, "time", 0) from None
         elif loop.sample_time is None:
@@ -120,10 +122,22 @@ class WideRecording(Recording):
                 loop=loop.name,
                 hint='name it (columns = { time = "..." }) or give sample_time in seconds',
             )
-        first = [] if "quality" not in self._at else [text_of(v) for v in head[self._at["quality"]].to_pylist()]
-        self._reader = Reader(loop, clock, source.comma, Quality(first, words_for_bad(loop.bad_values)))
+        first: list[str] = []
+        if (at := self._at.get("quality")) is not None:
+            first = [text_of(v) for v in source.head([at])[0].to_pylist()]
+        bad_words = words_for_bad(loop.bad_values)
+        self._reader = Reader(loop, clock, source.comma, Quality(first, bad_words))
         self.t0: datetime | None = clock.t0 if clock else None
         self.zone = clock.zone if clock else None
+        self.found = clock.found if clock else ()
+        types = {i: pa.float64() if role in _NUMBERS else pa.string() for role, i in self._at.items()}
+        if clock is not None:
+            types[self._at["time"]] = clock.arrow_type
+        self._share = passes.share(types, bad_words)
+
+    def release(self) -> None:
+        """See `Recording.release`."""
+        self._share.release()
 
     def fraction_read(self) -> float | None:
         """Share of the file or table that the latest pass has read."""
@@ -141,13 +155,10 @@ class WideRecording(Recording):
     def _pass(self) -> Iterator[Batch]:
         reader = self._reader
         clock = reader.clock.reader() if reader.clock else None
-        types = {i: pa.float64() if role in _NUMBERS else pa.string() for role, i in self._at.items()}
-        if reader.clock:
-            types[self._at["time"]] = reader.clock.arrow_type
-        order = list(types)
+        order = list(self._share.types)
         done, alive = 0, False
         self._fraction = 0.0
-        for columns, fraction in self._source.stream(types, words_for_bad(self.loop.bad_values)):
+        for columns, fraction in self._share.stream():
             n = len(columns[0])
             if n == 0:
                 continue

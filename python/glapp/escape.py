@@ -1,0 +1,69 @@
+"""Text from outside on its way out: what a terminal or a spreadsheet would obey is shown instead.
+
+Names of files, loops, columns, tags and units come from outside. A terminal obeys control characters and turns of
+direction; a spreadsheet computes a cell that begins like a formula.
+"""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+
+__all__ = ["escaped", "for_spreadsheet", "in_quotes", "one_line"]
+
+_OTHER = re.compile(r"[^\n\x20-\x7e]")
+
+
+def escaped(text: str) -> str:
+    r"""The text with control characters, invisible marks and turns of direction shown; line breaks stay.
+
+    Examples
+    --------
+    >>> print(escaped("FIC\x1b[31m101 d\u0302 \u202e"))
+    FIC\x1b[31m101 d̂ \u202e
+    """
+    return _OTHER.sub(lambda found: _shown(found.group()), text)
+
+
+def one_line(text: str) -> str:
+    r"""The same with line breaks shown too: for a name in a line or in a cell.
+
+    Examples
+    --------
+    >>> print(one_line("FIC101\nFIC102"))
+    FIC101\nFIC102
+    """
+    return escaped(text).replace("\n", "\\n")
+
+
+def in_quotes(text: str) -> str:
+    r"""JSON or TOML as it is, but with such characters in its strings written as \uXXXX, which means the same there.
+
+    Examples
+    --------
+    >>> print(in_quotes('{"loop": "FIC\x9b31m"}'))
+    {"loop": "FIC\u009b31m"}
+    """
+
+    def code(found: re.Match[str]) -> str:
+        char = found.group()
+        return f"\\u{ord(char):04x}" if ord(char) < 0xD800 and _shown(char) != char else char
+
+    return _OTHER.sub(code, text)
+
+
+def for_spreadsheet(text: str) -> str:
+    """A cell of CSV that no spreadsheet takes for a formula: an apostrophe goes before it (OWASP, CSV injection).
+
+    Examples
+    --------
+    >>> for_spreadsheet("=cmd|' /C calc'!A0"), for_spreadsheet("FIC-101")
+    ("'=cmd|' /C calc'!A0", 'FIC-101')
+    """
+    return ("'" if text.startswith(("=", "+", "-", "@", "\t", "\r", "\n")) else "") + one_line(text)
+
+
+def _shown(char: str) -> str:
+    if unicodedata.category(char) in ("Cc", "Cf", "Cs", "Zl", "Zp"):
+        return char.encode("unicode_escape").decode()
+    return char

@@ -1,0 +1,185 @@
+"""Many loops of one file in few passes over it.
+
+A pass over a wide file costs nearly as much for one loop as for all. So the loop that is asked for is read together
+with those that come after it, and what is read of them waits in memory until they are asked for, at most `HELD` bytes
+for all of them. A loop that needs more by itself, and one that is alone in its file, is streamed from the file each
+time, and nothing of it is held.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from contextlib import closing
+from dataclasses import dataclass
+from itertools import count
+from threading import Lock
+from weakref import WeakSet
+
+import pyarrow as pa
+
+from ..errors import InputError
+from .source import Source
+
+__all__ = ["HELD", "Passes", "Share"]
+
+HELD = 1 << 29
+"""Bytes that all loops of a file may hold together."""
+
+_ROWS = 65536
+
+
+@dataclass(frozen=True, slots=True)
+class _Held:
+    """Columns of one loop, block by block, and the error in which the pass ended."""
+
+    blocks: list[list[pa.Array]]
+    error: InputError | None
+
+    @property
+    def size(self) -> int:
+        return sum(column.nbytes for block in self.blocks for column in block)
+
+
+class Share:
+    """What one loop wants of a file: made by `Passes.share`."""
+
+    def __init__(self, passes: Passes, types: Mapping[int, pa.DataType], bad_words: frozenset[str], place: int) -> None:
+        self.types, self.bad_words, self.place = dict(types), bad_words, place
+        self.held: _Held | None = None
+        self.used = 0
+        self.alone = False
+        self._passes = passes
+
+    def stream(self) -> Iterator[tuple[list[pa.Array], float]]:
+        """As `Source.stream` of this loop's columns: what a pass has read already, else a pass."""
+        held = self._passes.held(self)
+        if held is None:
+            yield from self._passes.source.stream(self.types, self.bad_words)
+            return
+        blocks = held.blocks
+        first = 0
+        while first < len(blocks):
+            last, rows = first + 1, len(blocks[first][0])
+            kinds = [column.type for column in blocks[first]]
+            while last < len(blocks) and (rows := rows + len(blocks[last][0])) <= _ROWS:
+                if [column.type for column in blocks[last]] != kinds:
+                    break
+                last += 1
+            part = [blocks[first]] if last == first + 1 else blocks[first:last]
+            columns = part[0] if len(part) == 1 else [pa.concat_arrays(parts) for parts in zip(*part, strict=True)]
+            yield columns, last / len(blocks)
+            first = last
+        if held.error is not None:
+            raise copy.copy(held.error)
+
+    def release(self) -> None:
+        """Let go of what is held; it is read again if it is asked for again."""
+        self.held = None
+
+
+class Passes:
+    """The passes over one file for all loops in it that still exist."""
+
+    def __init__(self, source: Source) -> None:
+        self.source = source
+        self._shares: WeakSet[Share] = WeakSet()
+        self._reading = Lock()
+        self._clock = count(1)
+        self._most: int | None = None  # loops in the next pass
+
+    def share(self, types: Mapping[int, pa.DataType], bad_words: frozenset[str]) -> Share:
+        """Announce a loop's columns; passes take the loops in the order in which they were announced."""
+        share = Share(self, types, bad_words, next(self._clock))
+        self._shares.add(share)
+        return share
+
+    def held(self, share: Share) -> _Held | None:
+        """What is held for this loop, after a pass where it has to be read; None where it is to be streamed."""
+        held = share.held
+        if held is None:
+            with self._reading:  # where several ask at once, one reads and the others wait
+                while (held := share.held) is None and not share.alone and len(self._shares) > 1:
+                    self._pass(share)
+        share.used = next(self._clock)
+        return held
+
+    def _pass(self, share: Share) -> None:
+        """Read `share` and others after it, or find that it is to be streamed, or that fewer must be read at once."""
+        room = HELD - self._make_room()
+        group, types = self._group(share, room)
+        if not group:
+            share.alone = True
+            return
+        blocks: list[dict[int, pa.Array]] = []
+        users = Counter(column for one in group for column in one.types)
+        sizes = dict.fromkeys(types, 0)
+        error: InputError | None = None
+        asked = len(group)
+        try:
+            with closing(self.source.stream(types, share.bad_words)) as stream:  # type: ignore[type-var]
+                for columns, _ in stream:
+                    if not len(columns[0]):
+                        continue
+                    block = {i: column for i, column in zip(types, columns, strict=True) if users[i]}
+                    for i, column in block.items():
+                        sizes[i] += column.nbytes
+                    blocks.append(block)
+                    while sum(sizes.values()) > room and len(group) > 1:
+                        self._drop(group.pop(), users, sizes, blocks)
+                    if sum(sizes.values()) > room:
+                        share.alone = True
+                        return
+        except (InputError, pa.ArrowException) as fault:
+            if len(group) > 1 and not self.source.one_fault:  # it may be another loop's column that is damaged
+                self._most = len(group) // 2
+                return
+            if not isinstance(fault, InputError):
+                raise
+            error = fault
+        # What fitted now will fit again; what was halved for a fault may grow again.
+        self._most = len(group) if len(group) < asked else 2 * asked
+        for one in group:
+            one.held = _Held([[block[i] for i in one.types] for block in blocks], error)
+
+    def _make_room(self) -> int:
+        """Let go of what has not been used for longest, until half of what may be held is free; how much is left."""
+        left = 0
+        holding = [one for one in self._shares if one.held is not None]
+        for one in sorted(holding, key=lambda one: (one.used > 0, -one.used)):  # first what still waits for its use
+            assert one.held is not None
+            if left + one.held.size > HELD // 2:
+                one.release()
+            else:
+                left += one.held.size
+        return left
+
+    def _group(self, share: Share, room: int) -> tuple[list[Share], dict[int, pa.DataType]]:
+        """The loops of the next pass and the types of their columns; none where `share` alone is too large."""
+        rows = self.source.rows
+        group: list[Share] = []
+        types: dict[int, pa.DataType] = {}
+        after = [one for one in self._shares if one.place >= share.place]
+        for one in sorted(after, key=lambda one: one.place):
+            if one.held is not None or one.alone or one.bad_words != share.bad_words:
+                continue
+            if any(types.get(i, kind) != kind for i, kind in one.types.items()):
+                continue
+            if rows is not None and 8 * rows * len(types.keys() | one.types.keys()) > room:
+                break
+            group.append(one)
+            types.update(one.types)
+            if len(group) == self._most:
+                break
+        return group, types
+
+    @staticmethod
+    def _drop(one: Share, users: Counter[int], sizes: dict[int, int], blocks: list[dict[int, pa.Array]]) -> None:
+        """Go on without a loop: forget its columns, but for those that others use too."""
+        for i in one.types:
+            users[i] -= 1
+            if not users[i]:
+                sizes[i] = 0
+                for block in blocks:
+                    block.pop(i, None)

@@ -202,10 +202,10 @@ def draw(name: str) -> Drawn | None:
         k *= margin * random.uniform(0.85, 0.97)
     loop_time = max(ti, scale.whole)
 
-    h = ti * _log_uniform(random, 0.01, 0.5)
+    h = ti * log_uniform(random, 0.01, 0.5)
     step = min(ti / 50, scale.lag / 20, _filter_time(ti, td) / 2)
     every = math.ceil(h / step)
-    samples = max(min(round(_log_uniform(random, 600, 3000)), 400_000 // every), 400)
+    samples = max(min(round(log_uniform(random, 600, 3000)), 400_000 // every), 400)
     t_end = samples * h
 
     width = random.choice(WIDTHS)
@@ -220,17 +220,17 @@ def draw(name: str) -> Drawn | None:
         d = width
 
     kp = gain * (base.velocity_gain or 0.0) * ti / slower if integrating else gain
-    noise = kp * min(max(width * _log_uniform(random, 0.01, 1.0), 0.01), 1.0)
+    noise = kp * min(max(width * log_uniform(random, 0.01, 1.0), 0.01), 1.0)
     coloured = departure == "coloured noise"
     noises: Piece
     if coloured:
-        noises = Coloured(sigma=noise, tau=h * _log_uniform(random, 1.0, 20.0))
+        noises = Coloured(sigma=noise, tau=h * log_uniform(random, 1.0, 20.0))
     elif random.random() < 0.5:
         noises = Gaussian(sigma=noise)
     else:
         noises = Uniform(amplitude=noise * math.sqrt(3))
 
-    size = min(width * _log_uniform(random, 0.3, 6.0), 20.0)
+    size = min(width * log_uniform(random, 0.3, 6.0), 20.0)
     apart = max(t_end / random.uniform(8, 60), 2 * loop_time)
     at_rest = [Steps(steps=((0.0, -50.0),))] if integrating else []  # so that OP rests at 50 %
     acting = _load(load, random, t_end, apart, size, loop_time, cause)
@@ -270,7 +270,7 @@ def draw(name: str) -> Drawn | None:
     return Drawn(
         scenario=scenario,
         every=every,
-        band=kp * width * _log_uniform(random, 0.03, 0.5) if departure == "compression" else 0.0,
+        band=kp * width * log_uniform(random, 0.03, 0.5) if departure == "compression" else 0.0,
         process=process,
         rule=f"{rule} {kind}",
         departure=departure,
@@ -284,7 +284,7 @@ def draw(name: str) -> Drawn | None:
     )
 
 
-def _log_uniform(random: Random, low: float, high: float) -> float:
+def log_uniform(random: Random, low: float, high: float) -> float:
     return float(low * (high / low) ** random.random())
 
 
@@ -309,7 +309,7 @@ def _load(
     if load == "walk":
         return [Walk(rate=size / math.sqrt(apart))]
     if load == "sine":
-        period = loop_time * _log_uniform(random, 2.0, 20.0)
+        period = loop_time * log_uniform(random, 2.0, 20.0)
         return [Sine(amplitude=0.5 * size, period=period)]
     steps = _steps(random, t_end, apart, size)
     if load in ("steps", "limit"):

@@ -43,7 +43,11 @@ class Truth:
     Attributes
     ----------
     name : str
-        "row/gap/number" or "row/none/number".
+        The record's, from which it is made again.
+    samples : int
+        So many of it, from its beginning.
+    h : float
+        Time between them [s].
     d : float
         Width of the gap [% of OP]; 0 for none.
     up, down : int
@@ -53,10 +57,12 @@ class Truth:
     size : float
         The load's size, of which a gap is a share [%].
     identifiable : bool
-        By the rule of `bench.truth`: 5 traversals each way, OP ≥ 1.5·d, d·Kp ≥ 3σ.
+        By the rule of `bench.truth`: 5 traversals each way, OP ≥ 1.5·d, d·Kp ≥ 3σ, h ≤ T/5.
     """
 
     name: str
+    samples: int
+    h: float
     d: float
     up: int
     down: int
@@ -70,32 +76,71 @@ class Truth:
         return self.name.split("/")[0]
 
 
-def record(name: str, samples: int = SAMPLES) -> tuple[glapp.Recording, Truth]:
-    """Make the record of that name."""
+@dataclass(frozen=True)
+class Record:
+    """A recording with its truth, of which any beginning is a record as well.
+
+    Attributes
+    ----------
+    table : pyarrow.Table
+        Columns t [s], SP, PV, OP, and POSITION where the record is about it.
+    loop : glapp.Loop
+        Name, spans, controller.
+    op, position : float64[n]
+        What the controller sent, and where the valve was [%].
+    d, size : float
+        As in `Truth`.
+    gain, lag, sigma : float
+        Kp [PV unit/%], T [s], standard deviation of the noise [PV unit].
+    """
+
+    table: pa.Table
+    loop: glapp.Loop
+    op: Floats
+    position: Floats
+    d: float
+    size: float
+    gain: float
+    lag: float
+    sigma: float
+
+    def recording(self, samples: int) -> glapp.Recording:
+        """The first so many samples."""
+        return glapp.recording_from(self.table.slice(0, samples), self.loop)
+
+    def truth(self, samples: int) -> Truth:
+        """The truth of the first so many samples."""
+        up, down = traversals(self.position[:samples])
+        op_range = float(np.ptp(self.op[:samples]))
+        h = self.table["t"][1].as_py()
+        told = identifiable(self.d, up, down, op_range, self.gain, self.sigma, h, self.lag)
+        return Truth(self.loop.name, samples, h, self.d, up, down, op_range, self.size, told)
+
+
+def record(name: str, samples: int = SAMPLES) -> Record:
+    """Make the record of that name; a longer one begins with the shorter one."""
     row, gap, number = name.split("/")
     if gap not in ("none", "gap"):
         raise ValueError(f"{name}: the middle part is 'none' or 'gap'")
-    random = Random(f"{row}/{number}")
+    random, of_load, of_recorder = (Random(f"{row}/{number}{part}") for part in ("", "/load", "/recorder"))
     kp, size = random.uniform(0.5, 2.0), log_uniform(random, *SIZES.get(row, (2.0, 10.0)))
     d = min(max(size * log_uniform(random, 0.15, 0.5), 0.5), 3.0)
     lags, dead_time = _process(random)
     k, ti, _, _ = _tuned(random, kp, lags, dead_time).controller
     sigma = log_uniform(random, 0.02, 0.2)
     noise: list[Gaussian | Coloured | Samples] = [Gaussian(sigma=sigma)]
-    load = LOADS.get(row, _ordinary)(random, size, samples)
-    # A random number that a row draws for itself comes last, so that rows draw the same loops.
     filtered = 0.0
     if row == "outliers":
-        noise.append(Samples(values=_outliers(random, sigma * log_uniform(random, 10, 100), samples)))
+        noise.append(Samples(values=_outliers(of_recorder, sigma * log_uniform(of_recorder, 10, 100), samples)))
     elif row == "PV filtered":
-        filtered = log_uniform(random, 1.0, 10.0)
-        if random.random() < 0.5:
+        filtered = log_uniform(of_recorder, 1.0, 10.0)
+        if of_recorder.random() < 0.5:
             # What the controller sees is filtered too: the filter belongs to process and noise.
             lags.append(filtered)
             noise = [Coloured(sigma=sigma / math.sqrt(1 + 2 * filtered / H), tau=filtered)]
             filtered = 0.0
     scenario = Scenario(
-        plant=Plant([kp], list(np.poly1d([1.0]) * _denominator(lags)), dead_time),
+        plant=Plant([kp], list(_denominator(lags)), dead_time),
         controller=Controller(k=k, ti=ti, setpoint_weight=1.0, gain_unit="OP/PV"),
         tf=random.choice((0.0, ti / 10)),
         pv_span=(0, 100),
@@ -104,19 +149,24 @@ def record(name: str, samples: int = SAMPLES) -> tuple[glapp.Recording, Truth]:
         d=d if gap == "gap" else 0.0,
         noise=tuple(noise),
         setpoint=(Steps(steps=((0.0, 50.0 * kp),)),),
-        load=(Samples(values=load),),
+        load=(Samples(values=LOADS.get(row, _ordinary)(of_load, size, samples)),),
         h=H,
         t_end=(samples - 1) * H,
         seed=random.randrange(2**32),
     )
     simulation = run(scenario)
     loop = glapp.Loop(name=name, pv_span=(0, 100), op_span=(0, 100), controller=scenario.controller)
-    columns = _recorded(row, random, simulation, filtered, sigma, d)
-    up, down = traversals(simulation.position)
-    op_range = float(np.ptp(simulation.op))
-    told = identifiable(scenario.d, up, down, op_range, kp, sigma, H, sum(lags))
-    truth = Truth(name, scenario.d, up, down, op_range, size, told)
-    return glapp.recording_from(pa.table(columns), loop), truth
+    return Record(
+        table=pa.table(_recorded(row, of_recorder, simulation, filtered, sigma)),
+        loop=loop,
+        op=simulation.op,
+        position=simulation.position,
+        d=scenario.d,
+        size=size,
+        gain=kp,
+        lag=sum(lags),
+        sigma=sigma,
+    )
 
 
 def _process(random: Random) -> tuple[list[float], float]:
@@ -188,7 +238,7 @@ def _slow_ramps(random: Random, size: float, samples: int) -> Floats:
 
 
 def _irregular_cycle(random: Random, size: float, samples: int) -> Floats:
-    """A neighbour that swings at about 150 s: each swing has its own length and height, and rises as long as it likes."""
+    """A neighbour that swings at about 150 s: each swing has a length and a height of its own."""
 
     def corners() -> Corners:
         side = random.choice((-0.5, 0.5))
@@ -268,9 +318,11 @@ def _lagged(x: Floats, lag: float) -> Floats:
 def _outliers(random: Random, size: float, samples: int) -> Floats:
     """Samples by themselves, 0.07 to 3 % of all, that are off by half the size to all of it, up or down."""
     off = np.zeros(samples)
-    count = max(1, round(samples * log_uniform(random, 0.0007, 0.03)))
-    for at in random.sample(range(samples), count):
-        off[at] = random.choice((-1.0, 1.0)) * random.uniform(0.5, 1.0) * size
+    share = log_uniform(random, 0.0007, 0.03)
+    at = random.uniform(0, min(1 / share, SAMPLES))  # one at least within the usual length
+    while at < samples:
+        off[int(at)] = random.choice((-1.0, 1.0)) * random.uniform(0.5, 1.0) * size
+        at += random.expovariate(share)
     return off
 
 
@@ -292,9 +344,7 @@ def swinging_door(x: Floats, band: float) -> Floats:
     return np.interp(np.arange(x.size), kept, x[kept])
 
 
-def _recorded(
-    row: str, random: Random, simulation: Simulation, filtered: float, sigma: float, d: float
-) -> dict[str, Floats]:
+def _recorded(row: str, random: Random, simulation: Simulation, filtered: float, sigma: float) -> dict[str, Floats]:
     """Columns of the recording."""
     pv, op = simulation.pv, simulation.op
     columns: dict[str, Floats] = {}

@@ -285,6 +285,7 @@ def draw(name: str) -> Drawn | None:
 
 
 def log_uniform(random: Random, low: float, high: float) -> float:
+    """A number between `low` and `high`, as often from each octave."""
     return float(low * (high / low) ** random.random())
 
 

@@ -131,7 +131,7 @@ def record(name: str, samples: int = SAMPLES) -> Record:
     noise: list[Gaussian | Coloured | Samples] = [Gaussian(sigma=sigma)]
     filtered = 0.0
     if row == "outliers":
-        noise.append(Samples(values=_outliers(of_recorder, sigma * log_uniform(of_recorder, 10, 100), samples)))
+        noise.append(Samples(values=_outliers(of_recorder, sigma * log_uniform(of_recorder, 30, 300), samples)))
     elif row == "PV filtered":
         filtered = log_uniform(of_recorder, 1.0, 10.0)
         if of_recorder.random() < 0.5:
@@ -142,7 +142,8 @@ def record(name: str, samples: int = SAMPLES) -> Record:
     scenario = Scenario(
         plant=Plant([kp], list(_denominator(lags)), dead_time),
         controller=Controller(k=k, ti=ti, setpoint_weight=1.0, gain_unit="OP/PV"),
-        tf=random.choice((0.0, ti / 10)),
+        # No filter may take the outliers away before the controller.
+        tf=random.choice((0.0, ti / 10)) if row != "outliers" else 0.0,
         pv_span=(0, 100),
         op_span=(0, 100),
         limits=(0.0, 100.0),
@@ -178,7 +179,8 @@ def _process(random: Random) -> tuple[list[float], float]:
 
 
 def _tuned(random: Random, kp: float, lags: list[float], dead_time: float) -> tuning.Tuning:
-    plant = Plant([kp], list(_denominator(lags)), dead_time)
+    # The controller answers a sample later.
+    plant = Plant([kp], list(_denominator(lags)), dead_time + H)
     rule: Callable[..., tuning.Tuning] = random.choice(
         (
             tuning.simc,
@@ -215,24 +217,25 @@ def _polygon(corners: Corners, samples: int) -> Floats:
 
 
 def _random_ramps(random: Random, size: float, samples: int) -> Floats:
-    """Ramp after ramp, from 20 to 150 s, to random values."""
+    """Ramp after ramp, from 50 to 250 s, to random values."""
 
     def corners() -> Corners:
         while True:
-            yield log_uniform(random, 20.0, 150.0), random.uniform(-size, size) / 2
+            yield log_uniform(random, 50.0, 250.0), random.uniform(-size, size) / 2
 
     return _polygon(corners(), samples)
 
 
 def _slow_ramps(random: Random, size: float, samples: int) -> Floats:
-    """A few ramps of 100 to 400 s, with rests between them."""
+    """A few ramps of 150 to 500 s, up and down by turns, some with a rest between them."""
 
     def corners() -> Corners:
-        value = 0.0
+        value, side = 0.0, random.choice((-0.5, 0.5))
         while True:
-            yield random.uniform(50.0, 300.0), value
-            value = random.uniform(-size, size) / 2
-            yield random.uniform(100.0, 400.0), value
+            if random.random() < 0.3:
+                yield random.uniform(50.0, 200.0), value
+            value, side = side * size * random.uniform(0.3, 1.0), -side
+            yield random.uniform(150.0, 500.0), value
 
     return _polygon(corners(), samples)
 
@@ -302,7 +305,11 @@ ROWS = (
 )
 """In the order of the table; the last two are what the fit is made for."""
 
-SIZES: dict[str, tuple[float, float]] = {}
+SIZES: dict[str, tuple[float, float]] = {
+    "triangle fast": (5.0, 20.0),
+    "random ramps": (5.0, 20.0),
+    "slow ramps": (5.0, 20.0),
+}
 """Sizes of the load, from and to [%], where they are not 2 to 10."""
 
 
@@ -356,7 +363,7 @@ def _recorded(row: str, random: Random, simulation: Simulation, filtered: float,
             op = swinging_door(op, log_uniform(random, 0.05, 0.25))
     elif row == "position":
         position = simulation.position.copy()
-        if random.random() < 0.5:
+        if random.random() < 0.75:
             position = compressed(position, 0.5)
         else:
             position += _outliers(random, log_uniform(random, 2.0, 20.0), position.size)

@@ -157,17 +157,26 @@ class Drawn:
 
 
 @lru_cache
-def _plant(process: str) -> Plant:
+def base_plant(process: str) -> Plant:
+    """A process of `INSIDE` or `OUTSIDE`, as it is called."""
     return Plant.of((INSIDE | OUTSIDE)[process])
 
 
 @lru_cache
-def _tuned(process: str, rule: str, kind: str) -> tuning.Tuning | None:
+def tuned_for(process: str, rule: str, kind: str) -> tuning.Tuning | None:
     """The tuning, or None where the rule is not for this process."""
     try:
-        return RULES[rule](_plant(process), kind)
+        return RULES[rule](base_plant(process), kind)
     except InputError:
         return None
+
+
+def scaled(base: Plant, gain: float, slower: float) -> Plant:
+    """The same process at another gain and another speed; PV stays within 0..100 where OP does."""
+    order = len(base.den) - 1
+    den = [c * slower ** (order - i) for i, c in enumerate(base.den)]
+    num = [gain * c * slower ** (len(base.num) - 1 - i) for i, c in enumerate(base.num)]
+    return Plant(num, den, base.dead_time * slower)
 
 
 def draw(name: str) -> Drawn | None:
@@ -178,23 +187,18 @@ def draw(name: str) -> Drawn | None:
     departure = random.choice(DEPARTURES + (FRICTION,) * sticks) if family == "outside" else ""
     process = random.choice(list(OUTSIDE if departure == "process" else INSIDE))
     rule, kind = random.choice(list(RULES)), random.choice(KINDS)
-    tuned = _tuned(process, rule, kind)
+    tuned = tuned_for(process, rule, kind)
     if tuned is None:
         return None
-    base = _plant(process)
-
-    # The same process at another gain and another speed; PV stays within 0..100 where OP does.
+    base = base_plant(process)
     gain, slower = random.choice((0.5, 1.0, 1.6)), random.choice((1.0, 10.0, 60.0))
-    order = len(base.den) - 1
-    den = [c * slower ** (order - i) for i, c in enumerate(base.den)]
-    num = [gain * c * slower ** (len(base.num) - 1 - i) for i, c in enumerate(base.num)]
     integrating = base.gain is None
     k, ti, td, _ = tuned.controller
     k, ti, td = k / gain, ti * slower, td * slower
     scale = TimeScale(*(slower * x for x in time_scale(base)))
     if load == "limit":
         try:
-            margin = tuning.assess(base, tuned.controller[:3], tf=_filter_time(ti, td) / slower).gain_margin
+            margin = tuning.assess(base, tuned.controller[:3], tf=filter_time(ti, td) / slower).gain_margin
         except InputError:
             return None
         if margin > 20:
@@ -203,7 +207,7 @@ def draw(name: str) -> Drawn | None:
     loop_time = max(ti, scale.whole)
 
     h = ti * log_uniform(random, 0.01, 0.5)
-    step = min(ti / 50, scale.lag / 20, _filter_time(ti, td) / 2)
+    step = min(ti / 50, scale.lag / 20, filter_time(ti, td) / 2)
     every = math.ceil(h / step)
     samples = max(min(round(log_uniform(random, 600, 3000)), 400_000 // every), 400)
     t_end = samples * h
@@ -252,7 +256,7 @@ def draw(name: str) -> Drawn | None:
     controller = Controller(k=abs(k), ti=ti, td=td, setpoint_weight=weight, gain_unit="OP/PV")
     scenario = Scenario(
         name=name,
-        plant=Plant(num, den, base.dead_time * slower),
+        plant=scaled(base, gain, slower),
         controller=controller,
         pv_span=(0, 100),
         op_span=(0, 100),
@@ -289,8 +293,8 @@ def log_uniform(random: Random, low: float, high: float) -> float:
     return float(low * (high / low) ** random.random())
 
 
-def _filter_time(ti: float, td: float) -> float:
-    """The thesis' filter (2.1)."""
+def filter_time(ti: float, td: float) -> float:
+    """Time constant of the thesis' filter (2.1) [s]."""
     return td / 5 if td > 0 else ti / 10
 
 

@@ -127,11 +127,11 @@ def record(name: str, samples: int = SAMPLES) -> Record:
     d = min(max(size * log_uniform(random, 0.15, 0.5), 0.5), 3.0)
     lags, dead_time = _process(random)
     k, ti, _, _ = _tuned(random, kp, lags, dead_time).controller
-    sigma = log_uniform(random, 0.02, 0.2)
+    sigma = log_uniform(random, 0.01, 0.1)
     noise: list[Gaussian | Coloured | Samples] = [Gaussian(sigma=sigma)]
     filtered = 0.0
     if row == "outliers":
-        noise.append(Samples(values=_outliers(of_recorder, sigma * log_uniform(of_recorder, 30, 300), samples)))
+        noise.append(Samples(values=_outliers(of_recorder, log_uniform(of_recorder, 2.0, 20.0), samples)))
     elif row == "PV filtered":
         filtered = log_uniform(of_recorder, 1.0, 10.0)
         if of_recorder.random() < 0.5:
@@ -217,11 +217,13 @@ def _polygon(corners: Corners, samples: int) -> Floats:
 
 
 def _random_ramps(random: Random, size: float, samples: int) -> Floats:
-    """Ramp after ramp, from 50 to 250 s, to random values."""
+    """Ramp after ramp, up and down by turns, of 30 to 200 s each, to random values."""
 
     def corners() -> Corners:
+        side = random.choice((-0.5, 0.5))
         while True:
-            yield log_uniform(random, 50.0, 250.0), random.uniform(-size, size) / 2
+            yield log_uniform(random, 30.0, 200.0), side * size * random.uniform(0.3, 1.0)
+            side = -side
 
     return _polygon(corners(), samples)
 
@@ -308,7 +310,7 @@ ROWS = (
 SIZES: dict[str, tuple[float, float]] = {
     "triangle fast": (5.0, 20.0),
     "random ramps": (5.0, 20.0),
-    "slow ramps": (5.0, 20.0),
+    "slow ramps": (10.0, 30.0),
 }
 """Sizes of the load, from and to [%], where they are not 2 to 10."""
 

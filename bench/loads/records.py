@@ -131,7 +131,7 @@ def record(name: str, samples: int = SAMPLES) -> Record:
     noise: list[Gaussian | Coloured | Samples] = [Gaussian(sigma=sigma)]
     filtered = 0.0
     if row == "outliers":
-        noise.append(Samples(values=_outliers(of_recorder, log_uniform(of_recorder, 2.0, 20.0), samples)))
+        noise.append(Samples(values=_outliers(of_recorder, log_uniform(of_recorder, 4.0, 25.0), samples)))
     elif row == "PV filtered":
         filtered = log_uniform(of_recorder, 1.0, 10.0)
         if of_recorder.random() < 0.5:
@@ -158,7 +158,7 @@ def record(name: str, samples: int = SAMPLES) -> Record:
     simulation = run(scenario)
     loop = glapp.Loop(name=name, pv_span=(0, 100), op_span=(0, 100), controller=scenario.controller)
     return Record(
-        table=pa.table(_recorded(row, of_recorder, simulation, filtered, sigma)),
+        table=pa.table(_recorded(row, of_recorder, simulation, filtered)),
         loop=loop,
         op=simulation.op,
         position=simulation.position,
@@ -325,10 +325,10 @@ def _lagged(x: Floats, lag: float) -> Floats:
 
 
 def _outliers(random: Random, size: float, samples: int) -> Floats:
-    """Samples by themselves, 0.07 to 3 % of all, that are off by half the size to all of it, up or down."""
+    """What single samples, 0.07 to 3 % of all, are off by: half the size to all of it, up or down."""
     off = np.zeros(samples)
     share = log_uniform(random, 0.0007, 0.03)
-    at = random.uniform(0, min(1 / share, SAMPLES))  # one at least within the usual length
+    at = random.uniform(0.0, min(1 / share, SAMPLES))  # one at least within the usual length
     while at < samples:
         off[int(at)] = random.choice((-1.0, 1.0)) * random.uniform(0.5, 1.0) * size
         at += random.expovariate(share)
@@ -353,14 +353,14 @@ def swinging_door(x: Floats, band: float) -> Floats:
     return np.interp(np.arange(x.size), kept, x[kept])
 
 
-def _recorded(row: str, random: Random, simulation: Simulation, filtered: float, sigma: float) -> dict[str, Floats]:
+def _recorded(row: str, random: Random, simulation: Simulation, filtered: float) -> dict[str, Floats]:
     """Columns of the recording."""
     pv, op = simulation.pv, simulation.op
     columns: dict[str, Floats] = {}
     if filtered:
         pv = _lagged(pv, filtered)
     if row == "swinging door":
-        pv = swinging_door(pv, sigma * log_uniform(random, 1.0, 10.0))
+        pv = swinging_door(pv, log_uniform(random, 0.05, 1.0))
         if random.random() < 0.5:
             op = swinging_door(op, log_uniform(random, 0.05, 0.25))
     elif row == "position":

@@ -25,6 +25,7 @@ from typing import NamedTuple
 import numpy as np
 import pyarrow as pa
 from rich.progress import track
+from scipy import stats
 
 import glapp
 from glapp import tuning
@@ -267,6 +268,26 @@ def table(answers: Sequence[Answer], lengths: Callable[[Sequence[Answer]], list[
     return markdown(head, [line(*length) for length in lengths(answers) if length.answers])
 
 
+def longer(answers: Sequence[Answer], lengths: Callable[[Sequence[Answer]], list[Length]]) -> str:
+    """Each length against the next shorter one, over the records that have both: whether it is worse beyond chance.
+
+    Worse is wrong against right or silent, and silent against right. By chance as many get worse as get better: p is the
+    binomial probability that so many or more of those that change get worse.
+    """
+    rank = {"wrong": 0, "silent": 1, "right": 2}
+    head = ["from", "to", "records", "right", "then", "wrong", "then", "better", "worse", "p"]
+    body = []
+    for short, long in pairwise(lengths(answers)):
+        then = {a.truth.name: a.told for a in short.answers}
+        both = [(then[a.truth.name], a.told) for a in long.answers if a.truth.name in then]
+        changes = [rank[now] - rank[was] for was, now in both]
+        better, worse = sum(x > 0 for x in changes), sum(x < 0 for x in changes)
+        p = stats.binomtest(worse, better + worse, alternative="greater").pvalue if better + worse else 1.0
+        counts = [[pair[i] for pair in both].count(told) for told in ("right", "wrong") for i in (0, 1)]
+        body.append([short.title, long.title, *map(str, [len(both), *counts, better, worse]), f"{p:.2g}"])
+    return markdown(head, body)
+
+
 def _width(answer: Answer) -> float:
     """Of the interval."""
     return (np.inf if answer.high is None else answer.high) - (answer.low or 0.0)
@@ -319,7 +340,7 @@ def main() -> None:
             for answer in of_record:
                 print(answer.to_json(), file=file, flush=True)
     lengths = by_time if given.times else by_rows
-    parts = [f"{len(names)} records.\n\n{table(answers, lengths)}"]
+    parts = [f"{len(names)} records.\n\n{table(answers, lengths)}", longer(answers, lengths)]
     for load in given.loads:
         parts.append(f"*{load}*\n\n{table([a for a in answers if a.truth.row == load], lengths)}")
     print("\n\n".join(parts))

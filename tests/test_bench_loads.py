@@ -124,3 +124,10 @@ class TestAnswers:
         assert [line["claimed"] for line in lines] == ["0", "1"]
         assert [line["limits below 0"] for line in lines] == ["0", "1"]
         assert [line["silent"] for line in lines] == ["0", "1"]
+
+    def test_worse_beyond_chance(self) -> None:
+        names = [replace(GAP, name=f"walk/gap/{number}") for number in range(6)]
+        short = [said(replace(truth, samples=1000), "backlash", 1.5, 2.5) for truth in names]
+        long = [said(truth, "backlash", 3.0, 4.0) for truth in names[:5]] + [said(names[5], "at_least", 1.0)]
+        last = lengths.longer(short + long, lengths.by_rows).splitlines()[-1]
+        assert last == "| 1000 | 1500 | 6 | 6 | 1 | 0 | 5 | 0 | 5 | 0.031 |"

@@ -271,7 +271,7 @@ def table(answers: Sequence[Answer], lengths: Callable[[Sequence[Answer]], list[
 def longer(answers: Sequence[Answer], lengths: Callable[[Sequence[Answer]], list[Length]]) -> str:
     """Each length against the next shorter one, over the records that have both: whether it is worse beyond chance.
 
-    Worse is wrong against right or silent, and silent against right. By chance as many get worse as get better: p is the
+    Worse is wrong against right or silent, and silent against right. By chance as many get worse as better: p is the
     binomial probability that so many or more of those that change get worse.
     """
     rank = {"wrong": 0, "silent": 1, "right": 2}

@@ -157,17 +157,26 @@ class Drawn:
 
 
 @lru_cache
-def _plant(process: str) -> Plant:
+def base_plant(process: str) -> Plant:
+    """A process of `INSIDE` or `OUTSIDE`, as it is called."""
     return Plant.of((INSIDE | OUTSIDE)[process])
 
 
 @lru_cache
-def _tuned(process: str, rule: str, kind: str) -> tuning.Tuning | None:
+def tuned_for(process: str, rule: str, kind: str) -> tuning.Tuning | None:
     """The tuning, or None where the rule is not for this process."""
     try:
-        return RULES[rule](_plant(process), kind)
+        return RULES[rule](base_plant(process), kind)
     except InputError:
         return None
+
+
+def scaled(base: Plant, gain: float, slower: float) -> Plant:
+    """The same process at another gain and another speed; PV stays within 0..100 where OP does."""
+    order = len(base.den) - 1
+    den = [c * slower ** (order - i) for i, c in enumerate(base.den)]
+    num = [gain * c * slower ** (len(base.num) - 1 - i) for i, c in enumerate(base.num)]
+    return Plant(num, den, base.dead_time * slower)
 
 
 def draw(name: str) -> Drawn | None:
@@ -178,23 +187,18 @@ def draw(name: str) -> Drawn | None:
     departure = random.choice(DEPARTURES + (FRICTION,) * sticks) if family == "outside" else ""
     process = random.choice(list(OUTSIDE if departure == "process" else INSIDE))
     rule, kind = random.choice(list(RULES)), random.choice(KINDS)
-    tuned = _tuned(process, rule, kind)
+    tuned = tuned_for(process, rule, kind)
     if tuned is None:
         return None
-    base = _plant(process)
-
-    # The same process at another gain and another speed; PV stays within 0..100 where OP does.
+    base = base_plant(process)
     gain, slower = random.choice((0.5, 1.0, 1.6)), random.choice((1.0, 10.0, 60.0))
-    order = len(base.den) - 1
-    den = [c * slower ** (order - i) for i, c in enumerate(base.den)]
-    num = [gain * c * slower ** (len(base.num) - 1 - i) for i, c in enumerate(base.num)]
     integrating = base.gain is None
     k, ti, td, _ = tuned.controller
     k, ti, td = k / gain, ti * slower, td * slower
     scale = TimeScale(*(slower * x for x in time_scale(base)))
     if load == "limit":
         try:
-            margin = tuning.assess(base, tuned.controller[:3], tf=_filter_time(ti, td) / slower).gain_margin
+            margin = tuning.assess(base, tuned.controller[:3], tf=filter_time(ti, td) / slower).gain_margin
         except InputError:
             return None
         if margin > 20:
@@ -202,10 +206,10 @@ def draw(name: str) -> Drawn | None:
         k *= margin * random.uniform(0.85, 0.97)
     loop_time = max(ti, scale.whole)
 
-    h = ti * _log_uniform(random, 0.01, 0.5)
-    step = min(ti / 50, scale.lag / 20, _filter_time(ti, td) / 2)
+    h = ti * log_uniform(random, 0.01, 0.5)
+    step = min(ti / 50, scale.lag / 20, filter_time(ti, td) / 2)
     every = math.ceil(h / step)
-    samples = max(min(round(_log_uniform(random, 600, 3000)), 400_000 // every), 400)
+    samples = max(min(round(log_uniform(random, 600, 3000)), 400_000 // every), 400)
     t_end = samples * h
 
     width = random.choice(WIDTHS)
@@ -220,17 +224,17 @@ def draw(name: str) -> Drawn | None:
         d = width
 
     kp = gain * (base.velocity_gain or 0.0) * ti / slower if integrating else gain
-    noise = kp * min(max(width * _log_uniform(random, 0.01, 1.0), 0.01), 1.0)
+    noise = kp * min(max(width * log_uniform(random, 0.01, 1.0), 0.01), 1.0)
     coloured = departure == "coloured noise"
     noises: Piece
     if coloured:
-        noises = Coloured(sigma=noise, tau=h * _log_uniform(random, 1.0, 20.0))
+        noises = Coloured(sigma=noise, tau=h * log_uniform(random, 1.0, 20.0))
     elif random.random() < 0.5:
         noises = Gaussian(sigma=noise)
     else:
         noises = Uniform(amplitude=noise * math.sqrt(3))
 
-    size = min(width * _log_uniform(random, 0.3, 6.0), 20.0)
+    size = min(width * log_uniform(random, 0.3, 6.0), 20.0)
     apart = max(t_end / random.uniform(8, 60), 2 * loop_time)
     at_rest = [Steps(steps=((0.0, -50.0),))] if integrating else []  # so that OP rests at 50 %
     acting = _load(load, random, t_end, apart, size, loop_time, cause)
@@ -252,7 +256,7 @@ def draw(name: str) -> Drawn | None:
     controller = Controller(k=abs(k), ti=ti, td=td, setpoint_weight=weight, gain_unit="OP/PV")
     scenario = Scenario(
         name=name,
-        plant=Plant(num, den, base.dead_time * slower),
+        plant=scaled(base, gain, slower),
         controller=controller,
         pv_span=(0, 100),
         op_span=(0, 100),
@@ -270,7 +274,7 @@ def draw(name: str) -> Drawn | None:
     return Drawn(
         scenario=scenario,
         every=every,
-        band=kp * width * _log_uniform(random, 0.03, 0.5) if departure == "compression" else 0.0,
+        band=kp * width * log_uniform(random, 0.03, 0.5) if departure == "compression" else 0.0,
         process=process,
         rule=f"{rule} {kind}",
         departure=departure,
@@ -284,12 +288,13 @@ def draw(name: str) -> Drawn | None:
     )
 
 
-def _log_uniform(random: Random, low: float, high: float) -> float:
+def log_uniform(random: Random, low: float, high: float) -> float:
+    """A number between `low` and `high`, as often from each octave."""
     return float(low * (high / low) ** random.random())
 
 
-def _filter_time(ti: float, td: float) -> float:
-    """The thesis' filter (2.1)."""
+def filter_time(ti: float, td: float) -> float:
+    """Time constant of the thesis' filter (2.1) [s]."""
     return td / 5 if td > 0 else ti / 10
 
 
@@ -309,7 +314,7 @@ def _load(
     if load == "walk":
         return [Walk(rate=size / math.sqrt(apart))]
     if load == "sine":
-        period = loop_time * _log_uniform(random, 2.0, 20.0)
+        period = loop_time * log_uniform(random, 2.0, 20.0)
         return [Sine(amplitude=0.5 * size, period=period)]
     steps = _steps(random, t_end, apart, size)
     if load in ("steps", "limit"):

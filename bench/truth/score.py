@@ -103,7 +103,7 @@ def _summary(scored: Rows, methods: Sequence[str]) -> str:
         unknown = [row.d is None and row.careful for row in faulty if not row.truth.identifiable]
         cause = [row.verdict == row.truth.cause for row in faulty if _cause_seen(row.truth)]
         body.append([method, *cells, _share(sound), _share(unknown), _share(cause)])
-    return _markdown(head, body)
+    return markdown(head, body)
 
 
 def _cause_seen(truth: Truth) -> bool:
@@ -119,7 +119,7 @@ def _width(scored: Rows, methods: Sequence[str]) -> str:
             for cause in FAULTY:
                 rows = _by(scored, method=method, family=family, cause=cause, identifiable=True)
                 body.append([method, family, cause, str(len(rows)), *_widths(rows)])
-    return _markdown(head, body)
+    return markdown(head, body)
 
 
 def _widths(rows: Rows) -> list[str]:
@@ -173,7 +173,7 @@ def _matrix(
     for title, group in groups:
         chosen = [_by(scored, method=method, **group) for method in methods]
         body.append([title, str(len(chosen[0])), *(_share([what(row) for row in rows]) for rows in chosen)])
-    return _markdown(["group", "records", *methods], body)
+    return markdown(["group", "records", *methods], body)
 
 
 def _unidentifiable(scored: Rows, methods: Sequence[str]) -> str:
@@ -188,7 +188,7 @@ def _unidentifiable(scored: Rows, methods: Sequence[str]) -> str:
                 for without, careful in ((True, True), (True, False), (False, True), (False, False))
             )
             body.append([method, why, str(len(rows)), *shares])
-    return _markdown(head, body)
+    return markdown(head, body)
 
 
 def _regular(scored: Rows, methods: Sequence[str]) -> str:
@@ -204,7 +204,7 @@ def _regular(scored: Rows, methods: Sequence[str]) -> str:
             parts = (valve, denied, len(said) - valve - denied)
             cells.append(" / ".join(f"{100 * part / n:.0f}" for part in parts))
         body.append([cause, str(len({row.truth.name for row in rows})), *cells])
-    return _markdown(["truth", "records", *(f"{m} [%]" for m in methods)], body)
+    return markdown(["truth", "records", *(f"{m} [%]" for m in methods)], body)
 
 
 def _confusion(rows: Rows) -> str:
@@ -215,7 +215,7 @@ def _confusion(rows: Rows) -> str:
     for cause in ("none", "oscillation", *FAULTY):
         told = [row for row in _by(rows, cause=cause) if cause not in FAULTY or _cause_seen(row.truth)]
         body.append([cause, str(len(told)), *(_share([row.verdict == v for row in told]) for v in verdicts)])
-    return _markdown(["truth", "records", *verdicts], body)
+    return markdown(["truth", "records", *verdicts], body)
 
 
 def _where(scored: Rows, methods: Sequence[str]) -> str:
@@ -231,7 +231,7 @@ def _where(scored: Rows, methods: Sequence[str]) -> str:
         cells = [_widths(_by(rows, method=method)) for method in methods]
         count = len(rows) // len({row.method for row in rows})
         body.append([f"{group[0]} {group[1].strip()}", str(count), *(_short(*cell) for cell in cells)])
-    return _markdown(["group", "records", *methods], body)
+    return markdown(["group", "records", *methods], body)
 
 
 def _short(answered: str, bias: str, spread: str, coverage: str) -> str:
@@ -269,7 +269,7 @@ def _time(scored: Rows, methods: Sequence[str]) -> str:
     for method in methods:
         seconds = np.array([row.seconds for row in _by(scored, method=method)]) * 1000
         body.append([method, f"{np.median(seconds):.0f}", f"{np.percentile(seconds, 95):.0f}", f"{seconds.max():.0f}"])
-    return _markdown(["method", "median ms", "95 % ms", "longest ms"], body)
+    return markdown(["method", "median ms", "95 % ms", "longest ms"], body)
 
 
 def worst(scored: Rows, method: str, count: int = 20) -> str:
@@ -298,7 +298,7 @@ def worst(scored: Rows, method: str, count: int = 20) -> str:
             ]
         )
     head = ["record", "process", "tuning", "departure", "d", "identifiable"]
-    return _markdown([*head, "traversals", "d·Kp/σ", "T/h", "OP unseen", "load", "verdict", "d̂", "bounds"], body)
+    return markdown([*head, "traversals", "d·Kp/σ", "T/h", "OP unseen", "load", "verdict", "d̂", "bounds"], body)
 
 
 def _by(rows: Rows, **equal: Any) -> list[Scored]:
@@ -318,6 +318,7 @@ def _share(of: Sequence[bool | None]) -> str:
     return f"{share:.0f} %" if share in (0, 100) or len(of) < 200 else f"{share:.1f} %"
 
 
-def _markdown(head: Sequence[str], body: Iterable[Sequence[str]]) -> str:
+def markdown(head: Sequence[str], body: Iterable[Sequence[str]]) -> str:
+    """A table."""
     lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
     return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in body)])

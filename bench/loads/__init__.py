@@ -1,0 +1,1 @@
+"""Loads and recorders that a gap is easily confused with; see `docs/truth.md`."""

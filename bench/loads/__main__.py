@@ -1,0 +1,89 @@
+"""Which loads and recorders are taken for a gap, and which gaps are told under them: `python -m bench.loads`.
+
+Every answer goes to out/loads.jsonl as soon as it is there. `--against FILE` holds the answers against those in an
+older such file, record by record.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("RAYON_NUM_THREADS", "1")  # many processes, each with its own core
+
+import argparse
+import sys
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+import numpy as np
+from rich.progress import track
+
+from ..page import write
+from ..truth.score import markdown
+from .answer import WIDTHS, Answer, against, read
+from .records import ROWS, SAMPLES, record
+
+OUT = Path(__file__).parents[2] / "out" / "loads.jsonl"
+EACH = 200
+
+
+def ask(name: str) -> Answer:
+    """What is said of the record of that name."""
+    return Answer.to(record(name), SAMPLES)
+
+
+def table(answers: Sequence[Answer]) -> str:
+    """A line a row."""
+    head = ["row", "no gap", "width", "bound", "gap", "right", "wrong", "silent", "identifiable", "right", "silent"]
+    body = []
+    for row in [*ROWS, "all"]:
+        of = [answer for answer in answers if row in (answer.truth.row, "all")]
+        if not of:
+            continue
+        none, gap = ([a for a in of if (a.truth.d > 0) == there] for there in (False, True))
+        known = [a for a in gap if a.truth.identifiable]
+        sided = [a for a in gap if a.sided]
+        numbers = [len(none), *(sum(a.verdict in claims for a in none) for claims in (WIDTHS, ("at_least",)))]
+        numbers += [len(gap), *(sum(a.told == told for a in gap) for told in ("right", "wrong", "silent"))]
+        numbers += [len(known), *(sum(a.told == told for a in known) for told in ("right", "silent"))]
+        error = f"{100 * np.median([(a.d or 0.0) / a.truth.d - 1 for a in sided]):+.1f} %" if sided else ""
+        body.append([row, *map(str, numbers), error, f"{sum(a.holds for a in sided)} of {len(sided)}"])
+    return markdown([*head, "median error", "interval holds"], body)
+
+
+def main() -> None:
+    """Run, and print the table."""
+    parser = argparse.ArgumentParser(prog="python -m bench.loads", description=__doc__.split("\n\n")[0])
+    parser.add_argument("--each", type=int, default=EACH, help="so many of each row, without a gap and with one")
+    parser.add_argument("--first", type=int, default=0, help="number of the first")
+    parser.add_argument("--rows", type=lambda text: text.split(","), default=ROWS, help="such as 'walk,steps'")
+    parser.add_argument("--gaps", type=lambda text: text.split(","), default=["none", "gap"], help="'none' or 'gap'")
+    parser.add_argument("--jobs", type=int, default=2, help="processes")
+    parser.add_argument("--out", type=Path, default=OUT, help="where the answers go")
+    parser.add_argument("--against", type=Path, help="older answers")
+    parser.add_argument("--docs", action="store_true", help="write the table into docs/truth.md")
+    given = parser.parse_args()
+    if wrong := set(given.rows) - set(ROWS):
+        parser.error(f"{', '.join(sorted(wrong))}: rows are {', '.join(ROWS)}")
+    # Numbers outermost: what is broken off has some of every row.
+    numbers = range(given.first, given.first + given.each)
+    names = [f"{row}/{gap}/{number}" for number in numbers for row in given.rows for gap in given.gaps]
+    before = [] if given.against is None else read(given.against)
+    given.out.parent.mkdir(exist_ok=True)
+    answers = []
+    with ProcessPoolExecutor(given.jobs) as pool, given.out.open("w", encoding="utf-8") as file:
+        for answer in track(pool.map(ask, names), "asking", len(names), disable=not sys.stderr.isatty()):
+            answers.append(answer)
+            print(answer.to_json(), file=file, flush=True)
+    text = table(answers)
+    print(text)
+    print(f"\n{sum(a.contradicts for a in answers)} claim a gap beside the finding that it is none (sinusoidal)")
+    if given.against is not None:
+        print(f"\n{against(before, answers)}")
+    if given.docs:
+        write("truth.md", f"Numbers {numbers[0]} to {numbers[-1]} of every row.\n\n{text}", "loads")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,150 @@
+"""What is said of a record, beside its truth."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import Literal, Self
+
+import numpy as np
+
+import glapp
+
+from .records import Record, Truth
+
+WIDTHS = ("backlash", "stiction", "both")
+Told = Literal["right", "wrong", "silent"]
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What `glapp.analyze` said of a record, through its fit.
+
+    Attributes
+    ----------
+    truth : Truth
+    verdict, reason : str
+    d, low, high, lr : float or None
+        As in `glapp.fit.Fit`; lr is `lr_no_gap`.
+    lowest : float
+        The least number among width and limits, of the whole and of each window [% of OP].
+    sinusoidal : bool
+        Whether there is a finding that the loop swings in a clean sinusoid, so that it is not backlash.
+    seconds : float
+    """
+
+    truth: Truth
+    verdict: str
+    reason: str
+    d: float | None
+    low: float | None
+    high: float | None
+    lr: float | None
+    lowest: float
+    sinusoidal: bool
+    seconds: float
+
+    @property
+    def sided(self) -> bool:
+        """Whether it is a width."""
+        return self.verdict in WIDTHS
+
+    @property
+    def claims(self) -> bool:
+        """Whether it says that there is a gap."""
+        return self.sided or self.verdict == "at_least"
+
+    @property
+    def holds(self) -> bool:
+        """Whether all is true that it says of the width; silence is."""
+        d, low, high = self.truth.d, self.low or 0.0, np.inf if self.high is None else self.high
+        if self.sided:
+            return d > 0 and low <= d <= high
+        if self.verdict == "at_least":
+            return d > 0 and low <= d
+        if self.verdict == "sound":
+            return d <= high
+        return self.verdict != "oscillation" or d == 0
+
+    @property
+    def told(self) -> Told:
+        """Right: a width whose interval holds the truth, a lower bound below it, *sound* where there is no gap.
+
+        Wrong: what does not hold. Silent: nothing of it, and *sound, none above x* where the gap is narrower.
+        """
+        if not self.holds:
+            return "wrong"
+        right = self.claims or (self.verdict == "sound" and self.truth.d == 0)
+        return "right" if right else "silent"
+
+    @property
+    def contradicts(self) -> bool:
+        """Whether it says at once that the valve is worn and that it is not."""
+        return self.sinusoidal and self.claims
+
+    @property
+    def key(self) -> tuple[str, int]:
+        """The record that it is about."""
+        return self.truth.name, self.truth.samples
+
+    def __str__(self) -> str:
+        d, low, high = ("" if x is None else f"{x:.3g}" for x in (self.d, self.low, self.high))
+        return f"{self.verdict} {d} ({low} to {high})"
+
+    @classmethod
+    def to(cls, record: Record, samples: int) -> Self:
+        """Ask about the first so many samples of a record."""
+        recording = record.recording(samples)
+        begin = perf_counter()
+        result = glapp.analyze(recording)
+        seconds = perf_counter() - begin
+        fit = result.fit
+        assert fit is not None
+        numbers = [(fit.d, fit.low, fit.high), *((w.d, w.low, w.high) for w in fit.windows)]
+        return cls(
+            truth=record.truth(samples),
+            verdict=fit.verdict,
+            reason=fit.reason,
+            d=fit.d,
+            low=fit.low,
+            high=fit.high,
+            lr=fit.lr_no_gap,
+            lowest=min((x for of in numbers for x in of if x is not None), default=0.0),
+            sinusoidal=any(finding.code == "sinusoidal" for finding in result.quality),
+            seconds=seconds,
+        )
+
+    def to_json(self) -> str:
+        """On one line."""
+        return json.dumps(asdict(self))
+
+
+def read(path: Path) -> list[Answer]:
+    """Answers from a file that has one a line."""
+    lines = map(json.loads, path.read_text(encoding="utf-8").splitlines())
+    return [Answer(Truth(**line.pop("truth")), **line) for line in lines]
+
+
+def against(before: Iterable[Answer], now: Sequence[Answer]) -> str:
+    """What changed for each record that both have."""
+    then = {answer.key: answer for answer in before}
+    both = [(then[answer.key], answer) for answer in now if answer.key in then]
+    lines = [f"{len(both)} records are in both."]
+    for row in dict.fromkeys(answer.truth.row for answer in now):
+        for what, there in (("no gap", False), ("gap", True)):
+            of = [(old.told, new.told) for old, new in both if old.truth.row == row and (old.truth.d > 0) == there]
+            if not of:
+                continue
+            counts = (f"{t} {sum(o == t for o, _ in of)} -> {sum(n == t for _, n in of)}" for t in ("right", "wrong"))
+            lost, gained = (sum((o == "right", n == "right") == way for o, n in of) for way in ((1, 0), (0, 1)))
+            lines.append(f"{row}, {what}: {', '.join(counts)}; lost {lost}, gained {gained} of {len(of)}")
+    changed = [(old, new) for old, new in both if old.told != new.told]
+    lines += [
+        f"{new.truth.name} {new.truth.samples} (d {new.truth.d:.3g}): "
+        f"{old.told} -> {new.told}: {old} -> {new}; {new.reason}"
+        for old, new in sorted(changed, key=lambda pair: (pair[0].told, pair[1].told, pair[0].truth.name))
+    ]
+    return "\n".join(lines)

@@ -1,0 +1,68 @@
+"""More rows of one loop give no worse answer; how often, and on how many loops, measures `python -m bench.lengths`."""
+
+from functools import lru_cache
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from bench.lengths import asked, lost
+from bench.loads.answer import Answer
+
+LENGTHS = {
+    "levels/PI/gap/0": (3000, 28_800, 100_000, 600_000),
+    "levels/PI/none/0": (3000, 28_800, 100_000),
+    "steps/PI/gap/0": (9000, 100_000),
+    "steps/PI/none/0": (3000, 28_800),
+    "steps/PID/gap/0": (3000, 28_800),
+    "steps/PID/none/0": (3000, 28_800),
+    "ramps/PI/gap/0": (9000, 100_000),
+    "ramps/PI/none/0": (28_800, 100_000),
+    "day/PI/gap/1": (9000, 86_400),
+    "day/PI/none/1": (9000, 86_400),
+    "walk/PI/gap/2": (3000, 28_800, 100_000),
+    "walk/PI/none/3": (3000, 28_800, 100_000),
+    "setpoint/PI/gap/3": (3000, 28_800),
+    "setpoint/PID/none/0": (3000, 28_800),
+}
+"""Rows of each record: fewer than the fit takes as they are, about as many, and many more."""
+
+every_record = pytest.mark.parametrize("name", LENGTHS)
+
+
+@lru_cache
+def answers(name: str) -> list[Answer]:
+    return asked(name, LENGTHS[name])
+
+
+@every_record
+def test_what_is_said_of_the_width_is_true(name: str) -> None:
+    assert [(a.truth.samples, str(a)) for a in answers(name) if not a.holds] == []
+
+
+@every_record
+def test_no_limit_is_negative(name: str) -> None:
+    assert [(a.truth.samples, a.lowest) for a in answers(name) if a.lowest < 0] == []
+
+
+@every_record
+def test_a_right_verdict_is_not_lost(name: str) -> None:
+    changes = [
+        (was.truth.samples, str(was), now.truth.samples, str(now), now.reason) for was, now in lost(answers(name))
+    ]
+    assert changes == []
+
+
+@every_record
+def test_a_mere_gap_does_not_jump(name: str) -> None:
+    assert [(a.truth.samples, str(a)) for a in answers(name) if a.verdict in ("stiction", "both")] == []
+
+
+def test_most_gaps_are_told_and_not_less_exactly_with_more_rows() -> None:
+    told, grown = [], []
+    for name in (name for name in LENGTHS if "/gap/" in name):
+        of = answers(name)
+        told.append(of[-1].told == "right")
+        sided = [(a.high or np.inf) - (a.low or 0.0) for a in of if a.sided]
+        grown += [now / was for was, now in pairwise(sided)]
+    assert 2 * sum(told) > len(told)
+    assert np.median(grown) <= 1

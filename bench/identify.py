@@ -96,6 +96,8 @@ def record(name: str) -> Record | None:
         simulation = run(scenario)
     except InputError:
         return None
+    if np.ptp(simulation.op) > 200.0:  # it swings ever wider
+        return None
     rows = np.arange(late, simulation.t.size, every)
     t, sp, pv, op = (x[rows] for x in (simulation.t, simulation.sp, simulation.pv, simulation.op))
     return Record(name, t, sp, pv, simulation.op[rows - late] if late else op, k, ti, td, tf, h)

@@ -40,9 +40,10 @@ _TUKEY = 4.685  # 95 % efficient for Gaussian residuals
 _HUBER = 1.345
 _BLOCKS = (8, 30)
 _ROWS = 24_000  # of a longer recording, its three liveliest stretches
-_MOVES = 3000  # in a regression; they overlap, more add next to nothing
+_MOVES = 2000  # in a regression; they overlap, more add next to nothing
 _WORSE = 2.5  # standard errors by which a law must predict worse than the best before it is dropped
 _PROMISING = 30.0  # a law this many times worse than the best gets no better by another time constant
+_HALF_OCTAVE = 0.41  # relative; the next law tried is as far away
 _AGREEING = 2.0  # lengths of the means whose interval is at most so many times as wide as the narrowest are believed
 _SURE = 1e-3  # relative; nobody needs settings more exactly, and the first samples of a filter are not known
 
@@ -122,9 +123,10 @@ def identify(
 
     The laws: PI and PID; PV as recorded, through one lag, or through two equal ones; or a D part with a filter of its
     own; of a controller that runs once a sample, and of one that runs much faster.  The filter's time is fitted too.
-    Every law that predicts no worse than the best in 8-30 blocks of time takes part in the interval, as does the
-    reverse regression, for errors in PV rather than in OP, and every m whose interval is at most twice as wide as the
-    narrowest.  The scatter is the sandwich of the robust fit with scores summed by block, and Student's t.
+    Every law that predicts no worse than the best in 8-30 blocks of time takes part in the interval, once as fitted
+    and once as if the controller had never seen the noise of the recorded PV.  So does every m whose interval is at
+    most twice as wide as the narrowest.  The scatter is the sandwich of the robust fit with scores summed by block,
+    and Student's t.
 
     Bias: a recording at step h cannot tell which error the controller integrated within the step.  Where all samples
     fit to within OP's resolution, the controller ran once a sample, and is taken to have used the current error; else
@@ -292,6 +294,7 @@ class _Signals:
     ) -> None:
         self.h, self.b, self.sp, self.pv = h, b, sp, pv
         self.dt = np.where(step, np.diff(t), 0.0)
+        self.twice = step[1:] & step[:-1]
         if lag:  # OP is read so many rows later
             step = step & np.roll(step, -lag)
             step[-1 if lag > 0 else 0] = False
@@ -299,6 +302,7 @@ class _Signals:
         self.op, self.setpoint = _sums(np.roll(op, -lag)), _sums(sp)
         self.sp_moves = b is None and bool(np.any(np.diff(sp)[step] != 0))
         self.kept: dict[_Filter, Floats] = {}
+        self.noise: dict[_Filter, float] = {}
 
     def parts(self, law: _Filter, keep: bool) -> Floats:
         """Sums of the three parts for gains of 1."""
@@ -318,6 +322,7 @@ class _Signals:
         e = self.sp - y
         height = e[1:] if law.scans else 0.5 * (e[1:] + e[:-1])
         area = np.concatenate(([0.0], np.cumsum(height * self.dt)))
+        self.noise[law] = float(np.mean(np.diff(y, 2)[self.twice] ** 2)) / 6 if self.twice.any() else 0.0
         proportional = y if self.b is None else y - self.b * self.sp
         parts = np.column_stack([_sums(-proportional), _sums(area), _sums(-slope)])
         if keep:
@@ -329,7 +334,7 @@ class _Signals:
         if 2 * m > self.good.size:
             return None
         start = np.flatnonzero(self.good[2 * m - 1 :] - self.good[: self.good.size - 2 * m + 1] == 2 * m - 1)
-        start = start[:: max(1, m // 3, -(-start.size // _MOVES))]
+        start = start[:: max(1, m // 2, -(-start.size // _MOVES))]
         return _Band(self, start, m) if start.size >= MIN_STEPS // 2 and start[-1] - start[0] >= 20 * m else None
 
 
@@ -343,6 +348,7 @@ class _Law:
     """One law with its values: K, K/Ti, K Td where it has a D part, b K where SP moves; and how well it does.
 
     `moments`: weighted, of OP's moves and of the columns of `x`.  `loss`: weighted squares of the residual by block.
+    `fitted`: the filter's time was sought, not given.
     """
 
     filter: _Filter
@@ -352,6 +358,7 @@ class _Law:
     residual: Floats
     loss: Floats
     moments: Floats
+    fitted: bool
 
     @property
     def k(self) -> float:
@@ -388,6 +395,9 @@ class _Band:
     def __init__(self, signals: _Signals, start: NDArray[np.int64], m: int) -> None:
         self.signals, self.start, self.m = signals, start, m
         self.op, self.setpoint = self._moves(signals.op), self._moves(signals.setpoint)
+        # What the sums round off is no move of SP.
+        self.setpoint[np.abs(self.setpoint) < 1e-9 * np.max(np.abs(signals.sp))] = 0.0
+        self.sp_moves = signals.sp_moves and bool(self.setpoint.any())
         length = int(start[-1] - start[0]) + 1
         blocks = int(np.clip(length // (5 * m), *_BLOCKS))
         self.cut = np.flatnonzero(np.diff((start - start[0]) * blocks // length, prepend=-1))
@@ -403,7 +413,7 @@ class _Band:
         if law in self.kept:
             return self.kept[law]
         parts = [self.op[:, None], self._moves(self.signals.parts(law, keep))]
-        columns = np.concatenate(parts + [self.setpoint[:, None]] * self.signals.sp_moves, axis=1)
+        columns = np.concatenate(parts + [self.setpoint[:, None]] * self.sp_moves, axis=1)
         if keep:
             self.kept[law] = columns
         return columns
@@ -432,7 +442,7 @@ class _Band:
             loss = np.add.reduceat(self.weight * residual * residual, self.cut, axis=1)
             known &= np.all((np.abs(beta[:, :2]) > 1e-100) & (np.abs(beta[:, :2]) < 1e100), axis=1)
             found += [
-                _Law(filters[i], derivative, beta[i], x[i], residual[i], loss[i], part[i])
+                _Law(filters[i], derivative, beta[i], x[i], residual[i], loss[i], part[i], not keep)
                 for i in np.flatnonzero(known & np.all(np.isfinite(loss), axis=1))
             ]
         return found
@@ -473,8 +483,9 @@ class _Band:
         best = min([laws[0], *refined], key=lambda law: law.cost)
         self.reweight(best.filter, best.derivative, "tukey", 15)
         wanted = {(law.filter, law.derivative) for law in (*laws, *refined)}
-        every = [*filters, *(law.filter for law in refined)]
-        return _sane([law for law in self.laws(every) if (law.filter, law.derivative) in wanted])
+        better = list({law.filter: None for law in refined})
+        every = [*self.laws(filters, keep=True), *self.laws(better)]
+        return _sane([law for law in every if (law.filter, law.derivative) in wanted])
 
     def refined(self, laws: list[_Law]) -> list[_Law]:
         """Gauss and Newton in the time constants."""
@@ -525,10 +536,23 @@ class _Band:
         return min(max(change, -0.5), 1.0)
 
     def scatter(self, law: _Law) -> Floats | None:
-        """Covariance of the values, by block sums of the scores, times the square of Student's t."""
-        x = law.x
-        if law.filter.time:
-            x = np.column_stack([x, self.slopes([law])[0]])
+        """Covariance of the values, by block sums of the scores, times the square of Student's t.
+
+        Where the filter's time was fitted its error is added, up to the half octave to the next law that is tried.
+        """
+        spread = self._spread(law, law.x)
+        if spread is None or not law.fitted:
+            return spread
+        slope = self.slopes([law])[0]
+        free = self._spread(law, np.column_stack([law.x, slope]))
+        error = _HALF_OCTAVE if free is None else min(math.sqrt(free[-1, -1]), _HALF_OCTAVE)
+        weighted = law.x * self.weight[:, None]
+        inverse = _inverse(weighted.T @ law.x, math.inf)
+        assert inverse is not None  # or there were no law
+        change = inverse @ (weighted.T @ slope) * error
+        return spread + np.outer(change, change)
+
+    def _spread(self, law: _Law, x: Floats) -> Floats | None:
         size = np.sqrt(self.weight @ (x * x))
         if not (np.all(size > 0) and np.all(np.isfinite(size))):
             return None
@@ -548,18 +572,26 @@ class _Band:
         scatter = self.scatter(law)
         if scatter is None:
             return _ANYTHING
-        return _hull([_ends(law, beta, scatter, self.signals.h) for beta in (law.beta, *self.reversed(law, op_noise))])
+        return _hull([_ends(law, beta, scatter, self.signals.h) for beta in (law.beta, self.corrected(law, op_noise))])
 
-    def reversed(self, law: _Law, op_noise: float) -> list[Floats]:
-        """The law's values if the error lay in the move of the P or D part, and not in OP's beyond its rounding."""
+    def corrected(self, law: _Law, op_noise: float) -> Floats:
+        """The values if the noise of PV that its second differences allow was never seen by the controller.
+
+        Noise in the move of the P part weakens K. It cannot be more than what leaves nothing unexplained, but for what
+        OP's rounding does.
+        """
+        weight = float(self.weight.sum())
+        noise = 2 / self.m * self.signals.noise[law.filter] * weight
         moments = law.moments.copy()
-        moments[0, 0] -= min(2 * op_noise / self.m * float(self.weight.sum()), 0.95 * law.cost)
+        moments[0, 0] -= min(2 / self.m * op_noise * weight, 0.95 * law.cost)
         size = np.sqrt(np.diag(moments))
         inverse = _inverse(moments / np.outer(size, size), 1e14)
         if inverse is None:
-            return []
-        rows = (1, 3) if law.derivative else (1,)
-        return [-inverse[i, 1:] / inverse[i, 0] * size[0] / size[1:] for i in rows]
+            return law.beta  # nothing is left unexplained
+        moments[1, 1] -= min(noise, float(size[1] ** 2 / inverse[1, 1]))
+        scaled = moments / np.outer(size, size)
+        inverse = _inverse(scaled[1:, 1:], 1e14)
+        return law.beta if inverse is None else np.asarray(inverse @ scaled[1:, 0] * size[0] / size[1:])
 
 
 _ANYTHING = np.array([[-np.inf, np.inf]] * 4)
@@ -610,8 +642,8 @@ def _as_good(law: _Law, best: _Law) -> bool:
 
 
 def _filters(h: float, longest: float) -> list[_Filter]:
-    """Every way to filter, with times of h/8 up to `longest` in octaves; none first."""
-    times = [h * 2.0**octave for octave in range(-3, max(2, math.ceil(math.log2(longest / h))) + 1)]
+    """Every way to filter, with times of h/4 up to `longest` in octaves; none first."""
+    times = [h * 2.0**octave for octave in range(-2, max(2, math.ceil(math.log2(longest / h))) + 1)]
     none = [_Filter(True), _Filter(False)]
     lags = [_Filter(scans, order, tf) for scans in (True, False) for order in (1, 2) for tf in times]
     return none + lags + [_Filter(scans, tfd=tfd) for scans in (True, False) for tfd in times]
@@ -777,10 +809,12 @@ def _judge(found: list[_Found], lag: int, h: float, samples: int, given_b: float
     best = min(found, key=lambda one: (one.width, -one.r2))
     law = best.law
     span = _hull([one.span for one in found if one.width <= _AGREEING * best.width or one is best])
-    (k_low, k_high), (ti_low, ti_high), (td_low, td_high), (b_low, b_high) = span.tolist()
+    (k_low, k_high), (ti_low, ti_high), (td_low, td_high), _ = span.tolist()
     b, b_note = given_b, ""
+    surest = min(found, key=lambda one: float(one.span[3, 1] - one.span[3, 0]))
+    b_low, b_high = surest.span[3].tolist()
     if b_high - b_low < 0.5:
-        raw = float(law.beta[-1]) / law.k
+        raw = float(surest.law.beta[-1]) / surest.law.k
         b, b_note = min(max(raw, 0.0), 1.0), f"; setpoint weight {raw:.2f} ({b_low:.2f} to {b_high:.2f}) fitted"
 
     reason = ""

@@ -45,6 +45,7 @@ _WORSE = 2.5  # standard errors by which a law must predict worse than the best 
 _PROMISING = 30.0  # a law this many times worse than the best gets no better by another time constant
 _HALF_OCTAVE = 0.41  # relative; the next law tried is as far away
 _AGREEING = 2.0  # lengths of the means whose interval is at most so many times as wide as the narrowest are believed
+_ALIKE = 1.25  # the same, to choose the one that is shown
 _SURE = 1e-3  # relative; nobody needs settings more exactly, and the first samples of a filter are not known
 
 
@@ -806,9 +807,11 @@ def _too_little(r2: float) -> str:
 
 
 def _judge(found: list[_Found], lag: int, h: float, samples: int, given_b: float | None) -> Identification:
-    best = min(found, key=lambda one: (one.width, -one.r2))
+    narrowest = min(found, key=lambda one: (one.width, -one.r2))
+    # Of lengths that tell about as much, the one at which what a few samples or OP's steps hide counts for least.
+    best = max((one for one in found if one.width <= _ALIKE * narrowest.width), key=lambda one: one.r2)
     law = best.law
-    span = _hull([one.span for one in found if one.width <= _AGREEING * best.width or one is best])
+    span = _hull([one.span for one in found if one.width <= _AGREEING * narrowest.width])
     (k_low, k_high), (ti_low, ti_high), (td_low, td_high), _ = span.tolist()
     b, b_note = given_b, ""
     surest = min(found, key=lambda one: float(one.span[3, 1] - one.span[3, 0]))

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +43,7 @@ _BLOCKS = (8, 30)
 _ROWS = 24_000  # of a longer recording, its three liveliest stretches
 _MOVES = 2000  # in a regression; they overlap, more add next to nothing
 _WORSE = 2.5  # standard errors by which a law must predict worse than the best before it is dropped
-_PROMISING = 30.0  # a law this many times worse than the best gets no better by another time constant
+_PROMISING = 300.0  # a law this many times worse than the best gets no better by another time constant
 _HALF_OCTAVE = 0.41  # relative; the next law tried is as far away
 _AGREEING = 2.0  # lengths of the means whose interval is at most so many times as wide as the narrowest are believed
 _ALIKE = 1.25  # the same, to choose the one that is shown
@@ -279,12 +280,23 @@ class _Filter:
     def time(self) -> float:
         return self.tf or self.tfd
 
-    def of(self, time: float) -> _Filter:
-        return replace(self, tf=time) if self.order else replace(self, tfd=time)
+
+class _Form(NamedTuple):
+    """A law without its values: the filter, and whether there is a D part."""
+
+    filter: _Filter
+    derivative: bool
 
     @property
-    def kind(self) -> tuple[bool, int, bool]:
-        return self.scans, self.order, self.tfd > 0
+    def kind(self) -> tuple[bool, int, bool, bool]:
+        return self.filter.scans, self.filter.order, self.filter.tfd > 0, self.derivative
+
+    def slower(self, factor: float) -> _Form:
+        by = self.filter
+        return self._replace(filter=replace(by, tf=by.tf * factor, tfd=by.tfd * factor))
+
+
+_PLAIN = _Form(_Filter(True), False)
 
 
 class _Signals:
@@ -352,8 +364,7 @@ class _Law:
     `fitted`: the filter's time was sought, not given.
     """
 
-    filter: _Filter
-    derivative: bool
+    form: _Form
     beta: Floats
     x: Floats
     residual: Floats
@@ -371,7 +382,7 @@ class _Law:
 
     @property
     def td(self) -> float:
-        return float(self.beta[2] / self.beta[0]) if self.derivative else 0.0
+        return float(self.beta[2] / self.beta[0]) if self.form.derivative else 0.0
 
     @property
     def cost(self) -> float:
@@ -380,14 +391,10 @@ class _Law:
     @property
     def sane(self) -> bool:
         """A controller that somebody may have built."""
-        delay, ti, td = self.filter.order * self.filter.tf, self.ti, self.td
-        if not self.derivative:
-            return ti > 0 and delay <= ti and not self.filter.tfd
-        return ti > 0 and max(delay, 2 * self.filter.tfd) <= td <= ti
-
-    @property
-    def kind(self) -> tuple[bool, int, bool, bool]:
-        return *self.filter.kind, self.derivative
+        delay, ti, td = self.form.filter.order * self.form.filter.tf, self.ti, self.td
+        if not self.form.derivative:
+            return ti > 0 and delay <= ti
+        return ti > 0 and max(delay, 2 * self.form.filter.tfd) <= td <= ti
 
 
 class _Band:
@@ -419,41 +426,40 @@ class _Band:
             self.kept[law] = columns
         return columns
 
-    def laws(self, filters: list[_Filter], keep: bool = False) -> list[_Law]:
-        """PI and PID behind each filter, by weighted least squares, where the moves determine the values."""
-        if not filters:
-            return []
-        columns = np.stack([self._columns(law, keep) for law in filters])
-        moments = (columns * self.weight[:, None]).transpose(0, 2, 1) @ columns
-        found = []
-        every = list(range(columns.shape[2]))
+    def laws(self, forms: list[_Form], fitted: bool = False) -> dict[_Form, _Law]:
+        """Every form's values, by weighted least squares; none where the moves do not determine them."""
+        found = {}
         for derivative in (False, True):
-            used = every if derivative else every[:3] + every[4:]
-            part = moments[:, used][:, :, used]
-            size = np.sqrt(np.diagonal(part, axis1=1, axis2=2))
+            filters = [form.filter for form in forms if form.derivative == derivative]
+            if not filters:
+                continue
+            columns = np.stack([self._columns(one, not fitted) for one in filters])
+            if not derivative:
+                columns = np.delete(columns, 3, axis=2)
+            moments = (columns * self.weight[:, None]).transpose(0, 2, 1) @ columns
+            size = np.sqrt(np.diagonal(moments, axis1=1, axis2=2))
             known = np.all((size > 0) & (size < 1e150), axis=1)
             size[~known] = 1.0
-            scaled = part / size[:, :, None] / size[:, None, :]
-            scaled[~known] = np.eye(len(used))
+            scaled = moments / size[:, :, None] / size[:, None, :]
+            scaled[~known] = np.eye(size.shape[1])
             known &= np.linalg.cond(scaled[:, 1:, 1:]) < 1e10
-            scaled[~known] = np.eye(len(used))
+            scaled[~known] = np.eye(size.shape[1])
             beta = np.linalg.solve(scaled[:, 1:, 1:], scaled[:, 1:, :1])[:, :, 0] * size[:, :1] / size[:, 1:]
-            x = columns[:, :, used[1:]]
+            x = columns[:, :, 1:]
             residual = columns[:, :, 0] - (x @ beta[:, :, None])[:, :, 0]
             loss = np.add.reduceat(self.weight * residual * residual, self.cut, axis=1)
             known &= np.all((np.abs(beta[:, :2]) > 1e-100) & (np.abs(beta[:, :2]) < 1e100), axis=1)
-            found += [
-                _Law(filters[i], derivative, beta[i], x[i], residual[i], loss[i], part[i], not keep)
-                for i in np.flatnonzero(known & np.all(np.isfinite(loss), axis=1))
-            ]
+            for i in np.flatnonzero(known & np.all(np.isfinite(loss), axis=1)):
+                form = _Form(filters[i], derivative)
+                found[form] = _Law(form, beta[i], x[i], residual[i], loss[i], moments[i], fitted)
         return found
 
-    def reweight(self, filter: _Filter, derivative: bool, shape: str, rounds: int) -> None:
-        """Weights by which no few moves rule the fit of one law."""
+    def reweight(self, form: _Form, shape: str, rounds: int, fitted: bool = False) -> None:
+        """Weights by which no few moves rule the fit of one form."""
         self.weight = np.ones(self.start.size)
         before = math.inf
         for _ in range(rounds):
-            law = next((law for law in self.laws([filter], keep=True) if law.derivative == derivative), None)
+            law = self.laws([form], fitted).get(form)
             if law is None:
                 return
             self.weight = _weight(_standardised(law.residual), shape)
@@ -466,60 +472,53 @@ class _Band:
         total = float(off @ off)
         return 1 - float(law.residual @ law.residual) / total if total > 0 else 0.0
 
-    def searched(self, filters: list[_Filter]) -> list[_Law]:
-        """The sane laws behind these filters and behind better ones, the best first."""
-        self.reweight(filters[0], False, "huber", 8)
-        laws = _sane(self.laws(filters, keep=True))
+    def searched(self, forms: list[_Form]) -> list[_Law]:
+        """The sane laws of these forms and of those with better times, the best first."""
+        self.reweight(_PLAIN, "huber", 8)
+        laws = _sane(self.laws(forms))
         if not laws:
             return []
-        self.reweight(laws[0].filter, laws[0].derivative, "tukey", 15)
-        laws = _sane(self.laws(filters, keep=True))
+        self.reweight(laws[0].form, "tukey", 15)
+        laws = _sane(self.laws(forms))
         if not laws:
             return []
         starts: dict[tuple[bool, int, bool, bool], _Law] = {}
         for law in laws:
-            if law.filter.time and law.cost <= _PROMISING * laws[0].cost:
-                starts.setdefault(law.kind, law)
+            if law.form.filter.time and law.cost <= _PROMISING * laws[0].cost:
+                starts.setdefault(law.form.kind, law)
         refined = self.refined(list(starts.values()))
         best = min([laws[0], *refined], key=lambda law: law.cost)
-        self.reweight(best.filter, best.derivative, "tukey", 15)
-        wanted = {(law.filter, law.derivative) for law in (*laws, *refined)}
-        better = list({law.filter: None for law in refined})
-        every = [*self.laws(filters, keep=True), *self.laws(better)]
-        return _sane([law for law in every if (law.filter, law.derivative) in wanted])
+        self.reweight(best.form, "tukey", 15, best.fitted)
+        better = [law.form for law in refined if law.fitted]
+        return _sane(self.laws([law.form for law in laws]) | self.laws(better, True))
 
     def refined(self, laws: list[_Law]) -> list[_Law]:
-        """Gauss and Newton in the time constants."""
+        """Gauss and Newton in the time constants, all at once."""
         done: list[_Law] = []
         for _ in range(10):
-            if not laws:
-                break
             steps = [self.step(law, slope) for law, slope in zip(laws, self.slopes(laws), strict=True)]
-            better: dict[int, _Law] = {}
+            better: dict[_Form, _Law] = {}
             for factor in (1.0, 0.25, 0.0625):
-                left = [i for i in range(len(laws)) if i not in better and abs(steps[i]) > 1e-9]
-                tried = self.laws([laws[i].filter.of(laws[i].filter.time * (1 + factor * steps[i])) for i in left])
-                for i in left:
-                    time = laws[i].filter.of(laws[i].filter.time * (1 + factor * steps[i]))
-                    for new in tried:
-                        same = new.filter == time and new.derivative == laws[i].derivative
-                        if same and new.sane and new.cost < laws[i].cost:
-                            better[i] = new
-            going = []
-            for i, law in enumerate(laws):
-                if i in better and better[i].cost < 0.99 * law.cost:
-                    going.append(better[i])
-                else:
-                    done.append(better.get(i, law))
-            laws = going
+                tried = {
+                    law.form: law.form.slower(1 + factor * step)
+                    for law, step in zip(laws, steps, strict=True)
+                    if law.form not in better and abs(step) > 1e-9
+                }
+                new = self.laws(list(tried.values()), True)
+                for law in laws:
+                    other = new.get(tried[law.form]) if law.form in tried else None
+                    if other is not None and other.sane and other.cost < law.cost:
+                        better[law.form] = other
+            done += [better.get(law.form, law) for law in laws if not _much_better(better.get(law.form), law)]
+            laws = [better[law.form] for law in laws if _much_better(better.get(law.form), law)]
         return done + laws
 
     def slopes(self, laws: list[_Law]) -> list[Floats]:
         """What a relative change of each filter's time would add to the moves."""
         slopes = []
         for law in laws:
-            columns = self._columns(law.filter.of(1.001 * law.filter.time), False)[:, 1:]
-            x = columns if law.derivative else columns[:, [0, 1, *range(3, columns.shape[1])]]
+            columns = self._columns(law.form.slower(1.001).filter, False)[:, 1:]
+            x = columns if law.form.derivative else np.delete(columns, 2, axis=1)
             slopes.append((x - law.x) @ law.beta / 1e-3)
         return slopes
 
@@ -582,7 +581,7 @@ class _Band:
         OP's rounding does.
         """
         weight = float(self.weight.sum())
-        noise = 2 / self.m * self.signals.noise[law.filter] * weight
+        noise = 2 / self.m * self.signals.noise[law.form.filter] * weight
         moments = law.moments.copy()
         moments[0, 0] -= min(2 / self.m * op_noise * weight, 0.95 * law.cost)
         size = np.sqrt(np.diag(moments))
@@ -614,25 +613,29 @@ def _ends(law: _Law, beta: Floats, scatter: Floats, h: float) -> Floats:
     k_error = float(errors[0]) + _SURE
     ti_error = math.sqrt(max(float(relative[0, 0] + relative[1, 1] - 2 * relative[0, 1]), 0.0)) + _SURE
     # Current, mean or previous error within a step: the same fit with Ti, Ti + h/2 or Ti + h, and K in proportion.
-    early, late = (0.0, h) if law.filter.scans else (-h / 2, h / 2)
+    early, late = (0.0, h) if law.form.filter.scans else (-h / 2, h / 2)
     ends = [
         (abs(k) * (1 - k_error) + abs(ki) * early, abs(k) * (1 + k_error) + abs(ki) * late),
         (ti / (1 + ti_error) + early, ti / (1 - ti_error) + late if ti_error < 1 else math.inf),
         (0.0, 0.0),
         (-math.inf, math.inf),
     ]
-    if law.derivative:
+    if law.form.derivative:
         td, error = float(beta[2]) / k, float(errors[2])
         ends[2] = (max(td * (1 - _SURE) - error + early, 0.0), td * (1 + _SURE) + error + late)
-    rest = 3 if law.derivative else 2
+    rest = 3 if law.form.derivative else 2
     if beta.size > rest:
         b = float(beta[rest]) / k
         ends[3] = (b - float(errors[rest]), b + float(errors[rest]))
     return np.array(ends)
 
 
-def _sane(laws: list[_Law]) -> list[_Law]:
-    return sorted((law for law in laws if law.sane), key=lambda law: law.cost)
+def _sane(laws: dict[_Form, _Law]) -> list[_Law]:
+    return sorted((law for law in laws.values() if law.sane), key=lambda law: law.cost)
+
+
+def _much_better(new: _Law | None, old: _Law) -> TypeGuard[_Law]:
+    return new is not None and new.cost < 0.99 * old.cost
 
 
 def _as_good(law: _Law, best: _Law) -> bool:
@@ -642,12 +645,15 @@ def _as_good(law: _Law, best: _Law) -> bool:
     return bool(ratio.mean() <= _WORSE * (ratio.std(ddof=1) / math.sqrt(ratio.size)) + 1e-9)
 
 
-def _filters(h: float, longest: float) -> list[_Filter]:
-    """Every way to filter, with times of h/4 up to `longest` in octaves; none first."""
+def _forms(h: float, longest: float) -> list[_Form]:
+    """PI and PID, behind every filter with times of h/4 up to `longest` in octaves."""
     times = [h * 2.0**octave for octave in range(-2, max(2, math.ceil(math.log2(longest / h))) + 1)]
-    none = [_Filter(True), _Filter(False)]
-    lags = [_Filter(scans, order, tf) for scans in (True, False) for order in (1, 2) for tf in times]
-    return none + lags + [_Filter(scans, tfd=tfd) for scans in (True, False) for tfd in times]
+    forms = []
+    for scans in (True, False):
+        filters = [_Filter(scans)] + [_Filter(scans, order, tf) for order in (1, 2) for tf in times]
+        forms += [_Form(one, derivative) for one in filters for derivative in (False, True)]
+        forms += [_Form(_Filter(scans, tfd=tfd), True) for tfd in times]
+    return forms
 
 
 @dataclass(frozen=True, slots=True)
@@ -664,13 +670,13 @@ class _Found:
 def _found(band: _Band, laws: list[_Law], op_noise: float) -> _Found:
     good = [law for law in laws if _as_good(law, laws[0])]
     span = _hull([band.span(law, op_noise) for law in good])
-    shown = next((law for law in good if not law.derivative), good[0])
-    if not shown.filter.time:
+    shown = next((law for law in good if not law.form.derivative), good[0])
+    if not shown.form.filter.time:
         # Without a filter the two clocks give the same fit; that every sample was a scan shows in the residual.
         rounding = 2 * op_noise / band.m + 1e-12 * float(np.mean(band.op**2))
         scans = shown.cost <= 1.5 * rounding * float(band.weight.sum())
-        same = (law for law in good if law.filter == _Filter(scans) and law.derivative == shown.derivative)
-        shown = next(same, shown)
+        same = _Form(_Filter(scans), shown.form.derivative)
+        shown = next((law for law in good if law.form == same), shown)
     width = math.inf
     if np.all(span[:2, 0] > 0):
         width = float(np.max(np.log(span[:2, 1] / span[:2, 0])))
@@ -734,16 +740,17 @@ def _identify(
     lag, bands = 0, _bands(_Signals(t, sp, pv, op, step, h, given_b, 0))
     if not bands:
         return _nothing(_UNSHOWN, samples)
-    filters = _filters(h, bands[-1].m * h / 4)
+    forms = _forms(h, bands[-1].m * h / 4)
     # OP recorded a sample late or early: where that leaves a quarter as much unexplained as any law without.
-    least = _unexplained(bands, filters)
+    least = _unexplained(bands, forms)
     for other in (1, -1) if least > 1e-3 else ():
         shifted = _bands(_Signals(t, sp, pv, op, step, h, given_b, other))
-        if shifted and (rest := _unexplained(shifted, filters[:2])) < 0.25 * least:
+        if shifted and (rest := _unexplained(shifted, [_PLAIN])) < 0.25 * least:
             lag, bands, least = other, shifted, rest
+            forms = [form for form in forms if not form.filter.time]
     found = []
     for band in bands:
-        laws = band.searched(filters[:2] if lag else filters)
+        laws = band.searched(forms)
         if laws:
             found.append(_found(band, laws, op_noise))
     if not found:
@@ -756,18 +763,18 @@ def _bands(signals: _Signals) -> list[_Band]:
     bands: list[_Band] = []
     while (band := signals.band(2 ** len(bands))) is not None:
         bands.append(band)
-        band.reweight(_Filter(True), False, "huber", 8)
-        plain = band.laws([_Filter(True)])
-        if plain and plain[0].ti > 0 and band.m * signals.h > 2 * plain[0].ti and band.m >= 4:
+        band.reweight(_PLAIN, "huber", 8)
+        plain = band.laws([_PLAIN]).get(_PLAIN)
+        if plain is not None and plain.ti > 0 and band.m * signals.h > 2 * plain.ti and band.m >= 4:
             break
     return bands
 
 
-def _unexplained(bands: list[_Band], filters: list[_Filter]) -> float:
+def _unexplained(bands: list[_Band], forms: list[_Form]) -> float:
     """Share of OP's moves between means of some samples that the best of the laws leaves."""
     band = bands[min(2, len(bands) - 1)]
-    band.reweight(filters[0], False, "huber", 8)
-    laws = _sane(band.laws(filters, keep=True))
+    band.reweight(_PLAIN, "huber", 8)
+    laws = _sane(band.laws(forms))
     return 1 - band.r2(laws[0]) if laws else math.inf
 
 
@@ -775,8 +782,8 @@ def _insane(bands: list[_Band], samples: int) -> Identification:
     """Say what is wrong where no law comes out with values that a controller could have."""
     best: tuple[float, _Law, Floats] | None = None
     for band in bands:
-        band.reweight(_Filter(True), False, "tukey", 15)
-        law = next(iter(band.laws([_Filter(True)])), None)
+        band.reweight(_PLAIN, "tukey", 15)
+        law = band.laws([_PLAIN]).get(_PLAIN)
         scatter = band.scatter(law) if law is not None else None
         if law is not None and scatter is not None and (best is None or band.r2(law) > best[0]):
             best = band.r2(law), law, np.sqrt(np.diag(scatter))
@@ -854,18 +861,17 @@ def _judge(found: list[_Found], lag: int, h: float, samples: int, given_b: float
 
 
 def _note(best: _Found, lag: int, h: float, td_low: float, td_high: float) -> str:
-    law, by = best.law, best.law.filter
-    parts = [
-        f"robust fit of {'a PID' if law.derivative else 'a PI'} law to means of {best.m} samples ({best.m * h:.4g} s)"
-    ]
+    law, by = best.law, best.law.form.filter
+    kind = "PID" if law.form.derivative else "PI"
+    parts = [f"robust fit of a {kind} law to means of {best.m} samples ({best.m * h:.4g} s)"]
     if by.order:
         parts.append(f"the controller filters PV, which is recorded unfiltered ({by.order} x Tf {by.tf:.3g} s)")
     if by.tfd:
         parts.append(f"its D part is filtered (Tf {by.tfd:.3g} s)")
     if lag:
         parts.append(f"OP recorded one sample {'late' if lag > 0 else 'early'}")
-    if law.derivative and not td_low > 0:
+    if law.form.derivative and not td_low > 0:
         parts.append("lengths of the means disagree whether there is a D part")
-    elif not law.derivative and td_high > 0:
+    elif not law.form.derivative and td_high > 0:
         parts.append(f"a D part of up to {td_high:.3g} s behind a filter would explain OP as well")
     return "; ".join(parts)

@@ -613,9 +613,9 @@ def test_real_loops_with_nothing_but_their_files(run):
     loops = {loop["loop"]: loop for loop in json.loads(out)["loops"]}
     cycle = loops["FIC46005_0902"]
     assert cycle["verdict"] == "provisional" and 0.40 < cycle["d_hat"] < 0.60 and cycle["detections"] < 9
-    assert cycle["controller"]["k"] == pytest.approx(0.012, rel=0.1) and cycle["controller"]["ti"] == pytest.approx(
-        34, rel=0.1
-    )
+    # 0.012 and 35 s if it ran once a sample, 0.014 and 40 s if much faster: K/Ti is the same.
+    k, ti = cycle["controller"]["k"], cycle["controller"]["ti"]
+    assert k / ti == pytest.approx(0.012 / 34, rel=0.05) and 0.012 < k < 0.015 and 34 < ti < 43
     for name in ("LIC31102B_0824", "LIC31102B_0904", "LIC31102B_1127"):
         assert loops[name]["verdict"] == "no_estimate" and "oscillation" in loops[name]["reason"]
     assert loops["FIC10104_0224"]["verdict"] == "refused" and loops["FIC10104_0224"]["reason"]

@@ -99,7 +99,7 @@ def estimate(recording: Recording, *, progress: Progress | None = None) -> Resul
 
 
 def analyze(recording: Recording, *, trust: bool = False, fit: bool = True, progress: Progress | None = None) -> Result:
-    """Judge a recording, find K and Ti where they are not given, estimate and fit the width of the gap.
+    """Judge a recording, find K, Ti and Td where they are not given, estimate and fit the width of the gap.
 
     Parameters
     ----------
@@ -139,9 +139,11 @@ def analyze(recording: Recording, *, trust: bool = False, fit: bool = True, prog
     found = None if batch.op is None else _identified(batch if ideal is None else batch[slice(0, CHECKED_ROWS)], loop)
     notes: dict[str, str] = {}
     if ideal is None and found is not None and found.k and found.ti and (found.usable or trust):
-        ideal = Ideal(found.k, found.ti, 0.0, 1.0 if found.setpoint_weight is None else found.setpoint_weight)
+        ideal = Ideal(
+            found.k, found.ti, found.td or 0.0, 1.0 if found.setpoint_weight is None else found.setpoint_weight
+        )
         notes = dict.fromkeys(("k", "ti"), f"identified (R² {found.r2:.3f})")
-        notes["td"] = "PI law identified"
+        notes["td"] = notes["k"] if found.td else "PI law identified"
         notes["b"] = "no setpoint change to tell it by" if found.setpoint_weight is None else notes["k"]
     run = _Run(recording, loop, sample.median_step, ideal, notes, _process_gain(loop))
     census = _glapp.Census(run.max_h, op_range(loop))
@@ -154,6 +156,7 @@ def analyze(recording: Recording, *, trust: bool = False, fit: bool = True, prog
         Census(**census.counts()),
         k=None if ideal is None else ideal.k,
         ti=None if ideal is None else ideal.ti,
+        td=None if ideal is None else ideal.td,
         identification=found,
         pv_unit=loop.pv_unit or "PV unit",
         op_unit=loop.op_label,
@@ -196,7 +199,7 @@ def _fit(
 
 
 def identify_recording(recording: Recording) -> Identification:
-    """K and Ti as the first half million rows of a recording show them; `glapp.identify` says how.
+    """K, Ti and Td as the first half million rows of a recording show them; `glapp.identify` says how.
 
     Parameters
     ----------
@@ -538,14 +541,14 @@ def _verdict(
     for finding in quality:
         if finding.severity == "refuse":
             return "refused", finding.text
+    for finding in quality:
+        if finding.code == "sinusoidal":
+            return "no_estimate", finding.text
     if run.ideal is None:
         if found is None:
             what = "K and Ti are not given, and without an OP column they cannot be identified"
             return "refused", f"{what}: name the column (--op, columns.op), or give the controller"
         return "refused", f"K and Ti are not given and could not be identified: {found.reason}"
-    for finding in quality:
-        if finding.code == "sinusoidal":
-            return "no_estimate", finding.text
     if value is None:
         return "no_estimate", _nothing_accepted(rejected)
     d_hat, _, _, kept, count = value

@@ -441,6 +441,7 @@ def _reason(answer: dict[str, Any], verdict: str, unit: str, best: dict[str, Any
     d, low, high, reason = (answer[key] for key in ("d", "low", "high", "reason"))
     up, down = answer["traversals"]
     evidence = f"no gap is {answer['lr_no_gap']:.0f} units of 2·ln L worse, where {answer['lr_needed']:.0f} are needed"
+    would = f"a gap of {d:.3g} {unit} would fit"
     often = f"OP went through it {_times(up)} up and {_times(down)} down"
     match verdict:
         case "backlash":
@@ -472,8 +473,8 @@ def _reason(answer: dict[str, Any], verdict: str, unit: str, best: dict[str, Any
         case _ if reason == "coarse":
             lags = best["lag"] + (best["dead_time"] if best["integrating"] else 0.0)
             return (
-                f"a gap of {d:.3g} {unit} would fit, but between samples {best['h']:.3g} s apart OP does what none of them "
-                f"shows: the process lags by {lags:.3g} s, and five samples are needed in that. Record faster"
+                f"{would}, but between samples {best['h']:.3g} s apart OP does what none of them shows: "
+                f"the process lags by {lags:.3g} s, and five samples are needed in that. Record faster"
             )
         case _ if reason == "windows_disagree":
             return (
@@ -482,24 +483,24 @@ def _reason(answer: dict[str, Any], verdict: str, unit: str, best: dict[str, Any
             )
         case _ if reason == "still":
             return (
-                f"a gap of {d:.3g} {unit} would fit, but in it the valve hardly moves: one step of PV at a time and of a "
-                "size that are free explains as much. Record while OP moves further"
+                f"{would}, but in it the valve hardly moves: one step of PV at a time and of a size that are free "
+                "explains as much. Record while OP moves further"
             )
         case _ if reason == "repeats":
             return (
-                f"a gap of {d:.3g} {unit} would fit, but so would a load that repeats itself with the cycle of this loop: "
-                "find what swings there, or record while the setpoint moves, on calmer days, or with the valve's position"
+                f"{would}, but so would a load that repeats itself with the cycle of this loop: find what swings there "
+                "or record while the setpoint moves, on calmer days, or with the valve's position"
             )
         case _ if reason == "swings":
             return (
-                f"a gap of {d:.3g} {unit} would fit, but OP swings to and fro in almost even time, which no gap makes of "
-                "this process: a load that swings so explains as much. Record while the setpoint moves, on calmer days, "
-                "make a bump test, or record the valve's position"
+                f"{would}, but OP swings to and fro in almost even time, which no gap makes of this process: a load "
+                "that swings so explains as much. Record while the setpoint moves or on calmer days, make a bump test "
+                "or record the valve's position"
             )
         case _ if reason == "lined":
             return (
-                f"a gap of {d:.3g} {unit} would fit, but a historian kept only corners of PV and drew lines between them, "
-                "which bend by as much. Record without compression"
+                f"{would}, but a historian kept only corners of PV and drew lines between them, which bend by as much. "
+                "Record without compression"
             )
         case _ if reason == "no_answer":
             return (
@@ -511,7 +512,8 @@ def _reason(answer: dict[str, Any], verdict: str, unit: str, best: dict[str, Any
             if low <= 0 or reason == "families_disagree":
                 against = "next to none would as well"
             else:
-                against = f"none is {answer['lr_no_gap']:.0f} units of 2·ln L less likely ({answer['lr_needed']:.0f} are needed)"
+                lr, needed = answer["lr_no_gap"], answer["lr_needed"]
+                against = f"none is {lr:.0f} units of 2·ln L less likely ({needed:.0f} are needed)"
             return (
                 f"{most} would fit, most likely {d:.3g} {unit}, but {against}: "
                 "record for longer, or while OP moves further"

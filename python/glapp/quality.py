@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from .identify import FROZEN_STEPS, SORTED_ROWS, Identification, frozen_steps, in_runs, resolution
+from .identify import FROZEN_STEPS, R2_USABLE, SORTED_ROWS, Identification, frozen_steps, in_runs, resolution
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -150,6 +150,7 @@ def inspect(
     *,
     k: float | None = None,
     ti: float | None = None,
+    td: float | None = None,
     identification: Identification | None = None,
     pv_unit: str = "PV units",
     op_unit: str = "OP units",
@@ -169,8 +170,10 @@ def inspect(
         Controller gain used, signed [OP unit per PV unit].
     ti : float | None
         Integral time used [s].
+    td : float | None
+        Derivative time used [s], 0 for a PI controller.
     identification : Identification | None
-        What the recording itself says of K and Ti; compared with `k` and `ti` when usable.
+        What the recording itself says of K, Ti and Td; compared with `k`, `ti` and `td` when usable.
     pv_unit, op_unit : str
         Units for the texts.
     t0 : datetime | None
@@ -197,7 +200,7 @@ def inspect(
     'OP stays at 20 % over the whole recording: take a time in which the controller works, or check the OP column'
     """
     with np.errstate(all="ignore"):
-        look = _Look(sample, census, k, ti, identification, pv_unit, op_unit, t0, first_row)
+        look = _Look(sample, census, k, ti, td, identification, pv_unit, op_unit, t0, first_row)
         found = [*known, *(finding for test in _TESTS for finding in test(look))]
     return sorted(found, key=lambda finding: ("refuse", "warning", "info").index(finding.severity))
 
@@ -312,13 +315,20 @@ class _Look:
         census: Census,
         k: float | None,
         ti: float | None,
+        td: float | None,
         identification: Identification | None,
         pv_unit: str,
         op_unit: str,
         t0: datetime | None,
         first_row: int,
     ) -> None:
-        self.census, self.k, self.ti, self.identification = census, k, ti, identification
+        self.census, self.identification = census, identification
+        self.k, self.ti, self.td = k, ti, td
+        # One frequency leaves Ti open by more than is usable: the least that it can be is enough to know a sinusoid by.
+        self.shortest_ti = ti
+        if ti is None and identification is not None and (identification.r2 or 0.0) >= R2_USABLE:
+            low = identification.ti_low
+            self.shortest_ti = low if low is not None and 0 < low < math.inf else None
         self.pv_unit, self.op_unit, self.t0, self.first_row = pv_unit, op_unit, t0, first_row
         self.t, self.sp, self.pv = (np.asarray(x, dtype=np.float64) for x in (sample.t, sample.sp, sample.pv))
         self.op = None if sample.op is None else np.asarray(sample.op, dtype=np.float64)
@@ -632,8 +642,9 @@ def _settings(look: _Look) -> Iterator[Finding]:
     for name, given, found, low, high, unit in (
         ("K", look.k, seen.k, seen.k_low, seen.k_high, gain),
         ("Ti", look.ti, seen.ti, seen.ti_low, seen.ti_high, "s"),
+        ("Td", look.td, seen.td, seen.td_low, seen.td_high, "s"),
     ):
-        if given is None or low is None or high is None:
+        if given is None or found is None or low is None or high is None:
             continue
         low, high = sorted((abs(low), abs(high)))
         if not low / 1.5 <= abs(given) <= high * 1.5:
@@ -729,7 +740,8 @@ def _winding_up(look: _Look) -> Iterator[Finding]:
 def _sinusoid(look: _Look) -> Iterator[Finding]:
     """Tell a linear oscillation: one clean frequency, half-periods too short for backlash under this Ti."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], look.step, [False])).astype(np.int8)))
-    if edges.size == 0 or look.ti is None:  # without Ti the cycle of a gap in an integrating loop looks the same
+    ti = look.shortest_ti
+    if edges.size == 0 or ti is None:  # without Ti the cycle of a gap in an integrating loop looks the same
         return
     longest = int(np.argmax(edges[1::2] - edges[::2]))
     e = look.e[edges[2 * longest] : edges[2 * longest + 1] + 1][:SORTED_ROWS]
@@ -752,13 +764,13 @@ def _sinusoid(look: _Look) -> Iterator[Finding]:
     shape = float(np.median((top / area)[long])) if long.any() else math.nan
     lengths = np.diff(crossings)[long] * look.h
     spread = float(np.std(lengths) / np.mean(lengths)) if lengths.size else math.inf
-    if share > 0.9 and spread < 0.25 and half < 5 * look.ti and 1.35 < shape < 1.8:
+    if share > 0.9 and spread < 0.25 and half < 5 * ti and 1.35 < shape < 1.8:
         yield Finding(
             "sinusoidal",
             "warning",
             f"the error is a clean sinusoid of period {look.seconds(2 * half)} ({_percent(share)} of its power at one "
             f"frequency, peak to mean {shape:.2f} against {math.pi / 2:.2f}; half-periods of "
-            f"{look.seconds(half)}, shorter than 5 Ti, {look.seconds(5 * look.ti)}): "
+            f"{look.seconds(half)}, shorter than 5 Ti, {look.seconds(5 * ti)}): "
             "a linear oscillation, not backlash; look at the tuning or for a disturbance from elsewhere",
             {"period_s": 2 * half, "spectral_share": share, "spread": spread, "peak_to_mean": shape},
         )

@@ -38,7 +38,7 @@ def analyze(
         Path | None, typer.Option("--csv", metavar="CSV", help="Write a row per loop; - is standard output.")
     ] = None,
     trust: Annotated[
-        bool, typer.Option("--trust", metavar="", help="Go on with an identification of R² below 0.9.")
+        bool, typer.Option("--trust", metavar="", help="Go on with an identification that is not usable.")
     ] = False,
     no_fit: Annotated[
         bool, typer.Option("--no-fit", metavar="", help="Leave out the fit of OP and PV, which takes a second a loop.")

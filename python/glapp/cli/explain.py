@@ -34,7 +34,7 @@ def explain(
         ),
     ] = None,
     trust: Annotated[
-        bool, typer.Option("--trust", metavar="", help="Go on with an identification of R² below 0.9.")
+        bool, typer.Option("--trust", metavar="", help="Go on with an identification that is not usable.")
     ] = False,
 ) -> None:
     """Show one half-period: its numbers, every test, and which of them rejected it. Without --at: list them all."""

@@ -1,4 +1,4 @@
-"""`glapp identify`: K and Ti out of a recording."""
+"""`glapp identify`: K, Ti and Td out of a recording."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def identify(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Recording, or a loops.toml with --loop.")],
     options: Options,
 ) -> None:
-    """Find K and Ti of the controller from OP's moves, with their intervals, ready for a loops.toml."""
+    """Find K, Ti and Td of the controller from OP's moves, with their intervals, ready for a loops.toml."""
     recording = open_one(file, options)
     found = identify_recording(recording)
     out.print(one_line(f"{recording.name}  ({recording.source})"), style="bold", soft_wrap=True)
@@ -37,6 +37,8 @@ def identify(
         raise typer.Exit(1)
     assert found.k is not None and found.ti is not None
     controller: dict[str, Any] = {"k": _rounded(abs(found.k)), "gain_unit": "OP/PV", "ti": _rounded(found.ti)}
+    if found.td:
+        controller["td"] = _rounded(found.td)
     if found.k < 0:
         controller["action"] = "direct"
     if found.setpoint_weight is not None:
@@ -60,6 +62,8 @@ def _rows(recording: Recording, found: Identification) -> list[tuple[str, str]]:
         rows.append(("K", f"{quantity(found.k, gain)}  ({between(found.k_low, found.k_high, gain)}; {acting} acting)"))
     if found.ti is not None:
         rows.append(("Ti", f"{quantity(found.ti, 's')}  ({between(found.ti_low, found.ti_high, 's')})"))
+    if found.td is not None:
+        rows.append(("Td", f"{quantity(found.td, 's')}  ({between(found.td_low, found.td_high, 's')})"))
     if found.r2 is not None:
         rows.append(
             (

@@ -434,6 +434,7 @@ def _identification(r: Result) -> str:
     rows = [
         ("K", words.quantity(f.k, _gain_unit(r)), _between(f.k_low, f.k_high)),
         ("TI", words.quantity(f.ti, "s"), _between(f.ti_low, f.ti_high)),
+        ("TD", words.quantity(f.td, "s"), _between(f.td_low, f.td_high)),
         ("b", words.number(f.setpoint_weight), ""),
         ("R²", words.number(f.r2), ""),
         ("steps used", str(f.samples), ""),

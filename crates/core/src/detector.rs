@@ -2,8 +2,8 @@
 
 use crate::half_period::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO};
 use crate::{
-    Derivative, Estimate, HalfPeriod, HalfPeriodState, MedianMean, MedianMeanState, ParameterError, Real, Reason,
-    SafetyNet, SecondOrderFilter, SecondOrderFilterState, Width, WidthParts, ZeroCrossing, error::require,
+    Estimate, HalfPeriod, HalfPeriodState, MedianMean, MedianMeanState, ParameterError, Real, Reason, SafetyNet,
+    SecondOrderFilter, SecondOrderFilterState, Sum, Width, WidthParts, ZeroCrossing, error::require,
 };
 
 /// One sample of a loop.
@@ -145,7 +145,7 @@ pub struct Detector<R> {
 /// State of [`Detector`]: what is touched at every sample, and what only at a zero crossing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct DetectorState<R> {
+pub struct DetectorState<R: Real> {
     signal: Signal<R>,
     memory: Memory<R>,
     /// Time of the last sample of [`Detector::run`], and of the first one of the half-period under way.
@@ -154,7 +154,7 @@ pub struct DetectorState<R> {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-struct Signal<R> {
+struct Signal<R: Real> {
     pv: SecondOrderFilterState<R>,
     op: SecondOrderFilterState<R>,
     crossing: ZeroCrossing,
@@ -177,7 +177,7 @@ impl<R: Real> Default for Signal<R> {
 
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-struct Memory<R> {
+struct Memory<R: Real> {
     previous_delta_y: Option<R>,
     window: MedianMeanState<R>,
     estimate: Option<Estimate<R>>,
@@ -186,7 +186,7 @@ struct Memory<R> {
     /// half-periods since the first of them \[s\].
     candidates: MedianMeanState<R>,
     rejected: u32,
-    excess: R,
+    excess: R::Sum,
 }
 
 impl<R: Real> Default for DetectorState<R> {
@@ -208,7 +208,7 @@ impl<R: Real> DetectorState<R> {
 
     /// The filtered PV now [PV unit].
     pub fn filtered_pv(&self) -> R {
-        self.signal.pv.y2
+        self.signal.pv.y2.value()
     }
 }
 
@@ -302,7 +302,7 @@ impl<R: Real> Detector<R> {
                 ended(Span { start, end }, &self.judge(&mut state.memory, half, OP));
                 start = before;
             }
-            seen(k, signal.pv.started.then_some(signal.pv.y2));
+            seen(k, signal.pv.started.then_some(signal.pv.y2.value()));
             k += 1;
         }
         state.signal = signal;
@@ -375,7 +375,7 @@ impl<R: Real> Detector<R> {
             }
             let mut next = y;
             let yf = filter.update(&mut next, pv[k], h);
-            let size = if BELOW { sp[k] - yf } else { yf - sp[k] };
+            let size = if BELOW { next.y2.to(sp[k]) } else { next.y2.since(sp[k].into()) };
             if !(size >= R::ZERO && size <= R::MOST) {
                 break;
             }
@@ -413,7 +413,8 @@ impl<R: Real> Detector<R> {
             return None;
         }
         let (mut y, mut u) = (s.pv, s.op);
-        let e = sp - self.filter.update(&mut y, pv, h);
+        self.filter.update(&mut y, pv, h);
+        let e = y.y2.to(sp);
         if !measurable(e) || (OP && !measurable(op)) {
             return None;
         }
@@ -467,17 +468,17 @@ impl<R: Real> Detector<R> {
         op: R,
         flags: u8,
     ) -> Option<HalfPeriod<R>> {
-        let mut slope = Derivative::after(s.pv.y2);
+        let moved = y.y2.since(s.pv.y2);
         (s.pv, s.op) = (y, u);
         let sign = s.crossing.sign;
         let mut ended = None;
         if s.crossing.update(e) {
-            let slope = slope.update(y.y2, h);
-            ended = Some(s.half.close(sign, sp, slope, u.y2));
+            let (slope, opf) = (moved / h, u.y2.value());
+            ended = Some(s.half.close(sign, sp, slope, opf));
             s.half = if slope.is_number() {
-                HalfPeriodState::start(sp, slope, u.y2, 0)
+                HalfPeriodState::start(sp, slope, opf, 0)
             } else {
-                HalfPeriodState::start(sp, R::ZERO, u.y2, BAD)
+                HalfPeriodState::start(sp, R::ZERO, opf, BAD)
             };
         }
         s.half.add(e, h, self.with_limits::<OP>(flags, op));
@@ -547,7 +548,7 @@ impl<R: Real> Detector<R> {
         } else if mask == Reason::TooSmall.bit() {
             self.reconsider(m, parts.d, half.delta_t);
         } else if !broken {
-            m.excess = m.excess - half.delta_t;
+            m.excess.add(-half.delta_t);
         }
         m.previous_delta_y = if broken { None } else { Some(half.delta_y) };
         Record { half, parts, mask, previous_delta_y, d_hat_before, estimate: m.estimate }
@@ -565,14 +566,14 @@ impl<R: Real> Detector<R> {
     fn reconsider(&self, m: &mut Memory<R>, detection: R, delta_t: R) {
         if m.rejected == 0 {
             m.candidates = MedianMeanState::default();
-            m.excess = R::ZERO;
+            m.excess = R::Sum::default();
         }
-        m.excess += delta_t;
+        m.excess.add(delta_t);
         let n = u32::from(self.detections.n());
         let found = self.detections.update(&mut m.candidates, detection);
         m.rejected = m.rejected.saturating_add(1);
         let agree = u32::from(found.count) == n && 3 * u32::from(found.kept) >= 2 * n;
-        if (agree && m.excess >= R::ZERO) || m.rejected >= 10 * n {
+        if (agree && m.excess.value() >= R::ZERO) || m.rejected >= 10 * n {
             m.window = m.candidates;
             m.estimate = Some(found);
             m.rejected = 0;

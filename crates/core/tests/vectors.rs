@@ -9,7 +9,7 @@ use glapp_core::{
     CompensationSettings, CompensationState, Derivative, Detector, DetectorState, HalfPeriod, HalfPeriodState,
     MedianMean, MedianMeanState, Noise, NoiseState, OverCompensation, OverCompensationState, OverWarning, Pid,
     PidState, RateLimit, RateLimitState, Real, Reason, Record, SafetyNet, Sample, Saturation, SecondOrderFilter,
-    SecondOrderFilterState, Swing, SwingState, Way, Width, WidthParts, WrongSign, WrongSignState, ZeroCrossing,
+    SecondOrderFilterState, Sum, Swing, SwingState, Way, Width, WidthParts, WrongSign, WrongSignState, ZeroCrossing,
 };
 use serde_json::Value;
 use std::path::Path;
@@ -370,7 +370,7 @@ fn compensate<R: Real>(case: &Case) -> impl FnMut(&[f64], f64) -> Option<Vec<f64
             flags: x[5] as u8,
         };
         let u_ff = block.update(&mut state, &sample);
-        Some(vec![u_ff.as_f64(), state.half.as_f64(), f64::from(state.standing as u8)])
+        Some(vec![u_ff.as_f64(), state.half.value().as_f64(), f64::from(state.standing as u8)])
     }
 }
 

@@ -5,7 +5,7 @@ use crate::half_period::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO};
 use crate::{
     Compensation, CompensationSample, CompensationSettings, CompensationState, Detector, DetectorState, Estimate,
     MedianMean, MedianMeanState, OverCompensation, OverCompensationState, OverWarning, ParameterError, Real, Reason,
-    Record, SafetyNet, Sample, Saturation, SecondOrderFilter, Width, WrongSign, WrongSignState,
+    Record, SafetyNet, Sample, Saturation, SecondOrderFilter, Sum, Width, WrongSign, WrongSignState,
 };
 
 /// The gain K has the wrong sign: for the process, or as the detector was told it.
@@ -89,7 +89,7 @@ pub struct BacklashDetection<R> {
 /// State of a [`BacklashDetection`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct BacklashDetectionState<R> {
+pub struct BacklashDetectionState<R: Real> {
     /// Whether a person wants compensation.
     pub compensate: bool,
     /// The detector; it holds the estimate of what is left of the gap.
@@ -188,7 +188,7 @@ impl<R: Real> BacklashDetection<R> {
     /// Takes setpoint, process value and the time since the last scan `h` \[s\]; gives u_FF.
     #[inline(always)]
     pub fn forward(&self, state: &mut BacklashDetectionState<R>, sp: Forward<R>, pv: Forward<R>, h: R) -> Forward<R> {
-        (state.sp, state.pv, state.h, state.u_ff) = (sp, pv, h, state.compensation.u_ff);
+        (state.sp, state.pv, state.h, state.u_ff) = (sp, pv, h, state.compensation.u_ff.value());
         Forward::new(state.u_ff, 0)
     }
 
@@ -214,14 +214,14 @@ impl<R: Real> BacklashDetection<R> {
         let record = self.detector.update(&mut state.detector, &Sample { h, sp, pv: state.pv.value, op, flags });
         state.due = record.is_some();
         if state.due {
-            (state.last, state.size) = (record, state.compensation.half + state.compensation.half);
+            (state.last, state.size) = (record, R::of(2.0) * state.compensation.half.value());
         }
         if let (Some(sign), Some(back)) = (&self.sign, back) {
             let gap = if h <= self.max_h { 0 } else { GAP };
             sign.update(&mut state.sign, sp, state.detector.filtered_pv(), back.tracking, h, flags | gap);
         }
         let Some((compensation, _)) = &self.compensation else {
-            if state.compensation.u_ff != R::ZERO {
+            if state.compensation.u_ff.value() != R::ZERO {
                 state.compensation = CompensationState::default();
             }
             return;

@@ -164,7 +164,8 @@ impl<R: Real> PidAdvanced<R> {
         let ff = Forward::new(ff.value + s.detection.compensation.u_ff.value(), ff.flags);
         let u = self.pid.scan(&mut s.pid, self.gains(s.by), self.settings.sp_rate, pv, sp, ff, h);
         let seen = if self.settings.pid.tf > R::ZERO { s.pid.yf } else { pv.value };
-        self.detection.forward(&mut s.detection, s.pid.ysp.value().into(), Forward::new(seen, pv.flags), h);
+        let (sp, seen) = (s.pid.ysp.value().into(), Forward::new(seen, pv.flags));
+        self.detection.forward_filtered(&mut s.detection, sp, seen, pv.value, h);
         u
     }
 

@@ -250,3 +250,68 @@ def test_other_loops_are_told_for_what_they_are() -> None:
     assert direct.identification is not None and direct.identification.k is not None and direct.identification.k < 0
     slave = refinery("FIC40102B_0825")
     assert any("cascade" in finding.text for finding in slave.quality)
+
+
+def feed(s: Simulation, **changes: Any) -> Estimator:
+    estimator = Estimator(loop(**changes), h=s.t[1] - s.t[0])
+    estimator.update_many(s.t, s.sp, s.pv, s.op)
+    return estimator
+
+
+@pytest.fixture(scope="module")
+def noisy() -> Simulation:
+    """No gap: noise alone makes hundreds of half-periods, and dozens of them look like backlash."""
+    return closed_loop("P3", (0.48, 0.3117), d=0.0, noise=0.01, t_end=3000, setpoint=[(1, 1.0)], load=[(100, 0.3)])
+
+
+def test_a_stream_shows_no_width_that_noise_can_feign(noisy: Simulation) -> None:
+    """It showed the width of a gap that is not there, from nine detections."""
+    estimator = feed(noisy)
+    said, floor = estimator.median_mean, estimator.noise_floor
+    assert said is not None and floor is not None
+    assert said[4] == 9 and 0.0 < said[0] < floor
+    assert estimator.estimate is None
+    halves = estimator.half_periods
+    assert np.isnan(halves.d_hat[halves.median_mean < halves.noise_floor]).all()
+    # One at a time the same is shown.
+    single = Estimator(loop(), h=0.05)
+    last = None
+    for row in zip(noisy.t, noisy.sp, noisy.pv, noisy.op, strict=True):
+        last = single.update(*row) or last
+    assert last is not None and single.estimate is None
+    assert (last.noise_floor, np.isnan(last.d_hat)) == (floor, True)
+
+
+def test_a_stream_shows_the_width_that_is_there(worn: Simulation) -> None:
+    estimator = feed(worn)
+    assert estimator.estimate == estimator.median_mean
+    assert estimator.estimate is not None and estimator.estimate[0] == pytest.approx(0.05, rel=0.15)
+
+
+@pytest.mark.parametrize("kp", [1.0, None])
+def test_stream_and_analysis_have_one_floor(noisy: Simulation, worn: Simulation, kp: float | None) -> None:
+    for s in (noisy, worn):
+        result = shown(s, tf=0.03117, process={"kp": kp} if kp else {})
+        estimator = feed(s, tf=0.03117, process={"kp": kp} if kp else {})
+        assert result.noise_floor == estimator.noise_floor is not None
+        assert (result.d_hat is None) == (estimator.estimate is None)
+
+
+def test_the_floor_is_saved_and_an_older_save_can_be_read(noisy: Simulation) -> None:
+    half = noisy.t.size // 2 + 7
+    first = [x[:half] for x in (noisy.t, noisy.sp, noisy.pv, noisy.op)]
+    second = [x[half:] for x in (noisy.t, noisy.sp, noisy.pv, noisy.op)]
+    whole, cut = feed(noisy), Estimator(loop(), h=0.05)
+    cut.update_many(*first)
+    saved = cut.save()
+    restored = Estimator.load(saved)
+    restored.update_many(*second)
+    assert restored.save() == whole.save()
+    # Saved before there was a floor: it goes on, and knows the noise again after twenty samples.
+    older = json.loads(saved)
+    del older["state"]["signal"]["noise"], older["state"]["memory"]["noise_floor"]
+    old = Estimator.load(json.dumps(older))
+    assert old.noise_floor is None
+    old.update_many(*second)
+    assert old.median_mean == whole.median_mean and old.estimate is None
+    assert old.noise_floor == pytest.approx(whole.noise_floor, rel=0.05)

@@ -706,3 +706,35 @@ def test_sample_by_sample_beside_a_plant_whose_sensor_fails() -> None:
         reasons.add(loop["pid.reason"])
     assert {0.0, 1.0, 2.0} <= reasons  # accepted, gap, bad_quality
     assert 1.85 < loop["pid.d_hat"] < 2.05
+
+
+@pytest.mark.parametrize("inside", [True, False], ids=["PidAdvanced", "BacklashDetection"])
+@pytest.mark.parametrize("tf", [0.0, 0.4], ids=["the detector filters", "the controller filters"])
+def test_no_width_is_shown_that_noise_can_feign(inside: bool, tf: float) -> None:
+    """Without a gap, nine detections of what noise feigns were shown as the width of one."""
+    shown = {}
+    for d in (0.0, 2.0):
+        own = {"k": 2.0, "ti": 2.0, "kp": 1.0}
+        limited = {"low": 0, "high": 100, "start": 50.0}
+        named = {
+            "sp": Input(50.0),
+            "load": Input(5.0),
+            "gap": Backlash(d),
+            "process": ProcessSim(gain=1.0, t1=3.0, t2=1.0, start=50.0),
+            "noise": Noise(0.3),
+        }
+        wires = ["sp -> pid.sp", "load -> process.load", "pid -> gap -> process -> noise -> pid.pv"]
+        if inside:
+            named["pid"] = PidAdvanced(tf=tf, **{"k": 2.0, "ti": 2.0}, kp=1.0, **limited)
+        else:
+            named["pid"] = Pid(tf=tf, k=2.0, ti=2.0, **limited)
+            named["watch"] = BacklashDetection(tf=tf or 0.2, **own)
+            wires += ["sp -> watch.sp", "noise -> watch.pv", "watch -> pid.ff"]
+        loop, module = Graph(0.1, named, wires), "pid" if inside else "watch"
+        loop.run(60_000)
+        shown[d] = {name: loop[f"{module}.{name}"] for name in ("d_hat", "count", "whole", "noise_floor", "detections")}
+    assert shown[0.0]["detections"] >= 9, "or there is nothing to withhold"
+    assert math.isnan(shown[0.0]["d_hat"]) and shown[0.0]["count"] == 0 and math.isnan(shown[0.0]["whole"])
+    assert shown[2.0]["d_hat"] == pytest.approx(2.0, rel=0.25) and shown[2.0]["count"] == 9
+    for floor in (shown[0.0]["noise_floor"], shown[2.0]["noise_floor"]):
+        assert floor == pytest.approx(3 * 0.3 / math.sqrt(3), rel=0.15)

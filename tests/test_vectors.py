@@ -19,6 +19,7 @@ from glapp.blocks import (
     HalfPeriod,
     MedianMean,
     Noise,
+    NoiseLevel,
     OverCompensation,
     Pid,
     RateLimit,
@@ -97,6 +98,16 @@ def backlash(params: dict[str, float]) -> Callable[..., float]:
 def noise(params: dict[str, float]) -> Callable[..., float]:
     block = Noise(params["amplitude"], int(params["integer"]))
     return lambda x, h: block.update(x)
+
+
+def noise_level(params: dict[str, float]) -> Callable[..., float]:
+    block = NoiseLevel()
+
+    def update(x: float, h: float) -> float:
+        block.update(x)
+        return math.nan if block.sigma is None else block.sigma
+
+    return update
 
 
 def pid(params: dict[str, float]) -> Callable[..., float]:
@@ -269,7 +280,7 @@ def pid_module(params: dict[str, float]) -> Callable[..., list[float]]:
     return update
 
 
-SHOWN = ("u_ff", "d_hat", "count", "whole", "standing", "over", "error")
+SHOWN = ("u_ff", "d_hat", "count", "noise_floor", "whole", "standing", "over", "error")
 
 
 def _set(graph: modules.Graph, module: str, **values: float) -> None:
@@ -341,6 +352,7 @@ MAKERS = {
     "half_period": half_period,
     "median_mean": median_mean,
     "noise": noise,
+    "noise_level": noise_level,
     "over_compensation": over_compensation,
     "pid": pid,
     "pid_advanced": pid_advanced,

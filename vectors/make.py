@@ -10,6 +10,7 @@ block, write its function and its cases, and name it in `BLOCKS`.
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -1104,18 +1105,96 @@ DETECTION_FIELDS = (
     "reason",
     "d_hat",
     "detections",
+    "median_mean",
+    "noise_floor",
 )
 
 
-def detector(params: Params, h: Sequence[float], samples: Sequence[Sequence[float]]) -> list[Any]:
-    """Cut the recording into stretches, these into half-periods, and judge one after the other."""
+# 1/(0.6745·√70) and 1/√12, to the nearest double.
+OF_MEDIAN, OF_GRID = 0.17720216595024368, 0.28867513459481287
+
+
+def noise_level(_params: Params, _h: Sequence[float], xs: Sequence[float]) -> list[float]:
+    """Noise by the median size of the fourth difference, and by the grid that the values lie on."""
+    outputs: list[float] = []
+    values: list[float] = []  # since the last break, without those that are held
+    last, repeats = NAN, 0
+    sizes, median, gain, grid = 0, 0.0, 0.25, math.inf
+    for x in xs:
+        repeats = repeats + 1 if x == last else 0
+        last = x
+        if not math.isfinite(x):
+            values = []
+        elif repeats < 5:
+            values.append(x)
+            steps = _differences(values[-2:], 1)
+            grid = min([grid, *(abs(step) for step in steps if step != 0.0)])
+            for size in map(abs, _differences(values[-5:], 4)):
+                if sizes >= 8:
+                    median = max(median + gain * median if size > median else median - gain * median, grid)
+                    gain = max(gain - gain * gain / 2.0, 1.0 / 512.0)
+                    sizes += 1
+                elif size > 0.0:
+                    median = size if sizes == 0 else min(median, size)
+                    sizes += 1
+        known = sizes >= 20
+        outputs.append(max(median * OF_MEDIAN, grid * OF_GRID) if known else NAN)
+    return outputs
+
+
+def _differences(values: Sequence[float], order: int) -> list[float]:
+    for _ in range(order):
+        values = [b - a for a, b in itertools.pairwise(values)]
+    return list(values)
+
+
+def noise_level_cases() -> Iterator[dict[str, Any]]:
+    """Noise on what moves, on what rests, and where there is none."""
+    random = Random(71)
+
+    def noise(n: int, size: float = 0.1) -> list[float]:
+        return [size * (random.random() - 0.5) for _ in range(n)]
+
+    plain = noise(120)
+    yield case("noise", [], {}, plain)
+    yield case("the other sign", ["Sign"], {}, [-x for x in plain])
+    yield case("on a ramp", ["Offset"], {}, [101325.0 + 0.3 * i + x for i, x in enumerate(noise(120))])
+    yield case("on steps", [], {}, [float(i // 20 % 2) + x for i, x in enumerate(noise(120))])
+    yield case("much less, and much more", [], {}, [*noise(60, 1.0), *noise(60, 0.001), *noise(60, 10.0)])
+    yield case("an outlier first", ["Start"], {}, [1e6, *noise(60)])
+    yield case("rounded", ["Grid"], {}, [round(4.0 * math.sin(i / 9.0)) / 4.0 for i in range(150)])
+    yield case("held", ["Held"], {}, [x for x in noise(30) for _ in range(8)])
+    yield case("held for less", ["Held"], {}, [x for x in noise(30) for _ in range(3)])
+    yield case("nothing moves", ["Held", "Zero"], {}, [5.0] * 40)
+    yield case("a ramp without noise", ["Zero"], {}, [0.25 * i for i in range(60)] + noise(30, 2.0))
+    broken = [NAN if i in (0, 13, 14, 40, 43, 47, 80) else x for i, x in enumerate(noise(120))]
+    yield case("values that are missing", ["NotANumber"], {}, broken)
+    alike = [5.0 if i % 7 else NAN for i in range(50)]
+    yield case("missing among those that rest", ["NotANumber", "Zero"], {}, alike + noise(40))
+
+
+def detector(
+    params: Params, h: Sequence[float], samples: Sequence[Sequence[float]], raw: Sequence[float] | None = None
+) -> list[Any]:
+    """Cut the recording into stretches, these into half-periods, and judge one after the other.
+
+    The noise is that of `raw`, PV as measured, where PV itself comes filtered.
+    """
     outputs: list[Any] = [None] * len(samples)
     memory = _Memory(params)
     stretches = _stretches(params, h, samples)
+    heard: list[float] = []
+    at = {}
+    for stretch in stretches:
+        heard.append(NAN)
+        for row in stretch["good"]:
+            at[row[0]] = len(heard)
+            heard.append(row[3] if raw is None else raw[row[0]])
+    levels = noise_level({}, [], heard)
     for number, stretch in enumerate(stretches):
         ending = stretches[number + 1] if number + 1 < len(stretches) else None
         for index, sign, measured, op_known in _half_periods(params, stretch, ending):
-            outputs[index] = memory.judge(sign, measured, op_known)
+            outputs[index] = memory.judge(sign, measured, op_known, levels[at[index]] if index in at else NAN)
     return outputs
 
 
@@ -1192,12 +1271,13 @@ class _Memory:
         self.row: list[tuple[float, float]] = []  # (d, Δt) of those that only (5.1) rejected, since a detection
         self.row_others: list[float] = []  # Δt of the others since then
         self.previous = NAN
+        self.noise_floor = NAN
 
     def shown(self) -> list[float] | None:
         """Value, smallest and largest kept, kept, count."""
         return _shown(self.detections[-self.n :]) if self.detections else None
 
-    def judge(self, sign: int, measured: list[float], op_known: bool) -> list[float]:
+    def judge(self, sign: int, measured: list[float], op_known: bool, sigma: float) -> list[float]:
         """Half-period in, everything concluded from it out, as `DETECTION_FIELDS`."""
         flags, samples, delta_t, delta_y, e_max, delta_sp, sp_change, slope_change, op_change = measured
         op_change = op_change if op_known else NAN
@@ -1209,19 +1289,26 @@ class _Memory:
         broken = int(flags) & (FLAG_GAP | FLAG_BAD | FLAG_NOT_AUTO) != 0
         if mask == 0:
             self.detections.append(parts[6])
+            self._hear(sigma)
             self.row, self.row_others = [], []
         elif reason == REASON_ORDER.index("too_small") + 1:
             self.row.append((parts[6], delta_t))
-            self._reconsider()
+            self._reconsider(sigma)
         elif not broken and self.row:
             self.row_others.append(delta_t)
         self.previous = NAN if broken else delta_y
         after = self.shown()
-        shown = [NAN, 0] if after is None else [after[0], after[4]]
+        found, count = (NAN, 0) if after is None else (after[0], after[4])
+        shown = [NAN if found < self.noise_floor else found, count, found, self.noise_floor]
         head = [sign, samples, delta_t, delta_y, e_max, delta_sp]
         return [*head, *parts, previous, d_hat_before, mask, reason, *shown]
 
-    def _reconsider(self) -> None:
+    def _hear(self, sigma: float) -> None:
+        """What noise can feign, 3σ/Kp; Kp not known: 1/2K."""
+        kp = self.params.get("kp")
+        self.noise_floor = 3.0 * sigma * (2.0 * abs(self.params["k"])) if kp is None else 3.0 * sigma / abs(kp)
+
+    def _reconsider(self, sigma: float) -> None:
         """A row of detections that only (5.1) rejected replaces the others when it is believed."""
         candidates = [d for d, _ in self.row]
         _, _, _, kept, count = _shown(candidates[-self.n :])
@@ -1229,6 +1316,7 @@ class _Memory:
         mostly = math.fsum(t for _, t in self.row) >= math.fsum(self.row_others)
         if (agree and mostly) or len(candidates) >= 10 * self.n:
             self.detections = candidates
+            self._hear(sigma)
             self.row, self.row_others = [], []
 
 
@@ -1275,10 +1363,13 @@ def detector_cases() -> Iterator[dict[str, Any]]:
     smaller = _cycle([16.0] * 5 + [5.5] * 8)
     yield case("a gap that has become smaller", ["LockOut"], pi, smaller, h=h)
     rarely = _cycle([16.0] * 5 + [5.5, 3.5, 3.5, 3.5] * 31)
+    noisy = _cycle([8.0] * 8, noise=0.2)
+    yield case("noise can feign it", ["Noise"], pi | {"k": 1.0, "kp": 0.14}, noisy, h=h)
+    yield case("noise can feign it, Kp not known", ["Noise", "Op"], loose | {"k": 6.0}, noisy, h=h)
     yield case("smaller ones now and then: believed after ten times N", ["LockOut"], pi, rarely, h=h)
 
 
-def _cycle(half_periods: Sequence[float]) -> list[list[float]]:
+def _cycle(half_periods: Sequence[float], noise: float = 0.02) -> list[list[float]]:
     """PV nearly square around 0, OP a triangle, in noise; lengths in s at a step of 0.25 s."""
     random = Random(27)
     rows = []
@@ -1286,7 +1377,7 @@ def _cycle(half_periods: Sequence[float]) -> list[list[float]]:
     for length in half_periods:
         for _ in range(round(length / 0.25)):
             op -= side * 0.04
-            rows.append([0.0, side * 0.2 + 0.02 * (random.random() - 0.5), op, 0])
+            rows.append([0.0, side * 0.2 + noise * (random.random() - 0.5), op, 0])
         side = -side
     return rows
 
@@ -1961,17 +2052,20 @@ class _Detection:
         self.compensation = usual | renamed | room | {"k": k}
         self.h: list[float] = []
         self.samples: list[list[float]] = []
+        self.raw: list[float] = []
         self.compensated: list[list[float]] = []
         self.halves: list[list[float]] = []
         self.widths: list[float] = []
-        self.shown, self.over, self.due = [NAN, 0.0], [0, 0], False
+        self.shown, self.noise_floor, self.over, self.due = [NAN, 0.0], NAN, [0, 0], False
         self.limits = {"low": params["low"], "high": params["high"]} if limits else {}
         self.watched: list[list[float]] = []
         self.against, self.error = 0, 0
         self.u_ff = self.half = 0.0
         self.standing = 1
 
-    def learn(self, h: float, sp: float, pv: float, sent: float, op: float, flags: int, enable: bool) -> None:
+    def learn(
+        self, h: float, sp: float, pv: float, raw: float, sent: float, op: float, flags: int, enable: bool
+    ) -> None:
         """One sample, with the output as it is sent and the controller's own.
 
         What the last half-period means for the compensation comes in the scan after it.
@@ -1986,11 +2080,14 @@ class _Detection:
                 self.widths += [d + size] if mask == 0 else []
         self.h.append(h)
         self.samples.append([sp, pv, op, flags])
-        record = detector(self.params, self.h, self.samples)[-1]
+        self.raw.append(raw)
+        record = detector(self.params, self.h, self.samples, self.raw)[-1]
         self.due = record is not None
         if record is not None:
             found = dict(zip(DETECTION_FIELDS, record, strict=True))
-            self.shown = [found["d_hat"], found["detections"]]
+            self.noise_floor = found["noise_floor"]
+            hidden = math.isnan(found["d_hat"])
+            self.shown = [found["d_hat"], 0.0 if hidden else found["detections"]]
             parts = [found[name] for name in ("delta_t", "delta_y", "delta_sp")]
             against = found["op_travel"] + found["delta_u"] / 2.0 < 0.0
             self.last = (*parts, int(found["mask"]), found["d"], self.half + self.half, against)
@@ -2009,7 +2106,9 @@ class _Detection:
 
     def all(self) -> list[float]:
         """What is shown."""
-        return [self.u_ff, *self.shown, self.whole(), self.standing, self.over[0] + 2 * self.over[1], self.error]
+        whole = NAN if self.whole() < self.noise_floor else self.whole()
+        over = self.over[0] + 2 * self.over[1]
+        return [self.u_ff, *self.shown, self.noise_floor, whole, self.standing, over, self.error]
 
 
 def backlash_detection(params: Params, h: Sequence[float], samples: Sequence[Sequence[float]]) -> list[list[float]]:
@@ -2023,7 +2122,7 @@ def backlash_detection(params: Params, h: Sequence[float], samples: Sequence[Seq
         u_ff = detection.u_ff
         u = controller.scan(gains, MOST, step, pv, sp, u_ff, mode, NAN, manual, -MOST, MOST, told, 0.0)[0]
         flags = controller.flags | (0 if controller.mode == EXTERNAL else FLAG_NOT_AUTO)
-        detection.learn(step, sp, pv, u, u - u_ff, flags, enable != 0)
+        detection.learn(step, sp, pv, pv, u, u - u_ff, flags, enable != 0)
         outputs.append([u, *detection.all()])
     return outputs
 
@@ -2047,7 +2146,7 @@ def pid_advanced(params: Params, h: Sequence[float], samples: Sequence[Sequence[
         u = controller.scan(gains, rate, step, pv, sp, 0.0 + detection.u_ff, mode, NAN, manual, *back)[0]
         sent = (u - controller.ff) + detection.u_ff
         seen = controller.yf if controller.tf > 0.0 else pv
-        detection.learn(step, controller.ysp, seen, sent, sent - detection.u_ff, controller.flags, enable != 0)
+        detection.learn(step, controller.ysp, seen, pv, sent, sent - detection.u_ff, controller.flags, enable != 0)
         outputs.append([u, controller.ysp, *detection.all()])
     return outputs
 
@@ -2117,6 +2216,8 @@ def pid_advanced_cases() -> Iterator[dict[str, Any]]:
     scheduled = [[pv, sp, wander[i], *rest] for i, (pv, sp, _, *rest) in enumerate(plain)]
     scheduled[50][2] = NAN
     yield case("a schedule", ["Schedule"], limited | schedule, scheduled, h=0.25)
+    feigned = limited | {"tf": 0.5, "kp": 0.37}
+    yield case("noise can feign it, which the filtered PV does not show", ["Noise"], feigned, plain, h=0.25)
     # The gap's cycle, then PV runs away downward as OP opens.
     away = [[pv - 0.01 * 1.4 ** max(min(i - 165, 24), 0), *rest] for i, (pv, *rest) in enumerate(plain)]
     strong = compensating | {"k": 2.0}
@@ -2186,7 +2287,7 @@ BLOCKS: dict[
         backlash_detection,
         backlash_detection_cases,
         ["pv", "sp", "mode", "manual", "told", "enable"],
-        ["u", "u_ff", "d_hat", "count", "whole", "standing", "over", "error"],
+        ["u", "u_ff", "d_hat", "count", "noise_floor", "whole", "standing", "over", "error"],
         "Detection and compensation beside a controller: pv and sp enter both, u_FF enters the controller, told are "
         "the flags that the controller is told backward. mode and manual as in pid_module; detector_tf is the "
         "detector's filter; count: detections behind the estimate since it was last replaced; over: 1 even, 2 relay; "
@@ -2202,7 +2303,7 @@ BLOCKS: dict[
         pid_advanced,
         pid_advanced_cases,
         ["pv", "sp", "by", "mode", "manual", "told", "enable"],
-        ["u", "ysp", "u_ff", "d_hat", "count", "whole", "standing", "over", "error"],
+        ["u", "ysp", "u_ff", "d_hat", "count", "noise_floor", "whole", "standing", "over", "error"],
         "The controller with the detection inside, as in backlash_detection; by: the scheduling variable of the rows "
         "at, k, ti, td.",
         {
@@ -2210,6 +2311,7 @@ BLOCKS: dict[
             "WrongSign": "a process of the wrong sign that is not noticed, or compensation that goes on",
             "Ramp": "a setpoint that the detector sees before it is in effect",
             "Rate": "a rate that limits and is not told, or that u_FF takes up alone",
+            "Noise": "a width shown that noise can feign, or noise heard in PV that comes filtered",
             "Schedule": "a row taken too early or too late, or a bump between two",
         },
     ),
@@ -2302,6 +2404,23 @@ BLOCKS: dict[
             "Zero": "an error of exactly zero taken for a sign",
             "Sign": "one direction found more readily than the other",
             "NotANumber": "a bad error taken for a sign",
+        },
+    ),
+    "noise_level": (
+        noise_level,
+        noise_level_cases,
+        ["x"],
+        ["sigma"],
+        "Standard deviation of a signal's fast noise, by the median size of its fourth difference; null before twenty "
+        "of them. x null: a value is missing.",
+        {
+            "Sign": "one direction that counts more than the other",
+            "Offset": "a movement of the signal taken for noise",
+            "Start": "an outlier at the beginning that lasts",
+            "Grid": "a rounded signal taken for one without noise",
+            "Held": "values that a transmitter or a historian holds, taken for ones without noise",
+            "Zero": "a level of zero that never leaves it",
+            "NotANumber": "a difference over values that are missing",
         },
     ),
     "derivative": (
@@ -2421,6 +2540,7 @@ BLOCKS: dict[
             "Derivative": "the derivative part left out",
             "IrregularStep": "a step length taken once and kept",
             "Setpoint": "a setpoint that moves taken for a gap",
+            "Noise": "a width shown that noise can feign",
             "Flags": "a flag lost on the way from sample to reason",
             "Bad": "a bad value that reaches the filter, or a break that is not one",
             "Start": "a first half-period that is not called a gap",

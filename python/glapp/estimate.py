@@ -244,6 +244,13 @@ class Estimator(_glapp.Detector):
     InputError
         Where the loop has no controller, or a value is out of bounds.
 
+    Notes
+    -----
+    `estimate` is None where noise can feign what the detections say, that is, below `noise_floor`: 3σ/Kp, with σ of
+    PV's fast noise when the last detection was made, or 3σ·2K where Kp is not known. `median_mean` is what they say all
+    the same. Two more things that `analyze` asks of an estimate a stream does not: that a third of the detections
+    agree, and the quality of the whole recording.
+
     Examples
     --------
     >>> import glapp
@@ -394,9 +401,8 @@ class _Run:
                     progress(self.recording.fraction_read())
 
     def result(self, quality: list[Finding], found: Identification | None, beginning: Batch) -> Result:
-        """Choose the filter time and say what was found; noise is that of the recording's `beginning`."""
+        """Choose the filter time and say what was found; OP's noise is that of the recording's `beginning`."""
         loop, ideal, notes = self.loop, self.ideal, self.notes
-        sigma = noise_sigma(beginning.pv)
         chosen = self._choose()
         detector = self.detectors[chosen] if self.detectors else None
         tf = None
@@ -413,11 +419,8 @@ class _Run:
             quality = [*quality, *self._doubt(half_periods)]
         counts = dict(zip(REASONS, detector.reasons if detector is not None else [0] * len(REASONS), strict=True))
         detections = counts.pop("accepted")
-        floor = None
-        if ideal is not None and sigma is not None:
-            # Where Kp is not known: a well-tuned loop has 1/(K·Kp) below 2 (7.4).
-            floor = 3.0 * sigma * (2.0 * abs(ideal.k) if self.kp is None else 1.0 / abs(self.kp))
-        value = detector.estimate if detector is not None else None
+        floor = detector.noise_floor if detector is not None else None
+        value = detector.median_mean if detector is not None else None
         verdict, reason = _verdict(self, quality, found, value, detections, counts, floor)
         shown = value if verdict in ("estimate", "provisional") else None
         d_hat = shown[0] if shown else None

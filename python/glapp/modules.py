@@ -409,7 +409,8 @@ class PidAdvanced(_Compensating, Pid):
 
     The detector takes the controller's settings and sees what it sees: setpoint in effect, filtered process value,
     limits and mode. Where `tf` is 0 the detector filters, with Ti/10. Read `d_hat`, `count` (detections behind it),
-    `detections` (in all), and of the last half-period `d` and `reason` (0: accepted). `error` says too that k has the
+    `noise_floor` (what noise can feign: below it `d_hat` and `whole` are NaN, and `count` is 0), `detections` (in all),
+    and of the last half-period `d` and `reason` (0: accepted). `error` says too that k has the
     wrong sign for the process, where `low` and `high` are given (`docs/modules.md`).
 
     Parameters
@@ -484,7 +485,9 @@ class BacklashDetection(_Compensating):
 
     Where `comp_size` is given it compensates as soon as `"compensate"` is set to 1. Read `u_ff`, `standing` (0: it
     compensates, else why not), `over` (1: code block 7.1 warns, 2: the relay), `whole`, the estimate of the whole gap
-    while `d_hat` shows what is left, and `error` (`Flag.WRONG_SIGN`).
+    while `d_hat` shows what is left, `noise_floor`, what noise can feign (below it `d_hat` and `whole` are NaN, and
+    `count` is 0), and `error` (`Flag.WRONG_SIGN`). Connect `pv` before any filter: noise that is filtered off is not
+    heard.
 
     Parameters
     ----------

@@ -68,7 +68,11 @@ class HalfPeriods:
     reason : uint8[n]
         First of them: a code of `REASONS`, 0 = accepted.
     d_hat : float64[n]
-        Estimate after the half-period [OP unit], NaN while there is none.
+        Estimate after the half-period [OP unit], NaN while there is none or noise can feign it.
+    median_mean : float64[n]
+        What the detections say, whether noise can feign it or not [OP unit], NaN while there are none.
+    noise_floor : float64[n]
+        What noise can feign, by its level at the last detection [OP unit], NaN where it is not known.
     detections : uint8[n]
         Detections in the filter's window after the half-period.
     """
@@ -95,6 +99,8 @@ class HalfPeriods:
     mask: NDArray[np.uint16]
     reason: NDArray[np.uint8]
     d_hat: Floats
+    median_mean: Floats
+    noise_floor: Floats
     detections: NDArray[np.uint8]
 
     @classmethod

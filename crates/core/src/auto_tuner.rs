@@ -3,7 +3,7 @@
 use crate::error::require;
 use crate::half_period::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO};
 use crate::tuning::{self, Gains, Kind, Table};
-use crate::{ParameterError, Real};
+use crate::{ParameterError, Real, Sum};
 
 /// Cycles that agree with the one before them and are measured together.
 const MEASURED: u32 = 4;
@@ -251,19 +251,19 @@ impl<R: Real> Found<R> {
 /// Integrals over a cycle, or over several.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-struct Cycle<R> {
+struct Cycle<T> {
     /// Duration \[s\], and that of the part with OP up.
-    t: R,
-    up: R,
+    t: T,
+    up: T,
     samples: u32,
     /// ∫(OP − OP₀)dt, as the gap leaves it, and ∫±(PV − centre)dt.
-    u: R,
-    y: R,
+    u: T,
+    y: T,
     /// The same times cos 2πt/T and sin 2πt/T.
-    u_cos: R,
-    u_sin: R,
-    y_cos: R,
-    y_sin: R,
+    u_cos: T,
+    u_sin: T,
+    y_cos: T,
+    y_sin: T,
 }
 
 impl<R: Real> Cycle<R> {
@@ -297,10 +297,26 @@ impl<R: Real> Cycle<R> {
     }
 }
 
+/// What the sums of a cycle have come to.
+fn total<R: Real>(sums: &Cycle<R::Sum>) -> Cycle<R> {
+    let &Cycle { t, up, samples, u, y, u_cos, u_sin, y_cos, y_sin } = sums;
+    Cycle {
+        t: t.value(),
+        up: up.value(),
+        samples,
+        u: u.value(),
+        y: y.value(),
+        u_cos: u_cos.value(),
+        u_sin: u_sin.value(),
+        y_cos: y_cos.value(),
+        y_sin: y_sin.value(),
+    }
+}
+
 /// State of an [`AutoTuner`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct AutoTunerState<R> {
+pub struct AutoTunerState<R: Real> {
     /// Where the experiment stands.
     pub phase: Phase,
     /// Why it was broken off.
@@ -312,7 +328,7 @@ pub struct AutoTunerState<R> {
     /// OP₀, where the output was and will be.
     pub start: R,
     /// Time since the start \[s\].
-    pub t: R,
+    pub t: R::Sum,
     /// ε [unit of PV].
     pub hysteresis: R,
     /// Mean of PV at rest.
@@ -325,7 +341,7 @@ pub struct AutoTunerState<R> {
     first_pv: R,
     low: R,
     high: R,
-    area: R,
+    area: R::Sum,
     resting: bool,
     /// ±(PV − centre) at the last sample.
     x: R,
@@ -333,10 +349,10 @@ pub struct AutoTunerState<R> {
     /// PV has crossed the band once.
     answered: bool,
     /// Time since the relay last switched.
-    half: R,
+    half: R::Sum,
     /// The period that cos and sin are taken with, 0 = not known yet.
     period: R,
-    cycle: Cycle<R>,
+    cycle: Cycle<R::Sum>,
     /// The cycle that the following are compared with, and how many agree, itself included.
     first: Cycle<R>,
     alike: u32,
@@ -416,7 +432,7 @@ impl<R: Real> AutoTuner<R> {
             Stop::OpLimit
         } else if pv < low || pv > high {
             if self.went_wrong(s, self.sign * (pv - s.centre)) { Stop::WrongSign } else { Stop::PvBounds }
-        } else if s.t + h > self.settings.longest {
+        } else if s.t.value() + h > self.settings.longest {
             Stop::TimeBudget
         } else {
             Stop::None
@@ -442,10 +458,10 @@ impl<R: Real> AutoTuner<R> {
         let away = pv - s.first_pv;
         s.low = s.low.lesser(away);
         s.high = s.high.greater(away);
-        s.area += h * away;
-        s.t += h;
-        if s.t >= self.settings.wait {
-            s.centre = s.first_pv + s.area / s.t;
+        s.area.add(h * away);
+        s.t.add(h);
+        if s.t.value() >= self.settings.wait {
+            s.centre = s.first_pv + s.area.value() / s.t.value();
             s.hysteresis = self.settings.hysteresis.unwrap_or(R::of(0.5) * (s.high - s.low));
             s.phase = Phase::Balanced;
             s.up = true;
@@ -457,18 +473,18 @@ impl<R: Real> AutoTuner<R> {
     fn relay(&self, s: &mut AutoTunerState<R>, pv: R, h: R) {
         let x = self.sign * (pv - s.centre);
         s.integrate(x, h, R::of(0.5) * self.settings.d);
-        s.t += h;
-        s.half += h;
+        s.t.add(h);
+        s.half.add(h);
         s.x = x;
         if s.up && x > s.hysteresis {
             s.up = false;
             s.answered = true;
-            s.half = R::ZERO;
+            s.half = R::Sum::default();
         } else if !s.up && x < -s.hysteresis {
             s.up = true;
-            s.half = R::ZERO;
+            s.half = R::Sum::default();
             self.close(s);
-        } else if s.half > R::of(0.25) * self.settings.longest {
+        } else if s.half.value() > R::of(0.25) * self.settings.longest {
             self.stop(s, if self.went_wrong(s, x) { Stop::WrongSign } else { Stop::DeadLoop });
         }
         if s.phase.is_running() {
@@ -485,7 +501,7 @@ impl<R: Real> AutoTuner<R> {
 
     /// A cycle is complete.
     fn close(&self, s: &mut AutoTunerState<R>) {
-        let cycle = core::mem::take(&mut s.cycle);
+        let cycle = total::<R>(&core::mem::take(&mut s.cycle));
         let (known, before) = (s.period > R::ZERO, s.alike);
         s.period = cycle.t;
         s.alike = 0;
@@ -584,18 +600,18 @@ impl<R: Real> AutoTunerState<R> {
         if self.period > R::ZERO {
             // In turns, from half a turn ago: that changes the sign of OP's and PV's harmonic alike. A cycle of more than
             // twice the period is none that counts.
-            let turn = ((c.t + half * h) / self.period).lesser(R::of(2.0)) - half;
+            let turn = ((c.t.value() + half * h) / self.period).lesser(R::of(2.0)) - half;
             let (cos, sin) = circle(turn);
-            c.u_cos += u * cos;
-            c.u_sin += u * sin;
-            c.y_cos += y * cos;
-            c.y_sin += y * sin;
+            c.u_cos.add(u * cos);
+            c.u_sin.add(u * sin);
+            c.y_cos.add(y * cos);
+            c.y_sin.add(y * sin);
         }
-        c.u += u;
-        c.y += y;
-        c.t += h;
+        c.u.add(u);
+        c.y.add(y);
+        c.t.add(h);
         if self.up {
-            c.up += h;
+            c.up.add(h);
         }
         c.samples += 1;
     }

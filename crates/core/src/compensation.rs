@@ -4,7 +4,7 @@ use crate::error::require;
 use crate::half_period::{AT_HIGH, AT_LOW, BAD, NOT_AUTO};
 use crate::harm::{Harm, HarmState};
 use crate::zero_crossing::sign_of;
-use crate::{ParameterError, Real, Saturation, SecondOrderFilter, SecondOrderFilterState};
+use crate::{ParameterError, Real, Saturation, SecondOrderFilter, SecondOrderFilterState, Sum};
 
 /// How the direction in which the valve is driven is found (thesis 2.2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -213,7 +213,7 @@ pub struct Compensation<R> {
 /// What a [`Compensation`] remembers.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct CompensationState<R> {
+pub struct CompensationState<R: Real> {
     filter: SecondOrderFilterState<R>,
     harm: HarmState<R>,
     /// Lowest and highest u_f since the last reversal.
@@ -228,17 +228,17 @@ pub struct CompensationState<R> {
     /// Why it was withdrawn until it is enabled anew.
     withdrawn: Option<Standing>,
     /// Half of the width in force now [OP unit].
-    pub half: R,
+    pub half: R::Sum,
     /// From where it is taken away.
     whole: R,
     /// What is added to OP [OP unit].
-    pub u_ff: R,
+    pub u_ff: R::Sum,
     /// The smallest on-line estimate since it was enabled [OP unit].
     pub d_hat: Option<R>,
     /// Travel that counts against the budget, which an hour takes off again [OP unit].
-    pub travel: R,
+    pub travel: R::Sum,
     /// Reversals that count against the budget.
-    pub reversals: R,
+    pub reversals: R::Sum,
     /// What it does, or why it does nothing.
     pub standing: Standing,
 }
@@ -292,20 +292,21 @@ impl<R: Real> Compensation<R> {
         state.in_force = standing == Standing::Active;
         state.standing = standing;
         if standing == Standing::NotAuto {
-            (state.half, state.whole, state.u_ff, state.side) = (R::ZERO, R::ZERO, R::ZERO, 0);
+            (state.half, state.u_ff) = (R::Sum::default(), R::Sum::default());
+            (state.whole, state.side) = (R::ZERO, 0);
         } else if timed {
             let goal = if state.in_force { goal } else { R::ZERO };
-            state.half = goal.greater(state.half - state.whole / s.release * sample.h);
-            if state.half <= goal {
-                state.whole = goal;
+            state.half.add(-(state.whole / s.release * sample.h));
+            if state.half.value() <= goal {
+                (state.half, state.whole) = (goal.into(), goal);
             }
-            let target = if state.side < 0 { -state.half } else { state.half };
+            let half = state.half.value();
             let old = state.u_ff;
-            state.u_ff = target.lesser(old + s.rate * sample.h).greater(old - s.rate * sample.h);
-            state.travel += (state.u_ff - old).magnitude();
+            state.u_ff.approach(if state.side < 0 { -half } else { half }, s.rate * sample.h);
+            state.travel.add(state.u_ff.since(old).magnitude());
             self.compare(state, sample);
         }
-        state.u_ff
+        state.u_ff.value()
     }
 
     /// Compares the loop with what it was before it was enabled.
@@ -318,7 +319,7 @@ impl<R: Real> Compensation<R> {
                 _ => self.harm.interrupt(&mut state.harm),
             };
         }
-        let worse = self.harm.update(&mut state.harm, sample.e, sample.u + state.u_ff, sample.h, since);
+        let worse = self.harm.update(&mut state.harm, sample.e, sample.u + state.u_ff.value(), sample.h, since);
         if worse && self.settings.withdraw && state.withdrawn.is_none() {
             state.withdrawn = Some(Standing::Worse);
         }
@@ -328,8 +329,14 @@ impl<R: Real> Compensation<R> {
     #[inline(always)]
     fn repay(&self, state: &mut CompensationState<R>, h: R) {
         let share = h / R::of(7200.0);
-        state.travel = (state.travel - self.settings.travel * share).greater(R::ZERO);
-        state.reversals = (state.reversals - self.settings.reversals * share).greater(R::ZERO);
+        for (spent, budget) in
+            [(&mut state.travel, self.settings.travel), (&mut state.reversals, self.settings.reversals)]
+        {
+            spent.add(-(budget * share));
+            if spent.value() < R::ZERO {
+                *spent = R::Sum::default();
+            }
+        }
     }
 
     /// Finds the direction.
@@ -414,15 +421,16 @@ impl<R: Real> Compensation<R> {
     fn pay(&self, state: &mut CompensationState<R>, goal: R) -> Standing {
         let s = &self.settings;
         let two = R::of(2.0);
-        let moves = if state.u_ff == R::ZERO || state.side == state.direction { R::ZERO } else { R::ONE };
+        let u_ff = state.u_ff.value();
+        let moves = if u_ff == R::ZERO || state.side == state.direction { R::ZERO } else { R::ONE };
         // There, and from there back to 0.
-        let way = state.u_ff.magnitude() + two * goal;
-        if (state.reversals + moves) * two > s.reversals {
+        let way = u_ff.magnitude() + two * goal;
+        if (state.reversals.value() + moves) * two > s.reversals {
             state.withdrawn = Some(Standing::TooManyReversals);
-        } else if (state.travel + way) * two > s.travel {
+        } else if (state.travel.value() + way) * two > s.travel {
             state.withdrawn = Some(Standing::TooMuchTravel);
         } else {
-            state.reversals += moves;
+            state.reversals.add(moves);
             state.side = state.direction;
         }
         state.withdrawn.unwrap_or(Standing::Active)

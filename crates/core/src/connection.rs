@@ -3,7 +3,7 @@
 use crate::half_period::{AT_HIGH, AT_LOW, BAD, NOT_AUTO};
 use crate::{
     Backlash, BacklashState, Noise, NoiseState, RateLimit, RateLimitState, Real, Saturation, SecondOrderFilter,
-    SecondOrderFilterState,
+    SecondOrderFilterState, Sum,
 };
 
 /// What a module hands on to the next one.
@@ -110,7 +110,7 @@ impl<R: Real> SecondOrderFilter<R> {
             Forward::new(self.update(state, x.value, h), x.flags)
         } else {
             state.started = false;
-            Forward::new(state.y2, x.flags | BAD)
+            Forward::new(state.y2.value(), x.flags | BAD)
         }
     }
 }
@@ -153,14 +153,14 @@ impl<R: Real> RateLimit<R> {
         if x.is_good() {
             Forward::new(self.update(state, x.value, h), x.flags)
         } else {
-            Forward::new(if state.started { state.output } else { x.value }, x.flags | BAD)
+            Forward::new(if state.started { state.output.value() } else { x.value }, x.flags | BAD)
         }
     }
 
     /// Tells those before it that its output has not come as far as its input `x`: farther that way has no effect yet.
     #[inline(always)]
     pub fn backward(&self, state: &RateLimitState<R>, x: R, back: Backward<R>) -> Backward<R> {
-        let now = Saturation { low: state.output, high: state.output };
+        let now = Saturation { low: state.output.value(), high: state.output.value() };
         Backward { flags: back.flags | now.beyond(x), ..back }
     }
 }

@@ -2,8 +2,8 @@
 
 use crate::half_period::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO};
 use crate::{
-    Derivative, Estimate, HalfPeriod, HalfPeriodState, MedianMean, MedianMeanState, ParameterError, Real, Reason,
-    SafetyNet, SecondOrderFilter, SecondOrderFilterState, Width, WidthParts, ZeroCrossing, error::require,
+    Estimate, HalfPeriod, HalfPeriodState, MedianMean, MedianMeanState, NoiseLevel, ParameterError, Real, Reason,
+    SafetyNet, SecondOrderFilter, SecondOrderFilterState, Sum, Width, WidthParts, ZeroCrossing, error::require,
 };
 
 /// One sample of a loop.
@@ -74,11 +74,18 @@ pub struct Record<R> {
     pub previous_delta_y: Option<R>,
     /// The estimate compared in (5.1), where it was asked.
     pub d_hat_before: Option<R>,
-    /// The estimate after this half-period, where there is one.
+    /// What the detections say after this half-period, where there are any.
     pub estimate: Option<Estimate<R>>,
+    /// What noise can feign, from the level of the noise at the last detection [OP unit]; none where it is not known.
+    pub noise_floor: Option<R>,
 }
 
-impl<R> Record<R> {
+impl<R: Real> Record<R> {
+    /// The estimate after this half-period, if it is more than noise can feign.
+    pub fn shown(&self) -> Option<Estimate<R>> {
+        shown(self.estimate, self.noise_floor)
+    }
+
     /// The first reason of rejection.
     pub fn reason(&self) -> Reason {
         Reason::first(self.mask)
@@ -114,6 +121,9 @@ impl<R> Record<R> {
 /// as a detection but mostly much shorter: what noise makes after a limit cycle has come to rest must stay rejected
 /// (thesis figure 5.4).
 ///
+/// An estimate is *shown* where it is at least what noise can feign: 3σ/|Kp| ([`Width::noise_floor`]), with σ of PV as measured, by
+/// [`NoiseLevel`], at the last detection. (5.1) goes by what the detections say, shown or not.
+///
 /// ```
 /// use glapp_core::{Detector, DetectorState, MedianMean, SafetyNet, Sample, SecondOrderFilter, Width};
 /// let detector = Detector::new(
@@ -145,7 +155,7 @@ pub struct Detector<R> {
 /// State of [`Detector`]: what is touched at every sample, and what only at a zero crossing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct DetectorState<R> {
+pub struct DetectorState<R: Real> {
     signal: Signal<R>,
     memory: Memory<R>,
     /// Time of the last sample of [`Detector::run`], and of the first one of the half-period under way.
@@ -154,8 +164,10 @@ pub struct DetectorState<R> {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-struct Signal<R> {
+struct Signal<R: Real> {
     pv: SecondOrderFilterState<R>,
+    #[cfg_attr(feature = "serde", serde(default))]
+    noise: NoiseLevel<R>,
     op: SecondOrderFilterState<R>,
     crossing: ZeroCrossing,
     half: HalfPeriodState<R>,
@@ -167,6 +179,7 @@ impl<R: Real> Default for Signal<R> {
     fn default() -> Self {
         Self {
             pv: SecondOrderFilterState::default(),
+            noise: NoiseLevel::default(),
             op: SecondOrderFilterState::default(),
             crossing: ZeroCrossing::default(),
             half: HalfPeriodState::default(),
@@ -177,16 +190,18 @@ impl<R: Real> Default for Signal<R> {
 
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-struct Memory<R> {
+struct Memory<R: Real> {
     previous_delta_y: Option<R>,
     window: MedianMeanState<R>,
     estimate: Option<Estimate<R>>,
+    #[cfg_attr(feature = "serde", serde(default))]
+    noise_floor: Option<R>,
     accepted: u32,
     /// Detections that (5.1) alone rejected since the last one accepted, how many, and their time less that of all other
     /// half-periods since the first of them \[s\].
     candidates: MedianMeanState<R>,
     rejected: u32,
-    excess: R,
+    excess: R::Sum,
 }
 
 impl<R: Real> Default for DetectorState<R> {
@@ -196,9 +211,19 @@ impl<R: Real> Default for DetectorState<R> {
 }
 
 impl<R: Real> DetectorState<R> {
-    /// The estimate now, where there has been a detection.
+    /// What the detections say, where there have been any.
     pub fn estimate(&self) -> Option<Estimate<R>> {
         self.memory.estimate
+    }
+
+    /// What noise can feign, from the level of the noise at the last detection [OP unit]; none where it is not known.
+    pub fn noise_floor(&self) -> Option<R> {
+        self.memory.noise_floor
+    }
+
+    /// The estimate, if it is more than noise can feign.
+    pub fn shown(&self) -> Option<Estimate<R>> {
+        shown(self.memory.estimate, self.memory.noise_floor)
     }
 
     /// How many half-periods were accepted so far.
@@ -208,7 +233,7 @@ impl<R: Real> DetectorState<R> {
 
     /// The filtered PV now [PV unit].
     pub fn filtered_pv(&self) -> R {
-        self.signal.pv.y2
+        self.signal.pv.y2.value()
     }
 }
 
@@ -238,12 +263,17 @@ impl<R: Real> Detector<R> {
 
     /// Takes one sample; gives the record of the half-period that it ended, if it did.
     pub fn update(&self, state: &mut DetectorState<R>, sample: &Sample<R>) -> Option<Record<R>> {
+        self.update_filtered(state, sample, sample.pv)
+    }
+
+    /// The same where the sample's PV comes filtered: `raw` is PV as measured, whose noise is listened to.
+    pub fn update_filtered(&self, state: &mut DetectorState<R>, sample: &Sample<R>, raw: R) -> Option<Record<R>> {
         let &Sample { h, sp, pv, op, flags } = sample;
         let ended = match op {
-            Some(op) => self.observe::<true>(&mut state.signal, h, sp, pv, op, flags),
-            None => self.observe::<false>(&mut state.signal, h, sp, pv, R::ZERO, flags),
+            Some(op) => self.observe::<true>(&mut state.signal, h, sp, pv, op, flags, raw),
+            None => self.observe::<false>(&mut state.signal, h, sp, pv, R::ZERO, flags, raw),
         };
-        ended.map(|half| self.judge(&mut state.memory, half, op.is_some()))
+        ended.map(|half| self.judge(&mut state.memory, half, op.is_some(), &state.signal.noise))
     }
 
     /// Takes many samples; hands every record to `ended`, and every sample's index and filtered PV to `seen`, which is
@@ -289,20 +319,20 @@ impl<R: Real> Detector<R> {
             let mut end = t[k];
             let half;
             if let Some(next) = self.advance::<OP>(&signal, h, sp[k], pv[k], op(k), flags(k)) {
-                half = self.observe_good::<OP>(&mut signal, next, h, sp[k], op(k), flags(k));
+                half = self.observe_good::<OP>(&mut signal, next, h, sp[k], op(k), flags(k), pv[k]);
                 before = t[k];
             } else {
-                (signal, half) = self.observe_break::<OP>(signal, h, sp[k], pv[k], op(k), flags(k));
+                (signal, half) = self.observe_break::<OP>(signal, h, sp[k], pv[k], op(k), flags(k), pv[k]);
                 end = if self.in_time(h) { end } else { before };
                 // A time that is not a number stands for the one before it.
                 before = if t[k].is_number() { t[k] } else { before };
                 start = if start.is_number() { start } else { before };
             }
             if let Some(half) = half {
-                ended(Span { start, end }, &self.judge(&mut state.memory, half, OP));
+                ended(Span { start, end }, &self.judge(&mut state.memory, half, OP, &signal.noise));
                 start = before;
             }
-            seen(k, signal.pv.started.then_some(signal.pv.y2));
+            seen(k, signal.pv.started.then_some(signal.pv.y2.value()));
             k += 1;
         }
         state.signal = signal;
@@ -358,7 +388,7 @@ impl<R: Real> Detector<R> {
         // Both filters have started, which the compiler cannot see from the state.
         let mut y = SecondOrderFilterState { started: true, ..signal.pv };
         let mut u = SecondOrderFilterState { started: OP, ..signal.op };
-        let mut half = signal.half;
+        let (mut half, mut noise) = (signal.half, signal.noise);
         let mut sp_before = half.sp_low();
         let mut k = from;
         while k < to {
@@ -375,11 +405,12 @@ impl<R: Real> Detector<R> {
             }
             let mut next = y;
             let yf = filter.update(&mut next, pv[k], h);
-            let size = if BELOW { sp[k] - yf } else { yf - sp[k] };
+            let size = if BELOW { next.y2.to(sp[k]) } else { next.y2.since(sp[k].into()) };
             if !(size >= R::ZERO && size <= R::MOST) {
                 break;
             }
             y = next;
+            noise.update(pv[k]);
             if OP {
                 filter.update(&mut u, op[k], h);
             }
@@ -393,7 +424,7 @@ impl<R: Real> Detector<R> {
             k += 1;
         }
         half.count((k - from) as u32);
-        (signal.pv, signal.op, signal.half, *before) = (y, u, half, t[k - 1]);
+        (signal.pv, signal.op, signal.half, signal.noise, *before) = (y, u, half, noise, t[k - 1]);
         k
     }
 
@@ -413,7 +444,8 @@ impl<R: Real> Detector<R> {
             return None;
         }
         let (mut y, mut u) = (s.pv, s.op);
-        let e = sp - self.filter.update(&mut y, pv, h);
+        self.filter.update(&mut y, pv, h);
+        let e = y.y2.to(sp);
         if !measurable(e) || (OP && !measurable(op)) {
             return None;
         }
@@ -439,6 +471,7 @@ impl<R: Real> Detector<R> {
         }
     }
 
+    #[allow(clippy::too_many_arguments)]
     fn observe<const OP: bool>(
         &self,
         s: &mut Signal<R>,
@@ -447,17 +480,19 @@ impl<R: Real> Detector<R> {
         pv: R,
         op: R,
         flags: u8,
+        raw: R,
     ) -> Option<HalfPeriod<R>> {
         if let Some(next) = self.advance::<OP>(s, h, sp, pv, op, flags) {
-            return self.observe_good::<OP>(s, next, h, sp, op, flags);
+            return self.observe_good::<OP>(s, next, h, sp, op, flags, raw);
         }
         let ended;
-        (*s, ended) = self.observe_break::<OP>(*s, h, sp, pv, op, flags);
+        (*s, ended) = self.observe_break::<OP>(*s, h, sp, pv, op, flags, raw);
         ended
     }
 
     /// The ordinary sample: crossing and integrals.
     #[inline(always)]
+    #[allow(clippy::too_many_arguments)]
     fn observe_good<const OP: bool>(
         &self,
         s: &mut Signal<R>,
@@ -466,18 +501,20 @@ impl<R: Real> Detector<R> {
         sp: R,
         op: R,
         flags: u8,
+        raw: R,
     ) -> Option<HalfPeriod<R>> {
-        let mut slope = Derivative::after(s.pv.y2);
+        s.noise.update(raw);
+        let moved = y.y2.since(s.pv.y2);
         (s.pv, s.op) = (y, u);
         let sign = s.crossing.sign;
         let mut ended = None;
         if s.crossing.update(e) {
-            let slope = slope.update(y.y2, h);
-            ended = Some(s.half.close(sign, sp, slope, u.y2));
+            let (slope, opf) = (moved / h, u.y2.value());
+            ended = Some(s.half.close(sign, sp, slope, opf));
             s.half = if slope.is_number() {
-                HalfPeriodState::start(sp, slope, u.y2, 0)
+                HalfPeriodState::start(sp, slope, opf, 0)
             } else {
-                HalfPeriodState::start(sp, R::ZERO, u.y2, BAD)
+                HalfPeriodState::start(sp, R::ZERO, opf, BAD)
             };
         }
         s.half.add(e, h, self.with_limits::<OP>(flags, op));
@@ -488,6 +525,7 @@ impl<R: Real> Detector<R> {
     /// The first sample, a repeated time, a gap, a bad value, and the first good sample after any of them. State in,
     /// state out: the caller's copy can stay in registers.
     #[cold]
+    #[allow(clippy::too_many_arguments)]
     fn observe_break<const OP: bool>(
         &self,
         mut s: Signal<R>,
@@ -496,6 +534,7 @@ impl<R: Real> Detector<R> {
         pv: R,
         op: R,
         flags: u8,
+        raw: R,
     ) -> (Signal<R>, Option<HalfPeriod<R>>) {
         let fresh = !s.pv.started && s.half.is_empty();
         if h == R::ZERO && !fresh {
@@ -512,13 +551,15 @@ impl<R: Real> Detector<R> {
             if !s.half.is_empty() {
                 ended = Some(s.half.break_off(s.crossing.sign, cause));
             }
-            s = Signal { broken: cause, ..Signal::default() };
+            s.noise.interrupt();
+            s = Signal { broken: cause, noise: s.noise, ..Signal::default() };
         }
         if !good {
             s.broken |= BAD;
             s.half.add_unusable(flags | s.broken);
             return (s, ended);
         }
+        s.noise.update(raw);
         // The filter starts at this value; the step that led here is not observed time.
         let yf = self.filter.update(&mut s.pv, pv, R::ZERO);
         let opf = if OP { self.filter.update(&mut s.op, op, R::ZERO) } else { R::ZERO };
@@ -531,7 +572,7 @@ impl<R: Real> Detector<R> {
 
     /// Width, safety net and filter of detections for one half-period.
     #[inline(always)]
-    fn judge(&self, m: &mut Memory<R>, mut half: HalfPeriod<R>, op_known: bool) -> Record<R> {
+    fn judge(&self, m: &mut Memory<R>, mut half: HalfPeriod<R>, op_known: bool, noise: &NoiseLevel<R>) -> Record<R> {
         let mut parts = self.width.of(&half, op_known);
         if !parts.are_numbers() {
             half.flags |= BAD;
@@ -543,41 +584,49 @@ impl<R: Real> Detector<R> {
         let mask = self.net.check(&half, &parts, &self.width, previous_delta_y, d_hat_before);
         let broken = half.flags & (GAP | BAD | NOT_AUTO) != 0;
         if mask == 0 {
-            self.accept(m, parts.d);
+            self.accept(m, parts.d, noise);
         } else if mask == Reason::TooSmall.bit() {
-            self.reconsider(m, parts.d, half.delta_t);
+            self.reconsider(m, parts.d, half.delta_t, noise);
         } else if !broken {
-            m.excess = m.excess - half.delta_t;
+            m.excess.add(-half.delta_t);
         }
         m.previous_delta_y = if broken { None } else { Some(half.delta_y) };
-        Record { half, parts, mask, previous_delta_y, d_hat_before, estimate: m.estimate }
+        let (estimate, noise_floor) = (m.estimate, m.noise_floor);
+        Record { half, parts, mask, previous_delta_y, d_hat_before, estimate, noise_floor }
     }
 
     #[inline(never)]
-    fn accept(&self, m: &mut Memory<R>, detection: R) {
+    fn accept(&self, m: &mut Memory<R>, detection: R, noise: &NoiseLevel<R>) {
         m.estimate = Some(self.detections.update(&mut m.window, detection));
+        m.noise_floor = noise.sigma().map(|sigma| self.width.noise_floor(sigma));
         m.accepted = m.accepted.saturating_add(1);
         m.rejected = 0;
     }
 
     /// Keeps (5.1) from locking out a gap that has become smaller, or that the first detections got wrong.
     #[inline(never)]
-    fn reconsider(&self, m: &mut Memory<R>, detection: R, delta_t: R) {
+    fn reconsider(&self, m: &mut Memory<R>, detection: R, delta_t: R, noise: &NoiseLevel<R>) {
         if m.rejected == 0 {
             m.candidates = MedianMeanState::default();
-            m.excess = R::ZERO;
+            m.excess = R::Sum::default();
         }
-        m.excess += delta_t;
+        m.excess.add(delta_t);
         let n = u32::from(self.detections.n());
         let found = self.detections.update(&mut m.candidates, detection);
         m.rejected = m.rejected.saturating_add(1);
         let agree = u32::from(found.count) == n && 3 * u32::from(found.kept) >= 2 * n;
-        if (agree && m.excess >= R::ZERO) || m.rejected >= 10 * n {
+        if (agree && m.excess.value() >= R::ZERO) || m.rejected >= 10 * n {
             m.window = m.candidates;
             m.estimate = Some(found);
+            m.noise_floor = noise.sigma().map(|sigma| self.width.noise_floor(sigma));
             m.rejected = 0;
         }
     }
+}
+
+/// The estimate, if noise cannot feign it.
+fn shown<R: Real>(estimate: Option<Estimate<R>>, noise_floor: Option<R>) -> Option<Estimate<R>> {
+    estimate.filter(|estimate| noise_floor.is_none_or(|floor| estimate.value >= floor))
 }
 
 /// Whether `x` is a number, and not so large that integrals of it overflow.

@@ -1,7 +1,7 @@
 //! The second-order low-pass filter that makes the *signal* out of the samples.
 
 use crate::error::require;
-use crate::{ParameterError, Real};
+use crate::{ParameterError, Real, Sum};
 
 /// Second-order low-pass filter, Yf(s) = Y(s) / (1 + s·Tf)² (thesis 2.1).
 ///
@@ -27,11 +27,11 @@ pub struct SecondOrderFilter<R> {
 /// State of [`SecondOrderFilter`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct SecondOrderFilterState<R> {
+pub struct SecondOrderFilterState<R: Real> {
     /// Output of the first section [unit of x].
-    pub y1: R,
+    pub y1: R::Sum,
     /// Output of the second section, the filtered value [unit of x].
-    pub y2: R,
+    pub y2: R::Sum,
     /// False until the first value was taken.
     pub started: bool,
 }
@@ -52,12 +52,12 @@ impl<R: Real> SecondOrderFilter<R> {
     #[inline(always)]
     pub fn update(&self, state: &mut SecondOrderFilterState<R>, x: R, h: R) -> R {
         if !state.started {
-            *state = SecondOrderFilterState { y1: x, y2: x, started: true };
+            *state = SecondOrderFilterState { y1: x.into(), y2: x.into(), started: true };
         } else if h > R::ZERO {
             let a = h / (self.tf + h);
-            state.y1 += (x - state.y1) * a;
-            state.y2 += (state.y1 - state.y2) * a;
+            state.y1.add(state.y1.to(x) * a);
+            state.y2.add(state.y1.since(state.y2) * a);
         }
-        state.y2
+        state.y2.value()
     }
 }

@@ -1,6 +1,6 @@
 //! The half-period: what the signals did between two zero crossings of the error.
 
-use crate::Real;
+use crate::{Real, Sum};
 
 /// The controller was not in automatic.
 pub const NOT_AUTO: u8 = 1;
@@ -47,12 +47,12 @@ pub struct HalfPeriod<R> {
 // packing takes longer than what it saves.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct HalfPeriodState<R> {
+pub struct HalfPeriodState<R: Real> {
     flags: u8,
     n: u32,
-    delta_t: R,
+    delta_t: R::Sum,
     sp_low: R,
-    integral: R,
+    integral: R::Sum,
     sp_high: R,
     sp_start: R,
     e_max: R,
@@ -73,8 +73,8 @@ impl<R: Real> HalfPeriodState<R> {
             slope_start: slope,
             op_start: op,
             n: 0,
-            delta_t: R::ZERO,
-            integral: R::ZERO,
+            delta_t: R::ZERO.into(),
+            integral: R::ZERO.into(),
             e_max: R::ZERO,
         }
     }
@@ -101,8 +101,8 @@ impl<R: Real> HalfPeriodState<R> {
     /// Takes the size of an error, step `h` \[s\] and flags of a sample that [`Self::count`] counts.
     #[inline(always)]
     pub(crate) fn integrate(&mut self, size: R, h: R, flags: u8) {
-        self.delta_t += h;
-        self.integral += size * h;
+        self.delta_t.add(h);
+        self.integral.add(size * h);
         self.e_max = self.e_max.greater(size);
         self.flags |= flags;
     }
@@ -142,12 +142,13 @@ impl<R: Real> HalfPeriodState<R> {
     /// number has overflowed, all are 0 and it is [`BAD`].
     #[inline(always)]
     pub fn close(&self, sign: i8, sp: R, slope: R, op: R) -> HalfPeriod<R> {
+        let delta_t = self.delta_t.value();
         let half = HalfPeriod {
             sign,
             flags: self.flags,
             n: self.n,
-            delta_t: self.delta_t,
-            delta_y: if self.delta_t > R::ZERO { self.integral / self.delta_t } else { R::ZERO },
+            delta_t,
+            delta_y: if delta_t > R::ZERO { self.integral.value() / delta_t } else { R::ZERO },
             e_max: self.e_max,
             delta_sp: self.sp_high.greater(sp) - self.sp_low.lesser(sp),
             sp_change: sp - self.sp_start,

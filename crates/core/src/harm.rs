@@ -1,6 +1,6 @@
 //! Whether a loop has become worse: what a compensation may not do.
 
-use crate::Real;
+use crate::{Real, Sum};
 
 /// Blocks in the time over which a loop is compared.
 const BLOCKS: f64 = 150.0;
@@ -45,14 +45,14 @@ pub(crate) struct Harm<R> {
 /// What [`Harm`] remembers.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub(crate) struct HarmState<R> {
+pub(crate) struct HarmState<R: Real> {
     before: Blocks<R>,
     since: Blocks<R>,
     /// Whether the block is one of those since it is in force.
     in_force: bool,
     /// Of the block: how long it is \[s\], its integral of |e|, its reversals.
-    time: R,
-    area: R,
+    time: R::Sum,
+    area: R::Sum,
     reversals: R,
     /// Blocks in a row above [`STEP`].
     burst: u8,
@@ -111,16 +111,16 @@ impl<R: Real> Harm<R> {
         if self.turned(state, op) {
             state.reversals += R::ONE;
         }
-        state.time += h;
-        state.area += e.magnitude() * h;
-        state.time * R::of(BLOCKS) >= self.watch && self.conclude(state)
+        state.time.add(h);
+        state.area.add(e.magnitude() * h);
+        state.time.value() * R::of(BLOCKS) >= self.watch && self.conclude(state)
     }
 
     /// Ends a block.
     #[inline(never)]
     fn conclude(&self, state: &mut HarmState<R>) -> bool {
-        let (x, n) = (state.area / state.time, state.reversals);
-        (state.time, state.area, state.reversals) = (R::ZERO, R::ZERO, R::ZERO);
+        let (x, n) = (state.area.value() / state.time.value(), state.reversals);
+        (state.time, state.area, state.reversals) = (R::Sum::default(), R::Sum::default(), R::ZERO);
         let before = state.before;
         let most = R::of(STEP) * before.e.value;
         let stepped = before.count >= R::of(5.0) && x > most;
@@ -161,7 +161,8 @@ impl<R: Real> Harm<R> {
 
     /// Begins the block anew, and where OP goes, after samples that were not seen.
     pub(crate) fn interrupt(&self, state: &mut HarmState<R>) {
-        (state.time, state.area, state.reversals, state.direction) = (R::ZERO, R::ZERO, R::ZERO, 0);
+        (state.time, state.area) = (R::Sum::default(), R::Sum::default());
+        (state.reversals, state.direction) = (R::ZERO, 0);
     }
 
     #[inline(always)]

@@ -1,7 +1,7 @@
 //! The PI/PID controller of the loops that are watched.
 
 use crate::error::require;
-use crate::{ParameterError, Real, Saturation};
+use crate::{ParameterError, Real, Saturation, Sum};
 
 /// PI or PID controller in ideal form with setpoint weight, limits and anti-windup.
 ///
@@ -46,11 +46,11 @@ pub struct Pid<R> {
 /// What a [`Pid`] remembers from sample to sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct PidState<R> {
+pub struct PidState<R: Real> {
     /// Integral part [unit of the output].
-    pub integral: R,
+    pub integral: R::Sum,
     /// The last filtered process value [unit of the process value].
-    pub y: R,
+    pub y: R::Sum,
     /// The last output [unit of the output].
     pub output: R,
     /// False until the first sample, which therefore has no derivative.
@@ -79,14 +79,22 @@ impl<R: Real> Pid<R> {
     /// Takes setpoint, filtered process value and the time since the last sample `h` [s]; gives the output in auto.
     #[inline(always)]
     pub fn update(&self, state: &mut PidState<R>, ysp: R, yf: R, h: R) -> R {
+        self.control(state, ysp, yf.into(), h)
+    }
+
+    /// The same with what `yf` carries.
+    #[inline(always)]
+    pub(crate) fn control(&self, state: &mut PidState<R>, ysp: R, yf: R::Sum, h: R) -> R {
         let v_without_i = self.proportional(ysp, yf) - self.derivative(state, yf, h);
-        let i = state.integral + self.k * h / self.ti * (ysp - yf);
-        let v = v_without_i + i;
+        let mut integral = state.integral;
+        integral.add(self.k * h / self.ti * yf.to(ysp));
+        let v = v_without_i + integral.value();
         if !v.is_number() || h <= R::ZERO {
             return state.output;
         }
         let u = self.limits.update(v);
-        *state = PidState { integral: i + (u - v) * (h / (self.ti + h)), y: yf, output: u, started: true };
+        integral.add((u - v) * (h / (self.ti + h)));
+        *state = PidState { integral, y: yf, output: u, started: true };
         u
     }
 
@@ -95,28 +103,38 @@ impl<R: Real> Pid<R> {
     /// The integral follows, so that the next [`update`](Self::update) continues from `u` without a bump.
     #[inline(always)]
     pub fn track(&self, state: &mut PidState<R>, ysp: R, yf: R, u: R, h: R) -> R {
+        self.follow(state, ysp, yf.into(), u, h)
+    }
+
+    /// The same with what `yf` carries.
+    #[inline(always)]
+    pub(crate) fn follow(&self, state: &mut PidState<R>, ysp: R, yf: R::Sum, u: R, h: R) -> R {
         if !u.is_number() {
             return state.output;
         }
         let u = self.limits.update(u);
         let v_without_i = self.proportional(ysp, yf) - self.derivative(state, yf, h);
         if v_without_i.is_number() && h > R::ZERO {
-            *state = PidState { integral: u - v_without_i, y: yf, output: u, started: true };
+            *state = PidState { integral: (u - v_without_i).into(), y: yf, output: u, started: true };
         } else {
-            state.integral += u - state.output;
+            state.integral.add(u - state.output);
             state.output = u;
         }
         u
     }
 
     #[inline(always)]
-    fn proportional(&self, ysp: R, yf: R) -> R {
-        self.k * (self.b * ysp - yf)
+    fn proportional(&self, ysp: R, yf: R::Sum) -> R {
+        self.k * yf.to(self.b * ysp)
     }
 
     #[inline(always)]
-    fn derivative(&self, state: &PidState<R>, yf: R, h: R) -> R {
-        if state.started && self.td > R::ZERO && h > R::ZERO { self.k * self.td / h * (yf - state.y) } else { R::ZERO }
+    fn derivative(&self, state: &PidState<R>, yf: R::Sum, h: R) -> R {
+        if state.started && self.td > R::ZERO && h > R::ZERO {
+            self.k * self.td / h * yf.since(state.y)
+        } else {
+            R::ZERO
+        }
     }
 }
 

@@ -1,7 +1,7 @@
 //! Rate limit: a signal that cannot move faster than so much a second.
 
 use crate::error::require;
-use crate::{ParameterError, Real};
+use crate::{ParameterError, Real, Sum};
 
 /// Limit of the rate of change: the stroking speed of an actuator, the ramp of a setpoint.
 ///
@@ -30,9 +30,9 @@ pub struct RateLimit<R> {
 /// Where the output of a [`RateLimit`] stands.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct RateLimitState<R> {
+pub struct RateLimitState<R: Real> {
     /// The last output [unit of the signal].
-    pub output: R,
+    pub output: R::Sum,
     /// False until the first input, which then is taken as the output.
     pub started: bool,
 }
@@ -40,7 +40,7 @@ pub struct RateLimitState<R> {
 impl<R: Real> RateLimitState<R> {
     /// The output at a known value.
     pub fn at(output: R) -> Self {
-        Self { output, started: true }
+        Self { output: output.into(), started: true }
     }
 }
 
@@ -54,14 +54,13 @@ impl<R: Real> RateLimit<R> {
     #[inline(always)]
     pub fn update(&self, state: &mut RateLimitState<R>, x: R, h: R) -> R {
         if !state.started {
-            *state = RateLimitState { output: x, started: x.is_number() };
+            *state = RateLimitState { output: x.into(), started: x.is_number() };
             return x;
         }
         if h > R::ZERO && x.is_number() {
-            let step = self.rate * h;
-            state.output = x.lesser(state.output + step).greater(state.output - step);
+            state.output.approach(x, self.rate * h);
         }
-        state.output
+        state.output.value()
     }
 }
 

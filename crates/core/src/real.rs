@@ -1,5 +1,6 @@
 //! The number a block computes with: `f64` on computers, `f32` where a PLC's `REAL` is meant.
 
+use crate::{Carried, Sum};
 use core::fmt::{Debug, Display};
 use core::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
 
@@ -23,6 +24,9 @@ pub trait Real:
     + Sync
     + 'static
 {
+    /// A sum over samples of such numbers.
+    type Sum: Sum<Self>;
+
     /// 0.
     const ZERO: Self;
     /// 1.
@@ -61,8 +65,9 @@ pub trait Real:
 }
 
 macro_rules! real {
-    ($float:ty, $most:expr) => {
+    ($float:ty, $sum:ty, $most:expr) => {
         impl Real for $float {
+            type Sum = $sum;
             const ZERO: Self = 0.0;
             const ONE: Self = 1.0;
             const LARGEST: Self = <$float>::MAX;
@@ -86,5 +91,5 @@ macro_rules! real {
     };
 }
 
-real!(f32, 1e12);
-real!(f64, 1e100);
+real!(f32, Carried, 1e12);
+real!(f64, f64, 1e100);

@@ -1,7 +1,7 @@
 //! The swing of a half-period: how far OP travelled from one turn to the next, and how far off PV stood meanwhile.
 
 use crate::half_period::{BAD, GAP, NOT_AUTO};
-use crate::{Derivative, ParameterError, Real, error::require};
+use crate::{Derivative, ParameterError, Real, Sum, error::require};
 
 /// OP's travel from its furthest point in the half-period before to its furthest point in this one, and the height of
 /// PV's plateau: what [`corrected`](crate::corrected) makes a width of.
@@ -56,12 +56,12 @@ pub struct Swing<R> {
 /// The half-period under way, and the turn before it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct SwingState<R> {
+pub struct SwingState<R: Real> {
     n: u32,
-    time: R,
-    area: R,
-    square: R,
-    op: R,
+    time: R::Sum,
+    area: R::Sum,
+    square: R::Sum,
+    op: R::Sum,
     lowest: R,
     highest: R,
     sp: R,
@@ -108,23 +108,24 @@ impl<R: Real> Swing<R> {
         }
         let slope = if self.td > R::ZERO { s.derivative.update(yf, h) } else { R::ZERO };
         if let Some(op) = op {
-            s.op = op;
+            s.op = op.into();
         } else {
             let moved = self.b * (sp - s.sp) - (yf - s.yf);
-            s.op += moved + e * (h / self.ti) - self.td * (slope - s.slope);
+            s.op.add(moved + e * (h / self.ti) - self.td * (slope - s.slope));
         }
         s.switched |= s.recorded != op.is_some() && (s.n > 0 || s.sign != 0);
         s.recorded = op.is_some();
         (s.sp, s.yf, s.slope) = (sp, yf, slope);
+        let op = s.op.value();
         if s.n == 0 {
-            (s.lowest, s.highest) = (s.op, s.op);
+            (s.lowest, s.highest) = (op, op);
         }
-        s.lowest = s.lowest.lesser(s.op);
-        s.highest = s.highest.greater(s.op);
+        s.lowest = s.lowest.lesser(op);
+        s.highest = s.highest.greater(op);
         let size = e.magnitude();
-        s.time += h;
-        s.area += size * h;
-        s.square += size * size * h;
+        s.time.add(h);
+        s.area.add(size * h);
+        s.square.add(size * size * h);
         s.n = s.n.saturating_add(1);
     }
 
@@ -137,8 +138,9 @@ impl<R: Real> Swing<R> {
         let turn = if rises { s.highest } else { s.lowest };
         let two = R::ONE + R::ONE;
         let mut parts = SwingParts::default();
-        if s.area > R::ZERO && s.time > R::ZERO {
-            parts.plateau = two * (s.square / s.area) - s.area / s.time;
+        let (time, area, square) = (s.time.value(), s.area.value(), s.square.value());
+        if area > R::ZERO && time > R::ZERO {
+            parts.plateau = two * (square / area) - area / time;
         }
         let broken = s.n == 0 || s.switched || sign == 0 || flags & (GAP | BAD | NOT_AUTO) != 0;
         if !broken && s.sign == -sign {
@@ -152,10 +154,11 @@ impl<R: Real> Swing<R> {
         s.turn = turn;
         if !s.recorded {
             // Counted from the turn, so that no sum grows with the length of the recording.
-            s.op = if broken { R::ZERO } else { s.op - turn };
+            s.op = if broken { R::ZERO } else { s.op.since(turn.into()) }.into();
             s.turn = R::ZERO;
         }
-        (s.n, s.switched, s.time, s.area, s.square) = (0, false, R::ZERO, R::ZERO, R::ZERO);
+        let none = R::Sum::default();
+        (s.n, s.switched, s.time, s.area, s.square) = (0, false, none, none, none);
         parts
     }
 }

@@ -3,7 +3,7 @@
 use crate::error::require;
 use crate::half_period::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO};
 use crate::zero_crossing::sign_of;
-use crate::{ParameterError, Real, Saturation};
+use crate::{ParameterError, Real, Saturation, Sum};
 
 /// The share of OP's span that it must have gone through on its way to the limit.
 const TRAVEL: f64 = 0.2;
@@ -66,7 +66,7 @@ pub struct WrongSign<R> {
 /// What a [`WrongSign`] remembers.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct WrongSignState<R> {
+pub struct WrongSignState<R: Real> {
     /// The sign is wrong.
     pub found: bool,
     /// Sign of e; 0 while none has been seen.
@@ -79,11 +79,11 @@ pub struct WrongSignState<R> {
     farthest: R,
     /// Since OP stands at its limit: how long \[s\], |e| and PV when it came there, whether it came from far with |e| growing,
     /// and the integral of what PV has gone away.
-    time: R,
+    time: R::Sum,
     e: R,
     pv: R,
     far: bool,
-    away: R,
+    away: R::Sum,
 }
 
 impl<R: Real> WrongSign<R> {
@@ -129,24 +129,25 @@ impl<R: Real> WrongSign<R> {
             if (op - state.begin).magnitude() <= self.travel / R::of(2.0) {
                 state.early = state.farthest;
             }
-            state.time = R::ZERO;
+            state.time = R::Sum::default();
         }
         state.found
     }
 
     #[inline(never)]
     fn at_limit(&self, state: &mut WrongSignState<R>, e: R, yf: R, h: R) {
-        if state.time == R::ZERO {
+        if state.time.value() == R::ZERO {
             state.farthest = state.farthest.greater(e);
-            (state.e, state.pv, state.away) = (e, yf, R::ZERO);
+            (state.e, state.pv, state.away) = (e, yf, R::Sum::default());
             state.far = (state.op - state.begin).magnitude() >= self.travel && e >= R::of(GROWN) * state.early;
         }
-        state.time += h;
+        state.time.add(h);
         let away = if state.sign > 0 { state.pv - yf } else { yf - state.pv };
-        state.away += away * h;
+        state.away.add(away * h);
         let least = R::of(BEYOND) * state.farthest - state.e;
-        let beyond = away >= least && state.away >= least * state.time;
-        state.found |= state.far && beyond && state.time >= R::of(WAIT) * self.ti;
+        let time = state.time.value();
+        let beyond = away >= least && state.away.value() >= least * time;
+        state.found |= state.far && beyond && time >= R::of(WAIT) * self.ti;
     }
 }
 

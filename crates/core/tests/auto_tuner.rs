@@ -22,7 +22,7 @@ const USUAL: AutoTunerSettings<f64> = AutoTunerSettings {
 };
 
 /// Three lags of `t` seconds, at rest at PV = 0 under OP = 50: Ku = 8/gain, Tu = 2π·t/√3.
-struct Lags<R> {
+struct Lags<R: Real> {
     gain: R,
     filter: SecondOrderFilter<R>,
     state: SecondOrderFilterState<R>,
@@ -197,7 +197,7 @@ fn experiment<R: Real>(
 
 #[test]
 fn single_precision_finds_the_same() {
-    let wide = experiment(USUAL, &mut Lags::<f64>::new(1.0, 1.0), 0.0, 0.05, 0.02).found.unwrap();
+    let wide = experiment(USUAL, &mut Lags::<f64>::new(1.0, 1.0), 0.0, 0.05, 0.0).found.unwrap();
     let settings = AutoTunerSettings::<f32> {
         amplitude: 6.0,
         hysteresis: None,
@@ -208,9 +208,9 @@ fn single_precision_finds_the_same() {
         pv: (-50.0, 50.0),
         op: (0.0, 100.0),
     };
-    let narrow = experiment(settings, &mut Lags::<f32>::new(1.0, 1.0), 0.0, 0.05, 0.02).found.unwrap();
-    // The relay may switch a sample apart.
-    let near = |a: f64, b: f32| (f64::from(b) / a - 1.0).abs() < 0.02;
+    let narrow = experiment(settings, &mut Lags::<f32>::new(1.0, 1.0), 0.0, 0.05, 0.0).found.unwrap();
+    // Without noise, in which the relay may switch a sample apart, and another experiment begins there.
+    let near = |a: f64, b: f32| (f64::from(b) / a - 1.0).abs() < 0.002;
     assert!(near(wide.ku, narrow.ku) && near(wide.tu, narrow.tu), "{wide:?} {narrow:?}");
     assert!(near(wide.kp.unwrap(), narrow.kp.unwrap()), "{wide:?} {narrow:?}");
 }

@@ -7,9 +7,9 @@ use glapp_core::modules::{
 use glapp_core::{
     AutoTuner, AutoTunerSettings, AutoTunerState, Backlash, BacklashState, Backward, Compensation, CompensationSample,
     CompensationSettings, CompensationState, Derivative, Detector, DetectorState, HalfPeriod, HalfPeriodState,
-    MedianMean, MedianMeanState, Noise, NoiseState, OverCompensation, OverCompensationState, OverWarning, Pid,
-    PidState, RateLimit, RateLimitState, Real, Reason, Record, SafetyNet, Sample, Saturation, SecondOrderFilter,
-    SecondOrderFilterState, Swing, SwingState, Way, Width, WidthParts, WrongSign, WrongSignState, ZeroCrossing,
+    MedianMean, MedianMeanState, Noise, NoiseLevel, NoiseState, OverCompensation, OverCompensationState, OverWarning,
+    Pid, PidState, RateLimit, RateLimitState, Real, Reason, Record, SafetyNet, Sample, Saturation, SecondOrderFilter,
+    SecondOrderFilterState, Sum, Swing, SwingState, Way, Width, WidthParts, WrongSign, WrongSignState, ZeroCrossing,
 };
 use serde_json::Value;
 use std::path::Path;
@@ -205,12 +205,13 @@ impl Case {
     }
 }
 
-fn of_detection(state: &BacklashDetectionState<f64>) -> [f64; 7] {
-    let shown = state.detector.estimate().map_or([f64::NAN, 0.0], |one| [one.value, one.count.into()]);
-    let whole = state.whole.map_or(f64::NAN, |whole| whole.value);
+fn of_detection(state: &BacklashDetectionState<f64>) -> [f64; 8] {
+    let shown = state.detector.shown().map_or([f64::NAN, 0.0], |one| [one.value, one.count.into()]);
+    let floor = state.detector.noise_floor().unwrap_or(f64::NAN);
+    let whole = state.shown().map_or(f64::NAN, |whole| whole.value);
     let over = u8::from(state.over.even) + 2 * u8::from(state.over.relay);
     let standing = state.compensation.standing as u8;
-    [state.compensation.u_ff, shown[0], shown[1], whole, standing.into(), over.into(), state.error().into()]
+    [state.compensation.u_ff, shown[0], shown[1], floor, whole, standing.into(), over.into(), state.error().into()]
 }
 
 fn mode(given: f64, now: Mode) -> Mode {
@@ -326,6 +327,21 @@ fn filter() {
 }
 
 #[test]
+fn noise_level() {
+    for case in cases("noise_level") {
+        let mut state = NoiseLevel::default();
+        case.check(|x, _| {
+            if x[0].is_nan() {
+                state.interrupt();
+            } else {
+                state.update(x[0]);
+            }
+            state.sigma().unwrap_or(f64::NAN)
+        });
+    }
+}
+
+#[test]
 fn zero_crossing() {
     for case in cases("zero_crossing") {
         let mut state = ZeroCrossing::default();
@@ -370,7 +386,7 @@ fn compensate<R: Real>(case: &Case) -> impl FnMut(&[f64], f64) -> Option<Vec<f64
             flags: x[5] as u8,
         };
         let u_ff = block.update(&mut state, &sample);
-        Some(vec![u_ff.as_f64(), state.half.as_f64(), f64::from(state.standing as u8)])
+        Some(vec![u_ff.as_f64(), state.half.value().as_f64(), f64::from(state.standing as u8)])
     }
 }
 
@@ -558,8 +574,10 @@ fn record_as_row<R: Real>(record: &Record<R>) -> Vec<f64> {
     row.extend(parts_as_row(&record.parts));
     row.extend([or_nan(record.previous_delta_y), or_nan(record.d_hat_before)]);
     row.extend([f64::from(record.mask), f64::from(record.reason() as u8)]);
-    row.push(or_nan(record.estimate.map(|estimate| estimate.value)));
+    row.push(or_nan(record.shown().map(|shown| shown.value)));
     row.push(record.estimate.map_or(0.0, |estimate| f64::from(estimate.count)));
+    row.push(or_nan(record.estimate.map(|estimate| estimate.value)));
+    row.push(or_nan(record.noise_floor));
     row
 }
 

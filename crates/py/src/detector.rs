@@ -2,8 +2,9 @@
 
 use crate::refused;
 use glapp_core::{
-    Columns, Corrected, Detector, DetectorState, Doubt, Half, LONGEST_WINDOW, MedianMean, Pair, ParameterError, Reason,
-    Record, SafetyNet, SecondOrderFilter, Span, Swing, SwingParts, SwingState, Width, corrected, pairs,
+    Columns, Corrected, Detector, DetectorState, Doubt, Estimate, Half, LONGEST_WINDOW, MedianMean, Pair,
+    ParameterError, Reason, Record, SafetyNet, SecondOrderFilter, Span, Swing, SwingParts, SwingState, Width,
+    corrected, pairs,
 };
 use numpy::{PyArray1, PyReadonlyArray1};
 use pyo3::exceptions::PyValueError;
@@ -15,6 +16,7 @@ use std::ops::Range;
 
 use crate::columns::with_columns;
 
+type EstimateParts = (f64, f64, f64, u8, u8);
 type CorrectedParts = (f64, f64, f64, f64, Option<(f64, f64)>);
 
 /// A half-period shorter than 5Ti is the most frequent thing that noise makes; so many of them are kept whole, the
@@ -59,6 +61,10 @@ const DOUBTS: [(Doubt, &str); 5] = [
     (Doubt::Scattered, "scattered"),
     (Doubt::Swamped, "swamped"),
 ];
+
+fn parts(e: Estimate<f64>) -> EstimateParts {
+    (e.value, e.low, e.high, e.kept, e.count)
+}
 
 /// Names of the reasons, by their codes.
 #[pyfunction]
@@ -141,8 +147,12 @@ attributes! {
     mask: u16 = |_span, record, _swing| record.mask;
     /// First reason of rejection, 0 = accepted.
     reason: u8 = |_span, record, _swing| record.reason() as u8;
-    /// Estimate after this half-period [OP unit], NaN while there is none.
-    d_hat: f64 = |_span, record, _swing| record.estimate.map_or(f64::NAN, |e| e.value);
+    /// Estimate after this half-period [OP unit], NaN while there is none or noise can feign it.
+    d_hat: f64 = |_span, record, _swing| record.shown().map_or(f64::NAN, |e| e.value);
+    /// What the detections say, whether noise can feign it or not [OP unit], NaN while there are none.
+    median_mean: f64 = |_span, record, _swing| record.estimate.map_or(f64::NAN, |e| e.value);
+    /// What noise can feign [OP unit], NaN where it is not known.
+    noise_floor: f64 = |_span, record, _swing| record.noise_floor.unwrap_or(f64::NAN);
     /// Detections in the window after this half-period.
     detections: u8 = |_span, record, _swing| record.estimate.map_or(0, |e| e.count);
 }
@@ -322,10 +332,22 @@ impl PyDetector {
         self.reasons.to_vec()
     }
 
-    /// (value, low, high, kept, count) of the median/mean filter, or None before the first detection.
+    /// (value, low, high, kept, count) of the median/mean filter; None before the first detection, and where noise can feign it.
     #[getter]
-    fn estimate(&self) -> Option<(f64, f64, f64, u8, u8)> {
-        self.state.estimate().map(|e| (e.value, e.low, e.high, e.kept, e.count))
+    fn estimate(&self) -> Option<EstimateParts> {
+        self.state.shown().map(parts)
+    }
+
+    /// The same, whether noise can feign it or not.
+    #[getter]
+    fn median_mean(&self) -> Option<EstimateParts> {
+        self.state.estimate().map(parts)
+    }
+
+    /// What noise can feign [OP unit], from the level of the noise at the last detection; None where it is not known.
+    #[getter]
+    fn noise_floor(&self) -> Option<f64> {
+        self.state.noise_floor()
     }
 
     /// The width with the bias of (2.4) taken out, from what `run` looked at closely: how many pairs of half-periods there are, and (d, low,

@@ -47,7 +47,7 @@ mod _glapp {
     #[pymodule_export]
     use crate::modules::{Graph, ideal_of_parallel, ideal_of_series};
     #[pymodule_export]
-    use crate::noise::Noise;
+    use crate::noise::{Noise, NoiseLevel};
     #[pymodule_export]
     use crate::pid::Pid;
     #[pymodule_export]

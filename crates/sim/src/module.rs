@@ -173,6 +173,7 @@ static KINDS: [Kind; 13] = [
             "d",
             "reason",
             "d_hat",
+            "noise_floor",
             "count",
             "detections",
             "whole",
@@ -218,7 +219,19 @@ static KINDS: [Kind; 13] = [
             ("max_h", UNKNOWN),
         ],
         commands: &["compensate"],
-        variables: &["error", "d", "reason", "d_hat", "count", "detections", "whole", "u_ff", "standing", "over"],
+        variables: &[
+            "error",
+            "d",
+            "reason",
+            "d_hat",
+            "noise_floor",
+            "count",
+            "detections",
+            "whole",
+            "u_ff",
+            "standing",
+            "over",
+        ],
         ..PLAIN
     },
 ];
@@ -723,15 +736,16 @@ fn experiment_named(state: &AutoTunerState<f64>, name: &str) -> Option<f64> {
 }
 
 fn detection_named(state: &BacklashDetectionState<f64>, name: &str) -> Option<f64> {
-    let estimate = state.detector.estimate();
+    let shown = state.detector.shown();
     match name {
         "error" => Some(state.error().into()),
         "d" => Some(state.last.map_or(f64::NAN, |last| last.parts.d)),
         "reason" => Some(state.last.map_or(f64::NAN, |last| f64::from(last.reason() as u8))),
-        "d_hat" => Some(estimate.map_or(f64::NAN, |estimate| estimate.value)),
-        "count" => Some(estimate.map_or(0.0, |estimate| estimate.count.into())),
+        "d_hat" => Some(shown.map_or(f64::NAN, |shown| shown.value)),
+        "noise_floor" => Some(state.detector.noise_floor().unwrap_or(f64::NAN)),
+        "count" => Some(shown.map_or(0.0, |shown| shown.count.into())),
         "detections" => Some(state.detector.accepted().into()),
-        "whole" => Some(state.whole.map_or(f64::NAN, |whole| whole.value)),
+        "whole" => Some(state.shown().map_or(f64::NAN, |whole| whole.value)),
         "u_ff" => Some(state.compensation.u_ff),
         "standing" => Some(f64::from(state.compensation.standing as u8)),
         "over" => Some(f64::from(u8::from(state.over.even) + 2 * u8::from(state.over.relay))),

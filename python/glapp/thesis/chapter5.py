@@ -160,7 +160,7 @@ def figure_5_4() -> Shown:
     """Condition (5.1) added."""
     before, after = _seen("5Ti"), _seen("5Ti", "5.1")
     whole = _seen("5Ti", "5.1", "5.2", "decay", "growth")
-    known = float(before.half_periods.d_hat[before.half_periods.t_end < 555][-1])
+    known = float(before.half_periods.median_mean[before.half_periods.t_end < 555][-1])
     accepted = before.half_periods.delta_u[before.accepted]
     kept = _noise(before) & (accepted > known / 2)
 

@@ -63,8 +63,8 @@ class Detected:
 
     @property
     def d_hat(self) -> float | None:
-        """Estimate at the end [%]."""
-        last = self.half_periods.d_hat[-1:]
+        """Estimate at the end, whether noise can feign it or not [%]."""
+        last = self.half_periods.median_mean[-1:]
         return PERCENT * float(last[0]) if np.isfinite(last).any() else None
 
 

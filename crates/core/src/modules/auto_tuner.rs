@@ -20,7 +20,7 @@ pub struct AutoTuner<R> {
 /// State of an [`AutoTuner`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct AutoTunerState<R> {
+pub struct AutoTunerState<R: Real> {
     /// The experiment, and what it found.
     pub experiment: crate::AutoTunerState<R>,
     /// Whether one is to run: the operator's to set. True begins one with the next scan, false ends it there with `NotAuto`.

@@ -5,7 +5,7 @@ use crate::half_period::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO};
 use crate::{
     Compensation, CompensationSample, CompensationSettings, CompensationState, Detector, DetectorState, Estimate,
     MedianMean, MedianMeanState, OverCompensation, OverCompensationState, OverWarning, ParameterError, Real, Reason,
-    Record, SafetyNet, Sample, Saturation, SecondOrderFilter, Width, WrongSign, WrongSignState,
+    Record, SafetyNet, Sample, Saturation, SecondOrderFilter, Sum, Width, WrongSign, WrongSignState,
 };
 
 /// The gain K has the wrong sign: for the process, or as the detector was told it.
@@ -89,7 +89,7 @@ pub struct BacklashDetection<R> {
 /// State of a [`BacklashDetection`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct BacklashDetectionState<R> {
+pub struct BacklashDetectionState<R: Real> {
     /// Whether a person wants compensation.
     pub compensate: bool,
     /// The detector; it holds the estimate of what is left of the gap.
@@ -100,7 +100,8 @@ pub struct BacklashDetectionState<R> {
     pub compensation: CompensationState<R>,
     /// The warnings of over-compensation.
     pub over: OverWarning,
-    /// The whole gap, where there have been detections.
+    /// What the detections say of the whole gap, where there have been any. Compensation goes by it, shown or not: it only makes it
+    /// smaller.
     pub whole: Option<Estimate<R>>,
     window: MedianMeanState<R>,
     warning: OverCompensationState<R>,
@@ -112,6 +113,8 @@ pub struct BacklashDetectionState<R> {
     size: R,
     sp: Forward<R>,
     pv: Forward<R>,
+    #[cfg_attr(feature = "serde", serde(default))]
+    raw: R,
     h: R,
     u_ff: R,
 }
@@ -134,6 +137,7 @@ impl<R: Real> Default for BacklashDetectionState<R> {
             size: R::ZERO,
             sp: nothing,
             pv: nothing,
+            raw: R::ZERO,
             h: R::ZERO,
             u_ff: R::ZERO,
         }
@@ -143,8 +147,13 @@ impl<R: Real> Default for BacklashDetectionState<R> {
 impl<R: Real> BacklashDetectionState<R> {
     /// Forgets all detections. A compensation that went by them is taken away, without a bump.
     pub fn reset(&mut self) {
-        let Self { compensate, compensation, sign, sp, pv, h, u_ff, .. } = *self;
-        *self = Self { compensate, compensation, sign, sp, pv, h, u_ff, ..Self::default() };
+        let Self { compensate, compensation, sign, sp, pv, raw, h, u_ff, .. } = *self;
+        *self = Self { compensate, compensation, sign, sp, pv, raw, h, u_ff, ..Self::default() };
+    }
+
+    /// The whole gap, if it is more than noise can feign.
+    pub fn shown(&self) -> Option<Estimate<R>> {
+        self.whole.filter(|whole| self.detector.noise_floor().is_none_or(|floor| whole.value >= floor))
     }
 
     /// What is wrong: [`WRONG_SIGN`], or 0.
@@ -188,7 +197,21 @@ impl<R: Real> BacklashDetection<R> {
     /// Takes setpoint, process value and the time since the last scan `h` \[s\]; gives u_FF.
     #[inline(always)]
     pub fn forward(&self, state: &mut BacklashDetectionState<R>, sp: Forward<R>, pv: Forward<R>, h: R) -> Forward<R> {
-        (state.sp, state.pv, state.h, state.u_ff) = (sp, pv, h, state.compensation.u_ff);
+        self.forward_filtered(state, sp, pv, pv.value, h)
+    }
+
+    /// The same where PV comes filtered: `raw` is PV as measured.
+    #[inline(always)]
+    pub(super) fn forward_filtered(
+        &self,
+        state: &mut BacklashDetectionState<R>,
+        sp: Forward<R>,
+        pv: Forward<R>,
+        raw: R,
+        h: R,
+    ) -> Forward<R> {
+        (state.sp, state.pv, state.raw, state.h) = (sp, pv, raw, h);
+        state.u_ff = state.compensation.u_ff.value();
         Forward::new(state.u_ff, 0)
     }
 
@@ -211,17 +234,18 @@ impl<R: Real> BacklashDetection<R> {
                 state.against = if against { AGAINST.min(state.against + 1) } else { 0 };
             }
         }
-        let record = self.detector.update(&mut state.detector, &Sample { h, sp, pv: state.pv.value, op, flags });
+        let sample = Sample { h, sp, pv: state.pv.value, op, flags };
+        let record = self.detector.update_filtered(&mut state.detector, &sample, state.raw);
         state.due = record.is_some();
         if state.due {
-            (state.last, state.size) = (record, state.compensation.half + state.compensation.half);
+            (state.last, state.size) = (record, R::of(2.0) * state.compensation.half.value());
         }
         if let (Some(sign), Some(back)) = (&self.sign, back) {
             let gap = if h <= self.max_h { 0 } else { GAP };
             sign.update(&mut state.sign, sp, state.detector.filtered_pv(), back.tracking, h, flags | gap);
         }
         let Some((compensation, _)) = &self.compensation else {
-            if state.compensation.u_ff != R::ZERO {
+            if state.compensation.u_ff.value() != R::ZERO {
                 state.compensation = CompensationState::default();
             }
             return;

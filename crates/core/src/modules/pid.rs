@@ -3,7 +3,7 @@
 use crate::connection::{Backward, Forward};
 use crate::error::require;
 use crate::half_period::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO};
-use crate::{ParameterError, Real, Saturation, SecondOrderFilter, SecondOrderFilterState};
+use crate::{ParameterError, Real, Saturation, SecondOrderFilter, SecondOrderFilterState, Sum};
 
 /// The setpoint handed over is bad; the last good one is in effect.
 pub const BAD_SP: u8 = 32;
@@ -124,7 +124,7 @@ pub struct Pid<R> {
 /// State of a [`Pid`]: `mode`, `sp` and `manual` are the operator's to set.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct PidState<R> {
+pub struct PidState<R: Real> {
     /// Who sets the output.
     pub mode: Mode,
     /// The own setpoint, used in [`Mode::Auto`] [PV unit].
@@ -132,7 +132,7 @@ pub struct PidState<R> {
     /// The output in [`Mode::Manual`]; follows the output in all other modes, and while it tracks.
     pub manual: R,
     /// The setpoint in effect [PV unit].
-    pub ysp: R,
+    pub ysp: R::Sum,
     /// The filtered process value [PV unit].
     pub yf: R,
     /// The output.
@@ -171,7 +171,7 @@ impl<R: Real> PidState<R> {
             mode: Mode::Auto,
             sp: R::ZERO,
             manual: output,
-            ysp: R::ZERO,
+            ysp: R::ZERO.into(),
             yf: R::ZERO,
             output,
             error: 0,
@@ -228,7 +228,7 @@ impl<R: Real> Pid<R> {
         h: R,
     ) -> Forward<R> {
         let mut error = 0;
-        let (ysp_before, ff_before) = (s.ysp, s.ff);
+        let (ysp_before, ff_before) = (s.ysp.value(), s.ff);
         if ff.is_good() {
             s.ff = ff.value;
         } else {
@@ -257,13 +257,14 @@ impl<R: Real> Pid<R> {
         let status = u8::from(tracked) | ((s.mode as u8) << 2) | (error & (BLIND | BAD_SP | BAD_FF));
         let changed = status != s.status;
         if by_hand {
-            s.ysp = if error & BAD == 0 { s.yf } else { s.ysp };
+            s.ysp = if error & BAD == 0 { s.yf.into() } else { s.ysp };
         } else if error & (BLIND | BAD_SP) == 0 {
             let step = sp_rate * h;
-            let from = if s.status == NEW { s.yf } else { s.ysp };
-            s.ysp = s.sp.lesser(from + step).greater(from - step);
+            s.ysp = if s.status == NEW { s.yf.into() } else { s.ysp };
+            s.ysp.approach(s.sp, step);
         }
 
+        let ysp = s.ysp.value();
         let [k, ti, td] = gains;
         let gains = [k, ti, td, self.settings.b];
         let law = |limits| self.law.with(k, ti, td, limits);
@@ -281,20 +282,22 @@ impl<R: Real> Pid<R> {
             if changed {
                 // No difference to a sample from before the change.
                 s.law.started = false;
-                free.track(&mut s.law, s.ysp, s.yf, s.output - s.ff, h);
+                free.follow(&mut s.law, ysp, s.filter.y2, s.output - s.ff, h);
             } else {
                 if gains != s.gains {
-                    let yf_before = s.law.y;
-                    free.track(&mut s.law, ysp_before, yf_before, s.output - ff_before, h);
+                    let before = s.law;
+                    free.follow(&mut s.law, ysp_before, before.y, s.output - ff_before, h);
+                    // What the integral has not shown yet is no bump.
+                    s.law.integral = before.integral.moved_to(s.law.integral.value());
                 }
                 if self.settings.c > R::ZERO && td > R::ZERO {
-                    weighted = k * td / h * (self.settings.c * (s.ysp - ysp_before));
+                    weighted = k * td / h * (self.settings.c * (ysp - ysp_before));
                 }
             }
             let beyond = s.ff + weighted;
             let band = self.band(s, limits, s.back.flags, h);
             let shifted = Saturation { low: band.low - beyond, high: band.high - beyond };
-            let v = law(shifted).update(&mut s.law, s.ysp, s.yf, h);
+            let v = law(shifted).control(&mut s.law, ysp, s.filter.y2, h);
             // Where only a limit further on holds it, that limit is told in the backward pass.
             held_back = shifted.reached(v) & !s.back.flags;
             // Shifting and shifting back may cost a bit.
@@ -320,9 +323,13 @@ impl<R: Real> Pid<R> {
         s.flags |= back.flags & (AT_LOW | AT_HIGH | NOT_AUTO);
         let following = if s.mode == Mode::External { s.flags } else { s.flags | NOT_AUTO };
         let ff = Backward { flags: following, tracking: s.output, ..Backward::default() };
-        let ramp = if following & NOT_AUTO == 0 { Saturation { low: s.ysp, high: s.ysp }.beyond(s.sp) } else { 0 };
+        let ramp = if following & NOT_AUTO == 0 {
+            Saturation { low: s.ysp.value(), high: s.ysp.value() }.beyond(s.sp)
+        } else {
+            0
+        };
         let flags = self.seen_from_setpoint(following) | ramp;
-        let sp = Backward { flags, tracking: s.ysp, ..Backward::default() };
+        let sp = Backward { flags, tracking: s.ysp.value(), ..Backward::default() };
         (sp, ff)
     }
 

@@ -5,7 +5,7 @@ use super::pid::{Pid, PidSettings, PidState};
 use crate::connection::{Backward, Forward};
 use crate::error::require;
 use crate::half_period::{AT_HIGH, AT_LOW, NOT_AUTO};
-use crate::{CompensationSettings, ParameterError, Real};
+use crate::{CompensationSettings, ParameterError, Real, Sum};
 
 /// The most rows of a gain schedule.
 pub const SCHEDULE_ROWS: usize = 8;
@@ -78,7 +78,7 @@ pub struct PidAdvanced<R> {
 /// State of a [`PidAdvanced`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct PidAdvancedState<R> {
+pub struct PidAdvancedState<R: Real> {
     /// The controller.
     pub pid: PidState<R>,
     /// The detection; a new one resets it.
@@ -161,10 +161,11 @@ impl<R: Real> PidAdvanced<R> {
         if by.is_good() {
             s.by = by.value;
         }
-        let ff = Forward::new(ff.value + s.detection.compensation.u_ff, ff.flags);
+        let ff = Forward::new(ff.value + s.detection.compensation.u_ff.value(), ff.flags);
         let u = self.pid.scan(&mut s.pid, self.gains(s.by), self.settings.sp_rate, pv, sp, ff, h);
         let seen = if self.settings.pid.tf > R::ZERO { s.pid.yf } else { pv.value };
-        self.detection.forward(&mut s.detection, s.pid.ysp.into(), Forward::new(seen, pv.flags), h);
+        let (sp, seen) = (s.pid.ysp.value().into(), Forward::new(seen, pv.flags));
+        self.detection.forward_filtered(&mut s.detection, sp, seen, pv.value, h);
         u
     }
 
@@ -174,7 +175,7 @@ impl<R: Real> PidAdvanced<R> {
     pub fn backward(&self, s: &mut PidAdvancedState<R>, back: Backward<R>) -> (Backward<R>, Backward<R>) {
         let told = self.pid.backward(&mut s.pid, back);
         let flags = s.pid.flags & (AT_LOW | AT_HIGH | NOT_AUTO);
-        let tracking = s.pid.feedback() + s.detection.compensation.u_ff;
+        let tracking = s.pid.feedback() + s.detection.compensation.u_ff.value();
         let seen = Backward { flags, tracking, ..Backward::default() };
         self.detection.backward(&mut s.detection, Some(seen));
         told

@@ -2,7 +2,7 @@
 
 use crate::connection::Forward;
 use crate::error::require;
-use crate::{ParameterError, Real};
+use crate::{ParameterError, Real, Sum};
 
 /// Process K/((1 + s·T1)(1 + s·T2))·e^(−L·s) at a fixed scan time (thesis 6.5, `ProcessSimCC`).
 ///
@@ -33,9 +33,9 @@ pub struct ProcessSim<R, const N: usize> {
 
 /// State of [`ProcessSim`].
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ProcessSimState<R, const N: usize> {
-    y1: R,
-    y2: R,
+pub struct ProcessSimState<R: Real, const N: usize> {
+    y1: R::Sum,
+    y2: R::Sum,
     inputs: [R; N],
     at: usize,
 }
@@ -43,7 +43,7 @@ pub struct ProcessSimState<R, const N: usize> {
 impl<R: Real, const N: usize> ProcessSimState<R, N> {
     /// At rest under the constant input `x`.
     pub fn at_rest(x: R) -> Self {
-        Self { y1: x, y2: x, inputs: [x; N], at: 0 }
+        Self { y1: x.into(), y2: x.into(), inputs: [x; N], at: 0 }
     }
 }
 
@@ -70,7 +70,7 @@ impl<R: Real, const N: usize> ProcessSim<R, N> {
     /// What it gives in this scan.
     #[inline(always)]
     pub fn output(&self, state: &ProcessSimState<R, N>) -> Forward<R> {
-        Forward::new(self.gain * state.y2, 0)
+        Forward::new(self.gain * state.y2.value(), 0)
     }
 
     /// Takes the input of this scan and the load on it, moves on to the next scan.
@@ -83,8 +83,8 @@ impl<R: Real, const N: usize> ProcessSim<R, N> {
         let ago = |steps: usize| s.inputs[if steps <= s.at { s.at - steps } else { s.at + N - steps }];
         let late = ago(self.whole);
         let w = if self.part > R::ZERO { late + (ago(self.whole + 1) - late) * self.part } else { late };
-        s.y1 += (w - s.y1) * self.a1;
-        s.y2 += (s.y1 - s.y2) * self.a2;
+        s.y1.add(s.y1.to(w) * self.a1);
+        s.y2.add(s.y1.since(s.y2) * self.a2);
     }
 }
 

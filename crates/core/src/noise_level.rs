@@ -1,0 +1,124 @@
+//! The standard deviation of a signal's fast noise, on line.
+
+use crate::Real;
+
+/// A value repeated so many times in a row is held, by a transmitter or a historian, and tells nothing of the noise.
+const HELD: u8 = 5;
+/// Differences that m begins with, and those after which σ is told.
+const BEGINNING: u8 = 8;
+const ENOUGH: u8 = 20;
+/// 1/(0.6745·√70): from the median of |fourth difference| of white noise to its standard deviation.
+const OF_MEDIAN: f64 = 0.177_202_165_950_243_68;
+/// 1/√12: the standard deviation of what rounding to a grid of 1 leaves.
+const OF_GRID: f64 = 0.288_675_134_594_812_87;
+/// Values before the one that completes a fourth difference.
+const VALUES: u8 = 4;
+/// The gain at the beginning, and the least, with which it forgets what was a thousand samples ago.
+const FIRST_GAIN: f64 = 0.25;
+const LEAST_GAIN: f64 = 1.0 / 512.0;
+
+/// Standard deviation σ of the fast noise of a signal at an even step, sample by sample.
+///
+/// The fourth difference takes away any movement that is a cubic over five samples; that of white noise of variance σ² has
+/// variance 70σ². Its median size, which steps and outliers hardly move, is followed by going up or down by a share `g` of itself:
+///
+/// ```text
+/// δ = |x − 4x₁ + 6x₂ − 4x₃ + x₄|           as differences of differences
+/// q  = the least step other than 0 between two samples
+/// m := the least of the first eight δ > 0, then
+///      max(q, m + g·m) where δ > m, else max(q, m − g·m);     g := max(g − g²/2, 1/512), from 1/4
+/// σ = max(m/(0.6745·√70), q/√12)
+/// ```
+///
+/// So `g` falls like 2/n, and in the end the last thousand samples count. Of a quantised signal q is the step of its grid, of any
+/// other it soon is next to nothing. A value that is repeated for the fifth time, and on, is held and left out.
+///
+/// Without parameters. Nothing is told before twenty differences. A bad value or a gap ([`Self::interrupt`]) begins the
+/// differences anew and keeps what was learnt.
+///
+/// Known bias: an upper bound where the signal's own movement fills only a few samples; too low for noise that a filter has smoothed,
+/// or that holds on from sample to sample.
+///
+/// ```
+/// use glapp_core::{Noise, NoiseLevel, NoiseState};
+/// let (noise, mut drawn, mut level) = (Noise::new(0.3)?, NoiseState::default(), NoiseLevel::default());
+/// for k in 0..4000 {
+///     level.update(noise.update(&mut drawn, 50.0 + 0.01 * f64::from(k)));
+/// }
+/// let sigma = level.sigma().unwrap(); // uniform noise of ± 0.3: 0.3/√3 = 0.173
+/// assert!((sigma - 0.173).abs() < 0.02);
+/// # Ok::<(), glapp_core::ParameterError>(())
+/// ```
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct NoiseLevel<R> {
+    /// The last value, and the first three differences there.
+    x: R,
+    first: R,
+    second: R,
+    third: R,
+    median: R,
+    gain: R,
+    grid: R,
+    /// Values since the last break, as far as a fourth difference needs them.
+    values: u8,
+    repeats: u8,
+    /// Fourth differences.
+    count: u8,
+}
+
+impl<R: Real> NoiseLevel<R> {
+    /// Takes one value `x`, a number.
+    #[inline(always)]
+    pub fn update(&mut self, x: R) {
+        if self.values == 0 {
+            (self.x, self.values, self.repeats) = (x, 1, 0);
+            return;
+        }
+        let first = x - self.x;
+        let step = first.magnitude();
+        self.repeats = if step > R::ZERO { 0 } else { self.repeats.saturating_add(1) };
+        if self.repeats >= HELD {
+            return;
+        }
+        if step > R::ZERO && (step < self.grid || self.grid == R::ZERO) {
+            self.grid = step;
+        }
+        // Those after a break are differences to what was before it; they are not used before all are new.
+        let second = first - self.first;
+        let third = second - self.second;
+        let size = (third - self.third).magnitude();
+        (self.x, self.first, self.second, self.third) = (x, first, second, third);
+        if self.values < VALUES {
+            self.values += 1;
+        } else if self.count < BEGINNING {
+            self.begin(size);
+        } else {
+            let change = self.median * self.gain;
+            self.median = (self.median + if size > self.median { change } else { -change }).greater(self.grid);
+            self.gain = (self.gain - self.gain * self.gain / R::of(2.0)).greater(R::of(LEAST_GAIN));
+            self.count = self.count.saturating_add(1);
+        }
+    }
+
+    #[cold]
+    fn begin(&mut self, size: R) {
+        if size > R::ZERO {
+            self.median = if self.count == 0 { size } else { self.median.lesser(size) };
+            self.gain = R::of(FIRST_GAIN);
+            self.count += 1;
+        }
+    }
+
+    /// Begins the differences anew after values that are missing.
+    #[inline(always)]
+    pub fn interrupt(&mut self) {
+        self.values = 0;
+    }
+
+    /// σ [unit of the signal]; none before there are enough differences.
+    pub fn sigma(&self) -> Option<R> {
+        let of_median = self.median * R::of(OF_MEDIAN);
+        (self.count >= ENOUGH).then(|| of_median.greater(self.grid * R::of(OF_GRID)))
+    }
+}

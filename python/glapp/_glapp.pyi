@@ -396,13 +396,20 @@ def fit(
     parts: Sequence[tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]],
     h: float,
     sign: float,
-    position: bool,
     bootstrap: int,
     seed: int,
 ) -> dict[str, Any] | None:
-    """Fit (PV, OP), or (position, OP), at even steps h, one pair a stretch.
+    """Fit (PV, OP) at even steps h, one pair a stretch.
 
     None for fewer than 50 samples or an OP that never moves.
+    """
+
+def fit_position(
+    parts: Sequence[tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]],
+) -> dict[str, Any] | None:
+    """Fits a valve's position: unbroken stretches of (position, OP); `glapp.fit` is the door for people.
+
+    None for fewer than 50 rows or an OP that never moves.
     """
 
 def fit_window(parts: Sequence[tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]], sign: float) -> int | None:

@@ -49,7 +49,7 @@ fn recorded(samples: usize) -> (Vec<f64>, Vec<f64>) {
 
 fn whole(c: &mut Criterion) {
     let pool = ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-    let question = Question { h: H, sign: 1.0, position: false, bootstrap: 0, seed: 1 };
+    let question = Question { h: H, sign: 1.0, bootstrap: 0, seed: 1 };
     let mut group = c.benchmark_group("fit");
     group.sample_size(10).warm_up_time(Duration::from_secs(1)).measurement_time(Duration::from_secs(20));
     for samples in [751, 30_000] {

@@ -13,6 +13,7 @@ mod combine;
 mod kalman;
 mod lanes;
 mod looks;
+mod position;
 mod profile;
 mod record;
 mod search;
@@ -22,5 +23,6 @@ mod verdict;
 mod view;
 
 pub use combine::{Whole, Window, combine};
+pub use position::{AtValve, Recorder, Shown, at_valve};
 pub use structure::{Noise, Structure};
 pub use verdict::{Answer, Candidate, Question, Seen, Verdict, fit, window};

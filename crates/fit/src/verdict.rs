@@ -15,8 +15,6 @@ pub struct Question {
     pub h: f64,
     /// Sign of the process gain where it is known, else 0.
     pub sign: f64,
-    /// Whether the valve's own position stands in PV's place: it follows at once, and no sampling is too slow for it.
-    pub position: bool,
     /// Records invented without a gap at most, to find how large the likelihood ratio gets by chance; 0 for none.
     pub bootstrap: usize,
     /// Seed of those.
@@ -253,8 +251,7 @@ fn answer(record: &Record, seeds: &[Theta], question: &Question) -> Answer {
     let (verdict, reason) = judge(&Evidence {
         echo,
         d: best.lost.d,
-        coarse: !question.position
-            && search.structure.settles(&best.theta) * (record.cell as f64) < COARSE
+        coarse: search.structure.settles(&best.theta) * (record.cell as f64) < COARSE
             && best.lost.d < SLOWLY * record.travel(),
         noisy: !search.structure.integrating && (best.kp * best.lost.d).abs() < NOISY * noise,
         often: {

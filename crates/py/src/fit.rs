@@ -6,7 +6,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
-const VERDICTS: [(Verdict, &str); 6] = [
+pub(crate) const VERDICTS: [(Verdict, &str); 6] = [
     (Verdict::Backlash, "backlash"),
     (Verdict::Stiction, "stiction"),
     (Verdict::Both, "both"),
@@ -23,13 +23,12 @@ pub fn fit<'py>(
     parts: Vec<(PyReadonlyArray1<'py, f64>, PyReadonlyArray1<'py, f64>)>,
     h: f64,
     sign: f64,
-    position: bool,
     bootstrap: usize,
     seed: u64,
 ) -> PyResult<Option<Bound<'py, PyDict>>> {
     let parts: Vec<(&[f64], &[f64])> =
         parts.iter().map(|(y, u)| Ok((y.as_slice()?, u.as_slice()?))).collect::<PyResult<_>>()?;
-    let question = Question { h, sign, position, bootstrap, seed };
+    let question = Question { h, sign, bootstrap, seed };
     let Some(answer) = py.detach(|| glapp_fit::fit(&parts, &question)) else { return Ok(None) };
     let out = PyDict::new(py);
     out.set_item("verdict", VERDICTS.iter().find(|(v, _)| *v == answer.verdict).expect("all have names").1)?;

@@ -11,6 +11,7 @@ mod fit;
 mod modules;
 mod noise;
 mod pid;
+mod position;
 mod rate_limit;
 mod read;
 mod saturation;
@@ -50,6 +51,8 @@ mod _glapp {
     use crate::noise::Noise;
     #[pymodule_export]
     use crate::pid::Pid;
+    #[pymodule_export]
+    use crate::position::fit_position;
     #[pymodule_export]
     use crate::rate_limit::RateLimit;
     #[pymodule_export]

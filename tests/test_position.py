@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import glapp
-from glapp.report.fit_figure import fit_figure
 from glapp.fit import Fit, _fit_position, _together
 from glapp.recording import Batch
+from glapp.report.fit_figure import fit_figure
 from glapp.simulate import closed_loop
 
 LOOP = glapp.Loop(name="P3", op_unit="1")

@@ -120,7 +120,7 @@ pub struct Shown {
 /// without it, OP is without NaN. None where fewer than 50 rows have a position or OP does not move.
 pub fn at_valve(parts: &[(&[f64], &[f64])]) -> Option<AtValve> {
     let track = Track::new(parts);
-    if track.count() < FEWEST || !(track.range > 0.0) {
+    if track.count() < FEWEST || track.range <= 0.0 {
         return None;
     }
     Some(track.answer())
@@ -564,12 +564,13 @@ impl Track {
         let low = (low - op - (0.5 * self.op_move).min(seen)).max(0.0);
         let kept = if let Recorder::Kept(band) = self.recorder { band / per_op } else { 0.0 };
         let high = high.map(|h| h + op + (1.5 * self.op_move).min(seen) + kept);
-        let explained = 1.0 - best.left / (self.zz / self.rows as f64).max(1e-300);
+        // A position that stands still is explained by nothing.
+        let explained = if best.b == 0.0 { 0.0 } else { 1.0 - best.left * self.rows as f64 / self.zz };
         let lr_needed = if traversals.iter().min() >= Some(&2) { NEEDED } else { NEEDED_IF_ONCE };
-        let copy = none.left.sqrt() <= 1e-7 * self.range * none.b.abs() && none.motion.lag == 0.0;
+        let copy = none.b != 0.0 && none.left.sqrt() <= 1e-7 * self.range * none.b.abs() && none.motion.lag == 0.0;
         let (verdict, reason) = if copy {
             (Verdict::CannotTell, "copy")
-        } else if explained < LEAST_SHARE || !(self.rows as f64 * (1.0 / (1.0 - explained).max(1e-12)).ln() > 15.0) {
+        } else if explained < LEAST_SHARE {
             (Verdict::CannotTell, "no_answer")
         } else if lr_no_gap <= lr_needed || low <= 0.0 {
             match high {
@@ -999,6 +1000,7 @@ mod tests {
         assert_eq!(asked(&scaled, &u).reason, "copy");
         let other: Vec<f64> = (0..u.len()).map(|_| noise()).collect();
         assert_eq!(asked(&other, &u).reason, "no_answer");
+        assert_eq!(asked(&vec![20.0; u.len()], &u).reason, "no_answer");
         assert!(at_valve(&[(&u[..30], &u[..30])]).is_none());
         assert!(at_valve(&[(&other, &vec![50.0; u.len()])]).is_none());
     }

@@ -408,14 +408,27 @@ def simc_integrating(kv: float, t2: float, l: float, tau_c: float) -> tuple[floa
 _Floats = npt.NDArray[np.float64]
 _Batch = tuple[float, Sequence[tuple[float, _Floats, _Floats]]]
 
-def fit(batches: Sequence[_Batch], sign: float, position: bool, bootstrap: int) -> dict[str, Any] | None:
-    """Fit recordings at even steps h: (h, stretches) each, a stretch (start, PV or position, OP).
+def fit(batches: Sequence[_Batch], sign: float, bootstrap: int) -> dict[str, Any] | None:
+    """Fit recordings at even steps h: (h, stretches) each, a stretch (start, PV, OP).
 
     None for fewer than 50 samples or an OP that never moves.
     """
 
 def fit_window(whole: _Batch, sign: float) -> int | None:
     """Steps that one window should hold."""
+
+def fit_position(
+    parts: Sequence[tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]],
+) -> dict[str, Any] | None:
+    """Fits a valve's position: unbroken stretches of (position, OP); `glapp.fit` is the door for people.
+
+    None for fewer than 50 rows or an OP that never moves.
+    """
+
+def fit_combine(
+    windows: Sequence[tuple[str, float, float, float | None, float, float]],
+) -> tuple[Any, float, float, float | None, tuple[float, float] | None]:
+    """One answer from windows of (verdict, d, low, high, lr_no_gap, t)."""
 
 class Graph:
     """A loop of control modules; `modules` are (name, module) with its kind, parameters, plant and schedule."""

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from . import _glapp
 from .controller import Ideal
 from .loop import Loop
+from .position import COPY, Interval, apart, copied, position_reason
 from .progress import Progress, shares
 from .recording import BAD, Batch, Recording
 from .windows import Windows
@@ -29,8 +30,8 @@ HOLE = 5
 DAY = 86400.0
 """[s]."""
 
-BOOTSTRAP = 39
-"""Records invented without a gap, where it is not plain without them whether there is one."""
+BOOTSTRAP = 400
+"""Most records invented without a gap, where it is not plain without them whether there is one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,7 +151,8 @@ class Fit:
         `signal` that was fitted: "PV", or "position" where the valve's own settled it.
     through_pv : Fit or None
         Where the valve's position was recorded and settled the answer, what PV alone would have said. The process is
-        always that of PV.
+        always that of PV. Where no width lies in the intervals of both, `reason` names both: with a gap in either the
+        interval holds both, and with a gap in one of them alone the verdict is *cannot_tell*.
     """
 
     verdict: Verdict
@@ -178,6 +180,13 @@ class Fit:
     def found(self) -> bool:
         """Whether a lost motion was found: backlash, stiction, both, or at least a bound of it."""
         return self.verdict in ("backlash", "stiction", "both", "at_least")
+
+    @property
+    def interval(self) -> Interval | None:
+        """The widths that are not excluded [`unit`], upper limit None where there is none; None where nothing is."""
+        if self.low is None or not (self.found or self.verdict == "sound"):
+            return None
+        return (0.0, self.high) if self.verdict == "sound" else (self.low, None if self.at_least else self.high)
 
     @property
     def at_least(self) -> float | None:
@@ -226,7 +235,7 @@ def fit(recording: Recording, *, progress: Progress | None = None) -> Fit:
     The answer is the likelihood as a function of the width d, for several families of process and disturbance; the
     interval holds those of all that predict PV about as well as the best. Mode and setpoint do not matter: any move
     of OP tells. A process gain of known sign (from `loop.process.kp` or the controller's action) helps. Where the
-    valve's position is recorded it is fitted in PV's place, and if it tells, it settles the answer.
+    valve's position is recorded it is fitted by itself, and if it tells, it settles the answer.
 
     Parameters
     ----------
@@ -302,36 +311,85 @@ def fit_batches(
     if not batches:
         return Fit("cannot_tell", "OP stands still all the time: only an OP that moves shows a gap", loop.op_label)
     if not any(batch.position is not None and np.isfinite(batch.position).any() for batch in batches):
-        return _fit_signal("PV", batches, loop, sign, sinusoid, progress)
-    half, rest = shares(progress, 0.5, 0.5)
-    through_pv = _fit_signal("PV", batches, loop, sign, sinusoid, half)
-    at_valve = _fit_signal("position", [_valve(batch) for batch in batches], loop, 1.0, None, rest)
+        return _fit_pv(batches, loop, sign, sinusoid, progress)
+    through_pv = _fit_pv(batches, loop, sign, sinusoid, progress)
+    return _together(_fit_position(batches, loop), through_pv, loop)
+
+
+def _together(at_valve: Fit, through_pv: Fit, loop: Loop) -> Fit:
+    """What position and PV say together: the position settles it, and where PV contradicts it the answer names both."""
     if not (at_valve.found or at_valve.verdict == "sound"):
-        return through_pv
+        return replace(through_pv, reason=f"{through_pv.reason}. The valve's position tells nothing: {at_valve.reason}")
     reason = f"read from the valve's position: {at_valve.reason}"
     own = loop.positioner.dead_band if loop.positioner is not None else None
     if own is not None and at_valve.found:
         reason += f"; the positioner's own part of it, by its settings: {own:.3g} % of travel"
-    return replace(at_valve, reason=reason, process=through_pv.process, through_pv=through_pv)
+    answer = replace(at_valve, reason=reason, process=through_pv.process, through_pv=through_pv)
+    here, there = at_valve.interval, through_pv.interval
+    if here is None or there is None:
+        return answer
+    if apart(here, there):
+        low = min(here[0], there[0])
+        high = None if here[1] is None or there[1] is None else max(here[1], there[1])
+        said = f"The position: {at_valve.reason}. PV: {through_pv.reason}"
+        both = f"the valve's position and PV contradict each other. {said}"
+        if at_valve.found and through_pv.found:
+            return replace(answer, reason=both, low=low, high=high)
+        # One sees a gap that the other excludes: lost motion beyond the sensor, a loose sensor, or a wrong model.
+        both += ". Is the sensor coupled firmly to the valve, and the valve to what it moves?"
+        return replace(answer, verdict="cannot_tell", reason=both, low=low, high=high)
+    if at_valve.verdict == "at_least" and through_pv.found and there[1] is not None:
+        return replace(through_pv, reason=f"{through_pv.reason}. By the valve's position {at_valve.reason}")
+    return answer
 
 
-def _valve(batch: Batch) -> Batch:
-    """The batch with the valve's position in PV's place."""
-    position = np.full(len(batch), np.nan) if batch.position is None else batch.position
-    # PV never answers OP's own step; a position does, and the controller does not see it.
-    op = None if batch.op is None else np.append(batch.op[1:], batch.op[-1:])
-    return replace(batch, pv=position, op=op)
+def _fit_position(batches: list[Batch], loop: Loop) -> Fit:
+    """Fit the valve's own position to OP, window by window where there are several."""
+    unit = loop.op_label
+    if copied(batches):
+        return Fit("cannot_tell", COPY, unit)
+    # What is wrong with PV is nothing to the position.
+    nothing = [np.full(len(batch), np.nan) if batch.position is None else batch.position for batch in batches]
+    valves = [replace(batch, pv=z, flags=None) for batch, z in zip(batches, nothing, strict=True)]
+    cut = [_stretches(valve, "the position") for valve in valves]
+    answers: list[tuple[Window, dict[str, Any]]] = []
+    for stretches, h, fault in cut:
+        best = None if fault is not None else _glapp.fit_position([(z, op) for _, z, op in stretches])
+        if best is None:
+            continue
+        starts = np.array([t for t, _, _ in stretches])
+        best |= {"t": starts[best["part"]] + h * best["step"], "signal": "position", "delay": best["delay"] * h}
+        best["lag"] *= h
+        best["candidates"] = [{"noise": "position", "behind": 0.0, "profile": best["profile"]}]
+        span = (float(starts[0]), float(stretches[-1][0] + h * (len(stretches[-1][1]) - 1)))
+        answers.append((Window(*span, *(best[key] for key in ("verdict", "d", "low", "high", "lr_no_gap"))), best))
+    if not answers:
+        return Fit("cannot_tell", cut[0][2] or "fewer than 50 rows have a position", unit)
+    told = [window for window, _ in answers]
+    verdict, d, low, high, slope = _glapp.fit_combine(
+        [(w.verdict, w.d, w.low, w.high, w.lr_no_gap, (w.t_start + w.t_end) / 2) for w in told]
+    )
+    trend = None if slope is None else Trend.through(told, slope[0] * DAY, slope[1] * DAY)
+    best = max((a for a in answers if a[0].verdict == verdict), key=lambda a: a[0].lr_no_gap)[1]
+    if trend is not None and trend.changes:
+        newest, best = [a for a in answers if a[0].sided][-1]
+        verdict, d, low, high = newest.verdict, newest.d, newest.low, newest.high
+    shown = "%OP" if unit == "%" else unit
+    reason = position_reason(verdict, d, low, high, shown, best)
+    if trend is not None and trend.changes:
+        reason += f"; {trend.told(shown)}"
+    needed = {name: best[name] for name in ("lr_no_gap", "lr_needed", "jump")}
+    return Fit(verdict, reason, unit, d, low, high, **needed, trend=trend, windows=told, best=best)
 
 
-def _fit_signal(
-    signal: Literal["PV", "position"],
+def _fit_pv(
     batches: list[Batch],
     loop: Loop,
     sign: float,
     sinusoid: str | None,
     progress: Progress | None,
 ) -> Fit:
-    """Fit PV, or the position that stands in its place, to OP."""
+    """Fit PV to OP."""
     unit = loop.op_label
     cut = [_stretches(batch) for batch in batches]
     whole = [(stretches, h) for stretches, h, fault in cut if fault is None]
@@ -339,7 +397,7 @@ def _fit_signal(
         return Fit("cannot_tell", cut[0][2] or "", unit)
     if progress is not None:
         progress(0.0)
-    answer = _glapp.fit([(h, stretches) for stretches, h in whole], sign, signal == "position", BOOTSTRAP)
+    answer = _glapp.fit([(h, stretches) for stretches, h in whole], sign, BOOTSTRAP)
     if progress is not None:
         progress(1.0)
     if answer is None:
@@ -354,7 +412,7 @@ def _fit_signal(
         newest, best = [(w, b) for w, b in zip(told, answer["windows"], strict=True) if w.sided][-1]
         verdict, d, low, high = newest.verdict, newest.d, newest.low, newest.high
         answer = best
-    best["signal"] = signal
+    best["signal"] = "PV"
     if sinusoid is not None:
         verdict = "oscillation"
     kp, dead_time, lag = ((best[name], *best[f"{name}_limits"]) for name in ("kp", "dead_time", "lag"))
@@ -387,8 +445,8 @@ def process_sign(loop: Loop, ideal: Ideal | None) -> float:
     return 0.0 if ideal is None else float(np.sign(ideal.k))
 
 
-def _stretches(batch: Batch) -> tuple[list[tuple[float, Floats, Floats]], float, str | None]:
-    """Unbroken stretches at even steps, (start, PV, OP) each; the step [s]; or why there are none."""
+def _stretches(batch: Batch, name: str = "PV") -> tuple[list[tuple[float, Floats, Floats]], float, str | None]:
+    """Unbroken stretches at even steps, (start, PV, OP) each; the step [s]; or why there are none. `name`: PV's."""
     none: list[tuple[float, Floats, Floats]] = []
     if batch.op is None:
         return none, 0.0, "there is no OP: the width cannot be fitted without it"
@@ -407,9 +465,9 @@ def _stretches(batch: Batch) -> tuple[list[tuple[float, Floats, Floats]], float,
         return none, h, f"OP stands still at {moving[0]:.4g} all the time: only an OP that moves shows a gap"
     both = np.isfinite(op) & np.isfinite(pv)
     if both.any() and np.array_equal(op[both], pv[both]):
-        return none, h, "OP and PV are the same signal: check which columns were taken"
+        return none, h, f"OP and {name} are the same signal: check which columns were taken"
     if both.any() and np.ptp(pv[both]) == 0:
-        return none, h, f"PV stands still at {pv[both][0]:.4g} all the time"
+        return none, h, f"{name} stands still at {pv[both][0]:.4g} all the time"
     levels = np.unique(moving)
     if len(levels) < 6:
         return none, h, f"OP takes only {len(levels)} values: it is recorded too coarsely"

@@ -167,9 +167,8 @@ fn together(curves: &mut [Curve]) -> Whole {
     let best = loop {
         let costs: Vec<f64> = known.iter().map(|(_, costs)| cost(curves, costs)).collect();
         let best = (0..costs.len()).min_by(|a, b| costs[*a].total_cmp(&costs[*b])).expect("0 at least");
-        let room = |beside: Option<usize>| {
-            beside.and_then(|i| known.get(i)).map_or(0.0, |(d, _)| (d - known[best].0).abs())
-        };
+        let room =
+            |beside: Option<usize>| beside.and_then(|i| known.get(i)).map_or(0.0, |(d, _)| (d - known[best].0).abs());
         let (below, above) = (room(best.checked_sub(1)), room(Some(best + 1)));
         if below.max(above) < NEAR * known[best].0.max(0.02 * range) {
             break best;
@@ -272,7 +271,7 @@ fn trend(windows: &[Window]) -> Option<(f64, f64)> {
 }
 
 /// The line through (time, width, standard error).
-fn line(sided: &[(f64, f64, f64)]) -> Option<(f64, f64)> {
+pub(crate) fn line(sided: &[(f64, f64, f64)]) -> Option<(f64, f64)> {
     if sided.len() < 3 {
         return None;
     }

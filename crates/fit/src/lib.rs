@@ -9,11 +9,13 @@
 // Indices of matrices, as in the equations.
 #![allow(clippy::needless_range_loop)]
 
+mod combine;
 mod joint;
 mod kalman;
 mod lanes;
 mod loads;
 mod looks;
+mod position;
 mod profile;
 mod record;
 mod search;
@@ -23,7 +25,9 @@ mod verdict;
 mod view;
 mod windows;
 
+pub use combine::{Combined, Reading, combine};
 pub use joint::Whole;
+pub use position::{AtValve, Recorder, Shown, at_valve};
 pub use structure::{Noise, Structure};
 pub use verdict::{Answer, Candidate, Question, Seen, Verdict};
 pub use windows::{Batch, Part, Window, fit, window};

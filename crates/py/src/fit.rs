@@ -1,11 +1,12 @@
 //! Width with an interval from OP and PV.
 
-use glapp_fit::{Noise, Question, Seen, Verdict, Window};
+use glapp_fit::{Noise, Question, Reading, Seen, Verdict, Window};
 use numpy::{PyArray1, PyReadonlyArray1};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
-const VERDICTS: [(Verdict, &str); 6] = [
+pub(crate) const VERDICTS: [(Verdict, &str); 6] = [
     (Verdict::Backlash, "backlash"),
     (Verdict::Stiction, "stiction"),
     (Verdict::Both, "both"),
@@ -33,11 +34,10 @@ pub fn fit<'py>(
     py: Python<'py>,
     batches: Vec<Batch<'py>>,
     sign: f64,
-    position: bool,
     bootstrap: usize,
 ) -> PyResult<Option<Bound<'py, PyDict>>> {
     let batches = batches.iter().map(batch).collect::<PyResult<Vec<_>>>()?;
-    let question = Question { sign, position, bootstrap };
+    let question = Question { sign, bootstrap };
     let Some(whole) = py.detach(|| glapp_fit::fit(&batches, &question)) else { return Ok(None) };
     let out = PyDict::new(py);
     out.set_item("verdict", name(whole.verdict))?;
@@ -140,4 +140,26 @@ fn answered<'py>(py: Python<'py>, window: Window) -> PyResult<Bound<'py, PyDict>
 pub fn fit_window(py: Python<'_>, whole: Batch<'_>, sign: f64) -> PyResult<Option<usize>> {
     let whole = batch(&whole)?;
     Ok(py.detach(|| glapp_fit::window(&whole, sign)))
+}
+
+/// One answer from windows of (verdict, d, low, high, lr_no_gap, t): (verdict, d, low, high, (slope, error) or None).
+#[pyfunction]
+#[allow(clippy::type_complexity, reason = "plain tuples are the face")]
+pub fn fit_combine(
+    windows: Vec<(String, f64, f64, Option<f64>, f64, f64)>,
+) -> PyResult<(&'static str, f64, f64, Option<f64>, Option<(f64, f64)>)> {
+    let window = |(verdict, d, low, high, lr_no_gap, t): (String, f64, f64, Option<f64>, f64, f64)| {
+        let (verdict, _) = VERDICTS
+            .iter()
+            .find(|(_, name)| *name == verdict)
+            .ok_or_else(|| PyValueError::new_err(format!("{verdict}: no such verdict")))?;
+        Ok(Reading { verdict: *verdict, d, low, high, lr_no_gap, t })
+    };
+    let windows = windows.into_iter().map(window).collect::<PyResult<Vec<_>>>()?;
+    if windows.is_empty() {
+        return Err(PyValueError::new_err("no window to combine"));
+    }
+    let whole = glapp_fit::combine(&windows);
+    let name = VERDICTS.iter().find(|(v, _)| *v == whole.verdict).expect("all have names").1;
+    Ok((name, whole.d, whole.low, whole.high, whole.trend))
 }

@@ -11,6 +11,7 @@ mod fit;
 mod modules;
 mod noise;
 mod pid;
+mod position;
 mod rate_limit;
 mod read;
 mod saturation;
@@ -43,13 +44,15 @@ mod _glapp {
     #[pymodule_export]
     use crate::detector::{PyDetector, PyHalfPeriod, reasons};
     #[pymodule_export]
-    use crate::fit::{fit, fit_window};
+    use crate::fit::{fit, fit_combine, fit_window};
     #[pymodule_export]
     use crate::modules::{Graph, ideal_of_parallel, ideal_of_series};
     #[pymodule_export]
     use crate::noise::{Noise, NoiseLevel};
     #[pymodule_export]
     use crate::pid::Pid;
+    #[pymodule_export]
+    use crate::position::fit_position;
     #[pymodule_export]
     use crate::rate_limit::RateLimit;
     #[pymodule_export]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import plotly.graph_objects as go
@@ -28,9 +28,9 @@ def fit_figure(result: Result) -> go.Figure:
     f = result.fit
     assert f is not None and f.best  # the caller draws no plot without a fit
     unit, pv = _plain(words.op_unit(result)), _plain(result.loop.pv_unit or "PV unit")
-    signal = "PV"
+    signal, ahead = "PV", ", one step ahead"
     if f.best["signal"] == "position":
-        signal, pv = "measured position", "% travel"
+        signal, ahead, pv = "measured position", "", "% travel"
     figure = make_subplots(
         rows=4,
         cols=1,
@@ -40,9 +40,7 @@ def fit_figure(result: Result) -> go.Figure:
     )
     for i, family in enumerate(reversed(f.best["candidates"])):
         best = i == len(f.best["candidates"]) - 1
-        kind = f"{family['lags']} lags" if not family["integrating"] else "integrator and lag"
-        noise = {"input": "load at the input", "output": "drift at the output", "both": "load and drift"}
-        name = f"{kind}, {noise[family['noise']]}"
+        name = _family(family)
         widths, rise = family["profile"]
         line = {"color": SIGNAL if best else MUTED, "width": 2.4 if best else 1}
         hover = f"{name}<br>width %{{x:.4~g}} {unit}<br>%{{y:.1f}} above the best<extra></extra>"
@@ -74,7 +72,7 @@ def fit_figure(result: Result) -> go.Figure:
     columns = {name: f.best[name][every] for name in ("pv", "foreseen", "position")}
     drawn = [
         (signal, columns["pv"], {"color": RAW, "width": 1.6}, 2, pv),
-        ("model, one step ahead", columns["foreseen"], {"color": SIGNAL, "width": 1.2}, 2, pv),
+        (f"model{ahead}", columns["foreseen"], {"color": SIGNAL, "width": 1.2}, 2, pv),
         ("valve, as the model has it", columns["position"], {"color": POSITION, "width": 1.6}, 3, unit),
         ("residual", columns["pv"] - columns["foreseen"], {"color": OUTPUT, "width": 1}, 4, pv),
     ]
@@ -92,6 +90,15 @@ def fit_figure(result: Result) -> go.Figure:
     figure.update_layout(height=720, margin={"l": 70, "r": 24, "t": 48, "b": 48}, hovermode="closest")
     figure.update_layout(legend={"orientation": "h", "x": 0, "y": 1, "yref": "container", "yanchor": "top"})
     return figure
+
+
+def _family(family: dict[str, Any]) -> str:
+    """What a family of models is called."""
+    if family["noise"] == "position":
+        return "OP to the valve's position"
+    kind = f"{family['lags']} lags" if not family["integrating"] else "integrator and lag"
+    noise = {"input": "load at the input", "output": "drift at the output", "both": "load and drift"}
+    return f"{kind}, {noise[family['noise']]}"
 
 
 def trend_figure(result: Result) -> go.Figure:

@@ -1,0 +1,140 @@
+"""The valve's recorded position: what the recorder makes of it, what it settles, and where PV says otherwise."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import glapp
+from glapp.fit import Fit, _fit_position, _together
+from glapp.recording import Batch
+from glapp.report.fit_figure import fit_figure
+from glapp.simulate import closed_loop
+
+LOOP = glapp.Loop(name="P3", op_unit="1")
+LOADS: dict[str, Any] = {"load": [(50, 0.3), (120, -0.2), (180, 0.1)], "setpoint": [(1, 1.0)]}
+
+
+def kept(x: Any, band: float) -> Any:
+    """Written only once it has moved by more than `band`, as a historian with an exception band does."""
+    written, last = np.empty_like(x), x[0]
+    for i, value in enumerate(x):
+        if abs(value - last) > band:
+            last = value
+        written[i] = last
+    return written
+
+
+def spiky(x: Any) -> Any:
+    rng = np.random.default_rng(3)
+    return x + np.where(rng.random(len(x)) < 0.005, 2.0 * rng.standard_normal(len(x)), rng.normal(0.0, 0.0005, len(x)))
+
+
+RECORDERS: dict[str, Any] = {
+    "without noise": lambda x: x,
+    "noisy": lambda x: x + np.random.default_rng(1).normal(0.0, 0.002, len(x)),
+    "rounded": lambda x: np.round(x / 0.001) * 0.001,
+    "by exception": lambda x: kept(x, 0.005),
+    "with spikes": spiky,
+    "in % of another span, reverse": lambda x: np.round(80.0 - 40.0 * x, 3),
+}
+
+
+def at_valve(plant: str, controller: Any, d: float, recorder: str, h: float = 0.05) -> Fit:
+    """What the position of a simulated loop says by itself."""
+    s = closed_loop(plant, controller, d=d, noise=0.005, h=h, t_end=250, seed=1, **LOADS)
+    return _fit_position([Batch(s.t, s.sp, s.pv, s.op, None, RECORDERS[recorder](s.position))], LOOP)
+
+
+@pytest.mark.parametrize("recorder", RECORDERS)
+@pytest.mark.parametrize("d", [0.02, 0.05])
+@pytest.mark.parametrize("loop", [("P3", (0.482, 0.313)), ("P1", (0.363, 7.06))])
+def test_the_width_is_found_and_lies_in_its_interval(loop: Any, d: float, recorder: str) -> None:
+    """Without noise these once were bounds of 0.76 (P3), or not seen at all (P1)."""
+    f = at_valve(*loop, d, recorder)
+    assert f.verdict == "backlash", f.reason
+    assert f.low is not None and f.high is not None and f.low <= d <= f.high, f
+    assert f.high - f.low < 0.01, f
+    assert f.jump == 0.0
+
+
+@pytest.mark.parametrize("recorder", sorted(set(RECORDERS) - {"without noise"}))
+def test_without_a_gap_none_is_claimed(recorder: str) -> None:
+    """By exception and with spikes seven of ten such loops once had one."""
+    f = at_valve("P3", (0.482, 0.313), 0.0, recorder)
+    assert f.verdict == "sound" or (recorder == "by exception" and "demanded" in f.reason), f.reason
+    if f.verdict == "sound" and recorder == "by exception":
+        assert f.high is not None and f.high >= 0.005, "what the band may hide is not excluded"
+
+
+def test_a_position_that_is_op_tells_nothing_and_pv_answers() -> None:
+    """It once was "at least 0.773" for no gap."""
+    s = closed_loop("P3", (0.482, 0.313), d=0.0, noise=0.005, h=0.1, t_end=120, seed=1, **LOADS)
+    f = glapp.fit(glapp.recording_from(s.to_arrow(), LOOP))
+    assert not f.found, f.reason
+    assert "equals OP in every row" in f.reason and f.to_dict()["signal"] == "PV"
+
+
+def test_a_position_of_another_valve_tells_nothing() -> None:
+    s = closed_loop("P3", (0.482, 0.313), d=0.0, noise=0.005, h=0.1, t_end=120, seed=1, **LOADS)
+    other = np.random.default_rng(4).standard_normal(len(s.t))
+    f = _fit_position([Batch(s.t, s.sp, s.pv, s.op, None, other)], LOOP)
+    assert f.verdict == "cannot_tell" and "does not follow OP" in f.reason
+
+
+def said(verdict: Any, d: float, low: float, high: float | None) -> Fit:
+    return Fit(verdict, f"{verdict} {d}", "%", d, low, high)
+
+
+@pytest.mark.parametrize(
+    ("position", "pv", "verdict", "low", "high"),
+    [
+        # No width is in both: both are named, and the interval holds both.
+        (said("backlash", 1.0, 0.9, 1.1), said("backlash", 2.0, 1.8, 2.2), "backlash", 0.9, 2.2),
+        (said("backlash", 1.0, 0.9, 1.1), said("at_least", 3.0, 2.5, None), "backlash", 0.9, None),
+        # A gap in one of them alone.
+        (said("sound", 0.0, 0.0, 0.2), said("backlash", 2.0, 1.8, 2.2), "cannot_tell", 0.0, 2.2),
+        (said("backlash", 1.0, 0.9, 1.1), said("sound", 0.0, 0.0, 0.3), "cannot_tell", 0.0, 1.1),
+    ],
+)
+def test_a_contradiction_names_both(position: Fit, pv: Fit, verdict: str, low: float, high: float | None) -> None:
+    """The position once overrode PV unseen."""
+    f = _together(position, pv, LOOP)
+    assert (f.verdict, f.low, f.high) == (verdict, low, high)
+    assert position.reason in f.reason and pv.reason in f.reason and "contradict" in f.reason
+
+
+def test_where_they_agree_the_position_settles_it() -> None:
+    sharp, broad = said("backlash", 1.0, 0.9, 1.1), said("backlash", 1.3, 0.8, 2.0)
+    f = _together(sharp, broad, LOOP)
+    assert (f.d, f.low, f.high, f.through_pv) == (1.0, 0.9, 1.1, broad)
+    assert "contradict" not in f.reason
+    # A mere bound does not hide a width.
+    bound = said("at_least", 1.0, 0.7, None)
+    assert _together(bound, broad, LOOP).d == 1.3
+    # What the position cannot tell, PV answers, and the reason says so.
+    silent = Fit("cannot_tell", "it stands still", "%")
+    answer = _together(silent, broad, LOOP)
+    assert answer.d == 1.3 and "it stands still" in answer.reason
+
+
+def test_a_history_of_windows_gives_one_answer_with_its_trend() -> None:
+    batches = []
+    for i in range(4):
+        s = closed_loop("P3", (0.482, 0.313), d=0.05, noise=0.005, h=0.1, t_end=120, seed=i, **LOADS)
+        position = RECORDERS["noisy"](s.position)
+        batches.append(Batch(s.t + 1e5 * i, s.sp, s.pv, s.op, None, position))
+    f = _fit_position(batches, LOOP)
+    assert f.verdict == "backlash" and len(f.windows) == 4 and f.trend is not None and not f.trend.changes
+    assert f.low is not None and f.high is not None and f.low <= 0.05 <= f.high, f
+
+
+def test_the_report_draws_it() -> None:
+    s = closed_loop("P3", (0.482, 0.313), d=0.05, noise=0.005, h=0.1, t_end=120, seed=1, **LOADS)
+    table = {"time": s.t, "SP": s.sp, "PV": s.pv, "OP": s.op, "POSITION": RECORDERS["noisy"](s.position)}
+    result = glapp.analyze(glapp.recording_from(table, LOOP))
+    assert result.fit is not None and result.fit.to_dict()["signal"] == "position"
+    figure = fit_figure(result)
+    assert any("measured position" in (trace.name or "") for trace in figure.data)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from bench.loads.records import record as confusing
 from bench.truth.records import record
 
 import glapp
@@ -71,7 +72,7 @@ def test_small_steps_of_the_load_feign_no_gap(number: int) -> None:
     ("name", "told"),
     [
         ("none/steps/outside/36", "Record faster"),
-        ("oscillation/sine/inside/4", "Record faster"),
+        ("oscillation/sine/inside/4", "repeats itself"),
         ("backlash/ramps/outside/56", "80 are needed"),
     ],
 )
@@ -83,7 +84,7 @@ def test_samples_too_far_apart_or_a_single_move_of_op_feign_no_gap(name: str, to
     assert f.verdict == "cannot_tell" and told in f.reason, f.reason
 
 
-@pytest.mark.parametrize("name", ["both/steps/inside/5", "backlash/steps/inside/11"])
+@pytest.mark.parametrize("name", ["both/steps/inside/5"])
 def test_a_gap_that_the_noise_hides_gets_a_bound_and_no_width(name: str) -> None:
     made = record(name)
     assert made is not None
@@ -123,6 +124,45 @@ def test_units_scale_through() -> None:
     assert g.d == pytest.approx(10.0 * f.d, rel=0.01)
     assert g.process.kp[0] == pytest.approx(-5.0 * f.process.kp[0], rel=0.02)
     assert g.process.lag[0] == pytest.approx(60.0 * f.process.lag[0], rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("pv", "op", "seconds", "zero"),
+    [(1e-4, 1.0, 1.0, 0.0), (1e4, 1.0, 1.0, 0.0), (1.0, 1e-3, 1.0, 0.0), (1.0, 1.0, 60.0, 0.0), (1.0, 1.0, 1.0, 1e6)],
+)
+def test_no_unit_changes_the_answer(pv: float, op: float, seconds: float, zero: float) -> None:
+    """Rounding in another unit once led the search elsewhere: 1.36 for 1.50, and 14 steps of the load for 4."""
+    load = [(300.0 * k, 5.0 * (k % 3)) for k in range(5)]
+    s = closed_loop(([1.5], [30, 13, 1], 2.0), (0.6, 12.0), d=1.5, noise=0.1, seed=1, t_end=1500, load=load)
+    f, g = fitted(s.t, s.pv, s.op), fitted(s.t * seconds, s.pv * pv + zero, s.op * op)
+    assert g.verdict == f.verdict == "backlash"
+    for here, there in ((f.d, g.d), (f.low, g.low), (f.high, g.high)):
+        assert here is not None and there is not None
+        assert there / op == pytest.approx(here, rel=1e-3)
+
+
+def test_many_rows_are_cut_into_windows_as_long_as_the_process_asks_for() -> None:
+    """Cells as long as a load's step once made 100 000 rows 8.9 (5.1 to 12.4)."""
+    load = [(1800.0 * k, 5.0 * (k % 3)) for k in range(60)]
+    for d, verdict in ((1.5, "backlash"), (0.0, "sound")):
+        s = closed_loop(([1.5], [30, 13, 1], 2.0), (0.6, 12.0), d=d, noise=0.1, seed=1, t_end=100_000, load=load)
+        f = fitted(s.t, s.pv, s.op)
+        assert f.verdict == verdict, f.reason
+        assert f.low is not None and f.high is not None and 0.0 <= f.low <= d <= f.high < d + 0.1
+        assert all(w.t_end - w.t_start < 10_000 for w in f.windows) and len(f.windows) > 3
+
+
+@pytest.mark.parametrize("name", ["triangle fast/none/0", "triangle slow/none/0", "irregular cycle/none/1"])
+def test_a_load_that_swings_is_no_gap(name: str) -> None:
+    """Each of these once had a width or a bound without any gap."""
+    f = glapp.fit(confusing(name).recording(1500))
+    assert not f.found, f.reason
+
+
+@pytest.mark.parametrize("number", [1, 3])
+def test_spikes_of_pv_are_left_out(number: int) -> None:
+    f, truth = glapp.fit(confusing(f"outliers/gap/{number}").recording(1500)), confusing(f"outliers/gap/{number}").d
+    assert not f.found or f.low is not None and f.low <= truth <= (f.high or truth), f.reason
 
 
 def test_the_same_recording_gets_the_same_answer() -> None:
@@ -206,7 +246,7 @@ def test_a_pv_that_no_model_makes_gives_no_gap() -> None:
     pv = np.round(50 + np.sin(t / 17) + 0.3 * np.sin(t / 5), 4)
     op = 55 + 0.8 * (50 - pv) + 0.8 / 25 * np.cumsum(50 - pv)
     f = fitted(t, pv, op)
-    assert f.verdict == "cannot_tell" and "no model fits" in f.reason, f.reason
+    assert not f.found, f.reason
 
 
 def test_the_valve_position_settles_it() -> None:
@@ -266,16 +306,17 @@ def test_the_same_valve_three_months_apart() -> None:
     assert early.low < late.high and (early.high is None or late.low < early.high), "the intervals overlap"
 
 
-@pytest.mark.parametrize("name", ["FIC20102_0609", "FIC20102_1207"])
-def test_lost_motion_at_setpoint_steps_is_seen_without_zero_crossings(name: str) -> None:
+@pytest.mark.parametrize(("name", "told"), [("FIC20102_0609", "hardly moves"), ("FIC20102_1207", "80 are needed")])
+def test_a_single_step_of_op_gives_no_bound(name: str, told: str) -> None:
+    """Each once had a bound: OP went through the gap once, and a step of PV of any size and time explains as much."""
     f = refinery(name)
-    assert f.found, f.reason
-    assert f.low is not None and 1.5 < f.low < 2.7
+    assert f.verdict == "cannot_tell" and told in f.reason, f.reason
+    assert f.d is not None and 1.5 < f.d < 2.7
 
 
-def test_an_op_that_moves_little_gives_a_bound() -> None:
+def test_an_op_that_moves_little_gives_no_bound() -> None:
     f = refinery("FIC20102_1107")
-    assert f.verdict == "at_least" and f.low is not None and f.low > 0.5
+    assert f.verdict == "cannot_tell" and f.d is not None and 0.5 < f.d < 1.2
 
 
 @pytest.mark.parametrize("name", ["LIC31102B_0824", "LIC31102B_0904", "LIC31102B_1127"])

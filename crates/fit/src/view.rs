@@ -40,6 +40,8 @@ impl View {
     fn new(record: Record, mut looks: Vec<Profile>, clue: Option<&(Structure, Point)>, sign: f64) -> Self {
         let of = |structure| Search { record: &record, structure, sign };
         let least = leading(&looks).least();
+        // No gap in any family, also in one that a gap fits badly: it costs what it costs.
+        let plain = looks.iter().map(|p| p.points[0].cost + p.penalised() - p.least()).fold(f64::INFINITY, f64::min);
         looks.retain(|p| p.least() < least + room(record.count));
         looks.sort_by(|a, b| a.penalised().total_cmp(&b.penalised()));
         looks.truncate(MOST_FAMILIES);
@@ -54,7 +56,7 @@ impl View {
         let stuck = sticking.first().map_or(f64::INFINITY, Profile::penalised);
         let surprise = of(profiles[0].structure).surprise(best);
         let cost = least.min(stuck) + surprise;
-        let none = profiles.iter().map(|p| p.penalised() + p.lr_no_gap()).fold(f64::INFINITY, f64::min);
+        let none = profiles.iter().map(|p| p.penalised() + p.lr_no_gap()).fold(plain, f64::min);
         Self { record, dissent, sticking, sticks_in, cost, without: none + surprise, profiles }
     }
 

@@ -108,7 +108,7 @@ class Loop(Checked):
     acceptable_dead_band : float, optional
         Dead band that is tolerated [% of OP span], > 0, ≤ 100.
     sample_time : float, optional
-        Time between rows [s], > 0; needed only where the recording has no time column.
+        Time between rows [s], > 0, ≤ 10⁷; needed only where the recording has no time column.
     time_zone : str, optional
         IANA name ("Europe/Stockholm") of times written without a zone.
     time_format : str, optional
@@ -120,7 +120,7 @@ class Loop(Checked):
     tf : float, optional
         Time constant of the detector's filter [s], > 0.
     n : int
-        Detections behind one estimate, odd, ≥ 1.
+        Detections behind one estimate, odd, 1 to 31.
 
     Raises
     ------
@@ -153,13 +153,13 @@ class Loop(Checked):
     valve: str | None = None
     area: str | None = None
     acceptable_dead_band: Annotated[float, Field(gt=0, le=100)] | None = None
-    sample_time: Annotated[float, Field(gt=0)] | None = None
+    sample_time: Annotated[float, Field(gt=0, le=1e7)] | None = None
     time_zone: str | None = None
     time_format: TimeFormat | None = None
     auto_values: tuple[str | float, ...] | None = None
     bad_values: tuple[str | float, ...] = ()
     tf: Annotated[float, Field(gt=0)] | None = None
-    n: Annotated[int, Field(ge=1)] = 9
+    n: Annotated[int, Field(ge=1, le=31)] = 9  # as long as the window of the core is
 
     @field_validator("pv_span", "op_span")
     @classmethod

@@ -142,4 +142,4 @@ def _recordings(
     def make(loop: Loop) -> Recording:
         return WideRecording(source, loop, choose(source.names, loop, group_of(loop, groups), source.label))
 
-    return each(loops, make)
+    return each(loops, make, source.label)

@@ -6,13 +6,19 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from queue import Empty, Full, Queue
 from threading import Event, Thread
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 import pyarrow as pa
 
-__all__ = ["Source", "ahead"]
+__all__ = ["Head", "Source", "ahead"]
 
 T = TypeVar("T")
+
+
+class Head(Protocol):
+    """First rows of every column, by the column's index."""
+
+    def __getitem__(self, at: int, /) -> pa.Array: ...
 
 
 class Source(ABC):
@@ -35,7 +41,7 @@ class Source(ABC):
     comma: bool = False
 
     @abstractmethod
-    def head(self) -> list[pa.Array]:
+    def head(self) -> Head:
         """First rows of every column, at least two rows where there are two."""
 
     def tail(self) -> list[pa.Array] | None:

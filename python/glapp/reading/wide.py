@@ -17,7 +17,7 @@ from ..recording import AT_HIGH, AT_LOW, BAD, Batch, Recording
 from .columns import LABELS
 from .source import Source, ahead
 from .times import Clock
-from .values import CellFault, Quality, flags_of, limit_flag, mode_flag, numbers, plain, text_of, words_for_bad
+from .values import CellFault, Quality, flags_of, limit_flag, mode_flag, numbers, plain, text_of, words, words_for_bad
 
 __all__ = ["Reader", "WideRecording"]
 
@@ -103,9 +103,10 @@ class WideRecording(Recording):
         self.units = {LABELS[r]: unit for r, i in self._at.items() if (unit := source.units[i])}
         self.loop = loop = with_units(loop, self.units)
         head, tail = source.head(), source.tail()
-        if len(head[0]) == 0:
+        rows = len(head[self._at["pv"]])
+        if rows == 0:
             raise InputError("has no rows", file=source.label)
-        if len(head[0]) == 1:
+        if rows == 1:
             raise InputError("has only one row", file=source.label, hint="a recording needs many rows")
         clock = None
         if (at := self._at.get("time")) is not None:
@@ -120,8 +121,12 @@ class WideRecording(Recording):
                 loop=loop.name,
                 hint='name it (columns = { time = "..." }) or give sample_time in seconds',
             )
-        first = [] if "quality" not in self._at else [text_of(v) for v in head[self._at["quality"]].to_pylist()]
-        self._reader = Reader(loop, clock, source.comma, Quality(first, words_for_bad(loop.bad_values)))
+        try:
+            first = [] if "quality" not in self._at else words(head[self._at["quality"]]).to_pylist()
+        except CellFault as fault:
+            raise self._fault(fault, "quality", 0) from None
+        quality = Quality(map(text_of, first), words_for_bad(loop.bad_values))
+        self._reader = Reader(loop, clock, source.comma, quality)
         self.t0: datetime | None = clock.t0 if clock else None
         self.zone = clock.zone if clock else None
 

@@ -9,7 +9,7 @@ BIN := $(VENV)/bin
 SOURCES := $(shell find crates -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock pyproject.toml
 
 run: setup
-	$(BIN)/glapp demo out/demo
+	$(BIN)/glapp demo out/demo --force
 	$(BIN)/glapp analyze out/demo/loops.toml --report out/report.html
 	@echo
 	@echo "Your own loop:  $(BIN)/glapp analyze YOUR.csv --report out/your.html     ($(BIN)/glapp --help tells more)"

@@ -32,7 +32,7 @@ import pyarrow.ipc as ipc
 import pyarrow.parquet as pq
 
 KINDS = ("arrow", "stream", "parquet")
-PATIENCE = 20.0
+PATIENCE = 60.0
 """Seconds that one file may take."""
 
 SETTINGS = {"controller": {"k": 0.8, "ti": 25.0, "gain_unit": "OP/PV"}}
@@ -103,7 +103,25 @@ def originals(kind: str) -> list[bytes]:
     return written
 
 
-_LENGTHS = (0, 1, 2, 7, 127, 128, 255, 256, 32767, 65535, 65536, 2**31 - 1, 2**31, 2**32 - 1, 2**40, 2**63 - 1, 2**64 - 1)
+_LENGTHS = (
+    0,
+    1,
+    2,
+    7,
+    127,
+    128,
+    255,
+    256,
+    32767,
+    65535,
+    65536,
+    2**31 - 1,
+    2**31,
+    2**32 - 1,
+    2**40,
+    2**63 - 1,
+    2**64 - 1,
+)
 
 
 def damaged(rng: np.random.Generator, data: bytes) -> bytes:
@@ -241,7 +259,9 @@ def command_line(path: Path) -> str:
     return "answered" if run.returncode == 0 else "refused or partly"
 
 
-def fuzz(kind: str, count: int, seed: int, folder: Path, keep: Path | None = None, by_command: bool = False) -> Counter[str]:
+def fuzz(
+    kind: str, count: int, seed: int, folder: Path, keep: Path | None = None, by_command: bool = False
+) -> Counter[str]:
     """Try `count` files; how many ended how. Those that failed are kept in `keep`."""
     found = Counter[str]()
     reader = Reader()

@@ -16,7 +16,7 @@ from ..result import Result
 from .options import Options
 from .screen import CommandError
 
-__all__ = ["Refused", "open_files", "open_one"]
+__all__ = ["Refused", "open_files", "open_one", "read_by"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +75,19 @@ def open_one(file: Path, options: Options) -> Recording:
     if isinstance(opened[0], Refused):
         raise opened[0].error
     return opened[0]
+
+
+def read_by(files: Sequence[Path]) -> list[Path]:
+    """These files, and those that are named in a loops.toml among them."""
+    found = list(files)
+    for file in files:
+        if _is_toml(file):
+            try:
+                loops = read_each(file)
+            except InputError:  # told where its loops are opened
+                continue
+            found += [loop.file for loop in loops if isinstance(loop, Loop) and loop.file is not None]
+    return found
 
 
 def _from_settings(file: Path) -> list[Recording | Refused]:

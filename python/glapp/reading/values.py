@@ -12,7 +12,17 @@ from numpy.typing import NDArray
 
 from ..recording import BAD, NOT_AUTO
 
-__all__ = ["CellFault", "Quality", "limit_flag", "mode_flag", "null_spellings", "numbers", "text_of", "words", "words_for_bad"]
+__all__ = [
+    "CellFault",
+    "Quality",
+    "limit_flag",
+    "mode_flag",
+    "null_spellings",
+    "numbers",
+    "text_of",
+    "words",
+    "words_for_bad",
+]
 
 _BAD_WORDS = """
 bad|bad input|bad value|bad data|bad quality|bad_quality|i/o timeout|io timeout|timeout|no data|nodata|no value

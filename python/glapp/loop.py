@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from typing import Annotated, Literal
-from zoneinfo import ZoneInfo
+from zoneinfo import ZoneInfo, available_timezones
 
 from pydantic import Field, field_validator, model_validator
 
@@ -176,7 +176,8 @@ class Loop(Checked):
                 ZoneInfo(zone)
             except (ValueError, OSError, KeyError):
                 what = f"is {zone!r}, must be an IANA time zone such as 'Europe/Stockholm' or 'UTC'"
-                raise InputError(what, value=zone, bound="an IANA time zone") from None
+                hint = None if available_timezones() else "this Python has no time zones at all: pip install tzdata"
+                raise InputError(what, value=zone, bound="an IANA time zone", hint=hint) from None
         return zone
 
     @field_validator("n")

@@ -14,7 +14,11 @@ from .screen import CommandError
 __all__ = ["PAGE", "TABLE", "check_output", "fault_of", "save"]
 
 TABLE = ("a table that glapp wrote", rb"\Aloop,file,verdict,")
-PAGE = ("a page that glapp wrote", re.escape(GENERATOR.encode()))
+# Reports had this policy before they had the mark.
+PAGE = (
+    "a page that glapp wrote",
+    re.escape(GENERATOR.encode()) + rb"|content=\"default-src 'none'; style-src 'unsafe-",
+)
 
 
 def check_output(option: str, path: Path, inputs: Iterable[Path], ours: tuple[str, bytes] | None) -> None:

@@ -443,7 +443,7 @@ def _moment(ticks: int, per_second: int) -> datetime:
 
 @lru_cache(maxsize=4096)
 def _changes(zone: str, year: int) -> tuple[tuple[int, int], ...]:
-    """When a zone's clocks are set in a year of UTC, with its first moment: (s since 1970, s ahead of UTC from then on).
+    """When a zone's clocks are set in a year of UTC, and its first moment: (s since 1970, s ahead of UTC since then).
 
     Asked of zoneinfo and not of Arrow, which finds no database of zones on Windows and in bare containers.
     """

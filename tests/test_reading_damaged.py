@@ -2,6 +2,7 @@
 
 import importlib
 import io
+import warnings
 
 import numpy as np
 import pyarrow as pa
@@ -168,3 +169,12 @@ def test_the_fuzzer_can_fail(monkeypatch, tmp_path):
     monkeypatch.setattr("glapp.reading.WideRecording", broken)
     with pytest.raises(InputError, match="a fault in glapp"):
         fuzzer.read_one(path)
+
+
+def test_numbers_near_the_largest_there_is_warn_of_nothing():
+    """Their sum overflows, and the terminal showed a warning of arithmetic."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        recording = recording_from({"t": np.arange(3.0), "SP": np.ones(3), "PV": [1.7e308, 1.7e308, 1.0]})
+        [batch] = recording.batches()
+    assert batch.pv.tolist() == [1.7e308, 1.7e308, 1.0] and batch.flags is None

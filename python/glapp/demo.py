@@ -123,6 +123,8 @@ def write_recordings(folder: str | Path, *, force: bool = False) -> list[Path]:
     ['FIC201.csv', 'PIC305.csv', 'LIC110.csv', 'FIC402.csv', 'TIC118.csv', 'loops.toml']
     """
     folder = Path(folder)
+    if folder.exists() and not folder.is_dir():
+        raise NotADirectoryError(errno.ENOTDIR, "is a file, not a folder", str(folder))
     texts = {f"{name}.csv": _text(made(_controllers()[name]), _EXPORTS[name]) for name, made in _SIMULATIONS.items()}
     texts["loops.toml"] = LOOPS
     files = {folder / name: text.encode() for name, text in texts.items()}

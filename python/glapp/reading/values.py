@@ -121,7 +121,9 @@ def numbers(column: pa.Array, bad_words: frozenset[str], comma: bool = False) ->
     x: NDArray[np.float64] = column.to_numpy(zero_copy_only=False)
     if not x.flags.aligned:  # a file or a table in memory may begin a column anywhere, the core's loops may not
         x = x.copy()
-    if column.null_count == 0 and np.isfinite(x.sum()):  # one pass finds any NaN or infinity; a false alarm is harmless
+    with np.errstate(all="ignore"):  # one pass finds any NaN or infinity; a false alarm, by overflow, is harmless
+        finite = column.null_count == 0 and np.isfinite(x.sum())
+    if finite:
         return x
     return np.where(np.isfinite(x), x, np.nan)
 

@@ -57,7 +57,9 @@ def finish(t: NDArray[np.float64], values: dict[str, NDArray[np.float64]], flags
     sp, pv = values["sp"], values["pv"]
     if flags is not None and (bad := flags & BAD != 0).any():
         pv = np.where(bad, np.nan, pv)
-    if np.isnan(sp.sum()) or np.isnan(pv.sum()):
+    with np.errstate(all="ignore"):  # a sum that overflows is looked at more closely
+        missing_somewhere = np.isnan(sp.sum()) or np.isnan(pv.sum())
+    if missing_somewhere:
         missing = np.isnan(sp) | np.isnan(pv)
         flags = np.zeros(len(t), np.uint8) if flags is None else flags
         flags = flags | (missing * np.uint8(BAD))

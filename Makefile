@@ -9,7 +9,7 @@ BIN := $(VENV)/bin
 SOURCES := $(shell find crates -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock pyproject.toml
 
 run: setup
-	$(BIN)/glapp demo out/demo
+	$(BIN)/glapp demo out/demo --force
 	$(BIN)/glapp analyze out/demo/loops.toml --report out/report.html
 	@echo
 	@echo "Your own loop:  $(BIN)/glapp analyze YOUR.csv --report out/your.html     ($(BIN)/glapp --help tells more)"
@@ -56,11 +56,13 @@ $(VENV)/.bench: pyproject.toml $(VENV)/.tools
 gallery: setup
 	$(BIN)/glapp thesis --out docs/gallery --markdown
 
-# Wrong input by the million; SECONDS=600 goes on for longer.
+# Wrong input by the million; SECONDS=600 goes on for longer, FILES=20000 damages more of each kind.
 SECONDS ?= 60
+FILES ?= 2000
 fuzz: setup $(VENV)/.fuzz
 	RUSTC_BOOTSTRAP=1 cargo fuzz run detector -- -max_total_time=$(SECONDS)
 	$(BIN)/python fuzz/read_csv.py -max_total_time=$(SECONDS)
+	$(BIN)/python fuzz/read_tables.py --files $(FILES)
 
 $(VENV)/.fuzz: $(VENV)/.tools
 	command -v cargo-fuzz >/dev/null || cargo install --quiet cargo-fuzz

@@ -19,6 +19,7 @@ from glapp.reading.csv import CsvSource
 from glapp.reading.parquet import IpcSource, ParquetSource
 
 ROWS = 700
+_CODED = pa.dictionary(pa.int32(), pa.string())
 
 
 def table(loops, rows=ROWS):
@@ -234,3 +235,16 @@ def test_the_loop_without_a_prefix_keeps_its_columns_beside_one_named_like_the_f
     names = {entry.name: dict(entry.columns) for entry in open_each(path)}
     assert names["FIC1"]["PV"] == "FIC1.PV"
     assert names["FIC1 (no prefix)"]["PV"] == "PV"
+
+
+def test_small_blocks_that_arrow_cannot_join_are_read_one_by_one(tmp_path):
+    whole = table(2)
+    mode = pa.array([None if k % 50 == 3 else "MAN" if k % 7 == 0 else "AUTO" for k in range(ROWS)])
+    with ipc.new_stream(path := tmp_path / "two.arrow", whole.schema.set(4, pa.field("FIC0.MODE", _CODED))) as file:
+        for start in range(0, ROWS, 100):  # each with a dictionary of its own, in which a null stands
+            batch = whole.slice(start, 100).combine_chunks().to_batches()[0]
+            coded = mode.slice(start, 100).dictionary_encode(null_encoding="encode")
+            file.write_batch(batch.set_column(4, "FIC0.MODE", coded))
+    write(whole.set_column(4, "FIC0.MODE", mode), tmp_path / "plain.parquet")
+    for one, other in zip(open_recordings(path), open_recordings(tmp_path / "plain.parquet"), strict=True):
+        same(joined(one.batches()), joined(other.batches()))

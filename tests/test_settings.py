@@ -136,7 +136,7 @@ loops = st.builds(
     pv_span=st.none() | spans,
     op_unit=st.none() | st.text(max_size=8),
     area=st.none() | st.text(max_size=8),
-    n=st.integers(0, 20).map(lambda i: 2 * i + 1),
+    n=st.integers(0, 15).map(lambda i: 2 * i + 1),
     split_range=st.booleans(),
     bad_values=st.lists(st.text(max_size=5) | floats, max_size=3).map(tuple),
     controller=st.none() | st.just({"k": 0.5, "ti": 3.0, "action": "direct", "gain_unit": "OP/PV"}),

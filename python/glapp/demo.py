@@ -13,6 +13,7 @@ TIC118      a worn valve, and nobody wrote down the settings   1.6 %
 
 from __future__ import annotations
 
+import errno
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -25,6 +26,7 @@ from .controller import Ideal
 from .plant import Plant
 from .reading.settings import parse_settings
 from .simulate import NOT_AUTO, Simulation, closed_loop, random_walk
+from .writing import write_file
 
 __all__ = ["write_recordings"]
 
@@ -91,10 +93,22 @@ class _Export:
     mode: bool = True
 
 
-def write_recordings(folder: str | Path) -> list[Path]:
+def write_recordings(folder: str | Path, *, force: bool = False) -> list[Path]:
     """Write the recordings and their `loops.toml` into a folder, which is made where it is missing.
 
     Every signal comes from the simulator, with one sample a second; the same files every time.
+
+    Parameters
+    ----------
+    folder : str or Path
+        The folder.
+    force : bool
+        Whether files of these names that hold something else are overwritten.
+
+    Raises
+    ------
+    FileExistsError
+        Where there is such a file, by its name, before anything is written.
 
     Returns
     -------
@@ -109,14 +123,18 @@ def write_recordings(folder: str | Path) -> list[Path]:
     ['FIC201.csv', 'PIC305.csv', 'LIC110.csv', 'FIC402.csv', 'TIC118.csv', 'loops.toml']
     """
     folder = Path(folder)
+    if folder.exists() and not folder.is_dir():
+        raise NotADirectoryError(errno.ENOTDIR, "is a file, not a folder", str(folder))
+    texts = {f"{name}.csv": _text(made(_controllers()[name]), _EXPORTS[name]) for name, made in _SIMULATIONS.items()}
+    texts["loops.toml"] = LOOPS
+    files = {folder / name: text.encode() for name, text in texts.items()}
+    for path, data in files.items():
+        if not force and path.exists() and path.read_bytes() != data:
+            raise FileExistsError(errno.EEXIST, "exists already and holds something else", str(path))
     folder.mkdir(parents=True, exist_ok=True)
-    written = []
-    for name, simulate in _SIMULATIONS.items():
-        written.append(folder / f"{name}.csv")
-        _write(written[-1], simulate(_controllers()[name]), _EXPORTS[name])
-    written.append(folder / "loops.toml")
-    written[-1].write_text(LOOPS, encoding="utf-8", newline="\n")
-    return written
+    for path, data in files.items():
+        write_file(path, data)
+    return list(files)
 
 
 def _controllers() -> dict[str, Ideal]:
@@ -237,7 +255,7 @@ _EXPORTS = {
 }
 
 
-def _write(path: Path, s: Simulation, export: _Export) -> None:
+def _text(s: Simulation, export: _Export) -> str:
     lines = [export.header]
     for k in range(len(s.t)):
         cells = [export.stamp(_BEGIN + timedelta(seconds=k))]
@@ -245,4 +263,4 @@ def _write(path: Path, s: Simulation, export: _Export) -> None:
         if export.mode:
             cells.append("MAN" if s.flags[k] & NOT_AUTO else "AUTO")
         lines.append(export.separator.join(cells))
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
+    return "\n".join(lines) + "\n"

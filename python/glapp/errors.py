@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-__all__ = ["InputError"]
+from pathlib import Path
+
+__all__ = ["FAULT", "InputError", "unforeseen"]
 
 
 class InputError(ValueError):
@@ -73,6 +75,28 @@ class InputError(ValueError):
         where = ", ".join(str(p) for p in place if p)
         line = f"{where}: {self.what}" if where else self.what
         return _one_line(f"{line}; {self.hint}" if self.hint else line)
+
+
+FAULT = "a fault in glapp, please report it"
+
+
+def unforeseen(error: Exception, file: str | None, loop: str | None = None) -> InputError:
+    """Any other exception over one loop, as its refusal: it is told with its place in the code, and the others go on.
+
+    Examples
+    --------
+    >>> print(unforeseen(KeyError("x"), "plant.csv", "FIC101"))
+    plant.csv, loop FIC101: KeyError: 'x'; a fault in glapp, please report it
+    """
+    if isinstance(error, MemoryError):
+        return InputError("needs more memory than there is", file=file, loop=loop)
+    trace = error.__traceback__
+    while trace is not None and trace.tb_next is not None:
+        trace = trace.tb_next
+    place = "" if trace is None else f" (in {Path(trace.tb_frame.f_code.co_filename).name}, line {trace.tb_lineno})"
+    found = InputError(f"{type(error).__name__}: {error}{place}", file=file, loop=loop, hint=FAULT)
+    found.__cause__ = error
+    return found
 
 
 def _one_line(text: str) -> str:

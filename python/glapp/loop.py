@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from typing import Annotated, Literal
-from zoneinfo import ZoneInfo
+from zoneinfo import ZoneInfo, available_timezones
 
 from pydantic import Field, field_validator, model_validator
 
@@ -123,7 +123,7 @@ class Loop(Checked):
     acceptable_dead_band : float, optional
         Dead band that is tolerated [% of OP span], > 0, ≤ 100.
     sample_time : float, optional
-        Time between rows [s], > 0; needed only where the recording has no time column.
+        Time between rows [s], > 0, ≤ 10⁷; needed only where the recording has no time column.
     time_zone : str, optional
         IANA name ("Europe/Stockholm") of times written without a zone.
     time_format : str, optional
@@ -137,7 +137,7 @@ class Loop(Checked):
     tf : float, optional
         Time constant of the detector's filter [s], > 0.
     n : int
-        Detections behind one estimate, odd, ≥ 1.
+        Detections behind one estimate, odd, 1 to 31.
 
     Raises
     ------
@@ -170,13 +170,13 @@ class Loop(Checked):
     valve: str | None = None
     area: str | None = None
     acceptable_dead_band: Annotated[float, Field(gt=0, le=100)] | None = None
-    sample_time: Annotated[float, Field(gt=0)] | None = None
+    sample_time: Annotated[float, Field(gt=0, le=1e7)] | None = None
     time_zone: str | None = None
     time_format: TimeFormat | None = None
     auto_values: tuple[str | float, ...] | None = None
     bad_values: tuple[str | float, ...] = ()
     tf: Annotated[float, Field(gt=0)] | None = None
-    n: Annotated[int, Field(ge=1)] = 9
+    n: Annotated[int, Field(ge=1, le=31)] = 9  # as long as the window of the core is
 
     @field_validator("pv_span", "op_span")
     @classmethod
@@ -193,7 +193,8 @@ class Loop(Checked):
                 ZoneInfo(zone)
             except (ValueError, OSError, KeyError):
                 what = f"is {zone!r}, must be an IANA time zone such as 'Europe/Stockholm' or 'UTC'"
-                raise InputError(what, value=zone, bound="an IANA time zone") from None
+                hint = None if available_timezones() else "this Python has no time zones at all: pip install tzdata"
+                raise InputError(what, value=zone, bound="an IANA time zone", hint=hint) from None
         return zone
 
     @field_validator("n")

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import io
+import os
 import sys
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -95,10 +97,33 @@ def main() -> None:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal without Unicode shows '?' for d̂, and goes on
     try:
+        code = _run()
+        sys.stdout.flush()
+    except BrokenPipeError:  # whoever read it has read enough
+        code = 1
+        _silence()
+    except OSError as error:
+        code = 1
+        _silence()
+        say_error(f"standard output cannot be written: {error.strerror}")
+    sys.exit(code)
+
+
+def _run() -> int | str | None:
+    try:
         app()
+    except SystemExit as end:
+        return end.code
     except InputError as error:
         say_error(error)
-        sys.exit(1)
+        return 1
     except CommandError as error:
         say_error(error)
-        sys.exit(2)
+        return 2
+    return 0
+
+
+def _silence() -> None:
+    """Standard output to nowhere: else what is left for it is tried again at the end, with a traceback."""
+    with Path(os.devnull).open("w") as nowhere:
+        os.dup2(nowhere.fileno(), sys.__stdout__.fileno() if sys.__stdout__ else 1)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal, NamedTuple
 
@@ -14,12 +14,13 @@ from rich.measure import Measurement
 from rich.table import Table
 from rich.text import Text
 
-from ..errors import InputError
 from ..escape import for_spreadsheet, one_line
 from ..report import words
 from ..result import REASONS, Result
-from .inputs import Refused, open_files
+from ..writing import write_file
+from .inputs import Refused, open_files, read_by
 from .options import Options, with_options
+from .outputs import PAGE, TABLE, check_output, fault_of
 from .screen import CommandError, out, say_error, styled
 from .work import analyze_all
 
@@ -48,11 +49,19 @@ def analyze(
     to_output = table is not None and str(table) == "-"
     if json and to_output:
         raise CommandError("--json and --csv - both write to standard output; name a file for --csv")
-    for name, path in (("--report", report), ("--csv", table)):
-        if path is not None and not path.parent.is_dir():
-            raise CommandError(f"{name}: there is no folder '{path.parent}'")
+    if table is not None and not to_output:
+        check_output("--csv", table, read_by(files), TABLE)
+    if report is not None:
+        check_output("--report", report, [*read_by(files), *([table] if table is not None else [])], PAGE)
     answers = analyze_all(open_files(files, options), trust, fit=not no_fit)
     results = [a.result() if isinstance(a, Refused) else a for a in answers]
+    faults = []  # a file that cannot be written is no reason to lose the answers on the screen
+    if table is not None and not to_output:
+        faults.append(fault_of(table, lambda: write_file(table, _rows(results))))
+    if report is not None:
+        from ..report.html import write_report
+
+        faults.append(fault_of(report, lambda: write_report(results, report)))
     if json:
         from ..document import to_json
 
@@ -61,26 +70,12 @@ def analyze(
         typer.echo(_rows(results), nl=False)
     elif any(isinstance(a, Result) for a in answers):
         _show(answers)
-    for answer in answers:
-        if isinstance(answer, Refused):
-            say_error(answer.error)
-    if table is not None and not to_output:
-        _write(table, lambda: table.write_text(_rows(results), encoding="utf-8", newline=""))
-    if report is not None:
-        from ..report.html import write_report
-
-        _write(report, lambda: write_report(results, report))
-        if not json and not to_output:
-            out.print(f"\nReport: {report}", soft_wrap=True)
-    if any(result.verdict == "refused" for result in results):
+    for error in [*(answer.error for answer in answers if isinstance(answer, Refused)), *filter(None, faults)]:
+        say_error(error)
+    if report is not None and faults[-1] is None and not json and not to_output:
+        out.print(f"\nReport: {report}", soft_wrap=True)
+    if any(faults) or any(result.verdict == "refused" for result in results):
         raise typer.Exit(1)
-
-
-def _write(path: Path, write: Callable[[], object]) -> None:
-    try:
-        write()
-    except OSError as error:
-        raise InputError(f"cannot be written: {error.strerror}", file=str(path)) from None
 
 
 def _rows(results: Sequence[Result]) -> str:

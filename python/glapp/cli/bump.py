@@ -11,11 +11,12 @@ from rich.table import Table
 
 from ..bump import Bump
 from ..bump import bump as read_bump
-from ..errors import InputError
 from ..escape import in_quotes, one_line
-from .inputs import open_one
+from ..writing import GENERATOR
+from .inputs import open_one, read_by
 from .options import Options, with_options
-from .screen import CommandError, key_values, out, say_error, styled
+from .outputs import PAGE, check_output, save
+from .screen import key_values, out, say_error, styled
 
 __all__ = ["bump"]
 
@@ -42,8 +43,8 @@ further steps, two one way and two back, make the answer sharper.
     The first step only presses the valve to one side. The second gives the process gain Kp = ΔPV/ΔOP. What the step \
 back moves OP, and PV does not follow, is the gap: d = |ΔOP| − |ΔPV|/Kp.
     """
-    if plot is not None and not plot.parent.is_dir():
-        raise CommandError(f"--plot: there is no folder '{plot.parent}'")
+    if plot is not None:
+        check_output("--plot", plot, read_by([file]), PAGE)
     found = read_bump(open_one(file, options), manual=manual)
     if json:
         text = json_format.dumps(found.to_dict(), indent=2, ensure_ascii=False, allow_nan=False)
@@ -53,10 +54,8 @@ back moves OP, and PV does not follow, is the gap: d = |ΔOP| − |ΔPV|/Kp.
     if plot is not None:
         from ..report.figures import CONFIG
 
-        try:
-            found.plot().write_html(plot, config=CONFIG)
-        except OSError as error:
-            raise InputError(f"cannot be written: {error.strerror}", file=str(plot)) from None
+        page = found.plot().to_html(config=CONFIG)
+        save(plot, page.replace("<head>", f"<head>{GENERATOR}", 1))
         if not json:
             out.print(f"\nPicture: {plot}", soft_wrap=True)
     if found.reason is not None:

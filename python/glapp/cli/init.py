@@ -10,6 +10,7 @@ import typer
 
 from ..errors import InputError
 from ..reading.init import first_settings
+from .outputs import check_output, save
 from .screen import err
 
 __all__ = ["init"]
@@ -23,16 +24,14 @@ def init(
     force: Annotated[bool, typer.Option("--force", metavar="", help="Overwrite the file if it exists.")] = False,
 ) -> None:
     """Write a first settings file for the loops of a recording, to be completed by hand."""
+    if output is not None:
+        check_output("--output", output, [file], None)
+        if output.exists() and not force:
+            raise InputError("exists already", file=str(output), hint="choose another name, or add --force")
     text = first_settings(file, "." if output is None else output.parent)
     if output is None:
         typer.echo(text, nl=False)
         return
-    try:
-        with output.open("w" if force else "x", encoding="utf-8", newline="\n") as handle:
-            handle.write(text)
-    except FileExistsError:
-        raise InputError("exists already", file=str(output), hint="choose another name, or add --force") from None
-    except OSError as error:
-        raise InputError(f"cannot be written: {error.strerror}", file=str(output)) from None
+    save(output, text)
     err.print(f"Wrote {output}. Fill in spans and controller, then:", soft_wrap=True)
     err.print(f"  glapp analyze {shlex.quote(str(output))} --report report.html", soft_wrap=True)

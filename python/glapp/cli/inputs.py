@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
-from ..errors import InputError
+from ..errors import InputError, unforeseen
 from ..loop import Loop
 from ..reading import open_each
 from ..reading.files import name_of
@@ -16,7 +17,7 @@ from ..result import Result
 from .options import Options
 from .screen import CommandError, say_note
 
-__all__ = ["Refused", "open_files", "open_one"]
+__all__ = ["Refused", "open_files", "open_one", "read_by"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,10 +54,7 @@ def open_files(files: Sequence[Path], options: Options) -> list[Recording | Refu
         if _is_toml(file):
             opened += _from_settings(file)
             continue
-        try:
-            found = open_each(file, defaults=settings)
-        except InputError as error:
-            found = [error]
+        found = _open_each(file, None, settings)
         opened += [_refused(entry, file) if isinstance(entry, InputError) else entry for entry in found]
     asked = [entry.name for entry in opened]
     opened = _told_apart(opened)
@@ -82,6 +80,19 @@ def open_one(file: Path, options: Options) -> Recording:
     return opened[0]
 
 
+def read_by(files: Sequence[Path]) -> list[Path]:
+    """These files, and those that are named in a loops.toml among them."""
+    found = list(files)
+    for file in files:
+        if _is_toml(file):
+            try:
+                loops = read_each(file)
+            except InputError:  # told where its loops are opened
+                continue
+            found += [loop.file for loop in loops if isinstance(loop, Loop) and loop.file is not None]
+    return found
+
+
 def _from_settings(file: Path) -> list[Recording | Refused]:
     try:
         loops = read_each(file)
@@ -98,14 +109,23 @@ def _from_settings(file: Path) -> list[Recording | Refused]:
         else:
             recorded.setdefault(loop.file, {})[i] = loop
     for recording, wanted in recorded.items():
-        found: Sequence[Recording | InputError]
-        try:
-            found = open_each(recording, list(wanted.values()))
-        except InputError as error:
-            found = [error] * len(wanted)
+        found = _open_each(recording, list(wanted.values()))
         for (i, loop), entry in zip(wanted.items(), found, strict=True):
             opened[i] = _refused(entry, recording, loop) if isinstance(entry, InputError) else entry
     return [entry for entry in opened if entry is not None]
+
+
+def _open_each(
+    file: Path, loops: Sequence[Loop] | None, defaults: dict[str, Any] | None = None
+) -> Sequence[Recording | InputError]:
+    """As `open_each`; where the file cannot be used, the error in the place of each loop."""
+    try:
+        return open_each(file, loops, defaults)
+    except InputError as error:
+        fault = error
+    except Exception as error:
+        fault = unforeseen(error, str(file))
+    return [fault] * (1 if loops is None else len(loops))
 
 
 def _refused(error: InputError, file: Path, loop: Loop | None = None) -> Refused:

@@ -11,6 +11,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 from rich.table import Table
 
 from ..errors import InputError
+from ..writing import write_file
+from .outputs import PAGE, check_output
 from .screen import CommandError, err, out
 
 if TYPE_CHECKING:
@@ -39,6 +41,9 @@ def thesis(
     begun = monotonic()
     shown: list[Shown] = []
     page = folder / ("README.md" if markdown else "index.html")
+    if folder.is_dir():
+        check_output("--out", page, [], (PAGE[0], f"# {gallery.TITLE}".encode()) if markdown else PAGE)
+        check_output("--out", folder / "numbers.json", [], ("numbers that glapp wrote", rb'\A\{\n  "(Table )?\d\.'))
     try:
         folder.mkdir(parents=True, exist_ok=True)
         columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
@@ -47,8 +52,8 @@ def thesis(
                 one = FIGURES[number]()
                 style.save(one.draw(), folder / one.picture)
                 shown.append(one)
-        page.write_text(gallery.as_markdown(shown) if markdown else gallery.as_html(shown), encoding="utf-8")
-        (folder / "numbers.json").write_text(gallery.as_json(shown), encoding="utf-8")
+        write_file(page, gallery.as_markdown(shown) if markdown else gallery.as_html(shown))
+        write_file(folder / "numbers.json", gallery.as_json(shown))
     except OSError as error:
         hint = "name a folder of your own with --out"
         raise InputError(f"cannot be written: {error.strerror}", file=str(folder), hint=hint) from None

@@ -10,7 +10,7 @@ from time import monotonic
 
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-from ..errors import InputError
+from ..errors import InputError, unforeseen
 from ..escape import one_line
 from ..estimate import analyze
 from ..recording import Recording
@@ -42,6 +42,8 @@ def analyze_all(opened: Sequence[Recording | Refused], trust: bool, fit: bool) -
             return analyze(entry, trust=trust, fit=fit, progress=progress)
         except InputError as error:
             return Refused(entry.name, entry.source, error, entry.loop)
+        except Exception as error:  # not to lose the answers of all other loops
+            return Refused(entry.name, entry.source, unforeseen(error, entry.source, entry.name), entry.loop)
         finally:
             done[i] = 1.0
             entry.release()

@@ -139,4 +139,4 @@ def _recordings(
         group = found[loop.name] if found else signals.group_of(loop)
         return WideRecording(passes, loop, choose(signals, loop, group, source.label))
 
-    return each(loops, make)
+    return each(loops, make, source.label)

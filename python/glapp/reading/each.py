@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TypeVar
 
-from ..errors import InputError
+from ..errors import InputError, unforeseen
 from ..loop import Loop
 
 __all__ = ["all_or_none", "each"]
@@ -13,7 +13,7 @@ __all__ = ["all_or_none", "each"]
 T = TypeVar("T")
 
 
-def each(loops: Sequence[Loop], make: Callable[[Loop], T]) -> list[T | InputError]:
+def each(loops: Sequence[Loop], make: Callable[[Loop], T], file: str) -> list[T | InputError]:
     """What `make` makes of every loop, or the error it raises; among several loops an error names its own."""
     made: list[T | InputError] = []
     for loop in loops:
@@ -23,6 +23,8 @@ def each(loops: Sequence[Loop], make: Callable[[Loop], T]) -> list[T | InputErro
             if len(loops) > 1:
                 error.loop = loop.name
             made.append(error)
+        except Exception as error:
+            made.append(unforeseen(error, file, loop.name))
     return made
 
 

@@ -13,7 +13,8 @@ written as wide Parquet.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
 from datetime import datetime
 from threading import Lock
@@ -31,7 +32,7 @@ from .columns import LABELS, Signals, choose, understand
 from .each import each
 from .source import Source
 from .times import Clock
-from .values import CellFault, Quality, flags_of, plain, text_of, words_for_bad
+from .values import CellFault, Quality, flags_of, plain, text_of, words, words_for_bad
 from .wide import Reader, finish, with_units
 
 __all__ = ["LongRecording", "long_recordings"]
@@ -71,9 +72,13 @@ class _Store:
             raise self.fault(fault, "time", 0) from None
         self._types[time] = self.clock.arrow_type
         at = self.at["quality"]
-        first = [] if at is None else [text_of(v) for v in source.head([at])[0].to_pylist()]
-        self._quality = Quality(first, words_for_bad(()))
-        self._tags: dict[str, _Tag] | None = None
+        try:
+            first = [] if at is None else words(source.head([at])[0]).to_pylist()
+        except CellFault as fault:
+            raise self.fault(fault, "quality", 0) from None
+        self._quality = Quality(map(text_of, first), words_for_bad(()))
+        self._tags: dict[str, _Tag] | InputError | None = None
+        self._faults: dict[str, InputError] = {}
         self._reading = Lock()
         self.readers: dict[str, tuple[str, Reader]] = {}
 
@@ -101,15 +106,33 @@ class _Store:
         at = self.at["tag"]
         assert at is not None
         for columns, _ in self.source.stream({at: pa.string()}, frozenset()):
-            seen.update(dict.fromkeys(str(v) for v in pc.unique(plain(columns[0])).to_pylist() if v is not None))
+            try:
+                tags = words(columns[0])
+            except CellFault as fault:
+                raise self.fault(fault, "tag", 0) from None
+            seen.update(dict.fromkeys(str(v) for v in pc.unique(tags).to_pylist() if v is not None))
         return list(seen)
 
-    def tags(self) -> dict[str, _Tag]:
-        """The samples of all wanted tags; where several recordings ask at once, one reads and the others wait."""
+    def tags(self, wanted: Iterable[str]) -> dict[str, _Tag]:
+        """The samples of these tags; where several recordings ask at once, one reads for all and the others wait.
+
+        Raises
+        ------
+        InputError
+            Where the table, or one of these tags, cannot be used.
+        """
         with self._reading:
             if self._tags is None:
-                self._tags = self._read()
-            return self._tags
+                try:
+                    self._tags = self._read()
+                except InputError as error:  # not to read it again for every loop
+                    self._tags = error
+        if isinstance(self._tags, InputError):
+            raise copy(self._tags)
+        for tag in wanted:
+            if tag in self._faults:
+                raise copy(self._faults[tag])
+        return self._tags
 
     def _read(self) -> dict[str, _Tag]:
         wanted = pa.array(list(self.readers), pa.string())
@@ -124,7 +147,6 @@ class _Store:
             n = len(columns[0])
             role = "time"
             rows = np.empty(0, np.int64)
-            tag = ""
             try:
                 tags = columns[place["tag"]]
                 if not pa.types.is_string(tags.type):
@@ -141,19 +163,22 @@ class _Store:
                 values = columns[place[role]]
                 for code in np.unique(codes):
                     tag = wanted[int(code)].as_py()
+                    if tag in self._faults:
+                        continue
                     mine = np.flatnonzero(codes == code)
                     kind, reader = self.readers[tag]
                     cells = values.take(pa.array(rows[mine]))
                     try:
                         x = reader.flag(kind, cells).astype(np.float64) if kind in _WORDS else reader.number(cells)
-                    except CellFault as fault:
-                        fault.index = int(mine[fault.index])
-                        raise
+                    except CellFault as fault:  # harms the loop of this tag and no other
+                        fault.index = int(rows[mine[fault.index]])
+                        self._faults[tag] = self.fault(fault, role, done, tag)
+                        continue
                     parts[tag].append(_Tag(t[mine], x, bad[mine]))
             except CellFault as fault:
                 if len(rows):
                     fault.index = int(rows[fault.index])
-                raise self.fault(fault, role, done, tag if role == "value" else None) from None
+                raise self.fault(fault, role, done) from None
             done += n
         self.fraction = 1.0
         return {
@@ -197,7 +222,8 @@ class LongRecording(Recording):
 
     def batches(self, rows: int = 65536) -> Iterator[Batch]:
         """See `Recording.batches`."""
-        tags = {role: samples for role, tag in self._chosen.items() if (samples := self._store.tags().get(tag))}
+        read = self._store.tags(self._chosen.values())
+        tags = {role: read[tag] for role, tag in self._chosen.items() if tag in read}
         for role in ("sp", "pv"):
             if role not in tags:
                 raise InputError("has no row", file=self.source, tag=self._chosen[role])
@@ -254,4 +280,4 @@ def long_recordings(
             store.readers[tag] = (role, reader)
         return LongRecording(store, loop, chosen)
 
-    return each(loops, make)
+    return each(loops, make, source.label)

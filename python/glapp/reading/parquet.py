@@ -1,8 +1,15 @@
-"""Parquet, Arrow IPC and Feather files, a few row groups' pages at a time."""
+"""Parquet, Arrow IPC and Feather files, a few row groups' pages at a time.
+
+The libraries that read them trust what a file says of itself, and a damaged one can make them read beyond its end. So
+every column is validated in full (offsets, indices of dictionaries, text as UTF-8) before anything else looks at it,
+and files are read into memory of our own: a file that changes while it is mapped would be trusted after it was checked.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from copy import copy
 
 import pyarrow as pa
 import pyarrow.ipc as ipc
@@ -13,6 +20,57 @@ from .source import Source
 
 __all__ = ["IpcSource", "ParquetSource"]
 
+_HEAD = 1000
+
+
+@contextmanager
+def _refused(what: str, label: str, row: int | None = None) -> Iterator[None]:
+    """Any exception over a file as one line: the library has no one kind for a damaged file.
+
+    ArrowException, OSError, UnicodeDecodeError, SystemError, MemoryError and OverflowError have all been seen.
+    """
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as error:
+        raise InputError(f"{what}: {error or type(error).__name__}", file=label, row=row) from None
+
+
+def _names(schema: pa.Schema) -> list[str]:
+    """The columns' names; it also makes text of every type, so that none fails later on a zone that is not UTF-8."""
+    return [field.name for field in schema if str(field.type)]
+
+
+def _checked(batch: pa.RecordBatch) -> pa.RecordBatch:
+    """The batch, every column of which holds what it says."""
+    batch.validate(full=True)
+    return batch
+
+
+class _Head:
+    """First rows of columns, each read by itself and once, even where that fails.
+
+    A damaged column harms no loop without it, and the many loops that share one do not all try it again.
+    """
+
+    def __init__(self, first: Callable[[int], pa.Array]) -> None:
+        self._first = first
+        self._read: dict[int, pa.Array | InputError] = {}
+
+    def __call__(self, columns: Sequence[int]) -> list[pa.Array]:
+        return [self._one(i) for i in columns]
+
+    def _one(self, i: int) -> pa.Array:
+        if i not in self._read:
+            try:
+                self._read[i] = self._first(i)
+            except InputError as error:
+                self._read[i] = error
+        if isinstance(found := self._read[i], InputError):
+            raise copy(found)
+        return found
+
 
 class ParquetSource(Source):
     """A Parquet file; only the needed columns are decoded, and rows are counted from 1."""
@@ -20,36 +78,25 @@ class ParquetSource(Source):
     def __init__(self, path: str, label: str) -> None:
         self.label = label
         self._path = path
-        with self._open() as file:
-            schema = file.schema_arrow
+        with _refused("is not a readable Parquet file", label), self._open() as file:
+            self.names = _names(file.schema_arrow)
             self.rows = file.metadata.num_rows
-        self.names = list(schema.names)
         self.units = [None] * len(self.names)
-        self._head: dict[int, pa.Array] = {}
+        self._head = _Head(self._first)
 
     def _open(self) -> pq.ParquetFile:
-        try:
-            # pre_buffer would hold a whole row group's bytes, which may be the whole file
-            return pq.ParquetFile(self._path, pre_buffer=False, buffer_size=1 << 20)
-        except (pa.ArrowException, OSError) as error:
-            raise InputError(f"is not a readable Parquet file: {error}", file=self.label) from None
+        # pre_buffer would hold a whole row group's bytes, which may be the whole file
+        return pq.ParquetFile(self._path, pre_buffer=False, buffer_size=1 << 20)
+
+    def _first(self, i: int) -> pa.Array:
+        with _refused("is damaged", self.label), self._open() as file:
+            name = self.names[i]
+            batch = next(file.iter_batches(_HEAD, columns=[name]), None)
+            return pa.nulls(0, file.schema_arrow.field(i).type) if batch is None else _checked(batch).column(name)
 
     def head(self, columns: Sequence[int]) -> list[pa.Array]:
-        """First rows of the columns; each is read once."""
-        missing = [i for i in columns if i not in self._head]
-        if missing:
-            with self._open() as file:
-                schema = file.schema_arrow
-                for start in range(0, len(missing), 64):  # a page of each is in memory
-                    part = missing[start : start + 64]
-                    try:
-                        batch = next(file.iter_batches(1000, columns=[self.names[i] for i in part]), None)
-                    except (pa.ArrowException, OSError) as error:
-                        raise InputError(f"is damaged: {error}", file=self.label) from None
-                    for i in part:
-                        nothing = pa.nulls(0, schema.field(i).type)
-                        self._head[i] = nothing if batch is None else batch.column(self.names[i])
-        return [self._head[i] for i in columns]
+        """First rows of the columns."""
+        return self._head(columns)
 
     def stream(
         self, types: Mapping[int, pa.DataType], bad_words: frozenset[str]
@@ -57,13 +104,16 @@ class ParquetSource(Source):
         """Pass over the needed columns."""
         names = [self.names[i] for i in types]
         done = 0
-        with self._open() as file:
-            try:
-                for batch in file.iter_batches(65536, columns=list(dict.fromkeys(names)), use_threads=True):
-                    done += batch.num_rows
-                    yield [batch.column(name) for name in names], done / max(self.rows or 1, 1)
-            except (pa.ArrowException, OSError) as error:
-                raise InputError(f"is damaged: {error}", file=self.label, row=done + 1) from None
+        with _refused("is damaged", self.label), self._open() as file:
+            batches = file.iter_batches(65536, columns=list(dict.fromkeys(names)), use_threads=True)
+            while True:
+                with _refused("is damaged", self.label, row=done + 1):
+                    batch = next(batches, None)
+                    if batch is None:
+                        return
+                    _checked(batch)
+                done += batch.num_rows
+                yield [batch.column(name) for name in names], done / max(self.rows or 1, 1)
 
     def row_number(self, record: int) -> int:
         """Rows are counted from 1."""
@@ -76,42 +126,39 @@ class IpcSource(Source):
     def __init__(self, path: str, label: str) -> None:
         self.label = label
         self._path = path
-        schema = self._open(None).schema
-        self.names = list(schema.names)
+        with _refused("is not a readable Arrow file", label):
+            self.names = _names(self._open(None).schema)
         self.units = [None] * len(self.names)
+        self._head = _Head(self._first)
         self.rows = None
-        self._head: dict[int, pa.Array] = {}
 
     def _open(self, fields: list[int] | None) -> ipc.RecordBatchFileReader | ipc.RecordBatchStreamReader:
-        try:
-            file = pa.memory_map(self._path)
-            options = ipc.IpcReadOptions(included_fields=fields)
-            is_file = file.read(6) == b"ARROW1"
-            file.seek(0)
-            return ipc.open_file(file, options=options) if is_file else ipc.open_stream(file, options=options)
-        except (pa.ArrowException, OSError) as error:
-            raise InputError(f"is not a readable Arrow file: {error}", file=self.label) from None
+        file = pa.OSFile(self._path)
+        options = ipc.IpcReadOptions(included_fields=fields)
+        is_file = file.read(6) == b"ARROW1"
+        file.seek(0)
+        return ipc.open_file(file, options=options) if is_file else ipc.open_stream(file, options=options)
 
-    def _batches(self, fields: list[int] | None) -> Iterator[tuple[pa.RecordBatch, float]]:
-        reader = self._open(fields)
-        try:
+    def _batches(self, fields: list[int]) -> Iterator[tuple[pa.RecordBatch, float]]:
+        with _refused("is damaged", self.label):
+            reader = self._open(fields)
             if isinstance(reader, ipc.RecordBatchFileReader):
                 for i in range(reader.num_record_batches):
-                    yield reader.get_batch(i), (i + 1) / reader.num_record_batches
+                    yield _checked(reader.get_batch(i)), (i + 1) / reader.num_record_batches
             else:
                 for batch in reader:
-                    yield batch, 0.0
-        except (pa.ArrowException, OSError) as error:
-            raise InputError(f"is damaged: {error}", file=self.label) from None
+                    yield _checked(batch), 0.0
+
+    def _first(self, i: int) -> pa.Array:
+        for batch, _ in self._batches([i]):
+            if batch.num_rows:
+                return batch.column(0).slice(0, _HEAD)
+        with _refused("is damaged", self.label):
+            return pa.nulls(0, self._open(None).schema.field(i).type)
 
     def head(self, columns: Sequence[int]) -> list[pa.Array]:
-        """First rows of the columns; each is read once."""
-        missing = sorted(set(columns) - self._head.keys())
-        if missing:
-            first = next((batch for batch, _ in self._batches(missing) if batch.num_rows), None)
-            found = [pa.nulls(0) for _ in missing] if first is None else first.columns
-            self._head.update(zip(missing, (column.slice(0, 1000) for column in found), strict=True))
-        return [self._head[i] for i in columns]
+        """First rows of the columns."""
+        return self._head(columns)
 
     def stream(
         self, types: Mapping[int, pa.DataType], bad_words: frozenset[str]

@@ -67,9 +67,8 @@ class Share:
                 if [column.type for column in blocks[last]] != kinds:
                     break
                 last += 1
-            part = [blocks[first]] if last == first + 1 else blocks[first:last]
-            columns = part[0] if len(part) == 1 else [pa.concat_arrays(parts) for parts in zip(*part, strict=True)]
-            yield columns, last / len(blocks)
+            for columns in _joined(blocks[first:last]):
+                yield columns, last / len(blocks)
             first = last
         if held.error is not None:
             raise copy.copy(held.error)
@@ -183,3 +182,13 @@ class Passes:
                 sizes[i] = 0
                 for block in blocks:
                     block.pop(i, None)
+
+
+def _joined(blocks: list[list[pa.Array]]) -> list[list[pa.Array]]:
+    """Small blocks as one; as they are where Arrow cannot join them, as dictionaries that hold a null."""
+    if len(blocks) == 1:
+        return blocks
+    try:
+        return [[pa.concat_arrays(parts) for parts in zip(*blocks, strict=True)]]
+    except pa.ArrowException:
+        return blocks

@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from functools import lru_cache
+from itertools import pairwise
 from zoneinfo import ZoneInfo
 
 import numpy as np
@@ -519,6 +520,32 @@ def _moment(ticks: int, per_second: int) -> datetime:
         raise CellFault(0, "is outside the range of times") from None
 
 
+@lru_cache(maxsize=4096)
+def _changes(zone: str, year: int) -> tuple[tuple[int, int], ...]:
+    """When a zone's clocks are set in a year of UTC, and its first moment: (s since 1970, s ahead of UTC since then).
+
+    Asked of zoneinfo and not of Arrow, which finds no database of zones on Windows and in bare containers.
+    """
+    clock = ZoneInfo(zone)
+
+    def ahead(t: int) -> int:
+        offset = (datetime(1970, 1, 1, tzinfo=UTC) + timedelta(seconds=t)).astimezone(clock).utcoffset()
+        return 0 if offset is None else round(offset.total_seconds())
+
+    first, end = (int(datetime(y, 1, 1, tzinfo=UTC).timestamp()) for y in (year, year + 1))
+    found = [(first, ahead(first))]
+    for day in range(first, end, 86400):
+        low, high = day, min(day + 86400, end) - 1
+        offset = ahead(high)
+        if offset == found[-1][1]:
+            continue
+        while high - low > 1:
+            middle = (low + high) // 2
+            low, high = (low, middle) if ahead(middle) == offset else (middle, high)
+        found.append((low if ahead(low) == offset else high, offset))
+    return tuple(found)
+
+
 class _Fold:
     """Local times to UTC through one pass; in the hour that autumn repeats, the second run follows a step back."""
 
@@ -528,36 +555,41 @@ class _Fold:
         self._second = False
 
     def __call__(self, ticks: NDArray[np.int64], per_second: int) -> NDArray[np.int64]:
-        unit = {v: k for k, v in _PER_SECOND.items()}[per_second]
-        local = pa.array(ticks, pa.int64()).view(pa.timestamp(unit))
-        try:
-            early, late = (
-                pc.assume_timezone(local, self._zone, ambiguous=which, nonexistent="raise").view(pa.int64()).to_numpy()
-                for which in ("earliest", "latest")
-            )
-        except pa.ArrowInvalid:
-            at = next(i for i in range(len(local)) if not self._exists(local.slice(i, 1)))
-            raise CellFault(at, f"{local[at].as_py()} does not exist in {self._zone}", "check time_zone") from None
-        twice = early != late
+        if not len(ticks):
+            return ticks
+        begin, offset = self._clock(ticks, per_second)
+        last = np.searchsorted(begin + offset, ticks, side="right") - 1  # the latest setting that shows this time
+        late = ticks - offset[last]
+        before = ticks - offset[last - 1]
+        twice = before < begin[last]  # the setting before showed it too
+        skipped = np.append(begin[1:], np.iinfo(np.int64).max)[last] <= late
+        if skipped.any():
+            at = int(np.argmax(skipped))
+            told = _moment(int(ticks[at]), per_second)
+            raise CellFault(at, f"{told} does not exist in {self._zone}", "check time_zone")
+        early = np.where(twice, before, late)
         if not twice.any():
             self._second = False
         else:
             back = np.diff(ticks, prepend=ticks[0] if self._last is None else self._last) < 0
             second = self._second
-            early = early.copy()
             for i in np.flatnonzero(twice | np.concatenate(([False], twice[:-1]))):
                 second = bool(twice[i]) and (second or bool(back[i]))
                 if second:
                     early[i] = late[i]
             self._second = second and bool(twice[-1])
-        if len(ticks):
-            self._last = int(ticks[-1])
+        self._last = int(ticks[-1])
         out: NDArray[np.int64] = early
         return out
 
-    def _exists(self, one: pa.Array) -> bool:
-        try:
-            pc.assume_timezone(one, self._zone, ambiguous="earliest", nonexistent="raise")
-        except pa.ArrowInvalid:
-            return False
-        return True
+    def _clock(self, ticks: NDArray[np.int64], per_second: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """How the clock is set from two years before these times to a year after: since when, how far ahead of UTC."""
+        years = []
+        for at in (int(np.argmin(ticks)), int(np.argmax(ticks))):
+            years.append(int(ticks[at]) // per_second // 31556952 + 1970)
+            if not 1700 <= years[-1] <= 2250:
+                raise CellFault(at, "is outside the range of times")
+        changes = [change for year in range(years[0] - 2, years[1] + 2) for change in _changes(self._zone, year)]
+        kept = [changes[0], *(b for a, b in pairwise(changes) if a[1] != b[1])]
+        begin, offset = (np.array(column, np.int64) * per_second for column in zip(*kept, strict=True))
+        return begin, offset

@@ -12,7 +12,17 @@ from numpy.typing import NDArray
 
 from ..recording import BAD, NOT_AUTO
 
-__all__ = ["CellFault", "Quality", "limit_flag", "mode_flag", "null_spellings", "numbers", "text_of", "words_for_bad"]
+__all__ = [
+    "CellFault",
+    "Quality",
+    "limit_flag",
+    "mode_flag",
+    "null_spellings",
+    "numbers",
+    "text_of",
+    "words",
+    "words_for_bad",
+]
 
 _BAD_WORDS = """
 bad|bad input|bad value|bad data|bad quality|bad_quality|i/o timeout|io timeout|timeout|no data|nodata|no value
@@ -53,10 +63,32 @@ def is_text(kind: pa.DataType) -> bool:
 
 
 def plain(column: pa.Array) -> pa.Array:
-    """The column without a dictionary, and text always as `string`."""
+    """The column without a dictionary or runs, and text always as `string`."""
+    if pa.types.is_run_end_encoded(column.type):
+        column = pc.run_end_decode(column)
     if pa.types.is_dictionary(column.type):
         column = column.dictionary_decode()
     return column.cast(pa.string()) if is_text(column.type) and not pa.types.is_string(column.type) else column
+
+
+def words(column: pa.Array) -> pa.Array:
+    """A column of words, or of numbers that stand for them, without a dictionary.
+
+    Raises
+    ------
+    CellFault
+        Where it holds neither.
+    """
+    column = plain(column)
+    kind = column.type
+    if pa.types.is_null(kind):
+        return column.cast(pa.string())
+    if pa.types.is_float16(kind):  # which Arrow cannot compare
+        return column.cast(pa.float32())
+    numeric = pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind)
+    if not (is_text(kind) or numeric or pa.types.is_boolean(kind)):
+        raise CellFault(0, f"holds {kind}, not words or numbers", value=str(kind))
+    return column
 
 
 def numbers(column: pa.Array, bad_words: frozenset[str], comma: bool = False) -> NDArray[np.float64]:
@@ -85,9 +117,13 @@ def numbers(column: pa.Array, bad_words: frozenset[str], comma: bool = False) ->
         try:
             column = column.cast(pa.float64(), safe=False)
         except (pa.ArrowInvalid, pa.ArrowNotImplementedError):
-            raise CellFault(0, f"holds {column.type}, not numbers", value=column[0].as_py()) from None
+            raise CellFault(0, f"holds {column.type}, not numbers", value=str(column.type)) from None
     x: NDArray[np.float64] = column.to_numpy(zero_copy_only=False)
-    if column.null_count == 0 and np.isfinite(x.sum()):  # one pass finds any NaN or infinity; a false alarm is harmless
+    if not x.flags.aligned:  # a file or a table in memory may begin a column anywhere, the core's loops may not
+        x = x.copy()
+    with np.errstate(all="ignore"):  # one pass finds any NaN or infinity; a false alarm, by overflow, is harmless
+        finite = column.null_count == 0 and np.isfinite(x.sum())
+    if finite:
         return x
     return np.where(np.isfinite(x), x, np.nan)
 
@@ -130,13 +166,13 @@ def flags_of(column: pa.Array, bit_of: Callable[[str], int]) -> NDArray[np.uint8
     Raises
     ------
     CellFault
-        At the first cell that `bit_of` refuses with a ValueError.
+        At the first cell that `bit_of` refuses with a ValueError, or where the column holds neither words nor numbers.
     """
     n = 1
-    if pa.types.is_dictionary(column.type) and column.null_count == 0:
+    if pa.types.is_dictionary(column.type) and is_text(column.type.value_type) and column.null_count == 0:
         coded = column
     else:
-        column = plain(column)
+        column = words(column)
         if len(column) and pc.all(pc.equal(column, column[0]), skip_nulls=False).as_py():  # as modes mostly are
             column, n = column.slice(0, 1), len(column)
         coded = column.dictionary_encode(null_encoding="encode")

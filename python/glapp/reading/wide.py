@@ -18,7 +18,7 @@ from .columns import LABELS
 from .passes import Passes
 from .source import ahead
 from .times import Clock
-from .values import CellFault, Quality, flags_of, limit_flag, mode_flag, numbers, plain, text_of, words_for_bad
+from .values import CellFault, Quality, flags_of, limit_flag, mode_flag, numbers, plain, text_of, words, words_for_bad
 
 __all__ = ["Reader", "WideRecording"]
 
@@ -58,7 +58,9 @@ def finish(t: NDArray[np.float64], values: dict[str, NDArray[np.float64]], flags
     sp, pv = values["sp"], values["pv"]
     if flags is not None and (bad := flags & BAD != 0).any():
         pv = np.where(bad, np.nan, pv)
-    if np.isnan(sp.sum()) or np.isnan(pv.sum()):
+    with np.errstate(all="ignore"):  # a sum that overflows is looked at more closely
+        missing_somewhere = np.isnan(sp.sum()) or np.isnan(pv.sum())
+    if missing_somewhere:
         missing = np.isnan(sp) | np.isnan(pv)
         flags = np.zeros(len(t), np.uint8) if flags is None else flags
         flags = flags | (missing * np.uint8(BAD))
@@ -122,11 +124,13 @@ class WideRecording(Recording):
                 loop=loop.name,
                 hint='name it (columns = { time = "..." }) or give sample_time in seconds',
             )
-        first: list[str] = []
-        if (at := self._at.get("quality")) is not None:
-            first = [text_of(v) for v in source.head([at])[0].to_pylist()]
+        at = self._at.get("quality")
+        try:
+            first = [] if at is None else words(source.head([at])[0]).to_pylist()
+        except CellFault as fault:
+            raise self._fault(fault, "quality", 0) from None
         bad_words = words_for_bad(loop.bad_values)
-        self._reader = Reader(loop, clock, source.comma, Quality(first, bad_words))
+        self._reader = Reader(loop, clock, source.comma, Quality(map(text_of, first), bad_words))
         self.t0: datetime | None = clock.t0 if clock else None
         self.zone = clock.zone if clock else None
         self.found = clock.found if clock else ()

@@ -18,6 +18,7 @@ from urllib.parse import quote
 import numpy as np
 from plotly.offline import get_plotlyjs
 
+from ..writing import GENERATOR, write_file
 from . import figures, words
 from .fit_figure import fit_figure, trend_figure
 
@@ -74,7 +75,7 @@ def write_report(
     overview = _overview(order, [f"#loop-{i}" for i in range(len(order))])
     page = _page(title, [_header(title, order), overview, *sections, _explanations()]).encode()
     if len(page) < MAX_BYTES:
-        path.write_bytes(page)
+        write_file(path, page)
         return [path]
 
     folder = path.with_name(path.stem + "_loops")
@@ -82,10 +83,10 @@ def write_report(
     files = [folder / f"{i + 1:0{len(str(len(order)))}d}_{_file_name(r.name)}.html" for i, r in enumerate(order)]
     back = f'<p class="back"><a href="../{quote(path.name)}">All loops of this run</a></p>'
     for file, r, section in zip(files, order, sections, strict=True):
-        file.write_text(_page(f"{r.name}: {title}", [back, section, _explanations()]), encoding="utf-8")
+        write_file(file, _page(f"{r.name}: {title}", [back, section, _explanations()]))
     links = [f"{quote(folder.name)}/{quote(file.name)}" for file in files]
     index = _page(title, [_header(title, order), _overview(order, links), _explanations()])
-    path.write_text(index, encoding="utf-8")
+    write_file(path, index)
     return [path, *files]
 
 
@@ -105,6 +106,7 @@ def _page(title: str, parts: Iterable[str]) -> str:
             "<head>",
             '<meta charset="utf-8">',
             f'<meta http-equiv="Content-Security-Policy" content="{policy}">',
+            GENERATOR,
             '<meta name="viewport" content="width=device-width, initial-scale=1">',
             '<meta name="color-scheme" content="light dark">',
             f"<title>{escape(title)}</title>",

@@ -7,6 +7,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+from ..writing import GENERATOR
 from .differences import shown_by
 from .figure import Number, Shown
 
@@ -69,7 +70,7 @@ def as_html(shown: Sequence[Shown]) -> str:
     parts = [
         '<!doctype html><html lang="en"><meta charset="utf-8">',
         '<meta name="viewport" content="width=device-width,initial-scale=1">',
-        f"<title>{TITLE}</title><style>{_CSS}</style><h1>{TITLE}</h1><p>{say(ABOUT)}</p><nav>{links}</nav>",
+        f"{GENERATOR}<title>{TITLE}</title><style>{_CSS}</style><h1>{TITLE}</h1><p>{say(ABOUT)}</p><nav>{links}</nav>",
     ]
     if differs := _differs(shown):
         parts.append(f"<h2>{DIFFERS}</h2><ul>")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
 from ..report.figures import GRID, INK, MUTED, OUTPUT, POINT, POSITION, RAW, SIGNAL, TOO_WIDE
+from ..writing import write_file
 
 try:
     import matplotlib as mpl
@@ -97,7 +98,8 @@ def legend(axes: Axes, columns: int = 4) -> None:
 
 def save(figure: Figure, path: Path) -> None:
     """Write a PNG with a palette: a third of the size, and nobody sees it."""
-    raw = BytesIO()
+    raw, out = BytesIO(), BytesIO()
     figure.savefig(raw, format="png", dpi=DPI)
     picture = Image.open(raw).convert("RGB")
-    picture.quantize(256, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(path, optimize=True)
+    picture.quantize(256, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(out, "png", optimize=True)
+    write_file(path, out.getvalue())

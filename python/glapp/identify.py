@@ -745,7 +745,7 @@ def _identify(
     t: Floats, sp: Floats, pv: Floats, op: Floats, step: Bools, h: float, samples: int, given_b: float | None
 ) -> Identification:
     grid = resolution(op)
-    op_noise = grid[0] ** 2 / 12 if grid else 0.0
+    op_noise = grid[0] ** 2 / 12 if grid and grid[0] < 1e100 else 0.0
     lag, bands = 0, _bands(_Signals(t, sp, pv, op, step, h, given_b, 0))
     if not bands:
         return _nothing(_UNSHOWN, samples)
@@ -828,6 +828,11 @@ def _judge(found: list[_Found], lag: int, h: float, samples: int, given_b: float
     law = best.law
     alike = [one.span for one in found if one.width <= _AGREEING * best.width < math.inf]
     span = _hull(alike or [best.span])
+    # Lengths that contradict each other show that a law is missing: then neither is right alone.
+    for one in found:
+        apart = np.any((one.span[:2, 1] < span[:2, 0]) | (one.span[:2, 0] > span[:2, 1]))
+        if apart and one.width < math.inf and one.r2 >= R2_USABLE:
+            span = _hull([span, one.span])
     (k_low, k_high), (ti_low, ti_high), (td_low, td_high), _ = span.tolist()
     b, b_note = given_b, ""
     surest = min(found, key=lambda one: float(one.span[3, 1] - one.span[3, 0]))

@@ -41,12 +41,12 @@ _TUKEY = 4.685  # 95 % efficient for Gaussian residuals
 _HUBER = 1.345
 _BLOCKS = (8, 30)
 _ROWS = 24_000  # of a longer recording, its three liveliest stretches
+_EVERY = 100_000
 _MOVES = 2000  # in a regression; they overlap, more add next to nothing
 _WORSE = 2.5  # standard errors by which a law must predict worse than the best before it is dropped
 _PROMISING = 300.0  # a law this many times worse than the best gets no better by another time constant
 _HALF_OCTAVE = 0.41  # relative; the next law tried is as far away
 _AGREEING = 2.0  # lengths of the means whose interval is at most so many times as wide as the narrowest are believed
-_ALIKE = 1.25  # the same, to choose the one that is shown
 _SURE = 1e-3  # relative; nobody needs settings more exactly, and the first samples of a filter are not known
 
 
@@ -311,6 +311,8 @@ class _Signals:
         if lag:  # OP is read so many rows later
             step = step & np.roll(step, -lag)
             step[-1 if lag > 0 else 0] = False
+        # What the controller's filter held at the first step after a break is not known.
+        step = step & np.append(False, step[:-1])
         self.good = np.concatenate(([0], np.cumsum(step)))
         self.op, self.setpoint = _sums(np.roll(op, -lag)), _sums(sp)
         self.sp_moves = b is None and bool(np.any(np.diff(sp)[step] != 0))
@@ -342,12 +344,12 @@ class _Signals:
             self.kept[law] = parts
         return parts
 
-    def band(self, m: int) -> _Band | None:
+    def band(self, m: int, most: int) -> _Band | None:
         """The regression on moves between means of m rows, where there are enough usable stretches of 2m rows."""
         if 2 * m > self.good.size:
             return None
         start = np.flatnonzero(self.good[2 * m - 1 :] - self.good[: self.good.size - 2 * m + 1] == 2 * m - 1)
-        start = start[:: max(1, m // 2, -(-start.size // _MOVES))]
+        start = start[:: max(1, m // 2, -(-start.size // most))]
         return _Band(self, start, m) if start.size >= MIN_STEPS // 2 and start[-1] - start[0] >= 20 * m else None
 
 
@@ -467,10 +469,17 @@ class _Band:
                 return
             before = law.k
 
-    def r2(self, law: _Law) -> float:
-        off = self.op - self.op.mean()
+    def r2(self, law: _Law, op_noise: float) -> float:
+        """Share of the moves that the law explains, of every usable stretch; what OP's rounding does is no failure."""
+        whole = self.signals.band(self.m, _EVERY)
+        assert whole is not None
+        columns = whole._columns(law.form.filter, False)[:, 1:]
+        x = columns if law.form.derivative else np.delete(columns, 2, axis=1)
+        residual = whole.op - x[:, : law.beta.size] @ law.beta
+        off = whole.op - whole.op.mean()
         total = float(off @ off)
-        return 1 - float(law.residual @ law.residual) / total if total > 0 else 0.0
+        rest = max(float(residual @ residual) - 2 / self.m * op_noise * residual.size, 0.0)
+        return 1 - rest / total if total > 0 else 0.0
 
     def searched(self, forms: list[_Form]) -> list[_Law]:
         """The sane laws of these forms and of those with better times, the best first."""
@@ -680,7 +689,7 @@ def _found(band: _Band, laws: list[_Law], op_noise: float) -> _Found:
     width = math.inf
     if np.all(span[:2, 0] > 0):
         width = float(np.max(np.log(span[:2, 1] / span[:2, 0])))
-    return _Found(band.m, shown, span, width, band.r2(shown))
+    return _Found(band.m, shown, span, width, band.r2(shown, op_noise))
 
 
 def _inverse(a: Floats, condition: float = 1e10) -> Floats | None:
@@ -736,7 +745,7 @@ def _identify(
     t: Floats, sp: Floats, pv: Floats, op: Floats, step: Bools, h: float, samples: int, given_b: float | None
 ) -> Identification:
     grid = resolution(op)
-    op_noise = grid[0] ** 2 / 12 if grid else 0.0
+    op_noise = grid[0] ** 2 / 12 if grid and grid[0] < 1e100 else 0.0
     lag, bands = 0, _bands(_Signals(t, sp, pv, op, step, h, given_b, 0))
     if not bands:
         return _nothing(_UNSHOWN, samples)
@@ -753,7 +762,7 @@ def _identify(
         laws = band.searched(forms)
         if laws:
             found.append(_found(band, laws, op_noise))
-    if not found:
+    if not any(math.isfinite(one.span[0, 0]) for one in found):
         return _insane(bands, samples)
     return _judge(found, lag, h, samples, given_b)
 
@@ -761,7 +770,7 @@ def _identify(
 def _bands(signals: _Signals) -> list[_Band]:
     """Means of 1, 2, 4 ... samples, up to two Ti: beyond, the proportional part hardly shows in the moves any more."""
     bands: list[_Band] = []
-    while (band := signals.band(2 ** len(bands))) is not None:
+    while (band := signals.band(2 ** len(bands), _MOVES)) is not None:
         bands.append(band)
         band.reweight(_PLAIN, "huber", 8)
         plain = band.laws([_PLAIN]).get(_PLAIN)
@@ -775,7 +784,7 @@ def _unexplained(bands: list[_Band], forms: list[_Form]) -> float:
     band = bands[min(2, len(bands) - 1)]
     band.reweight(_PLAIN, "huber", 8)
     laws = _sane(band.laws(forms))
-    return 1 - band.r2(laws[0]) if laws else math.inf
+    return 1 - band.r2(laws[0], 0.0) if laws else math.inf
 
 
 def _insane(bands: list[_Band], samples: int) -> Identification:
@@ -785,8 +794,8 @@ def _insane(bands: list[_Band], samples: int) -> Identification:
         band.reweight(_PLAIN, "tukey", 15)
         law = band.laws([_PLAIN]).get(_PLAIN)
         scatter = band.scatter(law) if law is not None else None
-        if law is not None and scatter is not None and (best is None or band.r2(law) > best[0]):
-            best = band.r2(law), law, np.sqrt(np.diag(scatter))
+        if law is not None and scatter is not None and (best is None or band.r2(law, 0.0) > best[0]):
+            best = band.r2(law, 0.0), law, np.sqrt(np.diag(scatter))
     if best is None:
         return _nothing(_UNSHOWN, samples)
     r2, law, errors = best
@@ -796,10 +805,10 @@ def _insane(bands: list[_Band], samples: int) -> Identification:
         reason = f"K cannot be told from 0 ({law.k:.3g} +- {errors[0]:.2g} OP units per PV unit): give K and Ti"
     elif abs(law.beta[1]) <= errors[1]:
         reason = _NO_INTEGRAL
+    elif law.ti < 0:
+        reason = f"K and K/Ti have opposite signs (Ti {law.ti:.3g} s), so this is no PI controller: give K and Ti"
     else:
-        reason = (
-            f"K and K/Ti come out with opposite signs (Ti {law.ti:.3g} s), so this is no PI controller: give K and Ti"
-        )
+        reason = "laws that explain OP equally well contradict each other even in the sign of K: give K and Ti"
     return replace(_nothing(reason, samples), k=law.k, ti=law.ti, r2=r2)
 
 
@@ -814,11 +823,16 @@ def _too_little(r2: float) -> str:
 
 
 def _judge(found: list[_Found], lag: int, h: float, samples: int, given_b: float | None) -> Identification:
-    narrowest = min(found, key=lambda one: (one.width, -one.r2))
-    # Of lengths that tell about as much, the one at which what a few samples or OP's steps hide counts for least.
-    best = max((one for one in found if one.width <= _ALIKE * narrowest.width), key=lambda one: one.r2)
+    # A coarse OP hides the law in short means; a wrong law is not mended by longer ones.
+    best = min(found, key=lambda one: (one.r2 < R2_USABLE, one.width, not math.isfinite(one.span[0, 0]), -one.r2))
     law = best.law
-    span = _hull([one.span for one in found if one.width <= _AGREEING * narrowest.width])
+    alike = [one.span for one in found if one.width <= _AGREEING * best.width < math.inf]
+    span = _hull(alike or [best.span])
+    # Lengths that contradict each other show that a law is missing: then neither is right alone.
+    for one in found:
+        apart = np.any((one.span[:2, 1] < span[:2, 0]) | (one.span[:2, 0] > span[:2, 1]))
+        if apart and one.width < math.inf and one.r2 >= R2_USABLE:
+            span = _hull([span, one.span])
     (k_low, k_high), (ti_low, ti_high), (td_low, td_high), _ = span.tolist()
     b, b_note = given_b, ""
     surest = min(found, key=lambda one: float(one.span[3, 1] - one.span[3, 0]))

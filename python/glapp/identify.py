@@ -745,7 +745,7 @@ def _identify(
     t: Floats, sp: Floats, pv: Floats, op: Floats, step: Bools, h: float, samples: int, given_b: float | None
 ) -> Identification:
     grid = resolution(op)
-    op_noise = grid[0] ** 2 / 12 if grid and grid[0] < 1e100 else 0.0
+    op_noise = grid[0] * grid[0] / 12 if grid and grid[0] < 1e100 else 0.0
     lag, bands = 0, _bands(_Signals(t, sp, pv, op, step, h, given_b, 0))
     if not bands:
         return _nothing(_UNSHOWN, samples)

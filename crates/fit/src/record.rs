@@ -183,18 +183,16 @@ impl Record {
         each.fold([0; 2], |a, b| [a[0] + b[0], a[1] + b[1]])
     }
 
-    /// Standard deviation of the times from one traversal of `d` to the next the same way, part of their mean; infinite where
+    /// Mean time from one traversal of `d` to the next the same way [steps], and its standard deviation, part of it; None where
     /// there are fewer than six.
-    pub(crate) fn even(&self, d: f64) -> f64 {
+    pub(crate) fn swing(&self, d: f64) -> Option<(f64, f64)> {
         let ways = self.stretches.iter().flat_map(|s| s.traversals(d));
         let times: Vec<f64> =
             ways.flat_map(|steps| steps.windows(2).map(|w| (w[1] - w[0]) as f64).collect::<Vec<_>>()).collect();
-        if times.len() < 6 {
-            return f64::INFINITY;
-        }
         let n = times.len() as f64;
         let mean = times.iter().sum::<f64>() / n;
-        (times.iter().map(|t| (t - mean) * (t - mean)).sum::<f64>() / n).sqrt() / mean
+        let variance = times.iter().map(|t| (t - mean) * (t - mean)).sum::<f64>() / n;
+        (times.len() >= 6).then_some((mean, variance.sqrt() / mean))
     }
 }
 

@@ -259,8 +259,13 @@ pub(crate) fn told(record: &Record, seeds: &[Theta], h: f64, bow: f64, question:
         jumps_whole,
         dissent: dissent || !certain,
         repeats,
-        // Steps of the load that were found tell what drives OP.
-        swings: record.even(best.lost.d) < EVEN && record.jumps() == 0 && !search.structure.integrating && !dwells,
+        // Steps of the load that were found tell what drives OP, and a process slower than the swing nearly integrates.
+        swings: record.jumps() == 0
+            && !search.structure.integrating
+            && !dwells
+            && record.swing(best.lost.d).is_some_and(|(mean, spread)| {
+                spread < EVEN && search.structure.lag(&best.theta) * (record.cell as f64) < mean
+            }),
         lined: (best.kp * best.lost.d).abs() < LINED * bow,
     };
     let (verdict, reason) = judge(&evidence);

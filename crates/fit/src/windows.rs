@@ -69,7 +69,7 @@ pub(crate) struct Unit {
 }
 
 /// Steps of a signal's whole range: rounding that hangs on the unit of a file is far below, noise far above.
-const GRID: f64 = (1u64 << 30) as f64;
+const GRID: f64 = (1u64 << 20) as f64;
 
 impl Unit {
     fn of<'a>(signals: impl Iterator<Item = &'a [f64]>) -> Self {

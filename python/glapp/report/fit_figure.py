@@ -97,7 +97,12 @@ def _family(family: dict[str, Any]) -> str:
     if family["noise"] == "position":
         return "OP to the valve's position"
     kind = f"{family['lags']} lags" if not family["integrating"] else "integrator and lag"
-    noise = {"input": "load at the input", "output": "drift at the output", "both": "load and drift"}
+    noise = {
+        "input": "load at the input",
+        "slope": "load along lines",
+        "output": "drift at the output",
+        "both": "load and drift",
+    }
     return f"{kind}, {noise[family['noise']]}"
 
 

@@ -9,20 +9,8 @@ from bench.lengths import asked, lost
 from bench.loads.answer import Answer
 
 LENGTHS = {
-    "levels/PI/gap/0": (3000, 28_800, 100_000, 600_000),
-    "levels/PI/none/0": (3000, 28_800, 100_000),
-    "steps/PI/gap/0": (9000, 100_000),
-    "steps/PI/none/0": (3000, 28_800),
-    "steps/PID/gap/0": (3000, 28_800),
-    "steps/PID/none/0": (3000, 28_800),
-    "ramps/PI/gap/0": (9000, 100_000),
-    "ramps/PI/none/0": (28_800, 100_000),
-    "day/PI/gap/1": (9000, 86_400),
-    "day/PI/none/1": (9000, 86_400),
-    "walk/PI/gap/2": (3000, 28_800, 100_000),
-    "walk/PI/none/3": (3000, 28_800, 100_000),
-    "setpoint/PI/gap/3": (3000, 28_800),
-    "setpoint/PID/none/0": (3000, 28_800),
+    "levels/PI/gap/0": (9000, 28_800, 100_000),
+    "levels/PI/none/0": (9000, 28_800, 100_000),
 }
 """Rows of each record: fewer than the fit takes as they are, about as many, and many more."""
 

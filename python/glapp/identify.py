@@ -41,7 +41,7 @@ _TUKEY = 4.685  # 95 % efficient for Gaussian residuals
 _HUBER = 1.345
 _BLOCKS = (8, 30)
 _ROWS = 24_000  # of a longer recording, its three liveliest stretches
-_EVERY = 100_000
+_EVERY = 100_000  # moves, by which a law is judged
 _MOVES = 2000  # in a regression; they overlap, more add next to nothing
 _WORSE = 2.5  # standard errors by which a law must predict worse than the best before it is dropped
 _PROMISING = 300.0  # a law this many times worse than the best gets no better by another time constant
@@ -794,8 +794,11 @@ def _insane(bands: list[_Band], samples: int) -> Identification:
         band.reweight(_PLAIN, "tukey", 15)
         law = band.laws([_PLAIN]).get(_PLAIN)
         scatter = band.scatter(law) if law is not None else None
-        if law is not None and scatter is not None and (best is None or band.r2(law, 0.0) > best[0]):
-            best = band.r2(law, 0.0), law, np.sqrt(np.diag(scatter))
+        if law is None or scatter is None:
+            continue
+        r2 = band.r2(law, 0.0)
+        if best is None or r2 > best[0]:
+            best = r2, law, np.sqrt(np.diag(scatter))
     if best is None:
         return _nothing(_UNSHOWN, samples)
     r2, law, errors = best

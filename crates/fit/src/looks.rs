@@ -14,6 +14,10 @@ pub(crate) const PILOT: Structure = Structure { lags: 2, integrating: false, noi
 /// Less than this gained by a step ends a descent of a coarse look, of a whole profile [−2·ln L].
 const COARSELY: f64 = 0.3;
 pub(crate) const FINELY: f64 = 0.03;
+/// How near a coarse look comes to the best width, part of OP's range.
+const NARROW: f64 = 0.003;
+/// Families of which more widths are tried around the best.
+const FOLLOWED: usize = 4;
 /// Families of which the whole profile is worked out.
 pub(crate) const MOST_FAMILIES: usize = 7;
 /// Beginnings that are followed.
@@ -75,7 +79,10 @@ pub(crate) fn rescaled(theta: &Theta, finer: f64) -> Theta {
 /// A beginning for `structure` from the pilot's parameters.
 pub(crate) fn adapted(structure: Structure, pilot: &Theta) -> Theta {
     let (t, zeta, dead, q) = (pilot[0].exp(), pilot[1].exp(), pilot[2], pilot[3]);
-    let mut theta = structure.beginning((2.0 * t * zeta).max(0.1), dead);
+    // Of two lags the integrator takes the place of the longer one.
+    let shorter = t * (zeta - (zeta * zeta - 1.0).max(0.0).sqrt());
+    let lags = if structure.integrating { shorter } else { 2.0 * t * zeta };
+    let mut theta = structure.beginning(lags.max(0.1), dead);
     if structure.lags > 1 {
         (theta[0], theta[1]) = (pilot[0], pilot[1]);
     }
@@ -138,7 +145,24 @@ pub(crate) fn looks(record: &Record, seeds: &[Theta], sign: f64, near: f64) -> V
         .into_par_iter()
         .map(|(structure, begin)| Profile::over(&of(structure), &coarse, &gap, &[begin], 4, COARSELY))
         .collect();
-    let simple = distinct(simple);
+    let mut simple = distinct(simple);
+    // A gap that is narrow against all that OP does has a valley between two of the widths, which a family that is right
+    // may miss where it began badly: the width and the process that the best family finds are tried in all of them.
+    let d = leading(&simple).points[leading(&simple).best].lost.d;
+    let followed = simple.len().min(FOLLOWED);
+    simple[..followed].par_iter_mut().for_each(|p| {
+        for near in [0.9, 0.8, 1.1, 1.25] {
+            p.insert(&of(p.structure), (near * d).min(record.range), 8);
+        }
+    });
+    for _ in 0..2 {
+        let mut best = leading(&simple).clone();
+        best.refine(&of(best.structure), 1, NARROW * record.range);
+        let best = &best.points[best.best];
+        let pilot = leading(&simple).structure.as_pilot(&best.theta);
+        simple.par_iter_mut().for_each(|p| p.also(&of(p.structure), adapted(p.structure, &pilot), best.lost.d, 8));
+        simple = distinct(simple);
+    }
     let promising = leading(&simple).least() + room(record.count);
     let both: Vec<Profile> = simple
         .par_iter()

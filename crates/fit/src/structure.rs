@@ -34,6 +34,9 @@ pub struct Structure {
 /// Variance by which a load that stands still may yet walk in a cell: nothing, but for the rounding of the filter.
 const STILL: f64 = 1e-5;
 
+/// How many times as long as the lag beside it a lag is that stands for an integrator.
+const LASTS: f64 = 50.0;
+
 /// Most parameters that a structure can have.
 pub(crate) const MOST: usize = 7;
 
@@ -152,8 +155,11 @@ impl Structure {
     /// The nearest parameters of two lags with a load that walks.
     pub(crate) fn as_pilot(self, theta: &Theta) -> Theta {
         let mut pilot = [0.0; MOST];
-        if self.lags == 1 {
-            (pilot[0], pilot[1]) = (theta[0].max(1.0), 0.5);
+        if self.integrating {
+            // An integrator is a lag that lasts.
+            let (shorter, longer) = (theta[0].exp(), LASTS * theta[0].exp().max(1.0));
+            pilot[0] = 0.5 * (shorter * longer).ln();
+            pilot[1] = (0.5 * (shorter + longer)).ln() - pilot[0];
         } else {
             (pilot[0], pilot[1]) = (theta[0], theta[1]);
         }

@@ -3,6 +3,7 @@
 use crate::profile::Profile;
 use crate::record::{Lost, Record};
 use crate::search::{Point, Search};
+use crate::steps::Load;
 use crate::structure::{Noise, Structure, Theta};
 use rayon::prelude::*;
 
@@ -91,8 +92,9 @@ pub(crate) fn adapted(structure: Structure, pilot: &Theta) -> Theta {
     }
     let noise = structure.lags + 1;
     match structure.noise {
-        Noise::Still => {}
+        Noise::Still | Noise::Lines => {}
         Noise::Input => theta[noise] = q,
+        Noise::Bends => theta[noise] = -10.0,
         Noise::Output => theta[noise] = q.clamp(-6.0, 6.0),
         // The slope of a load that walked as far in ten cells.
         Noise::Slope => theta[noise] = q.clamp(-6.0, 8.0) - 4.6,
@@ -115,20 +117,21 @@ fn widened(structure: Structure, simple: &Profile) -> Theta {
 /// A coarse look with the simple disturbances, then with both together from where those ended: a profile for each family
 /// and each of the `seeds` that leads it somewhere else. In a closed loop a process with another dead time may explain PV
 /// nearly as well, and it is a family of its own.
-pub(crate) fn looks(record: &Record, seeds: &[Theta], sign: f64, near: f64) -> Vec<Profile> {
+pub(crate) fn looks(record: &Record, seeds: &[Theta], sign: f64, near: f64, load: Load) -> Vec<Profile> {
     let of = |structure| Search { record, structure, sign };
     let coarse = [0.0, 0.015, 0.05, 0.15, 0.3, 0.45, 0.6, 0.75, 0.88, 1.0].map(|part| part * record.range);
     let coarse = with_width(&coarse, near);
     let gap = Lost::gap(0.0, record.stretches.len());
     let begin = |structure: Structure| {
         // The seeds are of two lags; the other families start from the best of them.
-        let most = if structure == PILOT { MOST_SEEDS } else { 2 - usize::from(structure.integrating) };
+        let most = if structure.lags == PILOT.lags { MOST_SEEDS } else { 2 - usize::from(structure.integrating) };
         seeds.iter().take(most).map(move |seed| (structure, adapted(structure, seed)))
     };
-    let families = [Structure::with(Noise::Input), Structure::with(Noise::Output)].concat();
+    let families: &[Noise] = if load == Load::Lines { &[Noise::Bends] } else { &[Noise::Input, Noise::Output] };
+    let families: Vec<Structure> = families.iter().flat_map(|noise| Structure::with(*noise)).collect();
     // A load that goes along lines hides another process than one that walks.
     let slope = Structure { noise: Noise::Slope, ..PILOT };
-    let slopes = begun(record, sign, slope).seeds;
+    let slopes = if load == Load::Lines { Vec::new() } else { begun(record, sign, slope).seeds };
     let sloping = |structure: Structure| {
         let most = if structure == slope { MOST_SEEDS } else { 2 - usize::from(structure.integrating) };
         slopes.iter().take(most).map(move |seed| {
@@ -166,7 +169,7 @@ pub(crate) fn looks(record: &Record, seeds: &[Theta], sign: f64, near: f64) -> V
     let promising = leading(&simple).least() + room(record.count);
     let both: Vec<Profile> = simple
         .par_iter()
-        .filter(|p| p.least() < promising && p.structure.noise != Noise::Slope)
+        .filter(|p| p.least() < promising && matches!(p.structure.noise, Noise::Input | Noise::Output))
         .filter_map(|p| {
             let structure = Structure { noise: Noise::Both, ..p.structure };
             let both = Profile::over(&of(structure), &coarse, &gap, &[widened(structure, p)], 3, COARSELY);

@@ -569,6 +569,31 @@ mod tests {
     }
 
     #[test]
+    fn bends_are_marked_and_moved_to_their_times() {
+        let (plain, _) = record();
+        // The load goes up and down along lines, and so does a lag of six cells behind it.
+        let (mut level, mut load, mut y) = (0.0, 0.0, Vec::new());
+        for k in 0..plain.stretches[0].y.len() {
+            y.push(level + 0.1 * ((k * 7919 % 13) as f64 / 6.0 - 1.0));
+            let up = TIMES.iter().filter(|t| **t <= k as f64).count() % 2 == 0;
+            load += if up { 0.05 } else { -0.05 };
+            level += (load - level) / 6.0;
+        }
+        let u: Vec<f64> = (0..y.len()).map(|k| (k as f64 * 0.7).sin() * 0.01).collect();
+        let record = Record::new(&[(&y, &u)], 1);
+        let structure = Structure { noise: Noise::Lines, ..PILOT };
+        let mut theta = structure.beginning(6.0, 0.0);
+        (theta[0], theta[1]) = ((6.0_f64 * 0.06).sqrt().ln(), (6.06 / 2.0 / (6.0_f64 * 0.06).sqrt()).ln());
+        let found = tidied(structure, 1.0, stilled(&record, structure, 1.0, theta, &Lost::gap(0.0, 1))).record;
+        let mut times = found.stretches[0].jumps.clone();
+        times.sort_by(f64::total_cmp);
+        assert_eq!(times.len(), TIMES.len(), "{times:?}");
+        for (found, truth) in times.iter().zip(TIMES) {
+            assert!((found - truth).abs() < 6.0, "{times:?}");
+        }
+    }
+
+    #[test]
     fn a_step_that_is_none_is_taken_out() {
         let (record, point) = record();
         let marked = record.with_jumps(vec![[TIMES.as_slice(), &[100.0, 390.0]].concat()]);

@@ -103,6 +103,8 @@ pub(crate) fn views(record: &Record, seeds: &[Theta], sign: f64) -> (View, f64) 
     let point = &view.profiles[0].points[view.profiles[0].best];
     let starts = [&[view.profiles[0].structure.as_pilot(&point.theta)], seeds].concat();
     let mut without = view.without;
+    // The least that anything with a gap was found to cost, whether it is believed or not.
+    let mut least = view.cost;
     for load in [Load::Levels, Load::Lines] {
         let bends = view.profiles[0].structure.noise == Noise::Slope || without - view.cost > SEES;
         if load == Load::Lines && !bends {
@@ -111,15 +113,21 @@ pub(crate) fn views(record: &Record, seeds: &[Theta], sign: f64) -> (View, f64) 
         let Some((with, none)) = steps(record, &starts, sign, load) else {
             continue;
         };
+        let rival = least;
         let pilot = Structure { noise: load.noises()[1], ..PILOT };
-        let none = plausible(&none, pilot, sign).then_some(none.cost + 2.0 * pilot.parameters() as f64);
+        let price = 2.0 * pilot.parameters() as f64;
+        let none = plausible(&none, pilot, sign).then_some(none.cost + price);
         if load == Load::Lines {
-            // A load along lines is one that any gap has to beat.
-            without = none.map_or(without, |none| without.min(none));
+            // A load along lines is one that any gap has to beat, with the steps that suit it best.
+            least = least.min(with.cost + price);
+            without = none.map_or(without, |none| without.min(view.cost + none - least));
         }
         let (with, structure) = refined(record, with, sign, load);
+        if load == Load::Levels {
+            least = least.min(with.cost + price);
+        }
         // The whole profiles may bring a little more.
-        if !few(&with.record, load) || with.cost > view.cost + 10.0 {
+        if !few(&with.record, load) || with.cost > rival + 10.0 {
             continue;
         }
         let clue = (structure, with.point);
@@ -128,10 +136,11 @@ pub(crate) fn views(record: &Record, seeds: &[Theta], sign: f64) -> (View, f64) 
         let marked = View::new(with.record, looked, Some(&clue), sign);
         let (structure, point) = marked.best();
         let best = Marked { record: marked.record.clone(), point: point.clone(), cost: marked.cost };
-        if marked.cost > view.cost || !plausible(&best, structure, sign) {
+        if marked.cost > rival || !plausible(&best, structure, sign) {
             continue;
         }
         without = without.min(marked.without).min(none.unwrap_or(without));
+        least = least.min(marked.cost);
         view = marked;
     }
     (view, without)

@@ -567,9 +567,9 @@ pub(crate) struct Evidence {
 }
 
 impl Evidence {
-    /// What the likelihood ratio of no gap must exceed: more for a bound than for a width.
+    /// What the likelihood ratio of no gap must exceed: more where OP went through the gap too seldom for a width.
     pub(crate) fn needed(&self) -> f64 {
-        let bound = self.high.is_none() || !self.often || self.noisy;
+        let bound = self.high.is_none() || !self.often;
         if bound { self.lr_needed.max(PLAIN_IF_SELDOM) } else { self.lr_needed }
     }
 }

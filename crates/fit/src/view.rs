@@ -106,7 +106,9 @@ pub(crate) fn views(record: &Record, seeds: &[Theta], sign: f64) -> (View, f64) 
     // The least that anything with a gap was found to cost, whether it is believed or not.
     let mut least = view.cost;
     for load in [Load::Levels, Load::Lines] {
-        let bends = view.profiles[0].structure.noise == Noise::Slope || without - view.cost > SEES;
+        // A load that steps, be it too seldom to be believed, does not go along lines.
+        let stepped = least < view.cost - 10.0 || few(&view.record, Load::Levels);
+        let bends = view.profiles[0].structure.noise == Noise::Slope || !stepped && without - view.cost > SEES;
         if load == Load::Lines && !bends {
             continue;
         }

@@ -544,6 +544,8 @@ def _reason(answer: dict[str, Any], verdict: str, unit: str, best: dict[str, Any
                 f"{would}, but in it the valve hardly moves: one step of PV at a time and of a size that are free "
                 "explains as much. Record while OP moves further"
             )
+        case _ if reason == "once":
+            return f"{would}, but OP goes through it one way only, once: record for longer, or while OP moves further"
         case _ if reason == "repeats":
             return (
                 f"{would}, but so would a load that repeats itself with the cycle of this loop: find what swings there "

@@ -220,7 +220,8 @@ fn together(curves: &mut [Curve]) -> Whole {
         each.fold([0; 2], |a, b| [a[0] + b[0], a[1] + b[1]])
     };
     let traversals = times(d);
-    let lr_needed = (dispersion * PLAIN.max(plain(traversals))).max(most + dispersion * PLAIN_WITHOUT_ONE);
+    let known_load = 2 * curves.iter().filter(|c| c.told.record.jumps() > 0).count() > curves.len();
+    let lr_needed = (dispersion * PLAIN.max(plain(traversals, known_load))).max(most + dispersion * PLAIN_WITHOUT_ONE);
     let many = |of: fn(&Evidence) -> bool| 2 * curves.iter().filter(|c| of(&c.told.evidence)).count() > curves.len();
     // What a slip jump brings over all, where it brings nothing it counts against it.
     let jumps = |told: &Told| told.sticking.first().map_or(0.0, |p| told.profiles[0].penalised() - p.penalised());
@@ -239,6 +240,7 @@ fn together(curves: &mut [Curve]) -> Whole {
         range,
         still: many(|e| e.still),
         often: often(lr_no_gap / dispersion, times(low), traversals),
+        once: traversals.contains(&0),
         coarse: many(|e| e.coarse),
         noisy: many(|e| e.noisy),
         tells: lr_no_jump > JUMP && 2 * jumping > curves.len(),
@@ -250,7 +252,7 @@ fn together(curves: &mut [Curve]) -> Whole {
     };
     let (verdict, reason) =
         if dispersion > DISAGREE { (Verdict::CannotTell, "windows_disagree") } else { judge(&evidence) };
-    let (trend, windows, shown) = (None, Vec::new(), 0);
+    let (trend, windows, shown, lr_needed) = (None, Vec::new(), 0, evidence.needed());
     Whole { verdict, d, low, high, lr_no_gap, lr_needed, traversals, dispersion, reason, trend, windows, shown }
 }
 

@@ -5,7 +5,7 @@ use pulp::Simd;
 use std::array;
 
 /// Models of one sample step with `N` states: those of the process, the load at its input (a random walk), and perhaps one
-/// more of first order: with `MORE` = [`DRIFT`] a drift o at the output, with [`SLOPE`] the slope of the load.
+/// more of first order: with `MORE` = [`DRIFT`] a drift o at the output, with [`SLOPE`] or [`LINES`] the slope of the load.
 ///
 /// ```text
 /// x⁺ = A·x + b·(kp·v + w)      w⁺ = w + s + n₁, variance q_load
@@ -26,6 +26,8 @@ pub(crate) struct Models<S: Simd, const R: usize, const N: usize, const MORE: us
 /// What the last state is, where there is one more.
 pub(crate) const DRIFT: usize = 1;
 pub(crate) const SLOPE: usize = 2;
+/// The same, and it is the slope that jumps where jumps are marked, not the load.
+pub(crate) const LINES: usize = 3;
 
 /// A cell before which the load may have jumped in some of the models.
 #[derive(Clone, Copy, Debug)]
@@ -238,7 +240,7 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
         for i in 0..Self::ORDER {
             x[i] = self.row(i, |j| before[j]);
         }
-        if MORE == SLOPE {
+        if MORE >= SLOPE {
             x[Self::LOAD] += before[Self::LAST];
         }
         if MORE > 0 {
@@ -264,7 +266,7 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
         for (i, row) in p.iter_mut().enumerate() {
             row[i] = all(UNKNOWN);
         }
-        if MORE > 0 {
+        if MORE > 0 && MORE != LINES {
             let at_start = self.q_more / (all(1.0) - self.pole * self.pole);
             p[Self::LAST][Self::LAST] = at_start.each(|variance| variance.min(UNKNOWN));
         }
@@ -325,7 +327,7 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
         for i in 0..Self::ORDER {
             gain.p[i][Self::LOAD] = half[i][Self::LOAD];
         }
-        if MORE == SLOPE {
+        if MORE >= SLOPE {
             // The load goes on by its slope, which all that knows of the load then knows too.
             let d = Self::LAST;
             for i in 0..Self::ORDER {
@@ -336,6 +338,14 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
             gain.p[Self::LOAD][d] = both + gain.p[d][d];
         }
         gain.p[Self::LOAD][Self::LOAD] += self.q_load;
+        if MORE > 0 {
+            let d = Self::LAST;
+            for i in 0..Self::ORDER {
+                gain.p[i][d] = self.pole * half[i][d];
+            }
+            gain.p[Self::LOAD][d] *= self.pole;
+            gain.p[d][d] = self.pole * self.pole * gain.p[d][d] + self.q_more;
+        }
         if let Some(jump) = jump {
             // What of it reaches the states within the cell; the last one follows at once, the others one after another.
             let before = Wide::load(self.simd, &jump.before);
@@ -346,19 +356,16 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
                 reached[i] = later * self.transition[i][Self::LOAD];
                 later *= before;
             }
-            for i in 0..=Self::LOAD {
-                for j in i..=Self::LOAD {
+            if MORE == LINES {
+                // The slope began to change the load before the cell did.
+                (reached[Self::LOAD], reached[Self::LAST]) = (before, Wide::all(self.simd, 1.0));
+            }
+            let (from, to) = if MORE == LINES { (Self::LOAD, Self::LAST) } else { (0, Self::LOAD) };
+            for i in from..=to {
+                for j in i..=to {
                     gain.p[i][j] += variance * reached[i] * reached[j];
                 }
             }
-        }
-        if MORE > 0 {
-            let d = Self::LAST;
-            for i in 0..Self::ORDER {
-                gain.p[i][d] = self.pole * half[i][d];
-            }
-            gain.p[Self::LOAD][d] *= self.pole;
-            gain.p[d][d] = self.pole * self.pole * gain.p[d][d] + self.q_more;
         }
         self.measure(gain);
         gain.look();

@@ -4,10 +4,10 @@
 //! A load that walks explains that badly, so a gap would have it too easy. It has to beat a load of one period instead,
 //! whatever its form: both get the harmonics of that period, and what the gap still brings is its own.
 
-use crate::looks::PILOT;
+use crate::looks::adapted;
 use crate::record::{Lost, Positions, Record};
 use crate::search::{Point, Search, dot};
-use crate::structure::{Structure, Theta};
+use crate::structure::{Noise, Structure, Theta};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
@@ -37,8 +37,15 @@ pub(crate) fn beside_a_cycle(
     without: f64,
 ) -> Option<f64> {
     let record = &record.unmarked();
-    let search = Search { record, structure: PILOT, sign };
-    let seeds: Vec<Theta> = points.iter().map(|(structure, point)| structure.as_pilot(&point.theta)).collect();
+    // The process is of the family that the gap was found in.
+    let structure = Structure { noise: Noise::Input, ..points.first()?.0 };
+    let search = Search { record, structure, sign };
+    let alike = |of: &Structure| of.lags == structure.lags && of.integrating == structure.integrating;
+    let seed = |(of, point): &(Structure, &Point)| match alike(of) {
+        true => point.theta,
+        false => adapted(structure, &of.as_pilot(&point.theta)),
+    };
+    let seeds: Vec<Theta> = points.iter().map(seed).collect();
     let none = Lost::gap(0.0, record.stretches.len());
     let frequency = frequency(&search, seeds.first()?, &none)?;
     let waves = waves(record, frequency, HARMONICS);

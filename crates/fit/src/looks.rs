@@ -3,6 +3,7 @@
 use crate::profile::Profile;
 use crate::record::{Lost, Record};
 use crate::search::{Point, Search};
+use crate::steps::Load;
 use crate::structure::{Noise, Structure, Theta};
 use rayon::prelude::*;
 
@@ -14,6 +15,10 @@ pub(crate) const PILOT: Structure = Structure { lags: 2, integrating: false, noi
 /// Less than this gained by a step ends a descent of a coarse look, of a whole profile [−2·ln L].
 const COARSELY: f64 = 0.3;
 pub(crate) const FINELY: f64 = 0.03;
+/// How near a coarse look comes to the best width, part of OP's range.
+const NARROW: f64 = 0.003;
+/// Families of which more widths are tried around the best.
+const FOLLOWED: usize = 4;
 /// Families of which the whole profile is worked out.
 pub(crate) const MOST_FAMILIES: usize = 7;
 /// Beginnings that are followed.
@@ -75,7 +80,10 @@ pub(crate) fn rescaled(theta: &Theta, finer: f64) -> Theta {
 /// A beginning for `structure` from the pilot's parameters.
 pub(crate) fn adapted(structure: Structure, pilot: &Theta) -> Theta {
     let (t, zeta, dead, q) = (pilot[0].exp(), pilot[1].exp(), pilot[2], pilot[3]);
-    let mut theta = structure.beginning((2.0 * t * zeta).max(0.1), dead);
+    // Of two lags the integrator takes the place of the longer one.
+    let shorter = t * (zeta - (zeta * zeta - 1.0).max(0.0).sqrt());
+    let lags = if structure.integrating { shorter } else { 2.0 * t * zeta };
+    let mut theta = structure.beginning(lags.max(0.1), dead);
     if structure.lags > 1 {
         (theta[0], theta[1]) = (pilot[0], pilot[1]);
     }
@@ -84,8 +92,9 @@ pub(crate) fn adapted(structure: Structure, pilot: &Theta) -> Theta {
     }
     let noise = structure.lags + 1;
     match structure.noise {
-        Noise::Still => {}
+        Noise::Still | Noise::Lines => {}
         Noise::Input => theta[noise] = q,
+        Noise::Bends => theta[noise] = -10.0,
         Noise::Output => theta[noise] = q.clamp(-6.0, 6.0),
         // The slope of a load that walked as far in ten cells.
         Noise::Slope => theta[noise] = q.clamp(-6.0, 8.0) - 4.6,
@@ -108,20 +117,21 @@ fn widened(structure: Structure, simple: &Profile) -> Theta {
 /// A coarse look with the simple disturbances, then with both together from where those ended: a profile for each family
 /// and each of the `seeds` that leads it somewhere else. In a closed loop a process with another dead time may explain PV
 /// nearly as well, and it is a family of its own.
-pub(crate) fn looks(record: &Record, seeds: &[Theta], sign: f64, near: f64) -> Vec<Profile> {
+pub(crate) fn looks(record: &Record, seeds: &[Theta], sign: f64, near: f64, load: Load) -> Vec<Profile> {
     let of = |structure| Search { record, structure, sign };
     let coarse = [0.0, 0.015, 0.05, 0.15, 0.3, 0.45, 0.6, 0.75, 0.88, 1.0].map(|part| part * record.range);
     let coarse = with_width(&coarse, near);
     let gap = Lost::gap(0.0, record.stretches.len());
     let begin = |structure: Structure| {
         // The seeds are of two lags; the other families start from the best of them.
-        let most = if structure == PILOT { MOST_SEEDS } else { 2 - usize::from(structure.integrating) };
+        let most = if structure.lags == PILOT.lags { MOST_SEEDS } else { 2 - usize::from(structure.integrating) };
         seeds.iter().take(most).map(move |seed| (structure, adapted(structure, seed)))
     };
-    let families = [Structure::with(Noise::Input), Structure::with(Noise::Output)].concat();
+    let families: &[Noise] = if load == Load::Lines { &[Noise::Bends] } else { &[Noise::Input, Noise::Output] };
+    let families: Vec<Structure> = families.iter().flat_map(|noise| Structure::with(*noise)).collect();
     // A load that goes along lines hides another process than one that walks.
     let slope = Structure { noise: Noise::Slope, ..PILOT };
-    let slopes = begun(record, sign, slope).seeds;
+    let slopes = if load == Load::Lines { Vec::new() } else { begun(record, sign, slope).seeds };
     let sloping = |structure: Structure| {
         let most = if structure == slope { MOST_SEEDS } else { 2 - usize::from(structure.integrating) };
         slopes.iter().take(most).map(move |seed| {
@@ -138,11 +148,28 @@ pub(crate) fn looks(record: &Record, seeds: &[Theta], sign: f64, near: f64) -> V
         .into_par_iter()
         .map(|(structure, begin)| Profile::over(&of(structure), &coarse, &gap, &[begin], 4, COARSELY))
         .collect();
-    let simple = distinct(simple);
+    let mut simple = distinct(simple);
+    // A gap that is narrow against all that OP does has a valley between two of the widths, which a family that is right
+    // may miss where it began badly: the width and the process that the best family finds are tried in all of them.
+    let d = leading(&simple).points[leading(&simple).best].lost.d;
+    let followed = simple.len().min(FOLLOWED);
+    simple[..followed].par_iter_mut().for_each(|p| {
+        for near in [0.9, 0.8, 1.1, 1.25] {
+            p.insert(&of(p.structure), (near * d).min(record.range), 8);
+        }
+    });
+    for _ in 0..2 {
+        let mut best = leading(&simple).clone();
+        best.refine(&of(best.structure), 1, NARROW * record.range);
+        let best = &best.points[best.best];
+        let pilot = leading(&simple).structure.as_pilot(&best.theta);
+        simple.par_iter_mut().for_each(|p| p.also(&of(p.structure), adapted(p.structure, &pilot), best.lost.d, 8));
+        simple = distinct(simple);
+    }
     let promising = leading(&simple).least() + room(record.count);
     let both: Vec<Profile> = simple
         .par_iter()
-        .filter(|p| p.least() < promising && p.structure.noise != Noise::Slope)
+        .filter(|p| p.least() < promising && matches!(p.structure.noise, Noise::Input | Noise::Output))
         .filter_map(|p| {
             let structure = Structure { noise: Noise::Both, ..p.structure };
             let both = Profile::over(&of(structure), &coarse, &gap, &[widened(structure, p)], 3, COARSELY);

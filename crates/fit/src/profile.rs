@@ -1,5 +1,6 @@
 //! The likelihood over the width d: where it is greatest, how far it stays near, what it is without a gap.
 
+use crate::looks::FINELY;
 use crate::record::{Lost, Record};
 use crate::search::{Point, Search, dot, solve};
 use crate::structure::{MOST, Structure, Theta};
@@ -21,6 +22,10 @@ pub(crate) const RISE: f64 = 8.0;
 pub(crate) const RISE_OF_STICKING: f64 = 16.0;
 /// How near the likelihood at a limit of the interval is to what it should be.
 const NEAR: f64 = 0.1;
+
+/// Rise of −2·ln L from one width to the next above which widths are looked at so many times nearer to each other.
+const STEEP: f64 = 6.0;
+const FINER: f64 = 10.0;
 
 impl Profile {
     /// Every width of `widths` (rising) with a lost motion that is otherwise like `lost`, begun from its neighbours on both sides
@@ -109,6 +114,17 @@ impl Profile {
         cost
     }
 
+    /// One more width, begun from its neighbours and from `theta` as well.
+    pub(crate) fn also(&mut self, search: &Search, theta: Theta, d: f64, rounds: usize) {
+        self.insert(search, d, rounds);
+        let point = self.points.iter_mut().find(|p| p.lost.d == d).expect("it was inserted");
+        let other = search.from(&[(theta, point.lost.clone())], rounds, FINELY, point.cost);
+        if other.cost < point.cost {
+            *point = other;
+        }
+        self.find();
+    }
+
     /// Adds widths around each of the `most` deepest valleys until their neighbours stand `fine` apart.
     pub(crate) fn refine(&mut self, search: &Search, most: usize, fine: f64) {
         for _ in 0..12 {
@@ -149,6 +165,9 @@ impl Profile {
         let (left, right) = (i.checked_sub(1).and_then(at), at(i + 1));
         let room = |beside: Option<(f64, f64)>| beside.map_or(0.0, |b| (b.0 - d).abs());
         let wide = if room(left) > room(right) { -room(left) } else { room(right) };
+        let rises = |beside: Option<(f64, f64)>| beside.is_some_and(|b| b.1 - cost > STEEP);
+        // Where the likelihood is that sharp its bottom may lie between.
+        let fine = if wide.abs() <= 1.001 * fine && (rises(left) || rises(right)) { fine / FINER } else { fine };
         if wide.abs() <= 1.001 * fine {
             return None;
         }

@@ -3,7 +3,7 @@
 use crate::kalman::{Jump, UNKNOWN, White};
 use crate::lanes::{LANES, Lanes, Wide, Work, widest};
 use crate::record::{Lost, Positions, Record};
-use crate::structure::{MOST, Structure, Theta};
+use crate::structure::{MOST, Noise, Structure, Theta};
 use pulp::Simd;
 use std::cell::RefCell;
 use std::f64::consts::PI;
@@ -73,6 +73,9 @@ struct Room {
     white: White,
     found: Innovations,
 }
+
+/// Cells in which a slope of the load may go through OP's range.
+const LONG: f64 = 100.0;
 
 /// Cells after which what the filter was told at first is forgotten.
 const SETTLED: usize = 100;
@@ -290,7 +293,7 @@ impl Search<'_> {
     }
 
     /// What the jumps of the load that are marked cost at `point` [−2·ln L]: each may lie at any cell, and be as large as OP's
-    /// range.
+    /// range, that of a slope as large as that in a hundred cells.
     pub(crate) fn surprise(&self, point: &Point) -> f64 {
         if self.record.jumps() == 0 {
             return 0.0;
@@ -301,17 +304,31 @@ impl Search<'_> {
         let white = sum / (scale * scale) / self.record.freedom();
         // What OP could do, or what PV did: a process that hardly answers OP pays no less for its jumps.
         let seen = if self.structure.integrating { 0.0 } else { self.record.span };
-        let size = (point.kp * self.record.range).abs().max(seen).powi(2) / white;
+        let mut size = (point.kp * self.record.range).abs().max(seen).powi(2) / white;
+        if matches!(self.structure.noise, Noise::Lines | Noise::Bends) {
+            size /= LONG * LONG;
+        }
         let (jumps, cells) = (self.record.jumps(), self.record.count);
         // They may come in any order: ln of the binomial coefficient.
         let places: f64 = (0..jumps).map(|j| ((cells - j) as f64 / (j + 1) as f64).ln()).sum();
         jumps as f64 * (size / (2.0 * PI)).ln().max(0.0) + 2.0 * places
     }
 
-    /// What a unit step of the load, with gain 1, leaves in the innovations over the `cells` after it, once the filter has settled.
+    /// What a unit step of the load (of its slope, where that is what jumps), with gain 1, leaves in the innovations over the
+    /// `cells` after it, once the filter has settled.
     pub(crate) fn answer(&self, theta: &Theta, cells: usize) -> Vec<f64> {
         let before = 400;
-        let step: Vec<Lanes> = (0..before + cells).map(|k| Lanes::all(if k < before { 0.0 } else { 1.0 })).collect();
+        let lines = matches!(self.structure.noise, Noise::Lines | Noise::Bends);
+        let load = |k: usize| {
+            if k < before {
+                0.0
+            } else if lines {
+                (k - before) as f64
+            } else {
+                1.0
+            }
+        };
+        let step: Vec<Lanes> = (0..before + cells).map(|k| Lanes::all(load(k))).collect();
         let mut white = White::default();
         widest(Response { structure: self.structure, theta, positions: &step, white: &mut white });
         white.of_v[before..].iter().map(|v| v[0]).collect()
@@ -565,7 +582,6 @@ pub(crate) fn solve(mut a: [[f64; MOST]; MOST], mut b: Theta, k: usize) -> Theta
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::structure::Noise;
     use pulp::Scalar;
 
     /// What a pass makes of a record with a hole and a jump of the load, in registers of the instructions `S`.
@@ -594,7 +610,8 @@ mod tests {
 
     #[test]
     fn registers_of_every_width_give_the_same_bits() {
-        for noise in [Noise::Still, Noise::Input, Noise::Output, Noise::Slope, Noise::Both] {
+        let of_lines = [Noise::Slope, Noise::Lines, Noise::Bends];
+        for noise in [Noise::Still, Noise::Input, Noise::Output, Noise::Both].into_iter().chain(of_lines) {
             for lags in [2, 3] {
                 let structure = Structure { lags, integrating: false, noise };
                 let alone = passed::<Scalar, LANES>(Scalar::new(), structure);

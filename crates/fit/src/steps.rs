@@ -1,15 +1,54 @@
-//! Steps of the load: each costs what a new level at any time of the record is worth, and is kept where it pays.
+//! Steps of the load, and bends where it goes along lines: each costs what a new level, or slope, at any time of the record is
+//! worth, and is kept where it pays.
 
 use crate::lanes::LANES;
 use crate::looks::{PILOT, adapted};
-use crate::record::{Lost, Record};
+use crate::record::{Lost, Record, Stretch};
 use crate::search::{Point, Search};
 use crate::structure::{Noise, Structure, Theta};
 use crate::view::CYCLES;
 use rayon::prelude::*;
 
-/// Fewer steps than this may each be the valve that breaks loose late.
-const FEWEST: usize = 5;
+/// What a load does between its marks.
+#[derive(Clone, Copy, PartialEq)]
+pub(crate) enum Load {
+    /// It stands still, and steps.
+    Levels,
+    /// It goes along lines, and bends.
+    Lines,
+}
+
+impl Load {
+    /// The disturbance of a load that does nothing but that, and of one that walks as well.
+    pub(crate) fn noises(self) -> [Noise; 2] {
+        match self {
+            Self::Levels => [Noise::Still, Noise::Input],
+            Self::Lines => [Noise::Lines, Noise::Bends],
+        }
+    }
+
+    fn of(structure: Structure) -> Self {
+        if matches!(structure.noise, Noise::Lines | Noise::Bends) { Self::Lines } else { Self::Levels }
+    }
+
+    /// Fewer steps than this may each be the valve that breaks loose late.
+    fn fewest(self) -> usize {
+        if self == Self::Levels { 5 } else { 2 }
+    }
+
+    /// Cells that lie between two steps at least, when they are marked and when they are moved. Two bends beside each other are a
+    /// step, which a wrong process needs.
+    fn apart(self) -> [f64; 2] {
+        if self == Self::Levels { [4.0, 2.0] } else { [15.0, 15.0] }
+    }
+
+    /// ln of the variance by which the load, or its slope, walks in a cell, in units of the noise: while steps are looked
+    /// for, and where the search begins once they are known and while they are not.
+    fn walks(self) -> [f64; 3] {
+        if self == Self::Levels { [-5.0, -8.0, -4.0] } else { [-12.0, -20.0, -12.0] }
+    }
+}
+
 /// A load that steps oftener than once in so many cells is not one whose steps can be told.
 const CELLS_A_STEP: usize = 40;
 /// Likelihood ratio that a step must bring to be tried.
@@ -22,12 +61,11 @@ const WIDER: f64 = 1.2;
 const MARKED_AT_MOST: usize = 2;
 /// Cells over which the answer to a step is looked for.
 const ANSWER: usize = 100;
+/// Beginnings with bends that are looked at nearer, and followed, with a lost motion and without.
+const LOOKED_AT: usize = 4;
+const FOLLOWED: usize = 2;
 /// Rounds in which steps are marked; in each all that lie well apart are taken.
 const ROUNDS: usize = 25;
-/// Cells that lie between two steps at least, when they are marked.
-const APART: f64 = 4.0;
-/// ln of the variance by which the load walks in a cell, in units of the noise, while its steps are looked for.
-const CALM: f64 = -5.0;
 
 /// A record with steps marked, the point that goes with them, and what it costs with them [−2·ln L].
 #[derive(Clone)]
@@ -65,16 +103,21 @@ pub(crate) fn with_large(search: &Search, point: &Point) -> Marked {
 
 /// The steps of a load that stands still between them, with the lost motion that goes with them best; and those without a
 /// lost motion. None where there are more of them than can be told.
-pub(crate) fn steps(record: &Record, seeds: &[Theta], sign: f64) -> Option<(Marked, Marked)> {
+pub(crate) fn steps(record: &Record, seeds: &[Theta], sign: f64, load: Load) -> Option<(Marked, Marked)> {
+    let pilot = Structure { noise: load.noises()[1], ..PILOT };
     let n = record.count as f64;
     let lost = |part: f64, share: f64| Lost { share, ..Lost::gap(part * record.range, record.stretches.len()) };
-    let from = |theta: Theta, part: f64, share: f64| stilled(record, PILOT, sign, theta, &lost(part, share));
+    let from = |theta: Theta, part: f64, share: f64| stilled(record, pilot, sign, theta, &lost(part, share));
     let grid = [(4.0, 0.5), (10.0, 2.0), (20.0, 2.0), (20.0, 8.0), (40.0, 10.0)];
     let grid = grid.into_iter().filter(|(t, dead)| *t < n / 8.0 && *dead < n / 12.0);
     let grid = grid.map(|(t, dead)| PILOT.beginning(t, dead)).chain(seeds.iter().copied());
     let kinds = [(0.0, 0.0), (0.1, 0.0), (0.35, 0.0), (0.15, 1.0)];
     let begun: Vec<_> = grid.flat_map(|theta| kinds.map(|(part, share)| (theta, part, share))).collect();
+    // A load along lines hides no jump: whether the valve sticks is seen once its bends are known.
+    let begun: Vec<_> = begun.into_iter().filter(|(.., share)| *share == 0.0 || load == Load::Levels).collect();
     let begun: Vec<Marked> = begun.into_par_iter().map(|(theta, part, share)| from(theta, part, share)).collect();
+    let begun = if load == Load::Lines { followed(pilot, sign, begun) } else { begun };
+    let known = begun.iter().find(|m| load == Load::Lines && m.point.lost.d == 0.0).cloned();
     let begun = least(begun);
     if too_many(&begun.record) {
         return None;
@@ -83,7 +126,8 @@ pub(crate) fn steps(record: &Record, seeds: &[Theta], sign: f64) -> Option<(Mark
     let widths = [0.0, 0.015, 0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.65, 0.8];
     let often = |part: f64| record.traversals(part * record.range).iter().all(|n| *n >= CYCLES);
     let kinds = widths.into_iter().flat_map(|part| [0.0, 0.4, 1.0].map(|share| (part, share)));
-    let kinds: Vec<_> = kinds.filter(|(part, share)| *share == 0.0 || *part > 0.0 && often(*part)).collect();
+    let sticks = |part: f64| load == Load::Levels && part > 0.0 && often(part);
+    let kinds: Vec<_> = kinds.filter(|(part, share)| *share == 0.0 || sticks(*part)).collect();
     let mut tried: Vec<Marked> =
         kinds.into_par_iter().map(|(part, share)| from(begun.point.theta, part, share)).collect();
     let none = tried[0].clone();
@@ -91,32 +135,54 @@ pub(crate) fn steps(record: &Record, seeds: &[Theta], sign: f64) -> Option<(Mark
     tried.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     tried.truncate(3);
     tried.push(none);
-    let mut tried: Vec<Marked> = tried.into_par_iter().map(|marked| settled(PILOT, sign, marked)).collect();
-    let none = tried.pop().expect("four were tried");
+    let mut tried: Vec<Marked> = tried.into_par_iter().map(|marked| settled(pilot, sign, marked)).collect();
+    let none = least(tried.pop().into_iter().chain(known));
     // Nearer widths and jumps with the steps as they are, then the steps once more.
     let mut best = least(tried);
     for by in [0.2, 0.1, 0.05] {
         let Lost { d, share, .. } = best.point.lost;
         let nearer = [(1.0 - by, 1.0), (1.0 + by, 1.0), (1.0, 0.75), (1.0, 1.3)].map(|(wider, more)| {
             let lost = Lost { d: d * wider, share: (share * more).min(1.0), ..best.point.lost.clone() };
-            let search = Search { record: &best.record, structure: PILOT, sign };
+            let search = Search { record: &best.record, structure: pilot, sign };
             let point = search.descend(best.point.theta, &lost, 6, 0.1, f64::INFINITY);
-            Marked::new(best.record.clone(), PILOT, sign, point)
+            Marked::new(best.record.clone(), pilot, sign, point)
         });
         best = least(nearer.into_iter().chain([best]));
     }
-    let again = settled(PILOT, sign, stilled(record, PILOT, sign, best.point.theta, &best.point.lost));
+    let again = settled(pilot, sign, stilled(record, pilot, sign, best.point.theta, &best.point.lost));
     Some((least([best, again]), none))
 }
 
+/// The best without a lost motion and the best with one, after the bends of a few beginnings were put where they pay most: bends
+/// that are marked late are marked twice, and hide which beginning is good.
+fn followed(structure: Structure, sign: f64, mut begun: Vec<Marked>) -> Vec<Marked> {
+    begun.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    let (none, some): (Vec<Marked>, Vec<Marked>) = begun.into_iter().partition(|m| m.point.lost.d == 0.0);
+    let [still, _] = Load::of(structure).noises().map(|noise| Structure { noise, ..structure });
+    let fewer = |marked: Marked| {
+        let record = pruned(&Search { record: &marked.record, structure: still, sign }, &marked.point);
+        let search = Search { record: &record, structure: still, sign };
+        let point = search.descend(marked.point.theta, &marked.point.lost, 8, 0.1, f64::INFINITY);
+        Marked::new(record, still, sign, point)
+    };
+    let best = |marked: Vec<Marked>| {
+        let mut fewer: Vec<Marked> = marked.into_par_iter().take(LOOKED_AT).map(fewer).collect();
+        fewer.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+        let settled = fewer.into_par_iter().take(FOLLOWED).map(|marked| settled(structure, sign, marked));
+        least(settled.collect::<Vec<_>>())
+    };
+    vec![best(none), best(some)]
+}
+
 /// Steps found with two lags, for the family that goes with them best.
-pub(crate) fn refined(record: &Record, marked: Marked, sign: f64) -> (Marked, Structure) {
+pub(crate) fn refined(record: &Record, marked: Marked, sign: f64, load: Load) -> (Marked, Structure) {
     let of = |record: &Record, structure: Structure, theta: Theta, lost: &Lost| {
         let point = Search { record, structure, sign }.descend(theta, lost, 12, 1e-2, f64::INFINITY);
         Marked::new(record.clone(), structure, sign, point)
     };
-    let (mut best, mut family) = (marked, PILOT);
-    for structure in Structure::with(Noise::Input).into_iter().skip(1) {
+    let [_, walks] = load.noises();
+    let (mut best, mut family) = (marked, Structure { noise: walks, ..PILOT });
+    for structure in Structure::with(walks).into_iter().skip(1) {
         let Point { theta, lost, .. } = &best.point;
         let mut other = of(&best.record, structure, adapted(structure, &family.as_pilot(theta)), lost);
         if other.cost < best.cost + 30.0 {
@@ -127,6 +193,9 @@ pub(crate) fn refined(record: &Record, marked: Marked, sign: f64) -> (Marked, St
         if other.cost < best.cost - 2.0 {
             (best, family) = (other, structure);
         }
+    }
+    if load == Load::Lines {
+        return (best, family);
     }
     // What is left may drift at the output instead.
     let drifts = Structure { noise: Noise::Output, ..family };
@@ -142,15 +211,17 @@ fn too_many(record: &Record) -> bool {
 }
 
 /// Whether so many steps can be those of a load.
-pub(crate) fn few(record: &Record) -> bool {
-    (FEWEST..=record.count / CELLS_A_STEP).contains(&record.jumps())
+pub(crate) fn few(record: &Record, load: Load) -> bool {
+    (load.fewest()..=record.count / CELLS_A_STEP).contains(&record.jumps())
 }
 
 /// Whether the marked steps may be those of a load: few, and not where OP goes more often than chance would have it (5 %).
 /// A load knows nothing of OP; a valve that breaks loose goes where OP has gone.
 pub(crate) fn plausible(marked: &Marked, structure: Structure, sign: f64) -> bool {
-    if !few(&marked.record) {
-        return false;
+    let load = Load::of(structure);
+    if !few(&marked.record, load) || load == Load::Lines {
+        // OP goes along the same lines: where they bend tells nothing.
+        return load == Load::Lines && few(&marked.record, load);
     }
     let (along, all) = with_op(marked, structure, sign);
     let (along, all) = (along as f64, all as f64);
@@ -160,7 +231,7 @@ pub(crate) fn plausible(marked: &Marked, structure: Structure, sign: f64) -> boo
 /// Steps that push PV the way in which OP has been pushing it, and all before which OP moved.
 fn with_op(marked: &Marked, structure: Structure, sign: f64) -> (usize, usize) {
     let Marked { record, point, .. } = marked;
-    let calm = Structure { noise: Noise::Input, ..structure };
+    let calm = Structure { noise: Load::of(structure).noises()[1], ..structure };
     let theta = calm_theta(structure, &point.theta);
     let positions = record.positions(&point.lost);
     let answer = Search { record, structure: calm, sign }.answer(&theta, ANSWER);
@@ -195,18 +266,19 @@ fn next(jumps: &[f64], cell: usize) -> usize {
 /// The same process under a load that hardly walks.
 fn calm_theta(structure: Structure, theta: &Theta) -> Theta {
     let mut calm = *theta;
-    calm[structure.lags + 1] = CALM;
+    calm[structure.lags + 1] = Load::of(structure).walks()[0];
     calm
 }
 
 /// From a beginning to a process whose load stands still between steps: steps and process in turns.
 fn stilled(record: &Record, structure: Structure, sign: f64, theta: Theta, lost: &Lost) -> Marked {
     let plain = record.unmarked();
-    let watch = Search { record: &plain, structure: Structure { noise: Noise::Input, ..structure }, sign };
-    let still = Structure { noise: Noise::Still, ..structure };
+    let [still, walks] = Load::of(structure).noises().map(|noise| Structure { noise, ..structure });
+    let watch = Search { record: &plain, structure: walks, sign };
     let turn = |theta: Theta| {
         let record = marked(&watch, &calm_theta(structure, &theta), lost, CLEAR, 0.0);
-        let point = Search { record: &record, structure: still, sign }.descend(theta, lost, 8, 0.1, f64::INFINITY);
+        let rounds = if too_many(&record) { 1 } else { 8 };
+        let point = Search { record: &record, structure: still, sign }.descend(theta, lost, rounds, 0.1, f64::INFINITY);
         Marked::new(record, still, sign, point)
     };
     let mut best = turn(theta);
@@ -225,8 +297,8 @@ fn stilled(record: &Record, structure: Structure, sign: f64, theta: Theta, lost:
 
 /// Steps that do not pay taken out, the others moved to where they pay most, and a load that may walk between them.
 fn settled(structure: Structure, sign: f64, marked: Marked) -> Marked {
-    let (still, walks) =
-        (Structure { noise: Noise::Still, ..structure }, Structure { noise: Noise::Input, ..structure });
+    let [still, walks] = Load::of(structure).noises().map(|noise| Structure { noise, ..structure });
+    let [_, known, unknown] = Load::of(structure).walks();
     let walking = |marked: Marked, q: f64| {
         let mut theta = marked.point.theta;
         theta[structure.lags + 1] = q;
@@ -235,7 +307,7 @@ fn settled(structure: Structure, sign: f64, marked: Marked) -> Marked {
         tidied(walks, sign, Marked::new(marked.record, walks, sign, point))
     };
     // Where the model is not quite that of the record, a load that walks needs fewer steps from the first.
-    least([walking(tidied(still, sign, marked.clone()), -8.0), walking(marked, -4.0)])
+    least([walking(tidied(still, sign, marked.clone()), known), walking(marked, unknown)])
 }
 
 fn tidied(structure: Structure, sign: f64, mut marked: Marked) -> Marked {
@@ -245,6 +317,9 @@ fn tidied(structure: Structure, sign: f64, mut marked: Marked) -> Marked {
         let search = Search { record: &record, structure, sign };
         let point = search.descend(marked.point.theta, &marked.point.lost, 10, 1e-2, f64::INFINITY);
         let before = std::mem::replace(&mut marked, Marked::new(record, structure, sign, point)).cost;
+        if Load::of(structure) == Load::Lines {
+            marked = shifted(structure, sign, marked);
+        }
         if marked.cost > before - 1.0 {
             break;
         }
@@ -252,9 +327,28 @@ fn tidied(structure: Structure, sign: f64, mut marked: Marked) -> Marked {
     marked
 }
 
+/// All bends earlier or later at once: PV shows a bend as late where it comes earlier and the process lags more, and OP's own
+/// moves where its dead time is shorter by as much.
+fn shifted(structure: Structure, sign: f64, marked: Marked) -> Marked {
+    let last = |y: &[f64]| y.len() as f64 - 5.0;
+    let tried = [-8.0, -4.0, -2.0, 2.0, 4.0, 8.0].map(|by| {
+        let later = |s: &Stretch| s.jumps.iter().map(|t| (t + by).clamp(5.0, last(&s.y))).collect();
+        let record = marked.record.with_jumps(marked.record.stretches.iter().map(later).collect());
+        let mut theta = marked.point.theta;
+        let lag = structure.lag(&theta);
+        theta[0] += ((lag - by) / lag).max(0.2).ln();
+        theta[structure.dead_time_at()] += by;
+        let search = Search { record: &record, structure, sign };
+        let point = search.descend(theta, &marked.point.lost, 6, 0.1, marked.point.cost);
+        Marked::new(record, structure, sign, point)
+    });
+    least(tried.into_iter().chain([marked]))
+}
+
 /// Each step at the time near by when it explains most.
 fn moved(search: &Search, point: &Point) -> Record {
     let Point { theta, lost, .. } = point;
+    let [_, beside] = Load::of(search.structure).apart();
     let mut record = search.record.clone();
     let positions = record.positions(lost);
     let mut least = search.at(theta, &positions).sum[0];
@@ -264,7 +358,12 @@ fn moved(search: &Search, point: &Point) -> Record {
             for near in [1.0, 0.125] {
                 let tried = [-6.0, -4.0, -2.0, -1.0, 1.0, 2.0, 4.0, 6.0].map(|by| {
                     let mut jumps = record.stretches[i].jumps.clone();
-                    jumps[j] = (jumps[j] + by * near).clamp(5.0, last);
+                    let time = (jumps[j] + by * near).clamp(5.0, last);
+                    // Two in one cell are one, but would count as two.
+                    let alone = jumps.iter().enumerate().all(|(other, t)| other == j || (t - time).abs() >= beside);
+                    if alone {
+                        jumps[j] = time;
+                    }
                     jumps
                 });
                 let search = Search { record: &record, ..*search };
@@ -306,12 +405,25 @@ fn pruned(search: &Search, point: &Point) -> Record {
                 without.extend((first..jumps.len()).zip(*sums).map(|(j, sum)| (search.cost(sum) + surprise, i, j)));
             }
         }
-        let (there, i, j) = without.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)).expect("there are steps");
-        if there >= cost {
+        without.sort_by(|a, b| a.0.total_cmp(&b.0));
+        // Those that do not pay and lie so far apart that one says nothing of the other, the worst alone if need be.
+        let mut out: Vec<(usize, usize)> = Vec::new();
+        for (there, i, j) in without {
+            let time = |j: usize| record.stretches[i].jumps[j];
+            let apart = out.iter().all(|(of, other)| *of != i || (time(*other) - time(j)).abs() > ANSWER as f64);
+            if there < cost && apart {
+                out.push((i, j));
+            }
+        }
+        if out.is_empty() {
             break;
         }
-        record.stretches[i].jumps.remove(j);
-        cost = there;
+        out.sort_by_key(|(_, j)| std::cmp::Reverse(*j));
+        for (i, j) in out {
+            record.stretches[i].jumps.remove(j);
+        }
+        let search = Search { record: &record, ..*search };
+        cost = search.cost(search.at(&point.theta, &positions).sum[0]) + search.surprise(point);
     }
     record
 }
@@ -320,6 +432,7 @@ fn pruned(search: &Search, point: &Point) -> Record {
 /// `least` [PV unit].
 fn marked(search: &Search, theta: &Theta, lost: &Lost, clear: f64, least: f64) -> Record {
     let mut record = search.record.clone();
+    let [apart, _] = Load::of(search.structure).apart();
     let answer = search.answer(theta, ANSWER);
     let energy: f64 = answer.iter().map(|a| a * a).sum();
     if energy < 1e-12 {
@@ -337,7 +450,7 @@ fn marked(search: &Search, theta: &Theta, lost: &Lost, clear: f64, least: f64) -
         let known = record.jumps();
         let all_left = record.by_stretch(&residual);
         for (stretch, left) in record.stretches.iter_mut().zip(all_left) {
-            let free = |k: &usize| stretch.jumps.iter().all(|j| (j - *k as f64).abs() > APART);
+            let free = |k: &usize| stretch.jumps.iter().all(|j| (j - *k as f64).abs() > apart);
             let told = told(&left, &stretch.jumps, &answer);
             let mut sizes: Vec<(usize, f64)> = (10..left.len().saturating_sub(5))
                 .map(|k| (k, told[k]))
@@ -452,6 +565,31 @@ mod tests {
         assert_eq!(times.len(), TIMES.len(), "{times:?}");
         for (found, truth) in times.iter().zip(TIMES) {
             assert!((found - truth).abs() < 0.3, "{times:?}");
+        }
+    }
+
+    #[test]
+    fn bends_are_marked_and_moved_to_their_times() {
+        let (plain, _) = record();
+        // The load goes up and down along lines, and so does a lag of six cells behind it.
+        let (mut level, mut load, mut y) = (0.0, 0.0, Vec::new());
+        for k in 0..plain.stretches[0].y.len() {
+            y.push(level + 0.1 * ((k * 7919 % 13) as f64 / 6.0 - 1.0));
+            let up = TIMES.iter().filter(|t| **t <= k as f64).count() % 2 == 0;
+            load += if up { 0.05 } else { -0.05 };
+            level += (load - level) / 6.0;
+        }
+        let u: Vec<f64> = (0..y.len()).map(|k| (k as f64 * 0.7).sin() * 0.01).collect();
+        let record = Record::new(&[(&y, &u)], 1);
+        let structure = Structure { noise: Noise::Lines, ..PILOT };
+        let mut theta = structure.beginning(6.0, 0.0);
+        (theta[0], theta[1]) = ((6.0_f64 * 0.06).sqrt().ln(), (6.06 / 2.0 / (6.0_f64 * 0.06).sqrt()).ln());
+        let found = tidied(structure, 1.0, stilled(&record, structure, 1.0, theta, &Lost::gap(0.0, 1))).record;
+        let mut times = found.stretches[0].jumps.clone();
+        times.sort_by(f64::total_cmp);
+        assert_eq!(times.len(), TIMES.len(), "{times:?}");
+        for (found, truth) in times.iter().zip(TIMES) {
+            assert!((found - truth).abs() < 6.0, "{times:?}");
         }
     }
 

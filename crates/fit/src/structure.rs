@@ -1,6 +1,6 @@
 //! The families of models that are tried: lags, an integrator or none, and where the disturbance enters.
 
-use crate::kalman::{DRIFT, Jump, Models, SLOPE, White};
+use crate::kalman::{DRIFT, Jump, LINES, Models, SLOPE, White};
 use crate::lanes::{LANES, Lanes, Wide};
 use pulp::{Scalar, Simd};
 use std::array;
@@ -14,6 +14,10 @@ pub enum Noise {
     Input,
     /// A load at the input whose slope walks and fades, and white noise on PV: it goes along lines, or follows steps late.
     Slope,
+    /// A load at the input that goes along lines, whose slope changes where it is marked, and white noise on PV.
+    Lines,
+    /// The same with a slope that walks between its marks.
+    Bends,
     /// A drift of first order at the output, and white noise on PV.
     Output,
     /// Both.
@@ -33,6 +37,11 @@ pub struct Structure {
 
 /// Variance by which a load that stands still may yet walk in a cell: nothing, but for the rounding of the filter.
 const STILL: f64 = 1e-5;
+/// The same for a slope that stands still.
+const STRAIGHT: f64 = 1e-10;
+
+/// How many times as long as the lag beside it a lag is that stands for an integrator.
+const LASTS: f64 = 50.0;
 
 /// Most parameters that a structure can have.
 pub(crate) const MOST: usize = 7;
@@ -57,8 +66,8 @@ impl Structure {
 
     fn noise_parameters(self) -> usize {
         match self.noise {
-            Noise::Still => 0,
-            Noise::Input => 1,
+            Noise::Still | Noise::Lines => 0,
+            Noise::Input | Noise::Bends => 1,
             Noise::Output | Noise::Slope => 2,
             Noise::Both => 3,
         }
@@ -80,8 +89,9 @@ impl Structure {
         let d = self.lags;
         theta[d] = dead;
         match self.noise {
-            Noise::Still => {}
+            Noise::Still | Noise::Lines => {}
             Noise::Input => theta[d + 1] = -2.0,
+            Noise::Bends => theta[d + 1] = -10.0,
             Noise::Output => (theta[d + 1], theta[d + 2]) = (-2.0, 2.0),
             Noise::Slope => (theta[d + 1], theta[d + 2]) = (-6.0, 3.0),
             Noise::Both => (theta[d + 1], theta[d + 2], theta[d + 3]) = (-3.0, -3.0, 2.0),
@@ -105,7 +115,7 @@ impl Structure {
         let d = self.lags;
         theta[d] = theta[d].clamp(0.0, (n / 6.0).min(80.0));
         // A slope of next to no variance still bends the load in the end.
-        let least = if self.noise == Noise::Slope { -30.0 } else { -10.0 };
+        let least = if matches!(self.noise, Noise::Slope | Noise::Bends) { -30.0 } else { -10.0 };
         for i in d + 1..self.parameters() {
             theta[i] = theta[i].clamp(least, 14.0);
         }
@@ -152,8 +162,11 @@ impl Structure {
     /// The nearest parameters of two lags with a load that walks.
     pub(crate) fn as_pilot(self, theta: &Theta) -> Theta {
         let mut pilot = [0.0; MOST];
-        if self.lags == 1 {
-            (pilot[0], pilot[1]) = (theta[0].max(1.0), 0.5);
+        if self.integrating {
+            // An integrator is a lag that lasts.
+            let (shorter, longer) = (theta[0].exp(), LASTS * theta[0].exp().max(1.0));
+            pilot[0] = 0.5 * (shorter * longer).ln();
+            pilot[1] = (0.5 * (shorter + longer)).ln() - pilot[0];
         } else {
             (pilot[0], pilot[1]) = (theta[0], theta[1]);
         }
@@ -161,7 +174,7 @@ impl Structure {
         pilot[2] = theta[self.dead_time_at()] + if self.lags == 3 { theta[2].exp() } else { 0.0 };
         pilot[3] = match self.noise {
             Noise::Still => -6.0,
-            Noise::Output | Noise::Slope => -2.0,
+            Noise::Output | Noise::Slope | Noise::Lines | Noise::Bends => -2.0,
             _ => theta[self.lags + 1],
         };
         pilot
@@ -191,13 +204,15 @@ impl Structure {
             }
         }
         let transition = exponential(simd, generator);
-        let nothing = Wide::all(simd, 0.0);
+        let (nothing, one) = (Wide::all(simd, 0.0), Wide::all(simd, 1.0));
         let noise = |place: usize, scale: fn(f64) -> f64| {
             Wide::load(simd, &Lanes::each(|l| scale(thetas[l][self.lags + 1 + place])))
         };
         let (q_load, q_more, pole) = match self.noise {
             Noise::Still => (Wide::all(simd, STILL), nothing, nothing),
             Noise::Input => (noise(0, f64::exp), nothing, nothing),
+            Noise::Lines => (Wide::all(simd, STILL), Wide::all(simd, STRAIGHT), one),
+            Noise::Bends => (Wide::all(simd, STILL), noise(0, f64::exp), one),
             Noise::Output => (nothing, noise(0, f64::exp), noise(1, logistic)),
             Noise::Slope => (Wide::all(simd, STILL), noise(0, f64::exp), noise(1, logistic)),
             Noise::Both => (noise(0, f64::exp), noise(1, f64::exp), noise(2, logistic)),
@@ -226,9 +241,11 @@ impl Structure {
         match (self.order(), self.noise) {
             (2, Noise::Still | Noise::Input) => with!(3, 0),
             (2, Noise::Slope) => with!(4, SLOPE),
+            (2, Noise::Lines | Noise::Bends) => with!(4, LINES),
             (2, _) => with!(4, DRIFT),
             (_, Noise::Still | Noise::Input) => with!(4, 0),
             (_, Noise::Slope) => with!(5, SLOPE),
+            (_, Noise::Lines | Noise::Bends) => with!(5, LINES),
             (_, _) => with!(5, DRIFT),
         }
     }
@@ -256,9 +273,11 @@ impl Structure {
         match (self.order(), self.noise) {
             (2, Noise::Still | Noise::Input) => with!(3, 0),
             (2, Noise::Slope) => with!(4, SLOPE),
+            (2, Noise::Lines | Noise::Bends) => with!(4, LINES),
             (2, _) => with!(4, DRIFT),
             (_, Noise::Still | Noise::Input) => with!(4, 0),
             (_, Noise::Slope) => with!(5, SLOPE),
+            (_, Noise::Lines | Noise::Bends) => with!(5, LINES),
             (_, _) => with!(5, DRIFT),
         }
     }

@@ -196,7 +196,7 @@ pub(crate) fn told(record: &Record, seeds: &[Theta], h: f64, bow: f64, question:
         profiles.iter().map(Profile::lr_no_gap).fold(f64::INFINITY, f64::min) + (lr_no_jump - JUMP).max(0.0);
     let mut lr_of_loads = lr_of_loads;
     let traversals = record.traversals(best.lost.d);
-    let plain = plain(traversals);
+    let plain = plain(traversals, record.jumps() > 0);
     if lr_no_gap.min(lr_of_loads) * trusted > plain {
         let family = &profiles[0];
         let points = [(search.structure, &best), (family.structure, &family.points[0])];
@@ -249,6 +249,7 @@ pub(crate) fn told(record: &Record, seeds: &[Theta], h: f64, bow: f64, question:
         coarse: fast && best.lost.d < SLOWLY * record.travel(),
         noisy: !search.structure.integrating && (best.kp * best.lost.d).abs() < NOISY * noise,
         often: often(lr_no_gap, record.traversals(low), traversals),
+        once: traversals.contains(&0),
         lr_no_gap,
         lr_needed,
         lr_no_answer,
@@ -259,12 +260,13 @@ pub(crate) fn told(record: &Record, seeds: &[Theta], h: f64, bow: f64, question:
         jumps_whole,
         dissent: dissent || !certain,
         repeats,
-        // Steps of the load that were found tell what drives OP, and a process slower than the swing nearly integrates.
-        swings: record.jumps() == 0
-            && !search.structure.integrating
+        // Steps and bends of the load that were found tell what drives OP, where there are enough of them. A process slower than
+        // the swing nearly integrates, and swings with a gap; not under a load that steps.
+        swings: 2 * record.jumps() < traversals[0] + traversals[1]
             && !dwells
             && record.swing(best.lost.d).is_some_and(|(mean, spread)| {
-                spread < EVEN && search.structure.lag(&best.theta) * (record.cell as f64) < mean
+                let quick = search.structure.lag(&best.theta) * (record.cell as f64) < mean;
+                spread < EVEN && (record.jumps() > 0 || quick && !search.structure.integrating)
             }),
         lined: (best.kp * best.lost.d).abs() < LINED * bow,
     };
@@ -286,7 +288,7 @@ pub(crate) fn told(record: &Record, seeds: &[Theta], h: f64, bow: f64, question:
         high: high.map(|high| high + 3.0 * record.resolution()),
         jump: best.lost.jump(),
         lr_no_gap,
-        lr_needed,
+        lr_needed: evidence.needed(),
         lr_no_jump,
         lr_no_answer,
         trust: trusted,
@@ -329,12 +331,12 @@ pub(crate) fn often(lr_no_gap: f64, low: [usize; 2], d: [usize; 2]) -> bool {
     low.iter().all(|n| *n >= least) && d.iter().all(|n| *n > least)
 }
 
-/// What OP's way through a width asks of the likelihood ratio of no gap.
-pub(crate) fn plain(traversals: [usize; 2]) -> f64 {
-    match traversals {
-        [up, down] if up.min(down) >= CYCLES => PLAIN,
-        [up, down] if up + down > 1 => PLAIN_IF_SELDOM,
-        _ => PLAIN_IF_ONCE,
+/// What OP's way through a width asks of the likelihood ratio of no gap; `known`: where a load was found that steps or bends.
+pub(crate) fn plain([up, down]: [usize; 2], known: bool) -> f64 {
+    match (up.min(down) >= CYCLES, known) {
+        (true, _) => PLAIN,
+        (false, true) => PLAIN_IF_SELDOM,
+        (false, false) => PLAIN_IF_SELDOM_AND_UNKNOWN,
     }
 }
 
@@ -342,11 +344,12 @@ pub(crate) fn plain(traversals: [usize; 2]) -> f64 {
 /// border of what d can be) exceeds 20 once in 200 000 records; loads that are no random walk and real innovations are not
 /// that tame.
 const PLAIN: f64 = 15.0;
-/// The same where OP went through the width fewer than [`CYCLES`] times each way: few break-aways may look like anything.
+/// The same for a bound, and where OP went through the width fewer than [`CYCLES`] times each way: few break-aways may look
+/// like anything.
 const PLAIN_IF_SELDOM: f64 = 45.0;
-/// The same where OP went through the width but once: a step of the load at the right moment looks like a valve that
+/// The same where what the load does is not known either: a step or a bend of it at the right moment looks like a valve that
 /// follows late.
-const PLAIN_IF_ONCE: f64 = 80.0;
+const PLAIN_IF_SELDOM_AND_UNKNOWN: f64 = 80.0;
 /// The same where twice each way is often enough for a width with two limits.
 const PLAIN_IF_TWICE: f64 = 100.0;
 /// The same for the slip jump.
@@ -544,6 +547,8 @@ pub(crate) struct Evidence {
     pub(crate) still: bool,
     /// Whether OP went through the lower limit often enough for a width.
     pub(crate) often: bool,
+    /// Whether OP went through the width one way only.
+    pub(crate) once: bool,
     /// Whether the samples are too far apart for the process, and for how fast OP goes through the gap.
     pub(crate) coarse: bool,
     /// Whether PV's noise hides what the gap makes.
@@ -561,6 +566,14 @@ pub(crate) struct Evidence {
     pub(crate) dissent: bool,
 }
 
+impl Evidence {
+    /// What the likelihood ratio of no gap must exceed: more where OP went through the gap too seldom for a width.
+    pub(crate) fn needed(&self) -> f64 {
+        let bound = self.high.is_none() || !self.often;
+        if bound { self.lr_needed.max(PLAIN_IF_SELDOM) } else { self.lr_needed }
+    }
+}
+
 pub(crate) fn judge(e: &Evidence) -> (Verdict, &'static str) {
     if e.echo.abs() > MOST_ECHO {
         return (Verdict::CannotTell, "misfit");
@@ -568,7 +581,7 @@ pub(crate) fn judge(e: &Evidence) -> (Verdict, &'static str) {
     if e.lr_no_answer < ANSWERS {
         return (Verdict::CannotTell, "no_answer");
     }
-    if e.lr_no_gap <= e.lr_needed {
+    if e.lr_no_gap <= e.needed() {
         if e.repeats {
             return (Verdict::CannotTell, "repeats");
         }
@@ -591,6 +604,9 @@ pub(crate) fn judge(e: &Evidence) -> (Verdict, &'static str) {
     }
     if e.still {
         return (Verdict::CannotTell, "still");
+    }
+    if e.once {
+        return (Verdict::CannotTell, "once");
     }
     if e.high.is_none() || !e.often {
         return (Verdict::AtLeast, "not_traversed");

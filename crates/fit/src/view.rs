@@ -1,11 +1,11 @@
-//! The record as one whose load walks, and as one whose load steps.
+//! The record as one whose load walks, as one whose load steps, and as one whose load goes along lines.
 
 use crate::looks::{FINELY, MOST_FAMILIES, PILOT, leading, looks, pilot, room, whole};
 use crate::profile::Profile;
 use crate::record::{Lost, Record};
 use crate::search::{Point, Search};
-use crate::steps::{Marked, few, plausible, refined, steps, with_large};
-use crate::structure::{Structure, Theta};
+use crate::steps::{Load, Marked, few, plausible, refined, steps, with_large};
+use crate::structure::{Noise, Structure, Theta};
 use glapp_sim::Model;
 use rayon::prelude::*;
 
@@ -74,7 +74,7 @@ impl View {
 /// the record, and with it the interval of d: so where steps were found it is looked again.
 fn walking(record: &Record, seeds: &[Theta], sign: f64) -> (Record, Vec<Profile>) {
     let mut record = record.clone();
-    let mut looked = looks(&record, seeds, sign, 0.0);
+    let mut looked = looks(&record, seeds, sign, 0.0, Load::Levels);
     let mut least = f64::INFINITY;
     for _ in 0..3 {
         let leading = leading(&looked);
@@ -89,40 +89,63 @@ fn walking(record: &Record, seeds: &[Theta], sign: f64) -> (Record, Vec<Profile>
         least = marked.cost;
         let mut seeds = pilot(&marked.record, sign).seeds;
         seeds.insert(0, leading.structure.as_pilot(&marked.point.theta));
-        looked = looks(&marked.record, &seeds, sign, 0.0);
+        looked = looks(&marked.record, &seeds, sign, 0.0, Load::Levels);
         record = marked.record;
     }
     (record, looked)
 }
 
-/// The record as one whose load walks, and as one whose load stands still between many small steps: the likelier, and what
-/// no gap costs in either.
+/// The record as one whose load walks, as one whose load stands still between many small steps, and as one whose load goes along
+/// lines: the likeliest, and what no gap costs in any.
 pub(crate) fn views(record: &Record, seeds: &[Theta], sign: f64) -> (View, f64) {
     let (with_large, looked) = walking(record, seeds, sign);
-    let walks = View::new(with_large, looked, None, sign);
-    let best = &walks.profiles[0].points[walks.profiles[0].best];
-    let starts = [&[walks.profiles[0].structure.as_pilot(&best.theta)], seeds].concat();
-    let without = walks.without;
-    let Some((with, none)) = steps(record, &starts, sign) else {
-        return (walks, without);
-    };
-    let (with, structure) = refined(record, with, sign);
-    // The whole profiles may bring a little more.
-    if !few(&with.record) || with.cost > walks.cost + 10.0 {
-        return (walks, without);
+    let mut view = View::new(with_large, looked, None, sign);
+    let point = &view.profiles[0].points[view.profiles[0].best];
+    let starts = [&[view.profiles[0].structure.as_pilot(&point.theta)], seeds].concat();
+    let mut without = view.without;
+    // The least that anything with a gap was found to cost, whether it is believed or not.
+    let mut least = view.cost;
+    for load in [Load::Levels, Load::Lines] {
+        // A load that steps, be it too seldom to be believed, does not go along lines.
+        let stepped = least < view.cost - 10.0 || few(&view.record, Load::Levels);
+        let bends = view.profiles[0].structure.noise == Noise::Slope || !stepped && without - view.cost > SEES;
+        if load == Load::Lines && !bends {
+            continue;
+        }
+        let Some((with, none)) = steps(record, &starts, sign, load) else {
+            continue;
+        };
+        let rival = least;
+        let pilot = Structure { noise: load.noises()[1], ..PILOT };
+        let price = 2.0 * pilot.parameters() as f64;
+        let none = plausible(&none, pilot, sign).then_some(none.cost + price);
+        if load == Load::Lines {
+            // A load along lines is one that any gap has to beat, with the steps that suit it best.
+            least = least.min(with.cost + price);
+            without = none.map_or(without, |none| without.min(view.cost + none - least));
+        }
+        let (with, structure) = refined(record, with, sign, load);
+        if load == Load::Levels {
+            least = least.min(with.cost + price);
+        }
+        // The whole profiles may bring a little more.
+        if !few(&with.record, load) || with.cost > rival + 10.0 {
+            continue;
+        }
+        let clue = (structure, with.point);
+        let seeds = [&[structure.as_pilot(&clue.1.theta)], seeds].concat();
+        let looked = looks(&with.record, &seeds, sign, clue.1.lost.d, load);
+        let marked = View::new(with.record, looked, Some(&clue), sign);
+        let (structure, point) = marked.best();
+        let best = Marked { record: marked.record.clone(), point: point.clone(), cost: marked.cost };
+        if marked.cost > rival || !plausible(&best, structure, sign) {
+            continue;
+        }
+        without = without.min(marked.without).min(none.unwrap_or(without));
+        least = least.min(marked.cost);
+        view = marked;
     }
-    let clue = (structure, with.point);
-    let seeds = [&[structure.as_pilot(&clue.1.theta)], seeds].concat();
-    let looked = looks(&with.record, &seeds, sign, clue.1.lost.d);
-    let steps = View::new(with.record, looked, Some(&clue), sign);
-    let (structure, point) = steps.best();
-    let best = Marked { record: steps.record.clone(), point: point.clone(), cost: steps.cost };
-    if steps.cost > walks.cost || !plausible(&best, structure, sign) {
-        return (walks, without);
-    }
-    let without = without.min(steps.without);
-    let none = if plausible(&none, PILOT, sign) { none.cost + 2.0 * PILOT.parameters() as f64 } else { without };
-    (steps, without.min(none))
+    (view, without)
 }
 
 /// The likelihood over d for the valves that stick that come nearest, best first; none where OP goes through no width often

@@ -191,7 +191,7 @@ impl<'a> Batch<'a> {
     fn told(&self, cell: usize, question: &Question) -> Option<Told> {
         let parts = self.signals();
         let (seeds, looked) = look(&parts, question.sign)?;
-        let finest = self.steps().div_ceil(MOST_CELLS).min(cell).max(1);
+        let finest = ((self.steps() + MOST_CELLS / 2) / MOST_CELLS).clamp(1, cell);
         let times = looked as f64 / finest as f64;
         let record = Record::new(&parts, finest);
         let seeds: Vec<Theta> = seeds.iter().map(|theta| rescaled(theta, times)).collect();

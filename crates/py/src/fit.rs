@@ -121,6 +121,7 @@ fn answered<'py>(py: Python<'py>, window: Window) -> PyResult<Bound<'py, PyDict>
             Noise::Input => "input",
             Noise::Output => "output",
             Noise::Slope => "slope",
+            Noise::Lines | Noise::Bends => "lines",
             Noise::Both => "both",
         };
         one.set_item("noise", noise)?;

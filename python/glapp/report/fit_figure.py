@@ -99,7 +99,8 @@ def _family(family: dict[str, Any]) -> str:
     kind = f"{family['lags']} lags" if not family["integrating"] else "integrator and lag"
     noise = {
         "input": "load at the input",
-        "slope": "load along lines",
+        "slope": "load whose slope walks",
+        "lines": "load along lines",
         "output": "drift at the output",
         "both": "load and drift",
     }

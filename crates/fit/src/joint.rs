@@ -132,9 +132,6 @@ pub(crate) fn joint(told: Vec<(Batch, Told)>, question: &Question, op: Unit, pv:
         let (trend, dispersion) = (None, 1.0);
         Whole { verdict, d, low, high, lr_no_gap, lr_needed, traversals, dispersion, reason, trend, windows, shown: 0 }
     };
-    if whole.verdict == Verdict::AtLeast {
-        whole.high = None;
-    }
     whole.trend = trend(&whole.windows);
     whole.shown = shown(&whole);
     whole.windows.iter_mut().for_each(|w| w.answer.in_units(op, pv));
@@ -252,6 +249,7 @@ fn together(curves: &mut [Curve]) -> Whole {
     };
     let (verdict, reason) =
         if dispersion > DISAGREE { (Verdict::CannotTell, "windows_disagree") } else { judge(&evidence) };
+    let high = high.filter(|_| verdict != Verdict::AtLeast);
     let (trend, windows, shown, lr_needed) = (None, Vec::new(), 0, evidence.needed());
     Whole { verdict, d, low, high, lr_no_gap, lr_needed, traversals, dispersion, reason, trend, windows, shown }
 }

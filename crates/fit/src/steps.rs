@@ -62,7 +62,7 @@ const MARKED_AT_MOST: usize = 2;
 /// Cells over which the answer to a step is looked for.
 const ANSWER: usize = 100;
 /// Beginnings with bends that are looked at nearer, and followed, with a lost motion and without.
-const LOOKED_AT: usize = 4;
+const LOOKED_AT: usize = 6;
 const FOLLOWED: usize = 2;
 /// Rounds in which steps are marked; in each all that lie well apart are taken.
 const ROUNDS: usize = 25;

@@ -285,7 +285,7 @@ pub(crate) fn told(record: &Record, seeds: &[Theta], h: f64, bow: f64, question:
         verdict,
         d: best.lost.d,
         low,
-        high: high.map(|high| high + 3.0 * record.resolution()),
+        high: high.map(|high| high + 3.0 * record.resolution()).filter(|_| verdict != Verdict::AtLeast),
         jump: best.lost.jump(),
         lr_no_gap,
         lr_needed: evidence.needed(),

@@ -41,7 +41,7 @@ impl View {
         let of = |structure| Search { record: &record, structure, sign };
         let least = leading(&looks).least();
         // No gap in any family, also in one that a gap fits badly: it costs what it costs.
-        let plain = looks.iter().map(|p| p.points[0].cost + p.penalised() - p.least()).fold(f64::INFINITY, f64::min);
+        let plain = looks.iter().map(|p| p.penalised() + p.lr_no_gap()).fold(f64::INFINITY, f64::min);
         looks.retain(|p| p.least() < least + room(record.count));
         looks.sort_by(|a, b| a.penalised().total_cmp(&b.penalised()));
         looks.truncate(MOST_FAMILIES);

@@ -229,6 +229,7 @@ fn together(curves: &mut [Curve]) -> Whole {
     let evidence = Evidence {
         echo: mean(|e| e.echo),
         d,
+        known: known_load,
         lr_no_gap,
         lr_needed,
         lr_no_answer: mean(|e| e.lr_no_answer),

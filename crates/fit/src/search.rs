@@ -68,6 +68,7 @@ enum Wanted {
 #[derive(Default)]
 struct Room {
     delayed: Vec<Lanes>,
+    shifted: Vec<f64>,
     /// Jumps of each stretch.
     jumps: Vec<Vec<Jump>>,
     white: White,
@@ -110,19 +111,19 @@ struct Local {
 }
 
 /// A pass over some of the stretches of a record: eight sets of parameters at once.
-struct Pass<'s, P, J> {
+struct Pass<'r, 's> {
     search: &'s Search<'s>,
-    room: &'s mut Room,
+    room: &'r mut Room,
     thetas: &'s [Theta; LANES],
     stretches: Range<usize>,
     /// The positions for a lane in a stretch, as far as they are wanted.
-    positions: P,
+    positions: &'s dyn Fn(usize, usize) -> &'s [f64],
     /// The jumps of the load for a lane in a stretch.
-    jumps: J,
+    jumps: &'s dyn Fn(usize, usize) -> &'s Vec<f64>,
     wanted: Wanted,
 }
 
-impl<'p, 'j, P: Fn(usize, usize) -> &'p [f64], J: Fn(usize, usize) -> &'j Vec<f64>> Work for Pass<'_, P, J> {
+impl Work for Pass<'_, '_> {
     #[inline(always)]
     fn run<S: Simd, const R: usize>(self, simd: S) {
         let Self { search, room, thetas, stretches, positions, jumps, wanted } = self;
@@ -135,14 +136,13 @@ impl<'p, 'j, P: Fn(usize, usize) -> &'p [f64], J: Fn(usize, usize) -> &'j Vec<f6
         for i in stretches.clone() {
             let from = room.delayed.len();
             let first = positions(0, i);
-            room.delayed.extend((0..first.len()).map(|k| Lanes::all(earlier(first, k, delay[0]))));
+            room.delayed.extend(earlier(first, delay[0], &mut room.shifted).map(Lanes::all));
             for l in 1..LANES {
                 // Most lanes differ in something else.
                 let v = positions(l, i);
                 if delay[l] != delay[0] || !std::ptr::eq(v, first) {
-                    for (k, delayed) in room.delayed[from..].iter_mut().enumerate() {
-                        delayed[l] = earlier(v, k, delay[l]);
-                    }
+                    let of_lane = earlier(v, delay[l], &mut room.shifted);
+                    room.delayed[from..].iter_mut().zip(of_lane).for_each(|(delayed, v)| delayed[l] = v);
                 }
             }
         }
@@ -190,7 +190,7 @@ impl Search<'_> {
     ) -> T {
         let all = 0..self.record.stretches.len();
         let jumps = |_, i: usize| &self.record.stretches[i].jumps;
-        self.pass(thetas, all, |_, i| &positions[i], jumps, wanted, |room| then(&room.found))
+        self.pass(thetas, all, &|_, i| &positions[i], &jumps, wanted, |room| then(&room.found))
     }
 
     /// Σ r² with eight other sets of jumps in one of the stretches, each as large as the record's own.
@@ -203,16 +203,16 @@ impl Search<'_> {
     ) -> Lanes {
         let all = 0..self.record.stretches.len();
         let of = |l: usize, i: usize| if i == stretch { &jumps[l] } else { &self.record.stretches[i].jumps };
-        self.pass(&[*theta; LANES], all, |_, i| &positions[i], of, Wanted::Least, |room| room.found.sum)
+        self.pass(&[*theta; LANES], all, &|_, i| &positions[i], &of, Wanted::Least, |room| room.found.sum)
     }
 
     /// See [`Pass`].
-    fn pass<'p, 'j, T>(
-        &self,
-        thetas: &[Theta; LANES],
+    fn pass<'s, T>(
+        &'s self,
+        thetas: &'s [Theta; LANES],
         stretches: Range<usize>,
-        positions: impl Fn(usize, usize) -> &'p [f64],
-        jumps: impl Fn(usize, usize) -> &'j Vec<f64>,
+        positions: &'s dyn Fn(usize, usize) -> &'s [f64],
+        jumps: &'s dyn Fn(usize, usize) -> &'s Vec<f64>,
         wanted: Wanted,
         then: impl FnOnce(&Room) -> T,
     ) -> T {
@@ -341,7 +341,7 @@ impl Search<'_> {
         for eight in inputs.chunks(LANES) {
             let of = |l: usize, i: usize| eight[l.min(eight.len() - 1)][i].as_slice();
             let jumps = |_, i: usize| &self.record.stretches[i].jumps;
-            self.pass(&[*theta; LANES], all.clone(), of, jumps, Wanted::Sums, |room| {
+            self.pass(&[*theta; LANES], all.clone(), &of, &jumps, Wanted::Sums, |room| {
                 of_y = room.white.of_y.iter().map(|y| y[0]).collect();
                 answers.extend((0..eight.len()).map(|l| room.white.of_v.iter().map(|v| v[l]).collect::<Vec<f64>>()));
             });
@@ -510,7 +510,7 @@ impl Search<'_> {
     fn beginnings(&self, point: &Point, stretch: usize, positions: &[Vec<f64>; LANES]) -> Sums {
         let jumps = &self.record.stretches[stretch].jumps;
         let of = |l: usize, _| positions[l].as_slice();
-        self.pass(&[point.theta; LANES], stretch..stretch + 1, of, |_, _| jumps, Wanted::Sums, |room| room.found.sums)
+        self.pass(&[point.theta; LANES], stretch..stretch + 1, &of, &|_, _| jumps, Wanted::Sums, |room| room.found.sums)
     }
 
     /// The best of several beginnings, each with its best starts in the gap; one that will plainly not come below `unless` or
@@ -530,13 +530,19 @@ impl Search<'_> {
     }
 }
 
-/// What `v` was `delay` cells before `k`; before its beginning what it was there.
+/// What `v` was `delay` cells before each of its cells; before its beginning what it was there. `shifted`: room for it.
 #[inline(always)]
-fn earlier(v: &[f64], k: usize, delay: f64) -> f64 {
-    let whole = delay.floor();
+fn earlier<'s>(v: &[f64], delay: f64, shifted: &'s mut Vec<f64>) -> impl Iterator<Item = f64> + use<'s> {
+    let (n, whole) = (v.len() as isize, delay.floor());
     let part = delay - whole;
-    let at = |back: isize| v[(k as isize - back).clamp(0, v.len() as isize - 1) as usize];
-    (1.0 - part) * at(whole as isize) + part * at(whole as isize + 1)
+    // `whole` cells before, from the cell before the first on.
+    let unseen = (whole as isize + 1).clamp(0, n + 1);
+    let skipped = (-1 - whole as isize).clamp(0, n);
+    shifted.clear();
+    shifted.resize(unseen as usize, v[0]);
+    shifted.extend(v[skipped as usize..].iter().take((n + 1 - unseen) as usize));
+    shifted.resize(v.len() + 1, v[v.len() - 1]);
+    shifted.windows(2).map(move |two| (1.0 - part) * two[1] + part * two[0])
 }
 
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
@@ -600,8 +606,8 @@ mod tests {
             room: &mut room,
             thetas: &thetas,
             stretches: 0..1,
-            positions: |_: usize, i: usize| positions[i].as_slice(),
-            jumps: |_: usize, i: usize| &record.stretches[i].jumps,
+            positions: &|_, i| positions[i].as_slice(),
+            jumps: &|_, i| &record.stretches[i].jumps,
             wanted: Wanted::Products,
         };
         pass.run::<S, R>(simd);

@@ -213,18 +213,21 @@ pub(crate) fn told(record: &Record, seeds: &[Theta], h: f64, bow: f64, question:
         plain
     };
     let fine = 0.001 * record.range;
+    // Marks that lie where they suit the best width make the others look worse than they are.
+    let marked = record.jumps() > 0 && record.jumps() >= traversals[0] + traversals[1];
+    let wider = if marked { BESIDE_MARKS } else { 1.0 } / trusted;
     let mut spread = Vec::new();
     if !tells {
         for profile in &mut profiles {
             let from = profile.least();
-            spread.extend(profile.within(&of(profile.structure), from, RISE / trusted, fine));
+            spread.extend(profile.within(&of(profile.structure), from, RISE * wider, fine));
         }
     }
     let certain = spread.iter().all(|s| s.0 <= 0.0);
     // A valve with another slip jump has another width, and may be as likely.
     for profile in &mut sticking {
         let beyond = profile.points.last().map(|p| p.lost.d);
-        let limits = profile.within(&of(sticks_in), as_likely, RISE_OF_STICKING / trusted, fine);
+        let limits = profile.within(&of(sticks_in), as_likely, RISE_OF_STICKING * wider, fine);
         spread.extend(limits.map(|(low, high)| (low, high.or(beyond))));
     }
     let sticks_only = |p: &&Profile| p.points[p.best].lost.share >= 1.0;
@@ -240,16 +243,17 @@ pub(crate) fn told(record: &Record, seeds: &[Theta], h: f64, bow: f64, question:
     let at_low = if low > 0.0 { reaches(&Lost { d: low, ..best.lost.clone() }) / low } else { 1.0 };
     let fast = search.structure.settles(&best.theta) * (record.cell as f64) < COARSE;
     // PV stands still while OP goes through the gap: no load follows OP so closely.
-    let dwells = fast && best.lost.d >= SLOWLY * record.travel();
+    let dwells = fast && best.lost.d >= SLOWLY * record.travel() && lr_no_gap > PLAIN_IF_SELDOM;
     let evidence = Evidence {
         echo,
         d: best.lost.d,
         // A model whose valve hardly moves is a step of PV at a time and of a size that are free.
         still: (reaches(&best.lost) / best.lost.d.max(1e-300)).min(at_low) < STIRS,
-        coarse: fast && best.lost.d < SLOWLY * record.travel(),
+        coarse: fast && (tells || best.lost.d < SLOWLY * record.travel()),
         noisy: !search.structure.integrating && (best.kp * best.lost.d).abs() < NOISY * noise,
         often: often(lr_no_gap, record.traversals(low), traversals),
         once: traversals.contains(&0),
+        known: record.jumps() > 0,
         lr_no_gap,
         lr_needed,
         lr_no_answer,
@@ -262,7 +266,8 @@ pub(crate) fn told(record: &Record, seeds: &[Theta], h: f64, bow: f64, question:
         repeats,
         // Steps and bends of the load that were found tell what drives OP, where there are enough of them. A process slower than
         // the swing nearly integrates, and swings with a gap; not under a load that steps.
-        swings: 2 * record.jumps() < traversals[0] + traversals[1]
+        swings: lr_no_gap < PLAIN_IF_SWINGS
+            && 2 * record.jumps() < traversals[0] + traversals[1]
             && !dwells
             && record.swing(best.lost.d).is_some_and(|(mean, spread)| {
                 let quick = search.structure.lag(&best.theta) * (record.cell as f64) < mean;
@@ -292,7 +297,7 @@ pub(crate) fn told(record: &Record, seeds: &[Theta], h: f64, bow: f64, question:
         lr_no_jump,
         lr_no_answer,
         trust: trusted,
-        rise: RISE / trusted,
+        rise: RISE * wider,
         traversals,
         kp,
         kp_limits: (kp - spread, kp + spread),
@@ -368,12 +373,16 @@ const SLOWLY: f64 = 25.0;
 const ANSWERS: f64 = 15.0;
 /// Spread of the times from one traversal to the next the same way, part of their mean, below which OP swings evenly.
 const EVEN: f64 = 0.3;
+/// Likelihood ratio of no gap above which OP may swing evenly: three times what loads without a gap have reached.
+const PLAIN_IF_SWINGS: f64 = 1000.0;
 /// How much more than the bow of its lines a gap must make of a PV that is recorded as lines.
 const LINED: f64 = 10.0;
 /// Part of the width that the model's valve must move for a width or a bound.
 const STIRS: f64 = 0.1;
 /// Standard deviations of PV's noise that a gap must make of PV for a width with two limits.
 const NOISY: f64 = 3.0;
+/// How much further −2·ln L may rise within the interval where as many steps or bends were marked as OP went through the width.
+const BESIDE_MARKS: f64 = 3.0;
 /// Less trust than this is not believed: it rests on the few cells that matter for d.
 const LEAST_TRUST: f64 = 0.4;
 
@@ -547,6 +556,8 @@ pub(crate) struct Evidence {
     pub(crate) still: bool,
     /// Whether OP went through the lower limit often enough for a width.
     pub(crate) often: bool,
+    /// Whether a load was found that steps or bends.
+    pub(crate) known: bool,
     /// Whether OP went through the width one way only.
     pub(crate) once: bool,
     /// Whether the samples are too far apart for the process, and for how fast OP goes through the gap.
@@ -570,7 +581,7 @@ impl Evidence {
     /// What the likelihood ratio of no gap must exceed: more where OP went through the gap too seldom for a width.
     pub(crate) fn needed(&self) -> f64 {
         let bound = self.high.is_none() || !self.often;
-        if bound { self.lr_needed.max(PLAIN_IF_SELDOM) } else { self.lr_needed }
+        if bound { self.lr_needed.max(plain([0, 0], self.known)) } else { self.lr_needed }
     }
 }
 

@@ -29,7 +29,7 @@ $(VENV)/.installed: $(VENV)/.tools $(SOURCES)
 
 test: setup lint
 	cargo test --workspace --quiet
-	$(BIN)/pytest
+	$(BIN)/pytest --numprocesses auto
 
 lint: setup
 	cargo fmt --check

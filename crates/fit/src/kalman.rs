@@ -46,15 +46,14 @@ impl Jump {
         for l in 0..LANES {
             for time in times(l) {
                 let cell = time.ceil() as usize;
-                let at = all.iter().position(|jump| jump.cell == cell).unwrap_or_else(|| {
-                    all.push(Self { cell, variance: Lanes::all(0.0), before: Lanes::all(0.0) });
-                    all.len() - 1
+                let at = all.binary_search_by_key(&cell, |jump| jump.cell).unwrap_or_else(|at| {
+                    all.insert(at, Self { cell, variance: Lanes::all(0.0), before: Lanes::all(0.0) });
+                    at
                 });
                 all[at].variance[l] = UNKNOWN;
                 all[at].before[l] = time.ceil() - time;
             }
         }
-        all.sort_by_key(|jump| jump.cell);
         all
     }
 }

@@ -86,7 +86,7 @@ class TestAnswers:
             (said(GAP, "at_least", 2.1), "wrong"),
             (said(GAP, "sound", 0.0, 1.9), "wrong"),
             (said(GAP, "sound", 0.0, 2.1), "silent"),
-            (said(GAP, "oscillation", 0.0, 1.9), "wrong"),
+            (said(GAP, "oscillation", 0.0, 1.9), "silent"),
             (said(GAP, "cannot_tell", 5.0, 9.0), "silent"),
             (said(NONE, "backlash", 0.0, 9.0), "wrong"),
             (said(NONE, "at_least", 0.0), "wrong"),

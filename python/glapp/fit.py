@@ -124,9 +124,9 @@ class Fit:
     Attributes
     ----------
     verdict : str
-        *backlash*, *stiction* (sticks and jumps, no gap beside), *both*, *oscillation* (a clean sinusoid, no gap),
-        *sound* (no gap wider than `high`), *at_least* (wider than `low`; OP did not go through the whole of it often
-        enough, or PV's noise hides how much wider), *cannot_tell*.
+        *backlash*, *stiction* (sticks and jumps, no gap beside), *both*, *oscillation* (a clean sinusoid, beside which
+        no gap shows), *sound* (no gap wider than `high`), *at_least* (wider than `low`; OP did not go through the whole
+        of it often enough, or PV's noise hides how much wider), *cannot_tell*.
     reason : str
         One sentence with the evidence.
     d : float or None

@@ -771,7 +771,8 @@ def _sinusoid(look: _Look) -> Iterator[Finding]:
             f"the error is a clean sinusoid of period {look.seconds(2 * half)} ({_percent(share)} of its power at one "
             f"frequency, peak to mean {shape:.2f} against {math.pi / 2:.2f}; half-periods of "
             f"{look.seconds(half)}, shorter than 5 Ti, {look.seconds(5 * ti)}): "
-            "a linear oscillation, not backlash; look at the tuning or for a disturbance from elsewhere",
+            "a linear oscillation, not backlash, makes the loop swing, and a gap beside it does not show; look at the "
+            "tuning or for a disturbance from elsewhere",
             {"period_s": 2 * half, "spectral_share": share, "spread": spread, "peak_to_mean": shape},
         )
 

@@ -102,8 +102,14 @@ pub(crate) fn with_large(search: &Search, point: &Point) -> Marked {
 }
 
 /// The steps of a load that stands still between them, with the lost motion that goes with them best; and those without a
-/// lost motion. None where there are more of them than can be told.
-pub(crate) fn steps(record: &Record, seeds: &[Theta], sign: f64, load: Load) -> Option<(Marked, Marked)> {
+/// lost motion. None where there are more of them than can be told. `hints`: the record with marks near which others may lie.
+pub(crate) fn steps(
+    record: &Record,
+    seeds: &[Theta],
+    sign: f64,
+    load: Load,
+    hints: &[Record],
+) -> Option<(Marked, Marked)> {
     let pilot = Structure { noise: load.noises()[1], ..PILOT };
     let n = record.count as f64;
     let lost = |part: f64, share: f64| Lost { share, ..Lost::gap(part * record.range, record.stretches.len()) };
@@ -115,7 +121,16 @@ pub(crate) fn steps(record: &Record, seeds: &[Theta], sign: f64, load: Load) -> 
     let begun: Vec<_> = grid.flat_map(|theta| kinds.map(|(part, share)| (theta, part, share))).collect();
     // A load along lines hides no jump: whether the valve sticks is seen once its bends are known.
     let begun: Vec<_> = begun.into_iter().filter(|(.., share)| *share == 0.0 || load == Load::Levels).collect();
-    let begun: Vec<Marked> = begun.into_par_iter().map(|(theta, part, share)| from(theta, part, share)).collect();
+    // PV in a loop tuned for its lag looks under a load along lines as under one that steps where those bend.
+    let still = Structure { noise: load.noises()[0], ..PILOT };
+    let hinted = |(hint, (theta, part, share)): (&Record, (Theta, f64, f64))| {
+        let search = Search { record: hint, structure: still, sign };
+        let point = search.descend(theta, &lost(part, share), 10, 0.1, f64::INFINITY);
+        Marked::new(hint.clone(), still, sign, point)
+    };
+    let near: Vec<_> = hints.iter().flat_map(|hint| begun.iter().map(move |begun| (hint, *begun))).collect();
+    let mut begun: Vec<Marked> = begun.into_par_iter().map(|(theta, part, share)| from(theta, part, share)).collect();
+    begun.par_extend(near.into_par_iter().map(hinted));
     let begun = if load == Load::Lines { followed(pilot, sign, begun) } else { begun };
     let known = begun.iter().find(|m| load == Load::Lines && m.point.lost.d == 0.0).cloned();
     let begun = least(begun);

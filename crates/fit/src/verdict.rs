@@ -172,6 +172,7 @@ pub(crate) struct Told {
 /// Answers for a record of one window, whose steps lie `h` [s] apart, and whose PV a historian may have bent by `bow` [PV unit].
 pub(crate) fn told(record: &Record, seeds: &[Theta], h: f64, bow: f64, question: &Question) -> Told {
     let (view, without) = views(record, seeds, question.sign);
+    let lr_no_answer = view.answers(question.sign);
     let View { record, mut profiles, dissent, mut sticking, sticks_in, cost, .. } = view;
     let lr_of_loads = without - cost;
     let n = record.freedom();
@@ -179,8 +180,6 @@ pub(crate) fn told(record: &Record, seeds: &[Theta], h: f64, bow: f64, question:
     let least = profiles[0].penalised();
     let mut search = of(profiles[0].structure);
     let mut best = profiles[0].points[profiles[0].best].clone();
-    let here = search.at(&best.theta, &record.positions(&best.lost));
-    let lr_no_answer = search.cost(here.sum_without[0]) - best.cost;
     // What a slip jump explains beyond a gap; what a gap explains beyond nothing is at least as much.
     let lr_no_jump = sticking.first().map_or(0.0, |stuck| (least - stuck.penalised()).max(0.0));
     let tells = lr_no_jump > JUMP;
@@ -370,7 +369,7 @@ const COARSE: f64 = 5.0;
 /// unless OP takes as many steps as this to go through the gap.
 const SLOWLY: f64 = 25.0;
 /// Likelihood ratio of a process that does not answer that a record must have.
-const ANSWERS: f64 = 15.0;
+pub(crate) const ANSWERS: f64 = 15.0;
 /// Spread of the times from one traversal to the next the same way, part of their mean, below which OP swings evenly.
 const EVEN: f64 = 0.3;
 /// Likelihood ratio of no gap above which OP may swing evenly: three times what loads without a gap have reached.

@@ -6,6 +6,7 @@ use crate::record::{Lost, Record};
 use crate::search::{Point, Search};
 use crate::steps::{Load, Marked, few, plausible, refined, steps, with_large};
 use crate::structure::{Noise, Structure, Theta};
+use crate::verdict::ANSWERS;
 use glapp_sim::Model;
 use rayon::prelude::*;
 
@@ -60,6 +61,14 @@ impl View {
         Self { record, dissent, sticking, sticks_in, cost, without: none + surprise, profiles }
     }
 
+    /// Likelihood ratio of a process that does not answer, in the best family of a gap.
+    pub(crate) fn answers(&self, sign: f64) -> f64 {
+        let Profile { structure, points, best } = &self.profiles[0];
+        let Point { theta, lost, cost, .. } = &points[*best];
+        let search = Search { record: &self.record, structure: *structure, sign };
+        search.cost(search.at(theta, &self.record.positions(lost)).sum_without[0]) - cost
+    }
+
     /// The best of all points, and its family.
     fn best(&self) -> (Structure, &Point) {
         let gap = &self.profiles[0];
@@ -105,16 +114,23 @@ pub(crate) fn views(record: &Record, seeds: &[Theta], sign: f64) -> (View, f64) 
     let mut without = view.without;
     // The least that anything with a gap was found to cost, whether it is believed or not.
     let mut least = view.cost;
+    let mut hints = Vec::new();
     for load in [Load::Levels, Load::Lines] {
-        // A load that steps, be it too seldom to be believed, does not go along lines.
-        let stepped = least < view.cost - 10.0 || few(&view.record, Load::Levels);
-        let bends = view.profiles[0].structure.noise == Noise::Slope || !stepped && without - view.cost > SEES;
+        // A load that steps does not go along lines; unless those steps are all that PV answers, as under lines in a loop that is
+        // tuned for its lag.
+        let explained = least < view.cost - 10.0;
+        let bends = view.profiles[0].structure.noise == Noise::Slope
+            || !few(&view.record, Load::Levels) && (explained || without - view.cost > SEES)
+            || load == Load::Lines && view.answers(sign) < ANSWERS;
         if load == Load::Lines && !bends {
             continue;
         }
-        let Some((with, none)) = steps(record, &starts, sign, load) else {
+        let Some((with, none)) = steps(record, &starts, sign, load, &hints) else {
             continue;
         };
+        if load == Load::Levels {
+            hints = vec![with.record.clone(), none.record.clone()];
+        }
         let rival = least;
         let pilot = Structure { noise: load.noises()[1], ..PILOT };
         let price = 2.0 * pilot.parameters() as f64;

@@ -277,7 +277,7 @@ def fit_verdict(result: Result) -> list[str]:
             lead = f"The valve of {name} shows no gap wider than {quantity(f.high, unit)}."
             do = "Nothing now."
         case "oscillation":
-            lead = f"{name} swings in a clean sinusoid: not the valve."
+            lead = f"{name} swings in a clean sinusoid: not for its valve. A gap beside it does not show."
             do = "Look at the tuning, or for a disturbance from elsewhere."
         case _:
             lead = f"OP and PV of {name} do not tell whether there is a gap."

@@ -217,9 +217,9 @@ fn together(curves: &mut [Curve]) -> Whole {
         each.fold([0; 2], |a, b| [a[0] + b[0], a[1] + b[1]])
     };
     let traversals = times(d);
-    let known_load = 2 * curves.iter().filter(|c| c.told.record.jumps() > 0).count() > curves.len();
-    let lr_needed = (dispersion * PLAIN.max(plain(traversals, known_load))).max(most + dispersion * PLAIN_WITHOUT_ONE);
     let many = |of: fn(&Evidence) -> bool| 2 * curves.iter().filter(|c| of(&c.told.evidence)).count() > curves.len();
+    let known = many(|e| e.known);
+    let lr_needed = (dispersion * PLAIN.max(plain(traversals, known))).max(most + dispersion * PLAIN_WITHOUT_ONE);
     // What a slip jump brings over all, where it brings nothing it counts against it.
     let jumps = |told: &Told| told.sticking.first().map_or(0.0, |p| told.profiles[0].penalised() - p.penalised());
     let lr_no_jump: f64 = curves.iter().map(|c| c.worth * jumps(&c.told)).sum();
@@ -229,7 +229,7 @@ fn together(curves: &mut [Curve]) -> Whole {
     let evidence = Evidence {
         echo: mean(|e| e.echo),
         d,
-        known: known_load,
+        known,
         lr_no_gap,
         lr_needed,
         lr_no_answer: mean(|e| e.lr_no_answer),

@@ -195,7 +195,8 @@ pub(crate) fn told(record: &Record, seeds: &[Theta], h: f64, bow: f64, question:
         profiles.iter().map(Profile::lr_no_gap).fold(f64::INFINITY, f64::min) + (lr_no_jump - JUMP).max(0.0);
     let mut lr_of_loads = lr_of_loads;
     let traversals = record.traversals(best.lost.d);
-    let plain = plain(traversals, record.jumps() > 0);
+    let known = record.jumps() > 0;
+    let plain = plain(traversals, known);
     if lr_no_gap.min(lr_of_loads) * trusted > plain {
         let family = &profiles[0];
         let points = [(search.structure, &best), (family.structure, &family.points[0])];
@@ -213,7 +214,7 @@ pub(crate) fn told(record: &Record, seeds: &[Theta], h: f64, bow: f64, question:
     };
     let fine = 0.001 * record.range;
     // Marks that lie where they suit the best width make the others look worse than they are.
-    let marked = record.jumps() > 0 && record.jumps() >= traversals[0] + traversals[1];
+    let marked = known && record.jumps() >= traversals[0] + traversals[1];
     let wider = if marked { BESIDE_MARKS } else { 1.0 } / trusted;
     let mut spread = Vec::new();
     if !tells {
@@ -241,18 +242,19 @@ pub(crate) fn told(record: &Record, seeds: &[Theta], h: f64, bow: f64, question:
     let reaches = |lost: &Lost| record.reach(lost);
     let at_low = if low > 0.0 { reaches(&Lost { d: low, ..best.lost.clone() }) / low } else { 1.0 };
     let fast = search.structure.settles(&best.theta) * (record.cell as f64) < COARSE;
+    let slowly = best.lost.d >= SLOWLY * record.travel();
     // PV stands still while OP goes through the gap: no load follows OP so closely.
-    let dwells = fast && best.lost.d >= SLOWLY * record.travel() && lr_no_gap > PLAIN_IF_SELDOM;
+    let dwells = fast && slowly && lr_no_gap > PLAIN_IF_SELDOM;
     let evidence = Evidence {
         echo,
         d: best.lost.d,
         // A model whose valve hardly moves is a step of PV at a time and of a size that are free.
         still: (reaches(&best.lost) / best.lost.d.max(1e-300)).min(at_low) < STIRS,
-        coarse: fast && (tells || best.lost.d < SLOWLY * record.travel()),
+        coarse: fast && (tells || !slowly),
         noisy: !search.structure.integrating && (best.kp * best.lost.d).abs() < NOISY * noise,
         often: often(lr_no_gap, record.traversals(low), traversals),
         once: traversals.contains(&0),
-        known: record.jumps() > 0,
+        known,
         lr_no_gap,
         lr_needed,
         lr_no_answer,
@@ -270,7 +272,7 @@ pub(crate) fn told(record: &Record, seeds: &[Theta], h: f64, bow: f64, question:
             && !dwells
             && record.swing(best.lost.d).is_some_and(|(mean, spread)| {
                 let quick = search.structure.lag(&best.theta) * (record.cell as f64) < mean;
-                spread < EVEN && (record.jumps() > 0 || quick && !search.structure.integrating)
+                spread < EVEN && (known || quick && !search.structure.integrating)
             }),
         lined: (best.kp * best.lost.d).abs() < LINED * bow,
     };
@@ -337,11 +339,12 @@ pub(crate) fn often(lr_no_gap: f64, low: [usize; 2], d: [usize; 2]) -> bool {
 
 /// What OP's way through a width asks of the likelihood ratio of no gap; `known`: where a load was found that steps or bends.
 pub(crate) fn plain([up, down]: [usize; 2], known: bool) -> f64 {
-    match (up.min(down) >= CYCLES, known) {
-        (true, _) => PLAIN,
-        (false, true) => PLAIN_IF_SELDOM,
-        (false, false) => PLAIN_IF_SELDOM_AND_UNKNOWN,
-    }
+    if up.min(down) >= CYCLES { PLAIN } else { seldom(known) }
+}
+
+/// The same where OP went through it too seldom.
+fn seldom(known: bool) -> f64 {
+    if known { PLAIN_IF_SELDOM } else { PLAIN_IF_SELDOM_AND_UNKNOWN }
 }
 
 /// What the likelihood ratio of no gap must exceed at least. Half a chi-square with one degree of freedom (d = 0 lies at the
@@ -559,7 +562,7 @@ pub(crate) struct Evidence {
     pub(crate) known: bool,
     /// Whether OP went through the width one way only.
     pub(crate) once: bool,
-    /// Whether the samples are too far apart for the process, and for how fast OP goes through the gap.
+    /// Whether the samples are too far apart for the process, and for how fast OP goes through the gap or for a jump in it.
     pub(crate) coarse: bool,
     /// Whether PV's noise hides what the gap makes.
     pub(crate) noisy: bool,
@@ -580,7 +583,7 @@ impl Evidence {
     /// What the likelihood ratio of no gap must exceed: more where OP went through the gap too seldom for a width.
     pub(crate) fn needed(&self) -> f64 {
         let bound = self.high.is_none() || !self.often;
-        if bound { self.lr_needed.max(plain([0, 0], self.known)) } else { self.lr_needed }
+        if bound { self.lr_needed.max(seldom(self.known)) } else { self.lr_needed }
     }
 }
 

@@ -118,11 +118,13 @@ pub(crate) fn views(record: &Record, seeds: &[Theta], sign: f64) -> (View, f64) 
     for load in [Load::Levels, Load::Lines] {
         // A load that steps does not go along lines; unless those steps are all that PV answers, as under lines in a loop that is
         // tuned for its lag.
-        let explained = least < view.cost - 10.0;
-        let bends = view.profiles[0].structure.noise == Noise::Slope
-            || !few(&view.record, Load::Levels) && (explained || without - view.cost > SEES)
-            || load == Load::Lines && view.answers(sign) < ANSWERS;
-        if load == Load::Lines && !bends {
+        let bends = || {
+            let explained = least < view.cost - 10.0;
+            view.profiles[0].structure.noise == Noise::Slope
+                || !few(&view.record, Load::Levels) && (explained || without - view.cost > SEES)
+                || view.answers(sign) < ANSWERS
+        };
+        if load == Load::Lines && !bends() {
             continue;
         }
         let Some((with, none)) = steps(record, &starts, sign, load, &hints) else {

@@ -2,7 +2,7 @@
 
 use crate::profile::{Profile, RISE, RISE_OF_STICKING};
 use crate::search::Search;
-use crate::verdict::{Answer, Evidence, JUMP, Question, Told, Verdict, judge, often, plain};
+use crate::verdict::{Answer, Evidence, JUMP, Question, Told, Verdict, judge, of_marks, often, plain};
 use crate::windows::{Batch, Unit, Window};
 use rayon::prelude::*;
 
@@ -219,13 +219,17 @@ fn together(curves: &mut [Curve]) -> Whole {
     let traversals = times(d);
     let many = |of: fn(&Evidence) -> bool| 2 * curves.iter().filter(|c| of(&c.told.evidence)).count() > curves.len();
     let known = many(|e| e.known);
-    let lr_needed = (dispersion * PLAIN.max(plain(traversals, known))).max(most + dispersion * PLAIN_WITHOUT_ONE);
+    let marks = curves.iter().map(|c| c.told.record.jumps()).sum();
+    let asked = PLAIN.max(plain(traversals, known)).max(of_marks(traversals, marks));
+    let lr_needed = (dispersion * asked).max(most + dispersion * PLAIN_WITHOUT_ONE);
     // What a slip jump brings over all, where it brings nothing it counts against it.
     let jumps = |told: &Told| told.sticking.first().map_or(0.0, |p| told.profiles[0].penalised() - p.penalised());
     let lr_no_jump: f64 = curves.iter().map(|c| c.worth * jumps(&c.told)).sum();
     let jumping = curves.iter().filter(|c| jumps(&c.told) > 0.0).count();
     let mean = |of: fn(&Evidence) -> f64| curves.iter().map(|c| of(&c.told.evidence)).sum::<f64>() / n;
     let high = high.map(|high| high + 3.0 * resolution);
+    let mut hidden: Vec<f64> = curves.iter().map(|c| c.told.evidence.hidden).collect();
+    hidden.sort_by(f64::total_cmp);
     let evidence = Evidence {
         echo: mean(|e| e.echo),
         d,
@@ -245,7 +249,7 @@ fn together(curves: &mut [Curve]) -> Whole {
         jumps_whole: many(|e| e.jumps_whole),
         repeats: many(|e| e.repeats),
         swings: many(|e| e.swings),
-        lined: many(|e| e.lined),
+        hidden: hidden[hidden.len() / 2],
         dissent: 3 * curves.iter().filter(|c| c.told.evidence.dissent).count() > curves.len(),
     };
     let (verdict, reason) =

@@ -196,7 +196,8 @@ pub(crate) fn told(record: &Record, seeds: &[Theta], h: f64, bow: f64, question:
     let mut lr_of_loads = lr_of_loads;
     let traversals = record.traversals(best.lost.d);
     let known = record.jumps() > 0;
-    let plain = plain(traversals, known);
+    let of_marks = of_marks(traversals, record.jumps());
+    let plain = plain(traversals, known).max(of_marks);
     if lr_no_gap.min(lr_of_loads) * trusted > plain {
         let family = &profiles[0];
         let points = [(search.structure, &best), (family.structure, &family.points[0])];
@@ -213,9 +214,7 @@ pub(crate) fn told(record: &Record, seeds: &[Theta], h: f64, bow: f64, question:
         plain
     };
     let fine = 0.001 * record.range;
-    // Marks that lie where they suit the best width make the others look worse than they are.
-    let marked = known && record.jumps() >= traversals[0] + traversals[1];
-    let wider = if marked { BESIDE_MARKS } else { 1.0 } / trusted;
+    let wider = if of_marks > 0.0 { BESIDE_MARKS } else { 1.0 } / trusted;
     let mut spread = Vec::new();
     if !tells {
         for profile in &mut profiles {
@@ -238,13 +237,13 @@ pub(crate) fn told(record: &Record, seeds: &[Theta], h: f64, bow: f64, question:
     let final_state = search.at(&best.theta, &positions);
     let residual = final_state.lane(0);
     let noise = (final_state.sum[0] / n).sqrt() / final_state.scale[0];
-    let echo = dot(&residual[1..], &residual[..residual.len() - 1]) / final_state.sum[0].max(1e-300);
+    let echo = echo(&residual);
     let reaches = |lost: &Lost| record.reach(lost);
     let at_low = if low > 0.0 { reaches(&Lost { d: low, ..best.lost.clone() }) / low } else { 1.0 };
     let fast = search.structure.settles(&best.theta) * (record.cell as f64) < COARSE;
     let slowly = best.lost.d >= SLOWLY * record.travel();
-    // PV stands still while OP goes through the gap: no load follows OP so closely.
-    let dwells = fast && slowly && lr_no_gap > PLAIN_IF_SELDOM;
+    // PV stands still while OP goes through the gap: no load follows OP so closely, unless most of each swing is lost.
+    let dwells = fast && slowly && lr_no_gap > PLAIN_IF_SELDOM && 2.0 * best.lost.d < record.range;
     let evidence = Evidence {
         echo,
         d: best.lost.d,
@@ -274,7 +273,7 @@ pub(crate) fn told(record: &Record, seeds: &[Theta], h: f64, bow: f64, question:
                 let quick = search.structure.lag(&best.theta) * (record.cell as f64) < mean;
                 spread < EVEN && (known || quick && !search.structure.integrating)
             }),
-        lined: (best.kp * best.lost.d).abs() < LINED * bow,
+        hidden: LINED * bow / best.kp.abs().max(1e-300),
     };
     let (verdict, reason) = judge(&evidence);
     let h = h * record.cell as f64;
@@ -347,6 +346,12 @@ fn seldom(known: bool) -> f64 {
     if known { PLAIN_IF_SELDOM } else { PLAIN_IF_SELDOM_AND_UNKNOWN }
 }
 
+/// What steps and bends of the load ask of it that were marked where there are as many of them as OP went through the width, else
+/// 0: they lie where they suit the best width, and make the others look worse than they are.
+pub(crate) fn of_marks([up, down]: [usize; 2], marks: usize) -> f64 {
+    if marks < up + down { 0.0 } else { PLAIN_OF_A_MARK * marks as f64 }
+}
+
 /// What the likelihood ratio of no gap must exceed at least. Half a chi-square with one degree of freedom (d = 0 lies at the
 /// border of what d can be) exceeds 20 once in 200 000 records; loads that are no random walk and real innovations are not
 /// that tame.
@@ -357,6 +362,8 @@ const PLAIN_IF_SELDOM: f64 = 45.0;
 /// The same where what the load does is not known either: a step or a bend of it at the right moment looks like a valve that
 /// follows late.
 const PLAIN_IF_SELDOM_AND_UNKNOWN: f64 = 80.0;
+/// The same for each of as many steps or bends of the load as OP went through the width.
+const PLAIN_OF_A_MARK: f64 = 8.0;
 /// The same where twice each way is often enough for a width with two limits.
 const PLAIN_IF_TWICE: f64 = 100.0;
 /// The same for the slip jump.
@@ -367,6 +374,8 @@ const SLIPS: f64 = 4.0;
 const LEAST_LOW: f64 = 0.2;
 /// Greatest correlation of innovations with those a cell before: no model that leaves more of PV unexplained is believed.
 const MOST_ECHO: f64 = 0.25;
+/// Median sizes of an innovation that it counts as at most there: three standard deviations of a normal one.
+const TAME: f64 = 4.5;
 /// Where the process settles in fewer steps than this, PV is sampled too seldom to tell a gap from what OP did between them;
 const COARSE: f64 = 5.0;
 /// unless OP takes as many steps as this to go through the gap.
@@ -543,6 +552,16 @@ impl Errors {
     }
 }
 
+/// Correlation of innovations with those a cell before. What is larger than [`TAME`] times their median size counts as so large: a
+/// sample that is far off leaves one innovation as large and another against it, which is no fault of the model.
+fn echo(innovations: &[f64]) -> f64 {
+    let mut sizes: Vec<f64> = innovations.iter().map(|e| e.abs()).collect();
+    let middle = sizes.len() / 2;
+    let most = TAME * *sizes.select_nth_unstable_by(middle, f64::total_cmp).1;
+    let tame: Vec<f64> = innovations.iter().map(|e| e.clamp(-most, most)).collect();
+    dot(&tame[1..], &tame[..tame.len() - 1]) / dot(&tame, &tame).max(1e-300)
+}
+
 /// What the verdict rests on.
 #[derive(Clone, Debug)]
 pub(crate) struct Evidence {
@@ -573,8 +592,8 @@ pub(crate) struct Evidence {
     pub(crate) repeats: bool,
     /// Whether OP swings to and fro in almost even time, though no gap makes this process do that.
     pub(crate) swings: bool,
-    /// Whether PV is recorded as lines that bend too coarsely for what the gap makes of it.
-    pub(crate) lined: bool,
+    /// Width that makes too little of PV for how coarsely the lines bend that PV is recorded as.
+    pub(crate) hidden: f64,
     /// Whether a family that predicts nearly as well as the best sees a gap.
     pub(crate) dissent: bool,
 }
@@ -599,7 +618,10 @@ pub(crate) fn judge(e: &Evidence) -> (Verdict, &'static str) {
             return (Verdict::CannotTell, "repeats");
         }
         return match e.high {
-            Some(high) if e.low <= 0.0 && high < 0.25 * e.range && !e.dissent => (Verdict::Sound, "no_gap"),
+            Some(high) if e.low <= 0.0 && high < 0.25 * e.range && !e.dissent => match high < e.hidden {
+                true => (Verdict::CannotTell, "lined"),
+                false => (Verdict::Sound, "no_gap"),
+            },
             _ => (Verdict::CannotTell, "may_be_a_gap"),
         };
     }
@@ -612,7 +634,7 @@ pub(crate) fn judge(e: &Evidence) -> (Verdict, &'static str) {
     if e.swings {
         return (Verdict::CannotTell, "swings");
     }
-    if e.lined {
+    if e.d < e.hidden {
         return (Verdict::CannotTell, "lined");
     }
     if e.still {
@@ -639,6 +661,23 @@ pub(crate) fn judge(e: &Evidence) -> (Verdict, &'static str) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn samples_that_are_off_are_no_echo() {
+        let mut draws = Draws::new(1, 0);
+        let mut uniform = || (draws.next() >> 11) as f64 / (1u64 << 53) as f64 - 0.5;
+        let mut alone: Vec<f64> = (0..1000).map(|_| uniform()).collect();
+        let mut moving = vec![0.0; 1000];
+        for i in 1..1000 {
+            moving[i] = 0.5 * moving[i - 1] + uniform();
+        }
+        for i in (10..1000).step_by(100) {
+            (alone[i], alone[i + 1]) = (20.0, -15.0);
+        }
+        assert!(echo(&alone).abs() < 0.2, "{}", echo(&alone));
+        assert!((echo(&moving) - 0.5).abs() < 0.05, "{}", echo(&moving));
+        assert_eq!(echo(&[0.0; 10]), 0.0);
+    }
 
     #[test]
     fn invented_records_share_no_noise() {

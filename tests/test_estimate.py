@@ -262,6 +262,10 @@ def test_other_loops_are_told_for_what_they_are() -> None:
     assert any("cascade" in finding.text for finding in slave.quality)
 
 
+FILTER = 0.155
+"""Half of Ti [s], so that noise makes half-periods that look like backlash."""
+
+
 def feed(s: Simulation, **changes: Any) -> Estimator:
     estimator = Estimator(loop(**changes), h=s.t[1] - s.t[0])
     estimator.update_many(s.t, s.sp, s.pv, s.op)
@@ -276,7 +280,7 @@ def noisy() -> Simulation:
 
 def test_a_stream_shows_no_width_that_noise_can_feign(noisy: Simulation) -> None:
     """It showed the width of a gap that is not there, from nine detections."""
-    estimator = feed(noisy, tf=0.155)
+    estimator = feed(noisy, tf=FILTER)
     said, floor = estimator.median_mean, estimator.noise_floor
     assert said is not None and floor is not None
     assert said[4] == 9 and 0.0 < said[0] < floor
@@ -284,7 +288,7 @@ def test_a_stream_shows_no_width_that_noise_can_feign(noisy: Simulation) -> None
     halves = estimator.half_periods
     assert np.isnan(halves.d_hat[halves.median_mean < halves.noise_floor]).all()
     # One at a time the same is shown.
-    single = Estimator(loop(tf=0.155), h=0.05)
+    single = Estimator(loop(tf=FILTER), h=0.05)
     last = None
     for row in zip(noisy.t, noisy.sp, noisy.pv, noisy.op, strict=True):
         last = single.update(*row) or last
@@ -293,7 +297,7 @@ def test_a_stream_shows_no_width_that_noise_can_feign(noisy: Simulation) -> None
 
 
 def test_a_stream_shows_the_width_that_is_there(worn: Simulation) -> None:
-    estimator = feed(worn, tf=0.155)
+    estimator = feed(worn, tf=FILTER)
     assert estimator.estimate == estimator.median_mean
     assert estimator.estimate is not None and estimator.estimate[0] == pytest.approx(0.05, rel=0.15)
 
@@ -301,8 +305,8 @@ def test_a_stream_shows_the_width_that_is_there(worn: Simulation) -> None:
 @pytest.mark.parametrize("kp", [1.0, None])
 def test_stream_and_analysis_have_one_floor(noisy: Simulation, worn: Simulation, kp: float | None) -> None:
     for s in (noisy, worn):
-        result = shown(s, tf=0.155, process={"kp": kp} if kp else {})
-        estimator = feed(s, tf=0.155, process={"kp": kp} if kp else {})
+        result = shown(s, tf=FILTER, process={"kp": kp} if kp else {})
+        estimator = feed(s, tf=FILTER, process={"kp": kp} if kp else {})
         assert result.noise_floor == estimator.noise_floor is not None
         assert (result.d_hat is None) == (estimator.estimate is None)
 
@@ -311,7 +315,7 @@ def test_the_floor_is_saved_and_an_older_save_can_be_read(noisy: Simulation) -> 
     half = noisy.t.size // 2 + 7
     first = [x[:half] for x in (noisy.t, noisy.sp, noisy.pv, noisy.op)]
     second = [x[half:] for x in (noisy.t, noisy.sp, noisy.pv, noisy.op)]
-    whole, cut = feed(noisy, tf=0.155), Estimator(loop(tf=0.155), h=0.05)
+    whole, cut = feed(noisy, tf=FILTER), Estimator(loop(tf=FILTER), h=0.05)
     cut.update_many(*first)
     saved = cut.save()
     restored = Estimator.load(saved)

@@ -85,13 +85,10 @@ def test_samples_too_far_apart_or_a_single_move_of_op_feign_no_gap(name: str, to
     assert f.verdict == "cannot_tell" and told in f.reason, f.reason
 
 
-@pytest.mark.parametrize("name", ["both/steps/inside/5"])
-def test_a_gap_that_the_noise_hides_gets_a_bound_and_no_width(name: str) -> None:
-    made = record(name)
-    assert made is not None
-    f, truth = glapp.fit(made[0].recording), made[1]
+def test_a_gap_that_the_noise_hides_gets_a_bound_and_no_width() -> None:
+    f = simulated(d=0.05, noise=0.06, t_end=1000, load=[(40.0 * k, 0.3 * (k % 2)) for k in range(1, 25)])
     assert f.verdict == "at_least" and f.high is None and "noise hides" in f.reason, f.reason
-    assert f.low is not None and 0 < f.low < truth.d
+    assert f.low is not None and 0.02 < f.low < 0.05
 
 
 def walk(rate: float, h: float, t_end: float, seed: int) -> Any:
@@ -202,6 +199,15 @@ LINED = ["swinging door/gap/214", "swinging door/gap/226"]
 @pytest.mark.parametrize("name", MARKED + UNKNOWN + WIDE + LINED)
 def test_what_is_said_under_such_loads_is_true(name: str) -> None:
     assert Answer.to(confusing(name), 1500).told != "wrong"
+
+
+@pytest.mark.parametrize("name", ["none/ramps/inside/0", "oscillation/sine/outside/0"])
+def test_a_bound_that_noise_hides_needs_as_much_as_any_other(name: str) -> None:
+    """0.007 and 0.07 were once lost at least, where 17 and 15 units were asked."""
+    made = record(name)
+    assert made is not None
+    f = glapp.fit(made[0].recording)
+    assert f.verdict == "cannot_tell", f.reason
 
 
 @pytest.mark.parametrize("number", [18, 209])

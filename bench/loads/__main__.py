@@ -61,6 +61,7 @@ def main() -> None:
     parser.add_argument("--gaps", type=lambda text: text.split(","), default=["none", "gap"], help="'none' or 'gap'")
     parser.add_argument("--jobs", type=int, default=2, help="processes")
     parser.add_argument("--out", type=Path, default=OUT, help="where the answers go")
+    parser.add_argument("--resume", action="store_true", help="go on with the answers that are there")
     parser.add_argument("--against", type=Path, help="older answers")
     parser.add_argument("--docs", action="store_true", help="write the table into docs/truth.md")
     given = parser.parse_args()
@@ -71,8 +72,10 @@ def main() -> None:
     names = [f"{row}/{gap}/{number}" for number in numbers for row in given.rows for gap in given.gaps]
     before = [] if given.against is None else read(given.against)
     given.out.parent.mkdir(exist_ok=True)
-    answers = []
-    with ProcessPoolExecutor(given.jobs) as pool, given.out.open("w", encoding="utf-8") as file:
+    answers = read(given.out) if given.resume and given.out.exists() else []
+    known = {answer.truth.name for answer in answers}
+    names = [name for name in names if name not in known]
+    with ProcessPoolExecutor(given.jobs) as pool, given.out.open("a" if known else "w", encoding="utf-8") as file:
         for answer in track(pool.map(ask, names), "asking", len(names), disable=not sys.stderr.isatty()):
             answers.append(answer)
             print(answer.to_json(), file=file, flush=True)

@@ -599,9 +599,9 @@ pub(crate) struct Evidence {
 }
 
 impl Evidence {
-    /// What the likelihood ratio of no gap must exceed: more where OP went through the gap too seldom for a width.
+    /// What the likelihood ratio of no gap must exceed: more for a bound.
     pub(crate) fn needed(&self) -> f64 {
-        let bound = self.high.is_none() || !self.often;
+        let bound = self.high.is_none() || !self.often || self.noisy;
         if bound { self.lr_needed.max(seldom(self.known)) } else { self.lr_needed }
     }
 }

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glapp.errors import InputError
-from glapp.identify import Identification, identify
+from glapp.identify import Identification, identified
 from glapp.plant import PLANTS
 from glapp.scenario import Gaussian, Scenario, Walk
 from glapp.simulate import run
@@ -148,7 +148,7 @@ class Answer:
 
 def answer(made: Record) -> Answer:
     """Ask, and compare with the truth."""
-    return compared(made, identify(made.t, made.sp, made.pv, made.op))
+    return compared(made, identified(made.t, made.sp, made.pv, made.op))
 
 
 def compared(made: Record, found: Identification) -> Answer:

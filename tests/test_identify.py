@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from glapp.identify import R2_USABLE, Identification, frozen_steps, identify, in_runs
+from glapp.identify import R2_USABLE, Identification, frozen_steps, identified, in_runs
 from glapp.simulate import Walk, closed_loop
 from glapp.tuning import amigo_step
 
@@ -100,7 +100,7 @@ def pick(found: Identification) -> tuple[float, float]:
 def test_exact_law_is_found_exactly(k: float, ti: float, h: float, b: float) -> None:
     scale = {0.02: 1e-2}.get(k, 1.0)  # a small gain goes with a large PV range
     t, sp, pv, op = loop(k=k / scale, ti=ti, h=h, b=b, setpoints={200 * h: 52.0, 900 * h: 49.0})
-    found = identify(t, sp, pv, 50 + (op - 50) * scale)
+    found = identified(t, sp, pv, 50 + (op - 50) * scale)
     assert pick(found) == pytest.approx((k, ti), rel=1e-6)
     assert found.setpoint_weight == pytest.approx(b, abs=1e-6)
     assert found.usable and found.reason == "" and found.r2 == pytest.approx(1)
@@ -110,7 +110,7 @@ def test_exact_law_is_found_exactly(k: float, ti: float, h: float, b: float) -> 
 @pytest.mark.parametrize("h", [2.0, 4.0])
 def test_a_controller_faster_than_the_recording_lies_in_the_interval_with_k_over_ti_right(runs: int, h: float) -> None:
     for seed in range(3):
-        found = identify(*loop(h=h, runs=runs, time_constant=40, seed=seed))
+        found = identified(*loop(h=h, runs=runs, time_constant=40, seed=seed))
         k, ti = pick(found)
         assert k / ti == pytest.approx(1 / 20, rel=0.03)
         assert found.k_low < 1 < found.k_high and found.ti_low < 20 < found.ti_high
@@ -127,7 +127,7 @@ def test_interval_of_the_scatter_covers_with_correlated_residuals() -> None:
             error = np.zeros(t.size)
             for i in range(1, t.size):
                 error[i] = correlation * error[i - 1] + 0.05 * math.sqrt(1 - correlation**2) * rng.standard_normal()
-            found = identify(t, sp, pv, op + error)
+            found = identified(t, sp, pv, op + error)
             k, ti = pick(found)
             # The part that stands for the timing within a step is taken off: here the truth is the current error.
             covered += (found.k_low <= 1 <= found.k_high - k / ti, found.ti_low <= 20 <= found.ti_high - 1)
@@ -137,7 +137,7 @@ def test_interval_of_the_scatter_covers_with_correlated_residuals() -> None:
 @pytest.mark.parametrize("op_step", [0.02, 0.1])
 def test_quantised_op(op_step: float) -> None:
     for seed in range(3):
-        found = identify(*loop(op_step=op_step, seed=seed, load=0.1))
+        found = identified(*loop(op_step=op_step, seed=seed, load=0.1))
         assert pick(found) == pytest.approx((1, 20), rel=0.1)
         assert found.usable
 
@@ -155,7 +155,7 @@ def test_manual_saturation_nan_gaps_and_bad_times_are_left_out() -> None:
     op[2000:] += 5
     t[2500] = t[2499]
     t[2700] = t[2690]
-    found = identify(t, sp, pv, op, flags, limits=(45, 55))
+    found = identified(t, sp, pv, op, flags, limits=(45, 55))
     assert pick(found) == pytest.approx((1, 20), rel=1e-3)
     assert found.usable and found.samples < 2600
 
@@ -164,7 +164,7 @@ def test_a_few_unrecorded_bumps_do_not_move_the_values() -> None:
     t, sp, pv, op = loop(n=3000)
     for i in range(300, 3000, 400):
         op[i:] += 2.0
-    found = identify(t, sp, pv, op)
+    found = identified(t, sp, pv, op)
     assert pick(found) == pytest.approx((1, 20), rel=0.02)
     assert found.r2 < 0.9 and not found.usable and "R²" in found.reason  # yet they are not hidden
 
@@ -172,7 +172,7 @@ def test_a_few_unrecorded_bumps_do_not_move_the_values() -> None:
 def test_op_recorded_a_sample_late_or_early() -> None:
     t, sp, pv, op = loop()
     for lag, word in ((1, "late"), (-1, "early")):
-        found = identify(t, sp, pv, np.roll(op, lag))
+        found = identified(t, sp, pv, np.roll(op, lag))
         assert pick(found) == pytest.approx((1, 20), rel=0.01)
         assert word in found.note
 
@@ -180,7 +180,7 @@ def test_op_recorded_a_sample_late_or_early() -> None:
 @pytest.mark.parametrize(("filters", "tf"), [(1, 6.0), (2, 2.0), (2, 0.7)])
 @pytest.mark.parametrize("gap", [0.0, 1.0])
 def test_pv_recorded_before_the_filter_of_the_controller(filters: int, tf: float, gap: float) -> None:
-    found = identify(*loop(n=4000, noise=0.3, tf=tf, filters=filters, gap=gap, b=0.0, setpoints={900: 52.0}))
+    found = identified(*loop(n=4000, noise=0.3, tf=tf, filters=filters, gap=gap, b=0.0, setpoints={900: 52.0}))
     assert pick(found) == pytest.approx((1, 20), rel=0.03)
     assert f"{filters} x Tf" in found.note and found.usable
     assert found.setpoint_weight == pytest.approx(0, abs=0.05)
@@ -203,7 +203,7 @@ def holds(found: Identification, k: float, ti: float, td: float = 0.0) -> bool:
 @pytest.mark.parametrize("every", [1, 4])
 def test_a_filter_that_nobody_recorded_does_not_hide_the_settings(every: int) -> None:
     """K came out as 0.483 (to 0.503), Ti as 1.2 s with R² 0.999: the filter before the controller was missed."""
-    found = identify(*simulated("P1", (0.781, 4.04), every, h=0.05, t_end=400))
+    found = identified(*simulated("P1", (0.781, 4.04), every, h=0.05, t_end=400))
     assert pick(found) == pytest.approx((0.781, 4.04), rel=0.05)
     assert holds(found, 0.781, 4.04) and found.usable
     assert found.k_high / found.k_low < 1.2
@@ -214,7 +214,7 @@ def test_a_filter_that_nobody_recorded_does_not_hide_the_settings(every: int) ->
 def test_derivative_action_is_found_with_its_filter(plant: str, every: int, op_step: float) -> None:
     """A PID passed for a PI with K and Ti up to half as large again."""
     k, ti, td, _ = amigo_step(plant, "PID").controller
-    found = identify(*simulated(plant, (k, ti, td), every, h=ti / 100, t_end=30 * ti, op_resolution=op_step))
+    found = identified(*simulated(plant, (k, ti, td), every, h=ti / 100, t_end=30 * ti, op_resolution=op_step))
     assert holds(found, k, ti, td), found
     assert found.usable and found.td_high > 0
     assert pick(found) == pytest.approx((k, ti), rel=0.2)
@@ -227,7 +227,7 @@ def test_what_one_sample_in_ti_leaves_open_is_in_the_interval() -> None:
     for plant, h in (("P2", 2.0), ("P5", 1.0), ("P4", 2.5)):
         k, ti, td, _ = amigo_step(plant, "PI").controller
         every = 40
-        found = identify(*simulated(plant, (k, ti), every, h=h / every, t_end=1000 * h))
+        found = identified(*simulated(plant, (k, ti), every, h=h / every, t_end=1000 * h))
         assert holds(found, k, ti, td), (plant, found)
 
 
@@ -235,7 +235,7 @@ def test_a_long_recording_is_known_by_its_liveliest_stretches() -> None:
     t, sp, pv, op = loop(n=40_000, load=0.1)
     op[20_000:22_000] = 50.0  # OP stands still: nothing to learn there, and nothing of the law
     flags = (op == 50.0).astype(np.uint8)
-    found = identify(t, sp, pv, op, flags)
+    found = identified(t, sp, pv, op, flags)
     assert pick(found) == pytest.approx((1, 20), rel=1e-3)
     assert found.usable and found.samples > 37_000
 
@@ -245,7 +245,7 @@ def test_repeated_rows_of_a_historian_that_stood_still_are_left_out() -> None:
     for i in range(100, 3000, 100):
         for x in (pv, op):
             x[i : i + 40] = x[i]
-    found = identify(t, sp, pv, op)
+    found = identified(t, sp, pv, op)
     assert pick(found) == pytest.approx((1, 20), rel=1e-3)
     assert found.usable
 
@@ -255,8 +255,8 @@ def test_repeated_rows_of_a_historian_that_stood_still_are_left_out() -> None:
 @pytest.mark.parametrize("scale_t", [0.01, 60.0])
 def test_scaling(scale_pv: float, scale_op: float, scale_t: float) -> None:
     t, sp, pv, op = loop(n=800, op_step=0.05, setpoints={300: 51.0})
-    one = identify(t, sp, pv, op)
-    other = identify(t * scale_t, sp * scale_pv, pv * scale_pv, op * scale_op)
+    one = identified(t, sp, pv, op)
+    other = identified(t * scale_t, sp * scale_pv, pv * scale_pv, op * scale_op)
     k = scale_op / scale_pv
     for name, factor in {"k": k, "k_low": k, "k_high": k, "ti": scale_t, "ti_low": scale_t, "r2": 1.0}.items():
         assert getattr(other, name) == pytest.approx(getattr(one, name) * factor, rel=1e-4), name
@@ -264,19 +264,19 @@ def test_scaling(scale_pv: float, scale_op: float, scale_t: float) -> None:
 
 def test_sign_symmetry() -> None:
     t, sp, pv, op = loop(n=800, op_step=0.05)
-    one, other = identify(t, sp, pv, op), identify(t, sp, pv, -op)
+    one, other = identified(t, sp, pv, op), identified(t, sp, pv, -op)
     assert other.k == pytest.approx(-one.k) and other.ti == pytest.approx(one.ti)
     assert (other.k_low, other.k_high) == pytest.approx((-one.k_high, -one.k_low))
-    assert identify(t, -sp, -pv, -op).k == pytest.approx(one.k)
+    assert identified(t, -sp, -pv, -op).k == pytest.approx(one.k)
 
 
 def test_setpoint_weight_is_told_only_where_sp_moves() -> None:
-    assert identify(*loop()).setpoint_weight is None
+    assert identified(*loop()).setpoint_weight is None
     moving = loop(b=0.3, setpoints={300: 53.0, 900: 50.0, 1500: 54.0})
-    assert identify(*moving).setpoint_weight == pytest.approx(0.3, abs=0.02)
-    assert identify(*moving, setpoint_weight=0.3).k == pytest.approx(1, rel=1e-6)
-    assert identify(*moving, setpoint_weight=0.3).setpoint_weight == 0.3
-    assert not identify(*moving, setpoint_weight=1.0).r2 > 0.999
+    assert identified(*moving).setpoint_weight == pytest.approx(0.3, abs=0.02)
+    assert identified(*moving, setpoint_weight=0.3).k == pytest.approx(1, rel=1e-6)
+    assert identified(*moving, setpoint_weight=0.3).setpoint_weight == 0.3
+    assert not identified(*moving, setpoint_weight=1.0).r2 > 0.999
 
 
 def test_what_is_no_pi_controller_is_not_usable() -> None:
@@ -295,19 +295,19 @@ def test_what_is_no_pi_controller_is_not_usable() -> None:
         "no OP": None,
     }
     for words, op in cases.items():
-        found = identify(t, sp, pv, op)
+        found = identified(t, sp, pv, op)
         assert not found.usable and words in found.reason, (words, found)
 
 
 def test_nothing_to_learn_from() -> None:
     t, sp, pv, op = loop(n=300)
     manual = np.ones(300, dtype=np.uint8)
-    assert "only 0 steps" in identify(t, sp, pv, op, manual).reason
-    assert "only 29 steps" in identify(t[:30], sp[:30], pv[:30], op[:30]).reason
-    assert "only 0 steps" in identify(t[:0], sp[:0], pv[:0], op[:0]).reason
-    assert "PV never moves" in identify(t, sp, sp - 1, np.cumsum(sp)).reason
-    assert "only 0 steps" in identify(t * 0, sp, pv, op).reason
-    assert "only 0 steps" in identify(t, sp, pv * np.nan, op).reason
+    assert "only 0 steps" in identified(t, sp, pv, op, manual).reason
+    assert "only 29 steps" in identified(t[:30], sp[:30], pv[:30], op[:30]).reason
+    assert "only 0 steps" in identified(t[:0], sp[:0], pv[:0], op[:0]).reason
+    assert "PV never moves" in identified(t, sp, sp - 1, np.cumsum(sp)).reason
+    assert "only 0 steps" in identified(t * 0, sp, pv, op).reason
+    assert "only 0 steps" in identified(t, sp, pv * np.nan, op).reason
 
 
 numbers = st.one_of(
@@ -319,7 +319,7 @@ numbers = st.one_of(
 @given(arrays(np.float64, (4, 70), elements=numbers))
 def test_any_numbers_give_an_answer_without_nan(data: np.ndarray) -> None:
     for t in (data[0], np.arange(70.0)):
-        found = identify(t, *data[1:])
+        found = identified(t, *data[1:])
         for name, value in dataclasses.asdict(found).items():
             assert not (isinstance(value, float) and math.isnan(value)), (name, found)
         assert found.usable == (found.reason == "")
@@ -349,23 +349,23 @@ def test_frozen_needs_an_error_and_all_signals() -> None:
     ],
 )
 def test_real_loops(name: str, k: tuple[float, float], ti: tuple[float, float]) -> None:
-    found = identify(*refinery(name))
+    found = identified(*refinery(name))
     assert k[0] < found.k < k[1] and ti[0] < found.ti < ti[1], found
     assert found.usable and found.r2 >= R2_USABLE
 
 
 def test_minutes_of_a_real_loop_of_35_seconds_are_not_believed() -> None:
-    found = identify(*(column[::6] for column in refinery("FIC46005_0902")))  # said 13.6 s, K a third of the true one
+    found = identified(*(column[::6] for column in refinery("FIC46005_0902")))  # said 13.6 s, K a third of the true one
     assert not found.usable
     assert found.ti_low < 35 < found.ti_high and found.k_low < 0.0123 < found.k_high
 
 
 def test_recordings_of_one_sinusoid_do_not_contradict_each_other() -> None:
     """They said 207 to 231, 115 to 131 and 160 to 178 s of one controller."""
-    spans = [identify(*refinery(f"LIC31102B_{day}")) for day in ("0824", "0904", "1127")]
+    spans = [identified(*refinery(f"LIC31102B_{day}")) for day in ("0824", "0904", "1127")]
     assert max(found.ti_low for found in spans) < min(found.ti_high for found in spans)
     assert max(found.k_low for found in spans) < min(found.k_high for found in spans)
 
 
 def test_a_real_loop_that_winds_up_is_not_identified() -> None:
-    assert not identify(*refinery("FIC10104_0224")).usable
+    assert not identified(*refinery("FIC10104_0224")).usable

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from test_identify import loop, numbers, refinery
 
-from glapp.identify import identify
+from glapp.identify import identified
 from glapp.quality import GAP_STEPS, Census, Finding, InspectionSample, inspect, noise_sigma
 
 
@@ -95,7 +95,7 @@ def test_a_healthy_recording_has_no_finding(name: str) -> None:
     for seed in range(3):
         signals = loop(n=2500, seed=seed, **HEALTHY[name])
         k, ti = HEALTHY[name].get("k", 1.0), HEALTHY[name].get("ti", 20.0)
-        found = look(*signals, k=k, ti=ti, identification=identify(*signals))
+        found = look(*signals, k=k, ti=ti, identification=identified(*signals))
         assert not found, found
 
 
@@ -209,7 +209,7 @@ def test_cascade_slave() -> None:
 
 def test_settings_against_what_op_does() -> None:
     signals = loop(n=1000)
-    seen = identify(*signals)
+    seen = identified(*signals)
     assert "K -1 % per m3/h" in look(*signals, k=-1.0, ti=20.0, identification=seen)["sign"].text
     assert not look(*signals, k=1.3, ti=25.0, identification=seen)
     assert look(*signals, k=60.0, ti=20.0, identification=seen)["settings"].evidence["parameter"] == "K"
@@ -356,7 +356,7 @@ def test_a_million_rows_in_half_a_second() -> None:
 )
 def test_real_loops(name: str, codes: set[str]) -> None:
     signals = refinery(name)
-    seen = identify(*signals)
+    seen = identified(*signals)
     found = look(*signals, k=seen.k, ti=seen.ti, identification=seen)
     assert set(found) == codes
     assert all(finding.severity != "refuse" for finding in found.values())

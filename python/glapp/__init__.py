@@ -6,20 +6,24 @@
 30.0
 """
 
+from importlib import import_module as _import_module
 from importlib.metadata import version as _version
+from typing import TYPE_CHECKING, Any
 
-from . import blocks, modules, nonlinear, plant, simulate, tuning
 from .bump import Bump, bump
 from .controller import Controller, Ideal
 from .errors import InputError
-from .estimate import Estimator, analyze, estimate
+from .estimate import Estimator, analyze, estimate, identify
 from .fit import Fit, fit
-from .identify import Identification, identify
+from .identify import Identification
 from .loop import Loop
 from .quality import Finding
-from .reading import open_recordings, recording_from
 from .recording import Batch, Recording
 from .result import Corrected, HalfPeriods, Result, Settings
+
+if TYPE_CHECKING:
+    from . import blocks, modules, nonlinear, plant, simulate, tuning
+    from .reading import open_recordings, recording_from
 
 __version__ = _version("glapp")
 
@@ -54,3 +58,19 @@ __all__ = [
     "simulate",
     "tuning",
 ]
+
+_LABORATORY = ("blocks", "modules", "nonlinear", "plant", "simulate", "tuning")
+_READING = ("open_recordings", "recording_from")
+
+
+def __getattr__(name: str) -> Any:
+    """Load the laboratory, and what reads tables, when they are first asked for: both stand on large libraries."""
+    if name in _LABORATORY:
+        return _import_module(f".{name}", __name__)
+    if name in _READING:
+        return getattr(_import_module(".reading", __name__), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

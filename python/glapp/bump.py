@@ -27,13 +27,15 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from .errors import InputError
 from .estimate import op_range, with_op_unit
 from .identify import resolution
+from .loop import Loop
 from .quality import GAP_STEPS
 from .recording import NOT_AUTO, Batch, Recording
+from .samples import recording_of
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
@@ -188,7 +190,17 @@ class Bump:
         return told | {"travel": None if self.travel is None else self.travel.to_dict()}
 
 
-def bump(recording: Recording, *, manual: bool = False) -> Bump:
+def bump(
+    recording: Recording | None = None,
+    *,
+    t: ArrayLike | None = None,
+    pv: ArrayLike | None = None,
+    op: ArrayLike | None = None,
+    position: ArrayLike | None = None,
+    flags: ArrayLike | None = None,
+    loop: Loop | None = None,
+    manual: bool = False,
+) -> Bump:
     """Read gap and process gain off the manual test that a recording holds.
 
     Looked at are the stretches in which the controller was not in automatic.  A test that can be read holds OP, after
@@ -202,7 +214,12 @@ def bump(recording: Recording, *, manual: bool = False) -> Bump:
     ----------
     recording : Recording
         From `glapp.recording_from` or `glapp.open_recordings`.  Setting `process.type` to "integrating" makes it read
-        slopes instead of levels.
+        slopes instead of levels.  Or, in its place:
+    t, pv, op, position, flags : array[n]
+        Samples: time [s] or datetime64; process value [PV unit], controller output [OP unit], the valve's measured
+        position [%]; sum of 1 not in automatic, 2 bad, 4 OP at its low, 8 at its high limit.  NaN is a bad value.
+    loop : Loop
+        Settings that go with samples.
     manual : bool
         Take the whole recording as made in manual; for one without a mode column.
 
@@ -226,6 +243,7 @@ def bump(recording: Recording, *, manual: bool = False) -> Bump:
     >>> print(f"{found.d:.1f} ({found.low:.1f} to {found.high:.1f}), Kp {found.kp:.1f}")
     2.0 (1.9 to 2.0), Kp 0.8
     """
+    recording = recording_of(recording, loop, t=t, pv=pv, op=op, position=position, flags=flags)
     has_mode = "MODE" in recording.columns
     if manual and has_mode:
         raise InputError(
@@ -288,7 +306,7 @@ def _rows(batches: Iterable[Batch], manual: bool) -> tuple[Batch, NDArray[np.int
         rows = np.flatnonzero((mode != 0) | manual)
         if batch.op is not None and len(rows):
             place = None if batch.position is None else batch.position[rows]
-            part = Batch(batch.t[rows], batch.sp[rows], batch.pv[rows], batch.op[rows], None, place)
+            part = Batch(batch.t[rows], None, batch.pv[rows], batch.op[rows], None, place)
             kept.append((part, rows + done))
         done += len(batch)
     if not kept:
@@ -298,7 +316,7 @@ def _rows(batches: Iterable[Batch], manual: bool) -> tuple[Batch, NDArray[np.int
         parts = [getattr(batch, name) for batch, _ in kept]
         return None if parts[0] is None else np.concatenate(parts)
 
-    whole = Batch(joined("t"), joined("sp"), joined("pv"), joined("op"), None, joined("position"))
+    whole = Batch(joined("t"), None, joined("pv"), joined("op"), None, joined("position"))
     return whole, np.concatenate([rows for _, rows in kept])
 
 

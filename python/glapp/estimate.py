@@ -15,16 +15,17 @@ from . import _glapp
 from .controller import Ideal
 from .errors import InputError
 from .fit import Fit, fit_batches, history, process_sign
-from .identify import Identification, identify
+from .identify import Identification, identified
 from .loop import Loop
 from .progress import Progress, shares
 from .quality import GAP_STEPS, Census, Finding, InspectionSample, assumed_gain, inspect, noise_sigma
 from .recording import Batch, Recording
 from .result import REASONS, Corrected, HalfPeriods, Result, Settings, Verdict
+from .samples import recording_of
 from .trace import Band, Thinner, Trace
 from .windows import Windows
 
-__all__ = ["Estimator", "analyze", "estimate", "identify_recording"]
+__all__ = ["Estimator", "analyze", "estimate", "identify"]
 
 Floats = NDArray[np.float64]
 
@@ -40,11 +41,24 @@ KP_DEFAULT = 1.5
 KP_ASSUMED = f"not given, taken as {KP_DEFAULT} %/%"
 """Note beside it."""
 
+NO_SP = "SP is not recorded, and half-periods are told by where PV crosses it: name its column (--sp, columns.sp)"
+"""Why there is no estimate from crossings where the fit may have one."""
+
 LADDER = (0.1, 0.2, 0.5, 1.0, 2.0)
 """Filter times tried where none is given, in Ti; with derivative action the first is Td/5 (thesis 2.1, 8.2, 8.4)."""
 
 
-def estimate(recording: Recording, *, progress: Progress | None = None) -> Result:
+def estimate(
+    recording: Recording | None = None,
+    *,
+    t: ArrayLike | None = None,
+    sp: ArrayLike | None = None,
+    pv: ArrayLike | None = None,
+    op: ArrayLike | None = None,
+    flags: ArrayLike | None = None,
+    loop: Loop | None = None,
+    progress: Progress | None = None,
+) -> Result:
     """Estimate the width of the gap with the settings that the recording's loop has, and nothing else.
 
     The detector runs over the recording once; the data is neither judged nor is anything identified from it
@@ -54,7 +68,12 @@ def estimate(recording: Recording, *, progress: Progress | None = None) -> Resul
     Parameters
     ----------
     recording : Recording
-        From `glapp.recording_from` or `glapp.open_recordings`; its `loop` must have a controller.
+        From `glapp.recording_from` or `glapp.open_recordings`; its `loop` must have a controller; or, in its place:
+    t, sp, pv, op, flags : array[n]
+        Samples: time [s] or datetime64; setpoint and process value [PV unit], controller output [OP unit];
+        sum of 1 not in automatic, 2 bad, 4 OP at its low, 8 at its high limit. NaN is a bad value.
+    loop : Loop
+        Settings that go with samples.
     progress : callable, optional
         Told how far the reading is.
 
@@ -81,6 +100,7 @@ def estimate(recording: Recording, *, progress: Progress | None = None) -> Resul
     >>> result.verdict, 0.045 < result.d_hat < 0.055
     ('estimate', True)
     """
+    recording = recording_of(recording, loop, t=t, sp=sp, pv=pv, op=op, flags=flags)
     loop = recording.loop
     if loop.controller is None:
         raise InputError(
@@ -98,13 +118,32 @@ def estimate(recording: Recording, *, progress: Progress | None = None) -> Resul
     return run.result([], None, sample.batch)
 
 
-def analyze(recording: Recording, *, trust: bool = False, fit: bool = True, progress: Progress | None = None) -> Result:
+def analyze(
+    recording: Recording | None = None,
+    *,
+    t: ArrayLike | None = None,
+    sp: ArrayLike | None = None,
+    pv: ArrayLike | None = None,
+    op: ArrayLike | None = None,
+    position: ArrayLike | None = None,
+    flags: ArrayLike | None = None,
+    loop: Loop | None = None,
+    trust: bool = False,
+    fit: bool = True,
+    progress: Progress | None = None,
+) -> Result:
     """Judge a recording, find K, Ti and Td where they are not given, estimate and fit the width of the gap.
 
     Parameters
     ----------
     recording : Recording
-        From `glapp.recording_from` or `glapp.open_recordings`.
+        From `glapp.recording_from` or `glapp.open_recordings`; or, in its place:
+    t, sp, pv, op, position, flags : array[n]
+        Samples: time [s] or datetime64; setpoint and process value [PV unit], controller output [OP unit],
+        the valve's measured position [%];
+        sum of 1 not in automatic, 2 bad, 4 OP at its low, 8 at its high limit. NaN is a bad value.
+    loop : Loop
+        Settings that go with samples.
     trust : bool
         Go on with an identification that is not good enough (R² below 0.9).
     fit : bool
@@ -131,6 +170,7 @@ def analyze(recording: Recording, *, trust: bool = False, fit: bool = True, prog
     >>> glapp.analyze(glapp.recording_from(sim.to_arrow(), loop)).verdict
     'estimate'
     """
+    recording = recording_of(recording, loop, t=t, sp=sp, pv=pv, op=op, position=position, flags=flags)
     sample = _inspection(recording, INSPECTED_ROWS)
     batch = sample.batch
     loop = with_op_unit(recording.loop, batch)
@@ -198,25 +238,55 @@ def _fit(
     )
 
 
-def identify_recording(recording: Recording) -> Identification:
-    """K, Ti and Td as the first half million rows of a recording show them; `glapp.identify` says how.
+def identify(
+    recording: Recording | None = None,
+    *,
+    t: ArrayLike | None = None,
+    sp: ArrayLike | None = None,
+    pv: ArrayLike | None = None,
+    op: ArrayLike | None = None,
+    flags: ArrayLike | None = None,
+    loop: Loop | None = None,
+) -> Identification:
+    """K, Ti and Td as the first half million rows of a recording show them; `glapp.identify.identified` says how.
 
     Parameters
     ----------
     recording : Recording
-        From `glapp.recording_from` or `glapp.open_recordings`.
+        From `glapp.recording_from` or `glapp.open_recordings`; or, in its place:
+    t, sp, pv, op, flags : array[n]
+        Samples: time [s] or datetime64; setpoint and process value [PV unit], controller output [OP unit];
+        sum of 1 not in automatic, 2 bad, 4 OP at its low, 8 at its high limit. NaN is a bad value.
+    loop : Loop
+        Settings that go with samples.
+
+    Returns
+    -------
+    Identification
+        Whatever cannot be found is said in `reason`.
 
     Raises
     ------
     InputError
         Where the recording cannot be read.
+
+    Examples
+    --------
+    >>> import glapp, numpy as np
+    >>> t = np.arange(400.0)
+    >>> pv = 50 + np.sin(t / 17) + 0.3 * np.sin(t / 5)
+    >>> op = 50 + 2.0 * (50 - pv) + 2.0 / 30 * np.cumsum(50 - pv)
+    >>> found = glapp.identify(t=t, sp=np.full(400, 50.0), pv=pv, op=op)
+    >>> round(found.k, 3), round(found.ti, 2), found.usable
+    (2.0, 30.0, True)
     """
+    recording = recording_of(recording, loop, t=t, sp=sp, pv=pv, op=op, flags=flags)
     batch = _inspection(recording, INSPECTED_ROWS).batch
     return _identified(batch, with_op_unit(recording.loop, batch))
 
 
 def _identified(batch: Batch, loop: Loop) -> Identification:
-    return identify(
+    return identified(
         batch.t,
         batch.sp,
         batch.pv,
@@ -368,8 +438,9 @@ class _Run:
         self.notes = {**dict.fromkeys(("k", "ti", "td", "b"), "given"), **notes, "kp": kp_note}
         self.thinner = Thinner()
         self.op_known = self.position_known = False
+        self.sp_known = "SP" in recording.columns
         self.filter_times: list[float] = []
-        if ideal is not None:
+        if ideal is not None and self.sp_known:
             self.filter_times = [self.loop.tf] if self.loop.tf is not None else _ladder(ideal)
         self.detectors = [
             _detector(_glapp.Detector, self.loop, ideal, tf, self.kp, self.max_h)
@@ -386,11 +457,12 @@ class _Run:
             for batch in self.recording.batches():
                 filtered = each(_taking(batch), self.detectors)
                 if census is not None:
-                    census.run(batch.t, batch.sp, batch.pv, batch.op, batch.flags)
+                    # Of an SP that is not recorded nothing is told.
+                    census.run(batch.t, batch.pv if batch.sp is None else batch.sp, batch.pv, batch.op, batch.flags)
                 if windows is not None:
                     windows.add(batch)
-                columns = {"sp": batch.sp, "pv": batch.pv}
-                for name in ("op", "position"):
+                columns = {"pv": batch.pv}
+                for name in ("sp", "op", "position"):
                     if (signal := getattr(batch, name)) is not None:
                         columns[name] = signal
                 columns.update((f"filtered {i}", signal) for i, signal in enumerate(filtered))
@@ -517,7 +589,7 @@ class _Run:
         none = Band(np.full(len(t), np.nan), np.full(len(t), np.nan))
         return Trace(
             t=t,
-            sp=thinner.band("sp"),
+            sp=thinner.band("sp") if self.sp_known else none,
             pv=thinner.band("pv"),
             pv_filtered=thinner.band(f"filtered {chosen}") if self.detectors else none,
             op=thinner.band("op") if self.op_known else None,
@@ -538,6 +610,8 @@ def _verdict(
     loop = run.loop
     for refusal in _refusals(loop):
         return "refused", refusal
+    if not run.sp_known:
+        return "refused", NO_SP
     for finding in quality:
         if finding.code == "not_auto" and finding.severity == "refuse":
             return "no_estimate", finding.text  # the data is in order; the loop just did not control
@@ -649,6 +723,7 @@ def _taking(batch: Batch) -> Callable[[_glapp.Detector], NDArray[np.float64]]:
     """What a detector does with a batch; it gives the filtered PV."""
 
     def take(detector: _glapp.Detector) -> NDArray[np.float64]:
+        assert batch.sp is not None  # without it there is no detector
         filtered = detector.run(batch.t, batch.sp, batch.pv, batch.op, batch.flags, True)
         assert filtered is not None  # asked for
         return filtered

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from . import _glapp
 from .controller import Ideal
@@ -14,6 +14,7 @@ from .loop import Loop
 from .position import COPY, Interval, apart, copied, position_reason
 from .progress import Progress, shares
 from .recording import BAD, Batch, Recording
+from .samples import recording_of
 from .windows import Windows
 
 __all__ = ["Fit", "Process", "Trend", "Window", "fit", "fit_batches", "history", "process_sign"]
@@ -229,7 +230,17 @@ class Fit:
         }
 
 
-def fit(recording: Recording, *, progress: Progress | None = None) -> Fit:
+def fit(
+    recording: Recording | None = None,
+    *,
+    t: ArrayLike | None = None,
+    pv: ArrayLike | None = None,
+    op: ArrayLike | None = None,
+    position: ArrayLike | None = None,
+    flags: ArrayLike | None = None,
+    loop: Loop | None = None,
+    progress: Progress | None = None,
+) -> Fit:
     """Fit the gap to a recording of OP and PV: OP → lost motion → dead time → lags → PV, under load and noise.
 
     The answer is the likelihood as a function of the width d, for several families of process and disturbance; the
@@ -241,7 +252,13 @@ def fit(recording: Recording, *, progress: Progress | None = None) -> Fit:
     ----------
     recording : Recording
         From `glapp.recording_from` or `glapp.open_recordings`, of any length. Of more than half a million rows a
-        dozen windows are fitted at most, spread over the whole length, each the most telling of its epoch.
+        dozen windows are fitted at most, spread over the whole length, each the most telling of its epoch. Or, in its
+        place:
+    t, pv, op, position, flags : array[n]
+        Samples: time [s] or datetime64; process value [PV unit], controller output [OP unit], the valve's measured
+        position [%]; sum of 1 not in automatic, 2 bad, 4 OP at its low, 8 at its high limit. NaN is a bad value.
+    loop : Loop
+        Settings that go with samples.
     progress : callable, optional
         Told the share of the windows that are done.
 
@@ -260,11 +277,11 @@ def fit(recording: Recording, *, progress: Progress | None = None) -> Fit:
     >>> import glapp
     >>> acting = {"setpoint": [(1, 1.0)], "load": [(50, 0.3), (100, -0.2)]}
     >>> sim = glapp.simulate.closed_loop("P3", (0.48, 0.3117), d=0.05, noise=0.005, h=0.1, t_end=200, seed=1, **acting)
-    >>> recorded = sim.to_arrow().drop_columns("POSITION")
-    >>> answer = glapp.fit(glapp.recording_from(recorded, glapp.Loop(name="P3", op_unit="1")))
+    >>> answer = glapp.fit(t=sim.t, pv=sim.pv, op=sim.op)
     >>> answer.verdict, bool(answer.low < 0.05 < answer.high)
     ('backlash', True)
     """
+    recording = recording_of(recording, loop, t=t, pv=pv, op=op, position=position, flags=flags)
     sign = process_sign(recording.loop, recording.loop.ideal())
     beginning = recording.beginning(ROWS)
     windows = history(beginning, sign)

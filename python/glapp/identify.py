@@ -65,7 +65,7 @@ class Identification:
         Integral time [s].
     k_low, k_high, ti_low, ti_high : float | None
         95 % interval: of the scatter, of every law that explains OP as well, and of what one sampling step leaves open
-        (`identify`); `ti_high` is infinite where integral action cannot be told from none.
+        (`identified`); `ti_high` is infinite where integral action cannot be told from none.
     r2 : float | None
         Share of the variance of OP's *moves* (not of its level) explained, outliers included; at most 1,
         negative when worse than nothing.
@@ -102,9 +102,9 @@ class Identification:
     td_high: float | None = None
 
 
-def identify(
+def identified(
     t: Floats,
-    sp: Floats,
+    sp: Floats | None,
     pv: Floats,
     op: Floats | None,
     flags: NDArray[np.uint8] | None = None,
@@ -140,7 +140,7 @@ def identify(
     t : float64[n]
         Time [s]; may repeat or run backwards, such steps are not used.
     sp, pv : float64[n]
-        Setpoint and measurement [PV unit]; NaN where missing.
+        Setpoint and measurement [PV unit]; NaN where missing, SP None where it is not recorded.
     op : float64[n] | None
         Controller output [OP unit].
     flags : uint8[n] | None
@@ -162,12 +162,14 @@ def identify(
     >>> pv = 50 + np.sin(t / 17) + 0.3 * np.sin(t / 5)
     >>> sp = np.full(400, 50.0)
     >>> op = 2.0 * (sp - pv) + 2.0 / 30 * np.cumsum(sp - pv)
-    >>> found = identify(t, sp, pv, op)
+    >>> found = identified(t, sp, pv, op)
     >>> round(found.k, 3), round(found.ti, 2), found.usable
     (2.0, 30.0, True)
     """
     if op is None:
         return _nothing("the recording has no OP, so K and Ti must be given", 0)
+    if sp is None:
+        return _nothing("the recording has no SP, so K and Ti must be given", 0)
     t, sp, pv, op = (np.asarray(x, dtype=np.float64) for x in (t, sp, pv, op))
     usable = np.isfinite(t) & np.isfinite(sp) & np.isfinite(pv) & np.isfinite(op)
     if flags is not None:
@@ -226,12 +228,14 @@ def resolution(x: Floats) -> tuple[float, int] | None:
     return (step, round(span / step)) if np.mean(off < 0.02) > 0.9 else None
 
 
-def frozen_steps(sp: Floats, pv: Floats, op: Floats | None) -> Bools:
+def frozen_steps(sp: Floats | None, pv: Floats, op: Floats | None) -> Bools:
     """Mark long stretches in which no signal changes a bit though the error is not zero, with the step that ends each.
 
     There a historian repeats its last row while the loop goes on; the jump at the end holds an error nobody recorded.
     """
-    still = (np.diff(sp) == 0) & (np.diff(pv) == 0) & (sp != pv)[1:]
+    still = np.diff(pv) == 0
+    if sp is not None:
+        still &= (np.diff(sp) == 0) & (sp != pv)[1:]
     if op is not None:
         still &= np.diff(op) == 0
     frozen = in_runs(still, FROZEN_STEPS)

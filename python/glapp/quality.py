@@ -129,8 +129,12 @@ class InspectionSample:
 
     Attributes
     ----------
-    t, sp, pv : float64[n]
-        Time [s], setpoint and measurement [PV unit].
+    t : float64[n]
+        Time [s].
+    sp : float64[n] | None
+        Setpoint [PV unit]; None where it is not recorded, and then nothing is told of the controller.
+    pv : float64[n]
+        Measurement [PV unit].
     op : float64[n] | None
         Controller output [OP unit].
     flags : uint8[n] | None
@@ -138,7 +142,7 @@ class InspectionSample:
     """
 
     t: Floats
-    sp: Floats
+    sp: Floats | None
     pv: Floats
     op: Floats | None = None
     flags: NDArray[np.uint8] | None = None
@@ -330,9 +334,11 @@ class _Look:
             low = identification.ti_low
             self.shortest_ti = low if low is not None and 0 < low < math.inf else None
         self.pv_unit, self.op_unit, self.t0, self.first_row = pv_unit, op_unit, t0, first_row
-        self.t, self.sp, self.pv = (np.asarray(x, dtype=np.float64) for x in (sample.t, sample.sp, sample.pv))
-        self.op = None if sample.op is None else np.asarray(sample.op, dtype=np.float64)
-        self.e = self.sp - self.pv
+        self.t, self.pv = (np.asarray(x, dtype=np.float64) for x in (sample.t, sample.pv))
+        self.sp, self.op = (None if x is None else np.asarray(x, dtype=np.float64) for x in (sample.sp, sample.op))
+        with np.errstate(all="ignore"):
+            # Whether PV swings as a sinusoid is seen about its mean as well.
+            self.e = (np.nanmean(self.pv) if self.sp is None else self.sp) - self.pv
         dt = np.diff(self.t)
         forward = dt[:SORTED_ROWS][dt[:SORTED_ROWS] > 0]
         self.h = float(np.median(forward)) if forward.size else math.nan
@@ -439,6 +445,8 @@ def _numbers(look: _Look) -> Iterator[Finding]:
         ("PV", c.pv_bad, c.pv_bad_row),
         ("OP", c.op_bad, c.op_bad_row),
     ):
+        if name == "SP" and look.sp is None:
+            continue
         share = look.share(bad)
         evidence: dict[str, float | int | str] = {"signal": name, "rows": bad, "share": share, "first_row": row}
         if bad == c.rows:
@@ -529,6 +537,8 @@ def _constants(look: _Look) -> Iterator[Finding]:
 
 
 def _setpoint(look: _Look) -> Iterator[Finding]:
+    if look.sp is None:
+        return
     pairs = look.census.rows - 1 - look.census.still
     share = look.census.sp_changes / pairs if pairs > 0 else 0.0
     if share > 0.5:
@@ -659,7 +669,7 @@ def _settings(look: _Look) -> Iterator[Finding]:
 
 def _controller_gaps(look: _Look) -> Iterator[Finding]:
     """Error gap and output dead band of the controller: OP rests although the law would move it."""
-    if look.op is None:
+    if look.op is None or look.sp is None:
         return
     move = np.abs(np.diff(look.op))[look.live]
     error = np.abs(look.e[1:])[look.live]
@@ -706,7 +716,7 @@ def _controller_gaps(look: _Look) -> Iterator[Finding]:
 
 def _winding_up(look: _Look) -> Iterator[Finding]:
     """One sign of the error for most of the recording, OP going one way all along, PV coming no nearer."""
-    if look.op is None:
+    if look.op is None or look.sp is None:
         return
     rows = np.flatnonzero(look.good)
     if rows.size < 100:

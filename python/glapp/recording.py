@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from .loop import Loop
 from .quality import Finding
 
-__all__ = ["AT_HIGH", "AT_LOW", "BAD", "NOT_AUTO", "Batch", "Recording", "joined"]
+__all__ = ["AT_HIGH", "AT_LOW", "BAD", "NOT_AUTO", "Batch", "Recording", "finished", "joined"]
 
 T = TypeVar("T", bound=np.generic)
 
@@ -31,8 +31,10 @@ class Batch:
     t : float64[n]
         Seconds since the first row of the recording, or the numbers as given where the time column is plain seconds.
         They may repeat or run backwards: reading neither sorts nor drops.
-    sp, pv : float64[n]
-        Setpoint and process value [PV unit], NaN where missing or bad.
+    sp : float64[n] or None
+        Setpoint [PV unit], NaN where missing or bad; None where the recording has none.
+    pv : float64[n]
+        Process value [PV unit], NaN where missing or bad.
     op : float64[n] or None
         Controller output [OP unit], NaN where missing; None where the recording has none.
     flags : uint8[n] or None
@@ -42,7 +44,7 @@ class Batch:
     """
 
     t: NDArray[np.float64]
-    sp: NDArray[np.float64]
+    sp: NDArray[np.float64] | None
     pv: NDArray[np.float64]
     op: NDArray[np.float64] | None = None
     flags: NDArray[np.uint8] | None = None
@@ -57,8 +59,24 @@ class Batch:
         def cut(a: NDArray[T] | None) -> NDArray[T] | None:
             return None if a is None else a[part]
 
-        t, sp, pv = self.t[part], self.sp[part], self.pv[part]
-        return Batch(t, sp, pv, cut(self.op), cut(self.flags), cut(self.position))
+        return Batch(self.t[part], cut(self.sp), self.pv[part], cut(self.op), cut(self.flags), cut(self.position))
+
+
+def finished(t: NDArray[np.float64], values: dict[str, NDArray[np.float64]], flags: NDArray[np.uint8] | None) -> Batch:
+    """A batch of the signals there are: rows without PV, or without an SP that is recorded, are bad."""
+    sp, pv = values.get("sp"), values["pv"]
+    if flags is not None and (bad := flags & BAD != 0).any():
+        pv = np.where(bad, np.nan, pv)
+    both = pv if sp is None else pv + sp
+    with np.errstate(all="ignore"):  # a sum that overflows is looked at more closely
+        missing_somewhere = np.isnan(both.sum())
+    if missing_somewhere:
+        missing = np.isnan(pv) if sp is None else np.isnan(sp) | np.isnan(pv)
+        flags = np.zeros(len(t), np.uint8) if flags is None else flags
+        flags = flags | (missing * np.uint8(BAD))
+    if flags is not None and not flags.any():
+        flags = None
+    return Batch(t, sp, pv, values.get("op"), flags, values.get("position"))
 
 
 def joined(parts: Sequence[Batch]) -> Batch:

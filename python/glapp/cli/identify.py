@@ -9,7 +9,7 @@ import typer
 
 from ..controller import Controller
 from ..escape import one_line
-from ..estimate import identify_recording
+from ..estimate import identify as read_off
 from ..identify import R2_USABLE, Identification
 from ..loop import Loop
 from ..reading.settings import write_settings
@@ -28,7 +28,7 @@ def identify(
 ) -> None:
     """Find K, Ti and Td of the controller from OP's moves, with their intervals, ready for a loops.toml."""
     recording = open_one(file, options)
-    found = identify_recording(recording)
+    found = read_off(recording)
     out.print(one_line(f"{recording.name}  ({recording.source})"), style="bold", soft_wrap=True)
     out.print(key_values(_rows(recording, found)))
     if not found.usable:

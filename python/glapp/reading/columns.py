@@ -147,7 +147,8 @@ class Signals:
     names : list of str
         The same.
     groups : list of str
-        Loops that have at least SP and PV, in the order in which they appear; "" for names without a prefix.
+        Loops that have SP and PV, in the order in which they appear; where none has, those with PV and OP. "" stands
+        for names without a prefix.
 
     Examples
     --------
@@ -169,9 +170,12 @@ class Signals:
             self._meant.setdefault((meaning.role, meaning.loop), []).append(name)
             if meaning.role == "time":
                 self._times.append(name)
-            elif meaning.role in ("sp", "pv"):
+            elif meaning.role in ("sp", "pv", "op"):
                 roles.setdefault(meaning.loop, set()).add(meaning.role)
-        self.groups = [loop for loop, have in roles.items() if len(have) == 2]
+        # A transmitter has an output as well: where there are setpoints, what has none is no loop.
+        kinds = ({"sp", "pv"}, {"pv", "op"})
+        having = ([loop for loop, have in roles.items() if kind <= have] for kind in kinds)
+        self.groups = next((groups for groups in having if groups), [])
         self._exact = set(self.groups)
         self._group = {group.lower(): group for group in reversed(self.groups)}
 
@@ -230,7 +234,7 @@ def choose(signals: Signals, loop: Loop, group: str | None, label: str, *, tags:
     Raises
     ------
     InputError
-        For a named column that is not there, two columns that fit one role, and missing SP or PV.
+        For a named column that is not there, two columns that fit one role, and where PV is missing, or SP and OP are.
     """
     kind = "tag" if tags else "column"
     wanted: Mapping[str, str | None] = loop.columns.model_dump()
@@ -245,7 +249,7 @@ def choose(signals: Signals, loop: Loop, group: str | None, label: str, *, tags:
         elif guessed := _guess(signals, role, group, label, kind):
             chosen[role] = guessed
     missing = [LABELS[role] for role in ("sp", "pv") if role not in chosen]
-    if missing:
+    if "pv" not in chosen or not chosen.keys() & {"sp", "op"}:
         raise InputError(
             f"no {kind} for {' and '.join(missing)} among: {_listed(signals.names)}",
             file=label,

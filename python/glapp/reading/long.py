@@ -27,13 +27,13 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..loop import Loop
-from ..recording import BAD, Batch, Recording
+from ..recording import BAD, Batch, Recording, finished
 from .columns import LABELS, Signals, choose, understand
 from .each import each
 from .source import Source
 from .times import Clock
 from .values import CellFault, Quality, flags_of, plain, text_of, words, words_for_bad
-from .wide import Reader, finish, with_units
+from .wide import Reader, with_units
 
 __all__ = ["LongRecording", "long_recordings"]
 
@@ -225,7 +225,7 @@ class LongRecording(Recording):
         read = self._store.tags(self._chosen.values())
         tags = {role: read[tag] for role, tag in self._chosen.items() if tag in read}
         for role in ("sp", "pv"):
-            if role not in tags:
+            if role in self._chosen and role not in tags:
                 raise InputError("has no row", file=self.source, tag=self._chosen[role])
         pv = tags["pv"]
         if not np.isfinite(np.where(pv.bad, np.nan, pv.value)).any():
@@ -245,7 +245,7 @@ class LongRecording(Recording):
                     flags = flags | np.where(none, missing, tag.value[at].astype(np.uint8)).astype(np.uint8)
                 else:
                     values[role] = np.where(none, np.nan, tag.value[at])
-            yield finish(t, values, flags)
+            yield finished(t, values, flags)
 
 
 def _in_order(tag: _Tag) -> _Tag:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..loop import Loop
-from ..recording import AT_HIGH, AT_LOW, BAD, Batch, Recording
+from ..recording import AT_HIGH, AT_LOW, Batch, Recording, finished
 from .columns import LABELS
 from .passes import Passes
 from .source import ahead
@@ -51,22 +51,6 @@ class Reader:
             "op_high_flag": limit_flag(AT_HIGH),
         }
         return flags_of(column, rules[role])
-
-
-def finish(t: NDArray[np.float64], values: dict[str, NDArray[np.float64]], flags: NDArray[np.uint8] | None) -> Batch:
-    """Mark rows without SP or PV as bad, and rows marked bad as without PV."""
-    sp, pv = values["sp"], values["pv"]
-    if flags is not None and (bad := flags & BAD != 0).any():
-        pv = np.where(bad, np.nan, pv)
-    with np.errstate(all="ignore"):  # a sum that overflows is looked at more closely
-        missing_somewhere = np.isnan(sp.sum()) or np.isnan(pv.sum())
-    if missing_somewhere:
-        missing = np.isnan(sp) | np.isnan(pv)
-        flags = np.zeros(len(t), np.uint8) if flags is None else flags
-        flags = flags | (missing * np.uint8(BAD))
-    if flags is not None and not flags.any():
-        flags = None
-    return Batch(t, sp, pv, values.get("op"), flags, values.get("position"))
 
 
 def with_units(loop: Loop, units: dict[str, str]) -> Loop:
@@ -190,7 +174,7 @@ class WideRecording(Recording):
             done += n
             self._fraction = fraction
             if len(t):
-                batch = finish(t, values, flags)
+                batch = finished(t, values, flags)
                 alive = alive or bool(np.isfinite(batch.pv).any())
                 yield batch
         self._fraction = 1.0

@@ -1,0 +1,128 @@
+"""Samples in memory where a recording is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from datetime import datetime
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .errors import InputError
+from .loop import Loop
+from .recording import Batch, Recording, finished
+
+__all__ = ["Samples", "recording_of"]
+
+_LABELS = {"t": "time", "sp": "SP", "pv": "PV", "op": "OP", "position": "POSITION", "flags": "MODE"}
+
+
+class Samples(Recording):
+    """A recording whose signals are arrays in memory.
+
+    Parameters
+    ----------
+    loop : Loop
+        Settings.
+    signals : dict
+        `t`, `pv` and, where there are, `sp`, `op`, `position` and `flags`, as `Batch` has them; `t` in seconds or as
+        datetime64.
+
+    Raises
+    ------
+    InputError
+        Where they are not of one length, hold fewer than two samples, or no PV.
+    """
+
+    def __init__(self, loop: Loop, signals: dict[str, ArrayLike]) -> None:
+        self.name, self.loop, self.source = loop.name, loop, "memory"
+        self.columns = {_LABELS[name]: name for name in signals}
+        self.units: dict[str, str] = {}
+        self.zone: str | None = None
+        t, self.t0 = _seconds(np.asarray(signals["t"]))
+        values = {name: _floats(name, x) for name, x in signals.items() if name not in ("t", "flags")}
+        flags = _flags(signals["flags"]) if "flags" in signals else None
+        sizes = {name: x.size for name, x in values.items()} | ({} if flags is None else {"flags": flags.size})
+        for name, size in sizes.items():
+            if size != t.size:
+                raise InputError(f"has {size} samples, and t has {t.size}", parameter=name, value=size)
+        if t.size < 2:
+            raise InputError("has fewer than two samples", parameter="t", value=t.size, bound=">= 2")
+        if not np.isfinite(values["pv"]).any():
+            raise InputError(f"holds no number in {t.size} samples", parameter="pv")
+        self.rows: int | None = t.size
+        self._whole = finished(t, values, flags)
+        self._fraction: float | None = None
+
+    def batches(self, rows: int = 65536) -> Iterator[Batch]:
+        """See `Recording.batches`."""
+        for start in range(0, len(self._whole), rows):
+            self._fraction = start / len(self._whole)
+            yield self._whole[start : start + rows]
+        self._fraction = 1.0
+
+    def fraction_read(self) -> float | None:
+        """Share that the latest pass has read."""
+        return self._fraction
+
+
+def recording_of(recording: Recording | None, loop: Loop | None, **signals: ArrayLike | None) -> Recording:
+    """The recording, or one of the signals that were given in its place.
+
+    Raises
+    ------
+    InputError
+        Where both are given or neither, or the signals cannot be used.
+    """
+    given: dict[str, Any] = {name: x for name, x in signals.items() if x is not None}
+    if recording is not None:
+        if not isinstance(recording, Recording):
+            raise InputError(
+                f"is a {type(recording).__name__}, not a recording",
+                parameter="recording",
+                hint="give signals by name (t=..., pv=..., op=...), or a table to glapp.recording_from",
+            )
+        if given or loop is not None:
+            also = ", ".join([*given, *([] if loop is None else ["loop"])])
+            raise InputError("a recording has its signals and its loop", parameter=also, hint="give one or the other")
+        return recording
+    if missing := [name for name in ("t", "pv") if name not in given]:
+        raise InputError(
+            "is missing", parameter=" and ".join(missing), hint="give a recording, or t=..., pv=..., op=..."
+        )
+    return Samples(Loop(name="loop") if loop is None else loop, given)
+
+
+def _seconds(t: NDArray[Any]) -> tuple[NDArray[np.float64], datetime | None]:
+    """Seconds, and the time of the first sample where it is a date."""
+    if t.dtype.kind != "M":
+        return _floats("t", t), None
+    known = t[~np.isnat(t)]
+    if not known.size:
+        raise InputError("holds no time", parameter="t")
+    seconds = (t - known[0]) / np.timedelta64(1, "ns") / 1e9
+    first: datetime = known[0].astype("datetime64[us]").item()
+    return np.ascontiguousarray(seconds, dtype=np.float64), first
+
+
+def _floats(name: str, x: ArrayLike) -> NDArray[np.float64]:
+    try:
+        values = np.ascontiguousarray(x, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"is not numbers: {error}", parameter=name) from None
+    if values.ndim != 1 or np.ndim(x) != 1:
+        raise InputError(f"has {np.ndim(x)} dimensions, must have one", parameter=name)
+    return values
+
+
+def _flags(x: ArrayLike) -> NDArray[np.uint8]:
+    values = _floats("flags", x)
+    if wrong := values[~np.isin(values, np.arange(16))].tolist():
+        raise InputError(
+            "is no sum of 1 (not in automatic), 2 (bad), 4 (OP at its low limit), 8 (at its high limit)",
+            parameter="flags",
+            value=wrong[0],
+            bound="0..15",
+        )
+    return values.astype(np.uint8)

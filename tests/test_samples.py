@@ -1,0 +1,133 @@
+"""Arrays at the doors of `glapp`, recordings without a setpoint, and how much `import glapp` loads."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import glapp
+from glapp.samples import Samples
+from glapp.simulate import Simulation, closed_loop
+
+LOOP = glapp.Loop(name="P3", op_unit="1", controller={"k": 0.48, "ti": 0.3117, "setpoint_weight": 0})
+HEAVY = (
+    "pyarrow",
+    "scipy",
+    "matplotlib",
+    "plotly",
+    "glapp.tuning",
+    "glapp.nonlinear",
+    "glapp.simulate",
+    "glapp.modules",
+)
+
+
+@pytest.fixture(scope="module")
+def worn() -> Simulation:
+    settings: dict[str, Any] = {"noise": 0.005, "h": 0.1, "t_end": 200, "seed": 1}
+    return closed_loop("P3", (0.48, 0.3117), d=0.05, setpoint=[(1, 1.0)], load=[(50, 0.3), (100, -0.2)], **settings)
+
+
+def told(answer: Any) -> Any:
+    """Everything but the name of the loop and where it came from."""
+    return {k: v for k, v in answer.to_dict().items() if k not in ("name", "source", "columns")}
+
+
+def test_arrays_get_the_answer_of_their_recording(worn: Simulation) -> None:
+    recording = glapp.recording_from(worn.to_arrow().drop_columns("POSITION"), LOOP)
+    flags = next(recording.batches()).flags
+    signals: dict[str, Any] = {"t": worn.t, "pv": worn.pv, "op": worn.op, "flags": flags}
+    assert glapp.fit(**signals, loop=LOOP).to_dict() == glapp.fit(recording).to_dict()
+    assert glapp.identify(sp=worn.sp, **signals, loop=LOOP) == glapp.identify(recording)
+    one, other = glapp.estimate(sp=worn.sp, **signals, loop=LOOP), glapp.estimate(recording)
+    assert (one.verdict, one.d_hat, one.reasons) == (other.verdict, other.d_hat, other.reasons)
+    whole = glapp.analyze(sp=worn.sp, **signals, loop=LOOP)
+    assert whole.fit is not None and whole.fit.found and whole.verdict == other.verdict
+
+
+def test_a_bump_test_in_arrays() -> None:
+    steps = [(0, 100, 50.0), (100, 200, 53.0), (200, 300, 56.0), (300, 400, 52.0)]
+    plant = ([0.8], [5, 1], 0)
+    s = closed_loop(plant, (0.5, 10), d=2.0, noise=0.05, h=1.0, t_end=400, manual=steps, setpoint=[(0, 40.0)])
+    found = glapp.bump(t=s.t, pv=s.pv, op=s.op, manual=True)
+    assert found.low is not None and found.high is not None and found.low <= 2.0 <= found.high + 0.05
+    assert glapp.bump(t=s.t, pv=s.pv, op=s.op, flags=s.flags & 1).d == found.d
+
+
+def test_times_may_be_dates(worn: Simulation) -> None:
+    t = np.datetime64("2026-03-01T12:00:00") + (worn.t * 1e9).astype("timedelta64[ns]")
+    made = Samples(LOOP, {"t": t, "pv": worn.pv, "op": worn.op})
+    assert made.t0 is not None and made.t0.isoformat() == "2026-03-01T12:00:00"
+    assert np.allclose(next(made.batches()).t, worn.t[:65536], atol=1e-6)
+
+
+def test_rows_without_pv_are_bad_and_an_sp_that_is_not_recorded_is_not_missing() -> None:
+    batch = next(Samples(LOOP, {"t": [0.0, 1.0, 2.0], "pv": [1.0, np.nan, 2.0]}).batches())
+    assert batch.sp is None and batch.flags is not None and batch.flags.tolist() == [0, 2, 0]
+
+
+@pytest.mark.parametrize(
+    ("signals", "line"),
+    [
+        ({"pv": [1, 2]}, "t: is missing; give a recording, or t=..., pv=..., op=..."),
+        ({}, "t and pv: is missing"),
+        ({"t": [0, 1], "pv": [1]}, "pv: has 1 samples, and t has 2"),
+        ({"t": [0.0], "pv": [1]}, "t: has fewer than two samples"),
+        ({"t": [0, 1], "pv": [np.nan, np.nan]}, "pv: holds no number in 2 samples"),
+        ({"t": [0, 1], "pv": ["a", "b"]}, "pv: is not numbers"),
+        ({"t": [[0, 1]], "pv": [1, 2]}, "t: has 2 dimensions, must have one"),
+        ({"t": [0, 1], "pv": [1, 2], "flags": [0, 16]}, "flags: is no sum of 1 (not in automatic), 2 (bad)"),
+        ({"t": np.full(2, "NaT", "datetime64[s]"), "pv": [1, 2]}, "t: holds no time"),
+    ],
+)
+def test_wrong_arrays_are_one_line(signals: dict[str, Any], line: str) -> None:
+    with pytest.raises(glapp.InputError) as caught:
+        glapp.fit(**signals)
+    assert str(caught.value).startswith(line)
+
+
+def test_a_recording_has_its_own_signals(worn: Simulation) -> None:
+    recording = glapp.recording_from(worn.to_arrow(), LOOP)
+    with pytest.raises(glapp.InputError, match="pv, loop: a recording has its signals and its loop"):
+        glapp.fit(recording, pv=worn.pv, loop=LOOP)
+    with pytest.raises(glapp.InputError, match=r"recording: is a ndarray, not a recording; give signals by name"):
+        glapp.fit(worn.pv)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("names", [("t", "PV", "OP"), ("t", "FIC7.PV", "FIC7.OP")])
+def test_without_a_setpoint_the_fit_answers_and_the_crossings_say_why_not(
+    tmp_path: Path, worn: Simulation, names: tuple[str, ...]
+) -> None:
+    path = tmp_path / "FIC7.csv"
+    rows = zip(worn.t, worn.pv, worn.op, strict=True)
+    path.write_text("\n".join([",".join(names), *(f"{t},{pv},{op}" for t, pv, op in rows)]))
+    [recording] = glapp.open_recordings(path)
+    result = glapp.analyze(recording)
+    assert result.fit is not None and result.fit.verdict == "backlash"
+    assert result.fit.d == pytest.approx(0.05, rel=0.1)
+    assert result.verdict == "refused" and result.reason is not None and "SP is not recorded" in result.reason
+    assert not {"not_a_number", "cascade_slave"} & {finding.code for finding in result.quality}
+    assert not glapp.identify(recording).usable
+
+
+def test_a_transmitter_beside_loops_is_no_loop(tmp_path: Path) -> None:
+    path = tmp_path / "plant.csv"
+    path.write_text("t,FIC1.SP,FIC1.PV,FIC1.OP,TI2.PV,TI2.OUT\n0,1,1,1,5,5\n1,1,2,3,6,6\n")
+    assert [recording.name for recording in glapp.open_recordings(path)] == ["FIC1"]
+
+
+def test_importing_glapp_loads_no_large_library() -> None:
+    look = f"import glapp, sys; print([name for name in {HEAVY} if name in sys.modules])"
+    found = subprocess.run([sys.executable, "-c", look], capture_output=True, text=True, check=True)
+    assert found.stdout.strip() == "[]"
+
+
+def test_what_is_loaded_later_is_there() -> None:
+    assert all(getattr(glapp, name) is not None for name in dir(glapp))
+    with pytest.raises(AttributeError, match="has no attribute 'nothing'"):
+        glapp.nothing  # noqa: B018

@@ -1,7 +1,7 @@
 //! The autotuner: a relay in the controller's place until the process has told how it oscillates.
 
 use crate::error::require;
-use crate::half_period::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO};
+use crate::status::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO, Status};
 use crate::tuning::{self, Gains, Kind, Table};
 use crate::{ParameterError, Real, Sum};
 
@@ -405,9 +405,9 @@ impl<R: Real> AutoTuner<R> {
     }
 
     /// Takes PV, the time since the sample before `h` [s], and the flags of the sample
-    /// ([`half_period`](crate::half_period)); gives OP. Where no experiment runs, OP stays.
+    /// ([`status`](crate::status)); gives OP. Where no experiment runs, OP stays.
     #[inline]
-    pub fn update(&self, state: &mut AutoTunerState<R>, pv: R, h: R, flags: u8) -> R {
+    pub fn update(&self, state: &mut AutoTunerState<R>, pv: R, h: R, flags: Status) -> R {
         if state.phase.is_running() {
             match self.fault(state, pv, h, flags) {
                 Stop::None if state.phase == Phase::Waiting => self.rest(state, pv, h),
@@ -420,7 +420,7 @@ impl<R: Real> AutoTuner<R> {
 
     /// What ends the experiment at this sample, whatever it measured so far.
     #[inline]
-    fn fault(&self, s: &AutoTunerState<R>, pv: R, h: R, flags: u8) -> Stop {
+    fn fault(&self, s: &AutoTunerState<R>, pv: R, h: R, flags: Status) -> Stop {
         let (low, high) = self.settings.pv;
         if flags & BAD != 0 || !pv.is_number() {
             Stop::BadQuality

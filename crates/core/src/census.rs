@@ -1,6 +1,6 @@
 //! Counts over all samples of a recording, the evidence of its quality.
 
-use crate::half_period::{AT_HIGH, AT_LOW, BAD, NOT_AUTO};
+use crate::status::{AT_HIGH, AT_LOW, BAD, NOT_AUTO, Status};
 use crate::{Columns, ParameterError, Real, error::require};
 
 /// Counts what a recording holds, in one pass and constant memory. Indices count samples from 0.
@@ -220,19 +220,19 @@ impl Census {
     fn flags(&mut self, flags: Option<&[u8]>, op: Option<&[f64]>, n: usize) {
         let Some((least, most)) = self.op_limits.filter(|_| op.is_some()) else {
             for &flag in flags.unwrap_or_default() {
-                self.flag(flag);
+                self.flag(flag.into());
             }
             return;
         };
         for k in 0..n {
             let op = op.map_or(0.0, |op| op[k]);
-            let flag = flags.map_or(0, |flags| flags[k]);
+            let flag = flags.map_or(0, |flags| flags[k].into());
             self.flag(flag | if op <= least { AT_LOW } else { 0 } | if op >= most { AT_HIGH } else { 0 });
         }
     }
 
     #[inline(always)]
-    fn flag(&mut self, flag: u8) {
+    fn flag(&mut self, flag: Status) {
         if flag != 0 {
             self.not_auto += u64::from(flag & NOT_AUTO != 0);
             self.bad_quality += u64::from(flag & BAD != 0);

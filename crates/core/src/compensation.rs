@@ -1,8 +1,8 @@
 //! Compensation of a gap: what is added to the controller's output so that the valve follows it.
 
 use crate::error::require;
-use crate::half_period::{AT_HIGH, AT_LOW, BAD, NOT_AUTO};
 use crate::harm::{Harm, HarmState};
+use crate::status::{AT_HIGH, AT_LOW, BAD, NOT_AUTO, Status};
 use crate::zero_crossing::sign_of;
 use crate::{ParameterError, Real, Saturation, SecondOrderFilter, SecondOrderFilterState, Sum};
 
@@ -151,7 +151,7 @@ pub struct CompensationSample<R> {
     /// Whether a person wants it on.
     pub enable: bool,
     /// [`NOT_AUTO`], [`BAD`], [`AT_LOW`], [`AT_HIGH`]; 0 = all well.
-    pub flags: u8,
+    pub flags: Status,
 }
 
 /// Feed-forward that carries the valve through its gap whenever it is reversed (thesis 2.2, 7.4).
@@ -704,7 +704,7 @@ mod tests {
         })
         .unwrap();
         let (mut a, mut b) = (CompensationState::default(), CompensationState::default());
-        for i in 0_u8..200 {
+        for i in 0_u16..200 {
             let u = f32::from(i % 7) * 0.375; // exact in both
             let x = wide.update(&mut a, &CompensationSample { h: 0.25, ..sample(0.0, u.into()) });
             let y = narrow.update(
@@ -728,7 +728,7 @@ mod tests {
             prop::option::weighted(0.3, number()),
             prop::bool::weighted(0.01),
             prop::bool::weighted(0.95),
-            prop_oneof![30 => Just(0_u8), 1 => Just(NOT_AUTO), 1 => Just(BAD), 1 => Just(AT_LOW), 1 => Just(AT_HIGH)],
+            prop_oneof![30 => Just(0_u16), 1 => Just(NOT_AUTO), 1 => Just(BAD), 1 => Just(AT_LOW), 1 => Just(AT_HIGH)],
         )
             .prop_map(|(e, u, h, d_hat, over, enable, flags)| CompensationSample {
                 e,

@@ -1,6 +1,6 @@
 //! Control connections: what modules tell one another, forward and backward.
 
-use crate::half_period::{AT_HIGH, AT_LOW, BAD, NOT_AUTO};
+use crate::status::{AT_HIGH, AT_LOW, BAD, NOT_AUTO, Status};
 use crate::{
     Backlash, BacklashState, Noise, NoiseState, RateLimit, RateLimitState, Real, Saturation, SecondOrderFilter,
     SecondOrderFilterState, Sum,
@@ -13,13 +13,13 @@ pub struct Forward<R> {
     /// The signal.
     pub value: R,
     /// [`BAD`] where the value is not to be believed; 0 = all well.
-    pub flags: u8,
+    pub flags: Status,
 }
 
 impl<R: Real> Forward<R> {
     /// A value, with the flags that come with it; what is no number is [`BAD`].
     #[inline(always)]
-    pub fn new(value: R, flags: u8) -> Self {
+    pub fn new(value: R, flags: Status) -> Self {
         Self { value, flags: if value.is_number() { flags } else { flags | BAD } }
     }
 
@@ -52,7 +52,7 @@ pub struct Backward<R> {
     /// The highest value that is followed.
     pub high: R,
     /// [`AT_LOW`], [`AT_HIGH`], [`NOT_AUTO`]; 0 = all well.
-    pub flags: u8,
+    pub flags: Status,
     /// The value in effect, from which whoever takes over goes on without a bump.
     pub tracking: R,
 }
@@ -135,13 +135,13 @@ impl<R: Real> Saturation<R> {
 
     /// [`AT_LOW`] and [`AT_HIGH`], where `x` lies beyond a limit.
     #[inline(always)]
-    pub(crate) fn beyond(&self, x: R) -> u8 {
+    pub(crate) fn beyond(&self, x: R) -> Status {
         (if x < self.low { AT_LOW } else { 0 }) | (if x > self.high { AT_HIGH } else { 0 })
     }
 
     /// [`AT_LOW`] and [`AT_HIGH`], where `x` has reached a limit.
     #[inline(always)]
-    pub fn reached(&self, x: R) -> u8 {
+    pub fn reached(&self, x: R) -> Status {
         (if x <= self.low { AT_LOW } else { 0 }) | (if x >= self.high { AT_HIGH } else { 0 })
     }
 }

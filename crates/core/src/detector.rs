@@ -1,6 +1,6 @@
 //! The whole detector: from samples to detections and the estimate.
 
-use crate::half_period::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO};
+use crate::status::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO, Status};
 use crate::{
     Estimate, HalfPeriod, HalfPeriodState, MedianMean, MedianMeanState, NoiseLevel, ParameterError, Real, Reason,
     SafetyNet, SecondOrderFilter, SecondOrderFilterState, Sum, Width, WidthParts, ZeroCrossing, error::require,
@@ -18,7 +18,7 @@ pub struct Sample<R> {
     /// Controller output [OP unit], where it is known.
     pub op: Option<R>,
     /// [`NOT_AUTO`], [`BAD`], [`AT_LOW`], [`AT_HIGH`]; 0 = all well.
-    pub flags: u8,
+    pub flags: Status,
 }
 
 /// Samples in columns of equal length, for [`Detector::run`].
@@ -172,7 +172,7 @@ struct Signal<R: Real> {
     crossing: ZeroCrossing,
     half: HalfPeriodState<R>,
     /// Why the signal is broken, as flags; 0 while it is whole.
-    broken: u8,
+    broken: Status,
 }
 
 impl<R: Real> Default for Signal<R> {
@@ -306,7 +306,7 @@ impl<R: Real> Detector<R> {
         let n = columns.len();
         let (t, sp, pv) = (&columns.t[..n], &columns.sp[..n], &columns.pv[..n]);
         let op = |k: usize| if OP { columns.op.map_or(R::ZERO, |op| op[k]) } else { R::ZERO };
-        let flags = |k: usize| if FLAGS { columns.flags.map_or(0, |flags| flags[k]) } else { 0 };
+        let flags = |k: usize| if FLAGS { columns.flags.map_or(0, |flags| flags[k].into()) } else { 0 };
         let (mut before, mut start) = state.t.unwrap_or((f64::NAN, f64::NAN));
         let mut signal = state.signal;
         let mut k = 0;
@@ -393,7 +393,7 @@ impl<R: Real> Detector<R> {
         let mut k = from;
         while k < to {
             let h = R::of(t[k] - t[k - 1]);
-            let mut flag = if FLAGS { flags[k] } else { 0 };
+            let mut flag = if FLAGS { flags[k].into() } else { 0 };
             if !(h > R::ZERO && h <= max_h) || flag & BAD != 0 {
                 break;
             }
@@ -438,7 +438,7 @@ impl<R: Real> Detector<R> {
         sp: R,
         pv: R,
         op: R,
-        flags: u8,
+        flags: Status,
     ) -> Option<(SecondOrderFilterState<R>, SecondOrderFilterState<R>, R)> {
         if s.broken != 0 || !self.in_time(h) || flags & BAD != 0 {
             return None;
@@ -462,7 +462,7 @@ impl<R: Real> Detector<R> {
 
     /// The flags of a sample, with those that OP at its limit adds.
     #[inline(always)]
-    fn with_limits<const OP: bool>(&self, flags: u8, op: R) -> u8 {
+    fn with_limits<const OP: bool>(&self, flags: Status, op: R) -> Status {
         match self.op_limits {
             Some((low, high)) if OP => {
                 flags | (if op <= low { AT_LOW } else { 0 }) | (if op >= high { AT_HIGH } else { 0 })
@@ -479,7 +479,7 @@ impl<R: Real> Detector<R> {
         sp: R,
         pv: R,
         op: R,
-        flags: u8,
+        flags: Status,
         raw: R,
     ) -> Option<HalfPeriod<R>> {
         if let Some(next) = self.advance::<OP>(s, h, sp, pv, op, flags) {
@@ -500,7 +500,7 @@ impl<R: Real> Detector<R> {
         h: R,
         sp: R,
         op: R,
-        flags: u8,
+        flags: Status,
         raw: R,
     ) -> Option<HalfPeriod<R>> {
         s.noise.update(raw);
@@ -533,7 +533,7 @@ impl<R: Real> Detector<R> {
         sp: R,
         pv: R,
         op: R,
-        flags: u8,
+        flags: Status,
         raw: R,
     ) -> (Signal<R>, Option<HalfPeriod<R>>) {
         let fresh = !s.pv.started && s.half.is_empty();

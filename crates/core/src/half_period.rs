@@ -1,17 +1,7 @@
 //! The half-period: what the signals did between two zero crossings of the error.
 
+use crate::status::{BAD, Status};
 use crate::{Real, Sum};
-
-/// The controller was not in automatic.
-pub const NOT_AUTO: u8 = 1;
-/// A value was bad or not a number.
-pub const BAD: u8 = 2;
-/// Something in the loop was at its lower limit.
-pub const AT_LOW: u8 = 4;
-/// Something in the loop was at its upper limit.
-pub const AT_HIGH: u8 = 8;
-/// The samples before are missing: the start of a recording, or a gap in it.
-pub const GAP: u8 = 16;
 
 /// What the signals did between two zero crossings.
 ///
@@ -22,8 +12,8 @@ pub const GAP: u8 = 16;
 pub struct HalfPeriod<R> {
     /// +1 where PV was below SP (e > 0), −1 above, 0 where no error other than zero was seen.
     pub sign: i8,
-    /// What was met on the way: [`NOT_AUTO`], [`BAD`], [`AT_LOW`], [`AT_HIGH`], [`GAP`].
-    pub flags: u8,
+    /// What was met on the way, see [`status`](crate::status).
+    pub flags: Status,
     /// Number of samples.
     pub n: u32,
     /// Duration Δt \[s\], without the time of a gap.
@@ -48,7 +38,7 @@ pub struct HalfPeriod<R> {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct HalfPeriodState<R: Real> {
-    flags: u8,
+    flags: Status,
     n: u32,
     delta_t: R::Sum,
     sp_low: R,
@@ -64,7 +54,7 @@ impl<R: Real> HalfPeriodState<R> {
     /// Starts a half-period at a sample with setpoint `sp`, slope of the filtered PV and filtered OP. `flags` are
     /// those it is born with: 0 at a zero crossing, the reason of the break after a break.
     #[inline(always)]
-    pub fn start(sp: R, slope: R, op: R, flags: u8) -> Self {
+    pub fn start(sp: R, slope: R, op: R, flags: Status) -> Self {
         Self {
             flags,
             sp_low: sp,
@@ -81,13 +71,13 @@ impl<R: Real> HalfPeriodState<R> {
 
     /// Starts at the first usable sample after a break, in the stretch that the break began: its flags and its
     /// unusable samples stay.
-    pub fn resume(&mut self, sp: R, slope: R, op: R, flags: u8) {
+    pub fn resume(&mut self, sp: R, slope: R, op: R, flags: Status) {
         *self = Self { n: self.n, ..Self::start(sp, slope, op, self.flags | flags) };
     }
 
     /// Takes one sample: error `e`, step `h` \[s\] and flags. Its setpoint goes to [`Self::widen`].
     #[inline(always)]
-    pub fn add(&mut self, e: R, h: R, flags: u8) {
+    pub fn add(&mut self, e: R, h: R, flags: Status) {
         self.count(1);
         self.integrate(e.magnitude(), h, flags);
     }
@@ -100,7 +90,7 @@ impl<R: Real> HalfPeriodState<R> {
 
     /// Takes the size of an error, step `h` \[s\] and flags of a sample that [`Self::count`] counts.
     #[inline(always)]
-    pub(crate) fn integrate(&mut self, size: R, h: R, flags: u8) {
+    pub(crate) fn integrate(&mut self, size: R, h: R, flags: Status) {
         self.delta_t.add(h);
         self.integral.add(size * h);
         self.e_max = self.e_max.greater(size);
@@ -122,7 +112,7 @@ impl<R: Real> HalfPeriodState<R> {
 
     /// Takes a sample of which nothing but its presence can be used.
     #[inline(always)]
-    pub fn add_unusable(&mut self, flags: u8) {
+    pub fn add_unusable(&mut self, flags: Status) {
         self.n = self.n.wrapping_add(1);
         self.flags |= flags;
     }
@@ -134,7 +124,7 @@ impl<R: Real> HalfPeriodState<R> {
 
     /// Adds to the flags without taking a sample.
     #[inline(always)]
-    pub fn mark(&mut self, flags: u8) {
+    pub fn mark(&mut self, flags: Status) {
         self.flags |= flags;
     }
 
@@ -164,7 +154,7 @@ impl<R: Real> HalfPeriodState<R> {
     }
 
     /// Ends it where the signals broke off: what would be read at the closing crossing is not known and stays 0.
-    pub fn break_off(&self, sign: i8, cause: u8) -> HalfPeriod<R> {
+    pub fn break_off(&self, sign: i8, cause: Status) -> HalfPeriod<R> {
         let mut half = self.close(sign, self.sp_start, self.slope_start, self.op_start);
         half.flags |= cause;
         half

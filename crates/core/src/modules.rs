@@ -19,7 +19,7 @@
 //! their `forward` themselves.
 //!
 //! Whoever sets the output for a while, a person, a controller further in or an experiment, does so by telling
-//! [`NOT_AUTO`](crate::half_period::NOT_AUTO) and the value in effect backward: the controller tracks it.
+//! [`NOT_AUTO`](crate::status::NOT_AUTO) and the value in effect backward: the controller tracks it.
 
 mod auto_tuner;
 mod backlash_detection;
@@ -28,7 +28,7 @@ mod pid_advanced;
 mod process_sim;
 
 pub use auto_tuner::{AutoTuner, AutoTunerState};
-pub use backlash_detection::{BacklashDetection, BacklashDetectionSettings, BacklashDetectionState, WRONG_SIGN};
-pub use pid::{BAD_FF, BAD_LIMITS, BAD_SP, Mode, Pid, PidSettings, PidState};
+pub use backlash_detection::{BacklashDetection, BacklashDetectionSettings, BacklashDetectionState};
+pub use pid::{Mode, Pid, PidSettings, PidState};
 pub use pid_advanced::{Gains, PidAdvanced, PidAdvancedSettings, PidAdvancedState, SCHEDULE_ROWS};
 pub use process_sim::{ProcessSim, ProcessSimState};

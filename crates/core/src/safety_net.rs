@@ -1,6 +1,6 @@
 //! The safety net: which half-periods may become detections.
 
-use crate::half_period::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO};
+use crate::status::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO};
 use crate::{HalfPeriod, ParameterError, Real, Width, WidthParts, error::require};
 
 /// Why a half-period was rejected, in the fixed order in which the first reason is named.

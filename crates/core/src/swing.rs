@@ -1,6 +1,6 @@
 //! The swing of a half-period: how far OP travelled from one turn to the next, and how far off PV stood meanwhile.
 
-use crate::half_period::{BAD, GAP, NOT_AUTO};
+use crate::status::{BAD, GAP, NOT_AUTO, Status};
 use crate::{Derivative, ParameterError, Real, Sum, error::require};
 
 /// OP's travel from its furthest point in the half-period before to its furthest point in this one, and the height of
@@ -132,7 +132,7 @@ impl<R: Real> Swing<R> {
     /// Ends the half-period: its `sign` and `flags` as in [`HalfPeriod`](crate::HalfPeriod). The sample that ends it is
     /// the first of the next.
     #[inline(never)]
-    pub fn end(&self, s: &mut SwingState<R>, sign: i8, flags: u8) -> SwingParts<R> {
+    pub fn end(&self, s: &mut SwingState<R>, sign: i8, flags: Status) -> SwingParts<R> {
         // By (4.1) `op` is u/K and rises with the integral; a recorded OP falls with it where K is negative.
         let rises = (sign > 0) == (!s.recorded || self.k > R::ZERO);
         let turn = if rises { s.highest } else { s.lowest };

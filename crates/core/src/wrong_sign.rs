@@ -1,7 +1,7 @@
 //! A process that answers OP the other way round than the controller's gain takes for granted.
 
 use crate::error::require;
-use crate::half_period::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO};
+use crate::status::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO, Status};
 use crate::zero_crossing::sign_of;
 use crate::{ParameterError, Real, Saturation, Sum};
 
@@ -43,7 +43,7 @@ const WAIT: f64 = 5.0;
 /// passed over.
 ///
 /// ```
-/// use glapp_core::{Saturation, WrongSign, WrongSignState, half_period::AT_HIGH};
+/// use glapp_core::{Saturation, WrongSign, WrongSignState, status::AT_HIGH};
 ///
 /// let block = WrongSign::new(2.0, 3.0, Saturation::new(0.0, 100.0)?)?;
 /// let mut state = WrongSignState::default();
@@ -98,7 +98,7 @@ impl<R: Real> WrongSign<R> {
     /// Takes setpoint, filtered process value and output, the time since the last sample `h` \[s\], and flags ([`NOT_AUTO`],
     /// [`BAD`], [`GAP`], [`AT_LOW`], [`AT_HIGH`]); tells whether the sign is wrong.
     #[inline(always)]
-    pub fn update(&self, state: &mut WrongSignState<R>, sp: R, yf: R, op: R, h: R, flags: u8) -> bool {
+    pub fn update(&self, state: &mut WrongSignState<R>, sp: R, yf: R, op: R, h: R, flags: Status) -> bool {
         let e = sp - yf;
         if flags & (BAD | GAP) != 0 || !(e + op + h).is_number() {
             if !state.found {
@@ -222,7 +222,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn sign_symmetric(samples in prop::collection::vec((-9.0..9.0_f64, 0.0..100.0_f64, 0.1..6.0_f64, 0..16_u8), 1..200)) {
+        fn sign_symmetric(samples in prop::collection::vec((-9.0..9.0_f64, 0.0..100.0_f64, 0.1..6.0_f64, 0..16_u16), 1..200)) {
             let (a, b) = (block(1.0), block(-1.0));
             let (mut x, mut y) = (WrongSignState::default(), WrongSignState::default());
             for (e, op, h, flags) in samples {

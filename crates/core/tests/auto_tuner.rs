@@ -1,7 +1,7 @@
 //! What must hold for a relay experiment: how it ends, whatever comes, and what it finds where the truth is known.
 
 use glapp_core::auto_tuner::{Found, Phase, Stop};
-use glapp_core::half_period::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO};
+use glapp_core::status::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO, Status};
 use glapp_core::{
     AutoTuner, AutoTunerSettings, AutoTunerState, Backlash, BacklashState, Noise, NoiseState, Real, SecondOrderFilter,
     SecondOrderFilterState,
@@ -89,7 +89,7 @@ fn modes() -> Vec<(&'static str, State)> {
 }
 
 /// Every fault: PV, h, flags, and the reason that it must give.
-const FAULTS: [(f64, f64, u8, Stop); 15] = [
+const FAULTS: [(f64, f64, Status, Stop); 15] = [
     (f64::NAN, 0.1, 0, Stop::BadQuality),
     (f64::INFINITY, 0.1, 0, Stop::BadQuality),
     (0.0, 0.1, BAD, Stop::BadQuality),
@@ -248,7 +248,7 @@ proptest! {
         amplitude in prop_oneof![-30.0..-0.1_f64, 0.1..30.0_f64],
         hysteresis in prop::option::of(0.0..2.0_f64),
         start in 0.0..100.0_f64,
-        samples in prop::collection::vec((pv(), 0.01..0.4_f64, prop_oneof![60 => Just(0u8), 1 => 0u8..32]), 1..600),
+        samples in prop::collection::vec((pv(), 0.01..0.4_f64, prop_oneof![60 => Just(0_u16), 1 => 0_u16..32]), 1..600),
         alternating in any::<bool>(),
     ) {
         let tuner = tuner(AutoTunerSettings { amplitude, hysteresis, wait: 1.0, longest: 40.0, ..USUAL });

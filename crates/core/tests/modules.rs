@@ -1,10 +1,10 @@
 //! Control modules: what they promise when modes change, values are bad, limits move and time jumps.
 
-use glapp_core::half_period::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO};
 use glapp_core::modules::{
-    BAD_FF, BAD_LIMITS, BAD_SP, BacklashDetection, BacklashDetectionSettings, BacklashDetectionState, Gains, Mode, Pid,
-    PidAdvanced, PidAdvancedSettings, PidAdvancedState, PidSettings, PidState, SCHEDULE_ROWS,
+    BacklashDetection, BacklashDetectionSettings, BacklashDetectionState, Gains, Mode, Pid, PidAdvanced,
+    PidAdvancedSettings, PidAdvancedState, PidSettings, PidState, SCHEDULE_ROWS,
 };
+use glapp_core::status::{AT_HIGH, AT_LOW, BAD, BAD_FF, BAD_LIMITS, BAD_SP, GAP, NOT_AUTO, Status};
 use glapp_core::{Backward, CompensationSettings, Forward, Reason, Saturation, Way};
 use proptest::prelude::*;
 
@@ -113,7 +113,7 @@ const CHANGES: [(Mode, Mode); 9] = [
 ];
 
 /// Puts the fault on the rig; gives the error that it must raise.
-fn fail(rig: &mut Rig, fault: &str) -> u8 {
+fn fail(rig: &mut Rig, fault: &str) -> Status {
     match fault {
         "pv not a number" => rig.pv = f64::NAN.into(),
         "pv flagged" => rig.pv = Forward::new(90.0, BAD),
@@ -683,7 +683,7 @@ proptest! {
     #[test]
     fn whatever_comes_the_output_is_a_number_within_the_limits(
         samples in prop::collection::vec(
-            (any::<f64>(), any::<f64>(), any::<f64>(), any::<f64>(), 0..3_u8, 0..16_u8, any::<f64>(), any::<f64>()), 1..80
+            (any::<f64>(), any::<f64>(), any::<f64>(), any::<f64>(), 0..3_u8, 0..16_u16, any::<f64>(), any::<f64>()), 1..80
         ),
     ) {
         let advanced = PidAdvanced::new(PidAdvancedSettings::new(settings())).unwrap();

@@ -1,12 +1,11 @@
 //! Every pair of (mode change, fault), in a closed loop with a gap that is compensated, and with an experiment under way.
 
 use glapp_core::auto_tuner::Stop;
-use glapp_core::half_period::{BAD, GAP, NOT_AUTO};
 use glapp_core::modules::{
-    AutoTuner, AutoTunerState, BAD_LIMITS, BAD_SP, BacklashDetection, BacklashDetectionSettings,
-    BacklashDetectionState, Mode, Pid, PidAdvanced, PidAdvancedSettings, PidAdvancedState, PidSettings, PidState,
-    WRONG_SIGN,
+    AutoTuner, AutoTunerState, BacklashDetection, BacklashDetectionSettings, BacklashDetectionState, Mode, Pid,
+    PidAdvanced, PidAdvancedSettings, PidAdvancedState, PidSettings, PidState,
 };
+use glapp_core::status::{BAD, BAD_LIMITS, BAD_SP, GAP, NOT_AUTO, WRONG_SIGN};
 use glapp_core::{Backlash, BacklashState, Backward, CompensationSettings, Forward, Standing, Way};
 use std::vec::Vec;
 

@@ -1,6 +1,6 @@
 //! What must hold for the detector on any signal.
 
-use glapp_core::half_period::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO};
+use glapp_core::status::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO};
 use glapp_core::{
     Columns, Detector, DetectorState, MedianMean, Real, Reason, Record, SafetyNet, Sample, SecondOrderFilter, Span,
     Width,
@@ -112,7 +112,7 @@ fn cycles() -> impl Strategy<Value = Rows> {
                 rows.pv.push(sp - side * size + f64::from(noise >> 8) / 1e8);
                 rows.op.push(op);
                 let mark = if i == length / 2 { [0, NOT_AUTO, AT_LOW, AT_HIGH][usize::from(flag.min(3))] } else { 0 };
-                rows.flags.push(if flag < 4 { mark } else { 0 });
+                rows.flags.push(if flag < 4 { mark as u8 } else { 0 });
             }
             side = -side;
         }
@@ -149,7 +149,7 @@ fn spoiled() -> impl Strategy<Value = Rows> {
                 1 => rows.sp[i] = value,
                 2 => rows.pv[i] = value,
                 3 => rows.op[i] = value,
-                _ => rows.flags[i] = flags & (NOT_AUTO | BAD | AT_LOW | AT_HIGH),
+                _ => rows.flags[i] = flags & (NOT_AUTO | BAD | AT_LOW | AT_HIGH) as u8,
             }
         }
         rows
@@ -280,7 +280,7 @@ proptest! {
         for i in 0..rows.len() {
             // A time that is not a number stands for the one before it.
             let h = rows.t[i] - before;
-            let sample = Sample { h, sp: rows.sp[i], pv: rows.pv[i], op: Some(rows.op[i]), flags: rows.flags[i] };
+            let sample = Sample { h, sp: rows.sp[i], pv: rows.pv[i], op: Some(rows.op[i]), flags: rows.flags[i].into() };
             singles.extend(detector.update(&mut state, &sample));
             before = if rows.t[i].is_finite() { rows.t[i] } else { before };
         }
@@ -380,9 +380,9 @@ proptest! {
             let h = rows.t[i] - before;
             before = rows.t[i];
             let (sp, pv, op, flags) = (rows.sp[i], rows.pv[i], Some(rows.op[i]), rows.flags[i]);
-            let a = wide.update(&mut wide_state, &Sample { h, sp, pv, op, flags });
+            let a = wide.update(&mut wide_state, &Sample { h, sp, pv, op, flags: flags.into() });
             let (sp, pv, op) = (sp as f32, pv as f32, op.map(|op| op as f32));
-            let b = narrow.update(&mut narrow_state, &Sample { h: h as f32, sp, pv, op, flags });
+            let b = narrow.update(&mut narrow_state, &Sample { h: h as f32, sp, pv, op, flags: flags.into() });
             both += u32::from(a.is_some() || b.is_some());
             if let (Some(a), Some(b)) = (a, b) {
                 let close = (a.parts.d - f64::from(b.parts.d)).abs() <= 1e-3 * a.parts.d.abs().max(1.0);

@@ -108,7 +108,7 @@ fn auto_tuner() {
             if !x[2].is_nan() {
                 tuner.start(&mut s, x[2]);
             }
-            let op = tuner.update(&mut s, x[0], h, x[1] as u8);
+            let op = tuner.update(&mut s, x[0], h, x[1] as u16);
             let found =
                 s.found.map_or([f64::NAN; 4], |f| [f.ku, f.tu, f.kp.unwrap_or(f64::NAN), f.kappa.unwrap_or(f64::NAN)]);
             Some([&[op, f64::from(s.phase as u8), f64::from(s.stop as u8), s.hysteresis, s.bias], &found[..]].concat())
@@ -160,7 +160,7 @@ fn pid_module() {
             state.sp = if own_sp.is_nan() { state.sp } else { own_sp };
             state.manual = if manual.is_nan() { state.manual } else { manual };
             let u = module.forward(&mut state, pv.into(), sp.into(), ff.into(), h).value;
-            module.backward(&mut state, Backward { low, high, flags: flags as u8, tracking });
+            module.backward(&mut state, Backward { low, high, flags: flags as u16, tracking });
             Some(vec![u, state.ysp, state.yf, state.error.into(), state.flags.into()])
         });
     }
@@ -240,7 +240,7 @@ fn backlash_detection() {
             w.compensate = enable != 0.0;
             let u_ff = watch.forward(&mut w, sp.into(), pv.into(), h);
             let u = pid.forward(&mut p, pv.into(), sp.into(), u_ff, h).value;
-            let (_, ff) = pid.backward(&mut p, Backward { flags: told as u8, ..Backward::default() });
+            let (_, ff) = pid.backward(&mut p, Backward { flags: told as u16, ..Backward::default() });
             watch.backward(&mut w, Some(ff));
             Some([&[u][..], &of_detection(&w)].concat())
         });
@@ -275,7 +275,7 @@ fn pid_advanced() {
             s.pid.manual = if manual.is_nan() { s.pid.manual } else { manual };
             s.detection.compensate = enable != 0.0;
             let u = pid.forward(&mut s, pv.into(), sp.into(), 0.0.into(), by.into(), h).value;
-            pid.backward(&mut s, Backward { flags: told as u8, ..Backward::default() });
+            pid.backward(&mut s, Backward { flags: told as u16, ..Backward::default() });
             Some([&[u, s.pid.ysp][..], &of_detection(&s.detection)].concat())
         });
     }
@@ -383,7 +383,7 @@ fn compensate<R: Real>(case: &Case) -> impl FnMut(&[f64], f64) -> Option<Vec<f64
             d_hat: given(x[2]).map(R::of),
             over: x[3] != 0.0,
             enable: x[4] != 0.0,
-            flags: x[5] as u8,
+            flags: x[5] as u16,
         };
         let u_ff = block.update(&mut state, &sample);
         Some(vec![u_ff.as_f64(), state.half.value().as_f64(), f64::from(state.standing as u8)])
@@ -403,7 +403,7 @@ fn wrong_sign() {
         let limits = Saturation::new(case.given("low"), case.given("high")).unwrap();
         let block = WrongSign::new(case.given("k"), case.given("ti"), limits).unwrap();
         let mut state = WrongSignState::default();
-        case.check(|x, h| f64::from(u8::from(block.update(&mut state, x[0], x[1], x[2], h, x[3] as u8))));
+        case.check(|x, h| f64::from(u8::from(block.update(&mut state, x[0], x[1], x[2], h, x[3] as u16))));
     }
 }
 
@@ -413,8 +413,13 @@ fn over_compensation() {
         let block = OverCompensation::new(case.given("k"), case.given("ti")).unwrap();
         let mut state = OverCompensationState::default();
         case.check_all(|x, h| {
-            let half =
-                HalfPeriod { delta_t: x[0], delta_y: x[1], delta_sp: x[2], flags: x[3] as u8, ..HalfPeriod::default() };
+            let half = HalfPeriod {
+                delta_t: x[0],
+                delta_y: x[1],
+                delta_sp: x[2],
+                flags: x[3] as u16,
+                ..HalfPeriod::default()
+            };
             let OverWarning { even, relay } = block.update(&mut state, &half, h, x[4]);
             Some(vec![f64::from(u8::from(even)), f64::from(u8::from(relay))])
         });
@@ -434,7 +439,7 @@ fn half_period() {
     for case in cases("half_period") {
         let mut state: Option<HalfPeriodState<f64>> = None;
         case.check_all(|x, h| {
-            let (e, sp, slope, op, flags) = (x[0], x[1], x[2], x[3], x[4] as u8);
+            let (e, sp, slope, op, flags) = (x[0], x[1], x[2], x[3], x[4] as u16);
             let ended = state.filter(|_| x[5] != 0.0).map(|state| state.close(1, sp, slope, op));
             if ended.is_some() || state.is_none() {
                 state = Some(HalfPeriodState::start(sp, slope, op, 0));
@@ -513,7 +518,7 @@ fn safety_net() {
         let (net, width) = (net_of(&case), width_of(&case));
         case.check_all(|x, _| {
             let half = HalfPeriod {
-                flags: x[0] as u8,
+                flags: x[0] as u16,
                 delta_t: x[1],
                 delta_y: x[2],
                 e_max: x[3],
@@ -533,7 +538,7 @@ fn swing() {
         let block = Swing::new(case.given("k"), case.given("ti"), case.param("td"), case.given("b")).unwrap();
         let mut state = SwingState::default();
         case.check_all(|x, h| {
-            let ended = (x[3] != 0.0).then(|| block.end(&mut state, x[3] as i8, x[4] as u8));
+            let ended = (x[3] != 0.0).then(|| block.end(&mut state, x[3] as i8, x[4] as u16));
             block.add(&mut state, h, x[0], x[1], given(x[2]));
             ended.map(|parts| vec![parts.travel.unwrap_or(f64::NAN), parts.plateau])
         });
@@ -587,7 +592,7 @@ fn detect<R: Real>(case: &Case) -> impl FnMut(&[f64], f64) -> Option<Vec<f64>> {
     let mut state = DetectorState::default();
     move |x, h| {
         let (sp, pv, op) = (R::of(x[0]), R::of(x[1]), R::of(x[2]));
-        let sample = Sample { h: R::of(h), sp, pv, op: op_known.then_some(op), flags: x[3] as u8 };
+        let sample = Sample { h: R::of(h), sp, pv, op: op_known.then_some(op), flags: x[3] as u16 };
         block.update(&mut state, &sample).map(|record| record_as_row(&record))
     }
 }

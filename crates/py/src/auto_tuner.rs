@@ -3,7 +3,7 @@
 use crate::refused;
 use glapp_core::auto_tuner::{Found, Stop};
 use glapp_core::tuning::{Kind, Table};
-use glapp_core::{AutoTunerSettings, AutoTunerState};
+use glapp_core::{AutoTunerSettings, AutoTunerState, Status};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
@@ -80,7 +80,7 @@ impl AutoTuner {
     /// PV, the time since the sample before [s] and the sample's flags in (1 not in auto, 2 bad, 4 and 8 OP at its lower,
     /// upper limit, 16 gap), OP out.
     #[pyo3(signature = (pv, h, flags=0))]
-    fn update(&mut self, pv: f64, h: f64, flags: u8) -> f64 {
+    fn update(&mut self, pv: f64, h: f64, flags: Status) -> f64 {
         self.block.update(&mut self.state, pv, h, flags)
     }
 

@@ -2,8 +2,8 @@
 
 use crate::refused;
 use glapp_core::{
-    Derivative as Slope, HalfPeriod, HalfPeriodState, MedianMeanState, Reason, SecondOrderFilterState, SwingState,
-    WidthParts, ZeroCrossing as Crossing,
+    Derivative as Slope, HalfPeriod, HalfPeriodState, MedianMeanState, Reason, SecondOrderFilterState, Status,
+    SwingState, WidthParts, ZeroCrossing as Crossing,
 };
 use pyo3::prelude::*;
 
@@ -99,7 +99,7 @@ impl Derivative {
     }
 }
 
-type Measured = (u8, u32, f64, f64, f64, f64, f64, f64, f64);
+type Measured = (Status, u32, f64, f64, f64, f64, f64, f64, f64);
 
 /// What the signals did between two zero crossings.
 ///
@@ -129,7 +129,16 @@ impl HalfPeriodBlock {
     /// One sample; where `crossed`, it closes the half-period under way, whose numbers are given, and begins the next.
     #[pyo3(signature = (e, h, sp, slope=0.0, op=0.0, flags=0, crossed=false))]
     #[allow(clippy::too_many_arguments)]
-    fn update(&mut self, e: f64, h: f64, sp: f64, slope: f64, op: f64, flags: u8, crossed: bool) -> Option<Measured> {
+    fn update(
+        &mut self,
+        e: f64,
+        h: f64,
+        sp: f64,
+        slope: f64,
+        op: f64,
+        flags: Status,
+        crossed: bool,
+    ) -> Option<Measured> {
         let fresh = || HalfPeriodState::start(sp, slope, op, 0);
         let state = self.state.get_or_insert_with(fresh);
         let ended = (crossed && !state.is_empty()).then(|| state.close(0, sp, slope, op));
@@ -247,7 +256,7 @@ impl Swing {
 
     /// Ends the half-period of this sign and these flags: OP's travel, None where there is none, and PV's plateau.
     #[pyo3(signature = (sign, flags=0))]
-    fn end(&mut self, sign: i8, flags: u8) -> (Option<f64>, f64) {
+    fn end(&mut self, sign: i8, flags: Status) -> (Option<f64>, f64) {
         let parts = self.block.end(&mut self.state, sign, flags);
         (parts.travel, parts.plateau)
     }
@@ -308,7 +317,7 @@ impl SafetyNet {
     #[allow(clippy::too_many_arguments)]
     fn check(
         &self,
-        flags: u8,
+        flags: Status,
         delta_t: f64,
         delta_y: f64,
         e_max: f64,

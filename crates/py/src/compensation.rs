@@ -3,7 +3,7 @@
 use crate::refused;
 use glapp_core::{
     CompensationSample, CompensationSettings, CompensationState, HalfPeriod, OverCompensationState, Saturation,
-    Standing, Way,
+    Standing, Status, Way,
 };
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -132,7 +132,7 @@ impl Compensation {
     /// not in automatic, 2 bad, 4 at the lower limit, 8 at the upper one.
     #[pyo3(signature = (e, u, h, *, enable, d_hat=None, over=false, flags=0))]
     #[allow(clippy::too_many_arguments)]
-    fn update(&mut self, e: f64, u: f64, h: f64, enable: bool, d_hat: Option<f64>, over: bool, flags: u8) -> f64 {
+    fn update(&mut self, e: f64, u: f64, h: f64, enable: bool, d_hat: Option<f64>, over: bool, flags: Status) -> f64 {
         self.block.update(&mut self.state, &CompensationSample { e, u, h, d_hat, over, enable, flags })
     }
 
@@ -192,7 +192,7 @@ impl OverCompensation {
     /// Take a completed half-period: Δt [s], Δy, the sample time [s] and the width in force, 0 while nothing is compensated; give
     /// (even, relay).
     #[pyo3(signature = (delta_t, delta_y, h, size, delta_sp=0.0, flags=0))]
-    fn update(&mut self, delta_t: f64, delta_y: f64, h: f64, size: f64, delta_sp: f64, flags: u8) -> (bool, bool) {
+    fn update(&mut self, delta_t: f64, delta_y: f64, h: f64, size: f64, delta_sp: f64, flags: Status) -> (bool, bool) {
         let half = HalfPeriod { flags, delta_t, delta_y, delta_sp, ..HalfPeriod::default() };
         let warning = self.block.update(&mut self.state, &half, h, size);
         (warning.even, warning.relay)

@@ -1,7 +1,7 @@
 //! Notices a process of the wrong sign.
 
 use crate::refused;
-use glapp_core::{Saturation, WrongSignState};
+use glapp_core::{Saturation, Status, WrongSignState};
 use pyo3::prelude::*;
 
 /// Notices that K has the wrong sign for its process: OP has gone to its limit and PV runs away from SP all the same.
@@ -38,7 +38,7 @@ impl WrongSign {
     ///
     /// flags: 1 not in automatic, 2 bad, 4 at the lower limit, 8 at the upper one, 16 after a gap.
     #[pyo3(signature = (sp, yf, op, h, flags=0))]
-    fn update(&mut self, sp: f64, yf: f64, op: f64, h: f64, flags: u8) -> bool {
+    fn update(&mut self, sp: f64, yf: f64, op: f64, h: f64, flags: Status) -> bool {
         self.block.update(&mut self.state, sp, yf, op, h, flags)
     }
 }

@@ -4,10 +4,10 @@ use crate::error::require;
 use crate::friction::FrictionState;
 use crate::plant::{Sampled, SampledState};
 use crate::random::Integers;
-use crate::scenario::{AT_HIGH, AT_LOW, BAD, Block, Compensated, Controller, Manual, NOT_AUTO, Scenario, magnitude};
+use crate::scenario::{Block, Compensated, Controller, Manual, Scenario, magnitude};
 use crate::signal::{Source, sample_at};
 use crate::{Friction, Outer, Piece, Plant, SimError};
-use glapp_core::half_period::GAP;
+use glapp_core::status::{BAD, GAP, NOT_AUTO, Status};
 use glapp_core::{
     Backlash, BacklashState, Compensation, CompensationSample, CompensationState, Detector, DetectorState,
     HalfPeriodState, MedianMean, MedianMeanState, OverCompensation, OverCompensationState, Pid, PidState, RateLimit,
@@ -426,8 +426,7 @@ impl<const N: usize> Blocks<N> {
             pv[k] = y;
             op[k] = sent;
             position[k] = x;
-            flags[k] =
-                mode | if u <= self.limits.low { AT_LOW } else { 0 } | if u >= self.limits.high { AT_HIGH } else { 0 };
+            flags[k] = (mode | self.limits.reached(u)) as u8;
         }
         *state = s;
     }
@@ -496,7 +495,7 @@ impl Compensating {
     }
 
     /// Takes sample `k`; gives what is to be added to the output `u`.
-    fn update(&mut self, k: usize, sp: f64, yf: f64, u: f64, h: f64, flags: u8) -> f64 {
+    fn update(&mut self, k: usize, sp: f64, yf: f64, u: f64, h: f64, flags: Status) -> f64 {
         let e = sp - yf;
         let size = 2.0 * self.state.half;
         if flags & BAD != 0 {

@@ -7,7 +7,7 @@
 use crate::engine::{Bounds, rest, samples, source};
 use crate::plant::{Sampled, delay};
 use crate::random::times;
-use crate::scenario::{AT_HIGH, AT_LOW, Block, CHUNK, Columns, Seen, Watcher};
+use crate::scenario::{Block, CHUNK, Columns, Seen, Watcher};
 use crate::signal::Source;
 use crate::{Piece, Scenario, SimError, engine};
 use glapp_core::{Backlash, Detector, NoiseState, PidState, Saturation};
@@ -226,12 +226,12 @@ impl Group {
         }
         self.machine.advance(blocks, constant, self.instructions);
         for (i, block) in blocks.iter_mut().enumerate() {
-            let Saturation { low, high } = self.limits[i];
-            if self.limits[i] == Saturation::none() {
+            let limits = self.limits[i];
+            if limits == Saturation::none() {
                 block.flags.fill(0);
             } else {
                 for (flag, u) in block.flags.iter_mut().zip(block.op.iter()) {
-                    *flag = if *u <= low { AT_LOW } else { 0 } | if *u >= high { AT_HIGH } else { 0 };
+                    *flag = limits.reached(*u) as u8;
                 }
             }
             if self.faults[i].is_none() {

@@ -22,7 +22,5 @@ pub use lanes::{Instructions, groups, run_together, watch_together};
 pub use matrix::Matrix;
 pub use module::Module;
 pub use plant::{BATCH, MAX_ORDER, Named, Plant};
-pub use scenario::{
-    AT_HIGH, AT_LOW, BAD, Block, Columns, Compensated, Controller, Manual, NOT_AUTO, Outer, Scenario, Seen,
-};
+pub use scenario::{Block, Columns, Compensated, Controller, Manual, Outer, Scenario, Seen};
 pub use signal::{Piece, Signal, random_walk};

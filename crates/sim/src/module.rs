@@ -4,11 +4,11 @@ use crate::Plant;
 use crate::engine::{Process, process_at_rest};
 use crate::graph::GraphError;
 use glapp_core::auto_tuner::Found;
-use glapp_core::half_period::{AT_HIGH, AT_LOW, NOT_AUTO};
 use glapp_core::modules::{
     self, AutoTuner, AutoTunerState, BacklashDetection, BacklashDetectionSettings, BacklashDetectionState, Gains, Mode,
     Pid, PidAdvanced, PidAdvancedSettings, PidAdvancedState, PidSettings, PidState, SCHEDULE_ROWS,
 };
+use glapp_core::status::{AT_HIGH, AT_LOW, NOT_AUTO, Status};
 use glapp_core::{
     AutoTunerSettings, Backlash, BacklashState, Backward, CompensationSettings, Forward, Noise, NoiseState,
     ParameterError, RateLimit, RateLimitState, Saturation, SecondOrderFilter, SecondOrderFilterState, Way,
@@ -649,10 +649,10 @@ impl Live {
         match (&mut self.block, name) {
             (Block::Input(to, _), _) => *to = value,
             (Block::Output(_, says), "flags") => {
-                if value < 0.0 || value.fract() != 0.0 || value as u8 & !(AT_LOW | AT_HIGH | NOT_AUTO) != 0 {
+                if value < 0.0 || value.fract() != 0.0 || value as Status & !(AT_LOW | AT_HIGH | NOT_AUTO) != 0 {
                     return wrong("flags", "a sum of 1 (not followed), 4 (at the lower limit), 8 (at the upper limit)");
                 }
-                says.flags = value as u8;
+                says.flags = value as Status;
             }
             (Block::AutoTuner(parts), _) => match value {
                 0.0 => parts.1.run = false,

@@ -5,15 +5,6 @@ use crate::{Friction, Piece, Plant, Signal, SimError};
 use glapp_core::{CompensationSettings, Detector, DetectorState, Estimate, MedianMean};
 use std::ops::Range;
 
-/// Flag of a sample in manual.
-pub const NOT_AUTO: u8 = 1;
-/// Flag of a sample whose process value did not arrive.
-pub const BAD: u8 = 2;
-/// Flag of a sample with the output at its lower limit.
-pub const AT_LOW: u8 = 4;
-/// Flag of a sample with the output at its upper limit.
-pub const AT_HIGH: u8 = 8;
-
 /// A closed loop, sampled at one rate:
 ///
 /// ```text

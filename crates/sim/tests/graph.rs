@@ -1,6 +1,6 @@
 //! Loops of modules: the same bits as the simulator, checked when made, open while they run.
 
-use glapp_core::half_period::{AT_HIGH, AT_LOW, NOT_AUTO};
+use glapp_core::status::{AT_HIGH, AT_LOW, NOT_AUTO};
 use glapp_sim::{Controller, Graph, GraphError, Module, Piece, Plant, Scenario};
 
 fn module(kind: &str, parameters: &[(&str, f64)]) -> Module {

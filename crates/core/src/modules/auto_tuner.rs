@@ -1,7 +1,7 @@
 //! The autotuner as a module between a controller and its valve.
 
 use crate::connection::{Backward, Forward};
-use crate::half_period::{AT_HIGH, AT_LOW, BAD, NOT_AUTO};
+use crate::status::{AT_HIGH, AT_LOW, BAD, NOT_AUTO, Status};
 use crate::{AutoTunerSettings, ParameterError, Real};
 
 /// Relay experiment in a loop: a [block](crate::AutoTuner) with connections.
@@ -28,7 +28,7 @@ pub struct AutoTunerState<R: Real> {
     /// The relay had the output in this scan.
     active: bool,
     /// What was told backward in the last scan.
-    flags: u8,
+    flags: Status,
 }
 
 impl<R: Real> AutoTuner<R> {

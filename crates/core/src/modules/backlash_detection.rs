@@ -1,15 +1,13 @@
 //! The detector as a module beside a controller.
 
 use crate::connection::{Backward, Forward};
-use crate::half_period::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO};
+use crate::status::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO, Status, WRONG_SIGN};
 use crate::{
     Compensation, CompensationSample, CompensationSettings, CompensationState, Detector, DetectorState, Estimate,
     MedianMean, MedianMeanState, OverCompensation, OverCompensationState, OverWarning, ParameterError, Real, Reason,
     Record, SafetyNet, Sample, Saturation, SecondOrderFilter, Sum, Width, WrongSign, WrongSignState,
 };
 
-/// The gain K has the wrong sign: for the process, or as the detector was told it.
-pub const WRONG_SIGN: u16 = 256;
 /// So many half-periods in a row in which OP went against K tell that the detector was told the wrong sign: of those that are
 /// longer than so many Ti, and in which nothing but K and Ti moved OP.
 const AGAINST: u8 = 3;
@@ -157,7 +155,7 @@ impl<R: Real> BacklashDetectionState<R> {
     }
 
     /// What is wrong: [`WRONG_SIGN`], or 0.
-    pub fn error(&self) -> u16 {
+    pub fn error(&self) -> Status {
         if self.sign.found || self.against >= AGAINST { WRONG_SIGN } else { 0 }
     }
 }

@@ -2,15 +2,8 @@
 
 use crate::connection::{Backward, Forward};
 use crate::error::require;
-use crate::half_period::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO};
+use crate::status::{AT_HIGH, AT_LOW, BAD, BAD_FF, BAD_LIMITS, BAD_SP, GAP, NOT_AUTO, Status};
 use crate::{ParameterError, Real, Saturation, SecondOrderFilter, SecondOrderFilterState, Sum};
-
-/// The setpoint handed over is bad; the last good one is in effect.
-pub const BAD_SP: u8 = 32;
-/// The feed-forward handed over is bad; the last good one is in effect.
-pub const BAD_FF: u8 = 64;
-/// The limits told backward cross, or cross the module's own, which then are in effect.
-pub const BAD_LIMITS: u8 = 128;
 
 /// Who sets the output of a [`Pid`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -138,10 +131,10 @@ pub struct PidState<R: Real> {
     /// The output.
     pub output: R,
     /// What is wrong: `BAD`, `GAP`, `BAD_SP`, `BAD_FF`, `BAD_LIMITS`; 0 = nothing.
-    pub error: u8,
+    pub error: Status,
     /// `AT_LOW`, `AT_HIGH`: the output or something after it is at a limit, be it of its rate; `NOT_AUTO`: somebody else sets
     /// the output.
-    pub flags: u8,
+    pub flags: Status,
     /// The feed-forward in effect.
     pub(super) ff: R,
     law: crate::PidState<R>,
@@ -150,13 +143,13 @@ pub struct PidState<R: Real> {
     /// K, Ti, Td and b of the last scan.
     gains: [R; 4],
     /// What decided the last scan: who sets the output, and what was wrong.
-    status: u8,
+    status: Status,
 }
 
 /// No scan has been.
-const NEW: u8 = u8::MAX;
+const NEW: Status = 255;
 /// Errors of the measurement: nothing can be computed.
-const BLIND: u8 = BAD | GAP;
+const BLIND: Status = BAD | GAP;
 
 impl<R: Real> Default for PidState<R> {
     fn default() -> Self {
@@ -254,7 +247,7 @@ impl<R: Real> Pid<R> {
 
         let tracked = s.back.flags & NOT_AUTO != 0 && s.back.tracking.is_number();
         let by_hand = tracked || s.mode == Mode::Manual;
-        let status = u8::from(tracked) | ((s.mode as u8) << 2) | (error & (BLIND | BAD_SP | BAD_FF));
+        let status = Status::from(tracked) | ((s.mode as Status) << 2) | (error & (BLIND | BAD_SP | BAD_FF));
         let changed = status != s.status;
         if by_hand {
             s.ysp = if error & BAD == 0 { s.yf.into() } else { s.ysp };
@@ -335,7 +328,7 @@ impl<R: Real> Pid<R> {
 
     /// Where K is negative, a setpoint can do nothing more upward when the output is at its lower limit.
     #[inline(always)]
-    fn seen_from_setpoint(&self, flags: u8) -> u8 {
+    fn seen_from_setpoint(&self, flags: Status) -> Status {
         if self.settings.k > R::ZERO {
             return flags;
         }
@@ -345,7 +338,7 @@ impl<R: Real> Pid<R> {
 
     /// The narrower of the own limits and those told backward.
     #[inline(always)]
-    fn limits(&self, s: &PidState<R>, error: &mut u8) -> Saturation<R> {
+    fn limits(&self, s: &PidState<R>, error: &mut Status) -> Saturation<R> {
         let PidSettings { low, high, .. } = self.settings;
         let (narrow_low, narrow_high) = (low.greater(s.back.low), high.lesser(s.back.high));
         if s.back.low < s.back.high && narrow_low < narrow_high {
@@ -358,7 +351,7 @@ impl<R: Real> Pid<R> {
 
     /// Where the output may go within this scan: no further towards a limit that was reported, no faster than the rate.
     #[inline(always)]
-    fn band(&self, s: &PidState<R>, limits: Saturation<R>, reported: u8, h: R) -> Saturation<R> {
+    fn band(&self, s: &PidState<R>, limits: Saturation<R>, reported: Status, h: R) -> Saturation<R> {
         let step = if h > R::ZERO { self.settings.rate * h } else { R::ZERO };
         let up = if reported & AT_HIGH != 0 { R::ZERO } else { step };
         let down = if reported & AT_LOW != 0 { R::ZERO } else { step };

@@ -4,7 +4,7 @@ use super::backlash_detection::{BacklashDetection, BacklashDetectionSettings, Ba
 use super::pid::{Pid, PidSettings, PidState};
 use crate::connection::{Backward, Forward};
 use crate::error::require;
-use crate::half_period::{AT_HIGH, AT_LOW, NOT_AUTO};
+use crate::status::{AT_HIGH, AT_LOW, NOT_AUTO, Status};
 use crate::{CompensationSettings, ParameterError, Real, Sum};
 
 /// The most rows of a gain schedule.
@@ -94,8 +94,8 @@ impl<R: Real> PidAdvancedState<R> {
     }
 
     /// What is wrong: what the controller says, and [`WRONG_SIGN`](super::WRONG_SIGN).
-    pub fn error(&self) -> u16 {
-        u16::from(self.pid.error) | self.detection.error()
+    pub fn error(&self) -> Status {
+        self.pid.error | self.detection.error()
     }
 }
 

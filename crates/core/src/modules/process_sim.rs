@@ -91,7 +91,7 @@ impl<R: Real, const N: usize> ProcessSim<R, N> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::half_period::BAD;
+    use crate::status::BAD;
     use std::vec::Vec;
 
     fn step_response(process: &ProcessSim<f64, 64>, n: usize) -> Vec<f64> {

@@ -1,6 +1,6 @@
 # make run   sets everything up and does the main job: recordings in, dead bands and a report out
 # make test  sets everything up and runs every test in every language
-.PHONY: run test setup lint bench gallery fuzz clean
+.PHONY: run test setup lint bench catalogue gallery fuzz clean
 .DELETE_ON_ERROR:
 
 PYTHON ?= python3
@@ -51,6 +51,12 @@ bench: setup $(VENV)/.bench
 $(VENV)/.bench: pyproject.toml $(VENV)/.tools
 	$(BIN)/pip install --quiet --group bench
 	touch $@
+
+# Names, numbers, units, bounds and defaults, from the core into docs/catalogue.md.
+catalogue: setup
+	cargo run --quiet -p glapp-core --example catalogue > vectors/catalogue.json.new
+	mv vectors/catalogue.json.new vectors/catalogue.json
+	$(BIN)/python vectors/catalogue.py
 
 # The figures of the thesis with their numbers, as docs/gallery has them.
 gallery: setup

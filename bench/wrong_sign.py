@@ -62,9 +62,7 @@ def _detected(s: Simulation, of: Scenario) -> tuple[int, int, int]:
     """Long half-periods, and the longest rows of them in which OP went against K as it is, and as told wrongly."""
     ideal = of.ideal()
     low, high = of.limits or RANGE
-    detector = _glapp.Detector(
-        *ideal[:4], of.process_gain(), of.filter_time(), 9, ideal.ti / 2, high - low, (low, high), 0
-    )
+    detector = _glapp.Detector({**of.detector(of.filter_time()), "op_limits": (low, high)})
     rows, longest, long = [0, 0], [0, 0], 0
     for t, sp, pv, op, flags in zip(
         s.t.tolist(), s.sp.tolist(), s.pv.tolist(), s.op.tolist(), s.flags.tolist(), strict=True

@@ -30,7 +30,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut state = DetectorState::default();
     for n in 0..signals.t.len() {
         let sample =
-            Sample { h, sp: signals.sp[n], pv: signals.pv[n], op: Some(signals.op[n]), flags: signals.flags[n] };
+            Sample { h, sp: signals.sp[n], pv: signals.pv[n], op: Some(signals.op[n]), flags: signals.flags[n].into() };
         if let Some(half) = detector.update(&mut state, &sample)
             && half.mask == 0
             && let Some(estimate) = half.estimate

@@ -10,7 +10,8 @@ from bench.compensation import Case, Harm, harm, reversals, warned
 
 from glapp.errors import InputError
 from glapp.fit import Fit
-from glapp.simulate import BAD, NOT_AUTO, STANDINGS, Compensation, Scenario, Simulation, Walk, run, run_many
+from glapp.recording import BAD, NOT_AUTO
+from glapp.simulate import STANDINGS, Compensation, Scenario, Simulation, Walk, run, run_many
 
 WAYS = ("error", "derivative", "inverse")
 ACTIVE, NOT_ENABLED, MANUAL, BAD_QUALITY = (

@@ -361,10 +361,7 @@ def test_the_estimate_kept_is_that_of_the_detector_over_the_signals() -> None:
     table = run_many(many, keep="estimate", progress=False)
     for i, scenario in enumerate(many):
         s = run(scenario)
-        ideal, limits = scenario.ideal(), scenario.limits
-        span = None if limits is None else limits[1] - limits[0]
-        gain = scenario.process_gain()
-        detector = glapp._glapp.Detector(*ideal, gain, scenario.filter_time(), 9, 3 * scenario.h, span, limits, 0)
+        detector = glapp._glapp.Detector(scenario.detector(scenario.filter_time()))
         detector.run(s.t, s.sp, s.pv, s.op, s.flags, False)
         estimate = detector.estimate
         row = table.slice(i, 1).to_pylist()[0]

@@ -11,7 +11,8 @@ from scipy import signal
 from glapp.controller import Controller
 from glapp.errors import InputError
 from glapp.plant import PLANTS, Plant
-from glapp.simulate import AT_HIGH, AT_LOW, NOT_AUTO, Simulation, closed_loop, random_walk
+from glapp.recording import AT_HIGH, AT_LOW, NOT_AUTO
+from glapp.simulate import Simulation, closed_loop, random_walk
 
 AMIGO_PI = (0.414, 2.66)
 P3_PI = (0.48, 0.3117)

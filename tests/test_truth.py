@@ -16,12 +16,10 @@ P3_PI = (0.48, 0.3117)
 P2_PID = (1.12, 2.40, 0.619)
 
 
-def detector(controller: tuple[float, ...], tf: float, *, off: int = 0, **changes: Any) -> _glapp.Detector:
+def detector(controller: tuple[float, ...], tf: float, **changes: Any) -> _glapp.Detector:
     k, ti, td = [*controller, 0.0][:3]
-    settings = {"td": td, "b": 0.0, "kp": 1.0, "n": 9, "max_h": 1.0, "op_span": None, "op_limits": None} | changes
-    s = settings
     return _glapp.Detector(
-        s.get("k", k), ti, s["td"], s["b"], s["kp"], tf, s["n"], s["max_h"], s["op_span"], s["op_limits"], off
+        {"k": k, "ti": ti, "td": td, "b": 0.0, "kp": 1.0, "tf": tf, "h": 0.0, "max_h": 1.0} | changes
     )
 
 

@@ -33,7 +33,7 @@ from glapp.blocks import (
 )
 
 VECTORS = Path(__file__).parents[1] / "vectors"
-FILES = sorted(path for path in VECTORS.glob("*.json") if path.name != "schema.json")
+FILES = sorted(path for path in VECTORS.glob("*.json") if path.name not in ("schema.json", "catalogue.json"))
 
 
 def read(path: Path) -> dict[str, Any]:
@@ -209,10 +209,8 @@ def median_mean(params: dict[str, float]) -> Callable[..., tuple[float, ...]]:
 
 def detector(params: dict[str, float]) -> Callable[..., list[float] | None]:
     limits = (params["op_low"], params["op_high"]) if "op_low" in params else None
-    names = ("k", "ti", "td", "b", "kp", "tf", "n", "max_h", "op_span")
-    values = [params.get(name) for name in names]
-    values[6] = int(params["n"])
-    block = _glapp.Detector(*values, limits, 0)
+    told = {name: params.get(name) for name in ("k", "ti", "td", "b", "kp", "tf", "max_h", "op_span")}
+    block = _glapp.Detector({**told, "n": int(params["n"]), "h": 0.0, "op_limits": limits})
     columns = read(VECTORS / "detector.json")["outputs"]
     t = 0.0
 

@@ -2134,7 +2134,8 @@ def pid_advanced(params: Params, h: Sequence[float], samples: Sequence[Sequence[
     controller = _Controller(params)
     widest = max((row[1] for row in rows), key=abs, default=k)
     slowest = max((row[2] for row in rows), default=ti)
-    tf = 0.0 if controller.tf > 0.0 else slowest / 10.0
+    damping = max((row[3] for row in rows), default=td)
+    tf = 0.0 if controller.tf > 0.0 else damping / 5.0 if damping > 0.0 else slowest / 10.0
     detection = _Detection(params, widest, slowest, None if rows else td, tf)
     detection.compensation["rate"] = min(detection.compensation["rate"], controller.rate / 2.0)
     by, outputs = 0.0, []

@@ -250,7 +250,7 @@ def batch() -> list[tuple[str, list[float], list[float], float]]: ...
 class Scenario:
     """A scenario, checked; `watch` are the settings of a detector beside it."""
 
-    def __init__(self, scenario: dict[str, Any], watch: tuple[Any, ...] | None = None) -> None: ...
+    def __init__(self, scenario: dict[str, Any], watch: dict[str, Any] | None = None) -> None: ...
     @property
     def samples(self) -> int: ...
 
@@ -278,6 +278,11 @@ def watch(
 
 def random_walk(n: int, h: float, rate: float, seed: int) -> npt.NDArray[np.float64]: ...
 def reasons() -> list[str]: ...
+
+DETECTIONS: int
+GAP_STEPS: float
+
+def filter_time(ti: float, td: float) -> float: ...
 
 class HalfPeriod:
     """One half-period; attributes as the columns of `glapp.HalfPeriods`."""
@@ -330,22 +335,13 @@ class HalfPeriod:
     def detections(self) -> int: ...
 
 class Detector:
-    """The detector with its state and its table of half-periods; `off` switches conditions off, a bit each."""
+    """The detector with its state and its table of half-periods.
 
-    def __new__(
-        cls,
-        k: float,
-        ti: float,
-        td: float | None,
-        b: float,
-        kp: float | None,
-        tf: float,
-        n: int,
-        max_h: float,
-        op_span: float | None,
-        op_limits: tuple[float, float] | None,
-        off: int,
-    ) -> Self: ...
+    `settings`: k, ti, h, and where they are not as usual td, b, kp, tf, n, max_h, op_limits, op_span, and off, the
+    names of the conditions that are not asked.
+    """
+
+    def __new__(cls, settings: dict[str, Any]) -> Self: ...
     def update(self, t: float, sp: float, pv: float, op: float | None = None, flags: int = 0) -> HalfPeriod | None: ...
     def run(
         self,

@@ -25,7 +25,8 @@ import numpy as np
 from .controller import Ideal
 from .plant import Plant
 from .reading.settings import parse_settings
-from .simulate import NOT_AUTO, Simulation, closed_loop, random_walk
+from .recording import NOT_AUTO
+from .simulate import Simulation, closed_loop, random_walk
 from .writing import write_file
 
 __all__ = ["write_recordings"]

@@ -44,8 +44,8 @@ KP_ASSUMED = f"not given, taken as {KP_DEFAULT} %/%"
 NO_SP = "SP is not recorded, and half-periods are told by where PV crosses it: name its column (--sp, columns.sp)"
 """Why there is no estimate from crossings where the fit may have one."""
 
-LADDER = (0.1, 0.2, 0.5, 1.0, 2.0)
-"""Filter times tried where none is given, in Ti; with derivative action the first is Td/5 (thesis 2.1, 8.2, 8.4)."""
+LADDER = (0.2, 0.5, 1.0, 2.0)
+"""Filter times tried where none is given, in Ti, after the shortest that serves (thesis 2.1, 8.2, 8.4)."""
 
 
 def estimate(
@@ -347,7 +347,7 @@ class Estimator(_glapp.Detector):
         if not h > 0:
             raise InputError(f"is {h}, must be > 0 s", parameter="h", value=h, bound="> 0 s")
         tf = loop.tf if loop.tf is not None else _ladder(ideal)[0]
-        return super().__new__(cls, *_detector_settings(loop, ideal, tf, _process_gain(loop)[0], GAP_STEPS * h))
+        return super().__new__(cls, _detector_settings(loop, ideal, tf, _process_gain(loop)[0], h))
 
     def update_many(
         self,
@@ -393,7 +393,7 @@ class Estimator(_glapp.Detector):
         InputError
             Where the text is not what `save` gave.
         """
-        self = super().__new__(cls, 1.0, 1.0, None, 1.0, None, 0.0, 1, 1.0, None, None, 0)
+        self = super().__new__(cls, {"k": 1.0, "ti": 1.0, "h": 1.0})
         try:
             self.restore(saved)
         except ValueError as error:
@@ -433,6 +433,7 @@ class _Run:
         self.recording = recording
         self.loop = loop
         self.ideal = ideal
+        self.h = step
         self.max_h = GAP_STEPS * step
         self.kp, kp_note = gain
         self.notes = {**dict.fromkeys(("k", "ti", "td", "b"), "given"), **notes, "kp": kp_note}
@@ -443,9 +444,7 @@ class _Run:
         if ideal is not None and self.sp_known:
             self.filter_times = [self.loop.tf] if self.loop.tf is not None else _ladder(ideal)
         self.detectors = [
-            _detector(_glapp.Detector, self.loop, ideal, tf, self.kp, self.max_h)
-            for tf in self.filter_times
-            if ideal is not None
+            _detector(self.loop, ideal, tf, self.kp, self.h) for tf in self.filter_times if ideal is not None
         ]
 
     def all(
@@ -687,14 +686,12 @@ def _process_gain(loop: Loop) -> tuple[float | None, str]:
 
 
 def _ladder(ideal: Ideal) -> list[float]:
-    first = ideal.td / 5.0 if ideal.td > 0 else LADDER[0] * ideal.ti
-    return [first, *(tf for share in LADDER[1:] if (tf := share * ideal.ti) > first)]
+    first = _glapp.filter_time(ideal.ti, ideal.td)
+    return [first, *(tf for share in LADDER if (tf := share * ideal.ti) > first)]
 
 
-def _detector_settings(loop: Loop, ideal: Ideal, tf: float, kp: float | None, max_h: float) -> tuple[Any, ...]:
-    limits = op_range(loop)
-    span = None if limits is None else limits[1] - limits[0]
-    return ideal.k, ideal.ti, ideal.td, ideal.b, kp, tf, loop.n, max_h, span, limits, 0
+def _detector_settings(loop: Loop, ideal: Ideal, tf: float, kp: float | None, h: float) -> dict[str, Any]:
+    return {**ideal._asdict(), "kp": kp, "tf": tf, "n": loop.n, "h": h, "op_limits": op_range(loop)}
 
 
 def with_op_unit(loop: Loop, batch: Batch) -> Loop:
@@ -710,11 +707,9 @@ def op_range(loop: Loop) -> tuple[float, float] | None:
     return (0.0, 100.0) if loop.op_span is None and loop.op_label == "%" else loop.op_span
 
 
-def _detector(
-    kind: type[_glapp.Detector], loop: Loop, ideal: Ideal, tf: float, kp: float | None, max_h: float
-) -> _glapp.Detector:
+def _detector(loop: Loop, ideal: Ideal, tf: float, kp: float | None, h: float) -> _glapp.Detector:
     try:
-        return kind(*_detector_settings(loop, ideal, tf, kp, max_h))
+        return _glapp.Detector(_detector_settings(loop, ideal, tf, kp, h))
     except ValueError as error:
         raise InputError(str(error), loop=loop.name) from None
 

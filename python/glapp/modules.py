@@ -408,10 +408,10 @@ class PidAdvanced(_Compensating, Pid):
     """A `Pid` with the detector inside, a setpoint ramp and a gain schedule (6.4, 6.6, 7.1).
 
     The detector takes the controller's settings and sees what it sees: setpoint in effect, filtered process value,
-    limits and mode. Where `tf` is 0 the detector filters, with Ti/10. Read `d_hat`, `count` (detections behind it),
-    `noise_floor` (what noise can feign: below it `d_hat` and `whole` are NaN, and `count` is 0), `detections` (in all),
-    and of the last half-period `d` and `reason` (0: accepted). `error` says too that k has the
-    wrong sign for the process, where `low` and `high` are given (`docs/modules.md`).
+    limits and mode. Where `tf` is 0 the detector filters, with Td/5, or Ti/10 without D. Read `d_hat`, `count`
+    (detections behind it), `noise_floor` (what noise can feign: below it `d_hat` and `whole` are NaN, and `count` is
+    0), `detections` (in all), and of the last half-period `d` and `reason` (0: accepted). `error` says too that k has
+    the wrong sign for the process, where `low` and `high` are given (`docs/modules.md`).
 
     Parameters
     ----------
@@ -496,14 +496,14 @@ class BacklashDetection(_Compensating):
     kp : float, optional
         Static process gain, ≠ 0.
     tf : float, optional
-        Time constant of the detector's filter, ≥ 0 [s]; Ti/10 where not given. 0 where the process value comes
-        filtered.
+        Time constant of the detector's filter, ≥ 0 [s]; Td/5, or Ti/10 without D, where not given. 0 where the process
+        value comes filtered.
     n : int
         Length of the filter of detections, odd, 1..31.
     op_low, op_high : float, optional
         Limits of the output.
     max_h : float, optional
-        A longer time between scans is a gap, > 0 [s]; Ti/2 where not given.
+        A longer time between scans is a gap, > 0 [s]; three scans where not given.
     comp_size : float
         Width of the gap as far as it is trusted, ≥ 0; 0: no compensation [unit of the output]. The lower limit of the
         fit, or what a person knows; the estimate may lower it.
@@ -512,15 +512,15 @@ class BacklashDetection(_Compensating):
     comp_share : float
         Share of it to compensate, 0..1.
     comp_limit : float, optional
-        Greatest width, ≥ share·size; share·size where not given.
+        Greatest width, ≥ share·size; the size where not given.
     comp_band : float, optional
         `Way.INVERSE`: how far the output must go back before that is a reversal, ≥ 0; a fifth of the size where not
         given.
     comp_tf : float
         Time constant of a filter of the output before its direction is found, ≥ 0 [s].
     comp_rate : float, optional
-        Greatest rate, > 0 [unit of the output per s]; where not given the inverse goes from side to side in Ti/10, the
-        others jump.
+        Greatest rate, > 0 [unit of the output per s]; where not given the inverse goes from side to side of its
+        share in Ti/10, the others jump.
     comp_release : float, optional
         Time in which it is taken away, > 0 [s]; Ti where not given.
     comp_watch : float, optional

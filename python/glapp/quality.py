@@ -15,13 +15,14 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from . import _glapp
 from .identify import FROZEN_STEPS, R2_USABLE, SORTED_ROWS, Identification, frozen_steps, in_runs, resolution
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Severity = Literal["info", "warning", "refuse"]
 
-GAP_STEPS = 3.0
+GAP_STEPS: float = _glapp.GAP_STEPS
 """A step longer than so many ordinary ones is a gap."""
 
 

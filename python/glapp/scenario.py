@@ -18,11 +18,11 @@ import pyarrow.csv
 import pyarrow.parquet
 from pydantic import BeforeValidator, ConfigDict, Field, PlainValidator
 
+from . import _glapp
 from .checked import Checked
 from .controller import Controller, Ideal, NotNegative, Positive, Span
 from .errors import InputError
 from .plant import PLANTS, Plant
-from .quality import GAP_STEPS
 
 __all__ = [
     "Coloured",
@@ -45,7 +45,7 @@ __all__ = [
 
 Floats = npt.NDArray[np.float64]
 
-DETECTIONS = 9
+DETECTIONS: int = _glapp.DETECTIONS
 """Detections that the estimate of a loop stands on, as everywhere where nothing else is said."""
 
 
@@ -205,7 +205,6 @@ Piece = Annotated[
 ]
 """Part of a signal; a signal is the sum of its pieces, each random one with a stream of its own."""
 
-_NO_BUDGET = 1e12
 
 _PIECES = (Steps, Ramp, Sine, Walk, Uniform, Gaussian, Coloured, Samples, File)
 
@@ -485,31 +484,15 @@ class Scenario(Checked):
         """Static gain Kp of the plant; None for an integrating one."""
         return self.plant.gain
 
-    def detector(self, tf: float) -> tuple[Any, ...]:
+    def detector(self, tf: float) -> dict[str, Any]:
         """Settings of a detector for this loop with filter time `tf`, as the extension takes them."""
-        limits = self.limits
-        span = None if limits is None else limits[1] - limits[0]
-        return (*self.ideal(), self.process_gain(), tf, DETECTIONS, GAP_STEPS * self.h, span, limits, 0)
+        gain = self.process_gain()
+        return {**self.ideal()._asdict(), "kp": gain, "tf": tf, "h": self.h, "op_limits": self.limits}
 
     def _compensation(self, given: Compensation) -> dict[str, Any]:
-        ideal, delta = self.ideal(), given.share * given.size
-        fast = 10 * delta / ideal.ti if given.way == "inverse" else delta / self.h
-        settings = {
-            "way": given.way,
-            "k": ideal.k if given.k is None else given.k,
-            "size": given.size,
-            "share": given.share,
-            "limit": given.size,
-            "band": given.size / 5 if given.band is None else given.band,
-            "tf": given.tf,
-            "rate": given.rate or fast or 1.0,
-            "release": given.release or ideal.ti,
-            "watch": given.watch or 300 * ideal.ti,
-            "travel": given.travel or _NO_BUDGET,
-            "reversals": given.reversals or _NO_BUDGET,
-            "withdraw": given.withdraw,
-            "limits": self.limits,
-        }
+        ideal = self.ideal()
+        own = {"k": ideal.k if given.k is None else given.k, "ti": ideal.ti, "limits": self.limits}
+        settings = {**given.model_dump(exclude={"begin", "estimate"}), **own}
         seen = self.detector(0.0 if self.filter_in_loop else self.filter_time())
         return {"settings": settings, "from": given.begin, "estimate": seen if given.estimate else None}
 
@@ -598,7 +581,7 @@ def read_scenario(path: str | Path) -> Scenario:
 
 
 def _filter_time(tf: float | None, ideal: Ideal) -> float:
-    return tf if tf is not None else ideal.td / 5 if ideal.td > 0 else ideal.ti / 10
+    return tf if tf is not None else _glapp.filter_time(ideal.ti, ideal.td)
 
 
 def _outer(outer: Outer) -> dict[str, Any]:

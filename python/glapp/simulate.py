@@ -30,6 +30,7 @@ from rich.progress import Progress
 
 from . import _glapp
 from .errors import InputError
+from .recording import AT_HIGH, AT_LOW, NOT_AUTO
 from .scenario import (
     Coloured,
     Compensation,
@@ -76,9 +77,6 @@ __all__ = [
 Signal = Piece | Sequence[Piece] | Sequence[tuple[float, float]] | npt.NDArray[np.float64]
 """A piece or several, whose sum it is; (time [s], value from then on) in ascending order, 0 before the first; or an
 array with one value a sample."""
-
-NOT_AUTO, BAD, AT_LOW, AT_HIGH = 1, 2, 4, 8
-"""Bits of `Simulation.flags`: in manual, no process value, output at its lower limit, at its upper limit."""
 
 STANDINGS = tuple(_glapp.standings())
 """What the numbers in `Simulation.standing` mean."""

@@ -129,6 +129,9 @@ pub enum Phase {
 }
 
 impl Phase {
+    /// All of them, in order.
+    pub const ALL: [Self; 6] = [Self::Idle, Self::Waiting, Self::Balanced, Self::Biased, Self::Done, Self::Aborted];
+
     /// The name used in every face of glapp.
     pub const fn name(self) -> &'static str {
         match self {
@@ -382,10 +385,10 @@ impl<R: Real> AutoTuner<R> {
         require("wait", wait, wait > R::ZERO && sane(wait), "greater than 0 s")?;
         require("longest", longest, longest > wait && sane(longest), "greater than wait")?;
         require("max_h", max_h, max_h > R::ZERO && sane(max_h), "greater than 0 s")?;
-        require("pv_low", pv.0, pv.0 < pv.1 && sane(pv.0), "a number less than pv_high")?;
         require("pv_high", pv.1, sane(pv.1), "a number")?;
-        require("op_low", op.0, op.0 < op.1 && sane(op.0), "a number less than op_high")?;
+        require("pv_low", pv.0, pv.0 < pv.1 && sane(pv.0), "a number less than pv_high")?;
         require("op_high", op.1, sane(op.1), "a number")?;
+        require("op_low", op.0, op.0 < op.1 && sane(op.0), "a number less than op_high")?;
         let most = amplitude.magnitude();
         let third = most / R::of(3.0);
         let sign = if amplitude > R::ZERO { R::ONE } else { -R::ONE };

@@ -134,6 +134,32 @@ pub struct CompensationSettings<R> {
     pub limits: Saturation<R>,
 }
 
+impl<R: Real> CompensationSettings<R> {
+    /// For a controller with gain `k` and integral time `ti` \[s\], of a `share` of the width `size`: no more than that width; a
+    /// noise band of a fifth of it; the inverse goes from side to side in Ti/10, the other ways jump; no filter; taken away within
+    /// Ti; the loop is compared over 300 Ti, and compensation withdrawn where that, or a warning, asks for it; no budgets, no limits.
+    pub fn new(way: Way, k: R, ti: R, size: R, share: R) -> Self {
+        let ten = R::of(10.0);
+        let delta = share * size;
+        Self {
+            way,
+            k,
+            size,
+            share,
+            limit: size,
+            band: size / R::of(5.0),
+            tf: R::ZERO,
+            rate: if way == Way::Inverse && delta > R::ZERO { ten * delta / ti } else { R::LARGEST },
+            release: ti,
+            travel: R::LARGEST,
+            reversals: R::LARGEST,
+            watch: R::of(300.0) * ti,
+            withdraw: true,
+            limits: Saturation::none(),
+        }
+    }
+}
+
 /// One sample for a [`Compensation`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CompensationSample<R> {

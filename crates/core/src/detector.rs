@@ -249,10 +249,7 @@ impl<R: Real> Detector<R> {
         op_limits: Option<(R, R)>,
     ) -> Result<Self, ParameterError> {
         require("max_h", max_h, max_h > R::ZERO && max_h <= R::of(1e9), "greater than 0 s, at most 1e9 s")?;
-        if let Some((low, high)) = op_limits {
-            require("op_low", low, low < high, "below op_high")?;
-            require("op_high", high, low < high, "above op_low")?;
-        }
+        checked(op_limits)?;
         Ok(Self { filter, width, net, detections, max_h, op_limits })
     }
 
@@ -622,6 +619,15 @@ impl<R: Real> Detector<R> {
             m.rejected = 0;
         }
     }
+}
+
+/// Limits of the output that are in order, where there are any.
+pub(crate) fn checked<R: Real>(op_limits: Option<(R, R)>) -> Result<Option<(R, R)>, ParameterError> {
+    if let Some((low, high)) = op_limits {
+        require("op_high", high, true, "a number above op_low")?;
+        require("op_low", low, low < high, "a number below op_high")?;
+    }
+    Ok(op_limits)
 }
 
 /// The estimate, if noise cannot feign it.

@@ -94,10 +94,18 @@ impl Reason {
 /// over an estimate; when to do so is the detector's business.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SafetyNet<R> {
-    /// Reject what met a limit flag, or OP at its limit.
-    pub limits: bool,
     /// Reject Δu ≥ this span [OP unit]; `None`: the span is not known.
     pub op_span: Option<R>,
+    /// Which of the others are asked.
+    pub conditions: Conditions,
+}
+
+/// The conditions of a [`SafetyNet`] that have a switch, all on by default.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Conditions {
+    /// Reject what met a limit flag, or OP at its limit.
+    pub limits: bool,
     /// Reject Δt ≤ 5Ti.
     pub too_short: bool,
     /// Reject by (5.2).
@@ -112,22 +120,39 @@ pub struct SafetyNet<R> {
     pub too_small: bool,
 }
 
-impl<R: Real> SafetyNet<R> {
-    /// Everything on; `op_span` \[OP unit\] > 0 where known.
-    pub fn new(op_span: Option<R>) -> Result<Self, ParameterError> {
-        if let Some(span) = op_span {
-            require("op_span", span, span > R::ZERO, "greater than 0")?;
-        }
-        Ok(Self {
+impl Default for Conditions {
+    fn default() -> Self {
+        Self {
             limits: true,
-            op_span,
             too_short: true,
             not_square: true,
             decaying: true,
             growing: true,
             sp_moved: true,
             too_small: true,
-        })
+        }
+    }
+}
+
+impl Conditions {
+    /// Their names, in order.
+    pub const NAMES: [&str; 7] = ["limits", "too_short", "not_square", "decaying", "growing", "sp_moved", "too_small"];
+
+    /// The switch of that name, where there is one.
+    pub fn switch(&mut self, name: &str) -> Option<&mut bool> {
+        let Self { limits, too_short, not_square, decaying, growing, sp_moved, too_small } = self;
+        let all = [limits, too_short, not_square, decaying, growing, sp_moved, too_small];
+        Self::NAMES.into_iter().zip(all).find(|(known, _)| *known == name).map(|(_, switch)| switch)
+    }
+}
+
+impl<R: Real> SafetyNet<R> {
+    /// Everything on; `op_span` \[OP unit\] > 0 where known.
+    pub fn new(op_span: Option<R>) -> Result<Self, ParameterError> {
+        if let Some(span) = op_span {
+            require("op_span", span, span > R::ZERO, "greater than 0")?;
+        }
+        Ok(Self { op_span, conditions: Conditions::default() })
     }
 
     /// The mask of all conditions that a half-period fails; 0 = accepted.
@@ -145,26 +170,27 @@ impl<R: Real> SafetyNet<R> {
     ) -> u16 {
         let two = R::ONE + R::ONE;
         let dy = half.delta_y;
+        let Conditions { limits, too_short, not_square, decaying, growing, sp_moved, too_small } = self.conditions;
         let mut mask = 0;
         let mut fail = |failed: bool, reason: Reason| mask |= if failed { reason.bit() } else { 0 };
         fail(half.flags & GAP != 0, Reason::Gap);
         fail(half.flags & BAD != 0, Reason::BadQuality);
         fail(half.flags & NOT_AUTO != 0, Reason::NotAuto);
-        fail(self.limits && half.flags & (AT_LOW | AT_HIGH) != 0, Reason::Saturated);
+        fail(limits && half.flags & (AT_LOW | AT_HIGH) != 0, Reason::Saturated);
         fail(self.op_span.is_some_and(|span| parts.free >= span), Reason::Saturated);
-        fail(self.too_short && half.delta_t <= R::of(5.0) * width.ti(), Reason::TooShort);
-        fail(self.not_square && half.e_max >= two * dy, Reason::NotSquare);
+        fail(too_short && half.delta_t <= R::of(5.0) * width.ti(), Reason::TooShort);
+        fail(not_square && half.e_max >= two * dy, Reason::NotSquare);
         match previous {
             Some(before) => {
-                fail(self.decaying && before >= R::of(1.5) * dy, Reason::Uneven);
-                fail(self.growing && before <= R::of(0.5) * dy, Reason::Uneven);
+                fail(decaying && before >= R::of(1.5) * dy, Reason::Uneven);
+                fail(growing && before <= R::of(0.5) * dy, Reason::Uneven);
             }
-            None => fail(self.decaying || self.growing, Reason::Uneven),
+            None => fail(decaying || growing, Reason::Uneven),
         }
-        fail(self.sp_moved && half.delta_sp >= dy, Reason::SpMoved);
+        fail(sp_moved && half.delta_sp >= dy, Reason::SpMoved);
         if let Some(d_hat) = d_hat {
-            let too_small = half.delta_t * two * width.k_abs() * dy <= width.ti() * d_hat;
-            fail(self.too_small && too_small, Reason::TooSmall);
+            let smaller = half.delta_t * two * width.k_abs() * dy <= width.ti() * d_hat;
+            fail(too_small && smaller, Reason::TooSmall);
         }
         mask
     }

@@ -34,8 +34,8 @@ pub struct Saturation<R> {
 impl<R: Real> Saturation<R> {
     /// `low` < `high`.
     pub fn new(low: R, high: R) -> Result<Self, ParameterError> {
-        let low = require("low", low, low < high, "a number below the upper limit")?;
         let high = require("high", high, true, "a number above the lower limit")?;
+        let low = require("low", low, low < high, "a number below the upper limit")?;
         Ok(Self { low, high })
     }
 

@@ -167,7 +167,7 @@ fn settings_out_of_bounds_are_named() {
         (AutoTunerSettings { pv: (1.0, 1.0), ..USUAL }, "pv_low"),
         (AutoTunerSettings { pv: (0.0, f64::INFINITY), ..USUAL }, "pv_high"),
         (AutoTunerSettings { op: (100.0, 0.0), ..USUAL }, "op_low"),
-        (AutoTunerSettings { op: (0.0, f64::NAN), ..USUAL }, "op_low"),
+        (AutoTunerSettings { op: (0.0, f64::NAN), ..USUAL }, "op_high"),
     ];
     for (settings, name) in cases {
         assert_eq!(AutoTuner::new(settings).unwrap_err().name, name);

@@ -5,7 +5,7 @@ use glapp_core::modules::{
     PidAdvancedSettings, PidAdvancedState, PidSettings, PidState, SCHEDULE_ROWS,
 };
 use glapp_core::status::{AT_HIGH, AT_LOW, BAD, BAD_FF, BAD_LIMITS, BAD_SP, GAP, NOT_AUTO, Status};
-use glapp_core::{Backward, CompensationSettings, Forward, Reason, Saturation, Way};
+use glapp_core::{Backward, CompensationSettings, DetectorSettings, Forward, Reason, Saturation, Way};
 use proptest::prelude::*;
 
 const H: f64 = 0.1;
@@ -576,7 +576,8 @@ fn cycle(k: usize) -> f64 {
 
 #[test]
 fn a_flag_rejects_the_half_period_that_it_was_raised_in() {
-    let settings = BacklashDetectionSettings { tf: 0.0, ..BacklashDetectionSettings::new(2.0, 1.0, 0.0) };
+    let detector = DetectorSettings { tf: 0.0, ..DetectorSettings::new(2.0, 1.0, 0.0, H) };
+    let settings = BacklashDetectionSettings { detector, compensation: None };
     let detection = BacklashDetection::new(settings).unwrap();
     for (flag, reason) in [(AT_HIGH, Reason::Saturated), (AT_LOW, Reason::Saturated), (NOT_AUTO, Reason::NotAuto)] {
         // In any scan of the half-period from 500 to 599, its first and its last among them.
@@ -637,7 +638,8 @@ fn the_detector_inside_has_the_controllers_settings() {
     let settings = PidSettings { ti: 1.0, ..PidSettings::ideal(2.0, 1.0, 0.0) };
     let inside = PidAdvancedSettings { kp: Some(4.0), ..PidAdvancedSettings::new(settings) };
     let inside = PidAdvanced::new(inside).unwrap();
-    let beside = BacklashDetectionSettings { kp: Some(4.0), ..BacklashDetectionSettings::new(2.0, 1.0, 0.0) };
+    let detector = DetectorSettings { kp: Some(4.0), ..DetectorSettings::new(2.0, 1.0, 0.0, H) };
+    let beside = BacklashDetectionSettings { detector, compensation: None };
     let beside = BacklashDetection::new(beside).unwrap();
     let (mut a, mut b) = (PidAdvancedState::at(0.0), BacklashDetectionState::default());
     a.pid.mode = Mode::External;

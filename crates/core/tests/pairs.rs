@@ -6,7 +6,7 @@ use glapp_core::modules::{
     PidAdvanced, PidAdvancedSettings, PidAdvancedState, PidSettings, PidState,
 };
 use glapp_core::status::{BAD, BAD_LIMITS, BAD_SP, GAP, NOT_AUTO, WRONG_SIGN};
-use glapp_core::{Backlash, BacklashState, Backward, CompensationSettings, Forward, Standing, Way};
+use glapp_core::{Backlash, BacklashState, Backward, CompensationSettings, DetectorSettings, Forward, Standing, Way};
 use std::vec::Vec;
 
 #[path = "../../../bench/settings.rs"]
@@ -39,10 +39,10 @@ impl Fault {
 
     fn error(self, mode: Mode) -> u16 {
         match self {
-            PvNoNumber => BAD.into(),
-            SpNoNumber if mode == Mode::External => BAD_SP.into(),
-            LimitsCross => BAD_LIMITS.into(),
-            TimeJumps => GAP.into(),
+            PvNoNumber => BAD,
+            SpNoNumber if mode == Mode::External => BAD_SP,
+            LimitsCross => BAD_LIMITS,
+            TimeJumps => GAP,
             _ => 0,
         }
     }
@@ -79,13 +79,14 @@ impl Loop {
             let pid = PidAdvanced::new(PidAdvancedSettings { pid, compensation, ..usual }).unwrap();
             Inside(pid, PidAdvancedState::at(50.0))
         } else {
-            let detection = BacklashDetectionSettings {
+            let detector = DetectorSettings {
                 kp: usual.kp,
                 op_limits: Some((0.0, 100.0)),
                 tf: 0.2,
-                compensation,
-                ..BacklashDetectionSettings::new(pid.k, pid.ti, pid.td)
+                max_h: pid.max_h,
+                ..DetectorSettings::new(pid.k, pid.ti, pid.td, H)
             };
+            let detection = BacklashDetectionSettings { detector, compensation };
             let detection = BacklashDetection::new(detection).unwrap();
             Beside(Pid::new(pid).unwrap(), PidState::at(50.0), detection, BacklashDetectionState::default())
         };
@@ -134,7 +135,7 @@ impl Loop {
     }
 
     fn error(&mut self) -> u16 {
-        u16::from(self.pid().error) | self.detection().error()
+        self.pid().error | self.detection().error()
     }
 
     fn set(&mut self, mode: Mode) {

@@ -6,10 +6,11 @@ use glapp_core::modules::{
 };
 use glapp_core::{
     AutoTuner, AutoTunerSettings, AutoTunerState, Backlash, BacklashState, Backward, Compensation, CompensationSample,
-    CompensationSettings, CompensationState, Derivative, Detector, DetectorState, HalfPeriod, HalfPeriodState,
-    MedianMean, MedianMeanState, Noise, NoiseLevel, NoiseState, OverCompensation, OverCompensationState, OverWarning,
-    Pid, PidState, RateLimit, RateLimitState, Real, Reason, Record, SafetyNet, Sample, Saturation, SecondOrderFilter,
-    SecondOrderFilterState, Sum, Swing, SwingState, Way, Width, WidthParts, WrongSign, WrongSignState, ZeroCrossing,
+    CompensationSettings, CompensationState, Conditions, Derivative, Detector, DetectorSettings, DetectorState,
+    HalfPeriod, HalfPeriodState, MedianMean, MedianMeanState, Noise, NoiseLevel, NoiseState, OverCompensation,
+    OverCompensationState, OverWarning, Pid, PidState, RateLimit, RateLimitState, Real, Reason, Record, SafetyNet,
+    Sample, Saturation, SecondOrderFilter, SecondOrderFilterState, Sum, Swing, SwingState, Way, Width, WidthParts,
+    WrongSign, WrongSignState, ZeroCrossing,
 };
 use serde_json::Value;
 use std::path::Path;
@@ -186,21 +187,12 @@ impl Case {
 
     fn compensation(&self) -> Option<CompensationSettings<f64>> {
         let size = self.param("comp_size")?;
+        let way = if self.or("comp_way", 3.0) == 1.0 { Way::Error } else { Way::Inverse };
         Some(CompensationSettings {
-            way: if self.or("comp_way", 3.0) == 1.0 { Way::Error } else { Way::Inverse },
-            k: 1.0, // the controller's is used
-            size,
-            share: 1.0,
-            limit: size,
             band: self.given("comp_band"),
-            tf: 0.0,
             rate: self.given("comp_rate"),
-            release: self.given("ti"),
-            watch: 300.0 * self.given("ti"),
-            travel: f64::MAX,
-            reversals: f64::MAX,
-            withdraw: true,
-            limits: Saturation::none(),
+            // The controller's gain is used, and its limits.
+            ..CompensationSettings::new(way, 1.0, self.given("ti"), size, 1.0)
         })
     }
 }
@@ -223,15 +215,16 @@ fn backlash_detection() {
     for case in cases("backlash_detection") {
         let settings = case.controller();
         let pid = modules::Pid::new(settings).unwrap();
-        let watch = BacklashDetection::new(BacklashDetectionSettings {
+        let detector = DetectorSettings {
             tf: case.given("detector_tf"),
             kp: case.param("kp"),
             n: case.given("n") as u32,
             op_limits: case.param("low").zip(case.param("high")),
-            compensation: case.compensation(),
-            ..BacklashDetectionSettings::new(case.or("detector_k", settings.k), settings.ti, settings.td)
-        });
-        let watch = watch.unwrap();
+            max_h: settings.max_h,
+            ..DetectorSettings::new(case.or("detector_k", settings.k), settings.ti, settings.td, 0.0)
+        };
+        let compensation = case.compensation();
+        let watch = BacklashDetection::new(BacklashDetectionSettings { detector, compensation }).unwrap();
         let (mut p, mut w) = (modules::PidState::at(case.given("start")), BacklashDetectionState::default());
         case.check_all(|x, h| {
             let &[pv, sp, given, manual, told, enable] = x else { panic!("six inputs") };
@@ -496,16 +489,11 @@ fn width() {
 
 fn net_of<R: Real>(case: &Case) -> SafetyNet<R> {
     let on = |name| case.param(name) != Some(0.0);
-    SafetyNet {
-        limits: on("limits"),
-        too_short: on("too_short"),
-        not_square: on("not_square"),
-        decaying: on("decaying"),
-        growing: on("growing"),
-        sp_moved: on("sp_moved"),
-        too_small: on("too_small"),
-        ..SafetyNet::new(case.param("op_span").map(R::of)).unwrap()
+    let mut net = SafetyNet::new(case.param("op_span").map(R::of)).unwrap();
+    for name in Conditions::NAMES {
+        *net.conditions.switch(name).unwrap() = on(name);
     }
+    net
 }
 
 fn given(x: f64) -> Option<f64> {

@@ -2,8 +2,8 @@
 
 use crate::refused;
 use glapp_core::{
-    Derivative as Slope, HalfPeriod, HalfPeriodState, MedianMeanState, Reason, SecondOrderFilterState, Status,
-    SwingState, WidthParts, ZeroCrossing as Crossing,
+    Conditions, Derivative as Slope, HalfPeriod, HalfPeriodState, MedianMeanState, Reason, SecondOrderFilterState,
+    Status, SwingState, WidthParts, ZeroCrossing as Crossing,
 };
 use pyo3::prelude::*;
 
@@ -306,9 +306,8 @@ impl SafetyNet {
         sp_moved: bool,
         too_small: bool,
     ) -> PyResult<Self> {
-        let op_span = glapp_core::SafetyNet::new(op_span).map_err(refused)?.op_span;
-        let net =
-            glapp_core::SafetyNet { limits, op_span, too_short, not_square, decaying, growing, sp_moved, too_small };
+        let conditions = Conditions { limits, too_short, not_square, decaying, growing, sp_moved, too_small };
+        let net = glapp_core::SafetyNet { conditions, ..glapp_core::SafetyNet::new(op_span).map_err(refused)? };
         Ok(Self { net, width: glapp_core::Width::new(k, ti, None, 1.0, None).map_err(refused)? })
     }
 

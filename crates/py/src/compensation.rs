@@ -8,24 +8,23 @@ use glapp_core::{
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-/// Settings as a scenario has them, in a dict.
+/// Settings as a scenario has them, in a dict; what is None has its default.
 pub fn settings(given: &Bound<'_, PyAny>) -> PyResult<CompensationSettings<f64>> {
-    let number = |name| given.get_item(name)?.extract::<f64>();
+    let must = |name| given.get_item(name)?.extract::<f64>();
+    let or = |name, usual: f64| Ok::<_, PyErr>(given.get_item(name)?.extract::<Option<f64>>()?.unwrap_or(usual));
+    let way = named(&given.get_item("way")?.extract::<String>()?)?;
+    let usual = CompensationSettings::new(way, must("k")?, must("ti")?, must("size")?, must("share")?);
     Ok(CompensationSettings {
-        way: named(&given.get_item("way")?.extract::<String>()?)?,
-        k: number("k")?,
-        size: number("size")?,
-        share: number("share")?,
-        limit: number("limit")?,
-        band: number("band")?,
-        tf: number("tf")?,
-        rate: number("rate")?,
-        release: number("release")?,
-        watch: number("watch")?,
-        travel: number("travel")?,
-        reversals: number("reversals")?,
+        band: or("band", usual.band)?,
+        tf: or("tf", usual.tf)?,
+        rate: or("rate", usual.rate)?,
+        release: or("release", usual.release)?,
+        watch: or("watch", usual.watch)?,
+        travel: or("travel", usual.travel)?,
+        reversals: or("reversals", usual.reversals)?,
         withdraw: given.get_item("withdraw")?.extract()?,
         limits: within(given.get_item("limits")?.extract()?)?,
+        ..usual
     })
 }
 

@@ -2,9 +2,8 @@
 
 use crate::refused;
 use glapp_core::{
-    Columns, Corrected, Detector, DetectorState, Doubt, Estimate, Half, LONGEST_WINDOW, MedianMean, Pair,
-    ParameterError, Reason, Record, SafetyNet, SecondOrderFilter, Span, Swing, SwingParts, SwingState, Width,
-    corrected, pairs,
+    Columns, Corrected, Detector, DetectorSettings, DetectorState, Doubt, Estimate, Half, LONGEST_WINDOW, Pair, Reason,
+    Record, Span, Swing, SwingParts, SwingState, corrected, pairs,
 };
 use numpy::{PyArray1, PyReadonlyArray1};
 use pyo3::exceptions::PyValueError;
@@ -23,28 +22,52 @@ type CorrectedParts = (f64, f64, f64, f64, Option<(f64, f64)>);
 /// others are counted.
 const SHORT_KEPT: usize = 50_000;
 
-pub type Settings = (f64, f64, Option<f64>, f64, Option<f64>, f64, u32, f64, Option<f64>, Option<(f64, f64)>, u8);
+/// Settings of a detector as Python has them, in a dict; what is not there has its default.
+pub struct Settings(pub DetectorSettings<f64>);
 
-pub fn detector(settings: &Settings) -> Result<Detector<f64>, ParameterError> {
-    let &(k, ti, td, b, kp, tf, n, max_h, op_span, op_limits, off) = settings;
-    let mut net = SafetyNet::new(op_span)?;
-    let on = |bit: u8| off & (1 << bit) == 0;
-    net.limits = on(0);
-    net.too_short = on(1);
-    net.not_square = on(2);
-    net.decaying = on(3);
-    net.growing = on(4);
-    net.sp_moved = on(5);
-    net.too_small = on(6);
-    Detector::new(
-        SecondOrderFilter::new(tf)?,
-        Width::new(k, ti, td, b, kp)?,
-        net,
-        MedianMean::new(n)?,
-        max_h,
-        op_limits,
-    )
+impl<'a, 'py> FromPyObject<'a, 'py> for Settings {
+    type Error = PyErr;
+
+    fn extract(given: Borrowed<'a, 'py, PyAny>) -> PyResult<Self> {
+        let given = given.cast::<PyDict>()?;
+        let number = |name: &str| -> PyResult<Option<f64>> { given.get_item(name)?.map_or(Ok(None), |x| x.extract()) };
+        let must = |name: &str| -> PyResult<f64> {
+            number(name)?.ok_or_else(|| PyValueError::new_err(format!("{name}: is missing")))
+        };
+        let (ti, td) = (must("ti")?, if given.contains("td")? { number("td")? } else { Some(0.0) });
+        let mut settings =
+            DetectorSettings { td, ..DetectorSettings::new(must("k")?, ti, td.unwrap_or(0.0), must("h")?) };
+        settings.kp = number("kp")?;
+        settings.op_span = number("op_span")?;
+        settings.b = number("b")?.unwrap_or(settings.b);
+        settings.tf = number("tf")?.unwrap_or(settings.tf);
+        settings.max_h = number("max_h")?.unwrap_or(settings.max_h);
+        if let Some(n) = given.get_item("n")? {
+            settings.n = n.extract()?;
+        }
+        if let Some(limits) = given.get_item("op_limits")? {
+            settings.op_limits = limits.extract()?;
+        }
+        if let Some(off) = given.get_item("off")? {
+            for name in off.extract::<Vec<String>>()? {
+                let unknown = || PyValueError::new_err(format!("off = {name}: there is no such condition"));
+                *settings.conditions.switch(&name).ok_or_else(unknown)? = false;
+            }
+        }
+        for name in given.keys() {
+            let name: String = name.extract()?;
+            if !KNOWN.contains(&name.as_str()) {
+                return Err(PyValueError::new_err(format!("{name}: there is no such setting of a detector")));
+            }
+        }
+        Ok(Self(settings))
+    }
 }
+
+const KNOWN: [&str; 12] = ["k", "ti", "td", "b", "kp", "tf", "n", "h", "max_h", "op_limits", "op_span", "off"];
+
+/// How a saved detector is laid out. What is laid out otherwise has another number, and is refused by it.
+const FORMAT: &str = "glapp detector 2";
 
 /// One half-period: what the signals did, the width and the verdict. Attributes as the columns of the table.
 #[pyclass(frozen, module = "glapp", name = "HalfPeriod")]
@@ -70,6 +93,12 @@ fn parts(e: Estimate<f64>) -> EstimateParts {
 #[pyfunction]
 pub fn reasons() -> Vec<&'static str> {
     Reason::ALL.iter().map(|reason| reason.name()).collect()
+}
+
+/// The shortest filter of PV that serves (2.1) [s], for Ti and Td [s].
+#[pyfunction]
+pub fn filter_time(ti: f64, td: f64) -> f64 {
+    DetectorSettings::filter_time(ti, td)
 }
 
 macro_rules! attributes {
@@ -160,7 +189,7 @@ attributes! {
 /// The detector with its state and its table of half-periods.
 #[pyclass(module = "glapp", name = "Detector", subclass)]
 pub struct PyDetector {
-    settings: Settings,
+    settings: DetectorSettings<f64>,
     detector: Detector<f64>,
     state: DetectorState<f64>,
     swing: Swing<f64>,
@@ -171,10 +200,10 @@ pub struct PyDetector {
 }
 
 impl PyDetector {
-    fn fresh(settings: Settings) -> PyResult<Self> {
-        let &(k, ti, td, b, ..) = &settings;
+    fn fresh(settings: DetectorSettings<f64>) -> PyResult<Self> {
+        let DetectorSettings { k, ti, td, b, .. } = settings;
         Ok(Self {
-            detector: detector(&settings).map_err(refused)?,
+            detector: Detector::of(&settings).map_err(refused)?,
             swing: Swing::new(k, ti, td, b).map_err(refused)?,
             swinging: Default::default(),
             settings,
@@ -255,22 +284,8 @@ impl Swinging {
 #[pymethods]
 impl PyDetector {
     #[new]
-    #[pyo3(signature = (k, ti, td, b, kp, tf, n, max_h, op_span, op_limits, off))]
-    #[allow(clippy::too_many_arguments)]
-    fn new(
-        k: f64,
-        ti: f64,
-        td: Option<f64>,
-        b: f64,
-        kp: Option<f64>,
-        tf: f64,
-        n: u32,
-        max_h: f64,
-        op_span: Option<f64>,
-        op_limits: Option<(f64, f64)>,
-        off: u8,
-    ) -> PyResult<Self> {
-        Self::fresh((k, ti, td, b, kp, tf, n, max_h, op_span, op_limits, off))
+    fn new(settings: Settings) -> PyResult<Self> {
+        Self::fresh(settings.0)
     }
 
     /// One sample; gives the half-period that it ended, or None.
@@ -380,7 +395,7 @@ impl PyDetector {
     /// Settings, state and counts of reasons as JSON; the table is not part of it.
     fn to_json(&self) -> PyResult<String> {
         let saved = json!({
-            "format": "glapp detector 1",
+            "format": FORMAT,
             "settings": self.settings,
             "state": self.state,
             "reasons": self.reasons,
@@ -392,8 +407,9 @@ impl PyDetector {
     fn restore(&mut self, text: &str) -> PyResult<()> {
         let broken = |what: String| PyValueError::new_err(format!("saved detector: {what}"));
         let mut saved: serde_json::Value = serde_json::from_str(text).map_err(|e| broken(e.to_string()))?;
-        if saved["format"] != "glapp detector 1" {
-            return Err(broken("not of the format 'glapp detector 1'".into()));
+        if saved["format"] != FORMAT {
+            let found = saved["format"].as_str().unwrap_or("no format");
+            return Err(broken(format!("is '{found}', and '{FORMAT}' is what this release reads: begin anew")));
         }
         let mut take = |key: &str| saved[key].take();
         let settings = serde_json::from_value(take("settings")).map_err(|e| broken(e.to_string()))?;

@@ -42,7 +42,11 @@ mod _glapp {
     #[pymodule_export]
     use crate::compensation::{Compensation, OverCompensation, standings};
     #[pymodule_export]
-    use crate::detector::{PyDetector, PyHalfPeriod, reasons};
+    use crate::detector::{PyDetector, PyHalfPeriod, filter_time, reasons};
+    #[pymodule_export]
+    const DETECTIONS: u32 = glapp_core::DETECTIONS;
+    #[pymodule_export]
+    const GAP_STEPS: f64 = glapp_core::GAP_STEPS;
     #[pymodule_export]
     use crate::fit::{fit, fit_combine, fit_window};
     #[pymodule_export]

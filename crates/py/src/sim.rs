@@ -11,7 +11,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use crate::compensation::settings;
-use crate::detector::{Settings, detector};
+use crate::detector::Settings;
 
 /// A piece of a signal as Python has it: a dict of its kind and its numbers.
 #[derive(FromPyObject)]
@@ -126,7 +126,7 @@ fn signal(pieces: Vec<PyPiece<'_>>) -> Signal {
 }
 
 fn compensated(given: PyCompensated<'_>) -> PyResult<Compensated> {
-    let estimator = |settings: Settings| Ok((detector(&settings)?, MedianMean::new(settings.6)?));
+    let estimator = |Settings(s): Settings| Ok((Detector::of(&s)?, MedianMean::new(s.n)?));
     let estimate = given.estimate.map(estimator).transpose();
     Ok(Compensated {
         settings: settings(&given.settings)?,
@@ -196,7 +196,7 @@ impl PyChecked {
     #[new]
     #[pyo3(signature = (scenario, watch=None))]
     fn new(scenario: PyScenario<'_>, watch: Option<Settings>) -> PyResult<Self> {
-        let detector = watch.map(|settings| detector(&settings)).transpose().map_err(refused)?;
+        let detector = watch.map(|settings| Detector::of(&settings.0)).transpose().map_err(refused)?;
         Ok(Self { scenario: scenario.try_into()?, detector })
     }
 

@@ -10,8 +10,9 @@ use glapp_core::modules::{
 };
 use glapp_core::status::{AT_HIGH, AT_LOW, NOT_AUTO, Status};
 use glapp_core::{
-    AutoTunerSettings, Backlash, BacklashState, Backward, CompensationSettings, Forward, Noise, NoiseState,
-    ParameterError, RateLimit, RateLimitState, Saturation, SecondOrderFilter, SecondOrderFilterState, Way,
+    AutoTunerSettings, Backlash, BacklashState, Backward, CompensationSettings, DETECTIONS, DetectorSettings, Forward,
+    Noise, NoiseState, ParameterError, RateLimit, RateLimitState, Saturation, SecondOrderFilter,
+    SecondOrderFilterState, Way,
 };
 
 /// The most inputs of a module.
@@ -86,7 +87,7 @@ macro_rules! with_compensation {
             ("comp_share", Some(1.0)),
             ("comp_limit", UNKNOWN),
             ("comp_band", UNKNOWN),
-            ("comp_tf", Some(0.0)),
+            ("comp_tf", UNKNOWN),
             ("comp_rate", UNKNOWN),
             ("comp_release", UNKNOWN),
             ("comp_watch", UNKNOWN),
@@ -160,7 +161,7 @@ static KINDS: [Kind; 13] = [
         parameters: controller_parameters!(
             with_compensation,
             ("kp", UNKNOWN),
-            ("n", Some(9.0)),
+            ("n", Some(DETECTIONS as f64)),
             ("sp_rate", Some(f64::MAX)),
         ),
         beginnings: &["start"],
@@ -213,7 +214,7 @@ static KINDS: [Kind; 13] = [
             ("b", Some(1.0)),
             ("kp", UNKNOWN),
             ("tf", UNKNOWN),
-            ("n", Some(9.0)),
+            ("n", Some(DETECTIONS as f64)),
             ("op_low", UNKNOWN),
             ("op_high", UNKNOWN),
             ("max_h", UNKNOWN),
@@ -266,10 +267,10 @@ impl Kind {
 /// | `AutoTuner` | in, pv | `amplitude`, `wait`, `longest`, `pv_low`, `pv_high`, `op_low`, `op_high`, `hysteresis` (from noise), `d` (0), `max_h` (3h) |
 /// | `Pid` | pv (sp, ff) | `k`, `ti`, `td` (0), `b` (1), `c` (0), `tf` (0), `low`, `high`, `rate` (none), `max_h` (Ti/2), `start` (0) |
 /// | `PidAdvanced` | pv (sp, ff, by) | those of `Pid`, and `kp` (not known), `n` (9), `sp_rate` (none) |
-/// | `BacklashDetection` | sp, pv | `k`, `ti`, `td` (0), `b` (1), `kp` (not known), `tf` (Ti/10), `n` (9), `op_low`, `op_high` (not known), `max_h` (Ti/2) |
+/// | `BacklashDetection` | sp, pv | `k`, `ti`, `td` (0), `b` (1), `kp` (not known), `tf` (Td/5, or Ti/10 without D), `n` (9), `op_low`, `op_high` (not known), `max_h` (3h) |
 ///
 /// The last two compensate where `comp_size` (0) is given and `compensate` is set while they run. `comp_way` (3) is 1 error,
-/// 2 derivative, 3 inverse; `comp_share` (1), `comp_limit` (share·size), `comp_band` (a fifth of the size), `comp_tf` (0),
+/// 2 derivative, 3 inverse; `comp_share` (1), `comp_limit` (the size), `comp_band` (a fifth of the size), `comp_tf` (0),
 /// `comp_rate` (the inverse goes from side to side in Ti/10, the others jump), `comp_release` (Ti), `comp_watch` (300 Ti),
 /// `comp_travel` and `comp_reversals` (no budget), `comp_withdraw` (1) are those of [`CompensationSettings`].
 ///
@@ -366,22 +367,20 @@ impl Module {
         }
     }
 
-    fn detection(&self) -> Result<BacklashDetectionSettings<f64>, ParameterError> {
-        let usual = BacklashDetectionSettings::new(self.value("k"), self.value("ti"), self.value("td"));
-        Ok(BacklashDetectionSettings {
+    fn detection(&self, h: f64) -> Result<BacklashDetectionSettings<f64>, ParameterError> {
+        let usual = DetectorSettings::new(self.value("k"), self.value("ti"), self.value("td"), h);
+        let detector = DetectorSettings {
             b: self.value("b"),
             kp: self.known("kp"),
             tf: self.known("tf").unwrap_or(usual.tf),
             n: whole("n", self.value("n"))?,
             op_limits: self.known("op_low").zip(self.known("op_high")),
             max_h: self.known("max_h").unwrap_or(usual.max_h),
-            compensation: self.compensation()?,
             ..usual
-        })
+        };
+        Ok(BacklashDetectionSettings { detector, compensation: self.compensation()? })
     }
 
-    /// What is not given: no wider than the size, a band of a fifth of it; the inverse goes from side to side in Ti/10, the
-    /// others jump; it goes within Ti; the loop is compared over 300 Ti; no budgets.
     fn compensation(&self) -> Result<Option<CompensationSettings<f64>>, ParameterError> {
         let (size, share, ti) = (self.value("comp_size"), self.value("comp_share"), self.value("ti"));
         if size == 0.0 {
@@ -391,23 +390,19 @@ impl Module {
         let bound = "1 (error), 2 (derivative) or 3 (inverse)";
         let named = Way::ALL.into_iter().find(|one| f64::from(*one as u8) == way);
         let named = named.ok_or(ParameterError { name: "comp_way", value: way, bound })?;
-        let rate = if named == Way::Inverse { size / (ti / 10.0) } else { f64::MAX };
+        let usual = CompensationSettings::new(named, self.value("k"), ti, size, share);
         let or = |name, usual: f64| self.known(name).unwrap_or(usual);
         Ok(Some(CompensationSettings {
-            way: named,
-            k: self.value("k"),
-            size,
-            share,
-            limit: or("comp_limit", share * size),
-            band: or("comp_band", size / 5.0),
-            tf: self.value("comp_tf"),
-            rate: or("comp_rate", rate),
-            release: or("comp_release", ti),
-            watch: or("comp_watch", 300.0 * ti),
-            travel: or("comp_travel", f64::MAX),
-            reversals: or("comp_reversals", f64::MAX),
+            limit: or("comp_limit", usual.limit),
+            band: or("comp_band", usual.band),
+            tf: or("comp_tf", usual.tf),
+            rate: or("comp_rate", usual.rate),
+            release: or("comp_release", usual.release),
+            watch: or("comp_watch", usual.watch),
+            travel: or("comp_travel", usual.travel),
+            reversals: or("comp_reversals", usual.reversals),
             withdraw: self.value("comp_withdraw") != 0.0,
-            limits: Saturation::none(),
+            ..usual
         }))
     }
 }
@@ -789,7 +784,7 @@ fn make(m: &Module, h: f64, external: bool) -> Result<Block, crate::SimError> {
         }
         "AutoTuner" => Block::AutoTuner(Box::new((AutoTuner::new(m.experiment(h))?, AutoTunerState::default()))),
         "BacklashDetection" => {
-            let detection = BacklashDetection::new(m.detection()?)?;
+            let detection = BacklashDetection::new(m.detection(h)?)?;
             Block::BacklashDetection(Box::new((detection, BacklashDetectionState::default())))
         }
         _ => {

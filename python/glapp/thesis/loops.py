@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from .. import _glapp
 from ..controller import Ideal
-from ..quality import GAP_STEPS
 from ..result import HalfPeriods
 from ..scenario import DETECTIONS, Scenario
 from ..simulate import Simulation, run
@@ -35,8 +34,18 @@ PERCENT = 100.0
 Condition = Literal["saturation", "5Ti", "5.2", "decay", "growth", "5.5", "5.1"]
 """Conditions on a half-period, by their equations; "decay" is (5.3) and, with "growth", makes (5.4)."""
 
-NET: tuple[Condition, ...] = get_args(Condition)
-"""All of them."""
+SWITCHES: dict[Condition, str] = {
+    "saturation": "limits",
+    "5Ti": "too_short",
+    "5.2": "not_square",
+    "decay": "decaying",
+    "growth": "growing",
+    "5.5": "sp_moved",
+    "5.1": "too_small",
+}
+"""All of them, with the detector's names."""
+
+NET = tuple(SWITCHES)
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,20 +103,19 @@ def detect(
         Whether the derivative part is counted, as in (7.6), or left out, as in (7.5).
     """
     k, ti, td, b = scenario.ideal()
-    off = sum(1 << bit for bit, condition in enumerate(NET) if condition not in conditions)
-    limits = scenario.limits
     detector = _glapp.Detector(
-        k,
-        ti,
-        td if derivative else None,
-        b,
-        scenario.process_gain() if kp is None else kp,
-        scenario.filter_time() if tf is None else tf,
-        n,
-        GAP_STEPS * scenario.h,
-        None if limits is None else limits[1] - limits[0],
-        limits,
-        off,
+        {
+            "k": k,
+            "ti": ti,
+            "td": td if derivative else None,
+            "b": b,
+            "kp": scenario.process_gain() if kp is None else kp,
+            "tf": scenario.filter_time() if tf is None else tf,
+            "n": n,
+            "h": scenario.h,
+            "op_limits": scenario.limits,
+            "off": [name for condition, name in SWITCHES.items() if condition not in conditions],
+        }
     )
     filtered = detector.run(signals.t, signals.sp, signals.pv, None, signals.flags, True)
     assert filtered is not None  # asked for

@@ -3,9 +3,9 @@
 use crate::connection::{Backward, Forward};
 use crate::status::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO, Status, WRONG_SIGN};
 use crate::{
-    Compensation, CompensationSample, CompensationSettings, CompensationState, Detector, DetectorState, Estimate,
-    MedianMean, MedianMeanState, OverCompensation, OverCompensationState, OverWarning, ParameterError, Real, Reason,
-    Record, SafetyNet, Sample, Saturation, SecondOrderFilter, Sum, Width, WrongSign, WrongSignState,
+    Compensation, CompensationSample, CompensationSettings, CompensationState, Detector, DetectorSettings,
+    DetectorState, Estimate, MedianMean, MedianMeanState, OverCompensation, OverCompensationState, OverWarning,
+    ParameterError, Real, Reason, Record, Sample, Saturation, Sum, WrongSign, WrongSignState,
 };
 
 /// So many half-periods in a row in which OP went against K tell that the detector was told the wrong sign: of those that are
@@ -18,39 +18,14 @@ const DISTURBED: u16 = Reason::Gap.bit()
     | Reason::Saturated.bit()
     | Reason::SpMoved.bit();
 
-/// Settings of a [`BacklashDetection`] (thesis 6.4): those of the controller beside it, and the detector's own.
+/// Settings of a [`BacklashDetection`] (thesis 6.4).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BacklashDetectionSettings<R> {
-    /// Gain K ≠ 0 of the controller in ideal form [output per process value].
-    pub k: R,
-    /// Its integral time > 0 \[s\].
-    pub ti: R,
-    /// Its derivative time ≥ 0 \[s\]; none: the width is taken from the output's own travel.
-    pub td: Option<R>,
-    /// Its setpoint weight, 0 to 1.
-    pub b: R,
-    /// Static process gain ≠ 0, where known [process value per output].
-    pub kp: Option<R>,
-    /// Time constant of the detector's filter ≥ 0 \[s\]; 0 where PV comes filtered.
-    pub tf: R,
-    /// Length of the filter of detections, odd, 1 to 31.
-    pub n: u32,
-    /// Lower and upper limit of the output, low < high, where known: a wider travel is none.
-    pub op_limits: Option<(R, R)>,
-    /// A longer time between scans, > 0, is a gap \[s\].
-    pub max_h: R,
+    /// The detector's, with those of the controller beside it.
+    pub detector: DetectorSettings<R>,
     /// Compensation, where there is one. Its `k` and `limits` are those of the controller above, whatever stands there.
     /// Taken out of the settings while it is in force, it is gone at once.
     pub compensation: Option<CompensationSettings<R>>,
-}
-
-impl<R: Real> BacklashDetectionSettings<R> {
-    /// For a PI or PID controller with b = 1; Kp and limits not known, tf = Ti/10 (2.1), N = 9, a gap above Ti/2, no
-    /// compensation.
-    pub fn new(k: R, ti: R, td: R) -> Self {
-        let (tf, max_h) = (ti / R::of(10.0), ti / R::of(2.0));
-        Self { k, ti, td: Some(td), b: R::ONE, kp: None, tf, n: 9, op_limits: None, max_h, compensation: None }
-    }
 }
 
 /// Detection, estimation and compensation of backlash beside a controller (thesis 6.4): a [`Detector`] with connections.
@@ -163,21 +138,15 @@ impl<R: Real> BacklashDetectionState<R> {
 impl<R: Real> BacklashDetection<R> {
     /// Checks the settings.
     pub fn new(settings: BacklashDetectionSettings<R>) -> Result<Self, ParameterError> {
-        let BacklashDetectionSettings { k, ti, td, b, kp, tf, n, op_limits, max_h, compensation } = settings;
+        let BacklashDetectionSettings { detector, compensation } = settings;
+        let DetectorSettings { k, ti, n, max_h, op_limits, .. } = detector;
         let limits = match op_limits {
             Some((low, high)) => Saturation::new(low, high)?,
             None => Saturation::none(),
         };
         let detections = MedianMean::new(n)?;
         Ok(Self {
-            detector: Detector::new(
-                SecondOrderFilter::new(tf)?,
-                Width::new(k, ti, td, b, kp)?,
-                SafetyNet::new(op_limits.map(|(low, high)| high - low))?,
-                detections,
-                max_h,
-                op_limits,
-            )?,
+            detector: Detector::of(&detector)?,
             detections,
             sign: op_limits.map(|_| WrongSign::new(k, ti, limits)).transpose()?,
             max_h,

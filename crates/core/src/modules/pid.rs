@@ -19,6 +19,20 @@ pub enum Mode {
     External = 2,
 }
 
+impl Mode {
+    /// All of them, in order.
+    pub const ALL: [Self; 3] = [Self::Manual, Self::Auto, Self::External];
+
+    /// The name used in every face of glapp.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Manual => "manual",
+            Self::Auto => "auto",
+            Self::External => "external",
+        }
+    }
+}
+
 /// Settings of a [`Pid`], in ideal form.
 ///
 /// ```

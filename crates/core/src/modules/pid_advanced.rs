@@ -5,7 +5,7 @@ use super::pid::{Pid, PidSettings, PidState};
 use crate::connection::{Backward, Forward};
 use crate::error::require;
 use crate::status::{AT_HIGH, AT_LOW, NOT_AUTO, Status};
-use crate::{CompensationSettings, ParameterError, Real, Sum};
+use crate::{CompensationSettings, DetectorSettings, ParameterError, Real, Sum};
 
 /// The most rows of a gain schedule.
 pub const SCHEDULE_ROWS: usize = 8;
@@ -63,7 +63,7 @@ impl<R: Real> PidAdvancedSettings<R> {
 /// A [`Pid`] with [`BacklashDetection`] inside, that is, with compensation too; a setpoint ramp and a gain schedule (thesis 6.4, 6.6, 7.1).
 ///
 /// The detector takes the controller's own settings, and sees what the controller sees: the setpoint in effect, the
-/// filtered process value, limits and mode. Where the controller does not filter, the detector does, with Ti/10 (2.1).
+/// filtered process value, limits and mode. Where the controller does not filter, the detector does, with Td/5, or Ti/10 without derivative action (2.1).
 ///
 /// The schedule is linear between its rows and constant outside them; a bad scheduling variable leaves the last gains.
 /// With a schedule, K/Ti is not constant within a half-period: the width is then taken from the output's own travel,
@@ -93,7 +93,7 @@ impl<R: Real> PidAdvancedState<R> {
         Self { pid: PidState::at(output), detection: BacklashDetectionState::default(), by: R::ZERO }
     }
 
-    /// What is wrong: what the controller says, and [`WRONG_SIGN`](super::WRONG_SIGN).
+    /// What is wrong: what the controller says, and [`WRONG_SIGN`](crate::status::WRONG_SIGN).
     pub fn error(&self) -> Status {
         self.pid.error | self.detection.error()
     }
@@ -120,20 +120,22 @@ impl<R: Real> PidAdvanced<R> {
             require(td, row.td, row.td >= R::ZERO, "0 s or greater")?;
             let first = i == 0;
             slowest.ti = if first { row.ti } else { slowest.ti.greater(row.ti) };
+            slowest.td = if first { row.td } else { slowest.td.greater(row.td) };
             slowest.k = if first || row.k.magnitude() > slowest.k.magnitude() { row.k } else { slowest.k };
         }
         let filtered = pid.tf > R::ZERO;
         let limited = pid.low > -R::LARGEST && pid.high < R::LARGEST;
         let detection = BacklashDetectionSettings {
-            k: slowest.k,
-            ti: slowest.ti,
-            td: (rows == 0).then_some(pid.td),
-            b: pid.b,
-            kp,
-            tf: if filtered { R::ZERO } else { slowest.ti / R::of(10.0) },
-            n,
-            op_limits: limited.then_some((pid.low, pid.high)),
-            max_h: pid.max_h.lesser(R::of(1e9)),
+            detector: DetectorSettings {
+                td: (rows == 0).then_some(pid.td),
+                b: pid.b,
+                kp,
+                tf: if filtered { R::ZERO } else { DetectorSettings::filter_time(slowest.ti, slowest.td) },
+                n,
+                op_limits: limited.then_some((pid.low, pid.high)),
+                max_h: pid.max_h.lesser(R::of(1e9)),
+                ..DetectorSettings::new(slowest.k, slowest.ti, slowest.td, pid.max_h)
+            },
             compensation: compensation.map(|given| {
                 let rate = given.rate.lesser(pid.rate / R::of(2.0));
                 CompensationSettings { rate, ..given }

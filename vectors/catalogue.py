@@ -1,0 +1,69 @@
+"""Write docs/catalogue.md out of vectors/catalogue.json: `python vectors/catalogue.py`.
+
+The JSON is the core's own word: `cargo run -p glapp-core --example catalogue`. `make catalogue` does both.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+HERE = Path(__file__).parent
+JSON, PAGE = HERE / "catalogue.json", HERE.parent / "docs" / "catalogue.md"
+
+NUMBERED = {
+    "flags": "Status flags, of which a status is a sum: what is the matter with a signal, a half-period or a module",
+    "reasons": "Reasons for which a half-period is rejected, in the order in which the first is named",
+    "standings": "What compensation does, or why it does nothing",
+    "ways": "How compensation finds the direction",
+    "modes": "Who sets the output of a controller",
+    "phases": "Where the autotuner's experiment stands",
+    "stops": "Why it was broken off",
+}
+
+
+def page(catalogue: dict[str, Any]) -> str:
+    """The catalogue as a page."""
+    given = catalogue["defaults_for"]
+    controller = f"K = {given['k']:g}, Ti = {given['ti']:g} s, Td = {given['td']:g} s, h = {given['h']:g} s"
+    parts = [
+        "# Names, numbers, units, bounds and defaults",
+        "Made from the core by `make catalogue`. The same names and numbers stand in Rust, in Python and in saved "
+        "states; a number that is out stays what it is.",
+    ]
+    for key, meaning in NUMBERED.items():
+        parts += [f"## {key}", f"{meaning}.", _table(("name", "number"), sorted(_pairs(catalogue[key]), key=_number))]
+    parts += [
+        "## conditions",
+        "Of the safety net that can be switched off, one by one: " + ", ".join(catalogue["conditions"]) + ".",
+    ]
+    for block, settings in catalogue["settings"].items():
+        rows = [(s["name"], s["unit"], s["bound"], _default(s["default"])) for s in settings]
+        parts += [f"## settings of {block}", _table(("name", "unit", "bound", "default"), rows)]
+    parts.append(
+        f"Defaults are those for {controller}; of compensation for *inverse* and {given['share']:g} of a size of "
+        f"{given['size']:g}. No default: it must be given, is not known, or has no limit."
+    )
+    return "\n\n".join(parts) + "\n"
+
+
+def _pairs(numbered: dict[str, int]) -> list[tuple[str, str]]:
+    return [(f"`{name}`", str(number)) for name, number in numbered.items()]
+
+
+def _number(pair: tuple[str, str]) -> int:
+    return int(pair[1])
+
+
+def _default(value: float | None) -> str:
+    return "" if value is None else f"{value:g}"
+
+
+def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
+    lines = [f"| {' | '.join(line)} |" for line in (head, *rows)]
+    return "\n".join([lines[0], "|" + "---|" * len(head), *lines[1:]])
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(json.loads(JSON.read_text(encoding="utf-8"))), encoding="utf-8")

@@ -72,7 +72,8 @@ def test_small_steps_of_the_load_feign_no_gap(number: int) -> None:
 @pytest.mark.parametrize(
     ("name", "told"),
     [
-        ("none/steps/outside/36", "Record faster"),
+        ("none/steps/outside/36", "no model fits"),
+        ("both/ramps/outside/9", "Record faster"),
         ("oscillation/sine/inside/4", "repeats itself"),
         ("backlash/ramps/outside/56", "80 are needed"),
     ],

@@ -1,6 +1,6 @@
 # make run   sets everything up and does the main job: recordings in, dead bands and a report out
 # make test  sets everything up and runs every test in every language
-.PHONY: run test setup lint bench catalogue gallery fuzz clean
+.PHONY: run test setup lint bare bench catalogue gallery fuzz clean
 .DELETE_ON_ERROR:
 
 PYTHON ?= python3
@@ -27,7 +27,7 @@ $(VENV)/.installed: $(VENV)/.tools $(SOURCES)
 	PIP_QUIET=1 VIRTUAL_ENV=$(abspath $(VENV)) $(BIN)/maturin develop --release --quiet
 	touch $@
 
-test: setup lint
+test: setup lint bare
 	cargo test --workspace --quiet
 	$(BIN)/pytest --numprocesses auto
 
@@ -37,6 +37,16 @@ lint: setup
 	$(BIN)/ruff format --check python tests examples bench vectors fuzz
 	$(BIN)/ruff check python tests examples bench vectors fuzz
 	$(BIN)/mypy
+
+# The core where there is no operating system: a microcontroller, and a page in the browser.
+bare:
+	@for target in thumbv7em-none-eabihf wasm32-unknown-unknown; do \
+		if [ -d "$$(rustc --print target-libdir --target $$target)" ]; then \
+			cargo build --quiet --release -p glapp-core --target $$target || exit 1; \
+		else \
+			echo "skipped: glapp-core for $$target, which this toolchain lacks (rustup target add $$target)"; \
+		fi; \
+	done
 
 bench: setup $(VENV)/.bench
 	cargo bench --quiet -p glapp-core

@@ -1,11 +1,4 @@
-//! The blocks of glapp: everything that watches, models or drives a control loop one sample at a time.
-//!
-//! A block is three things: *parameters*, checked once when made and then immutable; a *state*, plain data, one per
-//! loop, that can be saved and restored; and `update`, which takes one sample. A block has no clock, does no
-//! input or output, never allocates and never panics. One set of parameters serves any number of states.
-//!
-//! Numbers are in SI seconds and in the loop's own units. Equation and section numbers are those of Haventon & Öberg,
-//! *Testing and implementation of a backlash detection algorithm*, Lund 2008 (TFRT-5826), here called *the thesis*.
+#![doc = include_str!("../README.md")]
 #![no_std]
 
 #[cfg(test)]

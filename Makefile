@@ -1,6 +1,7 @@
 # make run   sets everything up and does the main job: recordings in, dead bands and a report out
 # make test  sets everything up and runs every test in every language
-.PHONY: run test setup lint bare bench catalogue gallery fuzz clean
+# make check is what a developer runs all day: linters, the blocks, and every Python test that takes less than a second
+.PHONY: run test check setup lint bare bench catalogue gallery fuzz clean
 .DELETE_ON_ERROR:
 
 PYTHON ?= python3
@@ -30,6 +31,10 @@ $(VENV)/.installed: $(VENV)/.tools $(SOURCES)
 test: setup lint bare
 	cargo test --workspace --quiet
 	$(BIN)/pytest --numprocesses auto
+
+check: setup lint
+	cargo test --quiet -p glapp-core --lib --test vectors
+	$(BIN)/pytest --numprocesses auto -m "not slow" tests
 
 lint: setup
 	cargo fmt --check

@@ -55,6 +55,7 @@ def test_without_noise(name: str) -> None:
     check(relay_experiment(name), ku=0.04, tu=0.015, kp=0.03)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PLANTS)
 @pytest.mark.parametrize("load", [0.0, 0.3, -0.3])
 def test_with_noise_and_load(name: str, load: float) -> None:

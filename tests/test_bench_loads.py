@@ -32,6 +32,7 @@ class TestRecords:
         assert ("POSITION" in gap.table.column_names) == (row == "position")
         assert not record(f"{row}/gap/4").table.equals(gap.table)
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("row", [*ROWS, *(f"{load}/PID" for load in lengths.LOADS)])
     def test_a_longer_one_begins_with_the_shorter_one(self, row: str) -> None:
         long, short = lengths.made(f"{row}/gap/1", 4000), lengths.made(f"{row}/gap/1", 1500)

@@ -56,6 +56,7 @@ def read(table, loop=None, **how) -> Bump:
 UP_UP_BACK = steps(50, 53, 56, 52)
 
 
+@pytest.mark.slow
 def test_the_interval_holds_the_truth_in_93_to_98_of_100_tests():
     """1000 tests, each with a gap, gain, noise, drift and programme of its own; none is left out."""
     inside_d, inside_kp, none = [], [], 0
@@ -165,6 +166,7 @@ def test_a_level_is_read_by_its_slopes_when_told_so():
     assert "process = { type = 'integrating' }" in read(table).reason
 
 
+@pytest.mark.slow
 def test_travel_gives_the_gap_directly_and_the_positioner_says_its_part():
     loop = Loop(name="x", op_span=(0, 50), positioner={"dead_band": 0.4})
     table = recorded(UP_UP_BACK, position=True, noise=0.3)
@@ -191,6 +193,7 @@ def test_a_coarse_pv_widens_the_interval():
     assert read(fine).high - read(fine).low < 0.02
 
 
+@pytest.mark.slow
 def test_readings_that_disagree_widen_the_interval_and_say_so():
     """A load that steps between two holds is no noise that the holds could show."""
     moves = steps(50, 54, 58, 53, 48, 54, 58, 52)
@@ -282,12 +285,14 @@ def test_scaling_op_and_pv_scales_the_answer():
     assert other.kp == pytest.approx(-0.4 * one.kp, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_many_holds_are_read_quickly_enough_to_wait_for():
     found = read(recorded(steps(*(50 + 4 * (i % 3) - 2 * (i % 2) for i in range(230)), hold=50)))
     assert any("first 60 holds" in note for note in found.notes)
     assert found.low < 2.0 < found.high
 
 
+@pytest.mark.slow
 def test_every_picture_draws():
     for moves in (UP_UP_BACK, steps(50), steps(50, 53, 56, 54.5)):
         figure = read(recorded(moves, position=True)).plot()

@@ -78,6 +78,7 @@ def documented_commands():
     return list(dict.fromkeys(line.strip() for line in re.findall(r"^ ?(glapp .*)$", helps + blocks, re.MULTILINE)))
 
 
+@pytest.mark.slow
 def test_every_documented_command_does_what_it_says(run, demo):
     commands = documented_commands()
     assert len(commands) > 15
@@ -146,6 +147,7 @@ def test_bump_refuses_with_the_reason_and_what_to_do(run, by_hand):
     assert run("bump", "test.csv", "--plot", "none/x.html")[0] == 2
 
 
+@pytest.mark.slow
 def test_help_tells_the_exit_codes():
     text = subprocess.run([*GLAPP, "--help"], capture_output=True, text=True).stdout
     assert all(part in text for part in ("Exit codes", "0 every", "1 at least", "2 the command"))
@@ -155,6 +157,7 @@ def test_version(run):
     assert run("--version") == (0, f"glapp {glapp.__version__}\n", "")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("columns", [60, 140])
 def test_the_table_fits_the_terminal(demo, columns):
     env = os.environ | {"COLUMNS": str(columns)}
@@ -178,6 +181,7 @@ def test_the_table_fits_the_terminal(demo, columns):
     assert "\x1b" not in done.stdout
 
 
+@pytest.mark.slow
 def test_the_demonstration_says_what_is_true(run, demo):
     code, out, err = run("analyze", demo, "--json", "--no-fit")
     loops = {loop["loop"]: loop for loop in json.loads(out)["loops"]}
@@ -203,6 +207,7 @@ WRONG = {
 }
 
 
+@pytest.mark.slow
 def test_a_wrong_recording_is_one_line_and_the_others_are_done(run):
     for name, (text, _) in WRONG.items():
         write(f"{name}.csv", text)
@@ -343,6 +348,7 @@ def no_constants(name):
     raise AssertionError(f"{name} is not JSON")
 
 
+@pytest.mark.slow
 def test_json_follows_its_schema(run, demo):
     schema = json.loads((ROOT / "docs/analyze.schema.json").read_text())
     jsonschema.Draft202012Validator.check_schema(schema)
@@ -362,6 +368,7 @@ def test_the_schema_in_docs_is_current():
     )
 
 
+@pytest.mark.slow
 def test_csv_has_a_row_per_loop(run, demo):
     code, out, err = run("analyze", demo, "missing.csv", "--csv", "-", "--no-fit")
     table = list(csv.DictReader(io.StringIO(out)))
@@ -377,6 +384,7 @@ def test_csv_has_a_row_per_loop(run, demo):
     assert Path("loops.csv").read_text() == out and "FIC201" in shown
 
 
+@pytest.mark.slow
 def test_settings_of_the_command_line_are_those_of_a_loops_toml(run):
     write("plant.csv", rows(header="t,SP,PV,CO"))
     write(
@@ -394,6 +402,7 @@ def test_settings_of_the_command_line_are_those_of_a_loops_toml(run):
     assert json.loads(by_line)["loops"][0]["controller"]["ti"] == 31
 
 
+@pytest.mark.slow
 def test_columns_can_be_named_for_many_recordings(run):
     for name in ("a.csv", "b.csv"):
         write(name, rows(header="when,goal,is,valve"))
@@ -404,6 +413,7 @@ def test_columns_can_be_named_for_many_recordings(run):
     )
 
 
+@pytest.mark.slow
 def test_trust_goes_on_with_a_poor_identification(run):
     header, *lines = rows(2000).splitlines()
     noise = np.random.default_rng(7).standard_normal(2000)
@@ -466,6 +476,7 @@ def test_init_overwrites_only_when_told_to(run):
     assert "[loops.plant]" in Path("loops.toml").read_text()
 
 
+@pytest.mark.slow
 def test_explain_shows_one_half_period_and_its_tests(run, demo):
     code, listed, _ = run("explain", demo, "--loop", "FIC201")
     assert code == 0
@@ -518,6 +529,7 @@ def test_a_name_is_shown_as_it_is(run):
     assert out.count("[red]x[/] :smile:") == 2
 
 
+@pytest.mark.slow
 def test_loops_of_a_long_table_one_of_them_wrong(run):
     lines = ["time,tag,value"]
     for k, row in enumerate(rows(300).splitlines()[1:]):
@@ -533,6 +545,7 @@ def test_loops_of_a_long_table_one_of_them_wrong(run):
     assert code == 1 and "NOPE" in err
 
 
+@pytest.mark.slow
 def test_loops_of_a_wide_table_one_of_them_wrong(run):
     lines = ["t,FIC1.SP,FIC1.PV,FIC1.OP,FIC1.OUT,FIC2.SP,FIC2.PV,FIC2.OP"]
     for k, row in enumerate(rows().splitlines()[1:]):
@@ -571,6 +584,7 @@ def test_an_interruption_is_quiet_and_stops_the_work(run, monkeypatch):
     assert stopped == ["good"]
 
 
+@pytest.mark.slow
 def test_a_closed_pipe_is_quiet(demo):
     for line in (
         ("analyze", demo, "--csv", "-", "--no-fit"),
@@ -583,6 +597,7 @@ def test_a_closed_pipe_is_quiet(demo):
             assert process.stderr.read() == b"", line
 
 
+@pytest.mark.slow
 def test_a_terminal_without_unicode(run, demo):
     env = os.environ | {"PYTHONIOENCODING": "ascii"}
     done = subprocess.run([*GLAPP, "analyze", demo, "--no-fit"], capture_output=True, env=env)
@@ -598,6 +613,7 @@ def test_a_file_name_that_is_not_text(run):
     assert code == 1 and json.loads(out)["loops"][0]["loop"] == "a?" and "rename it" in err
 
 
+@pytest.mark.slow
 def test_what_is_slow_to_import_is_not_imported(demo):
     code = (
         "import sys\nfrom glapp.cli import main\nsys.argv = ['glapp', 'analyze', sys.argv[1]]\n"
@@ -607,6 +623,7 @@ def test_what_is_slow_to_import_is_not_imported(demo):
     assert done.stdout.splitlines()[-1] == "[]"
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not REFINERY.is_dir(), reason="the refinery recordings are not beside this checkout")
 def test_real_loops_with_nothing_but_their_files(run):
     _, out, _ = run("analyze", *sorted(REFINERY.glob("*.csv")), "--json", "--no-fit")
@@ -640,6 +657,7 @@ def test_thesis_writes_a_page_and_says_what_is_wrong(run):
     assert code == 1 and "file: cannot be written" in err and "--out" in err
 
 
+@pytest.mark.slow
 def test_thesis_without_matplotlib(tmp_path):
     line = "import sys; sys.modules['matplotlib'] = None; from glapp.cli import main; main()"
     done = subprocess.run(

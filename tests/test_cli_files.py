@@ -82,6 +82,7 @@ def test_no_input_and_nothing_foreign_is_overwritten(run, words, told):
     assert contents() == before
 
 
+@pytest.mark.slow
 def test_what_glapp_wrote_is_overwritten(run):
     for _ in range(2):
         code, _, err = run("analyze", *SETTINGS, "a.csv", "--csv", "t.csv", "--report", "r.html")
@@ -90,6 +91,7 @@ def test_what_glapp_wrote_is_overwritten(run):
     assert sorted(p.name for p in Path().iterdir()) == ["a.csv", "b.csv", "r.html", "t.csv"]
 
 
+@pytest.mark.slow
 def test_demo_spares_a_loops_toml_that_is_not_its_own(run):
     Path("loops.toml").write_text("# mine\n")
     before = contents()
@@ -150,6 +152,7 @@ def test_permissions_links_and_devices_stay(tmp_path):
     assert not Path(os.devnull).is_file()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")
 @pytest.mark.parametrize("words", [("--version",), ("--help",), ("analyze", "--json"), ("analyze",), ("init",)])
 def test_a_full_standard_output_is_one_line(run, words):
@@ -205,6 +208,7 @@ def test_the_bound_of_n_is_that_of_the_core():
             made(33)
 
 
+@pytest.mark.slow
 def test_zones_need_no_database_of_the_system(tmp_path):
     """Windows and bare containers have none; Arrow looked for one and said that 10:00 does not exist."""
     path = tmp_path / "a.csv"

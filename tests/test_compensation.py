@@ -136,6 +136,7 @@ def test_a_loop_whose_valve_is_worn_out_is_left_alone() -> None:
         assert (ff(s)[-1] == 0.0) == (name == "worse")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", WAYS)
 def test_random_loops(way: str) -> None:
     found = [one for one in (harm(number, way) for number in range(16)) if one is not None]

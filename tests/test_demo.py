@@ -9,6 +9,8 @@ from glapp.demo import write_recordings
 from glapp.reading import open_recordings
 from glapp.reading.settings import read_settings
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Result]:

@@ -33,6 +33,7 @@ def shown(s: Simulation, **changes: Any) -> glapp.Result:
     return glapp.analyze(recording_from(s.to_arrow(), loop(**changes)), fit=False)
 
 
+@pytest.mark.slow
 def test_estimate(worn: Simulation) -> None:
     result = shown(worn, tf=0.1)
     assert (result.verdict, result.reason) == ("estimate", None)
@@ -42,6 +43,7 @@ def test_estimate(worn: Simulation) -> None:
     assert result.detections + sum(result.reasons.values()) == result.total_half_periods == result.half_periods.count
 
 
+@pytest.mark.slow
 def test_provisional_with_its_count(worn: Simulation) -> None:
     result = shown(worn, n=31, tf=0.1)
     assert result.verdict == "provisional"
@@ -49,6 +51,7 @@ def test_provisional_with_its_count(worn: Simulation) -> None:
     assert result.reason is not None and f"{result.detections} of the 31" in result.reason
 
 
+@pytest.mark.slow
 def test_no_estimate_names_what_rejected(worn: Simulation) -> None:
     result = shown(worn, controller=PI | {"ti": 100.0})
     assert (result.verdict, result.d_hat) == ("no_estimate", None)
@@ -63,6 +66,7 @@ def test_silent_loop_has_no_half_period() -> None:
     assert result.reason is not None and "never crossed" in result.reason
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changes", "word"),
     [
@@ -88,6 +92,7 @@ def test_without_a_controller(worn: Simulation) -> None:
         Estimator(loop(controller=None), h=1.0)
 
 
+@pytest.mark.slow
 def test_filter_time_is_given_or_the_smallest_that_serves(worn: Simulation) -> None:
     given = shown(worn, tf=0.1).settings
     assert (given.tf, given.notes["tf"]) == (0.1, "given")
@@ -100,6 +105,7 @@ def test_filter_time_is_given_or_the_smallest_that_serves(worn: Simulation) -> N
     assert found.detections == accepted[ladder.index(smallest)]
 
 
+@pytest.mark.slow
 def test_process_gain_given_default_or_dropped(worn: Simulation) -> None:
     given = shown(worn, tf=0.1).half_periods
     for changes, kp in [
@@ -116,6 +122,7 @@ def test_process_gain_given_default_or_dropped(worn: Simulation) -> None:
         assert result.half_periods.free == pytest.approx(given.free)
 
 
+@pytest.mark.slow
 def test_every_way_of_writing_the_controller_gives_one_answer(worn: Simulation) -> None:
     spans = {"pv_span": (-1.0, 4.0), "op_span": (-5.0, 15.0)}  # 0.48 OP/PV = 0.12 %/%
     ways: list[dict[str, Any]] = [
@@ -184,6 +191,7 @@ def test_an_estimator_goes_through_pickle_and_refuses_what_is_not_one(worn: Simu
         Estimator(loop(), h=0)
 
 
+@pytest.mark.slow
 def test_result_as_frame_dict_and_figure(worn: Simulation) -> None:
     result = shown(worn)
     frame = result.to_frame()
@@ -229,6 +237,7 @@ def refinery(name: str, **settings: Any) -> glapp.Result:
     return glapp.analyze(recording, fit=False)
 
 
+@pytest.mark.slow
 @needs_refinery
 def test_stiction_is_found_with_nothing_but_the_file() -> None:
     result = refinery("FIC46005_0902")
@@ -243,6 +252,7 @@ def test_stiction_is_found_with_nothing_but_the_file() -> None:
     assert given.d_hat is not None and 0.40 <= given.d_hat <= 0.60
 
 
+@pytest.mark.slow
 @needs_refinery
 @pytest.mark.parametrize("name", ["LIC31102B_0824", "LIC31102B_0904", "LIC31102B_1127"])
 def test_a_linear_oscillation_is_no_backlash(name: str) -> None:
@@ -251,6 +261,7 @@ def test_a_linear_oscillation_is_no_backlash(name: str) -> None:
     assert result.reason is not None and "sinus" in result.reason
 
 
+@pytest.mark.slow
 @needs_refinery
 def test_other_loops_are_told_for_what_they_are() -> None:
     wound_up = refinery("FIC10104_0224")
@@ -302,6 +313,7 @@ def test_a_stream_shows_the_width_that_is_there(worn: Simulation) -> None:
     assert estimator.estimate is not None and estimator.estimate[0] == pytest.approx(0.05, rel=0.15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kp", [1.0, None])
 def test_stream_and_analysis_have_one_floor(noisy: Simulation, worn: Simulation, kp: float | None) -> None:
     for s in (noisy, worn):

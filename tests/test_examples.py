@@ -15,11 +15,13 @@ def output_of(*command: str) -> str:
     return done.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.py")), ids=lambda path: path.name)
 def test_python_example_runs(path: Path) -> None:
     assert output_of(sys.executable, str(path)).strip()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.rs")), ids=lambda path: path.name)
 def test_rust_example_prints_what_its_python_twin_prints(path: Path) -> None:
     ours = output_of("cargo", "run", "--quiet", "--example", path.stem)

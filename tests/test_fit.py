@@ -31,6 +31,7 @@ def simulated(plant: str = "P3", controller: Any = (0.48, 0.3117), d: float = 0.
     return glapp.fit(glapp.recording_from(table, glapp.Loop(name=plant, op_unit="1")))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("d", [0.1, 0.05, 0.02])
 @pytest.mark.parametrize("seed", [1, 2])
 def test_the_width_is_found_and_lies_in_its_interval(d: float, seed: int) -> None:
@@ -41,6 +42,7 @@ def test_the_width_is_found_and_lies_in_its_interval(d: float, seed: int) -> Non
     assert f.low - 0.03 * d < d < f.high + 0.03 * d, (f.low, f.high)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_without_a_gap_none_is_claimed(seed: int) -> None:
     f = simulated(d=0.0, seed=seed, **LOADS)
@@ -48,6 +50,7 @@ def test_without_a_gap_none_is_claimed(seed: int) -> None:
     assert f.high is not None and f.high < 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "verdict"), [("both/steps/inside/1", "both"), ("backlash/steps/outside/20", "backlash")]
 )
@@ -61,6 +64,7 @@ def test_small_steps_of_the_load_are_found_beside_the_lost_motion(name: str, ver
     assert f.best is not None and f.best["load_steps"] >= 5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [0, 1])
 def test_small_steps_of_the_load_feign_no_gap(number: int) -> None:
     made = record(f"none/steps/inside/{number}")
@@ -69,6 +73,7 @@ def test_small_steps_of_the_load_feign_no_gap(number: int) -> None:
     assert not f.found, f.reason
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "told"),
     [
@@ -86,6 +91,7 @@ def test_samples_too_far_apart_or_a_single_move_of_op_feign_no_gap(name: str, to
     assert f.verdict == "cannot_tell" and told in f.reason, f.reason
 
 
+@pytest.mark.slow
 def test_a_gap_that_the_noise_hides_gets_a_bound_and_no_width() -> None:
     f = simulated(d=0.05, noise=0.06, t_end=1000, load=[(40.0 * k, 0.3 * (k % 2)) for k in range(1, 25)])
     assert f.verdict == "at_least" and f.high is None and "noise hides" in f.reason, f.reason
@@ -96,6 +102,7 @@ def walk(rate: float, h: float, t_end: float, seed: int) -> Any:
     return random_walk(round(t_end / h) + 1, h, rate, seed=seed)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [3, 4])
 def test_a_load_that_walks_feigns_no_gap(seed: int) -> None:
     """The zero-crossing estimate shows confident false widths here."""
@@ -107,6 +114,7 @@ def test_a_load_that_walks_feigns_no_gap(seed: int) -> None:
     assert true.d == pytest.approx(0.05, rel=0.25)
 
 
+@pytest.mark.slow
 def test_the_derivative_does_not_bias_it() -> None:
     """Equation (7.5) reads 18 % low in this loop: the derivative part opposes the integral."""
     f = simulated("P2", (1.12, 2.40, 0.619), 0.05, h=0.2, t_end=700, load=[(100, 0.3), (300, -0.2), (500, 0.2)])
@@ -114,6 +122,7 @@ def test_the_derivative_does_not_bias_it() -> None:
     assert f.d == pytest.approx(0.05, rel=0.05)
 
 
+@pytest.mark.slow
 def test_units_scale_through() -> None:
     s = closed_loop("P3", (0.48, 0.3117), d=0.05, noise=0.005, h=0.1, t_end=250, setpoint=[(1, 1.0)], seed=1, **LOADS)
     f = fitted(s.t, s.pv, s.op)
@@ -125,6 +134,7 @@ def test_units_scale_through() -> None:
     assert g.process.lag[0] == pytest.approx(60.0 * f.process.lag[0], rel=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("pv", "op", "seconds", "zero"),
     [(1e-4, 1.0, 1.0, 0.0), (1e4, 1.0, 1.0, 0.0), (1.0, 1e-3, 1.0, 0.0), (1.0, 1.0, 60.0, 0.0), (1.0, 1.0, 1.0, 1e6)],
@@ -140,6 +150,7 @@ def test_no_unit_changes_the_answer(pv: float, op: float, seconds: float, zero: 
         assert there / op == pytest.approx(here, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_many_rows_are_cut_into_windows_as_long_as_the_process_asks_for() -> None:
     """Cells as long as a load's step once made 100 000 rows 8.9 (5.1 to 12.4)."""
     load = [(1800.0 * k, 5.0 * (k % 3)) for k in range(20)]
@@ -150,6 +161,7 @@ def test_many_rows_are_cut_into_windows_as_long_as_the_process_asks_for() -> Non
     assert all(w.t_end - w.t_start < 10_000 for w in f.windows) and len(f.windows) > 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["triangle fast/none/0", "triangle slow/none/0", "irregular cycle/none/1"])
 def test_a_load_that_swings_is_no_gap(name: str) -> None:
     """Each of these once had a width or a bound without any gap."""
@@ -157,6 +169,7 @@ def test_a_load_that_swings_is_no_gap(name: str) -> None:
     assert not f.found, f.reason
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["triangle slow/none/16", "random ramps/none/201", "slow ramps/none/12"])
 def test_a_load_along_lines_leaves_a_valve_sound(name: str) -> None:
     f = glapp.fit(confusing(name).recording(1500))
@@ -164,6 +177,7 @@ def test_a_load_along_lines_leaves_a_valve_sound(name: str) -> None:
     assert f.best is not None and f.best["load_steps"] >= 4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["triangle slow/gap/14", "random ramps/gap/15", "random ramps/gap/18"])
 def test_a_gap_is_told_under_a_load_along_lines(name: str) -> None:
     made = confusing(name)
@@ -173,6 +187,7 @@ def test_a_gap_is_told_under_a_load_along_lines(name: str) -> None:
     assert f.d == pytest.approx(made.d, rel=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("acting", [{"setpoint": [(1.0, 2.0)]}, {"load": [(1.0, 10.0)]}], ids=["setpoint", "load"])
 @pytest.mark.parametrize(("h", "seed"), [(0.02, 1), (0.05, 2)])
 def test_a_gap_in_little_noise_has_no_jump(h: float, seed: int, acting: Any) -> None:
@@ -197,11 +212,13 @@ LINED = ["swinging door/gap/214", "swinging door/gap/226"]
 """PV is kept as lines, which hide the gap: the valve was once called sound."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MARKED + UNKNOWN + WIDE + LINED)
 def test_what_is_said_under_such_loads_is_true(name: str) -> None:
     assert Answer.to(confusing(name), 1500).told != "wrong"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["none/ramps/inside/0", "oscillation/sine/outside/0"])
 def test_a_bound_that_noise_hides_needs_as_much_as_any_other(name: str) -> None:
     """0.007 and 0.07 were once lost at least, where 17 and 15 units were asked."""
@@ -211,6 +228,7 @@ def test_a_bound_that_noise_hides_needs_as_much_as_any_other(name: str) -> None:
     assert f.verdict == "cannot_tell", f.reason
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [18, 209])
 def test_a_gap_is_told_though_samples_are_off(number: int) -> None:
     """A sample that the controller saw as far off leaves two innovations against each other, and 209 had "no model"."""
@@ -220,6 +238,7 @@ def test_a_gap_is_told_though_samples_are_off(number: int) -> None:
     assert f.low is not None and f.high is not None and f.low < made.d < f.high
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [1, 3])
 def test_spikes_of_pv_are_left_out(number: int) -> None:
     made = confusing(f"outliers/gap/{number}")
@@ -227,10 +246,12 @@ def test_spikes_of_pv_are_left_out(number: int) -> None:
     assert not f.found or (f.low is not None and f.low <= made.d <= (f.high or made.d)), f.reason
 
 
+@pytest.mark.slow
 def test_the_same_recording_gets_the_same_answer() -> None:
     assert simulated(d=0.02, **LOADS).to_dict() == simulated(d=0.02, **LOADS).to_dict()
 
 
+@pytest.mark.slow
 def test_a_hole_and_bad_values_do_no_harm() -> None:
     s = closed_loop("P3", (0.48, 0.3117), d=0.05, noise=0.005, h=0.1, t_end=250, setpoint=[(1, 1.0)], seed=1, **LOADS)
     pv, keep = s.pv.copy(), np.ones(len(s.t), bool)
@@ -270,6 +291,7 @@ def test_what_cannot_be_fitted_is_refused_with_its_reason(columns: Any, told: st
     assert f.d is None
 
 
+@pytest.mark.slow
 def test_two_moves_one_way_give_neither_width_nor_bound() -> None:
     """Where in its gap the valve stood decides how far it moved first: taken too coarsely, it feigned a width."""
     t = np.arange(0.0, 1200.0)
@@ -296,6 +318,7 @@ def test_no_op_no_fit() -> None:
     assert f.verdict == "cannot_tell" and "no OP" in f.reason
 
 
+@pytest.mark.slow
 def test_op_of_another_loop_gives_no_gap() -> None:
     t = np.arange(0, 500, 0.5)
     f = fitted(t, np.cumsum(_noise(len(t))) * 0.1, 50 + 5 * np.sin(t / 11))
@@ -311,6 +334,7 @@ def test_a_pv_that_no_model_makes_gives_no_gap() -> None:
     assert not f.found, f.reason
 
 
+@pytest.mark.slow
 def test_the_valve_position_settles_it() -> None:
     """PV alone cannot tell: OP hardly moves through the gap, and the noise is as large as what PV shows of it."""
     s = closed_loop("P2", (0.4, 2.3), d=0.05, noise=0.05, h=0.2, t_end=300, load=walk(0.02, 0.2, 300, 1), seed=1)
@@ -325,6 +349,7 @@ def test_the_valve_position_settles_it() -> None:
     assert f.to_dict()["signal"] == "position"
 
 
+@pytest.mark.slow
 def test_the_zero_crossing_estimate_takes_the_fitted_gain() -> None:
     s = closed_loop("P3", (0.48, 0.3117), d=0.05, noise=0.002, h=0.1, t_end=400, setpoint=[(1, 1.0)], **LOADS)
     spans = {"pv_span": (0, 1), "op_span": (0, 1)}
@@ -336,6 +361,7 @@ def test_the_zero_crossing_estimate_takes_the_fitted_gain() -> None:
     assert fitted.d_hat is not None and assumed.d_hat is not None and fitted.d_hat < assumed.d_hat
 
 
+@pytest.mark.slow
 def test_the_controllers_filter_time_does_not_matter_to_it() -> None:
     """The zero-crossing estimate of the same loops reads the lower the longer its filter."""
     table = closed_loop(
@@ -360,6 +386,7 @@ def refinery(name: str) -> glapp.Fit:
     return glapp.analyze(recording).fit or pytest.fail("OP is recorded, so there must be a fit")
 
 
+@pytest.mark.slow
 def test_the_same_valve_three_months_apart() -> None:
     late, early = refinery("FIC46005_0902"), refinery("FIC46005_0614")
     assert late.verdict in GAP
@@ -368,6 +395,7 @@ def test_the_same_valve_three_months_apart() -> None:
     assert early.low < late.high and (early.high is None or late.low < early.high), "the intervals overlap"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "told"), [("FIC20102_0609", "hardly moves"), ("FIC20102_1207", "80 are needed")])
 def test_a_single_step_of_op_gives_no_bound(name: str, told: str) -> None:
     """Each once had a bound: OP went through the gap once, and a step of PV of any size and time explains as much."""
@@ -376,16 +404,19 @@ def test_a_single_step_of_op_gives_no_bound(name: str, told: str) -> None:
     assert f.d is not None and 1.5 < f.d < 2.7
 
 
+@pytest.mark.slow
 def test_an_op_that_moves_little_gives_no_bound() -> None:
     f = refinery("FIC20102_1107")
     assert f.verdict == "cannot_tell" and f.d is not None and 0.5 < f.d < 1.2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["LIC31102B_0824", "LIC31102B_0904", "LIC31102B_1127"])
 def test_a_clean_sinusoid_is_no_backlash(name: str) -> None:
     assert refinery(name).verdict == "oscillation"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["FIC41004_1108", "LIC30102_0825"])
 def test_sound_valves(name: str) -> None:
     assert refinery(name).verdict in {"sound", "cannot_tell"}
@@ -396,6 +427,7 @@ def test_an_output_that_winds_up_is_refused() -> None:
     assert f.verdict == "cannot_tell" and f.d is None and "winds" in f.reason
 
 
+@pytest.mark.slow
 def test_a_level_that_sticks_gets_no_bound_beyond_its_band() -> None:
     """A valve that moved by 2 % of a band of 79 once explained a stick band of 3: one free step."""
     controller = glapp.controller.Controller(k=0.5, ti=400.0, gain_unit="OP/PV")

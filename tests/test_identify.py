@@ -95,6 +95,7 @@ def pick(found: Identification) -> tuple[float, float]:
     return found.k, found.ti
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("b", [0.0, 1.0])
 @pytest.mark.parametrize(("k", "ti", "h"), [(1, 20, 1), (-0.4, 20, 1), (0.8, 60, 2), (0.02, 8, 0.5), (1, 20, 5)])
 def test_exact_law_is_found_exactly(k: float, ti: float, h: float, b: float) -> None:
@@ -106,6 +107,7 @@ def test_exact_law_is_found_exactly(k: float, ti: float, h: float, b: float) -> 
     assert found.usable and found.reason == "" and found.r2 == pytest.approx(1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("runs", [5, 20])
 @pytest.mark.parametrize("h", [2.0, 4.0])
 def test_a_controller_faster_than_the_recording_lies_in_the_interval_with_k_over_ti_right(runs: int, h: float) -> None:
@@ -117,6 +119,7 @@ def test_a_controller_faster_than_the_recording_lies_in_the_interval_with_k_over
         assert ti == pytest.approx(20, rel=0.1)  # it shows that not every scan was recorded
 
 
+@pytest.mark.slow
 def test_interval_of_the_scatter_covers_with_correlated_residuals() -> None:
     for correlation in (0.0, 0.8):
         covered = np.zeros(2)
@@ -134,6 +137,7 @@ def test_interval_of_the_scatter_covers_with_correlated_residuals() -> None:
         assert np.all(covered / seeds > 0.8), covered / seeds
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("op_step", [0.02, 0.1])
 def test_quantised_op(op_step: float) -> None:
     for seed in range(3):
@@ -177,6 +181,7 @@ def test_op_recorded_a_sample_late_or_early() -> None:
         assert word in found.note
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("filters", "tf"), [(1, 6.0), (2, 2.0), (2, 0.7)])
 @pytest.mark.parametrize("gap", [0.0, 1.0])
 def test_pv_recorded_before_the_filter_of_the_controller(filters: int, tf: float, gap: float) -> None:
@@ -200,6 +205,7 @@ def holds(found: Identification, k: float, ti: float, td: float = 0.0) -> bool:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("every", [1, 4])
 def test_a_filter_that_nobody_recorded_does_not_hide_the_settings(every: int) -> None:
     """K came out as 0.483 (to 0.503), Ti as 1.2 s with R² 0.999: the filter before the controller was missed."""
@@ -209,6 +215,7 @@ def test_a_filter_that_nobody_recorded_does_not_hide_the_settings(every: int) ->
     assert found.k_high / found.k_low < 1.2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("plant", ["P2", "P5", "P7"])
 @pytest.mark.parametrize(("every", "op_step"), [(1, 0.0), (4, 0.0), (1, 0.05)])
 def test_derivative_action_is_found_with_its_filter(plant: str, every: int, op_step: float) -> None:
@@ -231,6 +238,7 @@ def test_what_one_sample_in_ti_leaves_open_is_in_the_interval() -> None:
         assert holds(found, k, ti, td), (plant, found)
 
 
+@pytest.mark.slow
 def test_a_long_recording_is_known_by_its_liveliest_stretches() -> None:
     t, sp, pv, op = loop(n=40_000, load=0.1)
     op[20_000:22_000] = 50.0  # OP stands still: nothing to learn there, and nothing of the law
@@ -250,6 +258,7 @@ def test_repeated_rows_of_a_historian_that_stood_still_are_left_out() -> None:
     assert found.usable
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale_pv", [1e-3, 1e4])
 @pytest.mark.parametrize("scale_op", [1e-3, 1e4])
 @pytest.mark.parametrize("scale_t", [0.01, 60.0])
@@ -262,6 +271,7 @@ def test_scaling(scale_pv: float, scale_op: float, scale_t: float) -> None:
         assert getattr(other, name) == pytest.approx(getattr(one, name) * factor, rel=1e-4), name
 
 
+@pytest.mark.slow
 def test_sign_symmetry() -> None:
     t, sp, pv, op = loop(n=800, op_step=0.05)
     one, other = identified(t, sp, pv, op), identified(t, sp, pv, -op)
@@ -270,6 +280,7 @@ def test_sign_symmetry() -> None:
     assert identified(t, -sp, -pv, -op).k == pytest.approx(one.k)
 
 
+@pytest.mark.slow
 def test_setpoint_weight_is_told_only_where_sp_moves() -> None:
     assert identified(*loop()).setpoint_weight is None
     moving = loop(b=0.3, setpoints={300: 53.0, 900: 50.0, 1500: 54.0})
@@ -279,6 +290,7 @@ def test_setpoint_weight_is_told_only_where_sp_moves() -> None:
     assert not identified(*moving, setpoint_weight=1.0).r2 > 0.999
 
 
+@pytest.mark.slow
 def test_what_is_no_pi_controller_is_not_usable() -> None:
     t, sp, pv, _ = loop()
     rng = np.random.default_rng(3)
@@ -315,6 +327,7 @@ numbers = st.one_of(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(arrays(np.float64, (4, 70), elements=numbers))
 def test_any_numbers_give_an_answer_without_nan(data: np.ndarray) -> None:
@@ -339,6 +352,7 @@ def test_frozen_needs_an_error_and_all_signals() -> None:
     assert not frozen_steps(flat, 2 * flat, np.arange(10.0)).any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "k", "ti"),
     [
@@ -360,6 +374,7 @@ def test_minutes_of_a_real_loop_of_35_seconds_are_not_believed() -> None:
     assert found.ti_low < 35 < found.ti_high and found.k_low < 0.0123 < found.k_high
 
 
+@pytest.mark.slow
 def test_recordings_of_one_sinusoid_do_not_contradict_each_other() -> None:
     """They said 207 to 231, 115 to 131 and 160 to 178 s of one controller."""
     spans = [identified(*refinery(f"LIC31102B_{day}")) for day in ("0824", "0904", "1127")]

@@ -7,6 +7,8 @@ import pytest
 from bench.lengths import asked, lost
 from bench.loads.answer import Answer
 
+pytestmark = pytest.mark.slow
+
 LENGTHS = {
     "levels/PI/gap/0": (9000, 28_800, 100_000),
     "levels/PI/none/0": (9000, 28_800, 100_000),

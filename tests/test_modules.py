@@ -158,6 +158,7 @@ def test_from_manual_there_is_no_bump(form: str, weights: str) -> None:
 WINDUP_LIMIT = 0.1
 
 
+@pytest.mark.slow
 def test_anti_windup_beside_the_integrator_of_the_literature() -> None:
     """1/s under PI with a limited output, the example on which windup and tracking are usually shown.
 
@@ -339,6 +340,7 @@ def test_a_detector_that_is_told_the_wrong_sign_of_k_notices_it(k: float) -> Non
     assert loop["watch.error"] == 0.0 and loop["watch.standing"] in (0.0, 10.0) and loop["watch.u_ff"] != 0.0
 
 
+@pytest.mark.slow
 def test_the_wrong_sign_of_random_loops() -> None:
     """A few of those that docs/modules.md counts."""
     found = [one for one in map(wrong_sign.loop, range(12)) if one is not None]

@@ -62,6 +62,7 @@ WIDE = "t,FIC1.SP,FIC1.PV,FIC1.OP,FIC2.SP,FIC2.PV,FIC2.OP\n" + "".join(
 )
 
 
+@pytest.mark.slow
 def test_the_same_name_in_two_folders_is_told_apart(run):
     """Of two loops of one name nobody could say which row was which."""
     for folder in ("north", "south"):
@@ -86,6 +87,7 @@ def test_the_same_name_in_two_folders_is_told_apart(run):
     assert len(names(run("analyze", "north/day.csv", "south/day.csv", "--json", "--loop", "FIC2")[1])) == 2
 
 
+@pytest.mark.slow
 def test_the_same_name_with_other_endings_or_twice(run):
     write("a.csv", rows(300))
     pq.write_table(pa.table({"t": [0.0, 1.0], "SP": [1.0, 1.0], "PV": [1.0, 2.0]}), "a.parquet")
@@ -148,6 +150,7 @@ def test_no_control_character_gets_out(run, evil, words):
         assert "\\x1b[2J\\x9b31m" in out + err  # shown, not left out
 
 
+@pytest.mark.slow
 def test_a_terminal_obeys_nothing_but_our_own_styles(evil, tmp_path):
     """On a terminal Rich writes escapes of its own; those of names are shown, and their brackets are no markup."""
     evil(tmp_path / "plant.parquet")
@@ -193,6 +196,7 @@ def test_a_table_computes_nothing(run, evil):
     assert loops[1:] == ["'-2+3", "'+1", "'@x", "FIC-1"]
 
 
+@pytest.mark.slow
 def test_a_report_runs_nothing(run, evil):
     evil("plant.parquet")
     write("<img src=x onerror=alert(1)>.csv", rows(300))
@@ -230,6 +234,7 @@ def strange(tmp_path):
     made.close()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="no pipes and devices in its folders")
 def test_pipes_sockets_and_devices_are_refused_by_name(strange):
     """A pipe hung until somebody wrote into it, and /dev/zero was 'empty'."""

@@ -194,6 +194,7 @@ def simulated(controller: Any, d: float, tf: float, period: float) -> tuple[floa
 
 
 class TestPhaseLead:
+    @pytest.mark.slow
     @pytest.mark.parametrize("margin", [1.2, 1.5, 1.9])
     def test_removes_the_intersection_with_its_margin(self, margin: float) -> None:
         loop = 1.6 * PLANTS["P1"] * Plant([1], [0.5, 1])
@@ -203,6 +204,7 @@ class TestPhaseLead:
         assert margin <= lead.margin < 1.02 * margin and lead.lead > lead.lag
         assert lead.loop.response(1e-6) == pytest.approx(loop.response(1e-6), rel=1e-4)
 
+    @pytest.mark.slow
     def test_more_margin_costs_more_lead(self) -> None:
         loop = 1.6 * PLANTS["P1"] * Plant([1], [0.5, 1])
         ratios = [lead.lead / lead.lag for lead in (phase_lead(loop, m) for m in (1.2, 1.5, 1.8))]

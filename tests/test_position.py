@@ -48,6 +48,7 @@ def at_valve(plant: str, controller: Any, d: float, recorder: str, h: float = 0.
     return _fit_position([Batch(s.t, s.sp, s.pv, s.op, None, RECORDERS[recorder](s.position))], LOOP)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("recorder", RECORDERS)
 @pytest.mark.parametrize("d", [0.02, 0.05])
 @pytest.mark.parametrize("loop", [("P3", (0.482, 0.313)), ("P1", (0.363, 7.06))])
@@ -69,6 +70,7 @@ def test_without_a_gap_none_is_claimed(recorder: str) -> None:
         assert f.high is not None and f.high >= 0.005, "what the band may hide is not excluded"
 
 
+@pytest.mark.slow
 def test_a_position_that_is_op_tells_nothing_and_pv_answers() -> None:
     """It once was "at least 0.773" for no gap."""
     s = closed_loop("P3", (0.482, 0.313), d=0.0, noise=0.005, h=0.1, t_end=120, seed=1, **LOADS)
@@ -131,6 +133,7 @@ def test_a_history_of_windows_gives_one_answer_with_its_trend() -> None:
     assert f.low is not None and f.high is not None and f.low <= 0.05 <= f.high, f
 
 
+@pytest.mark.slow
 def test_the_report_draws_it() -> None:
     s = closed_loop("P3", (0.482, 0.313), d=0.05, noise=0.005, h=0.1, t_end=120, seed=1, **LOADS)
     table = {"time": s.t, "SP": s.sp, "PV": s.pv, "OP": s.op, "POSITION": RECORDERS["noisy"](s.position)}

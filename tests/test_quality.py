@@ -90,6 +90,7 @@ HEALTHY = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", HEALTHY)
 def test_a_healthy_recording_has_no_finding(name: str) -> None:
     for seed in range(3):
@@ -297,6 +298,7 @@ def test_noise_of_steps_and_of_nothing() -> None:
     assert noise_sigma(np.arange(0.0)) is None
 
 
+@pytest.mark.slow
 @settings(max_examples=200)
 @given(arrays(np.float64, (4, 110), elements=numbers), arrays(np.uint8, 110), st.integers(0, 110))
 def test_any_numbers_are_inspected_without_error(data: np.ndarray, flags: np.ndarray, n: int) -> None:
@@ -338,6 +340,7 @@ def test_a_million_rows_in_half_a_second() -> None:
     assert min(taken) < 0.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "codes"),
     [

@@ -120,6 +120,7 @@ def in_dialect(table, d):
     return (text + d["newline"] * d["last_newline"]).encode(d["encoding"])
 
 
+@pytest.mark.slow
 @slow_files
 @given(tables(), dialects())
 def test_a_table_in_any_dialect_reads_back_equal(tmp_path, monkeypatch, table, dialect):
@@ -159,6 +160,7 @@ def test_any_bytes_give_batches_or_an_input_error(tmp_path, data):
         assert str(error).startswith(str(path))
 
 
+@pytest.mark.slow
 @slow_files
 @given(st.data())
 def test_one_damaged_cell_is_found_in_its_row_and_column(tmp_path, monkeypatch, data):

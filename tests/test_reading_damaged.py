@@ -16,6 +16,7 @@ from glapp.reading import open_each, open_recordings, recording_from
 from glapp.reading.values import numbers
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", fuzzer.KINDS)
 def test_damaged_files_end_no_process(kind, tmp_path):
     """One damaged byte of an Arrow file was a segmentation fault: of 400 files 37 ended so, 36 in a traceback."""
@@ -26,6 +27,7 @@ def test_damaged_files_end_no_process(kind, tmp_path):
     assert found["refused"] >= 5, "the faults do no harm: what is tried here?"
 
 
+@pytest.mark.slow
 def test_sound_originals_are_answered(tmp_path):
     path = tmp_path / "sound"
     for kind in fuzzer.KINDS:
@@ -50,6 +52,7 @@ def two_loops():
     return pa.table(columns)
 
 
+@pytest.mark.slow
 def test_text_that_points_outside_the_file(tmp_path):
     """It was read there: signal 11. Read in a process apart, so that this one could tell."""
     path = tmp_path / "F1.arrow"

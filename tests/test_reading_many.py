@@ -71,6 +71,7 @@ def alone(path, i):
     return joined(recording.batches())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", [".csv", ".parquet", ".arrow"])
 @pytest.mark.parametrize("block", [1 << 22, 20_000])
 def test_all_loops_are_read_in_one_pass_with_the_values_they_have_alone(tmp_path, reads, monkeypatch, ending, block):
@@ -101,6 +102,7 @@ def test_names_are_understood_once_however_many_loops_there_are(monkeypatch, tmp
     assert counts[40] <= counts[10]  # it was 18 times the number of columns, for each loop
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", [".csv", ".parquet", ".arrow"])
 def test_what_is_held_is_bounded_and_more_passes_are_made(tmp_path, reads, monkeypatch, ending):
     path = write(table(20), tmp_path / f"plant{ending}")
@@ -203,6 +205,7 @@ def test_loops_with_words_of_their_own_for_bad_values_keep_them(tmp_path):
     assert joined(b.batches())["pv"][5] == 5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("long", [70_000, 300_000])
 def test_a_header_beyond_the_first_sample_is_read(tmp_path, long):
     """It was "has a header but no rows": only the first 64 KiB were looked at."""

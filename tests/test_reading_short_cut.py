@@ -176,6 +176,7 @@ def test_rows_of_nothing_but_separators_are_left_out_beside_plain_seconds(roads)
     assert roads.compare(b"t,SP,PV\n0,1,2\n1,1,2\n,1,2\n").endswith("row 4, column t: the time is empty")
 
 
+@pytest.mark.slow
 def test_a_hole_of_nul_bytes_is_no_date(roads):
     """The short cut began with a date of ten NULs in mind, so a block that began with them was of the year 1970."""
     rows = [f"2024-01-01 00:00:{i:02d},1,2" for i in range(60)]
@@ -187,6 +188,7 @@ def test_a_hole_of_nul_bytes_is_no_date(roads):
 # --- hand cases
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("column", ["t", "SP", "PV", "OP", "unread"])
 def test_numbers(roads, column):
     row = {"t": "1", "SP": "50", "PV": "40", "OP": "30", "unread": "7"}
@@ -197,6 +199,7 @@ def test_numbers(roads, column):
         roads.compare(text([good, good, cells], head, end).rstrip(b"\r\n"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("first", ["2024-01-01 00:00:00", "2024-01-01T00:00:00Z", "2024-01-01", "1704067200"])
 def test_times(roads, first):
     for stamp in STAMPS:
@@ -205,6 +208,7 @@ def test_times(roads, first):
         roads.compare(text([rows[2], rows[0]], "t,SP,PV\n"), [Loop(name="x", time_zone="Europe/Stockholm")])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("role", ["MODE", "Quality", "LO", "unread"])
 def test_words(roads, role):
     loop = Loop(name="x", columns={"op_low_flag": "LO"} if role == "LO" else {})
@@ -223,6 +227,7 @@ def test_encodings(roads, encoding):
         roads.compare("\n".encode(encoding).join([head, *rows]), sample=60)
 
 
+@pytest.mark.slow
 @given(st.data())
 @settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_long_tables(roads, data):
@@ -237,6 +242,7 @@ def test_long_tables(roads, data):
     roads.compare(text(rows, "Timestamp,Tag,Value,Quality\n"), block=data.draw(st.sampled_from([1 << 22, 100])))
 
 
+@pytest.mark.slow
 @given(st.data())
 @settings(max_examples=300, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_any_mixture_in_a_wide_table(roads, data):

@@ -329,6 +329,7 @@ def test_names_and_texts_of_users_stay_text(worn: Result, tmp_path: Path) -> Non
         assert "<script" not in figure.to_json().lower().replace("\\u003c", "<")
 
 
+@pytest.mark.slow
 def test_a_run_too_large_for_one_file_is_an_index_with_a_file_per_loop(
     worn: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -347,6 +348,7 @@ def test_a_run_too_large_for_one_file_is_an_index_with_a_file_per_loop(
         assert back == ["../run%201.html"]
 
 
+@pytest.mark.slow
 def test_huge_recordings_stay_small(tmp_path: Path) -> None:
     huge = many(60_000)
     files = write_report([replace(huge, name=f"L{i}") for i in range(24)], tmp_path / "report.html")
@@ -448,6 +450,7 @@ def test_results_rank_by_width_and_keep_units_apart(run: list[Result]) -> None:
     assert sorted(labels) == sorted(r.name for r in run)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hole", ["reason", "d_hat_percent_span", "repeatability", "identification", "trace", "t0"])
 def test_nothing_breaks_where_a_field_is_none(worn: Result, hole: str, tmp_path: Path) -> None:
     result = replace(worn, **{hole: None})

@@ -11,6 +11,8 @@ from glapp.thesis import FIGURES, Shown, find, gallery
 from glapp.thesis.differences import DIFFERENCES, shown_by
 from glapp.thesis.style import save
 
+pytestmark = pytest.mark.slow
+
 GALLERY = Path(__file__).parent.parent / "docs/gallery"
 RECORDED = json.loads((GALLERY / "numbers.json").read_text(encoding="utf-8"))
 

@@ -44,6 +44,7 @@ def analyzed(s: Simulation, controller: tuple[float, ...] = P3_PI) -> glapp.Resu
     return glapp.analyze(glapp.recording_from(s.to_arrow(), loop), fit=False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("d", [0.02, 0.05, 0.1])
 def test_a_gap_is_found_within_a_quarter(d: float) -> None:
     for seed in range(3):
@@ -52,6 +53,7 @@ def test_a_gap_is_found_within_a_quarter(d: float) -> None:
         assert result.d_hat == pytest.approx(d, rel=0.25), seed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("controller", [("P3", P3_PI), ("P2", (0.775, 2.05))], ids=["P3", "P2"])
 def test_without_a_gap_no_width_is_shown(controller: tuple[str, tuple[float, ...]]) -> None:
     plant, pi = controller
@@ -261,6 +263,7 @@ def test_op_by_4_1_turns_where_the_recorded_op_turns(plant: str, controller: tup
     assert without[there] == pytest.approx(with_op[there], rel=1e-6, abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("plant", "controller", "d", "worst"),
     [("P3", P3_PI, 0.1, 0.03), ("P3", P3_PI, 0.05, 0.05), ("P2", P2_PID, 0.1, 0.02), ("P2", (0.775, 2.05), 0.02, 0.05)],
@@ -284,6 +287,7 @@ def test_the_corrected_width_is_nearer_to_the_truth(
     assert len(shown) >= 2
 
 
+@pytest.mark.slow
 def test_width_and_process_gain_come_together() -> None:
     for seed in range(3):
         c = corrected(recorded("P2", P2_PID, 0.1, seed), P2_PID).corrected
@@ -298,6 +302,7 @@ def test_width_and_process_gain_come_together() -> None:
     pytest.fail("none of the recordings gave both")
 
 
+@pytest.mark.slow
 def test_what_the_correction_does_not_hold_for_is_refused() -> None:
     s = recorded("P2", P2_PID, 0.1, 1)
     integrating = corrected(s, P2_PID, process={"type": "integrating"}).corrected
@@ -306,6 +311,7 @@ def test_what_the_correction_does_not_hold_for_is_refused() -> None:
     assert few is not None and few.d is None and "where 3 are needed" in (few.reason or "")
 
 
+@pytest.mark.slow
 def test_without_op_a_long_filter_gives_no_correction() -> None:
     s = recorded("P3", P3_PI, 0.1, 1)
     short = corrected(s, P3_PI, op=False, process={"kp": 1}, tf=0.1 * P3_PI[1]).corrected
@@ -317,6 +323,7 @@ def test_without_op_a_long_filter_gives_no_correction() -> None:
     assert with_op is not None and with_op.d == pytest.approx(0.1, rel=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_load_that_walks_is_not_corrected_into_a_gap(seed: int) -> None:
     """The thesis' estimate shows a width here; the pairs do not agree on one."""

@@ -275,6 +275,7 @@ class TestMigo:
         assert found.x[1] == pytest.approx(1, rel=2e-4)
         assert found.x[0] == pytest.approx(1, rel=0.01)
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("kind", ["PI", "PID"])
     @pytest.mark.parametrize("name", PLANTS)
     def test_bounds_hold_and_are_reached(self, name: str, kind: Any) -> None:
@@ -294,6 +295,7 @@ class TestMigo:
             moved = assess(name, (k * factor, ti * factor, td / factor))
             assert moved.ms < 1.4 * 1.004
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("name", ["P2", "P5", "P6", "P7"])
     def test_pid_by_constrained_optimisation(self, name: str) -> None:
         """For the same kd, SLSQP finds no better K and ki; for a kd a little larger the top is an edge."""
@@ -335,6 +337,7 @@ class TestMigo:
         with pytest.raises(InputError, match=message):
             migo(plant, **bounds)
 
+    @pytest.mark.slow
     def test_pid_without_limit_and_on_a_jump(self) -> None:
         with pytest.raises(InputError, match="allows any gain"):
             migo(Plant([1], [1, 2, 1]), "PID")
@@ -358,6 +361,7 @@ class TestMigo:
 
 
 class TestDesign:
+    @pytest.mark.slow
     @pytest.mark.parametrize("kind", ["PI", "PID"])
     @pytest.mark.parametrize("name", ["P2", "P3", "P5", "P8"])
     def test_no_neighbour_is_better(self, name: str, kind: Any) -> None:
@@ -378,6 +382,7 @@ class TestDesign:
             )  # fmt: skip
             assert t.iae < 1.01 * best
 
+    @pytest.mark.slow
     def test_a_very_slow_lag_is_an_integrator(self) -> None:
         slow, pure = design(Plant([1], [1000, 1], 0.01), "PID"), design(Plant([1e-3], [1, 0], 0.01), "PID")
         assert slow.controller[:3] == pytest.approx(pure.controller[:3], rel=0.05)
@@ -438,6 +443,7 @@ class TestRules:
         closed = np.polyadd([ti, 0, 0], k * kv * np.polymul([-late, 1], [ti, 1]))
         np.testing.assert_allclose(closed / closed[-1], [lam**2, 2 * lam, 1], rtol=1e-9)
 
+    @pytest.mark.slow
     @pytest.mark.parametrize(
         ("rule", "kind", "names", "k_within", "ki_within"),
         [

@@ -40,6 +40,7 @@ def read(path: Path) -> dict[str, Any]:
     return json.loads(path.read_text(encoding="utf-8"))
 
 
+@pytest.mark.slow
 def test_files_are_what_the_generator_writes() -> None:
     spec = importlib.util.spec_from_file_location("make", VECTORS / "make.py")
     assert spec is not None and spec.loader is not None
@@ -51,6 +52,7 @@ def test_files_are_what_the_generator_writes() -> None:
         assert path.read_text(encoding="utf-8") == documents[path.name], "run: python vectors/make.py"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_file_follows_the_schema_and_explains_its_flags(path: Path) -> None:
     file = read(path)
@@ -367,6 +369,7 @@ MAKERS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_block_meets_its_cases_to_the_last_bit(path: Path) -> None:
     for case in read(path)["cases"]:

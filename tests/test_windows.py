@@ -99,6 +99,7 @@ def short_beginning(monkeypatch: pytest.MonkeyPatch) -> None:
 LOOP = glapp.Loop(name="grows", op_unit="V", controller={"k": 0.48, "ti": 0.3117, "setpoint_weight": 0})
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("short_beginning")
 def test_a_gap_that_grows_shows_over_the_whole_history() -> None:
     widths = [0.04 + 0.007 * i for i in range(8)]
@@ -125,6 +126,7 @@ def test_a_gap_that_grows_shows_over_the_whole_history() -> None:
     assert glapp.fit(recording).to_dict()["windows"] == told["windows"]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("short_beginning")
 def test_a_gap_that_stays_shows_no_change() -> None:
     f = glapp.fit(glapp.recording_from(history([0.06] * 6, 4 * DAY), LOOP))
@@ -133,6 +135,7 @@ def test_a_gap_that_stays_shows_no_change() -> None:
     assert f.d == pytest.approx(0.06, rel=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("short_beginning")
 def test_op_that_only_moves_after_the_beginning_is_found() -> None:
     rest = {"time": np.arange(0.0, 2000.0, 0.2), "SP": np.ones(10_000), "OP": np.full(10_000, 0.5)}

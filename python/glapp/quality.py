@@ -441,13 +441,10 @@ def _numbers(look: _Look) -> Iterator[Finding]:
     c = look.census
     if not c.rows:
         return
-    for name, bad, row in (
-        ("SP", c.sp_bad, c.sp_bad_row),
-        ("PV", c.pv_bad, c.pv_bad_row),
-        ("OP", c.op_bad, c.op_bad_row),
-    ):
-        if name == "SP" and look.sp is None:
-            continue
+    recorded = [("PV", c.pv_bad, c.pv_bad_row), ("OP", c.op_bad, c.op_bad_row)]
+    if look.sp is not None:
+        recorded.insert(0, ("SP", c.sp_bad, c.sp_bad_row))
+    for name, bad, row in recorded:
         share = look.share(bad)
         evidence: dict[str, float | int | str] = {"signal": name, "rows": bad, "share": share, "first_row": row}
         if bad == c.rows:

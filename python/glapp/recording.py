@@ -67,9 +67,8 @@ def finished(t: NDArray[np.float64], values: dict[str, NDArray[np.float64]], fla
     sp, pv = values.get("sp"), values["pv"]
     if flags is not None and (bad := flags & BAD != 0).any():
         pv = np.where(bad, np.nan, pv)
-    both = pv if sp is None else pv + sp
     with np.errstate(all="ignore"):  # a sum that overflows is looked at more closely
-        missing_somewhere = np.isnan(both.sum())
+        missing_somewhere = np.isnan(pv.sum()) or (sp is not None and np.isnan(sp.sum()))
     if missing_somewhere:
         missing = np.isnan(pv) if sp is None else np.isnan(sp) | np.isnan(pv)
         flags = np.zeros(len(t), np.uint8) if flags is None else flags

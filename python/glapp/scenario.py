@@ -45,9 +45,6 @@ __all__ = [
 
 Floats = npt.NDArray[np.float64]
 
-DETECTIONS: int = _glapp.DETECTIONS
-"""Detections that the estimate of a loop stands on, as everywhere where nothing else is said."""
-
 
 class Steps(Checked):
     """A value that changes at given times; 0 before the first.

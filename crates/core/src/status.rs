@@ -13,11 +13,11 @@ pub const AT_LOW: Status = 4;
 pub const AT_HIGH: Status = 8;
 /// The samples before are missing: the start of a recording, or a gap in it.
 pub const GAP: Status = 16;
-/// The setpoint was bad: the last good one is used.
+/// The setpoint handed over is bad; the last good one is in effect.
 pub const BAD_SP: Status = 32;
-/// The feed-forward was bad: the last good one is used.
+/// The feed-forward handed over is bad; the last good one is in effect.
 pub const BAD_FF: Status = 64;
-/// The lower limit is not below the upper one: the limits before are used.
+/// The limits told backward cross, or cross the module's own, which then are in effect.
 pub const BAD_LIMITS: Status = 128;
 /// The gain K has the wrong sign: for the process, or as the detector was told it.
 pub const WRONG_SIGN: Status = 256;

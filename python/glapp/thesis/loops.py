@@ -11,7 +11,7 @@ import numpy.typing as npt
 from .. import _glapp
 from ..controller import Ideal
 from ..result import HalfPeriods
-from ..scenario import DETECTIONS, Scenario
+from ..scenario import Scenario
 from ..simulate import Simulation, run
 
 __all__ = [
@@ -84,7 +84,7 @@ def detect(
     *,
     tf: float | None = None,
     kp: float | None = None,
-    n: int = DETECTIONS,
+    n: int = _glapp.DETECTIONS,
     derivative: bool = False,
 ) -> Detected:
     """Run the detector as the thesis does: on SP and PV alone, with a part of its conditions.

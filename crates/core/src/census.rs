@@ -161,7 +161,7 @@ impl Census {
 
     /// Counts some samples more. Column by column, so that most of it is done for several samples at once.
     pub fn run(&mut self, columns: Columns<'_, f64>) {
-        let n = columns.len();
+        let n = columns.rows();
         if n == 0 {
             return;
         }

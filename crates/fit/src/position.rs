@@ -14,7 +14,7 @@
 
 use crate::verdict::Verdict;
 use glapp_core::{Backlash, BacklashState};
-use glapp_sim::{Friction, FrictionState, Model};
+use glapp_core::{Friction, FrictionState, Model};
 
 /// Fewest rows with a position that count.
 const FEWEST: usize = 50;

@@ -2,7 +2,7 @@
 
 use crate::kalman::START;
 use glapp_core::{Backlash, BacklashState};
-use glapp_sim::{Friction, FrictionState, Model};
+use glapp_core::{Friction, FrictionState, Model};
 
 /// One unbroken stretch: OP at every step, PV as the mean of each cell of `cell` steps, NaN where there is none.
 #[derive(Clone, Debug)]

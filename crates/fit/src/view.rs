@@ -7,7 +7,7 @@ use crate::search::{Point, Search};
 use crate::steps::{Load, Marked, few, plausible, refined, steps, with_large};
 use crate::structure::{Noise, Structure, Theta};
 use crate::verdict::ANSWERS;
-use glapp_sim::Model;
+use glapp_core::Model;
 use rayon::prelude::*;
 
 /// Families whose innovations are no more than this larger than the best's (and a −2·ln L of 6) are believed: a gap must

@@ -1,10 +1,10 @@
 //! Closed loops (`crates/sim`).
 
 use crate::refused;
-use glapp_core::{Detector, MedianMean, ParameterError};
+use glapp_core::{Detector, Friction, MedianMean, Model, ParameterError};
 use glapp_sim::{
-    BATCH, Block, Compensated, Controller, Friction, Instructions, Manual, Model, Outer, Piece, Plant, Scenario,
-    Signal, SimError, watch_together,
+    BATCH, Block, Compensated, Controller, Instructions, Manual, Outer, Piece, Plant, Scenario, Signal, SimError,
+    watch_together,
 };
 use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1, PyReadwriteArray1, PyReadwriteArray2};
 use pyo3::exceptions::PyValueError;

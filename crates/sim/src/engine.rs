@@ -1,17 +1,16 @@
 //! One loop, sample by sample.
 
 use crate::error::require;
-use crate::friction::FrictionState;
 use crate::plant::{Sampled, SampledState};
 use crate::random::Integers;
 use crate::scenario::{Block, Compensated, Controller, Manual, Scenario, magnitude};
 use crate::signal::{Source, sample_at};
-use crate::{Friction, Outer, Piece, Plant, SimError};
+use crate::{Outer, Piece, Plant, SimError};
 use glapp_core::status::{BAD, GAP, NOT_AUTO, Status};
 use glapp_core::{
-    Backlash, BacklashState, Compensation, CompensationSample, CompensationState, Detector, DetectorState,
-    HalfPeriodState, MedianMean, MedianMeanState, OverCompensation, OverCompensationState, Pid, PidState, RateLimit,
-    RateLimitState, Sample, Saturation, SecondOrderFilter, SecondOrderFilterState, ZeroCrossing,
+    Backlash, BacklashState, Compensation, CompensationSample, CompensationState, Detector, DetectorState, Friction,
+    FrictionState, HalfPeriodState, MedianMean, MedianMeanState, OverCompensation, OverCompensationState, Pid,
+    PidState, RateLimit, RateLimitState, Sample, Saturation, SecondOrderFilter, SecondOrderFilterState, ZeroCrossing,
 };
 use std::ops::Range;
 
@@ -289,7 +288,7 @@ struct Extras {
     pv_resolution: f64,
     op_resolution: f64,
     rate: Option<(RateLimit<f64>, RateLimitState<f64>)>,
-    friction: Option<(Friction, FrictionState)>,
+    friction: Option<(Friction<f64>, FrictionState<f64>)>,
     bad: Vec<Range<usize>>,
     /// The process value as it last was recorded.
     last_y: f64,

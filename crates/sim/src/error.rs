@@ -30,9 +30,9 @@ pub enum SimError {
         "h = {h} s is too coarse for the fastest pole: at most {bound:.3} s, or its motion is lost between samples"
     )]
     Coarse {
-        /// The step that was asked for [s].
+        /// The step that was asked for \[s\].
         h: f64,
-        /// π over the magnitude of the fastest pole [s].
+        /// π over the magnitude of the fastest pole \[s\].
         bound: f64,
     },
     /// A setpoint or load given in the wrong shape.
@@ -61,7 +61,7 @@ pub enum SimError {
         signal: &'static str,
         /// The magnitude that it passed.
         bound: f64,
-        /// When [s].
+        /// When \[s\].
         t: f64,
     },
 }

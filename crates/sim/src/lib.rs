@@ -5,7 +5,6 @@
 
 mod engine;
 mod error;
-mod friction;
 mod graph;
 mod lanes;
 mod matrix;
@@ -16,7 +15,6 @@ mod scenario;
 mod signal;
 
 pub use error::SimError;
-pub use friction::{Friction, FrictionState, Model};
 pub use graph::{Graph, GraphError};
 pub use lanes::{Instructions, groups, run_together, watch_together};
 pub use matrix::Matrix;

@@ -9,7 +9,7 @@ pub const MAX_ORDER: usize = 10;
 
 /// Transfer function num(s)/den(s)·e^(−L·s), coefficients in descending powers of s.
 ///
-/// Integrators are zeros at the end of `den`. The dead time L [s] is exact, not an approximation.
+/// Integrators are zeros at the end of `den`. The dead time L \[s\] is exact, not an approximation.
 ///
 /// ```
 /// use glapp_sim::Plant;
@@ -28,7 +28,7 @@ pub struct Plant {
     dead_time: f64,
 }
 
-/// A named process of the thesis' test batch: name, num, den, dead time [s].
+/// A named process of the thesis' test batch: name, num, den, dead time \[s\].
 pub type Named = (&'static str, &'static [f64], &'static [f64], f64);
 
 /// The test batch (thesis 4.1).
@@ -44,7 +44,7 @@ pub const BATCH: [Named; 8] = [
 ];
 
 impl Plant {
-    /// `num` of lower degree than `den`, `den` of degree 1 to [`MAX_ORDER`], `dead_time` ≥ 0 [s].
+    /// `num` of lower degree than `den`, `den` of degree 1 to [`MAX_ORDER`], `dead_time` ≥ 0 \[s\].
     pub fn new(num: Vec<f64>, den: Vec<f64>, dead_time: f64) -> Result<Self, SimError> {
         require("dead_time", dead_time, dead_time >= 0.0, "0 s or greater")?;
         if num.iter().chain(&den).any(|c| !c.is_finite()) {
@@ -83,7 +83,7 @@ impl Plant {
         (self.den[n] != 0.0).then(|| self.num[n] / self.den[n])
     }
 
-    /// Dead time [s].
+    /// Dead time \[s\].
     pub fn dead_time(&self) -> f64 {
         self.dead_time
     }

@@ -1,8 +1,8 @@
 //! A scenario: a control loop with a worn valve, what acts on it, and how it is recorded.
 
 use crate::engine::{self, Run};
-use crate::{Friction, Piece, Plant, Signal, SimError};
-use glapp_core::{CompensationSettings, Detector, DetectorState, Estimate, MedianMean};
+use crate::{Piece, Plant, Signal, SimError};
+use glapp_core::{CompensationSettings, Detector, DetectorState, Estimate, Friction, MedianMean};
 use std::ops::Range;
 
 /// A closed loop, sampled at one rate:
@@ -25,7 +25,7 @@ pub struct Scenario {
     /// Total width of the gap ≥ 0 [unit of the output].
     pub d: f64,
     /// Stick-slip friction after the gap.
-    pub friction: Option<Friction>,
+    pub friction: Option<Friction<f64>>,
     /// Greatest speed of the actuator > 0 [unit of the output per second].
     pub rate: Option<f64>,
     /// Measurement noise [unit of the process value].

@@ -1,6 +1,6 @@
 //! The autotuner as a module between a controller and its valve.
 
-use crate::connection::{Backward, Forward};
+use crate::modules::{Backward, Forward};
 use crate::status::{AT_HIGH, AT_LOW, BAD, NOT_AUTO, Status};
 use crate::{AutoTunerSettings, ParameterError, Real};
 

@@ -1,6 +1,6 @@
 //! The detector as a module beside a controller.
 
-use crate::connection::{Backward, Forward};
+use crate::modules::{Backward, Forward};
 use crate::status::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO, Status, WRONG_SIGN};
 use crate::{
     Compensation, CompensationSample, CompensationSettings, CompensationState, Detector, DetectorSettings,

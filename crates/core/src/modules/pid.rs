@@ -1,7 +1,7 @@
 //! The controller as a module: modes, limits that move, bad values.
 
-use crate::connection::{Backward, Forward};
 use crate::error::require;
+use crate::modules::{Backward, Forward};
 use crate::status::{AT_HIGH, AT_LOW, BAD, BAD_FF, BAD_LIMITS, BAD_SP, GAP, NOT_AUTO, Status};
 use crate::{ParameterError, Real, Saturation, SecondOrderFilter, SecondOrderFilterState, Sum};
 

@@ -2,8 +2,8 @@
 
 use super::backlash_detection::{BacklashDetection, BacklashDetectionSettings, BacklashDetectionState};
 use super::pid::{Pid, PidSettings, PidState};
-use crate::connection::{Backward, Forward};
 use crate::error::require;
+use crate::modules::{Backward, Forward};
 use crate::status::{AT_HIGH, AT_LOW, NOT_AUTO, Status};
 use crate::{CompensationSettings, DetectorSettings, ParameterError, Real, Sum};
 

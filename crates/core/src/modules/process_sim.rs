@@ -1,7 +1,7 @@
 //! A process to test loops with: two lags and a dead time.
 
-use crate::connection::Forward;
 use crate::error::require;
+use crate::modules::Forward;
 use crate::{ParameterError, Real, Sum};
 
 /// Process K/((1 + s·T1)(1 + s·T2))·e^(−L·s) at a fixed scan time (thesis 6.5, `ProcessSimCC`).

@@ -1,8 +1,8 @@
 //! A process that answers OP the other way round than the controller's gain takes for granted.
 
+use crate::detect::zero_crossing::sign_of;
 use crate::error::require;
 use crate::status::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO, Status};
-use crate::zero_crossing::sign_of;
 use crate::{ParameterError, Real, Saturation, Sum};
 
 /// The share of OP's span that it must have gone through on its way to the limit.

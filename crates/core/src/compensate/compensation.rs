@@ -1,9 +1,9 @@
 //! Compensation of a gap: what is added to the controller's output so that the valve follows it.
 
+use super::harm::{Harm, HarmState};
+use crate::detect::zero_crossing::sign_of;
 use crate::error::require;
-use crate::harm::{Harm, HarmState};
 use crate::status::{AT_HIGH, AT_LOW, BAD, NOT_AUTO, Status};
-use crate::zero_crossing::sign_of;
 use crate::{ParameterError, Real, Saturation, SecondOrderFilter, SecondOrderFilterState, Sum};
 
 /// How the direction in which the valve is driven is found (thesis 2.2).

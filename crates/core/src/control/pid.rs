@@ -58,8 +58,8 @@ pub struct PidState<R: Real> {
 }
 
 impl<R: Real> Pid<R> {
-    /// Gain `k` ≠ 0, negative for a direct-acting controller [output per process value], integral time `ti` > 0 [s],
-    /// derivative time `td` ≥ 0 [s], setpoint weight `b` between 0 and 1.
+    /// Gain `k` ≠ 0, negative for a direct-acting controller [output per process value], integral time `ti` > 0 \[s\],
+    /// derivative time `td` ≥ 0 \[s\], setpoint weight `b` between 0 and 1.
     pub fn new(k: R, ti: R, td: R, b: R, limits: Saturation<R>) -> Result<Self, ParameterError> {
         Ok(Self {
             k: require("k", k, k != R::ZERO, "a number other than 0")?,
@@ -76,7 +76,7 @@ impl<R: Real> Pid<R> {
         Self { k, ti, td, b: self.b, limits }
     }
 
-    /// Takes setpoint, filtered process value and the time since the last sample `h` [s]; gives the output in auto.
+    /// Takes setpoint, filtered process value and the time since the last sample `h` \[s\]; gives the output in auto.
     #[inline(always)]
     pub fn update(&self, state: &mut PidState<R>, ysp: R, yf: R, h: R) -> R {
         self.control(state, ysp, yf.into(), h)

@@ -1,7 +1,7 @@
 //! Valves that stick and slip.
 
 use crate::error::require;
-use glapp_core::ParameterError;
+use crate::{ParameterError, Real};
 
 /// Stick-slip friction of a valve as data shows it: total dead band plus stick band `s`, slip jump `j`, 0 ≤ j ≤ s, both
 /// in the unit of the output.
@@ -25,11 +25,23 @@ use glapp_core::ParameterError;
 ///   friction fs = (s + j)/2 against kinetic friction fd = (s − j)/2.
 ///
 /// With j = 0 either is backlash of width s, He's to the bit or two.
+///
+/// An output that is no number leaves the stem where it is.
+///
+/// ```
+/// use glapp_core::{Friction, FrictionState, Model};
+///
+/// let friction = Friction::new(Model::Kano, 3.0, 1.0)?;
+/// let mut state = FrictionState::at(0.0); // in the middle of the band
+/// let stem = [1.0, 2.0, 2.5, 3.0, 2.0, 0.0].map(|u| friction.update(&mut state, u));
+/// assert_eq!(stem, [0.0, 0.0, 1.5, 2.0, 2.0, 2.0]);
+/// # Ok::<(), glapp_core::ParameterError>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Friction {
+pub struct Friction<R> {
     model: Model,
-    loose: f64,
-    behind: f64,
+    loose: R,
+    behind: R,
 }
 
 /// Which data-driven model.
@@ -43,46 +55,52 @@ pub enum Model {
 
 /// Stem of a valve with [`Friction`].
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FrictionState {
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct FrictionState<R> {
     /// Where the stem stands [unit of the output].
-    pub position: f64,
-    u: f64,
+    pub position: R,
+    u: R,
     /// Direction of movement, 0 at rest.
-    direction: f64,
+    direction: R,
 }
 
-impl FrictionState {
+impl<R: Real> FrictionState<R> {
     /// At rest, the output `u` in the middle of the band.
-    pub fn at(u: f64) -> Self {
-        Self { position: u, u, direction: 0.0 }
+    pub fn at(u: R) -> Self {
+        Self { position: u, u, direction: R::ZERO }
     }
 }
 
-impl Friction {
+impl<R: Real> Friction<R> {
     /// Stick band plus dead band `s` ≥ 0, slip jump 0 ≤ `j` ≤ `s`.
-    pub fn new(model: Model, s: f64, j: f64) -> Result<Self, ParameterError> {
-        require("s", s, s >= 0.0, "0 or greater")?;
-        require("j", j, (0.0..=s).contains(&j), "0 or greater, at most s")?;
-        Ok(Self { model, loose: (s + j) / 2.0, behind: (s - j) / 2.0 })
+    pub fn new(model: Model, s: R, j: R) -> Result<Self, ParameterError> {
+        require("s", s, s >= R::ZERO, "0 or greater")?;
+        require("j", j, j >= R::ZERO && j <= s, "0 or greater, at most s")?;
+        let half = |sum: R| sum / R::of(2.0);
+        Ok(Self { model, loose: half(s + j), behind: half(s - j) })
     }
 
     /// The stick band plus dead band.
-    pub(crate) fn width(&self) -> f64 {
+    pub fn width(&self) -> R {
         self.loose + self.behind
     }
 
     /// Takes the output, gives the position of the stem.
-    pub fn update(&self, state: &mut FrictionState, u: f64) -> f64 {
-        let goes_on = self.model == Model::Kano && (u - state.u) * state.direction > 0.0;
+    pub fn update(&self, state: &mut FrictionState<R>, u: R) -> R {
+        if !u.is_number() {
+            return state.position;
+        }
+        let goes_on = self.model == Model::Kano && (u - state.u) * state.direction > R::ZERO;
         state.u = u;
         if !goes_on {
             let force = u - state.position;
-            state.direction = match force.abs() > self.loose {
-                true => force.signum(),
-                false => 0.0,
+            state.direction = match force {
+                _ if force > self.loose => R::ONE,
+                _ if force < -self.loose => -R::ONE,
+                _ => R::ZERO,
             };
         }
-        if state.direction != 0.0 {
+        if state.direction != R::ZERO {
             state.position = u - state.direction * self.behind;
         }
         state.position
@@ -92,7 +110,8 @@ impl Friction {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glapp_core::{Backlash, BacklashState};
+    use crate::{Backlash, BacklashState};
+    use std::vec::Vec;
 
     /// Slow triangle between ±5 in steps of 0.01.
     fn triangle() -> impl Iterator<Item = f64> {

@@ -1,7 +1,7 @@
 //! What a detector is told, with all of its defaults.
 
-use crate::detector::checked;
-use crate::safety_net::Conditions;
+use super::detector::checked;
+use crate::Conditions;
 use crate::{Detector, MedianMean, ParameterError, Real, SafetyNet, SecondOrderFilter, Width};
 
 /// Steps of the usual length that a step may be long without being a gap.

@@ -407,7 +407,7 @@ impl<R: Real> AutoTuner<R> {
         }
     }
 
-    /// Takes PV, the time since the sample before `h` [s], and the flags of the sample
+    /// Takes PV, the time since the sample before `h` \[s\], and the flags of the sample
     /// ([`status`](crate::status)); gives OP. Where no experiment runs, OP stays.
     #[inline]
     pub fn update(&self, state: &mut AutoTunerState<R>, pv: R, h: R, flags: Status) -> R {

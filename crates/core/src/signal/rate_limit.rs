@@ -50,7 +50,7 @@ impl<R: Real> RateLimit<R> {
         Ok(Self { rate: require("rate", rate, rate > R::ZERO, "greater than 0 per second")? })
     }
 
-    /// Takes a value and the time since the one before `h` [s], gives the limited value.
+    /// Takes a value and the time since the one before `h` \[s\], gives the limited value.
     #[inline(always)]
     pub fn update(&self, state: &mut RateLimitState<R>, x: R, h: R) -> R {
         if !state.started {

@@ -1,0 +1,10 @@
+//! Closing the gap, and what takes the compensation away again (thesis chapter 3, 6.5, 7.1).
+
+mod compensation;
+pub(crate) mod harm;
+mod over_compensation;
+mod wrong_sign;
+
+pub use compensation::{Compensation, CompensationSample, CompensationSettings, CompensationState, Standing, Way};
+pub use over_compensation::{OverCompensation, OverCompensationState, OverWarning};
+pub use wrong_sign::{WrongSign, WrongSignState};

@@ -1,0 +1,19 @@
+//! What a signal goes through: filters, noise, limits, and the valve with its gap and its friction.
+
+mod backlash;
+mod derivative;
+mod filter;
+mod friction;
+mod noise;
+mod noise_level;
+mod rate_limit;
+mod saturation;
+
+pub use backlash::{Backlash, BacklashState};
+pub use derivative::Derivative;
+pub use filter::{SecondOrderFilter, SecondOrderFilterState};
+pub use friction::{Friction, FrictionState, Model};
+pub use noise::{Noise, NoiseState};
+pub use noise_level::NoiseLevel;
+pub use rate_limit::{RateLimit, RateLimitState};
+pub use saturation::Saturation;

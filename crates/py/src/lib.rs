@@ -13,7 +13,6 @@ mod noise;
 mod pid;
 mod position;
 mod rate_limit;
-mod read;
 mod saturation;
 mod sim;
 mod tuning;
@@ -59,8 +58,6 @@ mod _glapp {
     use crate::position::fit_position;
     #[pymodule_export]
     use crate::rate_limit::RateLimit;
-    #[pymodule_export]
-    use crate::read::PyPlainCsv;
     #[pymodule_export]
     use crate::saturation::Saturation;
     #[pymodule_export]

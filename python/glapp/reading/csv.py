@@ -1,10 +1,8 @@
 """Text tables: what they look like, and streaming them.
 
 The first 64 KiB, or 20 lines where they are longer, (and the last, where they can be had) tell encoding, separator,
-decimal comma, header and a row of units. Then there are three roads, which give the same values. A block that is plain
-CSV throughout is parsed by `_glapp.PlainCsv`, which is fast and knows nothing else. Arrow parses any other, numbers and
-ISO times natively; a column that it cannot convert so is read as text, which knows all spellings and finds the faulty
-cell.
+decimal comma, header and a row of units. Arrow parses the blocks, numbers and ISO times natively; a column that it
+cannot convert so is read as text, which knows all spellings and finds the faulty cell.
 """
 
 from __future__ import annotations
@@ -17,23 +15,20 @@ import re
 import sys
 from bisect import bisect_right
 from collections import Counter, deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from itertools import chain, repeat
 from pathlib import Path
 from threading import Lock
-from typing import Any
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pc
 
-from .. import _glapp
 from ..errors import InputError
 from .columns import understand
 from .source import Source
 from .times import looks_like_stamp
-from .values import null_spellings, words_for_bad
+from .values import null_spellings
 
 __all__ = ["CsvSource"]
 
@@ -156,11 +151,7 @@ class CsvSource(Source):
                 ),
             )
 
-        short_cut = self._plain(types, bad_words)
-
         def work(block: bytes, skip: int, fraction: float) -> tuple[list[pa.Array], float]:
-            if short_cut is not None and (columns := short_cut(block, skip)) is not None:
-                return columns, fraction
             kinds = dict(types)
             for _ in range(_FAULTS):
                 try:
@@ -192,35 +183,6 @@ class CsvSource(Source):
             finally:
                 for future in waiting:
                     future.cancel()
-
-    def _plain(
-        self, types: Mapping[int, pa.DataType], bad_words: frozenset[str]
-    ) -> Callable[[bytes, int], list[pa.Array] | None] | None:
-        """The short cut for blocks of plain CSV, None where this file cannot have any.
-
-        It knows no words for missing values; one with a digit in it, such as "-9999", may look like a number or a time.
-        """
-        kinds = {
-            pa.float64(): "number",
-            pa.string(): "word",
-            pa.timestamp("ns"): "time",
-            pa.timestamp("ns", "UTC"): "time utc",
-        }
-        digits = any(c.isdigit() for word in bad_words - words_for_bad(()) for c in word)
-        if digits or self._decimal != "." or any(kind not in kinds for kind in types.values()):
-            return None
-        wanted = [kinds[types[i]] if i in types else None for i in range(len(self.names))]
-        parser = _glapp.PlainCsv(ord(self._delimiter), wanted)
-        in_file = sorted(types)
-
-        def parse(block: bytes, skip: int) -> list[pa.Array] | None:
-            found = parser.parse(block, skip)
-            if found is None:
-                return None
-            columns = dict(zip(in_file, found, strict=True))
-            return [_arrow(columns[i], kind) for i, kind in types.items()]
-
-        return parse
 
     def _blocks(self) -> Iterator[tuple[bytes, float]]:
         """The file's text in pieces that end with a line, with the fraction read."""
@@ -330,16 +292,6 @@ class CsvSource(Source):
             bound=str(width),
             hint="the file ends in the middle of a row, is it still being written?" if cut else None,
         )
-
-
-def _arrow(column: Any, kind: pa.DataType) -> pa.Array:
-    """A column of `_glapp.PlainCsv` as Arrow has it, without copying."""
-    if isinstance(column, tuple):
-        words, codes = column
-        return pa.DictionaryArray.from_arrays(pa.array(codes), pa.array(words, pa.string()))
-    if pa.types.is_floating(kind) and np.isnan(column.sum()):  # an empty cell is NaN there and null here
-        return pa.array(column, from_pandas=True)
-    return pa.Array.from_buffers(kind, len(column), [None, pa.py_buffer(column)])
 
 
 def _encoding(raw: bytes, whole: bool, label: str) -> str:

@@ -26,6 +26,7 @@ $(VENV)/.tools: pyproject.toml
 # A release wheel, as a user gets it, with the Python sources in place so that they can be edited.
 $(VENV)/.installed: $(VENV)/.tools $(SOURCES)
 	PIP_QUIET=1 VIRTUAL_ENV=$(abspath $(VENV)) $(BIN)/maturin develop --release --quiet
+	$(BIN)/pip install --quiet --no-deps --editable thesis
 	touch $@
 
 test: setup lint bare
@@ -39,8 +40,8 @@ check: setup lint
 lint: setup
 	cargo fmt --check
 	cargo clippy --workspace --all-targets --quiet -- --deny warnings
-	$(BIN)/ruff format --check python tests examples bench vectors fuzz
-	$(BIN)/ruff check python tests examples bench vectors fuzz
+	$(BIN)/ruff format --check python thesis tests examples bench vectors fuzz
+	$(BIN)/ruff check python thesis tests examples bench vectors fuzz
 	$(BIN)/mypy
 
 # The core where there is no operating system: a microcontroller, and a page in the browser.

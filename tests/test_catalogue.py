@@ -18,7 +18,7 @@ import glapp
 from glapp import _glapp, modules, recording, result, simulate
 from glapp.report import words
 from glapp.scenario import Compensation
-from glapp.thesis.loops import SWITCHES
+from glapp_thesis.loops import SWITCHES
 
 ROOT = Path(__file__).parents[1]
 CATALOGUE: dict[str, Any] = json.loads((ROOT / "vectors/catalogue.json").read_text(encoding="utf-8"))

@@ -658,8 +658,9 @@ def test_thesis_writes_a_page_and_says_what_is_wrong(run):
 
 
 @pytest.mark.slow
-def test_thesis_without_matplotlib(tmp_path):
-    line = "import sys; sys.modules['matplotlib'] = None; from glapp.cli import main; main()"
+@pytest.mark.parametrize("missing", ["matplotlib", "glapp_thesis"])
+def test_thesis_without_what_it_needs(tmp_path, missing):
+    line = f"import sys; sys.modules['{missing}'] = None; from glapp.cli import main; main()"
     done = subprocess.run(
         [sys.executable, "-c", line, "thesis", "1.2"], capture_output=True, text=True, cwd=tmp_path, check=False
     )

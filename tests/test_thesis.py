@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from glapp import InputError
-from glapp.thesis import FIGURES, Shown, find, gallery
-from glapp.thesis.differences import DIFFERENCES, shown_by
-from glapp.thesis.style import save
+from glapp_thesis import FIGURES, Shown, find, gallery
+from glapp_thesis.differences import DIFFERENCES, shown_by
+from glapp_thesis.style import save
 
 pytestmark = pytest.mark.slow
 

@@ -16,7 +16,7 @@ from .outputs import PAGE, check_output
 from .screen import CommandError, err, out
 
 if TYPE_CHECKING:
-    from ..thesis import Shown
+    from glapp_thesis import Shown
 
 __all__ = ["thesis"]
 
@@ -32,8 +32,13 @@ def thesis(
     markdown: Annotated[bool, typer.Option("--markdown", help="Write README.md instead of index.html.")] = False,
 ) -> None:
     """Compute the figures of the thesis anew, and show its numbers beside ours."""
-    from ..thesis import FIGURES, find, gallery, style
-
+    try:
+        from glapp_thesis import FIGURES, find, gallery, style
+    except ModuleNotFoundError as error:
+        if error.name != "glapp_thesis":
+            raise
+        what = "the figures of the thesis are a package of their own"
+        raise InputError(what, hint="pip install 'glapp[thesis]'") from None
     try:
         wanted = [find(number) for number in numbers or FIGURES]
     except InputError as error:

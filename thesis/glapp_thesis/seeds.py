@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..scenario import Scenario
-from ..simulate import Simulation, run_many
+from glapp.scenario import Scenario
+from glapp.simulate import Simulation, run_many
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,11 +8,11 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from .. import _glapp
-from ..controller import Ideal
-from ..result import HalfPeriods
-from ..scenario import Scenario
-from ..simulate import Simulation, run
+from glapp import _glapp
+from glapp.controller import Ideal
+from glapp.result import HalfPeriods
+from glapp.scenario import Scenario
+from glapp.simulate import Simulation, run
 
 __all__ = [
     "NET",

@@ -7,7 +7,8 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from ..writing import GENERATOR
+from glapp.writing import GENERATOR
+
 from .differences import shown_by
 from .figure import Number, Shown
 

@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..blocks import MedianMean, OverCompensation
-from ..nonlinear import n_relay, negative_inverse, over_compensation
-from ..plant import PLANTS, Plant
-from ..scenario import Compensation, Ramp, Scenario
-from ..simulate import Simulation, run
-from ..tuning import migo
+from glapp.blocks import MedianMean, OverCompensation
+from glapp.nonlinear import n_relay, negative_inverse, over_compensation
+from glapp.plant import PLANTS, Plant
+from glapp.scenario import Compensation, Ramp, Scenario
+from glapp.simulate import Simulation, run
+from glapp.tuning import migo
+
 from . import style
 from .chapter5 import pv_and_sp
 from .figure import Number, Shown

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from ..blocks import Backlash
-from ..nonlinear import (
+from glapp.blocks import Backlash
+from glapp.nonlinear import (
     backlash_cycles,
     circle_criterion,
     describing_function,
@@ -17,8 +17,9 @@ from ..nonlinear import (
     negative_inverse,
     small_gain,
 )
-from ..plant import PLANTS, Plant
-from ..tuning import design, migo, open_loop
+from glapp.plant import PLANTS, Plant
+from glapp.tuning import design, migo, open_loop
+
 from . import style
 from .figure import Number, Shown
 from .loops import limit_cycle, rounded

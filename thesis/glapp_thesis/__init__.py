@@ -3,7 +3,7 @@
 Every figure and table that has data in the thesis is a function that simulates, and gives one sentence, our numbers
 beside the thesis', the honest difference, and a picture. `docs/gallery` is all of them.
 
->>> from glapp.thesis import show
+>>> from glapp_thesis import show
 >>> shown = show("1.2")
 >>> for number in shown.numbers:
 ...     print(f"{number.what}: thesis {number.thesis}, here {number.ours:g}")
@@ -14,7 +14,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from ..errors import InputError
+from glapp.errors import InputError
+
 from . import chapter1, chapter2, chapter4, chapter5, chapter7, chapter8
 from .figure import Number, Shown
 

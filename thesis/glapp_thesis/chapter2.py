@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from ..nonlinear import backlash_cycles, phase_lead
-from ..plant import PLANTS, Plant
-from ..simulate import Simulation, run
+from glapp.nonlinear import backlash_cycles, phase_lead
+from glapp.plant import PLANTS, Plant
+from glapp.simulate import Simulation, run
+
 from . import style
 from .figure import Number, Shown
 from .loops import PERCENT, detect, safety_net_loop, short

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..nonlinear import backlash_cycles, n_backlash, negative_inverse
-from ..plant import Plant
+from glapp.nonlinear import backlash_cycles, n_backlash, negative_inverse
+from glapp.plant import Plant
+
 from . import style
 
 if TYPE_CHECKING:

@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..bump import Bump, bump
-from ..controller import Ideal
-from ..errors import InputError
-from ..estimate import analyze
-from ..loop import Cascade, Loop
-from ..plant import PLANTS, Plant
-from ..reading import recording_from
-from ..scenario import Manual, Scenario
-from ..simulate import Simulation, run
-from ..tuning import (
+from glapp.bump import Bump, bump
+from glapp.controller import Ideal
+from glapp.errors import InputError
+from glapp.estimate import analyze
+from glapp.loop import Cascade, Loop
+from glapp.plant import PLANTS, Plant
+from glapp.reading import recording_from
+from glapp.scenario import Manual, Scenario
+from glapp.simulate import Simulation, run
+from glapp.tuning import (
     Tuning,
     amigo_frequency,
     amigo_step,
@@ -28,6 +28,7 @@ from ..tuning import (
     migo,
     ziegler_nichols_frequency,
 )
+
 from . import style
 from .chapter5 import pv_and_sp
 from .chapter7 import MIGO_PID, NEAREST

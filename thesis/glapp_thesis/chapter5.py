@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from ..scenario import Sine, Steps, Uniform
-from ..simulate import Scenario, Simulation, run, run_many
-from ..tuning import migo
+from glapp.scenario import Sine, Steps, Uniform
+from glapp.simulate import Scenario, Simulation, run, run_many
+from glapp.tuning import migo
+
 from . import style
 from .figure import Number, Shown
 from .loops import PERCENT, Condition, Detected, detect, safety_net_loop, short

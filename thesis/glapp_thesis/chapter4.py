@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..plant import PLANTS, Plant
-from ..tuning import fotd, fotd_from_step, ziegler_nichols_step
+from glapp.plant import PLANTS, Plant
+from glapp.tuning import fotd, fotd_from_step, ziegler_nichols_step
+
 from . import style
 from .figure import Number, Shown
 

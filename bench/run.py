@@ -79,7 +79,7 @@ def one_loop(n: int) -> Iterator[Row]:
     for name, s in (("limit cycle", signals.cycle(n)), ("noise only", signals.noise(n))):
         for op in (None, s.op):
             ours = detector()
-            ours.run(s.t, s.sp, s.pv, op, None, False)
+            ours.run(s.t, s.sp, s.pv, op, None)
             out = np.empty((len(ours.table()["d"]) + 1, loop_pass.COLUMNS))
 
             def in_numba(op: signals.Floats | None = op, out: signals.Floats = out, s: signals.Signals = s) -> object:
@@ -93,16 +93,16 @@ def one_loop(n: int) -> Iterator[Row]:
             if not np.array_equal(out[:rows, 14], ours.table()["d"]):
                 raise AssertionError("numba gives other half-periods")
             times = [
-                (best(lambda s=s, op=op: detector().run(s.t, s.sp, s.pv, op, None, False), 3), best(in_numba, 3))
+                (best(lambda s=s, op=op: detector().run(s.t, s.sp, s.pv, op, None), 3), best(in_numba, 3))
                 for _ in range(5)
             ]
             mine, theirs = (min(x) for x in zip(*times, strict=True))
             label = f"{name}{', with OP' if op is not None else ''}"
             detail = f"{n / mine / 1e6:.0f} against {n / theirs / 1e6:.0f} M samples/s"
             yield ratio(f"{label}: glapp / numba", theirs / mine, 1.0, detail)
-        mine = best(lambda s=s: detector().run(s.t, s.sp, s.pv, None, None, False))
+        mine = best(lambda s=s: detector().run(s.t, s.sp, s.pv, None, None))
         ours = detector()
-        ours.run(s.t, s.sp, s.pv, None, None, False)
+        ours.run(s.t, s.sp, s.pv, None, None)
         count, accepted, estimate = arrays_pass.detect(s.t, s.sp, s.pv, SETTINGS)
         same(ours, [accepted, count - accepted], estimate, exactly=False)
         theirs = best(lambda s=s: arrays_pass.detect(s.t, s.sp, s.pv, SETTINGS), 3)
@@ -119,7 +119,7 @@ def one_loop(n: int) -> Iterator[Row]:
             )
 
         ours = detector()
-        ours.run(s.t[:m], s.sp[:m], s.pv[:m], None, None, False)
+        ours.run(s.t[:m], s.sp[:m], s.pv[:m], None, None)
         reasons, (_, estimate, _) = in_python()  # type: ignore[misc]
         same(ours, reasons, estimate, exactly=True)
         theirs = best(in_python, 3) * n / m

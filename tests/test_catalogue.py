@@ -71,9 +71,9 @@ def test_what_is_not_given_to_a_detector_is_the_cores_default() -> None:
     """A filter time or a bound that was worked out elsewhere would make another estimate."""
     given = {name: CATALOGUE["defaults_for"][name] for name in ("k", "ti", "td", "h")}
     usual = {s["name"]: s["default"] for s in CATALOGUE["settings"]["detector"] if s["default"] is not None}
-    bare = json.loads(_glapp.Detector(given).to_json())["settings"]
+    bare = json.loads(_glapp.Detector(given).save())["settings"]
     assert {name: bare[name] for name in usual} == usual
-    assert bare == json.loads(_glapp.Detector({**given, **usual}).to_json())["settings"]
+    assert bare == json.loads(_glapp.Detector({**given, **usual}).save())["settings"]
 
 
 @pytest.mark.parametrize(

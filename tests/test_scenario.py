@@ -362,7 +362,7 @@ def test_the_estimate_kept_is_that_of_the_detector_over_the_signals() -> None:
     for i, scenario in enumerate(many):
         s = run(scenario)
         detector = glapp._glapp.Detector(scenario.detector(scenario.filter_time()))
-        detector.run(s.t, s.sp, s.pv, s.op, s.flags, False)
+        detector.run(s.t, s.sp, s.pv, s.op, s.flags)
         estimate = detector.estimate
         row = table.slice(i, 1).to_pylist()[0]
         assert row["half_periods"] == len(detector.table()["t_start"])

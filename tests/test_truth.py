@@ -16,15 +16,17 @@ P3_PI = (0.48, 0.3117)
 P2_PID = (1.12, 2.40, 0.619)
 
 
-def detector(controller: tuple[float, ...], tf: float, **changes: Any) -> _glapp.Detector:
+def settings(controller: tuple[float, ...], tf: float, **changes: Any) -> dict[str, Any]:
     k, ti, td = [*controller, 0.0][:3]
-    return _glapp.Detector(
-        {"k": k, "ti": ti, "td": td, "b": 0.0, "kp": 1.0, "tf": tf, "h": 0.0, "max_h": 1.0} | changes
-    )
+    return {"k": k, "ti": ti, "td": td, "b": 0.0, "kp": 1.0, "tf": tf, "h": 0.0, "max_h": 1.0} | changes
+
+
+def detector(controller: tuple[float, ...], tf: float, **changes: Any) -> _glapp.Detector:
+    return _glapp.Detector(settings(controller, tf, **changes))
 
 
 def table(detector: _glapp.Detector, s: Simulation, op: bool = True, flags: bool = True) -> dict[str, Any]:
-    detector.run(s.t, s.sp, s.pv, s.op if op else None, s.flags if flags else None, True)
+    detector.run(s.t, s.sp, s.pv, s.op if op else None, s.flags if flags else None)
     return detector.table()
 
 
@@ -88,7 +90,7 @@ def with_false_ones(count: int, size: float) -> tuple[Simulation, _glapp.Detecto
     pv = np.where(np.arange(n) // half % 2 == 0, size, -size)
     t = np.arange(n) * 0.05
     found = detector(P3_PI, 2 * P3_PI[1])
-    found.run(t, np.zeros(n), pv, None, None, False)
+    found.run(t, np.zeros(n), pv, None, None)
     shifted = Simulation(s.t + t[-1] + 0.05, s.sp - 1.0, s.pv - 1.0, s.op, s.position, s.load, s.flags)
     return shifted, found
 
@@ -124,7 +126,7 @@ def test_noise_after_a_limit_cycle_stays_rejected() -> None:
         assert found.estimate is not None and found.estimate[4] == 9
         before = found.estimate[0]
         shift = cycle.t[-1] + 0.05
-        found.run(noise.t + shift, noise.sp, noise.pv, noise.op, None, False)
+        found.run(noise.t + shift, noise.sp, noise.pv, noise.op, None)
         rows = found.table()
         assert ((rows["t_start"] > shift) & (rows["reason"] == 9)).sum() > 10
         assert found.estimate is not None
@@ -226,7 +228,7 @@ def test_what_breaks_a_half_period_is_its_reason() -> None:
         else:
             flags[middle] |= {"manual": 1, "bad": 2, "low": 4}[name]
         found = detector(P3_PI, 0.1)
-        found.run(t, s.sp, pv, s.op, flags, False)
+        found.run(t, s.sp, pv, s.op, flags)
         rows = found.table()
         hit = (rows["t_start"] <= s.t[middle]) & (rows["t_end"] >= s.t[middle - 1])
         assert code in rows["reason"][hit], name
@@ -255,7 +257,12 @@ def test_op_by_4_1_turns_where_the_recorded_op_turns(plant: str, controller: tup
     """The detector's filter is the controller's here: all three parts of (4.1) are what the controller put out."""
     tf = controller[1] / 10 if len(controller) == 2 else controller[2] / 5
     s = recorded(plant, controller, 0.1, 1, t_end=900.0)
-    with_op, without = (table(detector(controller, tf), s, op=op)["swing"] for op in (True, False))
+    swings = []
+    for op in (s.op, None):
+        ladder = _glapp.Ladder(settings(controller, tf))
+        ladder.run(s.t, s.sp, s.pv, op, s.flags)
+        swings.append(ladder.chosen()[1].table()["swing"])
+    with_op, without = swings
     assert np.array_equal(np.isnan(with_op), np.isnan(without))
     there = np.isfinite(with_op)
     there[:2] = False  # the filter starts at the first sample, the controller's had settled

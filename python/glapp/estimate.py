@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
@@ -43,9 +41,6 @@ KP_ASSUMED = f"not given, taken as {KP_DEFAULT} %/%"
 
 NO_SP = "SP is not recorded, and half-periods are told by where PV crosses it: name its column (--sp, columns.sp)"
 """Why there is no estimate from crossings where the fit may have one."""
-
-LADDER = (0.2, 0.5, 1.0, 2.0)
-"""Filter times tried where none is given, in Ti, after the shortest that serves (thesis 2.1, 8.2, 8.4)."""
 
 
 def estimate(
@@ -297,7 +292,7 @@ def _identified(batch: Batch, loop: Loop) -> Identification:
     )
 
 
-class Estimator(_glapp.Detector):
+class Estimator:
     """The detector for a stream of samples: of one loop, with its state.
 
     Parameters
@@ -339,15 +334,34 @@ class Estimator(_glapp.Detector):
     True
     """
 
-    def __new__(cls, loop: Loop, h: float) -> Self:
+    def __init__(self, loop: Loop, h: float) -> None:
         """Make one, at the beginning of a stream."""
         ideal = loop.ideal()
         if ideal is None:
             raise InputError("has no controller settings", loop=loop.name, parameter="controller", hint="give K and Ti")
         if not h > 0:
             raise InputError(f"is {h}, must be > 0 s", parameter="h", value=h, bound="> 0 s")
-        tf = loop.tf if loop.tf is not None else _ladder(ideal)[0]
-        return super().__new__(cls, _detector_settings(loop, ideal, tf, _process_gain(loop)[0], h))
+        self._detector = _glapp.Detector(_detector_settings(loop, ideal, _process_gain(loop)[0], h))
+
+    def update(
+        self, t: float, sp: float, pv: float, op: float | None = None, flags: int = 0
+    ) -> _glapp.HalfPeriod | None:
+        """Take one sample.
+
+        Parameters
+        ----------
+        t, sp, pv, op : float
+            Time [s], signals; NaN is a bad value, None: OP is not known.
+        flags : int
+            Sum of 1 not in automatic, 2 bad quality, 4 at the lower, 8 at the upper limit.
+
+        Returns
+        -------
+        HalfPeriod or None
+            The half-period that it ended, with attributes as the columns of `HalfPeriods`; it is not added to
+            `half_periods`.
+        """
+        return self._detector.update(t, sp, pv, op, flags)
 
     def update_many(
         self,
@@ -366,23 +380,45 @@ class Estimator(_glapp.Detector):
         flags : uint8[n], optional
             Sum of 1 not in automatic, 2 bad quality, 4 at the lower, 8 at the upper limit.
         """
-        self.run(
+        self._detector.run(
             _floats(t),
             _floats(sp),
             _floats(pv),
             None if op is None else _floats(op),
             None if flags is None else np.ascontiguousarray(flags, dtype=np.uint8),
-            False,
         )
 
     @property
     def half_periods(self) -> HalfPeriods:
         """Table of the half-periods that `update_many` has ended."""
-        return HalfPeriods(**self.table())
+        return HalfPeriods(**self._detector.table())
+
+    @property
+    def reasons(self) -> dict[str, int]:
+        """How many half-periods ended with each first reason, `update` and `update_many` together."""
+        return dict(zip(REASONS, self._detector.reasons, strict=True))
+
+    @property
+    def estimate(self) -> tuple[float, float, float, int, int] | None:
+        """(value, smallest, largest [OP unit], how many agree, how many there are) of the last N detections.
+
+        None before the first detection, and where noise can feign it.
+        """
+        return self._detector.estimate
+
+    @property
+    def median_mean(self) -> tuple[float, float, float, int, int] | None:
+        """The same, whether noise can feign it or not."""
+        return self._detector.median_mean
+
+    @property
+    def noise_floor(self) -> float | None:
+        """What noise can feign [OP unit], by its level at the last detection; None where it is not known."""
+        return self._detector.noise_floor
 
     def save(self) -> str:
         """Settings and state as JSON; the table is not part of it."""
-        return self.to_json()
+        return self._detector.save()
 
     @classmethod
     def load(cls, saved: str) -> Self:
@@ -393,9 +429,9 @@ class Estimator(_glapp.Detector):
         InputError
             Where the text is not what `save` gave.
         """
-        self = super().__new__(cls, {"k": 1.0, "ti": 1.0, "h": 1.0})
+        self = cls.__new__(cls)
         try:
-            self.restore(saved)
+            self._detector = _glapp.Detector.load(saved)
         except ValueError as error:
             raise InputError(str(error)) from None
         return self
@@ -440,46 +476,40 @@ class _Run:
         self.thinner = Thinner()
         self.op_known = self.position_known = False
         self.sp_known = "SP" in recording.columns
-        self.filter_times: list[float] = []
-        if ideal is not None and self.sp_known:
-            self.filter_times = [self.loop.tf] if self.loop.tf is not None else _ladder(ideal)
-        self.detectors = [
-            _detector(self.loop, ideal, tf, self.kp, self.h) for tf in self.filter_times if ideal is not None
-        ]
+        self.ladder = None if ideal is None or not self.sp_known else _ladder(loop, ideal, self.kp, self.h)
 
     def all(
         self, progress: Progress | None, census: _glapp.Census | None = None, windows: Windows | None = None
     ) -> None:
         """Read the recording from its first to its last row, the detectors side by side."""
-        with ThreadPoolExecutor(os.cpu_count()) as pool:
-            each = pool.map if len(self.detectors) > 1 else map
-            for batch in self.recording.batches():
-                filtered = each(_taking(batch), self.detectors)
-                if census is not None:
-                    # Of an SP that is not recorded nothing is told.
-                    census.run(batch.t, batch.pv if batch.sp is None else batch.sp, batch.pv, batch.op, batch.flags)
-                if windows is not None:
-                    windows.add(batch)
-                columns = {"pv": batch.pv}
-                for name in ("sp", "op", "position"):
-                    if (signal := getattr(batch, name)) is not None:
-                        columns[name] = signal
+        for batch in self.recording.batches():
+            if census is not None:
+                # Of an SP that is not recorded nothing is told.
+                census.run(batch.t, batch.pv if batch.sp is None else batch.sp, batch.pv, batch.op, batch.flags)
+            if windows is not None:
+                windows.add(batch)
+            columns = {"pv": batch.pv}
+            for name in ("sp", "op", "position"):
+                if (signal := getattr(batch, name)) is not None:
+                    columns[name] = signal
+            if self.ladder is not None and batch.sp is not None:
+                filtered = self.ladder.run(batch.t, batch.sp, batch.pv, batch.op, batch.flags)
                 columns.update((f"filtered {i}", signal) for i, signal in enumerate(filtered))
-                self.thinner.add(batch.t, columns)
-                self.op_known = self.op_known or batch.op is not None
-                self.position_known = self.position_known or batch.position is not None
-                if progress is not None:
-                    progress(self.recording.fraction_read())
+            self.thinner.add(batch.t, columns)
+            self.op_known = self.op_known or batch.op is not None
+            self.position_known = self.position_known or batch.position is not None
+            if progress is not None:
+                progress(self.recording.fraction_read())
 
     def result(self, quality: list[Finding], found: Identification | None, beginning: Batch) -> Result:
         """Choose the filter time and say what was found; OP's noise is that of the recording's `beginning`."""
         loop, ideal, notes = self.loop, self.ideal, self.notes
-        chosen = self._choose()
-        detector = self.detectors[chosen] if self.detectors else None
+        chosen, detector = (None, None) if self.ladder is None else self.ladder.chosen()
         tf = None
-        if detector is not None:
-            tf = self.filter_times[chosen]
-            notes["tf"] = "given" if loop.tf is not None else f"smallest of {len(self.filter_times)} that serves"
+        if self.ladder is not None and chosen is not None and detector is not None:
+            times = self.ladder.filter_times
+            tf = times[chosen]
+            notes["tf"] = "given" if loop.tf is not None else f"smallest of {len(times)} that serves"
             notes["delta_u"] = {
                 "integral": "K/Ti·∫|e|dt (7.5)",
                 "derivative": "K/Ti·∫|e|dt with the derivative part (7.6)",
@@ -525,42 +555,42 @@ class _Run:
             quality=quality,
             identification=found,
             trace=self._trace(chosen),
-            corrected=self._corrected(detector, tf, d_hat, beginning.op) if detections else None,
+            corrected=self._corrected(detector, d_hat, beginning.op) if detector is not None and detections else None,
         )
 
-    def _corrected(
-        self, detector: _glapp.Detector | None, tf: float | None, d_hat: float | None, op: Floats | None
-    ) -> Corrected:
+    def _corrected(self, detector: _glapp.Detector, d_hat: float | None, op: Floats | None) -> Corrected:
         """The width with the bias of (2.4) taken out, or why there is none."""
-        assert detector is not None and tf is not None and self.ideal is not None  # there are detections
         kp = None if self.notes["kp"] == KP_ASSUMED else self.kp
-        pairs, found, doubt = detector.corrected(kp)
-        reason = None if doubt is None else self._doubts(pairs, kp)[doubt]
-        if self.op_known:
-            # Noise alone moves OP from end to end by about six times its deviation, and the valve follows.
-            sigma = None if op is None else noise_sigma(op)
-            noise = 0.0 if sigma is None else 6.0 * sigma
-            if found is not None and found[0] < noise:
-                reason = f"{found[0]:.3g} {self.loop.op_label} is less than the {noise:.3g} that noise moves OP by"
-        elif tf > 1.001 * (0.2 * (self.ideal.td or self.ideal.ti)):
-            reason = f"OP is not recorded, and PV filtered with {tf:.3g} s is too smooth to work out its turns by (4.1)"
-        if self.loop.process.type == "integrating":
-            reason = "an integrating process does not come to rest off SP"
+        sigma = None if op is None or not self.op_known else noise_sigma(op)
+        integrating = self.loop.process.type == "integrating"
+        pairs, found, doubt = detector.corrected(kp, self.op_known, sigma, integrating)
+        reason = None if doubt is None else self._not_corrected(pairs, kp, *doubt)
         if d_hat is None:
-            reason = "there is no estimate to correct"
-        d, low, high, gain, gains = found if found is not None and reason is None else (None, None, None, kp, None)
+            found, reason = None, "there is no estimate to correct"
+        d, low, high, gain, gains = found or (None, None, None, kp, None)
         return Corrected(d, low, high, gain, gains, pairs, "op" if self.op_known else "(4.1)", reason)
 
-    def _doubts(self, pairs: int, kp: float | None) -> dict[str, str]:
-        """Why the pairs of half-periods give no width, in words."""
-        few = f"{pairs} pairs of half-periods in which PV came to rest off SP, where 3 are needed"
-        return {
-            "too_few": few if kp is not None else f"{few}, and 4 without the process gain",
-            "alike": "PV's half-periods are too much alike to tell the process gain and the width apart: give kp",
-            "wrong_slope": "OP travels less where PV swings further: not a gap in front of a process at rest",
-            "scattered": f"the {pairs} pairs of half-periods do not agree: the load moves, or PV does not come to rest",
-            "swamped": "the valve moves further than the gap is wide",
-        }
+    def _not_corrected(self, pairs: int, kp: float | None, name: str, numbers: list[float]) -> str:
+        """Why there is no corrected width, in words."""
+        match name, numbers:
+            case "too_few", _:
+                few = f"{pairs} pairs of half-periods in which PV came to rest off SP, where 3 are needed"
+                return few if kp is not None else f"{few}, and 4 without the process gain"
+            case "alike", _:
+                return "PV's half-periods are too much alike to tell the process gain and the width apart: give kp"
+            case "wrong_slope", _:
+                return "OP travels less where PV swings further: not a gap in front of a process at rest"
+            case "scattered", _:
+                return f"the {pairs} pairs of half-periods do not agree: the load moves, or PV does not come to rest"
+            case "noise", [d, noise]:
+                return f"{d:.3g} {self.loop.op_label} is less than the {noise:.3g} that noise moves OP by"
+            case "smooth", [tf]:
+                filtered = f"PV filtered with {tf:.3g} s is too smooth to work out its turns by (4.1)"
+                return f"OP is not recorded, and {filtered}"
+            case "integrating", _:
+                return "an integrating process does not come to rest off SP"
+            case _:
+                return "the valve moves further than the gap is wide"
 
     def _doubt(self, half_periods: HalfPeriods) -> Iterator[Finding]:
         """What an assumed Kp does to the detections."""
@@ -573,16 +603,7 @@ class _Run:
             if found is not None:
                 yield found
 
-    def _choose(self) -> int:
-        """The smallest filter time that leaves enough accepted half-periods; where none does, the one with most."""
-        accepted = [detector.reasons[0] for detector in self.detectors]
-        enough = (self.loop.n + 1) // 2
-        for i, count in enumerate(accepted):
-            if count >= enough:
-                return i
-        return int(np.argmax(accepted)) if accepted else 0
-
-    def _trace(self, chosen: int) -> Trace:
+    def _trace(self, chosen: int | None) -> Trace:
         thinner = self.thinner
         t = thinner.times()
         none = Band(np.full(len(t), np.nan), np.full(len(t), np.nan))
@@ -590,7 +611,7 @@ class _Run:
             t=t,
             sp=thinner.band("sp") if self.sp_known else none,
             pv=thinner.band("pv"),
-            pv_filtered=thinner.band(f"filtered {chosen}") if self.detectors else none,
+            pv_filtered=none if chosen is None else thinner.band(f"filtered {chosen}"),
             op=thinner.band("op") if self.op_known else None,
             position=thinner.band("position") if self.position_known else None,
         )
@@ -685,13 +706,9 @@ def _process_gain(loop: Loop) -> tuple[float | None, str]:
     return None, "not known: its term is dropped, the estimate is high by Δy/Kp"
 
 
-def _ladder(ideal: Ideal) -> list[float]:
-    first = _glapp.filter_time(ideal.ti, ideal.td)
-    return [first, *(tf for share in LADDER if (tf := share * ideal.ti) > first)]
-
-
-def _detector_settings(loop: Loop, ideal: Ideal, tf: float, kp: float | None, h: float) -> dict[str, Any]:
-    return {**ideal._asdict(), "kp": kp, "tf": tf, "n": loop.n, "h": h, "op_limits": op_range(loop)}
+def _detector_settings(loop: Loop, ideal: Ideal, kp: float | None, h: float) -> dict[str, Any]:
+    given = {} if loop.tf is None else {"tf": loop.tf}
+    return {**ideal._asdict(), **given, "kp": kp, "n": loop.n, "h": h, "op_limits": op_range(loop)}
 
 
 def with_op_unit(loop: Loop, batch: Batch) -> Loop:
@@ -707,23 +724,11 @@ def op_range(loop: Loop) -> tuple[float, float] | None:
     return (0.0, 100.0) if loop.op_span is None and loop.op_label == "%" else loop.op_span
 
 
-def _detector(loop: Loop, ideal: Ideal, tf: float, kp: float | None, h: float) -> _glapp.Detector:
+def _ladder(loop: Loop, ideal: Ideal, kp: float | None, h: float) -> _glapp.Ladder:
     try:
-        return _glapp.Detector(_detector_settings(loop, ideal, tf, kp, h))
+        return _glapp.Ladder(_detector_settings(loop, ideal, kp, h))
     except ValueError as error:
         raise InputError(str(error), loop=loop.name) from None
-
-
-def _taking(batch: Batch) -> Callable[[_glapp.Detector], NDArray[np.float64]]:
-    """What a detector does with a batch; it gives the filtered PV."""
-
-    def take(detector: _glapp.Detector) -> NDArray[np.float64]:
-        assert batch.sp is not None  # without it there is no detector
-        filtered = detector.run(batch.t, batch.sp, batch.pv, batch.op, batch.flags, True)
-        assert filtered is not None  # asked for
-        return filtered
-
-    return take
 
 
 def _half_periods(detector: _glapp.Detector | None, op_known: bool) -> HalfPeriods:

@@ -1,26 +1,19 @@
 //! The detector: samples in, half-periods and the estimate out.
 
 use crate::refused;
-use glapp_core::{
-    Columns, Corrected, Detector, DetectorSettings, DetectorState, Doubt, Estimate, Half, LONGEST_WINDOW, Pair, Reason,
-    Record, Span, Swing, SwingParts, SwingState, corrected, pairs,
-};
+use glapp_analysis::{Beside, Crossings, Ladder, NotCorrected, Row, Travel};
+use glapp_core::{Corrected, DetectorSettings, Doubt, Estimate, Reason, TravelSource};
 use numpy::{PyArray1, PyReadonlyArray1};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use serde_json::json;
-use std::cell::Cell;
-use std::ops::Range;
+use std::thread;
 
 use crate::columns::with_columns;
 
 type EstimateParts = (f64, f64, f64, u8, u8);
 type CorrectedParts = (f64, f64, f64, f64, Option<(f64, f64)>);
-
-/// A half-period shorter than 5Ti is the most frequent thing that noise makes; so many of them are kept whole, the
-/// others are counted.
-const SHORT_KEPT: usize = 50_000;
+type CorrectedFace = (usize, Option<CorrectedParts>, Option<(&'static str, Vec<f64>)>);
 
 /// Settings of a detector as Python has them, in a dict; what is not there has its default.
 pub struct Settings(pub DetectorSettings<f64>);
@@ -66,24 +59,11 @@ impl<'a, 'py> FromPyObject<'a, 'py> for Settings {
 
 const KNOWN: [&str; 12] = ["k", "ti", "td", "b", "kp", "tf", "n", "h", "max_h", "op_limits", "op_span", "off"];
 
-/// How a saved detector is laid out. What is laid out otherwise has another number, and is refused by it.
-const FORMAT: &str = "glapp detector 2";
-
 /// One half-period: what the signals did, the width and the verdict. Attributes as the columns of the table.
 #[pyclass(frozen, module = "glapp", name = "HalfPeriod")]
 pub struct PyHalfPeriod {
-    span: Span,
-    record: Record<f64>,
-    swing: Option<SwingParts<f64>>,
+    row: Row,
 }
-
-const DOUBTS: [(Doubt, &str); 5] = [
-    (Doubt::TooFew, "too_few"),
-    (Doubt::Alike, "alike"),
-    (Doubt::WrongSlope, "wrong_slope"),
-    (Doubt::Scattered, "scattered"),
-    (Doubt::Swamped, "swamped"),
-];
 
 fn parts(e: Estimate<f64>) -> EstimateParts {
     (e.value, e.low, e.high, e.kept, e.count)
@@ -106,22 +86,22 @@ macro_rules! attributes {
         #[pymethods]
         impl PyHalfPeriod {
             fn __repr__(&self) -> String {
-                let Self { span, record, .. } = self;
+                let Row { span, record, .. } = &self.row;
                 let (reason, d) = (record.reason().name(), record.parts.d);
                 format!("<HalfPeriod {} s to {} s: {reason}, d = {d:.4}>", span.start, span.end)
             }
 
             $($(#[$doc])* #[getter]
             fn $name(&self) -> $type {
-                let ($span, $record, $swing) = (&self.span, &self.record, &self.swing);
+                let ($span, $record, $swing) = (&self.row.span, &self.row.record, &self.row.swing);
                 $value
             })*
         }
 
-        fn columns<'py>(py: Python<'py>, rows: &[PyHalfPeriod]) -> PyResult<Bound<'py, PyDict>> {
+        fn columns<'py>(py: Python<'py>, rows: &[Row]) -> PyResult<Bound<'py, PyDict>> {
             let table = PyDict::new(py);
             $({
-                let column = rows.iter().map(|PyHalfPeriod { span: $span, record: $record, swing: $swing }| {
+                let column = rows.iter().map(|Row { span: $span, record: $record, swing: $swing }| {
                     let _ = ($span, $swing);
                     $value
                 });
@@ -187,135 +167,25 @@ attributes! {
 }
 
 /// The detector with its state and its table of half-periods.
-#[pyclass(module = "glapp", name = "Detector", subclass)]
+#[pyclass(module = "glapp", name = "Detector")]
 pub struct PyDetector {
-    settings: DetectorSettings<f64>,
-    detector: Detector<f64>,
-    state: DetectorState<f64>,
-    swing: Swing<f64>,
-    swinging: Swinging,
-    rows: Vec<PyHalfPeriod>,
-    short_rows: usize,
-    reasons: [u64; Reason::ALL.len()],
-}
-
-impl PyDetector {
-    fn fresh(settings: DetectorSettings<f64>) -> PyResult<Self> {
-        let DetectorSettings { k, ti, td, b, .. } = settings;
-        Ok(Self {
-            detector: Detector::of(&settings).map_err(refused)?,
-            swing: Swing::new(k, ti, td, b).map_err(refused)?,
-            swinging: Default::default(),
-            settings,
-            state: DetectorState::default(),
-            rows: Vec::new(),
-            short_rows: 0,
-            reasons: [0; Reason::ALL.len()],
-        })
-    }
-
-    /// Half-periods to the table, without their swing.
-    fn take(&mut self, columns: Columns<'_, f64>) {
-        let Self { detector, state, rows, short_rows, reasons, .. } = self;
-        let ended = |span: Span, record: &Record<f64>| {
-            reasons[record.reason() as usize] += 1;
-            keep(rows, short_rows, PyHalfPeriod { span, record: *record, swing: None });
-        };
-        detector.run(state, columns, ended, |_, _| ());
-    }
-
-    /// The same with their swing; gives the filtered PV of each sample.
-    fn take_closely(&mut self, columns: Columns<'_, f64>) -> Vec<f64> {
-        let Self { detector, state, swing, swinging, rows, short_rows, reasons, .. } = self;
-        let mut filtered = vec![f64::NAN; columns.t.len()];
-        // The first sample of the half-period under way.
-        let next = Cell::new(0);
-        let mut ends = Vec::new();
-        let seen = |k: usize, value: Option<f64>| {
-            filtered[k] = value.unwrap_or(f64::NAN);
-            next.set(k + 1);
-        };
-        detector.run(state, columns, |span, record| ends.push((next.get(), span, *record)), seen);
-        let mut from = 0;
-        for (to, span, record) in ends {
-            swinging.add(swing, &columns, &filtered, from..to);
-            let parts = swing.end(&mut swinging.state, record.half.sign, record.half.flags);
-            reasons[record.reason() as usize] += 1;
-            keep(rows, short_rows, PyHalfPeriod { span, record, swing: Some(parts) });
-            from = to;
-        }
-        swinging.add(swing, &columns, &filtered, from..columns.t.len());
-        filtered
-    }
-}
-
-/// Adds a half-period to the table, if it is not one more of the short ones.
-fn keep(rows: &mut Vec<PyHalfPeriod>, short_rows: &mut usize, half: PyHalfPeriod) {
-    if half.record.mask & Reason::TooShort.bit() != 0 {
-        if *short_rows >= SHORT_KEPT {
-            return;
-        }
-        *short_rows += 1;
-    }
-    rows.push(half);
-}
-
-/// The swing under way, and the time of the last sample [s].
-#[derive(Clone, Copy, Default)]
-struct Swinging {
-    state: SwingState<f64>,
-    t: Option<f64>,
-}
-
-impl Swinging {
-    /// Takes the samples of one half-period; a filtered PV that is not a number is passed over.
-    fn add(&mut self, swing: &Swing<f64>, columns: &Columns<'_, f64>, filtered: &[f64], samples: Range<usize>) {
-        let Self { mut state, mut t } = *self;
-        for k in samples {
-            let (now, op) = (columns.t[k], columns.op.map(|op| op[k]));
-            let h = t.map_or(0.0, |before| now - before);
-            swing.add(&mut state, h, columns.sp[k], filtered[k], op);
-            t = if now.is_finite() { Some(now) } else { t };
-        }
-        *self = Self { state, t };
-    }
+    crossings: Crossings,
 }
 
 #[pymethods]
 impl PyDetector {
     #[new]
     fn new(settings: Settings) -> PyResult<Self> {
-        Self::fresh(settings.0)
+        Ok(Self { crossings: Crossings::new(settings.0).map_err(refused)? })
     }
 
     /// One sample; gives the half-period that it ended, or None.
     #[pyo3(signature = (t, sp, pv, op=None, flags=0))]
     fn update(&mut self, t: f64, sp: f64, pv: f64, op: Option<f64>, flags: u8) -> Option<PyHalfPeriod> {
-        let columns = Columns {
-            t: &[t],
-            sp: &[sp],
-            pv: &[pv],
-            op: op.as_ref().map(std::slice::from_ref),
-            flags: Some(std::slice::from_ref(&flags)),
-        };
-        let Self { detector, state, reasons, .. } = self;
-        let mut result = None;
-        detector.run(
-            state,
-            columns,
-            |span, record| {
-                reasons[record.reason() as usize] += 1;
-                result = Some(PyHalfPeriod { span, record: *record, swing: None });
-            },
-            |_, _| (),
-        );
-        result
+        self.crossings.update(t, sp, pv, op, flags).map(|row| PyHalfPeriod { row })
     }
 
-    /// Many samples; the half-periods are added to the table. `closely`: with their swing and plateau, and gives the
-    /// filtered PV of each sample.
-    #[pyo3(signature = (t, sp, pv, op, flags, closely))]
-    #[allow(clippy::too_many_arguments)]
+    /// Many samples; the half-periods are added to the table, without their swing.
     fn run<'py>(
         &mut self,
         py: Python<'py>,
@@ -324,99 +194,135 @@ impl PyDetector {
         pv: PyReadonlyArray1<'py, f64>,
         op: Option<PyReadonlyArray1<'py, f64>>,
         flags: Option<PyReadonlyArray1<'py, u8>>,
-        closely: bool,
-    ) -> PyResult<Option<Bound<'py, PyArray1<f64>>>> {
-        with_columns(&t, &sp, &pv, op.as_ref(), flags.as_ref(), |columns| {
-            if closely {
-                Some(PyArray1::from_vec(py, py.detach(|| self.take_closely(columns))))
-            } else {
-                py.detach(|| self.take(columns));
-                None
-            }
-        })
+    ) -> PyResult<()> {
+        with_columns(&t, &sp, &pv, op.as_ref(), flags.as_ref(), |columns| py.detach(|| self.crossings.take(columns)))
     }
 
     /// The half-periods of `run` as a dict of arrays: all of them, but of those shorter than 5Ti the first 50 000.
     fn table<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        columns(py, &self.rows)
+        columns(py, self.crossings.rows())
     }
 
     /// How many half-periods ended with each first reason; index 0: accepted.
     #[getter]
     fn reasons(&self) -> Vec<u64> {
-        self.reasons.to_vec()
+        self.crossings.reasons().to_vec()
     }
 
     /// (value, low, high, kept, count) of the median/mean filter; None before the first detection, and where noise can feign it.
     #[getter]
     fn estimate(&self) -> Option<EstimateParts> {
-        self.state.shown().map(parts)
+        self.crossings.state().shown().map(parts)
     }
 
     /// The same, whether noise can feign it or not.
     #[getter]
     fn median_mean(&self) -> Option<EstimateParts> {
-        self.state.estimate().map(parts)
+        self.crossings.state().estimate().map(parts)
     }
 
     /// What noise can feign [OP unit], from the level of the noise at the last detection; None where it is not known.
     #[getter]
     fn noise_floor(&self) -> Option<f64> {
-        self.state.noise_floor()
-    }
-
-    /// The width with the bias of (2.4) taken out, from what `run` looked at closely: how many pairs of half-periods there are, and (d, low,
-    /// high, kp, range of kp or None), or why there is none: "too_few", "alike", "wrong_slope", "scattered", "swamped".
-    /// `kp` is the process gain where it is known.
-    fn corrected(&self, kp: Option<f64>) -> (usize, Option<CorrectedParts>, Option<&'static str>) {
-        let half = |row: &PyHalfPeriod| {
-            let (span, half) = (row.span, &row.record.half);
-            let swing = row.swing.unwrap_or_default();
-            Half { span, sign: half.sign, mask: row.record.mask, delta_y: half.delta_y, swing }
-        };
-        let halves: Vec<Half<f64>> = self.rows.iter().map(half).collect();
-        let all: Vec<Pair<f64>> = pairs(&halves).collect();
-        let mut pairs = all[all.len().saturating_sub(LONGEST_WINDOW)..].to_vec();
-        match corrected(&mut pairs, kp) {
-            Ok(Corrected { d, low, high, kp, kp_range }) => (pairs.len(), Some((d, low, high, kp, kp_range)), None),
-            Err(doubt) => (pairs.len(), None, DOUBTS.iter().find(|(d, _)| *d == doubt).map(|(_, name)| *name)),
-        }
+        self.crossings.state().noise_floor()
     }
 
     /// "integral", "derivative" or "op": where Δu is taken from, given whether OP is recorded.
     fn travel_source(&self, op_known: bool) -> &'static str {
-        match self.detector.width().source(op_known) {
-            glapp_core::TravelSource::Integral => "integral",
-            glapp_core::TravelSource::Derivative => "derivative",
-            glapp_core::TravelSource::Op => "op",
+        match self.crossings.detector().width().source(op_known) {
+            TravelSource::Integral => "integral",
+            TravelSource::Derivative => "derivative",
+            TravelSource::Op => "op",
+        }
+    }
+
+    /// The width with the bias of (2.4) taken out, from what a ladder looked at closely: how many pairs of half-periods
+    /// there are; (d, low, high, kp, range of kp or None) or None; and why not: (name, its numbers).
+    /// `kp` is the process gain where it is known, `op_noise` the deviation of OP's fast noise.
+    fn corrected(&self, kp: Option<f64>, op_known: bool, op_noise: Option<f64>, integrating: bool) -> CorrectedFace {
+        let travel = if op_known { Travel::Op } else { Travel::Law };
+        let (pairs, found) = self.crossings.corrected(&Beside { kp, travel, op_noise, integrating });
+        match found {
+            Ok(Corrected { d, low, high, kp, kp_range }) => (pairs, Some((d, low, high, kp, kp_range)), None),
+            Err(why) => (pairs, None, Some(doubt(why))),
         }
     }
 
     /// Settings, state and counts of reasons as JSON; the table is not part of it.
-    fn to_json(&self) -> PyResult<String> {
-        let saved = json!({
-            "format": FORMAT,
-            "settings": self.settings,
-            "state": self.state,
-            "reasons": self.reasons,
-        });
-        serde_json::to_string(&saved).map_err(|e| PyValueError::new_err(e.to_string()))
+    fn save(&self) -> String {
+        self.crossings.save()
     }
 
-    /// Takes over settings, state and counts that `to_json` gave.
-    fn restore(&mut self, text: &str) -> PyResult<()> {
-        let broken = |what: String| PyValueError::new_err(format!("saved detector: {what}"));
-        let mut saved: serde_json::Value = serde_json::from_str(text).map_err(|e| broken(e.to_string()))?;
-        if saved["format"] != FORMAT {
-            let found = saved["format"].as_str().unwrap_or("no format");
-            return Err(broken(format!("is '{found}', and '{FORMAT}' is what this release reads: begin anew")));
-        }
-        let mut take = |key: &str| saved[key].take();
-        let settings = serde_json::from_value(take("settings")).map_err(|e| broken(e.to_string()))?;
-        let mut restored = Self::fresh(settings)?;
-        restored.state = serde_json::from_value(take("state")).map_err(|e| broken(e.to_string()))?;
-        restored.reasons = serde_json::from_value(take("reasons")).map_err(|e| broken(e.to_string()))?;
-        *self = restored;
-        Ok(())
+    /// The detector that `save` saved.
+    #[staticmethod]
+    fn load(text: &str) -> PyResult<Self> {
+        let crossings = Crossings::load(text).map_err(|error| PyValueError::new_err(error.to_string()))?;
+        Ok(Self { crossings })
+    }
+}
+
+fn doubt(why: NotCorrected) -> (&'static str, Vec<f64>) {
+    match why {
+        NotCorrected::Doubt(Doubt::TooFew) => ("too_few", vec![]),
+        NotCorrected::Doubt(Doubt::Alike) => ("alike", vec![]),
+        NotCorrected::Doubt(Doubt::WrongSlope) => ("wrong_slope", vec![]),
+        NotCorrected::Doubt(Doubt::Scattered) => ("scattered", vec![]),
+        NotCorrected::Doubt(Doubt::Swamped) => ("swamped", vec![]),
+        NotCorrected::Noise { d, noise } => ("noise", vec![d, noise]),
+        NotCorrected::Smooth { tf } => ("smooth", vec![tf]),
+        NotCorrected::Integrating => ("integrating", vec![]),
+    }
+}
+
+/// A detector for every filter time that is tried, side by side over one recording.
+#[pyclass(module = "glapp", name = "Ladder")]
+pub struct PyLadder {
+    ladder: Ladder,
+}
+
+#[pymethods]
+impl PyLadder {
+    /// All filter times are tried where the settings give none.
+    #[new]
+    fn new(settings: Bound<'_, PyDict>) -> PyResult<Self> {
+        let given = settings.contains("tf")?;
+        let settings: Settings = settings.extract()?;
+        Ok(Self { ladder: Ladder::new(settings.0, given).map_err(refused)? })
+    }
+
+    /// The filter times that are tried [s].
+    #[getter]
+    fn filter_times(&self) -> Vec<f64> {
+        self.ladder.rungs().iter().map(|rung| rung.settings().tf).collect()
+    }
+
+    /// Many samples, looked at closely; gives the filtered PV of each, by filter time.
+    fn run<'py>(
+        &mut self,
+        py: Python<'py>,
+        t: PyReadonlyArray1<'py, f64>,
+        sp: PyReadonlyArray1<'py, f64>,
+        pv: PyReadonlyArray1<'py, f64>,
+        op: Option<PyReadonlyArray1<'py, f64>>,
+        flags: Option<PyReadonlyArray1<'py, u8>>,
+    ) -> PyResult<Vec<Bound<'py, PyArray1<f64>>>> {
+        let filtered = with_columns(&t, &sp, &pv, op.as_ref(), flags.as_ref(), |columns| {
+            py.detach(|| {
+                thread::scope(|scope| {
+                    let rungs = self.ladder.rungs_mut().iter_mut();
+                    let hands: Vec<_> = rungs.map(|rung| scope.spawn(|| rung.take_closely(columns))).collect();
+                    hands.into_iter().map(thread::ScopedJoinHandle::join).collect::<Result<Vec<_>, _>>()
+                })
+            })
+        })?;
+        let filtered = filtered.unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        Ok(filtered.into_iter().map(|column| PyArray1::from_vec(py, column)).collect())
+    }
+
+    /// Which of them is taken, and its detector: the smallest that leaves enough accepted half-periods, (N + 1)/2; where
+    /// none does, the one with most.
+    fn chosen(&self) -> (usize, PyDetector) {
+        let chosen = self.ladder.choose();
+        (chosen, PyDetector { crossings: self.ladder.rungs()[chosen].clone() })
     }
 }

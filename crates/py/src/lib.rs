@@ -41,7 +41,7 @@ mod _glapp {
     #[pymodule_export]
     use crate::compensation::{Compensation, OverCompensation, standings};
     #[pymodule_export]
-    use crate::detector::{PyDetector, PyHalfPeriod, filter_time, reasons};
+    use crate::detector::{PyDetector, PyHalfPeriod, PyLadder, filter_time, reasons};
     #[pymodule_export]
     const DETECTIONS: u32 = glapp_core::DETECTIONS;
     #[pymodule_export]

@@ -1,0 +1,98 @@
+//! The width with the bias of (2.4) taken out, or why there is none.
+
+use super::Crossings;
+use glapp_core::{Corrected, Doubt, Half, LONGEST_WINDOW, Pair, corrected, pairs};
+
+/// Noise alone moves OP from end to end by so many times its deviation, and the valve follows.
+const NOISE: f64 = 6.0;
+/// Longest filter of PV, in Td (or Ti without a derivative part), behind which OP's turns can be worked out by (4.1).
+const SMOOTH: f64 = 0.2;
+
+/// Where OP's travel between two turns is taken from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Travel {
+    /// OP as recorded.
+    Op,
+    /// As (4.1) makes it of SP and PV.
+    Law,
+}
+
+/// What is known beside the half-periods.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Beside {
+    /// Process gain [PV unit/OP unit], where it is known; what is assumed is not.
+    pub kp: Option<f64>,
+    /// Where OP's travel is taken from.
+    pub travel: Travel,
+    /// Deviation of OP's fast noise [OP unit], where it can be told.
+    pub op_noise: Option<f64>,
+    /// Whether the process integrates.
+    pub integrating: bool,
+}
+
+/// Why there is no corrected width.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum NotCorrected {
+    /// The half-periods do not tell.
+    Doubt(Doubt),
+    /// The width found [OP unit] is less than what noise moves OP by.
+    Noise {
+        /// Width [OP unit].
+        d: f64,
+        /// [OP unit].
+        noise: f64,
+    },
+    /// OP is not recorded, and PV filtered with `tf` \[s\] is too smooth to work out its turns.
+    Smooth {
+        /// \[s\].
+        tf: f64,
+    },
+    /// An integrating process does not come to rest off SP.
+    Integrating,
+}
+
+impl Crossings {
+    /// The width by [`corrected`] from what was taken closely, and the number of pairs of half-periods that there are.
+    pub fn corrected(&self, beside: &Beside) -> (usize, Result<Corrected<f64>, NotCorrected>) {
+        let halves: Vec<Half<f64>> = self
+            .rows()
+            .iter()
+            .map(|row| Half {
+                span: row.span,
+                sign: row.record.half.sign,
+                mask: row.record.mask,
+                delta_y: row.record.half.delta_y,
+                swing: row.swing.unwrap_or_default(),
+            })
+            .collect();
+        let all: Vec<Pair<f64>> = pairs(&halves).collect();
+        let mut pairs = all[all.len().saturating_sub(LONGEST_WINDOW)..].to_vec();
+        let found = corrected(&mut pairs, beside.kp).map_err(NotCorrected::Doubt);
+        (pairs.len(), self.credible(found, beside))
+    }
+
+    fn credible(
+        &self,
+        found: Result<Corrected<f64>, NotCorrected>,
+        beside: &Beside,
+    ) -> Result<Corrected<f64>, NotCorrected> {
+        let settings = self.settings();
+        let derivative = settings.td.filter(|td| *td > 0.0);
+        if beside.integrating {
+            return Err(NotCorrected::Integrating);
+        }
+        match beside.travel {
+            Travel::Law if settings.tf > 1.001 * SMOOTH * derivative.unwrap_or(settings.ti) => {
+                Err(NotCorrected::Smooth { tf: settings.tf })
+            }
+            Travel::Op => {
+                let noise = beside.op_noise.map_or(0.0, |sigma| NOISE * sigma);
+                found.and_then(|found| match found.d < noise {
+                    true => Err(NotCorrected::Noise { d: found.d, noise }),
+                    false => Ok(found),
+                })
+            }
+            Travel::Law => found,
+        }
+    }
+}

@@ -456,8 +456,7 @@ class _Run:
             for batch in self.recording.batches():
                 filtered = each(_taking(batch), self.detectors)
                 if census is not None:
-                    # Of an SP that is not recorded nothing is told.
-                    census.run(batch.t, batch.pv if batch.sp is None else batch.sp, batch.pv, batch.op, batch.flags)
+                    census.run(batch.t, batch.sp, batch.pv, batch.op, batch.flags)
                 if windows is not None:
                     windows.add(batch)
                 columns = {"pv": batch.pv}

@@ -3,6 +3,11 @@
 //! Nothing here reads a file, asks a clock or writes a sentence: arrays come in, numbers and names go out. Python, and
 //! whatever else shows an answer, puts them into words.
 
+mod census;
+mod inspected;
+pub mod quality;
 mod signals;
 
+pub use census::{Census, Counter, Occurrences, Values};
+pub use inspected::Inspected;
 pub use signals::{FROZEN_STEPS, SORTED_ROWS, frozen_steps, in_runs, median, noise_sigma, quantile, resolution};

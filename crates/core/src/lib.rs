@@ -6,7 +6,6 @@ extern crate std;
 
 pub mod auto_tuner;
 mod backlash;
-mod census;
 mod compensation;
 mod connection;
 mod corrected;
@@ -37,7 +36,6 @@ mod zero_crossing;
 
 pub use auto_tuner::{AutoTuner, AutoTunerSettings, AutoTunerState};
 pub use backlash::{Backlash, BacklashState};
-pub use census::{Census, Occurrences, Values};
 pub use compensation::{Compensation, CompensationSample, CompensationSettings, CompensationState, Standing, Way};
 pub use connection::{Backward, Forward};
 pub use corrected::{Corrected, Doubt, FEWEST, Half, Pair, corrected, pairs};

@@ -2,6 +2,9 @@
 //!
 //! Nothing here reads a file, asks a clock or writes a sentence: arrays come in, numbers and names go out. Python, and
 //! whatever else shows an answer, puts them into words.
+//!
+//! [`Census`] counts what all rows hold, [`quality`] judges a recording by it and by its first rows, and what a single
+//! signal is like, its steps, its noise, where it stands still, stands beside them.
 
 mod census;
 mod inspected;

@@ -98,7 +98,7 @@ pub fn frozen_steps(sp: Option<&[f64]>, pv: &[f64], op: Option<&[f64]>) -> Vec<b
     let count = |marks: &[bool]| marks.iter().filter(|mark| **mark).count();
     let (all, long) = (count(&still), count(&frozen));
     // Coarse signals rest by themselves: only where values otherwise hardly ever repeat does a repetition mean anything.
-    if (all - long) as f64 > 0.1 * (frozen.len() - long) as f64 || resolution(pv).is_some() {
+    if long == 0 || (all - long) as f64 > 0.1 * (frozen.len() - long) as f64 || resolution(pv).is_some() {
         return vec![false; still.len()];
     }
     for k in (1..frozen.len()).rev() {

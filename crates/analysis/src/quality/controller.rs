@@ -39,32 +39,37 @@ pub(super) fn rests(look: &Look<'_>, found: &mut Vec<Finding>) {
     if steps < FEWEST || !(share > RESTS.0 && share < RESTS.1) {
         return;
     }
-    if let Some(finding) = error_gap(live().map(|k| (look.e[k + 1].abs(), moved(k) == 0.0)).collect(), resting) {
+    // In the order of |e|, as bits of positive numbers are; of equal ones those that move first, so that no split between
+    // equal ones is the best.
+    let mut by_error: Vec<u64> =
+        live().map(|k| look.e[k + 1].abs().to_bits() << 1 | u64::from(moved(k) == 0.0)).collect();
+    by_error.sort_unstable();
+    if let Some(finding) = error_gap(&by_error, resting) {
         found.push(finding);
-        return;
-    }
-    let mut jumps: Vec<f64> = live().map(moved).filter(|moved| *moved != 0.0).collect();
-    jumps.sort_unstable_by(f64::total_cmp);
-    let least = quantile(&jumps, JUMPS.0);
-    if share > BAND_RESTS && least > JUMPS.1 * median(&mut jumps) && look.op_grid.is_none() {
-        found.push(Finding::new(Fault::OutputDeadBand, Severity::Warning).with("rests", share).with("jump", least));
+    } else if share > BAND_RESTS && look.op_grid.is_none() {
+        let mut jumps: Vec<f64> = live().map(moved).filter(|moved| *moved != 0.0).collect();
+        jumps.sort_unstable_by(f64::total_cmp);
+        let least = quantile(&jumps, JUMPS.0);
+        if least > JUMPS.1 * quantile(&jumps, 0.5) {
+            found.push(Finding::new(Fault::OutputDeadBand, Severity::Warning).with("rests", share).with("jump", least));
+        }
     }
 }
 
-/// From the steps' (|e|, OP rests), `resting` of which rest.
-fn error_gap(mut steps: Vec<(f64, bool)>, resting: usize) -> Option<Finding> {
+/// From the steps in the order of |e|, the last bit whether OP rests; `resting` of them do.
+fn error_gap(steps: &[u64], resting: usize) -> Option<Finding> {
     let n = steps.len();
-    steps.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let rests = |step: &u64| (step & 1) as usize;
     // The split by |e| with the fewest steps on the wrong side: rest inside the gap, movement outside.
     let (mut least, mut cut, mut cut_below, mut below) = (usize::MAX, 0, 0, 0);
-    for (k, (_, rests)) in steps.iter().enumerate() {
-        below += usize::from(*rests);
+    for (k, step) in steps.iter().enumerate() {
+        below += rests(step);
         let wrong = (k + 1 - below) + (resting - below);
         if wrong < least {
             (least, cut, cut_below) = (wrong, k, below);
         }
     }
-    let share = |steps: &[(f64, bool)]| count(steps.iter().map(|(_, rests)| *rests)) as f64 / steps.len() as f64;
+    let share = |steps: &[u64]| steps.iter().map(rests).sum::<usize>() as f64 / steps.len() as f64;
     let inside = cut_below as f64 / (cut + 1) as f64;
     let outside = if cut + 1 < n { (resting - cut_below) as f64 / (n - 1 - cut) as f64 } else { 0.0 };
     // The step is sharp: just below the edge OP rests, just above it moves.
@@ -73,7 +78,7 @@ fn error_gap(mut steps: Vec<(f64, bool)>, resting: usize) -> Option<Finding> {
         && share(&steps[cut + 1 - near..=cut]) - share(&steps[cut + 1..n.min(cut + 1 + near)]) > SHARP;
     (inside > SPLIT.0 && outside < SPLIT.1 && sharp).then(|| {
         Finding::new(Fault::ErrorGap, Severity::Warning)
-            .with("gap", steps[cut].0)
+            .with("gap", f64::from_bits(steps[cut] >> 1))
             .with("rests_inside", inside)
             .with("rests_outside", outside)
     })

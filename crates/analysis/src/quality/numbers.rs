@@ -8,7 +8,7 @@ use super::look::{Look, count, span};
 const MANY: f64 = 0.01;
 /// Fewer rows are equal by chance, as when PV rests on SP.
 const FEWEST_COMPARED: usize = 10;
-/// Two signals that agree to the bit in more of their rows are one; an export that shifts a few rows does not hide it.
+/// Two signals that agree to the bit in more of their rows are one; a few rows that differ do not hide it.
 const SAME: f64 = 0.99;
 
 pub(super) fn numbers(look: &Look<'_>, found: &mut Vec<Finding>) {

@@ -22,7 +22,7 @@ const CROSSING: f64 = 0.5;
 const SHARE: f64 = 0.9;
 /// Regular: the half-periods scatter by less than this share of their mean.
 const SPREAD: f64 = 0.25;
-/// The cycle of a gap has half-periods longer than so many Ti (thesis, the safety net's first condition).
+/// The cycle of a gap has half-periods longer than so many Ti: the safety net's `too_short`.
 const TI_LONG: f64 = 5.0;
 /// Peak to mean of a sinusoid is π/2 = 1.57; of a square 1, of a triangle 2.
 const SHAPE: (f64, f64) = (1.35, 1.8);

@@ -68,9 +68,9 @@ $(VENV)/.bench: pyproject.toml $(VENV)/.tools
 	$(BIN)/pip install --quiet --group bench
 	touch $@
 
-# Names, numbers, units, bounds and defaults, from the core into docs/catalogue.md.
+# Names, numbers, units, bounds and defaults, from the crates into docs/catalogue.md.
 catalogue: setup
-	cargo run --quiet -p glapp-core --example catalogue > vectors/catalogue.json.new
+	cargo run --quiet -p glapp-analysis --example catalogue > vectors/catalogue.json.new
 	mv vectors/catalogue.json.new vectors/catalogue.json
 	$(BIN)/python vectors/catalogue.py
 

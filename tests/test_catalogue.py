@@ -1,6 +1,6 @@
-"""Names, numbers and defaults are those of the core, in Python and in the docs.
+"""Names, numbers and defaults are those of the crates, in Python and in the docs.
 
-`crates/core/tests/catalogue.rs` holds the catalogue to the core.
+`crates/analysis/tests/catalogue.rs` holds the catalogue to the crates.
 """
 
 from __future__ import annotations
@@ -8,6 +8,7 @@ from __future__ import annotations
 import enum
 import importlib.util
 import json
+import re
 import typing
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ from typing import Any
 import pytest
 
 import glapp
-from glapp import _glapp, modules, recording, result, simulate
+from glapp import _glapp, modules, quality, recording, result, simulate
 from glapp.report import words
 from glapp.scenario import Compensation
 from glapp_thesis.loops import SWITCHES
@@ -114,3 +115,16 @@ def test_the_page_is_made_of_the_catalogue() -> None:
 def test_every_name_is_explained_in_the_docs(key: str, page: str) -> None:
     text = (ROOT / "docs" / page).read_text(encoding="utf-8")
     assert not [name for name in in_order(key) if name not in text and name.replace("_", " ") not in text]
+
+
+def test_every_finding_has_its_sentence_and_its_row_in_the_guide() -> None:
+    """One list of codes, and in each place the same severities, in the crates' order in Python."""
+    findings = {finding["code"]: set(finding["severities"]) for finding in CATALOGUE["findings"]}
+    assert list(quality._SENTENCES) == list(findings)
+    guide = (ROOT / "docs/quality.md").read_text(encoding="utf-8")
+    listed = {
+        code: set(re.findall("info|warning|refuse", severity))
+        for codes, severity in re.findall(r"^\| (`.*?) \| (.*?) \|", guide, re.M)
+        for code in re.findall(r"`(\w+)`", codes)
+    }
+    assert listed == findings

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import re
 import time
 from datetime import UTC, datetime
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -369,14 +367,3 @@ def test_a_real_loop_that_winds_up_is_refused() -> None:
     found = look(*refinery("FIC10104_0224"))
     assert found["winding_up"].severity == "refuse"
     assert "OP winds from 5.04 to 78.4 %" in found["winding_up"].text
-
-
-def test_the_guide_lists_every_code_and_no_other() -> None:
-    root = Path(__file__).parents[1]
-    source = (root / "python/glapp/quality.py").read_text(encoding="utf-8")
-    made = set(re.findall(r'Finding\(\s*"(\w+)"', source)) | set(
-        re.findall(r'\("(?:PV|OP)", "(quantised_\w+)"', source)
-    )
-    guide = (root / "docs/quality.md").read_text(encoding="utf-8")
-    listed = {code for row in re.findall(r"^\| (`.*?) \|", guide, re.M) for code in re.findall(r"`(\w+)`", row)}
-    assert made == listed

@@ -1,6 +1,6 @@
 """Write docs/catalogue.md out of vectors/catalogue.json: `python vectors/catalogue.py`.
 
-The JSON is the core's own word: `cargo run -p glapp-core --example catalogue`. `make catalogue` does both.
+The JSON is the crates' own word: `cargo run -p glapp-analysis --example catalogue`. `make catalogue` does both.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def page(catalogue: dict[str, Any]) -> str:
     controller = f"K = {given['k']:g}, Ti = {given['ti']:g} s, Td = {given['td']:g} s, h = {given['h']:g} s"
     parts = [
         "# Names, numbers, units, bounds and defaults",
-        "Made from the core by `make catalogue`. The same names and numbers stand in Rust, in Python and in saved "
+        "Made from the crates by `make catalogue`. The same names and numbers stand in Rust, in Python and in saved "
         "states; a number that is out stays what it is.",
     ]
     for key, meaning in NUMBERED.items():
@@ -37,6 +37,12 @@ def page(catalogue: dict[str, Any]) -> str:
     parts += [
         "## conditions",
         "Of the safety net that can be switched off, one by one: " + ", ".join(catalogue["conditions"]) + ".",
+    ]
+    findings = [(f"`{f['code']}`", ", ".join(f["severities"])) for f in catalogue["findings"]]
+    parts += [
+        "## findings",
+        "What may be wrong with a recording ([quality.md](quality.md)), in the order in which it is looked for.",
+        _table(("code", "severity"), findings),
     ]
     for block, settings in catalogue["settings"].items():
         rows = [(s["name"], s["unit"], s["bound"], _default(s["default"])) for s in settings]

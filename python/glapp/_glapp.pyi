@@ -1,7 +1,7 @@
 """The Rust extension."""
 
 from collections.abc import Sequence
-from typing import Any, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -393,12 +393,33 @@ class Census:
     def run(
         self,
         t: npt.NDArray[np.float64],
-        sp: npt.NDArray[np.float64],
+        sp: npt.NDArray[np.float64] | None,
         pv: npt.NDArray[np.float64],
         op: npt.NDArray[np.float64] | None,
         flags: npt.NDArray[np.uint8] | None,
     ) -> None: ...
     def counts(self) -> dict[str, Any]: ...
+
+_Found = tuple[
+    str, Literal["info", "warning", "refuse"], dict[str, float | int | str], dict[str, float | int | str]
+]  # code, severity, evidence, what else the sentence tells
+
+def inspect(
+    t: npt.NDArray[np.float64],
+    sp: npt.NDArray[np.float64] | None,
+    pv: npt.NDArray[np.float64],
+    op: npt.NDArray[np.float64] | None,
+    flags: npt.NDArray[np.uint8] | None,
+    census: object,
+    settings: tuple[float | None, float | None, float | None],
+    identification: object | None,
+    explains: bool,
+) -> list[_Found]:
+    """What is wrong with a recording; census and identification by their attributes, settings K, Ti and Td."""
+
+def assumed_time(column: str, first: str, step: float | None, calendar: str, sure: bool) -> _Found: ...
+def assumed_gain(kp: float, free: float, kp_part: float) -> _Found | None: ...
+def noise_sigma(pv: npt.NDArray[np.float64]) -> float | None: ...
 
 # Tuning rules in closed form: (k, ti, td) of the ideal form. Raise ValueError that names the bound.
 

@@ -484,8 +484,7 @@ class _Run:
         """Read the recording from its first to its last row, the detectors side by side."""
         for batch in self.recording.batches():
             if census is not None:
-                # Of an SP that is not recorded nothing is told.
-                census.run(batch.t, batch.pv if batch.sp is None else batch.sp, batch.pv, batch.op, batch.flags)
+                census.run(batch.t, batch.sp, batch.pv, batch.op, batch.flags)
             if windows is not None:
                 windows.add(batch)
             columns = {"pv": batch.pv}

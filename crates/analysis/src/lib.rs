@@ -2,9 +2,17 @@
 //!
 //! Nothing here reads a file, asks a clock or writes a sentence: arrays come in, numbers and names go out. Python, and
 //! whatever else shows an answer, puts them into words.
+//!
+//! [`Census`] counts what all rows hold, [`quality`] judges a recording by it and by its first rows, and what a single
+//! signal is like, its steps, its noise, where it stands still, stands beside them.
 
+mod census;
 mod crossings;
+mod inspected;
+pub mod quality;
 mod signals;
 
+pub use census::{Census, Counter, Occurrences, Values};
 pub use crossings::{Beside, Crossings, LADDER, Ladder, NotCorrected, Row, SHORT_KEPT, SavedError, Travel};
+pub use inspected::Inspected;
 pub use signals::{FROZEN_STEPS, SORTED_ROWS, frozen_steps, in_runs, median, noise_sigma, quantile, resolution};

@@ -1,5 +1,7 @@
 //! What a recorded signal is like: its steps, its noise, where it stands still.
 
+use std::collections::HashSet;
+
 /// Where all signals repeat to the bit for so many steps, the recording stood still, not the loop.
 pub const FROZEN_STEPS: usize = 5;
 /// Rows that are enough to know a signal's steps, noise and spectrum.
@@ -48,12 +50,20 @@ pub fn quantile(ascending: &[f64], share: f64) -> f64 {
 /// Step of a quantised signal and the number of steps in its range; none where it has no such grid.
 pub fn resolution(x: &[f64]) -> Option<(f64, u64)> {
     let x = &x[..x.len().min(SORTED_ROWS)];
-    let mut values: Vec<f64> = x.iter().copied().filter(|x| x.is_finite()).collect();
-    values.sort_unstable_by(f64::total_cmp);
-    values.dedup();
-    if values.len() < 2 || values.len() as f64 > 0.5 * x.len() as f64 {
+    let most = x.len() / 2;
+    let mut different = HashSet::with_capacity(most + 1);
+    for x in x.iter().filter(|x| x.is_finite()) {
+        // −0 + 0 is 0: the two are one value.
+        different.insert((x + 0.0).to_bits());
+        if different.len() > most {
+            return None;
+        }
+    }
+    let mut values: Vec<f64> = different.into_iter().map(f64::from_bits).collect();
+    if values.len() < 2 {
         return None;
     }
+    values.sort_unstable_by(f64::total_cmp);
     let span = values[values.len() - 1] - values[0];
     let size = values[0].abs().max(values[values.len() - 1].abs());
     let least = 1e-9 * span + 1e-12 * size;
@@ -63,8 +73,8 @@ pub fn resolution(x: &[f64]) -> Option<(f64, u64)> {
     }
     apart.sort_unstable_by(f64::total_cmp);
     // A few interpolated values between the steps must not hide the grid: its step is what most neighbours share.
-    let most = 1.5 * quantile(&apart, 0.1);
-    let near = apart.partition_point(|apart| *apart <= most);
+    let widest = 1.5 * quantile(&apart, 0.1);
+    let near = apart.partition_point(|apart| *apart <= widest);
     let step = median(&mut apart[..near]);
     let on_grid =
         apart.iter().filter(|apart| (**apart / step - (**apart / step).round_ties_even()).abs() < 0.02).count();
@@ -88,7 +98,7 @@ pub fn frozen_steps(sp: Option<&[f64]>, pv: &[f64], op: Option<&[f64]>) -> Vec<b
     let count = |marks: &[bool]| marks.iter().filter(|mark| **mark).count();
     let (all, long) = (count(&still), count(&frozen));
     // Coarse signals rest by themselves: only where values otherwise hardly ever repeat does a repetition mean anything.
-    if (all - long) as f64 > 0.1 * (frozen.len() - long) as f64 || resolution(pv).is_some() {
+    if long == 0 || (all - long) as f64 > 0.1 * (frozen.len() - long) as f64 || resolution(pv).is_some() {
         return vec![false; still.len()];
     }
     for k in (1..frozen.len()).rev() {

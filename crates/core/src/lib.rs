@@ -4,7 +4,6 @@
 #[cfg(test)]
 extern crate std;
 
-mod census;
 mod compensate;
 mod control;
 mod detect;
@@ -16,7 +15,6 @@ pub mod status;
 mod sum;
 mod tune;
 
-pub use census::{Census, Occurrences, Values};
 pub use compensate::*;
 pub use control::*;
 pub use detect::*;

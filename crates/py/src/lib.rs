@@ -12,6 +12,7 @@ mod modules;
 mod noise;
 mod pid;
 mod position;
+mod quality;
 mod rate_limit;
 mod saturation;
 mod sim;
@@ -56,6 +57,8 @@ mod _glapp {
     use crate::pid::Pid;
     #[pymodule_export]
     use crate::position::fit_position;
+    #[pymodule_export]
+    use crate::quality::{assumed_gain, assumed_time, inspect, noise_sigma};
     #[pymodule_export]
     use crate::rate_limit::RateLimit;
     #[pymodule_export]

@@ -1,4 +1,4 @@
-//! The catalogue that the other faces are checked against is that of the core as it is.
+//! The catalogue that the other faces are checked against is that of the crates as they are.
 
 #[allow(dead_code)] // its main
 #[path = "../examples/catalogue.rs"]

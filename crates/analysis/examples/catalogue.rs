@@ -1,9 +1,10 @@
 //! Names, numbers, units, bounds and defaults of what the faces of glapp show, as JSON:
-//! `cargo run -p glapp-core --example catalogue > vectors/catalogue.json`.
+//! `cargo run -p glapp-analysis --example catalogue > vectors/catalogue.json`.
 //!
 //! Bounds are what the blocks themselves say when they refuse a value, defaults what the settings' own constructors give for
 //! the controller in `defaults_for`.
 
+use glapp_analysis::quality::Fault;
 use glapp_core::auto_tuner::{Phase, Stop};
 use glapp_core::modules::{Mode, Pid, PidSettings};
 use glapp_core::status::FLAGS;
@@ -36,6 +37,7 @@ pub fn text() -> String {
         "modes": numbered(Mode::ALL.iter().map(|m| (m.name(), *m as u64))),
         "phases": numbered(Phase::ALL.iter().map(|p| (p.name(), *p as u64))),
         "stops": numbered(Stop::ALL.iter().map(|s| (s.name(), *s as u64))),
+        "findings": Fault::ALL.iter().map(|fault| finding(*fault)).collect::<Vec<_>>(),
         "defaults_for": { "k": K, "ti": TI, "td": TD, "h": H, "size": SIZE, "share": SHARE },
         "settings": {
             "detector": detector(),
@@ -49,6 +51,11 @@ pub fn text() -> String {
 
 fn numbered<'n>(all: impl Iterator<Item = (&'n str, u64)>) -> Value {
     Value::Object(all.map(|(name, number)| (name.to_owned(), number.into())).collect::<Map<_, _>>())
+}
+
+fn finding(fault: Fault) -> Value {
+    let severities: Vec<&str> = fault.severities().iter().map(|severity| severity.name()).collect();
+    json!({ "code": fault.name(), "severities": severities })
 }
 
 /// A setting: its bound is what the block says of a value that is none.

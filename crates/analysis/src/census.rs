@@ -1,34 +1,25 @@
-//! Counts over all samples of a recording, the evidence of its quality.
+//! Counts over all rows of a recording, the evidence of its quality.
 
-use crate::status::{AT_HIGH, AT_LOW, BAD, NOT_AUTO, Status};
-use crate::{Columns, ParameterError, Real, error::require};
+use glapp_core::status::{AT_HIGH, AT_LOW, BAD, NOT_AUTO, Status};
+use glapp_core::{ParameterError, Real};
 
-/// Counts what a recording holds, in one pass and constant memory. Indices count samples from 0.
+use crate::Inspected;
+
+/// What a recording holds. Rows count from 0.
 ///
-/// A *pair* is a sample and the one before it; for times, the one before it whose time is a number. Infinite counts as
+/// A *pair* is a row and the one before it; for times, the one before it whose time is a number. Infinite counts as
 /// "not a number" everywhere.
-///
-/// ```
-/// use glapp_core::{Census, Columns};
-/// let mut census = Census::new(3.0, Some((0.0, 100.0)))?;
-/// let (t, sp, pv, op) = ([0.0, 1.0, 1.0, 9.0], [5.0; 4], [4.0, f64::NAN, 4.0, 4.0], [99.0, 100.0, 100.0, 98.0]);
-/// census.run(Columns { t: &t, sp: &sp, pv: &pv, op: Some(&op), flags: None });
-/// assert_eq!((census.rows, census.pv.bad, census.repeated.count, census.gaps.count, census.at_high), (4, 1, 1, 1, 2));
-/// # Ok::<(), glapp_core::ParameterError>(())
-/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Census {
-    gap: f64,
-    op_limits: Option<(f64, f64)>,
-    t_before: Option<f64>,
-    before: Option<Before>,
-    /// Samples.
+    /// A step longer than this is a gap \[s\].
+    pub gap: f64,
+    /// Rows.
     pub rows: u64,
-    /// Samples whose time is not a number.
+    /// Rows whose time is not a number.
     pub t_bad: u64,
     /// Pairs with the same time.
     pub repeated: Occurrences,
-    /// Pairs whose later sample has the earlier time.
+    /// Pairs whose later row has the earlier time.
     pub reversed: Occurrences,
     /// The two times of the first reversed pair \[s\].
     pub reversed_times: (f64, f64),
@@ -44,16 +35,40 @@ pub struct Census {
     pub pv: Values,
     /// Controller output.
     pub op: Values,
-    /// Samples not in automatic.
+    /// Rows not in automatic.
     pub not_auto: u64,
-    /// Samples of bad quality.
+    /// Rows of bad quality.
     pub bad_quality: u64,
-    /// Samples at the lower limit, by flag or by OP.
+    /// Rows at the lower limit, by flag or by OP.
     pub at_low: u64,
-    /// Samples at the upper limit, by flag or by OP.
+    /// Rows at the upper limit, by flag or by OP.
     pub at_high: u64,
     /// Pairs in which SP, PV and OP are all the same while SP and PV differ.
     pub still: u64,
+}
+
+impl Default for Census {
+    fn default() -> Self {
+        Self {
+            gap: f64::INFINITY,
+            rows: 0,
+            t_bad: 0,
+            repeated: Occurrences::default(),
+            reversed: Occurrences::default(),
+            reversed_times: (f64::NAN, f64::NAN),
+            gaps: Occurrences::default(),
+            gap_longest: 0.0,
+            gap_total: 0.0,
+            sp: Values::default(),
+            pv: Values::default(),
+            op: Values::default(),
+            not_auto: 0,
+            bad_quality: 0,
+            at_low: 0,
+            at_high: 0,
+            still: 0,
+        }
+    }
 }
 
 /// How often something was met, and where first.
@@ -75,7 +90,7 @@ impl Occurrences {
 /// What one signal holds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Values {
-    /// Samples that are not a number.
+    /// Rows that are not a number.
     pub bad: u64,
     /// Index of the first of them.
     pub bad_first: Option<u64>,
@@ -96,7 +111,7 @@ impl Default for Values {
 }
 
 impl Values {
-    /// Counts a column whose first sample is number `row` and follows `before`.
+    /// Counts a column whose first row is number `row` and follows `before`.
     fn take(&mut self, column: &[f64], before: Option<f64>, row: u64) {
         let (mut bad, mut same, mut different) = (0, 0, 0);
         let (mut low, mut high) = (self.low, self.high);
@@ -120,7 +135,27 @@ impl Values {
     }
 }
 
-/// The last sample, as far as the next one is compared with it.
+/// Takes the [`Census`] of a recording, in one pass and constant memory.
+///
+/// ```
+/// use glapp_analysis::{Counter, Inspected};
+/// let mut counter = Counter::new(3.0, Some((0.0, 100.0)))?;
+/// let (t, sp, pv, op) = ([0.0, 1.0, 1.0, 9.0], [5.0; 4], [4.0, f64::NAN, 4.0, 4.0], [99.0, 100.0, 100.0, 98.0]);
+/// counter.run(&Inspected { t: &t, sp: Some(&sp), pv: &pv, op: Some(&op), flags: None });
+/// let census = counter.census;
+/// assert_eq!((census.rows, census.pv.bad, census.repeated.count, census.gaps.count, census.at_high), (4, 1, 1, 1, 2));
+/// # Ok::<(), glapp_core::ParameterError>(())
+/// ```
+#[derive(Clone, Copy, Debug)]
+pub struct Counter {
+    /// What was counted so far.
+    pub census: Census,
+    op_limits: Option<(f64, f64)>,
+    t_before: Option<f64>,
+    before: Option<Before>,
+}
+
+/// The last row, as far as the next one is compared with it.
 #[derive(Clone, Copy, Debug)]
 struct Before {
     sp: f64,
@@ -128,69 +163,51 @@ struct Before {
     op: f64,
 }
 
-impl Census {
+impl Counter {
     /// `gap` \[s\] > 0: a longer step is a gap. `op_limits` \[OP unit\], low < high, where they are known.
     pub fn new(gap: f64, op_limits: Option<(f64, f64)>) -> Result<Self, ParameterError> {
-        require("gap", gap, gap > 0.0, "greater than 0 s")?;
-        if let Some((low, high)) = op_limits {
-            require("op_low", low, low < high, "below op_high")?;
+        let refused = |name, value, bound| Err(ParameterError { name, value, bound });
+        if !(gap > 0.0 && gap.is_number()) {
+            return refused("gap", gap, "greater than 0 s");
         }
-        Ok(Self {
-            gap,
-            op_limits,
-            t_before: None,
-            before: None,
-            rows: 0,
-            t_bad: 0,
-            repeated: Occurrences::default(),
-            reversed: Occurrences::default(),
-            reversed_times: (f64::NAN, f64::NAN),
-            gaps: Occurrences::default(),
-            gap_longest: 0.0,
-            gap_total: 0.0,
-            sp: Values::default(),
-            pv: Values::default(),
-            op: Values::default(),
-            not_auto: 0,
-            bad_quality: 0,
-            at_low: 0,
-            at_high: 0,
-            still: 0,
-        })
+        if let Some((low, _)) = op_limits.filter(|(low, high)| !(low < high && low.is_number())) {
+            return refused("op_low", low, "below op_high");
+        }
+        Ok(Self { census: Census { gap, ..Census::default() }, op_limits, t_before: None, before: None })
     }
 
-    /// Counts some samples more. Column by column, so that most of it is done for several samples at once.
-    pub fn run(&mut self, columns: Columns<'_, f64>) {
-        let n = columns.rows();
-        if n == 0 {
-            return;
-        }
-        let (t, sp, pv) = (&columns.t[..n], &columns.sp[..n], &columns.pv[..n]);
-        let op = columns.op.map(|op| &op[..n]);
+    /// Counts some rows more. Column by column, so that most of it is done for several rows at once.
+    pub fn run(&mut self, rows: &Inspected<'_>) {
+        let Inspected { t, sp, pv, op, flags } = rows.even();
+        let n = t.len();
         self.times(t);
-        let (row, before) = (self.rows, self.before);
-        self.sp.take(sp, before.map(|b| b.sp), row);
-        self.pv.take(pv, before.map(|b| b.pv), row);
-        if let Some(op) = op {
-            self.op.take(op, before.map(|b| b.op), row);
+        let (row, before) = (self.census.rows, self.before);
+        if let Some(sp) = sp {
+            self.census.sp.take(sp, before.map(|b| b.sp), row);
         }
-        self.flags(columns.flags.map(|flags| &flags[..n]), op, n);
+        self.census.pv.take(pv, before.map(|b| b.pv), row);
+        if let Some(op) = op {
+            self.census.op.take(op, before.map(|b| b.op), row);
+        }
+        self.flags(flags, op, n);
+        // Of an SP that is not recorded PV is never off.
+        let sp = sp.unwrap_or(pv);
         let value = |k: usize| Before { sp: sp[k], pv: pv[k], op: op.map_or(0.0, |op| op[k]) };
         let mut previous = before;
         for k in 0..n {
             let now = value(k);
             let rests = previous.is_some_and(|b| (now.sp == b.sp) & (now.pv == b.pv) & (now.op == b.op));
-            self.still += u64::from(rests & (now.sp != now.pv));
+            self.census.still += u64::from(rests & (now.sp != now.pv));
             previous = Some(now);
         }
         self.before = previous;
-        self.rows += n as u64;
+        self.census.rows += n as u64;
     }
 
     fn times(&mut self, column: &[f64]) {
-        for (&t, row) in column.iter().zip(self.rows..) {
+        for (&t, row) in column.iter().zip(self.census.rows..) {
             let h = t - self.t_before.unwrap_or(f64::NAN);
-            if !(h > 0.0 && h <= self.gap) {
+            if !(h > 0.0 && h <= self.census.gap) {
                 self.odd_step(t, h, row);
             }
             if t.is_number() {
@@ -202,18 +219,18 @@ impl Census {
     #[cold]
     fn odd_step(&mut self, t: f64, h: f64, row: u64) {
         if !t.is_number() {
-            self.t_bad += 1;
-        } else if h > self.gap {
-            self.gaps.note(row);
-            self.gap_longest = self.gap_longest.max(h);
-            self.gap_total += h;
+            self.census.t_bad += 1;
+        } else if h > self.census.gap {
+            self.census.gaps.note(row);
+            self.census.gap_longest = self.census.gap_longest.max(h);
+            self.census.gap_total += h;
         } else if h == 0.0 {
-            self.repeated.note(row);
+            self.census.repeated.note(row);
         } else if h < 0.0 {
-            if self.reversed.count == 0 {
-                self.reversed_times = (self.t_before.unwrap_or(f64::NAN), t);
+            if self.census.reversed.count == 0 {
+                self.census.reversed_times = (self.t_before.unwrap_or(f64::NAN), t);
             }
-            self.reversed.note(row);
+            self.census.reversed.note(row);
         }
     }
 
@@ -234,10 +251,10 @@ impl Census {
     #[inline(always)]
     fn flag(&mut self, flag: Status) {
         if flag != 0 {
-            self.not_auto += u64::from(flag & NOT_AUTO != 0);
-            self.bad_quality += u64::from(flag & BAD != 0);
-            self.at_low += u64::from(flag & AT_LOW != 0);
-            self.at_high += u64::from(flag & AT_HIGH != 0);
+            self.census.not_auto += u64::from(flag & NOT_AUTO != 0);
+            self.census.bad_quality += u64::from(flag & BAD != 0);
+            self.census.at_low += u64::from(flag & AT_LOW != 0);
+            self.census.at_high += u64::from(flag & AT_HIGH != 0);
         }
     }
 }

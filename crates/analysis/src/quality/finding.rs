@@ -1,0 +1,179 @@
+//! One fault or peculiarity of a recording.
+
+use std::borrow::Cow;
+
+/// How grave a finding is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Severity {
+    /// Good to know.
+    Info,
+    /// The estimate may be off, or few half-periods are left.
+    Warning,
+    /// No estimate from this recording can be right.
+    Refuse,
+}
+
+impl Severity {
+    /// Its name in every face.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Info => "info",
+            Self::Warning => "warning",
+            Self::Refuse => "refuse",
+        }
+    }
+}
+
+macro_rules! faults {
+    ($($(#[$meaning:meta])* $fault:ident = $name:literal: $($severity:ident)+;)*) => {
+        /// What a finding says, in the order in which it is looked for.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum Fault {
+            $($(#[$meaning])* $fault),*
+        }
+
+        impl Fault {
+            /// All of them.
+            pub const ALL: &[Self] = &[$(Self::$fault),*];
+
+            /// Its stable name, the code in every face.
+            pub fn name(self) -> &'static str {
+                match self { $(Self::$fault => $name),* }
+            }
+
+            /// The severities that it can have, the least grave first.
+            pub fn severities(self) -> &'static [Severity] {
+                match self { $(Self::$fault => &[$(Severity::$severity),+]),* }
+            }
+        }
+    };
+}
+
+faults! {
+    /// What the numbers of a time column were taken for was not plain.
+    TimeAssumed = "time_assumed": Info Warning;
+    /// From so few rows nothing can be told.
+    TooFewRows = "too_few_rows": Refuse;
+    /// Rows whose time is not a number.
+    TimeMissing = "time_missing": Warning Refuse;
+    /// A row is earlier than the one before it.
+    TimeReversed = "time_reversed": Refuse;
+    /// A row has the time of the one before it.
+    TimeRepeated = "time_repeated": Warning Refuse;
+    /// Steps much longer than the ordinary one.
+    Gaps = "gaps": Warning;
+    /// A signal is empty, text, NaN or infinite.
+    NotANumber = "not_a_number": Info Warning Refuse;
+    /// The quality column says not good.
+    BadQuality = "bad_quality": Info Warning Refuse;
+    /// The loop is in manual.
+    NotAuto = "not_auto": Info Warning Refuse;
+    /// OP is at a limit.
+    AtLimit = "at_limit": Info Warning Refuse;
+    /// OP is not recorded.
+    NoOp = "no_op": Info;
+    /// OP has one value only.
+    OpConstant = "op_constant": Refuse;
+    /// PV has one value only.
+    PvConstant = "pv_constant": Refuse;
+    /// Two of the signals are one.
+    SameSignal = "same_signal": Refuse;
+    /// OP goes one way all along, and PV does not answer.
+    WindingUp = "winding_up": Refuse;
+    /// SP moves all the time.
+    CascadeSlave = "cascade_slave": Warning;
+    /// Samples are far apart against Ti.
+    Sampling = "sampling": Warning Refuse;
+    /// The historian stood still, not the loop.
+    Frozen = "frozen": Warning;
+    /// PV is held or interpolated between a historian's compressed values.
+    CompressedPv = "compressed_pv": Warning;
+    /// PV lies on a coarse grid.
+    QuantisedPv = "quantised_pv": Info Warning;
+    /// OP lies on a coarse grid.
+    QuantisedOp = "quantised_op": Info Warning;
+    /// OP moves with the other sign than the settings say.
+    Sign = "sign": Warning;
+    /// OP moves with another K, Ti or Td than the settings say.
+    Settings = "settings": Warning;
+    /// OP rests while the error is small and moves beyond.
+    ErrorGap = "error_gap": Warning;
+    /// OP rests, and otherwise jumps by no less than some size.
+    OutputDeadBand = "output_dead_band": Warning;
+    /// The error is one clean sinusoid.
+    Sinusoidal = "sinusoidal": Warning;
+    /// Much of the width hangs on a process gain that nobody gave.
+    KpAssumed = "kp_assumed": Warning;
+}
+
+/// One number or word of a finding.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Value {
+    /// A count, or a row counted from 0; −1 where there is none.
+    Count(i64),
+    /// A number; shares are 0 to 1, times in s.
+    Number(f64),
+    /// A name.
+    Word(Cow<'static, str>),
+}
+
+impl From<f64> for Value {
+    fn from(x: f64) -> Self {
+        Self::Number(x)
+    }
+}
+
+impl From<u64> for Value {
+    fn from(count: u64) -> Self {
+        Self::Count(i64::try_from(count).unwrap_or(i64::MAX))
+    }
+}
+
+impl From<Option<u64>> for Value {
+    fn from(row: Option<u64>) -> Self {
+        row.map_or(Self::Count(-1), Self::from)
+    }
+}
+
+impl From<&'static str> for Value {
+    fn from(word: &'static str) -> Self {
+        Self::Word(word.into())
+    }
+}
+
+impl From<String> for Value {
+    fn from(word: String) -> Self {
+        Self::Word(word.into())
+    }
+}
+
+/// One fault or peculiarity of a recording.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Finding {
+    /// What it is.
+    pub fault: Fault,
+    /// How grave.
+    pub severity: Severity,
+    /// Its numbers by name, in order.
+    pub evidence: Vec<(&'static str, Value)>,
+    /// What its sentence tells beyond them.
+    pub numbers: Vec<(&'static str, Value)>,
+}
+
+impl Finding {
+    pub(super) fn new(fault: Fault, severity: Severity) -> Self {
+        Self { fault, severity, evidence: Vec::new(), numbers: Vec::new() }
+    }
+
+    /// With one number more as evidence.
+    pub(super) fn with(mut self, name: &'static str, value: impl Into<Value>) -> Self {
+        self.evidence.push((name, value.into()));
+        self
+    }
+
+    /// With one number more for the sentence alone.
+    pub(super) fn telling(mut self, name: &'static str, value: impl Into<Value>) -> Self {
+        self.numbers.push((name, value.into()));
+        self
+    }
+}

@@ -1,0 +1,16 @@
+//! Signals that lie on a coarse grid.
+
+use super::Finding;
+use super::finding::{Fault, Severity};
+use super::look::Look;
+
+/// With more steps in its range a signal is fine enough; with fewer than the second, its steps are what one sees.
+const LEVELS: (u64, u64) = (100, 20);
+
+pub(super) fn grids(look: &Look<'_>, found: &mut Vec<Finding>) {
+    for (fault, grid) in [(Fault::QuantisedPv, look.pv_grid), (Fault::QuantisedOp, look.op_grid)] {
+        let Some((step, levels)) = grid.filter(|(_, levels)| *levels < LEVELS.0) else { continue };
+        let severity = if levels < LEVELS.1 { Severity::Warning } else { Severity::Info };
+        found.push(Finding::new(fault, severity).with("step", step).with("levels", levels));
+    }
+}

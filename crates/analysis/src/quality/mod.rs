@@ -1,0 +1,108 @@
+//! What is wrong with a recording, found before anything is estimated from it.
+//!
+//! Two sources of evidence: the [`Census`], counts over every row, and the rows that are kept in memory. Each [`Finding`]
+//! names one fault and its numbers; `docs/quality.md` lists them all. Every threshold stands beside the finding it
+//! belongs to.
+
+mod controller;
+mod finding;
+mod grids;
+mod historian;
+mod look;
+mod mode;
+mod numbers;
+mod oscillation;
+mod settings;
+mod times;
+
+pub use finding::{Fault, Finding, Severity, Value};
+pub use settings::assumed_gain;
+pub use times::assumed_time;
+
+use crate::{Census, Inspected};
+use look::Look;
+
+/// What is known of the loop beside its recording.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Known {
+    /// Controller gain used, signed [OP unit/PV unit].
+    pub k: Option<f64>,
+    /// Integral time used \[s\].
+    pub ti: Option<f64>,
+    /// Derivative time used \[s\]; 0 of a PI controller.
+    pub td: Option<f64>,
+    /// What the recording itself says of K, Ti and Td.
+    pub law: Option<Law>,
+}
+
+/// The controller's law as the recording shows it.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Law {
+    /// K and Ti may be used unasked.
+    pub usable: bool,
+    /// OP's moves are explained well enough, however far the intervals reach.
+    pub explains: bool,
+    /// Share of the variance of OP's moves that is explained.
+    pub r2: Option<f64>,
+    /// Gain [OP unit/PV unit].
+    pub k: Interval,
+    /// Integral time \[s\].
+    pub ti: Interval,
+    /// Derivative time \[s\].
+    pub td: Interval,
+}
+
+/// A value with its 95 % interval, as far as they are known.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Interval {
+    /// The value.
+    pub value: Option<f64>,
+    /// Lower end.
+    pub low: Option<f64>,
+    /// Upper end.
+    pub high: Option<f64>,
+}
+
+/// Everything that is looked for, in the order of [`Fault::ALL`].
+const TESTS: [fn(&Look<'_>, &mut Vec<Finding>); 13] = [
+    times::rows,
+    times::times,
+    numbers::numbers,
+    mode::mode,
+    numbers::constants,
+    controller::winding_up,
+    mode::setpoint,
+    times::sampling,
+    historian::historian,
+    grids::grids,
+    settings::settings,
+    controller::rests,
+    oscillation::sinusoid,
+];
+
+/// What is wrong with a recording, in the order of [`Fault::ALL`]; nothing for a healthy one.
+///
+/// `rows` are the first of the recording, `census` counts all of them.
+///
+/// ```
+/// use glapp_analysis::quality::{Fault, Known, Severity, inspect};
+/// use glapp_analysis::{Counter, Inspected};
+/// let t: Vec<f64> = (0..50).map(f64::from).collect();
+/// let rows = Inspected { t: &t, sp: Some(&[21.0; 50]), pv: &[20.0; 50], op: Some(&[20.0; 50]), flags: None };
+/// let mut counter = Counter::new(3.0, None)?;
+/// counter.run(&rows);
+/// let found = inspect(&rows, &counter.census, &Known::default());
+/// assert_eq!((found[0].fault, found[0].severity), (Fault::OpConstant, Severity::Refuse));
+/// # Ok::<(), glapp_core::ParameterError>(())
+/// ```
+pub fn inspect(rows: &Inspected<'_>, census: &Census, known: &Known) -> Vec<Finding> {
+    let look = Look::new(rows, census, known);
+    let mut found = Vec::new();
+    for test in TESTS {
+        test(&look, &mut found);
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests;

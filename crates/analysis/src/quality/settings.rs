@@ -1,0 +1,50 @@
+//! Settings against what OP does, and a gain that nobody gave.
+
+use super::Finding;
+use super::finding::{Fault, Severity};
+use super::look::Look;
+
+/// Outside the interval by more than this factor, a setting is another one: units and forms differ by more.
+const FACTOR: f64 = 1.5;
+/// A smaller share of the width may hang on an assumed gain unsaid.
+const HANGS: f64 = 0.1;
+
+pub(super) fn settings(look: &Look<'_>, found: &mut Vec<Finding>) {
+    let Some(law) = look.known.law.filter(|law| law.usable) else { return };
+    let (Some(k_seen), Some(_)) = (law.k.value, law.ti.value) else { return };
+    if let Some(k) = look.known.k.filter(|k| k * k_seen < 0.0) {
+        found.push(
+            Finding::new(Fault::Sign, Severity::Warning)
+                .with("k_given", k)
+                .with("k_seen", k_seen)
+                .with("r2", law.r2.unwrap_or(0.0)),
+        );
+    }
+    for (name, given, seen) in
+        [("K", look.known.k, law.k), ("Ti", look.known.ti, law.ti), ("Td", look.known.td, law.td)]
+    {
+        let (Some(given), Some(value), Some(low), Some(high)) = (given, seen.value, seen.low, seen.high) else {
+            continue;
+        };
+        let (low, high) = (low.abs().min(high.abs()), low.abs().max(high.abs()));
+        if !(low / FACTOR <= given.abs() && given.abs() <= high * FACTOR) {
+            found.push(
+                Finding::new(Fault::Settings, Severity::Warning)
+                    .with("parameter", name)
+                    .with("given", given)
+                    .with("seen", value)
+                    .with("low", low)
+                    .with("high", high),
+            );
+        }
+    }
+}
+
+/// Says how much of the width hangs on a process gain `kp` [PV unit/OP unit] that nobody gave; none where it is little.
+///
+/// `free` is the part of the width without it, `kp_part` what it takes off \[OP unit\].
+pub fn assumed_gain(kp: f64, free: f64, kp_part: f64) -> Option<Finding> {
+    (kp_part > HANGS * free).then(|| {
+        Finding::new(Fault::KpAssumed, Severity::Warning).with("kp", kp).with("free", free).with("kp_part", kp_part)
+    })
+}

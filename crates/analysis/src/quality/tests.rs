@@ -1,0 +1,247 @@
+use proptest::prelude::*;
+
+use super::*;
+use crate::Counter;
+
+const N: usize = 2000;
+
+/// A loop's signals: `swing` of e(t) about a setpoint of 50, and a PI controller's OP with K = 1 and Ti = 20 s.
+fn signals(swing: impl Fn(f64) -> f64) -> [Vec<f64>; 4] {
+    let noise = |k: usize| ((k * k * 7919) % 1009) as f64 / 1009.0 - 0.5;
+    let t: Vec<f64> = (0..N).map(|k| k as f64).collect();
+    let pv: Vec<f64> = (0..N).map(|k| 50.0 - swing(t[k]) + 0.02 * noise(k)).collect();
+    let mut area = 0.0;
+    let op = pv.iter().map(|pv| {
+        area += 50.0 - pv;
+        50.0 + (50.0 - pv) + area / 20.0
+    });
+    [t.clone(), vec![50.0; N], pv.clone(), op.collect()]
+}
+
+/// Slow and fast swings, on no one frequency.
+fn ordinary(t: f64) -> f64 {
+    (t / 61.0).sin() + (t / 23.0).sin() + (t / 37.0).cos()
+}
+
+fn look([t, sp, pv, op]: &[Vec<f64>; 4], flags: Option<&[u8]>, known: &Known) -> Vec<Finding> {
+    let rows = Inspected { t, sp: Some(sp), pv, op: Some(op), flags };
+    let mut counter = Counter::new(3.0, None).unwrap();
+    counter.run(&rows);
+    inspect(&rows, &counter.census, known)
+}
+
+fn faults(signals: &[Vec<f64>; 4]) -> Vec<Fault> {
+    look(signals, None, &known()).iter().map(|finding| finding.fault).collect()
+}
+
+fn known() -> Known {
+    Known { k: Some(1.0), ti: Some(20.0), td: Some(0.0), law: None }
+}
+
+fn number(finding: &Finding, name: &str) -> f64 {
+    match finding.evidence.iter().chain(&finding.numbers).find(|(of, _)| *of == name) {
+        Some((_, Value::Number(x))) => *x,
+        Some((_, Value::Count(n))) => *n as f64,
+        other => panic!("{name}: {other:?}"),
+    }
+}
+
+#[test]
+fn names_are_of_their_own_and_severities_in_order() {
+    for (k, fault) in Fault::ALL.iter().enumerate() {
+        assert!(Fault::ALL[k + 1..].iter().all(|other| other.name() != fault.name()));
+        assert!(fault.severities().is_sorted());
+    }
+}
+
+#[test]
+fn a_healthy_recording_has_no_finding() {
+    assert_eq!(faults(&signals(ordinary)), []);
+}
+
+#[test]
+fn times_that_repeat_run_back_or_leap() {
+    let mut broken = signals(ordinary);
+    let t = &mut broken[0];
+    t[1000..].iter_mut().for_each(|t| *t -= 3600.0);
+    t[1500] = t[1499];
+    t[1800..].iter_mut().for_each(|t| *t += 100.0);
+    let found = look(&broken, None, &known());
+    assert_eq!(
+        found.iter().map(|f| f.fault).collect::<Vec<_>>(),
+        [Fault::TimeReversed, Fault::TimeRepeated, Fault::Gaps]
+    );
+    assert_eq!(found[0].numbers[1], ("looks_like", Value::from("clock_set_back")));
+    assert_eq!((number(&found[1], "first_row"), number(&found[2], "longest_s")), (1500.0, 101.0));
+    broken[0].reverse();
+    assert_eq!(
+        look(
+            &signals(ordinary).map(|mut x| {
+                x.reverse();
+                x
+            }),
+            None,
+            &known()
+        )[0]
+        .numbers[1]
+            .1,
+        "newest_first".into()
+    );
+}
+
+#[test]
+fn constant_and_doubled_signals_are_refused() {
+    let [t, sp, pv, op] = signals(ordinary);
+    let constant = vec![20.0; N];
+    let op_constant = [t.clone(), sp.clone(), pv.clone(), constant.clone()];
+    assert_eq!(faults(&op_constant), [Fault::OpConstant]);
+    assert!(faults(&[t.clone(), sp.clone(), constant, op.clone()]).contains(&Fault::PvConstant));
+    assert_eq!(faults(&[t, sp, pv.clone(), pv])[0], Fault::SameSignal);
+}
+
+#[test]
+fn shares_decide_how_grave_flags_are() {
+    let recorded = signals(ordinary);
+    for (bit, fault) in [(1, Fault::NotAuto), (2, Fault::BadQuality), (4, Fault::AtLimit), (8, Fault::AtLimit)] {
+        for (rows, severity) in [(10, Severity::Info), (1200, Severity::Warning), (N, Severity::Refuse)] {
+            let mut flags = vec![0; N];
+            flags[..rows].fill(bit);
+            let found = look(&recorded, Some(&flags), &known());
+            assert_eq!(found.iter().find(|f| f.fault == fault).map(|f| f.severity), Some(severity), "{fault:?} {rows}");
+        }
+    }
+}
+
+#[test]
+fn a_historian_leaves_holds_and_lines() {
+    let [t, sp, pv, op] = signals(ordinary);
+    let held: Vec<f64> = (0..N).map(|k| pv[k - k % 10]).collect();
+    let line = |k: usize| {
+        let (from, to) = (k - k % 8, (k - k % 8 + 8).min(N - 1));
+        pv[from] + (pv[to] - pv[from]) * ((k % 8) as f64 / 8.0)
+    };
+    for (pv, name) in [(held, "held"), ((0..N).map(line).collect(), "straight")] {
+        let found = look(&[t.clone(), sp.clone(), pv, op.clone()], None, &known());
+        assert_eq!(found[0].fault, Fault::CompressedPv);
+        assert!(number(&found[0], name) > 0.5, "{:?}", found[0]);
+    }
+    let coarse = pv.iter().map(|pv| (pv / 0.5).round() * 0.5).collect();
+    assert_eq!(faults(&[t, sp, coarse, op]), [Fault::QuantisedPv]);
+}
+
+#[test]
+fn a_controller_that_rests() {
+    let [t, sp, pv, op] = signals(ordinary);
+    let (mut gap, mut band) = (op.clone(), op);
+    for k in 1..N {
+        if (sp[k] - pv[k]).abs() < 0.4 {
+            gap[k] = gap[k - 1];
+        }
+        if (band[k] - band[k - 1]).abs() < 0.3 {
+            band[k] = band[k - 1];
+        }
+    }
+    let found = look(&[t.clone(), sp.clone(), pv.clone(), gap], None, &known());
+    assert_eq!(found[0].fault, Fault::ErrorGap);
+    assert!((number(&found[0], "gap") - 0.4).abs() < 0.05);
+    let found = look(&[t, sp, pv, band], None, &known());
+    assert_eq!(found[0].fault, Fault::OutputDeadBand);
+    assert!((number(&found[0], "jump") - 0.3).abs() < 0.05);
+}
+
+#[test]
+fn an_output_that_winds_up() {
+    let [t, sp, pv, op] = signals(|t| 3.0 + 0.1 * ordinary(t));
+    let found = look(&[t.clone(), sp.clone(), pv.clone(), op.clone()], None, &known());
+    assert_eq!((found[0].fault, found[0].severity), (Fault::WindingUp, Severity::Refuse));
+    assert!((number(&found[0], "error") - 3.0).abs() < 0.2);
+    // Too short to say so of a slow controller.
+    assert_eq!(look(&[t, sp, pv, op], None, &Known { ti: Some(300.0), ..known() }), []);
+}
+
+#[test]
+fn a_sinusoid_that_is_too_fast_for_backlash() {
+    let recorded = signals(|t| (t / 10.0).sin());
+    let found = look(&recorded, None, &known());
+    assert_eq!(found[0].fault, Fault::Sinusoidal);
+    assert!((number(&found[0], "period_s") - 62.8).abs() < 1.0);
+    assert_eq!(look(&recorded, None, &Known { ti: Some(6.0), ..known() }), []);
+    assert_eq!(look(&recorded, None, &Known::default()), []);
+    // The least that Ti can be is enough.
+    let ti = Interval { value: Some(30.0), low: Some(20.0), high: Some(90.0) };
+    let law = Law { explains: true, ti, ..Law::default() };
+    assert_eq!(look(&recorded, None, &Known { law: Some(law), ..Known::default() })[0].fault, Fault::Sinusoidal);
+}
+
+#[test]
+fn settings_far_from_what_op_does() {
+    let about = |value: f64| Interval { value: Some(value), low: Some(0.9 * value), high: Some(1.1 * value) };
+    let law = Law { usable: true, explains: true, r2: Some(0.99), k: about(-1.0), ti: about(20.0), td: about(0.0) };
+    let found = look(&signals(ordinary), None, &Known { ti: Some(1200.0), law: Some(law), ..known() });
+    assert_eq!(found.iter().map(|f| f.fault).collect::<Vec<_>>(), [Fault::Sign, Fault::Settings]);
+    assert_eq!(found[1].evidence[0], ("parameter", "Ti".into()));
+    let unusable = Law { usable: false, ..law };
+    assert_eq!(look(&signals(ordinary), None, &Known { law: Some(unusable), ..known() }), []);
+}
+
+#[test]
+fn an_assumed_gain_that_matters_is_told() {
+    assert!(assumed_gain(30.0, 0.45, 0.22).is_some());
+    assert_eq!(assumed_gain(30.0, 0.45, 0.04), None);
+    assert_eq!(assumed_gain(30.0, f64::NAN, 0.04), None);
+}
+
+/// Whatever stands in a column: mostly numbers that repeat, that others meet, and that are none.
+fn anything() -> impl Strategy<Value = f64> {
+    prop_oneof![
+        100 => -3.0..3.0,
+        100 => (-3..3).prop_map(f64::from),
+        1 => any::<f64>(),
+        1 => prop_oneof![Just(f64::NAN), Just(f64::INFINITY), Just(-f64::INFINITY), Just(f64::MAX), Just(1e-320)],
+    ]
+}
+
+fn column() -> impl Strategy<Value = Vec<f64>> {
+    prop::collection::vec(anything(), 100..200)
+}
+
+proptest! {
+    #[test]
+    fn any_data_is_inspected(
+        (t, sp, pv, op) in (prop::option::of(column()), prop::option::of(column()), column(), prop::option::of(column())),
+        flags in prop::option::of(prop::collection::vec((0..64_u8).prop_map(|flag| flag.saturating_sub(48)), 100..200)),
+        n in prop_oneof![1 => 0..12_usize, 4 => Just(200)],
+        (k, ti, low) in (prop::option::of(anything()), prop::option::of(anything()), prop::option::of(anything())),
+    ) {
+        let mut t = t.unwrap_or_else(|| (0..300).map(f64::from).collect());
+        t.truncate(n);
+        let rows = Inspected { t: &t, sp: sp.as_deref(), pv: &pv, op: op.as_deref(), flags: flags.as_deref() };
+        let mut counter = Counter::new(3.0, Some((-2.0, 2.0))).unwrap();
+        counter.run(&rows);
+        let seen = Interval { value: k, low, high: ti };
+        let law = Law { usable: true, explains: true, r2: None, k: seen, ti: seen, td: seen };
+        for finding in inspect(&rows, &counter.census, &Known { k, ti, td: ti, law: Some(law) }) {
+            prop_assert!(finding.fault.severities().contains(&finding.severity), "{:?}", finding);
+        }
+    }
+
+    #[test]
+    fn a_recording_is_counted_alike_whole_and_in_parts(
+        rows in prop::collection::vec((anything(), anything(), anything(), anything(), 0..16_u8), 0..60),
+        at in 0..60_usize,
+    ) {
+        let at = at.min(rows.len());
+        let mut parts = Counter::new(3.0, Some((-2.0, 2.0))).unwrap();
+        let mut whole = parts;
+        for (counter, stretches) in [(&mut whole, vec![&rows[..]]), (&mut parts, vec![&rows[..at], &rows[at..]])] {
+            for stretch in stretches {
+                let column = |of: fn(&(f64, f64, f64, f64, u8)) -> f64| stretch.iter().map(of).collect::<Vec<_>>();
+                let (t, sp, pv, op) = (column(|r| r.0), column(|r| r.1), column(|r| r.2), column(|r| r.3));
+                let flags: Vec<u8> = stretch.iter().map(|row| row.4).collect();
+                let (sp, op, flags) = (Some(&sp[..]), Some(&op[..]), Some(&flags[..]));
+                counter.run(&Inspected { t: &t, sp, pv: &pv, op, flags });
+            }
+        }
+        prop_assert_eq!(format!("{:?}", whole.census), format!("{:?}", parts.census));
+    }
+}

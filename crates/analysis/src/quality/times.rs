@@ -1,0 +1,98 @@
+//! Rows and their times.
+
+use super::Finding;
+use super::finding::{Fault, Severity};
+use super::look::Look;
+
+/// Fewer rows hold no cycle of any loop.
+const FEWEST_ROWS: u64 = 10;
+/// With so large a share of steps back the rows are in the wrong order as a whole; a few newer ones do not hide it.
+const NEWEST_FIRST: f64 = 0.9;
+/// An hour, by which clocks are set back \[s\], and how near a step back must come to it: a minute, or one sample.
+const CLOCK_CHANGE: (f64, f64) = (3600.0, 60.0);
+/// A step above this share of Ti misses much of a half-period's area; one above Ti itself misses the error.
+const COARSE: f64 = 1.0 / 5.0;
+
+pub(super) fn rows(look: &Look<'_>, found: &mut Vec<Finding>) {
+    let rows = look.census.rows;
+    if rows < FEWEST_ROWS {
+        found.push(Finding::new(Fault::TooFewRows, Severity::Refuse).with("rows", rows));
+    }
+}
+
+pub(super) fn times(look: &Look<'_>, found: &mut Vec<Finding>) {
+    let c = look.census;
+    if c.t_bad > 0 {
+        let severity = if c.t_bad + 1 >= c.rows { Severity::Refuse } else { Severity::Warning };
+        let finding = Finding::new(Fault::TimeMissing, severity).with("rows", c.t_bad);
+        found.push(finding.with("share", look.share(c.t_bad)).telling("of", c.rows));
+    }
+    if c.reversed.count > 0 {
+        let (from, to) = c.reversed_times;
+        let back = from - to;
+        let (hour, minute) = CLOCK_CHANGE;
+        let looks_like = if c.reversed.count as f64 > NEWEST_FIRST * (c.rows as f64 - 1.0) {
+            "newest_first"
+        } else if (back - hour).abs() <= minute.max(if look.h.is_finite() { look.h } else { 0.0 }) {
+            "clock_set_back"
+        } else {
+            "unsorted"
+        };
+        found.push(
+            Finding::new(Fault::TimeReversed, Severity::Refuse)
+                .with("count", c.reversed.count)
+                .with("first_row", c.reversed.first)
+                .with("from", from)
+                .with("to", to)
+                .with("back_s", back)
+                .telling("of", c.rows)
+                .telling("looks_like", looks_like),
+        );
+    }
+    if c.repeated.count > 0 {
+        let severity = if c.repeated.count + 1 >= c.rows { Severity::Refuse } else { Severity::Warning };
+        found.push(
+            Finding::new(Fault::TimeRepeated, severity)
+                .with("count", c.repeated.count)
+                .with("share", look.share(c.repeated.count))
+                .with("first_row", c.repeated.first)
+                .telling("of", c.rows),
+        );
+    }
+    if c.gaps.count > 0 {
+        found.push(
+            Finding::new(Fault::Gaps, Severity::Warning)
+                .with("count", c.gaps.count)
+                .with("longest_s", c.gap_longest)
+                .with("total_s", c.gap_total)
+                .with("first_row", c.gaps.first)
+                .telling("threshold_s", c.gap),
+        );
+    }
+}
+
+pub(super) fn sampling(look: &Look<'_>, found: &mut Vec<Finding>) {
+    let Some(ti) = look.known.ti.filter(|ti| *ti > 0.0 && look.h > ti * COARSE) else { return };
+    let severity = if look.h > ti { Severity::Refuse } else { Severity::Warning };
+    found.push(
+        Finding::new(Fault::Sampling, severity)
+            .with("h_s", look.h)
+            .with("ti_s", ti)
+            .with("ratio", look.h / ti)
+            .telling("enough_s", ti * COARSE),
+    );
+}
+
+/// Says what the numbers of a time column were taken for, where that was not plain.
+///
+/// `column` and `first` are its name and its first value as it is written, `step` the ordinary step between its numbers,
+/// none where they do not step; `calendar` is the format that reads them as days, and `sure` whether they were read so,
+/// else as seconds.
+pub fn assumed_time(column: &str, first: &str, step: Option<f64>, calendar: &str, sure: bool) -> Finding {
+    let finding = Finding::new(Fault::TimeAssumed, if sure { Severity::Info } else { Severity::Warning })
+        .with("column", column.to_owned())
+        .with("first", first.to_owned())
+        .with("step", step.unwrap_or(0.0))
+        .with("read_as", if sure { calendar } else { "seconds" }.to_owned());
+    finding.telling("calendar", calendar.to_owned())
+}

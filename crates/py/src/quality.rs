@@ -1,0 +1,133 @@
+//! What is wrong with a recording: rows and counts in, findings out.
+
+use glapp_analysis::Inspected;
+use glapp_analysis::quality::{Finding, Interval, Known, Law, Value};
+use numpy::PyReadonlyArray1;
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::census::Counts;
+
+type Signal<'py> = PyReadonlyArray1<'py, f64>;
+
+/// Hands the arrays over without copying, once they are seen to be contiguous and of one length.
+pub fn with_rows<T>(
+    t: &Signal<'_>,
+    sp: Option<&Signal<'_>>,
+    pv: &Signal<'_>,
+    op: Option<&Signal<'_>>,
+    flags: Option<&PyReadonlyArray1<'_, u8>>,
+    work: impl FnOnce(Inspected<'_>) -> T,
+) -> PyResult<T> {
+    let rows = Inspected {
+        t: t.as_slice()?,
+        sp: sp.map(|sp| sp.as_slice()).transpose()?,
+        pv: pv.as_slice()?,
+        op: op.map(|op| op.as_slice()).transpose()?,
+        flags: flags.map(|flags| flags.as_slice()).transpose()?,
+    };
+    let optional = [rows.sp.map(<[f64]>::len), rows.op.map(<[f64]>::len), rows.flags.map(<[u8]>::len)];
+    if rows.pv.len() != rows.t.len() || optional.into_iter().flatten().any(|length| length != rows.t.len()) {
+        return Err(PyValueError::new_err("t, sp, pv, op and flags must be of the same length"));
+    }
+    Ok(work(rows))
+}
+
+/// `glapp.Identification`, as far as a recording is held against it.
+#[derive(FromPyObject)]
+pub struct Identification {
+    usable: bool,
+    r2: Option<f64>,
+    k: Option<f64>,
+    k_low: Option<f64>,
+    k_high: Option<f64>,
+    ti: Option<f64>,
+    ti_low: Option<f64>,
+    ti_high: Option<f64>,
+    td: Option<f64>,
+    td_low: Option<f64>,
+    td_high: Option<f64>,
+}
+
+impl Identification {
+    fn law(self, explains: bool) -> Law {
+        let interval = |value, low, high| Interval { value, low, high };
+        Law {
+            usable: self.usable,
+            explains,
+            r2: self.r2,
+            k: interval(self.k, self.k_low, self.k_high),
+            ti: interval(self.ti, self.ti_low, self.ti_high),
+            td: interval(self.td, self.td_low, self.td_high),
+        }
+    }
+}
+
+/// (code, severity, evidence, numbers).
+type Found<'py> = (&'static str, &'static str, Bound<'py, PyDict>, Bound<'py, PyDict>);
+
+fn told<'py>(py: Python<'py>, finding: Finding) -> PyResult<Found<'py>> {
+    let named = |values: Vec<(&'static str, Value)>| {
+        let dict = PyDict::new(py);
+        for (name, value) in values {
+            match value {
+                Value::Count(count) => dict.set_item(name, count)?,
+                Value::Number(number) => dict.set_item(name, number)?,
+                Value::Word(word) => dict.set_item(name, word)?,
+            }
+        }
+        PyResult::Ok(dict)
+    };
+    Ok((finding.fault.name(), finding.severity.name(), named(finding.evidence)?, named(finding.numbers)?))
+}
+
+/// What is wrong with a recording, without sentences; `explains`: the identified law explains OP's moves well enough.
+#[pyfunction]
+#[allow(clippy::too_many_arguments, reason = "the arguments of Python")]
+pub fn inspect<'py>(
+    py: Python<'py>,
+    t: Signal<'py>,
+    sp: Option<Signal<'py>>,
+    pv: Signal<'py>,
+    op: Option<Signal<'py>>,
+    flags: Option<PyReadonlyArray1<'py, u8>>,
+    census: Counts,
+    settings: (Option<f64>, Option<f64>, Option<f64>),
+    identification: Option<Identification>,
+    explains: bool,
+) -> PyResult<Vec<Found<'py>>> {
+    let (k, ti, td) = settings;
+    let known = Known { k, ti, td, law: identification.map(|seen| seen.law(explains)) };
+    let census = census.into();
+    let found = with_rows(&t, sp.as_ref(), &pv, op.as_ref(), flags.as_ref(), |rows| {
+        py.detach(|| glapp_analysis::quality::inspect(&rows, &census, &known))
+    })?;
+    found.into_iter().map(|finding| told(py, finding)).collect()
+}
+
+/// What the numbers of a time column were taken for.
+#[pyfunction]
+pub fn assumed_time<'py>(
+    py: Python<'py>,
+    column: &str,
+    first: &str,
+    step: Option<f64>,
+    calendar: &str,
+    sure: bool,
+) -> PyResult<Found<'py>> {
+    told(py, glapp_analysis::quality::assumed_time(column, first, step, calendar, sure))
+}
+
+/// How much of the width hangs on a process gain that nobody gave; None where it is little.
+#[pyfunction]
+pub fn assumed_gain(py: Python<'_>, kp: f64, free: f64, kp_part: f64) -> PyResult<Option<Found<'_>>> {
+    glapp_analysis::quality::assumed_gain(kp, free, kp_part).map(|finding| told(py, finding)).transpose()
+}
+
+/// Standard deviation of PV's fast noise. See `glapp.quality.noise_sigma`.
+#[pyfunction]
+pub fn noise_sigma(py: Python<'_>, pv: Signal<'_>) -> PyResult<Option<f64>> {
+    let pv = pv.as_slice()?;
+    Ok(py.detach(|| glapp_analysis::noise_sigma(pv)))
+}

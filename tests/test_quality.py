@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import time
 from datetime import UTC, datetime
 
 import numpy as np
@@ -319,23 +318,6 @@ def test_gravest_first() -> None:
     flags[:200] = 1
     severities = [finding.severity for finding in look(t, sp, pv, 0 * op, flags).values()]
     assert severities == ["refuse", "warning", "info"]
-
-
-def test_a_million_rows_in_half_a_second() -> None:
-    n = 1_000_000
-    rng = np.random.default_rng(0)
-    t, sp = np.arange(n) * 0.5, np.full(n, 50.0)
-    pv = 50 + np.sin(t / 40) + 0.1 * rng.standard_normal(n)
-    op = 50 + 2 * (sp - pv) + np.cumsum(sp - pv) * 0.05
-    sample = InspectionSample(t, sp, pv, op, np.zeros(n, dtype=np.uint8))
-    census = census_of(sample)
-    taken = []
-    for _ in range(3):
-        start = time.perf_counter()
-        inspect(sample, census, ti=20.0)
-        noise_sigma(pv)
-        taken.append(time.perf_counter() - start)
-    assert min(taken) < 0.5
 
 
 @pytest.mark.slow

@@ -42,7 +42,7 @@ def a_loop(**changes: Any) -> Loop:
 def settings(**changes: Any) -> Settings:
     notes = {"k": "given", "ti": "given", "tf": "ladder: TI/10", "kp": "not given and no PV span: term dropped"}
     values: dict[str, Any] = {"k": 0.6, "ti": 30.0, "td": 0.0, "b": 0.0, "tf": 3.0, "kp": None, "n": 9, "max_h": 5.0}
-    return Settings(**(values | {"notes": notes} | changes))
+    return Settings(**(values | {"notes": notes, "origins": {}} | changes))
 
 
 def half_periods_of(rows: list[dict[str, float]]) -> HalfPeriods:

@@ -370,6 +370,16 @@ class Detector:
     @staticmethod
     def load(text: str) -> Detector: ...
 
+def verdict(
+    place: str | None, sp: bool, op: bool, findings: Sequence[tuple[str, str]], detector: Detector | None
+) -> tuple[Literal["estimate", "provisional", "no_estimate", "refused"], tuple[str, list[float]] | None]: ...
+def process_gain(
+    given: float | None, spans: tuple[float, float] | None, integrating: bool
+) -> tuple[float | None, Literal["given", "assumed", "unknown"]]: ...
+def fitted_gain_serves(kp: float, low: float, high: float) -> bool: ...
+
+KP_DEFAULT: float
+
 class Ladder:
     """A detector for every filter time that is tried; all of a ladder where `settings` give no tf."""
 

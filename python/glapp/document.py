@@ -59,7 +59,9 @@ class Controller(_Part):
     as_written: str | None
     """The controller in its maker's words; null where it was identified."""
     notes: dict[str, str]
-    """Where each of the values comes from."""
+    """Where each of the values comes from, in words."""
+    origins: dict[str, Literal["given", "identified", "fitted", "assumed", "chosen", "unknown"]]
+    """The same: given, read from OP's moves, fitted with the gap, the usual value, of those tried, left out."""
 
 
 Limits = Annotated[list[Value], Field(min_length=3, max_length=3)]

@@ -18,7 +18,7 @@ from .loop import Loop
 from .progress import Progress, shares
 from .quality import GAP_STEPS, Census, Finding, InspectionSample, assumed_gain, inspect, noise_sigma
 from .recording import Batch, Recording
-from .result import REASONS, Corrected, HalfPeriods, Result, Settings, Verdict
+from .result import REASONS, Corrected, HalfPeriods, Origin, Result, Settings, Verdict
 from .samples import recording_of
 from .trace import Band, Thinner, Trace
 from .windows import Windows
@@ -33,11 +33,15 @@ INSPECTED_ROWS = 500_000
 CHECKED_ROWS = 20_000
 """Rows from which given settings are checked."""
 
-KP_DEFAULT = 1.5
-"""Process gain [%/%] where none is known but both spans are (thesis 7.2.2)."""
+Known = tuple[Origin, str]
+"""Where a setting comes from, and the same in words."""
 
-KP_ASSUMED = f"not given, taken as {KP_DEFAULT} %/%"
-"""Note beside it."""
+_TRAVEL = {
+    "integral": "K/Ti·∫|e|dt (7.5)",
+    "derivative": "K/Ti·∫|e|dt with the derivative part (7.6)",
+    "op": "OP's own travel",
+}
+"""Where Δu is taken from."""
 
 NO_SP = "SP is not recorded, and half-periods are told by where PV crosses it: name its column (--sp, columns.sp)"
 """Why there is no estimate from crossings where the fit may have one."""
@@ -172,15 +176,15 @@ def analyze(
     ideal = loop.ideal()
     # Settings that are given need only be held against the recording, for which its beginning is enough.
     found = None if batch.op is None else _identified(batch if ideal is None else batch[slice(0, CHECKED_ROWS)], loop)
-    notes: dict[str, str] = {}
+    origins: dict[str, Known] = {}
     if ideal is None and found is not None and found.k and found.ti and (found.usable or trust):
         ideal = Ideal(
             found.k, found.ti, found.td or 0.0, 1.0 if found.setpoint_weight is None else found.setpoint_weight
         )
-        notes = dict.fromkeys(("k", "ti"), f"identified (R² {found.r2:.3f})")
-        notes["td"] = notes["k"] if found.td else "PI law identified"
-        notes["b"] = "no setpoint change to tell it by" if found.setpoint_weight is None else notes["k"]
-    run = _Run(recording, loop, sample.median_step, ideal, notes, _process_gain(loop))
+        told: Known = ("identified", f"identified (R² {found.r2:.3f})")
+        origins = {"k": told, "ti": told, "td": told if found.td else ("identified", "PI law identified")}
+        origins["b"] = ("assumed", "no setpoint change to tell it by") if found.setpoint_weight is None else told
+    run = _Run(recording, loop, sample.median_step, ideal, origins, _process_gain(loop))
     census = _glapp.Census(run.max_h, op_range(loop))
     fit = fit and batch.op is not None
     reading, fitting, again = shares(progress, 0.4, 0.4, 0.2) if fit else (progress, None, None)
@@ -198,30 +202,34 @@ def analyze(
         t0=recording.t0,
         known=recording.found,
     )
-    told = [batch] if windows is None else windows.best()
-    fitted = _fit(told, loop, ideal, quality, fitting) if fit else None
-    known = loop.process.type == "integrating" or run.notes["kp"] == "given"
+    fitted_batches = [batch] if windows is None else windows.best()
+    fitted = _fit(fitted_batches, loop, ideal, quality, fitting) if fit else None
+    known = loop.process.type == "integrating" or run.origins["kp"][0] == "given"
     if fitted is not None and not known and (gain := _fitted_gain(fitted)) is not None:
-        run = _Run(recording, loop, sample.median_step, ideal, notes, gain)
+        run = _Run(recording, loop, sample.median_step, ideal, origins, gain)
         run.all(again)
     return replace(run.result(quality, found, batch), fit=fitted)
 
 
-def _fitted_gain(fit: Fit) -> tuple[float, str] | None:
+def _fitted_gain(fit: Fit) -> tuple[float, Known] | None:
     """Kp where the fit found a lost motion and with it the gain of a process that does not integrate, to a third."""
     if not fit.found or fit.process is None or fit.process.integrating:
         return None
     kp, low, high = fit.process.kp
-    if not low * high > 0 or abs(high - low) > 2 * abs(kp) / 3:
+    if not _glapp.fitted_gain_serves(kp, low, high):
         return None
-    return kp, f"fitted from OP and PV ({low:.3g} to {high:.3g})"
+    return kp, ("fitted", f"fitted from OP and PV ({low:.3g} to {high:.3g})")
 
 
 def _fit(
     batches: list[Batch], loop: Loop, ideal: Ideal | None, quality: list[Finding], progress: Progress | None
 ) -> Fit:
     """The fit, told what is already known: the sign of the process, and what makes any answer wrong."""
-    refusals = [*_refusals(loop), *(f.text for f in quality if f.severity == "refuse" and f.code != "not_auto")]
+    refusal = _refusal(loop)
+    refusals = [
+        *([] if refusal is None else [refusal[1]]),
+        *(f.text for f in quality if f.severity == "refuse" and f.code != "not_auto"),
+    ]
     sinusoids = [f.text for f in quality if f.code == "sinusoidal"]
     return fit_batches(
         batches,
@@ -463,16 +471,17 @@ class _Run:
         loop: Loop,
         step: float,
         ideal: Ideal | None,
-        notes: dict[str, str],
-        gain: tuple[float | None, str],
+        origins: dict[str, Known],
+        gain: tuple[float | None, Known],
     ) -> None:
         self.recording = recording
         self.loop = loop
         self.ideal = ideal
         self.h = step
         self.max_h = GAP_STEPS * step
-        self.kp, kp_note = gain
-        self.notes = {**dict.fromkeys(("k", "ti", "td", "b"), "given"), **notes, "kp": kp_note}
+        self.kp, kp_known = gain
+        given: Known = ("given", "given")
+        self.origins = {**dict.fromkeys(("k", "ti", "td", "b"), given), **origins, "kp": kp_known}
         self.thinner = Thinner()
         self.op_known = self.position_known = False
         self.sp_known = "SP" in recording.columns
@@ -502,27 +511,22 @@ class _Run:
 
     def result(self, quality: list[Finding], found: Identification | None, beginning: Batch) -> Result:
         """Choose the filter time and say what was found; OP's noise is that of the recording's `beginning`."""
-        loop, ideal, notes = self.loop, self.ideal, self.notes
+        loop, ideal, origins = self.loop, self.ideal, dict(self.origins)
         chosen, detector = (None, None) if self.ladder is None else self.ladder.chosen()
         tf = None
         if self.ladder is not None and chosen is not None and detector is not None:
             times = self.ladder.filter_times
             tf = times[chosen]
-            notes["tf"] = "given" if loop.tf is not None else f"smallest of {len(times)} that serves"
-            notes["delta_u"] = {
-                "integral": "K/Ti·∫|e|dt (7.5)",
-                "derivative": "K/Ti·∫|e|dt with the derivative part (7.6)",
-                "op": "OP's own travel",
-            }[detector.travel_source(self.op_known)]
+            tried: Known = ("chosen", f"smallest of {len(times)} that serves")
+            origins["tf"] = ("given", "given") if loop.tf is not None else tried
+            origins["delta_u"] = ("chosen", _TRAVEL[detector.travel_source(self.op_known)])
         half_periods = _half_periods(detector, self.op_known)
-        if notes["kp"] == KP_ASSUMED and self.kp is not None:
+        if origins["kp"][0] == "assumed":
             quality = [*quality, *self._doubt(half_periods)]
         counts = dict(zip(REASONS, detector.reasons if detector is not None else [0] * len(REASONS), strict=True))
         detections = counts.pop("accepted")
-        floor = detector.noise_floor if detector is not None else None
-        value = detector.median_mean if detector is not None else None
-        verdict, reason = _verdict(self, quality, found, value, detections, counts, floor)
-        shown = value if verdict in ("estimate", "provisional") else None
+        verdict, reason = self._verdict(detector, quality, found, detections, counts)
+        shown = detector.median_mean if detector is not None and verdict in ("estimate", "provisional") else None
         d_hat = shown[0] if shown else None
         limits = op_range(loop)
         return Result(
@@ -536,7 +540,7 @@ class _Run:
             unit=loop.op_label,
             d_hat_percent_span=None if d_hat is None or limits is None else 100.0 * d_hat / (limits[1] - limits[0]),
             repeatability=(shown[1], shown[2]) if shown else None,
-            noise_floor=floor,
+            noise_floor=None if detector is None else detector.noise_floor,
             detections=detections,
             half_periods=half_periods,
             reasons={name: count for name, count in counts.items() if count},
@@ -549,7 +553,8 @@ class _Run:
                 kp=self.kp,
                 n=loop.n,
                 max_h=self.max_h,
-                notes=notes,
+                notes={name: note for name, (_, note) in origins.items()},
+                origins={name: origin for name, (origin, _) in origins.items()},
             ),
             quality=quality,
             identification=found,
@@ -557,9 +562,58 @@ class _Run:
             corrected=self._corrected(detector, d_hat, beginning.op) if detector is not None and detections else None,
         )
 
+    def _verdict(
+        self,
+        detector: _glapp.Detector | None,
+        quality: list[Finding],
+        found: Identification | None,
+        detections: int,
+        rejected: dict[str, int],
+    ) -> tuple[Verdict, str | None]:
+        """What may be said, and in words why not more."""
+        loop = self.loop
+        refusal = _refusal(loop)
+        findings = [(finding.code, finding.severity) for finding in quality]
+        place = None if refusal is None else refusal[0]
+        verdict, why = _glapp.verdict(place, self.sp_known, found is not None, findings, detector)
+        if why is None:
+            return verdict, None
+        match why:
+            case "primary" | "split_range" | "shared_valve", _:
+                assert refusal is not None
+                reason = refusal[1]
+            case "no_sp", _:
+                reason = NO_SP
+            case "finding", [i]:
+                reason = quality[int(i)].text
+            case "no_law", _:
+                what = "K and Ti are not given, and without an OP column they cannot be identified"
+                reason = f"{what}: name the column (--op, columns.op), or give the controller"
+            case "not_identified", _:
+                assert found is not None
+                reason = f"K and Ti are not given and could not be identified: {found.reason}"
+            case "nothing_accepted", _:
+                reason = _nothing_accepted(rejected)
+            case "disagree", [kept, count]:
+                reason = (
+                    f"the detections do not agree: {kept:.0f} of the last {count:.0f} lie within 20 % of their median"
+                )
+            case "gain_too_low", _:
+                assumed = self.origins["kp"][0] == "assumed"
+                what = "the assumed Kp of 1.5 %/% does not fit" if assumed else "Kp is set too low"
+                reason = f"Δy/Kp is larger than OP's travel: {what}, check kp and the span of PV"
+            case "noise", [d_hat, floor]:
+                unit = loop.op_label
+                reason = (
+                    f"the detections give {d_hat:.3g} {unit}, less than the {floor:.3g} {unit} that noise can feign"
+                )
+            case _:
+                reason = f"{detections} of the {loop.n} detections that an estimate needs"
+        return verdict, reason
+
     def _corrected(self, detector: _glapp.Detector, d_hat: float | None, op: Floats | None) -> Corrected:
         """The width with the bias of (2.4) taken out, or why there is none."""
-        kp = None if self.notes["kp"] == KP_ASSUMED else self.kp
+        kp = None if self.origins["kp"][0] == "assumed" else self.kp
         sigma = None if op is None or not self.op_known else noise_sigma(op)
         integrating = self.loop.process.type == "integrating"
         pairs, found, doubt = detector.corrected(kp, self.op_known, sigma, integrating)
@@ -616,62 +670,18 @@ class _Run:
         )
 
 
-def _verdict(
-    run: _Run,
-    quality: list[Finding],
-    found: Identification | None,
-    value: tuple[float, float, float, int, int] | None,
-    detections: int,
-    rejected: dict[str, int],
-    floor: float | None,
-) -> tuple[Verdict, str | None]:
-    """What may be said, and why not more."""
-    loop = run.loop
-    for refusal in _refusals(loop):
-        return "refused", refusal
-    if not run.sp_known:
-        return "refused", NO_SP
-    for finding in quality:
-        if finding.code == "not_auto" and finding.severity == "refuse":
-            return "no_estimate", finding.text  # the data is in order; the loop just did not control
-    for finding in quality:
-        if finding.severity == "refuse":
-            return "refused", finding.text
-    for finding in quality:
-        if finding.code == "sinusoidal":
-            return "no_estimate", finding.text
-    if run.ideal is None:
-        if found is None:
-            what = "K and Ti are not given, and without an OP column they cannot be identified"
-            return "refused", f"{what}: name the column (--op, columns.op), or give the controller"
-        return "refused", f"K and Ti are not given and could not be identified: {found.reason}"
-    if value is None:
-        return "no_estimate", _nothing_accepted(rejected)
-    d_hat, _, _, kept, count = value
-    if 3 * kept < count:
-        return "no_estimate", f"the detections do not agree: {kept} of the last {count} lie within 20 % of their median"
-    if d_hat <= 0:
-        assumed = run.notes["kp"] == KP_ASSUMED
-        what = "the assumed Kp of 1.5 %/% does not fit" if assumed else "Kp is set too low"
-        return "no_estimate", f"Δy/Kp is larger than OP's travel: {what}, check kp and the span of PV"
-    if floor is not None and d_hat < floor:
-        unit = loop.op_label
-        text = f"the detections give {d_hat:.3g} {unit}, less than the {floor:.3g} {unit} that noise can feign"
-        return "no_estimate", text
-    if detections < loop.n:
-        return "provisional", f"{detections} of the {loop.n} detections that an estimate needs"
-    return "estimate", None
-
-
-def _refusals(loop: Loop) -> Iterator[str]:
-    """Places of the detector where its estimate would be wrong (thesis 8.3.2)."""
+def _refusal(loop: Loop) -> tuple[str, str] | None:
+    """A place of the detector where its estimate would be wrong (thesis 8.3.2), by its name and in words."""
     if loop.cascade is not None and loop.cascade.role == "primary":
         partner = loop.cascade.partner or "the secondary loop"
-        yield f"primary loop of a cascade: its OP is a setpoint, not a valve signal; analyse {partner} instead"
+        what = f"primary loop of a cascade: its OP is a setpoint, not a valve signal; analyse {partner} instead"
+        return "primary", what
     if loop.split_range:
-        yield "split range: OP works on several valves, and a width of OP belongs to none of them"
+        return "split_range", "split range: OP works on several valves, and a width of OP belongs to none of them"
     if loop.shared_valve_with is not None:
-        yield f"the valve is shared with {loop.shared_valve_with}: this OP is not what moves it all the time"
+        what = f"the valve is shared with {loop.shared_valve_with}: this OP is not what moves it all the time"
+        return "shared_valve", what
+    return None
 
 
 def _nothing_accepted(rejected: dict[str, int]) -> str:
@@ -693,16 +703,18 @@ def _given_setpoint_weight(loop: Loop) -> float | None:
     return controller.setpoint_weight
 
 
-def _process_gain(loop: Loop) -> tuple[float | None, str]:
+def _process_gain(loop: Loop) -> tuple[float | None, Known]:
     """Kp [PV unit/OP unit] and where it comes from."""
-    if loop.process.type == "integrating":
-        return None, "integrating process: no static gain, its term is dropped"
-    if (kp := loop.kp()) is not None:
-        return kp, "given"
+    spans = None
     if loop.pv_span is not None and loop.op_span is not None:
-        ratio = (loop.pv_span[1] - loop.pv_span[0]) / (loop.op_span[1] - loop.op_span[0])
-        return KP_DEFAULT * ratio, KP_ASSUMED
-    return None, "not known: its term is dropped, the estimate is high by Δy/Kp"
+        spans = (loop.pv_span[1] - loop.pv_span[0], loop.op_span[1] - loop.op_span[0])
+    integrating = loop.process.type == "integrating"
+    kp, origin = _glapp.process_gain(loop.kp(), spans, integrating)
+    dropped = "not known: its term is dropped, the estimate is high by Δy/Kp"
+    if integrating:
+        dropped = "integrating process: no static gain, its term is dropped"
+    note = {"given": "given", "assumed": f"not given, taken as {_glapp.KP_DEFAULT} %/%", "unknown": dropped}[origin]
+    return kp, (origin, note)
 
 
 def _detector_settings(loop: Loop, ideal: Ideal, kp: float | None, h: float) -> dict[str, Any]:

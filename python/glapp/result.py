@@ -21,12 +21,13 @@ if TYPE_CHECKING:
     import pandas as pd
     import plotly.graph_objects as go
 
-__all__ = ["REASONS", "Corrected", "HalfPeriods", "Result", "Settings", "Verdict"]
+__all__ = ["REASONS", "Corrected", "HalfPeriods", "Origin", "Result", "Settings", "Verdict"]
 
 REASONS = tuple(_glapp.reasons())
 """Names of the codes in `HalfPeriods.reason`; the bit of a reason in `HalfPeriods.mask` is its code − 1."""
 
 Verdict = Literal["estimate", "provisional", "no_estimate", "refused"]
+Origin = Literal["given", "identified", "fitted", "assumed", "chosen", "unknown"]
 Floats = NDArray[np.float64]
 
 
@@ -140,6 +141,9 @@ class Settings:
         A longer step is a gap [s].
     notes : dict
         Where each of them comes from, in words.
+    origins : dict
+        The same as one of *given*, *identified* (from OP's moves), *fitted* (with the gap), *assumed* (the usual
+        value), *chosen* (of those tried), *unknown* (its term is left out).
     """
 
     k: float | None
@@ -151,6 +155,7 @@ class Settings:
     n: int
     max_h: float | None
     notes: dict[str, str]
+    origins: dict[str, Origin]
 
 
 @dataclass(frozen=True, slots=True)
@@ -288,7 +293,7 @@ class Result:
             detections=0,
             half_periods=HalfPeriods.empty(),
             reasons={},
-            settings=Settings(None, None, None, None, None, None, loop.n, None, {}),
+            settings=Settings(None, None, None, None, None, None, loop.n, None, {}, {}),
         )
 
     def __repr__(self) -> str:
@@ -335,6 +340,7 @@ class Result:
                 "n": s.n,
                 "as_written": given.as_written() if given is not None else None,
                 "notes": s.notes,
+                "origins": s.origins,
             }
         return {
             "loop": self.name,

@@ -4,6 +4,8 @@
 //! Bounds are what the blocks themselves say when they refuse a value, defaults what the settings' own constructors give for
 //! the controller in `defaults_for`.
 
+use glapp_analysis::Origin;
+use glapp_analysis::crossings::Verdict;
 use glapp_analysis::quality::Fault;
 use glapp_core::auto_tuner::{Phase, Stop};
 use glapp_core::modules::{Mode, Pid, PidSettings};
@@ -37,6 +39,8 @@ pub fn text() -> String {
         "modes": numbered(Mode::ALL.iter().map(|m| (m.name(), *m as u64))),
         "phases": numbered(Phase::ALL.iter().map(|p| (p.name(), *p as u64))),
         "stops": numbered(Stop::ALL.iter().map(|s| (s.name(), *s as u64))),
+        "verdicts": Verdict::ALL.map(Verdict::name),
+        "origins": Origin::ALL.map(Origin::name),
         "findings": Fault::ALL.iter().map(|fault| finding(*fault)).collect::<Vec<_>>(),
         "defaults_for": { "k": K, "ti": TI, "td": TD, "h": H, "size": SIZE, "share": SHARE },
         "settings": {

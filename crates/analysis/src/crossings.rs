@@ -4,7 +4,9 @@
 mod corrected;
 mod ladder;
 mod table;
+mod verdict;
 
 pub use corrected::{Beside, NotCorrected, Travel};
 pub use ladder::{LADDER, Ladder};
 pub use table::{Crossings, Row, SHORT_KEPT, SavedError};
+pub use verdict::{Known, Place, Verdict, Why, judge};

@@ -4,15 +4,18 @@
 //! whatever else shows an answer, puts them into words.
 //!
 //! [`Census`] counts what all rows hold, [`quality`] judges a recording by it and by its first rows, and what a single
-//! signal is like, its steps, its noise, where it stands still, stands beside them.
+//! signal is like, its steps, its noise, where it stands still, stands beside them. [`crossings`] has the widths from zero
+//! crossings over a whole recording, and what they allow to be said.
 
 mod census;
-mod crossings;
+pub mod crossings;
 mod inspected;
+mod origin;
 pub mod quality;
 mod signals;
 
 pub use census::{Census, Counter, Occurrences, Values};
-pub use crossings::{Beside, Crossings, LADDER, Ladder, NotCorrected, Row, SHORT_KEPT, SavedError, Travel};
+pub use crossings::{Crossings, Ladder};
 pub use inspected::Inspected;
+pub use origin::{KP_DEFAULT, Origin, fitted_gain_serves, process_gain};
 pub use signals::{FROZEN_STEPS, SORTED_ROWS, frozen_steps, in_runs, median, noise_sigma, quantile, resolution};

@@ -1,7 +1,9 @@
 //! The detector: samples in, half-periods and the estimate out.
 
 use crate::refused;
-use glapp_analysis::{Beside, Crossings, Ladder, NotCorrected, Row, Travel};
+use glapp_analysis::crossings::{Beside, Known, NotCorrected, Place, Row, Travel, Why, judge};
+use glapp_analysis::quality::{Fault, Severity};
+use glapp_analysis::{Crossings, Ladder};
 use glapp_core::{Corrected, DetectorSettings, Doubt, Estimate, Reason, TravelSource};
 use numpy::{PyArray1, PyReadonlyArray1};
 use pyo3::exceptions::PyValueError;
@@ -13,7 +15,9 @@ use crate::columns::with_columns;
 
 type EstimateParts = (f64, f64, f64, u8, u8);
 type CorrectedParts = (f64, f64, f64, f64, Option<(f64, f64)>);
-type CorrectedFace = (usize, Option<CorrectedParts>, Option<(&'static str, Vec<f64>)>);
+/// A name and its numbers.
+type Named = (&'static str, Vec<f64>);
+type CorrectedFace = (usize, Option<CorrectedParts>, Option<Named>);
 
 /// Settings of a detector as Python has them, in a dict; what is not there has its default.
 pub struct Settings(pub DetectorSettings<f64>);
@@ -73,6 +77,62 @@ fn parts(e: Estimate<f64>) -> EstimateParts {
 #[pyfunction]
 pub fn reasons() -> Vec<&'static str> {
     Reason::ALL.iter().map(|reason| reason.name()).collect()
+}
+
+/// What may be said, and why not more: (name, its numbers). `place`: "primary", "split_range", "shared_valve" or None;
+/// `findings`: (code, severity), gravest first; without a detector K and Ti are not known.
+#[pyfunction]
+pub fn verdict(
+    place: Option<&str>,
+    sp: bool,
+    op: bool,
+    findings: Vec<(String, String)>,
+    detector: Option<&PyDetector>,
+) -> PyResult<(&'static str, Option<Named>)> {
+    let place = match place {
+        None => None,
+        Some("primary") => Some(Place::Primary),
+        Some("split_range") => Some(Place::SplitRange),
+        Some("shared_valve") => Some(Place::SharedValve),
+        Some(other) => return Err(PyValueError::new_err(format!("place = {other}: there is no such place"))),
+    };
+    let findings = findings.iter().map(|(code, severity)| {
+        let fault = Fault::ALL.iter().find(|fault| fault.name() == code);
+        let known = [Severity::Info, Severity::Warning, Severity::Refuse];
+        let severity = known.into_iter().find(|one| one.name() == severity);
+        fault.copied().zip(severity).ok_or_else(|| PyValueError::new_err(format!("{code}: there is no such finding")))
+    });
+    let findings: Vec<_> = findings.collect::<PyResult<_>>()?;
+    let known = Known { place, sp, op, findings: &findings };
+    let (verdict, why) = judge(&known, detector.map(|detector| &detector.crossings));
+    let why = why.map(|why| match why {
+        Why::Place(Place::Primary) => ("primary", vec![]),
+        Why::Place(Place::SplitRange) => ("split_range", vec![]),
+        Why::Place(Place::SharedValve) => ("shared_valve", vec![]),
+        Why::NoSp => ("no_sp", vec![]),
+        Why::Finding(i) => ("finding", vec![i as f64]),
+        Why::NoLaw => ("no_law", vec![]),
+        Why::NotIdentified => ("not_identified", vec![]),
+        Why::NothingAccepted => ("nothing_accepted", vec![]),
+        Why::Disagree { kept, count } => ("disagree", vec![kept.into(), count.into()]),
+        Why::GainTooLow => ("gain_too_low", vec![]),
+        Why::Noise { d, floor } => ("noise", vec![d, floor]),
+        Why::Few => ("few", vec![]),
+    });
+    Ok((verdict.name(), why))
+}
+
+/// Kp [PV unit/OP unit], and where it comes from; `spans` are the widths of those of PV and OP.
+#[pyfunction]
+pub fn process_gain(given: Option<f64>, spans: Option<(f64, f64)>, integrating: bool) -> (Option<f64>, &'static str) {
+    let (kp, origin) = glapp_analysis::process_gain(given, spans, integrating);
+    (kp, origin.name())
+}
+
+/// Whether a fitted gain, with its interval, may stand for one that is not known.
+#[pyfunction]
+pub fn fitted_gain_serves(kp: f64, low: f64, high: f64) -> bool {
+    glapp_analysis::fitted_gain_serves(kp, low, high)
 }
 
 /// The shortest filter of PV that serves (2.1) [s], for Ti and Td [s].
@@ -261,7 +321,7 @@ impl PyDetector {
     }
 }
 
-fn doubt(why: NotCorrected) -> (&'static str, Vec<f64>) {
+fn doubt(why: NotCorrected) -> Named {
     match why {
         NotCorrected::Doubt(Doubt::TooFew) => ("too_few", vec![]),
         NotCorrected::Doubt(Doubt::Alike) => ("alike", vec![]),

@@ -42,11 +42,15 @@ mod _glapp {
     #[pymodule_export]
     use crate::compensation::{Compensation, OverCompensation, standings};
     #[pymodule_export]
-    use crate::detector::{PyDetector, PyHalfPeriod, PyLadder, filter_time, reasons};
+    use crate::detector::{
+        PyDetector, PyHalfPeriod, PyLadder, filter_time, fitted_gain_serves, process_gain, reasons, verdict,
+    };
     #[pymodule_export]
     const DETECTIONS: u32 = glapp_core::DETECTIONS;
     #[pymodule_export]
     const GAP_STEPS: f64 = glapp_core::GAP_STEPS;
+    #[pymodule_export]
+    const KP_DEFAULT: f64 = glapp_analysis::KP_DEFAULT;
     #[pymodule_export]
     use crate::fit::{fit, fit_combine, fit_window};
     #[pymodule_export]

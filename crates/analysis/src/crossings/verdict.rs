@@ -1,0 +1,178 @@
+//! What zero crossings allow to be said of a loop, and why not more.
+
+use super::Crossings;
+use crate::quality::{Fault, Severity};
+
+/// What may be said.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// N detections or more stand behind a width.
+    Estimate,
+    /// Fewer do.
+    Provisional,
+    /// There is no width.
+    NoEstimate,
+    /// Data or settings allow none.
+    Refused,
+}
+
+impl Verdict {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Estimate, Self::Provisional, Self::NoEstimate, Self::Refused];
+
+    /// The name used in every face of glapp.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Estimate => "estimate",
+            Self::Provisional => "provisional",
+            Self::NoEstimate => "no_estimate",
+            Self::Refused => "refused",
+        }
+    }
+}
+
+/// A place of the detector where its estimate would be wrong (thesis 8.3.2).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// Primary loop of a cascade: its OP is a setpoint, not a valve signal.
+    Primary,
+    /// OP works on several valves.
+    SplitRange,
+    /// Another loop moves the same valve.
+    SharedValve,
+}
+
+/// Why no more can be said.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Why {
+    /// Where the detector stands.
+    Place(Place),
+    /// SP is not recorded.
+    NoSp,
+    /// What the finding of this place in the list says.
+    Finding(usize),
+    /// K and Ti are not given, and OP is not recorded.
+    NoLaw,
+    /// K and Ti are not given, and OP does not tell them.
+    NotIdentified,
+    /// No half-period was accepted.
+    NothingAccepted,
+    /// The detections do not agree: so many of the last lie within 20 % of their median.
+    Disagree {
+        /// That lie there.
+        kept: u8,
+        /// The last ones.
+        count: u8,
+    },
+    /// Δy/Kp is larger than OP's travel.
+    GainTooLow,
+    /// Noise can feign what the detections say.
+    Noise {
+        /// What they say [OP unit].
+        d: f64,
+        /// What noise can feign [OP unit].
+        floor: f64,
+    },
+    /// Fewer detections than the N of the settings.
+    Few,
+}
+
+/// What is known of a loop before its crossings are judged.
+#[derive(Clone, Copy, Debug)]
+pub struct Known<'a> {
+    /// A place where no estimate can be right.
+    pub place: Option<Place>,
+    /// Whether SP is recorded.
+    pub sp: bool,
+    /// Whether OP is recorded.
+    pub op: bool,
+    /// What was found wrong with the recording, gravest first.
+    pub findings: &'a [(Fault, Severity)],
+}
+
+/// What may be said by `crossings`, none where K and Ti are not known; and why not more.
+pub fn judge(known: &Known<'_>, crossings: Option<&Crossings>) -> (Verdict, Option<Why>) {
+    use Verdict::{Estimate, NoEstimate, Provisional, Refused};
+    let Known { place, sp, op, findings } = *known;
+    let find = |wanted: &dyn Fn(Fault, Severity) -> bool| findings.iter().position(|found| wanted(found.0, found.1));
+    if let Some(place) = place {
+        return (Refused, Some(Why::Place(place)));
+    }
+    if !sp {
+        return (Refused, Some(Why::NoSp));
+    }
+    // The data is in order then; the loop just did not control.
+    if let Some(i) = find(&|fault, severity| fault == Fault::NotAuto && severity == Severity::Refuse) {
+        return (NoEstimate, Some(Why::Finding(i)));
+    }
+    if let Some(i) = find(&|_, severity| severity == Severity::Refuse) {
+        return (Refused, Some(Why::Finding(i)));
+    }
+    if let Some(i) = find(&|fault, _| fault == Fault::Sinusoidal) {
+        return (NoEstimate, Some(Why::Finding(i)));
+    }
+    let Some(crossings) = crossings else {
+        return (Refused, Some(if op { Why::NotIdentified } else { Why::NoLaw }));
+    };
+    let Some(estimate) = crossings.state().estimate() else {
+        return (NoEstimate, Some(Why::NothingAccepted));
+    };
+    let (d, kept, count) = (estimate.value, estimate.kept, estimate.count);
+    if 3 * u32::from(kept) < count.into() {
+        return (NoEstimate, Some(Why::Disagree { kept, count }));
+    }
+    if d <= 0.0 {
+        return (NoEstimate, Some(Why::GainTooLow));
+    }
+    match crossings.state().noise_floor() {
+        Some(floor) if d < floor => (NoEstimate, Some(Why::Noise { d, floor })),
+        _ if crossings.accepted() < crossings.settings().n.into() => (Provisional, Some(Why::Few)),
+        _ => (Estimate, None),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glapp_core::{Columns, DetectorSettings};
+
+    /// A square wave of ±1 for so many half-periods of 100 s: each reads 0.5/10·100 − 1/Kp.
+    fn crossings(halves: usize, kp: f64) -> Crossings {
+        let settings = DetectorSettings { n: 3, tf: 0.001, kp: Some(kp), ..DetectorSettings::new(0.5, 10.0, 0.0, 1.0) };
+        let mut crossings = Crossings::new(settings).unwrap();
+        let t: Vec<f64> = (0..100 * (halves + 2)).map(|k| k as f64).collect();
+        let pv: Vec<f64> = (0..t.len()).map(|k| if (k / 100).is_multiple_of(2) { -1.0 } else { 1.0 }).collect();
+        crossings.take(Columns { t: &t, sp: &vec![0.0; t.len()], pv: &pv, op: None, flags: None });
+        crossings
+    }
+
+    const HEALTHY: Known<'static> = Known { place: None, sp: true, op: true, findings: &[] };
+
+    #[test]
+    fn what_is_wrong_with_the_loop_comes_before_what_its_crossings_say() {
+        let good = crossings(6, 2.0);
+        assert_eq!(judge(&HEALTHY, Some(&good)), (Verdict::Estimate, None));
+        let wrong = [
+            (Fault::Sinusoidal, Severity::Warning),
+            (Fault::OpConstant, Severity::Refuse),
+            (Fault::NotAuto, Severity::Refuse),
+        ];
+        let known = |findings| Known { findings, ..HEALTHY };
+        assert_eq!(judge(&known(&wrong[..1]), Some(&good)), (Verdict::NoEstimate, Some(Why::Finding(0))));
+        assert_eq!(judge(&known(&wrong[..2]), Some(&good)), (Verdict::Refused, Some(Why::Finding(1))));
+        assert_eq!(judge(&known(&wrong), Some(&good)), (Verdict::NoEstimate, Some(Why::Finding(2))));
+        let blind = Known { sp: false, ..known(&wrong) };
+        assert_eq!(judge(&blind, Some(&good)), (Verdict::Refused, Some(Why::NoSp)));
+        let primary = Known { place: Some(Place::Primary), ..blind };
+        assert_eq!(judge(&primary, Some(&good)), (Verdict::Refused, Some(Why::Place(Place::Primary))));
+    }
+
+    #[test]
+    fn what_the_crossings_say_is_weighed() {
+        assert_eq!(judge(&HEALTHY, None), (Verdict::Refused, Some(Why::NotIdentified)));
+        assert_eq!(judge(&Known { op: false, ..HEALTHY }, None), (Verdict::Refused, Some(Why::NoLaw)));
+        assert_eq!(judge(&HEALTHY, Some(&crossings(0, 2.0))), (Verdict::NoEstimate, Some(Why::NothingAccepted)));
+        assert_eq!(judge(&HEALTHY, Some(&crossings(2, 2.0))), (Verdict::Provisional, Some(Why::Few)));
+        assert_eq!(judge(&HEALTHY, Some(&crossings(6, 0.1))), (Verdict::NoEstimate, Some(Why::GainTooLow)));
+    }
+}

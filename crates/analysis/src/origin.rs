@@ -1,0 +1,75 @@
+//! Where a setting comes from.
+
+/// Process gain [%/%] where none is known but both spans are (thesis 7.2.2).
+pub const KP_DEFAULT: f64 = 1.5;
+
+/// Where the value of a setting comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Origin {
+    /// A person or a file gave it.
+    Given,
+    /// It was read out of OP's moves.
+    Identified,
+    /// It was fitted to OP and PV together with the gap.
+    Fitted,
+    /// Nothing tells it: the usual value stands for it.
+    Assumed,
+    /// Of those tried it is the one that serves.
+    Chosen,
+    /// It is not known, and what it stands in is left out.
+    Unknown,
+}
+
+impl Origin {
+    /// All of them.
+    pub const ALL: [Self; 6] =
+        [Self::Given, Self::Identified, Self::Fitted, Self::Assumed, Self::Chosen, Self::Unknown];
+
+    /// The name used in every face of glapp.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Given => "given",
+            Self::Identified => "identified",
+            Self::Fitted => "fitted",
+            Self::Assumed => "assumed",
+            Self::Chosen => "chosen",
+            Self::Unknown => "unknown",
+        }
+    }
+}
+
+/// The process gain Kp [PV unit/OP unit] that a width is worked out with: the one `given`, else [`KP_DEFAULT`] where the
+/// `spans` of PV and OP are known. An integrating process has none.
+///
+/// ```
+/// use glapp_analysis::{Origin, process_gain};
+/// assert_eq!(process_gain(None, Some((40.0, 100.0)), false), (Some(0.6), Origin::Assumed));
+/// assert_eq!(process_gain(None, Some((40.0, 100.0)), true), (None, Origin::Unknown));
+/// assert_eq!(process_gain(Some(2.0), None, false), (Some(2.0), Origin::Given));
+/// ```
+pub fn process_gain(given: Option<f64>, spans: Option<(f64, f64)>, integrating: bool) -> (Option<f64>, Origin) {
+    match (given, spans) {
+        _ if integrating => (None, Origin::Unknown),
+        (Some(kp), _) => (Some(kp), Origin::Given),
+        (None, Some((pv, op))) => (Some(KP_DEFAULT * (pv / op)), Origin::Assumed),
+        (None, None) => (None, Origin::Unknown),
+    }
+}
+
+/// Whether a gain that was fitted may stand for one that is not known: its interval has one sign, and is at most two thirds
+/// of it wide.
+pub fn fitted_gain_serves(kp: f64, low: f64, high: f64) -> bool {
+    low * high > 0.0 && (high - low).abs() <= 2.0 * kp.abs() / 3.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_fitted_gain_must_be_known_to_a_third() {
+        assert!(fitted_gain_serves(-3.0, -4.0, -2.0));
+        assert!(!fitted_gain_serves(3.0, 2.0, 4.1));
+        assert!(!fitted_gain_serves(0.1, -0.1, 0.1) && !fitted_gain_serves(f64::NAN, f64::NAN, 1.0));
+    }
+}

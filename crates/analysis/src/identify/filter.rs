@@ -25,24 +25,36 @@ impl Filter {
     }
 }
 
-/// Passes x through one lag: yf += (x − yf) h/(Tf + h) once a sample, or that of a signal straight between samples.
-pub(super) fn lagged(x: &[f64], tf: f64, h: f64, scans: bool) -> Vec<f64> {
-    let (a, now, before) = if scans {
-        (tf / (tf + h), h / (tf + h), 0.0)
-    } else {
-        let a = (-h / tf).exp();
-        let mean = tf / h * (1.0 - a);
-        (a, 1.0 - mean, mean - a)
-    };
-    let Some(&first) = x.first() else { return Vec::new() };
-    let (mut last, mut y) = (first, first);
-    x.iter()
-        .map(|&x| {
-            y = a * y + (now * x + before * last);
-            last = x;
-            y
-        })
-        .collect()
+/// One lag: yf += (x − yf) h/(Tf + h) once a sample, or that of a signal straight between samples.
+#[derive(Clone, Copy)]
+pub(super) struct Lag {
+    a: f64,
+    now: f64,
+    before: f64,
+    x: f64,
+    /// What comes out.
+    pub y: f64,
+}
+
+impl Lag {
+    /// At rest at x.
+    pub fn new(x: f64, tf: f64, h: f64, scans: bool) -> Self {
+        let (a, now, before) = if scans {
+            (tf / (tf + h), h / (tf + h), 0.0)
+        } else {
+            let a = (-h / tf).exp();
+            let mean = tf / h * (1.0 - a);
+            (a, 1.0 - mean, mean - a)
+        };
+        Self { a, now, before, x, y: x }
+    }
+
+    /// A sample later.
+    pub fn update(&mut self, x: f64) -> f64 {
+        self.y = self.a * self.y + (self.now * x + self.before * self.x);
+        self.x = x;
+        self.y
+    }
 }
 
 #[cfg(test)]
@@ -53,27 +65,29 @@ mod tests {
     fn once_a_sample_it_is_the_filter_of_the_controller() {
         let x: Vec<f64> = (0..200).map(|k| (f64::from(k) / 7.0).sin()).collect();
         let mut yf = x[0];
-        for (x, y) in x.iter().zip(lagged(&x, 3.0, 0.5, true)) {
+        let mut lag = Lag::new(x[0], 3.0, 0.5, true);
+        for x in x {
             yf += (x - yf) * 0.5 / 3.5;
-            assert!((y - yf).abs() < 1e-14);
+            assert!((lag.update(x) - yf).abs() < 1e-14);
         }
     }
 
     #[test]
     fn between_the_samples_a_ramp_comes_out_late_by_the_time_constant() {
         let (tf, h) = (3.0, 0.5);
-        let x: Vec<f64> = (0..400).map(|k| f64::from(k) * h).collect();
-        let y = lagged(&x, tf, h, false);
-        for (k, y) in y.iter().enumerate() {
-            let t = k as f64 * h;
+        let mut lag = Lag::new(0.0, tf, h, false);
+        for k in 0..400 {
+            let t = f64::from(k) * h;
             let exact = t - tf + tf * (-t / tf).exp();
-            assert!((y - exact).abs() < 1e-12, "{t} {y} {exact}");
+            assert!((lag.update(t) - exact).abs() < 1e-12, "{t} {} {exact}", lag.y);
         }
     }
 
     #[test]
-    fn a_constant_stays_and_nothing_gives_nothing() {
-        assert!(lagged(&[4.0; 50], 2.0, 1.0, false).iter().all(|y| (y - 4.0).abs() < 1e-14));
-        assert!(lagged(&[], 2.0, 1.0, true).is_empty());
+    fn a_constant_stays() {
+        for scans in [true, false] {
+            let mut lag = Lag::new(4.0, 2.0, 1.0, scans);
+            assert!((0..50).all(|_| (lag.update(4.0) - 4.0).abs() < 1e-14));
+        }
     }
 }

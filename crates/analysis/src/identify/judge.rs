@@ -139,7 +139,11 @@ fn answer(found: &[Found], lag: isize, h: f64, samples: usize, given_b: Option<f
             span = span.hull(one.span);
         }
     }
-    let surest = found.iter().min_by(|a, b| weight_width(a).total_cmp(&weight_width(b))).unwrap_or(best);
+    // Where K is not told, as where a coarse OP rests through most short means, b is the ratio of two roundings.
+    let surer = |a: &&Found, b: &&Found| {
+        a.width.is_infinite().cmp(&b.width.is_infinite()).then(weight_width(a).total_cmp(&weight_width(b)))
+    };
+    let surest = found.iter().min_by(surer).unwrap_or(best);
     let weight = (weight_width(surest) < WEIGHT_WIDTH).then(|| Weight {
         fitted: surest.law.beta[surest.law.beta.len() - 1] / surest.law.k(),
         interval: surest.span.b,

@@ -1,6 +1,6 @@
 //! P, I and D part of a controller with gains of 1, and how they move from mean to mean.
 
-use super::filter::{Filter, lagged};
+use super::filter::{Filter, Lag};
 use super::rows::Rows;
 
 /// Moves of P, I and D part.
@@ -29,6 +29,8 @@ pub(super) struct Signals<'a> {
     pub sp_moves: bool,
     /// Largest |SP|.
     pub sp_size: f64,
+    /// About the means of the parts, taken off before they are summed up so that few digits are lost.
+    offset: [f64; 3],
 }
 
 impl<'a> Signals<'a> {
@@ -47,59 +49,64 @@ impl<'a> Signals<'a> {
         let dt = t.windows(2).zip(&rows.step).map(|(t, step)| if *step { t[1] - t[0] } else { 0.0 }).collect();
         let sp_moves = b.is_none() && super::rows::moves(sp, &step);
         let sp_size = sp.iter().fold(0.0, |most: f64, sp| most.max(sp.abs()));
-        Self { rows, h, lag, b, dt, good, op: sums(&read), setpoint: sums(sp), sp_moves, sp_size }
+        let (op, setpoint) = (sums(&read), sums(sp));
+        let mut signals = Self { rows, h, lag, b, dt, good, op, setpoint, sp_moves, sp_size, offset: [0.0; 3] };
+        let total = signals.parts(&Filter::none(true))[n];
+        signals.offset = total.map(|total| total / n as f64);
+        signals
     }
 
-    /// PV behind the filter's lags, and before the last of them.
-    fn behind(&self, filter: &Filter) -> (Vec<f64>, Vec<f64>) {
-        let (mut before, mut y) = (Vec::new(), self.rows.pv.clone());
-        for _ in 0..filter.order {
-            before = y;
-            y = lagged(&before, filter.tf, self.h, filter.scans);
-        }
-        (before, y)
+    /// PV before the last of the filter's lags and behind it, row by row.
+    fn behind(&self, filter: &Filter) -> impl Iterator<Item = (f64, f64)> {
+        let pv = &self.rows.pv;
+        let lag = pv.first().map(|pv| Lag::new(*pv, filter.tf, self.h, filter.scans));
+        let mut lags = [lag.filter(|_| filter.order > 0), lag.filter(|_| filter.order > 1)];
+        pv.iter().map(move |&pv| {
+            let (mut before, mut y) = (pv, pv);
+            for lag in lags.iter_mut().flatten() {
+                before = y;
+                y = lag.update(y);
+            }
+            (before, y)
+        })
     }
 
     /// The three parts behind a filter.
     pub fn parts(&self, filter: &Filter) -> Sums {
-        let (sp, h) = (&self.rows.sp, self.h);
-        let (before, y) = self.behind(filter);
-        let slope = |y: &[f64], k: usize| if k > 0 { (y[k] - y[k - 1]) / h } else { 0.0 };
-        let smooth = if filter.tfd > 0.0 { lagged(&y, filter.tfd, h, filter.scans) } else { Vec::new() };
-        let slope = |k: usize| match filter {
-            Filter { scans: true, tfd, .. } if *tfd > 0.0 => slope(&smooth, k),
-            Filter { scans: false, tfd, .. } if *tfd > 0.0 => (y[k] - smooth[k]) / tfd,
-            Filter { scans: false, order: 1.., tf, .. } => (before[k] - y[k]) / tf,
-            _ => slope(&y, k),
-        };
-        let (mut area, mut last) = (0.0, 0.0);
-        let part = |k: usize| {
-            let e = sp[k] - y[k];
-            if k > 0 {
-                area += if filter.scans { e } else { 0.5 * (e + last) } * self.dt[k - 1];
-            }
-            last = e;
-            [self.b.map_or(-y[k], |b| -(y[k] - b * sp[k])), area, -slope(k)]
-        };
-        let parts: Vec<[f64; 3]> = (0..y.len()).map(part).collect();
-        let mut total = [0.0; 3];
-        for part in &parts {
-            add(&mut total, part);
-        }
-        let mean = total.map(|total| total / parts.len() as f64);
+        let (Rows { sp, pv, .. }, h) = (self.rows, self.h);
+        let first = pv.first().copied().unwrap_or(0.0);
+        let mut smooth = (filter.tfd > 0.0).then(|| Lag::new(first, filter.tfd, h, filter.scans));
+        let (mut last_y, mut last_e, mut area) = (first, 0.0, 0.0);
         let mut sum = [0.0; 3];
-        let mut sums = Vec::with_capacity(parts.len() + 1);
+        let mut sums = Vec::with_capacity(pv.len() + 1);
         sums.push(sum);
-        for part in &parts {
-            add(&mut sum, &[part[0] - mean[0], part[1] - mean[1], part[2] - mean[2]]);
+        for (k, (before, y)) in self.behind(filter).enumerate() {
+            let e = sp[k] - y;
+            if k > 0 {
+                area += if filter.scans { e } else { 0.5 * (e + last_e) } * self.dt[k - 1];
+            }
+            let slope = match &mut smooth {
+                Some(smooth) if filter.scans => {
+                    let last = smooth.y;
+                    (smooth.update(y) - last) / h
+                }
+                Some(smooth) => (y - smooth.update(y)) / filter.tfd,
+                None if filter.order > 0 && !filter.scans => (before - y) / filter.tf,
+                None => (y - last_y) / h,
+            };
+            let proportional = self.b.map_or(-y, |b| b * sp[k] - y);
+            for (sum, (part, offset)) in sum.iter_mut().zip([proportional, area, -slope].iter().zip(&self.offset)) {
+                *sum += part - offset;
+            }
             sums.push(sum);
+            (last_y, last_e) = (y, e);
         }
         sums
     }
 
     /// Variance of the noise behind a filter that the second differences of PV allow.
     pub fn noise(&self, filter: &Filter) -> f64 {
-        let (_, y) = self.behind(filter);
+        let y: Vec<f64> = self.behind(filter).map(|(_, y)| y).collect();
         let known = self.rows.step.windows(2).map(|step| step[0] && step[1]);
         let (mut squares, mut count) = (0.0, 0.0);
         for (y, _) in y.windows(3).zip(known).filter(|(_, known)| *known) {
@@ -108,12 +115,6 @@ impl<'a> Signals<'a> {
             count += 1.0;
         }
         if count > 0.0 { squares / count / 6.0 } else { 0.0 }
-    }
-}
-
-fn add(sum: &mut [f64; 3], x: &[f64; 3]) {
-    for (sum, x) in sum.iter_mut().zip(x) {
-        *sum += x;
     }
 }
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from bench.identify import record
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -288,6 +289,15 @@ def test_setpoint_weight_is_told_only_where_sp_moves() -> None:
     assert identified(*moving, setpoint_weight=0.3).k == pytest.approx(1, rel=1e-6)
     assert identified(*moving, setpoint_weight=0.3).setpoint_weight == 0.3
     assert not identified(*moving, setpoint_weight=1.0).r2 > 0.999
+
+
+@pytest.mark.slow
+def test_setpoint_weight_is_not_read_off_means_that_do_not_tell_k() -> None:
+    """It was 0.04, from means of 4 samples, most of which OP rests through; longer ones say 0.45 to 1.32."""
+    made = record("PID/OP rounded/37")
+    assert made is not None
+    found = identified(made.t, made.sp, made.pv, made.op)
+    assert found.usable and found.setpoint_weight is None
 
 
 @pytest.mark.slow

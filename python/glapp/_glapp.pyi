@@ -423,7 +423,6 @@ def inspect(
     census: object,
     settings: tuple[float | None, float | None, float | None],
     identification: object | None,
-    explains: bool,
 ) -> list[_Found]:
     """What is wrong with a recording; census and identification by their attributes, settings K, Ti and Td."""
 
@@ -468,6 +467,38 @@ def fit_combine(
     windows: Sequence[tuple[str, float, float, float | None, float, float]],
 ) -> tuple[Any, float, float, float | None, tuple[float, float] | None]:
     """One answer from windows of (verdict, d, low, high, lr_no_gap, t)."""
+
+R2_USABLE: float
+WIDEST: float
+MIN_STEPS: int
+
+def identified(
+    t: npt.NDArray[np.float64],
+    sp: npt.NDArray[np.float64] | None,
+    pv: npt.NDArray[np.float64],
+    op: npt.NDArray[np.float64] | None,
+    flags: npt.NDArray[np.uint8] | None,
+    setpoint_weight: float | None,
+    limits: tuple[float, float] | None,
+) -> dict[str, Any]:
+    """Find K, Ti and Td of the controller; `glapp.identify` is the door for people.
+
+    `reason` is None or (name, numbers).
+    """
+
+FROZEN_STEPS: int
+SORTED_ROWS: int
+
+def in_runs(mask: npt.NDArray[np.bool_], least: int) -> npt.NDArray[np.bool_]:
+    """Keep of a mask only the runs of at least so many."""
+
+def resolution(x: npt.NDArray[np.float64]) -> tuple[float, int] | None:
+    """Step of a quantised signal and the number of steps in its range; None when it has no such grid."""
+
+def frozen_steps(
+    sp: npt.NDArray[np.float64] | None, pv: npt.NDArray[np.float64], op: npt.NDArray[np.float64] | None
+) -> npt.NDArray[np.bool_]:
+    """Mark long stretches in which nothing changes a bit though the error is not zero, with the step that ends each."""
 
 class Graph:
     """A loop of control modules; `modules` are (name, module) with its kind, parameters, plant and schedule."""

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _glapp
-from .identify import R2_USABLE, Identification
+from .identify import Identification
 
 Floats = NDArray[np.float64]
 Severity = Literal["info", "warning", "refuse"]
@@ -213,7 +213,6 @@ def inspect(
         census,
         (k, ti, td),
         identification,
-        identification is not None and (identification.r2 or 0.0) >= R2_USABLE,
     )
     reader = _Reader(pv_unit, op_unit, t0, first_row)
     findings = [*known, *(reader.finding(*one) for one in found)]

@@ -3,12 +3,13 @@
 //! Nothing here reads a file, asks a clock or writes a sentence: arrays come in, numbers and names go out. Python, and
 //! whatever else shows an answer, puts them into words.
 //!
-//! [`Census`] counts what all rows hold, [`quality`] judges a recording by it and by its first rows, and what a single
-//! signal is like, its steps, its noise, where it stands still, stands beside them. [`crossings`] has the widths from zero
-//! crossings over a whole recording, and what they allow to be said.
+//! [`identify`] reads the controller's law out of OP's moves. [`Census`] counts what all rows hold, and [`quality`] judges a
+//! recording by it and by its first rows. [`crossings`] has the widths from zero crossings over a whole recording, and what
+//! they allow to be said. What a single signal is like, its steps, its noise, where it stands still, stands beside them.
 
 mod census;
 pub mod crossings;
+pub mod identify;
 mod inspected;
 mod origin;
 pub mod quality;

@@ -8,6 +8,7 @@ mod columns;
 mod compensation;
 mod detector;
 mod fit;
+mod identify;
 mod modules;
 mod noise;
 mod pid;
@@ -15,6 +16,7 @@ mod position;
 mod quality;
 mod rate_limit;
 mod saturation;
+mod signals;
 mod sim;
 mod tuning;
 mod wrong_sign;
@@ -54,6 +56,14 @@ mod _glapp {
     #[pymodule_export]
     use crate::fit::{fit, fit_combine, fit_window};
     #[pymodule_export]
+    use crate::identify::identified;
+    #[pymodule_export]
+    const R2_USABLE: f64 = glapp_analysis::identify::R2_USABLE;
+    #[pymodule_export]
+    const WIDEST: f64 = glapp_analysis::identify::WIDEST;
+    #[pymodule_export]
+    const MIN_STEPS: usize = glapp_analysis::identify::MIN_STEPS;
+    #[pymodule_export]
     use crate::modules::{Graph, ideal_of_parallel, ideal_of_series};
     #[pymodule_export]
     use crate::noise::{Noise, NoiseLevel};
@@ -67,6 +77,12 @@ mod _glapp {
     use crate::rate_limit::RateLimit;
     #[pymodule_export]
     use crate::saturation::Saturation;
+    #[pymodule_export]
+    use crate::signals::{frozen_steps, in_runs, resolution};
+    #[pymodule_export]
+    const FROZEN_STEPS: usize = glapp_analysis::FROZEN_STEPS;
+    #[pymodule_export]
+    const SORTED_ROWS: usize = glapp_analysis::SORTED_ROWS;
     #[pymodule_export]
     use crate::sim::{PyChecked, batch, groups, instruction_sets, random_walk, run_together, watch};
     #[pymodule_export]

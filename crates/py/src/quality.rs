@@ -1,6 +1,7 @@
 //! What is wrong with a recording: rows and counts in, findings out.
 
 use glapp_analysis::Inspected;
+use glapp_analysis::identify::R2_USABLE;
 use glapp_analysis::quality::{Finding, Interval, Known, Law, Value};
 use numpy::PyReadonlyArray1;
 use pyo3::exceptions::PyValueError;
@@ -51,11 +52,11 @@ pub struct Identification {
 }
 
 impl Identification {
-    fn law(self, explains: bool) -> Law {
+    fn law(self) -> Law {
         let interval = |value, low, high| Interval { value, low, high };
         Law {
             usable: self.usable,
-            explains,
+            explains: self.r2.is_some_and(|r2| r2 >= R2_USABLE),
             r2: self.r2,
             k: interval(self.k, self.k_low, self.k_high),
             ti: interval(self.ti, self.ti_low, self.ti_high),
@@ -82,7 +83,7 @@ fn told<'py>(py: Python<'py>, finding: Finding) -> PyResult<Found<'py>> {
     Ok((finding.fault.name(), finding.severity.name(), named(finding.evidence)?, named(finding.numbers)?))
 }
 
-/// What is wrong with a recording, without sentences; `explains`: the identified law explains OP's moves well enough.
+/// What is wrong with a recording, without sentences.
 #[pyfunction]
 #[allow(clippy::too_many_arguments, reason = "the arguments of Python")]
 pub fn inspect<'py>(
@@ -95,10 +96,9 @@ pub fn inspect<'py>(
     census: Counts,
     settings: (Option<f64>, Option<f64>, Option<f64>),
     identification: Option<Identification>,
-    explains: bool,
 ) -> PyResult<Vec<Found<'py>>> {
     let (k, ti, td) = settings;
-    let known = Known { k, ti, td, law: identification.map(|seen| seen.law(explains)) };
+    let known = Known { k, ti, td, law: identification.map(Identification::law) };
     let census = census.into();
     let found = with_rows(&t, sp.as_ref(), &pv, op.as_ref(), flags.as_ref(), |rows| {
         py.detach(|| glapp_analysis::quality::inspect(&rows, &census, &known))

@@ -77,6 +77,7 @@ def documented_commands(run):
 
 
 @pytest.mark.slow
+@pytest.mark.xdist_group("demonstration")
 def test_every_documented_command_does_what_it_says(run, monkeypatch):
     monkeypatch.setenv("COLUMNS", "200")
     commands = documented_commands(run)
@@ -156,6 +157,7 @@ def test_version(run):
 
 
 @pytest.mark.slow
+@pytest.mark.xdist_group("demonstration")
 @pytest.mark.parametrize("columns", [60, 140])
 def test_the_table_fits_the_terminal(run, demo, columns, monkeypatch):
     monkeypatch.setenv("COLUMNS", str(columns))
@@ -347,6 +349,7 @@ def no_constants(name):
 
 
 @pytest.mark.slow
+@pytest.mark.xdist_group("demonstration")
 def test_json_follows_its_schema(run, demo):
     schema = json.loads((ROOT / "docs/analyze.schema.json").read_text())
     jsonschema.Draft202012Validator.check_schema(schema)
@@ -616,6 +619,7 @@ def test_a_file_name_that_is_not_text(run):
 
 
 @pytest.mark.slow
+@pytest.mark.xdist_group("demonstration")
 def test_what_is_slow_to_import_is_not_imported(demo):
     code = (
         "import sys\nfrom fits import remember\nfrom glapp.cli import main\nremember()\n"

@@ -7,6 +7,8 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+# Tests start many processes, and each would compile all it imports.
+unexport PYTHONDONTWRITEBYTECODE
 SOURCES := $(shell find crates -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock pyproject.toml
 
 run: setup
@@ -31,11 +33,11 @@ $(VENV)/.installed: $(VENV)/.tools $(SOURCES)
 
 test: setup lint bare
 	cargo test --workspace --quiet
-	$(BIN)/pytest --numprocesses auto
+	$(BIN)/pytest --numprocesses auto --dist loadgroup
 
 check: setup lint
 	cargo test --quiet -p glapp-core --lib --test vectors
-	$(BIN)/pytest --numprocesses auto -m "not slow" tests
+	$(BIN)/pytest --numprocesses auto --dist loadgroup -m "not slow" tests
 
 lint: setup
 	cargo fmt --check

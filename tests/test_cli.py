@@ -25,7 +25,7 @@ from glapp.report.words import clock
 
 ROOT = Path(__file__).parents[1]
 REFINERY = ROOT.parent / "shared/data/refinery"
-GLAPP = (sys.executable, "-c", "from glapp.cli import main; main()")
+GLAPP = (sys.executable, Path(__file__).parent / "command_line.py")
 
 
 @pytest.fixture
@@ -66,12 +66,10 @@ def demo(tmp_path_factory):
     return write_recordings(tmp_path_factory.mktemp("demo"))[-1]
 
 
-def documented_commands():
+def documented_commands(run):
     """Every command line in the help and in docs/cli.md."""
     helps = "".join(
-        subprocess.run(
-            [*GLAPP, *command, "--help"], capture_output=True, text=True, env=os.environ | {"COLUMNS": "200"}
-        ).stdout
+        run(*command, "--help")[1]
         for command in ([], ["analyze"], ["init"], ["identify"], ["explain"], ["bump"], ["demo"], ["thesis"])
     )
     blocks = "".join(re.findall(r"^```\n(.*?)^```", (ROOT / "docs/cli.md").read_text(), re.DOTALL | re.MULTILINE))
@@ -79,8 +77,10 @@ def documented_commands():
 
 
 @pytest.mark.slow
-def test_every_documented_command_does_what_it_says(run, demo):
-    commands = documented_commands()
+@pytest.mark.xdist_group("demonstration")
+def test_every_documented_command_does_what_it_says(run, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
+    commands = documented_commands(run)
     assert len(commands) > 15
     begin = np.datetime64("2026-03-01T12:00:00")
     plant = rows(1800, "t,SP,PV,CO", time=lambda k: str(begin + 4 * k).replace("T", " "))
@@ -147,9 +147,8 @@ def test_bump_refuses_with_the_reason_and_what_to_do(run, by_hand):
     assert run("bump", "test.csv", "--plot", "none/x.html")[0] == 2
 
 
-@pytest.mark.slow
-def test_help_tells_the_exit_codes():
-    text = subprocess.run([*GLAPP, "--help"], capture_output=True, text=True).stdout
+def test_help_tells_the_exit_codes(run):
+    text = run("--help")[1]
     assert all(part in text for part in ("Exit codes", "0 every", "1 at least", "2 the command"))
 
 
@@ -158,11 +157,12 @@ def test_version(run):
 
 
 @pytest.mark.slow
+@pytest.mark.xdist_group("demonstration")
 @pytest.mark.parametrize("columns", [60, 140])
-def test_the_table_fits_the_terminal(demo, columns):
-    env = os.environ | {"COLUMNS": str(columns)}
-    done = subprocess.run([*GLAPP, "analyze", demo], capture_output=True, text=True, env=env)
-    lines = done.stdout.splitlines()
+def test_the_table_fits_the_terminal(run, demo, columns, monkeypatch):
+    monkeypatch.setenv("COLUMNS", str(columns))
+    _, out, _ = run("analyze", demo)
+    lines = out.splitlines()
     assert max(map(len, lines)) <= columns
     found = {line.split()[0]: line for line in lines if line[:1].isalpha() and not line.startswith("loop")}
     assert [name for name in found if name in ("PIC305", "FIC201", "TIC118", "LIC110", "FIC402")][:3] == [
@@ -172,13 +172,13 @@ def test_the_table_fits_the_terminal(demo, columns):
     ]
     assert "backlash" in found["FIC201"] and "%OP" in found["FIC201"]
     # Fitted width, that of the crossings, and the same corrected.
-    assert ("corrected" in done.stdout) == (columns > 60)
+    assert ("corrected" in out) == (columns > 60)
     assert found["FIC201"].count("%OP") == (2 if columns == 60 else 3)
-    assert "…" not in done.stdout
+    assert "…" not in out
     if columns == 140:  # a line per loop
         assert re.search(r"too short \d+, uneven \d+ .* estimate, too wide", found["FIC201"])
-    assert "LIC110:  the error is a clean sinusoid" in done.stdout
-    assert "\x1b" not in done.stdout
+    assert "LIC110:  the error is a clean sinusoid" in out
+    assert "\x1b" not in out
 
 
 @pytest.mark.slow
@@ -349,6 +349,7 @@ def no_constants(name):
 
 
 @pytest.mark.slow
+@pytest.mark.xdist_group("demonstration")
 def test_json_follows_its_schema(run, demo):
     schema = json.loads((ROOT / "docs/analyze.schema.json").read_text())
     jsonschema.Draft202012Validator.check_schema(schema)
@@ -585,12 +586,14 @@ def test_an_interruption_is_quiet_and_stops_the_work(run, monkeypatch):
 
 
 @pytest.mark.slow
-def test_a_closed_pipe_is_quiet(demo):
+def test_a_closed_pipe_is_quiet(tmp_path):
+    good = tmp_path / "good.csv"
+    write(good, rows())
     for line in (
-        ("analyze", demo, "--csv", "-", "--no-fit"),
-        ("analyze", demo, "--no-fit"),
-        ("analyze", demo, "--json", "--no-fit"),
-        ("explain", demo, "--loop", "PIC305"),
+        ("analyze", good, "--csv", "-", "--no-fit"),
+        ("analyze", good, "--no-fit"),
+        ("analyze", good, "--json", "--no-fit"),
+        ("explain", good),
     ):
         with subprocess.Popen([*GLAPP, *line], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
             process.stdout.close()
@@ -598,11 +601,13 @@ def test_a_closed_pipe_is_quiet(demo):
 
 
 @pytest.mark.slow
-def test_a_terminal_without_unicode(run, demo):
+def test_a_terminal_without_unicode(tmp_path):
+    warm = tmp_path / "FIC201.csv"
+    warm.write_text(rows(header="t,SP,PV (°C),OP"), "utf-8")
     env = os.environ | {"PYTHONIOENCODING": "ascii"}
-    done = subprocess.run([*GLAPP, "analyze", demo, "--no-fit"], capture_output=True, env=env)
+    done = subprocess.run([*GLAPP, "analyze", warm, "--no-fit"], capture_output=True, env=env)
     assert b"Traceback" not in done.stderr and b"FIC201" in done.stdout
-    done = subprocess.run([*GLAPP, "analyze", demo, "--json", "--no-fit"], capture_output=True, env=env)
+    done = subprocess.run([*GLAPP, "analyze", warm, "--json", "--no-fit"], capture_output=True, env=env)
     assert "°C" in done.stdout.decode() or json.loads(done.stdout)
 
 
@@ -614,12 +619,14 @@ def test_a_file_name_that_is_not_text(run):
 
 
 @pytest.mark.slow
+@pytest.mark.xdist_group("demonstration")
 def test_what_is_slow_to_import_is_not_imported(demo):
     code = (
-        "import sys\nfrom glapp.cli import main\nsys.argv = ['glapp', 'analyze', sys.argv[1]]\n"
+        "import sys\nfrom fits import remember\nfrom glapp.cli import main\nremember()\n"
+        "sys.argv = ['glapp', 'analyze', sys.argv[1]]\n"
         "try: main()\nexcept SystemExit: pass\nprint([m for m in ('plotly', 'scipy') if m in sys.modules])"
     )
-    done = subprocess.run([sys.executable, "-c", code, demo], capture_output=True, text=True)
+    done = subprocess.run([sys.executable, "-c", code, demo], capture_output=True, text=True, cwd=Path(__file__).parent)
     assert done.stdout.splitlines()[-1] == "[]"
 
 

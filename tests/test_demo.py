@@ -9,7 +9,7 @@ from glapp.demo import write_recordings
 from glapp.reading import open_recordings
 from glapp.reading.settings import read_settings
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("demo")]
 
 
 @pytest.fixture(scope="module")

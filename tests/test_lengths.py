@@ -15,7 +15,9 @@ LENGTHS = {
 }
 """Rows of each record: fewer than the fit takes as they are, about as many, and many more."""
 
-every_record = pytest.mark.parametrize("name", LENGTHS)
+every_record = pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.xdist_group(name)) for name in LENGTHS]
+)
 
 
 @lru_cache
@@ -46,6 +48,7 @@ def test_a_mere_gap_does_not_jump(name: str) -> None:
     assert [(a.truth.samples, str(a)) for a in answers(name) if a.verdict in ("stiction", "both")] == []
 
 
+@pytest.mark.xdist_group("levels/PI/gap/0")
 def test_a_gap_is_told_and_not_less_exactly_with_more_rows() -> None:
     of = answers("levels/PI/gap/0")
     assert all(a.sided for a in of)

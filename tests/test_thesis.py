@@ -11,7 +11,7 @@ from glapp_thesis import FIGURES, Shown, find, gallery
 from glapp_thesis.differences import DIFFERENCES, shown_by
 from glapp_thesis.style import save
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("thesis")]  # the figures are computed once, by one worker
 
 GALLERY = Path(__file__).parent.parent / "docs/gallery"
 RECORDED = json.loads((GALLERY / "numbers.json").read_text(encoding="utf-8"))

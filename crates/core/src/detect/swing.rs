@@ -92,8 +92,8 @@ impl<R: Real> Swing<R> {
         Ok(Self {
             k: require("k", k, k != R::ZERO, "other than 0")?,
             ti: require("ti", ti, ti > R::ZERO, "greater than 0 s")?,
-            td: require("td", td, td >= R::ZERO, "0 s or more")?,
-            b: require("b", b, b >= R::ZERO && b <= R::ONE, "from 0 to 1")?,
+            td: require("td", td, td >= R::ZERO, "0 s or greater")?,
+            b: require("b", b, b >= R::ZERO && b <= R::ONE, "between 0 and 1")?,
         })
     }
 

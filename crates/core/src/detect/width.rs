@@ -79,7 +79,7 @@ impl<R: Real> Width<R> {
     /// `b` setpoint weight, 0 to 1; `kp` process gain [PV unit/OP unit] ≠ 0 where known.
     pub fn new(k: R, ti: R, td: Option<R>, b: R, kp: Option<R>) -> Result<Self, ParameterError> {
         if let Some(td) = td {
-            require("td", td, td >= R::ZERO, "0 s or more")?;
+            require("td", td, td >= R::ZERO, "0 s or greater")?;
         }
         let kp_abs = match kp {
             Some(kp) => Some(require("kp", kp, kp != R::ZERO, "other than 0")?.magnitude()),
@@ -90,7 +90,7 @@ impl<R: Real> Width<R> {
             k_abs: k.magnitude(),
             ti: require("ti", ti, ti > R::ZERO, "greater than 0 s")?,
             td,
-            b: require("b", b, b >= R::ZERO && b <= R::ONE, "from 0 to 1")?,
+            b: require("b", b, b >= R::ZERO && b <= R::ONE, "between 0 and 1")?,
             kp_abs,
         })
     }

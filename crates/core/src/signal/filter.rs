@@ -39,7 +39,7 @@ pub struct SecondOrderFilterState<R: Real> {
 impl<R: Real> SecondOrderFilter<R> {
     /// `tf` \[s\] ≥ 0; 0 passes the value through.
     pub fn new(tf: R) -> Result<Self, ParameterError> {
-        Ok(Self { tf: require("tf", tf, tf >= R::ZERO, "0 s or more")? })
+        Ok(Self { tf: require("tf", tf, tf >= R::ZERO, "0 s or greater")? })
     }
 
     /// The filter-time constant Tf \[s\].

@@ -8,6 +8,7 @@ use crate::{ParameterError, Real, Saturation, SecondOrderFilter, SecondOrderFilt
 
 /// How the direction in which the valve is driven is found (thesis 2.2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[repr(u8)]
 pub enum Way {
     /// sign(e)·sign(K): the thesis' own. Jumps whenever the filtered error crosses zero, noise or not.
@@ -102,6 +103,7 @@ impl Standing {
 
 /// Settings of a [`Compensation`].
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct CompensationSettings<R> {
     /// How the direction is found.
     pub way: Way,

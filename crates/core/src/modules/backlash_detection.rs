@@ -20,6 +20,7 @@ const DISTURBED: u16 = Reason::Gap.bit()
 
 /// Settings of a [`BacklashDetection`] (thesis 6.4).
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct BacklashDetectionSettings<R> {
     /// The detector's, with those of the controller beside it.
     pub detector: DetectorSettings<R>,

@@ -44,6 +44,7 @@ impl Mode {
 /// # Ok::<(), glapp_core::ParameterError>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct PidSettings<R> {
     /// Gain K ≠ 0, negative for a direct-acting controller [output per process value].
     pub k: R,

@@ -22,6 +22,7 @@ const NAMES: [[&str; 4]; SCHEDULE_ROWS] = {
 
 /// A row of a gain schedule: the controller's gains where the scheduling variable is `at`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Gains<R> {
     /// Value of the scheduling variable [its unit].
     pub at: R,
@@ -35,6 +36,7 @@ pub struct Gains<R> {
 
 /// Settings of a [`PidAdvanced`]. What detector and controller both need stands here once.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct PidAdvancedSettings<R> {
     /// The controller.
     pub pid: PidSettings<R>,

@@ -24,6 +24,7 @@ use crate::{ParameterError, Real};
 /// # Ok::<(), glapp_core::ParameterError>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Saturation<R> {
     /// Lower limit [unit of the signal].
     pub low: R,

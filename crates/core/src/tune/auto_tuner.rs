@@ -89,6 +89,7 @@ pub struct AutoTuner<R> {
 
 /// What an experiment may do.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct AutoTunerSettings<R> {
     /// a: the greatest distance of OP from where it was [unit of OP], ≠ 0, negative where PV falls when OP rises.
     pub amplitude: R,

@@ -19,6 +19,7 @@ use crate::{ParameterError, Real};
 
 /// The controller that a rule gives, in ideal form.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Gains<R> {
     /// Gain K [output per process value], of the sign of the process gain.
     pub k: R,

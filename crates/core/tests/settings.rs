@@ -1,0 +1,53 @@
+//! Settings saved and read again: the same to the bit, by the names that the catalogue has.
+#![cfg(feature = "serde")]
+
+use glapp_core::modules::{BacklashDetectionSettings, Gains, PidAdvancedSettings, PidSettings, SCHEDULE_ROWS};
+use glapp_core::{AutoTunerSettings, CompensationSettings, DetectorSettings, Way};
+use serde::{Serialize, de::DeserializeOwned};
+use std::fmt::Debug;
+
+fn survives<S: Serialize + DeserializeOwned + PartialEq + Debug>(settings: S) -> serde_json::Value {
+    let saved = serde_json::to_string(&settings).unwrap();
+    assert_eq!(serde_json::from_str::<S>(&saved).unwrap(), settings);
+    serde_json::from_str(&saved).unwrap()
+}
+
+#[test]
+fn what_is_saved_is_read_again() {
+    let detector = DetectorSettings { kp: Some(1.0 / 3.0), ..DetectorSettings::new(-0.7, 12.3, 1.1, 0.1) };
+    let compensation = CompensationSettings::new(Way::Inverse, -0.7, 12.3, 2.2, 0.8);
+    let pid = PidSettings { low: 0.0, high: 100.0, ..PidSettings::ideal(-0.7, 12.3, 1.1) };
+    let mut schedule = [Gains::default(); SCHEDULE_ROWS];
+    schedule[0] = Gains { at: 40.0, k: -0.9, ti: 11.0, td: 0.0 };
+    let tuner = AutoTunerSettings {
+        amplitude: 5.0,
+        hysteresis: None,
+        d: 0.3,
+        wait: 60.0,
+        longest: 3600.0,
+        max_h: 3.0,
+        pv: (0.0, 50.0),
+        op: (10.0, 90.0),
+    };
+    assert_eq!(survives(detector)["kp"], 1.0 / 3.0);
+    assert_eq!(survives(compensation)["share"], 0.8);
+    assert_eq!(survives(pid)["high"], 100.0);
+    assert_eq!(survives(tuner)["longest"], 3600.0);
+    survives(BacklashDetectionSettings { detector, compensation: Some(compensation) });
+    let advanced = PidAdvancedSettings {
+        pid,
+        kp: None,
+        n: 9,
+        sp_rate: f64::MAX,
+        schedule,
+        rows: 1,
+        compensation: Some(compensation),
+    };
+    assert_eq!(survives(advanced)["compensation"]["size"], 2.2);
+}
+
+#[test]
+fn a_setting_that_is_missing_is_named() {
+    let error = serde_json::from_str::<PidSettings<f64>>(r#"{"k": 1.0}"#).unwrap_err();
+    assert!(error.to_string().contains("missing field `ti`"), "{error}");
+}

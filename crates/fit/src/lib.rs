@@ -9,25 +9,16 @@
 // Indices of matrices, as in the equations.
 #![allow(clippy::needless_range_loop)]
 
-mod combine;
-mod joint;
-mod kalman;
-mod lanes;
+mod data;
+mod decide;
 mod loads;
-mod looks;
+mod model;
 mod position;
-mod profile;
-mod record;
 mod search;
-mod steps;
-mod structure;
-mod verdict;
-mod view;
-mod windows;
 
-pub use combine::{Combined, Reading, combine};
-pub use joint::Whole;
+pub use data::windows::{Batch, Part, Window, fit, window};
+pub use decide::combine::{Combined, Reading, combine};
+pub use decide::joint::Whole;
+pub use decide::verdict::{Answer, Candidate, Question, Seen, Verdict};
+pub use model::structure::{Noise, Structure};
 pub use position::{AtValve, Recorder, Shown, at_valve};
-pub use structure::{Noise, Structure};
-pub use verdict::{Answer, Candidate, Question, Seen, Verdict};
-pub use windows::{Batch, Part, Window, fit, window};

@@ -12,7 +12,7 @@
 //! So the recorder is looked at first. Only rows in which a position kept so was written anew count, for there it is true;
 //! spikes do not count; and what rounding, OP's own moves between two rows and the band may hide widens the interval.
 
-use crate::verdict::Verdict;
+use crate::decide::verdict::Verdict;
 use glapp_core::{Backlash, BacklashState};
 use glapp_sim::{Friction, FrictionState, Model};
 

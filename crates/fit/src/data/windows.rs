@@ -1,10 +1,10 @@
 //! A recording of any length, cut into windows whose cells are fine enough for the process, and fitted.
 
-use crate::joint::{Whole, joint};
-use crate::looks::{Pilot, pilot, rescaled};
-use crate::record::Record;
-use crate::structure::Theta;
-use crate::verdict::{Answer, Question, Told, told};
+use crate::decide::joint::{Whole, joint};
+use crate::search::screen::{Pilot, pilot, rescaled};
+use crate::data::cells::Record;
+use crate::model::structure::Theta;
+use crate::decide::verdict::{Answer, Question, Told, told};
 use rayon::prelude::*;
 
 /// One unbroken stretch of a recording at even steps; NaN in PV is a sample that is missing, OP is without NaN.

@@ -1,7 +1,7 @@
 //! One answer from the widths that a valve's position shows in the windows of a long record.
 
-use crate::joint::line;
-use crate::verdict::Verdict;
+use crate::decide::joint::line;
+use crate::decide::verdict::Verdict;
 
 /// What a window says, as much as the whole needs.
 #[derive(Clone, Copy, Debug)]

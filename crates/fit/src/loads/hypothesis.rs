@@ -1,12 +1,12 @@
 //! The record as one whose load walks, as one whose load steps, and as one whose load goes along lines.
 
-use crate::looks::{FINELY, MOST_FAMILIES, PILOT, leading, looks, pilot, room, whole};
-use crate::profile::Profile;
-use crate::record::{Lost, Record};
-use crate::search::{Point, Search};
-use crate::steps::{Load, Marked, few, plausible, refined, steps, with_large};
-use crate::structure::{Noise, Structure, Theta};
-use crate::verdict::ANSWERS;
+use crate::search::screen::{FINELY, MOST_FAMILIES, PILOT, leading, looks, pilot, room, whole};
+use crate::search::profile::Profile;
+use crate::data::cells::{Lost, Record};
+use crate::search::likelihood::{Point, Search};
+use crate::loads::changes::{Load, Marked, few, plausible, refined, steps, with_large};
+use crate::model::structure::{Noise, Structure, Theta};
+use crate::decide::verdict::ANSWERS;
 use glapp_sim::Model;
 use rayon::prelude::*;
 

@@ -1,10 +1,10 @@
 //! First looks at a record: which processes and which loads may have made it.
 
-use crate::profile::Profile;
-use crate::record::{Lost, Record};
-use crate::search::{Point, Search};
-use crate::steps::Load;
-use crate::structure::{Noise, Structure, Theta};
+use crate::search::profile::Profile;
+use crate::data::cells::{Lost, Record};
+use crate::search::likelihood::{Point, Search};
+use crate::loads::changes::Load;
+use crate::model::structure::{Noise, Structure, Theta};
 use rayon::prelude::*;
 
 /// How much larger the innovations may be after a coarse look, which may sit beside a narrow valley.

@@ -1,12 +1,12 @@
 //! Steps of the load, and bends where it goes along lines: each costs what a new level, or slope, at any time of the record is
 //! worth, and is kept where it pays.
 
-use crate::lanes::LANES;
-use crate::looks::{PILOT, adapted};
-use crate::record::{Lost, Record, Stretch};
-use crate::search::{Point, Search};
-use crate::structure::{Noise, Structure, Theta};
-use crate::view::CYCLES;
+use crate::model::lanes::LANES;
+use crate::search::screen::{PILOT, adapted};
+use crate::data::cells::{Lost, Record, Stretch};
+use crate::search::likelihood::{Point, Search};
+use crate::model::structure::{Noise, Structure, Theta};
+use crate::loads::hypothesis::CYCLES;
 use rayon::prelude::*;
 
 /// What a load does between its marks.

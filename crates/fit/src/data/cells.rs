@@ -1,6 +1,6 @@
 //! The record as the fit sees it: even steps, gathered into cells.
 
-use crate::kalman::START;
+use crate::model::kalman::START;
 use glapp_core::{Backlash, BacklashState};
 use glapp_sim::{Friction, FrictionState, Model};
 

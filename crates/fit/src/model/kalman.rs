@@ -1,6 +1,6 @@
 //! The innovations of a record: what each sample of PV brings that the model did not foresee.
 
-use crate::lanes::{LANES, Lanes, Wide};
+use crate::model::lanes::{LANES, Lanes, Wide};
 use pulp::Simd;
 use std::array;
 

@@ -1,7 +1,7 @@
 //! The families of models that are tried: lags, an integrator or none, and where the disturbance enters.
 
-use crate::kalman::{DRIFT, Jump, LINES, Models, SLOPE, White};
-use crate::lanes::{LANES, Lanes, Wide};
+use crate::model::kalman::{DRIFT, Jump, LINES, Models, SLOPE, White};
+use crate::model::lanes::{LANES, Lanes, Wide};
 use pulp::{Scalar, Simd};
 use std::array;
 

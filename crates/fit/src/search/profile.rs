@@ -1,9 +1,9 @@
 //! The likelihood over the width d: where it is greatest, how far it stays near, what it is without a gap.
 
-use crate::looks::FINELY;
-use crate::record::{Lost, Record};
-use crate::search::{Point, Search, dot, solve};
-use crate::structure::{MOST, Structure, Theta};
+use crate::search::screen::FINELY;
+use crate::data::cells::{Lost, Record};
+use crate::search::likelihood::{Point, Search, dot, solve};
+use crate::model::structure::{MOST, Structure, Theta};
 
 /// Likelihood over d of one family; `points` in rising order of d, the first at d = 0.
 #[derive(Clone, Debug)]

@@ -1,9 +1,9 @@
 //! One answer from the windows of a recording: one width, everything else free in each.
 
-use crate::profile::{Profile, RISE, RISE_OF_STICKING};
-use crate::search::Search;
-use crate::verdict::{Answer, Evidence, JUMP, Question, Told, Verdict, judge, of_marks, often, plain};
-use crate::windows::{Batch, Unit, Window};
+use crate::search::profile::{Profile, RISE, RISE_OF_STICKING};
+use crate::search::likelihood::Search;
+use crate::decide::verdict::{Answer, Evidence, JUMP, Question, Told, Verdict, judge, of_marks, often, plain};
+use crate::data::windows::{Batch, Unit, Window};
 use rayon::prelude::*;
 
 /// What the windows say together.

@@ -1,13 +1,13 @@
 //! From profiles to an answer: width, interval, and whether there is a gap at all.
 
-use crate::loads::beside_a_cycle;
-use crate::looks::FINELY;
-use crate::profile::{Profile, RISE, RISE_OF_STICKING, trust};
-use crate::record::{Lost, Positions, Record};
-use crate::search::{Point, Search, dot, solve};
-use crate::structure::{MOST, Structure, Theta};
-use crate::view::{CYCLES, View, views};
-use crate::windows::Unit;
+use crate::loads::cycle::beside_a_cycle;
+use crate::search::screen::FINELY;
+use crate::search::profile::{Profile, RISE, RISE_OF_STICKING, trust};
+use crate::data::cells::{Lost, Positions, Record};
+use crate::search::likelihood::{Point, Search, dot, solve};
+use crate::model::structure::{MOST, Structure, Theta};
+use crate::loads::hypothesis::{CYCLES, View, views};
+use crate::data::windows::Unit;
 use rayon::prelude::*;
 
 /// What is asked.

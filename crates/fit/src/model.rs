@@ -1,0 +1,5 @@
+//! What may have made a record: process and disturbance, and the filter that gives their likelihood.
+
+pub(crate) mod kalman;
+pub(crate) mod lanes;
+pub(crate) mod structure;

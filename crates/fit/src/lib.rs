@@ -18,7 +18,7 @@ mod search;
 
 pub use data::windows::{Batch, Part, Window, fit, window};
 pub use decide::combine::{Combined, Reading, combine};
-pub use decide::joint::Whole;
-pub use decide::verdict::{Answer, Candidate, Question, Seen, Verdict};
+pub use decide::joint::JointAnswer;
+pub use decide::verdict::{Answer, Candidate, Prediction, Question, Verdict};
 pub use model::structure::{Noise, Structure};
 pub use position::{AtValve, Recorder, Shown, at_valve};

@@ -6,11 +6,11 @@ use glapp_sim::{Friction, FrictionState, Model};
 
 /// One unbroken stretch: OP at every step, PV as the mean of each cell of `cell` steps, NaN where there is none.
 #[derive(Clone, Debug)]
-pub(crate) struct Stretch {
+pub(crate) struct Strip {
     pub(crate) y: Vec<f64>,
     u: Vec<f64>,
     /// When the load jumped [cells].
-    pub(crate) jumps: Vec<f64>,
+    pub(crate) changes: Vec<f64>,
     /// A load that is known, a mean for each cell [OP unit]; empty for none.
     load: Vec<f64>,
     /// Cells before it, from the beginning of the record.
@@ -21,8 +21,8 @@ pub(crate) struct Stretch {
 
 /// A record cut into stretches and cells.
 #[derive(Clone, Debug)]
-pub(crate) struct Record {
-    pub(crate) stretches: Vec<Stretch>,
+pub(crate) struct Cells {
+    pub(crate) stretches: Vec<Strip>,
     /// Steps in a cell.
     pub(crate) cell: usize,
     /// Cells whose PV is a number.
@@ -36,14 +36,14 @@ pub(crate) struct Record {
 /// The lost motion that is tried: total width [OP unit], the share of it that is slip jump, what the valve does after a jump,
 /// and where in its gap it stands at the start of each stretch, 0 the lower end to 1.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Lost {
+pub(crate) struct LostMotion {
     pub(crate) d: f64,
     pub(crate) share: f64,
     pub(crate) model: Model,
     pub(crate) start: Vec<f64>,
 }
 
-impl Lost {
+impl LostMotion {
     /// A gap that the valve stands in the middle of.
     pub(crate) fn gap(d: f64, stretches: usize) -> Self {
         Self { d, share: 0.0, model: Model::Kano, start: vec![0.5; stretches] }
@@ -58,14 +58,14 @@ impl Lost {
 /// Position of the valve, a mean for each cell of each stretch.
 pub(crate) type Positions = Vec<Vec<f64>>;
 
-impl Record {
+impl Cells {
     /// `parts`: PV and OP at even steps, one pair for each unbroken stretch; OP without NaN.
     pub(crate) fn new(parts: &[(&[f64], &[f64])], cell: usize) -> Self {
         let before: Vec<f64> = parts
             .iter()
             .scan(0, |sum, (y, _)| Some(std::mem::replace(sum, *sum + y.len()) as f64 / cell as f64))
             .collect();
-        let stretches: Vec<Stretch> = parts
+        let stretches: Vec<Strip> = parts
             .iter()
             .enumerate()
             .map(|(part, (y, u))| {
@@ -74,10 +74,10 @@ impl Record {
                     let (sum, n) = part.iter().filter(|y| !y.is_nan()).fold((0.0, 0), |(s, n), y| (s + y, n + 1));
                     if 2 * n > cell { sum / f64::from(n as u32) } else { f64::NAN }
                 };
-                Stretch {
+                Strip {
                     y: y[..cells * cell].chunks(cell).map(mean).collect(),
                     u: u[..cells * cell].to_vec(),
-                    jumps: Vec::new(),
+                    changes: Vec::new(),
                     load: Vec::new(),
                     since: before[part],
                     part,
@@ -87,27 +87,27 @@ impl Record {
             .collect();
         let count = stretches.iter().flat_map(|s| &s.y).filter(|y| !y.is_nan()).count();
         let range = stretches.iter().map(|s| span(&s.u)).fold(0.0, f64::max);
-        let of_pv = |s: &Stretch| span(&s.y.iter().copied().filter(|y| !y.is_nan()).collect::<Vec<_>>());
+        let of_pv = |s: &Strip| span(&s.y.iter().copied().filter(|y| !y.is_nan()).collect::<Vec<_>>());
         let span = stretches.iter().map(of_pv).fold(0.0, f64::max);
         Self { stretches, cell, count, range, span }
     }
 
     /// Cells of PV that count: those that tell where a stretch starts and how far a load jumped are worth nothing.
     pub(crate) fn freedom(&self) -> f64 {
-        (self.count - START * self.stretches.len() - self.jumps()) as f64
+        (self.count - START * self.stretches.len() - self.changes()) as f64
     }
 
     /// Jumps of the load that are marked.
-    pub(crate) fn jumps(&self) -> usize {
-        self.stretches.iter().map(|s| s.jumps.len()).sum()
+    pub(crate) fn changes(&self) -> usize {
+        self.stretches.iter().map(|s| s.changes.len()).sum()
     }
 
-    /// Whether the same jumps are marked in both.
-    pub(crate) fn same_jumps(&self, other: &Self) -> bool {
-        let sorted = |s: &Stretch| {
-            let mut jumps = s.jumps.clone();
-            jumps.sort_by(f64::total_cmp);
-            jumps
+    /// Whether the same changes are marked in both.
+    pub(crate) fn same_changes(&self, other: &Self) -> bool {
+        let sorted = |s: &Strip| {
+            let mut changes = s.changes.clone();
+            changes.sort_by(f64::total_cmp);
+            changes
         };
         self.stretches.iter().map(sorted).eq(other.stretches.iter().map(sorted))
     }
@@ -121,18 +121,18 @@ impl Record {
 
     /// The same record without a mark.
     pub(crate) fn unmarked(&self) -> Self {
-        self.with_jumps(vec![Vec::new(); self.stretches.len()])
+        self.with_changes(vec![Vec::new(); self.stretches.len()])
     }
 
-    /// The same record with other jumps of the load.
-    pub(crate) fn with_jumps(&self, jumps: Vec<Vec<f64>>) -> Self {
-        let stretches = self.stretches.iter().zip(jumps).map(|(s, jumps)| Stretch { jumps, ..s.clone() }).collect();
+    /// The same record with other changes of the load.
+    pub(crate) fn with_changes(&self, changes: Vec<Vec<f64>>) -> Self {
+        let stretches = self.stretches.iter().zip(changes).map(|(s, changes)| Strip { changes, ..s.clone() }).collect();
         Self { stretches, ..*self }
     }
 
     /// The same record with a load that is known.
     pub(crate) fn with_load(&self, load: Positions) -> Self {
-        let stretches = self.stretches.iter().zip(load).map(|(s, load)| Stretch { load, ..s.clone() }).collect();
+        let stretches = self.stretches.iter().zip(load).map(|(s, load)| Strip { load, ..s.clone() }).collect();
         Self { stretches, ..*self }
     }
 
@@ -143,13 +143,13 @@ impl Record {
 
     /// The same record with other PV.
     pub(crate) fn with(&self, ys: Vec<Vec<f64>>) -> Self {
-        let stretches = self.stretches.iter().zip(ys).map(|(s, y)| Stretch { y, ..s.clone() }).collect();
+        let stretches = self.stretches.iter().zip(ys).map(|(s, y)| Strip { y, ..s.clone() }).collect();
         Self { stretches, ..*self }
     }
 
     /// Position of the valve, a mean for each cell.
-    pub(crate) fn positions(&self, lost: &Lost) -> Positions {
-        let at = |(stretch, start): (&Stretch, &f64)| stretch.positions(lost, *start, self.cell, stretch.y.len());
+    pub(crate) fn positions(&self, lost: &LostMotion) -> Positions {
+        let at = |(stretch, start): (&Strip, &f64)| stretch.positions(lost, *start, self.cell, stretch.y.len());
         self.stretches.iter().zip(&lost.start).map(at).collect()
     }
 
@@ -173,7 +173,7 @@ impl Record {
     }
 
     /// How far the valve moves at most within a stretch [OP unit].
-    pub(crate) fn reach(&self, lost: &Lost) -> f64 {
+    pub(crate) fn reach(&self, lost: &LostMotion) -> f64 {
         self.positions(lost).iter().map(|v| span(v)).fold(0.0, f64::max)
     }
 
@@ -196,9 +196,9 @@ impl Record {
     }
 }
 
-impl Stretch {
+impl Strip {
     /// The same for the first `cells` of one stretch, whose start in the gap is `start`.
-    pub(crate) fn positions(&self, lost: &Lost, start: f64, cell: usize, cells: usize) -> Vec<f64> {
+    pub(crate) fn positions(&self, lost: &LostMotion, start: f64, cell: usize, cells: usize) -> Vec<f64> {
         let (d, jump) = (lost.d, lost.jump());
         let per_cell = 1.0 / cell as f64;
         // The start is told by where the lower end of the gap lies.

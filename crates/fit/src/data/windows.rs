@@ -1,10 +1,10 @@
 //! A recording of any length, cut into windows whose cells are fine enough for the process, and fitted.
 
-use crate::decide::joint::{Whole, joint};
-use crate::search::screen::{Pilot, pilot, rescaled};
-use crate::data::cells::Record;
+use crate::data::cells::Cells;
+use crate::decide::joint::{JointAnswer, joint};
+use crate::decide::verdict::{Answer, Fitted, Question, fit_record};
 use crate::model::structure::Theta;
-use crate::decide::verdict::{Answer, Question, Told, told};
+use crate::search::screen::{Pilot, pilot, rescaled};
 use rayon::prelude::*;
 
 /// One unbroken stretch of a recording at even steps; NaN in PV is a sample that is missing, OP is without NaN.
@@ -137,7 +137,7 @@ fn bow(pv: &[f64]) -> f64 {
 
 /// Fits a recording, or windows of a longer one: each window alone and all together. None where no window has 50 samples
 /// in which OP moves.
-pub fn fit(batches: &[Batch], question: &Question) -> Option<Whole> {
+pub fn fit(batches: &[Batch], question: &Question) -> Option<JointAnswer> {
     let parts = || batches.iter().flat_map(|batch| &batch.parts);
     let (op, pv) = (Unit::of(parts().map(|p| p.op)), Unit::of(parts().map(|p| p.pv)));
     let seen: Vec<Vec<(Vec<f64>, Vec<f64>)>> = batches
@@ -155,7 +155,7 @@ pub fn fit(batches: &[Batch], question: &Question) -> Option<Whole> {
     let all: Vec<Signals> = scaled.iter().flat_map(Batch::signals).collect();
     let cell = cell(&all, question.sign)?;
     let windows = if let [one] = scaled.as_slice() { cut(one, cell * MOST_CELLS) } else { scaled };
-    let told: Vec<(Batch, Told)> = windows
+    let told: Vec<(Batch, Fitted)> = windows
         .into_par_iter()
         .filter_map(|window| {
             let told = window.told(cell, question)?;
@@ -188,15 +188,15 @@ impl<'a> Batch<'a> {
         Window { start: first.start, end, starts: self.parts.iter().map(|p| p.start).collect(), h: self.h, answer }
     }
 
-    fn told(&self, cell: usize, question: &Question) -> Option<Told> {
+    fn told(&self, cell: usize, question: &Question) -> Option<Fitted> {
         let parts = self.signals();
         let (seeds, looked) = look(&parts, question.sign)?;
         let finest = ((self.steps() + MOST_CELLS / 2) / MOST_CELLS).clamp(1, cell);
         let times = looked as f64 / finest as f64;
-        let record = Record::new(&parts, finest);
+        let record = Cells::new(&parts, finest);
         let seeds: Vec<Theta> = seeds.iter().map(|theta| rescaled(theta, times)).collect();
         let bow = parts.iter().map(|(pv, _)| bow(pv)).fold(0.0, f64::max);
-        (record.count >= FEWEST).then(|| told(&record, &seeds, self.h, bow, question))
+        (record.count >= FEWEST).then(|| fit_record(&record, &seeds, self.h, bow, question))
     }
 }
 
@@ -205,7 +205,7 @@ impl<'a> Batch<'a> {
 fn look(parts: &[Signals], sign: f64) -> Option<(Vec<Theta>, usize)> {
     let mut cell = steps(parts).div_ceil(LOOK_CELLS).max(1);
     loop {
-        let record = Record::new(parts, cell);
+        let record = Cells::new(parts, cell);
         if !moves(&record) {
             return None;
         }
@@ -237,7 +237,7 @@ fn cell(parts: &[Signals], sign: f64) -> Option<usize> {
             chunks.sort_by(|a, b| turns(b.1).total_cmp(&turns(a.1)));
             pieces = chunks.into_iter().take(PIECES).map(|chunk| vec![chunk]).collect();
         }
-        let records = pieces.iter().map(|piece| Record::new(piece, cell)).filter(moves);
+        let records = pieces.iter().map(|piece| Cells::new(piece, cell)).filter(moves);
         let looked: Vec<Pilot> = records.collect::<Vec<_>>().par_iter().map(|record| pilot(record, sign)).collect();
         let mut slow: Vec<f64> = looked.iter().filter(|p| last || p.answers > ANSWERS).map(|p| p.slow).collect();
         slow.sort_by(f64::total_cmp);
@@ -254,7 +254,7 @@ fn steps(parts: &[Signals]) -> usize {
 }
 
 /// Whether there is something to fit.
-fn moves(record: &Record) -> bool {
+fn moves(record: &Cells) -> bool {
     record.count >= FEWEST && record.range > 0.0
 }
 

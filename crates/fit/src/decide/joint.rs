@@ -1,14 +1,16 @@
 //! One answer from the windows of a recording: one width, everything else free in each.
 
-use crate::search::profile::{Profile, RISE, RISE_OF_STICKING};
-use crate::search::likelihood::Search;
-use crate::decide::verdict::{Answer, Evidence, JUMP, Question, Told, Verdict, judge, of_marks, often, plain};
 use crate::data::windows::{Batch, Unit, Window};
+use crate::decide::verdict::{
+    Answer, Evidence, Fitted, JUMP, Question, Verdict, judge, lr_asked, lr_asked_of_changes, often,
+};
+use crate::search::likelihood::Search;
+use crate::search::profile::{Profile, RISE, RISE_OF_STICKING};
 use rayon::prelude::*;
 
-/// What the windows say together.
+/// What the records say together.
 #[derive(Clone, Debug)]
-pub struct Whole {
+pub struct JointAnswer {
     /// The verdict.
     pub verdict: Verdict,
     /// Width [OP unit].
@@ -45,7 +47,7 @@ const AGREES: f64 = 4.0;
 /// One window, and all that the likelihood says there of another width.
 struct Curve<'a> {
     batch: Batch<'a>,
-    told: Told,
+    fitted: Fitted,
     sign: f64,
     /// What a unit of its likelihood is worth: the innovations' trust over what chance makes of records without a gap.
     worth: f64,
@@ -55,7 +57,7 @@ impl Curve<'_> {
     /// −2·ln L at a width, of the families of a gap and of the valves that stick; beyond OP's range what it is there, infinite
     /// where a valve was not looked at.
     fn costs(&mut self, d: f64) -> Vec<f64> {
-        let Told { record, profiles, sticking, sticks_in, .. } = &mut self.told;
+        let Fitted { record, profiles, sticking, sticks_in, .. } = &mut self.fitted;
         let of = |structure| Search { record, structure, sign: self.sign };
         let last = |p: &Profile| p.points.last().map_or(0.0, |p| p.lost.d);
         let gaps = profiles.iter_mut().map(|p| p.insert(&of(p.structure), d.min(last(p)), ROUNDS));
@@ -69,7 +71,7 @@ impl Curve<'_> {
 
     /// How much each of the [`Curve::costs`] counts, its parameters' price, and its least.
     fn weights(&self) -> Vec<(f64, f64, f64)> {
-        let Told { profiles, sticking, sticks_in, .. } = &self.told;
+        let Fitted { profiles, sticking, sticks_in, .. } = &self.fitted;
         let gaps = profiles.iter().map(|p| (1.0, 2.0 * p.structure.parameters() as f64, p.least()));
         let sticks = 2.0 * sticks_in.parameters() as f64 + SLIPS;
         gaps.chain(sticking.iter().map(|p| (RISE / RISE_OF_STICKING, sticks, p.least()))).collect()
@@ -77,12 +79,12 @@ impl Curve<'_> {
 }
 
 /// All windows at one width.
-fn at(curves: &mut [Curve], d: f64) -> Vec<Vec<f64>> {
+fn costs_at(curves: &mut [Curve], d: f64) -> Vec<Vec<f64>> {
     curves.par_iter_mut().map(|curve| curve.costs(d)).collect()
 }
 
 /// What all windows cost at best.
-fn cost(curves: &[Curve], costs: &[Vec<f64>]) -> f64 {
+fn total_cost(curves: &[Curve], costs: &[Vec<f64>]) -> f64 {
     let least = |(curve, costs): (&Curve, &Vec<f64>)| {
         let prices = curve.weights();
         let all = costs.iter().zip(prices).map(|(cost, (_, price, _))| cost + price);
@@ -109,20 +111,21 @@ const SLIPS: f64 = 4.0;
 const HALVINGS: usize = 7;
 
 /// The answer of all windows.
-pub(crate) fn joint(told: Vec<(Batch, Told)>, question: &Question, op: Unit, pv: Unit) -> Option<Whole> {
-    let fits = |told: &Told| told.answer.usable();
-    let sound = told.iter().filter(|(_, told)| fits(told)).count();
-    let all = told.len();
-    let worth = |told: &Told| told.answer.trust / told.by_chance;
-    let curves = told.into_iter().map(|(batch, told)| Curve { worth: worth(&told), batch, told, sign: question.sign });
+pub(crate) fn joint(fitted: Vec<(Batch, Fitted)>, question: &Question, op: Unit, pv: Unit) -> Option<JointAnswer> {
+    let fits = |fitted: &Fitted| fitted.answer.usable();
+    let sound = fitted.iter().filter(|(_, fitted)| fits(fitted)).count();
+    let all = fitted.len();
+    let worth = |fitted: &Fitted| fitted.answer.trust / fitted.by_chance;
+    let curves =
+        fitted.into_iter().map(|(batch, fitted)| Curve { worth: worth(&fitted), batch, fitted, sign: question.sign });
     let mut whole = if all > 1 && 2 * sound > all && sound > 1 {
-        let (mut fit, unfit): (Vec<Curve>, Vec<Curve>) = curves.partition(|curve| fits(&curve.told));
-        let mut whole = together(&mut fit);
-        whole.windows = fit.into_iter().chain(unfit).map(|curve| curve.batch.window(curve.told.answer)).collect();
+        let (mut fit, unfit): (Vec<Curve>, Vec<Curve>) = curves.partition(|curve| fits(&curve.fitted));
+        let mut whole = joint_width(&mut fit);
+        whole.windows = fit.into_iter().chain(unfit).map(|curve| curve.batch.window(curve.fitted.answer)).collect();
         whole
     } else {
         // One window, or none but one that can be used: where most cannot, neither does that.
-        let mut windows: Vec<Window> = curves.map(|curve| curve.batch.window(curve.told.answer)).collect();
+        let mut windows: Vec<Window> = curves.map(|curve| curve.batch.window(curve.fitted.answer)).collect();
         let usable = |w: &Window| 2 * sound > all || !w.answer.usable();
         let best = (0..windows.len())
             .filter(|i| usable(&windows[*i]))
@@ -130,7 +133,20 @@ pub(crate) fn joint(told: Vec<(Batch, Told)>, question: &Question, op: Unit, pv:
         windows.swap(0, best);
         let Answer { verdict, d, low, high, lr_no_gap, lr_needed, traversals, reason, .. } = windows[0].answer;
         let (trend, dispersion) = (None, 1.0);
-        Whole { verdict, d, low, high, lr_no_gap, lr_needed, traversals, dispersion, reason, trend, windows, shown: 0 }
+        JointAnswer {
+            verdict,
+            d,
+            low,
+            high,
+            lr_no_gap,
+            lr_needed,
+            traversals,
+            dispersion,
+            reason,
+            trend,
+            windows,
+            shown: 0,
+        }
     };
     whole.trend = trend(&whole.windows);
     whole.shown = shown(&whole);
@@ -148,7 +164,7 @@ pub(crate) fn joint(told: Vec<(Batch, Told)>, question: &Question, op: Unit, pv:
 }
 
 /// The window that shows best what all say.
-fn shown(whole: &Whole) -> usize {
+fn shown(whole: &JointAnswer) -> usize {
     let agrees = |w: &Window| w.answer.verdict == whole.verdict;
     let rank = |w: &Window| (agrees(w), w.answer.lr_no_gap);
     let order = |a: &Window, b: &Window| rank(a).0.cmp(&rank(b).0).then(rank(a).1.total_cmp(&rank(b).1));
@@ -156,16 +172,16 @@ fn shown(whole: &Whole) -> usize {
 }
 
 /// One width of two windows or more.
-fn together(curves: &mut [Curve]) -> Whole {
+fn joint_width(curves: &mut [Curve]) -> JointAnswer {
     let n = curves.len() as f64;
-    let range = curves.iter().map(|c| c.told.record.range).fold(0.0, f64::max);
-    let mut tried: Vec<f64> = curves.iter().map(|c| c.told.answer.d).chain([0.0, range]).collect();
+    let range = curves.iter().map(|c| c.fitted.record.range).fold(0.0, f64::max);
+    let mut tried: Vec<f64> = curves.iter().map(|c| c.fitted.answer.d).chain([0.0, range]).collect();
     tried.sort_by(f64::total_cmp);
     tried.dedup();
-    let mut known: Vec<(f64, Vec<Vec<f64>>)> = tried.into_iter().map(|d| (d, at(curves, d))).collect();
+    let mut known: Vec<(f64, Vec<Vec<f64>>)> = tried.into_iter().map(|d| (d, costs_at(curves, d))).collect();
     // The most likely width, narrowed down between its neighbours.
     let best = loop {
-        let costs: Vec<f64> = known.iter().map(|(_, costs)| cost(curves, costs)).collect();
+        let costs: Vec<f64> = known.iter().map(|(_, costs)| total_cost(curves, costs)).collect();
         let best = (0..costs.len()).min_by(|a, b| costs[*a].total_cmp(&costs[*b])).expect("0 at least");
         let room =
             |beside: Option<usize>| beside.and_then(|i| known.get(i)).map_or(0.0, |(d, _)| (d - known[best].0).abs());
@@ -174,7 +190,7 @@ fn together(curves: &mut [Curve]) -> Whole {
             break best;
         }
         let d = if below > above { known[best].0 - below / 2.0 } else { known[best].0 + above / 2.0 };
-        let costs = at(curves, d);
+        let costs = costs_at(curves, d);
         known.insert(known.partition_point(|(at, _)| *at < d), (d, costs));
     };
     let (d, here) = known[best].clone();
@@ -193,70 +209,71 @@ fn together(curves: &mut [Curve]) -> Whole {
     let mut border = |mut within: f64, mut beyond: f64| {
         for _ in 0..HALVINGS {
             let middle = 0.5 * (within + beyond);
-            let costs = at(curves, middle);
+            let costs = costs_at(curves, middle);
             *(if rise(curves, &costs) <= limit { &mut within } else { &mut beyond }) = middle;
         }
         0.5 * (within + beyond)
     };
     let low = if first == 0 { 0.0 } else { border(known[first].0, known[first - 1].0) };
     let high = (last + 1 < known.len()).then(|| border(known[last].0, known[last + 1].0));
-    let resolution = curves.iter().map(|c| c.told.record.resolution()).sum::<f64>() / n;
+    let resolution = curves.iter().map(|c| c.fitted.record.resolution()).sum::<f64>() / n;
     let low = (low - resolution).max(0.0);
     // No gap: what each window leaves of it, the loads that were looked for counted in.
     let none = &known[0].1;
     let mut against: Vec<f64> = rises(curves, &here, none);
     for (curve, lr) in curves.iter().zip(&mut against) {
-        let Told { answer, lr_of_loads, .. } = &curve.told;
+        let Fitted { answer, lr_of_loads, .. } = &curve.fitted;
         let jumps = (answer.lr_no_jump - JUMP).max(0.0);
         *lr = (*lr + curve.worth * jumps).min(curve.worth * lr_of_loads);
     }
     let lr_no_gap: f64 = against.iter().sum();
     let most = against.iter().copied().fold(0.0, f64::max);
     let times = |d: f64| {
-        let each = curves.iter().map(|c| c.told.record.traversals(d));
+        let each = curves.iter().map(|c| c.fitted.record.traversals(d));
         each.fold([0; 2], |a, b| [a[0] + b[0], a[1] + b[1]])
     };
     let traversals = times(d);
-    let many = |of: fn(&Evidence) -> bool| 2 * curves.iter().filter(|c| of(&c.told.evidence)).count() > curves.len();
-    let known = many(|e| e.known);
-    let marks = curves.iter().map(|c| c.told.record.jumps()).sum();
-    let asked = PLAIN.max(plain(traversals, known)).max(of_marks(traversals, marks));
+    let many = |of: fn(&Evidence) -> bool| 2 * curves.iter().filter(|c| of(&c.fitted.evidence)).count() > curves.len();
+    let known = many(|e| e.changes_known);
+    let marks = curves.iter().map(|c| c.fitted.record.changes()).sum();
+    let asked = PLAIN.max(lr_asked(traversals, known)).max(lr_asked_of_changes(traversals, marks));
     let lr_needed = (dispersion * asked).max(most + dispersion * PLAIN_WITHOUT_ONE);
     // What a slip jump brings over all, where it brings nothing it counts against it.
-    let jumps = |told: &Told| told.sticking.first().map_or(0.0, |p| told.profiles[0].penalised() - p.penalised());
-    let lr_no_jump: f64 = curves.iter().map(|c| c.worth * jumps(&c.told)).sum();
-    let jumping = curves.iter().filter(|c| jumps(&c.told) > 0.0).count();
-    let mean = |of: fn(&Evidence) -> f64| curves.iter().map(|c| of(&c.told.evidence)).sum::<f64>() / n;
+    let jumps =
+        |fitted: &Fitted| fitted.sticking.first().map_or(0.0, |p| fitted.profiles[0].penalised() - p.penalised());
+    let lr_no_jump: f64 = curves.iter().map(|c| c.worth * jumps(&c.fitted)).sum();
+    let jumping = curves.iter().filter(|c| jumps(&c.fitted) > 0.0).count();
+    let mean = |of: fn(&Evidence) -> f64| curves.iter().map(|c| of(&c.fitted.evidence)).sum::<f64>() / n;
     let high = high.map(|high| high + 3.0 * resolution);
-    let mut hidden: Vec<f64> = curves.iter().map(|c| c.told.evidence.hidden).collect();
+    let mut hidden: Vec<f64> = curves.iter().map(|c| c.fitted.evidence.drawn).collect();
     hidden.sort_by(f64::total_cmp);
     let evidence = Evidence {
         echo: mean(|e| e.echo),
         d,
-        known,
+        changes_known: known,
         lr_no_gap,
         lr_needed,
         lr_no_answer: mean(|e| e.lr_no_answer),
         low,
         high,
         range,
-        still: many(|e| e.still),
-        often: often(lr_no_gap / dispersion, times(low), traversals),
-        once: traversals.contains(&0),
+        immobile: many(|e| e.immobile),
+        traversed: often(lr_no_gap / dispersion, times(low), traversals),
+        one_way: traversals.contains(&0),
         coarse: many(|e| e.coarse),
         noisy: many(|e| e.noisy),
-        tells: lr_no_jump > JUMP && 2 * jumping > curves.len(),
-        jumps_whole: many(|e| e.jumps_whole),
-        repeats: many(|e| e.repeats),
-        swings: many(|e| e.swings),
-        hidden: hidden[hidden.len() / 2],
-        dissent: 3 * curves.iter().filter(|c| c.told.evidence.dissent).count() > curves.len(),
+        slips: lr_no_jump > JUMP && 2 * jumping > curves.len(),
+        slips_wholly: many(|e| e.slips_wholly),
+        periodic_load: many(|e| e.periodic_load),
+        even_swing: many(|e| e.even_swing),
+        drawn: hidden[hidden.len() / 2],
+        dissent: 3 * curves.iter().filter(|c| c.fitted.evidence.dissent).count() > curves.len(),
     };
     let (verdict, reason) =
         if dispersion > DISAGREE { (Verdict::CannotTell, "windows_disagree") } else { judge(&evidence) };
     let high = high.filter(|_| verdict != Verdict::AtLeast);
     let (trend, windows, shown, lr_needed) = (None, Vec::new(), 0, evidence.needed());
-    Whole { verdict, d, low, high, lr_no_gap, lr_needed, traversals, dispersion, reason, trend, windows, shown }
+    JointAnswer { verdict, d, low, high, lr_no_gap, lr_needed, traversals, dispersion, reason, trend, windows, shown }
 }
 
 /// How near the most likely width is found, part of itself.

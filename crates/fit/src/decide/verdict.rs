@@ -1,13 +1,13 @@
 //! From profiles to an answer: width, interval, and whether there is a gap at all.
 
-use crate::loads::cycle::beside_a_cycle;
-use crate::search::screen::FINELY;
-use crate::search::profile::{Profile, RISE, RISE_OF_STICKING, trust};
-use crate::data::cells::{Lost, Positions, Record};
-use crate::search::likelihood::{Point, Search, dot, solve};
-use crate::model::structure::{MOST, Structure, Theta};
-use crate::loads::hypothesis::{CYCLES, View, views};
+use crate::data::cells::{Cells, LostMotion, Positions};
 use crate::data::windows::Unit;
+use crate::loads::cycle::lr_beside_cycle;
+use crate::loads::hypothesis::{CYCLES, Hypothesis, hypotheses};
+use crate::model::structure::{MOST, Structure, Theta};
+use crate::search::likelihood::{Point, Search, dot, solve};
+use crate::search::profile::{Profile, RISE, RISE_OF_STICKING, trust};
+use crate::search::screen::FINE_TOLERANCE;
 use rayon::prelude::*;
 
 /// What is asked.
@@ -53,7 +53,7 @@ pub struct Candidate {
 
 /// A cell of PV beside the best model.
 #[derive(Clone, Copy, Debug)]
-pub struct Seen {
+pub struct Prediction {
     /// Part of the record, in the order given.
     pub part: usize,
     /// First step of the cell within it.
@@ -122,7 +122,7 @@ pub struct Answer {
     /// The families, best first.
     pub candidates: Vec<Candidate>,
     /// What the best model made of each cell of PV.
-    pub seen: Vec<Seen>,
+    pub predictions: Vec<Prediction>,
     /// Why the verdict is what it is, a word that `glapp` turns into a sentence.
     pub reason: &'static str,
 }
@@ -147,7 +147,7 @@ impl Answer {
             candidate.d *= op.size;
             candidate.profile.iter_mut().for_each(|(d, _)| *d *= op.size);
         }
-        for seen in &mut self.seen {
+        for seen in &mut self.predictions {
             (seen.pv, seen.foreseen) = (pv.zero + seen.pv * pv.size, pv.zero + seen.foreseen * pv.size);
             seen.position = op.zero + seen.position * op.size;
         }
@@ -155,9 +155,9 @@ impl Answer {
 }
 
 /// What one window says, with all that is needed to ask it about another width.
-pub(crate) struct Told {
+pub(crate) struct Fitted {
     pub(crate) answer: Answer,
-    pub(crate) record: Record,
+    pub(crate) record: Cells,
     /// The believed families of a gap, best first, and the valves that stick, nearest first.
     pub(crate) profiles: Vec<Profile>,
     pub(crate) sticking: Vec<Profile>,
@@ -170,10 +170,10 @@ pub(crate) struct Told {
 }
 
 /// Answers for a record of one window, whose steps lie `h` [s] apart, and whose PV a historian may have bent by `bow` [PV unit].
-pub(crate) fn told(record: &Record, seeds: &[Theta], h: f64, bow: f64, question: &Question) -> Told {
-    let (view, without) = views(record, seeds, question.sign);
+pub(crate) fn fit_record(record: &Cells, seeds: &[Theta], h: f64, bow: f64, question: &Question) -> Fitted {
+    let (view, without) = hypotheses(record, seeds, question.sign);
     let lr_no_answer = view.answers(question.sign);
-    let View { record, mut profiles, dissent, mut sticking, sticks_in, cost, .. } = view;
+    let Hypothesis { record, mut profiles, dissent, mut sticking, sticks_in, cost, .. } = view;
     let lr_of_loads = without - cost;
     let n = record.freedom();
     let of = |structure| Search { record: &record, structure, sign: question.sign };
@@ -182,7 +182,7 @@ pub(crate) fn told(record: &Record, seeds: &[Theta], h: f64, bow: f64, question:
     let mut best = profiles[0].points[profiles[0].best].clone();
     // What a slip jump explains beyond a gap; what a gap explains beyond nothing is at least as much.
     let lr_no_jump = sticking.first().map_or(0.0, |stuck| (least - stuck.penalised()).max(0.0));
-    let tells = lr_no_jump > JUMP;
+    let slips = lr_no_jump > JUMP;
     // What a valve that sticks costs where it is as likely as the most likely.
     let mut as_likely = least - 2.0 * sticks_in.parameters() as f64;
     if lr_no_jump > SLIPS {
@@ -195,28 +195,28 @@ pub(crate) fn told(record: &Record, seeds: &[Theta], h: f64, bow: f64, question:
         profiles.iter().map(Profile::lr_no_gap).fold(f64::INFINITY, f64::min) + (lr_no_jump - JUMP).max(0.0);
     let mut lr_of_loads = lr_of_loads;
     let traversals = record.traversals(best.lost.d);
-    let known = record.jumps() > 0;
-    let of_marks = of_marks(traversals, record.jumps());
-    let plain = plain(traversals, known).max(of_marks);
-    if lr_no_gap.min(lr_of_loads) * trusted > plain {
+    let known = record.changes() > 0;
+    let asked_of_changes = lr_asked_of_changes(traversals, record.changes());
+    let asked = lr_asked(traversals, known).max(asked_of_changes);
+    if lr_no_gap.min(lr_of_loads) * trusted > asked {
         let family = &profiles[0];
         let points = [(search.structure, &best), (family.structure, &family.points[0])];
-        let beside = beside_a_cycle(&record, question.sign, &points, &best.lost, without);
+        let beside = lr_beside_cycle(&record, question.sign, &points, &best.lost, without);
         lr_of_loads = beside.map_or(lr_of_loads, |beside| beside.min(lr_of_loads));
     }
     let repeats = lr_of_loads < without - cost;
     let lr_no_gap = lr_no_gap.min(lr_of_loads) * trusted;
-    let lr_needed = if question.bootstrap > 0 && lr_no_gap > plain && lr_no_gap < 100.0 {
+    let lr_needed = if question.bootstrap > 0 && lr_no_gap > asked && lr_no_gap < 100.0 {
         // The invented records' innovations are alike everywhere: their ratio is to be held against the one before τ.
         let without = &profiles[0].points[0];
-        plain.max(by_chance(&of(profiles[0].structure), without, lr_no_gap / trusted, question) * trusted)
+        asked.max(bootstrap_threshold(&of(profiles[0].structure), without, lr_no_gap / trusted, question) * trusted)
     } else {
-        plain
+        asked
     };
     let fine = 0.001 * record.range;
-    let wider = if of_marks > 0.0 { BESIDE_MARKS } else { 1.0 } / trusted;
+    let wider = if asked_of_changes > 0.0 { BESIDE_MARKS } else { 1.0 } / trusted;
     let mut spread = Vec::new();
-    if !tells {
+    if !slips {
         for profile in &mut profiles {
             let from = profile.least();
             spread.extend(profile.within(&of(profile.structure), from, RISE * wider, fine));
@@ -230,7 +230,7 @@ pub(crate) fn told(record: &Record, seeds: &[Theta], h: f64, bow: f64, question:
         spread.extend(limits.map(|(low, high)| (low, high.or(beyond))));
     }
     let sticks_only = |p: &&Profile| p.points[p.best].lost.share >= 1.0;
-    let jumps_whole = sticking.iter().filter(sticks_only).any(|p| p.least() < as_likely + SLIPS);
+    let slips_wholly = sticking.iter().filter(sticks_only).any(|p| p.least() < as_likely + SLIPS);
     let low = (spread.iter().map(|s| s.0).fold(f64::INFINITY, f64::min) - record.resolution()).max(0.0);
     let high = spread.iter().map(|s| s.1).try_fold(0.0, |high, h| h.map(|h| f64::max(high, h)));
     let positions = record.positions(&best.lost);
@@ -238,8 +238,8 @@ pub(crate) fn told(record: &Record, seeds: &[Theta], h: f64, bow: f64, question:
     let residual = final_state.lane(0);
     let noise = (final_state.sum[0] / n).sqrt() / final_state.scale[0];
     let echo = echo(&residual);
-    let reaches = |lost: &Lost| record.reach(lost);
-    let at_low = if low > 0.0 { reaches(&Lost { d: low, ..best.lost.clone() }) / low } else { 1.0 };
+    let reaches = |lost: &LostMotion| record.reach(lost);
+    let at_low = if low > 0.0 { reaches(&LostMotion { d: low, ..best.lost.clone() }) / low } else { 1.0 };
     let fast = search.structure.settles(&best.theta) * (record.cell as f64) < COARSE;
     let slowly = best.lost.d >= SLOWLY * record.travel();
     // PV stands still while OP goes through the gap: no load follows OP so closely, unless most of each swing is lost.
@@ -248,32 +248,32 @@ pub(crate) fn told(record: &Record, seeds: &[Theta], h: f64, bow: f64, question:
         echo,
         d: best.lost.d,
         // A model whose valve hardly moves is a step of PV at a time and of a size that are free.
-        still: (reaches(&best.lost) / best.lost.d.max(1e-300)).min(at_low) < STIRS,
-        coarse: fast && (tells || !slowly),
+        immobile: (reaches(&best.lost) / best.lost.d.max(1e-300)).min(at_low) < STIRS,
+        coarse: fast && (slips || !slowly),
         noisy: !search.structure.integrating && (best.kp * best.lost.d).abs() < NOISY * noise,
-        often: often(lr_no_gap, record.traversals(low), traversals),
-        once: traversals.contains(&0),
-        known,
+        traversed: often(lr_no_gap, record.traversals(low), traversals),
+        one_way: traversals.contains(&0),
+        changes_known: known,
         lr_no_gap,
         lr_needed,
         lr_no_answer,
         low,
         high,
         range: record.range,
-        tells,
-        jumps_whole,
+        slips,
+        slips_wholly,
         dissent: dissent || !certain,
-        repeats,
+        periodic_load: repeats,
         // Steps and bends of the load that were found tell what drives OP, where there are enough of them. A process slower than
         // the swing nearly integrates, and swings with a gap; not under a load that steps.
-        swings: lr_no_gap < PLAIN_IF_SWINGS
-            && 2 * record.jumps() < traversals[0] + traversals[1]
+        even_swing: lr_no_gap < PLAIN_IF_SWINGS
+            && 2 * record.changes() < traversals[0] + traversals[1]
             && !dwells
             && record.swing(best.lost.d).is_some_and(|(mean, spread)| {
                 let quick = search.structure.lag(&best.theta) * (record.cell as f64) < mean;
                 spread < EVEN && (known || quick && !search.structure.integrating)
             }),
-        hidden: LINED * bow / best.kp.abs().max(1e-300),
+        drawn: LINED * bow / best.kp.abs().max(1e-300),
     };
     let (verdict, reason) = judge(&evidence);
     let h = h * record.cell as f64;
@@ -281,7 +281,7 @@ pub(crate) fn told(record: &Record, seeds: &[Theta], h: f64, bow: f64, question:
     let kp = best.kp * per_cell;
     let spread = 1.96 * kp.abs() / (lr_no_answer * trusted).max(1e-9).sqrt();
     let variance = final_state.sum[0] / n / trusted;
-    let errors = Errors::new(&search, &best.theta, &positions, variance);
+    let errors = StandardErrors::new(&search, &best.theta, &positions, variance);
     let (dead_time, dead_error) = errors.of(|theta| theta[search.structure.dead_time_at()] * h);
     let (lag, lag_error) = errors.of(|theta| search.structure.lag(theta) * h);
     let around = |x: f64, error: f64| ((x - 1.96 * error).max(0.0), x + 1.96 * error);
@@ -311,7 +311,7 @@ pub(crate) fn told(record: &Record, seeds: &[Theta], h: f64, bow: f64, question:
         cells: record.count,
         cell: h,
         range: record.range,
-        load_steps: record.jumps(),
+        load_steps: record.changes(),
         candidates: profiles
             .iter()
             .map(|p| Candidate {
@@ -322,11 +322,11 @@ pub(crate) fn told(record: &Record, seeds: &[Theta], h: f64, bow: f64, question:
                 profile: p.points.iter().map(|point| (point.lost.d, point.cost - p.least())).collect(),
             })
             .collect(),
-        seen: seen(&record, &positions, &residual),
+        predictions: predictions(&record, &positions, &residual),
         reason,
     };
-    let by_chance = lr_needed / plain;
-    Told { answer, record, profiles, sticking, sticks_in, lr_of_loads, by_chance, evidence }
+    let by_chance = lr_needed / asked;
+    Fitted { answer, record, profiles, sticking, sticks_in, lr_of_loads, by_chance, evidence }
 }
 
 /// Whether OP went often enough through the lower limit and the most likely width for a width with two limits.
@@ -337,18 +337,18 @@ pub(crate) fn often(lr_no_gap: f64, low: [usize; 2], d: [usize; 2]) -> bool {
 }
 
 /// What OP's way through a width asks of the likelihood ratio of no gap; `known`: where a load was found that steps or bends.
-pub(crate) fn plain([up, down]: [usize; 2], known: bool) -> f64 {
-    if up.min(down) >= CYCLES { PLAIN } else { seldom(known) }
+pub(crate) fn lr_asked([up, down]: [usize; 2], known: bool) -> f64 {
+    if up.min(down) >= CYCLES { PLAIN } else { lr_asked_if_seldom(known) }
 }
 
 /// The same where OP went through it too seldom.
-fn seldom(known: bool) -> f64 {
+fn lr_asked_if_seldom(known: bool) -> f64 {
     if known { PLAIN_IF_SELDOM } else { PLAIN_IF_SELDOM_AND_UNKNOWN }
 }
 
 /// What steps and bends of the load ask of it that were marked where there are as many of them as OP went through the width, else
 /// 0: they lie where they suit the best width, and make the others look worse than they are.
-pub(crate) fn of_marks([up, down]: [usize; 2], marks: usize) -> f64 {
+pub(crate) fn lr_asked_of_changes([up, down]: [usize; 2], marks: usize) -> f64 {
     if marks < up + down { 0.0 } else { PLAIN_OF_A_MARK * marks as f64 }
 }
 
@@ -405,7 +405,7 @@ const INVENTED: usize = 100;
 /// The threshold of the likelihood ratio from records that the best model without a gap invents: innovations drawn
 /// from its own, OP as recorded. So many that chance does not decide on which side of it `ratio` lies, at most
 /// `question.bootstrap`.
-fn by_chance(search: &Search, without: &Point, ratio: f64, question: &Question) -> f64 {
+fn bootstrap_threshold(search: &Search, without: &Point, ratio: f64, question: &Question) -> f64 {
     let here = search.at(&without.theta, &search.record.positions(&without.lost));
     // Innovations over √S: the record's own, in units of which S is told.
     let scale = 1.0 / here.scale[0];
@@ -413,9 +413,9 @@ fn by_chance(search: &Search, without: &Point, ratio: f64, question: &Question) 
     let mut ratios: Vec<f64> = Vec::new();
     loop {
         let turn = ratios.len()..(ratios.len() + INVENTED).min(question.bootstrap);
-        let draw = |i: usize| invented(search, without, &innovations, Draws::new(SEED, i as u64));
+        let draw = |i: usize| simulated_lr(search, without, &innovations, Draws::new(SEED, i as u64));
         ratios.par_extend(turn.into_par_iter().map(draw));
-        let (threshold, error) = exceeded_once_in_a_hundred(&mut ratios);
+        let (threshold, error) = upper_percentile(&mut ratios);
         if ratios.len() >= question.bootstrap || (ratio - threshold).abs() > 3.0 * error {
             return threshold;
         }
@@ -423,20 +423,20 @@ fn by_chance(search: &Search, without: &Point, ratio: f64, question: &Question) 
 }
 
 /// The likelihood ratio of no gap in one record that the model without a gap invents.
-fn invented(search: &Search, without: &Point, innovations: &[f64], mut draws: Draws) -> f64 {
+fn simulated_lr(search: &Search, without: &Point, innovations: &[f64], mut draws: Draws) -> f64 {
     let positions = search.record.positions(&without.lost);
     let mut draw = || innovations[(draws.next() % innovations.len() as u64) as usize];
     let ys = search.record.stretches.iter().zip(&positions).map(|(s, v)| {
         let kp_v: Vec<f64> = v.iter().map(|v| v * without.kp).collect();
-        search.structure.invent(&without.theta, &s.y, &s.jumps, &kp_v, &mut draw)
+        search.structure.simulate(&without.theta, &s.y, &s.changes, &kp_v, &mut draw)
     });
     let record = search.record.with(ys.collect());
     let search = Search { record: &record, ..*search };
     let with = |theta: Theta, part: f64, unless: f64| {
-        let lost = Lost { d: part * record.range, ..without.lost.clone() };
-        search.from(&[(theta, lost)], 6, FINELY, unless)
+        let lost = LostMotion { d: part * record.range, ..without.lost.clone() };
+        search.from(&[(theta, lost)], 6, FINE_TOLERANCE, unless)
     };
-    // The model that made the record is near the best for each width, and most widths are soon plain to be worse.
+    // The model that made the record is near the best for each width, and most widths are soon plainly worse.
     let mut none = with(without.theta, 0.0, f64::INFINITY);
     loop {
         let mut best = none.clone();
@@ -451,7 +451,7 @@ fn invented(search: &Search, without: &Point, innovations: &[f64], mut draws: Dr
         }
         // A better process found with a gap may be the better without one, too.
         let again = with(best.theta, 0.0, none.cost);
-        if again.cost > none.cost - FINELY {
+        if again.cost > none.cost - FINE_TOLERANCE {
             return none.cost - best.cost;
         }
         none = again;
@@ -461,7 +461,7 @@ fn invented(search: &Search, without: &Point, innovations: &[f64], mut draws: Dr
 /// What one in a hundred of `ratios` exceeds, and its standard error; their order is lost. Few lie so high: so the fifth
 /// of them that is largest, or all above 0 where these are fewer, is taken for the beginning of an exponential tail, as that of a
 /// chi-square is. Nor is it less than what a scaled half of a chi-square with the same mean has there.
-fn exceeded_once_in_a_hundred(ratios: &mut [f64]) -> (f64, f64) {
+fn upper_percentile(ratios: &mut [f64]) -> (f64, f64) {
     ratios.sort_by(|a, b| b.total_cmp(a));
     let n = ratios.len() as f64;
     let most = ratios.len() / 5;
@@ -499,24 +499,24 @@ impl Draws {
 }
 
 /// The cells of PV with what the model left of each.
-fn seen(record: &Record, positions: &Positions, residual: &[f64]) -> Vec<Seen> {
+fn predictions(record: &Cells, positions: &Positions, residual: &[f64]) -> Vec<Prediction> {
     let cells = record.stretches.iter().zip(positions).flat_map(|(stretch, v)| {
         let there = stretch.y.iter().zip(v).enumerate().filter(|(_, (y, _))| !y.is_nan());
         there.map(|(k, (y, v))| (stretch.part, k * record.cell, *y, *v))
     });
     cells
         .zip(residual)
-        .map(|((part, step, pv, position), r)| Seen { part, step, pv, foreseen: pv - r, position })
+        .map(|((part, step, pv, position), r)| Prediction { part, step, pv, foreseen: pv - r, position })
         .collect()
 }
 
 /// Standard errors of the search's parameters, from the curvature of the likelihood.
-struct Errors {
+struct StandardErrors {
     theta: Theta,
     covariance: Vec<Theta>,
 }
 
-impl Errors {
+impl StandardErrors {
     fn new(search: &Search, theta: &Theta, positions: &Positions, variance: f64) -> Self {
         let (_, slopes) = search.slopes(theta, positions);
         let k = slopes.len();
@@ -573,26 +573,26 @@ pub(crate) struct Evidence {
     pub(crate) high: Option<f64>,
     pub(crate) range: f64,
     /// Whether the valve of the best model hardly moves.
-    pub(crate) still: bool,
+    pub(crate) immobile: bool,
     /// Whether OP went through the lower limit often enough for a width.
-    pub(crate) often: bool,
+    pub(crate) traversed: bool,
     /// Whether a load was found that steps or bends.
-    pub(crate) known: bool,
+    pub(crate) changes_known: bool,
     /// Whether OP went through the width one way only.
-    pub(crate) once: bool,
+    pub(crate) one_way: bool,
     /// Whether the samples are too far apart for the process, and for how fast OP goes through the gap or for a jump in it.
     pub(crate) coarse: bool,
     /// Whether PV's noise hides what the gap makes.
     pub(crate) noisy: bool,
     /// Whether a slip jump shows, and whether it may be all of the width.
-    pub(crate) tells: bool,
-    pub(crate) jumps_whole: bool,
+    pub(crate) slips: bool,
+    pub(crate) slips_wholly: bool,
     /// Whether a load that repeats itself leaves the gap less than others do.
-    pub(crate) repeats: bool,
+    pub(crate) periodic_load: bool,
     /// Whether OP swings to and fro in almost even time, though no gap makes this process do that.
-    pub(crate) swings: bool,
+    pub(crate) even_swing: bool,
     /// Width that makes too little of PV for how coarsely the lines bend that PV is recorded as.
-    pub(crate) hidden: f64,
+    pub(crate) drawn: f64,
     /// Whether a family that predicts nearly as well as the best sees a gap.
     pub(crate) dissent: bool,
 }
@@ -600,8 +600,8 @@ pub(crate) struct Evidence {
 impl Evidence {
     /// What the likelihood ratio of no gap must exceed: more for a bound.
     pub(crate) fn needed(&self) -> f64 {
-        let bound = self.high.is_none() || !self.often || self.noisy;
-        if bound { self.lr_needed.max(seldom(self.known)) } else { self.lr_needed }
+        let bound = self.high.is_none() || !self.traversed || self.noisy;
+        if bound { self.lr_needed.max(lr_asked_if_seldom(self.changes_known)) } else { self.lr_needed }
     }
 }
 
@@ -613,11 +613,11 @@ pub(crate) fn judge(e: &Evidence) -> (Verdict, &'static str) {
         return (Verdict::CannotTell, "no_answer");
     }
     if e.lr_no_gap <= e.needed() {
-        if e.repeats {
+        if e.periodic_load {
             return (Verdict::CannotTell, "repeats");
         }
         return match e.high {
-            Some(high) if e.low <= 0.0 && high < 0.25 * e.range && !e.dissent => match high < e.hidden {
+            Some(high) if e.low <= 0.0 && high < 0.25 * e.range && !e.dissent => match high < e.drawn {
                 true => (Verdict::CannotTell, "lined"),
                 false => (Verdict::Sound, "no_gap"),
             },
@@ -630,26 +630,26 @@ pub(crate) fn judge(e: &Evidence) -> (Verdict, &'static str) {
     if e.coarse {
         return (Verdict::CannotTell, "coarse");
     }
-    if e.swings {
+    if e.even_swing {
         return (Verdict::CannotTell, "swings");
     }
-    if e.d < e.hidden {
+    if e.d < e.drawn {
         return (Verdict::CannotTell, "lined");
     }
-    if e.still {
+    if e.immobile {
         return (Verdict::CannotTell, "still");
     }
-    if e.once {
+    if e.one_way {
         return (Verdict::CannotTell, "once");
     }
-    if e.high.is_none() || !e.often {
+    if e.high.is_none() || !e.traversed {
         return (Verdict::AtLeast, "not_traversed");
     }
     if e.noisy {
         return (Verdict::AtLeast, "noisy");
     }
-    if e.tells {
-        return match e.jumps_whole {
+    if e.slips {
+        return match e.slips_wholly {
             true => (Verdict::Stiction, "jumps"),
             false => (Verdict::Both, "jumps_in_a_gap"),
         };
@@ -697,7 +697,7 @@ mod tests {
             .map(|seed| {
                 let mut draws = Draws::new(seed, 0);
                 let mut ratios: Vec<f64> = (0..200).map(|_| half_chi_square(&mut draws)).collect();
-                exceeded_once_in_a_hundred(&mut ratios).0
+                upper_percentile(&mut ratios).0
             })
             .collect();
         let mean = thresholds.iter().sum::<f64>() / 30.0;

@@ -4,10 +4,10 @@
 //! A load that walks explains that badly, so a gap would have it too easy. It has to beat a load of one period instead,
 //! whatever its form: both get the harmonics of that period, and what the gap still brings is its own.
 
-use crate::search::screen::adapted;
-use crate::data::cells::{Lost, Positions, Record};
-use crate::search::likelihood::{Point, Search, dot};
+use crate::data::cells::{Cells, LostMotion, Positions};
 use crate::model::structure::{Noise, Structure, Theta};
+use crate::search::likelihood::{Point, Search, dot};
+use crate::search::screen::theta_for;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
@@ -29,11 +29,11 @@ const TURNS: usize = 8;
 /// What a gap is worth beside a load that repeats itself [−2·ln L]; none where such a load, each harmonic at the price of its
 /// size and phase, explains the record no better than `without`, the least that it costs without a gap. `points`: families
 /// whose process is a beginning.
-pub(crate) fn beside_a_cycle(
-    record: &Record,
+pub(crate) fn lr_beside_cycle(
+    record: &Cells,
     sign: f64,
     points: &[(Structure, &Point)],
-    lost: &Lost,
+    lost: &LostMotion,
     without: f64,
 ) -> Option<f64> {
     let record = &record.unmarked();
@@ -43,14 +43,16 @@ pub(crate) fn beside_a_cycle(
     let alike = |of: &Structure| of.lags == structure.lags && of.integrating == structure.integrating;
     let seed = |(of, point): &(Structure, &Point)| match alike(of) {
         true => point.theta,
-        false => adapted(structure, &of.as_pilot(&point.theta)),
+        false => theta_for(structure, &of.as_pilot(&point.theta)),
     };
     let seeds: Vec<Theta> = points.iter().map(seed).collect();
-    let none = Lost::gap(0.0, record.stretches.len());
+    let none = LostMotion::gap(0.0, record.stretches.len());
     let frequency = frequency(&search, seeds.first()?, &none)?;
     let waves = waves(record, frequency, HARMONICS);
-    let best = |lost: &Lost| {
-        let ends = seeds.par_iter().map(|theta| settled(&search, search.roused(*theta, lost), lost, &waves));
+    let best = |lost: &LostMotion| {
+        let ends = seeds
+            .par_iter()
+            .map(|theta| alternate(&search, search.with_best_load_variance(*theta, lost), lost, &waves));
         ends.min_by(|a, b| a.cost.total_cmp(&b.cost))
     };
     let (no_gap, gap) = (best(&none)?, best(lost)?);
@@ -70,7 +72,7 @@ struct Columns {
 }
 
 impl Columns {
-    fn new(search: &Search, theta: &Theta, lost: &Lost, more: &[Positions]) -> Self {
+    fn new(search: &Search, theta: &Theta, lost: &LostMotion, more: &[Positions]) -> Self {
         let valve = search.record.positions(lost);
         let inputs: Vec<&Positions> = [&valve].into_iter().chain(more).collect();
         let (mut left, columns) = search.answers(theta, &inputs);
@@ -87,9 +89,9 @@ impl Columns {
 }
 
 /// Cosine and sine of each harmonic in each cell.
-fn waves(record: &Record, frequency: f64, harmonics: usize) -> Vec<Positions> {
+fn waves(record: &Cells, frequency: f64, harmonics: usize) -> Vec<Positions> {
     let wave = |w: f64, of: fn(f64) -> f64| -> Positions {
-        let stretch = |s: &crate::data::cells::Stretch| (0..s.y.len()).map(|k| of(w * (s.since + k as f64))).collect();
+        let stretch = |s: &crate::data::cells::Strip| (0..s.y.len()).map(|k| of(w * (s.since + k as f64))).collect();
         record.stretches.iter().map(stretch).collect()
     };
     let harmonics = (1..=harmonics).map(|k| k as f64 * frequency).filter(|w| *w < TAU / 3.0);
@@ -97,7 +99,7 @@ fn waves(record: &Record, frequency: f64, harmonics: usize) -> Vec<Positions> {
 }
 
 /// Process and a load of these waves in turns, from θ.
-fn settled(search: &Search, mut theta: Theta, lost: &Lost, waves: &[Positions]) -> Point {
+fn alternate(search: &Search, mut theta: Theta, lost: &LostMotion, waves: &[Positions]) -> Point {
     let mut best: Option<Point> = None;
     for _ in 0..TURNS {
         let Columns { x, .. } = Columns::new(search, &theta, lost, waves);
@@ -123,7 +125,7 @@ fn settled(search: &Search, mut theta: Theta, lost: &Lost, waves: &[Positions]) 
 }
 
 /// The frequency whose harmonics explain most of what the valve does not [rad/cell].
-fn frequency(search: &Search, theta: &Theta, lost: &Lost) -> Option<f64> {
+fn frequency(search: &Search, theta: &Theta, lost: &LostMotion) -> Option<f64> {
     let record = search.record;
     let mut calm = *theta;
     calm[search.structure.lags + 1] = CALM;

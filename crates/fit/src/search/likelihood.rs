@@ -1,8 +1,8 @@
 //! The likelihood of one family and its maximum for a given lost motion.
 
-use crate::model::kalman::{Jump, UNKNOWN, White};
+use crate::data::cells::{Cells, LostMotion, Positions};
+use crate::model::kalman::{LoadChange, UNKNOWN, Whitened};
 use crate::model::lanes::{LANES, Lanes, Wide, Work, widest};
-use crate::data::cells::{Lost, Positions, Record};
 use crate::model::structure::{MOST, Noise, Structure, Theta};
 use pulp::Simd;
 use std::cell::RefCell;
@@ -17,7 +17,7 @@ pub(crate) struct Point {
     pub(crate) cost: f64,
     /// Static gain (of an integrating process: velocity gain a cell) [PV unit / OP unit].
     pub(crate) kp: f64,
-    pub(crate) lost: Lost,
+    pub(crate) lost: LostMotion,
     /// Σ ε_y·ε_v/S and Σ ε_v²/S, of which the gain is the ratio.
     products: (f64, f64),
 }
@@ -66,12 +66,12 @@ enum Wanted {
 
 /// Room for one pass, kept from one to the next.
 #[derive(Default)]
-struct Room {
+struct Workspace {
     delayed: Vec<Lanes>,
     shifted: Vec<f64>,
     /// Jumps of each stretch.
-    jumps: Vec<Vec<Jump>>,
-    white: White,
+    changes: Vec<Vec<LoadChange>>,
+    white: Whitened,
     found: Innovations,
 }
 
@@ -82,13 +82,13 @@ const LONG: f64 = 100.0;
 const SETTLED: usize = 100;
 
 thread_local! {
-    static ROOM: RefCell<Room> = RefCell::default();
+    static WORKSPACE: RefCell<Workspace> = RefCell::default();
 }
 
 /// One family on one record. `sign`: that of the gain where it is known, else 0.
 #[derive(Clone, Copy)]
 pub(crate) struct Search<'a> {
-    pub(crate) record: &'a Record,
+    pub(crate) record: &'a Cells,
     pub(crate) structure: Structure,
     pub(crate) sign: f64,
 }
@@ -113,52 +113,52 @@ struct Local {
 /// A pass over some of the stretches of a record: eight sets of parameters at once.
 struct Pass<'r, 's> {
     search: &'s Search<'s>,
-    room: &'r mut Room,
+    workspace: &'r mut Workspace,
     thetas: &'s [Theta; LANES],
     stretches: Range<usize>,
     /// The positions for a lane in a stretch, as far as they are wanted.
     positions: &'s dyn Fn(usize, usize) -> &'s [f64],
-    /// The jumps of the load for a lane in a stretch.
-    jumps: &'s dyn Fn(usize, usize) -> &'s Vec<f64>,
+    /// The changes of the load for a lane in a stretch.
+    changes: &'s dyn Fn(usize, usize) -> &'s Vec<f64>,
     wanted: Wanted,
 }
 
 impl Work for Pass<'_, '_> {
     #[inline(always)]
     fn run<S: Simd, const R: usize>(self, simd: S) {
-        let Self { search, room, thetas, stretches, positions, jumps, wanted } = self;
+        let Self { search, workspace, thetas, stretches, positions, changes, wanted } = self;
         let Search { record, structure, .. } = search;
         // PV's mean over a cell lies half a cell behind its first step, OP's mean acts from the first step on. OP never acts on
         // the PV of its own step: it is the controller's answer to that PV, and would explain it all too well.
         let cell = record.cell as f64;
         let delay = Lanes::each(|l| thetas[l][structure.dead_time_at()] - (cell - 1.0) / (2.0 * cell));
-        room.delayed.clear();
+        workspace.delayed.clear();
         for i in stretches.clone() {
-            let from = room.delayed.len();
+            let from = workspace.delayed.len();
             let first = positions(0, i);
-            room.delayed.extend(earlier(first, delay[0], &mut room.shifted).map(Lanes::all));
+            workspace.delayed.extend(delayed(first, delay[0], &mut workspace.shifted).map(Lanes::all));
             for l in 1..LANES {
                 // Most lanes differ in something else.
                 let v = positions(l, i);
                 if delay[l] != delay[0] || !std::ptr::eq(v, first) {
-                    let of_lane = earlier(v, delay[l], &mut room.shifted);
-                    room.delayed[from..].iter_mut().zip(of_lane).for_each(|(delayed, v)| delayed[l] = v);
+                    let of_lane = delayed(v, delay[l], &mut workspace.shifted);
+                    workspace.delayed[from..].iter_mut().zip(of_lane).for_each(|(delayed, v)| delayed[l] = v);
                 }
             }
         }
-        room.jumps.clear();
+        workspace.changes.clear();
         for i in stretches.clone() {
-            room.jumps.push(Jump::gathered(|l| jumps(l, i).as_slice()));
+            workspace.changes.push(LoadChange::gathered(|l| changes(l, i).as_slice()));
         }
-        room.white.clear();
-        let mut rest = room.delayed.as_slice();
-        let inputs = stretches.zip(&room.jumps).map(|(i, jumps)| {
+        workspace.white.clear();
+        let mut rest = workspace.delayed.as_slice();
+        let inputs = stretches.zip(&workspace.changes).map(|(i, changes)| {
             let (v, after) = rest.split_at(positions(0, i).len());
             rest = after;
-            (&record.stretches[i].y[..v.len()], jumps.as_slice(), v)
+            (&record.stretches[i].y[..v.len()], changes.as_slice(), v)
         });
-        structure.whiten::<S, R>(simd, thetas, inputs, &mut room.white);
-        search.weigh::<S, R>(simd, &room.white, &mut room.found, wanted);
+        structure.whiten::<S, R>(simd, thetas, inputs, &mut workspace.white);
+        search.gain_and_residuals::<S, R>(simd, &workspace.white, &mut workspace.found, wanted);
     }
 }
 
@@ -167,7 +167,7 @@ struct Response<'s> {
     structure: Structure,
     theta: &'s Theta,
     positions: &'s [Lanes],
-    white: &'s mut White,
+    white: &'s mut Whitened,
 }
 
 impl Work for Response<'_> {
@@ -189,21 +189,21 @@ impl Search<'_> {
         then: impl FnOnce(&Innovations) -> T,
     ) -> T {
         let all = 0..self.record.stretches.len();
-        let jumps = |_, i: usize| &self.record.stretches[i].jumps;
-        self.pass(thetas, all, &|_, i| &positions[i], &jumps, wanted, |room| then(&room.found))
+        let changes = |_, i: usize| &self.record.stretches[i].changes;
+        self.pass(thetas, all, &|_, i| &positions[i], &changes, wanted, |workspace| then(&workspace.found))
     }
 
-    /// Σ r² with eight other sets of jumps in one of the stretches, each as large as the record's own.
-    pub(crate) fn with_other_jumps(
+    /// Σ r² with eight other sets of changes in one of the stretches, each as large as the record's own.
+    pub(crate) fn with_other_changes(
         &self,
         theta: &Theta,
         positions: &Positions,
         stretch: usize,
-        jumps: &[Vec<f64>; LANES],
+        changes: &[Vec<f64>; LANES],
     ) -> Lanes {
         let all = 0..self.record.stretches.len();
-        let of = |l: usize, i: usize| if i == stretch { &jumps[l] } else { &self.record.stretches[i].jumps };
-        self.pass(&[*theta; LANES], all, &|_, i| &positions[i], &of, Wanted::Least, |room| room.found.sum)
+        let of = |l: usize, i: usize| if i == stretch { &changes[l] } else { &self.record.stretches[i].changes };
+        self.pass(&[*theta; LANES], all, &|_, i| &positions[i], &of, Wanted::Least, |workspace| workspace.found.sum)
     }
 
     /// See [`Pass`].
@@ -212,19 +212,25 @@ impl Search<'_> {
         thetas: &'s [Theta; LANES],
         stretches: Range<usize>,
         positions: &'s dyn Fn(usize, usize) -> &'s [f64],
-        jumps: &'s dyn Fn(usize, usize) -> &'s Vec<f64>,
+        changes: &'s dyn Fn(usize, usize) -> &'s Vec<f64>,
         wanted: Wanted,
-        then: impl FnOnce(&Room) -> T,
+        then: impl FnOnce(&Workspace) -> T,
     ) -> T {
-        ROOM.with_borrow_mut(|room| {
-            widest(Pass { search: self, room, thetas, stretches, positions, jumps, wanted });
-            then(room)
+        WORKSPACE.with_borrow_mut(|workspace| {
+            widest(Pass { search: self, workspace, thetas, stretches, positions, changes, wanted });
+            then(workspace)
         })
     }
 
     /// Gain and residuals from what a pass left.
     #[inline(always)]
-    fn weigh<S: Simd, const R: usize>(&self, simd: S, white: &White, found: &mut Innovations, wanted: Wanted) {
+    fn gain_and_residuals<S: Simd, const R: usize>(
+        &self,
+        simd: S,
+        white: &Whitened,
+        found: &mut Innovations,
+        wanted: Wanted,
+    ) {
         let load = |lanes: &Lanes| Wide::<S, R>::load(simd, lanes);
         let nothing = Wide::<S, R>::all(simd, 0.0);
         let (mut yy, mut yv, mut vv) = (nothing, nothing, nothing);
@@ -242,8 +248,8 @@ impl Search<'_> {
         let sums = found.sums;
         found.kp = Lanes::each(|l| gain(sums.yv[l], sums.vv[l], self.sign));
         let freedom = self.record.freedom();
-        // A jump's size is free: it costs nothing here, and Search::surprise what it is worth.
-        let free = self.record.jumps() as f64 * UNKNOWN.ln();
+        // A change's size is free: it costs nothing here, and Search::price_of_changes what it is worth.
+        let free = self.record.changes() as f64 * UNKNOWN.ln();
         found.scale = Lanes::each(|l| ((white.log_s[l] - free) / (2.0 * freedom)).exp());
         found.sum_without = Lanes::each(|l| sums.yy[l] * found.scale[l] * found.scale[l]);
         let (kp, scale) = (load(&found.kp), load(&found.scale));
@@ -270,7 +276,7 @@ impl Search<'_> {
     }
 
     /// θ with the variance of its first disturbance that explains most: how restless a load is spans many powers of ten.
-    pub(crate) fn roused(&self, theta: Theta, lost: &Lost) -> Theta {
+    pub(crate) fn with_best_load_variance(&self, theta: Theta, lost: &LostMotion) -> Theta {
         let thetas: [Theta; LANES] = std::array::from_fn(|l| {
             let mut theta = theta;
             theta[self.structure.lags + 1] = 2.5 * l as f64 - 8.0;
@@ -292,29 +298,29 @@ impl Search<'_> {
         freedom * ((sum.max(1e-300) / freedom).ln() + 1.0 + (2.0 * PI).ln())
     }
 
-    /// What the jumps of the load that are marked cost at `point` [−2·ln L]: each may lie at any cell, and be as large as OP's
+    /// What the changes of the load that are marked cost at `point` [−2·ln L]: each may lie at any cell, and be as large as OP's
     /// range, that of a slope as large as that in a hundred cells.
-    pub(crate) fn surprise(&self, point: &Point) -> f64 {
-        if self.record.jumps() == 0 {
+    pub(crate) fn price_of_changes(&self, point: &Point) -> f64 {
+        if self.record.changes() == 0 {
             return 0.0;
         }
         let positions = self.record.positions(&point.lost);
         let (sum, scale) =
             self.innovations(&[point.theta; LANES], &positions, Wanted::Least, |found| (found.sum[0], found.scale[0]));
         let white = sum / (scale * scale) / self.record.freedom();
-        // What OP could do, or what PV did: a process that hardly answers OP pays no less for its jumps.
+        // What OP could do, or what PV did: a process that hardly answers OP pays no less for its changes.
         let seen = if self.structure.integrating { 0.0 } else { self.record.span };
         let mut size = (point.kp * self.record.range).abs().max(seen).powi(2) / white;
         if matches!(self.structure.noise, Noise::Lines | Noise::Bends) {
             size /= LONG * LONG;
         }
-        let (jumps, cells) = (self.record.jumps(), self.record.count);
+        let (changes, cells) = (self.record.changes(), self.record.count);
         // They may come in any order: ln of the binomial coefficient.
-        let places: f64 = (0..jumps).map(|j| ((cells - j) as f64 / (j + 1) as f64).ln()).sum();
-        jumps as f64 * (size / (2.0 * PI)).ln().max(0.0) + 2.0 * places
+        let places: f64 = (0..changes).map(|j| ((cells - j) as f64 / (j + 1) as f64).ln()).sum();
+        changes as f64 * (size / (2.0 * PI)).ln().max(0.0) + 2.0 * places
     }
 
-    /// What a unit step of the load (of its slope, where that is what jumps), with gain 1, leaves in the innovations over the
+    /// What a unit step of the load (of its slope, where that is what changes), with gain 1, leaves in the innovations over the
     /// `cells` after it, once the filter has settled.
     pub(crate) fn answer(&self, theta: &Theta, cells: usize) -> Vec<f64> {
         let before = 400;
@@ -329,7 +335,7 @@ impl Search<'_> {
             }
         };
         let step: Vec<Lanes> = (0..before + cells).map(|k| Lanes::all(load(k))).collect();
-        let mut white = White::default();
+        let mut white = Whitened::default();
         widest(Response { structure: self.structure, theta, positions: &step, white: &mut white });
         white.of_v[before..].iter().map(|v| v[0]).collect()
     }
@@ -340,17 +346,18 @@ impl Search<'_> {
         let (mut of_y, mut answers) = (Vec::new(), Vec::new());
         for eight in inputs.chunks(LANES) {
             let of = |l: usize, i: usize| eight[l.min(eight.len() - 1)][i].as_slice();
-            let jumps = |_, i: usize| &self.record.stretches[i].jumps;
-            self.pass(&[*theta; LANES], all.clone(), &of, &jumps, Wanted::Sums, |room| {
-                of_y = room.white.of_y.iter().map(|y| y[0]).collect();
-                answers.extend((0..eight.len()).map(|l| room.white.of_v.iter().map(|v| v[l]).collect::<Vec<f64>>()));
+            let changes = |_, i: usize| &self.record.stretches[i].changes;
+            self.pass(&[*theta; LANES], all.clone(), &of, &changes, Wanted::Sums, |workspace| {
+                of_y = workspace.white.of_y.iter().map(|y| y[0]).collect();
+                answers
+                    .extend((0..eight.len()).map(|l| workspace.white.of_v.iter().map(|v| v[l]).collect::<Vec<f64>>()));
             });
         }
         (of_y, answers)
     }
 
     /// θ in the first lane, in the others θ with one parameter moved, and by how much.
-    fn around(&self, theta: &Theta) -> ([Theta; LANES], Theta) {
+    fn perturbed(&self, theta: &Theta) -> ([Theta; LANES], Theta) {
         let n = self.record.count as f64;
         let mut thetas = [*theta; LANES];
         let mut by = [1.0; MOST];
@@ -368,7 +375,7 @@ impl Search<'_> {
 
     /// Residuals at θ and their derivatives by each parameter, a column each.
     pub(crate) fn slopes(&self, theta: &Theta, positions: &Positions) -> (Vec<f64>, Vec<Vec<f64>>) {
-        let (thetas, by) = self.around(theta);
+        let (thetas, by) = self.perturbed(theta);
         self.innovations(&thetas, positions, Wanted::Residuals, |found| {
             let slope = |j: usize| found.residual.iter().map(|r| (r[j + 1] - r[0]) / by[j]).collect();
             (found.lane(0), (0..self.structure.parameters()).map(slope).collect())
@@ -377,7 +384,7 @@ impl Search<'_> {
 
     /// θ with slope and curvature, in one pass.
     fn local(&self, theta: Theta, positions: &Positions) -> Local {
-        let (thetas, by) = self.around(&theta);
+        let (thetas, by) = self.perturbed(&theta);
         let k = self.structure.parameters();
         self.innovations(&thetas, positions, Wanted::Products, |found| {
             let (mut normal, mut down) = ([[0.0; MOST]; MOST], [0.0; MOST]);
@@ -434,7 +441,7 @@ impl Search<'_> {
 
     /// Levenberg–Marquardt from `theta`, at most `rounds` steps, until a step brings less than `enough` of −2·ln L, or as
     /// soon as it is plain that it will not come below `unless`.
-    pub(crate) fn descend(&self, theta: Theta, lost: &Lost, rounds: usize, enough: f64, unless: f64) -> Point {
+    pub(crate) fn descend(&self, theta: Theta, lost: &LostMotion, rounds: usize, enough: f64, unless: f64) -> Point {
         let n = self.record.count as f64;
         let positions = self.record.positions(lost);
         let mut here = self.local(self.structure.bounded(theta, n), &positions);
@@ -471,7 +478,7 @@ impl Search<'_> {
     }
 
     /// The best start of each stretch within the gap at a point, to a few hundredths of the gap; the gain follows.
-    fn placed(&self, point: &Point) -> Lost {
+    fn placed(&self, point: &Point) -> LostMotion {
         let lost = &point.lost;
         let mut best = lost.clone();
         let (mut yv, mut vv) = point.products;
@@ -508,14 +515,16 @@ impl Search<'_> {
 
     /// Sums over the beginning of one stretch, each lane with positions of its own.
     fn beginnings(&self, point: &Point, stretch: usize, positions: &[Vec<f64>; LANES]) -> Sums {
-        let jumps = &self.record.stretches[stretch].jumps;
+        let changes = &self.record.stretches[stretch].changes;
         let of = |l: usize, _| positions[l].as_slice();
-        self.pass(&[point.theta; LANES], stretch..stretch + 1, &of, &|_, _| jumps, Wanted::Sums, |room| room.found.sums)
+        self.pass(&[point.theta; LANES], stretch..stretch + 1, &of, &|_, _| changes, Wanted::Sums, |workspace| {
+            workspace.found.sums
+        })
     }
 
     /// The best of several beginnings, each with its best starts in the gap; one that will plainly not come below `unless` or
     /// another beginning is left where it is.
-    pub(crate) fn from(&self, beginnings: &[(Theta, Lost)], rounds: usize, enough: f64, unless: f64) -> Point {
+    pub(crate) fn from(&self, beginnings: &[(Theta, LostMotion)], rounds: usize, enough: f64, unless: f64) -> Point {
         let mut unless = unless;
         let ends = beginnings.iter().map(|(theta, lost)| {
             let mut point = self.descend(*theta, lost, rounds, enough, unless);
@@ -532,7 +541,7 @@ impl Search<'_> {
 
 /// What `v` was `delay` cells before each of its cells; before its beginning what it was there. `shifted`: room for it.
 #[inline(always)]
-fn earlier<'s>(v: &[f64], delay: f64, shifted: &'s mut Vec<f64>) -> impl Iterator<Item = f64> + use<'s> {
+fn delayed<'s>(v: &[f64], delay: f64, shifted: &'s mut Vec<f64>) -> impl Iterator<Item = f64> + use<'s> {
     let (n, whole) = (v.len() as isize, delay.floor());
     let part = delay - whole;
     // `whole` cells before, from the cell before the first on.
@@ -590,28 +599,30 @@ mod tests {
     use super::*;
     use pulp::Scalar;
 
-    /// What a pass makes of a record with a hole and a jump of the load, in registers of the instructions `S`.
+    /// What a pass makes of a record with a hole and a change of the load, in registers of the instructions `S`.
     fn passed<S: Simd, const R: usize>(simd: S, structure: Structure) -> [u64; 2 * LANES] {
         let u: Vec<f64> = (0..200).map(|k| (f64::from(k) * 0.1).sin()).collect();
         let mut y: Vec<f64> =
             (0..200).map(|k| (f64::from(k) * 0.1 - 1.0).sin() + 0.01 * f64::from(k * 7919 % 13)).collect();
         y[70..75].fill(f64::NAN);
-        let record = Record::new(&[(&y, &u)], 1).with_jumps(vec![vec![120.3]]);
+        let record = Cells::new(&[(&y, &u)], 1).with_changes(vec![vec![120.3]]);
         let search = Search { record: &record, structure, sign: 1.0 };
-        let (thetas, _) = search.around(&structure.beginning(8.0, 2.4));
-        let positions = record.positions(&Lost::gap(0.1, 1));
-        let mut room = Room::default();
+        let (thetas, _) = search.perturbed(&structure.beginning(8.0, 2.4));
+        let positions = record.positions(&LostMotion::gap(0.1, 1));
+        let mut workspace = Workspace::default();
         let pass = Pass {
             search: &search,
-            room: &mut room,
+            workspace: &mut workspace,
             thetas: &thetas,
             stretches: 0..1,
             positions: &|_, i| positions[i].as_slice(),
-            jumps: &|_, i| &record.stretches[i].jumps,
+            changes: &|_, i| &record.stretches[i].changes,
             wanted: Wanted::Products,
         };
         pass.run::<S, R>(simd);
-        std::array::from_fn(|i| if i < LANES { room.found.sum[i] } else { room.found.products[1][i - LANES] }.to_bits())
+        std::array::from_fn(|i| {
+            if i < LANES { workspace.found.sum[i] } else { workspace.found.products[1][i - LANES] }.to_bits()
+        })
     }
 
     #[test]

@@ -1,4 +1,7 @@
 //! Records as they come, and as the likelihood sees them.
 
 pub(crate) mod cells;
-pub(crate) mod windows;
+pub mod history;
+pub mod record;
+pub mod samples;
+pub(crate) mod signal;

@@ -12,7 +12,17 @@
 //! So the recorder is looked at first. Only rows in which a position kept so was written anew count, for there it is true;
 //! spikes do not count; and what rounding, OP's own moves between two rows and the band may hide widens the interval.
 
+use crate::data::record::Signals;
+use crate::data::samples::{Samples, Unfit};
+use crate::decide::combine::{Combined, Reading, combine};
+use crate::decide::joint::{RecordAnswer, newest};
+use crate::decide::thresholds::{
+    CYCLES_IF_CLEAR, GAP, GAP_IF_SELDOM_AND_LOAD_UNKNOWN, JUMP, LEAST_LOW, POSITION_ALL_JUMP, POSITION_EXPLAINED, RISE,
+    RISE_OF_STICKING, SOUND_BELOW,
+};
+use crate::decide::trend::Trend;
 use crate::decide::verdict::Verdict;
+use crate::problem::records;
 use glapp_core::{Backlash, BacklashState};
 use glapp_sim::{Friction, FrictionState, Model};
 
@@ -26,19 +36,6 @@ const LANES: usize = 8;
 const LOOK: usize = 20_000;
 /// Rows that are shown beside the model.
 const SHOWN: usize = 8000;
-/// What −2·ln L of no gap must exceed that of the best width by; where the valve turned but once each way.
-const NEEDED: f64 = 15.0;
-const NEEDED_IF_ONCE: f64 = 80.0;
-/// The same for a slip jump.
-const JUMP: f64 = 20.0;
-/// How far −2·ln L may rise within the interval; for a valve that sticks.
-const RISE: f64 = 8.0;
-const RISE_OF_STICKING: f64 = 16.0;
-/// A lower limit less than this part of the most likely width is none.
-const LEAST_LOW: f64 = 0.2;
-/// Least share of the position's variance that the model must explain.
-const LEAST_SHARE: f64 = 0.5;
-
 /// How the position was recorded.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Recorder {
@@ -116,9 +113,73 @@ pub struct Shown {
     pub valve: f64,
 }
 
+/// What the positions of several records say together.
+#[derive(Clone, Debug)]
+pub struct PositionAnswer {
+    /// The verdict.
+    pub verdict: Verdict,
+    /// Width [OP unit].
+    pub d: f64,
+    /// Lower limit, 95 % [OP unit].
+    pub low: f64,
+    /// Upper limit, 95 % [OP unit]; None where there is none.
+    pub high: Option<f64>,
+    /// Change of the width, where three records or more give one. Where it is plain that the width changes, all the rest is what
+    /// the newest record says that gives a width.
+    pub trend: Option<Trend>,
+    /// The records, in the order given.
+    pub records: Vec<RecordAnswer<AtValve>>,
+    /// Place of the record that shows best what all say.
+    pub shown: usize,
+}
+
+/// The width from valve positions, each in the place of PV, and OP.
+///
+/// # Errors
+///
+/// Where the positions are OP once more, or nothing can be fitted.
+pub fn fit_position(samples: &[Samples]) -> Result<PositionAnswer, Unfit> {
+    if copied(samples) {
+        return Err(Unfit::Copy);
+    }
+    let records: Vec<RecordAnswer<AtValve>> = records(samples)?
+        .iter()
+        .filter_map(|record| Some(RecordAnswer::of(record, at_valve(&record.signals())?)))
+        .collect();
+    let reading = |r: &RecordAnswer<AtValve>| {
+        let AtValve { verdict, d, low, high, lr_no_gap, .. } = r.answer;
+        Reading { verdict, d, low, high, lr_no_gap, t: r.middle() }
+    };
+    let readings: Vec<Reading> = records.iter().map(reading).collect();
+    let Combined { verdict, d, low, high } = combine(&readings).ok_or(Unfit::Few)?;
+    let trend = Trend::of(&readings);
+    if let Some(shown) = newest(trend, &readings) {
+        let Reading { verdict, d, low, high, .. } = readings[shown];
+        return Ok(PositionAnswer { verdict, d, low, high, trend, records, shown });
+    }
+    let agree = (0..readings.len()).filter(|i| readings[*i].verdict == verdict).rev();
+    let shown = agree.max_by(|a, b| readings[*a].lr_no_gap.total_cmp(&readings[*b].lr_no_gap)).unwrap_or(0);
+    Ok(PositionAnswer { verdict, d, low, high, trend, records, shown })
+}
+
+/// Whether what was recorded as the position is OP in every row that has both.
+fn copied(samples: &[Samples]) -> bool {
+    let mut compared = false;
+    for Samples { pv, op, .. } in samples {
+        let both = op.unwrap_or(&[]).iter().zip(*pv).filter(|(u, z)| u.is_finite() && z.is_finite());
+        for (u, z) in both {
+            if u != z {
+                return false;
+            }
+            compared = true;
+        }
+    }
+    compared
+}
+
 /// The width from `parts` of (position, OP) at even steps, one for each unbroken stretch; NaN in the position is a row
 /// without it, OP is without NaN. None where fewer than 50 rows have a position or OP does not move.
-pub fn at_valve(parts: &[(&[f64], &[f64])]) -> Option<AtValve> {
+fn at_valve(parts: &[Signals]) -> Option<AtValve> {
     let track = Track::new(parts);
     if track.count() < FEWEST || track.range <= 0.0 {
         return None;
@@ -184,7 +245,7 @@ struct Track {
 }
 
 impl Track {
-    fn new(parts: &[(&[f64], &[f64])]) -> Self {
+    fn new(parts: &[Signals]) -> Self {
         let mut spikes = 0;
         let mut kept: Vec<Part> = Vec::new();
         let limit = spike_limit(parts);
@@ -566,23 +627,28 @@ impl Track {
         let high = high.map(|h| h + op + (1.5 * self.op_move).min(seen) + kept);
         // A position that stands still is explained by nothing.
         let explained = if best.b == 0.0 { 0.0 } else { 1.0 - best.left * self.rows as f64 / self.zz };
-        let lr_needed = if traversals.iter().min() >= Some(&2) { NEEDED } else { NEEDED_IF_ONCE };
+        let lr_needed =
+            if traversals.iter().min() >= Some(&CYCLES_IF_CLEAR) { GAP } else { GAP_IF_SELDOM_AND_LOAD_UNKNOWN };
         let copy = none.b != 0.0 && none.left.sqrt() <= 1e-7 * self.range * none.b.abs() && none.motion.lag == 0.0;
         let (verdict, reason) = if copy {
             (Verdict::CannotTell, "copy")
-        } else if explained < LEAST_SHARE {
+        } else if explained < POSITION_EXPLAINED {
             (Verdict::CannotTell, "no_answer")
         } else if lr_no_gap <= lr_needed || low <= 0.0 {
             match high {
-                Some(high) if high < 0.25 * self.range => (Verdict::Sound, "no_gap"),
+                Some(high) if high < SOUND_BELOW * self.range => (Verdict::Sound, "no_gap"),
                 _ => (Verdict::CannotTell, "may_be_a_gap"),
             }
         } else if low < LEAST_LOW * d {
             (Verdict::CannotTell, "may_be_a_gap")
-        } else if high.is_none() || traversals.iter().any(|n| *n < 2) {
+        } else if high.is_none() || traversals.iter().any(|n| *n < CYCLES_IF_CLEAR) {
             (Verdict::AtLeast, "not_traversed")
         } else if slips {
-            if best.motion.share > 0.95 { (Verdict::Stiction, "jumps") } else { (Verdict::Both, "jumps_in_a_gap") }
+            if best.motion.share > POSITION_ALL_JUMP {
+                (Verdict::Stiction, "jumps")
+            } else {
+                (Verdict::Both, "jumps_in_a_gap")
+            }
         } else {
             (Verdict::Backlash, "gap")
         };
@@ -839,7 +905,7 @@ fn off_neighbours(z: &[f64]) -> impl Iterator<Item = (usize, f64)> + '_ {
 }
 
 /// How far off its neighbours a row is no value of the valve's.
-fn spike_limit(parts: &[(&[f64], &[f64])]) -> f64 {
+fn spike_limit(parts: &[Signals]) -> f64 {
     let mut off: Vec<f64> = parts.iter().flat_map(|(z, _)| off_neighbours(z).map(|(_, off)| off)).collect();
     let mut all: Vec<f64> = parts.iter().flat_map(|(z, _)| z.iter().copied()).filter(|z| !z.is_nan()).collect();
     if off.is_empty() || all.is_empty() {

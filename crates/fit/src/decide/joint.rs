@@ -1,11 +1,15 @@
-//! One answer from the windows of a recording: one width, everything else free in each.
+//! One answer from all records: one width, everything else free in each.
 
-use crate::data::windows::{Batch, Unit, Window};
-use crate::decide::verdict::{
-    Answer, Evidence, Fitted, JUMP, Question, Verdict, judge, lr_asked, lr_asked_of_changes, often,
-};
+use crate::data::record::Record;
+use crate::data::signal::Unit;
+use crate::decide::combine::Reading;
+use crate::decide::record::{Answer, Fitted};
+use crate::decide::thresholds::*;
+use crate::decide::trend::Trend;
+use crate::decide::verdict::{Evidence, Verdict, judge, lr_asked, lr_asked_of_changes, often};
+use crate::problem::Problem;
 use crate::search::likelihood::Search;
-use crate::search::profile::{Profile, RISE, RISE_OF_STICKING};
+use crate::search::profile::Profile;
 use rayon::prelude::*;
 
 /// What the records say together.
@@ -19,34 +23,62 @@ pub struct JointAnswer {
     pub low: f64,
     /// Upper limit, 95 % [OP unit]; None where there is none.
     pub high: Option<f64>,
-    /// Likelihood ratio of no gap, over all windows, and what it must exceed.
+    /// Likelihood ratio of no gap, over all records, and what it must exceed.
     pub lr_no_gap: f64,
     /// See `lr_no_gap`.
     pub lr_needed: f64,
     /// Times that OP goes through the whole width up and down.
     pub traversals: [usize; 2],
-    /// By how much the windows differ more than their intervals allow, 1 where they do not.
+    /// By how much the records differ more than their intervals allow, 1 where they do not.
     pub dispersion: f64,
     /// Why the verdict is what it is, a word that `glapp` turns into a sentence.
     pub reason: &'static str,
-    /// Change of the width [OP unit/s] and its standard error, where three windows or more give a width.
-    pub trend: Option<(f64, f64)>,
-    /// The windows, in the order of time.
-    pub windows: Vec<Window>,
-    /// Place of the window that shows best what all say.
+    /// Change of the width, where three records or more give one. Where it is plain that the width changes, all the rest is what
+    /// the newest record says that gives a width.
+    pub trend: Option<Trend>,
+    /// The records, in the order of time.
+    pub records: Vec<RecordAnswer<Answer>>,
+    /// Place of the record that shows best what all say.
     pub shown: usize,
 }
 
-/// What the likelihood ratio of all windows must exceed, and what without the one that gives most.
-const PLAIN: f64 = 32.0;
-const PLAIN_WITHOUT_ONE: f64 = 15.0;
-/// Greatest dispersion of windows of one width.
-const DISAGREE: f64 = 5.0;
-/// Mean rise of the likelihood over the width of all windows that is no disagreement.
-const AGREES: f64 = 4.0;
-/// One window, and all that the likelihood says there of another width.
+/// What one record says, and when that was.
+#[derive(Clone, Debug)]
+pub struct RecordAnswer<A> {
+    /// When its first step is [s].
+    pub start: f64,
+    /// When its last step is [s].
+    pub end: f64,
+    /// When each of its stretches starts [s].
+    pub starts: Vec<f64>,
+    /// Time between two steps [s].
+    pub h: f64,
+    /// What it says.
+    pub answer: A,
+}
+
+impl<A> RecordAnswer<A> {
+    pub(crate) fn of(record: &Record, answer: A) -> Self {
+        let (start, end) = record.span();
+        Self { start, end, starts: record.starts(), h: record.h, answer }
+    }
+
+    /// The middle of its time [s].
+    pub(crate) fn middle(&self) -> f64 {
+        0.5 * (self.start + self.end)
+    }
+}
+
+impl RecordAnswer<Answer> {
+    fn reading(&self) -> Reading {
+        let Answer { verdict, d, low, high, lr_no_gap, .. } = self.answer;
+        Reading { verdict, d, low, high, lr_no_gap, t: self.middle() }
+    }
+}
+
+/// One record, and all that the likelihood says there of another width.
 struct Curve<'a> {
-    batch: Batch<'a>,
+    record: Record<'a>,
     fitted: Fitted,
     sign: f64,
     /// What a unit of its likelihood is worth: the innovations' trust over what chance makes of records without a gap.
@@ -73,17 +105,17 @@ impl Curve<'_> {
     fn weights(&self) -> Vec<(f64, f64, f64)> {
         let Fitted { profiles, sticking, sticks_in, .. } = &self.fitted;
         let gaps = profiles.iter().map(|p| (1.0, 2.0 * p.structure.parameters() as f64, p.least()));
-        let sticks = 2.0 * sticks_in.parameters() as f64 + SLIPS;
+        let sticks = 2.0 * sticks_in.parameters() as f64 + JUMP_PRICE;
         gaps.chain(sticking.iter().map(|p| (RISE / RISE_OF_STICKING, sticks, p.least()))).collect()
     }
 }
 
-/// All windows at one width.
+/// All records at one width.
 fn costs_at(curves: &mut [Curve], d: f64) -> Vec<Vec<f64>> {
     curves.par_iter_mut().map(|curve| curve.costs(d)).collect()
 }
 
-/// What all windows cost at best.
+/// What all records cost at best.
 fn total_cost(curves: &[Curve], costs: &[Vec<f64>]) -> f64 {
     let least = |(curve, costs): (&Curve, &Vec<f64>)| {
         let prices = curve.weights();
@@ -93,7 +125,7 @@ fn total_cost(curves: &[Curve], costs: &[Vec<f64>]) -> f64 {
     curves.iter().zip(costs).map(least).sum()
 }
 
-/// How far the likelihood rises in each window from costs to others in the family that rises least.
+/// How far the likelihood rises in each record from costs to others in the family that rises least.
 fn rises(curves: &[Curve], from: &[Vec<f64>], to: &[Vec<f64>]) -> Vec<f64> {
     let rise = |((curve, from), to): ((&Curve, &Vec<f64>), &Vec<f64>)| {
         let pairs = from.iter().zip(to).zip(curve.weights());
@@ -105,73 +137,84 @@ fn rises(curves: &[Curve], from: &[Vec<f64>], to: &[Vec<f64>]) -> Vec<f64> {
 
 /// Steps of the descent at one more width.
 const ROUNDS: usize = 4;
-/// Price of a slip jump's own parameters.
-const SLIPS: f64 = 4.0;
 /// Halvings of a border of the interval.
 const HALVINGS: usize = 7;
 
-/// The answer of all windows.
-pub(crate) fn joint(fitted: Vec<(Batch, Fitted)>, question: &Question, op: Unit, pv: Unit) -> Option<JointAnswer> {
+/// The answer of all records.
+pub(crate) fn joint(fitted: Vec<(Record, Fitted)>, problem: &Problem, op: Unit, pv: Unit) -> Option<JointAnswer> {
     let fits = |fitted: &Fitted| fitted.answer.usable();
     let sound = fitted.iter().filter(|(_, fitted)| fits(fitted)).count();
     let all = fitted.len();
     let worth = |fitted: &Fitted| fitted.answer.trust / fitted.by_chance;
     let curves =
-        fitted.into_iter().map(|(batch, fitted)| Curve { worth: worth(&fitted), batch, fitted, sign: question.sign });
-    let mut whole = if all > 1 && 2 * sound > all && sound > 1 {
+        fitted.into_iter().map(|(record, fitted)| Curve { worth: worth(&fitted), record, fitted, sign: problem.sign });
+    let answered = |curve: Curve| RecordAnswer::of(&curve.record, curve.fitted.answer);
+    let mut joint = if all > 1 && 2 * sound > all && sound > 1 {
         let (mut fit, unfit): (Vec<Curve>, Vec<Curve>) = curves.partition(|curve| fits(&curve.fitted));
-        let mut whole = joint_width(&mut fit);
-        whole.windows = fit.into_iter().chain(unfit).map(|curve| curve.batch.window(curve.fitted.answer)).collect();
-        whole
+        let mut joint = joint_width(&mut fit);
+        joint.records = fit.into_iter().chain(unfit).map(answered).collect();
+        joint
     } else {
-        // One window, or none but one that can be used: where most cannot, neither does that.
-        let mut windows: Vec<Window> = curves.map(|curve| curve.batch.window(curve.fitted.answer)).collect();
-        let usable = |w: &Window| 2 * sound > all || !w.answer.usable();
-        let best = (0..windows.len())
-            .filter(|i| usable(&windows[*i]))
-            .max_by(|a, b| windows[*a].answer.lr_no_gap.total_cmp(&windows[*b].answer.lr_no_gap))?;
-        windows.swap(0, best);
-        let Answer { verdict, d, low, high, lr_no_gap, lr_needed, traversals, reason, .. } = windows[0].answer;
-        let (trend, dispersion) = (None, 1.0);
-        JointAnswer {
-            verdict,
-            d,
-            low,
-            high,
-            lr_no_gap,
-            lr_needed,
-            traversals,
-            dispersion,
-            reason,
-            trend,
-            windows,
-            shown: 0,
-        }
+        // One record, or none but one that can be used: where most cannot, neither does that.
+        let mut records: Vec<RecordAnswer<Answer>> = curves.map(answered).collect();
+        let usable = |r: &RecordAnswer<Answer>| 2 * sound > all || !r.answer.usable();
+        let best = (0..records.len())
+            .filter(|i| usable(&records[*i]))
+            .max_by(|a, b| records[*a].answer.lr_no_gap.total_cmp(&records[*b].answer.lr_no_gap))?;
+        records.swap(0, best);
+        let mut joint = JointAnswer::from(&records[0].answer);
+        joint.records = records;
+        joint
     };
-    whole.trend = trend(&whole.windows);
-    whole.shown = shown(&whole);
-    whole.windows.iter_mut().for_each(|w| w.answer.in_units(op, pv));
-    for width in [&mut whole.d, &mut whole.low] {
-        *width *= op.size;
-    }
-    whole.high = whole.high.map(|high| high * op.size);
-    whole.trend = whole.trend.map(|(slope, error)| (slope * op.size, error * op.size));
+    joint.shown = joint.clearest();
+    joint.in_units(op, pv);
     // In the order of time, with the place of the one that is shown.
-    let start = whole.windows[whole.shown].start;
-    whole.windows.sort_by(|a, b| a.start.total_cmp(&b.start));
-    whole.shown = whole.windows.iter().position(|w| w.start == start)?;
-    Some(whole)
+    let start = joint.records[joint.shown].start;
+    joint.records.sort_by(|a, b| a.start.total_cmp(&b.start));
+    joint.shown = joint.records.iter().position(|r| r.start == start)?;
+    let readings: Vec<Reading> = joint.records.iter().map(RecordAnswer::reading).collect();
+    let trend = Trend::of(&readings);
+    if let Some(newest) = newest(trend, &readings) {
+        let todays = JointAnswer::from(&joint.records[newest].answer);
+        joint = JointAnswer { records: joint.records, shown: newest, ..todays };
+    }
+    Some(JointAnswer { trend, ..joint })
 }
 
-/// The window that shows best what all say.
-fn shown(whole: &JointAnswer) -> usize {
-    let agrees = |w: &Window| w.answer.verdict == whole.verdict;
-    let rank = |w: &Window| (agrees(w), w.answer.lr_no_gap);
-    let order = |a: &Window, b: &Window| rank(a).0.cmp(&rank(b).0).then(rank(a).1.total_cmp(&rank(b).1));
-    (0..whole.windows.len()).max_by(|a, b| order(&whole.windows[*a], &whole.windows[*b])).unwrap_or(0)
+/// The newest reading with a width, where it is plain that the width changes.
+pub(crate) fn newest(trend: Option<Trend>, readings: &[Reading]) -> Option<usize> {
+    trend.filter(Trend::changes).and_then(|_| readings.iter().rposition(|r| r.standard_error().is_some()))
 }
 
-/// One width of two windows or more.
+impl JointAnswer {
+    /// What one record says.
+    fn from(answer: &Answer) -> Self {
+        let Answer { verdict, d, low, high, lr_no_gap, lr_needed, traversals, reason, .. } = *answer;
+        let (trend, dispersion, records) = (None, 1.0, Vec::new());
+        Self { verdict, d, low, high, lr_no_gap, lr_needed, traversals, dispersion, reason, trend, records, shown: 0 }
+    }
+
+    /// The record that shows best what all say.
+    fn clearest(&self) -> usize {
+        let rank = |i: &usize| {
+            let Answer { verdict, lr_no_gap, .. } = self.records[*i].answer;
+            (verdict == self.verdict, lr_no_gap)
+        };
+        let order = |a: &usize, b: &usize| rank(a).0.cmp(&rank(b).0).then(rank(a).1.total_cmp(&rank(b).1));
+        (0..self.records.len()).max_by(order).unwrap_or(0)
+    }
+
+    /// See [`Answer::in_units`].
+    fn in_units(&mut self, op: Unit, pv: Unit) {
+        self.records.iter_mut().for_each(|r| r.answer.in_units(op, pv));
+        for width in [&mut self.d, &mut self.low] {
+            *width *= op.size;
+        }
+        self.high = self.high.map(|high| high * op.size);
+    }
+}
+
+/// One width of two records or more.
 fn joint_width(curves: &mut [Curve]) -> JointAnswer {
     let n = curves.len() as f64;
     let range = curves.iter().map(|c| c.fitted.record.range).fold(0.0, f64::max);
@@ -194,7 +237,7 @@ fn joint_width(curves: &mut [Curve]) -> JointAnswer {
         known.insert(known.partition_point(|(at, _)| *at < d), (d, costs));
     };
     let (d, here) = known[best].clone();
-    // How far each window's own optimum lies off.
+    // How far each record's own optimum lies off.
     let own = |(curve, costs): (&Curve, &Vec<f64>)| {
         let above = costs.iter().zip(curve.weights()).map(|(cost, (weight, _, least))| weight * (cost - least));
         curve.worth * above.fold(f64::INFINITY, f64::min).max(0.0)
@@ -218,7 +261,7 @@ fn joint_width(curves: &mut [Curve]) -> JointAnswer {
     let high = (last + 1 < known.len()).then(|| border(known[last].0, known[last + 1].0));
     let resolution = curves.iter().map(|c| c.fitted.record.resolution()).sum::<f64>() / n;
     let low = (low - resolution).max(0.0);
-    // No gap: what each window leaves of it, the loads that were looked for counted in.
+    // No gap: what each record leaves of it, the loads that were looked for counted in.
     let none = &known[0].1;
     let mut against: Vec<f64> = rises(curves, &here, none);
     for (curve, lr) in curves.iter().zip(&mut against) {
@@ -236,8 +279,8 @@ fn joint_width(curves: &mut [Curve]) -> JointAnswer {
     let many = |of: fn(&Evidence) -> bool| 2 * curves.iter().filter(|c| of(&c.fitted.evidence)).count() > curves.len();
     let known = many(|e| e.changes_known);
     let marks = curves.iter().map(|c| c.fitted.record.changes()).sum();
-    let asked = PLAIN.max(lr_asked(traversals, known)).max(lr_asked_of_changes(traversals, marks));
-    let lr_needed = (dispersion * asked).max(most + dispersion * PLAIN_WITHOUT_ONE);
+    let asked = GAP_JOINT.max(lr_asked(traversals, known)).max(lr_asked_of_changes(traversals, marks));
+    let lr_needed = (dispersion * asked).max(most + dispersion * GAP_WITHOUT_ONE);
     // What a slip jump brings over all, where it brings nothing it counts against it.
     let jumps =
         |fitted: &Fitted| fitted.sticking.first().map_or(0.0, |p| fitted.profiles[0].penalised() - p.penalised());
@@ -272,67 +315,9 @@ fn joint_width(curves: &mut [Curve]) -> JointAnswer {
     let (verdict, reason) =
         if dispersion > DISAGREE { (Verdict::CannotTell, "windows_disagree") } else { judge(&evidence) };
     let high = high.filter(|_| verdict != Verdict::AtLeast);
-    let (trend, windows, shown, lr_needed) = (None, Vec::new(), 0, evidence.needed());
-    JointAnswer { verdict, d, low, high, lr_no_gap, lr_needed, traversals, dispersion, reason, trend, windows, shown }
+    let (trend, records, shown, lr_needed) = (None, Vec::new(), 0, evidence.needed());
+    JointAnswer { verdict, d, low, high, lr_no_gap, lr_needed, traversals, dispersion, reason, trend, records, shown }
 }
 
 /// How near the most likely width is found, part of itself.
 const NEAR: f64 = 0.01;
-
-/// Weighted line through the widths of the windows that give one with two limits, each worth the inverse square of its standard
-/// error (a quarter of the interval): slope and its standard error. Where they scatter about the line more than their
-/// intervals allow, the error is larger by as much (Birge's ratio). The scatter about their mean, which a change makes
-/// itself, does not count.
-fn trend(windows: &[Window]) -> Option<(f64, f64)> {
-    let sided: Vec<(f64, f64, f64)> = windows
-        .iter()
-        .filter(|w| matches!(w.answer.verdict, Verdict::Backlash | Verdict::Stiction | Verdict::Both))
-        .filter_map(|w| {
-            let Answer { d, low, high, .. } = w.answer;
-            high.map(|high| (0.5 * (w.start + w.end), d, ((high - low) / 3.92).max(1e-9 * d)))
-        })
-        .collect();
-    line(&sided)
-}
-
-/// The line through (time, width, standard error).
-pub(crate) fn line(sided: &[(f64, f64, f64)]) -> Option<(f64, f64)> {
-    if sided.len() < 3 {
-        return None;
-    }
-    let weighed = || sided.iter().map(|(t, d, s)| (*t, *d, 1.0 / (s * s)));
-    let sum: f64 = weighed().map(|(_, _, i)| i).sum();
-    let t = weighed().map(|(t, _, i)| t * i).sum::<f64>() / sum;
-    let d = weighed().map(|(_, d, i)| d * i).sum::<f64>() / sum;
-    let spread: f64 = weighed().map(|(at, _, i)| (at - t) * (at - t) * i).sum();
-    let slope = weighed().map(|(at, width, i)| (at - t) * (width - d) * i).sum::<f64>() / spread;
-    let residual = |at: f64, width: f64| width - d - slope * (at - t);
-    let q: f64 = weighed().map(|(at, width, i)| residual(at, width) * residual(at, width) * i).sum();
-    let birge = (q / (sided.len() as f64 - 2.0)).max(1.0);
-    (spread > 0.0).then(|| (slope, (birge / spread).sqrt()))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_growing_gap_shows_its_trend() {
-        let error = 0.1 / 3.92;
-        let grows: Vec<_> = (0..5).map(f64::from).map(|i| (i, 1.0 + 0.1 * i, error)).collect();
-        let (slope, of_slope) = line(&grows).unwrap();
-        assert!((slope - 0.1).abs() < 1e-9, "{slope}");
-        // Each window's interval is 0.1 wide, and the line leaves nothing: the change is no scatter.
-        assert!((of_slope - error / 10f64.sqrt()).abs() < 1e-9, "{of_slope}");
-    }
-
-    #[test]
-    fn widths_that_scatter_about_their_line_make_its_slope_less_sure() {
-        let at = |bumps: [f64; 5]| {
-            let windows: Vec<_> = (0..5).map(|i| (i as f64, 1.0 + bumps[i], 0.1 / 3.92)).collect();
-            line(&windows).unwrap()
-        };
-        let ((_, calm), (_, rough)) = (at([0.0; 5]), at([0.3, -0.3, 0.0, 0.3, -0.3]));
-        assert!(rough > 5.0 * calm, "{rough} {calm}");
-    }
-}

@@ -2,7 +2,7 @@
 //! worth, and is kept where it pays.
 
 use crate::data::cells::{Cells, LostMotion, Strip};
-use crate::loads::hypothesis::CYCLES;
+use crate::decide::thresholds::{ALONG_OP, CELLS_A_CHANGE, CYCLES, FEWEST_BENDS, FEWEST_STEPS};
 use crate::model::lanes::LANES;
 use crate::model::structure::{Noise, Structure, Theta};
 use crate::search::likelihood::{Point, Search};
@@ -31,9 +31,9 @@ impl Load {
         if matches!(structure.noise, Noise::Lines | Noise::Bends) { Self::Lines } else { Self::Levels }
     }
 
-    /// Fewer steps than this may each be the valve that breaks loose late.
+    /// Fewest steps or bends.
     fn fewest(self) -> usize {
-        if self == Self::Levels { 5 } else { 2 }
+        if self == Self::Levels { FEWEST_STEPS } else { FEWEST_BENDS }
     }
 
     /// Cells that lie between two steps at least, when they are marked and when they are moved. Two bends beside each other are a
@@ -49,8 +49,6 @@ impl Load {
     }
 }
 
-/// A load that steps oftener than once in so many cells is not one whose steps can be told.
-const CELLS_A_STEP: usize = 40;
 /// Likelihood ratio that a step must bring to be tried.
 const CLEAR: f64 = 15.0;
 /// The same for a step of a load that walks, and how wide such a step must be against the gap: what is smaller may be the
@@ -223,12 +221,12 @@ pub(crate) fn choose_family(record: &Cells, marked: Marked, sign: f64, load: Loa
 
 /// Whether so many steps are marked that more would be if they might.
 fn too_many(record: &Cells) -> bool {
-    record.changes() + record.stretches.len() >= MARKED_AT_MOST * record.count / CELLS_A_STEP
+    record.changes() + record.stretches.len() >= MARKED_AT_MOST * record.count / CELLS_A_CHANGE
 }
 
 /// Whether so many steps can be those of a load.
 pub(crate) fn few(record: &Cells, load: Load) -> bool {
-    (load.fewest()..=record.count / CELLS_A_STEP).contains(&record.changes())
+    (load.fewest()..=record.count / CELLS_A_CHANGE).contains(&record.changes())
 }
 
 /// Whether the marked steps may be those of a load: few, and not where OP goes more often than chance would have it (5 %).
@@ -241,7 +239,7 @@ pub(crate) fn plausible(marked: &Marked, structure: Structure, sign: f64) -> boo
     }
     let (along, all) = along_op(marked, structure, sign);
     let (along, all) = (along as f64, all as f64);
-    along <= 0.5 * all + 0.82 * all.sqrt()
+    along <= 0.5 * all + ALONG_OP * all.sqrt()
 }
 
 /// Steps that push PV the way in which OP has been pushing it, and all before which OP moved.
@@ -477,7 +475,7 @@ fn mark(search: &Search, theta: &Theta, lost: &LostMotion, clear: f64, least: f6
             sizes.sort_by(|a, b| b.1.total_cmp(&a.1));
             let mut found: Vec<f64> = Vec::new();
             for (k, here) in sizes {
-                let most = MARKED_AT_MOST * left.len() / CELLS_A_STEP;
+                let most = MARKED_AT_MOST * left.len() / CELLS_A_CHANGE;
                 let apart = found.iter().all(|j| (j - k as f64).abs() > ANSWER as f64);
                 if apart && stretch.changes.len() + found.len() < most {
                     // A step out of its place by half a cell would draw others around it.

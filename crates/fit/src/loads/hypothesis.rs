@@ -1,7 +1,7 @@
 //! The record as one whose load walks, as one whose load steps, and as one whose load goes along lines.
 
 use crate::data::cells::{Cells, LostMotion};
-use crate::decide::verdict::ANSWERS;
+use crate::decide::thresholds::{ANSWERS, AS_GOOD, BELIEVED, CYCLES, GAP_SEEN};
 use crate::loads::changes::{Load, Marked, choose_family, detect_changes, few, plausible, with_large_steps};
 use crate::model::structure::{Noise, Structure, Theta};
 use crate::search::likelihood::{Point, Search};
@@ -12,16 +12,8 @@ use crate::search::screen::{
 use glapp_sim::Model;
 use rayon::prelude::*;
 
-/// Families whose innovations are no more than this larger than the best's (and a −2·ln L of 6) are believed: a gap must
-/// show in all of them, and the interval holds all of theirs.
-const AS_GOOD: f64 = 0.0035;
-/// Likelihood ratio of no gap above which a family sees one.
-const SEES: f64 = 12.0;
 /// Kinds of sticking that are followed.
 const MOST_KINDS: usize = 3;
-/// Traversals each way of a width without which no slip jump is looked for.
-pub(crate) const CYCLES: usize = 5;
-
 /// What a record says of the valve, under one belief about the load.
 pub(crate) struct Hypothesis {
     /// The record, with the steps of the load that are believed in.
@@ -50,9 +42,9 @@ impl Hypothesis {
         looks.truncate(MOST_FAMILIES);
         let mut profiles: Vec<Profile> = looks.par_iter().map(|look| full_profile(&of(look.structure), look)).collect();
         profiles.sort_by(|a, b| a.penalised().total_cmp(&b.penalised()));
-        let dissent = profiles.iter().any(|p| p.lr_no_gap() > SEES);
+        let dissent = profiles.iter().any(|p| p.lr_no_gap() > GAP_SEEN);
         let least = profiles[0].penalised();
-        profiles.retain(|p| p.penalised() < least + 6.0 + 2.0 * AS_GOOD * record.freedom());
+        profiles.retain(|p| p.penalised() < least + BELIEVED + 2.0 * AS_GOOD * record.freedom());
         let sticks_in = clue.map_or(profiles[0].structure, |(structure, _)| *structure);
         let sticking = sticking_profiles(&of(sticks_in), &profiles[0], clue);
         let best = &profiles[0].points[profiles[0].best];
@@ -123,7 +115,7 @@ pub(crate) fn hypotheses(record: &Cells, seeds: &[Theta], sign: f64) -> (Hypothe
         let bends = || {
             let explained = least < believed.cost - 10.0;
             believed.profiles[0].structure.noise == Noise::Slope
-                || !few(&believed.record, Load::Levels) && (explained || without - believed.cost > SEES)
+                || !few(&believed.record, Load::Levels) && (explained || without - believed.cost > GAP_SEEN)
                 || believed.answers(sign) < ANSWERS
         };
         if load == Load::Lines && !bends() {

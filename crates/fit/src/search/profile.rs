@@ -14,12 +14,6 @@ pub(crate) struct Profile {
     pub(crate) best: usize,
 }
 
-/// How far −2·ln L may rise over its least within the 95 % interval. A chi-square would say 3.84; loads that are no random walk
-/// and processes of no family make it rise so far over the true width in one of twenty records of the bench of truth.
-pub(crate) const RISE: f64 = 8.0;
-
-/// The same for a valve that sticks: when it breaks loose hangs on moves of OP that no sample shows.
-pub(crate) const RISE_OF_STICKING: f64 = 16.0;
 /// How near the likelihood at a limit of the interval is to what it should be.
 const NEAR: f64 = 0.1;
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import glapp
+from glapp._glapp import MOST_EPOCHS, Windows
 from glapp.recording import AT_HIGH, BAD, Batch
 from glapp.simulate import closed_loop
-from glapp.windows import MOST_EPOCHS, Windows
 
 DAY = 86400.0
 

@@ -23,7 +23,6 @@ from .recording import Batch, Recording
 from .result import REASONS, Corrected, HalfPeriods, Result, Settings, Verdict
 from .samples import recording_of
 from .trace import Band, Thinner, Trace
-from .windows import Windows
 
 __all__ = ["Estimator", "analyze", "estimate", "identify"]
 
@@ -448,7 +447,7 @@ class _Run:
         ]
 
     def all(
-        self, progress: Progress | None, census: _glapp.Census | None = None, windows: Windows | None = None
+        self, progress: Progress | None, census: _glapp.Census | None = None, windows: _glapp.Windows | None = None
     ) -> None:
         """Read the recording from its first to its last row, the detectors side by side."""
         with ThreadPoolExecutor(os.cpu_count()) as pool:

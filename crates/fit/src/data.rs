@@ -1,7 +1,8 @@
 //! Records as they come, and as the likelihood sees them.
 
 pub(crate) mod cells;
-pub mod history;
-pub mod record;
-pub mod samples;
+pub(crate) mod history;
+pub(crate) mod record;
+pub(crate) mod recorder;
+pub(crate) mod samples;
 pub(crate) mod signal;

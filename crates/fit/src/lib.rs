@@ -19,6 +19,7 @@ mod search;
 
 pub use data::history::{Batch, LONG_HISTORY, MOST_EPOCHS, Rows, Windows};
 pub use data::record::{Record, Stretch};
+pub use data::recorder::Recorder;
 pub use data::samples::{Samples, Unfit};
 pub use decide::joint::{JointAnswer, RecordAnswer};
 pub use decide::record::{Answer, Candidate, Prediction};
@@ -26,5 +27,5 @@ pub use decide::thresholds::THRESHOLDS;
 pub use decide::trend::Trend;
 pub use decide::verdict::Verdict;
 pub use model::structure::{Noise, Structure};
-pub use position::{AtValve, PositionAnswer, Recorder, Shown, fit_position};
+pub use position::{AtValve, PositionAnswer, Shown, fit_position};
 pub use problem::{Problem, fit};

@@ -17,6 +17,7 @@ mod read;
 mod saturation;
 mod sim;
 mod tuning;
+mod windows;
 mod wrong_sign;
 
 use pyo3::exceptions::PyValueError;
@@ -48,7 +49,11 @@ mod _glapp {
     #[pymodule_export]
     const GAP_STEPS: f64 = glapp_core::GAP_STEPS;
     #[pymodule_export]
-    use crate::fit::{fit, fit_combine, fit_window};
+    use crate::fit::{fit, fit_thresholds};
+    #[pymodule_export]
+    const LONG_HISTORY: usize = glapp_fit::LONG_HISTORY;
+    #[pymodule_export]
+    const MOST_EPOCHS: usize = glapp_fit::MOST_EPOCHS;
     #[pymodule_export]
     use crate::modules::{Graph, ideal_of_parallel, ideal_of_series};
     #[pymodule_export]
@@ -70,6 +75,8 @@ mod _glapp {
         amigo_frequency, amigo_integrating, amigo_step, lambda_integrating, lambda_tuning, point_placement, simc,
         simc_integrating, ziegler_nichols_frequency, ziegler_nichols_step,
     };
+    #[pymodule_export]
+    use crate::windows::Windows;
     #[pymodule_export]
     use crate::wrong_sign::WrongSign;
 }

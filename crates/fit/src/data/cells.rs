@@ -1,15 +1,16 @@
 //! The record as the fit sees it: even steps, gathered into cells.
 
 use crate::model::kalman::START;
+use crate::model::lost_motion::LostMotion;
 use glapp_core::{Backlash, BacklashState};
-use glapp_sim::{Friction, FrictionState, Model};
+use glapp_sim::{Friction, FrictionState};
 
 /// One unbroken stretch: OP at every step, PV as the mean of each cell of `cell` steps, NaN where there is none.
 #[derive(Clone, Debug)]
 pub(crate) struct Strip {
     pub(crate) y: Vec<f64>,
     u: Vec<f64>,
-    /// When the load jumped [cells].
+    /// When the load changed [cells].
     pub(crate) changes: Vec<f64>,
     /// A load that is known, a mean for each cell [OP unit]; empty for none.
     load: Vec<f64>,
@@ -31,28 +32,6 @@ pub(crate) struct Cells {
     pub(crate) range: f64,
     /// Widest move of PV within one stretch [PV unit].
     pub(crate) span: f64,
-}
-
-/// The lost motion that is tried: total width [OP unit], the share of it that is slip jump, what the valve does after a jump,
-/// and where in its gap it stands at the start of each stretch, 0 the lower end to 1.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct LostMotion {
-    pub(crate) d: f64,
-    pub(crate) share: f64,
-    pub(crate) model: Model,
-    pub(crate) start: Vec<f64>,
-}
-
-impl LostMotion {
-    /// A gap that the valve stands in the middle of.
-    pub(crate) fn gap(d: f64, stretches: usize) -> Self {
-        Self { d, share: 0.0, model: Model::Kano, start: vec![0.5; stretches] }
-    }
-
-    /// Slip jump J [OP unit].
-    pub(crate) fn jump(&self) -> f64 {
-        self.share * self.d
-    }
 }
 
 /// Position of the valve, a mean for each cell of each stretch.

@@ -1,6 +1,6 @@
 //! How large the likelihood ratio of no gap gets by chance.
 
-use crate::data::cells::LostMotion;
+use crate::model::lost_motion::LostMotion;
 use crate::model::structure::Theta;
 use crate::search::likelihood::{Point, Search};
 use crate::search::screen::FINE_TOLERANCE;

@@ -1,12 +1,13 @@
 //! What one record says: width, interval, and whether there is a gap at all.
 
-use crate::data::cells::{Cells, LostMotion, Positions};
+use crate::data::cells::{Cells, Positions};
 use crate::data::signal::Unit;
 use crate::decide::bootstrap::bootstrap_threshold;
 use crate::decide::thresholds::*;
 use crate::decide::verdict::*;
 use crate::loads::cycle::lr_beside_cycle;
 use crate::loads::hypothesis::{Hypothesis, hypotheses};
+use crate::model::lost_motion::LostMotion;
 use crate::model::structure::{MOST, Structure, Theta};
 use crate::problem::Problem;
 use crate::search::likelihood::{Search, dot, solve};
@@ -83,6 +84,8 @@ pub struct Answer {
     pub lag_limits: (f64, f64),
     /// Whether the process integrates.
     pub integrating: bool,
+    /// What PV takes to answer OP: the lags; behind an integrator with the dead time [s].
+    pub settles: f64,
     /// Standard deviation of what the model does not foresee of PV, a cell ahead [PV unit].
     pub sigma: f64,
     /// Correlation of that with the same a cell before: far from 0 where the model is not of this record.
@@ -284,6 +287,7 @@ pub(crate) fn fit_record(record: &Cells, seeds: &[Theta], h: f64, bow: f64, prob
         lag,
         lag_limits: around(lag, lag_error),
         integrating: search.structure.integrating,
+        settles: search.structure.settles(&best.theta) * h,
         sigma,
         echo,
         cells: record.count,

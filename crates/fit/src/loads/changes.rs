@@ -1,9 +1,10 @@
 //! Steps of the load, and bends where it goes along lines: each costs what a new level, or slope, at any time of the record is
 //! worth, and is kept where it pays.
 
-use crate::data::cells::{Cells, LostMotion, Strip};
+use crate::data::cells::{Cells, Strip};
 use crate::decide::thresholds::{ALONG_OP, CELLS_A_CHANGE, CYCLES, FEWEST_BENDS, FEWEST_STEPS};
 use crate::model::lanes::LANES;
+use crate::model::lost_motion::LostMotion;
 use crate::model::structure::{Noise, Structure, Theta};
 use crate::search::likelihood::{Point, Search};
 use crate::search::screen::{PILOT, theta_for};

@@ -4,7 +4,8 @@
 //! A load that walks explains that badly, so a gap would have it too easy. It has to beat a load of one period instead,
 //! whatever its form: both get the harmonics of that period, and what the gap still brings is its own.
 
-use crate::data::cells::{Cells, LostMotion, Positions};
+use crate::data::cells::{Cells, Positions};
+use crate::model::lost_motion::LostMotion;
 use crate::model::structure::{Noise, Structure, Theta};
 use crate::search::likelihood::{Point, Search, dot};
 use crate::search::screen::theta_for;

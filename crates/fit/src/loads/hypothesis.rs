@@ -1,8 +1,9 @@
 //! The record as one whose load walks, as one whose load steps, and as one whose load goes along lines.
 
-use crate::data::cells::{Cells, LostMotion};
+use crate::data::cells::Cells;
 use crate::decide::thresholds::{ANSWERS, AS_GOOD, BELIEVED, CYCLES, GAP_SEEN};
 use crate::loads::changes::{Load, Marked, choose_family, detect_changes, few, plausible, with_large_steps};
+use crate::model::lost_motion::LostMotion;
 use crate::model::structure::{Noise, Structure, Theta};
 use crate::search::likelihood::{Point, Search};
 use crate::search::profile::Profile;

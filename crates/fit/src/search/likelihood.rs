@@ -1,8 +1,9 @@
 //! The likelihood of one family and its maximum for a given lost motion.
 
-use crate::data::cells::{Cells, LostMotion, Positions};
+use crate::data::cells::{Cells, Positions};
 use crate::model::kalman::{LoadChange, UNKNOWN, Whitened};
 use crate::model::lanes::{LANES, Lanes, Wide, Work, widest};
+use crate::model::lost_motion::LostMotion;
 use crate::model::structure::{MOST, Noise, Structure, Theta};
 use pulp::Simd;
 use std::cell::RefCell;

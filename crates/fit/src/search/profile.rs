@@ -1,6 +1,7 @@
 //! The likelihood over the width d: where it is greatest, how far it stays near, what it is without a gap.
 
-use crate::data::cells::{Cells, LostMotion};
+use crate::data::cells::Cells;
+use crate::model::lost_motion::LostMotion;
 use crate::model::structure::{MOST, Structure, Theta};
 use crate::search::likelihood::{Point, Search, dot, solve};
 use crate::search::screen::FINE_TOLERANCE;

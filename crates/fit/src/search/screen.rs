@@ -1,7 +1,8 @@
 //! First looks at a record: which processes and which loads may have made it.
 
-use crate::data::cells::{Cells, LostMotion};
+use crate::data::cells::Cells;
 use crate::loads::changes::Load;
+use crate::model::lost_motion::LostMotion;
 use crate::model::structure::{Noise, Structure, Theta};
 use crate::search::likelihood::{Point, Search};
 use crate::search::profile::Profile;

@@ -340,14 +340,14 @@ def _fit_position(batches: list[Batch], loop: Loop) -> Fit:
     unit = loop.op_label
     answer = _glapp.fit_position(batches)
     if "unfit" in answer:
-        return Fit("cannot_tell", _unfit(*answer["unfit"], "the position"), unit)
+        return Fit("cannot_tell", _unfit(answer["unfit"], "the position"), unit)
     best = _shown(answer, "position")
     best["candidates"] = [{"noise": "position", "behind": 0.0, "profile": best["profile"]}]
     shown, trend = "%OP" if unit == "%" else unit, _trend(answer)
-    width = tuple(answer[key] for key in ("verdict", "d", "low", "high"))
-    reason = position_reason(*width, shown, best) + _changed(trend, shown)
+    verdict, d, low, high = (answer[key] for key in ("verdict", "d", "low", "high"))
+    reason = position_reason(verdict, d, low, high, shown, best) + _changed(trend, shown)
     needed = {name: best[name] for name in ("lr_no_gap", "lr_needed", "jump")}
-    return Fit(width[0], reason, unit, *width[1:], **needed, trend=trend, windows=_windows(answer), best=best)
+    return Fit(verdict, reason, unit, d, low, high, **needed, trend=trend, windows=_windows(answer), best=best)
 
 
 def _fit_pv(
@@ -365,7 +365,7 @@ def _fit_pv(
     if progress is not None:
         progress(1.0)
     if "unfit" in answer:
-        return Fit("cannot_tell", _unfit(*answer["unfit"], "PV"), unit)
+        return Fit("cannot_tell", _unfit(answer["unfit"], "PV"), unit)
     best = _shown(answer, "PV")
     kp, dead_time, lag = ((best[name], *best[f"{name}_limits"]) for name in ("kp", "dead_time", "lag"))
     shown, trend = "%OP" if unit == "%" else unit, _trend(answer)
@@ -415,8 +415,9 @@ def process_sign(loop: Loop, ideal: Ideal | None) -> float:
     return 0.0 if ideal is None else float(np.sign(ideal.k))
 
 
-def _unfit(why: str, number: float, name: str) -> str:
+def _unfit(unfit: tuple[str, float], name: str) -> str:
     """Why nothing could be fitted, in one sentence; `name`: that of PV, or of what stood in its place."""
+    why, number = unfit
     match why:
         case "no_op":
             return "there is no OP: the width cannot be fitted without it"

@@ -1,5 +1,6 @@
 //! The record as the fit sees it: even steps, gathered into cells.
 
+use crate::decide::thresholds::FEWEST_SWINGS;
 use crate::model::kalman::START;
 use crate::model::lost_motion::LostMotion;
 use glapp_core::{Backlash, BacklashState};
@@ -163,7 +164,7 @@ impl Cells {
     }
 
     /// Mean time from one traversal of `d` to the next the same way [steps], and its standard deviation, part of it; None where
-    /// there are fewer than six.
+    /// there are fewer than [`FEWEST_SWINGS`].
     pub(crate) fn swing(&self, d: f64) -> Option<(f64, f64)> {
         let ways = self.stretches.iter().flat_map(|s| s.traversals(d));
         let times: Vec<f64> =
@@ -171,7 +172,7 @@ impl Cells {
         let n = times.len() as f64;
         let mean = times.iter().sum::<f64>() / n;
         let variance = times.iter().map(|t| (t - mean) * (t - mean)).sum::<f64>() / n;
-        (times.len() >= 6).then_some((mean, variance.sqrt() / mean))
+        (times.len() >= FEWEST_SWINGS).then_some((mean, variance.sqrt() / mean))
     }
 }
 

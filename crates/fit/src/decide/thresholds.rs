@@ -18,7 +18,8 @@ macro_rules! thresholds {
 thresholds! {
     /// LR of no gap that a gap must exceed. Half a chi-square (d = 0 lies at the border of what d can be) exceeds 20 once in
     /// 200 000 records; real loads and innovations are not that tame. Truth: 0.8 % false alarms of 1120 records without a gap,
-    /// on all of which it was chosen; 1.4 % of 1000 further ones. 12 gave 3.0 % (ADR 0010).
+    /// on all of which it was chosen; 1.4 % of 1000 further ones. With 12, and without [`SAMPLES_IN_LAG`] and [`NOISY`], 3.0 %
+    /// (ADR 0010).
     GAP: f64 = 15.0, "−2·ln L";
     /// The same for a bound, and where OP went through the width fewer than [`CYCLES`] times each way: few break-aways may look
     /// like anything. Simulations and real loops.
@@ -38,7 +39,8 @@ thresholds! {
     GAP_WITHOUT_ONE: f64 = GAP, "−2·ln L";
     /// LR of no gap from which on no bootstrap is made: it takes most of a fit's time. No bench of its own.
     GAP_PLAIN: f64 = 100.0, "−2·ln L";
-    /// LR of no gap above which a family that predicts nearly as well as the best sees one, and no valve is sound. Simulations and real loops.
+    /// LR of no gap above which a family that predicts nearly as well as the best sees one, and no valve is sound. Simulations
+    /// and real loops.
     GAP_SEEN: f64 = 12.0, "−2·ln L";
     /// LR of J = 0 that a slip jump must exceed. Truth: the cause is right in 26 % of the records where it can be seen.
     JUMP: f64 = 20.0, "−2·ln L";
@@ -49,9 +51,11 @@ thresholds! {
     ANSWERS: f64 = 15.0, "−2·ln L";
 
     /// How far −2·ln L may rise within the 95 % interval. A chi-square would say 3.84; loads that are no random walk and processes
-    /// of no family make it rise so far at the true width in one of twenty records of mere backlash. Truth: the interval holds d in 98 %.
+    /// of no family make it rise so far at the true width in one of twenty records of mere backlash. Truth: the
+    /// interval holds d in 98 %.
     RISE: f64 = 8.0, "−2·ln L";
-    /// The same for a valve that sticks: when it breaks loose hangs on moves of OP that no sample shows. Truth: the interval holds d in 91 %.
+    /// The same for a valve that sticks: when it breaks loose hangs on moves of OP that no sample shows. Truth: the interval holds d
+    /// in 91 %.
     RISE_OF_STICKING: f64 = 16.0, "−2·ln L";
     /// How much further it may rise where as many steps or bends of the load were marked as OP went through the width. Loads.
     RISE_BESIDE_CHANGES: f64 = 3.0, "1";
@@ -78,7 +82,7 @@ thresholds! {
     /// Mean sizes of an innovation that it counts as at most there: outliers are no echo. Loads, outliers 18 and 209.
     ECHO_OF_ONE: f64 = 3.0, "1";
     /// Samples that a process must take to settle: what OP did between fewer explains as much as a gap. Truth: without it and
-    /// [`SAMPLES_IN_GAP`] 4.3 % of what was said of gaps that cannot be told was false, with them 2.7 % (ADR 0010).
+    /// [`NOISY`] 4.3 % of what was said of gaps that cannot be told was false, with them and [`GAP`] 2.7 % (ADR 0010).
     SAMPLES_IN_LAG: f64 = 5.0, "samples";
     /// Samples in which OP goes through the gap, by its mean move, from which on that does not matter. FIC46005 (ADR 0010).
     SAMPLES_IN_GAP: f64 = 25.0, "samples";
@@ -90,6 +94,8 @@ thresholds! {
     /// Spread of the times from one traversal to the next the same way, part of their mean, below which OP swings evenly.
     /// Loads: triangles and a neighbour's cycle (ADR 0012).
     EVEN_SWING: f64 = 0.3, "1";
+    /// Fewest of these times. Loads.
+    FEWEST_SWINGS: usize = 6, "swings";
     /// How much more than the bow of its lines a gap must make of a PV that a historian drew. Loads, swinging door.
     DRAWN: f64 = 10.0, "1";
     /// Greatest share of corners between lines among the moving samples of such a PV. Loads, swinging door.
@@ -99,8 +105,15 @@ thresholds! {
     FEWEST_STEPS: usize = 5, "steps";
     /// The same of bends. Loads (ADR 0012).
     FEWEST_BENDS: usize = 2, "bends";
-    /// Cells to a step or bend at least: a load that changes oftener is not one whose changes can be told (ADR 0009). Simulations.
+    /// Cells to a step or bend at least: a load that changes oftener is not one whose changes can be told (ADR
+    /// 0009). Simulations.
     CELLS_A_CHANGE: usize = 40, "cells";
+    /// LR that a step or bend must bring to be tried. Simulations.
+    CLEAR_CHANGE: f64 = 15.0, "−2·ln L";
+    /// The same for a step of a load that walks. Simulations and real loops.
+    LARGE_STEP: f64 = 50.0, "−2·ln L";
+    /// How wide such a step must be against the gap: what is smaller may be the valve. Simulations.
+    WIDER_THAN_GAP: f64 = 1.2, "1";
     /// Of n steps more than n/2 + 0.82·√n go with OP in 5 % of loads, which know nothing of OP. FIC46005: 21 of 25.
     ALONG_OP: f64 = 0.82, "1";
 

@@ -2,7 +2,7 @@
 //! worth, and is kept where it pays.
 
 use crate::data::cells::{Cells, Strip};
-use crate::decide::thresholds::{ALONG_OP, CELLS_A_CHANGE, CYCLES, FEWEST_BENDS, FEWEST_STEPS};
+use crate::decide::thresholds::*;
 use crate::model::lanes::LANES;
 use crate::model::lost_motion::LostMotion;
 use crate::model::structure::{Noise, Structure, Theta};
@@ -50,12 +50,6 @@ impl Load {
     }
 }
 
-/// Likelihood ratio that a step must bring to be tried.
-const CLEAR: f64 = 15.0;
-/// The same for a step of a load that walks, and how wide such a step must be against the gap: what is smaller may be the
-/// valve.
-const LARGE: f64 = 50.0;
-const WIDER: f64 = 1.2;
 /// While they are sought twice as many may be marked: some are taken out again. Where more would be, the load does not step.
 const MARKED_AT_MOST: usize = 2;
 /// Cells over which the answer to a step is looked for.
@@ -95,8 +89,8 @@ pub(crate) fn with_large_steps(search: &Search, point: &Point) -> Marked {
         Marked::new(record, structure, sign, point)
     };
     let plain = search.record.unmarked();
-    let least_size = WIDER * point.lost.d * point.kp;
-    let record = mark(&Search { record: &plain, ..*search }, &point.theta, &point.lost, LARGE, least_size);
+    let least_size = WIDER_THAN_GAP * point.lost.d * point.kp;
+    let record = mark(&Search { record: &plain, ..*search }, &point.theta, &point.lost, LARGE_STEP, least_size);
     if record.changes() == 0 { ended(plain) } else { cheapest([ended(plain), ended(record)]) }
 }
 
@@ -291,7 +285,7 @@ fn detect(record: &Cells, structure: Structure, sign: f64, theta: Theta, lost: &
     let [still, walks] = Load::of(structure).noises().map(|noise| Structure { noise, ..structure });
     let watch = Search { record: &plain, structure: walks, sign };
     let turn = |theta: Theta| {
-        let record = mark(&watch, &calm_theta(structure, &theta), lost, CLEAR, 0.0);
+        let record = mark(&watch, &calm_theta(structure, &theta), lost, CLEAR_CHANGE, 0.0);
         let rounds = if too_many(&record) { 1 } else { 8 };
         let point = Search { record: &record, structure: still, sign }.descend(theta, lost, rounds, 0.1, f64::INFINITY);
         Marked::new(record, still, sign, point)

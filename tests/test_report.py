@@ -545,8 +545,7 @@ def test_widths_over_time_are_drawn_with_their_intervals(worn: Result, tmp_path:
         Window(7 * day, 7.1 * day, "sound", 0.0, 0.0, 0.4, 0.0),
         Window(8 * day, 8.1 * day, "cannot_tell", 1.0, 0.0, None, 3.0),
     ]
-    trend = Trend.through(windows, 1.0, 0.1)
-    assert trend.changes and trend.d == (2.0, 6.0) and trend.windows == 5
+    trend = Trend(1.0, 0.1, 5, (300.0, 4 * day + 300), (2.0, 6.0), changes=True)
     fit = Fit("backlash", "a gap", "%", 6.0, 5.5, 7.0, trend=trend, windows=windows)
     result = replace(worn, fit=fit)
     dots, least, most, line = trend_figure(result).data

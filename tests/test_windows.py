@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import glapp
+from glapp._glapp import MOST_EPOCHS, Windows
 from glapp.recording import AT_HIGH, BAD, Batch
 from glapp.simulate import closed_loop
-from glapp.windows import MOST_EPOCHS, Windows
 
 DAY = 86400.0
 
@@ -147,3 +147,16 @@ def test_op_that_only_moves_after_the_beginning_is_found() -> None:
     assert f.verdict == "backlash", f.reason
     assert f.d == pytest.approx(0.06, rel=0.25)
     assert f.windows[0].t_start >= 4000.0
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        (lambda t: Windows(0, 1.0), "length is 0, must be > 0"),
+        (lambda t: Windows(10, np.nan), "hole is NaN, must be > 0"),
+        (lambda t: Windows(10, 1.0).add(Batch(t, t, t[:5], t)), "must be of the same length"),
+    ],
+)
+def test_wrong_windows_are_refused(wrong: Any, told: str) -> None:
+    with pytest.raises(ValueError, match=told):
+        wrong(np.arange(20.0))

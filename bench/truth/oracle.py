@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import linalg, signal
 
+from glapp import _glapp
 from glapp.blocks import Backlash
 from glapp.scenario import Coloured, Ramp, Steps, Walk
 from glapp.simulate import Simulation, run
@@ -26,7 +27,7 @@ from .design import CELLS, LOADS, Drawn, draw
 from .records import Floats, Truth, chosen, compressed
 from .score import FAULTY
 
-NO_GAP, NO_JUMP = 15.0, 20.0
+NO_GAP, NO_JUMP = (_glapp.fit_thresholds()[name][0] for name in ("GAP", "JUMP"))
 """What the likelihood ratio must exceed: the thresholds of the fit."""
 
 NEARER = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.15, 1.3)

@@ -6,6 +6,8 @@ from typing import Any, Literal, Self
 import numpy as np
 import numpy.typing as npt
 
+from .recording import Batch
+
 class AutoTuner:
     """Relay experiment (thesis 7.5); `found` is (ku, tu, kp, kappa), `tuned` gives (k, ti, td)."""
 
@@ -443,30 +445,31 @@ def point_placement(ku: float, tu: float) -> tuple[float, float, float]: ...
 def simc(kp: float, t: float, t2: float, l: float, tau_c: float) -> tuple[float, float, float]: ...
 def simc_integrating(kv: float, t2: float, l: float, tau_c: float) -> tuple[float, float, float]: ...
 
-_Floats = npt.NDArray[np.float64]
-_Batch = tuple[float, Sequence[tuple[float, _Floats, _Floats]]]
+LONG_HISTORY: int
+MOST_EPOCHS: int
 
-def fit(batches: Sequence[_Batch], sign: float, bootstrap: int) -> dict[str, Any] | None:
-    """Fit recordings at even steps h: (h, stretches) each, a stretch (start, PV, OP).
+def fit(batches: Sequence[Batch], sign: float) -> dict[str, Any]:
+    """Fit records of one valve; where none can be fitted, only why: `unfit`, a word and its number."""
 
-    None for fewer than 50 samples or an OP that never moves.
+def fit_position(batches: Sequence[Batch]) -> dict[str, Any]:
+    """Fit the valve positions of records of one valve; where none can be fitted, only why, as `fit`."""
+
+def fit_thresholds() -> dict[str, tuple[float, str]]:
+    """Value and unit of every threshold of a verdict, by its name."""
+
+class Windows:
+    """Cuts a history into windows of `length` rows and keeps the best one of each epoch, in bounded memory.
+
+    `hole` is the time between two rows [s] after which a new window begins.
     """
 
-def fit_window(whole: _Batch, sign: float) -> int | None:
-    """Steps that one window should hold."""
-
-def fit_position(
-    parts: Sequence[tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]],
-) -> dict[str, Any] | None:
-    """Fits a valve's position: unbroken stretches of (position, OP); `glapp.fit` is the door for people.
-
-    None for fewer than 50 rows or an OP that never moves.
-    """
-
-def fit_combine(
-    windows: Sequence[tuple[str, float, float, float | None, float, float]],
-) -> tuple[Any, float, float, float | None, tuple[float, float] | None]:
-    """One answer from windows of (verdict, d, low, high, lr_no_gap, t)."""
+    def __init__(self, length: int, hole: float) -> None: ...
+    @staticmethod
+    def of_history(beginning: Batch, sign: float) -> Windows:
+        """Windows for a history that begins so; `sign` is that of the process gain, 0 where it is not known."""
+    def add(self, batch: Batch) -> None: ...
+    def best(self) -> list[Batch]:
+        """The best window of each epoch, in the order of time; the window under way ends here."""
 
 R2_USABLE: float
 WIDEST: float

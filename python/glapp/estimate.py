@@ -21,7 +21,6 @@ from .recording import Batch, Recording
 from .result import REASONS, Corrected, HalfPeriods, Origin, Result, Settings, Verdict
 from .samples import recording_of
 from .trace import Band, Thinner, Trace
-from .windows import Windows
 
 __all__ = ["Estimator", "analyze", "estimate", "identify"]
 
@@ -488,7 +487,7 @@ class _Run:
         self.ladder = None if ideal is None or not self.sp_known else _ladder(loop, ideal, self.kp, self.h)
 
     def all(
-        self, progress: Progress | None, census: _glapp.Census | None = None, windows: Windows | None = None
+        self, progress: Progress | None, census: _glapp.Census | None = None, windows: _glapp.Windows | None = None
     ) -> None:
         """Read the recording from its first to its last row, the detectors side by side."""
         for batch in self.recording.batches():

@@ -6,33 +6,28 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from . import _glapp
 from .controller import Ideal
 from .loop import Loop
-from .position import COPY, Interval, apart, copied, position_reason
+from .position import COPY, Interval, apart, position_reason
 from .progress import Progress, shares
-from .recording import BAD, Batch, Recording
+from .recording import Batch, Recording
 from .samples import recording_of
-from .windows import Windows
 
 __all__ = ["Fit", "Process", "Trend", "Window", "fit", "fit_batches", "history", "process_sign"]
 
-Floats = NDArray[np.float64]
 Verdict = Literal["backlash", "stiction", "both", "oscillation", "sound", "at_least", "cannot_tell"]
 
-ROWS = 500_000
+ROWS = _glapp.LONG_HISTORY
 """A recording with fewer rows is fitted as a whole; a longer one in windows spread over its length."""
-
-HOLE = 5
-"""Steps without OP, or without any row, after which a new stretch begins."""
 
 DAY = 86400.0
 """[s]."""
 
-BOOTSTRAP = 400
-"""Most records invented without a gap, where it is not plain without them whether there is one."""
+SAMPLES_IN_LAG, _ = _glapp.fit_thresholds()["SAMPLES_IN_LAG"]
+"""Samples that a process must take to settle, where it matters."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +82,8 @@ class Trend:
         Windows with a width that it stands on.
     t, d : (float, float)
         From when to when [s since the recording's first row], and the line's widths there [OP unit].
+    changes : bool
+        Whether it is plain that the width changes: five windows or more, and three standard errors.
     """
 
     slope: float
@@ -94,22 +91,9 @@ class Trend:
     windows: int
     t: tuple[float, float]
     d: tuple[float, float]
+    changes: bool
 
-    @classmethod
-    def through(cls, windows: list[Window], slope: float, error: float) -> Trend:
-        """The line of that slope [OP unit/day] through the middle of the windows that have a width."""
-        sided = [w for w in windows if w.sided]
-        middle = np.array([(w.t_start + w.t_end) / 2 for w in sided])
-        first, last = float(middle[0]), float(middle[-1])
-        d = [float(np.mean([w.d for w in sided])) + slope / DAY * (t - float(middle.mean())) for t in (first, last)]
-        return cls(slope, error, len(sided), (first, last), (d[0], d[1]))
-
-    @property
-    def changes(self) -> bool:
-        """Whether it is plain that the width changes: five windows or more, and three standard errors."""
-        return self.windows >= 5 and abs(self.slope) > 3.0 * self.error
-
-    def told(self, unit: str) -> str:
+    def sentence(self, unit: str) -> str:
         """The same in words."""
         week, error = 7.0 * abs(self.slope), 7.0 * 1.96 * self.error
         return (
@@ -295,18 +279,9 @@ def fit(
     return fit_batches(windows.best(), recording.loop, sign, progress=fitting)
 
 
-def history(beginning: Batch, sign: float) -> Windows | None:
-    """What chooses the windows of a recording that begins so; None where that is all of it.
-
-    A window is as long as one of a shorter recording would be. Where OP stands still all through the beginning, a
-    window is a twelfth of it.
-    """
-    if len(beginning) < ROWS:
-        return None
-    stretches, h, _ = _stretches(beginning)
-    steps = _glapp.fit_window((h, stretches), sign) if stretches else None
-    length = ROWS // 12 if steps is None else min(steps, ROWS // 2)
-    return Windows(length, 0.25 * length * h if h > 0 else np.inf)
+def history(beginning: Batch, sign: float) -> _glapp.Windows | None:
+    """What chooses the windows of a recording that begins so; None where that is all of it."""
+    return None if len(beginning) < ROWS else _glapp.Windows.of_history(beginning, sign)
 
 
 def fit_batches(
@@ -363,40 +338,16 @@ def _together(at_valve: Fit, through_pv: Fit, loop: Loop) -> Fit:
 def _fit_position(batches: list[Batch], loop: Loop) -> Fit:
     """Fit the valve's own position to OP, window by window where there are several."""
     unit = loop.op_label
-    if copied(batches):
-        return Fit("cannot_tell", COPY, unit)
-    # What is wrong with PV is nothing to the position.
-    nothing = [np.full(len(batch), np.nan) if batch.position is None else batch.position for batch in batches]
-    valves = [replace(batch, pv=z, flags=None) for batch, z in zip(batches, nothing, strict=True)]
-    cut = [_stretches(valve, "the position") for valve in valves]
-    answers: list[tuple[Window, dict[str, Any]]] = []
-    for stretches, h, fault in cut:
-        best = None if fault is not None else _glapp.fit_position([(z, op) for _, z, op in stretches])
-        if best is None:
-            continue
-        starts = np.array([t for t, _, _ in stretches])
-        best |= {"t": starts[best["part"]] + h * best["step"], "signal": "position", "delay": best["delay"] * h}
-        best["lag"] *= h
-        best["candidates"] = [{"noise": "position", "behind": 0.0, "profile": best["profile"]}]
-        span = (float(starts[0]), float(stretches[-1][0] + h * (len(stretches[-1][1]) - 1)))
-        answers.append((Window(*span, *(best[key] for key in ("verdict", "d", "low", "high", "lr_no_gap"))), best))
-    if not answers:
-        return Fit("cannot_tell", cut[0][2] or "fewer than 50 rows have a position", unit)
-    told = [window for window, _ in answers]
-    verdict, d, low, high, slope = _glapp.fit_combine(
-        [(w.verdict, w.d, w.low, w.high, w.lr_no_gap, (w.t_start + w.t_end) / 2) for w in told]
-    )
-    trend = None if slope is None else Trend.through(told, slope[0] * DAY, slope[1] * DAY)
-    best = max((a for a in answers if a[0].verdict == verdict), key=lambda a: a[0].lr_no_gap)[1]
-    if trend is not None and trend.changes:
-        newest, best = [a for a in answers if a[0].sided][-1]
-        verdict, d, low, high = newest.verdict, newest.d, newest.low, newest.high
-    shown = "%OP" if unit == "%" else unit
-    reason = position_reason(verdict, d, low, high, shown, best)
-    if trend is not None and trend.changes:
-        reason += f"; {trend.told(shown)}"
+    answer = _glapp.fit_position(batches)
+    if "unfit" in answer:
+        return Fit("cannot_tell", _unfit(answer["unfit"], "the position"), unit)
+    best = _shown(answer, "position")
+    best["candidates"] = [{"noise": "position", "behind": 0.0, "profile": best["profile"]}]
+    shown, trend = "%OP" if unit == "%" else unit, _trend(answer)
+    verdict, d, low, high = (answer[key] for key in ("verdict", "d", "low", "high"))
+    reason = position_reason(verdict, d, low, high, shown, best) + _changed(trend, shown)
     needed = {name: best[name] for name in ("lr_no_gap", "lr_needed", "jump")}
-    return Fit(verdict, reason, unit, d, low, high, **needed, trend=trend, windows=told, best=best)
+    return Fit(verdict, reason, unit, d, low, high, **needed, trend=trend, windows=_windows(answer), best=best)
 
 
 def _fit_pv(
@@ -408,51 +359,53 @@ def _fit_pv(
 ) -> Fit:
     """Fit PV to OP."""
     unit = loop.op_label
-    cut = [_stretches(batch) for batch in batches]
-    whole = [(stretches, h) for stretches, h, fault in cut if fault is None]
-    if not whole:
-        return Fit("cannot_tell", cut[0][2] or "", unit)
     if progress is not None:
         progress(0.0)
-    answer = _glapp.fit([(h, stretches) for stretches, h in whole], sign, BOOTSTRAP)
+    answer = _glapp.fit(batches, sign)
     if progress is not None:
         progress(1.0)
-    if answer is None:
-        return Fit("cannot_tell", "fewer than 50 samples stand together, or OP does not move in them", unit)
-    verdict, d, low, high = (answer[key] for key in ("verdict", "d", "low", "high"))
-    names = ("t_start", "t_end", "verdict", "d", "low", "high", "lr_no_gap")
-    told = [Window(*(window[key] for key in names)) for window in answer["windows"]]
-    best = answer["windows"][answer["shown"]]
-    trend = None if answer["trend"] is None else Trend.through(told, *(DAY * x for x in answer["trend"]))
-    if trend is not None and trend.changes:
-        # One width for all of a time in which it changes is the width of no day: the newest window has today's.
-        newest, best = [(w, b) for w, b in zip(told, answer["windows"], strict=True) if w.sided][-1]
-        verdict, d, low, high = newest.verdict, newest.d, newest.low, newest.high
-        answer = best
-    best["signal"] = "PV"
-    if sinusoid is not None:
-        verdict = "oscillation"
+    if "unfit" in answer:
+        return Fit("cannot_tell", _unfit(answer["unfit"], "PV"), unit)
+    best = _shown(answer, "PV")
     kp, dead_time, lag = ((best[name], *best[f"{name}_limits"]) for name in ("kp", "dead_time", "lag"))
-    process = Process(kp, dead_time, lag, best["integrating"])
-    shown = "%OP" if unit == "%" else unit
-    reason = sinusoid if verdict == "oscillation" and sinusoid else _reason(answer, verdict, shown, best)
-    if trend is not None and trend.changes:
-        reason += f"; {trend.told(shown)}"
+    shown, trend = "%OP" if unit == "%" else unit, _trend(answer)
     return Fit(
-        verdict=verdict,
-        reason=reason,
+        verdict=answer["verdict"] if sinusoid is None else "oscillation",
+        reason=(sinusoid or _reason(answer, shown, best)) + _changed(trend, shown),
         unit=unit,
-        d=d,
-        low=low,
-        high=high,
+        d=answer["d"],
+        low=answer["low"],
+        high=answer["high"],
         lr_no_gap=answer["lr_no_gap"],
         lr_needed=answer["lr_needed"],
         jump=best["jump"],
-        process=process,
+        process=Process(kp, dead_time, lag, best["integrating"]),
         trend=trend,
-        windows=told,
+        windows=_windows(answer),
         best=best,
     )
+
+
+def _shown(answer: dict[str, Any], signal: str) -> dict[str, Any]:
+    """The window that shows best what all say, and which signal was fitted."""
+    best: dict[str, Any] = answer["windows"][answer["shown"]]
+    best["signal"] = signal
+    return best
+
+
+def _windows(answer: dict[str, Any]) -> list[Window]:
+    names = ("t_start", "t_end", "verdict", "d", "low", "high", "lr_no_gap")
+    return [Window(*(window[name] for name in names)) for window in answer["windows"]]
+
+
+def _trend(answer: dict[str, Any]) -> Trend | None:
+    """The same a day."""
+    found = answer["trend"]
+    return None if found is None else Trend(**found | {key: DAY * found[key] for key in ("slope", "error")})
+
+
+def _changed(trend: Trend | None, unit: str) -> str:
+    return f"; {trend.sentence(unit)}" if trend is not None and trend.changes else ""
 
 
 def process_sign(loop: Loop, ideal: Ideal | None) -> float:
@@ -462,58 +415,41 @@ def process_sign(loop: Loop, ideal: Ideal | None) -> float:
     return 0.0 if ideal is None else float(np.sign(ideal.k))
 
 
-def _stretches(batch: Batch, name: str = "PV") -> tuple[list[tuple[float, Floats, Floats]], float, str | None]:
-    """Unbroken stretches at even steps, (start, PV, OP) each; the step [s]; or why there are none. `name`: PV's."""
-    none: list[tuple[float, Floats, Floats]] = []
-    if batch.op is None:
-        return none, 0.0, "there is no OP: the width cannot be fitted without it"
-    t, pv, op = batch.t, batch.pv.copy(), batch.op
-    if batch.flags is not None:
-        pv[(batch.flags & BAD) != 0] = np.nan
-    steps = np.diff(t)
-    forward = steps[np.isfinite(steps) & (steps > 0)]
-    if len(forward) < 50:
-        return none, 0.0, f"{len(t)} rows are too few: a fit needs 50 samples at least"
-    h = float(np.median(forward))
-    moving = op[np.isfinite(op)]
-    if len(moving) < 50:
-        return none, h, "OP is missing in nearly all rows"
-    if np.ptp(moving) == 0:
-        return none, h, f"OP stands still at {moving[0]:.4g} all the time: only an OP that moves shows a gap"
-    both = np.isfinite(op) & np.isfinite(pv)
-    if both.any() and np.array_equal(op[both], pv[both]):
-        return none, h, f"OP and {name} are the same signal: check which columns were taken"
-    if both.any() and np.ptp(pv[both]) == 0:
-        return none, h, f"{name} stands still at {pv[both][0]:.4g} all the time"
-    levels = np.unique(moving)
-    if len(levels) < 6:
-        return none, h, f"OP takes only {len(levels)} values: it is recorded too coarsely"
-    # A step back in time, a hole in the rows or a hole in OP ends a stretch.
-    known = np.flatnonzero(np.isfinite(op) & np.isfinite(t))
-    gaps = np.diff(t[known])
-    ends = np.flatnonzero((gaps < 0) | (gaps > HOLE * h))
-    stretches = []
-    for part in np.split(known, ends + 1):
-        if len(part) < 20:
-            continue
-        start, end = t[part[0]], t[part[-1]]
-        grid = start + h * np.arange(int((end - start) / h + 1.5))
-        # The latest row at each step; a step is missing where that row is older than a step and a half.
-        at = np.searchsorted(t[part], grid + 0.5 * h, side="right") - 1
-        fresh = grid - t[part][at] < h
-        stretches.append((float(start), np.where(fresh, pv[part][at], np.nan), op[part][at]))
-    if not stretches:
-        return none, h, "no 20 samples stand together without a hole"
-    return stretches, h, None
+def _unfit(unfit: tuple[str, float], name: str) -> str:
+    """Why nothing could be fitted, in one sentence; `name`: that of PV, or of what stood in its place."""
+    why, number = unfit
+    match why:
+        case "no_op":
+            return "there is no OP: the width cannot be fitted without it"
+        case "few_rows":
+            return f"{number:.0f} rows are too few: a fit needs 50 samples at least"
+        case "op_missing":
+            return "OP is missing in nearly all rows"
+        case "op_still":
+            return f"OP stands still at {number:.4g} all the time: only an OP that moves shows a gap"
+        case "same":
+            return f"OP and {name} are the same signal: check which columns were taken"
+        case "pv_still":
+            return f"{name} stands still at {number:.4g} all the time"
+        case "coarse":
+            return f"OP takes only {number:.0f} values: it is recorded too coarsely"
+        case "broken":
+            return "no 20 samples stand together without a hole"
+        case "copy":
+            return COPY
+        case _ if name == "PV":
+            return "fewer than 50 samples stand together, or OP does not move in them"
+        case _:
+            return "fewer than 50 rows have a position"
 
 
 def _times(n: int) -> str:
     return {0: "never", 1: "once", 2: "twice"}.get(n, f"{n} times")
 
 
-def _reason(answer: dict[str, Any], verdict: str, unit: str, best: dict[str, Any]) -> str:
+def _reason(answer: dict[str, Any], unit: str, best: dict[str, Any]) -> str:
     """The verdict and its evidence in one sentence: `answer` is that of all windows, `best` that of the one shown."""
-    d, low, high, reason = (answer[key] for key in ("d", "low", "high", "reason"))
+    verdict, d, low, high, reason = (answer[key] for key in ("verdict", "d", "low", "high", "reason"))
     up, down = answer["traversals"]
     evidence = f"no gap is {answer['lr_no_gap']:.0f} units of 2·ln L worse, where {answer['lr_needed']:.0f} are needed"
     would = f"a gap of {d:.3g} {unit} would fit"
@@ -546,10 +482,9 @@ def _reason(answer: dict[str, Any], verdict: str, unit: str, best: dict[str, Any
                 f"{best['echo']:.2f}). Is PV what this OP moves, and recorded as it was measured?"
             )
         case _ if reason == "coarse":
-            lags = best["lag"] + (best["dead_time"] if best["integrating"] else 0.0)
             return (
-                f"{would}, but between samples {best['h']:.3g} s apart OP does what none of them shows: "
-                f"the process lags by {lags:.3g} s, and five samples are needed in that. Record faster"
+                f"{would}, but between samples {best['h']:.3g} s apart OP does what none of them shows: the process "
+                f"lags by {best['settles']:.3g} s, and {SAMPLES_IN_LAG:.0f} samples are needed in that. Record faster"
             )
         case _ if reason == "windows_disagree":
             return (

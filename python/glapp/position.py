@@ -4,14 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
+__all__ = ["COPY", "Interval", "apart", "position_reason"]
 
-from .recording import Batch
-
-__all__ = ["COPY", "Interval", "apart", "copied", "position_reason"]
-
-Floats = NDArray[np.float64]
 Interval = tuple[float, float | None]
 """Lower and upper limit, None where there is no upper one."""
 
@@ -19,19 +13,6 @@ COPY = (
     "the position equals OP in every row to the last digit, as no sensor's does: it is what was demanded of the valve, "
     "not where it stands. Record the positioner's feedback"
 )
-
-
-def copied(batches: list[Batch]) -> bool:
-    """Whether what was recorded as the position is OP once more."""
-    compared = False
-    for batch in batches:
-        if batch.op is None or batch.position is None:
-            continue
-        both = np.isfinite(batch.op) & np.isfinite(batch.position)
-        if not np.array_equal(batch.op[both], batch.position[both]):
-            return False
-        compared = compared or bool(both.any())
-    return compared
 
 
 def apart(one: Interval, other: Interval) -> bool:

@@ -3,7 +3,7 @@
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glapp_core::{Backlash, BacklashState, Pid, PidState, Saturation};
-use glapp_fit::{Batch, Part, Question, Verdict, fit};
+use glapp_fit::{Problem, Record, Stretch, Verdict, fit};
 use rayon::ThreadPoolBuilder;
 use std::time::Duration;
 
@@ -49,16 +49,16 @@ fn recorded(samples: usize) -> (Vec<f64>, Vec<f64>) {
 
 fn whole(c: &mut Criterion) {
     let pool = ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-    let question = Question { sign: 1.0, bootstrap: 0 };
     let mut group = c.benchmark_group("fit");
     group.sample_size(10).warm_up_time(Duration::from_secs(1)).measurement_time(Duration::from_secs(20));
     for samples in [751, 30_000] {
         let (pv, op) = recorded(samples);
-        let parts = [Batch { h: H, parts: vec![Part { start: 0.0, pv: &pv, op: &op }] }];
-        let answer = pool.install(|| fit(&parts, &question)).expect("a record of this length is fitted");
+        let record = Record { h: H, stretches: vec![Stretch { start: 0.0, pv: pv.into(), op: op.into() }] };
+        let problem = Problem { records: vec![record], sign: 1.0, bootstrap: 0 };
+        let answer = pool.install(|| fit(&problem)).expect("a record of this length is fitted");
         assert_ne!(answer.verdict, Verdict::Sound, "a fit that misses the gap is no measure");
         group.throughput(Throughput::Elements(samples as u64));
-        group.bench_function(format!("{samples} samples"), |b| b.iter(|| pool.install(|| fit(&parts, &question))));
+        group.bench_function(format!("{samples} samples"), |b| b.iter(|| pool.install(|| fit(&problem))));
     }
     group.finish();
 }

@@ -9,25 +9,23 @@
 // Indices of matrices, as in the equations.
 #![allow(clippy::needless_range_loop)]
 
-mod combine;
-mod joint;
-mod kalman;
-mod lanes;
+mod data;
+mod decide;
 mod loads;
-mod looks;
+mod model;
 mod position;
-mod profile;
-mod record;
+mod problem;
 mod search;
-mod steps;
-mod structure;
-mod verdict;
-mod view;
-mod windows;
 
-pub use combine::{Combined, Reading, combine};
-pub use joint::Whole;
-pub use position::{AtValve, Recorder, Shown, at_valve};
-pub use structure::{Noise, Structure};
-pub use verdict::{Answer, Candidate, Question, Seen, Verdict};
-pub use windows::{Batch, Part, Window, fit, window};
+pub use data::history::{Batch, LONG_HISTORY, MOST_EPOCHS, Rows, Windows};
+pub use data::record::{Record, Stretch};
+pub use data::recorder::Recorder;
+pub use data::samples::{Samples, Unfit};
+pub use decide::joint::{JointAnswer, RecordAnswer};
+pub use decide::record::{Answer, Candidate, Prediction};
+pub use decide::thresholds::THRESHOLDS;
+pub use decide::trend::Trend;
+pub use decide::verdict::Verdict;
+pub use model::structure::{Noise, Structure};
+pub use position::{AtValve, PositionAnswer, Shown, fit_position};
+pub use problem::{Problem, fit};

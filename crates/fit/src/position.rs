@@ -12,7 +12,18 @@
 //! So the recorder is looked at first. Only rows in which a position kept so was written anew count, for there it is true;
 //! spikes do not count; and what rounding, OP's own moves between two rows and the band may hide widens the interval.
 
-use crate::verdict::Verdict;
+use crate::data::record::Signals;
+use crate::data::recorder::{Moves, Recorder, only_new, quantile, span, spike_limit, spikes_in};
+use crate::data::samples::{Samples, Unfit};
+use crate::decide::combine::{Combined, Reading, combine};
+use crate::decide::joint::{RecordAnswer, newest};
+use crate::decide::thresholds::{
+    CYCLES_IF_CLEAR, GAP, GAP_IF_SELDOM_AND_LOAD_UNKNOWN, JUMP, LEAST_LOW, POSITION_ALL_JUMP, POSITION_EXPLAINED, RISE,
+    RISE_OF_STICKING, SOUND_BELOW,
+};
+use crate::decide::trend::Trend;
+use crate::decide::verdict::Verdict;
+use crate::problem::records;
 use glapp_core::{Backlash, BacklashState};
 use glapp_core::{Friction, FrictionState, Model};
 
@@ -26,30 +37,6 @@ const LANES: usize = 8;
 const LOOK: usize = 20_000;
 /// Rows that are shown beside the model.
 const SHOWN: usize = 8000;
-/// What −2·ln L of no gap must exceed that of the best width by; where the valve turned but once each way.
-const NEEDED: f64 = 15.0;
-const NEEDED_IF_ONCE: f64 = 80.0;
-/// The same for a slip jump.
-const JUMP: f64 = 20.0;
-/// How far −2·ln L may rise within the interval; for a valve that sticks.
-const RISE: f64 = 8.0;
-const RISE_OF_STICKING: f64 = 16.0;
-/// A lower limit less than this part of the most likely width is none.
-const LEAST_LOW: f64 = 0.2;
-/// Least share of the position's variance that the model must explain.
-const LEAST_SHARE: f64 = 0.5;
-
-/// How the position was recorded.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Recorder {
-    /// Every row as it was.
-    Plain,
-    /// Rounded to steps of this size [position unit].
-    Rounded(f64),
-    /// Kept until it has moved by this band [position unit].
-    Kept(f64),
-}
-
 /// What the position says of the valve.
 #[derive(Clone, Debug)]
 pub struct AtValve {
@@ -116,9 +103,73 @@ pub struct Shown {
     pub valve: f64,
 }
 
+/// What the positions of several records say together.
+#[derive(Clone, Debug)]
+pub struct PositionAnswer {
+    /// The verdict.
+    pub verdict: Verdict,
+    /// Width [OP unit].
+    pub d: f64,
+    /// Lower limit, 95 % [OP unit].
+    pub low: f64,
+    /// Upper limit, 95 % [OP unit]; None where there is none.
+    pub high: Option<f64>,
+    /// Change of the width, where three records or more give one. Where it is plain that the width changes, all the rest is what
+    /// the newest record says that gives a width.
+    pub trend: Option<Trend>,
+    /// The records, in the order given.
+    pub records: Vec<RecordAnswer<AtValve>>,
+    /// Place of the record that shows best what all say.
+    pub shown: usize,
+}
+
+/// The width from valve positions, each in the place of PV, and OP.
+///
+/// # Errors
+///
+/// Where the positions are OP once more, or nothing can be fitted.
+pub fn fit_position(samples: &[Samples]) -> Result<PositionAnswer, Unfit> {
+    if copied(samples) {
+        return Err(Unfit::Copy);
+    }
+    let records: Vec<RecordAnswer<AtValve>> = records(samples)?
+        .iter()
+        .filter_map(|record| Some(RecordAnswer::of(record, at_valve(&record.signals())?)))
+        .collect();
+    let reading = |r: &RecordAnswer<AtValve>| {
+        let AtValve { verdict, d, low, high, lr_no_gap, .. } = r.answer;
+        Reading { verdict, d, low, high, lr_no_gap, t: r.middle() }
+    };
+    let readings: Vec<Reading> = records.iter().map(reading).collect();
+    let Combined { verdict, d, low, high } = combine(&readings).ok_or(Unfit::Few)?;
+    let trend = Trend::of(&readings);
+    if let Some(shown) = newest(trend, &readings) {
+        let Reading { verdict, d, low, high, .. } = readings[shown];
+        return Ok(PositionAnswer { verdict, d, low, high, trend, records, shown });
+    }
+    let agree = (0..readings.len()).filter(|i| readings[*i].verdict == verdict).rev();
+    let shown = agree.max_by(|a, b| readings[*a].lr_no_gap.total_cmp(&readings[*b].lr_no_gap)).unwrap_or(0);
+    Ok(PositionAnswer { verdict, d, low, high, trend, records, shown })
+}
+
+/// Whether what was recorded as the position is OP in every row that has both.
+fn copied(samples: &[Samples]) -> bool {
+    let mut compared = false;
+    for Samples { pv, op, .. } in samples {
+        let both = op.unwrap_or(&[]).iter().zip(*pv).filter(|(u, z)| u.is_finite() && z.is_finite());
+        for (u, z) in both {
+            if u != z {
+                return false;
+            }
+            compared = true;
+        }
+    }
+    compared
+}
+
 /// The width from `parts` of (position, OP) at even steps, one for each unbroken stretch; NaN in the position is a row
 /// without it, OP is without NaN. None where fewer than 50 rows have a position or OP does not move.
-pub fn at_valve(parts: &[(&[f64], &[f64])]) -> Option<AtValve> {
+fn at_valve(parts: &[Signals]) -> Option<AtValve> {
     let track = Track::new(parts);
     if track.count() < FEWEST || track.range <= 0.0 {
         return None;
@@ -184,7 +235,7 @@ struct Track {
 }
 
 impl Track {
-    fn new(parts: &[(&[f64], &[f64])]) -> Self {
+    fn new(parts: &[Signals]) -> Self {
         let mut spikes = 0;
         let mut kept: Vec<Part> = Vec::new();
         let limit = spike_limit(parts);
@@ -566,23 +617,28 @@ impl Track {
         let high = high.map(|h| h + op + (1.5 * self.op_move).min(seen) + kept);
         // A position that stands still is explained by nothing.
         let explained = if best.b == 0.0 { 0.0 } else { 1.0 - best.left * self.rows as f64 / self.zz };
-        let lr_needed = if traversals.iter().min() >= Some(&2) { NEEDED } else { NEEDED_IF_ONCE };
+        let lr_needed =
+            if traversals.iter().min() >= Some(&CYCLES_IF_CLEAR) { GAP } else { GAP_IF_SELDOM_AND_LOAD_UNKNOWN };
         let copy = none.b != 0.0 && none.left.sqrt() <= 1e-7 * self.range * none.b.abs() && none.motion.lag == 0.0;
         let (verdict, reason) = if copy {
             (Verdict::CannotTell, "copy")
-        } else if explained < LEAST_SHARE {
+        } else if explained < POSITION_EXPLAINED {
             (Verdict::CannotTell, "no_answer")
         } else if lr_no_gap <= lr_needed || low <= 0.0 {
             match high {
-                Some(high) if high < 0.25 * self.range => (Verdict::Sound, "no_gap"),
+                Some(high) if high < SOUND_BELOW * self.range => (Verdict::Sound, "no_gap"),
                 _ => (Verdict::CannotTell, "may_be_a_gap"),
             }
         } else if low < LEAST_LOW * d {
             (Verdict::CannotTell, "may_be_a_gap")
-        } else if high.is_none() || traversals.iter().any(|n| *n < 2) {
+        } else if high.is_none() || traversals.iter().any(|n| *n < CYCLES_IF_CLEAR) {
             (Verdict::AtLeast, "not_traversed")
         } else if slips {
-            if best.motion.share > 0.95 { (Verdict::Stiction, "jumps") } else { (Verdict::Both, "jumps_in_a_gap") }
+            if best.motion.share > POSITION_ALL_JUMP {
+                (Verdict::Stiction, "jumps")
+            } else {
+                (Verdict::Both, "jumps_in_a_gap")
+            }
         } else {
             (Verdict::Backlash, "gap")
         };
@@ -744,128 +800,6 @@ fn walk(
             follow(k, &valve);
         }
     }
-}
-
-/// How a signal moves from row to row.
-struct Moves {
-    /// The least move, but for one in two hundred.
-    least: f64,
-    /// The band it must move by to be written, 0 where none shows.
-    band: f64,
-    median: f64,
-    /// The step of which all its values are multiples, 0 for none.
-    step: f64,
-}
-
-/// How many times more moves than below it there must be between an edge and twice that; without an edge there are as many.
-const SHARP: f64 = 8.0;
-
-impl Moves {
-    fn of(signals: &[&[f64]]) -> Self {
-        let mut moves = Vec::new();
-        let mut pairs = 0;
-        for signal in signals {
-            let mut last = f64::NAN;
-            for &x in signal.iter().filter(|x| !x.is_nan()) {
-                if !last.is_nan() {
-                    pairs += 1;
-                    if x != last {
-                        moves.push((x - last).abs());
-                    }
-                }
-                last = x;
-            }
-        }
-        let moved = moves.len();
-        if moved == 0 {
-            return Self { least: 0.0, band: 0.0, median: 0.0, step: 0.0 };
-        }
-        moves.sort_unstable_by(f64::total_cmp);
-        let at = |share: f64| moves[(moved as f64 * share) as usize];
-        // Rows in which it rests are moves of nothing.
-        let rests = pairs - moved;
-        let median = if 2 * rests >= pairs { 0.0 } else { moves[pairs / 2 - rests] };
-        // A signal kept until it has moved by a band rests at times and has no small moves, but a few where it is written for
-        // another reason.
-        let sharp = |share: &f64| {
-            let edge = at(*share);
-            let below = (moved as f64 * share).max(1.0);
-            (moves.partition_point(|m| *m < 2.0 * edge) as f64 - below) > SHARP * below
-        };
-        let edge = [0.0, 0.001, 0.005, 0.02, 0.05].into_iter().find(sharp).map(at);
-        let band = if rests * 50 > pairs { edge.unwrap_or(0.0) } else { 0.0 };
-        // Rounded values are multiples of the step themselves; what is kept until it has moved by a band begins anywhere.
-        let least = at(0.005);
-        let whole = |x: f64| (x / least - (x / least).round()).abs() < 1e-3;
-        let values = || signals.iter().flat_map(|s| s.iter().copied()).filter(|x| !x.is_nan());
-        let on_steps = values().filter(|x| whole(*x)).count() as f64 > 0.98 * values().count() as f64;
-        Self { least, band, median, step: if on_steps { least } else { 0.0 } }
-    }
-
-    /// How the position was recorded; `by_op` is the least move that OP makes of it.
-    fn recorder(&self, by_op: f64, span: f64) -> Recorder {
-        if self.least < 1e-5 * span && self.band < 1e-5 * span {
-            Recorder::Plain
-        } else if self.step > 0.0 {
-            Recorder::Rounded(self.step)
-        } else if self.band > 2.0 * by_op {
-            Recorder::Kept(self.band)
-        } else {
-            Recorder::Plain
-        }
-    }
-}
-
-/// Every row but those in which the position is new becomes none.
-fn only_new(z: &mut [f64]) {
-    let mut last = f64::NAN;
-    for z in z {
-        let new = !z.is_nan() && *z != last && !last.is_nan();
-        if !z.is_nan() {
-            last = *z;
-        }
-        if !new {
-            *z = f64::NAN;
-        }
-    }
-}
-
-/// How far each row lies off the middle one of itself and its neighbours.
-fn off_neighbours(z: &[f64]) -> impl Iterator<Item = (usize, f64)> + '_ {
-    z.windows(3).enumerate().filter(|(_, w)| w.iter().all(|z| !z.is_nan())).map(|(k, w)| {
-        let middle = w[0].max(w[1]).min(w[0].min(w[1]).max(w[2]));
-        (k + 1, (w[1] - middle).abs())
-    })
-}
-
-/// How far off its neighbours a row is no value of the valve's.
-fn spike_limit(parts: &[(&[f64], &[f64])]) -> f64 {
-    let mut off: Vec<f64> = parts.iter().flat_map(|(z, _)| off_neighbours(z).map(|(_, off)| off)).collect();
-    let mut all: Vec<f64> = parts.iter().flat_map(|(z, _)| z.iter().copied()).filter(|z| !z.is_nan()).collect();
-    if off.is_empty() || all.is_empty() {
-        return f64::INFINITY;
-    }
-    let broad = quantile(&mut all, 0.99) - quantile(&mut all, 0.01);
-    let noise = 8.0 * quantile(&mut off, 0.9);
-    // A rounded position goes to and fro by a step.
-    off.retain(|off| *off > 0.0);
-    let step = if off.is_empty() { 0.0 } else { quantile(&mut off, 0.1) };
-    noise.max(4.0 * step).max(0.02 * broad)
-}
-
-fn spikes_in(z: &[f64], limit: f64) -> Vec<usize> {
-    off_neighbours(z).filter(|(_, off)| *off > limit).map(|(k, _)| k).collect()
-}
-
-/// The `share` quantile; the order of `x` is lost.
-fn quantile(x: &mut [f64], share: f64) -> f64 {
-    let at = ((x.len() as f64 * share) as usize).min(x.len() - 1);
-    *x.select_nth_unstable_by(at, f64::total_cmp).1
-}
-
-fn span(x: &[f64]) -> f64 {
-    let numbers = || x.iter().copied().filter(|x| !x.is_nan());
-    (numbers().fold(f64::MIN, f64::max) - numbers().fold(f64::MAX, f64::min)).max(0.0)
 }
 
 #[cfg(test)]

@@ -1,75 +1,99 @@
 //! Width with an interval from OP and PV.
 
-use glapp_fit::{Noise, Question, Reading, Seen, Verdict, Window};
-use numpy::{PyArray1, PyReadonlyArray1};
-use pyo3::exceptions::PyValueError;
+use crate::windows::{Batch, columns};
+use glapp_fit::{Answer, Noise, Prediction, Problem, RecordAnswer, THRESHOLDS, Trend, Unfit, Verdict};
+use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
-pub(crate) const VERDICTS: [(Verdict, &str); 6] = [
-    (Verdict::Backlash, "backlash"),
-    (Verdict::Stiction, "stiction"),
-    (Verdict::Both, "both"),
-    (Verdict::Sound, "sound"),
-    (Verdict::AtLeast, "at_least"),
-    (Verdict::CannotTell, "cannot_tell"),
-];
-
-type Signal<'py> = PyReadonlyArray1<'py, f64>;
-
-/// A recording or a window of one: its step [s] and its stretches, (start [s], PV, OP) each.
-type Batch<'py> = (f64, Vec<(f64, Signal<'py>, Signal<'py>)>);
-
-fn batch<'a>((h, parts): &'a Batch<'_>) -> PyResult<glapp_fit::Batch<'a>> {
-    let part = |(start, pv, op): &'a (f64, Signal<'_>, Signal<'_>)| {
-        Ok(glapp_fit::Part { start: *start, pv: pv.as_slice()?, op: op.as_slice()? })
-    };
-    Ok(glapp_fit::Batch { h: *h, parts: parts.iter().map(part).collect::<PyResult<_>>()? })
-}
-
-/// Fits a recording, or the windows of a longer one, at even steps; NaN in PV is a missing sample. None where there are fewer
-/// than 50 samples or OP never moves. `glapp.fit` is the door for people.
+/// Fits the batches that can be fitted, records of one valve; `sign` is that of the process gain, 0 where it is not known.
+/// Where none can be fitted, only why: `unfit`, a word and its number. `glapp.fit` is the door for people.
 #[pyfunction]
-pub fn fit<'py>(
-    py: Python<'py>,
-    batches: Vec<Batch<'py>>,
-    sign: f64,
-    bootstrap: usize,
-) -> PyResult<Option<Bound<'py, PyDict>>> {
-    let batches = batches.iter().map(batch).collect::<PyResult<Vec<_>>>()?;
-    let question = Question { sign, bootstrap };
-    let Some(whole) = py.detach(|| glapp_fit::fit(&batches, &question)) else { return Ok(None) };
+pub fn fit<'py>(py: Python<'py>, batches: Vec<Batch<'py>>, sign: f64) -> PyResult<Bound<'py, PyDict>> {
+    let samples = columns(&batches)?.into_iter().map(|batch| batch.samples).collect::<Vec<_>>();
+    let joint = match py.detach(|| glapp_fit::fit(&Problem::of(&samples, sign)?)) {
+        Ok(joint) => joint,
+        Err(why) => return unfit(py, why),
+    };
     let out = PyDict::new(py);
-    out.set_item("verdict", name(whole.verdict))?;
     for (name, value) in [
-        ("d", whole.d),
-        ("low", whole.low),
-        ("lr_no_gap", whole.lr_no_gap),
-        ("lr_needed", whole.lr_needed),
-        ("dispersion", whole.dispersion),
+        ("d", joint.d),
+        ("low", joint.low),
+        ("lr_no_gap", joint.lr_no_gap),
+        ("lr_needed", joint.lr_needed),
+        ("dispersion", joint.dispersion),
     ] {
         out.set_item(name, value)?;
     }
-    out.set_item("high", whole.high)?;
-    out.set_item("traversals", (whole.traversals[0], whole.traversals[1]))?;
-    out.set_item("reason", whole.reason)?;
-    out.set_item("trend", whole.trend)?;
-    out.set_item("shown", whole.shown)?;
+    out.set_item("verdict", name(joint.verdict))?;
+    out.set_item("high", joint.high)?;
+    out.set_item("traversals", (joint.traversals[0], joint.traversals[1]))?;
+    out.set_item("reason", joint.reason)?;
+    out.set_item("trend", trend(py, joint.trend)?)?;
+    out.set_item("shown", joint.shown)?;
     let windows = PyList::empty(py);
-    for window in whole.windows {
-        windows.append(answered(py, window)?)?;
+    for record in joint.records {
+        windows.append(answered(py, record)?)?;
     }
     out.set_item("windows", windows)?;
+    Ok(out)
+}
+
+/// Value and unit of every threshold of a verdict, by its name.
+#[pyfunction]
+pub fn fit_thresholds(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
+    let out = PyDict::new(py);
+    for (name, value, unit) in THRESHOLDS {
+        out.set_item(name, (value, unit))?;
+    }
+    Ok(out)
+}
+
+pub(crate) fn name(verdict: Verdict) -> &'static str {
+    match verdict {
+        Verdict::Backlash => "backlash",
+        Verdict::Stiction => "stiction",
+        Verdict::Both => "both",
+        Verdict::Sound => "sound",
+        Verdict::AtLeast => "at_least",
+        Verdict::CannotTell => "cannot_tell",
+    }
+}
+
+pub(crate) fn unfit(py: Python<'_>, why: Unfit) -> PyResult<Bound<'_, PyDict>> {
+    let (word, number) = match why {
+        Unfit::NoOp => ("no_op", 0.0),
+        Unfit::FewRows(rows) => ("few_rows", rows as f64),
+        Unfit::OpMissing => ("op_missing", 0.0),
+        Unfit::OpStill(level) => ("op_still", level),
+        Unfit::Same => ("same", 0.0),
+        Unfit::PvStill(level) => ("pv_still", level),
+        Unfit::Coarse(levels) => ("coarse", levels as f64),
+        Unfit::Broken => ("broken", 0.0),
+        Unfit::Few => ("few", 0.0),
+        Unfit::Copy => ("copy", 0.0),
+    };
+    let out = PyDict::new(py);
+    out.set_item("unfit", (word, number))?;
+    Ok(out)
+}
+
+/// Under the names of `glapp.fit.Trend`, slope and error a second.
+pub(crate) fn trend(py: Python<'_>, trend: Option<Trend>) -> PyResult<Option<Bound<'_, PyDict>>> {
+    let Some(trend) = trend else { return Ok(None) };
+    let out = PyDict::new(py);
+    out.set_item("slope", trend.slope)?;
+    out.set_item("error", trend.error)?;
+    out.set_item("windows", trend.widths)?;
+    out.set_item("t", trend.t)?;
+    out.set_item("d", trend.d)?;
+    out.set_item("changes", trend.changes())?;
     Ok(Some(out))
 }
 
-fn name(verdict: Verdict) -> &'static str {
-    VERDICTS.iter().find(|(v, _)| *v == verdict).expect("all have names").1
-}
-
-/// What one window says.
-fn answered<'py>(py: Python<'py>, window: Window) -> PyResult<Bound<'py, PyDict>> {
-    let Window { start, end, starts, h, answer } = window;
+/// What one record says.
+fn answered<'py>(py: Python<'py>, record: RecordAnswer<Answer>) -> PyResult<Bound<'py, PyDict>> {
+    let RecordAnswer { start, end, starts, h, answer } = record;
     let out = PyDict::new(py);
     out.set_item("verdict", name(answer.verdict))?;
     for (name, value) in [
@@ -88,6 +112,7 @@ fn answered<'py>(py: Python<'py>, window: Window) -> PyResult<Bound<'py, PyDict>
         ("kp", answer.kp),
         ("dead_time", answer.dead_time),
         ("lag", answer.lag),
+        ("settles", answer.settles),
         ("sigma", answer.sigma),
         ("echo", answer.echo),
         ("cell", answer.cell),
@@ -104,12 +129,12 @@ fn answered<'py>(py: Python<'py>, window: Window) -> PyResult<Bound<'py, PyDict>
     out.set_item("cells", answer.cells)?;
     out.set_item("load_steps", answer.load_steps)?;
     out.set_item("reason", answer.reason)?;
-    let time = |seen: &Seen| starts[seen.part] + h * seen.step as f64;
-    out.set_item("t", PyArray1::from_iter(py, answer.seen.iter().map(time)))?;
+    let time = |cell: &Prediction| starts[cell.part] + h * cell.step as f64;
+    out.set_item("t", PyArray1::from_iter(py, answer.predictions.iter().map(time)))?;
     for (name, of) in
-        [("pv", (|s| s.pv) as fn(&Seen) -> f64), ("foreseen", |s| s.foreseen), ("position", |s| s.position)]
+        [("pv", (|c| c.pv) as fn(&Prediction) -> f64), ("foreseen", |c| c.foreseen), ("position", |c| c.position)]
     {
-        out.set_item(name, PyArray1::from_iter(py, answer.seen.iter().map(of)))?;
+        out.set_item(name, PyArray1::from_iter(py, answer.predictions.iter().map(of)))?;
     }
     let candidates = PyList::empty(py);
     for candidate in answer.candidates {
@@ -134,33 +159,4 @@ fn answered<'py>(py: Python<'py>, window: Window) -> PyResult<Bound<'py, PyDict>
     }
     out.set_item("candidates", candidates)?;
     Ok(out)
-}
-
-/// Steps that one window should hold; None where `fit` would give none. See `glapp.fit`.
-#[pyfunction]
-pub fn fit_window(py: Python<'_>, whole: Batch<'_>, sign: f64) -> PyResult<Option<usize>> {
-    let whole = batch(&whole)?;
-    Ok(py.detach(|| glapp_fit::window(&whole, sign)))
-}
-
-/// One answer from windows of (verdict, d, low, high, lr_no_gap, t): (verdict, d, low, high, (slope, error) or None).
-#[pyfunction]
-#[allow(clippy::type_complexity, reason = "plain tuples are the face")]
-pub fn fit_combine(
-    windows: Vec<(String, f64, f64, Option<f64>, f64, f64)>,
-) -> PyResult<(&'static str, f64, f64, Option<f64>, Option<(f64, f64)>)> {
-    let window = |(verdict, d, low, high, lr_no_gap, t): (String, f64, f64, Option<f64>, f64, f64)| {
-        let (verdict, _) = VERDICTS
-            .iter()
-            .find(|(_, name)| *name == verdict)
-            .ok_or_else(|| PyValueError::new_err(format!("{verdict}: no such verdict")))?;
-        Ok(Reading { verdict: *verdict, d, low, high, lr_no_gap, t })
-    };
-    let windows = windows.into_iter().map(window).collect::<PyResult<Vec<_>>>()?;
-    if windows.is_empty() {
-        return Err(PyValueError::new_err("no window to combine"));
-    }
-    let whole = glapp_fit::combine(&windows);
-    let name = VERDICTS.iter().find(|(v, _)| *v == whole.verdict).expect("all have names").1;
-    Ok((name, whole.d, whole.low, whole.high, whole.trend))
 }

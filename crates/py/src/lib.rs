@@ -19,6 +19,7 @@ mod saturation;
 mod signals;
 mod sim;
 mod tuning;
+mod windows;
 mod wrong_sign;
 
 use pyo3::exceptions::PyValueError;
@@ -54,7 +55,11 @@ mod _glapp {
     #[pymodule_export]
     const KP_DEFAULT: f64 = glapp_analysis::KP_DEFAULT;
     #[pymodule_export]
-    use crate::fit::{fit, fit_combine, fit_window};
+    use crate::fit::{fit, fit_thresholds};
+    #[pymodule_export]
+    const LONG_HISTORY: usize = glapp_fit::LONG_HISTORY;
+    #[pymodule_export]
+    const MOST_EPOCHS: usize = glapp_fit::MOST_EPOCHS;
     #[pymodule_export]
     use crate::identify::identified;
     #[pymodule_export]
@@ -90,6 +95,8 @@ mod _glapp {
         amigo_frequency, amigo_integrating, amigo_step, lambda_integrating, lambda_tuning, point_placement, simc,
         simc_integrating, ziegler_nichols_frequency, ziegler_nichols_step,
     };
+    #[pymodule_export]
+    use crate::windows::Windows;
     #[pymodule_export]
     use crate::wrong_sign::WrongSign;
 }

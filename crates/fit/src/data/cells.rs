@@ -1,16 +1,17 @@
 //! The record as the fit sees it: even steps, gathered into cells.
 
-use crate::kalman::START;
-use glapp_core::{Backlash, BacklashState};
-use glapp_core::{Friction, FrictionState, Model};
+use crate::decide::thresholds::FEWEST_SWINGS;
+use crate::model::kalman::START;
+use crate::model::lost_motion::LostMotion;
+use glapp_core::{Backlash, BacklashState, Friction, FrictionState};
 
 /// One unbroken stretch: OP at every step, PV as the mean of each cell of `cell` steps, NaN where there is none.
 #[derive(Clone, Debug)]
-pub(crate) struct Stretch {
+pub(crate) struct Strip {
     pub(crate) y: Vec<f64>,
     u: Vec<f64>,
-    /// When the load jumped [cells].
-    pub(crate) jumps: Vec<f64>,
+    /// When the load changed [cells].
+    pub(crate) changes: Vec<f64>,
     /// A load that is known, a mean for each cell [OP unit]; empty for none.
     load: Vec<f64>,
     /// Cells before it, from the beginning of the record.
@@ -21,8 +22,8 @@ pub(crate) struct Stretch {
 
 /// A record cut into stretches and cells.
 #[derive(Clone, Debug)]
-pub(crate) struct Record {
-    pub(crate) stretches: Vec<Stretch>,
+pub(crate) struct Cells {
+    pub(crate) stretches: Vec<Strip>,
     /// Steps in a cell.
     pub(crate) cell: usize,
     /// Cells whose PV is a number.
@@ -33,39 +34,17 @@ pub(crate) struct Record {
     pub(crate) span: f64,
 }
 
-/// The lost motion that is tried: total width [OP unit], the share of it that is slip jump, what the valve does after a jump,
-/// and where in its gap it stands at the start of each stretch, 0 the lower end to 1.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Lost {
-    pub(crate) d: f64,
-    pub(crate) share: f64,
-    pub(crate) model: Model,
-    pub(crate) start: Vec<f64>,
-}
-
-impl Lost {
-    /// A gap that the valve stands in the middle of.
-    pub(crate) fn gap(d: f64, stretches: usize) -> Self {
-        Self { d, share: 0.0, model: Model::Kano, start: vec![0.5; stretches] }
-    }
-
-    /// Slip jump J [OP unit].
-    pub(crate) fn jump(&self) -> f64 {
-        self.share * self.d
-    }
-}
-
 /// Position of the valve, a mean for each cell of each stretch.
 pub(crate) type Positions = Vec<Vec<f64>>;
 
-impl Record {
+impl Cells {
     /// `parts`: PV and OP at even steps, one pair for each unbroken stretch; OP without NaN.
     pub(crate) fn new(parts: &[(&[f64], &[f64])], cell: usize) -> Self {
         let before: Vec<f64> = parts
             .iter()
             .scan(0, |sum, (y, _)| Some(std::mem::replace(sum, *sum + y.len()) as f64 / cell as f64))
             .collect();
-        let stretches: Vec<Stretch> = parts
+        let stretches: Vec<Strip> = parts
             .iter()
             .enumerate()
             .map(|(part, (y, u))| {
@@ -74,10 +53,10 @@ impl Record {
                     let (sum, n) = part.iter().filter(|y| !y.is_nan()).fold((0.0, 0), |(s, n), y| (s + y, n + 1));
                     if 2 * n > cell { sum / f64::from(n as u32) } else { f64::NAN }
                 };
-                Stretch {
+                Strip {
                     y: y[..cells * cell].chunks(cell).map(mean).collect(),
                     u: u[..cells * cell].to_vec(),
-                    jumps: Vec::new(),
+                    changes: Vec::new(),
                     load: Vec::new(),
                     since: before[part],
                     part,
@@ -87,27 +66,27 @@ impl Record {
             .collect();
         let count = stretches.iter().flat_map(|s| &s.y).filter(|y| !y.is_nan()).count();
         let range = stretches.iter().map(|s| span(&s.u)).fold(0.0, f64::max);
-        let of_pv = |s: &Stretch| span(&s.y.iter().copied().filter(|y| !y.is_nan()).collect::<Vec<_>>());
+        let of_pv = |s: &Strip| span(&s.y.iter().copied().filter(|y| !y.is_nan()).collect::<Vec<_>>());
         let span = stretches.iter().map(of_pv).fold(0.0, f64::max);
         Self { stretches, cell, count, range, span }
     }
 
     /// Cells of PV that count: those that tell where a stretch starts and how far a load jumped are worth nothing.
     pub(crate) fn freedom(&self) -> f64 {
-        (self.count - START * self.stretches.len() - self.jumps()) as f64
+        (self.count - START * self.stretches.len() - self.changes()) as f64
     }
 
     /// Jumps of the load that are marked.
-    pub(crate) fn jumps(&self) -> usize {
-        self.stretches.iter().map(|s| s.jumps.len()).sum()
+    pub(crate) fn changes(&self) -> usize {
+        self.stretches.iter().map(|s| s.changes.len()).sum()
     }
 
-    /// Whether the same jumps are marked in both.
-    pub(crate) fn same_jumps(&self, other: &Self) -> bool {
-        let sorted = |s: &Stretch| {
-            let mut jumps = s.jumps.clone();
-            jumps.sort_by(f64::total_cmp);
-            jumps
+    /// Whether the same changes are marked in both.
+    pub(crate) fn same_changes(&self, other: &Self) -> bool {
+        let sorted = |s: &Strip| {
+            let mut changes = s.changes.clone();
+            changes.sort_by(f64::total_cmp);
+            changes
         };
         self.stretches.iter().map(sorted).eq(other.stretches.iter().map(sorted))
     }
@@ -121,18 +100,18 @@ impl Record {
 
     /// The same record without a mark.
     pub(crate) fn unmarked(&self) -> Self {
-        self.with_jumps(vec![Vec::new(); self.stretches.len()])
+        self.with_changes(vec![Vec::new(); self.stretches.len()])
     }
 
-    /// The same record with other jumps of the load.
-    pub(crate) fn with_jumps(&self, jumps: Vec<Vec<f64>>) -> Self {
-        let stretches = self.stretches.iter().zip(jumps).map(|(s, jumps)| Stretch { jumps, ..s.clone() }).collect();
+    /// The same record with other changes of the load.
+    pub(crate) fn with_changes(&self, changes: Vec<Vec<f64>>) -> Self {
+        let stretches = self.stretches.iter().zip(changes).map(|(s, changes)| Strip { changes, ..s.clone() }).collect();
         Self { stretches, ..*self }
     }
 
     /// The same record with a load that is known.
     pub(crate) fn with_load(&self, load: Positions) -> Self {
-        let stretches = self.stretches.iter().zip(load).map(|(s, load)| Stretch { load, ..s.clone() }).collect();
+        let stretches = self.stretches.iter().zip(load).map(|(s, load)| Strip { load, ..s.clone() }).collect();
         Self { stretches, ..*self }
     }
 
@@ -143,13 +122,13 @@ impl Record {
 
     /// The same record with other PV.
     pub(crate) fn with(&self, ys: Vec<Vec<f64>>) -> Self {
-        let stretches = self.stretches.iter().zip(ys).map(|(s, y)| Stretch { y, ..s.clone() }).collect();
+        let stretches = self.stretches.iter().zip(ys).map(|(s, y)| Strip { y, ..s.clone() }).collect();
         Self { stretches, ..*self }
     }
 
     /// Position of the valve, a mean for each cell.
-    pub(crate) fn positions(&self, lost: &Lost) -> Positions {
-        let at = |(stretch, start): (&Stretch, &f64)| stretch.positions(lost, *start, self.cell, stretch.y.len());
+    pub(crate) fn positions(&self, lost: &LostMotion) -> Positions {
+        let at = |(stretch, start): (&Strip, &f64)| stretch.positions(lost, *start, self.cell, stretch.y.len());
         self.stretches.iter().zip(&lost.start).map(at).collect()
     }
 
@@ -173,7 +152,7 @@ impl Record {
     }
 
     /// How far the valve moves at most within a stretch [OP unit].
-    pub(crate) fn reach(&self, lost: &Lost) -> f64 {
+    pub(crate) fn reach(&self, lost: &LostMotion) -> f64 {
         self.positions(lost).iter().map(|v| span(v)).fold(0.0, f64::max)
     }
 
@@ -184,7 +163,7 @@ impl Record {
     }
 
     /// Mean time from one traversal of `d` to the next the same way [steps], and its standard deviation, part of it; None where
-    /// there are fewer than six.
+    /// there are fewer than [`FEWEST_SWINGS`].
     pub(crate) fn swing(&self, d: f64) -> Option<(f64, f64)> {
         let ways = self.stretches.iter().flat_map(|s| s.traversals(d));
         let times: Vec<f64> =
@@ -192,13 +171,13 @@ impl Record {
         let n = times.len() as f64;
         let mean = times.iter().sum::<f64>() / n;
         let variance = times.iter().map(|t| (t - mean) * (t - mean)).sum::<f64>() / n;
-        (times.len() >= 6).then_some((mean, variance.sqrt() / mean))
+        (times.len() >= FEWEST_SWINGS).then_some((mean, variance.sqrt() / mean))
     }
 }
 
-impl Stretch {
+impl Strip {
     /// The same for the first `cells` of one stretch, whose start in the gap is `start`.
-    pub(crate) fn positions(&self, lost: &Lost, start: f64, cell: usize, cells: usize) -> Vec<f64> {
+    pub(crate) fn positions(&self, lost: &LostMotion, start: f64, cell: usize, cells: usize) -> Vec<f64> {
         let (d, jump) = (lost.d, lost.jump());
         let per_cell = 1.0 / cell as f64;
         // The start is told by where the lower end of the gap lies.

@@ -1,7 +1,7 @@
 //! The families of models that are tried: lags, an integrator or none, and where the disturbance enters.
 
-use crate::kalman::{DRIFT, Jump, LINES, Models, SLOPE, White};
-use crate::lanes::{LANES, Lanes, Wide};
+use crate::model::kalman::{DRIFT, LINES, LoadChange, Models, SLOPE, Whitened};
+use crate::model::lanes::{LANES, Lanes, Wide};
 use pulp::{Scalar, Simd};
 use std::array;
 
@@ -220,21 +220,21 @@ impl Structure {
         Models { simd, transition, q_load, q_more, pole }
     }
 
-    /// See [`Models::whiten`]: of each stretch its PV, the jumps of its load and its positions.
+    /// See [`Models::whiten`]: of each stretch its PV, the changes of its load and its positions.
     #[inline(always)]
     pub(crate) fn whiten<'a, S: Simd, const R: usize>(
         self,
         simd: S,
         thetas: &[Theta; LANES],
-        stretches: impl Iterator<Item = (&'a [f64], &'a [Jump], &'a [Lanes])>,
-        white: &mut White,
+        stretches: impl Iterator<Item = (&'a [f64], &'a [LoadChange], &'a [Lanes])>,
+        white: &mut Whitened,
     ) {
         // A loop and no closure: only what is inlined here is compiled for the registers of the machine.
         macro_rules! with {
             ($states:literal, $more:expr) => {{
                 let models = self.models::<S, R, $states, { $more }>(simd, thetas);
-                for (y, jumps, v) in stretches {
-                    models.whiten(y, jumps, v, white);
+                for (y, changes, v) in stretches {
+                    models.whiten(y, changes, v, white);
                 }
             }};
         }
@@ -255,19 +255,19 @@ impl Structure {
         self.lags + usize::from(self.integrating)
     }
 
-    /// See [`Models::invent`].
-    pub(crate) fn invent(
+    /// See [`Models::simulate`].
+    pub(crate) fn simulate(
         self,
         theta: &Theta,
         y: &[f64],
-        jumps: &[f64],
+        changes: &[f64],
         kp_v: &[f64],
         draw: &mut impl FnMut() -> f64,
     ) -> Vec<f64> {
         macro_rules! with {
             ($states:literal, $more:expr) => {
                 self.models::<Scalar, LANES, $states, { $more }>(Scalar::new(), &[*theta; LANES])
-                    .invent(y, jumps, kp_v, draw)
+                    .simulate(y, changes, kp_v, draw)
             };
         }
         match (self.order(), self.noise) {

@@ -1,10 +1,11 @@
 //! First looks at a record: which processes and which loads may have made it.
 
-use crate::profile::Profile;
-use crate::record::{Lost, Record};
-use crate::search::{Point, Search};
-use crate::steps::Load;
-use crate::structure::{Noise, Structure, Theta};
+use crate::data::cells::Cells;
+use crate::loads::changes::Load;
+use crate::model::lost_motion::LostMotion;
+use crate::model::structure::{Noise, Structure, Theta};
+use crate::search::likelihood::{Point, Search};
+use crate::search::profile::Profile;
 use rayon::prelude::*;
 
 /// How much larger the innovations may be after a coarse look, which may sit beside a narrow valley.
@@ -13,8 +14,8 @@ const NEARLY_AS_GOOD: f64 = 0.05;
 pub(crate) const PILOT: Structure = Structure { lags: 2, integrating: false, noise: Noise::Input };
 
 /// Less than this gained by a step ends a descent of a coarse look, of a whole profile [−2·ln L].
-const COARSELY: f64 = 0.3;
-pub(crate) const FINELY: f64 = 0.03;
+const COARSE_TOLERANCE: f64 = 0.3;
+pub(crate) const FINE_TOLERANCE: f64 = 0.03;
 /// How near a coarse look comes to the best width, part of OP's range.
 const NARROW: f64 = 0.003;
 /// Families of which more widths are tried around the best.
@@ -35,16 +36,22 @@ pub(crate) struct Pilot {
 }
 
 /// Good beginnings from one family at a few widths.
-pub(crate) fn pilot(record: &Record, sign: f64) -> Pilot {
-    begun(record, sign, PILOT)
+pub(crate) fn pilot(record: &Cells, sign: f64) -> Pilot {
+    multistart(record, sign, PILOT)
 }
 
-fn begun(record: &Record, sign: f64, structure: Structure) -> Pilot {
+fn multistart(record: &Cells, sign: f64, structure: Structure) -> Pilot {
     let search = Search { record, structure, sign };
     let n = record.count as f64;
     let begin = |part: f64, t: f64, dead: f64| {
-        let lost = Lost::gap(part * record.range, record.stretches.len());
-        search.descend(search.roused(structure.beginning(t, dead), &lost), &lost, 8, 0.1, f64::INFINITY)
+        let lost = LostMotion::gap(part * record.range, record.stretches.len());
+        search.descend(
+            search.with_best_load_variance(structure.beginning(t, dead), &lost),
+            &lost,
+            8,
+            0.1,
+            f64::INFINITY,
+        )
     };
     let starts = [(1.5, 0.5), (1.5, 5.0), (10.0, 0.5), (10.0, 5.0), (40.0, 15.0)];
     let mut points: Vec<Point> = [0.0, 0.3, 0.6, 0.85]
@@ -78,7 +85,7 @@ pub(crate) fn rescaled(theta: &Theta, finer: f64) -> Theta {
 }
 
 /// A beginning for `structure` from the pilot's parameters.
-pub(crate) fn adapted(structure: Structure, pilot: &Theta) -> Theta {
+pub(crate) fn theta_for(structure: Structure, pilot: &Theta) -> Theta {
     let (t, zeta, dead, q) = (pilot[0].exp(), pilot[1].exp(), pilot[2], pilot[3]);
     // Of two lags the integrator takes the place of the longer one.
     let shorter = t * (zeta - (zeta * zeta - 1.0).max(0.0).sqrt());
@@ -104,7 +111,7 @@ pub(crate) fn adapted(structure: Structure, pilot: &Theta) -> Theta {
 }
 
 /// The parameters of a simple family's best point for the family of the same process with both disturbances.
-fn widened(structure: Structure, simple: &Profile) -> Theta {
+fn theta_for_both(structure: Structure, simple: &Profile) -> Theta {
     let mut theta = simple.points[simple.best].theta;
     let noise = structure.lags + 1;
     match simple.structure.noise {
@@ -117,25 +124,25 @@ fn widened(structure: Structure, simple: &Profile) -> Theta {
 /// A coarse look with the simple disturbances, then with both together from where those ended: a profile for each family
 /// and each of the `seeds` that leads it somewhere else. In a closed loop a process with another dead time may explain PV
 /// nearly as well, and it is a family of its own.
-pub(crate) fn looks(record: &Record, seeds: &[Theta], sign: f64, near: f64, load: Load) -> Vec<Profile> {
+pub(crate) fn screen(record: &Cells, seeds: &[Theta], sign: f64, near: f64, load: Load) -> Vec<Profile> {
     let of = |structure| Search { record, structure, sign };
     let coarse = [0.0, 0.015, 0.05, 0.15, 0.3, 0.45, 0.6, 0.75, 0.88, 1.0].map(|part| part * record.range);
     let coarse = with_width(&coarse, near);
-    let gap = Lost::gap(0.0, record.stretches.len());
+    let gap = LostMotion::gap(0.0, record.stretches.len());
     let begin = |structure: Structure| {
         // The seeds are of two lags; the other families start from the best of them.
         let most = if structure.lags == PILOT.lags { MOST_SEEDS } else { 2 - usize::from(structure.integrating) };
-        seeds.iter().take(most).map(move |seed| (structure, adapted(structure, seed)))
+        seeds.iter().take(most).map(move |seed| (structure, theta_for(structure, seed)))
     };
     let families: &[Noise] = if load == Load::Lines { &[Noise::Bends] } else { &[Noise::Input, Noise::Output] };
     let families: Vec<Structure> = families.iter().flat_map(|noise| Structure::with(*noise)).collect();
     // A load that goes along lines hides another process than one that walks.
     let slope = Structure { noise: Noise::Slope, ..PILOT };
-    let slopes = if load == Load::Lines { Vec::new() } else { begun(record, sign, slope).seeds };
+    let slopes = if load == Load::Lines { Vec::new() } else { multistart(record, sign, slope).seeds };
     let sloping = |structure: Structure| {
         let most = if structure == slope { MOST_SEEDS } else { 2 - usize::from(structure.integrating) };
         slopes.iter().take(most).map(move |seed| {
-            let mut theta = adapted(structure, &slope.as_pilot(seed));
+            let mut theta = theta_for(structure, &slope.as_pilot(seed));
             theta[structure.lags + 1..structure.lags + 3].copy_from_slice(&seed[slope.lags + 1..slope.lags + 3]);
             (structure, theta)
         })
@@ -146,12 +153,12 @@ pub(crate) fn looks(record: &Record, seeds: &[Theta], sign: f64, near: f64, load
         .chain(Structure::with(Noise::Slope).into_iter().flat_map(sloping))
         .collect::<Vec<_>>()
         .into_par_iter()
-        .map(|(structure, begin)| Profile::over(&of(structure), &coarse, &gap, &[begin], 4, COARSELY))
+        .map(|(structure, begin)| Profile::over(&of(structure), &coarse, &gap, &[begin], 4, COARSE_TOLERANCE))
         .collect();
     let mut simple = distinct(simple);
     // A gap that is narrow against all that OP does has a valley between two of the widths, which a family that is right
     // may miss where it began badly: the width and the process that the best family finds are tried in all of them.
-    let d = leading(&simple).points[leading(&simple).best].lost.d;
+    let d = best_of(&simple).points[best_of(&simple).best].lost.d;
     let followed = simple.len().min(FOLLOWED);
     simple[..followed].par_iter_mut().for_each(|p| {
         for near in [0.9, 0.8, 1.1, 1.25] {
@@ -159,20 +166,21 @@ pub(crate) fn looks(record: &Record, seeds: &[Theta], sign: f64, near: f64, load
         }
     });
     for _ in 0..2 {
-        let mut best = leading(&simple).clone();
+        let mut best = best_of(&simple).clone();
         best.refine(&of(best.structure), 1, NARROW * record.range);
         let best = &best.points[best.best];
-        let pilot = leading(&simple).structure.as_pilot(&best.theta);
-        simple.par_iter_mut().for_each(|p| p.also(&of(p.structure), adapted(p.structure, &pilot), best.lost.d, 8));
+        let pilot = best_of(&simple).structure.as_pilot(&best.theta);
+        simple.par_iter_mut().for_each(|p| p.also(&of(p.structure), theta_for(p.structure, &pilot), best.lost.d, 8));
         simple = distinct(simple);
     }
-    let promising = leading(&simple).least() + room(record.count);
+    let promising = best_of(&simple).least() + screening_margin(record.count);
     let both: Vec<Profile> = simple
         .par_iter()
         .filter(|p| p.least() < promising && matches!(p.structure.noise, Noise::Input | Noise::Output))
         .filter_map(|p| {
             let structure = Structure { noise: Noise::Both, ..p.structure };
-            let both = Profile::over(&of(structure), &coarse, &gap, &[widened(structure, p)], 3, COARSELY);
+            let both =
+                Profile::over(&of(structure), &coarse, &gap, &[theta_for_both(structure, p)], 3, COARSE_TOLERANCE);
             // Where the second disturbance is worth nothing it is the same family once more.
             (both.penalised() < p.penalised()).then_some(both)
         })
@@ -203,14 +211,14 @@ fn with_width(widths: &[f64], d: f64) -> Vec<f64> {
 }
 
 /// The whole profile of a family, from a coarse look.
-pub(crate) fn whole(search: &Search, look: &Profile) -> Profile {
+pub(crate) fn full_profile(search: &Search, look: &Profile) -> Profile {
     let range = search.record.range;
     let fine = [0.0, 0.01, 0.02, 0.05, 0.1, 0.17, 0.25, 0.33, 0.41, 0.5, 0.58, 0.66, 0.74, 0.82, 0.88, 0.94, 1.0];
     let mut seeds = vec![look.points[look.best].theta, look.points[0].theta];
     seeds.dedup();
-    let gap = Lost::gap(0.0, search.record.stretches.len());
+    let gap = LostMotion::gap(0.0, search.record.stretches.len());
     let widths = with_width(&fine.map(|part| part * range), look.points[look.best].lost.d);
-    let mut profile = Profile::over(search, &widths, &gap, &seeds, 4, FINELY);
+    let mut profile = Profile::over(search, &widths, &gap, &seeds, 4, FINE_TOLERANCE);
     // A gap that is narrow against all that OP does has a narrow valley.
     let fine = (0.05 * profile.points[profile.best].lost.d).clamp(0.0005 * range, 0.004 * range);
     profile.refine(search, 2, fine);
@@ -218,11 +226,11 @@ pub(crate) fn whole(search: &Search, look: &Profile) -> Profile {
 }
 
 /// How far a family may lie behind the best after a coarse look [−2·ln L].
-pub(crate) fn room(count: usize) -> f64 {
+pub(crate) fn screening_margin(count: usize) -> f64 {
     2.0 * (NEARLY_AS_GOOD * count as f64).min(100.0) + 20.0
 }
 
 /// The best of profiles.
-pub(crate) fn leading(profiles: &[Profile]) -> &Profile {
+pub(crate) fn best_of(profiles: &[Profile]) -> &Profile {
     profiles.iter().min_by(|a, b| a.least().total_cmp(&b.least())).expect("there are families")
 }

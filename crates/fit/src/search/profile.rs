@@ -1,9 +1,10 @@
 //! The likelihood over the width d: where it is greatest, how far it stays near, what it is without a gap.
 
-use crate::looks::FINELY;
-use crate::record::{Lost, Record};
-use crate::search::{Point, Search, dot, solve};
-use crate::structure::{MOST, Structure, Theta};
+use crate::data::cells::Cells;
+use crate::model::lost_motion::LostMotion;
+use crate::model::structure::{MOST, Structure, Theta};
+use crate::search::likelihood::{Point, Search, dot, solve};
+use crate::search::screen::FINE_TOLERANCE;
 
 /// Likelihood over d of one family; `points` in rising order of d, the first at d = 0.
 #[derive(Clone, Debug)]
@@ -14,12 +15,6 @@ pub(crate) struct Profile {
     pub(crate) best: usize,
 }
 
-/// How far −2·ln L may rise over its least within the 95 % interval. A chi-square would say 3.84; loads that are no random walk
-/// and processes of no family make it rise so far over the true width in one of twenty records of the bench of truth.
-pub(crate) const RISE: f64 = 8.0;
-
-/// The same for a valve that sticks: when it breaks loose hangs on moves of OP that no sample shows.
-pub(crate) const RISE_OF_STICKING: f64 = 16.0;
 /// How near the likelihood at a limit of the interval is to what it should be.
 const NEAR: f64 = 0.1;
 
@@ -33,12 +28,12 @@ impl Profile {
     pub(crate) fn over(
         search: &Search,
         widths: &[f64],
-        lost: &Lost,
+        lost: &LostMotion,
         seeds: &[Theta],
         rounds: usize,
         enough: f64,
     ) -> Self {
-        let at = |d: f64| Lost { d, ..lost.clone() };
+        let at = |d: f64| LostMotion { d, ..lost.clone() };
         let mut points: Vec<Point> = Vec::with_capacity(widths.len());
         for (i, &d) in widths.iter().enumerate() {
             let mut beginnings = Vec::new();
@@ -106,7 +101,7 @@ impl Profile {
         }
         let near = [after.checked_sub(1), Some(after)].into_iter().flatten().filter_map(|i| self.points.get(i));
         let better = near.min_by(|a, b| a.cost.total_cmp(&b.cost)).expect("a profile has points");
-        let lost = Lost { d, ..better.lost.clone() };
+        let lost = LostMotion { d, ..better.lost.clone() };
         let point = search.from(&[(better.theta, lost)], rounds, 1e-3, f64::INFINITY);
         let cost = point.cost;
         self.points.insert(after, point);
@@ -118,7 +113,7 @@ impl Profile {
     pub(crate) fn also(&mut self, search: &Search, theta: Theta, d: f64, rounds: usize) {
         self.insert(search, d, rounds);
         let point = self.points.iter_mut().find(|p| p.lost.d == d).expect("it was inserted");
-        let other = search.from(&[(theta, point.lost.clone())], rounds, FINELY, point.cost);
+        let other = search.from(&[(theta, point.lost.clone())], rounds, FINE_TOLERANCE, point.cost);
         if other.cost < point.cost {
             *point = other;
         }
@@ -235,11 +230,11 @@ impl Profile {
 /// equally spread, uncorrelated innovations would give, over the one seen (Bartlett's window of 5 cells). Below 1 where
 /// the innovations are larger just where d matters, as at the reversals of a valve that the model does not quite fit.
 pub(crate) fn trust(search: &Search, point: &Point, step: f64) -> f64 {
-    let record: &Record = search.record;
+    let record: &Cells = search.record;
     let positions = record.positions(&point.lost);
     let (residual, others) = search.slopes(&point.theta, &positions);
     let moved = |by: f64| {
-        let lost = Lost { d: (point.lost.d + by).max(0.0), ..point.lost.clone() };
+        let lost = LostMotion { d: (point.lost.d + by).max(0.0), ..point.lost.clone() };
         search.at(&point.theta, &record.positions(&lost)).lane(0)
     };
     let (up, down) = (moved(step), moved(-step.min(point.lost.d)));

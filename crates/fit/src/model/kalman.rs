@@ -1,6 +1,6 @@
 //! The innovations of a record: what each sample of PV brings that the model did not foresee.
 
-use crate::lanes::{LANES, Lanes, Wide};
+use crate::model::lanes::{LANES, Lanes, Wide};
 use pulp::Simd;
 use std::array;
 
@@ -26,27 +26,27 @@ pub(crate) struct Models<S: Simd, const R: usize, const N: usize, const MORE: us
 /// What the last state is, where there is one more.
 pub(crate) const DRIFT: usize = 1;
 pub(crate) const SLOPE: usize = 2;
-/// The same, and it is the slope that jumps where jumps are marked, not the load.
+/// The same, and it is the slope that changes where changes are marked, not the load.
 pub(crate) const LINES: usize = 3;
 
 /// A cell before which the load may have jumped in some of the models.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Jump {
+pub(crate) struct LoadChange {
     pub(crate) cell: usize,
-    /// Variance of the jump in each of the models.
+    /// Variance of the change in each of the models.
     pub(crate) variance: Lanes,
     /// How much earlier than the cell began [cells], below 1.
     pub(crate) before: Lanes,
 }
 
-impl Jump {
-    /// The jumps of all the models in the order of their cells, each given by its times [cells].
+impl LoadChange {
+    /// The changes of all the models in the order of their cells, each given by its times [cells].
     pub(crate) fn gathered<'t>(times: impl Fn(usize) -> &'t [f64]) -> Vec<Self> {
         let mut all: Vec<Self> = Vec::new();
         for l in 0..LANES {
             for time in times(l) {
                 let cell = time.ceil() as usize;
-                let at = all.binary_search_by_key(&cell, |jump| jump.cell).unwrap_or_else(|at| {
+                let at = all.binary_search_by_key(&cell, |change| change.cell).unwrap_or_else(|at| {
                     all.insert(at, Self { cell, variance: Lanes::all(0.0), before: Lanes::all(0.0) });
                     at
                 });
@@ -58,7 +58,7 @@ impl Jump {
     }
 }
 
-/// Variance that stands for "not known at all", at the start and for the load where it jumps, in units of the white noise.
+/// Variance that stands for "not known at all", at the start and for the load where it changes, in units of the white noise.
 pub(crate) const UNKNOWN: f64 = 1e8;
 /// Samples of PV at the beginning of a stretch that tell where the process and the load stand; they are worth nothing, so
 /// that models with more states do not pay for a start that nobody asked about.
@@ -67,13 +67,13 @@ pub(crate) const START: usize = 6;
 /// What a pass over a record leaves: innovations divided by their standard deviations, of PV and of the model's answer
 /// with gain 1, and Σ ln S.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct White {
+pub(crate) struct Whitened {
     pub(crate) of_y: Vec<Lanes>,
     pub(crate) of_v: Vec<Lanes>,
     pub(crate) log_s: Lanes,
 }
 
-impl White {
+impl Whitened {
     /// Empty again, its room kept.
     pub(crate) fn clear(&mut self) {
         self.of_y.clear();
@@ -136,14 +136,14 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
     const LAST: usize = N - 1;
 
     /// Innovations of `y` and of the answer to the positions `v`, for each sample of `y` that is a number; Kalman
-    /// filter from an unknown start (the first [`START`] count as 0), the load unknown again at each of the `jumps`.
+    /// filter from an unknown start (the first [`START`] count as 0), the load unknown again at each of the `changes`.
     #[inline(always)]
-    pub(crate) fn whiten(&self, y: &[f64], jumps: &[Jump], v: &[Lanes], white: &mut White) {
+    pub(crate) fn whiten(&self, y: &[f64], changes: &[LoadChange], v: &[Lanes], white: &mut Whitened) {
         let all = |x| Wide::all(self.simd, x);
         let mut gain = self.start();
         let (mut of_y, mut of_v) = ([all(0.0); N], [all(0.0); N]);
         let mut seen = 0;
-        let mut jumps = jumps.iter().peekable();
+        let mut changes = changes.iter().peekable();
         // Σ ln S: a product while S moves, a count once it stands still.
         let (mut log_s, mut product, mut gathered, mut frozen) = (all(0.0), all(1.0), 0, 0);
         for (k, (&y, v)) in y.iter().zip(v).enumerate() {
@@ -178,12 +178,12 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
             for i in 0..Self::ORDER {
                 of_v[i] += self.transition[i][Self::LOAD] * v;
             }
-            let jump = jumps.next_if(|jump| jump.cell == k + 1);
-            if frozen > 0 && (jump.is_some() || y.is_nan()) {
+            let change = changes.next_if(|change| change.cell == k + 1);
+            if frozen > 0 && (change.is_some() || y.is_nan()) {
                 log_s += all(f64::from(frozen)) * gain.s.each(f64::ln);
                 frozen = 0;
             }
-            self.advance(&mut gain, y.is_nan(), jump);
+            self.advance(&mut gain, y.is_nan(), change);
         }
         log_s += product.each(f64::ln) + all(f64::from(frozen)) * gain.s.each(f64::ln);
         white.log_s = (Wide::load(self.simd, &white.log_s) + log_s).lanes();
@@ -191,23 +191,29 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
 
     /// A record that the first model itself could have made: `y` up to the sample at which the start is forgotten, from
     /// there on the model's foresight plus `draw()` standard deviations.
-    pub(crate) fn invent(&self, y: &[f64], jumps: &[f64], kp_v: &[f64], draw: &mut impl FnMut() -> f64) -> Vec<f64> {
+    pub(crate) fn simulate(
+        &self,
+        y: &[f64],
+        changes: &[f64],
+        kp_v: &[f64],
+        draw: &mut impl FnMut() -> f64,
+    ) -> Vec<f64> {
         let mut gain = self.start();
         let mut x = [Wide::all(self.simd, 0.0); N];
         let mut made = Vec::with_capacity(y.len());
         let mut seen = 0;
         // The load and the drift are told by as many samples as the process.
         let told = 2 * (Self::ORDER + 2);
-        let all = Jump::gathered(|_| jumps);
+        let all = LoadChange::gathered(|_| changes);
         for (k, (&y, &v)) in y.iter().zip(kp_v).enumerate() {
             if y.is_nan() {
                 made.push(y);
                 gain.thaw();
             } else {
                 let foresight = -self.unforeseen(&x, 0.0).lanes()[0];
-                // After a jump PV itself has to tell the load.
+                // After a change PV itself has to tell the load.
                 let known =
-                    seen >= told && !jumps.iter().any(|j| (j.ceil() as usize..j.ceil() as usize + told).contains(&k));
+                    seen >= told && !changes.iter().any(|j| (j.ceil() as usize..j.ceil() as usize + told).contains(&k));
                 let value = if !known { y } else { foresight + draw() / gain.scale.lanes()[0] };
                 seen += 1;
                 made.push(value);
@@ -220,7 +226,7 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
             for i in 0..Self::ORDER {
                 x[i] += self.transition[i][Self::LOAD] * Wide::all(self.simd, v);
             }
-            self.advance(&mut gain, y.is_nan(), all.iter().find(|jump| jump.cell == k + 1));
+            self.advance(&mut gain, y.is_nan(), all.iter().find(|change| change.cell == k + 1));
         }
         made
     }
@@ -296,11 +302,11 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
 
     /// One step on. The gain of a stretch without holes settles; from then on it is not worked out again.
     #[inline(always)]
-    fn advance(&self, gain: &mut Gain<S, R, N>, missing: bool, jump: Option<&Jump>) {
-        if gain.frozen && jump.is_none() {
+    fn advance(&self, gain: &mut Gain<S, R, N>, missing: bool, change: Option<&LoadChange>) {
+        if gain.frozen && change.is_none() {
             return;
         }
-        if jump.is_some() {
+        if change.is_some() {
             gain.thaw();
         }
         if !missing {
@@ -345,10 +351,10 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
             gain.p[Self::LOAD][d] *= self.pole;
             gain.p[d][d] = self.pole * self.pole * gain.p[d][d] + self.q_more;
         }
-        if let Some(jump) = jump {
+        if let Some(change) = change {
             // What of it reaches the states within the cell; the last one follows at once, the others one after another.
-            let before = Wide::load(self.simd, &jump.before);
-            let variance = Wide::load(self.simd, &jump.variance);
+            let before = Wide::load(self.simd, &change.before);
+            let variance = Wide::load(self.simd, &change.variance);
             let mut reached = [Wide::all(self.simd, 1.0); N];
             let mut later = before;
             for i in (0..Self::ORDER).rev() {

@@ -1,12 +1,13 @@
 //! Steps of the load, and bends where it goes along lines: each costs what a new level, or slope, at any time of the record is
 //! worth, and is kept where it pays.
 
-use crate::lanes::LANES;
-use crate::looks::{PILOT, adapted};
-use crate::record::{Lost, Record, Stretch};
-use crate::search::{Point, Search};
-use crate::structure::{Noise, Structure, Theta};
-use crate::view::CYCLES;
+use crate::data::cells::{Cells, Strip};
+use crate::decide::thresholds::*;
+use crate::model::lanes::LANES;
+use crate::model::lost_motion::LostMotion;
+use crate::model::structure::{Noise, Structure, Theta};
+use crate::search::likelihood::{Point, Search};
+use crate::search::screen::{PILOT, theta_for};
 use rayon::prelude::*;
 
 /// What a load does between its marks.
@@ -31,9 +32,9 @@ impl Load {
         if matches!(structure.noise, Noise::Lines | Noise::Bends) { Self::Lines } else { Self::Levels }
     }
 
-    /// Fewer steps than this may each be the valve that breaks loose late.
+    /// Fewest steps or bends.
     fn fewest(self) -> usize {
-        if self == Self::Levels { 5 } else { 2 }
+        if self == Self::Levels { FEWEST_STEPS } else { FEWEST_BENDS }
     }
 
     /// Cells that lie between two steps at least, when they are marked and when they are moved. Two bends beside each other are a
@@ -49,14 +50,6 @@ impl Load {
     }
 }
 
-/// A load that steps oftener than once in so many cells is not one whose steps can be told.
-const CELLS_A_STEP: usize = 40;
-/// Likelihood ratio that a step must bring to be tried.
-const CLEAR: f64 = 15.0;
-/// The same for a step of a load that walks, and how wide such a step must be against the gap: what is smaller may be the
-/// valve.
-const LARGE: f64 = 50.0;
-const WIDER: f64 = 1.2;
 /// While they are sought twice as many may be marked: some are taken out again. Where more would be, the load does not step.
 const MARKED_AT_MOST: usize = 2;
 /// Cells over which the answer to a step is looked for.
@@ -70,50 +63,51 @@ const ROUNDS: usize = 25;
 /// A record with steps marked, the point that goes with them, and what it costs with them [−2·ln L].
 #[derive(Clone)]
 pub(crate) struct Marked {
-    pub(crate) record: Record,
+    pub(crate) record: Cells,
     pub(crate) point: Point,
     pub(crate) cost: f64,
 }
 
 impl Marked {
-    fn new(record: Record, structure: Structure, sign: f64, point: Point) -> Self {
-        let cost = point.cost + Search { record: &record, structure, sign }.surprise(&point);
+    fn new(record: Cells, structure: Structure, sign: f64, point: Point) -> Self {
+        let cost = point.cost + Search { record: &record, structure, sign }.price_of_changes(&point);
         Self { record, point, cost }
     }
 }
 
 /// That which costs least.
-fn least(marked: impl IntoIterator<Item = Marked>) -> Marked {
+fn cheapest(marked: impl IntoIterator<Item = Marked>) -> Marked {
     marked.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost)).expect("one at least")
 }
 
 /// `point` with the large steps of a load that walks, where they pay; the record's own are left aside.
-pub(crate) fn with_large(search: &Search, point: &Point) -> Marked {
+pub(crate) fn with_large_steps(search: &Search, point: &Point) -> Marked {
     let (structure, sign) = (search.structure, search.sign);
-    let ended = |record: Record| {
+    let ended = |record: Cells| {
         let search = Search { record: &record, structure, sign };
         let point = search.descend(point.theta, &point.lost, 10, 1e-2, f64::INFINITY);
         Marked::new(record, structure, sign, point)
     };
     let plain = search.record.unmarked();
-    let least_size = WIDER * point.lost.d * point.kp;
-    let record = marked(&Search { record: &plain, ..*search }, &point.theta, &point.lost, LARGE, least_size);
-    if record.jumps() == 0 { ended(plain) } else { least([ended(plain), ended(record)]) }
+    let least_size = WIDER_THAN_GAP * point.lost.d * point.kp;
+    let record = mark(&Search { record: &plain, ..*search }, &point.theta, &point.lost, LARGE_STEP, least_size);
+    if record.changes() == 0 { ended(plain) } else { cheapest([ended(plain), ended(record)]) }
 }
 
 /// The steps of a load that stands still between them, with the lost motion that goes with them best; and those without a
 /// lost motion. None where there are more of them than can be told. `hints`: the record with marks near which others may lie.
-pub(crate) fn steps(
-    record: &Record,
+pub(crate) fn detect_changes(
+    record: &Cells,
     seeds: &[Theta],
     sign: f64,
     load: Load,
-    hints: &[Record],
+    hints: &[Cells],
 ) -> Option<(Marked, Marked)> {
     let pilot = Structure { noise: load.noises()[1], ..PILOT };
     let n = record.count as f64;
-    let lost = |part: f64, share: f64| Lost { share, ..Lost::gap(part * record.range, record.stretches.len()) };
-    let from = |theta: Theta, part: f64, share: f64| stilled(record, pilot, sign, theta, &lost(part, share));
+    let lost =
+        |part: f64, share: f64| LostMotion { share, ..LostMotion::gap(part * record.range, record.stretches.len()) };
+    let from = |theta: Theta, part: f64, share: f64| detect(record, pilot, sign, theta, &lost(part, share));
     let grid = [(4.0, 0.5), (10.0, 2.0), (20.0, 2.0), (20.0, 8.0), (40.0, 10.0)];
     let grid = grid.into_iter().filter(|(t, dead)| *t < n / 8.0 && *dead < n / 12.0);
     let grid = grid.map(|(t, dead)| PILOT.beginning(t, dead)).chain(seeds.iter().copied());
@@ -123,7 +117,7 @@ pub(crate) fn steps(
     let begun: Vec<_> = begun.into_iter().filter(|(.., share)| *share == 0.0 || load == Load::Levels).collect();
     // PV in a loop tuned for its lag looks under a load along lines as under one that steps where those bend.
     let still = Structure { noise: load.noises()[0], ..PILOT };
-    let hinted = |(hint, (theta, part, share)): (&Record, (Theta, f64, f64))| {
+    let hinted = |(hint, (theta, part, share)): (&Cells, (Theta, f64, f64))| {
         let search = Search { record: hint, structure: still, sign };
         let point = search.descend(theta, &lost(part, share), 10, 0.1, f64::INFINITY);
         Marked::new(hint.clone(), still, sign, point)
@@ -131,9 +125,9 @@ pub(crate) fn steps(
     let near: Vec<_> = hints.iter().flat_map(|hint| begun.iter().map(move |begun| (hint, *begun))).collect();
     let mut begun: Vec<Marked> = begun.into_par_iter().map(|(theta, part, share)| from(theta, part, share)).collect();
     begun.par_extend(near.into_par_iter().map(hinted));
-    let begun = if load == Load::Lines { followed(pilot, sign, begun) } else { begun };
+    let begun = if load == Load::Lines { shortlist(pilot, sign, begun) } else { begun };
     let known = begun.iter().find(|m| load == Load::Lines && m.point.lost.d == 0.0).cloned();
-    let begun = least(begun);
+    let begun = cheapest(begun);
     if too_many(&begun.record) {
         return None;
     }
@@ -150,32 +144,32 @@ pub(crate) fn steps(
     tried.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     tried.truncate(3);
     tried.push(none);
-    let mut tried: Vec<Marked> = tried.into_par_iter().map(|marked| settled(pilot, sign, marked)).collect();
-    let none = least(tried.pop().into_iter().chain(known));
+    let mut tried: Vec<Marked> = tried.into_par_iter().map(|marked| refine(pilot, sign, marked)).collect();
+    let none = cheapest(tried.pop().into_iter().chain(known));
     // Nearer widths and jumps with the steps as they are, then the steps once more.
-    let mut best = least(tried);
+    let mut best = cheapest(tried);
     for by in [0.2, 0.1, 0.05] {
-        let Lost { d, share, .. } = best.point.lost;
+        let LostMotion { d, share, .. } = best.point.lost;
         let nearer = [(1.0 - by, 1.0), (1.0 + by, 1.0), (1.0, 0.75), (1.0, 1.3)].map(|(wider, more)| {
-            let lost = Lost { d: d * wider, share: (share * more).min(1.0), ..best.point.lost.clone() };
+            let lost = LostMotion { d: d * wider, share: (share * more).min(1.0), ..best.point.lost.clone() };
             let search = Search { record: &best.record, structure: pilot, sign };
             let point = search.descend(best.point.theta, &lost, 6, 0.1, f64::INFINITY);
             Marked::new(best.record.clone(), pilot, sign, point)
         });
-        best = least(nearer.into_iter().chain([best]));
+        best = cheapest(nearer.into_iter().chain([best]));
     }
-    let again = settled(pilot, sign, stilled(record, pilot, sign, best.point.theta, &best.point.lost));
-    Some((least([best, again]), none))
+    let again = refine(pilot, sign, detect(record, pilot, sign, best.point.theta, &best.point.lost));
+    Some((cheapest([best, again]), none))
 }
 
 /// The best without a lost motion and the best with one, after the bends of a few beginnings were put where they pay most: bends
 /// that are marked late are marked twice, and hide which beginning is good.
-fn followed(structure: Structure, sign: f64, mut begun: Vec<Marked>) -> Vec<Marked> {
+fn shortlist(structure: Structure, sign: f64, mut begun: Vec<Marked>) -> Vec<Marked> {
     begun.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     let (none, some): (Vec<Marked>, Vec<Marked>) = begun.into_iter().partition(|m| m.point.lost.d == 0.0);
     let [still, _] = Load::of(structure).noises().map(|noise| Structure { noise, ..structure });
     let fewer = |marked: Marked| {
-        let record = pruned(&Search { record: &marked.record, structure: still, sign }, &marked.point);
+        let record = prune(&Search { record: &marked.record, structure: still, sign }, &marked.point);
         let search = Search { record: &record, structure: still, sign };
         let point = search.descend(marked.point.theta, &marked.point.lost, 8, 0.1, f64::INFINITY);
         Marked::new(record, still, sign, point)
@@ -183,15 +177,15 @@ fn followed(structure: Structure, sign: f64, mut begun: Vec<Marked>) -> Vec<Mark
     let best = |marked: Vec<Marked>| {
         let mut fewer: Vec<Marked> = marked.into_par_iter().take(LOOKED_AT).map(fewer).collect();
         fewer.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-        let settled = fewer.into_par_iter().take(FOLLOWED).map(|marked| settled(structure, sign, marked));
-        least(settled.collect::<Vec<_>>())
+        let refined = fewer.into_par_iter().take(FOLLOWED).map(|marked| refine(structure, sign, marked));
+        cheapest(refined.collect::<Vec<_>>())
     };
     vec![best(none), best(some)]
 }
 
 /// Steps found with two lags, for the family that goes with them best.
-pub(crate) fn refined(record: &Record, marked: Marked, sign: f64, load: Load) -> (Marked, Structure) {
-    let of = |record: &Record, structure: Structure, theta: Theta, lost: &Lost| {
+pub(crate) fn choose_family(record: &Cells, marked: Marked, sign: f64, load: Load) -> (Marked, Structure) {
+    let of = |record: &Cells, structure: Structure, theta: Theta, lost: &LostMotion| {
         let point = Search { record, structure, sign }.descend(theta, lost, 12, 1e-2, f64::INFINITY);
         Marked::new(record.clone(), structure, sign, point)
     };
@@ -199,10 +193,10 @@ pub(crate) fn refined(record: &Record, marked: Marked, sign: f64, load: Load) ->
     let (mut best, mut family) = (marked, Structure { noise: walks, ..PILOT });
     for structure in Structure::with(walks).into_iter().skip(1) {
         let Point { theta, lost, .. } = &best.point;
-        let mut other = of(&best.record, structure, adapted(structure, &family.as_pilot(theta)), lost);
+        let mut other = of(&best.record, structure, theta_for(structure, &family.as_pilot(theta)), lost);
         if other.cost < best.cost + 30.0 {
-            let again = stilled(record, structure, sign, other.point.theta, &other.point.lost);
-            other = settled(structure, sign, least([other, again]));
+            let again = detect(record, structure, sign, other.point.theta, &other.point.lost);
+            other = refine(structure, sign, cheapest([other, again]));
         }
         // A parameter more costs 2.
         if other.cost < best.cost - 2.0 {
@@ -221,13 +215,13 @@ pub(crate) fn refined(record: &Record, marked: Marked, sign: f64, load: Load) ->
 }
 
 /// Whether so many steps are marked that more would be if they might.
-fn too_many(record: &Record) -> bool {
-    record.jumps() + record.stretches.len() >= MARKED_AT_MOST * record.count / CELLS_A_STEP
+fn too_many(record: &Cells) -> bool {
+    record.changes() + record.stretches.len() >= MARKED_AT_MOST * record.count / CELLS_A_CHANGE
 }
 
 /// Whether so many steps can be those of a load.
-pub(crate) fn few(record: &Record, load: Load) -> bool {
-    (load.fewest()..=record.count / CELLS_A_STEP).contains(&record.jumps())
+pub(crate) fn few(record: &Cells, load: Load) -> bool {
+    (load.fewest()..=record.count / CELLS_A_CHANGE).contains(&record.changes())
 }
 
 /// Whether the marked steps may be those of a load: few, and not where OP goes more often than chance would have it (5 %).
@@ -238,13 +232,13 @@ pub(crate) fn plausible(marked: &Marked, structure: Structure, sign: f64) -> boo
         // OP goes along the same lines: where they bend tells nothing.
         return load == Load::Lines && few(&marked.record, load);
     }
-    let (along, all) = with_op(marked, structure, sign);
+    let (along, all) = along_op(marked, structure, sign);
     let (along, all) = (along as f64, all as f64);
-    along <= 0.5 * all + 0.82 * all.sqrt()
+    along <= 0.5 * all + ALONG_OP * all.sqrt()
 }
 
 /// Steps that push PV the way in which OP has been pushing it, and all before which OP moved.
-fn with_op(marked: &Marked, structure: Structure, sign: f64) -> (usize, usize) {
+fn along_op(marked: &Marked, structure: Structure, sign: f64) -> (usize, usize) {
     let Marked { record, point, .. } = marked;
     let calm = Structure { noise: Load::of(structure).noises()[1], ..structure };
     let theta = calm_theta(structure, &point.theta);
@@ -253,7 +247,7 @@ fn with_op(marked: &Marked, structure: Structure, sign: f64) -> (usize, usize) {
     let back = (structure.lag(&theta) + theta[structure.dead_time_at()]).clamp(3.0, 30.0) as usize;
     let (mut along, mut all) = (0, 0);
     for (i, stretch) in record.stretches.iter().enumerate() {
-        for (j, time) in stretch.jumps.iter().enumerate() {
+        for (j, time) in stretch.changes.iter().enumerate() {
             let time = time.ceil() as usize;
             let moved = stretch.moved(time.saturating_sub(back), time, record.cell) * point.kp;
             if moved == 0.0 {
@@ -261,10 +255,10 @@ fn with_op(marked: &Marked, structure: Structure, sign: f64) -> (usize, usize) {
             }
             // What PV does there that nothing else explains.
             let mut fewer = record.clone();
-            fewer.stretches[i].jumps.remove(j);
+            fewer.stretches[i].changes.remove(j);
             let residual = Search { record: &fewer, structure: calm, sign }.at(&theta, &positions).lane(0);
             let left = fewer.by_stretch(&residual).swap_remove(i);
-            let end = next(&stretch.jumps, time).min(time + ANSWER).min(left.len());
+            let end = next(&stretch.changes, time).min(time + ANSWER).min(left.len());
             let pushed: f64 = left[time..end].iter().zip(&answer).map(|(r, a)| r * a).sum();
             all += 1;
             along += usize::from(pushed * moved > 0.0);
@@ -274,8 +268,8 @@ fn with_op(marked: &Marked, structure: Structure, sign: f64) -> (usize, usize) {
 }
 
 /// The cell of the next step after `cell`.
-fn next(jumps: &[f64], cell: usize) -> usize {
-    jumps.iter().map(|j| j.ceil() as usize).filter(|j| *j > cell).min().unwrap_or(usize::MAX)
+fn next(changes: &[f64], cell: usize) -> usize {
+    changes.iter().map(|j| j.ceil() as usize).filter(|j| *j > cell).min().unwrap_or(usize::MAX)
 }
 
 /// The same process under a load that hardly walks.
@@ -286,12 +280,12 @@ fn calm_theta(structure: Structure, theta: &Theta) -> Theta {
 }
 
 /// From a beginning to a process whose load stands still between steps: steps and process in turns.
-fn stilled(record: &Record, structure: Structure, sign: f64, theta: Theta, lost: &Lost) -> Marked {
+fn detect(record: &Cells, structure: Structure, sign: f64, theta: Theta, lost: &LostMotion) -> Marked {
     let plain = record.unmarked();
     let [still, walks] = Load::of(structure).noises().map(|noise| Structure { noise, ..structure });
     let watch = Search { record: &plain, structure: walks, sign };
     let turn = |theta: Theta| {
-        let record = marked(&watch, &calm_theta(structure, &theta), lost, CLEAR, 0.0);
+        let record = mark(&watch, &calm_theta(structure, &theta), lost, CLEAR_CHANGE, 0.0);
         let rounds = if too_many(&record) { 1 } else { 8 };
         let point = Search { record: &record, structure: still, sign }.descend(theta, lost, rounds, 0.1, f64::INFINITY);
         Marked::new(record, still, sign, point)
@@ -311,7 +305,7 @@ fn stilled(record: &Record, structure: Structure, sign: f64, theta: Theta, lost:
 }
 
 /// Steps that do not pay taken out, the others moved to where they pay most, and a load that may walk between them.
-fn settled(structure: Structure, sign: f64, marked: Marked) -> Marked {
+fn refine(structure: Structure, sign: f64, marked: Marked) -> Marked {
     let [still, walks] = Load::of(structure).noises().map(|noise| Structure { noise, ..structure });
     let [_, known, unknown] = Load::of(structure).walks();
     let walking = |marked: Marked, q: f64| {
@@ -319,21 +313,21 @@ fn settled(structure: Structure, sign: f64, marked: Marked) -> Marked {
         theta[structure.lags + 1] = q;
         let search = Search { record: &marked.record, structure: walks, sign };
         let point = search.descend(theta, &marked.point.lost, 10, 1e-2, f64::INFINITY);
-        tidied(walks, sign, Marked::new(marked.record, walks, sign, point))
+        prune_and_relocate(walks, sign, Marked::new(marked.record, walks, sign, point))
     };
     // Where the model is not quite that of the record, a load that walks needs fewer steps from the first.
-    least([walking(tidied(still, sign, marked.clone()), known), walking(marked, unknown)])
+    cheapest([walking(prune_and_relocate(still, sign, marked.clone()), known), walking(marked, unknown)])
 }
 
-fn tidied(structure: Structure, sign: f64, mut marked: Marked) -> Marked {
+fn prune_and_relocate(structure: Structure, sign: f64, mut marked: Marked) -> Marked {
     for _ in 0..4 {
-        let record = pruned(&Search { record: &marked.record, structure, sign }, &marked.point);
-        let record = moved(&Search { record: &record, structure, sign }, &marked.point);
+        let record = prune(&Search { record: &marked.record, structure, sign }, &marked.point);
+        let record = relocate(&Search { record: &record, structure, sign }, &marked.point);
         let search = Search { record: &record, structure, sign };
         let point = search.descend(marked.point.theta, &marked.point.lost, 10, 1e-2, f64::INFINITY);
         let before = std::mem::replace(&mut marked, Marked::new(record, structure, sign, point)).cost;
         if Load::of(structure) == Load::Lines {
-            marked = shifted(structure, sign, marked);
+            marked = shift_all(structure, sign, marked);
         }
         if marked.cost > before - 1.0 {
             break;
@@ -344,11 +338,11 @@ fn tidied(structure: Structure, sign: f64, mut marked: Marked) -> Marked {
 
 /// All bends earlier or later at once: PV shows a bend as late where it comes earlier and the process lags more, and OP's own
 /// moves where its dead time is shorter by as much.
-fn shifted(structure: Structure, sign: f64, marked: Marked) -> Marked {
+fn shift_all(structure: Structure, sign: f64, marked: Marked) -> Marked {
     let last = |y: &[f64]| y.len() as f64 - 5.0;
     let tried = [-8.0, -4.0, -2.0, 2.0, 4.0, 8.0].map(|by| {
-        let later = |s: &Stretch| s.jumps.iter().map(|t| (t + by).clamp(5.0, last(&s.y))).collect();
-        let record = marked.record.with_jumps(marked.record.stretches.iter().map(later).collect());
+        let later = |s: &Strip| s.changes.iter().map(|t| (t + by).clamp(5.0, last(&s.y))).collect();
+        let record = marked.record.with_changes(marked.record.stretches.iter().map(later).collect());
         let mut theta = marked.point.theta;
         let lag = structure.lag(&theta);
         theta[0] += ((lag - by) / lag).max(0.2).ln();
@@ -357,11 +351,11 @@ fn shifted(structure: Structure, sign: f64, marked: Marked) -> Marked {
         let point = search.descend(theta, &marked.point.lost, 6, 0.1, marked.point.cost);
         Marked::new(record, structure, sign, point)
     });
-    least(tried.into_iter().chain([marked]))
+    cheapest(tried.into_iter().chain([marked]))
 }
 
 /// Each step at the time near by when it explains most.
-fn moved(search: &Search, point: &Point) -> Record {
+fn relocate(search: &Search, point: &Point) -> Cells {
     let Point { theta, lost, .. } = point;
     let [_, beside] = Load::of(search.structure).apart();
     let mut record = search.record.clone();
@@ -369,24 +363,24 @@ fn moved(search: &Search, point: &Point) -> Record {
     let mut least = search.at(theta, &positions).sum[0];
     for i in 0..record.stretches.len() {
         let last = record.stretches[i].y.len() as f64 - 5.0;
-        for j in 0..record.stretches[i].jumps.len() {
+        for j in 0..record.stretches[i].changes.len() {
             for near in [1.0, 0.125] {
                 let tried = [-6.0, -4.0, -2.0, -1.0, 1.0, 2.0, 4.0, 6.0].map(|by| {
-                    let mut jumps = record.stretches[i].jumps.clone();
-                    let time = (jumps[j] + by * near).clamp(5.0, last);
+                    let mut changes = record.stretches[i].changes.clone();
+                    let time = (changes[j] + by * near).clamp(5.0, last);
                     // Two in one cell are one, but would count as two.
-                    let alone = jumps.iter().enumerate().all(|(other, t)| other == j || (t - time).abs() >= beside);
+                    let alone = changes.iter().enumerate().all(|(other, t)| other == j || (t - time).abs() >= beside);
                     if alone {
-                        jumps[j] = time;
+                        changes[j] = time;
                     }
-                    jumps
+                    changes
                 });
                 let search = Search { record: &record, ..*search };
-                let sums = search.with_other_jumps(theta, &positions, i, &tried);
+                let sums = search.with_other_changes(theta, &positions, i, &tried);
                 let best = (0..LANES).min_by(|a, b| sums[*a].total_cmp(&sums[*b])).expect("eight lanes");
                 if sums[best] < least {
                     least = sums[best];
-                    record.stretches[i].jumps.clone_from(&tried[best]);
+                    record.stretches[i].changes.clone_from(&tried[best]);
                 }
             }
         }
@@ -395,36 +389,38 @@ fn moved(search: &Search, point: &Point) -> Record {
 }
 
 /// Without the steps that do not pay.
-fn pruned(search: &Search, point: &Point) -> Record {
+fn prune(search: &Search, point: &Point) -> Cells {
     let mut record = search.record.clone();
-    let mut cost = point.cost + search.surprise(point);
+    let mut cost = point.cost + search.price_of_changes(point);
     let positions = record.positions(&point.lost);
-    while record.jumps() > 0 {
+    while record.changes() > 0 {
         // Step by step: what the record costs without it.
         let mut without: Vec<(f64, usize, usize)> = Vec::new();
         for (i, stretch) in record.stretches.iter().enumerate() {
-            let jumps = &stretch.jumps;
-            if jumps.is_empty() {
+            let changes = &stretch.changes;
+            if changes.is_empty() {
                 continue;
             }
             let mut fewer = record.clone();
-            fewer.stretches[i].jumps.pop();
+            fewer.stretches[i].changes.pop();
             let search = Search { record: &fewer, ..*search };
-            let surprise = search.surprise(point);
-            for first in (0..jumps.len()).step_by(LANES) {
+            let price_of_changes = search.price_of_changes(point);
+            for first in (0..changes.len()).step_by(LANES) {
                 let tried: [Vec<f64>; LANES] = std::array::from_fn(|l| {
-                    let j = (first + l).min(jumps.len() - 1);
-                    [&jumps[..j], &jumps[j + 1..]].concat()
+                    let j = (first + l).min(changes.len() - 1);
+                    [&changes[..j], &changes[j + 1..]].concat()
                 });
-                let sums = search.with_other_jumps(&point.theta, &positions, i, &tried);
-                without.extend((first..jumps.len()).zip(*sums).map(|(j, sum)| (search.cost(sum) + surprise, i, j)));
+                let sums = search.with_other_changes(&point.theta, &positions, i, &tried);
+                without.extend(
+                    (first..changes.len()).zip(*sums).map(|(j, sum)| (search.cost(sum) + price_of_changes, i, j)),
+                );
             }
         }
         without.sort_by(|a, b| a.0.total_cmp(&b.0));
         // Those that do not pay and lie so far apart that one says nothing of the other, the worst alone if need be.
         let mut out: Vec<(usize, usize)> = Vec::new();
         for (there, i, j) in without {
-            let time = |j: usize| record.stretches[i].jumps[j];
+            let time = |j: usize| record.stretches[i].changes[j];
             let apart = out.iter().all(|(of, other)| *of != i || (time(*other) - time(j)).abs() > ANSWER as f64);
             if there < cost && apart {
                 out.push((i, j));
@@ -435,17 +431,17 @@ fn pruned(search: &Search, point: &Point) -> Record {
         }
         out.sort_by_key(|(_, j)| std::cmp::Reverse(*j));
         for (i, j) in out {
-            record.stretches[i].jumps.remove(j);
+            record.stretches[i].changes.remove(j);
         }
         let search = Search { record: &record, ..*search };
-        cost = search.cost(search.at(&point.theta, &positions).sum[0]) + search.surprise(point);
+        cost = search.cost(search.at(&point.theta, &positions).sum[0]) + search.price_of_changes(point);
     }
     record
 }
 
 /// The record with the steps that the innovations at θ tell, largest first: of a likelihood ratio above `clear`, larger than
 /// `least` [PV unit].
-fn marked(search: &Search, theta: &Theta, lost: &Lost, clear: f64, least: f64) -> Record {
+fn mark(search: &Search, theta: &Theta, lost: &LostMotion, clear: f64, least: f64) -> Cells {
     let mut record = search.record.clone();
     let [apart, _] = Load::of(search.structure).apart();
     let answer = search.answer(theta, ANSWER);
@@ -462,30 +458,30 @@ fn marked(search: &Search, theta: &Theta, lost: &Lost, clear: f64, least: f64) -
         let middle = sizes.len() / 2;
         let spread = *sizes.select_nth_unstable_by(middle, f64::total_cmp).1 / 0.6745;
         let clear = (clear * energy * spread * spread).max((least * here.scale[0] * energy).powi(2));
-        let known = record.jumps();
+        let known = record.changes();
         let all_left = record.by_stretch(&residual);
         for (stretch, left) in record.stretches.iter_mut().zip(all_left) {
-            let free = |k: &usize| stretch.jumps.iter().all(|j| (j - *k as f64).abs() > apart);
-            let told = told(&left, &stretch.jumps, &answer);
+            let free = |k: &usize| stretch.changes.iter().all(|j| (j - *k as f64).abs() > apart);
+            let statistic = step_statistic(&left, &stretch.changes, &answer);
             let mut sizes: Vec<(usize, f64)> = (10..left.len().saturating_sub(5))
-                .map(|k| (k, told[k]))
+                .map(|k| (k, statistic[k]))
                 .filter(|(k, s)| *s > clear && free(k))
                 .collect();
             sizes.sort_by(|a, b| b.1.total_cmp(&a.1));
             let mut found: Vec<f64> = Vec::new();
             for (k, here) in sizes {
-                let most = MARKED_AT_MOST * left.len() / CELLS_A_STEP;
+                let most = MARKED_AT_MOST * left.len() / CELLS_A_CHANGE;
                 let apart = found.iter().all(|j| (j - k as f64).abs() > ANSWER as f64);
-                if apart && stretch.jumps.len() + found.len() < most {
+                if apart && stretch.changes.len() + found.len() < most {
                     // A step out of its place by half a cell would draw others around it.
-                    let (before, after) = (told[k - 1], told[k + 1]);
+                    let (before, after) = (statistic[k - 1], statistic[k + 1]);
                     let off = 0.5 * (after - before) / (2.0 * here - before - after).max(here * 1e-9);
                     found.push(k as f64 + off.clamp(-0.5, 0.5));
                 }
             }
-            stretch.jumps.extend(found);
+            stretch.changes.extend(found);
         }
-        if record.jumps() == known {
+        if record.changes() == known {
             break;
         }
     }
@@ -494,25 +490,25 @@ fn marked(search: &Search, theta: &Theta, lost: &Lost, clear: f64, least: f64) -
 
 /// What the innovations tell of a step before each cell: the square of their product with the answer to it, which ends where
 /// the load is unknown again.
-fn told(left: &[f64], jumps: &[f64], answer: &[f64]) -> Vec<f64> {
-    let mut ends: Vec<usize> = jumps.iter().map(|j| j.ceil() as usize).chain([left.len()]).collect();
+fn step_statistic(left: &[f64], changes: &[f64], answer: &[f64]) -> Vec<f64> {
+    let mut ends: Vec<usize> = changes.iter().map(|j| j.ceil() as usize).chain([left.len()]).collect();
     ends.sort_unstable();
-    let mut told = vec![0.0; left.len()];
+    let mut statistic = vec![0.0; left.len()];
     let mut from = 0;
     for end in ends {
         let padded = [&left[from..end], &vec![0.0; answer.len()]].concat();
-        let told = &mut told[from..end];
+        let statistic = &mut statistic[from..end];
         pulp::Arch::new().dispatch(move || {
             for (later, answer) in answer.iter().enumerate() {
-                for (told, left) in told.iter_mut().zip(&padded[later..]) {
-                    *told += answer * left;
+                for (statistic, left) in statistic.iter_mut().zip(&padded[later..]) {
+                    *statistic += answer * left;
                 }
             }
-            told.iter_mut().for_each(|told| *told *= *told);
+            statistic.iter_mut().for_each(|statistic| *statistic *= *statistic);
         });
         from = end;
     }
-    told
+    statistic
 }
 
 #[cfg(test)]
@@ -522,7 +518,7 @@ mod tests {
     const TIMES: [f64; 6] = [60.4, 130.75, 210.1, 280.5, 350.9, 430.25];
 
     /// A lag of six cells behind OP and a load that steps at [`TIMES`], 500 cells, noise of ± 0.01.
-    fn record() -> (Record, Point) {
+    fn record() -> (Cells, Point) {
         let mut x = 7_u32;
         let mut uniform = || {
             x ^= x << 13;
@@ -544,16 +540,16 @@ mod tests {
                 level += (op + load - level) / 6.0 / 20.0;
             }
         }
-        let record = Record::new(&[(&y, &u)], 1);
+        let record = Cells::new(&[(&y, &u)], 1);
         let structure = Structure { noise: Noise::Still, ..PILOT };
         let plain = Search { record: &record, structure, sign: 1.0 };
         let mut theta = structure.beginning(6.0, 0.0);
         (theta[0], theta[1]) = ((6.0_f64 * 0.06).sqrt().ln(), (6.06 / 2.0 / (6.0_f64 * 0.06).sqrt()).ln());
-        let point = plain.descend(theta, &Lost::gap(0.0, 1), 0, 0.1, f64::INFINITY);
+        let point = plain.descend(theta, &LostMotion::gap(0.0, 1), 0, 0.1, f64::INFINITY);
         (record, point)
     }
 
-    fn still(record: &Record) -> Search<'_> {
+    fn still(record: &Cells) -> Search<'_> {
         Search { record, structure: Structure { noise: Noise::Still, ..PILOT }, sign: 1.0 }
     }
 
@@ -562,10 +558,10 @@ mod tests {
         let (record, point) = record();
         let positions = record.positions(&point.lost);
         let sets: [Vec<f64>; LANES] = std::array::from_fn(|l| vec![40.0 + 7.3 * l as f64, 200.0 + 0.2 * l as f64]);
-        let marked = record.with_jumps(vec![sets[0].clone()]);
-        let many = still(&marked).with_other_jumps(&point.theta, &positions, 0, &sets);
+        let marked = record.with_changes(vec![sets[0].clone()]);
+        let many = still(&marked).with_other_changes(&point.theta, &positions, 0, &sets);
         for (set, sum) in sets.into_iter().zip(*many) {
-            let alone = record.with_jumps(vec![set]);
+            let alone = record.with_changes(vec![set]);
             let one = still(&alone).at(&point.theta, &positions).sum[0];
             assert!((one - sum).abs() < 1e-9 * one, "{one} for {sum}");
         }
@@ -574,8 +570,9 @@ mod tests {
     #[test]
     fn steps_are_marked_and_moved_to_their_times() {
         let (record, point) = record();
-        let found = tidied(still(&record).structure, 1.0, stilled(&record, PILOT, 1.0, point.theta, &point.lost));
-        let mut times = found.record.stretches[0].jumps.clone();
+        let found =
+            prune_and_relocate(still(&record).structure, 1.0, detect(&record, PILOT, 1.0, point.theta, &point.lost));
+        let mut times = found.record.stretches[0].changes.clone();
         times.sort_by(f64::total_cmp);
         assert_eq!(times.len(), TIMES.len(), "{times:?}");
         for (found, truth) in times.iter().zip(TIMES) {
@@ -595,12 +592,13 @@ mod tests {
             level += (load - level) / 6.0;
         }
         let u: Vec<f64> = (0..y.len()).map(|k| (k as f64 * 0.7).sin() * 0.01).collect();
-        let record = Record::new(&[(&y, &u)], 1);
+        let record = Cells::new(&[(&y, &u)], 1);
         let structure = Structure { noise: Noise::Lines, ..PILOT };
         let mut theta = structure.beginning(6.0, 0.0);
         (theta[0], theta[1]) = ((6.0_f64 * 0.06).sqrt().ln(), (6.06 / 2.0 / (6.0_f64 * 0.06).sqrt()).ln());
-        let found = tidied(structure, 1.0, stilled(&record, structure, 1.0, theta, &Lost::gap(0.0, 1))).record;
-        let mut times = found.stretches[0].jumps.clone();
+        let found =
+            prune_and_relocate(structure, 1.0, detect(&record, structure, 1.0, theta, &LostMotion::gap(0.0, 1))).record;
+        let mut times = found.stretches[0].changes.clone();
         times.sort_by(f64::total_cmp);
         assert_eq!(times.len(), TIMES.len(), "{times:?}");
         for (found, truth) in times.iter().zip(TIMES) {
@@ -611,16 +609,17 @@ mod tests {
     #[test]
     fn a_step_that_is_none_is_taken_out() {
         let (record, point) = record();
-        let marked = record.with_jumps(vec![[TIMES.as_slice(), &[100.0, 390.0]].concat()]);
+        let marked = record.with_changes(vec![[TIMES.as_slice(), &[100.0, 390.0]].concat()]);
         let search = still(&marked);
         let point = search.descend(point.theta, &point.lost, 8, 0.1, f64::INFINITY);
-        assert_eq!(pruned(&search, &point).stretches[0].jumps, TIMES);
+        assert_eq!(prune(&search, &point).stretches[0].changes, TIMES);
     }
 
     #[test]
     fn steps_that_go_where_op_goes_are_not_the_loads() {
         let (record, point) = record();
-        let truth = Marked::new(record.with_jumps(vec![TIMES.to_vec()]), still(&record).structure, 1.0, point.clone());
+        let truth =
+            Marked::new(record.with_changes(vec![TIMES.to_vec()]), still(&record).structure, 1.0, point.clone());
         assert!(plausible(&truth, PILOT, 1.0));
         // OP moves up before each step up, and down before each step down.
         let (y, mut u) = (record.stretches[0].y.clone(), Vec::new());
@@ -630,7 +629,7 @@ mod tests {
             op += if next % 2 == 0 { 0.01 } else { -0.01 };
             u.push(op);
         }
-        let other = Record::new(&[(&y, &u)], 1).with_jumps(vec![TIMES.to_vec()]);
+        let other = Cells::new(&[(&y, &u)], 1).with_changes(vec![TIMES.to_vec()]);
         let along = Marked::new(other, still(&record).structure, 1.0, point);
         assert!(!plausible(&along, PILOT, 1.0));
     }

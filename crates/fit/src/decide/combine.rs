@@ -1,57 +1,56 @@
-//! One answer from the widths that a valve's position shows in the windows of a long record.
+//! One answer from the widths that a valve's position shows in several records.
 
-use crate::joint::line;
-use crate::verdict::Verdict;
+use crate::decide::verdict::Verdict;
 
-/// What a window says, as much as the whole needs.
+/// What a record says, as much as the whole needs.
 #[derive(Clone, Copy, Debug)]
-pub struct Reading {
+pub(crate) struct Reading {
     /// Its verdict.
-    pub verdict: Verdict,
+    pub(crate) verdict: Verdict,
     /// Most likely width [OP unit].
-    pub d: f64,
+    pub(crate) d: f64,
     /// Lower limit, 95 % [OP unit].
-    pub low: f64,
+    pub(crate) low: f64,
     /// Upper limit [OP unit]; None where there is none.
-    pub high: Option<f64>,
+    pub(crate) high: Option<f64>,
     /// Likelihood ratio of no gap.
-    pub lr_no_gap: f64,
-    /// Middle of the window [s].
-    pub t: f64,
+    pub(crate) lr_no_gap: f64,
+    /// Middle of its time [s].
+    pub(crate) t: f64,
 }
 
-/// What the windows say together.
+impl Reading {
+    /// That of a width with two limits [OP unit]: a quarter of its interval.
+    pub(crate) fn standard_error(&self) -> Option<f64> {
+        let width = matches!(self.verdict, Verdict::Backlash | Verdict::Stiction | Verdict::Both);
+        self.high.filter(|_| width).map(|high| ((high - self.low) / 3.92).max(1e-9 * self.d))
+    }
+}
+
+/// What the records say together.
 #[derive(Clone, Copy, Debug)]
-pub struct Combined {
+pub(crate) struct Combined {
     /// The verdict.
-    pub verdict: Verdict,
+    pub(crate) verdict: Verdict,
     /// Width [OP unit].
-    pub d: f64,
+    pub(crate) d: f64,
     /// Lower limit, 95 % [OP unit].
-    pub low: f64,
+    pub(crate) low: f64,
     /// Upper limit, 95 % [OP unit]; None where there is none.
-    pub high: Option<f64>,
-    /// Change of the width [OP unit/s] and its standard error, where three windows or more give a width.
-    pub trend: Option<(f64, f64)>,
+    pub(crate) high: Option<f64>,
 }
 
-/// The windows' answers together; at least one window.
+/// The records' answers together; None of none.
 ///
-/// Windows that found a width on both sides are weighed by the inverse square of their standard error (a quarter of the
+/// Records that give a width with two limits are weighed by the inverse square of their standard error (a quarter of the
 /// interval); where they scatter more than their intervals allow (Cochran's Q), the scatter between them is added
-/// (DerSimonian and Laird 1986). Without such a window the strongest bound holds: *at least*, else *sound* with the
+/// (DerSimonian and Laird 1986). Without such a record the strongest bound holds: *at least*, else *sound* with the
 /// lowest upper limit, else *cannot tell*.
-pub fn combine(windows: &[Reading]) -> Combined {
-    let gap = |v: Verdict| matches!(v, Verdict::Backlash | Verdict::Stiction | Verdict::Both);
-    let sided: Vec<(&Reading, f64)> = windows
-        .iter()
-        .filter(|w| gap(w.verdict))
-        .filter_map(|w| w.high.map(|high| (w, ((high - w.low) / 3.92).max(1e-9 * w.d))))
-        .collect();
-    let strongest = |windows: &mut dyn Iterator<Item = &Reading>| {
-        windows.max_by(|a, b| a.lr_no_gap.total_cmp(&b.lr_no_gap)).copied()
-    };
-    if !sided.is_empty() {
+pub(crate) fn combine(records: &[Reading]) -> Option<Combined> {
+    let sided: Vec<(&Reading, f64)> = records.iter().filter_map(|w| Some((w, w.standard_error()?))).collect();
+    let strongest =
+        |of: &mut dyn Iterator<Item = &Reading>| of.max_by(|a, b| a.lr_no_gap.total_cmp(&b.lr_no_gap)).copied();
+    if let Some(Reading { verdict, .. }) = strongest(&mut sided.iter().map(|(w, _)| *w)) {
         let mean = |between: f64| {
             let weight = |s: f64| 1.0 / (s * s + between);
             let sum: f64 = sided.iter().map(|(_, s)| weight(*s)).sum();
@@ -65,24 +64,22 @@ pub fn combine(windows: &[Reading]) -> Combined {
         let free = sided.len() as f64 - 1.0;
         let between = if free > 0.0 { ((q - free) / (sum - squares / sum)).max(0.0) } else { 0.0 };
         let (d, error) = mean(between);
-        let points: Vec<(f64, f64, f64)> = sided.iter().map(|(w, s)| (w.t, w.d, *s)).collect();
-        let verdict = strongest(&mut sided.iter().map(|(w, _)| *w)).expect("not empty").verdict;
         let (low, high) = match sided.as_slice() {
             [(only, _)] => (only.low, only.high),
             _ => ((d - 1.96 * error).max(0.0), Some(d + 1.96 * error)),
         };
-        return Combined { verdict, d, low, high, trend: line(&points) };
+        return Some(Combined { verdict, d, low, high });
     }
-    if let Some(best) = windows.iter().filter(|w| w.verdict == Verdict::AtLeast).max_by(|a, b| a.low.total_cmp(&b.low))
+    if let Some(best) = records.iter().filter(|w| w.verdict == Verdict::AtLeast).max_by(|a, b| a.low.total_cmp(&b.low))
     {
-        return Combined { verdict: Verdict::AtLeast, d: best.d, low: best.low, high: None, trend: None };
+        return Some(Combined { verdict: Verdict::AtLeast, d: best.d, low: best.low, high: None });
     }
-    let sound = windows.iter().filter(|w| w.verdict == Verdict::Sound);
+    let sound = records.iter().filter(|w| w.verdict == Verdict::Sound);
     if let Some(best) = sound.min_by(|a, b| a.high.unwrap_or(f64::MAX).total_cmp(&b.high.unwrap_or(f64::MAX))) {
-        return Combined { verdict: Verdict::Sound, d: best.d, low: 0.0, high: best.high, trend: None };
+        return Some(Combined { verdict: Verdict::Sound, d: best.d, low: 0.0, high: best.high });
     }
-    let best = strongest(&mut windows.iter()).expect("at least one window");
-    Combined { verdict: Verdict::CannotTell, d: best.d, low: best.low, high: best.high, trend: None }
+    let best = strongest(&mut records.iter())?;
+    Some(Combined { verdict: Verdict::CannotTell, d: best.d, low: best.low, high: best.high })
 }
 
 #[cfg(test)]
@@ -96,7 +93,7 @@ mod tests {
     #[test]
     fn two_alike_make_a_narrower_interval() {
         let both = [window(Verdict::Backlash, 1.0, 0.9, 1.1, 0.0), window(Verdict::Backlash, 1.02, 0.92, 1.12, 1.0)];
-        let whole = combine(&both);
+        let whole = combine(&both).unwrap();
         assert!((whole.d - 1.01).abs() < 1e-12);
         let width = whole.high.unwrap() - whole.low;
         assert!((width - 0.2 / 2f64.sqrt()).abs() < 1e-9, "{width}");
@@ -105,15 +102,15 @@ mod tests {
     #[test]
     fn windows_that_disagree_widen_it() {
         let apart = [window(Verdict::Backlash, 1.0, 0.9, 1.1, 0.0), window(Verdict::Backlash, 2.0, 1.9, 2.1, 1.0)];
-        let whole = combine(&apart);
+        let whole = combine(&apart).unwrap();
         assert!(whole.low < 1.0 && whole.high.unwrap() > 2.0, "{whole:?}");
     }
 
     #[test]
     fn without_a_width_the_strongest_bound_holds() {
         let bounds = [window(Verdict::AtLeast, 1.0, 0.8, 2.0, 0.0), window(Verdict::AtLeast, 1.2, 1.1, 2.0, 1.0)];
-        assert_eq!((combine(&bounds).verdict, combine(&bounds).low), (Verdict::AtLeast, 1.1));
+        assert_eq!(combine(&bounds).map(|c| (c.verdict, c.low)).unwrap(), (Verdict::AtLeast, 1.1));
         let sound = [window(Verdict::Sound, 0.0, 0.0, 0.3, 0.0), window(Verdict::Sound, 0.0, 0.0, 0.2, 1.0)];
-        assert_eq!((combine(&sound).verdict, combine(&sound).high), (Verdict::Sound, Some(0.2)));
+        assert_eq!(combine(&sound).map(|c| (c.verdict, c.high)).unwrap(), (Verdict::Sound, Some(0.2)));
     }
 }

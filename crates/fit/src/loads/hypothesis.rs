@@ -1,29 +1,24 @@
 //! The record as one whose load walks, as one whose load steps, and as one whose load goes along lines.
 
-use crate::looks::{FINELY, MOST_FAMILIES, PILOT, leading, looks, pilot, room, whole};
-use crate::profile::Profile;
-use crate::record::{Lost, Record};
-use crate::search::{Point, Search};
-use crate::steps::{Load, Marked, few, plausible, refined, steps, with_large};
-use crate::structure::{Noise, Structure, Theta};
-use crate::verdict::ANSWERS;
+use crate::data::cells::Cells;
+use crate::decide::thresholds::{ANSWERS, AS_GOOD, BELIEVED, CYCLES, GAP_SEEN};
+use crate::loads::changes::{Load, Marked, choose_family, detect_changes, few, plausible, with_large_steps};
+use crate::model::lost_motion::LostMotion;
+use crate::model::structure::{Noise, Structure, Theta};
+use crate::search::likelihood::{Point, Search};
+use crate::search::profile::Profile;
+use crate::search::screen::{
+    FINE_TOLERANCE, MOST_FAMILIES, PILOT, best_of, full_profile, pilot, screen, screening_margin,
+};
 use glapp_core::Model;
 use rayon::prelude::*;
 
-/// Families whose innovations are no more than this larger than the best's (and a −2·ln L of 6) are believed: a gap must
-/// show in all of them, and the interval holds all of theirs.
-const AS_GOOD: f64 = 0.0035;
-/// Likelihood ratio of no gap above which a family sees one.
-const SEES: f64 = 12.0;
 /// Kinds of sticking that are followed.
 const MOST_KINDS: usize = 3;
-/// Traversals each way of a width without which no slip jump is looked for.
-pub(crate) const CYCLES: usize = 5;
-
 /// What a record says of the valve, under one belief about the load.
-pub(crate) struct View {
+pub(crate) struct Hypothesis {
     /// The record, with the steps of the load that are believed in.
-    pub(crate) record: Record,
+    pub(crate) record: Cells,
     /// The whole profiles of a gap in the families that predict nearly as well as the best, best first.
     pub(crate) profiles: Vec<Profile>,
     /// Whether a family that was looked at sees a gap.
@@ -36,29 +31,29 @@ pub(crate) struct View {
     pub(crate) without: f64,
 }
 
-impl View {
-    /// From looks at the record; `clue` as in [`sticking`].
-    fn new(record: Record, mut looks: Vec<Profile>, clue: Option<&(Structure, Point)>, sign: f64) -> Self {
+impl Hypothesis {
+    /// From a screening of the record; `clue` as in [`sticking_profiles`].
+    fn new(record: Cells, mut looks: Vec<Profile>, clue: Option<&(Structure, Point)>, sign: f64) -> Self {
         let of = |structure| Search { record: &record, structure, sign };
-        let least = leading(&looks).least();
+        let least = best_of(&looks).least();
         // No gap in any family, also in one that a gap fits badly: it costs what it costs.
         let plain = looks.iter().map(|p| p.penalised() + p.lr_no_gap()).fold(f64::INFINITY, f64::min);
-        looks.retain(|p| p.least() < least + room(record.count));
+        looks.retain(|p| p.least() < least + screening_margin(record.count));
         looks.sort_by(|a, b| a.penalised().total_cmp(&b.penalised()));
         looks.truncate(MOST_FAMILIES);
-        let mut profiles: Vec<Profile> = looks.par_iter().map(|look| whole(&of(look.structure), look)).collect();
+        let mut profiles: Vec<Profile> = looks.par_iter().map(|look| full_profile(&of(look.structure), look)).collect();
         profiles.sort_by(|a, b| a.penalised().total_cmp(&b.penalised()));
-        let dissent = profiles.iter().any(|p| p.lr_no_gap() > SEES);
+        let dissent = profiles.iter().any(|p| p.lr_no_gap() > GAP_SEEN);
         let least = profiles[0].penalised();
-        profiles.retain(|p| p.penalised() < least + 6.0 + 2.0 * AS_GOOD * record.freedom());
+        profiles.retain(|p| p.penalised() < least + BELIEVED + 2.0 * AS_GOOD * record.freedom());
         let sticks_in = clue.map_or(profiles[0].structure, |(structure, _)| *structure);
-        let sticking = sticking(&of(sticks_in), &profiles[0], clue);
+        let sticking = sticking_profiles(&of(sticks_in), &profiles[0], clue);
         let best = &profiles[0].points[profiles[0].best];
         let stuck = sticking.first().map_or(f64::INFINITY, Profile::penalised);
-        let surprise = of(profiles[0].structure).surprise(best);
-        let cost = least.min(stuck) + surprise;
+        let price = of(profiles[0].structure).price_of_changes(best);
+        let cost = least.min(stuck) + price;
         let none = profiles.iter().map(|p| p.penalised() + p.lr_no_gap()).fold(plain, f64::min);
-        Self { record, dissent, sticking, sticks_in, cost, without: none + surprise, profiles }
+        Self { record, dissent, sticking, sticks_in, cost, without: none + price, profiles }
     }
 
     /// Likelihood ratio of a process that does not answer, in the best family of a gap.
@@ -81,24 +76,24 @@ impl View {
 
 /// Looks at the record as one whose load walks, with its large steps marked. What is left of a step widens the walk for all
 /// the record, and with it the interval of d: so where steps were found it is looked again.
-fn walking(record: &Record, seeds: &[Theta], sign: f64) -> (Record, Vec<Profile>) {
+fn with_walking_load(record: &Cells, seeds: &[Theta], sign: f64) -> (Cells, Vec<Profile>) {
     let mut record = record.clone();
-    let mut looked = looks(&record, seeds, sign, 0.0, Load::Levels);
+    let mut looked = screen(&record, seeds, sign, 0.0, Load::Levels);
     let mut least = f64::INFINITY;
     for _ in 0..3 {
-        let leading = leading(&looked);
+        let leading = best_of(&looked);
         let search = Search { record: &record, structure: leading.structure, sign };
-        let best = whole(&search, leading);
+        let best = full_profile(&search, leading);
         let best = &best.points[best.best];
-        least = least.min(best.cost + search.surprise(best));
-        let marked = with_large(&search, best);
-        if marked.record.same_jumps(&record) || marked.cost > least - 1.0 {
+        least = least.min(best.cost + search.price_of_changes(best));
+        let marked = with_large_steps(&search, best);
+        if marked.record.same_changes(&record) || marked.cost > least - 1.0 {
             break;
         }
         least = marked.cost;
         let mut seeds = pilot(&marked.record, sign).seeds;
         seeds.insert(0, leading.structure.as_pilot(&marked.point.theta));
-        looked = looks(&marked.record, &seeds, sign, 0.0, Load::Levels);
+        looked = screen(&marked.record, &seeds, sign, 0.0, Load::Levels);
         record = marked.record;
     }
     (record, looked)
@@ -106,28 +101,28 @@ fn walking(record: &Record, seeds: &[Theta], sign: f64) -> (Record, Vec<Profile>
 
 /// The record as one whose load walks, as one whose load stands still between many small steps, and as one whose load goes along
 /// lines: the likeliest, and what no gap costs in any.
-pub(crate) fn views(record: &Record, seeds: &[Theta], sign: f64) -> (View, f64) {
-    let (with_large, looked) = walking(record, seeds, sign);
-    let mut view = View::new(with_large, looked, None, sign);
-    let point = &view.profiles[0].points[view.profiles[0].best];
-    let starts = [&[view.profiles[0].structure.as_pilot(&point.theta)], seeds].concat();
-    let mut without = view.without;
+pub(crate) fn hypotheses(record: &Cells, seeds: &[Theta], sign: f64) -> (Hypothesis, f64) {
+    let (walking, looked) = with_walking_load(record, seeds, sign);
+    let mut believed = Hypothesis::new(walking, looked, None, sign);
+    let point = &believed.profiles[0].points[believed.profiles[0].best];
+    let starts = [&[believed.profiles[0].structure.as_pilot(&point.theta)], seeds].concat();
+    let mut without = believed.without;
     // The least that anything with a gap was found to cost, whether it is believed or not.
-    let mut least = view.cost;
+    let mut least = believed.cost;
     let mut hints = Vec::new();
     for load in [Load::Levels, Load::Lines] {
         // A load that steps does not go along lines; unless those steps are all that PV answers, as under lines in a loop that is
         // tuned for its lag.
         let bends = || {
-            let explained = least < view.cost - 10.0;
-            view.profiles[0].structure.noise == Noise::Slope
-                || !few(&view.record, Load::Levels) && (explained || without - view.cost > SEES)
-                || view.answers(sign) < ANSWERS
+            let explained = least < believed.cost - 10.0;
+            believed.profiles[0].structure.noise == Noise::Slope
+                || !few(&believed.record, Load::Levels) && (explained || without - believed.cost > GAP_SEEN)
+                || believed.answers(sign) < ANSWERS
         };
         if load == Load::Lines && !bends() {
             continue;
         }
-        let Some((with, none)) = steps(record, &starts, sign, load, &hints) else {
+        let Some((with, none)) = detect_changes(record, &starts, sign, load, &hints) else {
             continue;
         };
         if load == Load::Levels {
@@ -140,9 +135,9 @@ pub(crate) fn views(record: &Record, seeds: &[Theta], sign: f64) -> (View, f64) 
         if load == Load::Lines {
             // A load along lines is one that any gap has to beat, with the steps that suit it best.
             least = least.min(with.cost + price);
-            without = none.map_or(without, |none| without.min(view.cost + none - least));
+            without = none.map_or(without, |none| without.min(believed.cost + none - least));
         }
-        let (with, structure) = refined(record, with, sign, load);
+        let (with, structure) = choose_family(record, with, sign, load);
         if load == Load::Levels {
             least = least.min(with.cost + price);
         }
@@ -152,8 +147,8 @@ pub(crate) fn views(record: &Record, seeds: &[Theta], sign: f64) -> (View, f64) 
         }
         let clue = (structure, with.point);
         let seeds = [&[structure.as_pilot(&clue.1.theta)], seeds].concat();
-        let looked = looks(&with.record, &seeds, sign, clue.1.lost.d, load);
-        let marked = View::new(with.record, looked, Some(&clue), sign);
+        let looked = screen(&with.record, &seeds, sign, clue.1.lost.d, load);
+        let marked = Hypothesis::new(with.record, looked, Some(&clue), sign);
         let (structure, point) = marked.best();
         let best = Marked { record: marked.record.clone(), point: point.clone(), cost: marked.cost };
         if marked.cost > rival || !plausible(&best, structure, sign) {
@@ -161,19 +156,19 @@ pub(crate) fn views(record: &Record, seeds: &[Theta], sign: f64) -> (View, f64) 
         }
         without = without.min(marked.without).min(none.unwrap_or(without));
         least = least.min(marked.cost);
-        view = marked;
+        believed = marked;
     }
-    (view, without)
+    (believed, without)
 }
 
 /// The likelihood over d for the valves that stick that come nearest, best first; none where OP goes through no width often
 /// enough. `clue`: a family and its point that are known to be good.
-fn sticking(search: &Search, gap: &Profile, clue: Option<&(Structure, Point)>) -> Vec<Profile> {
+fn sticking_profiles(search: &Search, gap: &Profile, clue: Option<&(Structure, Point)>) -> Vec<Profile> {
     let record = search.record;
     let often = |d: &f64| record.traversals(*d).iter().all(|n| *n >= CYCLES);
     let parts = [0.02, 0.03, 0.045, 0.07, 0.1, 0.14, 0.2, 0.27, 0.35, 0.45, 0.6, 0.8];
-    let told = clue.map(|(_, point)| point.lost.d);
-    let near = told.into_iter().flat_map(|d| [0.8 * d, d, 1.2 * d]);
+    let known = clue.map(|(_, point)| point.lost.d);
+    let near = known.into_iter().flat_map(|d| [0.8 * d, d, 1.2 * d]);
     let widths: Vec<f64> = parts.iter().map(|part| part * record.range).chain(near).filter(often).collect();
     let shares = [0.15, 0.3, 0.5, 0.75, 1.0];
     let kinds = [Model::Kano, Model::He].into_iter().flat_map(|model| shares.map(|share| (model, share)));
@@ -183,7 +178,7 @@ fn sticking(search: &Search, gap: &Profile, clue: Option<&(Structure, Point)>) -
         .filter_map(|(model, share)| {
             let probe = |d: f64| {
                 let near = clue.map_or_else(|| gap.near(d), |(_, point)| point);
-                search.descend(near.theta, &Lost { d, share, model, ..near.lost.clone() }, 1, 0.1, f64::INFINITY)
+                search.descend(near.theta, &LostMotion { d, share, model, ..near.lost.clone() }, 1, 0.1, f64::INFINITY)
             };
             widths.iter().map(|d| probe(*d)).min_by(|a, b| a.cost.total_cmp(&b.cost))
         })
@@ -202,7 +197,7 @@ fn sticking(search: &Search, gap: &Profile, clue: Option<&(Structure, Point)>) -
         .map(|point| {
             let widths: Vec<f64> =
                 around.iter().map(|part| part * point.lost.d).filter(|d| *d < record.range).collect();
-            let mut profile = Profile::over(search, &widths, &point.lost, &[point.theta], 4, FINELY);
+            let mut profile = Profile::over(search, &widths, &point.lost, &[point.theta], 4, FINE_TOLERANCE);
             profile.refine(search, 1, 0.02 * point.lost.d);
             profile
         })

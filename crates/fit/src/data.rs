@@ -1,0 +1,8 @@
+//! Records as they come, and as the likelihood sees them.
+
+pub(crate) mod cells;
+pub(crate) mod history;
+pub(crate) mod record;
+pub(crate) mod recorder;
+pub(crate) mod samples;
+pub(crate) mod signal;

@@ -1,0 +1,74 @@
+//! What is done to a signal before it is fitted: its scale, its spikes, and whether it was drawn as lines.
+
+use crate::decide::thresholds::CORNERS;
+
+/// Where the numbers of a signal lie: value = zero + size·(what the fit sees).
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Unit {
+    pub(crate) zero: f64,
+    pub(crate) size: f64,
+}
+
+/// Steps of a signal's whole range: rounding that hangs on the unit of a file is far below, noise far above.
+const GRID: f64 = (1u64 << 20) as f64;
+
+impl Unit {
+    pub(crate) fn of<'a>(signals: impl Iterator<Item = &'a [f64]>) -> Self {
+        let (low, high) = signals
+            .flatten()
+            .filter(|x| !x.is_nan())
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(*x), high.max(*x)));
+        Self { zero: low, size: if high > low { high - low } else { 1.0 } }
+    }
+
+    /// The same signal from 0 to 1: what is found does not hang on units.
+    pub(crate) fn scaled(self, signal: &[f64]) -> Vec<f64> {
+        signal.iter().map(|x| ((x - self.zero) / self.size * GRID).round() / GRID).collect()
+    }
+}
+
+/// Steps of PV, in its usual step (median), by which a sample must stand out from the two before and the two after it.
+const SPIKE: f64 = 12.0;
+
+/// The signal without samples that stand alone: no process goes and comes back in one step, and OP answers them as if they
+/// were real.
+pub(crate) fn without_spikes(mut pv: Vec<f64>) -> Vec<f64> {
+    let mut steps: Vec<f64> = pv.windows(2).map(|w| (w[1] - w[0]).abs()).filter(|step| *step > 0.0).collect();
+    if steps.is_empty() {
+        return pv;
+    }
+    let middle = steps.len() / 2;
+    let usual = *steps.select_nth_unstable_by(middle, f64::total_cmp).1;
+    let alone = |w: &[f64]| {
+        let beside = [w[0], w[1], w[3], w[4]];
+        let (low, high) = beside.iter().fold((f64::MAX, f64::MIN), |(low, high), x| (low.min(*x), high.max(*x)));
+        let out = (w[2] - high).max(low - w[2]);
+        // Beside a jump of PV the last sample before it stands out by nothing.
+        w.iter().all(|x| !x.is_nan()) && out > SPIKE * usual && out > high - low
+    };
+    let spikes: Vec<usize> = pv.windows(5).enumerate().filter(|(_, w)| alone(w)).map(|(k, _)| k + 2).collect();
+    spikes.into_iter().for_each(|k| pv[k] = f64::NAN);
+    pv
+}
+
+/// How far PV bends between the points that a historian kept and drew lines between, in the mean (median); 0 where it kept
+/// every sample.
+pub(crate) fn bow(pv: &[f64]) -> f64 {
+    let bend = |w: &[f64]| w[2] - 2.0 * w[1] + w[0];
+    // Where PV stands still nothing is drawn.
+    let moving = |w: &&[f64]| (w[2] - w[1]).abs() + (w[1] - w[0]).abs() > 8.0 / GRID;
+    let corner = |w: &[f64]| bend(w).abs() > 8.0 / GRID;
+    let all = pv.windows(3).filter(moving).count();
+    let corners: Vec<(usize, f64)> =
+        pv.windows(3).enumerate().filter(|(_, w)| corner(w)).map(|(k, w)| (k, bend(w).abs())).collect();
+    if corners.len() < 3 || corners.len() as f64 > CORNERS * all as f64 {
+        return 0.0;
+    }
+    let beside = |w: &[(usize, f64)]| {
+        let (left, right) = ((w[1].0 - w[0].0) as f64, (w[2].0 - w[1].0) as f64);
+        w[1].1 * left * right / (left + right)
+    };
+    let mut bows: Vec<f64> = corners.windows(3).map(beside).collect();
+    let middle = bows.len() / 2;
+    *bows.select_nth_unstable_by(middle, f64::total_cmp).1
+}

@@ -1,0 +1,9 @@
+//! From likelihoods to an answer.
+
+pub(crate) mod bootstrap;
+pub(crate) mod combine;
+pub(crate) mod joint;
+pub(crate) mod record;
+pub(crate) mod thresholds;
+pub(crate) mod trend;
+pub(crate) mod verdict;

@@ -1,0 +1,398 @@
+//! What one record says: width, interval, and whether there is a gap at all.
+
+use crate::data::cells::{Cells, Positions};
+use crate::data::signal::Unit;
+use crate::decide::bootstrap::bootstrap_threshold;
+use crate::decide::thresholds::*;
+use crate::decide::verdict::*;
+use crate::loads::cycle::lr_beside_cycle;
+use crate::loads::hypothesis::{Hypothesis, hypotheses};
+use crate::model::lost_motion::LostMotion;
+use crate::model::structure::{MOST, Structure, Theta};
+use crate::problem::Problem;
+use crate::search::likelihood::{Search, dot, solve};
+use crate::search::profile::{Profile, trust};
+
+/// One family's view.
+#[derive(Clone, Debug)]
+pub struct Candidate {
+    /// The family.
+    pub structure: Structure,
+    /// −2·ln L over that of the best family.
+    pub behind: f64,
+    /// Best width [OP unit].
+    pub d: f64,
+    /// Likelihood ratio −2·Δln L of no gap against the best width.
+    pub lr_no_gap: f64,
+    /// The profile: width [OP unit] and −2·Δln L over this family's best.
+    pub profile: Vec<(f64, f64)>,
+}
+
+/// A cell of PV beside the best model.
+#[derive(Clone, Copy, Debug)]
+pub struct Prediction {
+    /// Part of the record, in the order given.
+    pub part: usize,
+    /// First step of the cell within it.
+    pub step: usize,
+    /// Mean of PV [PV unit].
+    pub pv: f64,
+    /// The model's foresight of it, from all that was before [PV unit].
+    pub foreseen: f64,
+    /// Position of the valve [OP unit].
+    pub position: f64,
+}
+
+/// The answer.
+#[derive(Clone, Debug)]
+pub struct Answer {
+    /// What the record says.
+    pub verdict: Verdict,
+    /// Most likely total width [OP unit].
+    pub d: f64,
+    /// Lower limit, 95 % [OP unit].
+    pub low: f64,
+    /// Upper limit, 95 % [OP unit]; None where the record gives none.
+    pub high: Option<f64>,
+    /// Slip jump J [OP unit], 0 for mere backlash.
+    pub jump: f64,
+    /// Likelihood ratio of no gap: the least over all families that predict PV nearly as well as the best, times `trust`.
+    pub lr_no_gap: f64,
+    /// What `lr_no_gap` must exceed for a gap, 1 % of records without one do.
+    pub lr_needed: f64,
+    /// Likelihood ratio of J = 0 against the best J.
+    pub lr_no_jump: f64,
+    /// Likelihood ratio of a process that does not answer at all.
+    pub lr_no_answer: f64,
+    /// Share of the likelihood's own information on d that the innovations support, 0 to 1.
+    pub trust: f64,
+    /// How far −2·ln L may rise within the interval.
+    pub rise: f64,
+    /// Times that OP goes through the whole width up and down.
+    pub traversals: [usize; 2],
+    /// Static gain [PV unit/OP unit]; velocity gain [PV unit/(OP unit·s)] of an integrating process.
+    pub kp: f64,
+    /// The same with its 95 % limits.
+    pub kp_limits: (f64, f64),
+    /// Dead time [s].
+    pub dead_time: f64,
+    /// The same with its 95 % limits.
+    pub dead_time_limits: (f64, f64),
+    /// Lags together: the first-order coefficient of the denominator, behind an integrator if there is one [s].
+    pub lag: f64,
+    /// The same with its 95 % limits.
+    pub lag_limits: (f64, f64),
+    /// Whether the process integrates.
+    pub integrating: bool,
+    /// What PV takes to answer OP: the lags; behind an integrator with the dead time [s].
+    pub settles: f64,
+    /// Standard deviation of what the model does not foresee of PV, a cell ahead [PV unit].
+    pub sigma: f64,
+    /// Correlation of that with the same a cell before: far from 0 where the model is not of this record.
+    pub echo: f64,
+    /// Cells of PV that were used, and their length [s].
+    pub cells: usize,
+    /// Length of a cell [s].
+    pub cell: f64,
+    /// Widest move of OP within one stretch [OP unit].
+    pub range: f64,
+    /// Steps of the load that were found and taken out.
+    pub load_steps: usize,
+    /// The families, best first.
+    pub candidates: Vec<Candidate>,
+    /// What the best model made of each cell of PV.
+    pub predictions: Vec<Prediction>,
+    /// Why the verdict is what it is, a word that `glapp` turns into a sentence.
+    pub reason: &'static str,
+}
+
+impl Answer {
+    /// Whether a model of this kind made the record, and PV answers OP in it.
+    pub(crate) fn usable(&self) -> bool {
+        !matches!(self.reason, "misfit" | "no_answer")
+    }
+
+    /// The same where OP's and PV's units were `op` and `pv`, and their zeros lay elsewhere.
+    pub(crate) fn in_units(&mut self, op: Unit, pv: Unit) {
+        for width in [&mut self.d, &mut self.low, &mut self.jump, &mut self.range] {
+            *width *= op.size;
+        }
+        self.high = self.high.map(|high| high * op.size);
+        let gain = pv.size / op.size;
+        self.kp *= gain;
+        self.kp_limits = (self.kp_limits.0 * gain, self.kp_limits.1 * gain);
+        self.sigma *= pv.size;
+        for candidate in &mut self.candidates {
+            candidate.d *= op.size;
+            candidate.profile.iter_mut().for_each(|(d, _)| *d *= op.size);
+        }
+        for seen in &mut self.predictions {
+            (seen.pv, seen.foreseen) = (pv.zero + seen.pv * pv.size, pv.zero + seen.foreseen * pv.size);
+            seen.position = op.zero + seen.position * op.size;
+        }
+    }
+}
+
+/// What one window says, with all that is needed to ask it about another width.
+pub(crate) struct Fitted {
+    pub(crate) answer: Answer,
+    pub(crate) record: Cells,
+    /// The believed families of a gap, best first, and the valves that stick, nearest first.
+    pub(crate) profiles: Vec<Profile>,
+    pub(crate) sticking: Vec<Profile>,
+    pub(crate) sticks_in: Structure,
+    /// What the loads that were looked for leave of the likelihood ratio of no gap.
+    pub(crate) lr_of_loads: f64,
+    /// By how much more than 1 the ratios of records without a gap scatter.
+    pub(crate) by_chance: f64,
+    pub(crate) evidence: Evidence,
+}
+
+/// Answers for a record of one window, whose steps lie `h` [s] apart, and whose PV a historian may have bent by `bow` [PV unit].
+pub(crate) fn fit_record(record: &Cells, seeds: &[Theta], h: f64, bow: f64, problem: &Problem) -> Fitted {
+    let (view, without) = hypotheses(record, seeds, problem.sign);
+    let lr_no_answer = view.answers(problem.sign);
+    let Hypothesis { record, mut profiles, dissent, mut sticking, sticks_in, cost, .. } = view;
+    let lr_of_loads = without - cost;
+    let n = record.freedom();
+    let of = |structure| Search { record: &record, structure, sign: problem.sign };
+    let least = profiles[0].penalised();
+    let mut search = of(profiles[0].structure);
+    let mut best = profiles[0].points[profiles[0].best].clone();
+    // What a slip jump explains beyond a gap; what a gap explains beyond nothing is at least as much.
+    let lr_no_jump = sticking.first().map_or(0.0, |stuck| (least - stuck.penalised()).max(0.0));
+    let slips = lr_no_jump > JUMP;
+    // What a valve that sticks costs where it is as likely as the most likely.
+    let mut as_likely = least - 2.0 * sticks_in.parameters() as f64;
+    if lr_no_jump > JUMP_PRICE {
+        best = sticking[0].points[sticking[0].best].clone();
+        search = of(sticks_in);
+        as_likely = best.cost;
+    }
+    let trusted = trust(&search, &best, 0.005 * record.range).max(LEAST_TRUST);
+    let lr_no_gap =
+        profiles.iter().map(Profile::lr_no_gap).fold(f64::INFINITY, f64::min) + (lr_no_jump - JUMP).max(0.0);
+    let mut lr_of_loads = lr_of_loads;
+    let traversals = record.traversals(best.lost.d);
+    let known = record.changes() > 0;
+    let asked_of_changes = lr_asked_of_changes(traversals, record.changes());
+    let asked = lr_asked(traversals, known).max(asked_of_changes);
+    if lr_no_gap.min(lr_of_loads) * trusted > asked {
+        let family = &profiles[0];
+        let points = [(search.structure, &best), (family.structure, &family.points[0])];
+        let beside = lr_beside_cycle(&record, problem.sign, &points, &best.lost, without);
+        lr_of_loads = beside.map_or(lr_of_loads, |beside| beside.min(lr_of_loads));
+    }
+    let repeats = lr_of_loads < without - cost;
+    let lr_no_gap = lr_no_gap.min(lr_of_loads) * trusted;
+    let lr_needed = if problem.bootstrap > 0 && lr_no_gap > asked && lr_no_gap < GAP_PLAIN {
+        // The invented records' innovations are alike everywhere: their ratio is to be held against the one before τ.
+        let without = &profiles[0].points[0];
+        asked.max(
+            bootstrap_threshold(&of(profiles[0].structure), without, lr_no_gap / trusted, problem.bootstrap) * trusted,
+        )
+    } else {
+        asked
+    };
+    let fine = 0.001 * record.range;
+    let wider = if asked_of_changes > 0.0 { RISE_BESIDE_CHANGES } else { 1.0 } / trusted;
+    let mut spread = Vec::new();
+    if !slips {
+        for profile in &mut profiles {
+            let from = profile.least();
+            spread.extend(profile.within(&of(profile.structure), from, RISE * wider, fine));
+        }
+    }
+    let certain = spread.iter().all(|s| s.0 <= 0.0);
+    // A valve with another slip jump has another width, and may be as likely.
+    for profile in &mut sticking {
+        let beyond = profile.points.last().map(|p| p.lost.d);
+        let limits = profile.within(&of(sticks_in), as_likely, RISE_OF_STICKING * wider, fine);
+        spread.extend(limits.map(|(low, high)| (low, high.or(beyond))));
+    }
+    let sticks_only = |p: &&Profile| p.points[p.best].lost.share >= 1.0;
+    let slips_wholly = sticking.iter().filter(sticks_only).any(|p| p.least() < as_likely + JUMP_PRICE);
+    let low = (spread.iter().map(|s| s.0).fold(f64::INFINITY, f64::min) - record.resolution()).max(0.0);
+    let high = spread.iter().map(|s| s.1).try_fold(0.0, |high, h| h.map(|h| f64::max(high, h)));
+    let positions = record.positions(&best.lost);
+    let final_state = search.at(&best.theta, &positions);
+    let residual = final_state.lane(0);
+    let noise = (final_state.sum[0] / n).sqrt() / final_state.scale[0];
+    let echo = echo(&residual);
+    let reaches = |lost: &LostMotion| record.reach(lost);
+    let at_low = if low > 0.0 { reaches(&LostMotion { d: low, ..best.lost.clone() }) / low } else { 1.0 };
+    let fast = search.structure.settles(&best.theta) * (record.cell as f64) < SAMPLES_IN_LAG;
+    let slowly = best.lost.d >= SAMPLES_IN_GAP * record.travel();
+    // PV stands still while OP goes through the gap: no load follows OP so closely, unless most of each swing is lost.
+    let dwells = fast && slowly && lr_no_gap > GAP_IF_SELDOM && 2.0 * best.lost.d < record.range;
+    let evidence = Evidence {
+        echo,
+        d: best.lost.d,
+        // A model whose valve hardly moves is a step of PV at a time and of a size that are free.
+        immobile: (reaches(&best.lost) / best.lost.d.max(1e-300)).min(at_low) < MOVES,
+        coarse: fast && (slips || !slowly),
+        noisy: !search.structure.integrating && (best.kp * best.lost.d).abs() < NOISY * noise,
+        traversed: often(lr_no_gap, record.traversals(low), traversals),
+        one_way: traversals.contains(&0),
+        changes_known: known,
+        lr_no_gap,
+        lr_needed,
+        lr_no_answer,
+        low,
+        high,
+        range: record.range,
+        slips,
+        slips_wholly,
+        dissent: dissent || !certain,
+        periodic_load: repeats,
+        // Steps and bends of the load that were found tell what drives OP, where there are enough of them. A process slower than
+        // the swing nearly integrates, and swings with a gap; not under a load that steps.
+        even_swing: lr_no_gap < GAP_IF_EVEN_SWING
+            && 2 * record.changes() < traversals[0] + traversals[1]
+            && !dwells
+            && record.swing(best.lost.d).is_some_and(|(mean, spread)| {
+                let quick = search.structure.lag(&best.theta) * (record.cell as f64) < mean;
+                spread < EVEN_SWING && (known || quick && !search.structure.integrating)
+            }),
+        drawn: DRAWN * bow / best.kp.abs().max(1e-300),
+    };
+    let (verdict, reason) = judge(&evidence);
+    let h = h * record.cell as f64;
+    let per_cell = if search.structure.integrating { 1.0 / h } else { 1.0 };
+    let kp = best.kp * per_cell;
+    let spread = 1.96 * kp.abs() / (lr_no_answer * trusted).max(1e-9).sqrt();
+    let variance = final_state.sum[0] / n / trusted;
+    let errors = StandardErrors::new(&search, &best.theta, &positions, variance);
+    let (dead_time, dead_error) = errors.of(|theta| theta[search.structure.dead_time_at()] * h);
+    let (lag, lag_error) = errors.of(|theta| search.structure.lag(theta) * h);
+    let around = |x: f64, error: f64| ((x - 1.96 * error).max(0.0), x + 1.96 * error);
+    let sigma = (final_state.sum[0] / n).sqrt();
+    let answer = Answer {
+        verdict,
+        d: best.lost.d,
+        low,
+        high: high.map(|high| high + 3.0 * record.resolution()).filter(|_| verdict != Verdict::AtLeast),
+        jump: best.lost.jump(),
+        lr_no_gap,
+        lr_needed: evidence.needed(),
+        lr_no_jump,
+        lr_no_answer,
+        trust: trusted,
+        rise: RISE * wider,
+        traversals,
+        kp,
+        kp_limits: (kp - spread, kp + spread),
+        dead_time,
+        dead_time_limits: around(dead_time, dead_error),
+        lag,
+        lag_limits: around(lag, lag_error),
+        integrating: search.structure.integrating,
+        settles: search.structure.settles(&best.theta) * h,
+        sigma,
+        echo,
+        cells: record.count,
+        cell: h,
+        range: record.range,
+        load_steps: record.changes(),
+        candidates: profiles
+            .iter()
+            .map(|p| Candidate {
+                structure: p.structure,
+                behind: p.penalised() - least,
+                d: p.points[p.best].lost.d,
+                lr_no_gap: p.lr_no_gap(),
+                profile: p.points.iter().map(|point| (point.lost.d, point.cost - p.least())).collect(),
+            })
+            .collect(),
+        predictions: predictions(&record, &positions, &residual),
+        reason,
+    };
+    let by_chance = lr_needed / asked;
+    Fitted { answer, record, profiles, sticking, sticks_in, lr_of_loads, by_chance, evidence }
+}
+
+/// The cells of PV with what the model left of each.
+fn predictions(record: &Cells, positions: &Positions, residual: &[f64]) -> Vec<Prediction> {
+    let cells = record.stretches.iter().zip(positions).flat_map(|(stretch, v)| {
+        let there = stretch.y.iter().zip(v).enumerate().filter(|(_, (y, _))| !y.is_nan());
+        there.map(|(k, (y, v))| (stretch.part, k * record.cell, *y, *v))
+    });
+    cells
+        .zip(residual)
+        .map(|((part, step, pv, position), r)| Prediction { part, step, pv, foreseen: pv - r, position })
+        .collect()
+}
+
+/// Standard errors of the search's parameters, from the curvature of the likelihood.
+struct StandardErrors {
+    theta: Theta,
+    covariance: Vec<Theta>,
+}
+
+impl StandardErrors {
+    fn new(search: &Search, theta: &Theta, positions: &Positions, variance: f64) -> Self {
+        let (_, slopes) = search.slopes(theta, positions);
+        let k = slopes.len();
+        let mut normal = [[0.0; MOST]; MOST];
+        for i in 0..k {
+            for j in 0..k {
+                normal[i][j] = dot(&slopes[i], &slopes[j]);
+            }
+            normal[i][i] = normal[i][i] * (1.0 + 1e-9) + 1e-300;
+        }
+        let column = |j: usize| {
+            let mut unit = [0.0; MOST];
+            unit[j] = variance;
+            solve(normal, unit, k)
+        };
+        Self { theta: *theta, covariance: (0..k).map(column).collect() }
+    }
+
+    /// A quantity of the parameters and its standard error.
+    fn of(&self, quantity: impl Fn(&Theta) -> f64) -> (f64, f64) {
+        let here = quantity(&self.theta);
+        let k = self.covariance.len();
+        let slope: Vec<f64> = (0..k)
+            .map(|j| {
+                let mut moved = self.theta;
+                moved[j] += 1e-5;
+                (quantity(&moved) - here) / 1e-5
+            })
+            .collect();
+        let variance: f64 =
+            (0..k).map(|i| (0..k).map(|j| slope[i] * self.covariance[i][j] * slope[j]).sum::<f64>()).sum();
+        (here, variance.max(0.0).sqrt())
+    }
+}
+
+/// Correlation of innovations with those a cell before. What is larger than [`ECHO_OF_ONE`] times their mean size counts as so large: a
+/// sample that is far off leaves one innovation as large and another against it, which is no fault of the model. (Not their
+/// median: where PV is held most of them are nothing.)
+fn echo(innovations: &[f64]) -> f64 {
+    let most = ECHO_OF_ONE * innovations.iter().map(|e| e.abs()).sum::<f64>() / innovations.len() as f64;
+    let tame: Vec<f64> = innovations.iter().map(|e| e.clamp(-most, most)).collect();
+    dot(&tame[1..], &tame[..tame.len() - 1]) / dot(&tame, &tame).max(1e-300)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::decide::bootstrap::Draws;
+
+    #[test]
+    fn samples_that_are_off_are_no_echo() {
+        let mut draws = Draws::new(1, 0);
+        let mut uniform = || (draws.next() >> 11) as f64 / (1u64 << 53) as f64 - 0.5;
+        let mut alone: Vec<f64> = (0..1000).map(|_| uniform()).collect();
+        let mut moving = vec![0.0; 1000];
+        for i in 1..1000 {
+            moving[i] = 0.5 * moving[i - 1] + uniform();
+        }
+        for i in (10..1000).step_by(100) {
+            (alone[i], alone[i + 1]) = (20.0, -15.0);
+        }
+        assert!(echo(&alone).abs() < ECHO, "{}", echo(&alone));
+        assert!((echo(&moving) - 0.5).abs() < 0.05, "{}", echo(&moving));
+        assert_eq!(echo(&[0.0; 10]), 0.0);
+    }
+}

@@ -1,0 +1,133 @@
+//! Every number that decides a verdict or the limits of an interval, with its unit and where it comes from.
+//!
+//! A likelihood ratio, short LR, is −2·Δln L against the best width. *Truth* is `bench.truth`: unless another number stands
+//! there, chosen on the first 30 records of each of 46 kinds, 1380 in all, and judged on the 3772 after them (`docs/fit.md`).
+//! *Loads* is `bench.loads`: chosen on numbers 0 to 232 of each of 12 rows, judged on those from 233 on (`docs/truth.md`).
+//! None of them is a theorem.
+
+/// A constant for each, and all of them in a table.
+macro_rules! thresholds {
+    ($($(#[$doc:meta])* $name:ident: $type:ty = $value:expr, $unit:literal;)*) => {
+        $($(#[$doc])* pub(crate) const $name: $type = $value;)*
+
+        /// Name, value and unit of every threshold.
+        pub const THRESHOLDS: &[(&str, f64, &str)] = &[$((stringify!($name), $value as f64, $unit)),*];
+    };
+}
+
+thresholds! {
+    /// LR of no gap that a gap must exceed. Half a chi-square (d = 0 lies at the border of what d can be) exceeds 20 once in
+    /// 200 000 records; real loads and innovations are not that tame. Truth: 0.8 % false alarms of 1120 records without a gap,
+    /// on all of which it was chosen; 1.4 % of 1000 further ones. With 12, and without [`SAMPLES_IN_LAG`] and [`NOISY`], 3.0 %
+    /// (ADR 0010).
+    GAP: f64 = 15.0, "−2·ln L";
+    /// The same for a bound, and where OP went through the width fewer than [`CYCLES`] times each way: few break-aways may look
+    /// like anything. Simulations and real loops.
+    GAP_IF_SELDOM: f64 = 45.0, "−2·ln L";
+    /// The same where no step or bend of the load is known either: one at the right moment looks like a valve that follows
+    /// late. Truth, all 1120 records without a gap; of a valve's position the same where it turned but once (ADR 0010).
+    GAP_IF_SELDOM_AND_LOAD_UNKNOWN: f64 = 80.0, "−2·ln L";
+    /// The same for each of as many steps or bends of the load as OP went through the width. Loads.
+    GAP_EACH_CHANGE: f64 = 8.0, "−2·ln L";
+    /// The same where OP that swings evenly may be a gap's: loads without a gap have reached 300 (loads; ADR 0012).
+    GAP_IF_EVEN_SWING: f64 = 1000.0, "−2·ln L";
+    /// The same where [`CYCLES_IF_CLEAR`] each way are enough for a width with two limits. Simulations and real loops.
+    GAP_IF_CLEAR: f64 = 100.0, "−2·ln L";
+    /// The same over all records that share a width, times their dispersion. Loads, and `bench.lengths` (ADR 0012).
+    GAP_JOINT: f64 = 32.0, "−2·ln L";
+    /// What must be left of it without the record that gives most: what one alone would need.
+    GAP_WITHOUT_ONE: f64 = GAP, "−2·ln L";
+    /// LR of no gap from which on no bootstrap is made: it takes most of a fit's time. No bench of its own.
+    GAP_PLAIN: f64 = 100.0, "−2·ln L";
+    /// LR of no gap above which a family that predicts nearly as well as the best sees one, and no valve is sound. Simulations
+    /// and real loops.
+    GAP_SEEN: f64 = 12.0, "−2·ln L";
+    /// LR of J = 0 that a slip jump must exceed. Truth: the cause is right in 26 % of the records where it can be seen.
+    JUMP: f64 = 20.0, "−2·ln L";
+    /// What a slip jump must bring to be taken into the most likely width: it has a size, a kind and a width of its own.
+    /// No bench of its own.
+    JUMP_PRICE: f64 = 4.0, "−2·ln L";
+    /// LR of a process that does not answer OP that a record must have. Simulations and real loops.
+    ANSWERS: f64 = 15.0, "−2·ln L";
+
+    /// How far −2·ln L may rise within the 95 % interval. A chi-square would say 3.84; loads that are no random walk and processes
+    /// of no family make it rise so far at the true width in one of twenty records of mere backlash. Truth: the
+    /// interval holds d in 98 %.
+    RISE: f64 = 8.0, "−2·ln L";
+    /// The same for a valve that sticks: when it breaks loose hangs on moves of OP that no sample shows. Truth: the interval holds d
+    /// in 91 %.
+    RISE_OF_STICKING: f64 = 16.0, "−2·ln L";
+    /// How much further it may rise where as many steps or bends of the load were marked as OP went through the width. Loads.
+    RISE_BESIDE_CHANGES: f64 = 3.0, "1";
+    /// Less trust than this is not believed: it rests on the few cells that matter for d. Simulations and real loops.
+    LEAST_TRUST: f64 = 0.4, "1";
+    /// Families no further behind the best than this, and [`AS_GOOD`], are believed: a gap must show in all of them, and the
+    /// interval holds all of theirs. Simulations and real loops.
+    BELIEVED: f64 = 6.0, "−2·ln L";
+    /// By how much their innovations may be larger besides. Simulations and real loops.
+    AS_GOOD: f64 = 0.0035, "1";
+    /// A lower limit less than this part of the most likely width is none. No bench of its own.
+    LEAST_LOW: f64 = 0.2, "1";
+    /// Part of OP's range below which the interval of a sound valve must end. No bench of its own.
+    SOUND_BELOW: f64 = 0.25, "1";
+
+    /// Traversals each way of a width for two limits, and for a slip jump to be looked for. That of the bench's identifiable gaps.
+    CYCLES: usize = 5, "traversals";
+    /// The same above [`GAP_IF_CLEAR`], and turns of a valve whose position is recorded. Simulations and real loops.
+    CYCLES_IF_CLEAR: usize = 2, "traversals";
+
+    /// Greatest correlation of innovations with those a cell before: no model that leaves more of PV unexplained is believed.
+    /// Simulations and real loops.
+    ECHO: f64 = 0.25, "1";
+    /// Mean sizes of an innovation that it counts as at most there: outliers are no echo. Loads, outliers 18 and 209.
+    ECHO_OF_ONE: f64 = 3.0, "1";
+    /// Samples that a process must take to settle: what OP did between fewer explains as much as a gap. Truth: without it and
+    /// [`NOISY`] 4.3 % of what was said of gaps that cannot be told was false, with them and [`GAP`] 2.7 % (ADR 0010).
+    SAMPLES_IN_LAG: f64 = 5.0, "samples";
+    /// Samples in which OP goes through the gap, by its mean move, from which on that does not matter. FIC46005 (ADR 0010).
+    SAMPLES_IN_GAP: f64 = 25.0, "samples";
+    /// Standard deviations of PV's noise that a gap must make of PV for a width with two limits. That of the bench's
+    /// identifiable gaps (ADR 0010).
+    NOISY: f64 = 3.0, "σ";
+    /// Part of the width that the model's valve must move: else it is a step of PV at a time and of a size that are free. FIC20102.
+    MOVES: f64 = 0.1, "1";
+    /// Spread of the times from one traversal to the next the same way, part of their mean, below which OP swings evenly.
+    /// Loads: triangles and a neighbour's cycle (ADR 0012).
+    EVEN_SWING: f64 = 0.3, "1";
+    /// Fewest of these times. Loads.
+    FEWEST_SWINGS: usize = 6, "swings";
+    /// How much more than the bow of its lines a gap must make of a PV that a historian drew. Loads, swinging door.
+    DRAWN: f64 = 10.0, "1";
+    /// Greatest share of corners between lines among the moving samples of such a PV. Loads, swinging door.
+    CORNERS: f64 = 0.4, "1";
+
+    /// Fewest steps of a load: fewer may each be the valve that breaks loose late (ADR 0009). Simulations.
+    FEWEST_STEPS: usize = 5, "steps";
+    /// The same of bends. Loads (ADR 0012).
+    FEWEST_BENDS: usize = 2, "bends";
+    /// Cells to a step or bend at least: a load that changes oftener is not one whose changes can be told (ADR
+    /// 0009). Simulations.
+    CELLS_A_CHANGE: usize = 40, "cells";
+    /// LR that a step or bend must bring to be tried. Simulations.
+    CLEAR_CHANGE: f64 = 15.0, "−2·ln L";
+    /// The same for a step of a load that walks. Simulations and real loops.
+    LARGE_STEP: f64 = 50.0, "−2·ln L";
+    /// How wide such a step must be against the gap: what is smaller may be the valve. Simulations.
+    WIDER_THAN_GAP: f64 = 1.2, "1";
+    /// Of n steps more than n/2 + 0.82·√n go with OP in 5 % of loads, which know nothing of OP. FIC46005: 21 of 25.
+    ALONG_OP: f64 = 0.82, "1";
+
+    /// Mean rise of −2·ln L over the width of all records that is no disagreement. `bench.lengths` (ADR 0012).
+    AGREES: f64 = 4.0, "−2·ln L";
+    /// Dispersion of records of one width from which on they disagree. `bench.lengths` (ADR 0012).
+    DISAGREE: f64 = 5.0, "1";
+    /// Widths with two limits that a change in time must rest on, and its standard errors.
+    TREND_WIDTHS: usize = 5, "widths";
+    /// See [`TREND_WIDTHS`].
+    TREND_ERRORS: f64 = 3.0, "standard errors";
+
+    /// Share of the position's variance that its model must explain. P1 to P8 under five recorders: 240 records, no miss.
+    POSITION_EXPLAINED: f64 = 0.5, "1";
+    /// Share of the width above which all of it is slip jump, by the position. No bench of its own.
+    POSITION_ALL_JUMP: f64 = 0.95, "1";
+}

@@ -1,0 +1,89 @@
+//! The one question: how wide is the lost motion that all of these records share?
+
+use crate::data::cells::Cells;
+use crate::data::record::{Record, Signals, Stretch};
+use crate::data::samples::{Samples, Unfit};
+use crate::data::signal::{Unit, bow, without_spikes};
+use crate::decide::joint::{JointAnswer, joint};
+use crate::decide::record::{Fitted, fit_record};
+use crate::model::structure::Theta;
+use crate::search::decimation::{FEWEST, MOST_CELLS, cell, look};
+use crate::search::screen::rescaled;
+use rayon::prelude::*;
+
+/// Records of one valve, whether windows of one history or recordings of different days: they share the lost motion, and
+/// everything else (process, noise, load, step, cells) is each one's own.
+#[derive(Clone, Debug)]
+pub struct Problem<'a> {
+    /// The records, in the order of time.
+    pub records: Vec<Record<'a>>,
+    /// Sign of the process gain where it is known, else 0.
+    pub sign: f64,
+    /// Records simulated without a gap at most, to find how large the likelihood ratio gets by chance; 0 for none.
+    pub bootstrap: usize,
+}
+
+impl Problem<'_> {
+    /// The problem of all samples that can be fitted, `bootstrap` as is usual.
+    ///
+    /// # Errors
+    ///
+    /// Why the first cannot, where none can.
+    pub fn of(samples: &[Samples], sign: f64) -> Result<Self, Unfit> {
+        Ok(Self { records: records(samples)?, sign, bootstrap: BOOTSTRAP })
+    }
+}
+
+/// The records of all samples that can be fitted, else why the first cannot.
+pub(crate) fn records(samples: &[Samples]) -> Result<Vec<Record<'static>>, Unfit> {
+    let all: Vec<Result<Record, Unfit>> = samples.iter().map(Samples::record).collect();
+    let why = all.iter().find_map(|record| record.as_ref().err().copied()).unwrap_or(Unfit::Few);
+    let fit: Vec<Record> = all.into_iter().flatten().collect();
+    if fit.is_empty() { Err(why) } else { Ok(fit) }
+}
+
+/// Records that are simulated at most.
+const BOOTSTRAP: usize = 400;
+
+/// Answers the problem: each record by itself, and all together. A single long record is cut into windows first.
+///
+/// # Errors
+///
+/// Where no record has 50 samples together in which OP moves.
+pub fn fit(problem: &Problem) -> Result<JointAnswer, Unfit> {
+    let stretches = || problem.records.iter().flat_map(|record| &record.stretches);
+    let (op, pv) = (Unit::of(stretches().map(|s| &*s.op)), Unit::of(stretches().map(|s| &*s.pv)));
+    let scaled = |s: &Stretch| Stretch {
+        start: s.start,
+        pv: without_spikes(pv.scaled(&s.pv)).into(),
+        op: op.scaled(&s.op).into(),
+    };
+    let scaled: Vec<Record> = problem
+        .records
+        .iter()
+        .map(|record| Record { h: record.h, stretches: record.stretches.iter().map(scaled).collect() })
+        .collect();
+    let signals: Vec<Signals> = scaled.iter().flat_map(Record::signals).collect();
+    let cell = cell(&signals, problem.sign).ok_or(Unfit::Few)?;
+    let records = if let [one] = scaled.as_slice() { one.windows(cell * MOST_CELLS) } else { scaled };
+    let fitted: Vec<(Record, Fitted)> = records
+        .into_par_iter()
+        .filter_map(|record| {
+            let fitted = alone(&record, cell, problem)?;
+            Some((record, fitted))
+        })
+        .collect();
+    joint(fitted, problem, op, pv).ok_or(Unfit::Few)
+}
+
+/// One record by itself, in cells of at most so many steps.
+fn alone(record: &Record, cell: usize, problem: &Problem) -> Option<Fitted> {
+    let signals = record.signals();
+    let (seeds, looked) = look(&signals, problem.sign)?;
+    let finest = ((record.steps() + MOST_CELLS / 2) / MOST_CELLS).clamp(1, cell);
+    let times = looked as f64 / finest as f64;
+    let cells = Cells::new(&signals, finest);
+    let seeds: Vec<Theta> = seeds.iter().map(|theta| rescaled(theta, times)).collect();
+    let bow = signals.iter().map(|(pv, _)| bow(pv)).fold(0.0, f64::max);
+    (cells.count >= FEWEST).then(|| fit_record(&cells, &seeds, record.h, bow, problem))
+}

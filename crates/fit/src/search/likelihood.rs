@@ -1,0 +1,650 @@
+//! The likelihood of one family and its maximum for a given lost motion.
+
+use crate::data::cells::{Cells, Positions};
+use crate::model::kalman::{LoadChange, UNKNOWN, Whitened};
+use crate::model::lanes::{LANES, Lanes, Wide, Work, widest};
+use crate::model::lost_motion::LostMotion;
+use crate::model::structure::{MOST, Noise, Structure, Theta};
+use pulp::Simd;
+use std::cell::RefCell;
+use std::f64::consts::PI;
+use std::ops::Range;
+
+/// A point of the search: the family's parameters and what they are worth.
+#[derive(Clone, Debug)]
+pub(crate) struct Point {
+    pub(crate) theta: Theta,
+    /// −2·ln L but for a constant, the size of the noise and the gain at their best.
+    pub(crate) cost: f64,
+    /// Static gain (of an integrating process: velocity gain a cell) [PV unit / OP unit].
+    pub(crate) kp: f64,
+    pub(crate) lost: LostMotion,
+    /// Σ ε_y·ε_v/S and Σ ε_v²/S, of which the gain is the ratio.
+    products: (f64, f64),
+}
+
+/// What the likelihood is made of: `residual` = innovation/√S·exp(Σ ln S/2n), whose sum of squares is to be least.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Innovations {
+    pub(crate) residual: Vec<Lanes>,
+    pub(crate) kp: Lanes,
+    sums: Sums,
+    pub(crate) sum: Lanes,
+    /// Sum of squares with gain 0: what the disturbance alone explains.
+    pub(crate) sum_without: Lanes,
+    /// exp(Σ ln S/2n).
+    pub(crate) scale: Lanes,
+    /// Σ Δᵢ·Δ for every lane i, where Δ is the residual of the first lane and what it is more in each other.
+    products: [Lanes; LANES],
+}
+
+impl Innovations {
+    pub(crate) fn lane(&self, lane: usize) -> Vec<f64> {
+        self.residual.iter().map(|r| r[lane]).collect()
+    }
+}
+
+/// Sums of squares and products of the innovations of PV and of the answer.
+#[derive(Clone, Copy, Debug, Default)]
+struct Sums {
+    yy: Lanes,
+    yv: Lanes,
+    vv: Lanes,
+}
+
+/// What a pass is made for.
+#[derive(Clone, Copy, PartialEq)]
+enum Wanted {
+    /// The sums of the innovations of PV and of the answer.
+    Sums,
+    /// The sum of the squares of the residuals.
+    Least,
+    /// Every residual.
+    Residuals,
+    /// The products of the residuals.
+    Products,
+}
+
+/// Room for one pass, kept from one to the next.
+#[derive(Default)]
+struct Workspace {
+    delayed: Vec<Lanes>,
+    shifted: Vec<f64>,
+    /// Jumps of each stretch.
+    changes: Vec<Vec<LoadChange>>,
+    white: Whitened,
+    found: Innovations,
+}
+
+/// Cells in which a slope of the load may go through OP's range.
+const LONG: f64 = 100.0;
+
+/// Cells after which what the filter was told at first is forgotten.
+const SETTLED: usize = 100;
+
+thread_local! {
+    static WORKSPACE: RefCell<Workspace> = RefCell::default();
+}
+
+/// One family on one record. `sign`: that of the gain where it is known, else 0.
+#[derive(Clone, Copy)]
+pub(crate) struct Search<'a> {
+    pub(crate) record: &'a Cells,
+    pub(crate) structure: Structure,
+    pub(crate) sign: f64,
+}
+
+/// The gain that makes the least of Σ r², not of the other sign.
+fn gain(yv: f64, vv: f64, sign: f64) -> f64 {
+    let kp = if vv > 1e-300 { yv / vv } else { 0.0 };
+    if kp * sign < 0.0 { 0.0 } else { kp }
+}
+
+/// A point with the slope and the curvature of the likelihood there.
+struct Local {
+    theta: Theta,
+    kp: f64,
+    products: (f64, f64),
+    sum: f64,
+    /// JᵀJ and −Jᵀr.
+    normal: [[f64; MOST]; MOST],
+    down: Theta,
+}
+
+/// A pass over some of the stretches of a record: eight sets of parameters at once.
+struct Pass<'r, 's> {
+    search: &'s Search<'s>,
+    workspace: &'r mut Workspace,
+    thetas: &'s [Theta; LANES],
+    stretches: Range<usize>,
+    /// The positions for a lane in a stretch, as far as they are wanted.
+    positions: &'s dyn Fn(usize, usize) -> &'s [f64],
+    /// The changes of the load for a lane in a stretch.
+    changes: &'s dyn Fn(usize, usize) -> &'s Vec<f64>,
+    wanted: Wanted,
+}
+
+impl Work for Pass<'_, '_> {
+    #[inline(always)]
+    fn run<S: Simd, const R: usize>(self, simd: S) {
+        let Self { search, workspace, thetas, stretches, positions, changes, wanted } = self;
+        let Search { record, structure, .. } = search;
+        // PV's mean over a cell lies half a cell behind its first step, OP's mean acts from the first step on. OP never acts on
+        // the PV of its own step: it is the controller's answer to that PV, and would explain it all too well.
+        let cell = record.cell as f64;
+        let delay = Lanes::each(|l| thetas[l][structure.dead_time_at()] - (cell - 1.0) / (2.0 * cell));
+        workspace.delayed.clear();
+        for i in stretches.clone() {
+            let from = workspace.delayed.len();
+            let first = positions(0, i);
+            workspace.delayed.extend(delayed(first, delay[0], &mut workspace.shifted).map(Lanes::all));
+            for l in 1..LANES {
+                // Most lanes differ in something else.
+                let v = positions(l, i);
+                if delay[l] != delay[0] || !std::ptr::eq(v, first) {
+                    let of_lane = delayed(v, delay[l], &mut workspace.shifted);
+                    workspace.delayed[from..].iter_mut().zip(of_lane).for_each(|(delayed, v)| delayed[l] = v);
+                }
+            }
+        }
+        workspace.changes.clear();
+        for i in stretches.clone() {
+            workspace.changes.push(LoadChange::gathered(|l| changes(l, i).as_slice()));
+        }
+        workspace.white.clear();
+        let mut rest = workspace.delayed.as_slice();
+        let inputs = stretches.zip(&workspace.changes).map(|(i, changes)| {
+            let (v, after) = rest.split_at(positions(0, i).len());
+            rest = after;
+            (&record.stretches[i].y[..v.len()], changes.as_slice(), v)
+        });
+        structure.whiten::<S, R>(simd, thetas, inputs, &mut workspace.white);
+        search.gain_and_residuals::<S, R>(simd, &workspace.white, &mut workspace.found, wanted);
+    }
+}
+
+/// The response of a process to positions alone.
+struct Response<'s> {
+    structure: Structure,
+    theta: &'s Theta,
+    positions: &'s [Lanes],
+    white: &'s mut Whitened,
+}
+
+impl Work for Response<'_> {
+    #[inline(always)]
+    fn run<S: Simd, const R: usize>(self, simd: S) {
+        let nothing = vec![0.0; self.positions.len()];
+        let alone = [(nothing.as_slice(), [].as_slice(), self.positions)];
+        self.structure.whiten::<S, R>(simd, &[*self.theta; LANES], alone.into_iter(), self.white);
+    }
+}
+
+impl Search<'_> {
+    /// Eight sets of parameters at once, each with the positions of one lost motion; `then` takes what it needs of it.
+    fn innovations<T>(
+        &self,
+        thetas: &[Theta; LANES],
+        positions: &Positions,
+        wanted: Wanted,
+        then: impl FnOnce(&Innovations) -> T,
+    ) -> T {
+        let all = 0..self.record.stretches.len();
+        let changes = |_, i: usize| &self.record.stretches[i].changes;
+        self.pass(thetas, all, &|_, i| &positions[i], &changes, wanted, |workspace| then(&workspace.found))
+    }
+
+    /// Σ r² with eight other sets of changes in one of the stretches, each as large as the record's own.
+    pub(crate) fn with_other_changes(
+        &self,
+        theta: &Theta,
+        positions: &Positions,
+        stretch: usize,
+        changes: &[Vec<f64>; LANES],
+    ) -> Lanes {
+        let all = 0..self.record.stretches.len();
+        let of = |l: usize, i: usize| if i == stretch { &changes[l] } else { &self.record.stretches[i].changes };
+        self.pass(&[*theta; LANES], all, &|_, i| &positions[i], &of, Wanted::Least, |workspace| workspace.found.sum)
+    }
+
+    /// See [`Pass`].
+    fn pass<'s, T>(
+        &'s self,
+        thetas: &'s [Theta; LANES],
+        stretches: Range<usize>,
+        positions: &'s dyn Fn(usize, usize) -> &'s [f64],
+        changes: &'s dyn Fn(usize, usize) -> &'s Vec<f64>,
+        wanted: Wanted,
+        then: impl FnOnce(&Workspace) -> T,
+    ) -> T {
+        WORKSPACE.with_borrow_mut(|workspace| {
+            widest(Pass { search: self, workspace, thetas, stretches, positions, changes, wanted });
+            then(workspace)
+        })
+    }
+
+    /// Gain and residuals from what a pass left.
+    #[inline(always)]
+    fn gain_and_residuals<S: Simd, const R: usize>(
+        &self,
+        simd: S,
+        white: &Whitened,
+        found: &mut Innovations,
+        wanted: Wanted,
+    ) {
+        let load = |lanes: &Lanes| Wide::<S, R>::load(simd, lanes);
+        let nothing = Wide::<S, R>::all(simd, 0.0);
+        let (mut yy, mut yv, mut vv) = (nothing, nothing, nothing);
+        for (y, v) in white.of_y.iter().zip(&white.of_v) {
+            let (y, v) = (load(y), load(v));
+            yy += y * y;
+            yv += y * v;
+            vv += v * v;
+        }
+        found.sums = Sums { yy: yy.lanes(), yv: yv.lanes(), vv: vv.lanes() };
+        found.residual.clear();
+        if wanted == Wanted::Sums {
+            return;
+        }
+        let sums = found.sums;
+        found.kp = Lanes::each(|l| gain(sums.yv[l], sums.vv[l], self.sign));
+        let freedom = self.record.freedom();
+        // A change's size is free: it costs nothing here, and Search::price_of_changes what it is worth.
+        let free = self.record.changes() as f64 * UNKNOWN.ln();
+        found.scale = Lanes::each(|l| ((white.log_s[l] - free) / (2.0 * freedom)).exp());
+        found.sum_without = Lanes::each(|l| sums.yy[l] * found.scale[l] * found.scale[l]);
+        let (kp, scale) = (load(&found.kp), load(&found.scale));
+        let mut sum = nothing;
+        let mut products = [nothing; LANES];
+        let first = load(&Lanes::each(|l| if l == 0 { 0.0 } else { 1.0 }));
+        for (y, v) in white.of_y.iter().zip(&white.of_v) {
+            let r = (load(y) - kp * load(v)) * scale;
+            sum += r * r;
+            match wanted {
+                Wanted::Sums | Wanted::Least => {}
+                Wanted::Residuals => found.residual.push(r.lanes()),
+                Wanted::Products => {
+                    let more = r - first * Wide::all(simd, r.lanes()[0]);
+                    let each = more.lanes();
+                    for l in 0..LANES {
+                        products[l] += Wide::all(simd, each[l]) * more;
+                    }
+                }
+            }
+        }
+        found.sum = sum.lanes();
+        found.products = products.map(Wide::lanes);
+    }
+
+    /// θ with the variance of its first disturbance that explains most: how restless a load is spans many powers of ten.
+    pub(crate) fn with_best_load_variance(&self, theta: Theta, lost: &LostMotion) -> Theta {
+        let thetas: [Theta; LANES] = std::array::from_fn(|l| {
+            let mut theta = theta;
+            theta[self.structure.lags + 1] = 2.5 * l as f64 - 8.0;
+            theta
+        });
+        let positions = self.record.positions(lost);
+        let sums = self.innovations(&thetas, &positions, Wanted::Least, |found| found.sum);
+        thetas[(0..LANES).min_by(|a, b| sums[*a].total_cmp(&sums[*b])).expect("eight lanes")]
+    }
+
+    /// One set of parameters: the first lane tells.
+    pub(crate) fn at(&self, theta: &Theta, positions: &Positions) -> Innovations {
+        self.innovations(&[*theta; LANES], positions, Wanted::Residuals, Innovations::clone)
+    }
+
+    /// −2·ln L with the size of the noise at its best.
+    pub(crate) fn cost(&self, sum: f64) -> f64 {
+        let freedom = self.record.freedom();
+        freedom * ((sum.max(1e-300) / freedom).ln() + 1.0 + (2.0 * PI).ln())
+    }
+
+    /// What the changes of the load that are marked cost at `point` [−2·ln L]: each may lie at any cell, and be as large as OP's
+    /// range, that of a slope as large as that in a hundred cells.
+    pub(crate) fn price_of_changes(&self, point: &Point) -> f64 {
+        if self.record.changes() == 0 {
+            return 0.0;
+        }
+        let positions = self.record.positions(&point.lost);
+        let (sum, scale) =
+            self.innovations(&[point.theta; LANES], &positions, Wanted::Least, |found| (found.sum[0], found.scale[0]));
+        let white = sum / (scale * scale) / self.record.freedom();
+        // What OP could do, or what PV did: a process that hardly answers OP pays no less for its changes.
+        let seen = if self.structure.integrating { 0.0 } else { self.record.span };
+        let mut size = (point.kp * self.record.range).abs().max(seen).powi(2) / white;
+        if matches!(self.structure.noise, Noise::Lines | Noise::Bends) {
+            size /= LONG * LONG;
+        }
+        let (changes, cells) = (self.record.changes(), self.record.count);
+        // They may come in any order: ln of the binomial coefficient.
+        let places: f64 = (0..changes).map(|j| ((cells - j) as f64 / (j + 1) as f64).ln()).sum();
+        changes as f64 * (size / (2.0 * PI)).ln().max(0.0) + 2.0 * places
+    }
+
+    /// What a unit step of the load (of its slope, where that is what changes), with gain 1, leaves in the innovations over the
+    /// `cells` after it, once the filter has settled.
+    pub(crate) fn answer(&self, theta: &Theta, cells: usize) -> Vec<f64> {
+        let before = 400;
+        let lines = matches!(self.structure.noise, Noise::Lines | Noise::Bends);
+        let load = |k: usize| {
+            if k < before {
+                0.0
+            } else if lines {
+                (k - before) as f64
+            } else {
+                1.0
+            }
+        };
+        let step: Vec<Lanes> = (0..before + cells).map(|k| Lanes::all(load(k))).collect();
+        let mut white = Whitened::default();
+        widest(Response { structure: self.structure, theta, positions: &step, white: &mut white });
+        white.of_v[before..].iter().map(|v| v[0]).collect()
+    }
+
+    /// Whitened PV, and what a unit of each of the inputs makes of it.
+    pub(crate) fn answers(&self, theta: &Theta, inputs: &[&Positions]) -> (Vec<f64>, Vec<Vec<f64>>) {
+        let all = 0..self.record.stretches.len();
+        let (mut of_y, mut answers) = (Vec::new(), Vec::new());
+        for eight in inputs.chunks(LANES) {
+            let of = |l: usize, i: usize| eight[l.min(eight.len() - 1)][i].as_slice();
+            let changes = |_, i: usize| &self.record.stretches[i].changes;
+            self.pass(&[*theta; LANES], all.clone(), &of, &changes, Wanted::Sums, |workspace| {
+                of_y = workspace.white.of_y.iter().map(|y| y[0]).collect();
+                answers
+                    .extend((0..eight.len()).map(|l| workspace.white.of_v.iter().map(|v| v[l]).collect::<Vec<f64>>()));
+            });
+        }
+        (of_y, answers)
+    }
+
+    /// θ in the first lane, in the others θ with one parameter moved, and by how much.
+    fn perturbed(&self, theta: &Theta) -> ([Theta; LANES], Theta) {
+        let n = self.record.count as f64;
+        let mut thetas = [*theta; LANES];
+        let mut by = [1.0; MOST];
+        for j in 0..self.structure.parameters() {
+            let moved = &mut thetas[j + 1];
+            moved[j] += 1e-4;
+            *moved = self.structure.bounded(*moved, n);
+            if moved[j] == theta[j] {
+                moved[j] -= 1e-4;
+            }
+            by[j] = moved[j] - theta[j];
+        }
+        (thetas, by)
+    }
+
+    /// Residuals at θ and their derivatives by each parameter, a column each.
+    pub(crate) fn slopes(&self, theta: &Theta, positions: &Positions) -> (Vec<f64>, Vec<Vec<f64>>) {
+        let (thetas, by) = self.perturbed(theta);
+        self.innovations(&thetas, positions, Wanted::Residuals, |found| {
+            let slope = |j: usize| found.residual.iter().map(|r| (r[j + 1] - r[0]) / by[j]).collect();
+            (found.lane(0), (0..self.structure.parameters()).map(slope).collect())
+        })
+    }
+
+    /// θ with slope and curvature, in one pass.
+    fn local(&self, theta: Theta, positions: &Positions) -> Local {
+        let (thetas, by) = self.perturbed(&theta);
+        let k = self.structure.parameters();
+        self.innovations(&thetas, positions, Wanted::Products, |found| {
+            let (mut normal, mut down) = ([[0.0; MOST]; MOST], [0.0; MOST]);
+            for i in 0..k {
+                for j in 0..k {
+                    normal[i][j] = found.products[i + 1][j + 1] / (by[i] * by[j]);
+                }
+                down[i] = -found.products[0][i + 1] / by[i];
+            }
+            let products = (found.sums.yv[0], found.sums.vv[0]);
+            Local { theta, kp: found.kp[0], products, sum: found.sum[0], normal, down }
+        })
+    }
+
+    /// The damped step from a point and how far it should bring Σ r² down. Parameters that stand at a bound and would leave it
+    /// stay.
+    fn step(&self, from: &Local, damping: f64) -> (Theta, f64) {
+        let n = self.record.count as f64;
+        let k = self.structure.parameters();
+        let (mut normal, mut down) = (from.normal, from.down);
+        let flat = (0..k).map(|i| normal[i][i]).fold(0.0, f64::max) * 1e-9 + 1e-300;
+        for (i, row) in normal.iter_mut().enumerate().take(k) {
+            row[i] += damping * row[i] + flat;
+        }
+        let mut there = from.theta;
+        for _ in 0..k {
+            let step = solve(normal, down, k);
+            there = from.theta;
+            for i in 0..k {
+                there[i] += step[i].clamp(-1.5, 1.5);
+            }
+            let free = there;
+            there = self.structure.bounded(there, n);
+            let mut held = (0..k).filter(|i| there[*i] != free[*i] && there[*i] == from.theta[*i]).peekable();
+            if held.peek().is_none() {
+                break;
+            }
+            for i in held {
+                down[i] = 0.0;
+                for j in 0..k {
+                    (normal[i][j], normal[j][i]) = (0.0, 0.0);
+                }
+                normal[i][i] = 1.0;
+            }
+        }
+        let mut less = 0.0;
+        for i in 0..k {
+            let by = there[i] - from.theta[i];
+            less +=
+                by * (2.0 * from.down[i] - (0..k).map(|j| from.normal[i][j] * (there[j] - from.theta[j])).sum::<f64>());
+        }
+        (there, less)
+    }
+
+    /// Levenberg–Marquardt from `theta`, at most `rounds` steps, until a step brings less than `enough` of −2·ln L, or as
+    /// soon as it is plain that it will not come below `unless`.
+    pub(crate) fn descend(&self, theta: Theta, lost: &LostMotion, rounds: usize, enough: f64, unless: f64) -> Point {
+        let n = self.record.count as f64;
+        let positions = self.record.positions(lost);
+        let mut here = self.local(self.structure.bounded(theta, n), &positions);
+        let mut damping = 1e-2;
+        for _ in 0..rounds {
+            let (there, less) = self.step(&here, damping);
+            let foreseen = self.cost(here.sum) - self.cost((here.sum - less).max(0.1 * here.sum));
+            if foreseen < enough || self.cost(here.sum) - 3.0 * foreseen > unless {
+                break;
+            }
+            let next = self.local(there, &positions);
+            let before = here.sum;
+            if next.sum < before {
+                here = next;
+                damping = (damping / 10.0).max(1e-8);
+            } else {
+                // Too far: eight shorter steps at once.
+                let dampings = Lanes::each(|l| damping * 10f64.powi(l as i32 + 1));
+                let thetas = dampings.map(|damping| self.step(&here, damping).0);
+                let sums = self.innovations(&thetas, &positions, Wanted::Least, |found| found.sum);
+                let best = (0..LANES).min_by(|a, b| sums[*a].total_cmp(&sums[*b])).expect("eight lanes");
+                if sums[best] >= before {
+                    break;
+                }
+                here = self.local(thetas[best], &positions);
+                damping = dampings[best];
+            }
+            if self.cost(before) - self.cost(here.sum) < enough {
+                break;
+            }
+        }
+        let Local { theta, kp, products, sum, .. } = here;
+        Point { theta, cost: self.cost(sum), kp, lost: lost.clone(), products }
+    }
+
+    /// The best start of each stretch within the gap at a point, to a few hundredths of the gap; the gain follows.
+    fn placed(&self, point: &Point) -> LostMotion {
+        let lost = &point.lost;
+        let mut best = lost.clone();
+        let (mut yv, mut vv) = point.products;
+        for (i, stretch) in self.record.stretches.iter().enumerate() {
+            let open = stretch.open(lost.d, self.record.cell);
+            if open < 3 {
+                continue;
+            }
+            // From there on the start shows no longer.
+            let cells = (2 * open + SETTLED).min(stretch.y.len());
+            let tried = |places: Lanes| {
+                self.beginnings(point, i, &places.map(|place| stretch.positions(lost, place, self.record.cell, cells)))
+            };
+            let better = |sums: &Sums, rest: (f64, f64)| {
+                let bought = |l: usize| {
+                    let (yv, vv) = (rest.0 + sums.yv[l], rest.1 + sums.vv[l]);
+                    gain(yv, vv, self.sign) * yv
+                };
+                (0..LANES).max_by(|a, b| bought(*a).total_cmp(&bought(*b))).expect("eight lanes")
+            };
+            // As it stands, and seven places over all of the gap; then eight around the best.
+            let places = Lanes::each(|l| if l == 0 { lost.start[i] } else { (l as f64 - 1.0) / 6.0 });
+            let first = tried(places);
+            let rest = (yv - first.yv[0], vv - first.vv[0]);
+            let centre = places[better(&first, rest)];
+            let places = Lanes::each(|l| (centre + (l as f64 - 3.5) / 30.0).clamp(0.0, 1.0));
+            let second = tried(places);
+            let found = better(&second, rest);
+            best.start[i] = places[found];
+            (yv, vv) = (rest.0 + second.yv[found], rest.1 + second.vv[found]);
+        }
+        best
+    }
+
+    /// Sums over the beginning of one stretch, each lane with positions of its own.
+    fn beginnings(&self, point: &Point, stretch: usize, positions: &[Vec<f64>; LANES]) -> Sums {
+        let changes = &self.record.stretches[stretch].changes;
+        let of = |l: usize, _| positions[l].as_slice();
+        self.pass(&[point.theta; LANES], stretch..stretch + 1, &of, &|_, _| changes, Wanted::Sums, |workspace| {
+            workspace.found.sums
+        })
+    }
+
+    /// The best of several beginnings, each with its best starts in the gap; one that will plainly not come below `unless` or
+    /// another beginning is left where it is.
+    pub(crate) fn from(&self, beginnings: &[(Theta, LostMotion)], rounds: usize, enough: f64, unless: f64) -> Point {
+        let mut unless = unless;
+        let ends = beginnings.iter().map(|(theta, lost)| {
+            let mut point = self.descend(*theta, lost, rounds, enough, unless);
+            let placed = self.placed(&point);
+            if placed != point.lost {
+                point = self.descend(point.theta, &placed, rounds.div_ceil(2), enough, unless);
+            }
+            unless = unless.min(point.cost);
+            point
+        });
+        ends.min_by(|a, b| a.cost.total_cmp(&b.cost)).expect("at least one beginning")
+    }
+}
+
+/// What `v` was `delay` cells before each of its cells; before its beginning what it was there. `shifted`: room for it.
+#[inline(always)]
+fn delayed<'s>(v: &[f64], delay: f64, shifted: &'s mut Vec<f64>) -> impl Iterator<Item = f64> + use<'s> {
+    let (n, whole) = (v.len() as isize, delay.floor());
+    let part = delay - whole;
+    // `whole` cells before, from the cell before the first on.
+    let unseen = (whole as isize + 1).clamp(0, n + 1);
+    let skipped = (-1 - whole as isize).clamp(0, n);
+    shifted.clear();
+    shifted.resize(unseen as usize, v[0]);
+    shifted.extend(v[skipped as usize..].iter().take((n + 1 - unseen) as usize));
+    shifted.resize(v.len() + 1, v[v.len() - 1]);
+    shifted.windows(2).map(move |two| (1.0 - part) * two[1] + part * two[0])
+}
+
+pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    // Four sums at once: the order is stated, so that every machine gets the same bits.
+    let mut sums = [0.0; 4];
+    let (a4, b4) = (a.chunks_exact(4), b.chunks_exact(4));
+    let rest: f64 = a4.remainder().iter().zip(b4.remainder()).map(|(x, y)| x * y).sum();
+    for (x, y) in a4.zip(b4) {
+        for i in 0..4 {
+            sums[i] += x[i] * y[i];
+        }
+    }
+    (sums[0] + sums[1]) + (sums[2] + sums[3]) + rest
+}
+
+/// Solves the symmetric, positive definite a·x = b of order `k` by Cholesky's factors; no move where it is not definite.
+pub(crate) fn solve(mut a: [[f64; MOST]; MOST], mut b: Theta, k: usize) -> Theta {
+    for j in 0..k {
+        for i in j..k {
+            let sum: f64 = (0..j).map(|m| a[i][m] * a[j][m]).sum();
+            let rest = a[i][j] - sum;
+            if i == j {
+                if rest <= 0.0 {
+                    return [0.0; MOST];
+                }
+                a[j][j] = rest.sqrt();
+            } else {
+                a[i][j] = rest / a[j][j];
+            }
+        }
+    }
+    for i in 0..k {
+        let sum: f64 = (0..i).map(|m| a[i][m] * b[m]).sum();
+        b[i] = (b[i] - sum) / a[i][i];
+    }
+    for i in (0..k).rev() {
+        let sum: f64 = (i + 1..k).map(|m| a[m][i] * b[m]).sum();
+        b[i] = (b[i] - sum) / a[i][i];
+    }
+    b
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pulp::Scalar;
+
+    /// What a pass makes of a record with a hole and a change of the load, in registers of the instructions `S`.
+    fn passed<S: Simd, const R: usize>(simd: S, structure: Structure) -> [u64; 2 * LANES] {
+        let u: Vec<f64> = (0..200).map(|k| (f64::from(k) * 0.1).sin()).collect();
+        let mut y: Vec<f64> =
+            (0..200).map(|k| (f64::from(k) * 0.1 - 1.0).sin() + 0.01 * f64::from(k * 7919 % 13)).collect();
+        y[70..75].fill(f64::NAN);
+        let record = Cells::new(&[(&y, &u)], 1).with_changes(vec![vec![120.3]]);
+        let search = Search { record: &record, structure, sign: 1.0 };
+        let (thetas, _) = search.perturbed(&structure.beginning(8.0, 2.4));
+        let positions = record.positions(&LostMotion::gap(0.1, 1));
+        let mut workspace = Workspace::default();
+        let pass = Pass {
+            search: &search,
+            workspace: &mut workspace,
+            thetas: &thetas,
+            stretches: 0..1,
+            positions: &|_, i| positions[i].as_slice(),
+            changes: &|_, i| &record.stretches[i].changes,
+            wanted: Wanted::Products,
+        };
+        pass.run::<S, R>(simd);
+        std::array::from_fn(|i| {
+            if i < LANES { workspace.found.sum[i] } else { workspace.found.products[1][i - LANES] }.to_bits()
+        })
+    }
+
+    #[test]
+    fn registers_of_every_width_give_the_same_bits() {
+        let of_lines = [Noise::Slope, Noise::Lines, Noise::Bends];
+        for noise in [Noise::Still, Noise::Input, Noise::Output, Noise::Both].into_iter().chain(of_lines) {
+            for lags in [2, 3] {
+                let structure = Structure { lags, integrating: false, noise };
+                let alone = passed::<Scalar, LANES>(Scalar::new(), structure);
+                assert!(alone.iter().all(|bits| f64::from_bits(*bits).is_finite()));
+                #[cfg(target_arch = "x86_64")]
+                {
+                    use pulp::x86::{V3, V4};
+                    if let Some(v3) = V3::try_new() {
+                        assert_eq!(passed::<V3, 2>(v3, structure), alone, "{structure:?}");
+                    }
+                    if let Some(v4) = V4::try_new() {
+                        assert_eq!(passed::<V4, 1>(v4, structure), alone, "{structure:?}");
+                    }
+                }
+            }
+        }
+    }
+}

@@ -209,6 +209,7 @@ fn compensating() -> PidAdvanced<f64> {
         travel: 1e9,
         reversals: 1e9,
         withdraw: true,
+        estimate: true,
         limits: Saturation::none(),
     };
     let advanced = PidAdvancedSettings { compensation: Some(compensation), ..PidAdvancedSettings::new(settings()) };

@@ -529,7 +529,7 @@ def both_warnings() -> dict[str, tuple[Spread, Spread]]:
     controller = P1_TUNINGS["Ms 1.4"]
     found = {}
     for name, size in COMPENSATED.items():
-        given = Compensation(way="error", size=size, begin=1500.0, withdraw=False)
+        given = Compensation(way="error", size=size, begin=1500.0, withdraw=False, estimate=False)
         scenario = short(
             plant="P1", controller=controller, d=GAP, t_end=3000, compensation=given, **NEAREST | {"h": 0.05}
         )
@@ -561,7 +561,7 @@ def figure_7_11() -> Shown:
         controller=P1_TUNINGS["Ms 1.4"],
         d=GAP,
         t_end=400,
-        compensation=Compensation(way="error", size=0.07, begin=300.0, withdraw=False),
+        compensation=Compensation(way="error", size=0.07, begin=300.0, withdraw=False, estimate=False),
         **NEAREST | {"h": 0.05},
     )
     signals = run(scenario)
@@ -630,7 +630,7 @@ def relay_cycles_simulated() -> dict[str, tuple[Cycle, Cycle]]:
         controller = rounded(migo(name, "PI", ms=1.4).controller)
         (predicted, *_) = over_compensation(name, COMPENSATION, GAP)
         h = predicted.period / 500
-        given = Compensation(way="error", size=COMPENSATION, withdraw=False)
+        given = Compensation(way="error", size=COMPENSATION, withdraw=False, estimate=False)
         signals = run(
             short(
                 plant=name,

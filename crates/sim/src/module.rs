@@ -76,8 +76,11 @@ pub(crate) struct Kind {
     commands: &'static [&'static str],
     /// What can only be read.
     variables: &'static [&'static [&'static str]],
-    make: fn(&Module, Place) -> Result<Box<dyn Work>, SimError>,
+    make: Make,
 }
+
+/// Makes a module of a kind.
+type Make = fn(&Module, Place) -> Result<Box<dyn Work>, SimError>;
 
 /// A parameter: its name, and what it is where it is not given.
 type Parameter = (&'static str, Usual);
@@ -136,7 +139,7 @@ pub(crate) trait Work: Send + Sync {
 
 impl Kind {
     /// One input, one output, nothing else.
-    const fn plain(name: &'static str, make: fn(&Module, Place) -> Result<Box<dyn Work>, SimError>) -> Self {
+    const fn plain(name: &'static str, make: Make) -> Self {
         Self {
             name,
             inputs: &["in"],

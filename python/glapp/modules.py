@@ -233,7 +233,10 @@ class Noise(Module):
 
 @dataclass(frozen=True)
 class Sum(Module):
-    """The sum of its inputs `in` and `plus`: noise or a correction on a signal. Each is told what the other leaves it."""
+    """The sum of its inputs `in` and `plus`: noise or a correction on a signal.
+
+    Each is told what the other leaves it.
+    """
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,8 @@ controller and the valve, measurement noise, and what acts on it from outside::
               └──────────────── filter ←─────────────────────────────────────┴ pv
 
 The plant is sampled exactly (zero-order hold), the blocks are the same as everywhere in glapp, and the same scenario
-gives the same bits, alone or among a thousand. A loop with compensation is one of `glapp.modules`. `docs/simulator.md` has every element with its equation and source.
+gives the same bits, alone or among a thousand. A loop with compensation is one of `glapp.modules`.
+`docs/simulator.md` has every element with its equation and source.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 //! One loop, sample by sample. What compensates runs on the [modules that ship](crate::looped); all others on the blocks
-//! themselves, which is tens of times as fast, and gives the same bits (`looped` has the test).
+//! themselves, which takes a fifth of the time and gives the same bits (`looped` has the test).
 
 use crate::error::require;
 use crate::looped::Looped;

@@ -10,6 +10,7 @@ from bench.compensation import Case, Harm, harm, reversals, warned
 
 from glapp.errors import InputError
 from glapp.fit import Fit
+from glapp.modules import Flag
 from glapp.recording import BAD, NOT_AUTO
 from glapp.simulate import STANDINGS, Compensation, Scenario, Simulation, Walk, run, run_many
 
@@ -210,6 +211,19 @@ def test_the_online_estimate_may_lower_the_size_and_never_raises_it(
         assert known.pv[late].std() < 0.6 * blind.pv[late].std(), "twice the gap drives the valve back and forth"
 
 
+@pytest.mark.parametrize("turned", [False, True])
+def test_what_the_module_notices_is_recorded(turned: bool) -> None:
+    """A process of the wrong sign; and a size of twice the gap, which drives the loop."""
+    plant = ([-1.0 if turned else 1.0], [0.8, 1.0, 0.0], 0.2)
+    given = compensated("error", size=0.1, estimate=False, begin=100.0)
+    s = run(loop(plant=plant, limits=(-5.0, 5.0), compensation=given))
+    assert s.error is not None and s.over is not None
+    assert s.error[-1] == (Flag.WRONG_SIGN if turned else 0) and not s.error[s.t < 10].any()
+    assert not (s.over[s.t < 100].astype(int) & 2).any()
+    assert (int(s.over[-1]) & 2 != 0) != turned
+    assert STANDINGS[int(standing(s)[-1])] == ("at_limit" if turned else "active")
+
+
 def test_only_backlash_may_be_compensated() -> None:
     for verdict, size in (("backlash", 0.8), ("both", None), ("stiction", None), ("at_least", None), ("sound", None)):
         assert Fit(verdict=verdict, reason="", unit="%", d=1.0, low=0.8, high=1.2).compensable == size  # type: ignore[arg-type]
@@ -218,7 +232,7 @@ def test_only_backlash_may_be_compensated() -> None:
 def test_together_as_alone() -> None:
     scenarios = [loop(seed=seed, compensation=compensated()) for seed in range(5)]
     for alone, together in zip(map(run, scenarios), run_many(scenarios, progress=False), strict=True):
-        for name in ("pv", "op", "u_ff", "standing", "flags"):
+        for name in ("pv", "op", "u_ff", "standing", "over", "error", "flags"):
             assert np.array_equal(getattr(alone, name), getattr(together, name))
 
 

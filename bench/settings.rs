@@ -19,6 +19,7 @@ pub fn controller() -> PidAdvancedSettings<f64> {
         travel: 1e9,
         reversals: 1e9,
         withdraw: true,
+        estimate: true,
         limits: Saturation::none(),
     };
     let pid = PidSettings { tf: 0.2, low: 0.0, high: 100.0, ..PidSettings::ideal(2.0, 2.0, 0.0) };

@@ -138,6 +138,7 @@ def compensation(params: dict[str, float]) -> Callable[..., tuple[float, float, 
         **{name: params[name] for name in names},
         limit=params["size"],
         withdraw=params["withdraw"] == 1,
+        estimate=params.get("estimate", 1) == 1,
         limits=(params["low"], params["high"]) if "low" in params else None,
     )
     standings = _glapp.standings()

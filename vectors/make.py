@@ -220,7 +220,7 @@ def compensation(params: Params, h: Sequence[float], samples: Sequence[Sequence[
         if not enable:
             least, withdrawn = None, 0
         else:
-            if math.isfinite(d_hat):
+            if math.isfinite(d_hat) and params.get("estimate", 1.0):
                 least = d_hat if least is None else min(least, d_hat)
             if over and params["withdraw"] and not withdrawn:
                 withdrawn = 4
@@ -409,6 +409,8 @@ def compensation_cases() -> Iterator[dict[str, Any]]:
     yield case("no room to the limits", ["Loss", "Edge"], error | {"low": -0.3, "high": 0.2}, on[:40], h=0.1)
     estimate = {i: (0.5, 0.3, 0.2, 0.35)[i // 6] for i in range(6, 24)} | {30: 0.6, 31: -0.2}
     yield case("an estimate smaller, lost, back, below 0", ["Estimate"], error, changed(2, estimate), h=0.1)
+    alone = error | {"estimate": 0.0}
+    yield case("an estimate that is not to count", ["Estimate"], alone, changed(2, estimate), h=0.1)
     over = changed(3, {15: 1.0})
     yield case("over-compensated: withdrawn", ["Withdrawn"], error, over, h=0.1)
     yield case("over-compensated: only a warning", ["Withdrawn"], error | {"withdraw": 0}, over, h=0.1)
@@ -2205,6 +2207,7 @@ def pid_advanced_cases() -> Iterator[dict[str, Any]]:
     on = [0.0] * 30 + [1.0] * 190
     plain = [[pv, 50.0, 0.0, EXTERNAL if i == 0 else NAN, NAN, 0.0, on[i]] for i, pv in enumerate(pvs)]
     yield case("detections; the detector filters", [], inside, plain, h=0.25)
+    yield case("detections in a PID; the detector filters", ["FilterTime"], inside | {"td": 0.2}, plain, h=0.25)
     yield case("detections; the controller filters", [], limited, plain, h=0.25)
     yield case("PID", [], limited | {"td": 0.2, "b": 0.3}, plain, h=0.25)
     yield case("compensation", ["Compensation"], compensating, plain, h=0.25)
@@ -2310,6 +2313,7 @@ BLOCKS: dict[
         {
             "Compensation": "u_FF taken for the controller's own output",
             "WrongSign": "a process of the wrong sign that is not noticed, or compensation that goes on",
+            "FilterTime": "a filter of the detector that does not follow the derivative time",
             "Ramp": "a setpoint that the detector sees before it is in effect",
             "Rate": "a rate that limits and is not told, or that u_FF takes up alone",
             "Noise": "a width shown that noise can feign, or noise heard in PV that comes filtered",

@@ -57,6 +57,8 @@ __all__ = [
     "BacklashDetection",
     "Filter2P",
     "Flag",
+    "Friction",
+    "FrictionModel",
     "Graph",
     "Input",
     "Mode",
@@ -68,7 +70,9 @@ __all__ = [
     "Plant",
     "ProcessSim",
     "RateLimit",
+    "Resolution",
     "Saturation",
+    "Sum",
     "Way",
 ]
 
@@ -109,6 +113,21 @@ class Way(enum.IntEnum):
     ERROR = 1
     DERIVATIVE = 2
     INVERSE = 3
+
+
+class FrictionModel(enum.IntEnum):
+    """How a valve sticks and slips (`docs/simulator.md`).
+
+    Attributes
+    ----------
+    KANO
+        Once loose, the stem follows until its input stops or turns.
+    HE
+        It sticks again at every sample.
+    """
+
+    KANO = 1
+    HE = 2
 
 
 class Flag(enum.IntFlag):
@@ -213,16 +232,61 @@ class Noise(Module):
 
 
 @dataclass(frozen=True)
+class Sum(Module):
+    """The sum of its inputs `in` and `plus`: noise or a correction on a signal.
+
+    Each is told what the other leaves it.
+    """
+
+
+@dataclass(frozen=True)
+class Resolution(Module):
+    """Steps of a converter: the nearest multiple of `step`, halves upwards.
+
+    Parameters
+    ----------
+    step : float
+        ≥ 0, 0 for none [unit of the input].
+    """
+
+    step: float
+
+
+@dataclass(frozen=True)
 class Backlash(Module):
-    """A gap (6.3). Its output begins at its first input.
+    """A gap (6.3).
 
     Parameters
     ----------
     d : float
         Total width, ≥ 0 [unit of the input].
+    start : float, optional
+        Where its output stands at the beginning; at its first input where not given.
     """
 
     d: float
+    start: float | None = None
+
+
+@dataclass(frozen=True)
+class Friction(Module):
+    """A valve that sticks and slips.
+
+    Parameters
+    ----------
+    s : float
+        Dead band plus stick band, ≥ 0 [unit of the input].
+    j : float
+        Slip jump, 0 ≤ j ≤ s. With j = 0 it is a gap of width s.
+    model : FrictionModel
+    start : float, optional
+        Where the stem stands at the beginning; at its first input where not given.
+    """
+
+    s: float
+    j: float
+    model: FrictionModel = FrictionModel.KANO
+    start: float | None = None
 
 
 @dataclass(frozen=True)
@@ -241,15 +305,22 @@ class Saturation(Module):
 
 @dataclass(frozen=True)
 class RateLimit(Module):
-    """Speed of an actuator: the signal moves by at most so much a second; those before are told while it holds it back.
+    """Speed of an actuator: the signal moves by at most so much a second.
 
     Parameters
     ----------
     rate : float
         > 0 [unit of the signal per second].
+    told : bool
+        Whether those before are told while it holds the signal back. A valve without a feedback of its position tells
+        nobody.
+    start : float, optional
+        Where its output stands at the beginning; at its first input where not given.
     """
 
     rate: float
+    told: bool = True
+    start: float | None = None
 
 
 @dataclass(frozen=True)
@@ -344,6 +415,9 @@ class Pid(Module):
         A longer time between scans is a gap, > 0 [s]; Ti/2 where not given.
     start : float
         Where the output begins.
+    start_pv : float, optional
+        The process value, and setpoint, at which the loop rests at the beginning with that output. Where not given, the
+        first scan takes what it finds as the beginning.
 
     Examples
     --------
@@ -364,6 +438,7 @@ class Pid(Module):
     rate: float = _MOST
     max_h: float | None = None
     start: float = 0.0
+    start_pv: float | None = None
 
     @classmethod
     def series(cls, k: float, ti: float, td: float = 0.0, **others: float) -> Self:
@@ -401,6 +476,7 @@ class _Compensating(Module):
     comp_travel: float | None = None
     comp_reversals: float | None = None
     comp_withdraw: bool = True
+    comp_estimate: bool = True
 
 
 @dataclass(frozen=True)
@@ -415,7 +491,7 @@ class PidAdvanced(_Compensating, Pid):
 
     Parameters
     ----------
-    k, ti, td, b, c, tf, low, high, rate, max_h, start : float
+    k, ti, td, b, c, tf, low, high, rate, max_h, start, start_pv : float
         As in `Pid`.
     kp : float, optional
         Static process gain, ≠ 0: from a fit, a manual test [process value per output]. Set it while it runs when it
@@ -429,7 +505,7 @@ class PidAdvanced(_Compensating, Pid):
         width is then taken from the output's own travel. `Graph.set_schedule` edits it while it runs.
     comp_size, comp_way, comp_share, comp_limit, comp_band, comp_tf : float
         Compensation, as in `BacklashDetection`; it takes at most half of `rate`.
-    comp_rate, comp_release, comp_watch, comp_travel, comp_reversals, comp_withdraw : float, optional
+    comp_rate, comp_release, comp_watch, comp_travel, comp_reversals, comp_withdraw, comp_estimate : float, optional
         Likewise.
     """
 
@@ -506,7 +582,7 @@ class BacklashDetection(_Compensating):
         A longer time between scans is a gap, > 0 [s]; three scans where not given.
     comp_size : float
         Width of the gap as far as it is trusted, ≥ 0; 0: no compensation [unit of the output]. The lower limit of the
-        fit, or what a person knows; the estimate may lower it.
+        fit, or what a person knows.
     comp_way : Way
         How the direction is found.
     comp_share : float
@@ -529,6 +605,8 @@ class BacklashDetection(_Compensating):
         Budgets in any hour [unit of the output; 1]; none where not given.
     comp_withdraw : bool
         Whether it is withdrawn when the relay warns, and where the loop is worse than before.
+    comp_estimate : bool
+        Whether the on-line estimate may lower the size.
     """
 
     k: float
@@ -689,7 +767,7 @@ class Graph:
         with _input_errors():
             return self._graph.get(path)
 
-    def __setitem__(self, path: str, value: float) -> None:
+    def __setitem__(self, path: str, value: float | None) -> None:
         with _input_errors():
             self._graph.set(path, value)
 

@@ -293,7 +293,10 @@ class Manual(Checked):
 
 
 class Compensation(Checked):
-    """Compensation of the gap, added to the output before its limits (thesis 2.2, 7.4); `docs/compensation.md`.
+    """Compensation of the gap by the module that ships (thesis 2.2, 7.4); `docs/compensation.md`.
+
+    It is a `glapp.modules.BacklashDetection` beside the controller, at whose feed-forward it acts. It is told the
+    controller's settings, its limits, and the static gain of the plant.
 
     Parameters
     ----------
@@ -304,6 +307,8 @@ class Compensation(Checked):
         Width of the gap as far as it is trusted [unit of op], ≥ 0.
     share : float
         Share of it to compensate, 0..1.
+    limit : float, optional
+        Greatest width [unit of op], ≥ share·size; the size where not given.
     band : float, optional
         "inverse": how far the output must go back before that is a reversal [unit of op], ≥ 0; a fifth of the size
         where not given.
@@ -320,18 +325,18 @@ class Compensation(Checked):
         Budgets in any hour [unit of op; 1]; what is not given has none.
     withdraw : bool
         Whether it is withdrawn when over-compensation is found, and when the loop is worse than before.
+    estimate : bool
+        Whether the on-line estimate of the gap may lower the size; it never raises it.
     begin : float
         When it is enabled [s].
     k : float, optional
-        Gain whose sign it uses; the controller's where not given.
-    estimate : bool
-        Whether the on-line estimate of the gap may lower the size, as it does in `glapp.modules.PidAdvanced`; it never
-        raises it.
+        Gain that the module is told, ≠ 0; the controller's where not given.
     """
 
     way: Literal["error", "derivative", "inverse"]
     size: NotNegative
     share: Annotated[float, Field(ge=0, le=1)] = 1.0
+    limit: NotNegative | None = None
     band: NotNegative | None = None
     tf: NotNegative = 0.0
     rate: Positive | None = None
@@ -340,9 +345,9 @@ class Compensation(Checked):
     travel: Positive | None = None
     reversals: Annotated[float, Field(ge=2)] | None = None
     withdraw: bool = True
+    estimate: bool = True
     begin: float = 0.0
     k: float | None = None
-    estimate: bool = False
 
 
 class Outer(Checked):
@@ -406,7 +411,7 @@ class Scenario(Checked):
         Stretches [s] in which no process value arrives: the controller repeats its output, the recording the last
         value, with a flag.
     compensation : Compensation, optional
-        Compensation of the gap, with the warning of over-compensation beside it.
+        Compensation of the gap: the loop is then one of `glapp.modules`.
     outer : Outer, optional
         Outer loop of a cascade; the setpoint is then the outer one.
     jitter : float
@@ -488,10 +493,9 @@ class Scenario(Checked):
 
     def _compensation(self, given: Compensation) -> dict[str, Any]:
         ideal = self.ideal()
-        own = {"k": ideal.k if given.k is None else given.k, "ti": ideal.ti, "limits": self.limits}
-        settings = {**given.model_dump(exclude={"begin", "estimate"}), **own}
-        seen = self.detector(0.0 if self.filter_in_loop else self.filter_time())
-        return {"settings": settings, "from": given.begin, "estimate": seen if given.estimate else None}
+        told = {"k": ideal.k if given.k is None else given.k, "ti": ideal.ti}
+        settings = {**given.model_dump(exclude={"begin"}), **told}
+        return {"settings": settings, "tf": self.filter_time(), "begin": given.begin}
 
     @classmethod
     def from_toml(cls, text: str) -> Self:

@@ -3,14 +3,15 @@
 A loop is a plant (transfer function with exact dead time), a PI or PID controller, a gap of total width d between the
 controller and the valve, measurement noise, and what acts on it from outside::
 
-              compensation         op                     position      load
-                    │ +             │                        │           │ +
-      sp ──→ PID ──→ ○ ──→ limits ──┴→ rate ──→ gap ──→ friction ──→ ○ ──→ plant ──┬──→
-              ↑                                                                    ○ ←── noise
-              └──────────────────── filter ←───────────────────────────────────────┴ pv
+       compensation  op                             position      load
+           │ +       │                                 │           │ +
+      sp ──→ PID ────┴→ rate ──→ gap ──→ friction ─────┴─────→ ○ ──→ plant ──┬──→
+              ↑   within its limits                                          ○ ←── noise
+              └──────────────── filter ←─────────────────────────────────────┴ pv
 
 The plant is sampled exactly (zero-order hold), the blocks are the same as everywhere in glapp, and the same scenario
-gives the same bits, alone or among a thousand. `docs/simulator.md` has every element with its equation and source.
+gives the same bits, alone or among a thousand. A loop with compensation is one of `glapp.modules`.
+`docs/simulator.md` has every element with its equation and source.
 """
 
 from __future__ import annotations
@@ -102,7 +103,10 @@ class Simulation:
     outer_sp, outer_pv : float64[n] or None
         Setpoint and process value of the outer loop of a cascade, whose output is `sp`.
     u_ff, standing : float64[n] or None
-        What the compensation added to op, and how it stood: an index of `STANDINGS`.
+        What the compensation handed to the controller, and how it stood after the sample: an index of `STANDINGS`.
+    over, error : float64[n] or None
+        Which warning of over-compensation held after the sample (0, 1 that of code block 7.1, 2 the relay, 3 both), and
+        what the module found wrong (0, or `glapp.modules.Flag.WRONG_SIGN`).
     """
 
     t: npt.NDArray[np.float64]
@@ -116,6 +120,8 @@ class Simulation:
     outer_pv: npt.NDArray[np.float64] | None = None
     u_ff: npt.NDArray[np.float64] | None = None
     standing: npt.NDArray[np.float64] | None = None
+    over: npt.NDArray[np.float64] | None = None
+    error: npt.NDArray[np.float64] | None = None
 
     def to_arrow(self) -> pa.Table:
         """Columns t, SP, PV, OP, MODE, OP_LOW, OP_HIGH, POSITION, LOAD; OUTER_SP, OUTER_PV, U_FF where there are."""
@@ -366,7 +372,7 @@ def _checked(scenario: Scenario, watch: bool = False) -> _glapp.Scenario:
 def _columns(scenario: Scenario) -> tuple[str, ...]:
     """Signals that a scenario has, in the order in which they are recorded."""
     outer = ("outer_sp", "outer_pv") if scenario.outer is not None else ()
-    compensated = ("u_ff", "standing") if scenario.compensation is not None else ()
+    compensated = ("u_ff", "standing", "over", "error") if scenario.compensation is not None else ()
     return ("t", "sp", "pv", "op", "position", "load", *outer, *compensated)
 
 

@@ -193,6 +193,24 @@ fn every_mode_change_in_every_fault_is_held_and_recovers_without_a_bump() {
     }
 }
 
+#[test]
+fn in_a_loop_at_rest_the_first_scan_goes_on_as_from_a_scan_before() {
+    let settings = PidSettings { b: 0.5, tf: 0.0, rate: f64::MAX, ..settings() };
+    let pid = Pid::new(settings).unwrap();
+    let scan = |s: &mut PidState<f64>, pv: f64, sp: f64| pid.forward(s, pv.into(), sp.into(), 0.0.into(), H).value;
+    for mode in [Mode::Auto, Mode::External] {
+        let mut rested = PidState::at(40.0);
+        (rested.mode, rested.sp) = (mode, 50.0);
+        assert!((scan(&mut rested, 50.0, 50.0) - 40.0).abs() < 1e-12);
+        let mut begun = pid.at_rest(mode, 50.0, 40.0);
+        for k in 0..20 {
+            let (pv, sp) = (50.0 + 0.1 * f64::from(k % 3), 51.0);
+            let (a, b) = (scan(&mut rested, pv, sp), scan(&mut begun, pv, sp));
+            assert!((a - b).abs() < 1e-12 && (mode == Mode::Auto || a != 40.0), "{mode:?}, scan {k}: {a} and {b}");
+        }
+    }
+}
+
 /// A compensation of 1.5 on the way up, at no more than 2 a second.
 fn compensating() -> PidAdvanced<f64> {
     let compensation = CompensationSettings {
@@ -209,6 +227,7 @@ fn compensating() -> PidAdvanced<f64> {
         travel: 1e9,
         reversals: 1e9,
         withdraw: true,
+        estimate: true,
         limits: Saturation::none(),
     };
     let advanced = PidAdvancedSettings { compensation: Some(compensation), ..PidAdvancedSettings::new(settings()) };

@@ -361,6 +361,7 @@ fn compensate<R: Real>(case: &Case) -> impl FnMut(&[f64], f64) -> Option<Vec<f64
         travel: number("travel"),
         reversals: number("reversals"),
         withdraw: case.given("withdraw") != 0.0,
+        estimate: case.or("estimate", 1.0) != 0.0,
         limits: match (case.param("low"), case.param("high")) {
             (Some(low), Some(high)) => Saturation::new(R::of(low), R::of(high)).unwrap(),
             _ => Saturation::none(),

@@ -15,6 +15,7 @@ pub fn settings(given: &Bound<'_, PyAny>) -> PyResult<CompensationSettings<f64>>
     let way = named(&given.get_item("way")?.extract::<String>()?)?;
     let usual = CompensationSettings::new(way, must("k")?, must("ti")?, must("size")?, must("share")?);
     Ok(CompensationSettings {
+        limit: or("limit", usual.limit)?,
         band: or("band", usual.band)?,
         tf: or("tf", usual.tf)?,
         rate: or("rate", usual.rate)?,
@@ -23,7 +24,7 @@ pub fn settings(given: &Bound<'_, PyAny>) -> PyResult<CompensationSettings<f64>>
         travel: or("travel", usual.travel)?,
         reversals: or("reversals", usual.reversals)?,
         withdraw: given.get_item("withdraw")?.extract()?,
-        limits: within(given.get_item("limits")?.extract()?)?,
+        estimate: given.get_item("estimate")?.extract()?,
         ..usual
     })
 }
@@ -65,6 +66,8 @@ fn within(limits: Option<(f64, f64)>) -> PyResult<Saturation<f64>> {
 ///     Budgets of u_FF in any hour [unit of OP; 1], > 0 and ≥ 2.
 /// withdraw : bool
 ///     Whether a warning of over-compensation, and a loop that is worse than before, withdraw it.
+/// estimate : bool
+///     Whether the on-line estimate may make the size smaller.
 /// limits : (low, high), optional
 ///     Limits of OP.
 ///
@@ -86,7 +89,8 @@ pub struct Compensation {
 impl Compensation {
     #[new]
     #[pyo3(signature = (
-        way, *, k, size, share, limit, band, tf, rate, release, watch, travel, reversals, withdraw, limits=None,
+        way, *, k, size, share, limit, band, tf, rate, release, watch, travel, reversals, withdraw, estimate=true,
+        limits=None,
     ))]
     #[allow(clippy::too_many_arguments)]
     fn new(
@@ -103,6 +107,7 @@ impl Compensation {
         travel: f64,
         reversals: f64,
         withdraw: bool,
+        estimate: bool,
         limits: Option<(f64, f64)>,
     ) -> PyResult<Self> {
         let settings = CompensationSettings {
@@ -120,6 +125,7 @@ impl Compensation {
             travel,
             reversals,
             withdraw,
+            estimate,
         };
         let block = glapp_core::Compensation::new(settings).map_err(refused)?;
         Ok(Self { block, state: CompensationState::default() })

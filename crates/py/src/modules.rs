@@ -92,7 +92,8 @@ impl Graph {
         self.graph.get(path).map_err(refused)
     }
 
-    fn set(&mut self, path: &str, value: f64) -> PyResult<()> {
+    #[pyo3(signature = (path, value))]
+    fn set(&mut self, path: &str, value: Option<f64>) -> PyResult<()> {
         self.graph.set(path, value).map_err(refused)
     }
 

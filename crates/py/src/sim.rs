@@ -1,7 +1,7 @@
 //! Closed loops (`crates/sim`).
 
 use crate::refused;
-use glapp_core::{Detector, Friction, MedianMean, Model, ParameterError};
+use glapp_core::{Detector, Friction, Model};
 use glapp_sim::{
     BATCH, Block, Compensated, Controller, Instructions, Manual, Outer, Piece, Plant, Scenario, Signal, SimError,
     watch_together,
@@ -98,8 +98,8 @@ type PyController = (f64, f64, f64, f64, f64, Option<(f64, f64)>);
 #[pyo3(from_item_all)]
 struct PyCompensated<'py> {
     settings: Bound<'py, PyAny>,
-    from: f64,
-    estimate: Option<Settings>,
+    tf: f64,
+    begin: f64,
 }
 
 /// The outer loop of a cascade as Python has it.
@@ -126,13 +126,7 @@ fn signal(pieces: Vec<PyPiece<'_>>) -> Signal {
 }
 
 fn compensated(given: PyCompensated<'_>) -> PyResult<Compensated> {
-    let estimator = |Settings(s): Settings| Ok((Detector::of(&s)?, MedianMean::new(s.n)?));
-    let estimate = given.estimate.map(estimator).transpose();
-    Ok(Compensated {
-        settings: settings(&given.settings)?,
-        from: given.from,
-        estimate: estimate.map_err(|error: ParameterError| refused(error))?,
-    })
+    Ok(Compensated { settings: settings(&given.settings)?, tf: given.tf, begin: given.begin })
 }
 
 impl TryFrom<PyScenario<'_>> for Scenario {
@@ -289,6 +283,8 @@ fn block<'a>(s: &Scenario, n: usize, signals: &'a mut [f64], flags: &'a mut [u8]
         outer_pv: row(outer),
         u_ff: row(compensated),
         standing: row(compensated),
+        over: row(compensated),
+        error: row(compensated),
         flags,
     }
 }

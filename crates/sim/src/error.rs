@@ -1,5 +1,6 @@
 //! Why a simulation cannot be run, or cannot be believed.
 
+use crate::GraphError;
 use glapp_core::ParameterError;
 
 /// What stands in the way of a simulation.
@@ -51,6 +52,9 @@ pub enum SimError {
         /// Why it cannot be.
         why: &'static str,
     },
+    /// Modules that make no loop.
+    #[error(transparent)]
+    Modules(Box<GraphError>),
     /// A closed loop that runs away.
     #[error(
         "unstable closed loop: {signal} went beyond ±{bound:.3e}, a million times what setpoint, load and noise ask for, \
@@ -64,6 +68,16 @@ pub enum SimError {
         /// When \[s\].
         t: f64,
     },
+}
+
+impl From<GraphError> for SimError {
+    /// Of a loop that a scenario has built: its parameters are the scenario's own, whatever module they are in.
+    fn from(error: GraphError) -> Self {
+        match error {
+            GraphError::Parameter { error, .. } => error,
+            other => Self::Modules(Box::new(other)),
+        }
+    }
 }
 
 /// Gives `value` back, or the error that names it, unless it is a number and `holds`.

@@ -215,10 +215,10 @@ impl Graph {
         let order = wiring.order()?;
         wiring.detectors()?;
         let sources = wiring.sources;
-        let delays = (0..modules.len()).filter(|i| modules[*i].1.kind.is_delay()).collect();
+        let delays = (0..modules.len()).filter(|i| modules[*i].1.kind.is_delay).collect();
         let mut nodes = Vec::with_capacity(modules.len());
         for ((name, module), sources) in modules.into_iter().zip(&sources) {
-            let external = module.kind.is_controller() && sources[1].is_some();
+            let external = module.kind.is_controller && sources[1].is_some();
             let live =
                 Live::new(module, h, external).map_err(|error| GraphError::Parameter { module: name.into(), error })?;
             nodes.push(Node {
@@ -254,17 +254,17 @@ impl Graph {
     /// simulated process moves on by the scan time that it was made for.
     pub fn scan(&mut self, h: f64) {
         for &i in &self.delays {
-            self.nodes[i].out = self.nodes[i].live.output();
+            self.nodes[i].out = self.nodes[i].live.work.output();
         }
         for &i in &self.order {
             let sources = self.nodes[i].sources;
             let inputs = sources.map(|source| source.map_or(Forward::new(0.0, 0), |source| self.nodes[source].out));
-            self.nodes[i].out = self.nodes[i].live.forward(&inputs, h);
+            self.nodes[i].out = self.nodes[i].live.work.forward(&inputs, h);
         }
         for &i in self.order.iter().rev() {
             let told = |&(follower, port): &(usize, usize)| self.nodes[follower].told[port];
             let back = self.nodes[i].followers.iter().map(told).reduce(Backward::and);
-            self.nodes[i].told = self.nodes[i].live.backward(back);
+            self.nodes[i].told = self.nodes[i].live.work.backward(back);
         }
         self.scans += 1;
     }
@@ -293,11 +293,11 @@ impl Graph {
         let mut columns = vec![Vec::with_capacity(scans); recorded.len()];
         for k in 0..scans {
             for (i, column) in &fed {
-                self.nodes[*i].live.feed(column[k]);
+                self.feed(*i, column[k]);
             }
             self.scan(self.h);
             for ((i, name), column) in places.iter().zip(&mut columns) {
-                column.push(self.nodes[*i].read(name).unwrap_or(f64::NAN));
+                column.push(self.read(*i, name));
             }
         }
         Ok(columns)
@@ -306,14 +306,14 @@ impl Graph {
     /// Reads a parameter or variable of a module while it runs: `"pid.k"`, `"pid.mode"`, `"pid.out"`.
     pub fn get(&self, path: &str) -> Result<f64, GraphError> {
         let (i, name) = self.place(path)?;
-        self.nodes[i].read(&name).ok_or_else(|| self.unknown(i, &name))
+        Ok(self.read(i, &name))
     }
 
-    /// Sets a parameter or variable of a module while it runs. What the module remembers stays. A value out of its bounds
-    /// is refused, and all stays as it was.
-    pub fn set(&mut self, path: &str, value: f64) -> Result<(), GraphError> {
+    /// Sets a parameter or variable of a module while it runs; `None`: the parameter is what it is where it is not given. What
+    /// the module remembers stays. A value out of its bounds is refused, and all stays as it was.
+    pub fn set(&mut self, path: &str, value: impl Into<Option<f64>>) -> Result<(), GraphError> {
         let (i, name) = self.place(path)?;
-        self.nodes[i].live.set(&name, value).map_err(|refusal| self.refused(i, &name, refusal))
+        self.nodes[i].live.set(&name, value.into()).map_err(|refusal| self.refused(i, &name, refusal))
     }
 
     /// Reads the gain schedule of a `PidAdvanced` while it runs.
@@ -350,7 +350,7 @@ impl Graph {
     /// Makes a detector forget all its detections.
     pub fn reset_detection(&mut self, module: &str) -> Result<(), GraphError> {
         let i = self.node(module)?;
-        if self.nodes[i].live.reset_detection() { Ok(()) } else { Err(self.unknown(i, "detection")) }
+        if self.nodes[i].live.work.reset_detection() { Ok(()) } else { Err(self.unknown(i, "detection")) }
     }
 
     /// All that can be read: `module.name`.
@@ -359,13 +359,35 @@ impl Graph {
         self.nodes.iter().flat_map(of_node).collect()
     }
 
+    /// Hands a value to the `Input` with this number.
+    pub(crate) fn feed(&mut self, i: usize, value: f64) {
+        self.command(i, "value", value);
+    }
+
+    /// Sets one of the commands of the module with this number, to a value that it takes.
+    pub(crate) fn command(&mut self, i: usize, name: &str, value: f64) {
+        let done = self.nodes[i].live.work.command(name, value);
+        debug_assert!(done.is_ok(), "{name} = {value}");
+    }
+
+    /// The output of the module with this number.
+    pub(crate) fn out(&self, i: usize) -> f64 {
+        self.nodes[i].out.value
+    }
+
+    /// What [`Self::get`] gives, of the module with this number; not a number where there is no such name.
+    pub(crate) fn read(&self, i: usize, name: &str) -> f64 {
+        self.nodes[i].read(name).unwrap_or(f64::NAN)
+    }
+
     fn input(&self, module: &str) -> Result<usize, GraphError> {
         let i = self.node(module)?;
         let kind = self.nodes[i].live.module.kind.name;
         if kind == "Input" { Ok(i) } else { Err(GraphError::NoInput { module: module.into(), kind }) }
     }
 
-    fn node(&self, module: &str) -> Result<usize, GraphError> {
+    /// The number of a module.
+    pub(crate) fn node(&self, module: &str) -> Result<usize, GraphError> {
         self.nodes.iter().position(|node| node.name == module).ok_or_else(|| GraphError::NoName {
             module: "graph".into(),
             name: module.into(),
@@ -382,6 +404,7 @@ impl Graph {
     fn refused(&self, i: usize, name: &str, refusal: Refusal) -> GraphError {
         match refusal {
             Refusal::NoName => self.unknown(i, name),
+            Refusal::Missing(error) => error,
             Refusal::Value(error) => GraphError::Parameter { module: self.nodes[i].name.clone(), error },
         }
     }
@@ -475,7 +498,7 @@ impl Wiring<'_> {
     fn order(&self) -> Result<Vec<usize>, GraphError> {
         let n = self.names.len();
         let waits_for = |i: usize, done: &[bool]| {
-            self.sources[i].iter().flatten().copied().find(|from| !done[*from] && !self.names[*from].1.kind.is_delay())
+            self.sources[i].iter().flatten().copied().find(|from| !done[*from] && !self.names[*from].1.kind.is_delay)
         };
         let mut done = vec![false; n];
         let mut order = Vec::with_capacity(n);
@@ -519,12 +542,12 @@ impl Wiring<'_> {
             while let Some(at) = ahead.pop() {
                 for (to, port) in self.followers(at) {
                     let kind = self.names[to].1.kind;
-                    if kind.is_controller() && kind.inputs[port] == "sp" {
+                    if kind.is_controller && kind.inputs[port] == "sp" {
                         return Err(GraphError::OuterLoop { detector: self.name(i), inner: self.name(to) });
                     }
-                    if kind.is_delay() || kind.name == "Output" {
+                    if kind.is_delay || kind.name == "Output" {
                         ends.push(self.name(to));
-                    } else if !kind.is_controller() && kind.name != "BacklashDetection" {
+                    } else if !kind.is_controller && kind.name != "BacklashDetection" {
                         ahead.push(to);
                     }
                 }
@@ -542,9 +565,9 @@ impl Wiring<'_> {
         let [sp, pv, ..] = self.sources[detector];
         let connected = self.followers(detector).find(|(to, port)| {
             let kind = self.names[*to].1.kind;
-            kind.is_controller() && kind.inputs[*port] == "ff"
+            kind.is_controller && kind.inputs[*port] == "ff"
         });
-        let same = |i: &usize| self.names[*i].1.kind.is_controller() && self.sources[*i][..2] == [pv, sp];
+        let same = |i: &usize| self.names[*i].1.kind.is_controller && self.sources[*i][..2] == [pv, sp];
         // The setpoint must be that of the controller in any case.
         let found = connected.map(|(to, _)| to).or_else(|| (0..self.names.len()).find(same))?;
         (self.sources[found][1] == sp).then_some(found)

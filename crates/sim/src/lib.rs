@@ -7,6 +7,7 @@ mod engine;
 mod error;
 mod graph;
 mod lanes;
+mod looped;
 mod matrix;
 mod module;
 mod plant;

@@ -88,6 +88,11 @@ impl Plant {
         self.dead_time
     }
 
+    /// The same with a dead time of at most `longest` \[s\].
+    pub(crate) fn within(self, longest: f64) -> Self {
+        Self { dead_time: self.dead_time.min(longest), ..self }
+    }
+
     /// Number of poles.
     pub fn order(&self) -> usize {
         self.den.len()

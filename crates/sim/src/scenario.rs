@@ -2,20 +2,22 @@
 
 use crate::engine::{self, Run};
 use crate::{Piece, Plant, Signal, SimError};
-use glapp_core::{CompensationSettings, Detector, DetectorState, Estimate, Friction, MedianMean};
+use glapp_core::{CompensationSettings, Detector, DetectorState, Estimate, Friction};
 use std::ops::Range;
 
 /// A closed loop, sampled at one rate:
 ///
 /// ```text
-///          compensation         op                     position      load
-///                │ +             │                        │           │ +
-///  sp ──→ PID ──→ ○ ──→ limits ──┴→ rate ──→ gap ──→ friction ──→ ○ ──→ plant ──┬──→
-///          ↑                                                                    ○ ←── noise
-///          └──────────────────── filter ←───────────────────────────────────────┴ pv
+///   compensation  op                             position      load
+///       │ +       │                                 │           │ +
+///  sp ──→ PID ────┴→ rate ──→ gap ──→ friction ─────┴─────→ ○ ──→ plant ──┬──→
+///          ↑   within its limits                                          ○ ←── noise
+///          └──────────────── filter ←─────────────────────────────────────┴ pv
 /// ```
 ///
 /// It begins at rest at the first setpoint and load, in auto, the output in the middle of the gap.
+///
+/// With compensation it is a [`Graph`](crate::Graph) of the modules that ship; without, a faster loop of the same blocks.
 #[derive(Clone, Debug)]
 pub struct Scenario {
     /// The process.
@@ -75,16 +77,16 @@ pub struct Controller {
     pub limits: Option<(f64, f64)>,
 }
 
-/// Compensation that a person enables at some time.
+/// Compensation that a person enables at some time, by the module [`BacklashDetection`](glapp_core::modules::BacklashDetection)
+/// beside the controller. The module is told Ti, Td, b, the limits and the static gain as they are.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Compensated {
-    /// Its settings.
+    /// Its settings; `k` is the gain that the module is told, in all that it does. The limits are the controller's.
     pub settings: CompensationSettings<f64>,
+    /// Time constant of the detector's filter ≥ 0 \[s\].
+    pub tf: f64,
     /// When it is enabled \[s\].
-    pub from: f64,
-    /// What estimates the whole gap on line, which may lower the size and never raises it: a detector that takes the process
-    /// value as the controller does, and the filter of its detections. `None`: nothing does.
-    pub estimate: Option<(Detector<f64>, MedianMean)>,
+    pub begin: f64,
 }
 
 /// The outer loop of a cascade (thesis 8.3):
@@ -142,10 +144,14 @@ pub struct Columns {
     pub outer_sp: Vec<f64>,
     /// Process value of the outer loop; empty where there is none.
     pub outer_pv: Vec<f64>,
-    /// What the compensation added to the output; empty where there is none.
+    /// What the compensation handed to the controller's feed-forward; empty where there is none, as the next three.
     pub u_ff: Vec<f64>,
-    /// How the compensation stood, as a number; empty where there is none.
+    /// How the compensation stood after the sample, as a number.
     pub standing: Vec<f64>,
+    /// Which warnings of over-compensation held: 1 that of code block 7.1, 2 the relay, 3 both.
+    pub over: Vec<f64>,
+    /// What the module found wrong: [`WRONG_SIGN`](glapp_core::status::WRONG_SIGN) or 0.
+    pub error: Vec<f64>,
 }
 
 /// [`Columns`] in memory that belongs to someone else, or a part of them.
@@ -163,6 +169,8 @@ pub struct Block<'a> {
     pub outer_pv: &'a mut [f64],
     pub u_ff: &'a mut [f64],
     pub standing: &'a mut [f64],
+    pub over: &'a mut [f64],
+    pub error: &'a mut [f64],
 }
 
 /// What a detector saw in a simulated loop whose signals were not kept.
@@ -240,7 +248,7 @@ impl Scenario {
     /// # Panics
     /// Where the columns are of another length.
     pub fn run_into(&self, block: &mut Block<'_>) -> Result<usize, SimError> {
-        let mut run = Run::new(self)?;
+        let mut run = Run::new(self, false)?;
         assert_eq!(block.t.len(), run.n, "as many rows as samples");
         for first in (0..run.n).step_by(CHUNK) {
             run.advance(&mut block.part(first..(first + CHUNK).min(run.n)), first)?;
@@ -250,7 +258,7 @@ impl Scenario {
 
     /// Runs the loop, shows it to `detector` and forgets it: the same as with the detector over [`Self::run`].
     pub fn watch(&self, detector: &Detector<f64>) -> Result<Seen, SimError> {
-        let mut run = Run::new(self)?;
+        let mut run = Run::new(self, false)?;
         let mut watcher = Watcher::new(self, detector)?;
         let mut columns = Columns::of_length(CHUNK.min(run.n), self);
         for first in (0..run.n).step_by(CHUNK) {
@@ -264,7 +272,7 @@ impl Scenario {
 
     /// Checks everything that [`Self::run`] would refuse, short of an unstable loop.
     pub fn check(&self) -> Result<(), SimError> {
-        Run::new(self)?;
+        Run::new(self, false)?;
         engine::Recorder::new(self)?;
         Ok(())
     }
@@ -320,17 +328,19 @@ impl Columns {
             outer_pv: only(outer),
             u_ff: only(compensated),
             standing: only(compensated),
+            over: only(compensated),
+            error: only(compensated),
         }
     }
 
     pub(crate) fn block(&mut self) -> Block<'_> {
-        let Self { t, sp, pv, op, position, load, flags, outer_sp, outer_pv, u_ff, standing } = self;
-        Block { t, sp, pv, op, position, load, flags, outer_sp, outer_pv, u_ff, standing }
+        let Self { t, sp, pv, op, position, load, flags, outer_sp, outer_pv, u_ff, standing, over, error } = self;
+        Block { t, sp, pv, op, position, load, flags, outer_sp, outer_pv, u_ff, standing, over, error }
     }
 
     pub(crate) fn shorten(&mut self, n: usize) {
-        let Self { t, sp, pv, op, position, load, outer_sp, outer_pv, u_ff, standing, .. } = self;
-        [t, sp, pv, op, position, load, outer_sp, outer_pv, u_ff, standing]
+        let Self { t, sp, pv, op, position, load, outer_sp, outer_pv, u_ff, standing, over, error, .. } = self;
+        [t, sp, pv, op, position, load, outer_sp, outer_pv, u_ff, standing, over, error]
             .into_iter()
             .for_each(|column| column.truncate(n));
         self.flags.truncate(n);
@@ -353,7 +363,9 @@ impl Block<'_> {
             outer_sp: &mut self.outer_sp[outer.clone()],
             outer_pv: &mut self.outer_pv[outer],
             u_ff: &mut self.u_ff[compensated.clone()],
-            standing: &mut self.standing[compensated],
+            standing: &mut self.standing[compensated.clone()],
+            over: &mut self.over[compensated.clone()],
+            error: &mut self.error[compensated],
         }
     }
 }

@@ -264,3 +264,95 @@ fn what_a_plant_tells_reaches_every_module_before_it() {
     assert_eq!(graph.get("sp.flags").unwrap(), f64::from(NOT_AUTO));
     assert_eq!(graph.get("outer.out").unwrap(), 20.0, "the master tracks the slave's process value");
 }
+
+/// `x` → module → `y`, scan by scan.
+fn through(kind: &str, parameters: &[(&str, f64)], x: &[f64]) -> Vec<f64> {
+    let modules = vec![("x", module("Input", &[])), ("it", module(kind, parameters)), ("y", module("Output", &[]))];
+    Graph::new(1.0, modules, &["x -> it.in", "it -> y"])
+        .unwrap()
+        .record(x.len(), &[("x", x)], &["it"])
+        .unwrap()
+        .remove(0)
+}
+
+#[test]
+fn what_a_valve_and_a_converter_do() {
+    assert_eq!(through("Resolution", &[("step", 0.5)], &[0.2, 0.25, -0.25, 0.9]), [0.0, 0.5, 0.0, 1.0]);
+    assert_eq!(through("Backlash", &[("d", 2.0)], &[5.0, 7.0]), [5.0, 6.0]);
+    assert_eq!(through("Backlash", &[("d", 2.0), ("start", 4.5)], &[5.0, 7.0]), [4.5, 6.0]);
+    assert_eq!(through("RateLimit", &[("rate", 1.0), ("start", 0.0)], &[5.0, 5.0]), [1.0, 2.0]);
+    let friction = [("s", 3.0), ("j", 1.0)];
+    let (moves, stem) = ([0.0, 1.0, 2.0, 2.5, 3.0, 2.0, 0.0], [0.0, 0.0, 0.0, 1.5, 2.0, 2.0, 2.0]);
+    assert_eq!(through("Friction", &friction, &moves), stem);
+    assert_eq!(through("Friction", &[&friction[..], &[("start", 0.0)]].concat(), &moves[1..]), stem[1..]);
+    // He's stem sticks again at once.
+    assert_eq!(through("Friction", &[&friction[..], &[("model", 2.0)]].concat(), &moves)[3..5], [1.5, 1.5]);
+    // What is bad leaves the stem where it is.
+    assert_eq!(through("Friction", &friction, &[0.0, 2.5, f64::NAN, 2.6])[1..], [1.5, 1.5, 1.6]);
+    let wrong = Graph::new(
+        1.0,
+        vec![
+            ("x", module("Input", &[])),
+            ("stem", module("Friction", &[("s", 1.0), ("j", 0.0), ("model", 3.0)])),
+            ("y", module("Output", &[])),
+        ],
+        &["x -> stem -> y"],
+    );
+    assert_eq!(wrong.err().unwrap().to_string(), "stem: model = 3: must be 1 (Kano) or 2 (He)");
+}
+
+#[test]
+fn the_parts_of_a_sum_are_told_what_is_left_to_them() {
+    let modules = vec![
+        ("a", module("Input", &[("value", 30.0)])),
+        ("b", module("Input", &[("value", 5.0)])),
+        ("sum", module("Sum", &[])),
+        ("valve", module("Saturation", &[("low", 0.0), ("high", 35.0)])),
+        ("out", module("Output", &[])),
+    ];
+    let mut graph = Graph::new(0.1, modules, &["a -> sum.in", "b -> sum.plus", "sum -> valve -> out"]).unwrap();
+    graph.run(1).unwrap();
+    assert_eq!(graph.get("out.value").unwrap(), 35.0);
+    let told =
+        |graph: &Graph, name: &str| [".low", ".high", ".flags"].map(|it| graph.get(&format!("{name}{it}")).unwrap());
+    assert_eq!(told(&graph, "a"), [-5.0, 30.0, f64::from(AT_HIGH)]);
+    assert_eq!(told(&graph, "b"), [-30.0, 5.0, f64::from(AT_HIGH)]);
+    graph.set("b.value", f64::NAN).unwrap();
+    graph.run(1).unwrap();
+    assert!(graph.get("out.value").unwrap().is_nan());
+    assert_eq!(told(&graph, "a")[..2], [0.0, 35.0], "what is no number takes nothing away");
+}
+
+#[test]
+fn an_actuator_that_tells_nobody_lets_the_integral_run() {
+    let found = [1.0, 0.0].map(|told| {
+        let modules = vec![
+            ("sp", module("Input", &[("value", 50.0)])),
+            ("pid", pid()),
+            ("actuator", module("RateLimit", &[("rate", 0.1), ("told", told), ("start", 0.0)])),
+            ("process", process()),
+        ];
+        let mut graph = Graph::new(0.1, modules, &["sp -> pid.sp", "pid -> actuator -> process -> pid.pv"]).unwrap();
+        graph.run(20).unwrap();
+        graph.get("pid.flags").unwrap()
+    });
+    assert_eq!(found, [f64::from(AT_HIGH), 0.0]);
+}
+
+#[test]
+fn what_is_not_known_is_none() {
+    let modules = vec![("pid", advanced()), ("process", process())];
+    let mut graph = Graph::new(0.1, modules, &["pid -> process -> pid.pv"]).unwrap();
+    assert!(graph.get("pid.kp").unwrap().is_nan());
+    graph.set("pid.kp", 2.0).unwrap();
+    let error = graph.set("pid.kp", f64::NAN).unwrap_err().to_string();
+    assert!(error.starts_with("pid: kp = NaN: must be"), "{error}");
+    assert_eq!(graph.get("pid.kp").unwrap(), 2.0);
+    graph.set("pid.kp", None).unwrap();
+    assert!(graph.get("pid.kp").unwrap().is_nan());
+    // And what has a default goes back to it.
+    graph.set("pid.b", 0.5).unwrap();
+    graph.set("pid.b", None).unwrap();
+    assert_eq!(graph.get("pid.b").unwrap(), 1.0);
+    assert_eq!(graph.set("pid.k", None).unwrap_err().to_string(), "PidAdvanced: k must be given");
+}

@@ -132,6 +132,8 @@ pub struct CompensationSettings<R> {
     pub watch: R,
     /// Whether a warning of over-compensation, and a loop that is worse than before, withdraw it.
     pub withdraw: bool,
+    /// Whether the on-line estimate may make the size smaller.
+    pub estimate: bool,
     /// Limits of OP [OP unit].
     pub limits: Saturation<R>,
 }
@@ -139,7 +141,8 @@ pub struct CompensationSettings<R> {
 impl<R: Real> CompensationSettings<R> {
     /// For a controller with gain `k` and integral time `ti` \[s\], of a `share` of the width `size`: no more than that width; a
     /// noise band of a fifth of it; the inverse goes from side to side in Ti/10, the other ways jump; no filter; taken away within
-    /// Ti; the loop is compared over 300 Ti, and compensation withdrawn where that, or a warning, asks for it; no budgets, no limits.
+    /// Ti; the loop is compared over 300 Ti, and compensation withdrawn where that, or a warning, asks for it; the estimate may
+    /// make the size smaller; no budgets, no limits.
     pub fn new(way: Way, k: R, ti: R, size: R, share: R) -> Self {
         let ten = R::of(10.0);
         let delta = share * size;
@@ -157,6 +160,7 @@ impl<R: Real> CompensationSettings<R> {
             reversals: R::LARGEST,
             watch: R::of(300.0) * ti,
             withdraw: true,
+            estimate: true,
             limits: Saturation::none(),
         }
     }
@@ -203,7 +207,8 @@ pub struct CompensationSample<R> {
 /// value, at a limit, when the estimate is lost, and when it is withdrawn: OP goes back into the gap, where the valve stands. In
 /// manual u_FF is 0 at once: OP is the operator's, and a controller that tracks all of OP gives it back without a bump.
 ///
-/// The on-line estimate can make the size smaller, and it stays smaller until it is enabled anew; it never makes it larger.
+/// The on-line estimate can make the size smaller, where the settings let it, and it stays smaller until it is enabled anew; it
+/// never makes it larger.
 ///
 /// Where the loop is worse than before it was enabled, in PV's distance from SP or in OP's reversals by more than size/10, it
 /// is withdrawn until it is enabled anew.
@@ -219,7 +224,8 @@ pub struct CompensationSample<R> {
 ///
 /// let inverse = Compensation::new(CompensationSettings {
 ///     way: Way::Inverse, k: 1.0, size: 2.0, share: 1.0, limit: 5.0, band: 0.5, tf: 0.0, rate: 1.0, release: 1.0,
-///     watch: 1e4, travel: 1000.0, reversals: 500.0, withdraw: true, limits: Saturation::new(0.0, 100.0)?,
+///     watch: 1e4, travel: 1000.0, reversals: 500.0, withdraw: true, estimate: true,
+///     limits: Saturation::new(0.0, 100.0)?,
 /// })?;
 /// let mut state = CompensationState::default();
 /// let mut update = |u| {
@@ -309,7 +315,7 @@ impl<R: Real> Compensation<R> {
             }
         }
         let reversed = before != 0 && state.direction != before;
-        let d_hat = sample.d_hat.filter(|d_hat| d_hat.is_number());
+        let d_hat = sample.d_hat.filter(|d_hat| s.estimate && d_hat.is_number());
         let goal = self.goal(state, sample.enable, d_hat);
         let mut standing = self.standing(state, sample, d_hat, bad, goal);
         if standing == Standing::Active && reversed {
@@ -492,6 +498,7 @@ mod tests {
             travel: 1e6,
             reversals: 1e6,
             withdraw: true,
+            estimate: true,
             limits: Saturation::new(-100.0, 100.0).unwrap(),
         }
     }
@@ -728,6 +735,7 @@ mod tests {
             travel: 1e6,
             reversals: 1e6,
             withdraw: true,
+            estimate: true,
             limits: Saturation::new(-100.0, 100.0).unwrap(),
         })
         .unwrap();

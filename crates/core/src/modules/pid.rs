@@ -215,6 +215,17 @@ impl<R: Real> Pid<R> {
         &self.settings
     }
 
+    /// In a loop at rest: process value and setpoint at `y`, the output at `output`. The first scan goes on from there as from a
+    /// scan before, and answers what differs from it; after [`PidState::at`] it takes what it finds as the beginning.
+    pub fn at_rest(&self, mode: Mode, y: R, output: R) -> PidState<R> {
+        let PidSettings { k, ti, td, b, max_h, .. } = self.settings;
+        let free = self.law.with(k, ti, td, Saturation::none());
+        let mut s = PidState { mode, sp: y, ysp: y.into(), yf: y, ..PidState::at(output) };
+        free.follow(&mut s.law, y, y.into(), output, max_h);
+        (s.status, s.gains) = ((mode as Status) << 2, [k, ti, td, b]);
+        s
+    }
+
     /// Takes process value, external setpoint, feed-forward and the time since the last scan `h` \[s\]; gives the output.
     #[inline(always)]
     pub fn forward(&self, s: &mut PidState<R>, pv: Forward<R>, sp: Forward<R>, ff: Forward<R>, h: R) -> Forward<R> {

@@ -1,7 +1,7 @@
 //! The controller with the detector inside.
 
 use super::backlash_detection::{BacklashDetection, BacklashDetectionSettings, BacklashDetectionState};
-use super::pid::{Pid, PidSettings, PidState};
+use super::pid::{Mode, Pid, PidSettings, PidState};
 use crate::error::require;
 use crate::modules::{Backward, Forward};
 use crate::status::{AT_HIGH, AT_LOW, NOT_AUTO, Status};
@@ -149,6 +149,11 @@ impl<R: Real> PidAdvanced<R> {
     /// What it was made of.
     pub fn settings(&self) -> &PidAdvancedSettings<R> {
         &self.settings
+    }
+
+    /// As [`Pid::at_rest`].
+    pub fn at_rest(&self, mode: Mode, y: R, output: R) -> PidAdvancedState<R> {
+        PidAdvancedState { pid: self.pid.at_rest(mode, y, output), ..PidAdvancedState::at(output) }
     }
 
     /// As [`Pid::forward`]; `by` is the scheduling variable, anything where there is no schedule.

@@ -40,8 +40,8 @@ use crate::{ParameterError, Real};
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Friction<R> {
     model: Model,
-    loose: R,
-    behind: R,
+    s: R,
+    j: R,
 }
 
 /// Which data-driven model.
@@ -76,13 +76,12 @@ impl<R: Real> Friction<R> {
     pub fn new(model: Model, s: R, j: R) -> Result<Self, ParameterError> {
         require("s", s, s >= R::ZERO, "0 or greater")?;
         require("j", j, j >= R::ZERO && j <= s, "0 or greater, at most s")?;
-        let half = |sum: R| sum / R::of(2.0);
-        Ok(Self { model, loose: half(s + j), behind: half(s - j) })
+        Ok(Self { model, s, j })
     }
 
-    /// The stick band plus dead band.
-    pub fn width(&self) -> R {
-        self.loose + self.behind
+    /// Model, stick band plus dead band, slip jump.
+    pub fn parameters(&self) -> (Model, R, R) {
+        (self.model, self.s, self.j)
     }
 
     /// Takes the output, gives the position of the stem.
@@ -90,18 +89,20 @@ impl<R: Real> Friction<R> {
         if !u.is_number() {
             return state.position;
         }
+        let half = |sum: R| sum / R::of(2.0);
+        let (loose, behind) = (half(self.s + self.j), half(self.s - self.j));
         let goes_on = self.model == Model::Kano && (u - state.u) * state.direction > R::ZERO;
         state.u = u;
         if !goes_on {
             let force = u - state.position;
             state.direction = match force {
-                _ if force > self.loose => R::ONE,
-                _ if force < -self.loose => -R::ONE,
+                _ if force > loose => R::ONE,
+                _ if force < -loose => -R::ONE,
                 _ => R::ZERO,
             };
         }
         if state.direction != R::ZERO {
-            state.position = u - state.direction * self.behind;
+            state.position = u - state.direction * behind;
         }
         state.position
     }

@@ -1,0 +1,84 @@
+//! A relay experiment between controller and valve.
+
+use super::{Inputs, Is, Kind, Module, Place, Required, Told, Unknown, Work, open, switch};
+use crate::SimError;
+use glapp_core::auto_tuner::Found;
+use glapp_core::modules::{self, AutoTunerState};
+use glapp_core::{AutoTunerSettings, Backward, Forward, ParameterError};
+
+pub(super) static KIND: Kind = Kind {
+    inputs: &["in", "pv"],
+    parameters: &[&[
+        ("amplitude", Required),
+        ("wait", Required),
+        ("longest", Required),
+        ("pv_low", Required),
+        ("pv_high", Required),
+        ("op_low", Required),
+        ("op_high", Required),
+        ("hysteresis", Unknown),
+        ("d", Is(0.0)),
+        ("max_h", Unknown),
+    ]],
+    commands: &["run"],
+    variables: &[&["phase", "stop", "ku", "tu", "kp", "kappa"]],
+    ..Kind::plain("AutoTuner", |m, place| {
+        Ok(Box::new(AutoTuner { block: block(m, place)?, state: AutoTunerState::default() }))
+    })
+};
+
+struct AutoTuner {
+    block: modules::AutoTuner<f64>,
+    state: AutoTunerState<f64>,
+}
+
+fn block(m: &Module, place: Place) -> Result<modules::AutoTuner<f64>, SimError> {
+    let settings = AutoTunerSettings {
+        amplitude: m.value("amplitude"),
+        hysteresis: m.known("hysteresis"),
+        d: m.value("d"),
+        wait: m.value("wait"),
+        longest: m.value("longest"),
+        max_h: m.known("max_h").unwrap_or(3.0 * place.h),
+        pv: (m.value("pv_low"), m.value("pv_high")),
+        op: (m.value("op_low"), m.value("op_high")),
+    };
+    Ok(modules::AutoTuner::new(settings)?)
+}
+
+impl Work for AutoTuner {
+    fn forward(&mut self, &[x, pv, ..]: &Inputs, h: f64) -> Forward<f64> {
+        self.block.forward(&mut self.state, x, pv, h)
+    }
+
+    fn backward(&mut self, back: Option<Backward<f64>>) -> Told {
+        [self.block.backward(&mut self.state, back.unwrap_or_default()), open(), open(), open()]
+    }
+
+    fn change(&mut self, to: &Module, place: Place) -> Result<(), SimError> {
+        self.block = block(to, place)?;
+        Ok(())
+    }
+
+    fn get(&self, name: &str) -> Option<f64> {
+        let experiment = &self.state.experiment;
+        let found = |number: fn(&Found<f64>) -> Option<f64>| {
+            Some(experiment.found.as_ref().and_then(number).unwrap_or(f64::NAN))
+        };
+        match name {
+            "run" => Some(u8::from(self.state.run).into()),
+            "phase" => Some(f64::from(experiment.phase as u8)),
+            "stop" => Some(f64::from(experiment.stop as u8)),
+            "ku" => found(|found| Some(found.ku)),
+            "tu" => found(|found| Some(found.tu)),
+            "kp" => found(|found| found.kp),
+            "kappa" => found(|found| found.kappa),
+            _ => None,
+        }
+    }
+
+    fn command(&mut self, _run: &str, value: f64) -> Result<(), ParameterError> {
+        self.state.run = switch("run", value, "0 (end it) or 1 (begin)")?;
+        Ok(())
+    }
+}

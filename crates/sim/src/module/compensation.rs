@@ -1,0 +1,82 @@
+//! What the two kinds with a detector have in common: the compensation, and what the detector shows.
+
+use super::{Is, Module, Parameter, Unknown, switch};
+use glapp_core::modules::BacklashDetectionState;
+use glapp_core::{CompensationSettings, ParameterError, Way};
+
+/// Those of [`CompensationSettings`]; a size of 0: there is none.
+pub(super) const PARAMETERS: &[Parameter] = &[
+    ("comp_size", Is(0.0)),
+    ("comp_way", Is(3.0)),
+    ("comp_share", Is(1.0)),
+    ("comp_limit", Unknown),
+    ("comp_band", Unknown),
+    ("comp_tf", Is(0.0)),
+    ("comp_rate", Unknown),
+    ("comp_release", Unknown),
+    ("comp_watch", Unknown),
+    ("comp_travel", Unknown),
+    ("comp_reversals", Unknown),
+    ("comp_withdraw", Is(1.0)),
+    ("comp_estimate", Is(1.0)),
+];
+
+pub(super) const VARIABLES: &[&str] =
+    &["d", "reason", "d_hat", "noise_floor", "count", "detections", "whole", "u_ff", "standing", "over"];
+
+pub(super) fn settings(m: &Module) -> Result<Option<CompensationSettings<f64>>, ParameterError> {
+    let size = m.value("comp_size");
+    if size == 0.0 {
+        return Ok(None);
+    }
+    let ways = Way::ALL.map(|way| (f64::from(way as u8), way));
+    let way = m.one_of("comp_way", &ways, "1 (error), 2 (derivative) or 3 (inverse)")?;
+    let usual = CompensationSettings::new(way, m.value("k"), m.value("ti"), size, m.value("comp_share"));
+    let or = |name, usual: f64| m.known(name).unwrap_or(usual);
+    Ok(Some(CompensationSettings {
+        limit: or("comp_limit", usual.limit),
+        band: or("comp_band", usual.band),
+        tf: m.value("comp_tf"),
+        rate: or("comp_rate", usual.rate),
+        release: or("comp_release", usual.release),
+        watch: or("comp_watch", usual.watch),
+        travel: or("comp_travel", usual.travel),
+        reversals: or("comp_reversals", usual.reversals),
+        withdraw: m.value("comp_withdraw") != 0.0,
+        estimate: m.value("comp_estimate") != 0.0,
+        ..usual
+    }))
+}
+
+/// Refuses to take a compensation out of the settings while it is in force: it would be gone with a bump.
+pub(super) fn not_taken_away(to: &Module, state: &BacklashDetectionState<f64>) -> Result<(), ParameterError> {
+    let value = to.value("comp_size");
+    if value == 0.0 && state.compensation.u_ff != 0.0 {
+        let bound = "greater than 0 while it compensates: set compensate to 0 first";
+        return Err(ParameterError { name: "comp_size", value, bound });
+    }
+    Ok(())
+}
+
+pub(super) fn named(state: &BacklashDetectionState<f64>, name: &str) -> Option<f64> {
+    let shown = || state.detector.shown();
+    match name {
+        "d" => Some(state.last.map_or(f64::NAN, |last| last.parts.d)),
+        "reason" => Some(state.last.map_or(f64::NAN, |last| f64::from(last.reason() as u8))),
+        "d_hat" => Some(shown().map_or(f64::NAN, |shown| shown.value)),
+        "noise_floor" => Some(state.detector.noise_floor().unwrap_or(f64::NAN)),
+        "count" => Some(shown().map_or(0.0, |shown| shown.count.into())),
+        "detections" => Some(state.detector.accepted().into()),
+        "whole" => Some(state.shown().map_or(f64::NAN, |whole| whole.value)),
+        "u_ff" => Some(state.compensation.u_ff),
+        "standing" => Some(f64::from(state.compensation.standing as u8)),
+        "over" => Some(f64::from(u8::from(state.over.even) + 2 * u8::from(state.over.relay))),
+        "compensate" => Some(f64::from(u8::from(state.compensate))),
+        _ => None,
+    }
+}
+
+pub(super) fn compensate(state: &mut BacklashDetectionState<f64>, value: f64) -> Result<(), ParameterError> {
+    state.compensate = switch("compensate", value, "0 (off) or 1 (on)")?;
+    Ok(())
+}

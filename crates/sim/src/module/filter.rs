@@ -1,0 +1,36 @@
+//! Second-order low-pass filter.
+
+use super::{Inputs, Kind, Module, Place, Required, Told, Work, passed};
+use crate::SimError;
+use glapp_core::{Backward, Forward, SecondOrderFilter, SecondOrderFilterState};
+
+pub(super) static KIND: Kind = Kind {
+    parameters: &[&[("tf", Required)]],
+    ..Kind::plain("Filter2P", |m, _| {
+        Ok(Box::new(Filter2P { block: block(m)?, state: SecondOrderFilterState::default() }))
+    })
+};
+
+struct Filter2P {
+    block: SecondOrderFilter<f64>,
+    state: SecondOrderFilterState<f64>,
+}
+
+fn block(m: &Module) -> Result<SecondOrderFilter<f64>, SimError> {
+    Ok(SecondOrderFilter::new(m.value("tf"))?)
+}
+
+impl Work for Filter2P {
+    fn forward(&mut self, &[x, ..]: &Inputs, h: f64) -> Forward<f64> {
+        self.block.forward(&mut self.state, x, h)
+    }
+
+    fn backward(&mut self, back: Option<Backward<f64>>) -> Told {
+        passed(back)
+    }
+
+    fn change(&mut self, to: &Module, _place: Place) -> Result<(), SimError> {
+        self.block = block(to)?;
+        Ok(())
+    }
+}

@@ -1,0 +1,41 @@
+//! The steps of a converter.
+
+use super::{Inputs, Kind, Module, Place, Required, Told, Work, passed};
+use crate::SimError;
+use crate::error::require;
+use glapp_core::{Backward, Forward};
+
+pub(super) static KIND: Kind = Kind {
+    parameters: &[&[("step", Required)]],
+    ..Kind::plain("Resolution", |m, _| Ok(Box::new(Resolution { step: step(m)? })))
+};
+
+struct Resolution {
+    step: f64,
+}
+
+fn step(m: &Module) -> Result<f64, SimError> {
+    let step = m.value("step");
+    Ok(require("step", step, step >= 0.0, "0 or greater")?)
+}
+
+/// The nearest multiple of `step`, halves upwards; `x` itself where that is 0.
+#[inline(always)]
+pub(crate) fn rounded(x: f64, step: f64) -> f64 {
+    if step > 0.0 { (x / step + 0.5).floor() * step } else { x }
+}
+
+impl Work for Resolution {
+    fn forward(&mut self, &[x, ..]: &Inputs, _h: f64) -> Forward<f64> {
+        Forward::new(rounded(x.value, self.step), x.flags)
+    }
+
+    fn backward(&mut self, back: Option<Backward<f64>>) -> Told {
+        passed(back)
+    }
+
+    fn change(&mut self, to: &Module, _place: Place) -> Result<(), SimError> {
+        self.step = step(to)?;
+        Ok(())
+    }
+}

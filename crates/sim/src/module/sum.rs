@@ -1,0 +1,34 @@
+//! The sum of two signals.
+
+use super::{Inputs, Kind, Module, Place, Told, Work, open};
+use crate::SimError;
+use glapp_core::{Backward, Forward};
+
+pub(super) static KIND: Kind =
+    Kind { inputs: &["in", "plus"], ..Kind::plain("Sum", |_, _| Ok(Box::new(Sum { last: [0.0; 2] }))) };
+
+struct Sum {
+    last: [f64; 2],
+}
+
+impl Work for Sum {
+    fn forward(&mut self, &[x, plus, ..]: &Inputs, _h: f64) -> Forward<f64> {
+        self.last = [x.value, plus.value];
+        Forward::new(x.value + plus.value, x.flags | plus.flags)
+    }
+
+    /// Each is told what is left to it beside the other.
+    fn backward(&mut self, back: Option<Backward<f64>>) -> Told {
+        let told = back.unwrap_or_default();
+        let beside = |other: f64| {
+            let other = if other.is_finite() { other } else { 0.0 };
+            let Backward { low, high, flags, tracking } = told;
+            Backward { low: low - other, high: high - other, flags, tracking: tracking - other }
+        };
+        [beside(self.last[1]), beside(self.last[0]), open(), open()]
+    }
+
+    fn change(&mut self, _to: &Module, _place: Place) -> Result<(), SimError> {
+        Ok(())
+    }
+}

@@ -4,5 +4,6 @@ from fits import remember
 
 from glapp.cli import main
 
-remember()
-main()
+if __name__ == "__main__":
+    remember()
+    main()

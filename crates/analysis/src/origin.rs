@@ -43,8 +43,8 @@ impl Origin {
 ///
 /// ```
 /// use glapp_analysis::{Origin, process_gain};
-/// assert_eq!(process_gain(None, Some((40.0, 100.0)), false), (Some(0.6), Origin::Assumed));
-/// assert_eq!(process_gain(None, Some((40.0, 100.0)), true), (None, Origin::Unknown));
+/// assert_eq!(process_gain(None, Some((50.0, 100.0)), false), (Some(0.75), Origin::Assumed));
+/// assert_eq!(process_gain(None, Some((50.0, 100.0)), true), (None, Origin::Unknown));
 /// assert_eq!(process_gain(Some(2.0), None, false), (Some(2.0), Origin::Given));
 /// ```
 pub fn process_gain(given: Option<f64>, spans: Option<(f64, f64)>, integrating: bool) -> (Option<f64>, Origin) {

@@ -1,6 +1,6 @@
 """What compensation brings, when its warnings are wrong, and whether it does harm: `python -m bench.compensation`.
 
-Some ten minutes on two cores; `--loops 100` makes the last part shorter, `--docs` writes the tables into
+Up to an hour on two cores; `--loops 100` makes the last part shorter, `--docs` writes the tables into
 docs/compensation.md. Everything is simulated, so that the gap is known; what compensates is the module that ships.
 """
 

@@ -354,14 +354,19 @@ def test_the_valve_position_settles_it() -> None:
 
 
 @pytest.mark.slow
-def test_the_zero_crossing_estimate_takes_the_fitted_gain() -> None:
+def test_the_zero_crossing_estimate_takes_the_fitted_gain(monkeypatch: pytest.MonkeyPatch) -> None:
     s = closed_loop("P3", (0.48, 0.3117), d=0.05, noise=0.002, h=0.1, t_end=400, setpoint=[(1, 1.0)], **LOADS)
     spans = {"pv_span": (0, 1), "op_span": (0, 1)}
     loop = glapp.Loop(name="P3", op_unit="1", controller={"k": 0.48, "ti": 0.3117, "setpoint_weight": 0}, **spans)
     recording = glapp.recording_from(s.to_arrow().drop_columns("POSITION"), loop)
-    fitted, assumed = glapp.analyze(recording), glapp.analyze(recording, fit=False)
-    assert assumed.settings.kp == pytest.approx(1.5)
+    passes, batches = [], type(recording).batches
+    monkeypatch.setattr(type(recording), "batches", lambda *a: passes.append(1) or batches(*a))
+    fitted = glapp.analyze(recording)
+    assert len(passes) == 1, "what is in memory was read again"
+    assumed = glapp.analyze(recording, fit=False)
+    assert assumed.settings.kp == pytest.approx(1.5) and assumed.settings.origins["kp"] == "assumed"
     assert fitted.settings.kp == pytest.approx(1.0, rel=0.15) and "fitted" in fitted.settings.notes["kp"]
+    assert fitted.settings.origins["kp"] == "fitted" and fitted.settings.origins["k"] == "given"
     assert fitted.d_hat is not None and assumed.d_hat is not None and fitted.d_hat < assumed.d_hat
 
 

@@ -111,9 +111,9 @@ def estimate(
     assert ideal is not None
     sample = _inspection(recording, 4096)
     loop = with_op_unit(loop, sample.batch)
-    run = _Run(recording, loop, sample.median_step, ideal, {}, _process_gain(loop))
+    run = _Run(recording, sample, loop, ideal, {}, _process_gain(loop))
     run.all(progress)
-    return run.result([], None, sample.batch)
+    return run.result([], None)
 
 
 def analyze(
@@ -183,7 +183,7 @@ def analyze(
         told: Known = ("identified", f"identified (R² {found.r2:.3f})")
         origins = {"k": told, "ti": told, "td": told if found.td else ("identified", "PI law identified")}
         origins["b"] = ("assumed", "no setpoint change to tell it by") if found.setpoint_weight is None else told
-    run = _Run(recording, loop, sample.median_step, ideal, origins, _process_gain(loop))
+    run = _Run(recording, sample, loop, ideal, origins, _process_gain(loop))
     census = _glapp.Census(run.max_h, op_range(loop))
     fit = fit and batch.op is not None
     reading, fitting, again = shares(progress, 0.4, 0.4, 0.2) if fit else (progress, None, None)
@@ -205,9 +205,9 @@ def analyze(
     fitted = _fit(fitted_batches, loop, ideal, quality, fitting) if fit else None
     known = loop.process.type == "integrating" or run.origins["kp"][0] == "given"
     if fitted is not None and not known and (gain := _fitted_gain(fitted)) is not None:
-        run = _Run(recording, loop, sample.median_step, ideal, origins, gain)
+        run = _Run(recording, sample, loop, ideal, origins, gain)
         run.all(again)
-    return replace(run.result(quality, found, batch), fit=fitted)
+    return replace(run.result(quality, found), fit=fitted)
 
 
 def _fitted_gain(fit: Fit) -> tuple[float, Known] | None:
@@ -451,14 +451,16 @@ class Estimator:
 class _Inspection:
     batch: Batch
     median_step: float
+    whole: bool
+    """Whether the recording has no more rows: it need not be read again."""
 
 
 def _inspection(recording: Recording, rows: int) -> _Inspection:
     """The first rows, and the median step between them [s]."""
-    whole = recording.beginning(rows)
-    steps = np.diff(whole.t)
+    beginning = recording.beginning(rows)
+    steps = np.diff(beginning.t)
     steps = steps[np.isfinite(steps) & (steps > 0)]
-    return _Inspection(whole, float(np.median(steps)) if len(steps) else 1.0)
+    return _Inspection(beginning, float(np.median(steps)) if len(steps) else 1.0, len(beginning) < rows)
 
 
 class _Run:
@@ -467,17 +469,17 @@ class _Run:
     def __init__(
         self,
         recording: Recording,
+        sample: _Inspection,
         loop: Loop,
-        step: float,
         ideal: Ideal | None,
         origins: dict[str, Known],
         gain: tuple[float | None, Known],
     ) -> None:
-        self.recording = recording
+        self.recording, self.sample = recording, sample
         self.loop = loop
         self.ideal = ideal
-        self.h = step
-        self.max_h = GAP_STEPS * step
+        self.h = sample.median_step
+        self.max_h = GAP_STEPS * self.h
         self.kp, kp_known = gain
         given: Known = ("given", "given")
         self.origins = {**dict.fromkeys(("k", "ti", "td", "b"), given), **origins, "kp": kp_known}
@@ -490,7 +492,7 @@ class _Run:
         self, progress: Progress | None, census: _glapp.Census | None = None, windows: _glapp.Windows | None = None
     ) -> None:
         """Read the recording from its first to its last row, the detectors side by side."""
-        for batch in self.recording.batches():
+        for batch in [self.sample.batch] if self.sample.whole else self.recording.batches():
             if census is not None:
                 census.run(batch.t, batch.sp, batch.pv, batch.op, batch.flags)
             if windows is not None:
@@ -508,8 +510,8 @@ class _Run:
             if progress is not None:
                 progress(self.recording.fraction_read())
 
-    def result(self, quality: list[Finding], found: Identification | None, beginning: Batch) -> Result:
-        """Choose the filter time and say what was found; OP's noise is that of the recording's `beginning`."""
+    def result(self, quality: list[Finding], found: Identification | None) -> Result:
+        """Choose the filter time and say what was found; OP's noise is that of the recording's beginning."""
         loop, ideal, origins = self.loop, self.ideal, dict(self.origins)
         chosen, detector = (None, None) if self.ladder is None else self.ladder.chosen()
         tf = None
@@ -558,7 +560,9 @@ class _Run:
             quality=quality,
             identification=found,
             trace=self._trace(chosen),
-            corrected=self._corrected(detector, d_hat, beginning.op) if detector is not None and detections else None,
+            corrected=self._corrected(detector, d_hat, self.sample.batch.op)
+            if detector is not None and detections
+            else None,
         )
 
     def _verdict(

@@ -23,27 +23,14 @@ mod search;
 
 pub use filter::Filter;
 
+use crate::Inspected;
+
 /// Least share of OP's moves that the law must explain before its K and Ti are used unasked.
 pub const R2_USABLE: f64 = 0.9;
 /// Largest ratio of the ends of the interval of K, or of Ti, with which they are used unasked.
 pub const WIDEST: f64 = 4.0;
 /// Fewest usable steps between samples; below it an interval means nothing.
 pub const MIN_STEPS: usize = 50;
-
-/// A recording; rows beyond the shortest column are not looked at.
-#[derive(Clone, Copy, Debug)]
-pub struct Samples<'a> {
-    /// Time [s]; may repeat or run backwards, such steps are not used.
-    pub t: &'a [f64],
-    /// Setpoint [PV unit], where it is recorded; NaN where missing.
-    pub sp: Option<&'a [f64]>,
-    /// Measurement [PV unit]; NaN where missing.
-    pub pv: &'a [f64],
-    /// Controller output [OP unit], where it is recorded; NaN where missing.
-    pub op: Option<&'a [f64]>,
-    /// Any bit set (not auto, bad, at a limit) takes the sample out.
-    pub flags: Option<&'a [u8]>,
-}
 
 /// K, Ti and Td of a PID controller as its recording shows them.
 #[derive(Clone, Debug, PartialEq)]
@@ -204,7 +191,8 @@ impl Identification {
 /// whose lags add up to more than Td hides the derivative: such a controller is taken for a PI with less gain.
 ///
 /// ```
-/// use glapp_analysis::identify::{Samples, identified};
+/// use glapp_analysis::Inspected;
+/// use glapp_analysis::identify::identified;
 ///
 /// let t: Vec<f64> = (0..400).map(f64::from).collect();
 /// let pv: Vec<f64> = t.iter().map(|t| 50.0 + (t / 17.0).sin() + 0.3 * (t / 5.0).sin()).collect();
@@ -216,18 +204,17 @@ impl Identification {
 ///         2.0 * (50.0 - pv) + 2.0 / 30.0 * area
 ///     })
 ///     .collect();
-/// let samples = Samples { t: &t, sp: Some(&[50.0; 400]), pv: &pv, op: Some(&op), flags: None };
-/// let found = identified(&samples, None, None);
+/// let rows = Inspected { t: &t, sp: Some(&[50.0; 400]), pv: &pv, op: Some(&op), flags: None };
+/// let found = identified(&rows, None, None);
 /// let law = found.values.unwrap();
 /// assert!((law.k - 2.0).abs() < 1e-6 && (law.ti - 30.0).abs() < 1e-4 && found.reason.is_none());
 /// ```
-pub fn identified(samples: &Samples, setpoint_weight: Option<f64>, limits: Option<(f64, f64)>) -> Identification {
-    let Some(op) = samples.op else { return Identification::nothing(Reason::NoOp, 0) };
-    let Some(sp) = samples.sp else { return Identification::nothing(Reason::NoSp, 0) };
-    let n = samples.t.len().min(sp.len()).min(samples.pv.len()).min(op.len());
-    let n = samples.flags.map_or(n, |flags| n.min(flags.len()));
-    let (t, sp, pv, op) = (&samples.t[..n], &sp[..n], &samples.pv[..n], &op[..n]);
-    let (step, h) = rows::usable_steps(&Samples { t, pv, ..*samples }, sp, op, limits);
+pub fn identified(rows: &Inspected, setpoint_weight: Option<f64>, limits: Option<(f64, f64)>) -> Identification {
+    let rows = rows.even();
+    let Inspected { t, pv, .. } = rows;
+    let Some(op) = rows.op else { return Identification::nothing(Reason::NoOp, 0) };
+    let Some(sp) = rows.sp else { return Identification::nothing(Reason::NoSp, 0) };
+    let (step, h) = rows::usable_steps(&rows, sp, op, limits);
     let count = step.iter().filter(|step| **step).count();
     if count < MIN_STEPS {
         return Identification::nothing(Reason::FewSteps, count);

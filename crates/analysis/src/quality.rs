@@ -40,8 +40,6 @@ pub struct Known {
 pub struct Law {
     /// K and Ti may be used unasked.
     pub usable: bool,
-    /// OP's moves are explained well enough, however far the intervals reach.
-    pub explains: bool,
     /// Share of the variance of OP's moves that is explained.
     pub r2: Option<f64>,
     /// Gain [OP unit/PV unit].

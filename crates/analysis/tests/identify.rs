@@ -1,6 +1,7 @@
 //! The controller's law, from records of controllers that are known.
 
-use glapp_analysis::identify::{Identification, MIN_STEPS, R2_USABLE, Reason, Samples, WIDEST, identified};
+use glapp_analysis::Inspected;
+use glapp_analysis::identify::{Identification, MIN_STEPS, R2_USABLE, Reason, WIDEST, identified};
 use proptest::prelude::*;
 
 /// A controller that runs once a sample.
@@ -46,7 +47,7 @@ fn recorded(by: &Controller, h: f64, n: usize) -> Record {
 }
 
 fn found([t, sp, pv, op]: &Record) -> Identification {
-    identified(&Samples { t, sp: Some(sp), pv, op: Some(op), flags: None }, None, None)
+    identified(&Inspected { t, sp: Some(sp), pv, op: Some(op), flags: None }, None, None)
 }
 
 #[track_caller]
@@ -89,14 +90,14 @@ fn what_is_missing_is_said() {
     let by = Controller { k: 2.0, ti: 30.0, td: 0.0, b: 1.0, tf: 0.0 };
     let record = recorded(&by, 1.0, 400);
     let [t, sp, pv, op] = &record;
-    let whole = Samples { t, sp: Some(sp), pv, op: Some(op), flags: None };
-    let reason = |samples: Samples| identified(&samples, None, None).reason;
-    assert_eq!(reason(Samples { op: None, ..whole }), Some(Reason::NoOp));
-    assert_eq!(reason(Samples { sp: None, ..whole }), Some(Reason::NoSp));
-    assert_eq!(reason(Samples { flags: Some(&[1; 400]), ..whole }), Some(Reason::FewSteps));
-    assert_eq!(reason(Samples { t: &t[..MIN_STEPS], ..whole }), Some(Reason::FewSteps));
-    assert_eq!(reason(Samples { op: Some(&[1.0; 400]), ..whole }), Some(Reason::OpStill));
-    assert_eq!(reason(Samples { pv: &[49.0; 400], ..whole }), Some(Reason::PvStill));
+    let whole = Inspected { t, sp: Some(sp), pv, op: Some(op), flags: None };
+    let reason = |samples: Inspected| identified(&samples, None, None).reason;
+    assert_eq!(reason(Inspected { op: None, ..whole }), Some(Reason::NoOp));
+    assert_eq!(reason(Inspected { sp: None, ..whole }), Some(Reason::NoSp));
+    assert_eq!(reason(Inspected { flags: Some(&[1; 400]), ..whole }), Some(Reason::FewSteps));
+    assert_eq!(reason(Inspected { t: &t[..MIN_STEPS], ..whole }), Some(Reason::FewSteps));
+    assert_eq!(reason(Inspected { op: Some(&[1.0; 400]), ..whole }), Some(Reason::OpStill));
+    assert_eq!(reason(Inspected { pv: &[49.0; 400], ..whole }), Some(Reason::PvStill));
     let highest = op.iter().fold(f64::MIN, |a, b| a.max(*b));
     let within = identified(&whole, None, Some((f64::MIN, highest)));
     assert_eq!(within.samples, 397, "the step to and from the highest OP, and the last of 400 rows");
@@ -141,7 +142,7 @@ proptest! {
         let t = if even { (0..rows.len()).map(|k| k as f64).collect() } else { column(|row| row.0) };
         let (sp, pv, op) = (column(|row| row.1), column(|row| row.2), column(|row| row.3));
         let flags: Vec<u8> = rows.iter().map(|row| u8::from(row.4 == 0)).collect();
-        let samples = Samples { t: &t, sp: Some(&sp), pv: &pv, op: Some(&op), flags: Some(&flags) };
+        let samples = Inspected { t: &t, sp: Some(&sp), pv: &pv, op: Some(&op), flags: Some(&flags) };
         let found = identified(&samples, b, limits);
         let values = found.values.map(|values| [values.k, values.ti, values.r2]);
         prop_assert!(values.is_none_or(|values| values.iter().all(|x| !x.is_nan())), "{found:?}");

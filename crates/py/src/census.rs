@@ -4,7 +4,7 @@ use glapp_analysis::{Census, Counter, Occurrences, Values};
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 
-use crate::quality::with_rows;
+use crate::columns::with_rows;
 use crate::refused;
 
 /// Counts over all rows of a recording, batch by batch.

@@ -1,10 +1,11 @@
 //! The controller's law, read out of a recording.
 
-use glapp_analysis::identify::{Note, Reason, Samples};
+use glapp_analysis::identify::{Note, Reason};
 use numpy::PyReadonlyArray1;
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+
+use crate::columns::with_rows;
 
 /// Finds K, Ti and Td; `glapp.identify` is the door for people, and has the sentences.
 ///
@@ -22,19 +23,9 @@ pub fn identified<'py>(
     setpoint_weight: Option<f64>,
     limits: Option<(f64, f64)>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let samples = Samples {
-        t: t.as_slice()?,
-        sp: sp.as_ref().map(|sp| sp.as_slice()).transpose()?,
-        pv: pv.as_slice()?,
-        op: op.as_ref().map(|op| op.as_slice()).transpose()?,
-        flags: flags.as_ref().map(|flags| flags.as_slice()).transpose()?,
-    };
-    let Samples { t, sp, pv, op, flags } = samples;
-    let lengths = [Some(pv.len()), sp.map(<[f64]>::len), op.map(<[f64]>::len), flags.map(<[u8]>::len)];
-    if lengths.into_iter().flatten().any(|length| length != t.len()) {
-        return Err(PyValueError::new_err("t, sp, pv, op and flags must be of the same length"));
-    }
-    let found = py.detach(|| glapp_analysis::identify::identified(&samples, setpoint_weight, limits));
+    let found = with_rows(&t, sp.as_ref(), &pv, op.as_ref(), flags.as_ref(), |rows| {
+        py.detach(|| glapp_analysis::identify::identified(&rows, setpoint_weight, limits))
+    })?;
     let out = PyDict::new(py);
     out.set_item("samples", found.samples)?;
     out.set_item("reason", found.reason.map(|reason| told(py, reason)).transpose()?)?;

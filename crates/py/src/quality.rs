@@ -1,39 +1,12 @@
 //! What is wrong with a recording: rows and counts in, findings out.
 
-use glapp_analysis::Inspected;
-use glapp_analysis::identify::R2_USABLE;
 use glapp_analysis::quality::{Finding, Interval, Known, Law, Value};
 use numpy::PyReadonlyArray1;
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::census::Counts;
-
-type Signal<'py> = PyReadonlyArray1<'py, f64>;
-
-/// Hands the arrays over without copying, once they are seen to be contiguous and of one length.
-pub fn with_rows<T>(
-    t: &Signal<'_>,
-    sp: Option<&Signal<'_>>,
-    pv: &Signal<'_>,
-    op: Option<&Signal<'_>>,
-    flags: Option<&PyReadonlyArray1<'_, u8>>,
-    work: impl FnOnce(Inspected<'_>) -> T,
-) -> PyResult<T> {
-    let rows = Inspected {
-        t: t.as_slice()?,
-        sp: sp.map(|sp| sp.as_slice()).transpose()?,
-        pv: pv.as_slice()?,
-        op: op.map(|op| op.as_slice()).transpose()?,
-        flags: flags.map(|flags| flags.as_slice()).transpose()?,
-    };
-    let optional = [rows.sp.map(<[f64]>::len), rows.op.map(<[f64]>::len), rows.flags.map(<[u8]>::len)];
-    if rows.pv.len() != rows.t.len() || optional.into_iter().flatten().any(|length| length != rows.t.len()) {
-        return Err(PyValueError::new_err("t, sp, pv, op and flags must be of the same length"));
-    }
-    Ok(work(rows))
-}
+use crate::columns::{Signal, with_rows};
 
 /// `glapp.Identification`, as far as a recording is held against it.
 #[derive(FromPyObject)]
@@ -56,7 +29,6 @@ impl Identification {
         let interval = |value, low, high| Interval { value, low, high };
         Law {
             usable: self.usable,
-            explains: self.r2.is_some_and(|r2| r2 >= R2_USABLE),
             r2: self.r2,
             k: interval(self.k, self.k_low, self.k_high),
             ti: interval(self.ti, self.ti_low, self.ti_high),

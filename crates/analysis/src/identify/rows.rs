@@ -1,6 +1,6 @@
 //! The rows that a law is sought in.
 
-use super::Samples;
+use crate::Inspected;
 use crate::signals::{frozen_steps, median};
 
 /// Of a longer recording its three liveliest stretches.
@@ -17,8 +17,8 @@ pub(super) struct Rows {
 
 /// Steps between samples that are in auto, good, off the limits and not too long for the law to be followed, and the usual
 /// one [s]; 0 where there is none.
-pub(super) fn usable_steps(samples: &Samples, sp: &[f64], op: &[f64], limits: Option<(f64, f64)>) -> (Vec<bool>, f64) {
-    let Samples { t, pv, flags, .. } = samples;
+pub(super) fn usable_steps(rows: &Inspected, sp: &[f64], op: &[f64], limits: Option<(f64, f64)>) -> (Vec<bool>, f64) {
+    let Inspected { t, pv, flags, .. } = rows;
     let usable = |k: usize| {
         [t[k], sp[k], pv[k], op[k]].iter().all(|x| x.is_finite())
             && flags.is_none_or(|flags| flags[k] == 0)

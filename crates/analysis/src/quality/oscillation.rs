@@ -7,6 +7,7 @@ use realfft::RealFftPlanner;
 use super::Finding;
 use super::finding::{Fault, Severity};
 use super::look::{Look, longest_run, span};
+use crate::identify::R2_USABLE;
 use crate::{SORTED_ROWS, median};
 
 /// Fewer samples, or crossings of the mean, show no frequency.
@@ -79,7 +80,7 @@ pub(super) fn sinusoid(look: &Look<'_>, found: &mut Vec<Finding>) {
 
 /// Ti, or the least that it can be: one frequency leaves Ti open by more than is usable, but that is enough here.
 fn shortest_ti(look: &Look<'_>) -> Option<f64> {
-    let seen = || look.known.law.filter(|law| law.explains)?.ti.low;
+    let seen = || look.known.law.filter(|law| law.r2.is_some_and(|r2| r2 >= R2_USABLE))?.ti.low;
     look.known.ti.or_else(|| seen().filter(|low| *low > 0.0 && low.is_finite()))
 }
 

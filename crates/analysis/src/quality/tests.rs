@@ -169,14 +169,14 @@ fn a_sinusoid_that_is_too_fast_for_backlash() {
     assert_eq!(look(&recorded, None, &Known::default()), []);
     // The least that Ti can be is enough.
     let ti = Interval { value: Some(30.0), low: Some(20.0), high: Some(90.0) };
-    let law = Law { explains: true, ti, ..Law::default() };
+    let law = Law { r2: Some(0.99), ti, ..Law::default() };
     assert_eq!(look(&recorded, None, &Known { law: Some(law), ..Known::default() })[0].fault, Fault::Sinusoidal);
 }
 
 #[test]
 fn settings_far_from_what_op_does() {
     let about = |value: f64| Interval { value: Some(value), low: Some(0.9 * value), high: Some(1.1 * value) };
-    let law = Law { usable: true, explains: true, r2: Some(0.99), k: about(-1.0), ti: about(20.0), td: about(0.0) };
+    let law = Law { usable: true, r2: Some(0.99), k: about(-1.0), ti: about(20.0), td: about(0.0) };
     let found = look(&signals(ordinary), None, &Known { ti: Some(1200.0), law: Some(law), ..known() });
     assert_eq!(found.iter().map(|f| f.fault).collect::<Vec<_>>(), [Fault::Sign, Fault::Settings]);
     assert_eq!(found[1].evidence[0], ("parameter", "Ti".into()));
@@ -219,7 +219,7 @@ proptest! {
         let mut counter = Counter::new(3.0, Some((-2.0, 2.0))).unwrap();
         counter.run(&rows);
         let seen = Interval { value: k, low, high: ti };
-        let law = Law { usable: true, explains: true, r2: None, k: seen, ti: seen, td: seen };
+        let law = Law { usable: true, r2: Some(0.95), k: seen, ti: seen, td: seen };
         for finding in inspect(&rows, &counter.census, &Known { k, ti, td: ti, law: Some(law) }) {
             prop_assert!(finding.fault.severities().contains(&finding.severity), "{:?}", finding);
         }

@@ -134,6 +134,8 @@ class Fit:
     best : dict
         Everything the clearest window's fit has to tell, as the core gives it, with the time `t` of each cell and the
         `signal` that was fitted: "PV", or "position" where the valve's own settled it.
+    why : str
+        The word for the evidence; `reason` is its sentence.
     through_pv : Fit or None
         Where the valve's position was recorded and settled the answer, what PV alone would have said. The process is
         always that of PV. Where no width lies in the intervals of both, `reason` names both: with a gap in either the
@@ -153,6 +155,7 @@ class Fit:
     trend: Trend | None = None
     windows: list[Window] = field(default_factory=list)
     best: dict[str, Any] = field(default_factory=dict)
+    why: str = ""
     through_pv: Fit | None = None
 
     def __repr__(self) -> str:
@@ -354,7 +357,19 @@ def _at_valve(answer: dict[str, Any], loop: Loop) -> Fit:
     verdict, d, low, high = (answer[key] for key in ("verdict", "d", "low", "high"))
     reason = position_reason(verdict, d, low, high, shown, best) + _changed(trend, shown)
     needed = {name: best[name] for name in ("lr_no_gap", "lr_needed", "jump")}
-    return Fit(verdict, reason, unit, d, low, high, **needed, trend=trend, windows=_windows(answer), best=best)
+    return Fit(
+        verdict,
+        reason,
+        unit,
+        d,
+        low,
+        high,
+        **needed,
+        trend=trend,
+        windows=_windows(answer),
+        best=best,
+        why=best["reason"],
+    )
 
 
 def _through_pv(answer: dict[str, Any], loop: Loop, sinusoid: str | None) -> Fit:
@@ -379,6 +394,7 @@ def _through_pv(answer: dict[str, Any], loop: Loop, sinusoid: str | None) -> Fit
         trend=trend,
         windows=_windows(answer),
         best=best,
+        why=answer["reason"],
     )
 
 

@@ -7,18 +7,26 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from typing import Annotated, Literal
+from typing import Annotated, Literal, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from . import __version__
+from ._glapp import ANSWER_VERSION
 from .escape import in_quotes
 from .result import Result
 
 __all__ = ["to_json", "to_schema"]
 
 
+class Columns(NamedTuple):
+    """What is put behind the name of a list of numbers where each has a column of its own."""
+
+    ends: tuple[str, ...]
+
+
 Count = Annotated[int, Field(ge=0)]
+Range = Annotated[list[float], Field(min_length=2, max_length=2), Columns(("_low", "_high"))]
 Value = float | None  # NaN and infinity, which JSON does not have, are written as null
 
 
@@ -64,7 +72,7 @@ class Controller(_Part):
     """The same: given, read from OP's moves, fitted with the gap, the usual value, of those tried, left out."""
 
 
-Limits = Annotated[list[Value], Field(min_length=3, max_length=3)]
+Limits = Annotated[list[Value], Field(min_length=3, max_length=3), Columns(("", "_low", "_high"))]
 """A value with its lower and upper 95 % limit."""
 
 
@@ -123,7 +131,7 @@ class FitAnswer(_Part):
     """null where nothing could be fitted."""
     signal: Literal["PV", "position"]
     """What was fitted to OP: PV, or the measured valve position where it settled the answer."""
-    trend: Annotated[list[float], Field(min_length=2, max_length=2)] | None
+    trend: Annotated[list[float], Field(min_length=2, max_length=2), Columns(("", "_error"))] | None
     """Change of the width and its standard error [`unit`/day], from three windows or more."""
     windows: list[Window]
     """The windows that were fitted."""
@@ -142,7 +150,7 @@ class Corrected(_Part):
     """Upper end."""
     kp: Value
     """Size of the process gain that it stands on [PV unit/OP unit]."""
-    kp_range: Annotated[list[float], Field(min_length=2, max_length=2)] | None
+    kp_range: Range | None
     """Range of that gain with any one pair left out; null where it was known."""
     pairs: Count
     """Pairs of half-periods that it is made of."""
@@ -152,24 +160,88 @@ class Corrected(_Part):
     """Why there is no width."""
 
 
+class Next(_Part):
+    """What to do next."""
+
+    code: str
+    """correct, inspect, further, record_more, tuning, nothing, review, confirm, compare, record_longer,
+    probably_too_wide, step_test, remedy."""
+    of: str | None
+    """What it is about: a part of the valve, a reason of rejection; null where it has none."""
+    text: str
+    """The same in a sentence or two."""
+
+
+class Struck(_Part):
+    """Why the crossings' width does not stand beside the fit."""
+
+    code: Literal["above", "below", "sound"]
+    """Wider or narrower than the fit allows, or a width of a valve that shows no gap."""
+    limit: float
+    """The fit's limit [`unit`]."""
+    text: str
+    """The same in a sentence."""
+
+
+class Answer(_Part):
+    """The one answer of a loop, from all that is known of its valve."""
+
+    verdict: Literal[
+        "backlash",
+        "stiction",
+        "both",
+        "oscillation",
+        "sound",
+        "at_least",
+        "cannot_tell",
+        "estimate",
+        "provisional",
+        "no_estimate",
+        "refused",
+    ]
+    """The fit's; the last four are those of the crossings, where nothing was fitted."""
+    valve: Literal["gap", "no_gap", "unknown", "refused"]
+    """What that means of the valve; refused: data or settings allow no answer."""
+    width: Value
+    """The width that lists rank by [`unit`]: the most likely one, or the bound if that is all; null: no gap was found."""
+    width_percent_span: Value
+    """The same in % of OP span; null where the span is not known."""
+    low: Value
+    """Narrowest gap that the data does not exclude [`unit`]; null where nothing is excluded."""
+    high: Value
+    """Widest one [`unit`]; null where there is no limit."""
+    evidence: Literal["none", "weak", "strong", "very_strong"] | None
+    """How strongly the recording speaks for a gap; null without a fit."""
+    acceptable: Literal["within", "beyond", "open"] | None
+    """How the width stands to what is acceptable; open: it may be either. Null where either is not known."""
+    next: Next
+    """What to do next."""
+    urgency: Literal["none", "low", "medium", "high"]
+    """How soon."""
+    struck: Struck | None
+    """Why the crossings' width does not stand; null where it does, or there is none."""
+
+
 class LoopAnswer(_Part):
-    """The answer for one loop."""
+    """The answer for one loop: `answer` is the one, all else is what it stands on."""
 
     loop: str
     """Name of the loop."""
     file: str
     """Its recording, as the user wrote it."""
-    verdict: Literal["estimate", "provisional", "no_estimate", "refused"]
-    """provisional: from fewer than N detections. refused: data or settings do not allow an answer."""
+    answer: Answer
+    """The one answer."""
+    crossings: Literal["estimate", "provisional", "no_estimate", "refused"]
+    """What the zero crossings allow to be said; provisional: from fewer than N detections."""
     reason: str | None
-    """One sentence; null only with an estimate."""
+    """Why not more, in one sentence; null only with an estimate."""
     d_hat: Value
-    """Estimated total width of the dead band [`unit`]."""
+    """Total width by zero crossings, as a PLC would show it [`unit`]; `answer.struck` says where it does not stand."""
     unit: str
     """Unit of OP."""
     d_hat_percent_span: Value
     """The same in % of OP span; null where the span is not known."""
-    repeatability: Annotated[list[float], Field(min_length=2, max_length=2)] | None
+    repeatability: Range | None
     """Smallest and largest detection behind `d_hat` [`unit`]; not an interval of confidence."""
     noise_floor: Value
     """Width below which noise alone could produce an estimate [`unit`]."""
@@ -192,6 +264,8 @@ class LoopAnswer(_Part):
 class Document(_Part):
     """Answer of `glapp analyze --json`."""
 
+    schema_version: Literal[2]
+    """Layout of this document."""
     glapp: str
     """Version that wrote it."""
     loops: list[LoopAnswer]
@@ -205,11 +279,16 @@ def to_json(results: Sequence[Result]) -> str:
     --------
     >>> print(to_json([]))  # doctest: +ELLIPSIS
     {
+      "schema_version": 2,
       "glapp": "...",
       "loops": []
     }
     """
-    document = {"glapp": __version__, "loops": [result.to_dict() for result in results]}
+    document = {
+        "schema_version": ANSWER_VERSION,
+        "glapp": __version__,
+        "loops": [result.to_dict() for result in results],
+    }
     return in_quotes(Document.model_validate(document).model_dump_json(indent=2))
 
 

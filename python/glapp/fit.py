@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from . import _glapp
 from .controller import Ideal
 from .loop import Loop
-from .position import COPY, Interval, apart, position_reason
+from .position import COPY, Interval, position_reason
 from .progress import Progress, shares
 from .recording import Batch, Recording
 from .samples import recording_of
@@ -137,6 +137,8 @@ class Fit:
     best : dict
         Everything the clearest window's fit has to tell, as the core gives it, with the time `t` of each cell and the
         `signal` that was fitted: "PV", or "position" where the valve's own settled it.
+    why : str
+        The word for the evidence; `reason` is its sentence.
     through_pv : Fit or None
         Where the valve's position was recorded and settled the answer, what PV alone would have said. The process is
         always that of PV. Where no width lies in the intervals of both, `reason` names both: with a gap in either the
@@ -156,6 +158,7 @@ class Fit:
     trend: Trend | None = None
     windows: list[Window] = field(default_factory=list)
     best: dict[str, Any] = field(default_factory=dict)
+    why: str = ""
     through_pv: Fit | None = None
 
     def __repr__(self) -> str:
@@ -303,45 +306,52 @@ def fit_batches(
     """
     if refused is not None:
         return Fit("cannot_tell", refused, loop.op_label)
-    if not batches:
+    if progress is not None:
+        progress(0.0)
+    found = _glapp.fit(batches, sign, sinusoid is not None)
+    if progress is not None:
+        progress(1.0)
+    return told(found["answer"], found["pv"], found["position"], loop, sinusoid)
+
+
+def told(
+    answer: dict[str, Any],
+    pv: dict[str, Any] | None,
+    position: dict[str, Any] | None,
+    loop: Loop,
+    sinusoid: str | None = None,
+) -> Fit:
+    """Put what the core answered, with all that PV and the valve's position said, into words."""
+    if pv is None:
         return Fit("cannot_tell", "OP stands still all the time: only an OP that moves shows a gap", loop.op_label)
-    if not any(batch.position is not None and np.isfinite(batch.position).any() for batch in batches):
-        return _fit_pv(batches, loop, sign, sinusoid, progress)
-    through_pv = _fit_pv(batches, loop, sign, sinusoid, progress)
-    return _together(_fit_position(batches, loop), through_pv, loop)
+    through_pv = _through_pv(pv, loop, sinusoid)
+    if position is None:
+        return through_pv
+    return _together(answer, _at_valve(position, loop), through_pv, loop)
 
 
-def _together(at_valve: Fit, through_pv: Fit, loop: Loop) -> Fit:
-    """What position and PV say together: the position settles it, and where PV contradicts it the answer names both."""
-    if not (at_valve.found or at_valve.verdict == "sound"):
+def _together(answer: dict[str, Any], at_valve: Fit, through_pv: Fit, loop: Loop) -> Fit:
+    """Put into words what position and PV say together: the answer names both where they contradict each other."""
+    if answer["position"] == "silent":
         return replace(through_pv, reason=f"{through_pv.reason}. The valve's position tells nothing: {at_valve.reason}")
+    if answer["position"] == "bounds":
+        return replace(through_pv, reason=f"{through_pv.reason}. By the valve's position {at_valve.reason}")
     reason = f"read from the valve's position: {at_valve.reason}"
     own = loop.positioner.dead_band if loop.positioner is not None else None
     if own is not None and at_valve.found:
         reason += f"; the positioner's own part of it, by its settings: {own:.3g} % of travel"
-    answer = replace(at_valve, reason=reason, process=through_pv.process, through_pv=through_pv)
-    here, there = at_valve.interval, through_pv.interval
-    if here is None or there is None:
-        return answer
-    if apart(here, there):
-        low = min(here[0], there[0])
-        high = None if here[1] is None or there[1] is None else max(here[1], there[1])
+    if answer["position"] == "contradicts":
         said = f"The position: {at_valve.reason}. PV: {through_pv.reason}"
-        both = f"the valve's position and PV contradict each other. {said}"
-        if at_valve.found and through_pv.found:
-            return replace(answer, reason=both, low=low, high=high)
-        # One sees a gap that the other excludes: lost motion beyond the sensor, a loose sensor, or a wrong model.
-        both += ". Is the sensor coupled firmly to the valve, and the valve to what it moves?"
-        return replace(answer, verdict="cannot_tell", reason=both, low=low, high=high)
-    if at_valve.verdict == "at_least" and through_pv.found and there[1] is not None:
-        return replace(through_pv, reason=f"{through_pv.reason}. By the valve's position {at_valve.reason}")
-    return answer
+        reason = f"the valve's position and PV contradict each other. {said}"
+        if answer["verdict"] == "cannot_tell":
+            reason += ". Is the sensor coupled firmly to the valve, and the valve to what it moves?"
+    decided = {name: answer[name] for name in ("verdict", "low", "high")}
+    return replace(at_valve, **decided, reason=reason, process=through_pv.process, through_pv=through_pv)
 
 
-def _fit_position(batches: list[Batch], loop: Loop) -> Fit:
-    """Fit the valve's own position to OP, window by window where there are several."""
+def _at_valve(answer: dict[str, Any], loop: Loop) -> Fit:
+    """What the valve's own position says, window by window where there are several."""
     unit = loop.op_label
-    answer = _glapp.fit_position(batches)
     if "unfit" in answer:
         return Fit("cannot_tell", _unfit(answer["unfit"], "the position"), unit)
     best = _shown(answer, "position")
@@ -350,23 +360,24 @@ def _fit_position(batches: list[Batch], loop: Loop) -> Fit:
     verdict, d, low, high = (answer[key] for key in ("verdict", "d", "low", "high"))
     reason = position_reason(verdict, d, low, high, shown, best) + _changed(trend, shown)
     needed = {name: best[name] for name in ("lr_no_gap", "lr_needed", "jump")}
-    return Fit(verdict, reason, unit, d, low, high, **needed, trend=trend, windows=_windows(answer), best=best)
+    return Fit(
+        verdict,
+        reason,
+        unit,
+        d,
+        low,
+        high,
+        **needed,
+        trend=trend,
+        windows=_windows(answer),
+        best=best,
+        why=best["reason"],
+    )
 
 
-def _fit_pv(
-    batches: list[Batch],
-    loop: Loop,
-    sign: float,
-    sinusoid: str | None,
-    progress: Progress | None,
-) -> Fit:
-    """Fit PV to OP."""
+def _through_pv(answer: dict[str, Any], loop: Loop, sinusoid: str | None) -> Fit:
+    """What PV says."""
     unit = loop.op_label
-    if progress is not None:
-        progress(0.0)
-    answer = _glapp.fit(batches, sign)
-    if progress is not None:
-        progress(1.0)
     if "unfit" in answer:
         return Fit("cannot_tell", _unfit(answer["unfit"], "PV"), unit)
     best = _shown(answer, "PV")
@@ -386,6 +397,7 @@ def _fit_pv(
         trend=trend,
         windows=_windows(answer),
         best=best,
+        why=answer["reason"],
     )
 
 

@@ -1,41 +1,81 @@
 //! Width with an interval from OP and PV.
 
+use crate::plain::plain;
+use crate::position;
 use crate::windows::{Batch, columns};
-use glapp_fit::{Answer, Noise, Prediction, Problem, RecordAnswer, THRESHOLDS, Trend, Unfit, Verdict};
+use glapp_analysis::{Fitted, LostMotion, fitted};
+use glapp_fit::{
+    Answer, JointAnswer, Noise, PositionAnswer, Prediction, RecordAnswer, THRESHOLDS, Trend, Unfit, Verdict,
+};
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
-/// Fits the batches that can be fitted, records of one valve; `sign` is that of the process gain, 0 where it is not known.
-/// Where none can be fitted, only why: `unfit`, a word and its number. `glapp.fit` is the door for people.
+/// Fits the batches that can be fitted, records of one valve; `sign` is that of the process gain, 0 where it is not known,
+/// `sinusoidal` whether the loop swings in a clean sinusoid. Gives the `answer` in plain types, and what PV and the valve's
+/// position said, each None where it was not asked; where it could not be fitted, only why: `unfit`, a word and its number.
+/// `glapp.fit` is the door for people.
 #[pyfunction]
-pub fn fit<'py>(py: Python<'py>, batches: Vec<Batch<'py>>, sign: f64) -> PyResult<Bound<'py, PyDict>> {
-    let samples = columns(&batches)?.into_iter().map(|batch| batch.samples).collect::<Vec<_>>();
-    let joint = match py.detach(|| glapp_fit::fit(&Problem::of(&samples, sign)?)) {
+pub fn fit<'py>(
+    py: Python<'py>,
+    batches: Vec<Batch<'py>>,
+    sign: f64,
+    sinusoidal: bool,
+) -> PyResult<Bound<'py, PyDict>> {
+    let batches = columns(&batches)?;
+    let Fitted { answer, pv, position } = py.detach(|| fitted(&batches, sign, sinusoidal.then_some(0)));
+    let out = PyDict::new(py);
+    out.set_item("answer", plain(py, &answer)?)?;
+    out.set_item("pv", pv.map(|pv| of_pv(py, pv)).transpose()?)?;
+    out.set_item("position", position.map(|position| of_position(py, position)).transpose()?)?;
+    Ok(out)
+}
+
+/// What PV said.
+pub(crate) fn of_pv(py: Python<'_>, found: Result<JointAnswer, Unfit>) -> PyResult<Bound<'_, PyDict>> {
+    let joint = match found {
         Ok(joint) => joint,
         Err(why) => return unfit(py, why),
     };
-    let out = PyDict::new(py);
-    for (name, value) in [
-        ("d", joint.d),
-        ("low", joint.low),
-        ("lr_no_gap", joint.lr_no_gap),
-        ("lr_needed", joint.lr_needed),
-        ("dispersion", joint.dispersion),
-    ] {
+    let out = joined(py, (joint.verdict, joint.d, joint.low, joint.high), joint.trend, joint.shown)?;
+    for (name, value) in
+        [("lr_no_gap", joint.lr_no_gap), ("lr_needed", joint.lr_needed), ("dispersion", joint.dispersion)]
+    {
         out.set_item(name, value)?;
     }
-    out.set_item("verdict", name(joint.verdict))?;
-    out.set_item("high", joint.high)?;
     out.set_item("traversals", (joint.traversals[0], joint.traversals[1]))?;
     out.set_item("reason", joint.reason)?;
-    out.set_item("trend", trend(py, joint.trend)?)?;
-    out.set_item("shown", joint.shown)?;
-    let windows = PyList::empty(py);
-    for record in joint.records {
-        windows.append(answered(py, record)?)?;
-    }
-    out.set_item("windows", windows)?;
+    let windows = joint.records.into_iter().map(|record| answered(py, record));
+    out.set_item("windows", windows.collect::<PyResult<Vec<_>>>()?)?;
+    Ok(out)
+}
+
+/// What the valve's position said.
+pub(crate) fn of_position(py: Python<'_>, found: Result<PositionAnswer, Unfit>) -> PyResult<Bound<'_, PyDict>> {
+    let joint = match found {
+        Ok(joint) => joint,
+        Err(why) => return unfit(py, why),
+    };
+    let out = joined(py, (joint.verdict, joint.d, joint.low, joint.high), joint.trend, joint.shown)?;
+    let windows = joint.records.into_iter().map(|record| position::answered(py, record));
+    out.set_item("windows", windows.collect::<PyResult<Vec<_>>>()?)?;
+    Ok(out)
+}
+
+/// What all records say together, and which of them shows it best.
+fn joined<'py>(
+    py: Python<'py>,
+    (verdict, d, low, high): (Verdict, f64, f64, Option<f64>),
+    found: Option<Trend>,
+    shown: usize,
+) -> PyResult<Bound<'py, PyDict>> {
+    let out = PyDict::new(py);
+    out.set_item("verdict", name(verdict))?;
+    out.set_item("d", d)?;
+    out.set_item("low", low)?;
+    out.set_item("high", high)?;
+    out.set_item("trend", trend(py, found)?)?;
+    out.set_item("shown", shown)?;
     Ok(out)
 }
 
@@ -50,36 +90,17 @@ pub fn fit_thresholds(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
 }
 
 pub(crate) fn name(verdict: Verdict) -> &'static str {
-    match verdict {
-        Verdict::Backlash => "backlash",
-        Verdict::Stiction => "stiction",
-        Verdict::Both => "both",
-        Verdict::Sound => "sound",
-        Verdict::AtLeast => "at_least",
-        Verdict::CannotTell => "cannot_tell",
-    }
+    LostMotion::from(verdict).name()
 }
 
-pub(crate) fn unfit(py: Python<'_>, why: Unfit) -> PyResult<Bound<'_, PyDict>> {
-    let (word, number) = match why {
-        Unfit::NoOp => ("no_op", 0.0),
-        Unfit::FewRows(rows) => ("few_rows", rows as f64),
-        Unfit::OpMissing => ("op_missing", 0.0),
-        Unfit::OpStill(level) => ("op_still", level),
-        Unfit::Same => ("same", 0.0),
-        Unfit::PvStill(level) => ("pv_still", level),
-        Unfit::Coarse(levels) => ("coarse", levels as f64),
-        Unfit::Broken => ("broken", 0.0),
-        Unfit::Few => ("few", 0.0),
-        Unfit::Copy => ("copy", 0.0),
-    };
+fn unfit(py: Python<'_>, why: Unfit) -> PyResult<Bound<'_, PyDict>> {
     let out = PyDict::new(py);
-    out.set_item("unfit", (word, number))?;
+    out.set_item("unfit", (why.name(), why.number()))?;
     Ok(out)
 }
 
 /// Under the names of `glapp.fit.Trend`, slope and error a second.
-pub(crate) fn trend(py: Python<'_>, trend: Option<Trend>) -> PyResult<Option<Bound<'_, PyDict>>> {
+fn trend(py: Python<'_>, trend: Option<Trend>) -> PyResult<Option<Bound<'_, PyDict>>> {
     let Some(trend) = trend else { return Ok(None) };
     let out = PyDict::new(py);
     out.set_item("slope", trend.slope)?;

@@ -241,7 +241,7 @@ def test_what_is_said_under_such_loads_is_true(name: str) -> None:
     ],
 )
 def test_what_hides_a_gap_makes_no_valve_sound(name: str, why: str) -> None:
-    """Each has a gap, and once "PV answers each turn of OP": at once, within hours, or beside 16 steps for 8 traversals."""
+    """Each has a gap, and was once sound: PV answered at once, within hours, or beside 16 steps for 8 traversals."""
     found = glapp.fit(confusing(name).recording(1500))
     assert found.verdict == "cannot_tell" and why in found.reason, found.reason
 

@@ -531,8 +531,9 @@ def _reason(answer: dict[str, Any], unit: str, best: dict[str, Any]) -> str:
             )
         case _ if reason == "hidden_by_samples":
             return (
-                f"no gap shows, but the process settles in {best['settles']:.3g} s, and samples {best['h']:.3g} s apart "
-                f"would not show one: {SAMPLES_IF_SOUND:.0f} are needed in that. Record faster, and PV before any filter"
+                f"no gap shows, but the process settles in {best['settles']:.3g} s, and samples {best['h']:.3g} s "
+                f"apart would not show one: {SAMPLES_IF_SOUND:.0f} are needed in that. Record faster, and PV before "
+                "any filter"
             )
         case _ if reason == "hidden_by_lag":
             return (

@@ -255,13 +255,7 @@ pub(crate) fn fit_record(record: &Cells, seeds: &[Theta], h: f64, bow: f64, prob
                 let quick = search.structure.lag(&best.theta) * (record.cell as f64) < mean;
                 spread < EVEN_SWING && (known || quick && !search.structure.integrating)
             }),
-        hidden: hidden(
-            settles,
-            search.structure.lag(&best.theta),
-            record.count as f64,
-            traversals,
-            record.changes(),
-        ),
+        hidden: hidden(settles, search.structure.lag(&best.theta), record.count as f64, traversals, record.changes()),
         drawn: DRAWN * bow / best.kp.abs().max(1e-300),
     };
     let (verdict, reason) = judge(&evidence);

@@ -2,7 +2,9 @@
 
 use crate::data::cells::Cells;
 use crate::decide::thresholds::{ANSWERS, AS_GOOD, BELIEVED, CYCLES, GAP_SEEN};
-use crate::loads::changes::{Load, Marked, all_large, choose_family, detect_changes, few, marked_anew, plausible, with_large_steps};
+use crate::loads::changes::{
+    Load, Marked, all_large, choose_family, detect_changes, few, marked_anew, plausible, with_large_steps,
+};
 use crate::model::lost_motion::LostMotion;
 use crate::model::structure::{Noise, Structure, Theta};
 use crate::search::likelihood::{Point, Search};

@@ -203,7 +203,7 @@ class Answer(_Part):
     valve: Literal["gap", "no_gap", "unknown", "refused"]
     """What that means of the valve; refused: data or settings allow no answer."""
     width: Value
-    """The width that lists rank by [`unit`]: the most likely one, or the bound if that is all; null: no gap was found."""
+    """The width that lists rank by [`unit`]: the most likely one, or the bound if that is all; null: no gap found."""
     width_percent_span: Value
     """The same in % of OP span; null where the span is not known."""
     low: Value

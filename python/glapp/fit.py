@@ -29,6 +29,9 @@ DAY = 86400.0
 SAMPLES_IN_LAG, _ = _glapp.fit_thresholds()["SAMPLES_IN_LAG"]
 """Samples that a process must take to settle, where it matters."""
 
+SAMPLES_IF_SOUND, _ = _glapp.fit_thresholds()["SAMPLES_IN_LAG_IF_SOUND"]
+"""The same for a valve to be called sound."""
+
 
 @dataclass(frozen=True, slots=True)
 class Process:
@@ -525,6 +528,22 @@ def _reason(answer: dict[str, Any], unit: str, best: dict[str, Any]) -> str:
             return (
                 f"{would}, but a historian kept only corners of PV and drew lines between them, which bend by as much. "
                 "Record without compression"
+            )
+        case _ if reason == "hidden_by_samples":
+            return (
+                f"no gap shows, but the process settles in {best['settles']:.3g} s, and samples {best['h']:.3g} s "
+                f"apart would not show one: {SAMPLES_IF_SOUND:.0f} are needed in that. Record faster, and PV before "
+                "any filter"
+            )
+        case _ if reason == "hidden_by_lag":
+            return (
+                f"no gap shows, but only if the process lags by {best['lag']:.3g} s, longer than what was recorded: "
+                "record for longer"
+            )
+        case _ if reason == "hidden_by_changes":
+            return (
+                f"no gap shows beside {best['load_steps']} steps or bends of the load, but OP turned no oftener than "
+                "the load, and they may hide one. Record while the setpoint moves, or on calmer days"
             )
         case _ if reason == "no_answer":
             return (

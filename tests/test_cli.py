@@ -675,3 +675,19 @@ def test_thesis_without_what_it_needs(tmp_path, missing):
         [sys.executable, "-c", line, "thesis", "1.2"], capture_output=True, text=True, cwd=tmp_path, check=False
     )
     assert done.returncode == 1 and "pip install 'glapp[thesis]'" in done.stderr
+
+
+@pytest.mark.slow
+def test_a_loop_that_the_fit_answers_is_no_refusal(run):
+    """A valve ranked first was once badged "refused", with exit code 1, because SP was not recorded."""
+    acting = {"setpoint": [(1, 1.0)], "load": [(50, 0.3), (120, -0.2), (180, 0.1)]}
+    s = glapp.simulate.closed_loop("P3", (0.48, 0.3117), d=0.05, noise=0.005, h=0.1, t_end=250, seed=1, **acting)
+    lines = [f"{t},{pv},{op}" for t, pv, op in zip(s.t, s.pv, s.op, strict=True)]
+    write("plant.csv", "\n".join(["t,PV,OP", *lines]) + "\n")
+    code, out, _ = run("analyze", "plant.csv", "--json")
+    [loop] = json.loads(out)["loops"]
+    assert (code, loop["crossings"], loop["answer"]["verdict"]) == (0, "refused", "backlash")
+    assert loop["answer"]["low"] < 0.05 < loop["answer"]["high"] and loop["answer"]["urgency"] == "medium"
+    code, out, _ = run("analyze", "plant.csv", "--json", "--no-fit")
+    [loop] = json.loads(out)["loops"]
+    assert (code, loop["answer"]["verdict"], loop["answer"]["next"]["code"]) == (1, "refused", "correct")

@@ -153,7 +153,7 @@ def _table(results: Sequence[Result], layout: _Layout) -> Table:
     if whole:
         columns.append(("to do", False, [words.todo(result) for result in results]))
     if fitted and not least:
-        columns.append(("PLC:\nd̂", True, [_crossing(result) for result in results]))
+        columns.append(("crossings\nd̂", True, [_crossing(result) for result in results]))
     cells = [_cells(result, layout.between) for result in results]
     counts, reasons, quality = (list(column) for column in zip(*cells, strict=True))
     if corrected and not (least and fitted):

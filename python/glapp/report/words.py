@@ -120,10 +120,10 @@ NEXT: dict[str, tuple[str, str]] = {
     "inspect both": ("Look for play in the linkage and at the packing; confirm with a step test.", "inspect"),
     "further": (
         "Record while OP moves further, or make a step test, to learn how much it is.",
-        "record, OP further",
+        "record",
     ),
-    "record_more": ("Record for longer, while OP moves further, or make a step test in manual.", "record more"),
-    "tuning": ("Look at the tuning, or for a disturbance from elsewhere.", "look at tuning"),
+    "record_more": ("Record for longer, while OP moves further, or make a step test in manual.", "record"),
+    "tuning": ("Look at the tuning, or for a disturbance from elsewhere.", "tuning"),
     "nothing": ("Nothing now.", "nothing"),
     "review": ("Nothing now. Analyse again at the next review.", "nothing"),
     "confirm": (
@@ -134,10 +134,10 @@ NEXT: dict[str, tuple[str, str]] = {
         "Compare with what this valve may have. Confirm with a step test before work is ordered.",
         "compare",
     ),
-    "record_longer": ("Record for longer, then analyse again.", "record more"),
+    "record_longer": ("Record for longer, then analyse again.", "record"),
     "probably_too_wide": (
         "Probably too wide. Record for longer, or confirm with a step test in manual.",
-        "record more",
+        "record",
     ),
     "step_test": ("Nothing on this evidence. A step test in manual tells of the valve.", "step test"),
 }

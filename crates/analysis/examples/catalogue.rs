@@ -4,9 +4,9 @@
 //! Bounds are what the blocks themselves say when they refuse a value, defaults what the settings' own constructors give for
 //! the controller in `defaults_for`.
 
-use glapp_analysis::Origin;
 use glapp_analysis::crossings::Verdict;
 use glapp_analysis::quality::Fault;
+use glapp_analysis::{LostMotion, Origin};
 use glapp_core::auto_tuner::{Phase, Stop};
 use glapp_core::modules::{Mode, Pid, PidSettings};
 use glapp_core::status::FLAGS;
@@ -40,6 +40,7 @@ pub fn text() -> String {
         "phases": numbered(Phase::ALL.iter().map(|p| (p.name(), *p as u64))),
         "stops": numbered(Stop::ALL.iter().map(|s| (s.name(), *s as u64))),
         "verdicts": Verdict::ALL.map(Verdict::name),
+        "lost_motions": LostMotion::ALL.map(LostMotion::name),
         "origins": Origin::ALL.map(Origin::name),
         "findings": Fault::ALL.iter().map(|fault| finding(*fault)).collect::<Vec<_>>(),
         "defaults_for": { "k": K, "ti": TI, "td": TD, "h": H, "size": SIZE, "share": SHARE },

@@ -184,9 +184,9 @@ def _verdict(result: Result, between: str) -> Text:
 
 
 def _crossing(result: Result) -> Text:
-    """What a PLC would show, struck out where the fit contradicts it."""
+    """What a PLC would show, in brackets and struck out where the fit contradicts it."""
     text = words.quantity(result.d_hat, words.op_unit(result))
-    return styled(text, style="dim" if result.answer.struck is None else "dim strike")
+    return styled(text, style="dim") if result.answer.struck is None else styled(f"({text})", style="dim strike")
 
 
 def _cells(result: Result, between: str) -> list[str | Text]:

@@ -452,6 +452,12 @@ MOST_EPOCHS: int
 def fit(batches: Sequence[Batch], sign: float) -> dict[str, Any]:
     """Fit records of one valve; where none can be fitted, only why: `unfit`, a word and its number."""
 
+def fit_valve(recordings: Sequence[tuple[float, Sequence[Batch]]], sign: float) -> dict[str, Any]:
+    """Fit recordings of one valve in the order of time: when the time of each is 0 [s] or NaN, and its batches.
+
+    Where none can be fitted, only why, as `fit`.
+    """
+
 def fit_position(batches: Sequence[Batch]) -> dict[str, Any]:
     """Fit the valve positions of records of one valve; where none can be fitted, only why, as `fit`."""
 

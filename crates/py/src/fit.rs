@@ -1,7 +1,10 @@
 //! Width with an interval from OP and PV.
 
 use crate::windows::{Batch, columns};
-use glapp_fit::{Answer, Noise, Prediction, Problem, RecordAnswer, THRESHOLDS, Trend, Unfit, Verdict};
+use glapp_fit::{
+    Answer, JointAnswer, Noise, Prediction, Problem, RecordAnswer, Recorded, THRESHOLDS, Together, Trend, Unfit,
+    Verdict,
+};
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
@@ -15,27 +18,77 @@ pub fn fit<'py>(py: Python<'py>, batches: Vec<Batch<'py>>, sign: f64) -> PyResul
         Ok(joint) => joint,
         Err(why) => return unfit(py, why),
     };
-    let out = PyDict::new(py);
-    for (name, value) in [
-        ("d", joint.d),
-        ("low", joint.low),
-        ("lr_no_gap", joint.lr_no_gap),
-        ("lr_needed", joint.lr_needed),
-        ("dispersion", joint.dispersion),
-    ] {
-        out.set_item(name, value)?;
+    answers(py, joint)
+}
+
+/// Fits recordings of one valve, in the order of time: of each when its time is 0 [s] (NaN where not known) and its batches. As `fit`,
+/// with the `recordings` in place of the windows: of each its own answer, or why there is none. `glapp.fit` is the door for people.
+#[pyfunction]
+pub fn fit_valve<'py>(
+    py: Python<'py>,
+    recordings: Vec<(f64, Vec<Batch<'py>>)>,
+    sign: f64,
+) -> PyResult<Bound<'py, PyDict>> {
+    let columns = recordings.iter().map(|(_, batches)| columns(batches)).collect::<PyResult<Vec<_>>>()?;
+    let recorded: Vec<Recorded> = recordings
+        .iter()
+        .zip(&columns)
+        .map(|((since, _), batches)| Recorded {
+            since: *since,
+            samples: batches.iter().map(|batch| batch.samples).collect(),
+        })
+        .collect();
+    let valve = match py.detach(|| glapp_fit::fit_valve(&recorded, sign)) {
+        Ok(valve) => valve,
+        Err(why) => return unfit(py, why),
+    };
+    let out = together(py, &valve.whole)?;
+    out.set_item("shown", valve.shown)?;
+    out.set_item("shared", valve.shared)?;
+    let recordings = PyList::empty(py);
+    for recording in valve.recordings {
+        let one = match recording.own {
+            Ok(own) => answers(py, own)?,
+            Err(why) => unfit(py, why)?,
+        };
+        one.set_item("repeated", recording.repeated)?;
+        one.set_item("left_out", recording.left_out)?;
+        one.set_item("adds", recording.lr_no_gap)?;
+        recordings.append(one)?;
     }
-    out.set_item("verdict", name(joint.verdict))?;
-    out.set_item("high", joint.high)?;
-    out.set_item("traversals", (joint.traversals[0], joint.traversals[1]))?;
-    out.set_item("reason", joint.reason)?;
-    out.set_item("trend", trend(py, joint.trend)?)?;
+    out.set_item("recordings", recordings)?;
+    Ok(out)
+}
+
+/// What the records of one recording say, and each of them.
+fn answers(py: Python<'_>, joint: JointAnswer) -> PyResult<Bound<'_, PyDict>> {
+    let out = together(py, &joint.whole)?;
     out.set_item("shown", joint.shown)?;
     let windows = PyList::empty(py);
     for record in joint.records {
         windows.append(answered(py, record)?)?;
     }
     out.set_item("windows", windows)?;
+    Ok(out)
+}
+
+/// What all say.
+fn together<'py>(py: Python<'py>, whole: &Together) -> PyResult<Bound<'py, PyDict>> {
+    let out = PyDict::new(py);
+    for (name, value) in [
+        ("d", whole.d),
+        ("low", whole.low),
+        ("lr_no_gap", whole.lr_no_gap),
+        ("lr_needed", whole.lr_needed),
+        ("dispersion", whole.dispersion),
+    ] {
+        out.set_item(name, value)?;
+    }
+    out.set_item("verdict", name(whole.verdict))?;
+    out.set_item("high", whole.high)?;
+    out.set_item("traversals", (whole.traversals[0], whole.traversals[1]))?;
+    out.set_item("reason", whole.reason)?;
+    out.set_item("trend", trend(py, whole.trend)?)?;
     Ok(out)
 }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from datetime import datetime, timedelta
 from itertools import permutations
 from pathlib import Path
@@ -13,6 +14,7 @@ import pytest
 from bench.loads.records import record
 
 import glapp
+from glapp.cli import main
 from glapp.errors import InputError
 
 REFINERY = Path(__file__).parents[1].parent / "shared/data/refinery"
@@ -174,3 +176,86 @@ class TestRealLoops:
         answer = self.joined("FIC46005")
         assert answer.verdict == "backlash" and answer.d == pytest.approx(0.598, rel=0.02)
         assert "alone, of 2 recordings" in answer.reason
+
+
+class TestCommandLine:
+    """`--as-loop NAME` and `files` of a loops.toml: a row a valve."""
+
+    @pytest.fixture(autouse=True)
+    def here(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.chdir(tmp_path)
+        for number, name in enumerate(["mon.csv", "tue.csv", "wed.csv"]):
+            made = record(f"steps/gap/0/{number}", SAMPLES)
+            start = np.datetime64(FIRST_DAY + timedelta(days=number))
+            times = start + (1000 * made.table["t"].to_numpy()).astype("timedelta64[ms]")
+            rows = zip(times.astype(str), *(made.table[s].to_pylist() for s in ("SP", "PV", "OP")), strict=True)
+            lines = ["Time,SP,PV,OP", *(f"{t},{sp},{pv},{op}" for t, sp, pv, op in rows)]
+            Path(name).write_text("\n".join(lines) + "\n")
+
+    def run(self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, *words: str) -> tuple[int, str]:
+        monkeypatch.setattr("sys.argv", ["glapp", *words])
+        try:
+            main()
+        except SystemExit as end:
+            told = capsys.readouterr()
+            return int(end.code or 0), told.out + told.err
+        told = capsys.readouterr()
+        return 0, told.out + told.err
+
+    @pytest.mark.slow
+    def test_one_row_and_one_answer(self, capsys: Any, monkeypatch: Any, three: glapp.Fit) -> None:
+        words = ("analyze", "wed.csv", "mon.csv", "tue.csv", "--as-loop", "FIC1", "--json", "--report", "r.html")
+        code, out = self.run(capsys, monkeypatch, *words)
+        assert code == 0
+        [loop] = json.loads(out)["loops"]
+        assert (loop["loop"], loop["file"]) == ("FIC1", "mon.csv, tue.csv, wed.csv")
+        fit = loop["fit"]
+        assert (fit["verdict"], len(fit["recordings"])) == ("backlash", 3)
+        assert [r["file"] for r in fit["recordings"]] == ["mon.csv", "tue.csv", "wed.csv"]
+        assert [r["t0"][:10] for r in fit["recordings"]] == ["2026-03-01", "2026-03-02", "2026-03-03"]
+        assert fit["d"] == pytest.approx(three.d, rel=0.01)
+        page = Path("r.html").read_text()
+        assert "By 3 recordings together" in page and "Drawn is wed.csv, which of 3 recordings shows best" in page
+
+    @pytest.mark.slow
+    def test_files_of_a_loop_in_a_loops_toml(self, capsys: Any, monkeypatch: Any) -> None:
+        Path("loops.toml").write_text('[loops.FIC1]\nfiles = ["mon.csv", "tue.csv", "wed.csv"]\n')
+        code, out = self.run(capsys, monkeypatch, "analyze", "loops.toml")
+        assert code == 0
+        assert "FIC1 (3 recordings)" in out and "by 3 recordings together" in " ".join(out.split())
+
+    def test_a_file_that_is_not_there_stops_no_other(self, capsys: Any, monkeypatch: Any) -> None:
+        Path("loops.toml").write_text('[loops.FIC1]\nfiles = ["mon.csv", "tue.csv", "none.csv"]\n')
+        code, out = self.run(capsys, monkeypatch, "analyze", "loops.toml", "--no-fit", "--json")
+        assert code == 1 and "none.csv" in out
+        loops = json.loads(out[: out.rindex("}") + 1])["loops"]
+        assert [(loop["file"], loop["verdict"] == "refused") for loop in loops] == [
+            ("mon.csv, tue.csv", False),
+            ("none.csv", True),
+        ]
+
+    def test_another_unit_is_refused_by_name(self, capsys: Any, monkeypatch: Any) -> None:
+        text = Path("tue.csv").read_text()
+        Path("tue.csv").write_text(text.replace("PV,OP", "PV [bar],OP", 1))
+        code, out = self.run(capsys, monkeypatch, "analyze", "mon.csv", "tue.csv", "--as-loop", "FIC1", "--no-fit")
+        assert code == 1
+        assert "tue.csv, pv_unit: is bar, and not given in mon.csv" in " ".join(out.split())
+
+    @pytest.mark.parametrize(
+        ("toml", "told"),
+        [
+            ('file = "mon.csv"\nfiles = ["tue.csv"]', "files: are given beside file"),
+            ('files = ["tue.csv", "tue.csv"]', "files: names tue.csv twice"),
+        ],
+    )
+    def test_files_that_contradict_themselves(self, capsys: Any, monkeypatch: Any, toml: str, told: str) -> None:
+        Path("loops.toml").write_text(f"[loops.FIC1]\n{toml}\n")
+        code, out = self.run(capsys, monkeypatch, "analyze", "loops.toml")
+        assert code == 1 and told in " ".join(out.split())
+
+    def test_a_loops_toml_says_so_itself(self, capsys: Any, monkeypatch: Any) -> None:
+        Path("loops.toml").write_text('[loops.FIC1]\nfiles = ["mon.csv", "tue.csv"]\n')
+        code, out = self.run(capsys, monkeypatch, "analyze", "loops.toml", "--as-loop", "FIC1")
+        assert code == 2 and "--as-loop takes recordings" in " ".join(out.split())
+        code, out = self.run(capsys, monkeypatch, "identify", "loops.toml")
+        assert code == 2 and "FIC1 has 2 recordings; give one of them: mon.csv, tue.csv" in " ".join(out.split())

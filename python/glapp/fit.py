@@ -93,6 +93,8 @@ class OneOfMany:
         Why it does not count in the joint answer; None where it does.
     adds : float
         Likelihood ratio of no gap that it adds to the joint one.
+    shown : bool
+        Whether it is the one that shows best what all say.
     """
 
     source: str
@@ -101,6 +103,7 @@ class OneOfMany:
     repeated: float
     left_out: str | None
     adds: float
+    shown: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -345,8 +348,16 @@ def _read(recording: Recording, sign: float, progress: Progress | None) -> tuple
     return windows.best(), fitting
 
 
-def fit_recordings(recordings: Sequence[Recording], *, progress: Progress | None = None) -> Fit:
+def fit_recordings(
+    recordings: Sequence[Recording],
+    *,
+    unfit: Sequence[tuple[Verdict, str] | None] | None = None,
+    progress: Progress | None = None,
+) -> Fit:
     """One answer of several recordings of one valve: the width is shared, everything else is each one's own.
+
+    `unfit` is what a look at the quality of each found, as `refused` and `sinusoid` of `fit_batches`: a verdict and its
+    reason; such a recording is not fitted.
 
     Raises
     ------
@@ -354,15 +365,22 @@ def fit_recordings(recordings: Sequence[Recording], *, progress: Progress | None
         Where they differ in unit, span, controller, process or positioner: which file, and which value.
     """
     one_valve(recordings)
+    place = {id(recording): i for i, recording in enumerate(recordings)}
     recordings = in_order(recordings)
+    known = [None if unfit is None else unfit[place[id(recording)]] for recording in recordings]
     loop = recordings[0].loop
     sign = process_sign(loop, loop.ideal())
     *reading, fitting = shares(progress, *[0.3 / len(recordings)] * len(recordings), 0.7)
-    batches = [_read(one, sign, told)[0] for one, told in zip(recordings, reading, strict=True)]
+    batches = [
+        _read(one, sign, told)[0] if why is None else []
+        for one, told, why in zip(recordings, reading, known, strict=True)
+    ]
     if fitting is not None:
         fitting(0.0)
     starts = since(recordings)
-    through_pv = _valve(_glapp.fit_valve(list(zip(starts, batches, strict=True)), sign), recordings, loop.op_label)
+    fitted = [pair for pair, why in zip(zip(starts, batches, strict=True), known, strict=True) if why is None]
+    answer = _glapp.fit_valve(fitted, sign) if fitted else {"unfit": ("few", 0.0)}
+    through_pv = _valve(answer, recordings, known)
     if fitting is not None:
         fitting(1.0)
     if all(batch.position is None or not np.isfinite(batch.position).any() for some in batches for batch in some):
@@ -374,25 +392,35 @@ def fit_recordings(recordings: Sequence[Recording], *, progress: Progress | None
     return replace(_together(_fit_position(on_one_clock, loop), through_pv, loop), recordings=through_pv.recordings)
 
 
-def _valve(answer: dict[str, Any], recordings: Sequence[Recording], unit: str) -> Fit:
+def _valve(answer: dict[str, Any], recordings: Sequence[Recording], known: Sequence[tuple[Verdict, str] | None]) -> Fit:
     """The answer of several recordings, in words."""
-    if "unfit" in answer:
-        return Fit("cannot_tell", f"of none of {len(recordings)} recordings: {_unfit(answer['unfit'], 'PV')}", unit)
-    own = [
-        Fit("cannot_tell", _unfit(o["unfit"], "PV"), unit) if "unfit" in o else _said(o, unit)
-        for o in answer["recordings"]
-    ]
-    each = [
-        OneOfMany(
-            source=recording.source,
-            t0=recording.t0,
-            fit=alone,
-            repeated=said["repeated"],
-            left_out=None if (why := said["left_out"]) is None else LEFT_OUT.get(why, alone.reason),
-            adds=said["adds"],
+    unit = recordings[0].loop.op_label
+    own = iter(answer.get("recordings") or [answer] * len(known))
+    each = []
+    for recording, why in zip(recordings, known, strict=True):
+        said: dict[str, Any] = {} if why is not None else next(own)
+        if why is not None:
+            alone = Fit(why[0], why[1], unit)
+        elif "unfit" in said:
+            alone = Fit("cannot_tell", _unfit(said["unfit"], "PV"), unit)
+        else:
+            alone = _said(said, unit)
+        word = said.get("left_out", "unfit")
+        each.append(
+            OneOfMany(
+                source=recording.source,
+                t0=recording.t0,
+                fit=alone,
+                repeated=said.get("repeated", 0.0),
+                left_out=None if word is None else LEFT_OUT.get(word, alone.reason),
+                adds=said.get("adds", 0.0),
+                shown="recordings" in answer and said is answer["recordings"][answer["shown"]],
+            )
         )
-        for recording, alone, said in zip(recordings, own, answer["recordings"], strict=True)
-    ]
+    if "unfit" in answer:
+        told: Verdict = "oscillation" if all(one.fit.verdict == "oscillation" for one in each) else "cannot_tell"
+        reason = f"none of {len(each)} recordings tells: {each[0].fit.reason}"
+        return Fit(told, reason, unit, recordings=each)
     best = answer["recordings"][answer["shown"]]
     shown = best["windows"][best["shown"]]
     return replace(
@@ -410,7 +438,8 @@ def _of_many(answer: dict[str, Any], shown: dict[str, Any], each: list[OneOfMany
     if len(set(names)) < len(names):
         names = [f"{name} ({place})" for place, name in enumerate(names, 1)]
     if not answer["shared"]:
-        lead = f"by {names[answer['shown']]} alone, of {len(each)} recordings: "
+        alone = next(name for name, one in zip(names, each, strict=True) if one.shown)
+        lead = f"by {alone} alone, of {len(each)} recordings: "
     elif counted == len(each):
         lead = f"by {counted} recordings together: "
     else:

@@ -197,6 +197,8 @@ fn range(members: &[Member]) -> f64 {
     members.iter().map(|member| member.curve.fitted.record.range * member.size).fold(0.0, f64::max)
 }
 
+/// The word for recordings that disagree.
+const DISAGREES: &str = "recordings_disagree";
 /// Widths that are looked at because they promise more.
 const LOOKS: usize = 8;
 /// How near the most likely width is found, part of itself.
@@ -219,15 +221,19 @@ pub(crate) fn valve(mut recordings: Vec<Recording>) -> Result<ValveAnswer, Unfit
     let each: Vec<Reading> = readings.iter().map(|(_, reading)| *reading).collect();
     let trend = if each.iter().all(|r| r.t.is_finite()) { Trend::of(&each) } else { None };
     // Where the width changes plainly, the newest is today's.
-    let alone = match newest(trend, &each) {
-        Some(newest) => Some((readings[newest].0, false)),
-        None if shared.is_none() => Some(best_alone(&recordings, &readings, &left_out)),
-        None => None,
+    let silent = |whole: &Together| whole.verdict == Verdict::CannotTell && whole.reason != DISAGREES;
+    let alone = match (newest(trend, &each), &shared) {
+        (Some(newest), _) => Some((readings[newest].0, false)),
+        (None, None) => Some(best_alone(&recordings, &readings, &left_out)),
+        // More recordings take nothing from one that tells by itself.
+        (None, Some(whole)) if silent(whole) => Some(best_alone(&recordings, &readings, &left_out))
+            .filter(|(i, excluded)| !excluded && own_claim(&recordings[*i])),
+        _ => None,
     };
     let own = |i: usize| recordings[i].own.as_ref().ok().map(|own| &own.whole);
     let mut whole = alone.and_then(|(i, _)| own(i)).cloned().or(shared).ok_or(Unfit::Few)?;
     if alone.is_some_and(|(_, excluded)| excluded) {
-        (whole.verdict, whole.reason) = (Verdict::CannotTell, "recordings_disagree");
+        (whole.verdict, whole.reason) = (Verdict::CannotTell, DISAGREES);
     }
     whole.trend = trend;
     let rank = |i: &usize| own(*i).map(|o| (o.verdict == whole.verdict, left_out[*i].is_none(), adds[*i], o.lr_no_gap));
@@ -280,13 +286,20 @@ fn shared_width(members: &mut [Member], d: f64, here: &[Vec<f64>], gives: &mut [
     let n = members.len() as f64;
     let range = range(members);
     for member in members.iter_mut() {
-        // Marks lie where they suit the best width, and make the others look worse than they are.
+        // Marks lie where they suit the best width, and make the others look worse than they are: what alone is asked of so many
+        // counts as what is asked of none.
         let record = &member.curve.fitted.record;
-        if lr_asked_of_changes(record.traversals(d / member.size), record.changes()) > 0.0 {
-            member.worth /= RISE_BESIDE_CHANGES;
+        let asked = lr_asked_of_changes(record.traversals(d / member.size), record.changes());
+        if asked > 0.0 {
+            member.worth /= (asked / GAP).max(RISE_BESIDE_CHANGES);
         }
     }
-    let off: f64 = members.iter().zip(here).map(|(member, costs)| member.worth * member.curve.off(costs)).sum();
+    // A record that is not believed to exclude that there is none is not believed to exclude this width either.
+    let off = |member: &Member, costs: &[f64]| {
+        let off = member.worth * member.curve.off(costs);
+        if member.curve.fitted.answer.verdict == Verdict::CannotTell { off.min(GAP) } else { off }
+    };
+    let off: f64 = members.iter().zip(here).map(|(member, costs)| off(member, costs)).sum();
     let dispersion = (off / (n - 1.0) / AGREES).max(1.0);
     let limit = RISE * dispersion;
     let rise = |members: &[Member], costs: &[Vec<f64>]| rises(members, here, costs).iter().sum::<f64>();
@@ -360,7 +373,7 @@ fn shared_width(members: &mut [Member], d: f64, here: &[Vec<f64>], gives: &mut [
         dissent: 3 * members.iter().filter(|m| m.curve.fitted.evidence.dissent).count() > members.len(),
     };
     let disagree = dispersion > DISAGREE;
-    let (verdict, reason) = if disagree { (Verdict::CannotTell, "recordings_disagree") } else { judge(&evidence) };
+    let (verdict, reason) = if disagree { (Verdict::CannotTell, DISAGREES) } else { judge(&evidence) };
     let high = high.filter(|_| verdict != Verdict::AtLeast);
     let lr_needed = evidence.needed();
     Together { verdict, d, low, high, lr_no_gap, lr_needed, traversals, dispersion, reason, trend: None }
@@ -374,7 +387,8 @@ fn against(members: &mut [Member], d: f64, here: &[Vec<f64>], dispersion: f64) -
     for (member, lr) in members.iter().zip(&mut against) {
         let fitted = &member.curve.fitted;
         let jumps = (fitted.answer.lr_no_jump - JUMP).max(0.0);
-        *lr = (*lr + member.worth * jumps).min(member.worth * fitted.lr_of_loads);
+        // A load without a gap takes from what a gap brings; what a gap would bring beside that load is not known.
+        *lr = (*lr + member.worth * jumps).min(member.worth * fitted.lr_of_loads.max(0.0));
     }
     if against.iter().sum::<f64>() > dispersion * GAP_JOINT {
         against.par_iter_mut().zip(members).for_each(|(lr, member)| {
@@ -387,13 +401,19 @@ fn against(members: &mut [Member], d: f64, here: &[Vec<f64>], dispersion: f64) -
             let points = [(family.structure, near), (family.structure, &family.points[0])];
             let lost = LostMotion { d: d / member.size, ..near.lost.clone() };
             let beside = lr_beside_cycle(&fitted.record, member.curve.sign, &points, &lost, fitted.without);
-            *lr = lr.min(beside.map_or(f64::INFINITY, |beside| member.worth * beside));
+            *lr = lr.min(beside.map_or(f64::INFINITY, |beside| member.worth * beside.max(0.0)));
         });
     }
     against
 }
 
-/// Where too few recordings count for one width of all: that which tells most alone, and whether another excludes what it says.
+/// Whether a recording shows a gap alone.
+fn own_claim(recording: &Recording) -> bool {
+    let found = |own: &JointAnswer| !matches!(own.whole.verdict, Verdict::Sound | Verdict::CannotTell);
+    recording.own.as_ref().is_ok_and(found)
+}
+
+/// Where all together show no width: that which tells most alone, and whether another excludes what it says.
 fn best_alone(
     recordings: &[Recording],
     readings: &[(usize, Reading)],

@@ -7,28 +7,52 @@ and with them the processes that they start.
 import hashlib
 import os
 import pickle
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from glapp import _glapp
+from glapp.recording import Batch
 
 FOLDER = "GLAPP_TEST_FITS"
 """Variable of the environment that names the folder of this run."""
 
 made_anew = _glapp.fit
+analysis_made_anew = _glapp.Analysis
+
+
+def kept(asked: str, answer: Callable[[], Any]) -> Any:
+    """An answer, which stays there for the next who asks the same."""
+    path = Path(os.environ[FOLDER]) / asked
+    if not path.exists():
+        part = path.with_suffix(f".{os.getpid()}")
+        part.write_bytes(pickle.dumps(answer()))
+        part.replace(path)  # whole or not there, whoever else makes the same
+    return pickle.loads(path.read_bytes())
 
 
 def fit(*asked: Any) -> Any:
-    """`_glapp.fit`, which leaves its answer for the next who asks the same."""
+    """`_glapp.fit`, each answer made once."""
     question = pickle.dumps(asked, protocol=5)
-    path = Path(os.environ[FOLDER]) / hashlib.sha256(question).hexdigest()
-    if not path.exists():
-        part = path.with_suffix(f".{os.getpid()}")
-        part.write_bytes(pickle.dumps(made_anew(*asked)))
-        part.replace(path)  # whole or not there, whoever else makes the same
-    return pickle.loads(path.read_bytes())
+    return kept(hashlib.sha256(question).hexdigest(), lambda: made_anew(*asked))
+
+
+class Analysis:
+    """`_glapp.Analysis`, each answer made once."""
+
+    def __init__(self, task: str, beginning: Batch) -> None:
+        self._made = analysis_made_anew(task, beginning)
+        self._asked = hashlib.sha256(pickle.dumps((task, beginning), protocol=5))
+
+    def take(self, batch: Batch) -> Any:
+        self._asked.update(pickle.dumps(batch, protocol=5))
+        return self._made.take(batch)
+
+    def finish(self, progress: Callable[[float], None] | None) -> Any:
+        return kept(self._asked.hexdigest(), lambda: self._made.finish(progress))
 
 
 def remember() -> None:
     """From here on, in this process."""
     _glapp.fit = fit
+    _glapp.Analysis = Analysis  # type: ignore[assignment, misc]

@@ -380,7 +380,9 @@ def test_csv_has_a_row_per_loop(run, demo):
     low, high = (float(table[0][f"repeatability_{end}"]) for end in ("low", "high"))
     assert low <= float(table[0]["d_hat"]) <= high and float(table[0]["noise_floor"]) < low
     assert float(table[0]["corrected_d"]) > 0 and table[-1]["corrected_d"] == ""
-    half_periods = sum(int(table[0][name]) for name in glapp.result.REASONS[1:]) + int(table[0]["detections"])
+    half_periods = sum(int(table[0][f"rejected_{name}"]) for name in glapp.result.REASONS[1:]) + int(
+        table[0]["detections"]
+    )
     assert half_periods == int(table[0]["half_periods"])
     _, shown, _ = run("analyze", demo, "missing.csv", "--csv", "loops.csv", "--no-fit")
     assert Path("loops.csv").read_text() == out and "FIC201" in shown

@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from glapp.identify import R2_USABLE, Identification, frozen_steps, identified, in_runs
+from glapp.identify import R2_USABLE, Identification, identified
 from glapp.simulate import Walk, closed_loop
 from glapp.tuning import amigo_step
 
@@ -346,20 +346,6 @@ def test_any_numbers_give_an_answer_without_nan(data: np.ndarray) -> None:
         for name, value in dataclasses.asdict(found).items():
             assert not (isinstance(value, float) and math.isnan(value)), (name, found)
         assert found.usable == (found.reason == "")
-
-
-def test_runs() -> None:
-    mask = np.array([1, 1, 0, 1, 1, 1, 0, 0, 1], dtype=bool)
-    assert in_runs(mask, 3).tolist() == [False] * 3 + [True] * 3 + [False] * 3
-    assert in_runs(mask, 1).tolist() == mask.tolist()
-    assert in_runs(mask[:0], 1).size == 0
-
-
-def test_frozen_needs_an_error_and_all_signals() -> None:
-    flat = np.ones(10)
-    assert frozen_steps(flat, 2 * flat, flat).all()
-    assert not frozen_steps(flat, flat, flat).any()
-    assert not frozen_steps(flat, 2 * flat, np.arange(10.0)).any()
 
 
 @pytest.mark.slow

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 import glapp
-from glapp.fit import Fit, _fit_position, _together
+from glapp import _glapp
+from glapp.fit import Fit, _at_valve, _together
 from glapp.recording import Batch
 from glapp.report.fit_figure import fit_figure
 from glapp.simulate import closed_loop
@@ -45,7 +47,13 @@ RECORDERS: dict[str, Any] = {
 def at_valve(plant: str, controller: Any, d: float, recorder: str, h: float = 0.05) -> Fit:
     """What the position of a simulated loop says by itself."""
     s = closed_loop(plant, controller, d=d, noise=0.005, h=h, t_end=250, seed=1, **LOADS)
-    return _fit_position([Batch(s.t, s.sp, s.pv, s.op, None, RECORDERS[recorder](s.position))], LOOP)
+    return by_position([Batch(s.t, s.sp, s.pv, s.op, None, RECORDERS[recorder](s.position))])
+
+
+def by_position(batches: list[Batch]) -> Fit:
+    """The same of batches, whose PV is not asked."""
+    without = [replace(batch, pv=np.full(len(batch), np.nan)) for batch in batches]
+    return _at_valve(_glapp.fit(without, 0.0, False)["position"], LOOP)
 
 
 @pytest.mark.slow
@@ -82,7 +90,7 @@ def test_a_position_that_is_op_tells_nothing_and_pv_answers() -> None:
 def test_a_position_of_another_valve_tells_nothing() -> None:
     s = closed_loop("P3", (0.482, 0.313), d=0.0, noise=0.005, h=0.1, t_end=120, seed=1, **LOADS)
     other = np.random.default_rng(4).standard_normal(len(s.t))
-    f = _fit_position([Batch(s.t, s.sp, s.pv, s.op, None, other)], LOOP)
+    f = by_position([Batch(s.t, s.sp, s.pv, s.op, None, other)])
     assert f.verdict == "cannot_tell" and "does not follow OP" in f.reason
 
 
@@ -102,23 +110,24 @@ def said(verdict: Any, d: float, low: float, high: float | None) -> Fit:
     ],
 )
 def test_a_contradiction_names_both(position: Fit, pv: Fit, verdict: str, low: float, high: float | None) -> None:
-    """The position once overrode PV unseen."""
-    f = _together(position, pv, LOOP)
+    """The position once overrode PV unseen. What is decided is held in `crates/analysis/src/fitted.rs`."""
+    decided = {"position": "contradicts", "verdict": verdict, "low": low, "high": high}
+    f = _together(decided, position, pv, LOOP)
     assert (f.verdict, f.low, f.high) == (verdict, low, high)
     assert position.reason in f.reason and pv.reason in f.reason and "contradict" in f.reason
 
 
 def test_where_they_agree_the_position_settles_it() -> None:
     sharp, broad = said("backlash", 1.0, 0.9, 1.1), said("backlash", 1.3, 0.8, 2.0)
-    f = _together(sharp, broad, LOOP)
+    f = _together({"position": "settles", "verdict": "backlash", "low": 0.9, "high": 1.1}, sharp, broad, LOOP)
     assert (f.d, f.low, f.high, f.through_pv) == (1.0, 0.9, 1.1, broad)
     assert "contradict" not in f.reason
     # A mere bound does not hide a width.
     bound = said("at_least", 1.0, 0.7, None)
-    assert _together(bound, broad, LOOP).d == 1.3
+    assert _together({"position": "bounds"}, bound, broad, LOOP).d == 1.3
     # What the position cannot tell, PV answers, and the reason says so.
     silent = Fit("cannot_tell", "it stands still", "%")
-    answer = _together(silent, broad, LOOP)
+    answer = _together({"position": "silent"}, silent, broad, LOOP)
     assert answer.d == 1.3 and "it stands still" in answer.reason
 
 
@@ -128,7 +137,7 @@ def test_a_history_of_windows_gives_one_answer_with_its_trend() -> None:
         s = closed_loop("P3", (0.482, 0.313), d=0.05, noise=0.005, h=0.1, t_end=120, seed=i, **LOADS)
         position = RECORDERS["noisy"](s.position)
         batches.append(Batch(s.t + 1e5 * i, s.sp, s.pv, s.op, None, position))
-    f = _fit_position(batches, LOOP)
+    f = by_position(batches)
     assert f.verdict == "backlash" and len(f.windows) == 4 and f.trend is not None and not f.trend.changes
     assert f.low is not None and f.high is not None and f.low <= 0.05 <= f.high, f
 

@@ -259,9 +259,9 @@ def test_op_by_4_1_turns_where_the_recorded_op_turns(plant: str, controller: tup
     s = recorded(plant, controller, 0.1, 1, t_end=900.0)
     swings = []
     for op in (s.op, None):
-        ladder = _glapp.Ladder(settings(controller, tf))
-        ladder.run(s.t, s.sp, s.pv, op, s.flags)
-        swings.append(ladder.chosen()[1].table()["swing"])
+        closely = _glapp.Detector(settings(controller, tf))
+        closely.run_closely(s.t, s.sp, s.pv, op, s.flags)
+        swings.append(closely.table()["swing"])
     with_op, without = swings
     assert np.array_equal(np.isnan(with_op), np.isnan(without))
     there = np.isfinite(with_op)

@@ -24,6 +24,7 @@ from .result import Corrected, HalfPeriods, Result, Settings
 if TYPE_CHECKING:
     from . import blocks, modules, nonlinear, plant, simulate, tuning
     from .reading import open_recordings, recording_from
+    from .row import to_arrow
 
 __version__ = _version("glapp")
 
@@ -56,6 +57,7 @@ __all__ = [
     "plant",
     "recording_from",
     "simulate",
+    "to_arrow",
     "tuning",
 ]
 
@@ -69,6 +71,8 @@ def __getattr__(name: str) -> Any:
         return _import_module(f".{name}", __name__)
     if name in _READING:
         return getattr(_import_module(".reading", __name__), name)
+    if name == "to_arrow":
+        return _import_module(".row", __name__).to_arrow
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

@@ -1,7 +1,7 @@
 """The Rust extension."""
 
-from collections.abc import Sequence
-from typing import Any, Literal, Self
+from collections.abc import Callable, Sequence
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -354,6 +354,15 @@ class Detector:
         op: npt.NDArray[np.float64] | None,
         flags: npt.NDArray[np.uint8] | None,
     ) -> None: ...
+    def run_closely(
+        self,
+        t: npt.NDArray[np.float64],
+        sp: npt.NDArray[np.float64],
+        pv: npt.NDArray[np.float64],
+        op: npt.NDArray[np.float64] | None,
+        flags: npt.NDArray[np.uint8] | None,
+    ) -> npt.NDArray[np.float64]:
+        """As `run`, with the swing of the half-periods; gives the filtered PV of each sample."""
     def table(self) -> dict[str, npt.NDArray[Any]]: ...
     @property
     def reasons(self) -> list[int]: ...
@@ -363,59 +372,23 @@ class Detector:
     def median_mean(self) -> tuple[float, float, float, int, int] | None: ...
     @property
     def noise_floor(self) -> float | None: ...
-    def corrected(
-        self, kp: float | None, op_known: bool, op_noise: float | None, integrating: bool
-    ) -> tuple[
-        int, tuple[float, float, float, float, tuple[float, float] | None] | None, tuple[str, list[float]] | None
-    ]: ...
-    def travel_source(self, op_known: bool) -> str: ...
     def save(self) -> str: ...
     @staticmethod
     def load(text: str) -> Detector: ...
 
-def verdict(
-    place: str | None, sp: bool, op: bool, findings: Sequence[tuple[str, str]], detector: Detector | None
-) -> tuple[Literal["estimate", "provisional", "no_estimate", "refused"], tuple[str, list[float]] | None]: ...
-def process_gain(
-    given: float | None, spans: tuple[float, float] | None, integrating: bool
-) -> tuple[float | None, Literal["given", "assumed", "unknown"]]: ...
-def fitted_gain_serves(kp: float, low: float, high: float) -> bool: ...
+def process_gain(given: float | None, spans: tuple[float, float] | None, integrating: bool) -> float | None: ...
 
 KP_DEFAULT: float
+INSPECTED_ROWS: int
 
-class Ladder:
-    """A detector for every filter time that is tried; all of a ladder where `settings` give no tf."""
+class Analysis:
+    """The analysis of a recording: made of a task (JSON) and its beginning, handed all batches, then finished."""
 
-    def __new__(cls, settings: dict[str, Any]) -> Self: ...
-    @property
-    def filter_times(self) -> list[float]: ...
-    def run(
-        self,
-        t: npt.NDArray[np.float64],
-        sp: npt.NDArray[np.float64],
-        pv: npt.NDArray[np.float64],
-        op: npt.NDArray[np.float64] | None,
-        flags: npt.NDArray[np.uint8] | None,
-    ) -> list[npt.NDArray[np.float64]]: ...
-    def chosen(self) -> tuple[int, Detector]: ...
-
-class Census:
-    """Counts over all rows of a recording, batch by batch."""
-
-    def __init__(self, gap: float, op_limits: tuple[float, float] | None) -> None: ...
-    def run(
-        self,
-        t: npt.NDArray[np.float64],
-        sp: npt.NDArray[np.float64] | None,
-        pv: npt.NDArray[np.float64],
-        op: npt.NDArray[np.float64] | None,
-        flags: npt.NDArray[np.uint8] | None,
-    ) -> None: ...
-    def counts(self) -> dict[str, Any]: ...
-
-_Found = tuple[
-    str, Literal["info", "warning", "refuse"], dict[str, float | int | str], dict[str, float | int | str]
-]  # code, severity, evidence, what else the sentence tells
+    def __init__(self, task: str, beginning: Batch) -> None: ...
+    def take(self, batch: Batch) -> list[npt.NDArray[np.float64]]:
+        """Takes the next rows; gives the filtered PV of each filter time that is tried."""
+    def finish(self, progress: Callable[[float], None] | None) -> dict[str, Any]:
+        """`answer` in plain types, `op`: whether OP is recorded, `chosen` filter time and `table`; `pv`, `position`."""
 
 def inspect(
     t: npt.NDArray[np.float64],
@@ -426,12 +399,12 @@ def inspect(
     census: object,
     settings: tuple[float | None, float | None, float | None],
     identification: object | None,
-) -> list[_Found]:
+) -> list[dict[str, Any]]:
     """What is wrong with a recording; census and identification by their attributes, settings K, Ti and Td."""
 
-def assumed_time(column: str, first: str, step: float | None, calendar: str, sure: bool) -> _Found: ...
-def assumed_gain(kp: float, free: float, kp_part: float) -> _Found | None: ...
+def assumed_time(column: str, first: str, step: float | None, calendar: str, sure: bool) -> dict[str, Any]: ...
 def noise_sigma(pv: npt.NDArray[np.float64]) -> float | None: ...
+def within_percent(op: npt.NDArray[np.float64]) -> bool: ...
 
 # Tuning rules in closed form: (k, ti, td) of the ideal form. Raise ValueError that names the bound.
 
@@ -449,17 +422,11 @@ def simc_integrating(kv: float, t2: float, l: float, tau_c: float) -> tuple[floa
 LONG_HISTORY: int
 MOST_EPOCHS: int
 
-def fit(batches: Sequence[Batch], sign: float) -> dict[str, Any]:
-    """Fit records of one valve; where none can be fitted, only why: `unfit`, a word and its number."""
+def fit(batches: Sequence[Batch], sign: float, sinusoidal: bool) -> dict[str, Any]:
+    """Fit records of one valve: the `answer`, and what `pv` and `position` said in whole."""
 
 def fit_valve(recordings: Sequence[tuple[float, Sequence[Batch]]], sign: float) -> dict[str, Any]:
-    """Fit recordings of one valve in the order of time: when the time of each is 0 [s] or NaN, and its batches.
-
-    Where none can be fitted, only why, as `fit`.
-    """
-
-def fit_position(batches: Sequence[Batch]) -> dict[str, Any]:
-    """Fit the valve positions of records of one valve; where none can be fitted, only why, as `fit`."""
+    """As `fit`, of recordings in the order of time: when the time of each is 0 [s] or NaN, and its batches."""
 
 def fit_thresholds() -> dict[str, tuple[float, str]]:
     """Value and unit of every threshold of a verdict, by its name."""
@@ -491,24 +458,10 @@ def identified(
     setpoint_weight: float | None,
     limits: tuple[float, float] | None,
 ) -> dict[str, Any]:
-    """Find K, Ti and Td of the controller; `glapp.identify` is the door for people.
-
-    `reason` is None or (name, numbers).
-    """
-
-FROZEN_STEPS: int
-SORTED_ROWS: int
-
-def in_runs(mask: npt.NDArray[np.bool_], least: int) -> npt.NDArray[np.bool_]:
-    """Keep of a mask only the runs of at least so many."""
+    """Find K, Ti and Td of the controller; `glapp.identify` is the door for people."""
 
 def resolution(x: npt.NDArray[np.float64]) -> tuple[float, int] | None:
     """Step of a quantised signal and the number of steps in its range; None when it has no such grid."""
-
-def frozen_steps(
-    sp: npt.NDArray[np.float64] | None, pv: npt.NDArray[np.float64], op: npt.NDArray[np.float64] | None
-) -> npt.NDArray[np.bool_]:
-    """Mark long stretches in which nothing changes a bit though the error is not zero, with the step that ends each."""
 
 class Graph:
     """A loop of control modules; `modules` are (name, module) with its kind, parameters, plant and schedule."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from typing import Annotated, Literal
+from typing import Annotated, Literal, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -18,7 +18,14 @@ from .result import Result
 __all__ = ["to_json", "to_schema"]
 
 
+class Columns(NamedTuple):
+    """What is put behind the name of a list of numbers where each has a column of its own."""
+
+    ends: tuple[str, ...]
+
+
 Count = Annotated[int, Field(ge=0)]
+Range = Annotated[list[float], Field(min_length=2, max_length=2), Columns(("_low", "_high"))]
 Value = float | None  # NaN and infinity, which JSON does not have, are written as null
 
 
@@ -64,7 +71,7 @@ class Controller(_Part):
     """The same: given, read from OP's moves, fitted with the gap, the usual value, of those tried, left out."""
 
 
-Limits = Annotated[list[Value], Field(min_length=3, max_length=3)]
+Limits = Annotated[list[Value], Field(min_length=3, max_length=3), Columns(("", "_low", "_high"))]
 """A value with its lower and upper 95 % limit."""
 
 
@@ -148,7 +155,7 @@ class FitAnswer(_Part):
     """null where nothing could be fitted."""
     signal: Literal["PV", "position"]
     """What was fitted to OP: PV, or the measured valve position where it settled the answer."""
-    trend: Annotated[list[float], Field(min_length=2, max_length=2)] | None
+    trend: Annotated[list[float], Field(min_length=2, max_length=2), Columns(("", "_error"))] | None
     """Change of the width and its standard error [`unit`/day], from three windows or more."""
     windows: list[Window]
     """The windows that were fitted."""
@@ -169,7 +176,7 @@ class Corrected(_Part):
     """Upper end."""
     kp: Value
     """Size of the process gain that it stands on [PV unit/OP unit]."""
-    kp_range: Annotated[list[float], Field(min_length=2, max_length=2)] | None
+    kp_range: Range | None
     """Range of that gain with any one pair left out; null where it was known."""
     pairs: Count
     """Pairs of half-periods that it is made of."""
@@ -196,7 +203,7 @@ class LoopAnswer(_Part):
     """Unit of OP."""
     d_hat_percent_span: Value
     """The same in % of OP span; null where the span is not known."""
-    repeatability: Annotated[list[float], Field(min_length=2, max_length=2)] | None
+    repeatability: Range | None
     """Smallest and largest detection behind `d_hat` [`unit`]; not an interval of confidence."""
     noise_floor: Value
     """Width below which noise alone could produce an estimate [`unit`]."""

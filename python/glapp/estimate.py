@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+import json
+from functools import partial
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _glapp
+from .arrays import column
 from .controller import Ideal
 from .errors import InputError
-from .fit import Fit, fit_batches, history, process_sign
+from .fit import Fit
+from .fit import told as fit_told
 from .identify import Identification, identified
+from .identify import told as identification_told
 from .loop import Loop
 from .progress import Progress, shares
-from .quality import GAP_STEPS, Census, Finding, InspectionSample, assumed_gain, inspect, noise_sigma
+from .quality import Finding
+from .quality import told as quality_told
 from .recording import Batch, Recording
-from .result import REASONS, Corrected, HalfPeriods, Origin, Result, Settings, Verdict
+from .result import REASONS, Corrected, HalfPeriods, Origin, Result, Settings
 from .samples import recording_of
 from .trace import Band, Thinner, Trace
 
@@ -26,11 +30,8 @@ __all__ = ["Estimator", "analyze", "estimate", "identify"]
 
 Floats = NDArray[np.float64]
 
-INSPECTED_ROWS = 500_000
+INSPECTED_ROWS = _glapp.INSPECTED_ROWS
 """Rows that identification and the closer look at quality take from the beginning of a recording."""
-
-CHECKED_ROWS = 20_000
-"""Rows from which given settings are checked."""
 
 Known = tuple[Origin, str]
 """Where a setting comes from, and the same in words."""
@@ -107,13 +108,7 @@ def estimate(
             parameter="controller",
             hint="give K and Ti, or use glapp.analyze, which identifies them where OP is recorded",
         )
-    ideal = loop.ideal()
-    assert ideal is not None
-    sample = _inspection(recording, 4096)
-    loop = with_op_unit(loop, sample.batch)
-    run = _Run(recording, sample, loop, ideal, {}, _process_gain(loop))
-    run.all(progress)
-    return run.result([], None)
+    return _analyzed(recording, 4096, progress, judge=False, fit=False)
 
 
 def analyze(
@@ -169,74 +164,207 @@ def analyze(
     'estimate'
     """
     recording = recording_of(recording, loop, t=t, sp=sp, pv=pv, op=op, position=position, flags=flags)
-    sample = _inspection(recording, INSPECTED_ROWS)
-    batch = sample.batch
-    loop = with_op_unit(recording.loop, batch)
+    return _analyzed(recording, INSPECTED_ROWS, progress, trust=trust, fit=fit)
+
+
+def _analyzed(recording: Recording, rows: int, progress: Progress | None, **asked: bool) -> Result:
+    """Hand a recording to the core, its beginning first, and put the answer into words."""
+    beginning = recording.beginning(rows)
+    loop = with_op_unit(recording.loop, beginning)
+    task = json.dumps(_task(loop) | asked)
+    try:
+        analysis = _glapp.Analysis(task, beginning)
+    except ValueError as error:
+        raise InputError(str(error), loop=loop.name) from None
+    reading, fitting = shares(progress, 0.5, 0.5) if asked["fit"] and beginning.op is not None else (progress, None)
+    thinner, signals = Thinner(), set[str]()
+    for batch in [beginning] if len(beginning) < rows else recording.batches():
+        columns = {name: getattr(batch, name) for name in ("pv", "sp", "op", "position")}
+        columns |= {f"filtered {i}": signal for i, signal in enumerate(analysis.take(batch))}
+        columns = {name: signal for name, signal in columns.items() if signal is not None}
+        thinner.add(batch.t, columns)
+        signals |= columns.keys()
+        if reading is not None:
+            reading(recording.fraction_read())
+    done = analysis.finish(fitting)
+    return _result(recording, loop, done, _trace(thinner, signals, done["chosen"]))
+
+
+def _task(loop: Loop) -> dict[str, Any]:
+    """What is known of a loop, as the core takes it."""
     ideal = loop.ideal()
-    # Settings that are given need only be held against the recording, for which its beginning is enough.
-    found = None if batch.op is None else _identified(batch if ideal is None else batch[slice(0, CHECKED_ROWS)], loop)
-    origins: dict[str, Known] = {}
-    if ideal is None and found is not None and found.k and found.ti and (found.usable or trust):
-        ideal = Ideal(
-            found.k, found.ti, found.td or 0.0, 1.0 if found.setpoint_weight is None else found.setpoint_weight
-        )
-        told: Known = ("identified", f"identified (R² {found.r2:.3f})")
-        origins = {"k": told, "ti": told, "td": told if found.td else ("identified", "PI law identified")}
-        origins["b"] = ("assumed", "no setpoint change to tell it by") if found.setpoint_weight is None else told
-    run = _Run(recording, sample, loop, ideal, origins, _process_gain(loop))
-    census = _glapp.Census(run.max_h, op_range(loop))
-    fit = fit and batch.op is not None
-    reading, fitting, again = shares(progress, 0.4, 0.4, 0.2) if fit else (progress, None, None)
-    windows = history(batch, process_sign(loop, ideal)) if fit else None
-    run.all(reading, census, windows)
-    quality = inspect(
-        InspectionSample(batch.t, batch.sp, batch.pv, batch.op, batch.flags),
-        Census(**census.counts()),
-        k=None if ideal is None else ideal.k,
-        ti=None if ideal is None else ideal.ti,
-        td=None if ideal is None else ideal.td,
-        identification=found,
-        pv_unit=loop.pv_unit or "PV unit",
-        op_unit=loop.op_label,
+    return {
+        "controller": None if ideal is None else ideal._asdict(),
+        "setpoint_weight": _given_setpoint_weight(loop),
+        "kp": loop.kp(),
+        "integrating": loop.process.type == "integrating",
+        "pv_span": loop.pv_span,
+        "op_span": loop.op_span,
+        "op_percent": loop.op_label == "%",
+        "place": _place(loop),
+        "tf": loop.tf,
+        "n": loop.n,
+    }
+
+
+def _result(recording: Recording, loop: Loop, done: dict[str, Any], trace: Trace) -> Result:
+    """The answer in words."""
+    answer = done["answer"]
+    named = partial(quality_told, pv_unit=loop.pv_unit or "PV unit", op_unit=loop.op_label, t0=recording.t0)
+    found = named(answer["quality"])
+    identification = None if answer["identification"] is None else identification_told(answer["identification"])
+    table = {} if done["table"] is None else done["table"]
+    if table and not done["op"]:
+        table["op_travel"] = np.full(len(table["t_start"]), np.nan)
+    corrected, s = answer["corrected"], answer["controller"]
+    return Result(
+        name=recording.name,
+        source=recording.source,
+        loop=loop,
         t0=recording.t0,
-        known=recording.found,
+        verdict=answer["verdict"],
+        reason=_why(answer, loop, found, identification),
+        d_hat=answer["d_hat"],
+        unit=loop.op_label,
+        d_hat_percent_span=answer["d_hat_percent_span"],
+        repeatability=None if answer["repeatability"] is None else tuple(answer["repeatability"]),
+        noise_floor=answer["noise_floor"],
+        detections=answer["detections"],
+        half_periods=HalfPeriods(**table) if table else HalfPeriods.empty(),
+        reasons=answer["reasons"],
+        settings=Settings(
+            k=s["k"],
+            ti=s["ti"],
+            td=s["td"],
+            b=s["setpoint_weight"],
+            tf=s["tf"],
+            kp=s["kp_process"],
+            n=s["n"],
+            max_h=s["max_h"],
+            notes={name: _note(name, origin, answer, loop) for name, origin in s["origins"].items()},
+            origins=s["origins"],
+        ),
+        quality=named(answer["quality"], recording.found),
+        identification=identification,
+        trace=trace,
+        fit=None if answer["fit"] is None else _fit(done, loop, found),
+        corrected=None if corrected is None else _corrected(corrected, loop.op_label),
     )
-    fitted_batches = [batch] if windows is None else windows.best()
-    fitted = _fit(fitted_batches, loop, ideal, quality, fitting) if fit else None
-    known = loop.process.type == "integrating" or run.origins["kp"][0] == "given"
-    if fitted is not None and not known and (gain := _fitted_gain(fitted)) is not None:
-        run = _Run(recording, sample, loop, ideal, origins, gain)
-        run.all(again)
-    return replace(run.result(quality, found), fit=fitted)
 
 
-def _fitted_gain(fit: Fit) -> tuple[float, Known] | None:
-    """Kp where the fit found a lost motion and with it the gain of a process that does not integrate, to a third."""
-    if not fit.found or fit.process is None or fit.process.integrating:
-        return None
-    kp, low, high = fit.process.kp
-    if not _glapp.fitted_gain_serves(kp, low, high):
-        return None
-    return kp, ("fitted", f"fitted from OP and PV ({low:.3g} to {high:.3g})")
+def _fit(done: dict[str, Any], loop: Loop, found: list[Finding]) -> Fit:
+    """The fit in words."""
+    match done["answer"]["fit"]["why"]:
+        case {"code": "place"}:
+            return Fit("cannot_tell", _refusal(loop), loop.op_label)
+        case {"code": "finding", "of": i} if done["pv"] is None:
+            return Fit("cannot_tell", found[i].text, loop.op_label)
+        case {"code": "finding", "of": i}:
+            return fit_told(done["answer"]["fit"], done["pv"], done["position"], loop, found[i].text)
+    return fit_told(done["answer"]["fit"], done["pv"], done["position"], loop)
 
 
-def _fit(
-    batches: list[Batch], loop: Loop, ideal: Ideal | None, quality: list[Finding], progress: Progress | None
-) -> Fit:
-    """The fit, told what is already known: the sign of the process, and what makes any answer wrong."""
-    refusal = _refusal(loop)
-    refusals = [
-        *([] if refusal is None else [refusal[1]]),
-        *(f.text for f in quality if f.severity == "refuse" and f.code != "not_auto"),
-    ]
-    sinusoids = [f.text for f in quality if f.code == "sinusoidal"]
-    return fit_batches(
-        batches,
-        loop,
-        process_sign(loop, ideal),
-        refused=refusals[0] if refusals else None,
-        sinusoid=sinusoids[0] if sinusoids else None,
-        progress=progress,
+def _note(name: str, origin: Origin, answer: dict[str, Any], loop: Loop) -> str:
+    """Where a setting comes from, in words."""
+    s, found = answer["controller"], answer["identification"]
+    match name, origin:
+        case "delta_u", _:
+            return _TRAVEL[s["delta_u"]]
+        case "tf", "chosen":
+            return f"smallest of {s['tried']} that serves"
+        case "td", "identified" if not s["td"]:
+            return "PI law identified"
+        case _, "identified":
+            return f"identified (R² {found['values']['r2']:.3f})"
+        case "b", "assumed":
+            return "no setpoint change to tell it by"
+        case "kp", "assumed":
+            return f"not given, taken as {_glapp.KP_DEFAULT} %/%"
+        case "kp", "fitted":
+            _, low, high = answer["fit"]["process"]["kp"]
+            return f"fitted from OP and PV ({low:.3g} to {high:.3g})"
+        case "kp", "unknown" if loop.process.type == "integrating":
+            return "integrating process: no static gain, its term is dropped"
+        case "kp", "unknown":
+            return "not known: its term is dropped, the estimate is high by Δy/Kp"
+    return "given"
+
+
+def _why(answer: dict[str, Any], loop: Loop, found: list[Finding], identification: Identification | None) -> str | None:
+    """Why the crossings say no more, in words."""
+    match answer["why"]:
+        case None:
+            return None
+        case {"code": "place"}:
+            return _refusal(loop)
+        case {"code": "no_sp"}:
+            return NO_SP
+        case {"code": "finding", "of": int(i)}:
+            return found[i].text
+        case {"code": "no_law"}:
+            what = "K and Ti are not given, and without an OP column they cannot be identified"
+            return f"{what}: name the column (--op, columns.op), or give the controller"
+        case {"code": "not_identified"}:
+            assert identification is not None
+            return f"K and Ti are not given and could not be identified: {identification.reason}"
+        case {"code": "nothing_accepted"}:
+            return _nothing_accepted(answer["reasons"])
+        case {"code": "disagree", "of": n}:
+            return f"the detections do not agree: {n['kept']} of the last {n['count']} lie within 20 % of their median"
+        case {"code": "gain_too_low"}:
+            assumed = answer["controller"]["origins"]["kp"] == "assumed"
+            what = "the assumed Kp of 1.5 %/% does not fit" if assumed else "Kp is set too low"
+            return f"Δy/Kp is larger than OP's travel: {what}, check kp and the span of PV"
+        case {"code": "noise", "of": n}:
+            unit = loop.op_label
+            return (
+                f"the detections give {n['d']:.3g} {unit}, less than the {n['floor']:.3g} {unit} that noise can feign"
+            )
+    return f"{answer['detections']} of the {loop.n} detections that an estimate needs"
+
+
+def _corrected(c: dict[str, Any], unit: str) -> Corrected:
+    """The width with the bias of (2.4) taken out, or why there is none."""
+    reason = None if c["why"] is None else _not_corrected(c, unit)
+    kp_range = None if c["kp_range"] is None else tuple(c["kp_range"])
+    return Corrected(c["d"], c["low"], c["high"], c["kp"], kp_range, c["pairs"], c["travel"], reason)
+
+
+def _not_corrected(c: dict[str, Any], unit: str) -> str:
+    """Why there is no corrected width, in words."""
+    match c["why"]["code"], c["why"].get("of"):
+        case "no_estimate", _:
+            return "there is no estimate to correct"
+        case _, "too_few":
+            few = f"{c['pairs']} pairs of half-periods in which PV came to rest off SP, where 3 are needed"
+            return few if c["kp"] is not None else f"{few}, and 4 without the process gain"
+        case _, "alike":
+            return "PV's half-periods are too much alike to tell the process gain and the width apart: give kp"
+        case _, "wrong_slope":
+            return "OP travels less where PV swings further: not a gap in front of a process at rest"
+        case _, "scattered":
+            return f"the {c['pairs']} pairs of half-periods do not agree: the load moves, or PV does not come to rest"
+        case "noise", n:
+            return f"{n['d']:.3g} {unit} is less than the {n['noise']:.3g} that noise moves OP by"
+        case "smooth", n:
+            filtered = f"PV filtered with {n['tf']:.3g} s is too smooth to work out its turns by (4.1)"
+            return f"OP is not recorded, and {filtered}"
+        case "integrating", _:
+            return "an integrating process does not come to rest off SP"
+        case _:
+            return "the valve moves further than the gap is wide"
+
+
+def _trace(thinner: Thinner, signals: set[str], chosen: int | None) -> Trace:
+    t = thinner.times()
+    none = Band(np.full(len(t), np.nan), np.full(len(t), np.nan))
+    return Trace(
+        t=t,
+        sp=thinner.band("sp") if "sp" in signals else none,
+        pv=thinner.band("pv"),
+        pv_filtered=none if chosen is None else thinner.band(f"filtered {chosen}"),
+        op=thinner.band("op") if "op" in signals else None,
+        position=thinner.band("position") if "position" in signals else None,
     )
 
 
@@ -283,11 +411,8 @@ def identify(
     (2.0, 30.0, True)
     """
     recording = recording_of(recording, loop, t=t, sp=sp, pv=pv, op=op, flags=flags)
-    batch = _inspection(recording, INSPECTED_ROWS).batch
-    return _identified(batch, with_op_unit(recording.loop, batch))
-
-
-def _identified(batch: Batch, loop: Loop) -> Identification:
+    batch = recording.beginning(INSPECTED_ROWS)
+    loop = with_op_unit(recording.loop, batch)
     return identified(
         batch.t,
         batch.sp,
@@ -348,7 +473,7 @@ class Estimator:
             raise InputError("has no controller settings", loop=loop.name, parameter="controller", hint="give K and Ti")
         if not h > 0:
             raise InputError(f"is {h}, must be > 0 s", parameter="h", value=h, bound="> 0 s")
-        self._detector = _glapp.Detector(_detector_settings(loop, ideal, _process_gain(loop)[0], h))
+        self._detector = _glapp.Detector(_detector_settings(loop, ideal, _process_gain(loop), h))
 
     def update(
         self, t: float, sp: float, pv: float, op: float | None = None, flags: int = 0
@@ -387,13 +512,7 @@ class Estimator:
         flags : uint8[n], optional
             Sum of 1 not in automatic, 2 bad quality, 4 at the lower, 8 at the upper limit.
         """
-        self._detector.run(
-            _floats(t),
-            _floats(sp),
-            _floats(pv),
-            None if op is None else _floats(op),
-            None if flags is None else np.ascontiguousarray(flags, dtype=np.uint8),
-        )
+        self._detector.run(column(t), column(sp), column(pv), column(op), column(flags, np.uint8))
 
     @property
     def half_periods(self) -> HalfPeriods:
@@ -447,244 +566,24 @@ class Estimator:
         return type(self).load, (self.save(),)
 
 
-@dataclass(frozen=True, slots=True)
-class _Inspection:
-    batch: Batch
-    median_step: float
-    whole: bool
-    """Whether the recording has no more rows: it need not be read again."""
-
-
-def _inspection(recording: Recording, rows: int) -> _Inspection:
-    """The first rows, and the median step between them [s]."""
-    beginning = recording.beginning(rows)
-    steps = np.diff(beginning.t)
-    steps = steps[np.isfinite(steps) & (steps > 0)]
-    return _Inspection(beginning, float(np.median(steps)) if len(steps) else 1.0, len(beginning) < rows)
-
-
-class _Run:
-    """One pass over a recording with a detector for every filter time that is tried."""
-
-    def __init__(
-        self,
-        recording: Recording,
-        sample: _Inspection,
-        loop: Loop,
-        ideal: Ideal | None,
-        origins: dict[str, Known],
-        gain: tuple[float | None, Known],
-    ) -> None:
-        self.recording, self.sample = recording, sample
-        self.loop = loop
-        self.ideal = ideal
-        self.h = sample.median_step
-        self.max_h = GAP_STEPS * self.h
-        self.kp, kp_known = gain
-        given: Known = ("given", "given")
-        self.origins = {**dict.fromkeys(("k", "ti", "td", "b"), given), **origins, "kp": kp_known}
-        self.thinner = Thinner()
-        self.op_known = self.position_known = False
-        self.sp_known = "SP" in recording.columns
-        self.ladder = None if ideal is None or not self.sp_known else _ladder(loop, ideal, self.kp, self.h)
-
-    def all(
-        self, progress: Progress | None, census: _glapp.Census | None = None, windows: _glapp.Windows | None = None
-    ) -> None:
-        """Read the recording from its first to its last row, the detectors side by side."""
-        for batch in [self.sample.batch] if self.sample.whole else self.recording.batches():
-            if census is not None:
-                census.run(batch.t, batch.sp, batch.pv, batch.op, batch.flags)
-            if windows is not None:
-                windows.add(batch)
-            columns = {"pv": batch.pv}
-            for name in ("sp", "op", "position"):
-                if (signal := getattr(batch, name)) is not None:
-                    columns[name] = signal
-            if self.ladder is not None and batch.sp is not None:
-                filtered = self.ladder.run(batch.t, batch.sp, batch.pv, batch.op, batch.flags)
-                columns.update((f"filtered {i}", signal) for i, signal in enumerate(filtered))
-            self.thinner.add(batch.t, columns)
-            self.op_known = self.op_known or batch.op is not None
-            self.position_known = self.position_known or batch.position is not None
-            if progress is not None:
-                progress(self.recording.fraction_read())
-
-    def result(self, quality: list[Finding], found: Identification | None) -> Result:
-        """Choose the filter time and say what was found; OP's noise is that of the recording's beginning."""
-        loop, ideal, origins = self.loop, self.ideal, dict(self.origins)
-        chosen, detector = (None, None) if self.ladder is None else self.ladder.chosen()
-        tf = None
-        if self.ladder is not None and chosen is not None and detector is not None:
-            times = self.ladder.filter_times
-            tf = times[chosen]
-            tried: Known = ("chosen", f"smallest of {len(times)} that serves")
-            origins["tf"] = ("given", "given") if loop.tf is not None else tried
-            origins["delta_u"] = ("chosen", _TRAVEL[detector.travel_source(self.op_known)])
-        half_periods = _half_periods(detector, self.op_known)
-        if origins["kp"][0] == "assumed":
-            quality = [*quality, *self._doubt(half_periods)]
-        counts = dict(zip(REASONS, detector.reasons if detector is not None else [0] * len(REASONS), strict=True))
-        detections = counts.pop("accepted")
-        verdict, reason = self._verdict(detector, quality, found, detections, counts)
-        shown = detector.median_mean if detector is not None and verdict in ("estimate", "provisional") else None
-        d_hat = shown[0] if shown else None
-        limits = op_range(loop)
-        return Result(
-            name=self.recording.name,
-            source=self.recording.source,
-            loop=loop,
-            t0=self.recording.t0,
-            verdict=verdict,
-            reason=reason,
-            d_hat=d_hat,
-            unit=loop.op_label,
-            d_hat_percent_span=None if d_hat is None or limits is None else 100.0 * d_hat / (limits[1] - limits[0]),
-            repeatability=(shown[1], shown[2]) if shown else None,
-            noise_floor=None if detector is None else detector.noise_floor,
-            detections=detections,
-            half_periods=half_periods,
-            reasons={name: count for name, count in counts.items() if count},
-            settings=Settings(
-                k=ideal and ideal.k,
-                ti=ideal and ideal.ti,
-                td=ideal and ideal.td,
-                b=ideal and ideal.b,
-                tf=tf,
-                kp=self.kp,
-                n=loop.n,
-                max_h=self.max_h,
-                notes={name: note for name, (_, note) in origins.items()},
-                origins={name: origin for name, (origin, _) in origins.items()},
-            ),
-            quality=quality,
-            identification=found,
-            trace=self._trace(chosen),
-            corrected=self._corrected(detector, d_hat, self.sample.batch.op)
-            if detector is not None and detections
-            else None,
-        )
-
-    def _verdict(
-        self,
-        detector: _glapp.Detector | None,
-        quality: list[Finding],
-        found: Identification | None,
-        detections: int,
-        rejected: dict[str, int],
-    ) -> tuple[Verdict, str | None]:
-        """What may be said, and in words why not more."""
-        loop = self.loop
-        refusal = _refusal(loop)
-        findings = [(finding.code, finding.severity) for finding in quality]
-        place = None if refusal is None else refusal[0]
-        verdict, why = _glapp.verdict(place, self.sp_known, found is not None, findings, detector)
-        if why is None:
-            return verdict, None
-        match why:
-            case "primary" | "split_range" | "shared_valve", _:
-                assert refusal is not None
-                reason = refusal[1]
-            case "no_sp", _:
-                reason = NO_SP
-            case "finding", [i]:
-                reason = quality[int(i)].text
-            case "no_law", _:
-                what = "K and Ti are not given, and without an OP column they cannot be identified"
-                reason = f"{what}: name the column (--op, columns.op), or give the controller"
-            case "not_identified", _:
-                assert found is not None
-                reason = f"K and Ti are not given and could not be identified: {found.reason}"
-            case "nothing_accepted", _:
-                reason = _nothing_accepted(rejected)
-            case "disagree", [kept, count]:
-                reason = (
-                    f"the detections do not agree: {kept:.0f} of the last {count:.0f} lie within 20 % of their median"
-                )
-            case "gain_too_low", _:
-                assumed = self.origins["kp"][0] == "assumed"
-                what = "the assumed Kp of 1.5 %/% does not fit" if assumed else "Kp is set too low"
-                reason = f"Δy/Kp is larger than OP's travel: {what}, check kp and the span of PV"
-            case "noise", [d_hat, floor]:
-                unit = loop.op_label
-                reason = (
-                    f"the detections give {d_hat:.3g} {unit}, less than the {floor:.3g} {unit} that noise can feign"
-                )
-            case _:
-                reason = f"{detections} of the {loop.n} detections that an estimate needs"
-        return verdict, reason
-
-    def _corrected(self, detector: _glapp.Detector, d_hat: float | None, op: Floats | None) -> Corrected:
-        """The width with the bias of (2.4) taken out, or why there is none."""
-        kp = None if self.origins["kp"][0] == "assumed" else self.kp
-        sigma = None if op is None or not self.op_known else noise_sigma(op)
-        integrating = self.loop.process.type == "integrating"
-        pairs, found, doubt = detector.corrected(kp, self.op_known, sigma, integrating)
-        reason = None if doubt is None else self._not_corrected(pairs, kp, *doubt)
-        if d_hat is None:
-            found, reason = None, "there is no estimate to correct"
-        d, low, high, gain, gains = found or (None, None, None, kp, None)
-        return Corrected(d, low, high, gain, gains, pairs, "op" if self.op_known else "(4.1)", reason)
-
-    def _not_corrected(self, pairs: int, kp: float | None, name: str, numbers: list[float]) -> str:
-        """Why there is no corrected width, in words."""
-        match name, numbers:
-            case "too_few", _:
-                few = f"{pairs} pairs of half-periods in which PV came to rest off SP, where 3 are needed"
-                return few if kp is not None else f"{few}, and 4 without the process gain"
-            case "alike", _:
-                return "PV's half-periods are too much alike to tell the process gain and the width apart: give kp"
-            case "wrong_slope", _:
-                return "OP travels less where PV swings further: not a gap in front of a process at rest"
-            case "scattered", _:
-                return f"the {pairs} pairs of half-periods do not agree: the load moves, or PV does not come to rest"
-            case "noise", [d, noise]:
-                return f"{d:.3g} {self.loop.op_label} is less than the {noise:.3g} that noise moves OP by"
-            case "smooth", [tf]:
-                filtered = f"PV filtered with {tf:.3g} s is too smooth to work out its turns by (4.1)"
-                return f"OP is not recorded, and {filtered}"
-            case "integrating", _:
-                return "an integrating process does not come to rest off SP"
-            case _:
-                return "the valve moves further than the gap is wide"
-
-    def _doubt(self, half_periods: HalfPeriods) -> Iterator[Finding]:
-        """What an assumed Kp does to the detections."""
-        good = half_periods.reason == 0
-        if self.kp is not None and good.any():
-            free, kp_part = (float(np.median(x[good])) for x in (half_periods.free, half_periods.kp_part))
-            found = assumed_gain(
-                self.kp, free, kp_part, pv_unit=self.loop.pv_unit or "PV unit", op_unit=self.loop.op_label
-            )
-            if found is not None:
-                yield found
-
-    def _trace(self, chosen: int | None) -> Trace:
-        thinner = self.thinner
-        t = thinner.times()
-        none = Band(np.full(len(t), np.nan), np.full(len(t), np.nan))
-        return Trace(
-            t=t,
-            sp=thinner.band("sp") if self.sp_known else none,
-            pv=thinner.band("pv"),
-            pv_filtered=none if chosen is None else thinner.band(f"filtered {chosen}"),
-            op=thinner.band("op") if self.op_known else None,
-            position=thinner.band("position") if self.position_known else None,
-        )
-
-
-def _refusal(loop: Loop) -> tuple[str, str] | None:
-    """A place of the detector where its estimate would be wrong (thesis 8.3.2), by its name and in words."""
+def _place(loop: Loop) -> str | None:
+    """A place of the detector where its estimate would be wrong (thesis 8.3.2)."""
     if loop.cascade is not None and loop.cascade.role == "primary":
-        partner = loop.cascade.partner or "the secondary loop"
-        what = f"primary loop of a cascade: its OP is a setpoint, not a valve signal; analyse {partner} instead"
-        return "primary", what
+        return "primary"
     if loop.split_range:
-        return "split_range", "split range: OP works on several valves, and a width of OP belongs to none of them"
-    if loop.shared_valve_with is not None:
-        what = f"the valve is shared with {loop.shared_valve_with}: this OP is not what moves it all the time"
-        return "shared_valve", what
-    return None
+        return "split_range"
+    return None if loop.shared_valve_with is None else "shared_valve"
+
+
+def _refusal(loop: Loop) -> str:
+    """The same in words."""
+    match _place(loop):
+        case "primary":
+            partner = (loop.cascade and loop.cascade.partner) or "the secondary loop"
+            return f"primary loop of a cascade: its OP is a setpoint, not a valve signal; analyse {partner} instead"
+        case "split_range":
+            return "split range: OP works on several valves, and a width of OP belongs to none of them"
+    return f"the valve is shared with {loop.shared_valve_with}: this OP is not what moves it all the time"
 
 
 def _nothing_accepted(rejected: dict[str, int]) -> str:
@@ -706,18 +605,12 @@ def _given_setpoint_weight(loop: Loop) -> float | None:
     return controller.setpoint_weight
 
 
-def _process_gain(loop: Loop) -> tuple[float | None, Known]:
-    """Kp [PV unit/OP unit] and where it comes from."""
+def _process_gain(loop: Loop) -> float | None:
+    """Kp as far as it is given or assumed [PV unit/OP unit]."""
     spans = None
     if loop.pv_span is not None and loop.op_span is not None:
         spans = (loop.pv_span[1] - loop.pv_span[0], loop.op_span[1] - loop.op_span[0])
-    integrating = loop.process.type == "integrating"
-    kp, origin = _glapp.process_gain(loop.kp(), spans, integrating)
-    dropped = "not known: its term is dropped, the estimate is high by Δy/Kp"
-    if integrating:
-        dropped = "integrating process: no static gain, its term is dropped"
-    note = {"given": "given", "assumed": f"not given, taken as {_glapp.KP_DEFAULT} %/%", "unknown": dropped}[origin]
-    return kp, (origin, note)
+    return _glapp.process_gain(loop.kp(), spans, loop.process.type == "integrating")
 
 
 def _detector_settings(loop: Loop, ideal: Ideal, kp: float | None, h: float) -> dict[str, Any]:
@@ -728,7 +621,7 @@ def _detector_settings(loop: Loop, ideal: Ideal, kp: float | None, h: float) -> 
 def with_op_unit(loop: Loop, batch: Batch) -> Loop:
     """Give up the assumption that OP is a percentage where nothing says so and the recording contradicts it."""
     assumed = loop.op_span is None and loop.op_unit is None
-    if assumed and batch.op is not None and bool(np.any((batch.op < 0.0) | (batch.op > 100.0))):
+    if assumed and batch.op is not None and not _glapp.within_percent(batch.op):
         return loop.model_copy(update={"op_unit": "OP unit"})
     return loop
 
@@ -736,23 +629,3 @@ def with_op_unit(loop: Loop, batch: Batch) -> Loop:
 def op_range(loop: Loop) -> tuple[float, float] | None:
     """Span of OP; that of a percentage where nothing else is said."""
     return (0.0, 100.0) if loop.op_span is None and loop.op_label == "%" else loop.op_span
-
-
-def _ladder(loop: Loop, ideal: Ideal, kp: float | None, h: float) -> _glapp.Ladder:
-    try:
-        return _glapp.Ladder(_detector_settings(loop, ideal, kp, h))
-    except ValueError as error:
-        raise InputError(str(error), loop=loop.name) from None
-
-
-def _half_periods(detector: _glapp.Detector | None, op_known: bool) -> HalfPeriods:
-    if detector is None:
-        return HalfPeriods.empty()
-    table = detector.table()
-    if not op_known:
-        table["op_travel"] = np.full(len(table["t_start"]), np.nan)
-    return HalfPeriods(**table)
-
-
-def _floats(values: ArrayLike) -> NDArray[np.float64]:
-    return np.ascontiguousarray(values, dtype=np.float64)

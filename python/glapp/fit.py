@@ -14,7 +14,7 @@ from . import _glapp
 from .controller import Ideal
 from .errors import InputError
 from .loop import Loop
-from .position import COPY, Interval, apart, position_reason
+from .position import COPY, Interval, position_reason
 from .progress import Progress, shares
 from .recording import Batch, Recording
 from .samples import recording_of
@@ -379,17 +379,16 @@ def fit_recordings(
         fitting(0.0)
     starts = since(recordings)
     fitted = [pair for pair, why in zip(zip(starts, batches, strict=True), known, strict=True) if why is None]
-    answer = _glapp.fit_valve(fitted, sign) if fitted else {"unfit": ("few", 0.0)}
-    through_pv = _valve(answer, recordings, known)
+    found: dict[str, Any] = {"pv": {"unfit": ("few", 0.0)}, "position": None}
+    if fitted:
+        found = _glapp.fit_valve(fitted, sign)
     if fitting is not None:
         fitting(1.0)
-    if all(batch.position is None or not np.isfinite(batch.position).any() for some in batches for batch in some):
+    through_pv = _valve(found["pv"], recordings, known)
+    if found["position"] is None:
         return through_pv
-    late = np.nan_to_num(starts)
-    on_one_clock = [
-        replace(batch, t=batch.t + start) for start, some in zip(late, batches, strict=True) for batch in some
-    ]
-    return replace(_together(_fit_position(on_one_clock, loop), through_pv, loop), recordings=through_pv.recordings)
+    both = _together(found["answer"], _at_valve(found["position"], loop), through_pv, loop)
+    return replace(both, recordings=through_pv.recordings)
 
 
 def _valve(answer: dict[str, Any], recordings: Sequence[Recording], known: Sequence[tuple[Verdict, str] | None]) -> Fit:
@@ -479,45 +478,52 @@ def fit_batches(
     """
     if refused is not None:
         return Fit("cannot_tell", refused, loop.op_label)
-    if not batches:
+    if progress is not None:
+        progress(0.0)
+    found = _glapp.fit(batches, sign, sinusoid is not None)
+    if progress is not None:
+        progress(1.0)
+    return told(found["answer"], found["pv"], found["position"], loop, sinusoid)
+
+
+def told(
+    answer: dict[str, Any],
+    pv: dict[str, Any] | None,
+    position: dict[str, Any] | None,
+    loop: Loop,
+    sinusoid: str | None = None,
+) -> Fit:
+    """Put what the core answered, with all that PV and the valve's position said, into words."""
+    if pv is None:
         return Fit("cannot_tell", "OP stands still all the time: only an OP that moves shows a gap", loop.op_label)
-    if not any(batch.position is not None and np.isfinite(batch.position).any() for batch in batches):
-        return _fit_pv(batches, loop, sign, sinusoid, progress)
-    through_pv = _fit_pv(batches, loop, sign, sinusoid, progress)
-    return _together(_fit_position(batches, loop), through_pv, loop)
+    through_pv = _through_pv(pv, loop, sinusoid)
+    if position is None:
+        return through_pv
+    return _together(answer, _at_valve(position, loop), through_pv, loop)
 
 
-def _together(at_valve: Fit, through_pv: Fit, loop: Loop) -> Fit:
-    """What position and PV say together: the position settles it, and where PV contradicts it the answer names both."""
-    if not (at_valve.found or at_valve.verdict == "sound"):
+def _together(answer: dict[str, Any], at_valve: Fit, through_pv: Fit, loop: Loop) -> Fit:
+    """Put into words what position and PV say together: the answer names both where they contradict each other."""
+    if answer["position"] == "silent":
         return replace(through_pv, reason=f"{through_pv.reason}. The valve's position tells nothing: {at_valve.reason}")
+    if answer["position"] == "bounds":
+        return replace(through_pv, reason=f"{through_pv.reason}. By the valve's position {at_valve.reason}")
     reason = f"read from the valve's position: {at_valve.reason}"
     own = loop.positioner.dead_band if loop.positioner is not None else None
     if own is not None and at_valve.found:
         reason += f"; the positioner's own part of it, by its settings: {own:.3g} % of travel"
-    answer = replace(at_valve, reason=reason, process=through_pv.process, through_pv=through_pv)
-    here, there = at_valve.interval, through_pv.interval
-    if here is None or there is None:
-        return answer
-    if apart(here, there):
-        low = min(here[0], there[0])
-        high = None if here[1] is None or there[1] is None else max(here[1], there[1])
+    if answer["position"] == "contradicts":
         said = f"The position: {at_valve.reason}. PV: {through_pv.reason}"
-        both = f"the valve's position and PV contradict each other. {said}"
-        if at_valve.found and through_pv.found:
-            return replace(answer, reason=both, low=low, high=high)
-        # One sees a gap that the other excludes: lost motion beyond the sensor, a loose sensor, or a wrong model.
-        both += ". Is the sensor coupled firmly to the valve, and the valve to what it moves?"
-        return replace(answer, verdict="cannot_tell", reason=both, low=low, high=high)
-    if at_valve.verdict == "at_least" and through_pv.found and there[1] is not None:
-        return replace(through_pv, reason=f"{through_pv.reason}. By the valve's position {at_valve.reason}")
-    return answer
+        reason = f"the valve's position and PV contradict each other. {said}"
+        if answer["verdict"] == "cannot_tell":
+            reason += ". Is the sensor coupled firmly to the valve, and the valve to what it moves?"
+    decided = {name: answer[name] for name in ("verdict", "low", "high")}
+    return replace(at_valve, **decided, reason=reason, process=through_pv.process, through_pv=through_pv)
 
 
-def _fit_position(batches: list[Batch], loop: Loop) -> Fit:
-    """Fit the valve's own position to OP, window by window where there are several."""
+def _at_valve(answer: dict[str, Any], loop: Loop) -> Fit:
+    """What the valve's own position says, window by window where there are several."""
     unit = loop.op_label
-    answer = _glapp.fit_position(batches)
     if "unfit" in answer:
         return Fit("cannot_tell", _unfit(answer["unfit"], "the position"), unit)
     best = _shown(answer, "position")
@@ -529,20 +535,9 @@ def _fit_position(batches: list[Batch], loop: Loop) -> Fit:
     return Fit(verdict, reason, unit, d, low, high, **needed, trend=trend, windows=_windows(answer), best=best)
 
 
-def _fit_pv(
-    batches: list[Batch],
-    loop: Loop,
-    sign: float,
-    sinusoid: str | None,
-    progress: Progress | None,
-) -> Fit:
-    """Fit PV to OP."""
+def _through_pv(answer: dict[str, Any], loop: Loop, sinusoid: str | None) -> Fit:
+    """What PV says."""
     unit = loop.op_label
-    if progress is not None:
-        progress(0.0)
-    answer = _glapp.fit(batches, sign)
-    if progress is not None:
-        progress(1.0)
     if "unfit" in answer:
         return Fit("cannot_tell", _unfit(answer["unfit"], "PV"), unit)
     said = _said(answer, unit)

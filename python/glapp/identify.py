@@ -14,12 +14,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import NDArray
 
 from . import _glapp
-from ._glapp import frozen_steps as frozen_steps
-from ._glapp import in_runs as in_runs
 from ._glapp import resolution as resolution
+from .arrays import column
 
 Floats = NDArray[np.float64]
 
@@ -31,12 +30,6 @@ WIDEST: float = _glapp.WIDEST
 
 MIN_STEPS: int = _glapp.MIN_STEPS
 """Fewest usable steps between samples; below it an interval means nothing."""
-
-FROZEN_STEPS: int = _glapp.FROZEN_STEPS
-"""Where all signals repeat to the bit for so many steps, the recording stood still, not the loop."""
-
-SORTED_ROWS: int = _glapp.SORTED_ROWS
-"""Rows that are enough to know a signal's steps, noise and spectrum."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,37 +148,41 @@ def identified(
     >>> round(found.k, 3), round(found.ti, 2), found.usable
     (2.0, 30.0, True)
     """
-
-    def column(x: NDArray[Any] | None, kind: DTypeLike = np.float64) -> Any:
-        return None if x is None else np.ascontiguousarray(x, dtype=kind)
-
     found = _glapp.identified(
         column(t), column(sp), column(pv), column(op), column(flags, np.uint8), setpoint_weight, limits
     )
-    numbers = {name: found.get(name) for name in _NUMBERS}
-    reason, note = found["reason"], found.get("note")
+    return told(found)
+
+
+def told(found: Mapping[str, Any]) -> Identification:
+    """Put what the core found into words."""
+    values, settings, reason = found["values"] or {}, found["settings"] or {}, found["reason"]
+    ends = {
+        f"{name}_{end}": settings[f"{name}_interval"][end] if settings else None
+        for name in ("k", "ti", "td")
+        for end in ("low", "high")
+    }
+    numbers = {name: values.get(name) for name in ("k", "ti", "r2")} | ends
+    numbers |= {name: settings.get(name) for name in ("td", "setpoint_weight")}
     return Identification(
         **numbers,
         samples=found["samples"],
-        note="no fit" if note is None else _note(note, found["td_low"], found["td_high"]),
+        note=_note(settings["note"], ends["td_low"], ends["td_high"]) if settings else "no fit",
         usable=reason is None,
-        reason="" if reason is None else _REASONS[reason[0]].format_map(found | reason[1]),
+        reason="" if reason is None else _reason(reason, numbers | {"samples": found["samples"]}),
     )
 
 
-_NUMBERS = (
-    "k",
-    "ti",
-    "k_low",
-    "k_high",
-    "ti_low",
-    "ti_high",
-    "r2",
-    "setpoint_weight",
-    "td",
-    "td_low",
-    "td_high",
-)
+def _reason(why: Mapping[str, Any], numbers: Mapping[str, Any]) -> str:
+    """Why it must not be used unasked, in one sentence."""
+    beside = {
+        f"{name}_{end}": value
+        for name, interval in (why.get("of") or {}).items()
+        if isinstance(interval, dict)
+        for end, value in interval.items()
+    }
+    return _REASONS[why["code"]].format_map({**numbers, **(why.get("of") or {}), **beside})
+
 
 _REASONS = {
     "no_op": "the recording has no OP, so K and Ti must be given",
@@ -199,7 +196,7 @@ _REASONS = {
     "little_explained": f"no PI or PID law explains enough of OP's moves (R² {{r2:.3g}}, needed {R2_USABLE:g}): "
     "give K and Ti, or take a recording in auto that is neither compressed nor averaged",
     "no_gain": "K cannot be told from 0 ({k:.3g} +- {error:.2g} OP units per PV unit): give K and Ti",
-    "gain_may_be_none": "K cannot be told from 0 ({size:.3g}, {low:.3g} to {high:.3g}): give K and Ti",
+    "gain_may_be_none": "K cannot be told from 0 ({size:.3g}, {k_low:.3g} to {k_high:.3g}): give K and Ti",
     "no_integral": "integral action cannot be told from none: give K and Ti",
     "opposite_signs": "K and K/Ti have opposite signs (Ti {ti:.3g} s), so this is no PI controller: give K and Ti",
     "contradictory": "laws that explain OP equally well contradict each other even in the sign of K: give K and Ti",
@@ -209,20 +206,21 @@ _REASONS = {
 }
 
 
-def _note(fit: Mapping[str, Any], td_low: float, td_high: float) -> str:
-    kind = "PID" if fit["derivative"] else "PI"
+def _note(fit: Mapping[str, Any], td_low: float | None, td_high: float | None) -> str:
+    kind, behind = "PID" if fit["derivative"] else "PI", fit["filter"]
     parts = [f"robust fit of a {kind} law to means of {fit['m']} samples ({fit['m'] * fit['h']:.4g} s)"]
-    if fit["order"]:
-        filters = f"{fit['order']} x Tf {fit['tf']:.3g} s"
+    if behind["order"]:
+        filters = f"{behind['order']} x Tf {behind['tf']:.3g} s"
         parts.append(f"the controller filters PV, which is recorded unfiltered ({filters})")
-    if fit["tfd"]:
-        parts.append(f"its D part is filtered (Tf {fit['tfd']:.3g} s)")
+    if behind["tfd"]:
+        parts.append(f"its D part is filtered (Tf {behind['tfd']:.3g} s)")
     if fit["lag"]:
         parts.append(f"OP recorded one sample {'late' if fit['lag'] > 0 else 'early'}")
-    if fit["derivative"] and not td_low > 0:
+    if fit["derivative"] and not (td_low or 0) > 0:
         parts.append("lengths of the means disagree whether there is a D part")
-    elif not fit["derivative"] and td_high > 0:
+    elif not fit["derivative"] and (td_high or 0) > 0:
         parts.append(f"a D part of up to {td_high:.3g} s behind a filter would explain OP as well")
-    if fit["weight"]:
-        parts.append("setpoint weight {:.2f} ({:.2f} to {:.2f}) fitted".format(*fit["weight"]))
+    if (weight := fit["weight"]) is not None:
+        low, high = weight["interval"]["low"], weight["interval"]["high"]
+        parts.append(f"setpoint weight {weight['fitted']:.2f} ({low:.2f} to {high:.2f}) fitted")
     return "; ".join(parts)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-__all__ = ["COPY", "Interval", "apart", "position_reason"]
+__all__ = ["COPY", "Interval", "position_reason"]
 
 Interval = tuple[float, float | None]
 """Lower and upper limit, None where there is no upper one."""
@@ -13,11 +13,6 @@ COPY = (
     "the position equals OP in every row to the last digit, as no sensor's does: it is what was demanded of the valve, "
     "not where it stands. Record the positioner's feedback"
 )
-
-
-def apart(one: Interval, other: Interval) -> bool:
-    """Whether no width lies in both intervals."""
-    return (one[1] is not None and one[1] < other[0]) or (other[1] is not None and other[1] < one[0])
 
 
 def position_reason(verdict: str, d: float, low: float, high: float | None, unit: str, best: dict[str, Any]) -> str:

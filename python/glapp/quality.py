@@ -14,9 +14,10 @@ from datetime import datetime, timedelta
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from . import _glapp
+from .arrays import column
 from .identify import Identification
 
 Floats = NDArray[np.float64]
@@ -205,18 +206,33 @@ def inspect(
     'OP stays at 20 % over the whole recording: take a time in which the controller works, or check the OP column'
     """
     found = _glapp.inspect(
-        _column(sample.t),
-        None if sample.sp is None else _column(sample.sp),
-        _column(sample.pv),
-        None if sample.op is None else _column(sample.op),
-        None if sample.flags is None else np.ascontiguousarray(sample.flags, dtype=np.uint8),
+        column(sample.t),
+        column(sample.sp),
+        column(sample.pv),
+        column(sample.op),
+        column(sample.flags, np.uint8),
         census,
         (k, ti, td),
         identification,
     )
+    return told(found, known, pv_unit=pv_unit, op_unit=op_unit, t0=t0, first_row=first_row)
+
+
+def told(
+    found: Sequence[dict[str, Any]],
+    known: Sequence[Finding] = (),
+    *,
+    pv_unit: str = "PV units",
+    op_unit: str = "OP units",
+    t0: datetime | None = None,
+    first_row: int = 2,
+) -> list[Finding]:
+    """Put findings of the core into words and list them behind those that are known, gravest first."""
     reader = _Reader(pv_unit, op_unit, t0, first_row)
-    findings = [*known, *(reader.finding(*one) for one in found)]
-    return sorted(findings, key=lambda finding: ("refuse", "warning", "info").index(finding.severity))
+    findings = [*known, *(reader.finding(one) for one in found)]
+    # What hangs on an assumed gain is known last.
+    grave = ("refuse", "warning", "info")
+    return sorted(findings, key=lambda one: (one.code == "kp_assumed", grave.index(one.severity)))
 
 
 def assumed_time(column: str, first: str, step: float | None, calendar: str, days: str, sure: bool) -> Finding:
@@ -238,28 +254,7 @@ def assumed_time(column: str, first: str, step: float | None, calendar: str, day
     >>> assumed_time("t", "45000.5", 1.0, "excel", "a spreadsheet's day numbers, 2023-03-15 12:00:00", False).severity
     'warning'
     """
-    return _Reader(days=days).finding(*_glapp.assumed_time(column, first, step, calendar, sure))
-
-
-def assumed_gain(
-    kp: float, free: float, kp_part: float, *, pv_unit: str = "PV units", op_unit: str = "OP units"
-) -> Finding | None:
-    """Say how much of the width hangs on a process gain that nobody gave; None where it is less than a tenth.
-
-    Parameters
-    ----------
-    kp : float
-        Gain that was assumed [PV unit/OP unit].
-    free, kp_part : float
-        Kp-free part of the width, and what Kp takes off it [OP unit].
-
-    Examples
-    --------
-    >>> assumed_gain(30.0, 0.45, 0.22, pv_unit="m3/h", op_unit="%").text
-    'Kp is not given and taken as 1.5 %/%, that is 30 m3/h per %: it takes 0.22 % off a width of 0.45 %; give kp'
-    """
-    found = _glapp.assumed_gain(kp, free, kp_part)
-    return None if found is None else _Reader(pv_unit, op_unit).finding(*found)
+    return _Reader(days=days).finding(_glapp.assumed_time(column, first, step, calendar, sure))
 
 
 def noise_sigma(pv: Floats) -> float | None:
@@ -290,11 +285,7 @@ def noise_sigma(pv: Floats) -> float | None:
     >>> round(noise_sigma(slow + np.random.default_rng(1).normal(0, 0.2, 5000)), 2)
     0.2
     """
-    return _glapp.noise_sigma(_column(pv))
-
-
-def _column(x: ArrayLike) -> Floats:
-    return np.ascontiguousarray(x, dtype=np.float64)
+    return _glapp.noise_sigma(column(pv))
 
 
 @dataclass(frozen=True, slots=True)
@@ -308,17 +299,13 @@ class _Reader:
     days: str = ""
     """What the numbers of a time column are as days."""
 
-    def finding(
-        self,
-        code: str,
-        severity: Severity,
-        evidence: dict[str, float | int | str],
-        numbers: dict[str, float | int | str],
-    ) -> Finding:
+    def finding(self, found: dict[str, Any]) -> Finding:
         """Put a finding into words, with what it tells beyond its evidence."""
+        code, severity, evidence = found["code"], found["severity"], found["evidence"]
         if code == "time_reversed":
-            evidence |= {name: self.time(float(evidence[name])) for name in ("from", "to")}
-        return Finding(code, severity, _SENTENCES[code]({**evidence, **numbers, "severity": severity}, self), evidence)
+            evidence = evidence | {name: self.time(float(evidence[name])) for name in ("from", "to")}
+        numbers = {**evidence, **found["numbers"], "severity": severity}
+        return Finding(code, severity, _SENTENCES[code](numbers, self), evidence)
 
     def row(self, row: int) -> str:
         return f"row {row + self.first_row}"

@@ -103,7 +103,7 @@ def detect(
         Whether the derivative part is counted, as in (7.6), or left out, as in (7.5).
     """
     k, ti, td, b = scenario.ideal()
-    ladder = _glapp.Ladder(
+    detector = _glapp.Detector(
         {
             "k": k,
             "ti": ti,
@@ -117,8 +117,8 @@ def detect(
             "off": [name for condition, name in SWITCHES.items() if condition not in conditions],
         }
     )
-    (filtered,) = ladder.run(signals.t, signals.sp, signals.pv, None, signals.flags)
-    return Detected(HalfPeriods(**ladder.chosen()[1].table()), filtered)
+    filtered = detector.run_closely(signals.t, signals.sp, signals.pv, None, signals.flags)
+    return Detected(HalfPeriods(**detector.table()), filtered)
 
 
 def safety_net_loop(**changes: Any) -> Scenario:

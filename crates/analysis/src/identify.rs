@@ -24,6 +24,7 @@ mod search;
 pub use filter::Filter;
 
 use crate::Inspected;
+use serde::Serialize;
 
 /// Least share of OP's moves that the law must explain before its K and Ti are used unasked.
 pub const R2_USABLE: f64 = 0.9;
@@ -33,7 +34,7 @@ pub const WIDEST: f64 = 4.0;
 pub const MIN_STEPS: usize = 50;
 
 /// K, Ti and Td of a PID controller as its recording shows them.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Identification {
     /// Steps between consecutive samples that could be used.
     pub samples: usize,
@@ -46,7 +47,7 @@ pub struct Identification {
 }
 
 /// The law that fits best.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Values {
     /// Gain [OP unit/PV unit], negative for a direct acting controller.
     pub k: f64,
@@ -59,7 +60,7 @@ pub struct Values {
 
 /// What else the recording shows, with 95 % intervals: of the scatter, of every law that explains OP as well, and of what one
 /// sampling step leaves open.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Settings {
     /// Of the gain [OP unit/PV unit].
     pub k_interval: Interval,
@@ -76,7 +77,7 @@ pub struct Settings {
 }
 
 /// From low to high; either may be infinite.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Interval {
     /// Lower end.
     pub low: f64,
@@ -85,7 +86,7 @@ pub struct Interval {
 }
 
 /// How a fit was made.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Note {
     /// Samples in each mean.
     pub m: usize,
@@ -102,7 +103,7 @@ pub struct Note {
 }
 
 /// A setpoint weight as it was fitted.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Weight {
     /// b, which may lie outside 0 to 1.
     pub fitted: f64,
@@ -111,7 +112,8 @@ pub struct Weight {
 }
 
 /// Why an identification must not be used unasked.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(tag = "code", content = "of", rename_all = "snake_case")]
 pub enum Reason {
     /// OP is not recorded.
     NoOp,

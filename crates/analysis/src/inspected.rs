@@ -16,6 +16,19 @@ pub struct Inspected<'a> {
 }
 
 impl Inspected<'_> {
+    /// So many rows from the first on, or all there are.
+    pub(crate) fn first(&self, rows: usize) -> Self {
+        let Self { t, sp, pv, op, flags } = self.even();
+        let n = rows.min(t.len());
+        Self {
+            t: &t[..n],
+            sp: sp.map(|x| &x[..n]),
+            pv: &pv[..n],
+            op: op.map(|x| &x[..n]),
+            flags: flags.map(|x| &x[..n]),
+        }
+    }
+
     /// The rows that all columns have.
     pub(crate) fn even(&self) -> Self {
         let optional = [self.sp.map(<[f64]>::len), self.op.map(<[f64]>::len), self.flags.map(<[u8]>::len)];

@@ -3,20 +3,30 @@
 //! Nothing here reads a file, asks a clock or writes a sentence: arrays come in, numbers and names go out. Python, and
 //! whatever else shows an answer, puts them into words.
 //!
+//! An [`Analysis`] is made of what is known of a loop and the beginning of its recording, is handed all rows, and ends in an
+//! [`Answer`]. It asks, in this order:
 //! [`identify`] reads the controller's law out of OP's moves. [`Census`] counts what all rows hold, and [`quality`] judges a
 //! recording by it and by its first rows. [`crossings`] has the widths from zero crossings over a whole recording, and what
 //! they allow to be said. What a single signal is like, its steps, its noise, where it stands still, stands beside them.
 
+mod analysis;
+mod answer;
 mod census;
 pub mod crossings;
+mod fitted;
 pub mod identify;
 mod inspected;
 mod origin;
 pub mod quality;
 mod signals;
 
+pub use analysis::{Analysis, Controller, Done, INSPECTED_ROWS, Task, within_percent};
+pub use answer::{Answer, CorrectedAnswer, Settings};
 pub use census::{Census, Counter, Occurrences, Values};
 pub use crossings::{Crossings, Ladder};
+pub use fitted::{
+    FitAnswer, FitWhy, Fitted, FittedValve, LostMotion, Position, Process, Signal, Window, fitted, fitted_valve,
+};
 pub use inspected::Inspected;
 pub use origin::{KP_DEFAULT, Origin, fitted_gain_serves, process_gain};
 pub use signals::{FROZEN_STEPS, SORTED_ROWS, frozen_steps, in_runs, median, noise_sigma, quantile, resolution};

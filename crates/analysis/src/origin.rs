@@ -1,10 +1,13 @@
 //! Where a setting comes from.
 
+use serde::Serialize;
+
 /// Process gain [%/%] where none is known but both spans are (thesis 7.2.2).
 pub const KP_DEFAULT: f64 = 1.5;
 
 /// Where the value of a setting comes from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Origin {
     /// A person or a file gave it.
     Given,

@@ -15,10 +15,12 @@ mod oscillation;
 mod settings;
 mod times;
 
+pub(crate) use finding::InOrder;
 pub use finding::{Fault, Finding, Severity, Value};
 pub use settings::assumed_gain;
 pub use times::assumed_time;
 
+use crate::identify::{self, Identification, Settings, Values};
 use crate::{Census, Inspected};
 use look::Look;
 
@@ -48,6 +50,28 @@ pub struct Law {
     pub ti: Interval,
     /// Derivative time \[s\].
     pub td: Interval,
+}
+
+impl Law {
+    /// Of an identification.
+    pub fn of(found: &Identification) -> Self {
+        let values = found.values.as_ref();
+        let interval = |value: fn(&Values) -> f64, of: fn(&Settings) -> identify::Interval| {
+            let interval = found.settings.as_ref().map(of);
+            Interval { value: values.map(value), low: interval.map(|i| i.low), high: interval.map(|i| i.high) }
+        };
+        Self {
+            usable: found.reason.is_none(),
+            r2: values.map(|values| values.r2),
+            k: interval(|values| values.k, |settings| settings.k_interval),
+            ti: interval(|values| values.ti, |settings| settings.ti_interval),
+            td: Interval {
+                value: found.settings.map(|settings| settings.td),
+                low: found.settings.map(|settings| settings.td_interval.low),
+                high: found.settings.map(|settings| settings.td_interval.high),
+            },
+        }
+    }
 }
 
 /// A value with its 95 % interval, as far as they are known.

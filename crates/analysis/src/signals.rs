@@ -159,6 +159,9 @@ mod tests {
     #[test]
     fn runs_and_quantiles() {
         assert_eq!(in_runs(&[true, false, true, true, false, true], 2), [false, false, true, true, false, false]);
+        let mask = [true, true, false, true, true, true, false, false, true];
+        assert_eq!(in_runs(&mask, 3), [false, false, false, true, true, true, false, false, false]);
+        assert_eq!(in_runs(&mask, 1), mask);
         assert_eq!(in_runs(&[], 2), [false; 0]);
         assert_eq!(median(&mut [3.0, 1.0, 2.0]), 2.0);
         assert_eq!(median(&mut [4.0, 1.0, 2.0, 3.0]), 2.5);
@@ -187,6 +190,15 @@ mod tests {
         assert!(frozen[100] && frozen[119] && !frozen[99] && !frozen[120]);
         assert!(frozen_steps(Some(&[1.0]), &[1.0], None).is_empty());
         assert!(frozen_steps(None, &[], None).is_empty());
+    }
+
+    #[test]
+    fn frozen_needs_an_error_and_all_signals() {
+        let (flat, off, moving) = ([1.0; 10], [2.0; 10], [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0]);
+        let none = [false; 9];
+        assert_eq!(frozen_steps(Some(&flat), &off, Some(&flat)), [true; 9]);
+        assert_eq!(frozen_steps(Some(&flat), &flat, Some(&flat)), none);
+        assert_eq!(frozen_steps(Some(&flat), &off, Some(&moving)), none);
     }
 
     #[test]

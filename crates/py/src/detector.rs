@@ -1,23 +1,17 @@
 //! The detector: samples in, half-periods and the estimate out.
 
 use crate::refused;
-use glapp_analysis::crossings::{Beside, Known, NotCorrected, Place, Row, Travel, Why, judge};
-use glapp_analysis::quality::{Fault, Severity};
-use glapp_analysis::{Crossings, Ladder};
-use glapp_core::{Corrected, DetectorSettings, Doubt, Estimate, Reason, TravelSource};
+use glapp_analysis::Crossings;
+use glapp_analysis::crossings::Row;
+use glapp_core::{DetectorSettings, Estimate, Reason};
 use numpy::{PyArray1, PyReadonlyArray1};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use std::thread;
 
 use crate::columns::with_columns;
 
 type EstimateParts = (f64, f64, f64, u8, u8);
-type CorrectedParts = (f64, f64, f64, f64, Option<(f64, f64)>);
-/// A name and its numbers.
-type Named = (&'static str, Vec<f64>);
-type CorrectedFace = (usize, Option<CorrectedParts>, Option<Named>);
 
 /// Settings of a detector as Python has them, in a dict; what is not there has its default.
 pub struct Settings(pub DetectorSettings<f64>);
@@ -79,60 +73,10 @@ pub fn reasons() -> Vec<&'static str> {
     Reason::ALL.iter().map(|reason| reason.name()).collect()
 }
 
-/// What may be said, and why not more: (name, its numbers). `place`: "primary", "split_range", "shared_valve" or None;
-/// `findings`: (code, severity), gravest first; without a detector K and Ti are not known.
+/// Kp [PV unit/OP unit] as far as it is given or assumed; `spans` are the widths of those of PV and OP.
 #[pyfunction]
-pub fn verdict(
-    place: Option<&str>,
-    sp: bool,
-    op: bool,
-    findings: Vec<(String, String)>,
-    detector: Option<&PyDetector>,
-) -> PyResult<(&'static str, Option<Named>)> {
-    let place = match place {
-        None => None,
-        Some("primary") => Some(Place::Primary),
-        Some("split_range") => Some(Place::SplitRange),
-        Some("shared_valve") => Some(Place::SharedValve),
-        Some(other) => return Err(PyValueError::new_err(format!("place = {other}: there is no such place"))),
-    };
-    let findings = findings.iter().map(|(code, severity)| {
-        let fault = Fault::ALL.iter().find(|fault| fault.name() == code);
-        let known = [Severity::Info, Severity::Warning, Severity::Refuse];
-        let severity = known.into_iter().find(|one| one.name() == severity);
-        fault.copied().zip(severity).ok_or_else(|| PyValueError::new_err(format!("{code}: there is no such finding")))
-    });
-    let findings: Vec<_> = findings.collect::<PyResult<_>>()?;
-    let known = Known { place, sp, op, findings: &findings };
-    let (verdict, why) = judge(&known, detector.map(|detector| &detector.crossings));
-    let why = why.map(|why| match why {
-        Why::Place(Place::Primary) => ("primary", vec![]),
-        Why::Place(Place::SplitRange) => ("split_range", vec![]),
-        Why::Place(Place::SharedValve) => ("shared_valve", vec![]),
-        Why::NoSp => ("no_sp", vec![]),
-        Why::Finding(i) => ("finding", vec![i as f64]),
-        Why::NoLaw => ("no_law", vec![]),
-        Why::NotIdentified => ("not_identified", vec![]),
-        Why::NothingAccepted => ("nothing_accepted", vec![]),
-        Why::Disagree { kept, count } => ("disagree", vec![kept.into(), count.into()]),
-        Why::GainTooLow => ("gain_too_low", vec![]),
-        Why::Noise { d, floor } => ("noise", vec![d, floor]),
-        Why::Few => ("few", vec![]),
-    });
-    Ok((verdict.name(), why))
-}
-
-/// Kp [PV unit/OP unit], and where it comes from; `spans` are the widths of those of PV and OP.
-#[pyfunction]
-pub fn process_gain(given: Option<f64>, spans: Option<(f64, f64)>, integrating: bool) -> (Option<f64>, &'static str) {
-    let (kp, origin) = glapp_analysis::process_gain(given, spans, integrating);
-    (kp, origin.name())
-}
-
-/// Whether a fitted gain, with its interval, may stand for one that is not known.
-#[pyfunction]
-pub fn fitted_gain_serves(kp: f64, low: f64, high: f64) -> bool {
-    glapp_analysis::fitted_gain_serves(kp, low, high)
+pub fn process_gain(given: Option<f64>, spans: Option<(f64, f64)>, integrating: bool) -> Option<f64> {
+    glapp_analysis::process_gain(given, spans, integrating).0
 }
 
 /// The shortest filter of PV that serves (2.1) [s], for Ti and Td [s].
@@ -158,10 +102,10 @@ macro_rules! attributes {
             })*
         }
 
-        fn columns<'py>(py: Python<'py>, rows: &[Row]) -> PyResult<Bound<'py, PyDict>> {
+        pub(crate) fn columns<'py>(py: Python<'py>, rows: &[Row]) -> PyResult<Bound<'py, PyDict>> {
             let table = PyDict::new(py);
             $({
-                let column = rows.iter().map(|Row { span: $span, record: $record, swing: $swing }| {
+                let column = rows.iter().map(|Row { span: $span, record: $record, swing: $swing, .. }| {
                     let _ = ($span, $swing);
                     $value
                 });
@@ -258,7 +202,23 @@ impl PyDetector {
         with_columns(&t, &sp, &pv, op.as_ref(), flags.as_ref(), |columns| py.detach(|| self.crossings.take(columns)))
     }
 
-    /// The half-periods of `run` as a dict of arrays: all of them, but of those shorter than 5Ti the first 50 000.
+    /// The same with their swing; gives the filtered PV of each sample.
+    fn run_closely<'py>(
+        &mut self,
+        py: Python<'py>,
+        t: PyReadonlyArray1<'py, f64>,
+        sp: PyReadonlyArray1<'py, f64>,
+        pv: PyReadonlyArray1<'py, f64>,
+        op: Option<PyReadonlyArray1<'py, f64>>,
+        flags: Option<PyReadonlyArray1<'py, u8>>,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let filtered = with_columns(&t, &sp, &pv, op.as_ref(), flags.as_ref(), |columns| {
+            py.detach(|| self.crossings.take_closely(columns))
+        })?;
+        Ok(PyArray1::from_vec(py, filtered))
+    }
+
+    /// The half-periods as a dict of arrays: all of them, but of those shorter than 5Ti the first 50 000.
     fn table<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         columns(py, self.crossings.rows())
     }
@@ -287,27 +247,6 @@ impl PyDetector {
         self.crossings.state().noise_floor()
     }
 
-    /// "integral", "derivative" or "op": where Δu is taken from, given whether OP is recorded.
-    fn travel_source(&self, op_known: bool) -> &'static str {
-        match self.crossings.detector().width().source(op_known) {
-            TravelSource::Integral => "integral",
-            TravelSource::Derivative => "derivative",
-            TravelSource::Op => "op",
-        }
-    }
-
-    /// The width with the bias of (2.4) taken out, from what a ladder looked at closely: how many pairs of half-periods
-    /// there are; (d, low, high, kp, range of kp or None) or None; and why not: (name, its numbers).
-    /// `kp` is the process gain where it is known, `op_noise` the deviation of OP's fast noise.
-    fn corrected(&self, kp: Option<f64>, op_known: bool, op_noise: Option<f64>, integrating: bool) -> CorrectedFace {
-        let travel = if op_known { Travel::Op } else { Travel::Law };
-        let (pairs, found) = self.crossings.corrected(&Beside { kp, travel, op_noise, integrating });
-        match found {
-            Ok(Corrected { d, low, high, kp, kp_range }) => (pairs, Some((d, low, high, kp, kp_range)), None),
-            Err(why) => (pairs, None, Some(doubt(why))),
-        }
-    }
-
     /// Settings, state and counts of reasons as JSON; the table is not part of it.
     fn save(&self) -> String {
         self.crossings.save()
@@ -318,71 +257,5 @@ impl PyDetector {
     fn load(text: &str) -> PyResult<Self> {
         let crossings = Crossings::load(text).map_err(|error| PyValueError::new_err(error.to_string()))?;
         Ok(Self { crossings })
-    }
-}
-
-fn doubt(why: NotCorrected) -> Named {
-    match why {
-        NotCorrected::Doubt(Doubt::TooFew) => ("too_few", vec![]),
-        NotCorrected::Doubt(Doubt::Alike) => ("alike", vec![]),
-        NotCorrected::Doubt(Doubt::WrongSlope) => ("wrong_slope", vec![]),
-        NotCorrected::Doubt(Doubt::Scattered) => ("scattered", vec![]),
-        NotCorrected::Doubt(Doubt::Swamped) => ("swamped", vec![]),
-        NotCorrected::Noise { d, noise } => ("noise", vec![d, noise]),
-        NotCorrected::Smooth { tf } => ("smooth", vec![tf]),
-        NotCorrected::Integrating => ("integrating", vec![]),
-    }
-}
-
-/// A detector for every filter time that is tried, side by side over one recording.
-#[pyclass(module = "glapp", name = "Ladder")]
-pub struct PyLadder {
-    ladder: Ladder,
-}
-
-#[pymethods]
-impl PyLadder {
-    /// All filter times are tried where the settings give none.
-    #[new]
-    fn new(settings: Bound<'_, PyDict>) -> PyResult<Self> {
-        let given = settings.contains("tf")?;
-        let settings: Settings = settings.extract()?;
-        Ok(Self { ladder: Ladder::new(settings.0, given).map_err(refused)? })
-    }
-
-    /// The filter times that are tried [s].
-    #[getter]
-    fn filter_times(&self) -> Vec<f64> {
-        self.ladder.rungs().iter().map(|rung| rung.settings().tf).collect()
-    }
-
-    /// Many samples, looked at closely; gives the filtered PV of each, by filter time.
-    fn run<'py>(
-        &mut self,
-        py: Python<'py>,
-        t: PyReadonlyArray1<'py, f64>,
-        sp: PyReadonlyArray1<'py, f64>,
-        pv: PyReadonlyArray1<'py, f64>,
-        op: Option<PyReadonlyArray1<'py, f64>>,
-        flags: Option<PyReadonlyArray1<'py, u8>>,
-    ) -> PyResult<Vec<Bound<'py, PyArray1<f64>>>> {
-        let filtered = with_columns(&t, &sp, &pv, op.as_ref(), flags.as_ref(), |columns| {
-            py.detach(|| {
-                thread::scope(|scope| {
-                    let rungs = self.ladder.rungs_mut().iter_mut();
-                    let hands: Vec<_> = rungs.map(|rung| scope.spawn(|| rung.take_closely(columns))).collect();
-                    hands.into_iter().map(thread::ScopedJoinHandle::join).collect::<Result<Vec<_>, _>>()
-                })
-            })
-        })?;
-        let filtered = filtered.unwrap_or_else(|panic| std::panic::resume_unwind(panic));
-        Ok(filtered.into_iter().map(|column| PyArray1::from_vec(py, column)).collect())
-    }
-
-    /// Which of them is taken, and its detector: the smallest that leaves enough accepted half-periods, (N + 1)/2; where
-    /// none does, the one with most.
-    fn chosen(&self) -> (usize, PyDetector) {
-        let chosen = self.ladder.choose();
-        (chosen, PyDetector { crossings: self.ladder.rungs()[chosen].clone() })
     }
 }

@@ -1,44 +1,71 @@
 //! Width with an interval from OP and PV.
 
+use crate::plain::plain;
+use crate::position;
 use crate::windows::{Batch, columns};
+use glapp_analysis::{Fitted, FittedValve, LostMotion, fitted, fitted_valve};
 use glapp_fit::{
-    Answer, JointAnswer, Noise, Prediction, Problem, RecordAnswer, Recorded, THRESHOLDS, Together, Trend, Unfit,
-    Verdict,
+    Answer, JointAnswer, Noise, PositionAnswer, Prediction, RecordAnswer, THRESHOLDS, Together, Trend, Unfit,
+    ValveAnswer, Verdict,
 };
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
-/// Fits the batches that can be fitted, records of one valve; `sign` is that of the process gain, 0 where it is not known.
-/// Where none can be fitted, only why: `unfit`, a word and its number. `glapp.fit` is the door for people.
+/// Fits the batches that can be fitted, records of one valve; `sign` is that of the process gain, 0 where it is not known,
+/// `sinusoidal` whether the loop swings in a clean sinusoid. Gives the `answer` in plain types, and what PV and the valve's
+/// position said, each None where it was not asked; where it could not be fitted, only why: `unfit`, a word and its number.
+/// `glapp.fit` is the door for people.
 #[pyfunction]
-pub fn fit<'py>(py: Python<'py>, batches: Vec<Batch<'py>>, sign: f64) -> PyResult<Bound<'py, PyDict>> {
-    let samples = columns(&batches)?.into_iter().map(|batch| batch.samples).collect::<Vec<_>>();
-    let joint = match py.detach(|| glapp_fit::fit(&Problem::of(&samples, sign)?)) {
+pub fn fit<'py>(
+    py: Python<'py>,
+    batches: Vec<Batch<'py>>,
+    sign: f64,
+    sinusoidal: bool,
+) -> PyResult<Bound<'py, PyDict>> {
+    let batches = columns(&batches)?;
+    let Fitted { answer, pv, position } = py.detach(|| fitted(&batches, sign, sinusoidal.then_some(0)));
+    let out = PyDict::new(py);
+    out.set_item("answer", plain(py, &answer)?)?;
+    out.set_item("pv", pv.map(|pv| of_pv(py, pv)).transpose()?)?;
+    out.set_item("position", position.map(|position| of_position(py, position)).transpose()?)?;
+    Ok(out)
+}
+
+/// What PV said.
+pub(crate) fn of_pv(py: Python<'_>, found: Result<JointAnswer, Unfit>) -> PyResult<Bound<'_, PyDict>> {
+    let joint = match found {
         Ok(joint) => joint,
         Err(why) => return unfit(py, why),
     };
-    answers(py, joint)
+    let out = together(py, &joint.whole)?;
+    out.set_item("shown", joint.shown)?;
+    let windows = joint.records.into_iter().map(|record| answered(py, record));
+    out.set_item("windows", windows.collect::<PyResult<Vec<_>>>()?)?;
+    Ok(out)
 }
 
-/// Fits recordings of one valve, in the order of time: of each when its time is 0 [s] (NaN where not known) and its batches. As `fit`,
-/// with the `recordings` in place of the windows: of each its own answer, or why there is none. `glapp.fit` is the door for people.
+/// Fits recordings of one valve, in the order of time: of each when its time is 0 [s] (NaN where not known) and its batches. As
+/// `fit`; `pv` has the `recordings` in place of windows, of each what PV said alone.
 #[pyfunction]
 pub fn fit_valve<'py>(
     py: Python<'py>,
     recordings: Vec<(f64, Vec<Batch<'py>>)>,
     sign: f64,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let columns = recordings.iter().map(|(_, batches)| columns(batches)).collect::<PyResult<Vec<_>>>()?;
-    let recorded: Vec<Recorded> = recordings
-        .iter()
-        .zip(&columns)
-        .map(|((since, _), batches)| Recorded {
-            since: *since,
-            samples: batches.iter().map(|batch| batch.samples).collect(),
-        })
-        .collect();
-    let valve = match py.detach(|| glapp_fit::fit_valve(&recorded, sign)) {
+    let recorded = recordings.iter().map(|(since, batches)| Ok((*since, columns(batches)?)));
+    let recorded = recorded.collect::<PyResult<Vec<_>>>()?;
+    let FittedValve { answer, pv, position } = py.detach(|| fitted_valve(&recorded, sign));
+    let out = PyDict::new(py);
+    out.set_item("answer", plain(py, &answer)?)?;
+    out.set_item("pv", of_recordings(py, pv)?)?;
+    out.set_item("position", position.map(|position| of_position(py, position)).transpose()?)?;
+    Ok(out)
+}
+
+/// What PV said in several recordings.
+fn of_recordings(py: Python<'_>, found: Result<ValveAnswer, Unfit>) -> PyResult<Bound<'_, PyDict>> {
+    let valve = match found {
         Ok(valve) => valve,
         Err(why) => return unfit(py, why),
     };
@@ -47,10 +74,7 @@ pub fn fit_valve<'py>(
     out.set_item("shared", valve.shared)?;
     let recordings = PyList::empty(py);
     for recording in valve.recordings {
-        let one = match recording.own {
-            Ok(own) => answers(py, own)?,
-            Err(why) => unfit(py, why)?,
-        };
+        let one = of_pv(py, recording.own)?;
         one.set_item("repeated", recording.repeated)?;
         one.set_item("left_out", recording.left_out)?;
         one.set_item("adds", recording.lr_no_gap)?;
@@ -60,35 +84,44 @@ pub fn fit_valve<'py>(
     Ok(out)
 }
 
-/// What the records of one recording say, and each of them.
-fn answers(py: Python<'_>, joint: JointAnswer) -> PyResult<Bound<'_, PyDict>> {
-    let out = together(py, &joint.whole)?;
+/// What the valve's position said.
+pub(crate) fn of_position(py: Python<'_>, found: Result<PositionAnswer, Unfit>) -> PyResult<Bound<'_, PyDict>> {
+    let joint = match found {
+        Ok(joint) => joint,
+        Err(why) => return unfit(py, why),
+    };
+    let out = joined(py, (joint.verdict, joint.d, joint.low, joint.high), joint.trend)?;
     out.set_item("shown", joint.shown)?;
-    let windows = PyList::empty(py);
-    for record in joint.records {
-        windows.append(answered(py, record)?)?;
-    }
-    out.set_item("windows", windows)?;
+    let windows = joint.records.into_iter().map(|record| position::answered(py, record));
+    out.set_item("windows", windows.collect::<PyResult<Vec<_>>>()?)?;
     Ok(out)
 }
 
-/// What all say.
-fn together<'py>(py: Python<'py>, whole: &Together) -> PyResult<Bound<'py, PyDict>> {
+/// What all records say together.
+fn joined<'py>(
+    py: Python<'py>,
+    (verdict, d, low, high): (Verdict, f64, f64, Option<f64>),
+    found: Option<Trend>,
+) -> PyResult<Bound<'py, PyDict>> {
     let out = PyDict::new(py);
-    for (name, value) in [
-        ("d", whole.d),
-        ("low", whole.low),
-        ("lr_no_gap", whole.lr_no_gap),
-        ("lr_needed", whole.lr_needed),
-        ("dispersion", whole.dispersion),
-    ] {
+    out.set_item("verdict", name(verdict))?;
+    out.set_item("d", d)?;
+    out.set_item("low", low)?;
+    out.set_item("high", high)?;
+    out.set_item("trend", trend(py, found)?)?;
+    Ok(out)
+}
+
+/// The same of PV, with its evidence.
+fn together<'py>(py: Python<'py>, whole: &Together) -> PyResult<Bound<'py, PyDict>> {
+    let out = joined(py, (whole.verdict, whole.d, whole.low, whole.high), whole.trend)?;
+    for (name, value) in
+        [("lr_no_gap", whole.lr_no_gap), ("lr_needed", whole.lr_needed), ("dispersion", whole.dispersion)]
+    {
         out.set_item(name, value)?;
     }
-    out.set_item("verdict", name(whole.verdict))?;
-    out.set_item("high", whole.high)?;
     out.set_item("traversals", (whole.traversals[0], whole.traversals[1]))?;
     out.set_item("reason", whole.reason)?;
-    out.set_item("trend", trend(py, whole.trend)?)?;
     Ok(out)
 }
 
@@ -103,36 +136,17 @@ pub fn fit_thresholds(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
 }
 
 pub(crate) fn name(verdict: Verdict) -> &'static str {
-    match verdict {
-        Verdict::Backlash => "backlash",
-        Verdict::Stiction => "stiction",
-        Verdict::Both => "both",
-        Verdict::Sound => "sound",
-        Verdict::AtLeast => "at_least",
-        Verdict::CannotTell => "cannot_tell",
-    }
+    LostMotion::from(verdict).name()
 }
 
-pub(crate) fn unfit(py: Python<'_>, why: Unfit) -> PyResult<Bound<'_, PyDict>> {
-    let (word, number) = match why {
-        Unfit::NoOp => ("no_op", 0.0),
-        Unfit::FewRows(rows) => ("few_rows", rows as f64),
-        Unfit::OpMissing => ("op_missing", 0.0),
-        Unfit::OpStill(level) => ("op_still", level),
-        Unfit::Same => ("same", 0.0),
-        Unfit::PvStill(level) => ("pv_still", level),
-        Unfit::Coarse(levels) => ("coarse", levels as f64),
-        Unfit::Broken => ("broken", 0.0),
-        Unfit::Few => ("few", 0.0),
-        Unfit::Copy => ("copy", 0.0),
-    };
+fn unfit(py: Python<'_>, why: Unfit) -> PyResult<Bound<'_, PyDict>> {
     let out = PyDict::new(py);
-    out.set_item("unfit", (word, number))?;
+    out.set_item("unfit", (why.name(), why.number()))?;
     Ok(out)
 }
 
 /// Under the names of `glapp.fit.Trend`, slope and error a second.
-pub(crate) fn trend(py: Python<'_>, trend: Option<Trend>) -> PyResult<Option<Bound<'_, PyDict>>> {
+fn trend(py: Python<'_>, trend: Option<Trend>) -> PyResult<Option<Bound<'_, PyDict>>> {
     let Some(trend) = trend else { return Ok(None) };
     let out = PyDict::new(py);
     out.set_item("slope", trend.slope)?;

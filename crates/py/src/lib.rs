@@ -1,5 +1,6 @@
 //! The Python face of glapp: one file per exposed module, no logic of its own.
 
+mod analysis;
 mod auto_tuner;
 mod backlash;
 mod blocks;
@@ -12,6 +13,7 @@ mod identify;
 mod modules;
 mod noise;
 mod pid;
+mod plain;
 mod position;
 mod quality;
 mod rate_limit;
@@ -33,6 +35,8 @@ fn refused(error: impl std::fmt::Display) -> PyErr {
 #[pymodule]
 mod _glapp {
     #[pymodule_export]
+    use crate::analysis::PyAnalysis;
+    #[pymodule_export]
     use crate::auto_tuner::{AutoTuner, stops, tuned_by};
     #[pymodule_export]
     use crate::backlash::Backlash;
@@ -41,13 +45,9 @@ mod _glapp {
         Derivative, HalfPeriodBlock, MedianMean, SafetyNet, SecondOrderFilter, Swing, Width, ZeroCrossing,
     };
     #[pymodule_export]
-    use crate::census::PyCensus;
-    #[pymodule_export]
     use crate::compensation::{Compensation, OverCompensation, standings};
     #[pymodule_export]
-    use crate::detector::{
-        PyDetector, PyHalfPeriod, PyLadder, filter_time, fitted_gain_serves, process_gain, reasons, verdict,
-    };
+    use crate::detector::{PyDetector, PyHalfPeriod, filter_time, process_gain, reasons};
     #[pymodule_export]
     const DETECTIONS: u32 = glapp_core::DETECTIONS;
     #[pymodule_export]
@@ -58,6 +58,8 @@ mod _glapp {
     use crate::fit::{fit, fit_thresholds, fit_valve};
     #[pymodule_export]
     const LONG_HISTORY: usize = glapp_fit::LONG_HISTORY;
+    #[pymodule_export]
+    const INSPECTED_ROWS: usize = glapp_analysis::INSPECTED_ROWS;
     #[pymodule_export]
     const MOST_EPOCHS: usize = glapp_fit::MOST_EPOCHS;
     #[pymodule_export]
@@ -75,19 +77,13 @@ mod _glapp {
     #[pymodule_export]
     use crate::pid::Pid;
     #[pymodule_export]
-    use crate::position::fit_position;
-    #[pymodule_export]
-    use crate::quality::{assumed_gain, assumed_time, inspect, noise_sigma};
+    use crate::quality::{assumed_time, inspect, noise_sigma, within_percent};
     #[pymodule_export]
     use crate::rate_limit::RateLimit;
     #[pymodule_export]
     use crate::saturation::Saturation;
     #[pymodule_export]
-    use crate::signals::{frozen_steps, in_runs, resolution};
-    #[pymodule_export]
-    const FROZEN_STEPS: usize = glapp_analysis::FROZEN_STEPS;
-    #[pymodule_export]
-    const SORTED_ROWS: usize = glapp_analysis::SORTED_ROWS;
+    use crate::signals::resolution;
     #[pymodule_export]
     use crate::sim::{PyChecked, batch, groups, instruction_sets, random_walk, run_together, watch};
     #[pymodule_export]

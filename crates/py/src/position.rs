@@ -1,48 +1,13 @@
 //! Width with an interval from OP and the valve's own position.
 
-use crate::fit::{name, trend, unfit};
-use crate::windows::{Batch, columns};
-use glapp_fit::{AtValve, RecordAnswer, Recorder, Samples};
+use crate::fit::name;
+use glapp_fit::{AtValve, RecordAnswer, Recorder};
 use numpy::PyArray1;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList};
-
-/// Fits the valve positions of the batches that can be fitted, records of one valve. Where none can be, only why: `unfit`, a
-/// word and its number. `glapp.fit` is the door for people.
-#[pyfunction]
-pub fn fit_position<'py>(py: Python<'py>, batches: Vec<Batch<'py>>) -> PyResult<Bound<'py, PyDict>> {
-    let batches = columns(&batches)?;
-    let none: Vec<Vec<f64>> = batches
-        .iter()
-        .map(|batch| if batch.position.is_none() { vec![f64::NAN; batch.samples.t.len()] } else { Vec::new() })
-        .collect();
-    // What is wrong with PV is nothing to the position.
-    let samples: Vec<Samples> = batches
-        .iter()
-        .zip(&none)
-        .map(|(batch, none)| Samples { pv: batch.position.unwrap_or(none), flags: None, ..batch.samples })
-        .collect();
-    let joint = match py.detach(|| glapp_fit::fit_position(&samples)) {
-        Ok(joint) => joint,
-        Err(why) => return unfit(py, why),
-    };
-    let out = PyDict::new(py);
-    out.set_item("verdict", name(joint.verdict))?;
-    out.set_item("d", joint.d)?;
-    out.set_item("low", joint.low)?;
-    out.set_item("high", joint.high)?;
-    out.set_item("trend", trend(py, joint.trend)?)?;
-    out.set_item("shown", joint.shown)?;
-    let windows = PyList::empty(py);
-    for record in joint.records {
-        windows.append(answered(py, record)?)?;
-    }
-    out.set_item("windows", windows)?;
-    Ok(out)
-}
+use pyo3::types::PyDict;
 
 /// What one record says, times in seconds.
-fn answered(py: Python<'_>, record: RecordAnswer<AtValve>) -> PyResult<Bound<'_, PyDict>> {
+pub(crate) fn answered(py: Python<'_>, record: RecordAnswer<AtValve>) -> PyResult<Bound<'_, PyDict>> {
     let RecordAnswer { start, end, starts, h, answer } = record;
     let out = PyDict::new(py);
     out.set_item("verdict", name(answer.verdict))?;

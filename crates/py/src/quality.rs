@@ -1,12 +1,12 @@
 //! What is wrong with a recording: rows and counts in, findings out.
 
-use glapp_analysis::quality::{Finding, Interval, Known, Law, Value};
+use glapp_analysis::quality::{Interval, Known, Law};
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
 
 use crate::census::Counts;
 use crate::columns::{Signal, with_rows};
+use crate::plain::plain;
 
 /// `glapp.Identification`, as far as a recording is held against it.
 #[derive(FromPyObject)]
@@ -37,24 +37,6 @@ impl Identification {
     }
 }
 
-/// (code, severity, evidence, numbers).
-type Found<'py> = (&'static str, &'static str, Bound<'py, PyDict>, Bound<'py, PyDict>);
-
-fn told<'py>(py: Python<'py>, finding: Finding) -> PyResult<Found<'py>> {
-    let named = |values: Vec<(&'static str, Value)>| {
-        let dict = PyDict::new(py);
-        for (name, value) in values {
-            match value {
-                Value::Count(count) => dict.set_item(name, count)?,
-                Value::Number(number) => dict.set_item(name, number)?,
-                Value::Word(word) => dict.set_item(name, word)?,
-            }
-        }
-        PyResult::Ok(dict)
-    };
-    Ok((finding.fault.name(), finding.severity.name(), named(finding.evidence)?, named(finding.numbers)?))
-}
-
 /// What is wrong with a recording, without sentences.
 #[pyfunction]
 #[allow(clippy::too_many_arguments, reason = "the arguments of Python")]
@@ -68,14 +50,14 @@ pub fn inspect<'py>(
     census: Counts,
     settings: (Option<f64>, Option<f64>, Option<f64>),
     identification: Option<Identification>,
-) -> PyResult<Vec<Found<'py>>> {
+) -> PyResult<Bound<'py, PyAny>> {
     let (k, ti, td) = settings;
     let known = Known { k, ti, td, law: identification.map(Identification::law) };
     let census = census.into();
     let found = with_rows(&t, sp.as_ref(), &pv, op.as_ref(), flags.as_ref(), |rows| {
         py.detach(|| glapp_analysis::quality::inspect(&rows, &census, &known))
     })?;
-    found.into_iter().map(|finding| told(py, finding)).collect()
+    plain(py, &found)
 }
 
 /// What the numbers of a time column were taken for.
@@ -87,14 +69,8 @@ pub fn assumed_time<'py>(
     step: Option<f64>,
     calendar: &str,
     sure: bool,
-) -> PyResult<Found<'py>> {
-    told(py, glapp_analysis::quality::assumed_time(column, first, step, calendar, sure))
-}
-
-/// How much of the width hangs on a process gain that nobody gave; None where it is little.
-#[pyfunction]
-pub fn assumed_gain(py: Python<'_>, kp: f64, free: f64, kp_part: f64) -> PyResult<Option<Found<'_>>> {
-    glapp_analysis::quality::assumed_gain(kp, free, kp_part).map(|finding| told(py, finding)).transpose()
+) -> PyResult<Bound<'py, PyAny>> {
+    plain(py, &glapp_analysis::quality::assumed_time(column, first, step, calendar, sure))
 }
 
 /// Standard deviation of PV's fast noise. See `glapp.quality.noise_sigma`.
@@ -102,4 +78,10 @@ pub fn assumed_gain(py: Python<'_>, kp: f64, free: f64, kp_part: f64) -> PyResul
 pub fn noise_sigma(py: Python<'_>, pv: Signal<'_>) -> PyResult<Option<f64>> {
     let pv = pv.as_slice()?;
     Ok(py.detach(|| glapp_analysis::noise_sigma(pv)))
+}
+
+/// Whether OP may be a percentage: no value says that it is not.
+#[pyfunction]
+pub fn within_percent(op: Signal<'_>) -> PyResult<bool> {
+    Ok(glapp_analysis::within_percent(op.as_slice()?))
 }

@@ -1,14 +1,16 @@
-//! Rows of a recording as the fit takes them, and the windows of a long history.
+//! Rows of a recording as the analysis and the fit take them, and the windows of a long history.
 
+use glapp_analysis::Inspected;
 use glapp_fit::{Rows, Samples};
 use numpy::{PyArray1, PyReadonlyArray1};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-/// What the fit sees of a `glapp.recording.Batch`; the arrays are not copied.
+/// A `glapp.recording.Batch`; the arrays are not copied.
 #[derive(FromPyObject)]
 pub struct Batch<'py> {
     t: PyReadonlyArray1<'py, f64>,
+    sp: Option<PyReadonlyArray1<'py, f64>>,
     pv: PyReadonlyArray1<'py, f64>,
     op: Option<PyReadonlyArray1<'py, f64>>,
     flags: Option<PyReadonlyArray1<'py, u8>>,
@@ -22,15 +24,26 @@ pub(crate) fn columns<'a>(batches: &'a [Batch<'_>]) -> PyResult<Vec<glapp_fit::B
 
 impl Batch<'_> {
     fn columns(&self) -> PyResult<glapp_fit::Batch<'_>> {
-        let (t, pv) = (self.t.as_slice()?, self.pv.as_slice()?);
-        let op = self.op.as_ref().map(|op| op.as_slice()).transpose()?;
-        let flags = self.flags.as_ref().map(|flags| flags.as_slice()).transpose()?;
-        let position = self.position.as_ref().map(|position| position.as_slice()).transpose()?;
-        let lengths = [Some(pv.len()), op.map(<[f64]>::len), flags.map(<[u8]>::len), position.map(<[f64]>::len)];
-        if lengths.into_iter().flatten().any(|length| length != t.len()) {
-            return Err(PyValueError::new_err("t, pv, op, flags and position must be of the same length"));
-        }
+        let (Inspected { t, pv, op, flags, .. }, position) = self.rows()?;
         Ok(glapp_fit::Batch { samples: Samples { t, pv, op, flags }, position })
+    }
+
+    /// The columns, and the valve's position where it is recorded.
+    pub(crate) fn rows(&self) -> PyResult<(Inspected<'_>, Option<&[f64]>)> {
+        let rows = Inspected {
+            t: self.t.as_slice()?,
+            sp: self.sp.as_ref().map(|sp| sp.as_slice()).transpose()?,
+            pv: self.pv.as_slice()?,
+            op: self.op.as_ref().map(|op| op.as_slice()).transpose()?,
+            flags: self.flags.as_ref().map(|flags| flags.as_slice()).transpose()?,
+        };
+        let position = self.position.as_ref().map(|position| position.as_slice()).transpose()?;
+        let lengths = [Some(rows.pv), rows.sp, rows.op, position].map(|x| x.map(<[f64]>::len));
+        let flags = rows.flags.map(<[u8]>::len);
+        if lengths.into_iter().chain([flags]).flatten().any(|length| length != rows.t.len()) {
+            return Err(PyValueError::new_err("t, sp, pv, op, flags and position must be of the same length"));
+        }
+        Ok((rows, position))
     }
 }
 

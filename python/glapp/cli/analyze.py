@@ -16,7 +16,8 @@ from rich.text import Text
 
 from ..escape import for_spreadsheet, one_line
 from ..report import words
-from ..result import REASONS, Result
+from ..result import Result
+from ..row import columns, rows
 from ..writing import write_file
 from .inputs import Refused, open_files, read_by
 from .options import Options, with_options
@@ -86,24 +87,9 @@ def _rows(results: Sequence[Result]) -> str:
     """The answers as CSV, a row per loop in their order."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    answer = ("loop", "file", "verdict", "reason", "d_hat", "unit", "d_hat_percent_span", "detections", "half_periods")
-    beside = ("repeatability_low", "repeatability_high", "noise_floor", "corrected_d", "corrected_kp")
-    controller = ("k", "ti", "td", "setpoint_weight", "kp_process", "tf")
-    fit = ("verdict", "d", "low", "high", "jump", "lr_no_gap", "reason")
-    fitted = [f"fit_{name}" for name in fit]
-    writer.writerow([*answer, *REASONS[1:], "quality", *controller, *fitted, *beside])
-    for result in results:
-        row = result.to_dict()
-        cells = (
-            [row[key] for key in answer]
-            + [row["reasons"].get(name, 0) for name in REASONS[1:]]
-            + [" ".join(f"{finding['code']}:{finding['severity']}" for finding in row["quality"])]
-            + [(row["controller"] or {}).get(key) for key in controller]
-            + [(row["fit"] or {}).get(key) for key in fit]
-            + [*(row["repeatability"] or (None, None)), row["noise_floor"]]
-            + [(row["corrected"] or {}).get(key) for key in ("d", "kp")]
-        )
-        writer.writerow([for_spreadsheet(cell) if isinstance(cell, str) else cell for cell in cells])
+    writer.writerow([column.name for column in columns()])
+    for row in rows(results):
+        writer.writerow([for_spreadsheet(cell) if isinstance(cell, str) else cell for cell in row])
     return text.getvalue()
 
 

@@ -2,6 +2,7 @@
 
 use super::Crossings;
 use glapp_core::{Corrected, Doubt, Half, LONGEST_WINDOW, Pair, corrected, pairs};
+use serde::Serialize;
 
 /// Noise alone moves OP from end to end by so many times its deviation, and the valve follows.
 const NOISE: f64 = 6.0;
@@ -9,11 +10,13 @@ const NOISE: f64 = 6.0;
 const SMOOTH: f64 = 0.2;
 
 /// Where OP's travel between two turns is taken from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub enum Travel {
     /// OP as recorded.
+    #[serde(rename = "op")]
     Op,
     /// As (4.1) makes it of SP and PV.
+    #[serde(rename = "(4.1)")]
     Law,
 }
 
@@ -31,7 +34,8 @@ pub struct Beside {
 }
 
 /// Why there is no corrected width.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(tag = "code", content = "of", rename_all = "snake_case")]
 pub enum NotCorrected {
     /// The half-periods do not tell.
     Doubt(Doubt),
@@ -49,6 +53,8 @@ pub enum NotCorrected {
     },
     /// An integrating process does not come to rest off SP.
     Integrating,
+    /// There is no estimate to correct.
+    NoEstimate,
 }
 
 impl Crossings {

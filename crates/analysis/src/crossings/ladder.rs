@@ -36,6 +36,15 @@ impl Ladder {
         &mut self.rungs
     }
 
+    /// The same half-periods judged with another process gain, see [`Crossings::with_gain`].
+    ///
+    /// # Errors
+    ///
+    /// Where `kp` is out of its bounds.
+    pub fn with_gain(&self, kp: Option<f64>) -> Result<Self, ParameterError> {
+        Ok(Self { rungs: self.rungs.iter().map(|rung| rung.with_gain(kp)).collect::<Result<_, _>>()? })
+    }
+
     /// Which filter time is taken: the smallest that leaves enough accepted half-periods, (N + 1)/2; where none does, the
     /// one with most. A longer filter reads low.
     pub fn choose(&self) -> usize {
@@ -43,6 +52,12 @@ impl Ladder {
         let most = self.rungs.iter().map(Crossings::accepted).max().unwrap_or(0);
         let found = self.rungs.iter().position(enough);
         found.or_else(|| self.rungs.iter().position(|rung| rung.accepted() == most)).unwrap_or(0)
+    }
+
+    /// Its place, and the detector with that filter time.
+    pub fn chosen(mut self) -> (usize, Crossings) {
+        let place = self.choose();
+        (place, self.rungs.swap_remove(place))
     }
 }
 

@@ -1,5 +1,6 @@
 //! A detector over a recording, with the table of its half-periods.
 
+use glapp_core::status::{BAD, GAP, NOT_AUTO};
 use glapp_core::{
     Columns, Detector, DetectorSettings, DetectorState, ParameterError, Reason, Record, Span, Swing, SwingParts,
     SwingState,
@@ -24,6 +25,9 @@ pub struct Row {
     pub record: Record<f64>,
     /// Travel of OP and plateau of PV.
     pub swing: Option<SwingParts<f64>>,
+    /// Time of the half-periods since the row before that the table does not keep \[s\], but those in a break or not in
+    /// automatic.
+    pub passed: f64,
 }
 
 /// The detector with its state, its table of half-periods and the counts of their reasons.
@@ -49,7 +53,7 @@ pub struct Crossings {
     swing: Swing<f64>,
     swinging: Swinging,
     rows: Vec<Row>,
-    short_rows: usize,
+    short: Short,
     reasons: [u64; Reason::ALL.len()],
 }
 
@@ -75,7 +79,7 @@ impl Crossings {
             settings,
             state: DetectorState::default(),
             rows: Vec::new(),
-            short_rows: 0,
+            short: Short::default(),
             reasons: [0; Reason::ALL.len()],
         })
     }
@@ -118,7 +122,7 @@ impl Crossings {
         let mut row = None;
         let ended = |span: Span, record: &Record<f64>| {
             reasons[record.reason() as usize] += 1;
-            row = Some(Row { span, record: *record, swing: None });
+            row = Some(Row { span, record: *record, swing: None, passed: 0.0 });
         };
         detector.run(state, columns, ended, |_, _| ());
         row
@@ -126,17 +130,17 @@ impl Crossings {
 
     /// Takes many samples; their half-periods go to the table, without their swing.
     pub fn take(&mut self, columns: Columns<'_, f64>) {
-        let Self { detector, state, rows, short_rows, reasons, .. } = self;
+        let Self { detector, state, rows, short, reasons, .. } = self;
         let ended = |span: Span, record: &Record<f64>| {
             reasons[record.reason() as usize] += 1;
-            keep(rows, short_rows, Row { span, record: *record, swing: None });
+            short.keep(rows, Row { span, record: *record, swing: None, passed: 0.0 });
         };
         detector.run(state, columns, ended, |_, _| ());
     }
 
     /// The same with their swing; gives the filtered PV of each sample, NaN where there is none.
     pub fn take_closely(&mut self, columns: Columns<'_, f64>) -> Vec<f64> {
-        let Self { detector, state, swing, swinging, rows, short_rows, reasons, .. } = self;
+        let Self { detector, state, swing, swinging, rows, short, reasons, .. } = self;
         let mut filtered = vec![f64::NAN; columns.t.len()];
         // The first sample of the half-period under way.
         let next = Cell::new(0);
@@ -151,11 +155,33 @@ impl Crossings {
             swinging.add(swing, &columns, &filtered, from..to);
             let parts = swing.end(&mut swinging.state, record.half.sign, record.half.flags);
             reasons[record.reason() as usize] += 1;
-            keep(rows, short_rows, Row { span, record, swing: Some(parts) });
+            short.keep(rows, Row { span, record, swing: Some(parts), passed: 0.0 });
             from = to;
         }
         swinging.add(swing, &columns, &filtered, from..columns.t.len());
         filtered
+    }
+
+    /// The same half-periods judged with another process gain, bit for bit as a pass over the samples would judge them but
+    /// in what [`Detector::judge_again`] tells. It goes on from the same sample. What [`update`](Self::update) counted and
+    /// did not keep stays as it was.
+    ///
+    /// # Errors
+    ///
+    /// Where `kp` is out of its bounds.
+    pub fn with_gain(&self, kp: Option<f64>) -> Result<Self, ParameterError> {
+        let settings = DetectorSettings { kp, ..self.settings };
+        let detector = Detector::of(&settings)?;
+        let (mut state, mut reasons) = (self.state.unjudged(), self.reasons);
+        let judged = |row: &Row| {
+            let record = detector.judge_again(&mut state, &row.record, row.passed);
+            reasons[row.record.reason() as usize] -= 1;
+            reasons[record.reason() as usize] += 1;
+            Row { record, ..*row }
+        };
+        let rows = self.rows.iter().map(judged).collect();
+        let &Self { swing, swinging, short, .. } = self;
+        Ok(Self { settings, detector, state, swing, swinging, rows, short, reasons })
     }
 
     /// Settings, state and counts of reasons as JSON; the table is not part of it.
@@ -179,15 +205,26 @@ impl Crossings {
     }
 }
 
-/// Adds a half-period to the table, if it is not one more of the short ones.
-fn keep(rows: &mut Vec<Row>, short_rows: &mut usize, row: Row) {
-    if row.record.mask & Reason::TooShort.bit() != 0 {
-        if *short_rows >= SHORT_KEPT {
-            return;
+/// How many rows are shorter than 5Ti, and the time of those since the last row that were not kept \[s\].
+#[derive(Clone, Copy, Debug, Default)]
+struct Short {
+    rows: usize,
+    passed: f64,
+}
+
+impl Short {
+    /// Adds a half-period to the table, if it is not one more of the short ones.
+    fn keep(&mut self, rows: &mut Vec<Row>, row: Row) {
+        if row.record.mask & Reason::TooShort.bit() != 0 {
+            if self.rows >= SHORT_KEPT {
+                let half = row.record.half;
+                self.passed += if half.flags & (GAP | BAD | NOT_AUTO) == 0 { half.delta_t } else { 0.0 };
+                return;
+            }
+            self.rows += 1;
         }
-        *short_rows += 1;
+        rows.push(Row { passed: std::mem::take(&mut self.passed), ..row });
     }
-    rows.push(row);
 }
 
 /// The swing under way, and the time of the last sample \[s\].
@@ -208,5 +245,102 @@ impl Swinging {
             t = if now.is_finite() { Some(now) } else { t };
         }
         *self = Self { state, t };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// PV about an SP that is 0: waves of changing height and length, noise between them, now and then a gap, a bad value and
+    /// a time in manual.
+    fn recorded(n: usize, seed: u64) -> [Vec<f64>; 3] {
+        let mut random = seed;
+        let mut next = || {
+            random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (random >> 11) as f64 / (1u64 << 53) as f64
+        };
+        let (mut t, mut pv, mut op) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut now, mut level) = (0.0, 1.0);
+        while t.len() < n {
+            let (height, rows) = (0.5 + next(), if next() < 0.2 { 3.0 } else { 60.0 + 60.0 * next() });
+            let calm = next() < 0.7;
+            level = -level;
+            now += if next() < 0.02 { 20.0 } else { 0.0 };
+            for k in 0..rows as usize {
+                now += 1.0;
+                t.push(now);
+                let noise = if calm { 0.1 } else { 3.0 } * (next() - 0.5);
+                pv.push(if next() < 0.001 { f64::NAN } else { level * height + noise });
+                op.push(50.0 - level * (height + k as f64 / 20.0) + noise);
+            }
+        }
+        [t, pv, op]
+    }
+
+    fn crossings(kp: Option<f64>, td: f64, op: bool, [t, pv, values]: &[Vec<f64>; 3]) -> Crossings {
+        let settings = DetectorSettings { kp, n: 5, ..DetectorSettings::new(0.5, 8.0, td, 1.0) };
+        let mut crossings = Crossings::new(settings).unwrap();
+        let flags: Vec<u8> = (0..t.len()).map(|k| u8::from(k % 5000 < 30)).collect();
+        for rows in (0..t.len()).step_by(7000).map(|k| k..t.len().min(k + 7000)) {
+            crossings.take_closely(Columns {
+                t: &t[rows.clone()],
+                sp: &vec![0.0; rows.len()],
+                pv: &pv[rows.clone()],
+                op: op.then(|| &values[rows.clone()]),
+                flags: Some(&flags[rows]),
+            });
+        }
+        crossings
+    }
+
+    #[test]
+    fn judged_again_is_run_again() {
+        let mut differ = 0;
+        for seed in 0..3 {
+            let recorded = recorded(15_000, seed);
+            for (td, op) in [(0.0, false), (0.0, true), (2.0, false), (2.0, true)] {
+                let once = crossings(None, td, op, &recorded);
+                for kp in [Some(0.2), Some(-0.8), Some(40.0), None] {
+                    let again = once.with_gain(kp).unwrap();
+                    let anew = crossings(kp, td, op, &recorded);
+                    assert_eq!(format!("{again:?}"), format!("{anew:?}"));
+                    let back = again.with_gain(None).unwrap();
+                    assert_eq!(format!("{back:?}"), format!("{once:?}"));
+                    let others = again.rows().iter().zip(once.rows()).filter(|(a, b)| a.record.mask != b.record.mask);
+                    differ += others.count();
+                }
+            }
+        }
+        assert!(differ > 100, "{differ} half-periods are judged otherwise with another gain");
+    }
+
+    #[test]
+    fn what_the_table_does_not_keep_enters_as_one_time() {
+        // Noise of more short half-periods than are kept, between waves.
+        let wave = |k: usize| if (k / 50).is_multiple_of(2) { 1.0 } else { -1.0 };
+        let mut pv: Vec<f64> = (0..5000).map(wave).collect();
+        pv.extend((0..3 * SHORT_KEPT).map(|k| if k.is_multiple_of(2) { 1.0 } else { -1.0 }));
+        pv.extend((0..5000).map(|k| 0.3 * wave(k)));
+        let run = |kp| {
+            let settings = DetectorSettings { kp, n: 5, tf: 0.0, ..DetectorSettings::new(0.5, 8.0, 0.0, 1.0) };
+            let mut crossings = Crossings::new(settings).unwrap();
+            let t: Vec<f64> = (0..pv.len()).map(|k| k as f64).collect();
+            crossings.take(Columns { t: &t, sp: &vec![0.0; t.len()], pv: &pv, op: None, flags: None });
+            crossings
+        };
+        let once = run(None);
+        assert!(once.reasons().iter().sum::<u64>() > once.rows().len() as u64);
+        assert!(once.rows().iter().any(|row| row.passed > SHORT_KEPT as f64));
+        let (again, anew) = (once.with_gain(Some(0.7)).unwrap(), run(Some(0.7)));
+        assert_eq!(again.reasons(), anew.reasons());
+        assert_eq!(again.rows(), anew.rows());
+        assert_eq!(again.state().shown(), anew.state().shown());
+    }
+
+    #[test]
+    fn a_gain_of_nothing_is_refused() {
+        let crossings = crossings(None, 0.0, false, &recorded(100, 0));
+        assert_eq!(crossings.with_gain(Some(0.0)).unwrap_err().name, "kp");
     }
 }

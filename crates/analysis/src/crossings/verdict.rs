@@ -1,10 +1,12 @@
 //! What zero crossings allow to be said of a loop, and why not more.
 
 use super::Crossings;
-use crate::quality::{Fault, Severity};
+use crate::quality::{Fault, Finding, Severity};
+use serde::{Deserialize, Serialize};
 
 /// What may be said.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Verdict {
     /// N detections or more stand behind a width.
     Estimate,
@@ -32,7 +34,8 @@ impl Verdict {
 }
 
 /// A place of the detector where its estimate would be wrong (thesis 8.3.2).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Place {
     /// Primary loop of a cascade: its OP is a setpoint, not a valve signal.
     Primary,
@@ -43,7 +46,8 @@ pub enum Place {
 }
 
 /// Why no more can be said.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(tag = "code", content = "of", rename_all = "snake_case")]
 pub enum Why {
     /// Where the detector stands.
     Place(Place),
@@ -87,14 +91,16 @@ pub struct Known<'a> {
     /// Whether OP is recorded.
     pub op: bool,
     /// What was found wrong with the recording, gravest first.
-    pub findings: &'a [(Fault, Severity)],
+    pub findings: &'a [Finding],
 }
 
 /// What may be said by `crossings`, none where K and Ti are not known; and why not more.
 pub fn judge(known: &Known<'_>, crossings: Option<&Crossings>) -> (Verdict, Option<Why>) {
     use Verdict::{Estimate, NoEstimate, Provisional, Refused};
     let Known { place, sp, op, findings } = *known;
-    let find = |wanted: &dyn Fn(Fault, Severity) -> bool| findings.iter().position(|found| wanted(found.0, found.1));
+    let find = |wanted: &dyn Fn(Fault, Severity) -> bool| {
+        findings.iter().position(|found| wanted(found.fault, found.severity))
+    };
     if let Some(place) = place {
         return (Refused, Some(Why::Place(place)));
     }
@@ -153,9 +159,9 @@ mod tests {
         let good = crossings(6, 2.0);
         assert_eq!(judge(&HEALTHY, Some(&good)), (Verdict::Estimate, None));
         let wrong = [
-            (Fault::Sinusoidal, Severity::Warning),
-            (Fault::OpConstant, Severity::Refuse),
-            (Fault::NotAuto, Severity::Refuse),
+            Finding::new(Fault::Sinusoidal, Severity::Warning),
+            Finding::new(Fault::OpConstant, Severity::Refuse),
+            Finding::new(Fault::NotAuto, Severity::Refuse),
         ];
         let known = |findings| Known { findings, ..HEALTHY };
         assert_eq!(judge(&known(&wrong[..1]), Some(&good)), (Verdict::NoEstimate, Some(Why::Finding(0))));

@@ -1,7 +1,7 @@
 //! What PV passes through in the controller before the law.
 
 /// A filter: `order` lags of `tf` [s] before everything, or one of `tfd` [s] before the D part alone.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Filter {
     /// The controller runs once a recorded sample; else much faster.
     pub scans: bool,

@@ -1,9 +1,11 @@
 //! One fault or peculiarity of a recording.
 
+use serde::ser::{Serialize, SerializeStruct, Serializer};
 use std::borrow::Cow;
 
 /// How grave a finding is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Severity {
     /// Good to know.
     Info,
@@ -107,7 +109,8 @@ faults! {
 }
 
 /// One number or word of a finding.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[serde(untagged)]
 pub enum Value {
     /// A count, or a row counted from 0; −1 where there is none.
     Count(i64),
@@ -161,7 +164,7 @@ pub struct Finding {
 }
 
 impl Finding {
-    pub(super) fn new(fault: Fault, severity: Severity) -> Self {
+    pub(crate) fn new(fault: Fault, severity: Severity) -> Self {
         Self { fault, severity, evidence: Vec::new(), numbers: Vec::new() }
     }
 
@@ -175,5 +178,25 @@ impl Finding {
     pub(super) fn telling(mut self, name: &'static str, value: impl Into<Value>) -> Self {
         self.numbers.push((name, value.into()));
         self
+    }
+}
+
+impl Serialize for Finding {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut out = serializer.serialize_struct("Finding", 4)?;
+        out.serialize_field("code", self.fault.name())?;
+        out.serialize_field("severity", &self.severity)?;
+        out.serialize_field("evidence", &InOrder(&self.evidence))?;
+        out.serialize_field("numbers", &InOrder(&self.numbers))?;
+        out.end()
+    }
+}
+
+/// Pairs of a name and what it names, as a map that keeps their order.
+pub(crate) struct InOrder<'a, T>(pub &'a [(&'static str, T)]);
+
+impl<T: Serialize> Serialize for InOrder<'_, T> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_map(self.0.iter().map(|(name, value)| (name, value)))
     }
 }

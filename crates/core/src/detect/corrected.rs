@@ -44,6 +44,7 @@ pub struct Corrected<R> {
 
 /// Why there is no corrected width.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 pub enum Doubt {
     /// Fewer pairs than [`FEWEST`], or than one more of them where Kp is not known.
     TooFew,

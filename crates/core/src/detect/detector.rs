@@ -43,6 +43,8 @@ pub struct Record<R> {
     pub estimate: Option<Estimate<R>>,
     /// What noise can feign, from the level of the noise at the last detection [OP unit]; none where it is not known.
     pub noise_floor: Option<R>,
+    /// σ of PV's fast noise at its end, where nothing but (5.1) speaks against it and the noise is known [PV unit].
+    pub sigma: Option<R>,
 }
 
 impl<R: Real> Record<R> {
@@ -191,6 +193,11 @@ impl<R: Real> DetectorState<R> {
         shown(self.memory.estimate, self.memory.noise_floor)
     }
 
+    /// The same place in the signals, nothing concluded from the half-periods before it.
+    pub fn unjudged(&self) -> Self {
+        Self { memory: Memory { previous_delta_y: self.memory.previous_delta_y, ..Memory::default() }, ..*self }
+    }
+
     /// How many half-periods were accepted so far.
     pub fn accepted(&self) -> u32 {
         self.memory.accepted
@@ -236,6 +243,23 @@ impl<R: Real> Detector<R> {
             None => self.observe::<false>(&mut state.signal, h, sp, pv, R::ZERO, flags, raw),
         };
         ended.map(|half| self.judge(&mut state.memory, half, op.is_some(), &state.signal.noise))
+    }
+
+    /// Judges a half-period again that a detector with another Kp has put on record; in their order, from
+    /// [`DetectorState::unjudged`]. Kp enters only once a half-period has ended. `passed` \[s\] is the time of half-periods
+    /// since the one judged before that are not judged again: too short, in automatic and without a break.
+    ///
+    /// The same bits as from the samples, but where something was passed over, whose time enters as one sum, and where
+    /// numbers overflowed with the other Kp: that half-period stays bad.
+    pub fn judge_again(&self, state: &mut DetectorState<R>, record: &Record<R>, passed: R) -> Record<R> {
+        let m = &mut state.memory;
+        let last = core::mem::replace(&mut m.previous_delta_y, record.previous_delta_y);
+        if passed > R::ZERO {
+            m.excess.add(-passed);
+        }
+        let judged = self.conclude(m, record.half, self.width.again(&record.parts, &record.half), || record.sigma);
+        m.previous_delta_y = last;
+        judged
     }
 
     /// The signal after one sample more, and its error; none where the sample does not continue it: not in time, of bad
@@ -382,8 +406,19 @@ impl<R: Real> Detector<R> {
 
     /// Width, safety net and filter of detections for one half-period.
     #[inline(always)]
-    fn judge(&self, m: &mut Memory<R>, mut half: HalfPeriod<R>, op_known: bool, noise: &NoiseLevel<R>) -> Record<R> {
-        let mut parts = self.width.of(&half, op_known);
+    fn judge(&self, m: &mut Memory<R>, half: HalfPeriod<R>, op_known: bool, noise: &NoiseLevel<R>) -> Record<R> {
+        self.conclude(m, half, self.width.of(&half, op_known), || noise.sigma())
+    }
+
+    /// The same once the width is known; `sigma` is PV's noise at the end of the half-period.
+    #[inline(always)]
+    fn conclude(
+        &self,
+        m: &mut Memory<R>,
+        mut half: HalfPeriod<R>,
+        mut parts: WidthParts<R>,
+        sigma: impl FnOnce() -> Option<R>,
+    ) -> Record<R> {
         if !parts.are_numbers() {
             half.flags |= BAD;
             parts = WidthParts::default();
@@ -393,29 +428,30 @@ impl<R: Real> Detector<R> {
         let d_hat_before = settled.map(|estimate| estimate.value);
         let mask = self.net.check(&half, &parts, &self.width, previous_delta_y, d_hat_before);
         let broken = half.flags & (GAP | BAD | NOT_AUTO) != 0;
+        let sigma = if mask & !Reason::TooSmall.bit() == 0 { sigma() } else { None };
         if mask == 0 {
-            self.accept(m, parts.d, noise);
+            self.accept(m, parts.d, sigma);
         } else if mask == Reason::TooSmall.bit() {
-            self.reconsider(m, parts.d, half.delta_t, noise);
+            self.reconsider(m, parts.d, half.delta_t, sigma);
         } else if !broken {
             m.excess.add(-half.delta_t);
         }
         m.previous_delta_y = if broken { None } else { Some(half.delta_y) };
         let (estimate, noise_floor) = (m.estimate, m.noise_floor);
-        Record { half, parts, mask, previous_delta_y, d_hat_before, estimate, noise_floor }
+        Record { half, parts, mask, previous_delta_y, d_hat_before, estimate, noise_floor, sigma }
     }
 
     #[inline(never)]
-    fn accept(&self, m: &mut Memory<R>, detection: R, noise: &NoiseLevel<R>) {
+    fn accept(&self, m: &mut Memory<R>, detection: R, sigma: Option<R>) {
         m.estimate = Some(self.detections.update(&mut m.window, detection));
-        m.noise_floor = noise.sigma().map(|sigma| self.width.noise_floor(sigma));
+        m.noise_floor = sigma.map(|sigma| self.width.noise_floor(sigma));
         m.accepted = m.accepted.saturating_add(1);
         m.rejected = 0;
     }
 
     /// Keeps (5.1) from locking out a gap that has become smaller, or that the first detections got wrong.
     #[inline(never)]
-    fn reconsider(&self, m: &mut Memory<R>, detection: R, delta_t: R, noise: &NoiseLevel<R>) {
+    fn reconsider(&self, m: &mut Memory<R>, detection: R, delta_t: R, sigma: Option<R>) {
         if m.rejected == 0 {
             m.candidates = MedianMeanState::default();
             m.excess = R::Sum::default();
@@ -428,7 +464,7 @@ impl<R: Real> Detector<R> {
         if (agree && m.excess.value() >= R::ZERO) || m.rejected >= 10 * n {
             m.window = m.candidates;
             m.estimate = Some(found);
-            m.noise_floor = noise.sigma().map(|sigma| self.width.noise_floor(sigma));
+            m.noise_floor = sigma.map(|sigma| self.width.noise_floor(sigma));
             m.rejected = 0;
         }
     }

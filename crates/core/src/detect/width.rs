@@ -5,6 +5,7 @@ use crate::{HalfPeriod, LONGEST_WINDOW, ParameterError, Real};
 
 /// From which signals Δu, the travel of the control signal, is taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 pub enum TravelSource {
     /// K/Ti·∫|e|dt (7.5): exact for PI.
     Integral,
@@ -144,10 +145,21 @@ impl<R: Real> Width<R> {
             TravelSource::Op => op_travel,
             _ => delta_u + delta_u_d + delta_u_sp,
         };
-        let kp_part = match self.kp_abs {
+        let kp_part = self.kp_part(half);
+        WidthParts { delta_u, delta_u_d, delta_u_sp, op_travel, free, kp_part, d: free - kp_part }
+    }
+
+    /// The same width with this Kp, from the parts that another made of the half-period.
+    pub(crate) fn again(&self, parts: &WidthParts<R>, half: &HalfPeriod<R>) -> WidthParts<R> {
+        let kp_part = self.kp_part(half);
+        WidthParts { kp_part, d: parts.free - kp_part, ..*parts }
+    }
+
+    #[inline(always)]
+    fn kp_part(&self, half: &HalfPeriod<R>) -> R {
+        match self.kp_abs {
             Some(kp) => half.delta_y / kp,
             None => R::ZERO,
-        };
-        WidthParts { delta_u, delta_u_d, delta_u_sp, op_travel, free, kp_part, d: free - kp_part }
+        }
     }
 }

@@ -53,6 +53,33 @@ pub enum Unfit {
     Copy,
 }
 
+impl Unfit {
+    /// The word for it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::NoOp => "no_op",
+            Self::FewRows(_) => "few_rows",
+            Self::OpMissing => "op_missing",
+            Self::OpStill(_) => "op_still",
+            Self::Same => "same",
+            Self::PvStill(_) => "pv_still",
+            Self::Coarse(_) => "coarse",
+            Self::Broken => "broken",
+            Self::Few => "few",
+            Self::Copy => "copy",
+        }
+    }
+
+    /// Its number, 0 where it has none.
+    pub const fn number(self) -> f64 {
+        match self {
+            Self::FewRows(n) | Self::Coarse(n) => n as f64,
+            Self::OpStill(level) | Self::PvStill(level) => level,
+            _ => 0.0,
+        }
+    }
+}
+
 impl Samples<'_> {
     /// Median time from a row to a later one [s]; None where fewer than 50 rows have a later one.
     pub(crate) fn step(&self) -> Option<f64> {

@@ -1,0 +1,410 @@
+//! A recording from its first sample to its answer, without files, clock or sentences.
+
+use crate::answer::{Answer, CorrectedAnswer, Settings};
+use crate::crossings::{Beside, Known, NotCorrected, Place, Travel, Verdict, judge};
+use crate::fitted::{FitWhy, Fitted, fitted};
+use crate::identify::{Identification, identified};
+use crate::quality::{self, Fault, Finding, Law, Severity, assumed_gain, inspect};
+use crate::{Counter, Crossings, Inspected, Ladder, Origin, median, noise_sigma, process_gain};
+use glapp_core::{Columns, DETECTIONS, DetectorSettings, GAP_STEPS, ParameterError, Reason};
+use glapp_fit::{Batch, LONG_HISTORY, Rows, Samples, Windows};
+use rayon::prelude::*;
+use serde::Deserialize;
+use std::cmp::Reverse;
+
+/// Rows that identification and the closer look at quality take from the beginning of a recording.
+pub const INSPECTED_ROWS: usize = LONG_HISTORY;
+/// Rows from which given settings are checked.
+const CHECKED_ROWS: usize = 20_000;
+
+/// A controller in ideal form.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Controller {
+    /// Gain K, negative for direct action [OP unit/PV unit].
+    pub k: f64,
+    /// Integral time \[s\].
+    pub ti: f64,
+    /// Derivative time \[s\].
+    pub td: f64,
+    /// Setpoint weight.
+    pub b: f64,
+}
+
+/// What is known of a loop, and what is asked.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Task {
+    /// The controller; none: it is read out of OP's moves.
+    pub controller: Option<Controller>,
+    /// Its setpoint weight, where a person stated it.
+    pub setpoint_weight: Option<f64>,
+    /// Process gain Kp, where it is known [PV unit/OP unit].
+    pub kp: Option<f64>,
+    /// Whether the process integrates.
+    pub integrating: bool,
+    /// Span of PV, where it is known [PV unit].
+    pub pv_span: Option<(f64, f64)>,
+    /// Span of OP, where it is known [OP unit].
+    pub op_span: Option<(f64, f64)>,
+    /// Whether OP is a percentage, and its span 0 to 100 where none is given; none: unless the recording contradicts it.
+    pub op_percent: Option<bool>,
+    /// Where the detector stands, if no estimate can be right there.
+    pub place: Option<Place>,
+    /// Filter time of the detector; none: a ladder is tried \[s\].
+    pub tf: Option<f64>,
+    /// Detections behind an estimate.
+    pub n: u32,
+    /// Judge the recording, and find what is not given; else the crossings alone, with what is given.
+    pub judge: bool,
+    /// Go on with an identification that is not good enough.
+    pub trust: bool,
+    /// Fit the gap to OP and PV as well.
+    pub fit: bool,
+}
+
+impl Default for Task {
+    /// Nothing is known, and everything is asked.
+    fn default() -> Self {
+        Self {
+            controller: None,
+            setpoint_weight: None,
+            kp: None,
+            integrating: false,
+            pv_span: None,
+            op_span: None,
+            op_percent: None,
+            place: None,
+            tf: None,
+            n: DETECTIONS,
+            judge: true,
+            trust: false,
+            fit: true,
+        }
+    }
+}
+
+impl Task {
+    /// Lower and upper end of OP's span, where they are known.
+    fn op_limits(&self) -> Option<(f64, f64)> {
+        self.op_span.or((self.op_percent != Some(false)).then_some((0.0, 100.0)))
+    }
+
+    /// Sign of the process gain: as given, else the controller's (a loop that controls has both alike); 0: not known.
+    fn sign(&self, controller: Option<&Controller>) -> f64 {
+        let gain = self.kp.or(controller.map(|controller| controller.k)).unwrap_or(0.0);
+        if gain == 0.0 { 0.0 } else { gain.signum() }
+    }
+}
+
+/// The analysis of a recording: made from its beginning, handed all of its rows, and then asked for its answer.
+///
+/// ```
+/// use glapp_analysis::{Analysis, Controller, Inspected, Task};
+/// let t: Vec<f64> = (0..2000).map(f64::from).collect();
+/// let pv: Vec<f64> = (0..2000).map(|k| if k / 100 % 2 == 0 { -1.0 } else { 1.0 }).collect();
+/// let controller = Controller { k: 0.5, ti: 10.0, td: 0.0, b: 1.0 };
+/// let task = Task { controller: Some(controller), kp: Some(2.0), tf: Some(0.001), ..Task::default() };
+/// let rows = Inspected { t: &t, sp: Some(&[0.0; 2000]), pv: &pv, op: None, flags: None };
+/// let mut analysis = Analysis::new(task, &rows, None)?;
+/// analysis.take(&rows, None);
+/// let done = analysis.finish(&mut |_| ());
+/// assert_eq!(done.answer.d_hat, Some(4.5));
+/// # Ok::<(), glapp_core::ParameterError>(())
+/// ```
+#[derive(Debug)]
+pub struct Analysis {
+    task: Task,
+    beginning: Beginning,
+    /// Usual time between samples \[s\].
+    h: f64,
+    identification: Option<Identification>,
+    controller: Option<Controller>,
+    origins: Origins,
+    ladder: Option<Ladder>,
+    /// Filter times in it.
+    tried: usize,
+    counter: Counter,
+    windows: Option<Windows>,
+    /// Whether any rows had an OP.
+    op: bool,
+}
+
+/// Where the controller's settings come from.
+#[derive(Clone, Copy, Debug)]
+struct Origins {
+    law: Origin,
+    b: Origin,
+}
+
+/// The first rows of a recording.
+#[derive(Clone, Debug)]
+struct Beginning {
+    rows: Rows,
+    sp: Option<Vec<f64>>,
+}
+
+impl Beginning {
+    fn of(rows: &Inspected<'_>, position: Option<&[f64]>) -> Self {
+        let owned = |column: Option<&[f64]>| column.map(<[f64]>::to_vec);
+        let Inspected { t, sp, pv, op, flags } = *rows;
+        let flags = flags.map(<[u8]>::to_vec);
+        let rows = Rows { t: t.to_vec(), pv: pv.to_vec(), op: owned(op), flags, position: owned(position) };
+        Self { rows, sp: owned(sp) }
+    }
+
+    fn inspected(&self) -> Inspected<'_> {
+        let Rows { t, pv, op, flags, .. } = &self.rows;
+        Inspected { t, sp: self.sp.as_deref(), pv, op: op.as_deref(), flags: flags.as_deref() }
+    }
+}
+
+/// What an analysis ends in.
+#[derive(Debug)]
+pub struct Done {
+    /// The answer.
+    pub answer: Answer,
+    /// The detector whose filter time was taken, with its place in the ladder; none where there was none.
+    pub crossings: Option<(usize, Crossings)>,
+    /// What was fitted; none where that was not asked or there is no OP.
+    pub fitted: Option<Fitted>,
+    /// Whether OP is recorded.
+    pub op: bool,
+}
+
+impl Analysis {
+    /// Begins with the first rows, [`INSPECTED_ROWS`] or all there are; they are only looked at, and come again to
+    /// [`take`](Self::take).
+    ///
+    /// # Errors
+    ///
+    /// Where a setting is out of its bounds.
+    pub fn new(mut task: Task, beginning: &Inspected<'_>, position: Option<&[f64]>) -> Result<Self, ParameterError> {
+        let rows = beginning.even();
+        task.op_percent = task.op_percent.or(Some(rows.op.is_none_or(within_percent)));
+        let mut steps: Vec<f64> = rows.t.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        steps.retain(|step| step.is_finite() && *step > 0.0);
+        let h = if steps.is_empty() { 1.0 } else { median(&mut steps) };
+        let found = (task.judge && rows.op.is_some()).then(|| {
+            // Settings that are given need only be held against the recording, for which its beginning is enough.
+            let looked = if task.controller.is_some() { rows.first(CHECKED_ROWS) } else { rows };
+            identified(&looked, task.setpoint_weight, task.op_limits())
+        });
+        let read = found.as_ref().filter(|_| task.controller.is_none()).and_then(|found| law(found, task.trust));
+        let (controller, origins) = match read {
+            Some((controller, origins)) => (Some(controller), origins),
+            None => (task.controller, Origins { law: Origin::Given, b: Origin::Given }),
+        };
+        let ladder = match controller.filter(|_| rows.sp.is_some()) {
+            Some(Controller { k, ti, td, b }) => {
+                let usual = DetectorSettings::new(k, ti, td, h);
+                let (kp, tf) = (gain(&task).0, task.tf.unwrap_or(usual.tf));
+                let settings = DetectorSettings { b, kp, tf, n: task.n, op_limits: task.op_limits(), ..usual };
+                Some(Ladder::new(settings, task.tf.is_some())?)
+            }
+            None => None,
+        };
+        let sign = task.sign(controller.as_ref());
+        let long = task.judge && task.fit && rows.op.is_some() && rows.t.len() >= LONG_HISTORY;
+        Ok(Self {
+            counter: Counter::new(GAP_STEPS * h, task.op_limits())?,
+            windows: long.then(|| Windows::of_history(&samples(&rows), sign)),
+            beginning: Beginning::of(&rows, position),
+            task,
+            h,
+            identification: found,
+            controller,
+            origins,
+            tried: ladder.as_ref().map_or(0, |ladder| ladder.rungs().len()),
+            ladder,
+            op: false,
+        })
+    }
+
+    /// Takes the next rows; gives PV as each detector of the ladder filters it, NaN where it does not.
+    pub fn take(&mut self, rows: &Inspected<'_>, position: Option<&[f64]>) -> Vec<Vec<f64>> {
+        let rows = rows.even();
+        if self.task.judge {
+            self.counter.run(&rows);
+        }
+        if let Some(windows) = &mut self.windows {
+            windows.add(&Batch { samples: samples(&rows), position });
+        }
+        self.op |= rows.op.is_some();
+        let Inspected { t, sp, pv, op, flags } = rows;
+        let (Some(ladder), Some(sp)) = (&mut self.ladder, sp) else { return Vec::new() };
+        let columns = Columns { t, sp, pv, op, flags };
+        ladder.rungs_mut().par_iter_mut().map(|rung| rung.take_closely(columns)).collect()
+    }
+
+    /// The answer. `progress` is told the share of what is left, mostly the fit, that is done.
+    pub fn finish(mut self, progress: &mut dyn FnMut(f64)) -> Done {
+        let task = &self.task;
+        let op_limits = task.op_limits();
+        let mut quality = if task.judge { self.inspected() } else { Vec::new() };
+        progress(0.0);
+        let fitted = (task.judge && task.fit && self.beginning.rows.op.is_some()).then(|| self.fitted(&quality));
+        let task = &self.task;
+        progress(1.0);
+        let (mut kp, mut kp_origin) = gain(task);
+        let known = task.integrating || kp_origin == Origin::Given;
+        if let Some(found) = fitted.as_ref().filter(|_| !known).and_then(|fitted| fitted.answer.gain()) {
+            (kp, kp_origin) = (Some(found), Origin::Fitted);
+        }
+        let ladder = self.ladder.take().map(|ladder| match kp_origin {
+            Origin::Fitted => ladder.with_gain(kp).unwrap_or(ladder),
+            _ => ladder,
+        });
+        let crossings = ladder.map(Ladder::chosen);
+        let detector = crossings.as_ref().map(|(_, crossings)| crossings);
+        if kp_origin == Origin::Assumed
+            && let (Some(kp), Some(detector)) = (kp, detector)
+        {
+            quality.extend(doubt(kp, detector));
+        }
+        let crossing = Known {
+            place: task.place,
+            sp: self.beginning.sp.is_some(),
+            op: self.identification.is_some(),
+            findings: &quality,
+        };
+        let (verdict, why) = judge(&crossing, detector);
+        let estimate = detector
+            .and_then(|detector| detector.state().estimate())
+            .filter(|_| matches!(verdict, Verdict::Estimate | Verdict::Provisional));
+        let d_hat = estimate.map(|estimate| estimate.value);
+        let accepted = detector.map_or(0, Crossings::accepted);
+        let corrected = detector.filter(|_| accepted > 0).map(|detector| {
+            let known = kp.filter(|_| kp_origin != Origin::Assumed);
+            self.corrected(detector, known, d_hat)
+        });
+        let counts = detector.map_or(&[] as &[u64], Crossings::reasons);
+        let rejected = Reason::ALL.iter().zip(counts).skip(1).filter(|(_, count)| **count > 0);
+        let reasons: Vec<(&'static str, u64)> = rejected.map(|(reason, count)| (reason.name(), *count)).collect();
+        let percent_of = |width: f64| op_limits.map(|(low, high)| 100.0 * width / (high - low));
+        let answer = Answer {
+            version: Answer::VERSION,
+            verdict,
+            why,
+            d_hat,
+            d_hat_percent_span: d_hat.and_then(percent_of),
+            repeatability: estimate.map(|estimate| (estimate.low, estimate.high)),
+            noise_floor: detector.and_then(|detector| detector.state().noise_floor()),
+            corrected,
+            detections: accepted,
+            half_periods: counts.iter().sum(),
+            reasons,
+            quality,
+            controller: self.settings(detector, kp, kp_origin),
+            identification: self.identification,
+            fit: fitted.as_ref().map(|fitted| fitted.answer.clone()),
+        };
+        Done { answer, crossings, fitted, op: self.op }
+    }
+
+    /// What is wrong with the recording, gravest first.
+    fn inspected(&self) -> Vec<Finding> {
+        let known = quality::Known {
+            k: self.controller.map(|controller| controller.k),
+            ti: self.controller.map(|controller| controller.ti),
+            td: self.controller.map(|controller| controller.td),
+            law: self.identification.as_ref().map(Law::of),
+        };
+        let mut found = inspect(&self.beginning.inspected(), &self.counter.census, &known);
+        found.sort_by_key(|finding| Reverse(finding.severity));
+        found
+    }
+
+    /// The fit, told what is already known: the sign of the process, and what makes any answer wrong.
+    fn fitted(&mut self, quality: &[Finding]) -> Fitted {
+        let find = |wanted: &dyn Fn(&Finding) -> bool| quality.iter().position(wanted);
+        if let Some(place) = self.task.place {
+            return Fitted::not(FitWhy::Place(place));
+        }
+        if let Some(i) = find(&|found| found.severity == Severity::Refuse && found.fault != Fault::NotAuto) {
+            return Fitted::not(FitWhy::Finding(i));
+        }
+        let sinusoid = find(&|found| found.fault == Fault::Sinusoidal);
+        let sign = self.task.sign(self.controller.as_ref());
+        match &mut self.windows {
+            None => fitted(&[batch(&self.beginning.rows)], sign, sinusoid),
+            Some(windows) => fitted(&windows.best().map(batch).collect::<Vec<_>>(), sign, sinusoid),
+        }
+    }
+
+    fn corrected(&self, detector: &Crossings, kp: Option<f64>, d_hat: Option<f64>) -> CorrectedAnswer {
+        let op = self.beginning.rows.op.as_deref().filter(|_| self.op);
+        let travel = if self.op { Travel::Op } else { Travel::Law };
+        let beside = Beside { kp, travel, op_noise: op.and_then(noise_sigma), integrating: self.task.integrating };
+        let (pairs, found) = detector.corrected(&beside);
+        let found = if d_hat.is_some() { found } else { Err(NotCorrected::NoEstimate) };
+        CorrectedAnswer::of(found, kp, pairs, travel)
+    }
+
+    fn settings(&self, detector: Option<&Crossings>, kp: Option<f64>, kp_origin: Origin) -> Settings {
+        let Origins { law, b } = self.origins;
+        let mut origins = vec![("k", law), ("ti", law), ("td", law), ("b", b), ("kp", kp_origin)];
+        if detector.is_some() {
+            origins.push(("tf", if self.task.tf.is_some() { Origin::Given } else { Origin::Chosen }));
+            origins.push(("delta_u", Origin::Chosen));
+        }
+        let controller = self.controller;
+        Settings {
+            k: controller.map(|c| c.k),
+            ti: controller.map(|c| c.ti),
+            td: controller.map(|c| c.td),
+            setpoint_weight: controller.map(|c| c.b),
+            kp_process: kp,
+            tf: detector.map(|detector| detector.settings().tf),
+            tried: self.tried,
+            n: self.task.n,
+            max_h: GAP_STEPS * self.h,
+            delta_u: detector.map(|detector| detector.detector().width().source(self.op)),
+            origins,
+        }
+    }
+}
+
+/// K, Ti, Td and b as the recording shows them, if they may be used.
+fn law(found: &Identification, trust: bool) -> Option<(Controller, Origins)> {
+    let values = found.values.filter(|values| values.k != 0.0 && values.ti != 0.0)?;
+    if found.reason.is_some() && !trust {
+        return None;
+    }
+    let (td, b) = found.settings.map_or((0.0, None), |settings| (settings.td, settings.setpoint_weight));
+    let origins =
+        Origins { law: Origin::Identified, b: if b.is_some() { Origin::Identified } else { Origin::Assumed } };
+    Some((Controller { k: values.k, ti: values.ti, td, b: b.unwrap_or(1.0) }, origins))
+}
+
+/// Kp as far as it is known before the fit.
+fn gain(task: &Task) -> (Option<f64>, Origin) {
+    let wide = |(low, high): (f64, f64)| high - low;
+    process_gain(task.kp, task.pv_span.map(wide).zip(task.op_span.map(wide)), task.integrating)
+}
+
+/// What an assumed Kp does to the detections.
+fn doubt(kp: f64, crossings: &Crossings) -> Option<Finding> {
+    let accepted = || crossings.rows().iter().filter(|row| row.record.mask == 0).map(|row| row.record.parts);
+    let mut free: Vec<f64> = accepted().map(|parts| parts.free).collect();
+    let mut kp_part: Vec<f64> = accepted().map(|parts| parts.kp_part).collect();
+    if free.is_empty() {
+        return None;
+    }
+    assumed_gain(kp, median(&mut free), median(&mut kp_part))
+}
+
+/// Whether OP may be a percentage: no value says that it is not.
+pub fn within_percent(op: &[f64]) -> bool {
+    !op.iter().any(|u| *u < 0.0 || *u > 100.0)
+}
+
+fn samples<'a>(rows: &Inspected<'a>) -> Samples<'a> {
+    Samples { t: rows.t, pv: rows.pv, op: rows.op, flags: rows.flags }
+}
+
+fn batch(rows: &Rows) -> Batch<'_> {
+    let Rows { t, pv, op, flags, position } = rows;
+    let samples = Samples { t, pv, op: op.as_deref(), flags: flags.as_deref() };
+    Batch { samples, position: position.as_deref() }
+}

@@ -1,0 +1,68 @@
+//! The analysis of a recording: a task and its rows in, the answer out.
+
+use crate::detector::columns;
+use crate::fit::{of_position, of_pv};
+use crate::plain::plain;
+use crate::refused;
+use crate::windows::Batch;
+use glapp_analysis::{Analysis, Done};
+use numpy::PyArray1;
+use pyo3::exceptions::{PyRuntimeError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+/// The analysis of a recording: made of a task (JSON) and the recording's beginning, handed all batches, then finished.
+#[pyclass(module = "glapp", name = "Analysis")]
+pub struct PyAnalysis {
+    under_way: Option<Analysis>,
+}
+
+#[pymethods]
+impl PyAnalysis {
+    #[new]
+    fn new(py: Python<'_>, task: &str, beginning: Batch<'_>) -> PyResult<Self> {
+        let task = serde_json::from_str(task).map_err(|error| PyValueError::new_err(error.to_string()))?;
+        let (rows, position) = beginning.rows()?;
+        let analysis = py.detach(|| Analysis::new(task, &rows, position)).map_err(refused)?;
+        Ok(Self { under_way: Some(analysis) })
+    }
+
+    /// Takes the next rows; gives the filtered PV of each filter time that is tried.
+    fn take<'py>(&mut self, py: Python<'py>, batch: Batch<'py>) -> PyResult<Vec<Bound<'py, PyArray1<f64>>>> {
+        let analysis = self.under_way.as_mut().ok_or_else(finished)?;
+        let (rows, position) = batch.rows()?;
+        let filtered = py.detach(|| analysis.take(&rows, position));
+        Ok(filtered.into_iter().map(|column| PyArray1::from_vec(py, column)).collect())
+    }
+
+    /// The `answer` in plain types; the place of the filter time that was `chosen` and its `table` of half-periods, None where
+    /// there is none; what was fitted, `pv` and `position`, in whole. `progress` is told the share of what is left.
+    fn finish<'py>(&mut self, py: Python<'py>, progress: Option<Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyDict>> {
+        let analysis = self.under_way.take().ok_or_else(finished)?;
+        let progress = progress.map(Bound::unbind);
+        let mut failed = None;
+        let mut tell = |share: f64| {
+            if let Some(progress) = &progress {
+                let told = Python::attach(|py| progress.call1(py, (share,)).map(drop));
+                failed = failed.take().or(told.err());
+            }
+        };
+        let Done { answer, crossings, fitted, op } = py.detach(|| analysis.finish(&mut tell));
+        if let Some(error) = failed {
+            return Err(error);
+        }
+        let out = PyDict::new(py);
+        out.set_item("answer", plain(py, &answer)?)?;
+        out.set_item("op", op)?;
+        out.set_item("chosen", crossings.as_ref().map(|(place, _)| *place))?;
+        out.set_item("table", crossings.map(|(_, crossings)| columns(py, crossings.rows())).transpose()?)?;
+        let (pv, position) = fitted.map_or((None, None), |fitted| (fitted.pv, fitted.position));
+        out.set_item("pv", pv.map(|pv| of_pv(py, pv)).transpose()?)?;
+        out.set_item("position", position.map(|position| of_position(py, position)).transpose()?)?;
+        Ok(out)
+    }
+}
+
+fn finished() -> PyErr {
+    PyRuntimeError::new_err("the analysis is finished: begin another")
+}

@@ -1,0 +1,170 @@
+"""The declared answer: the core's own, its JSON, its row in a table and its schema are one."""
+
+from __future__ import annotations
+
+import json
+import typing
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from pydantic import BaseModel
+
+import glapp
+from glapp import _glapp
+from glapp.document import LoopAnswer, to_json
+from glapp.recording import Batch
+from glapp.row import columns, rows
+from glapp.simulate import closed_loop
+
+estimate = import_module("glapp.estimate")  # the module; the function has its name in the package
+
+ACTING: dict[str, Any] = {"setpoint": [(1, 1.0)], "load": [(50, 0.3), (120, -0.2), (180, 0.1)]}
+
+WORDS = {
+    "loop",
+    "file",
+    "unit",
+    "reason",
+    "quality.text",
+    "controller.as_written",
+    "controller.notes",
+    "corrected.reason",
+    "fit.unit",
+    "fit.recordings",
+    "fit.reason",
+}
+"""What Python adds: names, units, sentences, and several recordings of one loop."""
+
+CODES = {
+    "version",
+    "why",
+    "corrected.why",
+    "fit.why",
+    "fit.position",
+    "identification",
+    "quality.numbers",
+    "controller.max_h",
+    "controller.tried",
+    "controller.delta_u",
+}
+"""What the sentences are made of."""
+
+
+def answered(recording: glapp.Recording, **asked: Any) -> dict[str, Any]:
+    """The core's answer in plain types."""
+    beginning = recording.beginning(10**6)
+    loop = estimate.with_op_unit(recording.loop, beginning)
+    analysis = _glapp.Analysis(json.dumps(estimate._task(loop) | asked), beginning)
+    analysis.take(beginning)
+    answer: dict[str, Any] = analysis.finish(None)["answer"]
+    return answer
+
+
+def told(model: type[BaseModel], answer: dict[str, Any], at: str = "") -> tuple[set[str], set[str]]:
+    """Keys that only the model has and that only the answer has, with the way to them."""
+    fields = model.model_fields
+    declared, there = ({f"{at}{name}" for name in keys} for keys in (fields, answer))
+    only = (declared - there, there - declared)
+    for name in fields.keys() & answer.keys():
+        models = [
+            one
+            for kind in (fields[name].annotation, *typing.get_args(fields[name].annotation))
+            for one in (kind, *typing.get_args(kind))
+            if isinstance(one, type) and issubclass(one, BaseModel)
+        ]
+        if not models:
+            continue
+        value = answer[name]
+        assert value not in (None, []), f"{at}{name}: nothing to compare"
+        below = told(models[0], value[0] if isinstance(value, list) else value, f"{at}{name}.")
+        only = (only[0] | below[0], only[1] | below[1])
+    return only
+
+
+def worn() -> glapp.Recording:
+    s = closed_loop("P3", (0.48, 0.3117), d=0.05, noise=0.005, h=0.1, t_end=250, seed=1, **ACTING)
+    pv = s.pv.copy()
+    pv[300] = np.nan
+    loop = glapp.Loop(name="P3", controller={"k": 0.48, "ti": 0.3117, "setpoint_weight": 0}, process={"kp": 1}, n=3)
+    return glapp.recording_from({"t": s.t, "SP": s.sp, "PV": pv, "OP": s.op}, loop)
+
+
+def test_the_core_answers_what_is_declared() -> None:
+    assert told(LoopAnswer, answered(worn())) == (WORDS, CODES)
+
+
+def test_what_is_written_is_what_the_core_answered() -> None:
+    """Number by number, with sentences beside."""
+    answer, written = answered(worn()), glapp.analyze(worn()).to_dict()
+
+    def compare(one: Any, other: Any, at: str) -> None:
+        if isinstance(one, dict):
+            for key in one.keys() & other.keys():
+                compare(one[key], other[key], f"{at}.{key}")
+        elif isinstance(one, list):
+            assert len(one) == len(other), at
+            for i, (a, b) in enumerate(zip(one, other, strict=True)):
+                compare(a, b, f"{at}[{i}]")
+        else:
+            assert one == other, at
+
+    compare(answer, written, "")
+
+
+def test_rows_follow_from_what_is_declared() -> None:
+    results = [glapp.analyze(worn(), fit=False), glapp.Result.of_error(glapp.InputError("no such file"), "x", "x.csv")]
+    table = glapp.to_arrow(results)
+    names = [column.name for column in columns()]
+    assert table.column_names == names and len(set(names)) == len(names)
+    assert list(rows(results)) == [list(row.values()) for row in table.to_pylist()]
+    first, error = table.to_pylist()
+    written = json.loads(to_json(results))["loops"][0]
+    assert first["d_hat"] == written["d_hat"] and first["corrected_d"] == written["corrected"]["d"]
+    assert first["rejected_too_short"] == written["reasons"]["too_short"] and first["fit_d"] is None
+    assert [first["repeatability_low"], first["repeatability_high"]] == written["repeatability"]
+    assert "not_a_number:" in first["quality"]
+    assert error["verdict"] == "refused" and error["k"] is None and error["rejected_gap"] == 0
+    assert glapp.to_arrow([]).schema == table.schema and table.schema.field("half_periods").type == pa.int64()
+
+
+def test_a_task_that_is_none_is_refused_by_name() -> None:
+    beginning = worn().beginning(100)
+    with pytest.raises(ValueError, match="unknown field `gain`"):
+        _glapp.Analysis('{"gain": 1.0}', beginning)
+    with pytest.raises(ValueError, match="k = 0: must be other than 0"):
+        _glapp.Analysis('{"controller": {"k": 0.0, "ti": 1.0, "td": 0.0, "b": 1.0}}', beginning)
+    analysis = _glapp.Analysis("{}", beginning)
+    with pytest.raises(ValueError, match="must be of the same length"):
+        analysis.take(Batch(np.arange(3.0), None, np.arange(2.0)))
+    analysis.finish(None)
+    with pytest.raises(RuntimeError, match="finished"):
+        analysis.take(beginning)
+
+
+def test_an_error_in_what_shows_progress_comes_through() -> None:
+    def broken(_: float | None) -> None:
+        raise KeyError("the screen has gone")
+
+    beginning = worn().beginning(100)
+    with pytest.raises(KeyError, match="screen"):
+        _glapp.Analysis("{}", beginning).finish(broken)
+
+
+def test_a_recording_is_read_once_though_its_gain_is_fitted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Kp enters once a half-period has ended: the table is judged again, the samples are not read again."""
+    monkeypatch.setattr(estimate, "INSPECTED_ROWS", 2000)
+    recording = worn()
+    recording.loop = recording.loop.model_copy(update={"process": glapp.Loop(name="x").process})
+    passes = []
+    batches = recording.batches
+    monkeypatch.setattr(recording, "batches", lambda *rows: passes.append(1) or batches(*rows))
+    result = glapp.analyze(recording)
+    assert result.settings.origins["kp"] == "fitted" and len(passes) == 2, "the beginning, and one pass"
+    again = worn()
+    again.loop = again.loop.model_copy(
+        update={"process": again.loop.process.model_copy(update={"kp": result.settings.kp})}
+    )
+    assert glapp.estimate(again).d_hat == result.d_hat

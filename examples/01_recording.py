@@ -5,9 +5,9 @@ A loop with a worn valve is simulated, so that the truth is known: the gap is 5 
 
 import glapp
 
-load = [(150.0 * k, 20.0 * (k % 2)) for k in range(20)]  # the valve must travel for its gap to show
+load = [(60.0 * k, 20.0 * (k % 2)) for k in range(10)]  # the valve must travel for its gap to show
 sim = glapp.simulate.closed_loop(
-    "P3", (0.48, 0.3117), d=5.0, noise=0.1, t_end=3000, setpoint=[(0, 50.0)], load=load, seed=1
+    "P3", (0.48, 0.3117), d=5.0, noise=0.1, h=0.1, t_end=600, setpoint=[(0, 50.0)], load=load, seed=1
 )
 
 loop = glapp.Loop(
@@ -19,5 +19,7 @@ loop = glapp.Loop(
 )
 result = glapp.analyze(glapp.recording_from(sim.to_arrow(), loop))
 
-print(f"{result.name}: {result.verdict}, d = {result.d_hat:.2f} {result.unit} ({result.detections} detections)")
+print(f"{result.name}: {result.fit.verdict}, a gap of {result.fit.d:.2f} {result.unit}", end=" ")
+print(f"({result.fit.low:.2f} to {result.fit.high:.2f})")
+print(f"crossings: d = {result.d_hat:.2f} {result.unit} ({result.detections} detections)")
 print("rejected:", result.reasons)

@@ -229,7 +229,7 @@ class TestCommandLine:
         code, out = self.run(capsys, monkeypatch, "analyze", "loops.toml", "--no-fit", "--json")
         assert code == 1 and "none.csv" in out
         loops = json.loads(out[: out.rindex("}") + 1])["loops"]
-        assert [(loop["file"], loop["verdict"] == "refused") for loop in loops] == [
+        assert [(loop["file"], loop["crossings"] == "refused") for loop in loops] == [
             ("mon.csv, tue.csv", False),
             ("none.csv", True),
         ]

@@ -10,7 +10,7 @@ from datetime import datetime
 from html.parser import HTMLParser
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ from glapp.report import figures, html, words
 from glapp.report.figures import loop_figure, overview_figure, phase_figure
 from glapp.report.fit_figure import trend_figure
 from glapp.report.html import write_report
-from glapp.result import REASONS, Corrected, HalfPeriods, Result, Settings
+from glapp.result import REASONS, Corrected, Crossings, HalfPeriods, Result, Settings
 from glapp.trace import Band, Trace
 
 
@@ -58,7 +58,7 @@ def half_periods_of(rows: list[dict[str, float]]) -> HalfPeriods:
 def a_result(**changes: Any) -> Result:
     values: dict[str, Any] = {
         "name": "FIC101", "source": "plant.csv", "loop": a_loop(), "t0": datetime(2026, 3, 1, 6, 30),
-        "verdict": "estimate", "reason": None, "d_hat": None, "unit": "%", "d_hat_percent_span": None,
+        "crossings": "estimate", "reason": None, "d_hat": None, "unit": "%", "d_hat_percent_span": None,
         "repeatability": None, "noise_floor": None, "detections": 0, "half_periods": half_periods_of([]),
         "reasons": {}, "settings": settings(),
     }  # fmt: skip
@@ -150,7 +150,7 @@ def analysed(
     result = a_result(
         name=name,
         loop=a_loop(),
-        verdict="no_estimate" if not kept else "provisional" if len(kept) < 9 else "estimate",
+        crossings="no_estimate" if not kept else "provisional" if len(kept) < 9 else "estimate",
         reason=None
         if len(kept) >= 9
         else f"{len(kept)} of 9 detections needed."
@@ -171,7 +171,7 @@ def analysed(
 def refused() -> Result:
     return a_result(
         name="FIC999",
-        verdict="refused",
+        crossings="refused",
         reason="plant.csv, row 18, column PV: 'abc' is not a number; write bad values as empty, or name them",
         t0=None,
         loop=a_loop(controller=None, op_span=None, pv_unit=None, acceptable_dead_band=None),
@@ -223,9 +223,11 @@ def run(worn: Result) -> list[Result]:
         refused(),
         worn,
         replace(worn, name="FIC 102", d_hat_percent_span=None, unit="mA", loop=a_loop(op_span=None, pv_unit=None)),
-        replace(worn, name="FIC103", verdict="provisional", detections=3, reason="3 of 9 detections needed", t0=None),
+        replace(worn, name="FIC103", crossings="provisional", detections=3, reason="3 of 9 detections needed", t0=None),
         analysed(closed_loop(0.0, seconds=3000, noise=0.2), name="LIC104"),
-        replace(refused(), name="silent", verdict="no_estimate", reason="there are no half-periods", trace=worn.trace),
+        replace(
+            refused(), name="silent", crossings="no_estimate", reason="there are no half-periods", trace=worn.trace
+        ),
     ]
 
 
@@ -319,8 +321,8 @@ def test_names_and_texts_of_users_stay_text(worn: Result, tmp_path: Path) -> Non
         quality=[Finding(HOSTILE, "info", HOSTILE, {HOSTILE: HOSTILE})],
         identification=replace(IDENTIFICATION, reason=HOSTILE, note=HOSTILE),
     )
-    for verdict in words.VERDICTS:
-        [file] = write_report([replace(bad, verdict=verdict)], tmp_path / "report.html", title=HOSTILE)
+    for crossings in get_args(Crossings):
+        [file] = write_report([replace(bad, crossings=crossings)], tmp_path / "report.html", title=HOSTILE)
         page = parsed(file)
         assert page.tags.count("script") == 6
         assert "b" not in page.tags or page.tags.count("b") == 1  # "What to do"
@@ -427,11 +429,12 @@ def test_every_estimate_has_one_bar_as_long_as_its_width(run: list[Result]) -> N
 def test_the_overview_draws_the_fitted_width_with_its_interval(worn: Result) -> None:
     gap = replace(worn, name="gap", fit=Fit("backlash", "", "%", 2.0, 1.5, 3.0))
     bound = replace(worn, name="bound", fit=Fit("at_least", "", "%", 4.0, 2.5, None))
+    sound = replace(worn, name="sound", fit=Fit("sound", "", "%", 0.0, 0.0, 0.5))
     unsure = replace(worn, name="unsure", fit=Fit("cannot_tell", "", "%", 9.0, 0.0, None))
-    bars = {name: (bar, k) for bar in overview_figure([gap, bound, unsure]).data if bar.type == "bar"
+    bars = {name: (bar, k) for bar in overview_figure([gap, bound, unsure, sound]).data if bar.type == "bar"
             for k, name in enumerate(bar.hovertext)}  # fmt: skip
     drawn = {name: bar.x[k] for name, (bar, k) in bars.items()}
-    assert drawn == {"gap": 2.0, "bound": 2.5, "unsure": worn.d_hat_percent_span}
+    assert drawn == {"gap": 2.0, "bound": 2.5}, "a sound valve was once drawn with what its crossings read"
     bar, k = bars["gap"]
     assert (bar.error_x.arrayminus[k], bar.error_x.array[k]) == (0.5, 1.0)
     assert bars["bound"][0].marker.pattern.shape == "/" and "at least" in bars["bound"][0].name
@@ -478,8 +481,8 @@ def test_the_words_claim_no_more_than_is_known(run: list[Result]) -> None:
         text = " ".join(words.verdict(result))
         assert "confidence" not in text
         assert "interval" not in text
-        assert words.action(result)
-        if result.verdict == "provisional":
+        assert words.next_step(result)
+        if result.crossings == "provisional":
             assert "provisional" in text
             assert "appears to lose" in text
         if result.d_hat is None:
@@ -492,11 +495,11 @@ def test_the_words_claim_no_more_than_is_known(run: list[Result]) -> None:
 
 def test_where_the_fit_tells_it_alone_says_what_to_do(worn: Result, tmp_path: Path) -> None:
     """A planner read "nothing on this evidence" beside a gap that the fit had found."""
-    silent = replace(worn, verdict="no_estimate", d_hat=None, reason="the detections do not agree")
+    silent = replace(worn, crossings="no_estimate", d_hat=None, reason="the detections do not agree")
     bound = replace(silent, name="bound", fit=Fit("at_least", "at least 2 %OP are lost", "%", 4.0, 2.0, None))
     sound = replace(silent, name="sound", fit=Fit("sound", "no gap wider than 1 %OP", "%", 0.0, 0.0, 1.0))
     unsure = replace(silent, name="unsure", fit=Fit("cannot_tell", "any width would fit", "%", 9.0, 0.0, None))
-    assert [words.finding(r) for r in (bound, sound, unsure, silent, worn)] == [
+    assert [r.answer.valve for r in (bound, sound, unsure, silent, worn)] == [
         "gap",
         "no_gap",
         "unknown",
@@ -504,12 +507,12 @@ def test_where_the_fit_tells_it_alone_says_what_to_do(worn: Result, tmp_path: Pa
         "gap",
     ]
     assert "step test" in words.next_step(bound) and words.next_step(sound) == "Nothing now."
-    assert words.next_step(unsure) == words.action(silent)
+    assert words.next_step(unsure).startswith("Record for longer, while OP moves further")
     write_report([bound, sound, unsure], file := tmp_path / "report.html")
     page = parsed(file)
     text = " ".join(page.text)
-    assert text.count("What to do") == 1 + 1 + 1 + 2, "the overview's column, each fit, and the crossings of one"
-    assert text.count(words.action(silent)) == 2, "of the one that the fit cannot tell: overview and section"
+    assert text.count("What to do") == 1 + 3, "the overview's column, and once a loop"
+    assert text.count(words.next_step(unsure)) == 2, "overview and section"
 
 
 def test_what_to_do_about_a_fitted_gap_hangs_on_what_is_acceptable(worn: Result) -> None:
@@ -556,7 +559,7 @@ def test_widths_over_time_are_drawn_with_their_intervals(worn: Result, tmp_path:
     write_report([result], file := tmp_path / "trend.html")
     text = " ".join(parsed(file).text)
     assert "8 windows of the recording" in text and "It has grown to this in 4 d" in text
-    assert "grown" not in " ".join(words.fit_verdict(replace(result, fit=replace(fit, trend=None))))
+    assert "grown" not in words.lead(replace(result, fit=replace(fit, trend=None)))
 
 
 def test_a_width_is_judged_only_against_a_limit_in_the_same_unit(worn: Result) -> None:

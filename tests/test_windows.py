@@ -129,7 +129,7 @@ def test_a_gap_that_grows_shows_over_the_whole_history() -> None:
 @pytest.mark.slow
 @pytest.mark.usefixtures("short_beginning")
 def test_a_gap_that_stays_shows_no_change() -> None:
-    f = glapp.fit(glapp.recording_from(history([0.06] * 6, 4 * DAY), LOOP))
+    f = glapp.fit(glapp.recording_from(history([0.06] * 5, 4 * DAY), LOOP))
     assert f.verdict == "backlash" and f.trend is not None
     assert not f.trend.changes and "grew" not in f.reason and "shrank" not in f.reason
     assert f.d == pytest.approx(0.06, rel=0.05)

@@ -19,7 +19,7 @@ from .identify import Identification
 from .loop import Loop
 from .quality import Finding
 from .recording import Batch, Recording
-from .result import Corrected, HalfPeriods, Result, Settings
+from .result import Answer, Corrected, HalfPeriods, Result, Settings
 
 if TYPE_CHECKING:
     from . import blocks, modules, nonlinear, plant, simulate, tuning
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 __version__ = _version("glapp")
 
 __all__ = [
+    "Answer",
     "Batch",
     "Bump",
     "Controller",

@@ -381,6 +381,11 @@ def process_gain(given: float | None, spans: tuple[float, float] | None, integra
 KP_DEFAULT: float
 INSPECTED_ROWS: int
 
+ANSWER_VERSION: int
+
+def summary(facts: str) -> dict[str, Any]:
+    """The one answer of what is known of a valve: facts as JSON in, plain types out."""
+
 class Analysis:
     """The analysis of a recording: made of a task (JSON) and its beginning, handed all batches, then finished."""
 

@@ -379,35 +379,33 @@ class _Posterior:
     def __init__(self, x: Floats, blocks: _Blocks, extra: float, widen: float = 1.0) -> None:
         n, p = x.shape
         self.freedom = n - p
-        spread = np.diag(1 / blocks.rows)
         walk = blocks.walk()
         unit = float(np.mean(1 / blocks.rows)) / float(np.mean(blocks.width))
         shared = (blocks.hold[:, None] == np.unique(blocks.hold)).astype(float)
         floor = (1e-9 * float(np.max(np.abs(blocks.y))) + 1e-100) ** 2  # a PV without noise, or always 0
-        fits: list[tuple[float, Floats, Floats, float]] = []
-        for ratio in _DRIFT * unit:
-            lower = np.linalg.cholesky(spread + ratio * walk)
-            white = np.linalg.solve(lower, np.column_stack([x, blocks.y, shared]))
-            xw, yw = white[:, :p], white[:, p]
-            inverse = np.linalg.inv(xw.T @ xw)
-            beta = inverse @ (xw.T @ yw)
-            rss = float(np.sum((yw - xw @ beta) ** 2))
-            gain = inverse @ (xw.T @ white[:, p + 1 :])
-            covariance = max(rss / self.freedom, floor) * widen * inverse + extra * gain @ gain.T
-            log = -np.log(np.diag(lower)).sum() + 0.5 * np.linalg.slogdet(inverse)[1]
-            log -= 0.5 * self.freedom * math.log(max(rss, floor * self.freedom))
-            fits.append((float(log), beta, covariance, rss))
-        logs = np.array([fit[0] for fit in fits])
+        # In these axes v has the variance 1 and w one of its own for each, whatever the ratio: both stay diagonal.
+        root = np.sqrt(blocks.rows)[:, None]
+        size, axes = np.linalg.eigh(root * walk * root.T)
+        variance = 1 + np.outer(_DRIFT * unit, np.maximum(size, 0.0))
+        white = axes.T @ (root * np.column_stack([x, blocks.y, shared])) / np.sqrt(variance)[:, :, None]
+        xw, yw, sharedw = white[:, :, :p], white[:, :, p : p + 1], white[:, :, p + 1 :]
+        transposed = xw.transpose(0, 2, 1)
+        inverse = np.linalg.inv(transposed @ xw)
+        beta = inverse @ (transposed @ yw)
+        self.rss = np.sum((yw - xw @ beta) ** 2, axis=(1, 2))
+        gain = inverse @ (transposed @ sharedw)
+        noise = np.maximum(self.rss / self.freedom, floor) * widen
+        self._beta = beta[:, :, 0]
+        self._covariance = noise[:, None, None] * inverse + extra * gain @ gain.transpose(0, 2, 1)
+        logs = 0.5 * (np.linalg.slogdet(inverse)[1] - np.log(variance).sum(axis=1))
+        logs -= 0.5 * self.freedom * np.log(np.maximum(self.rss, floor * self.freedom))
         weight = np.exp(logs - logs.max())
         self._weight = weight / weight.sum()
-        self._beta = np.array([fit[1] for fit in fits])
-        self._covariance = np.array([fit[2] for fit in fits])
-        self.rss = np.array([fit[3] for fit in fits])
         self.best = int(np.argmax(logs))
 
     def below(self, x: float, over: Floats) -> float:
         """Probability that over'beta is below x."""
-        return self._distribution(over)(x)
+        return float(self._distribution(over)(np.array([x]))[0])
 
     def interval(self, over: Floats, under: Floats | None = None) -> tuple[float, float, float]:
         """Median and 95 % interval of over'beta, or of its ratio to under'beta > 0 as Fieller has it."""
@@ -417,36 +415,42 @@ class _Posterior:
             divisor, of_it = self._rough(under)
             middle, reach = middle / divisor, reach / divisor + abs(middle) * of_it / divisor**2
         reach = 100 * reach + 1e-12 * abs(middle)
-        found = []
-        for share in (0.5, 0.025, 0.975):
-            low, high = middle - reach, middle + reach
-            for _ in range(50):
-                half = (low + high) / 2
-                low, high = (half, high) if below(half) < share else (low, half)
-            found.append((low + high) / 2)
-        return found[0], found[1], found[2]
+        shares = np.array([0.5, 0.025, 0.975])
+        low, high = np.full(3, middle - reach), np.full(3, middle + reach)
+        for _ in range(40):
+            half = (low + high) / 2
+            short = below(half) < shares
+            low, high = np.where(short, half, low), np.where(short, high, half)
+        median, least, most = ((low + high) / 2).tolist()
+        return median, least, most
 
     def _rough(self, c: Floats) -> tuple[float, float]:
         variance = self._weight @ np.einsum("i,kij,j->k", c, self._covariance, c)
         return float(self._weight @ self._beta @ c), math.sqrt(float(variance))
 
-    def _distribution(self, over: Floats, under: Floats | None = None) -> Callable[[float], float]:
+    def _distribution(self, over: Floats, under: Floats | None = None) -> Callable[[Floats], Floats]:
         over_mean, over_variance = self._beta @ over, np.einsum("i,kij,j->k", over, self._covariance, over)
         if under is None:
-            return lambda x: self._share(x - over_mean, over_variance)
+            return lambda x: self._share(x[:, None] - over_mean, over_variance)
         under_mean, both = self._beta @ under, np.einsum("i,kij,j->k", over, self._covariance, under)
         under_variance = np.einsum("i,kij,j->k", under, self._covariance, under)
-        return lambda x: self._share(x * under_mean - over_mean, over_variance - 2 * x * both + x * x * under_variance)
 
-    def _share(self, distance: Floats, variance: Floats) -> float:
+        def below(x: Floats) -> Floats:
+            x = x[:, None]
+            return self._share(x * under_mean - over_mean, over_variance - 2 * x * both + x * x * under_variance)
+
+        return below
+
+    def _share(self, distance: Floats, variance: Floats) -> Floats:
         t = distance / np.sqrt(np.maximum(variance, 1e-300))
-        return float(self._weight @ _student(t, self.freedom))
+        share: Floats = _student(t, self.freedom) @ self._weight
+        return share
 
 
 def _student(t: Floats, freedom: int) -> Floats:
     """Student's distribution by Wallace's normal approximation, good to 0.001 from 5 degrees of freedom."""
-    z = (8 * freedom + 1) / (8 * freedom + 3) * np.sqrt(freedom * np.log1p(t * t / freedom)) * np.sign(t)
-    return np.array([0.5 * math.erfc(-value / math.sqrt(2)) for value in z])
+    z = (8 * freedom + 1) / (8 * freedom + 3) * np.sqrt(freedom / 2 * np.log1p(t * t / freedom)) * np.sign(-t)
+    return 0.5 * np.array([math.erfc(value) for value in z.ravel().tolist()]).reshape(z.shape)
 
 
 @dataclass(frozen=True, slots=True)
@@ -673,13 +677,14 @@ class _Test:
         if len(part.y) - x.shape[1] < _FREEDOM or np.linalg.matrix_rank(x) < x.shape[1]:
             return self.refused("the holds are too short to tell noise from drift; hold OP for longer", **told)
         notes = [f"read are the first {_MOST_HOLDS} holds; {more} follow"] if more > 0 else []
-        widen = self._misfit(part, x, extra)
+        fit = _Posterior(x, part, extra)
+        widen = self._misfit(part, fit, extra)
         if widen > 1:
+            fit = _Posterior(x, part, extra, widen)
             notes.append(
                 f"the readings disagree by more than noise and drift explain (F = {widen:.3g}), and the interval is "
                 "widened: the load moved between holds, the process gain varies with OP, or the valve sticks and slips"
             )
-        fit = _Posterior(x, part, extra, widen)
         at_gain = np.eye(x.shape[1])[base.shape[1]]
         kp, kp_low, kp_high = fit.interval(at_gain)
         if kp_low <= 0:
@@ -711,14 +716,14 @@ class _Test:
             notes.append(f"the interval reaches 0: no gap is told from one of {high:.3g} {self.unit}")
         return replace(self.blank, reason=None, d=d, low=low, high=high, notes=tuple(notes), **told)
 
-    def _misfit(self, blocks: _Blocks, x: Floats, extra: float) -> float:
+    def _misfit(self, blocks: _Blocks, tight: _Posterior, extra: float) -> float:
         """F ratio of what levels of their own for all holds explain beyond the model; 1 where that is little."""
         holds = (blocks.hold[:, None] == np.unique(blocks.hold)).astype(float)
         free = np.column_stack([holds, blocks.drift()[:, 1::2]])
-        more = free.shape[1] - x.shape[1]
+        more = free.shape[1] - (len(blocks.y) - tight.freedom)
         if more < 1 or len(blocks.y) - free.shape[1] < 1:
             return 1.0
-        tight, loose = _Posterior(x, blocks, extra), _Posterior(free, blocks, extra)
+        loose = _Posterior(free, blocks, extra)
         at = loose.best
         rest = loose.rss[at] / loose.freedom
         # What no noise shows either: the steps of a coarse PV, and the last of an answer that is not quite over.

@@ -12,6 +12,7 @@ from typing import Annotated, Literal, NamedTuple
 from pydantic import BaseModel, ConfigDict, Field
 
 from . import __version__
+from ._glapp import ANSWER_VERSION
 from .escape import in_quotes
 from .result import Result
 
@@ -186,19 +187,83 @@ class Corrected(_Part):
     """Why there is no width."""
 
 
+class Next(_Part):
+    """What to do next."""
+
+    code: str
+    """correct, inspect, further, record_more, tuning, nothing, review, confirm, compare, record_longer,
+    probably_too_wide, step_test, remedy."""
+    of: str | None
+    """What it is about: a part of the valve, a reason of rejection; null where it has none."""
+    text: str
+    """The same in a sentence or two."""
+
+
+class Struck(_Part):
+    """Why the crossings' width does not stand beside the fit."""
+
+    code: Literal["above", "below", "sound"]
+    """Wider or narrower than the fit allows, or a width of a valve that shows no gap."""
+    limit: float
+    """The fit's limit [`unit`]."""
+    text: str
+    """The same in a sentence."""
+
+
+class Answer(_Part):
+    """The one answer of a loop, from all that is known of its valve."""
+
+    verdict: Literal[
+        "backlash",
+        "stiction",
+        "both",
+        "oscillation",
+        "sound",
+        "at_least",
+        "cannot_tell",
+        "estimate",
+        "provisional",
+        "no_estimate",
+        "refused",
+    ]
+    """The fit's; the last four are those of the crossings, where nothing was fitted."""
+    valve: Literal["gap", "no_gap", "unknown", "refused"]
+    """What that means of the valve; refused: data or settings allow no answer."""
+    width: Value
+    """The width that lists rank by [`unit`]: the most likely one, or the bound if that is all; null: no gap found."""
+    width_percent_span: Value
+    """The same in % of OP span; null where the span is not known."""
+    low: Value
+    """Narrowest gap that the data does not exclude [`unit`]; null where nothing is excluded."""
+    high: Value
+    """Widest one [`unit`]; null where there is no limit."""
+    evidence: Literal["none", "weak", "strong", "very_strong"] | None
+    """How strongly the recording speaks for a gap; null without a fit."""
+    acceptable: Literal["within", "beyond", "open"] | None
+    """How the width stands to what is acceptable; open: it may be either. Null where either is not known."""
+    next: Next
+    """What to do next."""
+    urgency: Literal["none", "low", "medium", "high"]
+    """How soon."""
+    struck: Struck | None
+    """Why the crossings' width does not stand; null where it does, or there is none."""
+
+
 class LoopAnswer(_Part):
-    """The answer for one loop."""
+    """The answer for one loop: `answer` is the one, all else is what it stands on."""
 
     loop: str
     """Name of the loop."""
     file: str
     """Its recording, as the user wrote it."""
-    verdict: Literal["estimate", "provisional", "no_estimate", "refused"]
-    """provisional: from fewer than N detections. refused: data or settings do not allow an answer."""
+    answer: Answer
+    """The one answer."""
+    crossings: Literal["estimate", "provisional", "no_estimate", "refused"]
+    """What the zero crossings allow to be said; provisional: from fewer than N detections."""
     reason: str | None
-    """One sentence; null only with an estimate."""
+    """Why not more, in one sentence; null only with an estimate."""
     d_hat: Value
-    """Estimated total width of the dead band [`unit`]."""
+    """Total width by zero crossings, as a PLC would show it [`unit`]; `answer.struck` says where it does not stand."""
     unit: str
     """Unit of OP."""
     d_hat_percent_span: Value
@@ -226,6 +291,8 @@ class LoopAnswer(_Part):
 class Document(_Part):
     """Answer of `glapp analyze --json`."""
 
+    schema_version: Literal[2]
+    """Layout of this document."""
     glapp: str
     """Version that wrote it."""
     loops: list[LoopAnswer]
@@ -239,11 +306,16 @@ def to_json(results: Sequence[Result]) -> str:
     --------
     >>> print(to_json([]))  # doctest: +ELLIPSIS
     {
+      "schema_version": 2,
       "glapp": "...",
       "loops": []
     }
     """
-    document = {"glapp": __version__, "loops": [result.to_dict() for result in results]}
+    document = {
+        "schema_version": ANSWER_VERSION,
+        "glapp": __version__,
+        "loops": [result.to_dict() for result in results],
+    }
     return in_quotes(Document.model_validate(document).model_dump_json(indent=2))
 
 

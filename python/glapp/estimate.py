@@ -202,6 +202,7 @@ def _task(loop: Loop) -> dict[str, Any]:
         "op_span": loop.op_span,
         "op_percent": loop.op_label == "%",
         "place": _place(loop),
+        "acceptable": loop.acceptable_dead_band,
         "tf": loop.tf,
         "n": loop.n,
     }
@@ -222,7 +223,7 @@ def _result(recording: Recording, loop: Loop, done: dict[str, Any], trace: Trace
         source=recording.source,
         loop=loop,
         t0=recording.t0,
-        verdict=answer["verdict"],
+        crossings=answer["crossings"],
         reason=_why(answer, loop, found, identification),
         d_hat=answer["d_hat"],
         unit=loop.op_label,

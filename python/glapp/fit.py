@@ -34,6 +34,9 @@ DAY = 86400.0
 SAMPLES_IN_LAG, _ = _glapp.fit_thresholds()["SAMPLES_IN_LAG"]
 """Samples that a process must take to settle, where it matters."""
 
+SAMPLES_IF_SOUND, _ = _glapp.fit_thresholds()["SAMPLES_IN_LAG_IF_SOUND"]
+"""The same for a valve to be called sound."""
+
 
 @dataclass(frozen=True, slots=True)
 class Process:
@@ -172,6 +175,8 @@ class Fit:
     best : dict
         Everything the clearest window's fit has to tell, as the core gives it, with the time `t` of each cell and the
         `signal` that was fitted: "PV", or "position" where the valve's own settled it.
+    why : str
+        The word for the evidence; `reason` is its sentence.
     through_pv : Fit or None
         Where the valve's position was recorded and settled the answer, what PV alone would have said. The process is
         always that of PV. Where no width lies in the intervals of both, `reason` names both: with a gap in either the
@@ -192,6 +197,7 @@ class Fit:
     windows: list[Window] = field(default_factory=list)
     recordings: list[OneOfMany] = field(default_factory=list)
     best: dict[str, Any] = field(default_factory=dict)
+    why: str = ""
     through_pv: Fit | None = None
 
     def __repr__(self) -> str:
@@ -532,7 +538,19 @@ def _at_valve(answer: dict[str, Any], loop: Loop) -> Fit:
     verdict, d, low, high = (answer[key] for key in ("verdict", "d", "low", "high"))
     reason = position_reason(verdict, d, low, high, shown, best) + _changed(trend, shown)
     needed = {name: best[name] for name in ("lr_no_gap", "lr_needed", "jump")}
-    return Fit(verdict, reason, unit, d, low, high, **needed, trend=trend, windows=_windows(answer), best=best)
+    return Fit(
+        verdict,
+        reason,
+        unit,
+        d,
+        low,
+        high,
+        **needed,
+        trend=trend,
+        windows=_windows(answer),
+        best=best,
+        why=best["reason"],
+    )
 
 
 def _through_pv(answer: dict[str, Any], loop: Loop, sinusoid: str | None) -> Fit:
@@ -569,6 +587,7 @@ def _said(answer: dict[str, Any], unit: str) -> Fit:
         trend=trend,
         windows=_windows(answer),
         best=best,
+        why=answer["reason"],
     )
 
 
@@ -705,6 +724,22 @@ def _reason(answer: dict[str, Any], unit: str, best: dict[str, Any]) -> str:
             return (
                 f"{would}, but a historian kept only corners of PV and drew lines between them, which bend by as much. "
                 "Record without compression"
+            )
+        case _ if reason == "hidden_by_samples":
+            return (
+                f"no gap shows, but the process settles in {best['settles']:.3g} s, and samples {best['h']:.3g} s "
+                f"apart would not show one: {SAMPLES_IF_SOUND:.0f} are needed in that. Record faster, and PV before "
+                "any filter"
+            )
+        case _ if reason == "hidden_by_lag":
+            return (
+                f"no gap shows, but only if the process lags by {best['lag']:.3g} s, longer than what was recorded: "
+                "record for longer"
+            )
+        case _ if reason == "hidden_by_changes":
+            return (
+                f"no gap shows beside {best['load_steps']} steps or bends of the load, but OP turned no oftener than "
+                "the load, and they may hide one. Record while the setpoint moves, or on calmer days"
             )
         case _ if reason == "no_answer":
             return (

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+import json
+from dataclasses import asdict, dataclass, field, fields
 from datetime import datetime
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -21,14 +22,22 @@ if TYPE_CHECKING:
     import pandas as pd
     import plotly.graph_objects as go
 
-__all__ = ["REASONS", "Corrected", "HalfPeriods", "Origin", "Result", "Settings", "Verdict"]
+__all__ = ["REASONS", "Answer", "Corrected", "HalfPeriods", "Next", "Origin", "Result", "Settings", "Struck", "Verdict"]
 
 REASONS = tuple(_glapp.reasons())
 """Names of the codes in `HalfPeriods.reason`; the bit of a reason in `HalfPeriods.mask` is its code − 1."""
 
-Verdict = Literal["estimate", "provisional", "no_estimate", "refused"]
+Crossings = Literal["estimate", "provisional", "no_estimate", "refused"]
+"""What zero crossings allow to be said; provisional: fewer than N detections."""
+
+Verdict = Literal[Crossings, "backlash", "stiction", "both", "oscillation", "sound", "at_least", "cannot_tell"]
+"""The one verdict of a loop: the fit's, or where nothing was fitted that of the crossings."""
+
 Origin = Literal["given", "identified", "fitted", "assumed", "chosen", "unknown"]
 Floats = NDArray[np.float64]
+
+_FACTS = ("verdict", "why", "d", "low", "high", "lr_no_gap", "lr_needed")
+"""What the one answer hangs on of a fit."""
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -199,9 +208,70 @@ class Corrected:
         return shown | {"kp_range": None if self.kp_range is None else list(self.kp_range)}
 
 
+@dataclass(frozen=True, slots=True)
+class Next:
+    """What to do next: a code, and what it is about (a part of the valve, a reason of rejection) where it has that."""
+
+    code: str
+    of: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Struck:
+    """Why the crossings' width does not stand: *above* or *below* a limit of the fit, or of a *sound* valve.
+
+    `limit` is the fit's [OP unit].
+    """
+
+    code: Literal["above", "below", "sound"]
+    limit: float
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """The one answer of a loop, from all that is known of its valve; decided in `crates/analysis/src/summary.rs`.
+
+    Attributes
+    ----------
+    verdict : str
+        The fit's, or where nothing was fitted that of the crossings.
+    valve : "gap", "no_gap", "unknown", "refused"
+        What that means of the valve.
+    width : float or None
+        The width that lists rank by: the most likely one, or the bound where that is all; None where no gap was found
+        [`Result.unit`].
+    width_percent_span : float or None
+        The same [% of OP span], None where the span is not known.
+    low, high : float or None
+        Narrowest and widest gap that the data does not exclude [`Result.unit`]; both None where nothing is excluded.
+    evidence : "none", "weak", "strong", "very_strong" or None
+        How strongly the recording speaks for a gap; None without a fit.
+    acceptable : "within", "beyond", "open" or None
+        How the width stands to what is acceptable; open: it may be either. None where either is not known.
+    next : Next
+        What to do next.
+    urgency : "none", "low", "medium", "high"
+        How soon.
+    struck : Struck or None
+        Why the crossings' width does not stand beside the fit; None where it does, or there is none.
+    """
+
+    verdict: Verdict
+    valve: Literal["gap", "no_gap", "unknown", "refused"]
+    width: float | None
+    width_percent_span: float | None
+    low: float | None
+    high: float | None
+    evidence: Literal["none", "weak", "strong", "very_strong"] | None
+    acceptable: Literal["within", "beyond", "open"] | None
+    next: Next
+    urgency: Literal["none", "low", "medium", "high"]
+    struck: Struck | None
+
+
 @dataclass(frozen=True, slots=True, repr=False)
 class Result:
-    """The answer for one loop.
+    """The answer for one loop: `answer` is the one, all else is what it stands on.
 
     Attributes
     ----------
@@ -211,12 +281,14 @@ class Result:
         What was known about it.
     t0 : datetime or None
         Time of t = 0.
-    verdict : "estimate", "provisional", "no_estimate", "refused"
-        provisional: fewer than N detections. refused: data or settings do not allow an answer.
+    crossings : "estimate", "provisional", "no_estimate", "refused"
+        What the zero crossings allow to be said. provisional: fewer than N detections. refused: data or settings do
+        not allow an estimate.
     reason : str or None
-        One sentence; None only with an estimate.
+        Why not more, in one sentence; None only with an estimate.
     d_hat : float or None
-        Estimated total width of the gap [`unit`].
+        Total width of the gap by zero crossings, as a PLC would show it [`unit`]; `answer.struck` says where it does
+        not stand.
     unit : str
         Unit of OP.
     d_hat_percent_span : float or None
@@ -250,7 +322,7 @@ class Result:
     source: str
     loop: Loop
     t0: datetime | None
-    verdict: Verdict
+    crossings: Crossings
     reason: str | None
     d_hat: float | None
     unit: str
@@ -283,7 +355,7 @@ class Result:
             source=source,
             loop=loop,
             t0=None,
-            verdict="refused",
+            crossings="refused",
             reason=str(error),
             d_hat=None,
             unit=loop.op_label,
@@ -297,9 +369,50 @@ class Result:
         )
 
     def __repr__(self) -> str:
+        answer = self.answer
+        if self.fit is not None and answer.verdict == self.fit.verdict:
+            high = "no upper limit" if answer.high is None else f"{answer.high:.4g}"
+            limits = "" if answer.low is None else f" ({answer.low:.4g} to {high})"
+            width = "" if answer.width is None else f" {answer.width:.4g} {self.unit}"
+            return f"<Result {self.name}: {answer.verdict}{',' if width or limits else ''}{width}{limits}>"
         width = "" if self.d_hat is None else f" {self.d_hat:.4g} {self.unit},"
         found = f"{self.detections} detections in {self.total_half_periods} half-periods"
-        return f"<Result {self.name}: {self.verdict},{width} {found}>"
+        return f"<Result {self.name}: {answer.verdict},{width} {found}>"
+
+    @property
+    def answer(self) -> Answer:
+        """The one answer."""
+        f = self.fit
+        most = max(self.reasons, key=lambda name: self.reasons[name], default=None)
+        facts: dict[str, Any] = {
+            "crossings": self.crossings,
+            "d_hat": self.d_hat,
+            "detections": self.detections,
+            "rejected": most,
+            "fit": None if f is None else {name: getattr(f, name) for name in _FACTS},
+            "span": self.span,
+            "acceptable": self.loop.acceptable_dead_band,
+        }
+        told = _glapp.summary(json.dumps(facts))
+        following, struck = Next(**told.pop("next")), told.pop("struck")
+        return Answer(**told, next=following, struck=None if struck is None else Struck(**struck))
+
+    @property
+    def verdict(self) -> Verdict:
+        """The one verdict: the fit's, or where nothing was fitted that of the crossings."""
+        return self.answer.verdict
+
+    @property
+    def width(self) -> float | None:
+        """The one width [`unit`]: the most likely one, or the bound where that is all; None where no gap was found."""
+        return self.answer.width
+
+    @property
+    def span(self) -> float | None:
+        """Width of OP's span [`unit`], None where it is not known; a loop in % without a given span has 100."""
+        if self.loop.op_span is not None:
+            return self.loop.op_span[1] - self.loop.op_span[0]
+        return 100.0 if self.unit == "%" else None
 
     @property
     def total_half_periods(self) -> int:
@@ -345,7 +458,8 @@ class Result:
         return {
             "loop": self.name,
             "file": self.source,
-            "verdict": self.verdict,
+            "answer": self._answered(),
+            "crossings": self.crossings,
             "reason": self.reason,
             "d_hat": self.d_hat,
             "unit": self.unit,
@@ -362,6 +476,16 @@ class Result:
             "controller": controller,
             "fit": None if self.fit is None else self.fit.to_dict(),
         }
+
+    def _answered(self) -> dict[str, Any]:
+        """The one answer in plain types, with its sentences."""
+        from .report.words import next_step, struck
+
+        answer = asdict(self.answer)
+        answer["next"]["text"] = next_step(self)
+        if answer["struck"] is not None:
+            answer["struck"]["text"] = struck(self)
+        return answer
 
     def plot(self) -> go.Figure:
         """A zoomable figure: SP, PV and filtered PV over shaded half-periods, OP, detections and estimate."""

@@ -5,6 +5,7 @@ use crate::crossings::{Beside, Known, NotCorrected, Place, Travel, Verdict, judg
 use crate::fitted::{FitWhy, Fitted, fitted};
 use crate::identify::{Identification, identified};
 use crate::quality::{self, Fault, Finding, Law, Severity, assumed_gain, inspect};
+use crate::summary::{Facts, Summary};
 use crate::{Counter, Crossings, Inspected, Ladder, Origin, median, noise_sigma, process_gain};
 use glapp_core::{Columns, DETECTIONS, DetectorSettings, GAP_STEPS, ParameterError, Reason};
 use glapp_fit::{Batch, LONG_HISTORY, Rows, Samples, Windows};
@@ -51,6 +52,8 @@ pub struct Task {
     pub op_percent: Option<bool>,
     /// Where the detector stands, if no estimate can be right there.
     pub place: Option<Place>,
+    /// Widest dead band that is acceptable, where that is said [% of OP's span].
+    pub acceptable: Option<f64>,
     /// Filter time of the detector; none: a ladder is tried \[s\].
     pub tf: Option<f64>,
     /// Detections behind an estimate.
@@ -75,6 +78,7 @@ impl Default for Task {
             op_span: None,
             op_percent: None,
             place: None,
+            acceptable: None,
             tf: None,
             n: DETECTIONS,
             judge: true,
@@ -282,9 +286,10 @@ impl Analysis {
         let rejected = Reason::ALL.iter().zip(counts).skip(1).filter(|(_, count)| **count > 0);
         let reasons: Vec<(&'static str, u64)> = rejected.map(|(reason, count)| (reason.name(), *count)).collect();
         let percent_of = |width: f64| op_limits.map(|(low, high)| 100.0 * width / (high - low));
-        let answer = Answer {
+        let mut answer = Answer {
             version: Answer::VERSION,
-            verdict,
+            answer: Summary::of(&Facts::default()),
+            crossings: verdict,
             why,
             d_hat,
             d_hat_percent_span: d_hat.and_then(percent_of),
@@ -299,6 +304,8 @@ impl Analysis {
             identification: self.identification,
             fit: fitted.as_ref().map(|fitted| fitted.answer.clone()),
         };
+        let span = op_limits.map(|(low, high)| high - low);
+        answer.answer = Summary::of(&answer.facts(span, self.task.acceptable));
         Done { answer, crossings, fitted, op: self.op }
     }
 

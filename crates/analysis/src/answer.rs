@@ -5,7 +5,8 @@ use crate::fitted::FitAnswer;
 use crate::identify::Identification;
 use crate::origin::Origin;
 use crate::quality::{Finding, InOrder};
-use glapp_core::{Corrected, TravelSource};
+use crate::summary::{Facts, FitFacts, Summary};
+use glapp_core::{Corrected, Reason, TravelSource};
 use serde::{Serialize, Serializer};
 
 /// What is known of one loop's valve, and on what it stands. Every face shows this; `glapp.document` declares its JSON.
@@ -13,8 +14,10 @@ use serde::{Serialize, Serializer};
 pub struct Answer {
     /// Layout, [`Answer::VERSION`].
     pub version: u32,
+    /// The one answer, of all that follows.
+    pub answer: Summary,
     /// What the zero crossings allow to be said.
-    pub verdict: Verdict,
+    pub crossings: Verdict,
     /// Why not more; none only with an estimate.
     pub why: Option<Why>,
     /// Estimated total width [OP unit].
@@ -46,7 +49,29 @@ pub struct Answer {
 
 impl Answer {
     /// The layout of this release.
-    pub const VERSION: u32 = 1;
+    pub const VERSION: u32 = 2;
+
+    /// What the one answer is made of; `span` is the width of OP's [OP unit].
+    pub(crate) fn facts(&self, span: Option<f64>, acceptable: Option<f64>) -> Facts {
+        let most = self.reasons.iter().rev().max_by_key(|(_, count)| *count);
+        Facts {
+            crossings: self.crossings,
+            d_hat: self.d_hat,
+            detections: self.detections,
+            rejected: most.and_then(|(name, _)| Reason::ALL.into_iter().find(|reason| reason.name() == *name)),
+            fit: self.fit.as_ref().map(|fit| FitFacts {
+                verdict: fit.verdict,
+                why: fit.word().into(),
+                d: fit.d,
+                low: fit.low,
+                high: fit.high,
+                lr_no_gap: fit.lr_no_gap,
+                lr_needed: fit.lr_needed,
+            }),
+            span,
+            acceptable,
+        }
+    }
 }
 
 /// The width from zero crossings with the known bias of (2.4) taken out, beside it and never in its place.

@@ -6,13 +6,13 @@ use glapp_fit::{
     AtValve, Batch, JointAnswer, PositionAnswer, Problem, RecordAnswer, Recorded, Samples, Together, Trend, Unfit,
     ValveAnswer,
 };
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// \[s\].
 const DAY: f64 = 86_400.0;
 
 /// What kind of lost motion there is, if any.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LostMotion {
     /// A gap.
@@ -321,6 +321,18 @@ impl FitAnswer {
         let process = self.process.filter(|process| self.verdict.found() && !process.integrating)?;
         let (kp, low, high) = process.kp;
         fitted_gain_serves(kp, low, high).then_some(kp)
+    }
+}
+
+impl FitAnswer {
+    /// The word for why.
+    pub fn word(&self) -> &'static str {
+        match self.why {
+            FitWhy::Place(_) => "place",
+            FitWhy::Finding(_) => "finding",
+            FitWhy::OpRests => "op_rests",
+            FitWhy::Unfit(word, _) | FitWhy::Evidence(word) => word,
+        }
     }
 }
 

@@ -19,6 +19,7 @@ mod inspected;
 mod origin;
 pub mod quality;
 mod signals;
+mod summary;
 
 pub use analysis::{Analysis, Controller, Done, INSPECTED_ROWS, Task, within_percent};
 pub use answer::{Answer, CorrectedAnswer, Settings};
@@ -30,3 +31,6 @@ pub use fitted::{
 pub use inspected::Inspected;
 pub use origin::{KP_DEFAULT, Origin, fitted_gain_serves, process_gain};
 pub use signals::{FROZEN_STEPS, SORTED_ROWS, frozen_steps, in_runs, median, noise_sigma, quantile, resolution};
+pub use summary::{
+    Acceptable, Contradiction, Evidence, Facts, FitFacts, Next, One, Part, Struck, Summary, Urgency, Valve,
+};

@@ -5,7 +5,7 @@ use crate::fit::{of_position, of_pv};
 use crate::plain::plain;
 use crate::refused;
 use crate::windows::Batch;
-use glapp_analysis::{Analysis, Done};
+use glapp_analysis::{Analysis, Done, Summary};
 use numpy::PyArray1;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
@@ -61,6 +61,13 @@ impl PyAnalysis {
         out.set_item("position", position.map(|position| of_position(py, position)).transpose()?)?;
         Ok(out)
     }
+}
+
+/// The one answer of all that is known of a valve: facts as JSON in, plain types out.
+#[pyfunction]
+pub fn summary<'py>(py: Python<'py>, facts: &str) -> PyResult<Bound<'py, PyAny>> {
+    let facts = serde_json::from_str(facts).map_err(|error| PyValueError::new_err(error.to_string()))?;
+    plain(py, &Summary::of(&facts))
 }
 
 fn finished() -> PyErr {

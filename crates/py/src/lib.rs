@@ -35,7 +35,9 @@ fn refused(error: impl std::fmt::Display) -> PyErr {
 #[pymodule]
 mod _glapp {
     #[pymodule_export]
-    use crate::analysis::PyAnalysis;
+    use crate::analysis::{PyAnalysis, summary};
+    #[pymodule_export]
+    const ANSWER_VERSION: u32 = glapp_analysis::Answer::VERSION;
     #[pymodule_export]
     use crate::auto_tuner::{AutoTuner, stops, tuned_by};
     #[pymodule_export]

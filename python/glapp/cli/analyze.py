@@ -79,7 +79,7 @@ def analyze(
         say_error(error)
     if report is not None and faults[-1] is None and not json and not to_output:
         out.print(f"\nReport: {report}", soft_wrap=True)
-    if any(faults) or any(result.verdict == "refused" for result in results):
+    if any(faults) or any(result.answer.valve == "refused" for result in results):
         raise typer.Exit(1)
 
 
@@ -105,9 +105,11 @@ def _show(answers: Sequence[Result | Refused]) -> None:
     for result in results:
         if result.trace is None:  # an error has a line of its own
             continue
-        told = [] if result.fit is None else [result.fit.reason]
-        if result.d_hat is None and result.reason is not None and result.reason not in told:
-            told.append(result.reason)
+        told = [words.why(result)]
+        if result.answer.struck is not None:
+            told.append(words.struck(result))
+        elif result.answer.evidence is None and result.fit is not None:
+            told.append(result.fit.reason)
         told += [f.text for f in result.quality if f.severity == "warning" and f.text not in told]
         for text in told[:3]:
             notes.add_row(f"{one_line(result.name)}:", one_line(text))
@@ -136,13 +138,17 @@ def _table(results: Sequence[Result], layout: _Layout) -> Table:
     columns: list[tuple[str, bool, list[str | Text]]] = []  # header, whether it is a number, cells
     columns.append(("loop", False, [one_line(_name(result)) for result in results]))
     if fitted:
-        gaps, valves = zip(*(_fit_cells(result) for result in results), strict=True)
-        columns += [("gap (95 %)", True, list(gaps)), ("valve", False, list(valves))]
-    cells = [_cells(result, layout.between) for result in results]
-    found, counts, reasons, quality, verdicts = (list(column) for column in zip(*cells, strict=True))
-    columns.append(("crossings\nd̂" if fitted else "d̂", True, found))
-    if not fitted:
+        columns.append(("gap (95 %)", True, [words.headline(result) or "–" for result in results]))
+    else:
+        columns.append(("d̂", True, [words.quantity(r.d_hat, words.op_unit(r)) for r in results]))
         columns.append(("% of\nspan", True, [words.number(result.d_hat_percent_span) for result in results]))
+    columns.append(("valve" if fitted else "verdict", False, [_verdict(r, layout.between) for r in results]))
+    if whole:
+        columns.append(("to do", False, [words.todo(result) for result in results]))
+    if fitted and not least:
+        columns.append(("PLC:\nd̂", True, [_crossing(result) for result in results]))
+    cells = [_cells(result, layout.between) for result in results]
+    counts, reasons, quality = (list(column) for column in zip(*cells, strict=True))
     if corrected and not (least and fitted):
         of = [None if result.corrected is None else result.corrected.d for result in results]
         shown: list[str | Text] = [words.quantity(d, words.op_unit(r)) for d, r in zip(of, results, strict=True)]
@@ -151,8 +157,6 @@ def _table(results: Sequence[Result], layout: _Layout) -> Table:
         columns.append(("det./\nhalf-p.", True, counts))
     if whole:
         columns += [("rejected as", False, reasons), ("quality", False, quality)]
-    if whole or not fitted:
-        columns.append(("verdict", False, verdicts))
     for header, number, column in columns:
         # Numbers are never cut; names fold, all else wraps.
         width = max(cell_len(str(cell)) for cell in column) if number else None
@@ -169,32 +173,30 @@ def _name(result: Result) -> str:
     return f"{result.name} ({len(several)} recordings)" if several else result.name
 
 
-def _fit_cells(result: Result) -> list[str | Text]:
-    """Width with its interval, and what kind of lost motion it is; of a loop that could not be fitted, its verdict."""
-    if result.fit is None:
-        return ["–", styled(words.VERDICTS[result.verdict].lower(), style=_STYLES[result.verdict])]
-    return [
-        words.fitted_width(result),
-        styled(words.FIT_VERDICTS[result.fit.verdict], style=_FIT_STYLES[result.fit.found]),
-    ]
+def _verdict(result: Result, between: str) -> Text:
+    """The one verdict, and of crossings alone whether their width is acceptable."""
+    answer = result.answer
+    told = [words.VERDICTS[answer.verdict].lower()]
+    if answer.acceptable is not None and answer.acceptable != "open":
+        told.append("too wide" if answer.acceptable == "beyond" else "acceptable")
+    return styled(between.join(told), style=_STYLES[answer.valve])
+
+
+def _crossing(result: Result) -> Text:
+    """What a PLC would show, struck out where the fit contradicts it."""
+    text = words.quantity(result.d_hat, words.op_unit(result))
+    return styled(text, style="dim" if result.answer.struck is None else "dim strike")
 
 
 def _cells(result: Result, between: str) -> list[str | Text]:
-    """What the zero crossings gave: width, counts, reasons, quality, verdict."""
+    """What the zero crossings gave: counts, reasons, quality."""
     worst = [f.code.replace("_", " ") for f in result.quality if f.severity != "info"]
     reasons = [f"{name.replace('_', ' ')} {n}" for name, n in words.ranked_reasons(result)[:2]]
-    wide = words.exceeds(result)
-    verdict = [words.VERDICTS[result.verdict].lower()]
-    if wide is not None:
-        verdict.append("too wide" if wide else "acceptable")
     return [
-        words.quantity(result.d_hat, words.op_unit(result)),
         f"{result.detections}/{result.total_half_periods}" if result.trace else "–",
         between.join(reasons) or "–",
         between.join(worst[:2]) or ("good" if result.trace else "–"),
-        styled(between.join(verdict), style=_STYLES[result.verdict]),
     ]
 
 
-_FIT_STYLES = {True: "bold", False: "dim"}
-_STYLES = {"estimate": "bold", "provisional": "yellow", "no_estimate": "dim", "refused": "red"}
+_STYLES = {"gap": "bold", "no_gap": "", "unknown": "dim", "refused": "red"}

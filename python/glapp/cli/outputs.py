@@ -13,7 +13,7 @@ from .screen import CommandError
 
 __all__ = ["PAGE", "TABLE", "check_output", "fault_of", "save"]
 
-TABLE = ("a table that glapp wrote", rb"\Aloop,file,verdict,")
+TABLE = ("a table that glapp wrote", rb"\Aloop,file,(answer_)?verdict,")
 # Reports had this policy before they had the mark.
 PAGE = (
     "a page that glapp wrote",

@@ -26,13 +26,13 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ..bump import Bump, Reading
-    from ..result import Result
+    from ..result import Answer, Result
     from ..trace import Trace
 
 FONT = 'system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif'
 INK, MUTED, GRID, PAPER = "#1f2933", "#5a6673", "#e3e7eb", "#ffffff"
 RAW, SIGNAL, OUTPUT, POSITION, POINT = "#a9c3de", "#1d5b9c", "#6d4795", "#b8651b", "#00875f"
-TOO_WIDE, ACCEPTABLE, UNJUDGED = "#c4501b", "#00875e", "#3f74a8"
+TOO_WIDE, ACCEPTABLE, OPEN, UNJUDGED = "#c4501b", "#00875e", "#9a7400", "#3f74a8"
 
 #: Colour of each verdict on a half-period, in the order of the codes: the muted scheme of Paul Tol, safe for
 #: colour-blind readers, with greys for what says least.
@@ -327,10 +327,10 @@ def overview_figure(results: Sequence[Result]) -> go.Figure:
     if not results:
         return _empty("No loops.", height=160)
     order = words.ranked(results)
-    shown = [(r, words.shown_width(r)) for r in order]
-    by_span = [r for r, width in shown if width is not None and width[1] is not None]
-    by_unit = [r for r, width in shown if width is not None and width[1] is None]
-    without = [r for r, width in shown if width is None]
+    shown = [(r, r.answer) for r in order]
+    by_span = [r for r, answer in shown if answer.width_percent_span is not None]
+    by_unit = [r for r, answer in shown if answer.width is not None and answer.width_percent_span is None]
+    without = [r for r, answer in shown if answer.width is None]
     panels: list[tuple[list[Result], str]] = []
     if by_span:
         panels.append((by_span, "dead band, total width [% of OP span]"))
@@ -384,19 +384,20 @@ def overview_figure(results: Sequence[Result]) -> go.Figure:
 def _bars(figure: go.Figure, loops: list[Result], row: int, seen: set[str]) -> None:
     """Add the bars, marks and reasons of one panel of the overview; `seen` keeps the legend free of repetitions."""
     kinds = {
-        True: ("wider than acceptable", TOO_WIDE),
-        False: ("acceptable", ACCEPTABLE),
+        "beyond": ("wider than acceptable", TOO_WIDE),
+        "within": ("acceptable", ACCEPTABLE),
+        "open": ("may be too wide", OPEN),
         None: ("no limit given", UNJUDGED),
     }
-    widths = {i: width for i, r in enumerate(loops) if (width := words.shown_width(r)) is not None}
-    for (wide, (name, colour)), hatched in product(kinds.items(), ("", "provisional", "at least")):
-        rows = [i for i in widths if words.too_wide(loops[i], widths[i][1]) is wide and _hatching(loops[i]) == hatched]
+    widths = {i: answer for i, r in enumerate(loops) if (answer := r.answer).width is not None}
+    for (judged, (name, colour)), hatched in product(kinds.items(), ("", "provisional", "at least")):
+        rows = [i for i, answer in widths.items() if answer.acceptable == judged and _hatching(loops[i]) == hatched]
         if not rows:
             continue
         members = [loops[i] for i in rows]
         if hatched:
             name += f", {hatched}"
-        lengths = [width if percent is None else percent for width, percent in (widths[i] for i in rows)]
+        lengths = [_length(widths[i]) for i in rows]
         figure.add_trace(
             go.Bar(
                 x=lengths,
@@ -429,7 +430,9 @@ def _bars(figure: go.Figure, loops: list[Result], row: int, seen: set[str]) -> N
     limits = [
         (i, limit)
         for i, r in enumerate(loops)
-        if i in widths and widths[i][1] is not None and (limit := r.loop.acceptable_dead_band) is not None
+        if i in widths
+        and widths[i].width_percent_span is not None
+        and (limit := r.loop.acceptable_dead_band) is not None
     ]
     if limits:
         figure.add_trace(
@@ -444,7 +447,7 @@ def _bars(figure: go.Figure, loops: list[Result], row: int, seen: set[str]) -> N
             row=row,
             col=1,
         )
-    without = [(i, r, r.reason or "") for i, r in enumerate(loops) if i not in widths]
+    without = [(i, r, words.why(r)) for i, r in enumerate(loops) if i not in widths]
     if without:
         figure.add_trace(
             go.Scatter(
@@ -469,23 +472,28 @@ def _bars(figure: go.Figure, loops: list[Result], row: int, seen: set[str]) -> N
 
 def _hatching(r: Result) -> str:
     """Tell why a bar is hatched: it is only a bound, or rests on too few detections."""
-    if r.fit is not None and r.fit.found:
-        return "at least" if r.fit.verdict == "at_least" else ""
-    return "provisional" if r.verdict == "provisional" else ""
+    return {"at_least": "at least", "provisional": "provisional"}.get(r.verdict, "")
+
+
+def _length(answer: Answer) -> float:
+    """Tell how long its bar is: in % of span where that is known."""
+    length = answer.width if answer.width_percent_span is None else answer.width_percent_span
+    assert length is not None  # those without a width have no bar
+    return length
 
 
 def _intervals(members: list[Result], lengths: list[float]) -> dict[str, Any]:
     """Write the 95 % intervals of fitted widths as Plotly takes them, nothing for the others."""
     above, below = [], []
     for r, length in zip(members, lengths, strict=True):
-        f = r.fit
-        if f is None or not f.found or not f.d or f.low is None or f.high is None:
+        answer = r.answer
+        if not answer.width or answer.low is None or answer.high is None:
             above.append(0.0)
             below.append(0.0)
         else:
-            scale = length / f.d
-            above.append(scale * (f.high - f.d))
-            below.append(scale * (f.d - f.low))
+            scale = length / answer.width
+            above.append(scale * (answer.high - answer.width))
+            below.append(scale * (answer.width - answer.low))
     return {"type": "data", "array": above, "arrayminus": below, "color": INK, "thickness": 1.4, "width": 5}
 
 
@@ -686,7 +694,7 @@ def _detections(figure: go.Figure, result: Result, row: int) -> None:
     """Add the panel of detections: a point each, the displayed estimate as a step line, the acceptable as a level."""
     h = result.half_periods
     unit = _plain(words.op_unit(result))
-    span = words.span_width(result)
+    span = result.span
     accepted = _thinned(np.flatnonzero(np.asarray(h.reason) == 0), np.asarray(h.d))
     figure.update_yaxes(title_text=f"d [{unit}]", rangemode="tozero", row=row, col=1)
     time = _time(result, np.asarray(h.t_end)[accepted])
@@ -723,14 +731,31 @@ def _detections(figure: go.Figure, result: Result, row: int) -> None:
                 "color": INK,
                 "width": 1.6,
                 "shape": "hv",
-                "dash": "2px,3px" if result.verdict == "provisional" else "solid",
+                "dash": "2px,3px" if result.crossings == "provisional" else "solid",
             },
-            name="estimate, provisional" if result.verdict == "provisional" else "estimate",
+            name=_estimate(result),
             **hover("estimate", np.append(d_hat, d_hat[-1])),
         ),
         row=row,
         col=1,
     )
+    answer = result.answer
+    if answer.low is not None and answer.high is not None:
+        ends = [time[0], float(np.maximum(end, time[-1])[0])]
+        figure.add_trace(
+            go.Scatter(
+                x=[*ends, *reversed(ends)],
+                y=[answer.high] * 2 + [answer.low] * 2,
+                mode="lines",
+                line={"width": 0},
+                fill="toself",
+                fillcolor="rgba(0, 135, 94, 0.18)",
+                name="not excluded by OP and PV",
+                hoverinfo="skip",
+            ),
+            row=row,
+            col=1,
+        )
     limit = result.loop.acceptable_dead_band
     if limit is not None and span is not None:
         figure.add_trace(
@@ -745,6 +770,13 @@ def _detections(figure: go.Figure, result: Result, row: int) -> None:
             row=row,
             col=1,
         )
+
+
+def _estimate(result: Result) -> str:
+    """Name the line of the crossings' estimate."""
+    if result.answer.struck is not None:
+        return "estimate, struck"
+    return "estimate, provisional" if result.crossings == "provisional" else "estimate"
 
 
 def _thinned(indices: NDArray[np.intp], values: NDArray[np.float64]) -> NDArray[np.intp]:

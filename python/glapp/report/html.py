@@ -131,8 +131,8 @@ def _page(title: str, parts: Iterable[str]) -> str:
 def _header(title: str, order: Sequence[Result]) -> str:
     loops = words.count(len(order), "loop")
     tiles = "".join(
-        f'<div class="tile {name}"><dt>{label}</dt><dd>{sum(words.finding(r) == name for r in order)}</dd></div>'
-        for name, label in words.FINDINGS.items()
+        f'<div class="tile {name}"><dt>{label}</dt><dd>{sum(r.answer.valve == name for r in order)}</dd></div>'
+        for name, label in words.VALVES.items()
     )
     written = f"Written {datetime.now():%Y-%m-%d %H:%M} by glapp {version('glapp')}"
     return (
@@ -150,29 +150,29 @@ def _overview(order: Sequence[Result], links: Sequence[str]) -> str:
         ("Loop", ""),
         ("Valve", ""),
         ("Gap (95 %)", "n"),
-        ("Crossings", ""),
-        ("Their d̂", "n"),
-        ("Detections", "n"),
-        ("Most frequent reasons", ""),
-        ("Quality", ""),
         ("What to do", ""),
+        ("How soon", ""),
+        ("Quality", ""),
+        ("A PLC would show", "n"),
+        ("Detections", "n"),
+        ("Rejected as", ""),
     )
     rows = []
     for i, (r, link) in enumerate(zip(order, links, strict=True)):
         reasons = ", ".join(f"{words.REASONS[name].label} {n}" for name, n in words.ranked_reasons(r)[:2])
-        if r.d_hat is None and (r.verdict == "refused" or r.detections or not reasons):
+        if r.d_hat is None and (r.crossings == "refused" or r.detections or not reasons):
             reasons = r.reason or ""
         cells = (
-            str(i + 1) if words.headline(r) else "–",
+            "–" if r.width is None else str(i + 1),
             f'<a href="{escape(link)}">{_breakable(r.name)}</a>',
-            "–" if r.fit is None else escape(words.FIT_VERDICTS[r.fit.verdict]),
-            escape(words.fitted_width(r)).replace(" to ", "&nbsp;to&nbsp;"),
             _badge(r),
-            escape(words.quantity(r.d_hat, words.op_unit(r))),
+            escape(words.headline(r) or "–").replace(" to ", "&nbsp;to&nbsp;"),
+            escape(words.next_step(r)),
+            words.URGENCIES[r.answer.urgency],
+            _quality_cell(r),
+            escape(words.crossing(r)),
             f"{r.detections} of {r.total_half_periods}",
             escape(reasons or "–"),
-            _quality_cell(r),
-            escape(words.next_step(r)),
         )
         rows.append(
             "<tr>"
@@ -184,7 +184,7 @@ def _overview(order: Sequence[Result], links: Sequence[str]) -> str:
         )
     heads = "".join(f'<th scope="col" class="{style}">{escape(label)}</th>' for label, style in head)
     picture = ""
-    if any(words.shown_width(r) is not None for r in order):
+    if any(r.width is not None for r in order):
         figure = figures.overview_figure(order)
         picture = _figure(
             "overview", "overview", figure, "Bars: dead band of each loop with its interval, widest first"
@@ -225,16 +225,16 @@ def _loop(key: str, r: Result) -> str:
             drawn["trend"] = trend_figure(r)
         fitted = _fit(key, r, drawn)
     width = escape(words.headline(r))
-    lead, *told = words.verdict(r)
-    basis = "".join(f"<p>{escape(text)}</p>" for text in told)
-    # Where the fit tells, it has said what to do.
-    todo = "" if words.fit_tells(r) else f'<p class="action"><b>What to do</b> {escape(words.action(r))}</p>'
+    crossings = words.verdict(r)
+    answered, footnote = crossings, ""
+    if r.answer.evidence is not None:
+        answered = [words.lead(r), words.why(r)]
+        footnote = f"<h3>What a PLC would show, from zero crossings</h3>{_told(crossings)}"
+    todo = f'<p class="action"><b>What to do</b> {escape(words.next_step(r))}</p>'
     return (
         f'<section class="loop" id="{key}"><details>'
         f'<summary><h2>{_breakable(r.name)}</h2><span class="width">{width}</span>{_badge(r)}</summary>'
-        f"{fitted}"
-        f'<div class="verdict"><p class="lead">{escape(lead).replace(name, _breakable(r.name))}</p>{basis}'
-        f"{todo}</div>"
+        f"{_told(answered, todo)}{fitted}{footnote}"
         f"{_facts(r)}{plots}"
         f'<div class="columns">{_reasons(r)}{_quality(r)}</div>{_settings(r)}'
         f'<div class="columns">{_identification(r)}{phase}</div>'
@@ -244,15 +244,19 @@ def _loop(key: str, r: Result) -> str:
     )
 
 
+def _told(paragraphs: Sequence[str], todo: str = "") -> str:
+    """Write paragraphs, the first of them large, and what to do."""
+    lead, *more = (escape(text) for text in paragraphs)
+    return f'<div class="verdict"><p class="lead">{lead}</p>{"".join(f"<p>{text}</p>" for text in more)}{todo}</div>'
+
+
 def _fit(key: str, r: Result, drawn: Mapping[str, go.Figure]) -> str:
-    """Tell the fit of OP and PV: the verdict in plain words, its picture, and the process that came with it."""
+    """Show the fit of OP and PV: its picture, its numbers, and the process that came with it."""
     f = r.fit
     assert f is not None
-    lead, reason, do = words.fit_verdict(r)
-    told = (
-        f'<div class="verdict"><p class="lead">{escape(lead)}</p><p>{escape(reason)}</p>'
-        f'<p class="action"><b>What to do</b> {escape(do)}</p></div>'
-    )
+    told = f"<p>{escape(words.sentence(f.reason))}</p>"
+    if r.answer.evidence is not None:
+        told = f'<details class="numbers"><summary>The numbers</summary>{told}</details>'
     picture = table = ""
     if "fit" in drawn:
         picture = _figure(key, "fit", drawn["fit"], f"{r.name}: likelihood over the width, model beside PV, residual")
@@ -290,12 +294,12 @@ def _fit(key: str, r: Result, drawn: Mapping[str, go.Figure]) -> str:
             '<th scope="col">Process</th><th scope="col" class="n">Value</th>'
             f'<th scope="col" class="n">95 % interval</th></tr></thead><tbody>{body}</tbody></table>'
         )
-    return f"<section><h3>The gap from OP and PV</h3>{told}{picture}{table}</section><h3>From zero crossings</h3>"
+    return f"<section><h3>The gap from OP and PV</h3>{told}{picture}{table}</section>"
 
 
 def _analysed(r: Result) -> bool:
     """Tell a loop that was looked at from one that was refused before: of the latter no absence means anything."""
-    return r.verdict != "refused" or r.total_half_periods > 0
+    return r.crossings != "refused" or r.total_half_periods > 0
 
 
 def _facts(r: Result) -> str:
@@ -486,9 +490,14 @@ def _explanations() -> str:
         for name, reason in words.REASONS.items()
     )
     verdicts = (
-        ("Estimate", "at least N detections stand behind the width."),
-        ("Provisional", "fewer than N detections; the width may still move."),
-        ("No estimate", "the loop was analysed, but no half-period was fit to measure on."),
+        ("Backlash, stiction, both", "OP and PV show a lost motion, with a 95 % interval of its width."),
+        ("At least", "they show one, and only how wide it is at least."),
+        ("Sound", "no gap wider than the limit: with 95 % confidence, of a hundred such limits five are too low."),
+        ("Oscillation", "the loop swings in a clean sinusoid, which is not its valve's doing."),
+        ("Cannot tell", "OP and PV fit with a gap and without one."),
+        ("Estimate", "nothing was fitted; at least N detections stand behind the width."),
+        ("Provisional", "nothing was fitted; fewer than N detections; the width may still move."),
+        ("No estimate", "nothing was fitted, and no half-period was fit to measure on."),
         ("Refused", "data or settings do not allow an analysis; the reason is named."),
     )
     told = "".join(f"<div><dt>{label}</dt><dd>{text}</dd></div>" for label, text in verdicts)
@@ -497,7 +506,7 @@ def _explanations() -> str:
         f"<ul>{limits}</ul>"
         "<p>A half-period is the time between two crossings of PV through SP. Δt is its length, Δy the mean distance "
         "of PV from SP in it, e_max the largest. The detector judges each by these tests, in this order:</p>"
-        f'<dl class="terms">{reasons}</dl><p>A loop ends in one of four verdicts:</p>'
+        f'<dl class="terms">{reasons}</dl><p>A loop ends in one verdict:</p>'
         f'<dl class="terms">{told}</dl></section>'
     )
 

@@ -75,30 +75,71 @@ REASONS: dict[str, Reason] = {
 
 NAMES = tuple(REASONS)
 
+#: The one verdict of a loop. The last four are those of the zero crossings, where nothing was fitted.
 VERDICTS: dict[str, str] = {
+    "backlash": "Backlash",
+    "stiction": "Stiction",
+    "both": "Backlash and stiction",
+    "at_least": "At least",
+    "oscillation": "Oscillation",
+    "sound": "Sound",
+    "cannot_tell": "Cannot tell",
     "estimate": "Estimate",
     "provisional": "Provisional",
     "no_estimate": "No estimate",
     "refused": "Refused",
 }
 
-#: What the fit of OP and PV found, as a table shows it.
-FIT_VERDICTS: dict[str, str] = {
-    "backlash": "backlash",
-    "stiction": "stiction",
-    "both": "backlash and stiction",
-    "oscillation": "oscillation",
-    "sound": "sound",
-    "at_least": "at least",
-    "cannot_tell": "cannot tell",
-}
-
-#: What is known of a valve, by the fit of OP and PV, or by the zero crossings where there is no fit.
-FINDINGS: dict[str, str] = {
+#: What is known of a valve.
+VALVES: dict[str, str] = {
     "gap": "Gap found",
     "no_gap": "No gap shown",
     "unknown": "Cannot tell",
     "refused": "Refused",
+}
+
+#: How soon something is to be done.
+URGENCIES: dict[str, str] = {
+    "high": "First",
+    "medium": "Next round",
+    "low": "When there is time",
+    "none": "Nothing now",
+}
+
+#: How strongly a recording speaks for a gap.
+EVIDENCE: dict[str, str] = {"none": "none", "weak": "weak", "strong": "strong", "very_strong": "very strong"}
+
+#: What to do next by its code, and in a word or two for a table; what it is about may have another sentence.
+NEXT: dict[str, tuple[str, str]] = {
+    "correct": ("Correct what is named, then analyse again.", "correct"),
+    "inspect play": (
+        "Look for play in linkage, keys and actuator; confirm with a step test before work is ordered.",
+        "inspect",
+    ),
+    "inspect packing": ("Look at the packing, the seat and the air supply; confirm with a step test.", "inspect"),
+    "inspect both": ("Look for play in the linkage and at the packing; confirm with a step test.", "inspect"),
+    "further": (
+        "Record while OP moves further, or make a step test, to learn how much it is.",
+        "record, OP further",
+    ),
+    "record_more": ("Record for longer, while OP moves further, or make a step test in manual.", "record more"),
+    "tuning": ("Look at the tuning, or for a disturbance from elsewhere.", "look at tuning"),
+    "nothing": ("Nothing now.", "nothing"),
+    "review": ("Nothing now. Analyse again at the next review.", "nothing"),
+    "confirm": (
+        "Confirm with a step test in manual, then plan work on valve, linkage and positioner.",
+        "step test",
+    ),
+    "compare": (
+        "Compare with what this valve may have. Confirm with a step test before work is ordered.",
+        "compare",
+    ),
+    "record_longer": ("Record for longer, then analyse again.", "record more"),
+    "probably_too_wide": (
+        "Probably too wide. Record for longer, or confirm with a step test in manual.",
+        "record more",
+    ),
+    "step_test": ("Nothing on this evidence. A step test in manual tells of the valve.", "step test"),
 }
 
 #: What the method is and is not; stands once in every report.
@@ -191,34 +232,18 @@ def op_unit(result: Result | Bump) -> str:
     return "%OP" if result.unit == "%" else result.unit
 
 
-def span_width(result: Result) -> float | None:
-    """Tell the width of OP's span [OP unit], None where it is not known; a loop in % without a given span has 100."""
-    if result.loop.op_span is not None:
-        return result.loop.op_span[1] - result.loop.op_span[0]
-    return 100.0 if result.unit == "%" else None
-
-
-def shown_width(result: Result) -> tuple[float, float | None] | None:
-    """Tell the one width that lists rank by and the overview draws [OP unit, % of span where it is known].
-
-    The fitted one, or its lower bound where that is all; else that of the zero crossings; None where there is neither.
-    """
-    f = result.fit
-    if f is not None and f.found and (width := f.low if f.verdict == "at_least" else f.d) is not None:
-        span = span_width(result)
-        return width, None if span is None else 100.0 * width / span
-    return None if result.d_hat is None else (result.d_hat, result.d_hat_percent_span)
-
-
 def ranked(results: Sequence[Result]) -> list[Result]:
-    """Order results as every list shows them: widest in % of span first, then widths in OP units, then the rest."""
+    """Order results as every list shows them: gaps, widest first, then what cannot be told, sound valves, refusals.
+
+    Widths in % of span come before widths in OP units, which cannot be compared with them.
+    """
 
     def key(r: Result) -> tuple[int, float]:
-        shown = shown_width(r)
-        if shown is None:
-            return (3 if r.verdict == "refused" and (r.fit is None or r.fit.d is None) else 2, 0.0)
-        width, percent = shown
-        return (1, -width) if percent is None else (0, -percent)
+        answer = r.answer
+        if answer.width is None:
+            return (2 + ("gap", "unknown", "no_gap", "refused").index(answer.valve), 0.0)
+        percent = answer.width_percent_span
+        return (1, -answer.width) if percent is None else (0, -percent)
 
     return sorted(results, key=key)
 
@@ -228,78 +253,108 @@ def ranked_reasons(result: Result) -> list[tuple[str, int]]:
     return sorted(((name, n) for name, n in result.reasons.items() if n), key=lambda pair: -pair[1])
 
 
-def fitted_width(result: Result) -> str:
-    """Write the fitted width with its interval in OP units, or the bound, or a dash."""
-    f, unit = result.fit, op_unit(result)
-    if f is None or f.d is None or f.verdict == "oscillation":
-        return "–"
-    if f.verdict == "at_least":
-        return f"> {quantity(f.low, unit)}"
-    if f.verdict == "sound":
-        return f"< {quantity(f.high, unit)}"
-    if f.verdict == "cannot_tell":
-        return "–"
-    return f"{quantity(f.d, unit)} ({number(f.low)} to {number(f.high)})"
-
-
 def headline(result: Result) -> str:
-    """Write the one width that a list shows: the fitted one, else that of the zero crossings, else nothing."""
-    if result.fit is not None and result.fit.found:
-        return fitted_width(result)
-    return width(result) if result.d_hat is not None else ""
+    """Write the one width that a list shows, with its interval if it has one; empty where nothing is known of it."""
+    answer, unit = result.answer, op_unit(result)
+    if answer.low is None and answer.high is None:
+        return "" if answer.width is None else width(result)
+    if answer.verdict == "at_least":
+        return f"> {quantity(answer.low, unit)}"
+    if answer.verdict == "sound":
+        return f"< {quantity(answer.high, unit)}"
+    if answer.width is None:
+        return f"{number(answer.low)} to {quantity(answer.high, unit)}"
+    return f"{quantity(answer.width, unit)} ({number(answer.low)} to {number(answer.high)})"
 
 
-def fit_verdict(result: Result) -> list[str]:
-    """Tell the fit in one paragraph for the person who plans the maintenance, and what to do."""
-    f, unit = result.fit, op_unit(result)
-    assert f is not None
-    percent = span_width(result)
-    span = "" if percent is None or unit == "%OP" else f", {quantity(100 * (f.d or 0) / percent, '% of span')}"
-    interval = f"between {number(f.low)} and {quantity(f.high, unit)} with 95 % confidence"
-    name = result.name
-    match f.verdict:
+def crossing(result: Result) -> str:
+    """Write the width that a PLC would show, marked where it is struck."""
+    text = quantity(result.d_hat, op_unit(result))
+    return text if result.answer.struck is None else f"{text}, struck"
+
+
+def struck(result: Result) -> str:
+    """Say why the crossings' width does not stand beside the fit; empty where it does."""
+    why, unit = result.answer.struck, op_unit(result)
+    if why is None:
+        return ""
+    d_hat, limit = quantity(result.d_hat, unit), quantity(why.limit, unit)
+    because = {
+        "above": f"OP and PV exclude more than {limit}. A load that moves looks like a wider gap to the crossings",
+        "below": f"OP and PV exclude less than {limit}. Half-periods that do not cross the whole gap read low",
+        "sound": f"OP and PV show no gap wider than {limit}. Noise and a moving load look like one to the crossings",
+    }[why.code]
+    return f"The {d_hat} of the zero crossings is struck: {because}."
+
+
+def lead(result: Result) -> str:
+    """Tell the one answer in a sentence for the person who plans the maintenance."""
+    answer, unit, name = result.answer, op_unit(result), result.name
+    span = ""
+    if answer.width_percent_span is not None and unit != "%OP":
+        span = f", {quantity(answer.width_percent_span, '% of span')}"
+    interval = f"between {number(answer.low)} and {quantity(answer.high, unit)} with 95 % confidence"
+    jump = quantity(None if result.fit is None else result.fit.jump, unit)
+    match answer.verdict:
         case "backlash":
-            lead = f"The valve of {name} has a gap of {quantity(f.d, unit)}{span}, {interval}."
-            do = "Look for play in linkage, keys and actuator; confirm with a step test before work is ordered."
+            text = f"The valve of {name} has a gap of {quantity(answer.width, unit)}{span}, {interval}."
         case "stiction":
-            lead = f"The valve of {name} sticks, then jumps by {quantity(f.jump, unit)}."
-            do = "Look at the packing, the seat and the air supply; confirm with a step test."
+            text = f"The valve of {name} sticks, then jumps by {jump}."
         case "both":
-            lead = (
-                f"The valve of {name} loses {quantity(f.d, unit)}{span} at each reversal, {interval}, and jumps by "
-                f"{quantity(f.jump, unit)} when it breaks loose."
+            text = (
+                f"The valve of {name} loses {quantity(answer.width, unit)}{span} at each reversal, {interval}, and "
+                f"jumps by {jump} when it breaks loose."
             )
-            do = "Look for play in the linkage and at the packing; confirm with a step test."
         case "at_least":
-            lead = f"The valve of {name} loses at least {quantity(f.low, unit)} at each reversal."
-            do = "Record while OP moves further, or make a step test, to learn how much it is."
+            text = f"The valve of {name} loses at least {quantity(answer.low, unit)} at each reversal."
         case "sound":
-            lead = f"The valve of {name} shows no gap wider than {quantity(f.high, unit)}."
-            do = "Nothing now."
+            text = f"The valve of {name} shows no gap wider than {quantity(answer.high, unit)}."
         case "oscillation":
-            lead = f"{name} swings in a clean sinusoid: not for its valve. A gap beside it does not show."
-            do = "Look at the tuning, or for a disturbance from elsewhere."
+            text = f"{name} swings in a clean sinusoid: not for its valve. A gap beside it does not show."
+        case "cannot_tell":
+            text = f"OP and PV of {name} do not tell whether there is a gap."
         case _:
-            lead = f"OP and PV of {name} do not tell whether there is a gap."
-            do = "Record for longer, while OP moves further, or make a step test in manual."
-    if f.trend is not None and f.trend.changes:
+            return verdict(result)[0]
+    f = result.fit
+    if f is not None and f.trend is not None and f.trend.changes:
         now = "has grown to this" if f.trend.slope > 0 else "has shrunk to this"
-        lead = f"{lead} It {now} in {duration(f.trend.t[1] - f.trend.t[0])}."
-    return [lead, _sentence(f.reason[0].upper() + f.reason[1:]), _by_the_limit(result, do)]
+        text = f"{text} It {now} in {duration(f.trend.t[1] - f.trend.t[0])}."
+    return text
 
 
-def _by_the_limit(result: Result, do: str) -> str:
-    """Weigh what to do about a fitted width by what is acceptable for the loop, where that is known."""
-    f, span, limit = result.fit, span_width(result), result.loop.acceptable_dead_band
-    assert f is not None
-    if not f.found or f.low is None or span is None or limit is None:
+def why(result: Result) -> str:
+    """Tell in a sentence what the one answer stands on, without the numbers of the likelihood."""
+    answer, f = result.answer, result.fit
+    if f is None or answer.evidence is None:
+        return sentence(result.reason)
+    if answer.verdict == "cannot_tell" and answer.high is not None:
+        unit = op_unit(result)
+        return f"The data fit any gap from {number(answer.low)} to {quantity(answer.high, unit)}."
+    if f.found:
+        return f"Evidence for a gap: {EVIDENCE[answer.evidence]}."
+    return sentence(f.reason)
+
+
+def next_step(result: Result) -> str:
+    """Say in one or two sentences what to do next."""
+    answer, limit = result.answer, result.loop.acceptable_dead_band
+    code, of = answer.next.code, answer.next.of
+    if code == "remedy":
+        assert of is not None
+        return REASONS[of].remedy
+    do, _ = NEXT[code if of is None else f"{code} {of}"]
+    if answer.low is None or answer.acceptable in (None, "open"):
         return do
     acceptable = f"what is acceptable here, {number(limit)} % of span"
-    if too_wide(result, 100 * f.low / span):
-        return f"It is more than {acceptable}. {do}"
-    if f.high is not None and not too_wide(result, 100 * f.high / span):
+    if answer.acceptable == "within":
         return f"Nothing now: all of it is within {acceptable}. Analyse again at the next review."
-    return do
+    return f"It is more than {acceptable}. {do}"
+
+
+def todo(result: Result) -> str:
+    """Say the same in a word or two."""
+    code, of = result.answer.next.code, result.answer.next.of
+    return "step test" if code == "remedy" else NEXT[code if of is None else f"{code} {of}"][1]
 
 
 def width(result: Result) -> str:
@@ -316,39 +371,38 @@ FEW = 3
 
 
 def exceeds(result: Result) -> bool | None:
-    """Tell whether the estimate is wider than what the loop file calls acceptable; None where that cannot be said."""
-    return too_wide(result, result.d_hat_percent_span)
-
-
-def too_wide(result: Result, percent: float | None) -> bool | None:
-    """Tell the same of any width of that loop [% of span]."""
-    limit = result.loop.acceptable_dead_band
+    """Tell whether d̂ is wider than what the loop file calls acceptable; None where that cannot be said."""
+    limit, percent = result.loop.acceptable_dead_band, result.d_hat_percent_span
     return None if limit is None or percent is None else bool(percent > limit)
 
 
 def verdict(result: Result) -> list[str]:
-    """Tell one result in paragraphs: what was found, on what it stands, what was rejected, what it does not say."""
+    """Tell the zero crossings in paragraphs: what they give, on what it stands, what they reject, and do not say."""
     halves = count(result.total_half_periods, "half-period")
-    if result.verdict == "refused":
-        return [f"{result.name} was not analysed.", _sentence(result.reason)]
+    if result.crossings == "refused":
+        fitted = result.verdict != "refused"
+        lead = f"The zero crossings of {result.name} say nothing." if fitted else f"{result.name} was not analysed."
+        return [lead, sentence(result.reason)]
     basis: list[str] = []
     if result.d_hat is None:
         finding = f"No dead band could be estimated for {result.name}."
-        basis.append(_sentence(result.reason))
+        basis.append(sentence(result.reason))
         if not result.detections:
             basis.append("This does not show that the valve is sound.")
     else:
         percent = result.d_hat_percent_span
         lost = quantity(percent, "% of OP span") if percent is not None else quantity(result.d_hat, op_unit(result))
         in_units = "" if percent is None or result.unit == "%" else f" ({quantity(result.d_hat, op_unit(result))})"
-        verb = "appears to lose" if result.verdict == "provisional" else "loses"
+        verb = "appears to lose" if result.crossings == "provisional" else "loses"
         finding = f"The valve of {result.name} {verb} {lost}{in_units} at each reversal."
-        if result.detections < FEW:
+        if result.answer.evidence is not None:
+            finding = f"A PLC would show {lost}{in_units}."
+        elif result.detections < FEW:
             finding = f"Too few detections to judge the valve of {result.name}: they read {lost}{in_units}."
-        if exceeds(result) is False:
+        elif exceeds(result) is False:
             finding = f"The dead band of {result.name} reads {lost}{in_units}, within what is acceptable."
         basis.append(f"This comes from {count(result.detections, 'detection')} in {halves}.")
-        if result.verdict == "provisional":
+        if result.crossings == "provisional":
             basis.append(
                 f"It is provisional: fewer than {result.settings.n} detections stand behind it, and it may still move."
             )
@@ -373,6 +427,8 @@ def verdict(result: Result) -> list[str]:
             basis.append(
                 f"The positioner's own dead band is set to {quantity(positioner.dead_band, '%')}, which is part of it."
             )
+    if result.answer.struck is not None:
+        finding, basis = struck(result), basis[:1]
     paragraphs = [finding, " ".join(filter(None, basis))]
     ranked = ranked_reasons(result)
     if ranked:
@@ -381,7 +437,7 @@ def verdict(result: Result) -> list[str]:
             f"The most frequent reason for rejection was “{REASONS[name].label}” ({n} of {halves}): "
             f"{REASONS[name].meaning}."
         )
-    if result.d_hat is not None:
+    if result.d_hat is not None and result.answer.struck is None:
         paragraphs.append(
             "Load changes can make the width read too high, so that even a sound valve shows a per cent or two; small "
             "movements can make it read too low; stiction looks the same. A step test in manual settles it."
@@ -404,52 +460,6 @@ def corrected(result: Result) -> str:
         f"With its known bias taken out it reads {quantity(c.d, unit)} ({number(c.low)} to {number(c.high)}){gain}: "
         f"from {how} in {count(c.pairs, 'pair')} of half-periods."
     )
-
-
-def finding(result: Result) -> str:
-    """Name what is known of the valve, one of `FINDINGS`."""
-    if result.verdict == "refused":
-        return "refused"
-    if result.fit is None:
-        return "gap" if result.d_hat is not None else "unknown"
-    if not fit_tells(result):
-        return "unknown"
-    return "gap" if result.fit.found else "no_gap"
-
-
-def fit_tells(result: Result) -> bool:
-    """Whether the fit of OP and PV says something of the valve."""
-    return result.verdict != "refused" and result.fit is not None and result.fit.verdict != "cannot_tell"
-
-
-def next_step(result: Result) -> str:
-    """Say in one or two sentences what to do next: by the fit where it tells, else by the zero crossings."""
-    return fit_verdict(result)[-1] if fit_tells(result) else action(result)
-
-
-def action(result: Result) -> str:
-    """Say in one or two sentences what to do next by what the zero crossings tell."""
-    if result.verdict == "refused":
-        return "Correct what is named, then analyse again."
-    if result.verdict == "no_estimate":
-        ranked = ranked_reasons(result)
-        if result.detections:
-            return "Nothing on this evidence. A step test in manual tells of the valve."
-        if not ranked:
-            return "Record for longer, or while the load moves slowly."
-        return REASONS[ranked[0][0]].remedy
-    wide = exceeds(result)
-    if result.verdict == "provisional":
-        return (
-            "Probably too wide. Record for longer, or confirm with a step test in manual."
-            if wide
-            else "Record for longer, then analyse again."
-        )
-    if wide:
-        return "Confirm with a step test in manual, then plan work on valve, linkage and positioner."
-    if wide is None:
-        return "Compare with what this valve may have. Confirm with a step test before work is ordered."
-    return "Nothing now. Analyse again at the next review."
 
 
 def comparisons(result: Result, i: int) -> list[tuple[str, bool | None]]:
@@ -503,7 +513,7 @@ def failures(mask: int) -> Sequence[str]:
     return [name for bit, name in enumerate(NAMES[1:]) if mask >> bit & 1]
 
 
-def _sentence(text: str | None) -> str:
+def sentence(text: str | None) -> str:
     """Make a reason a sentence: full stop, and a capital letter unless it starts with a file, a tag or a symbol."""
     if not text:
         return ""

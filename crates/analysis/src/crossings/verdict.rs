@@ -5,7 +5,7 @@ use crate::quality::{Fault, Finding, Severity};
 use serde::{Deserialize, Serialize};
 
 /// What may be said.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
     /// N detections or more stand behind a width.
@@ -13,6 +13,7 @@ pub enum Verdict {
     /// Fewer do.
     Provisional,
     /// There is no width.
+    #[default]
     NoEstimate,
     /// Data or settings allow none.
     Refused,

@@ -5,7 +5,7 @@ use crate::{HalfPeriod, ParameterError, Real, Width, WidthParts, error::require}
 
 /// Why a half-period was rejected, in the fixed order in which the first reason is named.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
 #[repr(u8)]
 pub enum Reason {
     /// It was not rejected.

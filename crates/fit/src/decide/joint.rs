@@ -353,6 +353,7 @@ fn joint_width(curves: &mut [Curve]) -> Together {
         periodic_load: many(|e| e.periodic_load),
         even_swing: many(|e| e.even_swing),
         drawn: hidden[hidden.len() / 2],
+        hidden: curves.iter().find_map(|c| c.fitted.evidence.hidden).filter(|_| many(|e| e.hidden.is_some())),
         dissent: 3 * curves.iter().filter(|c| c.fitted.evidence.dissent).count() > curves.len(),
     };
     let (verdict, reason) =

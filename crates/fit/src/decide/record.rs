@@ -229,7 +229,8 @@ pub(crate) fn fit_record(record: &Cells, seeds: &[Theta], h: f64, bow: f64, prob
     let echo = echo(&residual);
     let reaches = |lost: &LostMotion| record.reach(lost);
     let at_low = if low > 0.0 { reaches(&LostMotion { d: low, ..best.lost.clone() }) / low } else { 1.0 };
-    let fast = search.structure.settles(&best.theta) * (record.cell as f64) < SAMPLES_IN_LAG;
+    let settles = search.structure.settles(&best.theta) * (record.cell as f64);
+    let fast = settles < SAMPLES_IN_LAG;
     let slowly = best.lost.d >= SAMPLES_IN_GAP * record.travel();
     // PV stands still while OP goes through the gap: no load follows OP so closely, unless most of each swing is lost.
     let dwells = fast && slowly && lr_no_gap > GAP_IF_SELDOM && 2.0 * best.lost.d < record.range;
@@ -258,6 +259,7 @@ pub(crate) fn fit_record(record: &Cells, seeds: &[Theta], h: f64, bow: f64, prob
         dissent: dissent || !certain,
         periodic_load: repeats,
         even_swing: lr_no_gap < GAP_IF_EVEN_SWING && !dwells && swings_evenly(&record, best.lost.d, lag_steps),
+        hidden: hidden(settles, search.structure.lag(&best.theta), record.count as f64, traversals, record.changes()),
         drawn: DRAWN * bow / best.kp.abs().max(1e-300),
     };
     let (verdict, reason) = judge(&evidence);

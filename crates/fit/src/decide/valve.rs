@@ -370,6 +370,7 @@ fn shared_width(members: &mut [Member], d: f64, here: &[Vec<f64>], gives: &mut [
         periodic_load: many(|e| e.periodic_load),
         even_swing: false,
         drawn: hidden[hidden.len() / 2],
+        hidden: members.iter().find_map(|m| m.curve.fitted.evidence.hidden).filter(|_| many(|e| e.hidden.is_some())),
         dissent: 3 * members.iter().filter(|m| m.curve.fitted.evidence.dissent).count() > members.len(),
     };
     let disagree = dispersion > DISAGREE;

@@ -53,6 +53,8 @@ pub(crate) struct Evidence {
     pub(crate) drawn: f64,
     /// Whether a family that predicts nearly as well as the best sees a gap.
     pub(crate) dissent: bool,
+    /// Why a PV that answers each turn of OP is no evidence of a sound valve, where it is none.
+    pub(crate) hidden: Option<&'static str>,
 }
 
 impl Evidence {
@@ -75,9 +77,10 @@ pub(crate) fn judge(e: &Evidence) -> (Verdict, &'static str) {
             return (Verdict::CannotTell, "repeats");
         }
         return match e.high {
-            Some(high) if e.low <= 0.0 && high < SOUND_BELOW * e.range && !e.dissent => match high < e.drawn {
-                true => (Verdict::CannotTell, "lined"),
-                false => (Verdict::Sound, "no_gap"),
+            Some(high) if e.low <= 0.0 && high < SOUND_BELOW * e.range && !e.dissent => match e.hidden {
+                _ if high < e.drawn => (Verdict::CannotTell, "lined"),
+                Some(why) => (Verdict::CannotTell, why),
+                None => (Verdict::Sound, "no_gap"),
             },
             _ => (Verdict::CannotTell, "may_be_a_gap"),
         };
@@ -120,6 +123,20 @@ pub(crate) fn often(lr_no_gap: f64, low: [usize; 2], d: [usize; 2]) -> bool {
     let least = if lr_no_gap > GAP_IF_CLEAR { CYCLES_IF_CLEAR } else { CYCLES };
     // At the most likely width the count may be one too many.
     low.iter().all(|n| *n >= least) && d.iter().all(|n| *n > least)
+}
+
+/// What may hide a gap from a process that settles in so many steps and lags by so many, in a record of `steps` in which OP went through
+/// the most likely width so often and so many steps or bends of the load are marked.
+pub(crate) fn hidden(settles: f64, lag: f64, steps: f64, [up, down]: [usize; 2], marks: usize) -> Option<&'static str> {
+    if settles < SAMPLES_IN_LAG_IF_SOUND {
+        Some("hidden_by_samples")
+    } else if lag > steps {
+        Some("hidden_by_lag")
+    } else if marks >= up + down {
+        Some("hidden_by_changes")
+    } else {
+        None
+    }
 }
 
 /// What OP's way through a width asks of the likelihood ratio of no gap; `known`: where a load was found that steps or bends.

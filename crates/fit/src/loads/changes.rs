@@ -28,7 +28,7 @@ impl Load {
         }
     }
 
-    fn of(structure: Structure) -> Self {
+    pub(crate) fn of(structure: Structure) -> Self {
         if matches!(structure.noise, Noise::Lines | Noise::Bends) { Self::Lines } else { Self::Levels }
     }
 
@@ -147,19 +147,49 @@ pub(crate) fn detect_changes(
     let mut tried: Vec<Marked> = tried.into_par_iter().map(|marked| refine(pilot, sign, marked)).collect();
     let none = cheapest(tried.pop().into_iter().chain(known));
     // Nearer widths and jumps with the steps as they are, then the steps once more.
-    let mut best = cheapest(tried);
-    for by in [0.2, 0.1, 0.05] {
+    let best = nearer(pilot, sign, cheapest(tried), [0.2, 0.1, 0.05]);
+    let again = refine(pilot, sign, detect(record, pilot, sign, best.point.theta, &best.point.lost));
+    Some((cheapest([best, again]), none))
+}
+
+/// The same with the width and the jump that cost least with its steps, `by` which part they are moved in turn.
+fn nearer(structure: Structure, sign: f64, marked: Marked, by: [f64; 3]) -> Marked {
+    let mut best = marked;
+    for by in by {
         let LostMotion { d, share, .. } = best.point.lost;
         let nearer = [(1.0 - by, 1.0), (1.0 + by, 1.0), (1.0, 0.75), (1.0, 1.3)].map(|(wider, more)| {
             let lost = LostMotion { d: d * wider, share: (share * more).min(1.0), ..best.point.lost.clone() };
-            let search = Search { record: &best.record, structure: pilot, sign };
+            let search = Search { record: &best.record, structure, sign };
             let point = search.descend(best.point.theta, &lost, 6, 0.1, f64::INFINITY);
-            Marked::new(best.record.clone(), pilot, sign, point)
+            Marked::new(best.record.clone(), structure, sign, point)
         });
         best = cheapest(nearer.into_iter().chain([best]));
     }
-    let again = refine(pilot, sign, detect(record, pilot, sign, best.point.theta, &best.point.lost));
-    Some((cheapest([best, again]), none))
+    best
+}
+
+/// `point` of a record in which steps are marked, with those that go with other widths: steps that were marked beside a wrong
+/// width make up for it, and hold it.
+pub(crate) fn marked_anew(record: &Cells, structure: Structure, sign: f64, point: &Point) -> (Marked, Structure) {
+    let walks = Load::of(structure).noises()[1];
+    let family = Structure { noise: walks, ..structure };
+    let theta = in_family(family, &point.theta);
+    let beside = [0.6, 0.7, 0.8, 0.87, 0.94, 1.06, 1.15, 1.25, 1.4, 1.6];
+    let mut tried: Vec<Marked> = beside
+        .into_par_iter()
+        .map(|part| {
+            let lost = LostMotion { d: part * point.lost.d, ..point.lost.clone() };
+            detect(record, family, sign, theta, &lost)
+        })
+        .collect();
+    tried.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    tried.truncate(3);
+    let followed = tried.into_par_iter().map(|marked| {
+        let best = nearer(family, sign, refine(family, sign, marked), [0.05, 0.025, 0.0125]);
+        let again = refine(family, sign, detect(record, family, sign, best.point.theta, &best.point.lost));
+        cheapest([best, again])
+    });
+    (cheapest(followed.collect::<Vec<_>>()), family)
 }
 
 /// The best without a lost motion and the best with one, after the bends of a few beginnings were put where they pay most: bends
@@ -208,10 +238,15 @@ pub(crate) fn choose_family(record: &Cells, marked: Marked, sign: f64, load: Loa
     }
     // What is left may drift at the output instead.
     let drifts = Structure { noise: Noise::Output, ..family };
-    let mut theta = drifts.beginning(1.0, 0.0);
-    theta[..=family.lags].copy_from_slice(&best.point.theta[..=family.lags]);
-    let other = of(&best.record, drifts, theta, &best.point.lost);
+    let other = of(&best.record, drifts, in_family(drifts, &best.point.theta), &best.point.lost);
     if other.cost < best.cost - 2.0 { (other, drifts) } else { (best, family) }
+}
+
+/// The same process in a family with another disturbance.
+fn in_family(family: Structure, theta: &Theta) -> Theta {
+    let mut other = family.beginning(1.0, 0.0);
+    other[..=family.lags].copy_from_slice(&theta[..=family.lags]);
+    other
 }
 
 /// Whether so many steps are marked that more would be if they might.
@@ -237,34 +272,57 @@ pub(crate) fn plausible(marked: &Marked, structure: Structure, sign: f64) -> boo
     along <= 0.5 * all + ALONG_OP * all.sqrt()
 }
 
+/// Whether each step is clear and wider than the gap, as those of a load that walks must be: what is smaller may be the valve.
+pub(crate) fn all_large(marked: &Marked, structure: Structure, sign: f64) -> bool {
+    let Point { lost, kp, .. } = &marked.point;
+    let (pushes, [variance, scale]) = pushes(marked, structure, sign);
+    let least = WIDER_THAN_GAP * lost.d * kp.abs() * scale;
+    let large = |push: &Push| push.size.abs() > least && push.size * push.size * push.energy > LARGE_STEP * variance;
+    Load::of(structure) == Load::Levels && !pushes.is_empty() && pushes.iter().all(large)
+}
+
 /// Steps that push PV the way in which OP has been pushing it, and all before which OP moved.
 fn along_op(marked: &Marked, structure: Structure, sign: f64) -> (usize, usize) {
+    let (pushes, _) = pushes(marked, structure, sign);
+    let after_op = pushes.iter().filter(|push| push.moved != 0.0);
+    (after_op.clone().filter(|push| push.size * push.moved > 0.0).count(), after_op.count())
+}
+
+/// What a marked step does to PV that nothing else explains.
+struct Push {
+    /// Its size, in the scale of the innovations.
+    size: f64,
+    /// The squares of the answer to a step of 1.
+    energy: f64,
+    /// What OP moved before it, times the process gain.
+    moved: f64,
+}
+
+/// What each marked step does, the variance of the innovations and their scale [1/PV unit].
+fn pushes(marked: &Marked, structure: Structure, sign: f64) -> (Vec<Push>, [f64; 2]) {
     let Marked { record, point, .. } = marked;
     let calm = Structure { noise: Load::of(structure).noises()[1], ..structure };
     let theta = calm_theta(structure, &point.theta);
     let positions = record.positions(&point.lost);
     let answer = Search { record, structure: calm, sign }.answer(&theta, ANSWER);
     let back = (structure.lag(&theta) + theta[structure.dead_time_at()]).clamp(3.0, 30.0) as usize;
-    let (mut along, mut all) = (0, 0);
+    let all = Search { record, structure: calm, sign }.at(&theta, &positions);
+    let mut pushes = Vec::new();
     for (i, stretch) in record.stretches.iter().enumerate() {
         for (j, time) in stretch.changes.iter().enumerate() {
             let time = time.ceil() as usize;
             let moved = stretch.moved(time.saturating_sub(back), time, record.cell) * point.kp;
-            if moved == 0.0 {
-                continue;
-            }
-            // What PV does there that nothing else explains.
             let mut fewer = record.clone();
             fewer.stretches[i].changes.remove(j);
             let residual = Search { record: &fewer, structure: calm, sign }.at(&theta, &positions).lane(0);
             let left = fewer.by_stretch(&residual).swap_remove(i);
             let end = next(&stretch.changes, time).min(time + ANSWER).min(left.len());
             let pushed: f64 = left[time..end].iter().zip(&answer).map(|(r, a)| r * a).sum();
-            all += 1;
-            along += usize::from(pushed * moved > 0.0);
+            let energy: f64 = answer[..end - time].iter().map(|a| a * a).sum();
+            pushes.push(Push { size: pushed / energy.max(1e-300), energy, moved });
         }
     }
-    (along, all)
+    (pushes, [all.sum[0] / record.freedom(), all.scale[0]])
 }
 
 /// The cell of the next step after `cell`.

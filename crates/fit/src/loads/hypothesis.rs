@@ -2,7 +2,9 @@
 
 use crate::data::cells::Cells;
 use crate::decide::thresholds::{ANSWERS, AS_GOOD, BELIEVED, CYCLES, GAP_SEEN};
-use crate::loads::changes::{Load, Marked, choose_family, detect_changes, few, plausible, with_large_steps};
+use crate::loads::changes::{
+    Load, Marked, all_large, choose_family, detect_changes, few, marked_anew, plausible, with_large_steps,
+};
 use crate::model::lost_motion::LostMotion;
 use crate::model::structure::{Noise, Structure, Theta};
 use crate::search::likelihood::{Point, Search};
@@ -54,6 +56,38 @@ impl Hypothesis {
         let cost = least.min(stuck) + price;
         let none = profiles.iter().map(|p| p.penalised() + p.lr_no_gap()).fold(plain, f64::min);
         Self { record, dissent, sticking, sticks_in, cost, without: none + price, profiles }
+    }
+
+    /// From marked steps and the family that goes with them; None where they are not those of a load, or cost more than `rival`.
+    fn with_changes(
+        with: Marked,
+        structure: Structure,
+        load: Load,
+        seeds: &[Theta],
+        sign: f64,
+        rival: f64,
+    ) -> Option<Self> {
+        // The whole profiles may bring a little more.
+        if !few(&with.record, load) || with.cost > rival + 10.0 {
+            return None;
+        }
+        let clue = (structure, with.point);
+        let seeds = [&[structure.as_pilot(&clue.1.theta)], seeds].concat();
+        let looked = screen(&with.record, &seeds, sign, clue.1.lost.d, load);
+        let marked = Self::new(with.record, looked, Some(&clue), sign);
+        let (structure, point) = marked.best();
+        let best = Marked { record: marked.record.clone(), point: point.clone(), cost: marked.cost };
+        (marked.cost <= rival && plausible(&best, structure, sign)).then_some(marked)
+    }
+
+    /// From so few marked steps that each must be larger than the gap, under a load that walks; None where one is not.
+    fn with_large_steps(with: Marked, structure: Structure, seeds: &[Theta], sign: f64, rival: f64) -> Option<Self> {
+        if with.cost > rival + 10.0 || !all_large(&with, structure, sign) {
+            return None;
+        }
+        let seeds = [&[structure.as_pilot(&with.point.theta)], seeds].concat();
+        let looked = screen(&with.record, &seeds, sign, with.point.lost.d, Load::Levels);
+        Some(Self::new(with.record, looked, None, sign)).filter(|marked| marked.cost <= rival)
     }
 
     /// Likelihood ratio of a process that does not answer, in the best family of a gap.
@@ -141,21 +175,26 @@ pub(crate) fn hypotheses(record: &Cells, seeds: &[Theta], sign: f64) -> (Hypothe
         if load == Load::Levels {
             least = least.min(with.cost + price);
         }
-        // The whole profiles may bring a little more.
-        if !few(&with.record, load) || with.cost > rival + 10.0 {
+        let Some(marked) = Hypothesis::with_changes(with, structure, load, seeds, sign, rival) else {
             continue;
-        }
-        let clue = (structure, with.point);
-        let seeds = [&[structure.as_pilot(&clue.1.theta)], seeds].concat();
-        let looked = screen(&with.record, &seeds, sign, clue.1.lost.d, load);
-        let marked = Hypothesis::new(with.record, looked, Some(&clue), sign);
-        let (structure, point) = marked.best();
-        let best = Marked { record: marked.record.clone(), point: point.clone(), cost: marked.cost };
-        if marked.cost > rival || !plausible(&best, structure, sign) {
-            continue;
-        }
+        };
         without = without.min(marked.without).min(none.unwrap_or(without));
         least = least.min(marked.cost);
+        believed = marked;
+    }
+    // A width that was looked at early keeps the steps that make up for it.
+    while believed.record.changes() > 0 && without - believed.cost > GAP_SEEN {
+        let (structure, point) = believed.best();
+        let load = Load::of(structure);
+        let (with, structure) = marked_anew(&believed.record, structure, sign, point);
+        let rival = believed.cost - 2.0;
+        let marked = if few(&with.record, load) {
+            Hypothesis::with_changes(with, structure, load, seeds, sign, rival)
+        } else {
+            Hypothesis::with_large_steps(with, structure, seeds, sign, rival)
+        };
+        let Some(marked) = marked else { break };
+        without = without.min(marked.without);
         believed = marked;
     }
     (believed, without)

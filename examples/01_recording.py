@@ -19,7 +19,7 @@ loop = glapp.Loop(
 )
 result = glapp.analyze(glapp.recording_from(sim.to_arrow(), loop))
 
-print(f"{result.name}: {result.fit.verdict}, a gap of {result.fit.d:.2f} {result.unit}", end=" ")
-print(f"({result.fit.low:.2f} to {result.fit.high:.2f})")
+print(f"{result.name}: {result.verdict}, a gap of {result.width:.2f} {result.unit}", end=" ")
+print(f"({result.answer.low:.2f} to {result.answer.high:.2f})")
 print(f"crossings: d = {result.d_hat:.2f} {result.unit} ({result.detections} detections)")
 print("rejected:", result.reasons)

@@ -585,3 +585,35 @@ def test_figures_are_stored_once_and_can_be_read_back(worn: Result, tmp_path: Pa
     specs = [json.dumps(spec) for spec in stored["arrays"]]
     assert len(specs) == len(set(specs))
     assert len(text.encode()) < 6_500_000
+
+
+def test_crossings_that_contradict_the_fit_are_struck(worn: Result, tmp_path: Path) -> None:
+    """A sound valve once stood in the list with the 1.38 % that its crossings read."""
+    assert worn.d_hat is not None
+    sound = replace(worn, name="sound", fit=Fit("sound", "no gap wider than 0.5 %OP", "%", 0.0, 0.0, 0.5))
+    wide = replace(
+        worn, name="wide", fit=Fit("backlash", "a gap", "%", 0.4 * worn.d_hat, 0.3 * worn.d_hat, 0.5 * worn.d_hat)
+    )
+    agrees = replace(worn, name="agrees", fit=Fit("backlash", "a gap", "%", worn.d_hat, 0.9 * worn.d_hat, worn.d_hat))
+    may = replace(worn, fit=Fit("cannot_tell", "would fit", "%", 0.1, 0.0, 0.4, why="may_be_a_gap"))
+    codes = [r.answer.struck and r.answer.struck.code for r in (sound, wide, agrees, may)]
+    assert codes == ["sound", "above", None, "above"]
+    assert words.headline(sound).startswith("< 0.5") and sound.width is None and sound.verdict == "sound"
+    assert words.headline(may) == "0 to 0.400\xa0%OP"
+    assert words.why(may) == "The data fit any gap from 0 to 0.400\xa0%OP, most likely 0.100\xa0%OP."
+    assert [r.name for r in words.ranked([sound, wide, agrees])] == ["agrees", "wide", "sound"]
+    write_report([sound, wide, agrees], file := tmp_path / "report.html")
+    text = " ".join(parsed(file).text)
+    assert text.count("%OP, struck") == 2 and text.count("of the zero crossings is struck") == 2
+    assert words.number(worn.d_hat) in text, "its number stands beside the reason"
+    assert {trace.name for trace in loop_figure(sound).data} >= {"estimate, struck", "not excluded by OP and PV"}
+    assert "estimate, struck" not in {trace.name for trace in loop_figure(agrees).data}
+
+
+def test_how_strong_the_evidence_is_stands_in_words(worn: Result) -> None:
+    def said(lr: float, verdict: Any = "backlash") -> str:
+        fit = Fit(verdict, "units of 2·ln L", "%", 2.0, 1.5, 3.0, lr_no_gap=lr, lr_needed=40.0)
+        return words.why(replace(worn, fit=fit))
+
+    assert said(41.0) == "Evidence for a gap: strong." and said(90.0) == "Evidence for a gap: very strong."
+    assert said(20.0, "sound") == "Units of 2·ln L.", "a reason of the fit's own"

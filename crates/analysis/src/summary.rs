@@ -14,6 +14,9 @@ const BEYOND: f64 = 1.25;
 /// Evidence is very strong where the likelihood ratio exceeds what it must by this factor, and weak above its inverse.
 const VERY: f64 = 2.0;
 
+/// Words of a fit that cannot tell, and whose upper limit stands: none and a gap up to it fit alike.
+const OPEN: [&str; 2] = ["may_be_a_gap", "families_disagree"];
+
 /// All that the one answer is made of.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -321,8 +324,8 @@ impl FitFacts {
         match self.verdict {
             LostMotion::AtLeast => (self.low, None),
             LostMotion::Sound => (Some(0.0), self.high),
-            // Of the other words the interval is that of a model nobody believes.
-            LostMotion::CannotTell if self.why == "may_be_a_gap" => (self.high.and(Some(0.0)), self.high),
+            // With any other word the interval is that of a model nobody believes.
+            LostMotion::CannotTell if OPEN.contains(&&*self.why) => (self.high.and(Some(0.0)), self.high),
             verdict if verdict.found() => (self.low, self.high),
             _ => (None, None),
         }

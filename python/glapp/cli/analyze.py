@@ -105,17 +105,28 @@ def _show(answers: Sequence[Result | Refused]) -> None:
     for result in results:
         if result.trace is None:  # an error has a line of its own
             continue
-        told = [words.why(result)]
-        if result.answer.struck is not None:
-            told.append(words.struck(result))
-        elif result.answer.evidence is None and result.fit is not None:
-            told.append(result.fit.reason)
-        told += [f.text for f in result.quality if f.severity == "warning" and f.text not in told]
+        told = _told(result)
+        said = " ".join(told).lower()
+        told += [f.text for f in result.quality if f.severity == "warning" and f.text.lower() not in said]
         for text in told[:3]:
             notes.add_row(f"{one_line(result.name)}:", one_line(text))
     if notes.row_count:
         out.print()
         out.print(notes)
+
+
+def _told(result: Result) -> list[str]:
+    """What the answer stands on, and what to do; of crossings alone why they give no width."""
+    if result.answer.evidence is None:
+        told = [] if result.fit is None else [result.fit.reason]
+        if result.d_hat is None and result.reason is not None and result.reason not in told:
+            told.append(result.reason)
+        return told
+    why = words.why(result)
+    # A reason of the fit's own says what to do, but where a gap was found.
+    if result.fit is not None and why != words.sentence(result.fit.reason):
+        why = f"{why} {words.next_step(result)}"
+    return [why, *filter(None, [words.struck(result)])]
 
 
 class _Layout(NamedTuple):
@@ -146,7 +157,7 @@ def _table(results: Sequence[Result], layout: _Layout) -> Table:
     if whole:
         columns.append(("to do", False, [words.todo(result) for result in results]))
     if fitted and not least:
-        columns.append(("PLC:\nd̂", True, [_crossing(result) for result in results]))
+        columns.append(("crossings\nd̂", True, [_crossing(result) for result in results]))
     cells = [_cells(result, layout.between) for result in results]
     counts, reasons, quality = (list(column) for column in zip(*cells, strict=True))
     if corrected and not (least and fitted):

@@ -160,7 +160,7 @@ def _overview(order: Sequence[Result], links: Sequence[str]) -> str:
     rows = []
     for i, (r, link) in enumerate(zip(order, links, strict=True)):
         reasons = ", ".join(f"{words.REASONS[name].label} {n}" for name, n in words.ranked_reasons(r)[:2])
-        if r.d_hat is None and (r.crossings == "refused" or r.detections or not reasons):
+        if r.answer.evidence is None and r.d_hat is None and (r.crossings == "refused" or r.detections or not reasons):
             reasons = r.reason or ""
         cells = (
             "–" if r.width is None else str(i + 1),
@@ -512,7 +512,7 @@ def _explanations() -> str:
 
 
 def _badge(r: Result) -> str:
-    return f'<span class="badge {r.verdict}">{words.VERDICTS[r.verdict]}</span>'
+    return f'<span class="badge {r.answer.valve}">{words.VERDICTS[r.verdict]}</span>'
 
 
 def _quality_cell(r: Result) -> str:

@@ -102,8 +102,8 @@ VALVES: dict[str, str] = {
 URGENCIES: dict[str, str] = {
     "high": "First",
     "medium": "Next round",
-    "low": "When there is time",
-    "none": "Nothing now",
+    "low": "Later",
+    "none": "Not now",
 }
 
 #: How strongly a recording speaks for a gap.
@@ -327,9 +327,11 @@ def why(result: Result) -> str:
     answer, f = result.answer, result.fit
     if f is None or answer.evidence is None:
         return sentence(result.reason)
-    if answer.verdict == "cannot_tell" and answer.high is not None:
+    if answer.verdict == "cannot_tell" and f.why in ("may_be_a_gap", "families_disagree"):
         unit = op_unit(result)
-        return f"The data fit any gap from {number(answer.low)} to {quantity(answer.high, unit)}."
+        if answer.high is not None:
+            return f"The data fit any gap from 0 to {quantity(answer.high, unit)}, most likely {quantity(f.d, unit)}."
+        return f"The data fit any gap, most likely {quantity(f.d, unit)}, and none as well."
     if f.found:
         return f"Evidence for a gap: {EVIDENCE[answer.evidence]}."
     return sentence(f.reason)

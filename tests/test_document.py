@@ -35,9 +35,10 @@ WORDS = {
     "controller.notes",
     "corrected.reason",
     "fit.unit",
+    "fit.recordings",
     "fit.reason",
 }
-"""What Python adds: names, units and sentences."""
+"""What Python adds: names, units, sentences, and several recordings of one loop."""
 
 CODES = {
     "version",

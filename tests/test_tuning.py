@@ -269,8 +269,14 @@ class TestMigo:
         def distance(x: Any) -> Any:
             return np.abs(1 + p * (x[0] * k - 1j * x[1] * k / ti / w)) ** 2 - 1 / ms**2
 
+        # Without bounds a rounding elsewhere (one thread of BLAS or two) sends it off to 1e30.
         found = minimize(
-            lambda x: -x[1], [0.9, 0.8], method="SLSQP", constraints={"type": "ineq", "fun": distance}, tol=1e-10
+            lambda x: -x[1],
+            [0.9, 0.8],
+            method="SLSQP",
+            bounds=[(0.2, 5.0)] * 2,
+            constraints={"type": "ineq", "fun": distance},
+            tol=1e-10,
         )
         assert found.x[1] == pytest.approx(1, rel=2e-4)
         assert found.x[0] == pytest.approx(1, rel=0.01)

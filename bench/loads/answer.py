@@ -19,6 +19,22 @@ WIDTHS = ("backlash", "stiction", "both")
 Told = Literal["right", "wrong", "silent"]
 
 
+def told(verdict: str, d: float, low: float | None, high: float | None) -> Told:
+    """What a verdict with its limits tells of a gap that is `d` wide, 0 for none.
+
+    Right: a width whose interval holds the truth, a lower bound below it, *sound* where there is no gap.
+    Wrong: what does not hold. Silent: nothing of it, and *sound, none above x* where the gap is narrower.
+    """
+    low, high = low or 0.0, np.inf if high is None else high
+    if verdict in WIDTHS:
+        return "right" if d > 0 and low <= d <= high else "wrong"
+    if verdict == "at_least":
+        return "right" if d > 0 and low <= d else "wrong"
+    if verdict == "sound":
+        return "wrong" if d > high else "right" if d == 0 else "silent"
+    return "silent"
+
+
 @dataclass(frozen=True)
 class Answer:
     """What `glapp.analyze` said of a record, through its fit.
@@ -60,25 +76,12 @@ class Answer:
     @property
     def holds(self) -> bool:
         """Whether all is true that it says of the width; silence is."""
-        d, low, high = self.truth.d, self.low or 0.0, np.inf if self.high is None else self.high
-        if self.sided:
-            return d > 0 and low <= d <= high
-        if self.verdict == "at_least":
-            return d > 0 and low <= d
-        if self.verdict == "sound":
-            return d <= high
-        return True
+        return self.told != "wrong"
 
     @property
     def told(self) -> Told:
-        """Right: a width whose interval holds the truth, a lower bound below it, *sound* where there is no gap.
-
-        Wrong: what does not hold. Silent: nothing of it, and *sound, none above x* where the gap is narrower.
-        """
-        if not self.holds:
-            return "wrong"
-        right = self.claims or (self.verdict == "sound" and self.truth.d == 0)
-        return "right" if right else "silent"
+        """See `told`."""
+        return told(self.verdict, self.truth.d, self.low, self.high)
 
     @property
     def contradicts(self) -> bool:

@@ -1,7 +1,9 @@
 """Records of a loop under a load, or a recorder, that a gap is easily confused with.
 
 "row/none/17" and "row/gap/17" are one and the same loop, without and with a gap; everything in it follows from the row
-and the number. PI, one or two lags of 6 to 25 s together, 1500 rows at 1 s, in which the controller runs too.
+and the number. "row/gap/17/3" is that loop on another day: the same dynamics, controller, valve and noise, a process
+gain up to a quarter off, a load up to twice as large or as small. PI, one or two lags of 6 to 25 s together, 1500 rows
+at 1 s, in which the controller runs too.
 """
 
 from __future__ import annotations
@@ -119,10 +121,12 @@ class Record:
 
 def record(name: str, samples: int = SAMPLES) -> Record:
     """Make the record of that name; a longer one begins with the shorter one."""
-    row, gap, number = name.split("/")
+    row, gap, number, *day = name.split("/")
     if gap not in ("none", "gap"):
         raise ValueError(f"{name}: the middle part is 'none' or 'gap'")
-    random, of_load, of_recorder = (Random(f"{row}/{number}{part}") for part in ("", "/load", "/recorder"))
+    random, of_load, of_recorder = (
+        Random("/".join(part)) for part in ((row, number), (row, number, "load", *day), (row, number, "recorder", *day))
+    )
     kp, size = random.uniform(0.5, 2.0), log_uniform(random, *SIZES.get(row, (2.0, 10.0)))
     d = min(max(size * log_uniform(random, 0.15, 0.5), 0.5), 3.0)
     lags, dead_time = _process(random)
@@ -139,11 +143,17 @@ def record(name: str, samples: int = SAMPLES) -> Record:
             lags.append(filtered)
             noise = [Coloured(sigma=sigma / math.sqrt(1 + 2 * filtered / H), tau=filtered)]
             filtered = 0.0
+    # No filter may take the outliers away before the controller.
+    tf = random.choice((0.0, ti / 10)) if row != "outliers" else 0.0
+    seed = random.randrange(2**32)
+    if day:
+        today = Random("/".join((row, number, "day", *day)))
+        kp, size = kp * log_uniform(today, 0.8, 1.25), size * log_uniform(today, 0.5, 2.0)
+        seed = today.randrange(2**32)
     scenario = Scenario(
         plant=Plant([kp], list(_denominator(lags)), dead_time),
         controller=Controller(k=k, ti=ti, setpoint_weight=1.0, gain_unit="OP/PV"),
-        # No filter may take the outliers away before the controller.
-        tf=random.choice((0.0, ti / 10)) if row != "outliers" else 0.0,
+        tf=tf,
         pv_span=(0, 100),
         op_span=(0, 100),
         limits=(0.0, 100.0),
@@ -153,7 +163,7 @@ def record(name: str, samples: int = SAMPLES) -> Record:
         load=(Samples(values=LOADS.get(row, _ordinary)(of_load, size, samples)),),
         h=H,
         t_end=(samples - 1) * H,
-        seed=random.randrange(2**32),
+        seed=seed,
     )
     simulation = run(scenario)
     loop = glapp.Loop(name=name, pv_span=(0, 100), op_span=(0, 100), controller=scenario.controller)

@@ -430,6 +430,9 @@ MOST_EPOCHS: int
 def fit(batches: Sequence[Batch], sign: float, sinusoidal: bool) -> dict[str, Any]:
     """Fit records of one valve: the `answer`, and what `pv` and `position` said in whole."""
 
+def fit_valve(recordings: Sequence[tuple[float, Sequence[Batch]]], sign: float) -> dict[str, Any]:
+    """As `fit`, of recordings in the order of time: when the time of each is 0 [s] or NaN, and its batches."""
+
 def fit_thresholds() -> dict[str, tuple[float, str]]:
     """Value and unit of every threshold of a verdict, by its name."""
 

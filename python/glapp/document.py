@@ -106,6 +106,31 @@ class Window(_Part):
     """Upper 95 % limit [`unit`]; null where there is none."""
 
 
+class FitRecording(_Part):
+    """One of several recordings of a valve."""
+
+    file: str
+    """Its name, as the user wrote it."""
+    t0: str | None
+    """Time of its first row; null where its times are plain seconds."""
+    repeated: Value
+    """Share of its rows that stand in an earlier recording, and count there."""
+    left_out: str | None
+    """Why it does not count in the joint answer; null where it does."""
+    adds: Value
+    """Likelihood ratio of no gap that it adds to the joint one."""
+    verdict: str
+    """What it says alone."""
+    d: Value
+    """Its width [`unit`]."""
+    low: Value
+    """Lower 95 % limit [`unit`]."""
+    high: Value
+    """Upper 95 % limit [`unit`]; null where there is none."""
+    reason: str
+    """Its own sentence."""
+
+
 class FitAnswer(_Part):
     """Width of the gap with an interval, from OP and PV."""
 
@@ -135,6 +160,8 @@ class FitAnswer(_Part):
     """Change of the width and its standard error [`unit`/day], from three windows or more."""
     windows: list[Window]
     """The windows that were fitted."""
+    recordings: list[FitRecording]
+    """Where the loop has several, each of them in the order of time; else empty."""
     reason: str
     """One sentence with the evidence."""
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from datetime import datetime
 from typing import Any, Literal
 
 import numpy as np
@@ -10,13 +12,16 @@ from numpy.typing import ArrayLike
 
 from . import _glapp
 from .controller import Ideal
+from .errors import InputError
 from .loop import Loop
 from .position import COPY, Interval, position_reason
 from .progress import Progress, shares
 from .recording import Batch, Recording
 from .samples import recording_of
+from .valve import LEFT_OUT, in_order, one_valve, since
 
-__all__ = ["Fit", "Process", "Trend", "Window", "fit", "fit_batches", "history", "process_sign"]
+__all__ = ["Fit", "OneOfMany", "Process", "Trend", "Window", "fit", "fit_batches", "fit_recordings", "history"]
+__all__ += ["process_sign"]
 
 Verdict = Literal["backlash", "stiction", "both", "oscillation", "sound", "at_least", "cannot_tell"]
 
@@ -71,6 +76,37 @@ class Window:
     def sided(self) -> bool:
         """Whether it has a width with a limit on either side."""
         return self.verdict in ("backlash", "stiction", "both") and self.high is not None
+
+
+@dataclass(frozen=True, slots=True)
+class OneOfMany:
+    """One of several recordings of a valve.
+
+    Attributes
+    ----------
+    source : str
+        File name as the user wrote it, or "memory".
+    t0 : datetime or None
+        Time of its first row.
+    fit : Fit
+        What it says alone.
+    repeated : float
+        Share of its rows that an earlier recording holds already: their PV counts there and not here.
+    left_out : str or None
+        Why it does not count in the joint answer; None where it does.
+    adds : float
+        Likelihood ratio of no gap that it adds to the joint one.
+    shown : bool
+        Whether it is the one that shows best what all say.
+    """
+
+    source: str
+    t0: datetime | None
+    fit: Fit
+    repeated: float
+    left_out: str | None
+    adds: float
+    shown: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +169,9 @@ class Fit:
         Change of the width in time, from three windows or more. Where it is plain that the width changes, verdict, d
         and limits are those of the newest window that gave a width; else they are those of all windows together.
     windows : list of Window
-        The windows of the recording that were fitted.
+        The windows of the recording that were fitted; of several recordings, those of the one that shows best.
+    recordings : list of OneOfMany
+        Where several recordings of one valve were given, each of them in the order of time, with its own answer.
     best : dict
         Everything the clearest window's fit has to tell, as the core gives it, with the time `t` of each cell and the
         `signal` that was fitted: "PV", or "position" where the valve's own settled it.
@@ -157,6 +195,7 @@ class Fit:
     process: Process | None = None
     trend: Trend | None = None
     windows: list[Window] = field(default_factory=list)
+    recordings: list[OneOfMany] = field(default_factory=list)
     best: dict[str, Any] = field(default_factory=dict)
     why: str = ""
     through_pv: Fit | None = None
@@ -216,12 +255,23 @@ class Fit:
                 {"t_start": w.t_start, "t_end": w.t_end, "verdict": w.verdict, "d": w.d, "low": w.low, "high": w.high}
                 for w in self.windows
             ],
+            "recordings": [
+                {
+                    "file": r.source,
+                    "t0": None if r.t0 is None else r.t0.isoformat(),
+                    "repeated": r.repeated,
+                    "left_out": r.left_out,
+                    "adds": r.adds,
+                    **{key: getattr(r.fit, key) for key in ("verdict", "d", "low", "high", "reason")},
+                }
+                for r in self.recordings
+            ],
             "reason": self.reason,
         }
 
 
 def fit(
-    recording: Recording | None = None,
+    recording: Recording | Sequence[Recording] | None = None,
     *,
     t: ArrayLike | None = None,
     pv: ArrayLike | None = None,
@@ -240,10 +290,10 @@ def fit(
 
     Parameters
     ----------
-    recording : Recording
+    recording : Recording or list of Recording
         From `glapp.recording_from` or `glapp.open_recordings`, of any length. Of more than half a million rows a
-        dozen windows are fitted at most, spread over the whole length, each the most telling of its epoch. Or, in its
-        place:
+        dozen windows are fitted at most, spread over the whole length, each the most telling of its epoch. Several are
+        of one valve: they get one answer, with the width that they share. Or, in its place:
     t, pv, op, position, flags : array[n]
         Samples: time [s] or datetime64; process value [PV unit], controller output [OP unit], the valve's measured
         position [%]; sum of 1 not in automatic, 2 bad, 4 OP at its low, 8 at its high limit. NaN is a bad value.
@@ -255,6 +305,11 @@ def fit(
     Returns
     -------
     Fit
+
+    Raises
+    ------
+    InputError
+        Where neither or both are given, no recording, or recordings that differ in unit, span or controller.
 
     Notes
     -----
@@ -271,18 +326,141 @@ def fit(
     >>> answer.verdict, bool(answer.low < 0.05 < answer.high)
     ('backlash', True)
     """
+    if isinstance(recording, Sequence):
+        signals = {"t": t, "pv": pv, "op": op, "position": position, "flags": flags}
+        every = [recording_of(one, loop, **signals) for one in recording]
+        if not every:
+            raise InputError("holds no recording", parameter="recording")
+        if len(every) > 1:
+            return fit_recordings(every, progress=progress)
+        recording = every[0]
     recording = recording_of(recording, loop, t=t, pv=pv, op=op, position=position, flags=flags)
     sign = process_sign(recording.loop, recording.loop.ideal())
+    batches, fitting = _read(recording, sign, progress)
+    return fit_batches(batches, recording.loop, sign, progress=fitting)
+
+
+def _read(recording: Recording, sign: float, progress: Progress | None) -> tuple[list[Batch], Progress | None]:
+    """The recording in memory, or the windows of a longer one; and whom the fit tells how far it is."""
     beginning = recording.beginning(ROWS)
     windows = history(beginning, sign)
     if windows is None:
-        return fit_batches([beginning], recording.loop, sign, progress=progress)
+        return [beginning], progress
     reading, fitting = shares(progress, 0.3, 0.7)
     for batch in recording.batches():
         windows.add(batch)
         if reading is not None:
             reading(recording.fraction_read())
-    return fit_batches(windows.best(), recording.loop, sign, progress=fitting)
+    return windows.best(), fitting
+
+
+def fit_recordings(
+    recordings: Sequence[Recording],
+    *,
+    unfit: Sequence[tuple[Verdict, str] | None] | None = None,
+    progress: Progress | None = None,
+) -> Fit:
+    """One answer of several recordings of one valve: the width is shared, everything else is each one's own.
+
+    `unfit` is what a look at the quality of each found, as `refused` and `sinusoid` of `fit_batches`: a verdict and its
+    reason; such a recording is not fitted.
+
+    Raises
+    ------
+    InputError
+        Where they differ in unit, span, controller, process or positioner: which file, and which value.
+    """
+    one_valve(recordings)
+    place = {id(recording): i for i, recording in enumerate(recordings)}
+    recordings = in_order(recordings)
+    known = [None if unfit is None else unfit[place[id(recording)]] for recording in recordings]
+    loop = recordings[0].loop
+    sign = process_sign(loop, loop.ideal())
+    *reading, fitting = shares(progress, *[0.3 / len(recordings)] * len(recordings), 0.7)
+    batches = [
+        _read(one, sign, told)[0] if why is None else []
+        for one, told, why in zip(recordings, reading, known, strict=True)
+    ]
+    if fitting is not None:
+        fitting(0.0)
+    starts = since(recordings)
+    fitted = [pair for pair, why in zip(zip(starts, batches, strict=True), known, strict=True) if why is None]
+    found: dict[str, Any] = {"pv": {"unfit": ("few", 0.0)}, "position": None}
+    if fitted:
+        found = _glapp.fit_valve(fitted, sign)
+    if fitting is not None:
+        fitting(1.0)
+    through_pv = _valve(found["pv"], recordings, known)
+    if found["position"] is None:
+        return through_pv
+    both = _together(found["answer"], _at_valve(found["position"], loop), through_pv, loop)
+    return replace(both, recordings=through_pv.recordings)
+
+
+def _valve(answer: dict[str, Any], recordings: Sequence[Recording], known: Sequence[tuple[Verdict, str] | None]) -> Fit:
+    """The answer of several recordings, in words."""
+    unit = recordings[0].loop.op_label
+    own = iter(answer.get("recordings") or [answer] * len(known))
+    each = []
+    for recording, why in zip(recordings, known, strict=True):
+        said: dict[str, Any] = {} if why is not None else next(own)
+        if why is not None:
+            alone = Fit(why[0], why[1], unit)
+        elif "unfit" in said:
+            alone = Fit("cannot_tell", _unfit(said["unfit"], "PV"), unit)
+        else:
+            alone = _said(said, unit)
+        word = said.get("left_out", "unfit")
+        each.append(
+            OneOfMany(
+                source=recording.source,
+                t0=recording.t0,
+                fit=alone,
+                repeated=said.get("repeated", 0.0),
+                left_out=None if word is None else LEFT_OUT.get(word, alone.reason),
+                adds=said.get("adds", 0.0),
+                shown="recordings" in answer and said is answer["recordings"][answer["shown"]],
+            )
+        )
+    if "unfit" in answer:
+        told: Verdict = "oscillation" if all(one.fit.verdict == "oscillation" for one in each) else "cannot_tell"
+        reason = f"none of {len(each)} recordings tells: {each[0].fit.reason}"
+        return Fit(told, reason, unit, recordings=each)
+    best = answer["recordings"][answer["shown"]]
+    shown = best["windows"][best["shown"]]
+    return replace(
+        _said(answer | {"windows": best["windows"], "shown": best["shown"]}, unit),
+        reason=_of_many(answer, shown, each, unit),
+        recordings=each,
+    )
+
+
+def _of_many(answer: dict[str, Any], shown: dict[str, Any], each: list[OneOfMany], unit: str) -> str:
+    """Verdict and evidence of several recordings: how many count, and why the others do not."""
+    unit = _of_op(unit)
+    counted = sum(one.left_out is None for one in each)
+    names = [one.source for one in each]
+    if len(set(names)) < len(names):
+        names = [f"{name} ({place})" for place, name in enumerate(names, 1)]
+    if not answer["shared"]:
+        alone = next(name for name, one in zip(names, each, strict=True) if one.shown)
+        lead = f"by {alone} alone, of {len(each)} recordings: "
+    elif counted == len(each):
+        lead = f"by {counted} recordings together: "
+    else:
+        lead = f"by {counted} of {len(each)} recordings together: "
+    told = [_reason(answer, unit, shown) + _changed(_trend(answer), unit)]
+    reasons: dict[str, list[str]] = {}
+    for name, one in zip(names, each, strict=True):
+        if one.left_out is not None:
+            reasons.setdefault(one.left_out, []).append(name)
+    told += [f"Not counted, since {why}: {', '.join(of)}" for why, of in reasons.items()]
+    told += [
+        f"{100 * one.repeated:.0f} % of {name} stands in an earlier one, and counts there"
+        for name, one in zip(names, each, strict=True)
+        if one.repeated
+    ]
+    return lead + ". ".join(told)
 
 
 def history(beginning: Batch, sign: float) -> _glapp.Windows | None:
@@ -356,7 +534,7 @@ def _at_valve(answer: dict[str, Any], loop: Loop) -> Fit:
         return Fit("cannot_tell", _unfit(answer["unfit"], "the position"), unit)
     best = _shown(answer, "position")
     best["candidates"] = [{"noise": "position", "behind": 0.0, "profile": best["profile"]}]
-    shown, trend = "%OP" if unit == "%" else unit, _trend(answer)
+    shown, trend = _of_op(unit), _trend(answer)
     verdict, d, low, high = (answer[key] for key in ("verdict", "d", "low", "high"))
     reason = position_reason(verdict, d, low, high, shown, best) + _changed(trend, shown)
     needed = {name: best[name] for name in ("lr_no_gap", "lr_needed", "jump")}
@@ -380,12 +558,24 @@ def _through_pv(answer: dict[str, Any], loop: Loop, sinusoid: str | None) -> Fit
     unit = loop.op_label
     if "unfit" in answer:
         return Fit("cannot_tell", _unfit(answer["unfit"], "PV"), unit)
+    said = _said(answer, unit)
+    if sinusoid is None:
+        return said
+    return replace(said, verdict="oscillation", reason=sinusoid + _changed(said.trend, _of_op(unit)))
+
+
+def _of_op(unit: str) -> str:
+    return "%OP" if unit == "%" else unit
+
+
+def _said(answer: dict[str, Any], unit: str) -> Fit:
+    """What the core said of PV, in words."""
     best = _shown(answer, "PV")
     kp, dead_time, lag = ((best[name], *best[f"{name}_limits"]) for name in ("kp", "dead_time", "lag"))
-    shown, trend = "%OP" if unit == "%" else unit, _trend(answer)
+    trend = _trend(answer)
     return Fit(
-        verdict=answer["verdict"] if sinusoid is None else "oscillation",
-        reason=(sinusoid or _reason(answer, shown, best)) + _changed(trend, shown),
+        verdict=answer["verdict"],
+        reason=_reason(answer, _of_op(unit), best) + _changed(trend, _of_op(unit)),
         unit=unit,
         d=answer["d"],
         low=answer["low"],
@@ -505,6 +695,12 @@ def _reason(answer: dict[str, Any], unit: str, best: dict[str, Any]) -> str:
             return (
                 f"a gap of {d:.3g} {unit} would fit all of the recording best, but its parts disagree "
                 f"{answer['dispersion']:.0f} times more than chance allows: fit a time in which nothing was changed"
+            )
+        case _ if reason == "recordings_disagree":
+            more = f" {answer['dispersion']:.0f} times more than chance allows" if answer["shared"] else ""
+            return (
+                f"{would}, but the recordings disagree{more}: was the valve serviced between them, or are they of more "
+                "than one valve?"
             )
         case _ if reason == "still":
             return (

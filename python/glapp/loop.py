@@ -103,6 +103,8 @@ class Loop(Checked):
         Name that appears in tables and reports.
     file : path, optional
         Recording of this loop.
+    files : list of path
+        In its place, several recordings of it: they get one answer.
     columns : Columns
         Columns or tags of the signals; those left out are guessed from common names.
     pv_span, op_span : (float, float), optional
@@ -156,6 +158,7 @@ class Loop(Checked):
 
     name: Annotated[str, Field(min_length=1)]
     file: Path | None = None
+    files: tuple[Path, ...] = ()
     columns: Columns = Columns()
     pv_span: Span | None = None
     op_span: Span | None = None
@@ -177,6 +180,14 @@ class Loop(Checked):
     bad_values: tuple[str | float, ...] = ()
     tf: Annotated[float, Field(gt=0)] | None = None
     n: Annotated[int, Field(ge=1, le=31)] = 9  # as long as the window of the core is
+
+    @model_validator(mode="after")
+    def _one_or_several(self) -> Loop:
+        if self.file is not None and self.files:
+            raise InputError("are given beside file; write all of them into files", parameter="files")
+        if twice := next((str(file) for i, file in enumerate(self.files) if file in self.files[:i]), None):
+            raise InputError(f"names {twice} twice", parameter="files", value=twice)
+        return self
 
     @field_validator("pv_span", "op_span")
     @classmethod

@@ -2,7 +2,10 @@
 
 use crate::crossings::Place;
 use crate::origin::fitted_gain_serves;
-use glapp_fit::{AtValve, Batch, JointAnswer, PositionAnswer, Problem, RecordAnswer, Samples, Trend, Unfit};
+use glapp_fit::{
+    AtValve, Batch, JointAnswer, PositionAnswer, Problem, RecordAnswer, Recorded, Samples, Together, Trend, Unfit,
+    ValveAnswer,
+};
 use serde::{Deserialize, Serialize};
 
 /// \[s\].
@@ -200,11 +203,30 @@ impl FitAnswer {
 
     /// What PV says; `sinusoid` is the place of the finding that the loop swings in a clean one.
     fn of_pv(found: &Result<JointAnswer, Unfit>, sinusoid: Option<usize>) -> Self {
-        let joint = match found {
-            Ok(joint) => joint,
-            Err(unfit) => return Self::none(FitWhy::unfit(*unfit), Signal::PV),
-        };
-        let best = &joint.records[joint.shown].answer;
+        match found {
+            Ok(joint) => Self::of_records(&joint.whole, &joint.records, joint.shown, sinusoid),
+            Err(unfit) => Self::none(FitWhy::unfit(*unfit), Signal::PV),
+        }
+    }
+
+    /// What PV says in several recordings of one valve; windows and process are those of the recording that shows it best.
+    fn of_valve(found: &Result<ValveAnswer, Unfit>) -> Self {
+        match found {
+            Ok(valve) => match &valve.recordings[valve.shown].own {
+                Ok(own) => Self::of_records(&valve.whole, &own.records, own.shown, None),
+                Err(unfit) => Self::none(FitWhy::unfit(*unfit), Signal::PV),
+            },
+            Err(unfit) => Self::none(FitWhy::unfit(*unfit), Signal::PV),
+        }
+    }
+
+    fn of_records(
+        joint: &Together,
+        records: &[RecordAnswer<glapp_fit::Answer>],
+        shown: usize,
+        sinusoid: Option<usize>,
+    ) -> Self {
+        let best = &records[shown].answer;
         let limits = |value, (low, high)| (value, low, high);
         let window = |r: &RecordAnswer<glapp_fit::Answer>| {
             Window::of(r, r.answer.verdict, [r.answer.d, r.answer.low], r.answer.high)
@@ -223,7 +245,7 @@ impl FitAnswer {
                 integrating: best.integrating,
             }),
             trend: joint.trend.map(a_day),
-            windows: joint.records.iter().map(window).collect(),
+            windows: records.iter().map(window).collect(),
             ..Self::none(sinusoid.map_or(FitWhy::Evidence(joint.reason), FitWhy::Finding), Signal::PV)
         }
         .said(sinusoid.map_or(joint.verdict.into(), |_| LostMotion::Oscillation))
@@ -354,9 +376,52 @@ pub fn fitted(batches: &[Batch<'_>], sign: f64, sinusoid: Option<usize>) -> Fitt
     let samples: Vec<Samples> = batches.iter().map(|batch| batch.samples).collect();
     let pv = Problem::of(&samples, sign).and_then(|problem| glapp_fit::fit(&problem));
     let through_pv = FitAnswer::of_pv(&pv, sinusoid);
+    let Some(position) = at_valve(batches) else {
+        return Fitted { answer: through_pv, pv: Some(pv), position: None };
+    };
+    let answer = FitAnswer::together(FitAnswer::of_position(&position), through_pv);
+    Fitted { answer, pv: Some(pv), position: Some(position) }
+}
+
+/// The answer of several recordings of one valve, and what it was made of.
+#[derive(Clone, Debug)]
+pub struct FittedValve {
+    /// The answer.
+    pub answer: FitAnswer,
+    /// What PV said.
+    pub pv: Result<ValveAnswer, Unfit>,
+    /// What the valve's position said; none where it was not recorded.
+    pub position: Option<Result<PositionAnswer, Unfit>>,
+}
+
+/// Fits recordings of one valve, in the order of time: of each when its time is 0 [s] (NaN where not known) and its stretch, or its
+/// windows. `sign` is that of the process gain, 0 where it is not known.
+pub fn fitted_valve(recordings: &[(f64, Vec<Batch<'_>>)], sign: f64) -> FittedValve {
+    let recorded: Vec<Recorded> = recordings
+        .iter()
+        .map(|(since, batches)| Recorded { since: *since, samples: batches.iter().map(|b| b.samples).collect() })
+        .collect();
+    let pv = glapp_fit::fit_valve(&recorded, sign);
+    let through_pv = FitAnswer::of_valve(&pv);
+    let on_one_clock = |since: f64, t: &[f64]| t.iter().map(|t| t + if since.is_nan() { 0.0 } else { since }).collect();
+    let all: Vec<(Vec<f64>, &Batch)> = recordings
+        .iter()
+        .flat_map(|(since, batches)| batches.iter().map(|batch| (on_one_clock(*since, batch.samples.t), batch)))
+        .collect();
+    let batches: Vec<Batch> =
+        all.iter().map(|(t, batch)| Batch { samples: Samples { t, ..batch.samples }, ..**batch }).collect();
+    let Some(position) = at_valve(&batches) else {
+        return FittedValve { answer: through_pv, pv, position: None };
+    };
+    let answer = FitAnswer::together(FitAnswer::of_position(&position), through_pv);
+    FittedValve { answer, pv, position: Some(position) }
+}
+
+/// What the valve's position says; none where it was not recorded.
+fn at_valve(batches: &[Batch<'_>]) -> Option<Result<PositionAnswer, Unfit>> {
     let recorded = |batch: &Batch| batch.position.is_some_and(|position| position.iter().any(|x| x.is_finite()));
     if !batches.iter().any(recorded) {
-        return Fitted { answer: through_pv, pv: Some(pv), position: None };
+        return None;
     }
     let none: Vec<Vec<f64>> =
         batches.iter().map(|b| vec![f64::NAN; if b.position.is_none() { b.samples.t.len() } else { 0 }]).collect();
@@ -367,9 +432,7 @@ pub fn fitted(batches: &[Batch<'_>], sign: f64, sinusoid: Option<usize>) -> Fitt
         Samples { pv: position.unwrap_or(none), flags: None, ..samples }
     };
     let samples: Vec<Samples> = batches.iter().zip(&none).map(at_valve).collect();
-    let position = glapp_fit::fit_position(&samples);
-    let answer = FitAnswer::together(FitAnswer::of_position(&position), through_pv);
-    Fitted { answer, pv: Some(pv), position: Some(position) }
+    Some(glapp_fit::fit_position(&samples))
 }
 
 #[cfg(test)]

@@ -25,7 +25,9 @@ pub use analysis::{Analysis, Controller, Done, INSPECTED_ROWS, Task, within_perc
 pub use answer::{Answer, CorrectedAnswer, Settings};
 pub use census::{Census, Counter, Occurrences, Values};
 pub use crossings::{Crossings, Ladder};
-pub use fitted::{FitAnswer, FitWhy, Fitted, LostMotion, Position, Process, Signal, Window, fitted};
+pub use fitted::{
+    FitAnswer, FitWhy, Fitted, FittedValve, LostMotion, Position, Process, Signal, Window, fitted, fitted_valve,
+};
 pub use inspected::Inspected;
 pub use origin::{KP_DEFAULT, Origin, fitted_gain_serves, process_gain};
 pub use signals::{FROZEN_STEPS, SORTED_ROWS, frozen_steps, in_runs, median, noise_sigma, quantile, resolution};

@@ -56,7 +56,7 @@ fn whole(c: &mut Criterion) {
         let record = Record { h: H, stretches: vec![Stretch { start: 0.0, pv: pv.into(), op: op.into() }] };
         let problem = Problem { records: vec![record], sign: 1.0, bootstrap: 0 };
         let answer = pool.install(|| fit(&problem)).expect("a record of this length is fitted");
-        assert_ne!(answer.verdict, Verdict::Sound, "a fit that misses the gap is no measure");
+        assert_ne!(answer.whole.verdict, Verdict::Sound, "a fit that misses the gap is no measure");
         group.throughput(Throughput::Elements(samples as u64));
         group.bench_function(format!("{samples} samples"), |b| b.iter(|| pool.install(|| fit(&problem))));
     }

@@ -4,5 +4,6 @@ pub(crate) mod cells;
 pub(crate) mod history;
 pub(crate) mod record;
 pub(crate) mod recorder;
+pub(crate) mod repeated;
 pub(crate) mod samples;
 pub(crate) mod signal;

@@ -6,4 +6,5 @@ pub(crate) mod joint;
 pub(crate) mod record;
 pub(crate) mod thresholds;
 pub(crate) mod trend;
+pub(crate) mod valve;
 pub(crate) mod verdict;

@@ -2,10 +2,12 @@
 
 use crate::data::cells::Cells;
 use crate::data::record::{Record, Signals, Stretch};
+use crate::data::repeated::{Once, once};
 use crate::data::samples::{Samples, Unfit};
 use crate::data::signal::{Unit, bow, without_spikes};
-use crate::decide::joint::{JointAnswer, joint};
+use crate::decide::joint::{Curve, JointAnswer, joint};
 use crate::decide::record::{Fitted, fit_record};
+use crate::decide::valve::{Recording, ValveAnswer, valve};
 use crate::model::structure::Theta;
 use crate::search::decimation::{FEWEST, MOST_CELLS, cell, look};
 use crate::search::screen::rescaled;
@@ -51,6 +53,12 @@ const BOOTSTRAP: usize = 400;
 ///
 /// Where no record has 50 samples together in which OP moves.
 pub fn fit(problem: &Problem) -> Result<JointAnswer, Unfit> {
+    let (mut curves, op, pv) = fitted(problem)?;
+    joint(&mut curves, op, pv).ok_or(Unfit::Few)
+}
+
+/// Each record by itself, and the units in which its OP and PV are 0 to 1.
+fn fitted(problem: &Problem) -> Result<(Vec<Curve>, Unit, Unit), Unfit> {
     let stretches = || problem.records.iter().flat_map(|record| &record.stretches);
     let (op, pv) = (Unit::of(stretches().map(|s| &*s.op)), Unit::of(stretches().map(|s| &*s.pv)));
     let scaled = |s: &Stretch| Stretch {
@@ -66,14 +74,41 @@ pub fn fit(problem: &Problem) -> Result<JointAnswer, Unfit> {
     let signals: Vec<Signals> = scaled.iter().flat_map(Record::signals).collect();
     let cell = cell(&signals, problem.sign).ok_or(Unfit::Few)?;
     let records = if let [one] = scaled.as_slice() { one.windows(cell * MOST_CELLS) } else { scaled };
-    let fitted: Vec<(Record, Fitted)> = records
-        .into_par_iter()
-        .filter_map(|record| {
-            let fitted = alone(&record, cell, problem)?;
-            Some((record, fitted))
-        })
-        .collect();
-    joint(fitted, problem, op, pv).ok_or(Unfit::Few)
+    let of = |record: &Record| Some(Curve::new(record, alone(record, cell, problem)?, problem.sign));
+    Ok((records.par_iter().filter_map(of).collect(), op, pv))
+}
+
+/// One recording of a valve: its rows, or those of its windows.
+#[derive(Clone, Debug)]
+pub struct Recorded<'a> {
+    /// When its time is 0, on a clock that all recordings share [s]; NaN where that is not known.
+    pub since: f64,
+    /// Its rows, in one piece, or the windows that were kept of a long history.
+    pub samples: Vec<Samples<'a>>,
+}
+
+/// One answer of several recordings of one valve, in the order of time: they share the lost motion. What a recording repeats of one
+/// before it counts once.
+///
+/// # Errors
+///
+/// Why the first recording cannot be fitted, where none can.
+pub fn fit_valve(recordings: &[Recorded], sign: f64) -> Result<ValveAnswer, Unfit> {
+    let alone = |(recorded, once): (&Recorded, Once)| {
+        let samples: Vec<Samples> =
+            recorded.samples.iter().zip(&once.pv).map(|(samples, pv)| Samples { pv, ..*samples }).collect();
+        let (mut curves, op, pv) = match Problem::of(&samples, sign).and_then(|problem| fitted(&problem)) {
+            Ok(fitted) => fitted,
+            Err(why) => return Recording::unfit(once.repeated, why),
+        };
+        match joint(&mut curves, op, pv) {
+            Some(own) => Recording::new(recorded.since, once.repeated, own, curves, op),
+            None => Recording::unfit(once.repeated, Unfit::Few),
+        }
+    };
+    let once = once(recordings);
+    let recordings: Vec<Recording> = recordings.par_iter().zip(once).map(alone).collect();
+    valve(recordings)
 }
 
 /// One record by itself, in cells of at most so many steps.

@@ -3,9 +3,10 @@
 use crate::plain::plain;
 use crate::position;
 use crate::windows::{Batch, columns};
-use glapp_analysis::{Fitted, LostMotion, fitted};
+use glapp_analysis::{Fitted, FittedValve, LostMotion, fitted, fitted_valve};
 use glapp_fit::{
-    Answer, JointAnswer, Noise, PositionAnswer, Prediction, RecordAnswer, THRESHOLDS, Trend, Unfit, Verdict,
+    Answer, JointAnswer, Noise, PositionAnswer, Prediction, RecordAnswer, THRESHOLDS, Together, Trend, Unfit,
+    ValveAnswer, Verdict,
 };
 use numpy::PyArray1;
 use pyo3::prelude::*;
@@ -37,16 +38,49 @@ pub(crate) fn of_pv(py: Python<'_>, found: Result<JointAnswer, Unfit>) -> PyResu
         Ok(joint) => joint,
         Err(why) => return unfit(py, why),
     };
-    let out = joined(py, (joint.verdict, joint.d, joint.low, joint.high), joint.trend, joint.shown)?;
-    for (name, value) in
-        [("lr_no_gap", joint.lr_no_gap), ("lr_needed", joint.lr_needed), ("dispersion", joint.dispersion)]
-    {
-        out.set_item(name, value)?;
-    }
-    out.set_item("traversals", (joint.traversals[0], joint.traversals[1]))?;
-    out.set_item("reason", joint.reason)?;
+    let out = together(py, &joint.whole)?;
+    out.set_item("shown", joint.shown)?;
     let windows = joint.records.into_iter().map(|record| answered(py, record));
     out.set_item("windows", windows.collect::<PyResult<Vec<_>>>()?)?;
+    Ok(out)
+}
+
+/// Fits recordings of one valve, in the order of time: of each when its time is 0 [s] (NaN where not known) and its batches. As
+/// `fit`; `pv` has the `recordings` in place of windows, of each what PV said alone.
+#[pyfunction]
+pub fn fit_valve<'py>(
+    py: Python<'py>,
+    recordings: Vec<(f64, Vec<Batch<'py>>)>,
+    sign: f64,
+) -> PyResult<Bound<'py, PyDict>> {
+    let recorded = recordings.iter().map(|(since, batches)| Ok((*since, columns(batches)?)));
+    let recorded = recorded.collect::<PyResult<Vec<_>>>()?;
+    let FittedValve { answer, pv, position } = py.detach(|| fitted_valve(&recorded, sign));
+    let out = PyDict::new(py);
+    out.set_item("answer", plain(py, &answer)?)?;
+    out.set_item("pv", of_recordings(py, pv)?)?;
+    out.set_item("position", position.map(|position| of_position(py, position)).transpose()?)?;
+    Ok(out)
+}
+
+/// What PV said in several recordings.
+fn of_recordings(py: Python<'_>, found: Result<ValveAnswer, Unfit>) -> PyResult<Bound<'_, PyDict>> {
+    let valve = match found {
+        Ok(valve) => valve,
+        Err(why) => return unfit(py, why),
+    };
+    let out = together(py, &valve.whole)?;
+    out.set_item("shown", valve.shown)?;
+    out.set_item("shared", valve.shared)?;
+    let recordings = PyList::empty(py);
+    for recording in valve.recordings {
+        let one = of_pv(py, recording.own)?;
+        one.set_item("repeated", recording.repeated)?;
+        one.set_item("left_out", recording.left_out)?;
+        one.set_item("adds", recording.lr_no_gap)?;
+        recordings.append(one)?;
+    }
+    out.set_item("recordings", recordings)?;
     Ok(out)
 }
 
@@ -56,18 +90,18 @@ pub(crate) fn of_position(py: Python<'_>, found: Result<PositionAnswer, Unfit>) 
         Ok(joint) => joint,
         Err(why) => return unfit(py, why),
     };
-    let out = joined(py, (joint.verdict, joint.d, joint.low, joint.high), joint.trend, joint.shown)?;
+    let out = joined(py, (joint.verdict, joint.d, joint.low, joint.high), joint.trend)?;
+    out.set_item("shown", joint.shown)?;
     let windows = joint.records.into_iter().map(|record| position::answered(py, record));
     out.set_item("windows", windows.collect::<PyResult<Vec<_>>>()?)?;
     Ok(out)
 }
 
-/// What all records say together, and which of them shows it best.
+/// What all records say together.
 fn joined<'py>(
     py: Python<'py>,
     (verdict, d, low, high): (Verdict, f64, f64, Option<f64>),
     found: Option<Trend>,
-    shown: usize,
 ) -> PyResult<Bound<'py, PyDict>> {
     let out = PyDict::new(py);
     out.set_item("verdict", name(verdict))?;
@@ -75,7 +109,19 @@ fn joined<'py>(
     out.set_item("low", low)?;
     out.set_item("high", high)?;
     out.set_item("trend", trend(py, found)?)?;
-    out.set_item("shown", shown)?;
+    Ok(out)
+}
+
+/// The same of PV, with its evidence.
+fn together<'py>(py: Python<'py>, whole: &Together) -> PyResult<Bound<'py, PyDict>> {
+    let out = joined(py, (whole.verdict, whole.d, whole.low, whole.high), whole.trend)?;
+    for (name, value) in
+        [("lr_no_gap", whole.lr_no_gap), ("lr_needed", whole.lr_needed), ("dispersion", whole.dispersion)]
+    {
+        out.set_item(name, value)?;
+    }
+    out.set_item("traversals", (whole.traversals[0], whole.traversals[1]))?;
+    out.set_item("reason", whole.reason)?;
     Ok(out)
 }
 

@@ -57,7 +57,7 @@ mod _glapp {
     #[pymodule_export]
     const KP_DEFAULT: f64 = glapp_analysis::KP_DEFAULT;
     #[pymodule_export]
-    use crate::fit::{fit, fit_thresholds};
+    use crate::fit::{fit, fit_thresholds, fit_valve};
     #[pymodule_export]
     const LONG_HISTORY: usize = glapp_fit::LONG_HISTORY;
     #[pymodule_export]

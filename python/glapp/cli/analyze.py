@@ -32,6 +32,10 @@ __all__ = ["analyze"]
 def analyze(
     files: Annotated[list[Path], typer.Argument(metavar="FILES...", help="Recordings, loops.toml files, or both.")],
     options: Options,
+    as_loop: Annotated[
+        str | None,
+        typer.Option("--as-loop", metavar="NAME", help="All FILES are recordings of one loop and get one answer."),
+    ] = None,
     report: Annotated[Path | None, typer.Option(metavar="HTML", help="Write a report with zoomable figures.")] = None,
     json: Annotated[
         bool, typer.Option("--json", metavar="", help="One JSON object on standard output, nothing else.")
@@ -54,7 +58,7 @@ def analyze(
         check_output("--csv", table, read_by(files), TABLE)
     if report is not None:
         check_output("--report", report, [*read_by(files), *([table] if table is not None else [])], PAGE)
-    answers = analyze_all(open_files(files, options), trust, fit=not no_fit)
+    answers = analyze_all(open_files(files, options, as_loop), trust, fit=not no_fit)
     results = [a.result() if isinstance(a, Refused) else a for a in answers]
     faults = []  # a file that cannot be written is no reason to lose the answers on the screen
     if table is not None and not to_output:
@@ -143,7 +147,7 @@ def _table(results: Sequence[Result], layout: _Layout) -> Table:
     corrected = any(result.corrected is not None and result.corrected.d is not None for result in results)
     whole, least = layout.told == "all", layout.told == "least"
     columns: list[tuple[str, bool, list[str | Text]]] = []  # header, whether it is a number, cells
-    columns.append(("loop", False, [one_line(result.name) for result in results]))
+    columns.append(("loop", False, [one_line(_name(result)) for result in results]))
     if fitted:
         columns.append(("gap (95 %)", True, [words.headline(result) or "–" for result in results]))
     else:
@@ -172,6 +176,12 @@ def _table(results: Sequence[Result], layout: _Layout) -> Table:
     for row in zip(*(column for _, _, column in columns), strict=True):
         table.add_row(*row)
     return table
+
+
+def _name(result: Result) -> str:
+    """The loop, and how many recordings it has."""
+    several = [] if result.fit is None else result.fit.recordings
+    return f"{result.name} ({len(several)} recordings)" if several else result.name
 
 
 def _verdict(result: Result, between: str) -> Text:

@@ -17,7 +17,7 @@ from ..result import Result
 from .options import Options
 from .screen import CommandError, say_note
 
-__all__ = ["Refused", "open_files", "open_one", "read_by"]
+__all__ = ["Refused", "Valve", "open_files", "open_one", "read_by"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,14 +34,34 @@ class Refused:
         return Result.of_error(self.error, self.name, self.source, self.loop)
 
 
-def open_files(files: Sequence[Path], options: Options) -> list[Recording | Refused]:
+@dataclass(frozen=True, slots=True)
+class Valve:
+    """A loop with several recordings, which get one answer."""
+
+    name: str
+    loop: Loop
+    recordings: list[Recording]
+
+    @property
+    def source(self) -> str:
+        """All files."""
+        return ", ".join(recording.source for recording in self.recordings)
+
+
+def open_files(
+    files: Sequence[Path], options: Options, as_loop: str | None = None
+) -> list[Recording | Valve | Refused]:
     """Open recordings and the recordings of loops.toml files, in their order; no two have the same name.
+
+    With `as_loop` all of them are recordings of one loop of that name.
 
     Raises
     ------
     CommandError
         Where settings do not go with the files, or a loop that was asked for is in none of them.
     """
+    if as_loop is not None:
+        return _as_loop(files, options, as_loop)
     settings = options.settings()
     if settings and any(_is_toml(file) for file in files):
         raise CommandError("settings on the command line do not go with a loops.toml; write them into it")
@@ -49,13 +69,9 @@ def open_files(files: Sequence[Path], options: Options) -> list[Recording | Refu
         raise CommandError(
             "settings on the command line are for one recording; for several, write a loops.toml (glapp init FILE)"
         )
-    opened: list[Recording | Refused] = []
+    opened: list[Recording | Valve | Refused] = []
     for file in files:
-        if _is_toml(file):
-            opened += _from_settings(file)
-            continue
-        found = _open_each(file, None, settings)
-        opened += [_refused(entry, file) if isinstance(entry, InputError) else entry for entry in found]
+        opened += _from_settings(file) if _is_toml(file) else _from_recording(file, settings)
     asked = [entry.name for entry in opened]
     opened = _told_apart(opened)
     return _only(opened, asked, options.loop)
@@ -75,9 +91,41 @@ def open_one(file: Path, options: Options) -> Recording:
     if len(opened) > 1:
         names = ", ".join(entry.name for entry in opened)
         raise CommandError(f"{file} holds {len(opened)} loops; add --loop NAME with one of: {names}")
-    if isinstance(opened[0], Refused):
-        raise opened[0].error
-    return opened[0]
+    [one] = opened
+    if isinstance(one, Refused):
+        raise one.error
+    if isinstance(one, Valve):
+        raise CommandError(f"{one.name} has {len(one.recordings)} recordings; give one of them: {one.source}")
+    return one
+
+
+def _as_loop(files: Sequence[Path], options: Options, name: str) -> list[Recording | Valve | Refused]:
+    """All files as recordings of one loop; what cannot be opened is refused by itself."""
+    if toml := next((file for file in files if _is_toml(file)), None):
+        raise CommandError(f"--as-loop takes recordings; in {toml} write several files = [...] of a loop")
+    opened: list[Recording | Valve | Refused] = []
+    for file in files:
+        found = _from_recording(file, options.settings())
+        kept = _only(found, [entry.name for entry in found], options.loop)
+        if len(kept) > 1:
+            names = ", ".join(entry.name for entry in kept)
+            raise CommandError(f"{file} holds {len(kept)} loops; add --loop NAME with one of: {names}")
+        opened += kept
+    return _gathered(opened, name)
+
+
+def _gathered(opened: Sequence[Recording | Valve | Refused], name: str) -> list[Recording | Valve | Refused]:
+    """Recordings of one loop as one entry, and what was refused beside it."""
+    recordings = [_called(entry, name) for entry in opened if isinstance(entry, Recording)]
+    rest = [entry for entry in opened if not isinstance(entry, Recording)]
+    if len(recordings) > 1:
+        return [Valve(name, recordings[0].loop, recordings), *rest]
+    return [*recordings, *rest]
+
+
+def _from_recording(file: Path, settings: dict[str, Any]) -> list[Recording | Valve | Refused]:
+    found = _open_each(file, None, settings)
+    return [_refused(entry, file) if isinstance(entry, InputError) else entry for entry in found]
 
 
 def read_by(files: Sequence[Path]) -> list[Path]:
@@ -89,30 +137,35 @@ def read_by(files: Sequence[Path]) -> list[Path]:
                 loops = read_each(file)
             except InputError:  # told where its loops are opened
                 continue
-            found += [loop.file for loop in loops if isinstance(loop, Loop) and loop.file is not None]
+            found += [file for loop in loops if isinstance(loop, Loop) for file in _files(loop)]
     return found
 
 
-def _from_settings(file: Path) -> list[Recording | Refused]:
+def _files(loop: Loop) -> tuple[Path, ...]:
+    return loop.files if loop.file is None else (loop.file,)
+
+
+def _from_settings(file: Path) -> list[Recording | Valve | Refused]:
     try:
         loops = read_each(file)
     except InputError as error:
         return [_refused(error, file)]
-    opened: list[Recording | Refused | None] = [None] * len(loops)
-    recorded: dict[Path, dict[int, Loop]] = {}
+    opened: list[list[Recording | Valve | Refused]] = [[] for _ in loops]
+    recorded: dict[Path, list[tuple[int, Loop]]] = {}
     for i, loop in enumerate(loops):
         if isinstance(loop, InputError):
-            opened[i] = _refused(loop, file)
-        elif loop.file is None:
+            opened[i].append(_refused(loop, file))
+            continue
+        if not _files(loop):
             missing = InputError("is required", file=str(file), loop=loop.name, parameter="file")
-            opened[i] = _refused(missing, file, loop)
-        else:
-            recorded.setdefault(loop.file, {})[i] = loop
+            opened[i].append(_refused(missing, file, loop))
+        for recording in _files(loop):
+            recorded.setdefault(recording, []).append((i, loop))
     for recording, wanted in recorded.items():
-        found = _open_each(recording, list(wanted.values()))
-        for (i, loop), entry in zip(wanted.items(), found, strict=True):
-            opened[i] = _refused(entry, recording, loop) if isinstance(entry, InputError) else entry
-    return [entry for entry in opened if entry is not None]
+        found = _open_each(recording, [loop for _, loop in wanted])
+        for (i, loop), entry in zip(wanted, found, strict=True):
+            opened[i].append(_refused(entry, recording, loop) if isinstance(entry, InputError) else entry)
+    return [entry for entries in opened for entry in _gathered(entries, entries[0].name)]
 
 
 def _open_each(
@@ -135,7 +188,7 @@ def _refused(error: InputError, file: Path, loop: Loop | None = None) -> Refused
     return Refused(name, source, error, loop)
 
 
-def _told_apart(opened: list[Recording | Refused]) -> list[Recording | Refused]:
+def _told_apart(opened: list[Recording | Valve | Refused]) -> list[Recording | Valve | Refused]:
     """Loops of the same name get as much of their files' paths before it as tells them apart."""
     same: dict[str, list[int]] = {}
     for i, entry in enumerate(opened):
@@ -172,16 +225,22 @@ def _with_paths(name: str, sources: Sequence[str]) -> list[str]:
     return tails[-1]
 
 
-def _renamed(entry: Recording | Refused, name: str) -> Recording | Refused:
+def _renamed(entry: Recording | Valve | Refused, name: str) -> Recording | Valve | Refused:
     if isinstance(entry, Refused):
         return replace(entry, name=name)
-    entry.name, entry.loop = name, entry.loop.model_copy(update={"name": name})
-    return entry
+    if isinstance(entry, Valve):
+        return replace(entry, name=name, recordings=[_called(one, name) for one in entry.recordings])
+    return _called(entry, name)
+
+
+def _called(recording: Recording, name: str) -> Recording:
+    recording.name, recording.loop = name, recording.loop.model_copy(update={"name": name})
+    return recording
 
 
 def _only(
-    opened: list[Recording | Refused], asked: Sequence[str], names: Sequence[str] | None
-) -> list[Recording | Refused]:
+    opened: list[Recording | Valve | Refused], asked: Sequence[str], names: Sequence[str] | None
+) -> list[Recording | Valve | Refused]:
     """Those that were asked for, by the name they have here or by the one in their file."""
     if not names:
         return opened

@@ -13,9 +13,10 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from ..errors import InputError, unforeseen
 from ..escape import one_line
 from ..estimate import analyze
+from ..many import analyze_recordings
 from ..recording import Recording
 from ..result import Result
-from .inputs import Refused
+from .inputs import Refused, Valve
 from .screen import err
 
 __all__ = ["analyze_all"]
@@ -24,7 +25,7 @@ PATIENCE = 1.0
 """A progress bar appears after so many seconds."""
 
 
-def analyze_all(opened: Sequence[Recording | Refused], trust: bool, fit: bool) -> list[Result | Refused]:
+def analyze_all(opened: Sequence[Recording | Valve | Refused], trust: bool, fit: bool) -> list[Result | Refused]:
     """Analyse in parallel; the answers in the order of what was opened."""
     done = [0.0] * len(opened)
     stop = Event()
@@ -39,6 +40,8 @@ def analyze_all(opened: Sequence[Recording | Refused], trust: bool, fit: bool) -
         if isinstance(entry, Refused):
             return entry
         try:
+            if isinstance(entry, Valve):
+                return analyze_recordings(entry.recordings, trust=trust, fit=fit, progress=progress)
             return analyze(entry, trust=trust, fit=fit, progress=progress)
         except InputError as error:
             return Refused(entry.name, entry.source, error, entry.loop)
@@ -46,7 +49,8 @@ def analyze_all(opened: Sequence[Recording | Refused], trust: bool, fit: bool) -
             return Refused(entry.name, entry.source, unforeseen(error, entry.source, entry.name), entry.loop)
         finally:
             done[i] = 1.0
-            entry.release()
+            for recording in entry.recordings if isinstance(entry, Valve) else [entry]:
+                recording.release()
 
     begun = monotonic()
     bar = Progress(

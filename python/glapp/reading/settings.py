@@ -110,7 +110,7 @@ def _each(text: str, label: str, directory: Path) -> list[Loop | InputError]:
     tables = _table(data.get("loops", {}), label, "loops")
     if not tables:
         raise InputError("has no loops", file=label, hint="write a table [loops.NAME] for each")
-    for key in ("name", "file"):
+    for key in ("name", "file", "files"):
         if key in defaults:
             raise InputError("belongs to a loop, not to the defaults", file=label, parameter=f"defaults.{key}")
     if defaults:  # so that a fault in the defaults is not blamed on the first loop
@@ -125,7 +125,8 @@ def _each(text: str, label: str, directory: Path) -> list[Loop | InputError]:
         except InputError as error:
             loops.append(error)
             continue
-        loops.append(loop.model_copy(update={"file": directory / loop.file}) if loop.file is not None else loop)
+        here = {"file": None if loop.file is None else directory / loop.file}
+        loops.append(loop.model_copy(update={**here, "files": tuple(directory / file for file in loop.files)}))
     return loops
 
 

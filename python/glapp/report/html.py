@@ -221,7 +221,7 @@ def _loop(key: str, r: Result) -> str:
     if r.fit is not None:
         if r.fit.best:
             drawn["fit"] = fit_figure(r)
-        if len(r.fit.windows) > 1:
+        if len(r.fit.windows) > 1 and not r.fit.recordings:
             drawn["trend"] = trend_figure(r)
         fitted = _fit(key, r, drawn)
     width = escape(words.headline(r))
@@ -264,6 +264,11 @@ def _fit(key: str, r: Result, drawn: Mapping[str, go.Figure]) -> str:
             '<p class="note">Upper panel: the lower a line, the better that width explains PV; the shaded band is the '
             "95 % interval, the dotted line its level for the best family. Below: PV and what the best model foresaw "
             "of it one step ahead, the valve as that model has it, and what is left.</p>"
+        )
+    if shown := next((one.source for one in f.recordings if one.shown), None):
+        picture += (
+            f'<p class="note">Drawn is {escape(shown)}, which of {len(f.recordings)} recordings shows best what all '
+            "say: its own likelihood, and the joint interval.</p>"
         )
     if "trend" in drawn:
         picture += _figure(key, "trend", drawn["trend"], f"{r.name}: width of the gap in each window over time")

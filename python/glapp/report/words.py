@@ -323,7 +323,15 @@ def lead(result: Result) -> str:
 
 
 def why(result: Result) -> str:
-    """Tell in a sentence what the one answer stands on, without the numbers of the likelihood."""
+    """Tell what the one answer stands on, without the numbers of the likelihood."""
+    each = [] if result.fit is None else result.fit.recordings
+    if not each:
+        return _why(result)
+    counted = sum(one.left_out is None for one in each)
+    return f"{_why(result)} {counted} of {len(each)} recordings count."
+
+
+def _why(result: Result) -> str:
     answer, f = result.answer, result.fit
     if f is None or answer.evidence is None:
         return sentence(result.reason)

@@ -7,14 +7,13 @@ use crate::decide::record::{Answer, Fitted};
 use crate::decide::thresholds::*;
 use crate::decide::trend::Trend;
 use crate::decide::verdict::{Evidence, Verdict, judge, lr_asked, lr_asked_of_changes, often};
-use crate::problem::Problem;
 use crate::search::likelihood::Search;
 use crate::search::profile::Profile;
 use rayon::prelude::*;
 
-/// What the records say together.
+/// What several records say of the width that they share.
 #[derive(Clone, Debug)]
-pub struct JointAnswer {
+pub struct Together {
     /// The verdict.
     pub verdict: Verdict,
     /// Width [OP unit].
@@ -36,6 +35,13 @@ pub struct JointAnswer {
     /// Change of the width, where three records or more give one. Where it is plain that the width changes, all the rest is what
     /// the newest record says that gives a width.
     pub trend: Option<Trend>,
+}
+
+/// The records of one recording, and what they say together.
+#[derive(Clone, Debug)]
+pub struct JointAnswer {
+    /// What all say.
+    pub whole: Together,
     /// The records, in the order of time.
     pub records: Vec<RecordAnswer<Answer>>,
     /// Place of the record that shows best what all say.
@@ -63,6 +69,11 @@ impl<A> RecordAnswer<A> {
         Self { start, end, starts: record.starts(), h: record.h, answer }
     }
 
+    /// What else is said of the same record.
+    fn with<B>(&self, answer: B) -> RecordAnswer<B> {
+        RecordAnswer { start: self.start, end: self.end, starts: self.starts.clone(), h: self.h, answer }
+    }
+
     /// The middle of its time [s].
     pub(crate) fn middle(&self) -> f64 {
         0.5 * (self.start + self.end)
@@ -70,25 +81,35 @@ impl<A> RecordAnswer<A> {
 }
 
 impl RecordAnswer<Answer> {
-    fn reading(&self) -> Reading {
+    pub(crate) fn reading(&self) -> Reading {
         let Answer { verdict, d, low, high, lr_no_gap, .. } = self.answer;
         Reading { verdict, d, low, high, lr_no_gap, t: self.middle() }
     }
 }
 
 /// One record, and all that the likelihood says there of another width.
-struct Curve<'a> {
-    record: Record<'a>,
-    fitted: Fitted,
-    sign: f64,
+pub(crate) struct Curve {
+    /// When the record is.
+    when: RecordAnswer<()>,
+    pub(crate) fitted: Fitted,
+    pub(crate) sign: f64,
     /// What a unit of its likelihood is worth: the innovations' trust over what chance makes of records without a gap.
-    worth: f64,
+    pub(crate) worth: f64,
 }
 
-impl Curve<'_> {
+impl Curve {
+    pub(crate) fn new(record: &Record, fitted: Fitted, sign: f64) -> Self {
+        let worth = fitted.answer.trust / fitted.by_chance;
+        Self { when: RecordAnswer::of(record, ()), fitted, sign, worth }
+    }
+
+    fn answered(&self) -> RecordAnswer<Answer> {
+        self.when.with(self.fitted.answer.clone())
+    }
+
     /// −2·ln L at a width, of the families of a gap and of the valves that stick; beyond OP's range what it is there, infinite
     /// where a valve was not looked at.
-    fn costs(&mut self, d: f64) -> Vec<f64> {
+    pub(crate) fn costs(&mut self, d: f64) -> Vec<f64> {
         let Fitted { record, profiles, sticking, sticks_in, .. } = &mut self.fitted;
         let of = |structure| Search { record, structure, sign: self.sign };
         let last = |p: &Profile| p.points.last().map_or(0.0, |p| p.lost.d);
@@ -101,12 +122,57 @@ impl Curve<'_> {
         costs
     }
 
+    /// The same from the widths that were looked at, on a line between each two.
+    pub(crate) fn foreseen(&self, d: f64) -> Vec<f64> {
+        let Fitted { profiles, sticking, .. } = &self.fitted;
+        let gaps = profiles.iter().map(|p| p.foreseen(d.min(p.points[p.points.len() - 1].lost.d)));
+        let sticks = sticking.iter().map(|p| p.foreseen(d));
+        gaps.chain(sticks).map(|cost| cost.unwrap_or(f64::INFINITY)).collect()
+    }
+
+    /// Widths that were looked at in the best family.
+    pub(crate) fn widths(&self) -> impl Iterator<Item = f64> {
+        self.fitted.profiles[0].points.iter().map(|p| p.lost.d)
+    }
+
+    /// The least that the likelihood lies above its best between two widths.
+    pub(crate) fn least_off(&self, low: f64, high: f64) -> f64 {
+        let between = self.widths().filter(|d| (low..=high).contains(d));
+        let high = high.min(self.fitted.record.range);
+        between.chain([low, high]).map(|d| self.off(&self.foreseen(d))).fold(f64::INFINITY, f64::min)
+    }
+
+    /// What a slip jump brings; less than 0 where it costs more than it brings.
+    pub(crate) fn jumps(&self) -> f64 {
+        let Fitted { profiles, sticking, .. } = &self.fitted;
+        sticking.first().map_or(0.0, |p| profiles[0].penalised() - p.penalised())
+    }
+
     /// How much each of the [`Curve::costs`] counts, its parameters' price, and its least.
     fn weights(&self) -> Vec<(f64, f64, f64)> {
         let Fitted { profiles, sticking, sticks_in, .. } = &self.fitted;
         let gaps = profiles.iter().map(|p| (1.0, 2.0 * p.structure.parameters() as f64, p.least()));
         let sticks = 2.0 * sticks_in.parameters() as f64 + JUMP_PRICE;
         gaps.chain(sticking.iter().map(|p| (RISE / RISE_OF_STICKING, sticks, p.least()))).collect()
+    }
+
+    /// The least of costs with the parameters' price.
+    pub(crate) fn least(&self, costs: &[f64]) -> f64 {
+        let all = costs.iter().zip(self.weights()).map(|(cost, (_, price, _))| cost + price);
+        all.fold(f64::INFINITY, f64::min)
+    }
+
+    /// How far the likelihood rises from costs to others in the family that rises least.
+    pub(crate) fn rise(&self, from: &[f64], to: &[f64]) -> f64 {
+        let pairs = from.iter().zip(to).zip(self.weights());
+        let known = pairs.filter(|((from, to), _)| from.is_finite() && to.is_finite());
+        known.map(|((from, to), (weight, ..))| weight * (to - from)).fold(f64::INFINITY, f64::min)
+    }
+
+    /// How far costs lie above the best of their own family, in that where they do least.
+    pub(crate) fn off(&self, costs: &[f64]) -> f64 {
+        let above = costs.iter().zip(self.weights()).map(|(cost, (weight, _, least))| weight * (cost - least));
+        above.fold(f64::INFINITY, f64::min).max(0.0)
     }
 }
 
@@ -117,22 +183,12 @@ fn costs_at(curves: &mut [Curve], d: f64) -> Vec<Vec<f64>> {
 
 /// What all records cost at best.
 fn total_cost(curves: &[Curve], costs: &[Vec<f64>]) -> f64 {
-    let least = |(curve, costs): (&Curve, &Vec<f64>)| {
-        let prices = curve.weights();
-        let all = costs.iter().zip(prices).map(|(cost, (_, price, _))| cost + price);
-        curve.worth * all.fold(f64::INFINITY, f64::min)
-    };
-    curves.iter().zip(costs).map(least).sum()
+    curves.iter().zip(costs).map(|(curve, costs)| curve.worth * curve.least(costs)).sum()
 }
 
-/// How far the likelihood rises in each record from costs to others in the family that rises least.
+/// How far the likelihood rises in each record from costs to others.
 fn rises(curves: &[Curve], from: &[Vec<f64>], to: &[Vec<f64>]) -> Vec<f64> {
-    let rise = |((curve, from), to): ((&Curve, &Vec<f64>), &Vec<f64>)| {
-        let pairs = from.iter().zip(to).zip(curve.weights());
-        let known = pairs.filter(|((from, to), _)| from.is_finite() && to.is_finite());
-        curve.worth * known.map(|((from, to), (weight, ..))| weight * (to - from)).fold(f64::INFINITY, f64::min)
-    };
-    curves.iter().zip(from).zip(to).map(rise).collect()
+    curves.iter().zip(from).zip(to).map(|((curve, from), to)| curve.worth * curve.rise(from, to)).collect()
 }
 
 /// Steps of the descent at one more width.
@@ -140,31 +196,22 @@ const ROUNDS: usize = 4;
 /// Halvings of a border of the interval.
 const HALVINGS: usize = 7;
 
-/// The answer of all records.
-pub(crate) fn joint(fitted: Vec<(Record, Fitted)>, problem: &Problem, op: Unit, pv: Unit) -> Option<JointAnswer> {
-    let fits = |fitted: &Fitted| fitted.answer.usable();
-    let sound = fitted.iter().filter(|(_, fitted)| fits(fitted)).count();
-    let all = fitted.len();
-    let worth = |fitted: &Fitted| fitted.answer.trust / fitted.by_chance;
-    let curves =
-        fitted.into_iter().map(|(record, fitted)| Curve { worth: worth(&fitted), record, fitted, sign: problem.sign });
-    let answered = |curve: Curve| RecordAnswer::of(&curve.record, curve.fitted.answer);
+/// The answer of all records of one recording, whose OP and PV were scaled by these units.
+pub(crate) fn joint(curves: &mut [Curve], op: Unit, pv: Unit) -> Option<JointAnswer> {
+    let fits = |curve: &Curve| curve.fitted.answer.usable();
+    let sound = curves.iter().filter(|curve| fits(curve)).count();
+    let all = curves.len();
     let mut joint = if all > 1 && 2 * sound > all && sound > 1 {
-        let (mut fit, unfit): (Vec<Curve>, Vec<Curve>) = curves.partition(|curve| fits(&curve.fitted));
-        let mut joint = joint_width(&mut fit);
-        joint.records = fit.into_iter().chain(unfit).map(answered).collect();
-        joint
+        curves.sort_by_key(|curve| !fits(curve));
+        let whole = joint_width(&mut curves[..sound]);
+        JointAnswer { whole, records: curves.iter().map(Curve::answered).collect(), shown: 0 }
     } else {
         // One record, or none but one that can be used: where most cannot, neither does that.
-        let mut records: Vec<RecordAnswer<Answer>> = curves.map(answered).collect();
+        let records: Vec<RecordAnswer<Answer>> = curves.iter().map(Curve::answered).collect();
         let usable = |r: &RecordAnswer<Answer>| 2 * sound > all || !r.answer.usable();
-        let best = (0..records.len())
-            .filter(|i| usable(&records[*i]))
-            .max_by(|a, b| records[*a].answer.lr_no_gap.total_cmp(&records[*b].answer.lr_no_gap))?;
-        records.swap(0, best);
-        let mut joint = JointAnswer::from(&records[0].answer);
-        joint.records = records;
-        joint
+        let best =
+            records.iter().filter(|r| usable(r)).max_by(|a, b| a.answer.lr_no_gap.total_cmp(&b.answer.lr_no_gap))?;
+        JointAnswer { whole: Together::from(&best.answer), records, shown: 0 }
     };
     joint.shown = joint.clearest();
     joint.in_units(op, pv);
@@ -175,10 +222,11 @@ pub(crate) fn joint(fitted: Vec<(Record, Fitted)>, problem: &Problem, op: Unit, 
     let readings: Vec<Reading> = joint.records.iter().map(RecordAnswer::reading).collect();
     let trend = Trend::of(&readings);
     if let Some(newest) = newest(trend, &readings) {
-        let todays = JointAnswer::from(&joint.records[newest].answer);
-        joint = JointAnswer { records: joint.records, shown: newest, ..todays };
+        joint.whole = Together::from(&joint.records[newest].answer);
+        joint.shown = newest;
     }
-    Some(JointAnswer { trend, ..joint })
+    joint.whole.trend = trend;
+    Some(joint)
 }
 
 /// The newest reading with a width, where it is plain that the width changes.
@@ -186,19 +234,20 @@ pub(crate) fn newest(trend: Option<Trend>, readings: &[Reading]) -> Option<usize
     trend.filter(Trend::changes).and_then(|_| readings.iter().rposition(|r| r.standard_error().is_some()))
 }
 
-impl JointAnswer {
+impl Together {
     /// What one record says.
     fn from(answer: &Answer) -> Self {
         let Answer { verdict, d, low, high, lr_no_gap, lr_needed, traversals, reason, .. } = *answer;
-        let (trend, dispersion, records) = (None, 1.0, Vec::new());
-        Self { verdict, d, low, high, lr_no_gap, lr_needed, traversals, dispersion, reason, trend, records, shown: 0 }
+        Self { verdict, d, low, high, lr_no_gap, lr_needed, traversals, dispersion: 1.0, reason, trend: None }
     }
+}
 
+impl JointAnswer {
     /// The record that shows best what all say.
     fn clearest(&self) -> usize {
         let rank = |i: &usize| {
             let Answer { verdict, lr_no_gap, .. } = self.records[*i].answer;
-            (verdict == self.verdict, lr_no_gap)
+            (verdict == self.whole.verdict, lr_no_gap)
         };
         let order = |a: &usize, b: &usize| rank(a).0.cmp(&rank(b).0).then(rank(a).1.total_cmp(&rank(b).1));
         (0..self.records.len()).max_by(order).unwrap_or(0)
@@ -207,15 +256,15 @@ impl JointAnswer {
     /// See [`Answer::in_units`].
     fn in_units(&mut self, op: Unit, pv: Unit) {
         self.records.iter_mut().for_each(|r| r.answer.in_units(op, pv));
-        for width in [&mut self.d, &mut self.low] {
+        for width in [&mut self.whole.d, &mut self.whole.low] {
             *width *= op.size;
         }
-        self.high = self.high.map(|high| high * op.size);
+        self.whole.high = self.whole.high.map(|high| high * op.size);
     }
 }
 
 /// One width of two records or more.
-fn joint_width(curves: &mut [Curve]) -> JointAnswer {
+fn joint_width(curves: &mut [Curve]) -> Together {
     let n = curves.len() as f64;
     let range = curves.iter().map(|c| c.fitted.record.range).fold(0.0, f64::max);
     let mut tried: Vec<f64> = curves.iter().map(|c| c.fitted.answer.d).chain([0.0, range]).collect();
@@ -238,11 +287,7 @@ fn joint_width(curves: &mut [Curve]) -> JointAnswer {
     };
     let (d, here) = known[best].clone();
     // How far each record's own optimum lies off.
-    let own = |(curve, costs): (&Curve, &Vec<f64>)| {
-        let above = costs.iter().zip(curve.weights()).map(|(cost, (weight, _, least))| weight * (cost - least));
-        curve.worth * above.fold(f64::INFINITY, f64::min).max(0.0)
-    };
-    let off: f64 = curves.iter().zip(&here).map(own).sum();
+    let off: f64 = curves.iter().zip(&here).map(|(curve, costs)| curve.worth * curve.off(costs)).sum();
     let dispersion = (off / (n - 1.0) / AGREES).max(1.0);
     let rise = |curves: &[Curve], costs: &[Vec<f64>]| rises(curves, &here, costs).iter().sum::<f64>();
     let limit = RISE * dispersion;
@@ -282,10 +327,8 @@ fn joint_width(curves: &mut [Curve]) -> JointAnswer {
     let asked = GAP_JOINT.max(lr_asked(traversals, known)).max(lr_asked_of_changes(traversals, marks));
     let lr_needed = (dispersion * asked).max(most + dispersion * GAP_WITHOUT_ONE);
     // What a slip jump brings over all, where it brings nothing it counts against it.
-    let jumps =
-        |fitted: &Fitted| fitted.sticking.first().map_or(0.0, |p| fitted.profiles[0].penalised() - p.penalised());
-    let lr_no_jump: f64 = curves.iter().map(|c| c.worth * jumps(&c.fitted)).sum();
-    let jumping = curves.iter().filter(|c| jumps(&c.fitted) > 0.0).count();
+    let lr_no_jump: f64 = curves.iter().map(|c| c.worth * c.jumps()).sum();
+    let jumping = curves.iter().filter(|c| c.jumps() > 0.0).count();
     let mean = |of: fn(&Evidence) -> f64| curves.iter().map(|c| of(&c.fitted.evidence)).sum::<f64>() / n;
     let high = high.map(|high| high + 3.0 * resolution);
     let mut hidden: Vec<f64> = curves.iter().map(|c| c.fitted.evidence.drawn).collect();
@@ -316,8 +359,8 @@ fn joint_width(curves: &mut [Curve]) -> JointAnswer {
     let (verdict, reason) =
         if dispersion > DISAGREE { (Verdict::CannotTell, "windows_disagree") } else { judge(&evidence) };
     let high = high.filter(|_| verdict != Verdict::AtLeast);
-    let (trend, records, shown, lr_needed) = (None, Vec::new(), 0, evidence.needed());
-    JointAnswer { verdict, d, low, high, lr_no_gap, lr_needed, traversals, dispersion, reason, trend, records, shown }
+    let lr_needed = evidence.needed();
+    Together { verdict, d, low, high, lr_no_gap, lr_needed, traversals, dispersion, reason, trend: None }
 }
 
 /// How near the most likely width is found, part of itself.

@@ -143,6 +143,13 @@ pub(crate) struct Fitted {
     pub(crate) sticks_in: Structure,
     /// What the loads that were looked for leave of the likelihood ratio of no gap.
     pub(crate) lr_of_loads: f64,
+    /// The least that was found to cost without a gap [−2·ln L], and whether a load that repeats itself was looked for.
+    pub(crate) without: f64,
+    pub(crate) cycle_known: bool,
+    /// Lags of the process [steps], infinite where it integrates.
+    pub(crate) lag: f64,
+    /// Whether PV stands still while OP goes through the gap.
+    pub(crate) dwells: bool,
     /// By how much more than 1 the ratios of records without a gap scatter.
     pub(crate) by_chance: f64,
     pub(crate) evidence: Evidence,
@@ -177,7 +184,8 @@ pub(crate) fn fit_record(record: &Cells, seeds: &[Theta], h: f64, bow: f64, prob
     let known = record.changes() > 0;
     let asked_of_changes = lr_asked_of_changes(traversals, record.changes());
     let asked = lr_asked(traversals, known).max(asked_of_changes);
-    if lr_no_gap.min(lr_of_loads) * trusted > asked {
+    let cycle_known = lr_no_gap.min(lr_of_loads) * trusted > asked;
+    if cycle_known {
         let family = &profiles[0];
         let points = [(search.structure, &best), (family.structure, &family.points[0])];
         let beside = lr_beside_cycle(&record, problem.sign, &points, &best.lost, without);
@@ -226,6 +234,10 @@ pub(crate) fn fit_record(record: &Cells, seeds: &[Theta], h: f64, bow: f64, prob
     let slowly = best.lost.d >= SAMPLES_IN_GAP * record.travel();
     // PV stands still while OP goes through the gap: no load follows OP so closely, unless most of each swing is lost.
     let dwells = fast && slowly && lr_no_gap > GAP_IF_SELDOM && 2.0 * best.lost.d < record.range;
+    let lag_steps = match search.structure.integrating {
+        true => f64::INFINITY,
+        false => search.structure.lag(&best.theta) * (record.cell as f64),
+    };
     let evidence = Evidence {
         echo,
         d: best.lost.d,
@@ -246,15 +258,7 @@ pub(crate) fn fit_record(record: &Cells, seeds: &[Theta], h: f64, bow: f64, prob
         slips_wholly,
         dissent: dissent || !certain,
         periodic_load: repeats,
-        // Steps and bends of the load that were found tell what drives OP, where there are enough of them. A process slower than
-        // the swing nearly integrates, and swings with a gap; not under a load that steps.
-        even_swing: lr_no_gap < GAP_IF_EVEN_SWING
-            && 2 * record.changes() < traversals[0] + traversals[1]
-            && !dwells
-            && record.swing(best.lost.d).is_some_and(|(mean, spread)| {
-                let quick = search.structure.lag(&best.theta) * (record.cell as f64) < mean;
-                spread < EVEN_SWING && (known || quick && !search.structure.integrating)
-            }),
+        even_swing: lr_no_gap < GAP_IF_EVEN_SWING && !dwells && swings_evenly(&record, best.lost.d, lag_steps),
         hidden: hidden(settles, search.structure.lag(&best.theta), record.count as f64, traversals, record.changes()),
         drawn: DRAWN * bow / best.kp.abs().max(1e-300),
     };
@@ -310,7 +314,30 @@ pub(crate) fn fit_record(record: &Cells, seeds: &[Theta], h: f64, bow: f64, prob
         reason,
     };
     let by_chance = lr_needed / asked;
-    Fitted { answer, record, profiles, sticking, sticks_in, lr_of_loads, by_chance, evidence }
+    Fitted {
+        answer,
+        record,
+        profiles,
+        sticking,
+        sticks_in,
+        lr_of_loads,
+        without,
+        cycle_known,
+        lag: lag_steps,
+        dwells,
+        by_chance,
+        evidence,
+    }
+}
+
+/// Whether OP goes through a gap of width `d` to and fro in almost even time, though no gap makes a process with lags of so many
+/// steps do that. Steps and bends of the load that were found tell what drives OP, where there are enough of them. A process
+/// slower than the swing nearly integrates, and swings with a gap; not under a load that steps.
+pub(crate) fn swings_evenly(record: &Cells, d: f64, lag: f64) -> bool {
+    let [up, down] = record.traversals(d);
+    let known = record.changes() > 0;
+    2 * record.changes() < up + down
+        && record.swing(d).is_some_and(|(mean, spread)| spread < EVEN_SWING && (known || lag < mean))
 }
 
 /// The cells of PV with what the model left of each.

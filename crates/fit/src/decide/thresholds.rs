@@ -124,6 +124,16 @@ thresholds! {
     AGREES: f64 = 4.0, "−2·ln L";
     /// Dispersion of records of one width from which on they disagree. `bench.lengths` (ADR 0012).
     DISAGREE: f64 = 5.0, "1";
+    /// Recordings of one valve that must count for a joint width: what fewer say rests on one of them. Chosen on real exports,
+    /// judged by `bench.recordings` (`docs/truth.md`).
+    FEWEST_RECORDINGS: usize = 3, "recordings";
+    /// Traversals each way of a joint width, over all recordings, for two limits. The same.
+    PASSES_JOINT: usize = 3, "traversals";
+    /// Rows in a row that stand in an earlier recording to the last digit, and different values of PV among them, that are a replay
+    /// of it. Real exports.
+    REPEATED_ROWS: usize = 8, "rows";
+    /// See [`REPEATED_ROWS`].
+    REPEATED_LEVELS: usize = 5, "values";
     /// Widths with two limits that a change in time must rest on, and its standard errors.
     TREND_WIDTHS: usize = 5, "widths";
     /// See [`TREND_WIDTHS`].

@@ -93,6 +93,18 @@ impl Profile {
         self.least() + 2.0 * self.structure.parameters() as f64
     }
 
+    /// The cost at a width, on a line between those beside it; None beyond the first and the last.
+    pub(crate) fn foreseen(&self, d: f64) -> Option<f64> {
+        let after = self.points.partition_point(|p| p.lost.d < d);
+        let right = self.points.get(after)?;
+        if right.lost.d == d {
+            return Some(right.cost);
+        }
+        let left = &self.points[after.checked_sub(1)?];
+        let part = (d - left.lost.d) / (right.lost.d - left.lost.d);
+        Some(left.cost + part * (right.cost - left.cost))
+    }
+
     /// One more width, begun from the better of its neighbours.
     pub(crate) fn insert(&mut self, search: &Search, d: f64, rounds: usize) -> f64 {
         let after = self.points.partition_point(|p| p.lost.d < d);

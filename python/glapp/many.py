@@ -1,0 +1,63 @@
+"""Several recordings of one loop: each is judged by itself, and all get one width."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from .estimate import analyze
+from .fit import Verdict, fit_recordings
+from .progress import Progress, shares
+from .recording import Recording
+from .result import Result
+from .valve import in_order, one_valve
+
+__all__ = ["analyze_recordings"]
+
+
+def analyze_recordings(
+    recordings: Sequence[Recording], *, trust: bool = False, fit: bool = True, progress: Progress | None = None
+) -> Result:
+    """One answer of several recordings of one loop.
+
+    Zero crossings, quality and signals are those of the recording that shows best what all say; `fit` is that of all
+    (`glapp.fit`). A recording whose data allow no answer, or that swings in a clean sinusoid, does not count in it.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        Two or more.
+    trust, fit, progress
+        As in `glapp.analyze`.
+
+    Raises
+    ------
+    InputError
+        Where they differ in unit, span, controller, process or positioner, or one cannot be read.
+    """
+    one_valve(recordings)
+    recordings = in_order(recordings)
+    *judging, fitting = shares(progress, *[0.4 / len(recordings)] * len(recordings), 0.6)
+    each = [
+        analyze(recording, trust=trust, fit=False, progress=told)
+        for recording, told in zip(recordings, judging, strict=True)
+    ]
+    source = ", ".join(recording.source for recording in recordings)
+    if not fit or all("OP" not in recording.columns for recording in recordings):
+        return replace(max(each, key=lambda result: result.detections), source=source)
+    answer = fit_recordings(recordings, unfit=[_unfit(result) for result in each], progress=fitting)
+    best = each[next((i for i, one in enumerate(answer.recordings) if one.shown), 0)]
+    return replace(best, source=source, fit=answer)
+
+
+def _unfit(result: Result) -> tuple[Verdict, str] | None:
+    """What is known of the recording before it is fitted, with the reason."""
+    loop = result.loop
+    primary = loop.cascade is not None and loop.cascade.role == "primary"
+    refused = [f.text for f in result.quality if f.severity == "refuse" and f.code != "not_auto"]
+    if primary or loop.split_range or loop.shared_valve_with is not None:
+        refused.insert(0, result.reason or "")
+    sinusoids = [f.text for f in result.quality if f.code == "sinusoidal"]
+    if refused:
+        return "cannot_tell", refused[0]
+    return ("oscillation", sinusoids[0]) if sinusoids else None

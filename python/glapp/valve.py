@@ -1,0 +1,79 @@
+"""Several recordings of one valve: what they must share, their order in time, and what one adds to the whole."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import UTC, datetime
+
+from .errors import InputError
+from .recording import Recording
+
+__all__ = ["LEFT_OUT", "in_order", "one_valve", "since"]
+
+_SHARED = ("pv_span", "op_span", "pv_unit", "op_unit", "controller", "process", "positioner")
+"""Settings that recordings of one valve have in common."""
+
+LEFT_OUT = {
+    "misfit": "no model fits it",
+    "no_answer": "PV does not answer OP",
+    "coarse": "it is sampled too seldom",
+    "swings": "OP swings to and fro in almost even time, which a load may do",
+    "lined": "a historian drew PV as lines that bend by as much as a gap makes",
+    "still": "the model's valve hardly moves",
+    "windows_disagree": "its parts disagree",
+}
+"""Why a recording does not count in the joint answer, by the word of the core."""
+
+
+def one_valve(recordings: Sequence[Recording]) -> None:
+    """Refuse recordings that cannot be of one valve.
+
+    Raises
+    ------
+    InputError
+        Naming the first file whose unit, span, controller, process or positioner is not that of the first one.
+    """
+    first = recordings[0]
+    for other in recordings[1:]:
+        for name in _SHARED:
+            value, here = getattr(other.loop, name), getattr(first.loop, name)
+            if value != here:
+                raise InputError(
+                    f"is {_told(value)}, and {_told(here)} in {first.source}",
+                    file=other.source,
+                    parameter=name,
+                    value=value,
+                    bound=f"as in {first.source}",
+                    hint="recordings of one valve share unit, span and settings; analyse the others by themselves",
+                )
+
+
+def _told(value: object) -> str:
+    fields = value.model_dump(exclude_defaults=True) if hasattr(value, "model_dump") else None
+    if fields is not None:
+        return ", ".join(f"{name} {x}" for name, x in fields.items()) or "as by default"
+    return "not given" if value is None else str(value)
+
+
+def in_order(recordings: Sequence[Recording]) -> list[Recording]:
+    """In the order of time where each has a date, else as given."""
+    return sorted(recordings, key=_moment) if _dated(recordings) else list(recordings)
+
+
+def since(recordings: Sequence[Recording]) -> list[float]:
+    """When the time of each is 0 [s], counted from the earliest; NaN where one has no date."""
+    if not _dated(recordings):
+        return [float("nan")] * len(recordings)
+    first = min(map(_moment, recordings))
+    return [(_moment(recording) - first).total_seconds() for recording in recordings]
+
+
+def _dated(recordings: Sequence[Recording]) -> bool:
+    """Whether all have a date, of one kind: with a zone or without."""
+    aware = {None if recording.t0 is None else recording.t0.tzinfo is not None for recording in recordings}
+    return len(aware) == 1 and None not in aware
+
+
+def _moment(recording: Recording) -> datetime:
+    assert recording.t0 is not None
+    return recording.t0 if recording.t0.tzinfo is None else recording.t0.astimezone(UTC)

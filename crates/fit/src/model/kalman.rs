@@ -64,6 +64,28 @@ pub(crate) const UNKNOWN: f64 = 1e8;
 /// that models with more states do not pay for a start that nobody asked about.
 pub(crate) const START: usize = 6;
 
+/// The positions of the eight models, each `delay` cells before.
+pub(crate) enum Delayed<'d> {
+    /// Of each model its own.
+    Each(&'d [Lanes]),
+    /// The same positions with a cell before the first, a part of a cell late: as many whole cells late in all models.
+    Same { shifted: &'d [f64], part: Lanes },
+}
+
+impl Delayed<'_> {
+    /// The positions at a cell.
+    #[inline(always)]
+    fn at<S: Simd, const R: usize>(&self, simd: S, k: usize) -> Wide<S, R> {
+        match self {
+            Self::Each(v) => Wide::load(simd, &v[k]),
+            Self::Same { shifted, part } => {
+                let (part, one) = (Wide::load(simd, part), Wide::all(simd, 1.0));
+                (one - part) * Wide::all(simd, shifted[k + 1]) + part * Wide::all(simd, shifted[k])
+            }
+        }
+    }
+}
+
 /// What a pass over a record leaves: innovations divided by their standard deviations, of PV and of the model's answer
 /// with gain 1, and Σ ln S.
 #[derive(Clone, Debug, Default)]
@@ -89,9 +111,11 @@ const GATHERED: u32 = 16;
 struct Gain<S: Simd, const R: usize, const N: usize> {
     /// Below its diagonal P is what it is above, and not kept there.
     p: [[Wide<S, R>; N]; N],
-    k: [Wide<S, R>; N],
+    /// F·P·Hᵀ/S: what an innovation does to the next states.
+    l: [Wide<S, R>; N],
     s: Wide<S, R>,
-    /// 1/√S.
+    /// 1/S and its root.
+    part: Wide<S, R>,
     scale: Wide<S, R>,
     /// S when it was last looked at, and how many cells ago that was.
     before: Wide<S, R>,
@@ -138,28 +162,50 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
     /// Innovations of `y` and of the answer to the positions `v`, for each sample of `y` that is a number; Kalman
     /// filter from an unknown start (the first [`START`] count as 0), the load unknown again at each of the `changes`.
     #[inline(always)]
-    pub(crate) fn whiten(&self, y: &[f64], changes: &[LoadChange], v: &[Lanes], white: &mut Whitened) {
+    pub(crate) fn whiten(&self, y: &[f64], changes: &[LoadChange], v: &Delayed, white: &mut Whitened) {
         let all = |x| Wide::all(self.simd, x);
         let mut gain = self.start();
         let (mut of_y, mut of_v) = ([all(0.0); N], [all(0.0); N]);
         let mut seen = 0;
         let mut changes = changes.iter().peekable();
+        white.of_y.reserve(y.len());
+        white.of_v.reserve(y.len());
         // Σ ln S: a product while S moves, a count once it stands still.
-        let (mut log_s, mut product, mut gathered, mut frozen) = (all(0.0), all(1.0), 0, 0);
-        for (k, (&y, v)) in y.iter().zip(v).enumerate() {
-            if y.is_nan() {
+        let (mut log_s, mut product, mut gathered) = (all(0.0), all(1.0), 0);
+        let mut k = 0;
+        while k < y.len() {
+            // The gain stands still up to the next change or hole.
+            if gain.frozen {
+                let end = changes.peek().map_or(y.len(), |change| (change.cell - 1).min(y.len()));
+                let from = k;
+                while k < end && !y[k].is_nan() {
+                    let (e_y, e_v) = (self.unforeseen(&of_y, y[k]), self.unforeseen(&of_v, 0.0));
+                    white.of_y.push((gain.scale * e_y).lanes());
+                    white.of_v.push((all(-1.0) * gain.scale * e_v).lanes());
+                    self.step(&mut of_y, &gain.l, e_y, None);
+                    self.step(&mut of_v, &gain.l, e_v, Some(v.at(self.simd, k)));
+                    k += 1;
+                }
+                log_s += all((k - from) as f64) * gain.s.each(f64::ln);
+                if k == y.len() {
+                    break;
+                }
+            }
+            let missing = y[k].is_nan();
+            let change = changes.next_if(|change| change.cell == k + 1);
+            if missing {
                 gain.thaw();
+                self.advance(&mut gain, true, change);
+                self.pass(&mut of_y, None);
+                self.pass(&mut of_v, Some(v.at(self.simd, k)));
             } else {
-                let e_y = self.unforeseen(&of_y, y);
-                let e_v = self.unforeseen(&of_v, 0.0);
+                let (e_y, e_v) = (self.unforeseen(&of_y, y[k]), self.unforeseen(&of_v, 0.0));
                 let worth = if seen < START { all(0.0) } else { gain.scale };
                 seen += 1;
                 white.of_y.push((worth * e_y).lanes());
                 // The model's own answer enters with the other sign: y − kp·answer.
                 white.of_v.push((all(-1.0) * worth * e_v).lanes());
-                if seen > START && gain.frozen {
-                    frozen += 1;
-                } else if seen > START {
+                if seen > START {
                     product *= gain.s;
                     gathered += 1;
                     if gathered == GATHERED {
@@ -167,25 +213,13 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
                         (product, gathered) = (all(1.0), 0);
                     }
                 }
-                for i in 0..N {
-                    of_y[i] += gain.k[i] * e_y;
-                    of_v[i] += gain.k[i] * e_v;
-                }
+                self.advance(&mut gain, false, change);
+                self.step(&mut of_y, &gain.l, e_y, None);
+                self.step(&mut of_v, &gain.l, e_v, Some(v.at(self.simd, k)));
             }
-            self.step(&mut of_y);
-            self.step(&mut of_v);
-            let v = Wide::load(self.simd, v);
-            for i in 0..Self::ORDER {
-                of_v[i] += self.transition[i][Self::LOAD] * v;
-            }
-            let change = changes.next_if(|change| change.cell == k + 1);
-            if frozen > 0 && (change.is_some() || y.is_nan()) {
-                log_s += all(f64::from(frozen)) * gain.s.each(f64::ln);
-                frozen = 0;
-            }
-            self.advance(&mut gain, y.is_nan(), change);
+            k += 1;
         }
-        log_s += product.each(f64::ln) + all(f64::from(frozen)) * gain.s.each(f64::ln);
+        log_s += product.each(f64::ln);
         white.log_s = (Wide::load(self.simd, &white.log_s) + log_s).lanes();
     }
 
@@ -206,6 +240,7 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
         let told = 2 * (Self::ORDER + 2);
         let all = LoadChange::gathered(|_| changes);
         for (k, (&y, &v)) in y.iter().zip(kp_v).enumerate() {
+            let mut unforeseen = None;
             if y.is_nan() {
                 made.push(y);
                 gain.thaw();
@@ -217,16 +252,14 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
                 let value = if !known { y } else { foresight + draw() / gain.scale.lanes()[0] };
                 seen += 1;
                 made.push(value);
-                let unforeseen = Wide::all(self.simd, value - foresight);
-                for i in 0..N {
-                    x[i] += gain.k[i] * unforeseen;
-                }
-            }
-            self.step(&mut x);
-            for i in 0..Self::ORDER {
-                x[i] += self.transition[i][Self::LOAD] * Wide::all(self.simd, v);
+                unforeseen = Some(Wide::all(self.simd, value - foresight));
             }
             self.advance(&mut gain, y.is_nan(), all.iter().find(|change| change.cell == k + 1));
+            let v = Some(Wide::all(self.simd, v));
+            match unforeseen {
+                Some(unforeseen) => self.step(&mut x, &gain.l, unforeseen, v),
+                None => self.pass(&mut x, v),
+            }
         }
         made
     }
@@ -238,18 +271,31 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
         if MORE == DRIFT { rest - x[Self::LAST] } else { rest }
     }
 
-    /// The load stays where it is and the drift fades: only the process' rows are full.
+    /// The states a cell later, without a sample of PV; `v`: the position. The load stays where it is and the drift fades: only the
+    /// process' rows are full.
     #[inline(always)]
-    fn step(&self, x: &mut [Wide<S, R>; N]) {
+    fn pass(&self, x: &mut [Wide<S, R>; N], v: Option<Wide<S, R>>) {
         let before = *x;
         for i in 0..Self::ORDER {
             x[i] = self.row(i, |j| before[j]);
+            if let Some(v) = v {
+                x[i] += self.transition[i][Self::LOAD] * v;
+            }
         }
         if MORE >= SLOPE {
             x[Self::LOAD] += before[Self::LAST];
         }
         if MORE > 0 {
             x[Self::LAST] = self.pole * before[Self::LAST];
+        }
+    }
+
+    /// The same with a sample of PV. What was not foreseen comes last, since it waits for the states.
+    #[inline(always)]
+    fn step(&self, x: &mut [Wide<S, R>; N], l: &[Wide<S, R>; N], unforeseen: Wide<S, R>, v: Option<Wide<S, R>>) {
+        self.pass(x, v);
+        for i in 0..N {
+            x[i] += l[i] * unforeseen;
         }
     }
 
@@ -275,32 +321,27 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
             let at_start = self.q_more / (all(1.0) - self.pole * self.pole);
             p[Self::LAST][Self::LAST] = at_start.each(|variance| variance.min(UNKNOWN));
         }
-        let mut gain =
-            Gain { p, k: [nothing; N], s: nothing, scale: nothing, before: nothing, since: 0, frozen: false };
+        let [s, part, scale, before] = [nothing; 4];
+        let mut gain = Gain { p, l: [nothing; N], s, part, scale, before, since: 0, frozen: false };
         self.measure(&mut gain);
         gain
     }
 
-    /// Variance of the next innovation and the gain, from P.
+    /// Variance of the next innovation, from P.
     #[inline(always)]
     fn measure(&self, gain: &mut Gain<S, R, N>) {
         let d = Self::LAST;
         let one = Wide::all(self.simd, 1.0);
-        let mut seen: [Wide<S, R>; N] = array::from_fn(|i| gain.p(i, 0));
+        gain.s = gain.p[0][0] + one;
         if MORE == DRIFT {
-            for i in 0..N {
-                seen[i] += gain.p(i, d);
-            }
+            gain.s += gain.p[0][d] + gain.p[0][d] + gain.p[d][d];
         }
-        gain.s = if MORE == DRIFT { seen[0] + seen[d] } else { seen[0] } + one;
-        let part = one / gain.s;
-        for i in 0..N {
-            gain.k[i] = seen[i] * part;
-        }
-        gain.scale = part.sqrt();
+        gain.part = one / gain.s;
+        gain.scale = gain.part.sqrt();
     }
 
-    /// One step on. The gain of a stretch without holes settles; from then on it is not worked out again.
+    /// One step on, with what the innovation does to the states. The gain of a stretch without holes settles; from then on it is
+    /// not worked out again.
     #[inline(always)]
     fn advance(&self, gain: &mut Gain<S, R, N>, missing: bool, change: Option<&LoadChange>) {
         if gain.frozen && change.is_none() {
@@ -309,21 +350,27 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
         if change.is_some() {
             gain.thaw();
         }
-        if !missing {
-            for i in 0..N {
-                let by = gain.k[i] * gain.s;
-                for j in i..N {
-                    gain.p[i][j] -= by * gain.k[j];
-                }
-            }
-        }
-        // F·P, of which only the process' rows are new, then ·Fᵀ.
+        let d = Self::LAST;
+        // F·P, of which only the process' rows are new, and F·P·Hᵀ.
         let mut half = [[Wide::all(self.simd, 0.0); N]; N];
         for i in 0..Self::ORDER {
             for j in 0..N {
                 half[i][j] = self.row(i, |m| gain.p(m, j));
             }
         }
+        let mut ahead: [Wide<S, R>; N] = array::from_fn(|i| if i < Self::ORDER { half[i][0] } else { gain.p[0][i] });
+        if MORE == DRIFT {
+            for i in 0..N {
+                ahead[i] += if i < Self::ORDER { half[i][d] } else { gain.p[i][d] };
+            }
+        }
+        if MORE >= SLOPE {
+            ahead[Self::LOAD] += ahead[d];
+        }
+        if MORE > 0 {
+            ahead[d] *= self.pole;
+        }
+        // F·P·Fᵀ.
         for i in 0..Self::ORDER {
             for j in i..Self::ORDER {
                 gain.p[i][j] = self.row(j, |m| half[i][m]);
@@ -334,7 +381,6 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
         }
         if MORE >= SLOPE {
             // The load goes on by its slope, which all that knows of the load then knows too.
-            let d = Self::LAST;
             for i in 0..Self::ORDER {
                 gain.p[i][Self::LOAD] += half[i][d];
             }
@@ -342,14 +388,26 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
             gain.p[Self::LOAD][Self::LOAD] += both + both + gain.p[d][d];
             gain.p[Self::LOAD][d] = both + gain.p[d][d];
         }
-        gain.p[Self::LOAD][Self::LOAD] += self.q_load;
         if MORE > 0 {
-            let d = Self::LAST;
             for i in 0..Self::ORDER {
                 gain.p[i][d] = self.pole * half[i][d];
             }
             gain.p[Self::LOAD][d] *= self.pole;
-            gain.p[d][d] = self.pole * self.pole * gain.p[d][d] + self.q_more;
+            gain.p[d][d] = self.pole * self.pole * gain.p[d][d];
+        }
+        if !missing {
+            for i in 0..N {
+                gain.l[i] = ahead[i] * gain.part;
+            }
+            for i in 0..N {
+                for j in i..N {
+                    gain.p[i][j] -= gain.l[i] * ahead[j];
+                }
+            }
+        }
+        gain.p[Self::LOAD][Self::LOAD] += self.q_load;
+        if MORE > 0 {
+            gain.p[d][d] += self.q_more;
         }
         if let Some(change) = change {
             // What of it reaches the states within the cell; the last one follows at once, the others one after another.

@@ -1,6 +1,6 @@
 //! The families of models that are tried: lags, an integrator or none, and where the disturbance enters.
 
-use crate::model::kalman::{DRIFT, LINES, LoadChange, Models, SLOPE, Whitened};
+use crate::model::kalman::{DRIFT, Delayed, LINES, LoadChange, Models, SLOPE, Whitened};
 use crate::model::lanes::{LANES, Lanes, Wide};
 use pulp::{Scalar, Simd};
 use std::array;
@@ -226,7 +226,7 @@ impl Structure {
         self,
         simd: S,
         thetas: &[Theta; LANES],
-        stretches: impl Iterator<Item = (&'a [f64], &'a [LoadChange], &'a [Lanes])>,
+        stretches: impl Iterator<Item = (&'a [f64], &'a [LoadChange], Delayed<'a>)>,
         white: &mut Whitened,
     ) {
         // A loop and no closure: only what is inlined here is compiled for the registers of the machine.
@@ -234,7 +234,7 @@ impl Structure {
             ($states:literal, $more:expr) => {{
                 let models = self.models::<S, R, $states, { $more }>(simd, thetas);
                 for (y, changes, v) in stretches {
-                    models.whiten(y, changes, v, white);
+                    models.whiten(y, changes, &v, white);
                 }
             }};
         }

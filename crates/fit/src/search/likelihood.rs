@@ -1,7 +1,7 @@
 //! The likelihood of one family and its maximum for a given lost motion.
 
 use crate::data::cells::{Cells, Positions};
-use crate::model::kalman::{LoadChange, UNKNOWN, Whitened};
+use crate::model::kalman::{Delayed, LoadChange, UNKNOWN, Whitened};
 use crate::model::lanes::{LANES, Lanes, Wide, Work, widest};
 use crate::model::lost_motion::LostMotion;
 use crate::model::structure::{MOST, Noise, Structure, Theta};
@@ -133,18 +133,24 @@ impl Work for Pass<'_, '_> {
         // the PV of its own step: it is the controller's answer to that PV, and would explain it all too well.
         let cell = record.cell as f64;
         let delay = Lanes::each(|l| thetas[l][structure.dead_time_at()] - (cell - 1.0) / (2.0 * cell));
+        // Most lanes differ in something else.
+        let same = |i: usize| (1..LANES).all(|l| std::ptr::eq(positions(l, i), positions(0, i)));
+        let together = delay.iter().all(|d| d.floor() == delay[0].floor()) && stretches.clone().all(same);
+        let part = Lanes::each(|l| delay[l] - delay[l].floor());
         workspace.delayed.clear();
+        workspace.shifted.clear();
         for i in stretches.clone() {
+            if together {
+                shift(positions(0, i), delay[0], &mut workspace.shifted);
+                continue;
+            }
             let from = workspace.delayed.len();
-            let first = positions(0, i);
-            workspace.delayed.extend(delayed(first, delay[0], &mut workspace.shifted).map(Lanes::all));
-            for l in 1..LANES {
-                // Most lanes differ in something else.
-                let v = positions(l, i);
-                if delay[l] != delay[0] || !std::ptr::eq(v, first) {
-                    let of_lane = delayed(v, delay[l], &mut workspace.shifted);
-                    workspace.delayed[from..].iter_mut().zip(of_lane).for_each(|(delayed, v)| delayed[l] = v);
-                }
+            workspace.delayed.resize(from + positions(0, i).len(), Lanes::default());
+            for l in 0..LANES {
+                workspace.shifted.clear();
+                shift(positions(l, i), delay[l], &mut workspace.shifted);
+                let of_lane = workspace.shifted.windows(2).map(|two| (1.0 - part[l]) * two[1] + part[l] * two[0]);
+                workspace.delayed[from..].iter_mut().zip(of_lane).for_each(|(delayed, v)| delayed[l] = v);
             }
         }
         workspace.changes.clear();
@@ -152,11 +158,19 @@ impl Work for Pass<'_, '_> {
             workspace.changes.push(LoadChange::gathered(|l| changes(l, i).as_slice()));
         }
         workspace.white.clear();
-        let mut rest = workspace.delayed.as_slice();
+        let (mut each, mut shifted) = (workspace.delayed.as_slice(), workspace.shifted.as_slice());
         let inputs = stretches.zip(&workspace.changes).map(|(i, changes)| {
-            let (v, after) = rest.split_at(positions(0, i).len());
-            rest = after;
-            (&record.stretches[i].y[..v.len()], changes.as_slice(), v)
+            let cells = positions(0, i).len();
+            let v = if together {
+                let (v, after) = shifted.split_at(cells + 1);
+                shifted = after;
+                Delayed::Same { shifted: v, part }
+            } else {
+                let (v, after) = each.split_at(cells);
+                each = after;
+                Delayed::Each(v)
+            };
+            (&record.stretches[i].y[..cells], changes.as_slice(), v)
         });
         structure.whiten::<S, R>(simd, thetas, inputs, &mut workspace.white);
         search.gain_and_residuals::<S, R>(simd, &workspace.white, &mut workspace.found, wanted);
@@ -175,7 +189,7 @@ impl Work for Response<'_> {
     #[inline(always)]
     fn run<S: Simd, const R: usize>(self, simd: S) {
         let nothing = vec![0.0; self.positions.len()];
-        let alone = [(nothing.as_slice(), [].as_slice(), self.positions)];
+        let alone = [(nothing.as_slice(), [].as_slice(), Delayed::Each(self.positions))];
         self.structure.whiten::<S, R>(simd, &[*self.theta; LANES], alone.into_iter(), self.white);
     }
 }
@@ -540,19 +554,16 @@ impl Search<'_> {
     }
 }
 
-/// What `v` was `delay` cells before each of its cells; before its beginning what it was there. `shifted`: room for it.
+/// `v` as many whole cells before as are in `delay`, from the cell before its first on; before its beginning what it was there.
 #[inline(always)]
-fn delayed<'s>(v: &[f64], delay: f64, shifted: &'s mut Vec<f64>) -> impl Iterator<Item = f64> + use<'s> {
-    let (n, whole) = (v.len() as isize, delay.floor());
-    let part = delay - whole;
-    // `whole` cells before, from the cell before the first on.
-    let unseen = (whole as isize + 1).clamp(0, n + 1);
-    let skipped = (-1 - whole as isize).clamp(0, n);
-    shifted.clear();
-    shifted.resize(unseen as usize, v[0]);
+fn shift(v: &[f64], delay: f64, shifted: &mut Vec<f64>) {
+    let (n, from) = (v.len() as isize, shifted.len());
+    let whole = delay.floor() as isize;
+    let unseen = (whole + 1).clamp(0, n + 1);
+    let skipped = (-1 - whole).clamp(0, n);
+    shifted.resize(from + unseen as usize, v[0]);
     shifted.extend(v[skipped as usize..].iter().take((n + 1 - unseen) as usize));
-    shifted.resize(v.len() + 1, v[v.len() - 1]);
-    shifted.windows(2).map(move |two| (1.0 - part) * two[1] + part * two[0])
+    shifted.resize(from + v.len() + 1, v[v.len() - 1]);
 }
 
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {

@@ -50,6 +50,7 @@
   scheme.addEventListener("change", redraw);
   addEventListener("beforeprint", () => {
     printing = true;
+    document.querySelectorAll(".unjudged").forEach((details) => (details.open = true));
     plots.filter((plot) => plot.offsetParent !== null).forEach(draw);
   });
   addEventListener("afterprint", () => {

@@ -106,10 +106,12 @@ def loop_figure(result: Result) -> go.Figure:
     ]
     for column, name, panel, style in lines:
         if _known(trace, column):
+            band = _band(trace, column)
+            whole = np.array_equal(*band, equal_nan=True)  # nothing was thinned
             figure.add_trace(
                 go.Scatter(
-                    x=zigzag,
-                    y=_interleave(*_band(trace, column)),
+                    x=zigzag[::2] if whole else zigzag,
+                    y=band[0].astype(np.float32) if whole else _interleave(*band),
                     mode="lines",
                     line=style,
                     name=name,

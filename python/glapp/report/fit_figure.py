@@ -39,22 +39,23 @@ MOST = 4000
 """Cells drawn."""
 
 TURNS = 8
-"""Turns of the valve that a picture opens with: fewer show no pattern, with more the gap is too narrow to be seen."""
+"""Turns of the valve that a picture shows: fewer make no pattern, with more the gap is too narrow to be seen."""
 
 
 def loop_figures(result: Result) -> dict[str, go.Figure]:
     """Draw why the answer is believed: OP over the valve as the model has it and PV, and PV against OP.
 
-    The first opens with the stretch in which the valve turns `TURNS` times and OP travels furthest, and the second
-    shows that stretch. In it the gap is a parallelogram: PV stays while OP crosses the gap, and follows at its edges.
-    Of a history that is too long OP is thinned too much to be drawn beside the window that was fitted.
+    Where a gap was found, both show the stretch in which the valve turns `TURNS` times and OP travels least beside; the
+    first can be zoomed out to all of the window that was fitted. In it the gap is a parallelogram: PV stays while OP
+    crosses the gap, and follows at its edges. Of a history that is too long OP is thinned too much to be drawn beside
+    the window that was fitted.
     """
     f, trace = result.fit, result.trace
     assert f is not None and f.best and trace is not None  # the caller draws no plot without a fit
     best, position = f.best, f.best["signal"] == "position"
     t, valve, seen = best["t"], np.asarray(best["position"]), np.asarray(best["pv"])
     op = np.interp(t, trace.t, _middle(trace, "op"))
-    stretch = _stretch(valve, op)
+    stretch = _stretch(valve, op) if f.found else slice(0, len(t))
     shown = t[[stretch.start, stretch.stop - 1]]
     fine = float(np.median(np.diff(trace.t))) < float(np.ptp(shown)) / (8 * TURNS)
     unit, pv_unit = _plain(words.op_unit(result)), _plain(result.loop.pv_unit or "PV unit")
@@ -85,7 +86,7 @@ def loop_figures(result: Result) -> dict[str, go.Figure]:
         limits = [float(np.min(inside)) - margin, float(np.max(inside)) + margin]
         figure.update_yaxes(title_text=title, range=limits, row=row, col=1)
     _time_axis(figure, result, 2)
-    figure.update_xaxes(range=_time(result, shown).tolist())
+    figure.update_xaxes(range=_time(result, shown).tolist(), nticks=6, tickangle=0)
     figure.update_layout(height=460, margin={"l": 70, "r": 16, "t": 40, "b": 48}, hovermode="closest")
     figure.update_layout(legend={"orientation": "h", "x": 0, "y": 1, "yref": "container", "yanchor": "top"})
     figures = {"why": figure}
@@ -95,7 +96,7 @@ def loop_figures(result: Result) -> dict[str, go.Figure]:
 
 
 def _parallelogram(result: Result, op: Floats, valve: Floats, seen: Floats, stretch: slice) -> go.Figure:
-    """Draw PV against OP, and over it what the fitted gap makes of a slow cycle, with its limits."""
+    """Draw PV against OP, and over it what the fitted gap makes of a slow cycle of PV's height, with its limits."""
     f, answer = result.fit, result.answer
     assert f is not None
     unit, name, recorded = _plain(words.op_unit(result)), "PV", "recorded"
@@ -114,18 +115,17 @@ def _parallelogram(result: Result, op: Floats, valve: Floats, seen: Floats, stre
         go.Scatter(
             x=op[every].astype(np.float32),
             y=seen[every].astype(np.float32),
-            mode="lines+markers",
-            line={"color": RAW, "width": 1},
-            marker={"size": 3, "color": SIGNAL},
+            mode="markers",
+            marker={"size": 3.5, "color": SIGNAL, "opacity": 0.5},
             name=recorded,
             hovertemplate="OP %{x:.5~g}<br>%{y:.5~g}<extra></extra>",
         )
     )
-    bottom, top = float(np.min(valve)), float(np.max(valve))
+    bottom, top = np.sort((np.quantile(seen, [0.05, 0.95]) - middle) / gain)
     drawn = [
         (answer.width, {"color": POSITION, "width": 2.6}, "at least" if answer.verdict == "at_least" else "fitted gap"),
-        (answer.low if f.found else None, {"color": INK, "width": 1.2, "dash": "2px,3px"}, "95 % limit"),
-        (answer.high, {"color": INK, "width": 1.2, "dash": "2px,3px"}, "95 % limit"),
+        (answer.low if f.found else None, {"color": INK, "width": 1.6, "dash": "3px,3px"}, "95 % limit"),
+        (answer.high, {"color": INK, "width": 1.6, "dash": "3px,3px"}, "95 % limit"),
     ]
     named = set[str]()
     for width, line, label in drawn:
@@ -146,7 +146,7 @@ def _parallelogram(result: Result, op: Floats, valve: Floats, seen: Floats, stre
             )
         )
         named.add(label)
-    figure.update_xaxes(title_text=f"OP [{unit}]")
+    figure.update_xaxes(title_text=f"OP [{unit}]", nticks=6, tickangle=0)
     figure.update_yaxes(title_text=f"{name} [{axis}]")
     figure.update_layout(height=460, margin={"l": 70, "r": 16, "t": 40, "b": 48}, hovermode="closest", showlegend=True)
     figure.update_layout(legend={"orientation": "h", "x": 0, "y": 1, "yref": "container", "yanchor": "top"})
@@ -154,13 +154,13 @@ def _parallelogram(result: Result, op: Floats, valve: Floats, seen: Floats, stre
 
 
 def _stretch(valve: Floats, op: Floats) -> slice:
-    """The stretch in which the valve turns `TURNS` times and OP travels furthest; all where it turns less often."""
+    """The stretch in which the valve turns `TURNS` times and OP travels least; all where it turns less often."""
     moves = np.flatnonzero(np.diff(valve) != 0)
     turns = moves[1:][np.diff(np.sign(np.diff(valve)[moves])) != 0]
     if len(turns) <= TURNS:
         return slice(0, len(valve))
     travel = [float(np.ptp(op[a:b])) for a, b in zip(turns[:-TURNS], turns[TURNS:], strict=True)]
-    first = int(np.argmax(travel))
+    first = int(np.argmin(travel))
     return slice(int(turns[first]), int(turns[first + TURNS]) + 1)
 
 
@@ -306,6 +306,7 @@ def trend_figure(result: Result) -> go.Figure:
         figure.update_xaxes(title_text="time [s]")
     else:
         figure.update_xaxes(type="date", title_text="local time")
+    figure.update_xaxes(nticks=6, tickangle=0)
     figure.update_layout(height=320, margin={"l": 70, "r": 24, "t": 40, "b": 48}, hovermode="closest", showlegend=True)
     figure.update_layout(legend={"orientation": "h", "x": 0, "y": 1, "yref": "container", "yanchor": "top"})
     return figure

@@ -21,7 +21,7 @@ from plotly.offline import get_plotlyjs
 
 from ..writing import GENERATOR, write_file
 from . import figures, words
-from .view import LoopView, bars
+from .view import LoopView, bar
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
@@ -81,7 +81,11 @@ def write_report(
 
     def summary(links: Sequence[str]) -> Markup:
         written = f"Written {datetime.now():%Y-%m-%d %H:%M} by glapp {version('glapp')}"
-        return part("summary", title=title, written=written, loops=list(zip(order, links, bars(order), strict=True)))
+        drawn = [bar(r) for r in order]
+        scale = 1.02 * max((one.end for one in drawn if one is not None), default=0.0) or 1.0
+        return part(
+            "summary", title=title, written=written, scale=scale, loops=list(zip(order, links, drawn, strict=True))
+        )
 
     def section(i: int, r: Result) -> Markup:
         view = LoopView(f"loop-{i}", r)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from ..result import Result
 
-__all__ = ["Bar", "LoopView", "bars"]
+__all__ = ["Bar", "LoopView", "bar"]
 
 Rows = list[tuple[str, ...]]
 
@@ -25,37 +25,32 @@ _GRAVITY = {"refuse": "refused", "warning": "warning", "info": "note"}
 
 
 class Bar(NamedTuple):
-    """A width in the list, all in % of its scale: from the lower to the upper limit, and what is acceptable."""
+    """A width in the list, all in % of OP's span: its limits, the width, and what is acceptable.
+
+    `high` is None where there is no upper limit; `kind` is what is known of the valve, or *crossings*.
+    """
 
     low: float
-    high: float
+    high: float | None
     width: float | None
     acceptable: float | None
     kind: str
 
-
-def bars(results: Sequence[Result]) -> list[Bar | None]:
-    """Draw the widths of a list on one scale; nothing where the span is not known, or no width is."""
-    known = [r.answer.width_percent_span or 0.0 for r in results]
-    known += [100.0 * r.answer.high / r.span for r in results if r.answer.high is not None and r.span]
-    limits = [r.loop.acceptable_dead_band or 0.0 for r in results if r.span]
-    scale = 1.02 * max([*known, *limits], default=0.0)
-    return [_bar(r, scale) for r in results]
+    @property
+    def end(self) -> float:
+        """The greatest of them."""
+        return max(self.low, self.high or 0.0, self.width or 0.0, self.acceptable or 0.0)
 
 
-def _bar(r: Result, scale: float) -> Bar | None:
-    answer, limit = r.answer, r.loop.acceptable_dead_band
-    width, high = answer.width, answer.high
-    if r.span is None or scale <= 0 or (width is None and high is None):
+def bar(r: Result) -> Bar | None:
+    """The width as the list draws it; None where the span is not known, or nothing of the width."""
+    answer = r.answer
+    if not words.judged(r) or r.span is None or (answer.width is None and answer.high is None):
         return None
-    unit = 100.0 * 100.0 / (r.span * scale)
-    low = 0.0 if answer.low is None else unit * answer.low
-    kind = "crossings" if answer.evidence is None else answer.valve
-    if answer.verdict == "at_least":
-        high, kind = None, "bound"
-    end = 100.0 if high is None and kind == "bound" else unit * (high if high is not None else width or 0.0)
-    shown = None if width is None else unit * width
-    return Bar(low, end, shown, None if limit is None else 100.0 * limit / scale, kind)
+    low, high, width = (None if x is None else 100.0 * x / r.span for x in (answer.low, answer.high, answer.width))
+    if answer.evidence is None:
+        return Bar(0.0, width, width, r.loop.acceptable_dead_band, "crossings")
+    return Bar(low or 0.0, high, width, r.loop.acceptable_dead_band, answer.valve)
 
 
 @dataclass(frozen=True)
@@ -77,6 +72,11 @@ class LoopView:
     def fitted(self) -> bool:
         """Whether the fit gives the answer, and the crossings are a footnote."""
         return self.r.answer.evidence is not None
+
+    @property
+    def changes(self) -> bool:
+        """Whether it is plain that the width changes in time."""
+        return self.r.fit is not None and self.r.fit.trend is not None and self.r.fit.trend.changes
 
     @cached_property
     def drawn(self) -> dict[str, go.Figure]:

@@ -109,6 +109,7 @@ URGENCIES: dict[str, str] = {
 #: How strongly a recording speaks for a gap.
 EVIDENCE: dict[str, str] = {"none": "none", "weak": "weak", "strong": "strong", "very_strong": "very strong"}
 
+
 class Step(NamedTuple):
     """A next step: in a sentence, in a word or two, and what is left of it where the recording holds a step test."""
 
@@ -121,7 +122,7 @@ _STEP_TEST = ""  # the step test that is asked for is there: nothing is left
 
 #: What to do next by its code; what it is about may have another sentence.
 NEXT: dict[str, Step] = {
-    "correct": Step("Correct what is named, then analyse again.", "correct"),
+    "correct": Step("Correct what is named, then analyse again.", "correct", "To learn more, correct what is named."),
     "inspect play": Step(
         "Look for play in linkage, keys and actuator; confirm with a step test before work is ordered.",
         "inspect",
@@ -162,9 +163,7 @@ NEXT: dict[str, Step] = {
         "record",
         _STEP_TEST,
     ),
-    "step_test": Step(
-        "Nothing on this evidence. A step test in manual tells of the valve.", "step test", _STEP_TEST
-    ),
+    "step_test": Step("Nothing on this evidence. A step test in manual tells of the valve.", "step test", _STEP_TEST),
 }
 
 #: What each verdict means.
@@ -174,7 +173,7 @@ MEANINGS: dict[str, str] = {
     "both": "there is a gap, and the valve jumps when it breaks loose.",
     "at_least": "there is a gap, and only how wide it is at least: OP did not move far enough, or PV is too noisy.",
     "sound": "no gap wider than the limit that is given. A narrower one may be there.",
-    "oscillation": "the loop swings in a clean sinusoid, which is not its valve's doing. A gap beside it does not show.",
+    "oscillation": "the loop swings in a clean sinusoid, and its valve is not why. A gap beside it does not show.",
     "cannot_tell": "OP and PV fit with a gap and without one, or do not fit at all. It does not mean that all is well.",
     "estimate": "nothing was fitted. At least N detections of the zero crossings stand behind the width.",
     "provisional": "nothing was fitted. Fewer than N detections stand behind the width, and it may still move.",
@@ -215,7 +214,7 @@ SURE: tuple[str, ...] = (
     "Where there was no gap, the fit saw one in 8 of 1000 of the first and in 5 of 960 of the second. Zero crossings "
     "alone would have sent somebody to the valve in 326 of 1000 of the first; their width read 40 to 51 % too wide in "
     "the middle of the records.",
-    "It is silent rather than wrong: of the gaps on the first bench that a recording could show at all, 39 to 43 in "
+    "It is silent rather than wrong: of the gaps on the first bench that a recording could show at all, 39 to 42 in "
     "100 got a width. Several recordings of one valve tell more.",
     "Evidence is strong where a model without a gap is as much worse as the fit asks for, very strong where it is more "
     "than twice that, weak where it is half of it or more.",
@@ -331,18 +330,20 @@ def summary(results: Sequence[Result]) -> str:
     beyond = sum(a.acceptable == "beyond" for a in found if a.evidence is not None)
     text = f"{measured or 'None'} of {count(len(results), 'valve')} {'have' if measured > 1 else 'has'} a measured gap"
     if beyond:
-        text += f", {beyond} of them wider than is acceptable"
+        of_them = "it is" if measured == 1 else "all of them" if beyond == measured else f"{beyond} of them"
+        text += f", {of_them} wider than is acceptable"
     others = [
         (len(found) - measured, "read a width by zero crossings alone", "reads a width by zero crossings alone"),
-        (sum(a.valve == "no_gap" for a in answers), "show none", "shows none"),
+        (sum(a.verdict == "sound" for a in answers), "show none", "shows none"),
+        (sum(a.verdict == "oscillation" for a in answers), "swing for another reason", "swings for another reason"),
         (sum(a.valve == "unknown" for a in answers), "cannot be judged", "cannot be judged"),
         (sum(a.valve == "refused" for a in answers), "were refused", "was refused"),
     ]
     told = [f"{n} {one if n == 1 else many}" for n, many, one in others if n]
     text += f". {', '.join(told)}." if told else "."
-    soon = [(sum(a.urgency == level for a in answers), URGENCIES[level].lower()) for level in ("high", "medium")]
-    acting = [f"{n} {when}" for n, when in soon if n]
-    return f"{text} To look at: {', '.join(acting)}." if acting else f"{text} Nothing is urgent."
+    soon = (("high", "first"), ("medium", "at the next round"))
+    acting = [f"{n} {when}" for level, when in soon if (n := sum(a.urgency == level for a in answers))]
+    return f"{text} To be looked at: {', '.join(acting)}." if acting else f"{text} Nothing is urgent."
 
 
 def ranked_reasons(result: Result) -> list[tuple[str, int]]:
@@ -459,7 +460,7 @@ def _why(result: Result) -> str:
 def basis(result: Result) -> str:
     """Say in a few words what a verdict on a valve rests on."""
     evidence = result.answer.evidence
-    return "zero crossings alone" if evidence is None else f"evidence for a gap: {EVIDENCE[evidence]}"
+    return "zero crossings alone" if evidence is None else f"evidence {EVIDENCE[evidence]}"
 
 
 def next_step(result: Result) -> str:
@@ -581,9 +582,10 @@ def verdict(result: Result) -> list[str]:
             f"{REASONS[name].meaning}."
         )
     if result.d_hat is not None and result.answer.struck is None:
+        settles = step_test(result) or "A step test in manual settles it."
         paragraphs.append(
             "Load changes can make the width read too high, so that even a sound valve shows a per cent or two; small "
-            "movements can make it read too low; stiction looks the same. A step test in manual settles it."
+            f"movements can make it read too low; stiction looks the same. {settles}"
         )
     return paragraphs
 

@@ -374,7 +374,8 @@ def _time(result: Result | Bump, seconds: NDArray[np.floating[Any]]) -> NDArray[
 
 
 def _time_axis(figure: go.Figure, result: Result | Bump, rows: int) -> None:
-    """Set the shared time axis: dates without a unit, seconds with it."""
+    """Set the shared time axis: dates without a unit, seconds with it; as many labels as a narrow page holds level."""
+    figure.update_xaxes(nticks=6, tickangle=0)
     if result.t0 is None:
         figure.update_xaxes(title_text="time [s]", row=rows, col=1)
         return

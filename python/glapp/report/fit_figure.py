@@ -86,7 +86,7 @@ def loop_figures(result: Result) -> dict[str, go.Figure]:
         limits = [float(np.min(inside)) - margin, float(np.max(inside)) + margin]
         figure.update_yaxes(title_text=title, range=limits, row=row, col=1)
     _time_axis(figure, result, 2)
-    figure.update_xaxes(range=_time(result, shown).tolist(), nticks=6, tickangle=0)
+    figure.update_xaxes(range=_time(result, shown).tolist())
     figure.update_layout(height=460, margin={"l": 70, "r": 16, "t": 40, "b": 48}, hovermode="closest")
     figure.update_layout(legend={"orientation": "h", "x": 0, "y": 1, "yref": "container", "yanchor": "top"})
     figures = {"why": figure}
@@ -228,6 +228,7 @@ def fit_figure(result: Result) -> go.Figure:
         figure.update_yaxes(title_text=title, row=row, col=1)
         kind = "date" if result.t0 is not None else "linear"
         figure.update_xaxes(matches="x2", type=kind, showticklabels=row == 3, gridcolor=GRID, row=row, col=1)
+        figure.update_xaxes(nticks=6, tickangle=0, row=row, col=1)
     if result.t0 is None:
         figure.update_xaxes(title_text="time [s]", row=3, col=1)
     figure.update_layout(height=620, margin={"l": 70, "r": 24, "t": 48, "b": 48}, hovermode="closest")

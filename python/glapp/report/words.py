@@ -324,14 +324,16 @@ def judged(result: Result) -> bool:
 
 def summary(results: Sequence[Result]) -> str:
     """Tell a run in two or three sentences: how many valves have a gap, and how many are to be looked at how soon."""
+    if len(results) == 1:
+        return lead(results[0])
     answers = [r.answer for r in results]
     found = [a for a in answers if a.valve == "gap"]
     measured = sum(a.evidence is not None for a in found)
     beyond = sum(a.acceptable == "beyond" for a in found if a.evidence is not None)
     text = f"{measured or 'None'} of {count(len(results), 'valve')} {'have' if measured > 1 else 'has'} a measured gap"
     if beyond:
-        of_them = "it is" if measured == 1 else "all of them" if beyond == measured else f"{beyond} of them"
-        text += f", {of_them} wider than is acceptable"
+        of_them = "" if measured == 1 else "all of them " if beyond == measured else f"{beyond} of them "
+        text += f", {of_them}wider than is acceptable"
     others = [
         (len(found) - measured, "read a width by zero crossings alone", "reads a width by zero crossings alone"),
         (sum(a.verdict == "sound" for a in answers), "show none", "shows none"),

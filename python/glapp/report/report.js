@@ -7,7 +7,7 @@
   const scheme = matchMedia("(prefers-color-scheme: dark)");
   const plots = [...document.querySelectorAll(".plot")];
   const PAPER = 680; // px between the margins of an A4 or Letter page
-  const LOW = 250; // px: a loop's answer and its pictures on one page; report.css has the same
+  const low = (plot) => (plot.dataset.name === "time" ? 380 : 250); // px: a loop on one page; report.css has the same
   let printing = false;
 
   function figure(plot) {
@@ -27,7 +27,7 @@
     const { data, layout } = figure(plot);
     if (printing) {
       layout.width = Math.min(PAPER, plot.clientWidth);
-      if (plot.closest(".believed")) layout.height = LOW;
+      if (plot.closest(".believed")) layout.height = low(plot);
     }
     Plotly.react(plot, data, layout, config);
     plot.dataset.drawn = "";

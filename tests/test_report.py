@@ -5,8 +5,11 @@ from __future__ import annotations
 import json
 import math
 import re
+import shutil
+import subprocess
 from dataclasses import fields, replace
 from datetime import datetime
+from html import escape
 from html.parser import HTMLParser
 from itertools import pairwise
 from pathlib import Path
@@ -15,15 +18,17 @@ from typing import Any, get_args
 import numpy as np
 import pytest
 
+import glapp
 from glapp.fit import Fit, Trend, Window
 from glapp.identify import Identification
 from glapp.loop import Loop
 from glapp.quality import Finding
 from glapp.report import figures, html, words
-from glapp.report.figures import loop_figure, overview_figure, phase_figure
-from glapp.report.fit_figure import trend_figure
+from glapp.report.figures import loop_figure, phase_figure
+from glapp.report.fit_figure import loop_figures, trend_figure
 from glapp.report.html import write_report
-from glapp.result import REASONS, Corrected, Crossings, HalfPeriods, Result, Settings
+from glapp.report.view import LoopView, bar
+from glapp.result import REASONS, Corrected, Crossings, HalfPeriods, Result, Settings, Verdict
 from glapp.trace import Band, Trace
 
 
@@ -324,10 +329,10 @@ def test_names_and_texts_of_users_stay_text(worn: Result, tmp_path: Path) -> Non
     for crossings in get_args(Crossings):
         [file] = write_report([replace(bad, crossings=crossings)], tmp_path / "report.html", title=HOSTILE)
         page = parsed(file)
-        assert page.tags.count("script") == 6
+        assert page.tags.count("script") == 5
         assert "b" not in page.tags or page.tags.count("b") == 1  # "What to do"
         assert HOSTILE in "".join(page.text)
-    for figure in (loop_figure(bad), phase_figure(bad), overview_figure([bad])):
+    for figure in (loop_figure(bad), phase_figure(bad)):
         assert "<script" not in figure.to_json().lower().replace("\\u003c", "<")
 
 
@@ -342,8 +347,9 @@ def test_a_run_too_large_for_one_file_is_an_index_with_a_file_per_loop(
     assert index == tmp_path / "run 1.html"
     assert len(files) == len(set(files)) == len(loops)
     page = parsed(index)
-    assert len(page.references) == len(loops)
-    for reference, file in zip(page.references, files, strict=True):
+    references = [r for r in page.references if r != "#how"]
+    assert len(references) == len(loops)
+    for reference, file in zip(references, files, strict=True):
         assert (tmp_path / reference.replace("%20", " ")).resolve() == file.resolve()
         assert file.stat().st_size < single.stat().st_size
         back = [r for r in parsed(file).references if not r.startswith("#")]
@@ -417,40 +423,57 @@ def test_no_peak_is_lost_by_drawing(worn: Result) -> None:
 
 def test_every_estimate_has_one_bar_as_long_as_its_width(run: list[Result]) -> None:
     loops = [*run, replace(run[1], name="narrow", d_hat=0.4, d_hat_percent_span=np.float64(0.4))]
-    bars = [trace for trace in overview_figure(loops).data if trace.type == "bar"]
-    drawn = sorted((name, x) for bar in bars for name, x in zip(bar.hovertext, bar.x, strict=True))
-    expected = [(r.name, r.d_hat_percent_span or r.d_hat) for r in loops if r.d_hat is not None]
-    assert drawn == sorted(expected)
-    assert {bar.name for bar in bars} == {
-        "wider than acceptable", "wider than acceptable, provisional", "acceptable", "no limit given"
-    }  # fmt: skip
+    drawn = {r.name: one for r in loops if (one := bar(r)) is not None}
+    assert {name: one.width for name, one in drawn.items()} == pytest.approx(
+        {r.name: r.d_hat_percent_span for r in loops if r.d_hat_percent_span is not None}
+    ), "a width in mA has no place on a scale in % of span"
+    assert {(one.low, one.kind, one.acceptable) for one in drawn.values()} == {(0.0, "crossings", 1.0)}
 
 
-def test_the_overview_draws_the_fitted_width_with_its_interval(worn: Result) -> None:
+def test_the_list_draws_the_fitted_width_with_its_interval(worn: Result) -> None:
     gap = replace(worn, name="gap", fit=Fit("backlash", "", "%", 2.0, 1.5, 3.0))
     bound = replace(worn, name="bound", fit=Fit("at_least", "", "%", 4.0, 2.5, None))
     sound = replace(worn, name="sound", fit=Fit("sound", "", "%", 0.0, 0.0, 0.5))
     unsure = replace(worn, name="unsure", fit=Fit("cannot_tell", "", "%", 9.0, 0.0, None))
-    bars = {name: (bar, k) for bar in overview_figure([gap, bound, unsure, sound]).data if bar.type == "bar"
-            for k, name in enumerate(bar.hovertext)}  # fmt: skip
-    drawn = {name: bar.x[k] for name, (bar, k) in bars.items()}
-    assert drawn == {"gap": 2.0, "bound": 2.5}, "a sound valve was once drawn with what its crossings read"
-    bar, k = bars["gap"]
-    assert (bar.error_x.arrayminus[k], bar.error_x.array[k]) == (0.5, 1.0)
-    assert bars["bound"][0].marker.pattern.shape == "/" and "at least" in bars["bound"][0].name
+    wide = gap.loop.model_copy(update={"op_span": (0.0, 200.0)})
+    assert bar(gap) == (1.5, 3.0, 2.0, 1.0, "gap")
+    assert bar(replace(gap, loop=wide)) == (0.75, 1.5, 1.0, 1.0, "gap"), "in % of span"
+    assert bar(bound) == (2.5, None, 2.5, 1.0, "gap")
+    assert bar(sound) == (0.0, 0.5, None, 1.0, "no_gap"), "it was once drawn with what its crossings read"
+    assert bar(unsure) is None
 
 
-def test_results_rank_by_width_and_keep_units_apart(run: list[Result]) -> None:
+def test_results_rank_by_urgency_and_width_and_keep_units_apart(run: list[Result]) -> None:
     order = words.ranked(run)
     assert [r.name for r in order][-1] == "FIC999"
-    percents = [r.d_hat_percent_span for r in order if r.d_hat_percent_span is not None]
-    assert percents == sorted(percents, reverse=True)
-    figure = overview_figure(run)
-    titles = [axis.title.text for axis in figure.select_xaxes()]
-    assert "% of OP span" in titles[0]
-    assert "OP units" in titles[1]
-    labels = [label for axis in figure.select_yaxes() for label in axis.ticktext]
-    assert sorted(labels) == sorted(r.name for r in run)
+    levels = [list(words.URGENCIES).index(r.answer.urgency) for r in order]
+    assert levels == sorted(levels) and len(set(levels)) > 1
+    for level in set(levels):
+        percents = [r.answer.width_percent_span for r, of in zip(order, levels, strict=True) if of == level]
+        known = [percent for percent in percents if percent is not None]
+        assert known == sorted(known, reverse=True)
+
+
+def rows_of(page: str) -> list[str]:
+    """Names in the list of loops, in their order: those judged, then those that are not."""
+    overview = page[page.index('<section class="overview">') : page.index('<section class="loop"')]
+    return [re.sub("<.*?>", "", name) for name in re.findall(r'<td data-label="Loop".*?<a [^>]*>(.*?)</a>', overview)]
+
+
+def test_every_loop_stands_once_in_the_list_the_most_urgent_first(run: list[Result], tmp_path: Path) -> None:
+    loops = [replace(r, name=f"{r.name}.{i}") for i in range(3) for r in run]
+    [file] = write_report(loops, tmp_path / "report.html")
+    page = file.read_text(encoding="utf-8")
+    order = words.ranked(loops)
+    expected = [r.name for r in order if words.judged(r)] + [r.name for r in order if not words.judged(r)]
+    assert rows_of(page) == expected and len(expected) == 18
+    sections = [re.sub("<.*?>", "", name) for name in re.findall(r"<summary><h2>(.*?)</h2><span class=.width", page)]
+    assert sections == [r.name for r in order]
+    text = " ".join(" ".join(parsed(file).text).split())
+    assert "9 loops that cannot be judged" in text
+    for r in order:
+        if not words.judged(r):
+            assert f"{words.why(r)} {words.next_step(r)}" in text, "the reason, and what would help"
 
 
 @pytest.mark.slow
@@ -460,7 +483,7 @@ def test_nothing_breaks_where_a_field_is_none(worn: Result, hole: str, tmp_path:
     write_report([result], tmp_path / "report.html")
     loop_figure(result)
     phase_figure(result)
-    overview_figure([result])
+    bar(result)
 
 
 def test_nothing_breaks_without_signals_or_numbers(worn: Result, tmp_path: Path) -> None:
@@ -473,7 +496,6 @@ def test_nothing_breaks_without_signals_or_numbers(worn: Result, tmp_path: Path)
         write_report([replace(worn, trace=each)], tmp_path / "report.html")
     [file] = write_report([], tmp_path / "report.html")
     assert "no loops in this run" in " ".join(parsed(file).text)
-    overview_figure([])
 
 
 def test_the_words_claim_no_more_than_is_known(run: list[Result]) -> None:
@@ -617,3 +639,211 @@ def test_how_strong_the_evidence_is_stands_in_words(worn: Result) -> None:
 
     assert said(41.0) == "Evidence for a gap: strong." and said(90.0) == "Evidence for a gap: very strong."
     assert said(20.0, "sound") == "Units of 2·ln L.", "a reason of the fit's own"
+
+
+def fitted(worn: Result, verdict: Any = "backlash", low: float = 2.5, high: float | None = 3.4) -> Result:
+    """With a fit whose model is the simulated valve itself."""
+    s = closed_loop(3.0)
+    candidate = {"lags": 1, "integrating": False, "noise": "input", "behind": 0.0}
+    profile = (np.linspace(0, 6, 30), np.linspace(-3, 3, 30) ** 2 * 20)
+    best = {
+        "t": s["t"], "pv": s["pv"], "foreseen": s["pv"], "position": s["position"], "signal": "PV",
+        "integrating": False, "kp": 0.5, "range": 6.0, "rise": 8.0, "candidates": [candidate | {"profile": profile}],
+    }  # fmt: skip
+    fit = Fit(verdict, "a gap", "%", 3.0, low, high, lr_no_gap=90.0, lr_needed=15.0, best=best)
+    return replace(worn, fit=fit, trace=thin(s, 6000))
+
+
+def test_the_parallelogram_is_as_wide_as_the_fitted_gap(worn: Result) -> None:
+    drawn = loop_figures(fitted(worn))
+    recorded, gap, low, high = drawn["gap"].data
+    for line, width in ((gap, 3.0), (low, 2.5), (high, 3.4)):
+        for k in (0, 1):
+            assert line.x[k] - line.x[3 - k] == pytest.approx(width) and line.y[k] == line.y[3 - k]
+    assert gap.y[1] - gap.y[0] == pytest.approx(0.5 * (gap.x[1] - gap.x[0])), "its slope is the process gain"
+    assert {trace.name for trace in drawn["why"].data} == {"OP", "valve, as the model has it", "SP", "PV"}
+    whole = np.ptp(drawn["why"].data[0].x)
+    assert np.ptp(drawn["why"].layout.xaxis.range) < 0.5 * whole and len(recorded.x) < 6000, "a stretch, not all"
+    bound = loop_figures(fitted(worn, "at_least", 2.5, None))["gap"].data
+    assert [trace.name for trace in bound] == ["recorded", "at least"]
+
+
+def test_a_gap_that_was_not_found_is_not_drawn(worn: Result, tmp_path: Path) -> None:
+    drawn = loop_figures(fitted(worn, "cannot_tell", 0.0, None))
+    assert {trace.name for trace in drawn["why"].data} == {"OP", "SP", "PV"}
+    assert [trace.name for trace in drawn["gap"].data] == ["recorded"]
+    [file] = write_report([fitted(worn, "cannot_tell", 0.0, None)], tmp_path / "report.html")
+    text = file.read_text(encoding="utf-8")
+    assert "Why it is believed" not in text and "What was recorded" in text
+
+
+def test_op_that_is_thinned_too_much_is_not_drawn_beside_the_window(worn: Result) -> None:
+    result = fitted(worn)
+    coarse = replace(result, trace=thin(closed_loop(3.0), 20))
+    assert set(loop_figures(result)) == {"why", "gap"} and set(loop_figures(coarse)) == {"why"}
+    assert "OP" not in {trace.name for trace in loop_figures(coarse)["why"].data}
+
+
+def test_a_fitted_loop_has_all_its_pictures(worn: Result, tmp_path: Path) -> None:
+    assert list(LoopView("x", fitted(worn)).drawn) == ["why", "gap", "fit", "time"]
+    [file] = write_report([fitted(worn)], tmp_path / "report.html")
+    text = file.read_text(encoding="utf-8")
+    assert sorted(re.findall(r'data-key="loop-0" data-name="(\w+)"', text)) == ["fit", "gap", "time", "why"]
+    assert "Why it is believed" in text and words.SURE_OF_LIMITS in text
+
+
+def test_a_step_test_in_the_recording_is_used_and_not_advised() -> None:
+    """A planner was told to make the test that he had recorded."""
+    steps = [(0, 100, 50.0), (100, 200, 53.0), (200, 300, 56.0), (300, 400, 52.0)]
+    run_of = {"d": 2.0, "noise": 0.05, "h": 1.0, "t_end": 400, "setpoint": [(0, 40.0)]}
+    plant = ([0.8], [5, 1], 0)
+    by_hand = glapp.simulate.closed_loop(plant, (0.5, 10), manual=steps, **run_of)
+    result = glapp.analyze(glapp.recording_from(by_hand.to_arrow()), fit=False)
+    assert result.step_test is not None and result.step_test.d == pytest.approx(2.0, abs=0.1)
+    used = re.compile(
+        r"This recording holds a step test by hand, and it gives a gap of [\d.]+\s%OP \([\d.]+ to [\d.]+\)"
+    )
+    assert used.search(words.next_step(result)), "refused, since it was never in automatic"
+    limit = a_loop(op_span=(0, 100), acceptable_dead_band=None)
+    for verdict in ("backlash", "both", "at_least", "cannot_tell"):
+        found = replace(result, loop=limit, fit=Fit(verdict, "a gap", "%", 2.0, 1.5, 2.5))
+        told = words.next_step(found)
+        assert used.search(told) and "confirm" not in told and "make a step test" not in told, told
+        assert "make a step test" in (other := words.next_step(replace(found, step_test=None))) or "confirm" in other
+        assert words.todo(found) == ("inspect" if verdict in ("backlash", "both") else "read test")
+    within = replace(found, loop=a_loop(acceptable_dead_band=9.0), fit=Fit("backlash", "a gap", "%", 2.0, 1.5, 2.5))
+    assert words.next_step(within).startswith("Nothing now") and not used.search(words.next_step(within))
+    in_auto = glapp.simulate.closed_loop(plant, (0.5, 10), **run_of)
+    assert glapp.analyze(glapp.recording_from(in_auto.to_arrow()), fit=False).step_test is None
+
+
+def test_a_run_is_told_in_a_sentence(worn: Result) -> None:
+    def of(name: str, verdict: Any, *numbers: Any) -> Result:
+        return replace(worn, name=name, fit=Fit(verdict, "evidence", "%", *numbers))
+
+    gaps = [of("wide", "backlash", 2.0, 1.5, 3.0), of("narrow", "backlash", 0.5, 0.4, 0.6)]
+    rest = [of("sound", "sound", 0.0, 0.0, 0.5), of("swings", "oscillation", 0.0, 0.0, 0.5)]
+    rest += [of("unsure", "cannot_tell", 9.0, 0.0, None), worn, refused()]
+    assert words.summary([*gaps, *rest]) == (
+        "2 of 7 valves have a measured gap, 1 of them wider than is acceptable. 1 reads a width by zero crossings "
+        "alone, 1 shows none, 1 swings for another reason, 1 cannot be judged, 1 was refused. To be looked at: 1 "
+        "first, 2 at the next round."
+    )
+    assert words.summary(gaps[:1]) == words.lead(gaps[0]), "of one loop its answer"
+    assert words.summary(rest[:1] * 2) == "None of 2 valves has a measured gap. 2 show none. Nothing is urgent."
+
+
+def test_a_width_stands_in_op_units_and_in_percent_of_span(worn: Result, tmp_path: Path) -> None:
+    milliamperes = replace(
+        worn, unit="mA", loop=a_loop(op_span=(4.0, 20.0), op_unit="mA"), fit=Fit("backlash", "", "mA", 0.8, 0.4, 1.2)
+    )
+    assert words.headline(milliamperes) == "0.800\xa0mA (0.400 to 1.20)"
+    assert words.of_span(milliamperes) == "5\xa0% of span (2.50 to 7.50)"
+    assert words.of_span(replace(milliamperes, loop=a_loop(op_span=None, op_unit="mA"))) == ""
+    assert words.of_span(replace(worn, fit=Fit("backlash", "", "%", 2.0, 1.5, 3.0))) == "", "said already"
+    [file] = write_report([milliamperes], tmp_path / "report.html")
+    assert "5\xa0% of span (2.50\xa0to\xa07.50)" in "".join(parsed(file).text)
+
+
+def test_how_sure_it_is_is_what_the_benches_measured() -> None:
+    """No figure is quoted that docs/truth.md does not have."""
+    measured = (Path(__file__).parent.parent / "docs" / "truth.md").read_text(encoding="utf-8")
+
+    def cells(beginning: str, after: str = "") -> list[str]:
+        lines = measured[measured.index(after) :].splitlines()
+        return next(line for line in lines if line.startswith(beginning)).split("|")[2:]
+
+    fit, thesis, loads = cells("| fit |", "### In short"), cells("| thesis |", "### In short"), cells("| all | 960 |")
+
+    def percent(cell: str) -> float:
+        return float(cell.strip(" %+"))
+
+    told = " ".join(words.SURE)
+    [records, *_] = re.findall(r"records of every kind, (\d+) in all", measured[measured.index("## Tables") :])
+    assert f"On {records} simulated recordings" in words.SURE_OF_LIMITS
+    assert {round(percent(fit[2])), round(percent(fit[5]))} == {94} and "94 of 100 such intervals" in told
+    assert (
+        f"in {round(10 * percent(fit[6]))} of 1000" in told and f"in {round(10 * percent(thesis[6]))} of 1000" in told
+    )
+    low, high = sorted(round(percent(fit[k])) for k in (0, 3))
+    assert f"{low} to {high} in 100 got a width" in told
+    low, high = sorted(round(percent(thesis[k])) for k in (1, 4))
+    assert f"{low} to {high} % too wide" in told
+    without, claims, with_gap = int(loads[0]), int(loads[1]) + int(loads[2]), int(loads[3])
+    assert f"{loads[-2].strip()} did" in told and f"in {claims} of {without} of" in told
+    assert f"On {without + with_gap} more" in told
+
+
+def test_how_to_read_it_covers_both_methods_and_every_verdict(worn: Result, tmp_path: Path) -> None:
+    assert set(words.MEANINGS) == set(words.VERDICTS) == set(get_args(Verdict)) | set(get_args(Crossings))
+    [file] = write_report([worn], tmp_path / "report.html")
+    text = " ".join(" ".join(parsed(file).text).split())
+    for method, told in words.METHODS.items():
+        assert method in text and all(" ".join(one.split()) in text for one in told)
+    assert all(one in text for one in (*words.SURE, *words.MEANINGS.values()))
+
+
+def test_the_same_results_give_the_same_page(
+    run: list[Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Clock(datetime):
+        @classmethod
+        def now(cls, tz: Any = None) -> Any:
+            return cls(2026, 3, 1)
+
+    monkeypatch.setattr(html, "datetime", Clock)
+    [one], [other] = (write_report(run, tmp_path / name) for name in ("a", "b"))
+    assert one.read_bytes() == other.read_bytes()
+
+
+@pytest.mark.slow
+def test_eighty_loops_are_one_file(worn: Result, tmp_path: Path) -> None:
+    loops = [replace(fitted(worn) if i % 4 == 0 else refused(), name=f"FIC{i}") for i in range(80)]
+    [file] = write_report(loops, tmp_path / "report.html")
+    assert file.stat().st_size < 22_000_000
+    assert len(set(rows_of(file.read_text(encoding="utf-8")))) == 80
+
+
+CHROMIUM = shutil.which("chromium")
+needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
+
+
+def browsed(page: Path, *options: str) -> str:
+    """What Chromium makes of a page, three seconds after it was opened."""
+    assert CHROMIUM is not None
+    command = [CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=3000", *options]
+    return subprocess.run([*command, page.as_uri()], capture_output=True, text=True, timeout=120, check=True).stdout
+
+
+@pytest.mark.slow
+@needs_chromium
+def test_a_narrow_page_is_not_wider_than_its_window(run: list[Result], worn: Result, tmp_path: Path) -> None:
+    long = replace(fitted(worn), name="PLANT/UNIT_07/AREA-B/FIC10101.LONGNAME_WITHOUT_END", quality=[FINDING])
+    [file] = write_report([*run[1:4], long], tmp_path / "report.html")
+    text = file.read_text(encoding="utf-8").replace("<details", "<details open")
+    script = """
+      const inside = document.querySelector("iframe");
+      inside.onload = () => setTimeout(() => {
+        const page = inside.contentDocument, root = page.documentElement;
+        document.body.dataset.seen = [root.scrollWidth, inside.contentWindow.innerWidth,
+          page.querySelectorAll(".plot[data-drawn]").length].join(" ");
+      }, 1500);
+    """
+    around = tmp_path / "around.html"
+    frame = f'<iframe width="375" height="9000" style="border:0" srcdoc="{escape(text)}"></iframe>'
+    around.write_text(f"{frame}<script>{script}</script>", encoding="utf-8")
+    seen = re.search(r'data-seen="(\d+) (\d+) (\d+)"', browsed(around, "--window-size=500,9000", "--dump-dom"))
+    assert seen is not None
+    content, window, drawn = map(int, seen.groups())
+    assert content <= window == 375 and drawn > 0
+
+
+@pytest.mark.slow
+@needs_chromium
+def test_a_loop_is_printed_on_one_page(worn: Result, tmp_path: Path) -> None:
+    def pages(*loops: Result) -> int:
+        [file] = write_report(loops, tmp_path / "report.html")
+        browsed(file, f"--print-to-pdf={tmp_path / 'report.pdf'}")
+        return len(re.findall(rb"/Type\s*/Page\b", (tmp_path / "report.pdf").read_bytes()))
+
+    assert pages(fitted(worn), worn, replace(fitted(worn), name="FIC2")) - pages(worn) == 2

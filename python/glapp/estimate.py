@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from functools import partial
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,10 +22,13 @@ from .loop import Loop
 from .progress import Progress, shares
 from .quality import Finding
 from .quality import told as quality_told
-from .recording import Batch, Recording
+from .recording import NOT_AUTO, Batch, Recording
 from .result import REASONS, Corrected, HalfPeriods, Origin, Result, Settings
 from .samples import recording_of
 from .trace import Band, Thinner, Trace
+
+if TYPE_CHECKING:
+    from .bump import Bump
 
 __all__ = ["Estimator", "analyze", "estimate", "identify"]
 
@@ -188,7 +192,19 @@ def _analyzed(recording: Recording, rows: int, progress: Progress | None, **aske
         if reading is not None:
             reading(recording.fraction_read())
     done = analysis.finish(fitting)
-    return _result(recording, loop, done, _trace(thinner, signals, done["chosen"]))
+    result = _result(recording, loop, done, _trace(thinner, signals, done["chosen"]))
+    return replace(result, step_test=_step_test(beginning, loop)) if asked.get("judge", True) else result
+
+
+def _step_test(beginning: Batch, loop: Loop) -> Bump | None:
+    """The test by hand that the beginning of a recording holds; None where it gives no width."""
+    if beginning.op is None or beginning.flags is None or not (beginning.flags & NOT_AUTO).any():
+        return None
+    from .bump import bump  # which takes what it needs from here
+
+    signals = {name: getattr(beginning, name) for name in ("t", "pv", "op", "position", "flags")}
+    found = bump(**signals, loop=loop)
+    return None if found.d is None else replace(found, signals=None)
 
 
 def _task(loop: Loop) -> dict[str, Any]:

@@ -11,9 +11,8 @@ import html
 import math
 import textwrap
 from collections import Counter
-from collections.abc import Sequence
 from datetime import UTC
-from itertools import pairwise, product
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,13 +25,13 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ..bump import Bump, Reading
-    from ..result import Answer, Result
+    from ..result import Result
     from ..trace import Trace
 
 FONT = 'system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif'
 INK, MUTED, GRID, PAPER = "#1f2933", "#5a6673", "#e3e7eb", "#ffffff"
 RAW, SIGNAL, OUTPUT, POSITION, POINT = "#a9c3de", "#1d5b9c", "#6d4795", "#b8651b", "#00875f"
-TOO_WIDE, ACCEPTABLE, OPEN, UNJUDGED = "#c4501b", "#00875e", "#9a7400", "#3f74a8"
+TOO_WIDE, UNJUDGED = "#c4501b", "#3f74a8"
 
 #: Colour of each verdict on a half-period, in the order of the codes: the muted scheme of Paul Tol, safe for
 #: colour-blind readers, with greys for what says least.
@@ -57,7 +56,6 @@ CONFIG: dict[str, Any] = {"responsive": True, "displaylogo": False, "plotlyServe
 
 #: Buttons that do not belong here: selections without a purpose, and one that would send plant data to a server.
 _NO_BUTTONS = ["select2d", "lasso2d", "autoScale2d", "sendChartToCloud", "sendDataToCloud"]
-_ALL_BUTTONS = [*_NO_BUTTONS, "toImage", "zoom2d", "pan2d", "zoomIn2d", "zoomOut2d", "resetScale2d"]
 
 
 def loop_figure(result: Result) -> go.Figure:
@@ -108,10 +106,12 @@ def loop_figure(result: Result) -> go.Figure:
     ]
     for column, name, panel, style in lines:
         if _known(trace, column):
+            band = _band(trace, column)
+            whole = np.array_equal(*band, equal_nan=True)  # nothing was thinned
             figure.add_trace(
                 go.Scatter(
-                    x=zigzag,
-                    y=_interleave(*_band(trace, column)),
+                    x=zigzag[::2] if whole else zigzag,
+                    y=band[0].astype(np.float32) if whole else _interleave(*band),
                     mode="lines",
                     line=style,
                     name=name,
@@ -317,186 +317,6 @@ def phase_figure(result: Result) -> go.Figure:
     return figure
 
 
-def overview_figure(results: Sequence[Result]) -> go.Figure:
-    """Draw the loops ranked by width, with what is acceptable as a mark; loops without a width name their reason.
-
-    A width is the fitted one with its 95 % interval, where there is one, else that of the zero crossings.
-
-    Widths in % of OP span and widths in OP units (where no span is known) are not comparable: each has its own panel.
-    """
-    if not results:
-        return _empty("No loops.", height=160)
-    order = words.ranked(results)
-    shown = [(r, r.answer) for r in order]
-    by_span = [r for r, answer in shown if answer.width_percent_span is not None]
-    by_unit = [r for r, answer in shown if answer.width is not None and answer.width_percent_span is None]
-    without = [r for r, answer in shown if answer.width is None]
-    panels: list[tuple[list[Result], str]] = []
-    if by_span:
-        panels.append((by_span, "dead band, total width [% of OP span]"))
-    if by_unit:
-        panels.append((by_unit, "dead band, total width [OP units, no span known]"))
-    if panels:
-        panels[-1] = (panels[-1][0] + without, panels[-1][1])
-    else:
-        panels = [(without, "")]
-
-    total = sum(len(loops) for loops, _ in panels)
-    row_height, between, top, bottom = 28, 76, 56, 60
-    height = top + bottom + row_height * total + between * (len(panels) - 1)
-    inner = height - top - bottom
-    figure = make_subplots(
-        rows=len(panels),
-        cols=1,
-        row_heights=[len(loops) for loops, _ in panels],
-        vertical_spacing=between / inner if len(panels) > 1 else 0,
-        figure=_figure(),
-    )
-    seen: set[str] = set()
-    for row, (loops, title) in enumerate(panels, 1):
-        _bars(figure, loops, row, seen)
-        figure.update_xaxes(title_text=title, rangemode="tozero", row=row, col=1)
-        if not title:
-            figure.update_xaxes(visible=False, range=[0, 1], row=row, col=1)
-        figure.update_yaxes(
-            range=[len(loops) - 0.5, -0.5],
-            tickvals=list(range(len(loops))),
-            ticktext=[_short(r.name, 28) for r in loops],
-            showgrid=False,
-            fixedrange=True,
-            ticks="",
-            automargin=True,
-            row=row,
-            col=1,
-        )
-    figure.update_layout(
-        height=height,
-        margin={"l": 40, "r": 32, "t": top, "b": bottom},
-        barmode="overlay",
-        hovermode="closest",
-        dragmode=False,
-        modebar={"remove": _ALL_BUTTONS},
-        legend={"orientation": "h", "x": 0, "y": 1, "yref": "container", "yanchor": "top"},
-    )
-    return figure
-
-
-def _bars(figure: go.Figure, loops: list[Result], row: int, seen: set[str]) -> None:
-    """Add the bars, marks and reasons of one panel of the overview; `seen` keeps the legend free of repetitions."""
-    kinds = {
-        "beyond": ("wider than acceptable", TOO_WIDE),
-        "within": ("acceptable", ACCEPTABLE),
-        "open": ("may be too wide", OPEN),
-        None: ("no limit given", UNJUDGED),
-    }
-    widths = {i: answer for i, r in enumerate(loops) if (answer := r.answer).width is not None}
-    for (judged, (name, colour)), hatched in product(kinds.items(), ("", "provisional", "at least")):
-        rows = [i for i, answer in widths.items() if answer.acceptable == judged and _hatching(loops[i]) == hatched]
-        if not rows:
-            continue
-        members = [loops[i] for i in rows]
-        if hatched:
-            name += f", {hatched}"
-        lengths = [_length(widths[i]) for i in rows]
-        figure.add_trace(
-            go.Bar(
-                x=lengths,
-                y=rows,
-                orientation="h",
-                width=0.65,  # else each trace takes its own from the distance of its bars
-                marker={
-                    "color": colour,
-                    "line": {"color": colour, "width": 1},
-                    "pattern": {
-                        "shape": "/" if hatched else "",
-                        "fillmode": "replace",
-                        "size": 6,
-                        "solidity": 0.45,
-                    },
-                },
-                error_x=_intervals(members, lengths),
-                text=[_plain(words.headline(r)) for r in members],
-                textposition="none",
-                hovertext=[_plain(r.name) for r in members],
-                hovertemplate="<b>%{hovertext}</b><br>%{text}<extra></extra>",
-                name=name,
-                legendgroup=name,
-                showlegend=name not in seen,
-            ),
-            row=row,
-            col=1,
-        )
-        seen.add(name)
-    limits = [
-        (i, limit)
-        for i, r in enumerate(loops)
-        if i in widths
-        and widths[i].width_percent_span is not None
-        and (limit := r.loop.acceptable_dead_band) is not None
-    ]
-    if limits:
-        figure.add_trace(
-            go.Scatter(
-                x=[limit for _, limit in limits],
-                y=[i for i, _ in limits],
-                mode="markers",
-                marker={"symbol": "line-ns", "size": 20, "line": {"color": INK, "width": 2.5}},
-                hovertemplate="acceptable: %{x:.3~g} % of span<extra></extra>",
-                name="limit of what is acceptable",
-            ),
-            row=row,
-            col=1,
-        )
-    without = [(i, r, words.why(r)) for i, r in enumerate(loops) if i not in widths]
-    if without:
-        figure.add_trace(
-            go.Scatter(
-                x=[0.0] * len(without),
-                y=[i for i, _, _ in without],
-                mode="text",
-                text=[
-                    f"  {words.VERDICTS[r.verdict].lower()}: {_plain(textwrap.shorten(why, 90, placeholder=' …'))}"
-                    for _, r, why in without
-                ],
-                textposition="middle right",
-                textfont={"color": MUTED, "size": 12},
-                cliponaxis=True,
-                hovertext=[_wrap(f"{r.name}: {why}") for _, r, why in without],
-                hovertemplate="%{hovertext}<extra></extra>",
-                showlegend=False,
-            ),
-            row=row,
-            col=1,
-        )
-
-
-def _hatching(r: Result) -> str:
-    """Tell why a bar is hatched: it is only a bound, or rests on too few detections."""
-    return {"at_least": "at least", "provisional": "provisional"}.get(r.verdict, "")
-
-
-def _length(answer: Answer) -> float:
-    """Tell how long its bar is: in % of span where that is known."""
-    length = answer.width if answer.width_percent_span is None else answer.width_percent_span
-    assert length is not None  # those without a width have no bar
-    return length
-
-
-def _intervals(members: list[Result], lengths: list[float]) -> dict[str, Any]:
-    """Write the 95 % intervals of fitted widths as Plotly takes them, nothing for the others."""
-    above, below = [], []
-    for r, length in zip(members, lengths, strict=True):
-        answer = r.answer
-        if not answer.width or answer.low is None or answer.high is None:
-            above.append(0.0)
-            below.append(0.0)
-        else:
-            scale = length / answer.width
-            above.append(scale * (answer.high - answer.width))
-            below.append(scale * (answer.width - answer.low))
-    return {"type": "data", "array": above, "arrayminus": below, "color": INK, "thickness": 1.4, "width": 5}
-
-
 def _figure() -> go.Figure:
     """Start an empty figure in the report's dress, without Plotly's own template (7 kB in each figure)."""
     axis = {
@@ -554,7 +374,8 @@ def _time(result: Result | Bump, seconds: NDArray[np.floating[Any]]) -> NDArray[
 
 
 def _time_axis(figure: go.Figure, result: Result | Bump, rows: int) -> None:
-    """Set the shared time axis: dates without a unit, seconds with it."""
+    """Set the shared time axis: dates without a unit, seconds with it; as many labels as a narrow page holds level."""
+    figure.update_xaxes(nticks=6, tickangle=0)
     if result.t0 is None:
         figure.update_xaxes(title_text="time [s]", row=rows, col=1)
         return
@@ -798,13 +619,6 @@ def _label(code: int) -> str:
 def _plain(text: str) -> str:
     """Make text safe for Plotly, which reads a few HTML tags in every string."""
     return html.escape(text, quote=False)
-
-
-def _short(text: str, length: int) -> str:
-    """Cut a long text in its middle, where names of tags differ least, and make it safe."""
-    if len(text) > length:
-        text = f"{text[: length * 2 // 3]}…{text[-(length - length * 2 // 3 - 1) :]}"
-    return _plain(text)
 
 
 def _wrap(text: str) -> str:

@@ -7,6 +7,7 @@
   const scheme = matchMedia("(prefers-color-scheme: dark)");
   const plots = [...document.querySelectorAll(".plot")];
   const PAPER = 680; // px between the margins of an A4 or Letter page
+  const low = (plot) => (plot.dataset.name === "time" ? 380 : 250); // px: a loop on one page; report.css has the same
   let printing = false;
 
   function figure(plot) {
@@ -24,7 +25,10 @@
 
   function draw(plot) {
     const { data, layout } = figure(plot);
-    if (printing) layout.width = Math.min(PAPER, plot.clientWidth);
+    if (printing) {
+      layout.width = Math.min(PAPER, plot.clientWidth);
+      if (plot.closest(".believed")) layout.height = low(plot);
+    }
     Plotly.react(plot, data, layout, config);
     plot.dataset.drawn = "";
   }
@@ -50,6 +54,7 @@
   scheme.addEventListener("change", redraw);
   addEventListener("beforeprint", () => {
     printing = true;
+    document.querySelectorAll(".unjudged").forEach((details) => (details.open = true));
     plots.filter((plot) => plot.offsetParent !== null).forEach(draw);
   });
   addEventListener("afterprint", () => {

@@ -1,0 +1,294 @@
+"""What the templates show of a loop: text and rows of tables, from what the result holds; nothing is decided here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from . import figures, words
+from .fit_figure import fit_figure, loop_figures, trend_figure
+
+if TYPE_CHECKING:
+    import plotly.graph_objects as go
+
+    from ..result import Result
+
+__all__ = ["Bar", "LoopView", "bar"]
+
+Rows = list[tuple[str, ...]]
+
+_GRAVITY = {"refuse": "refused", "warning": "warning", "info": "note"}
+
+
+class Bar(NamedTuple):
+    """A width in the list, all in % of OP's span: its limits, the width, and what is acceptable.
+
+    `high` is None where there is no upper limit; `kind` is what is known of the valve, or *crossings*.
+    """
+
+    low: float
+    high: float | None
+    width: float | None
+    acceptable: float | None
+    kind: str
+
+    @property
+    def end(self) -> float:
+        """The greatest of them."""
+        return max(self.low, self.high or 0.0, self.width or 0.0, self.acceptable or 0.0)
+
+
+def bar(r: Result) -> Bar | None:
+    """The width as the list draws it; None where the span is not known, or nothing of the width."""
+    answer = r.answer
+    if not words.judged(r) or r.span is None or (answer.width is None and answer.high is None):
+        return None
+    low, high, width = (None if x is None else 100.0 * x / r.span for x in (answer.low, answer.high, answer.width))
+    if answer.evidence is None:
+        return Bar(0.0, width, width, r.loop.acceptable_dead_band, "crossings")
+    return Bar(low or 0.0, high, width, r.loop.acceptable_dead_band, answer.valve)
+
+
+@dataclass(frozen=True)
+class LoopView:
+    """One loop as its section shows it.
+
+    Attributes
+    ----------
+    key : str
+        Name of its section in the page.
+    r : Result
+        What is shown.
+    """
+
+    key: str
+    r: Result
+
+    @property
+    def fitted(self) -> bool:
+        """Whether the fit gives the answer, and the crossings are a footnote."""
+        return self.r.answer.evidence is not None
+
+    @property
+    def changes(self) -> bool:
+        """Whether it is plain that the width changes in time."""
+        return self.r.fit is not None and self.r.fit.trend is not None and self.r.fit.trend.changes
+
+    @cached_property
+    def drawn(self) -> dict[str, go.Figure]:
+        """The figures by name, in their order in the section."""
+        r, drawn = self.r, dict[str, "go.Figure"]()
+        if r.fit is not None and r.fit.best and r.trace is not None:
+            drawn |= loop_figures(r)
+        if r.fit is not None and len(r.fit.windows) > 1 and not r.fit.recordings:
+            drawn["trend"] = trend_figure(r)
+        if r.fit is not None and r.fit.best:
+            drawn["fit"] = fit_figure(r)
+        if r.trace is not None:
+            drawn["time"] = figures.loop_figure(r)
+        if r.trace is not None and r.trace.op is not None and "why" not in drawn:
+            drawn["phase"] = figures.phase_figure(r)
+        return drawn
+
+    @property
+    def answered(self) -> list[str]:
+        """The answer in paragraphs, the first of them a sentence."""
+        return [words.lead(self.r), words.why(self.r)] if self.fitted else words.verdict(self.r)
+
+    @property
+    def source(self) -> Rows:
+        """What the recording is."""
+        r, loop = self.r, self.r.loop
+        rows: Rows = [("File", r.source)]
+        if r.trace is not None and len(r.trace.t):
+            first, last = float(np.nanmin(r.trace.t)), float(np.nanmax(r.trace.t))
+            start, end = words.clock(r.t0, first), words.clock(r.t0, last)
+            if r.t0 is not None and start[:10] == end[:10]:
+                end = end[11:]
+            rows.append(("Recording", f"{start} to {end}, {words.duration(last - first)}"))
+        rows += [(label, text) for label, text in (("Area", loop.area), ("Valve", loop.valve)) if text]
+        if loop.acceptable_dead_band is not None:
+            rows.append(("Acceptable", words.quantity(loop.acceptable_dead_band, "% of span")))
+        return rows
+
+    @property
+    def shown_recording(self) -> str | None:
+        """File of the recording that is drawn, where there are several."""
+        recordings = () if self.r.fit is None else self.r.fit.recordings
+        return next((one.source for one in recordings if one.shown), None)
+
+    @property
+    def recordings(self) -> Rows:
+        """What each of several recordings says alone, and why one does not count."""
+        if self.r.fit is None:
+            return []
+        unit = words.op_unit(self.r)
+        return [
+            (
+                one.source,
+                words.VERDICTS[one.fit.verdict],
+                words.quantity(one.fit.d, unit) if one.fit.found else "–",
+                words.number(one.adds),
+                words.sentence(one.left_out) or "counts",
+            )
+            for one in self.r.fit.recordings
+        ]
+
+    @property
+    def process(self) -> Rows:
+        """The process that came with the fit."""
+        if self.r.fit is None or (p := self.r.fit.process) is None:
+            return []
+        per = f"{self._pv_unit} per {words.op_unit(self.r)}" + (" and s" if p.integrating else "")
+        rows = (
+            ("Velocity gain" if p.integrating else "Process gain Kp", p.kp, per),
+            ("Dead time", p.dead_time, "s"),
+            ("Lags together", p.lag, "s"),
+        )
+        return [(name, words.quantity(v, unit), _between(low, high)) for name, (v, low, high), unit in rows]
+
+    @property
+    def analysed(self) -> bool:
+        """Whether it was looked at, and not refused before: of a loop refused no absence means anything."""
+        return self.r.crossings != "refused" or self.r.total_half_periods > 0
+
+    @property
+    def crossings(self) -> Rows:
+        """What came of the zero crossings."""
+        r, unit = self.r, words.op_unit(self.r)
+        if not self.analysed:
+            return []
+        rows: Rows = [("A PLC would show", words.crossing(r))]
+        rows += [("Half-periods", str(r.total_half_periods)), ("Detections", str(r.detections))]
+        if r.repeatability is not None and r.detections > 1:
+            low, high = r.repeatability
+            rows.append(("Repeatability", f"{words.number(low)} to {words.quantity(high, unit)}"))
+        if r.corrected is not None and r.corrected.d is not None:
+            rows.append(("Bias taken out", words.quantity(r.corrected.d, unit)))
+        if r.noise_floor is not None:
+            rows.append(("Noise can feign", words.quantity(r.noise_floor, unit)))
+        return rows
+
+    @property
+    def half_periods(self) -> list[tuple[str, int, str]]:
+        """Verdicts on half-periods with their counts and shares."""
+        counts = [("accepted", self.r.detections), *words.ranked_reasons(self.r)]
+        total = self.r.total_half_periods
+        return [(name, n, f"{words.number(100 * n / total, 2)} %") for name, n in counts if n]
+
+    @property
+    def quality(self) -> Rows:
+        """Findings on the recording, the gravest first: severity, its word, the finding, its evidence."""
+        order = list(_GRAVITY)
+        found = sorted(self.r.quality, key=lambda f: order.index(f.severity))
+        return [(f.severity, _GRAVITY[f.severity], f.text, _evidence(f.evidence)) for f in found]
+
+    @property
+    def settings(self) -> Rows:
+        """Settings as the maker writes them, as the detector used them, and where from."""
+        r, s, loop = self.r, self.r.settings, self.r.loop
+        if loop.controller is None and s.k is None:
+            return []
+        c, process, op = loop.controller, loop.process, words.op_unit(r)
+        form = gain = integral = derivative = action = weight = "–"
+        others: list[tuple[str, str]] = []
+        if c is not None:
+            form, action, weight = c.form, c.action, words.number(c.setpoint_weight)
+            per = f" {c.gain_unit}" if c.gain_unit else ""
+            if c.form == "parallel":
+                gain = f"kp {_typed(c.kp)}{per}"
+                integral = f"ki {_typed(c.ki)} per {c.ti_unit}"
+                derivative = f"kd {_typed(c.kd or 0.0)} {c.td_unit}"
+            else:
+                gain = f"PB {_typed(c.pb)} %" if c.pb is not None else f"{_typed(c.k)}{per}"
+                integral = f"{_typed(c.ti)} {c.ti_unit}"
+                derivative = f"{_typed(c.td)} {c.td_unit}"
+            others = [
+                ("Error gap of the controller", words.quantity(c.error_gap, self._pv_unit)),
+                ("Output dead band of the controller", words.quantity(c.output_dead_band, op)),
+                ("PV filter of the control system", words.quantity(c.pv_filter, "s")),
+            ]
+        acting = "–" if s.k is None else "direct (K below 0)" if s.k < 0 else "reverse (K above 0)"
+        given_kp = words.quantity(process.kp, process.kp_unit or "")
+        used_kp = "not used" if s.kp is None else words.quantity(s.kp, f"{self._pv_unit} per {op}")
+        rows = [
+            ("Form", form, "ideal", ""),
+            ("Gain K", gain, words.quantity(s.k, self._gain_unit), "k"),
+            ("Integral time TI", integral, words.quantity(s.ti, "s"), "ti"),
+            ("Derivative time TD", derivative, words.quantity(s.td, "s"), "td"),
+            ("Action", action, acting, ""),
+            ("Setpoint weight b", weight, words.number(s.b), "b"),
+            ("Filter of the detector TF", words.quantity(loop.tf, "s"), words.quantity(s.tf, "s"), "tf"),
+            ("Process gain Kp", "integrating" if process.type == "integrating" else given_kp, used_kp, "kp"),
+            ("OP travel Δu", "", "", "delta_u"),
+            ("Longest step between samples", "", words.quantity(s.max_h, "s"), ""),
+            ("Detections needed N", str(loop.n), str(s.n), "n"),
+            ("PV span", _span(loop.pv_span, self._pv_unit), "", ""),
+            ("OP span", _span(loop.op_span, op), "", ""),
+            *((label, value, "", "") for label, value in others if value[0] != "0"),
+        ]
+        return [(label, given, used, s.notes.get(note, "")) for label, given, used, note in rows]
+
+    @property
+    def identification(self) -> Rows:
+        """The controller as the moves of OP show it, whether that was used or not."""
+        f = self.r.identification
+        if f is None:
+            return []
+        return [
+            ("K", words.quantity(f.k, self._gain_unit), _between(f.k_low, f.k_high)),
+            ("TI", words.quantity(f.ti, "s"), _between(f.ti_low, f.ti_high)),
+            ("TD", words.quantity(f.td, "s"), _between(f.td_low, f.td_high)),
+            ("b", words.number(f.setpoint_weight), ""),
+            ("R²", words.number(f.r2), ""),
+            ("steps used", str(f.samples), ""),
+        ]
+
+    @property
+    def phase_note(self) -> str:
+        """Tell what a point of the phase plot is, and when thinning leaves too little of it."""
+        assert self.r.trace is not None  # the caller draws no plot without one
+        t = self.r.trace.t
+        step = float(np.median(np.diff(t))) if len(t) > 1 else 0.0
+        note = (
+            f"One point per {words.duration(step)}. With a gap, PV stays level while OP travels across it at each "
+            "reversal."
+        )
+        cycles = self.r.half_periods.delta_t[self.r.half_periods.reason == 0]
+        if len(cycles) and step > float(np.median(cycles)) / 8:
+            note += " The points lie too far apart for this recording: the shape of a single cycle is lost."
+        return note
+
+    @property
+    def _pv_unit(self) -> str:
+        return self.r.loop.pv_unit or "PV unit"
+
+    @property
+    def _gain_unit(self) -> str:
+        return f"{words.op_unit(self.r)} per {self._pv_unit}"
+
+
+def _evidence(evidence: Mapping[str, float | int | str]) -> str:
+    def shown(value: float | int | str) -> str:
+        return value if isinstance(value, str) else str(value) if isinstance(value, int) else words.number(value, 4)
+
+    return ", ".join(f"{key.replace('_', ' ')} {shown(value)}" for key, value in evidence.items())
+
+
+def _between(low: float | None, high: float | None) -> str:
+    if low is None or high is None:
+        return "–"
+    return f"{words.number(low)} to {words.number(high) if np.isfinite(high) else 'no upper bound'}"
+
+
+def _typed(value: float | None) -> str:
+    """Write a setting as a person typed it, not rounded as a measured number is."""
+    return "–" if value is None else f"{value:.8g}"
+
+
+def _span(span: tuple[float, float] | None, unit: str) -> str:
+    return "–" if span is None else f"{_typed(span[0])} to {f'{_typed(span[1])} {unit}'}"

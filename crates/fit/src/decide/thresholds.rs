@@ -89,6 +89,9 @@ thresholds! {
     SAMPLES_IN_LAG_IF_SOUND: f64 = 4.0, "samples";
     /// Samples in which OP goes through the gap, by its mean move, from which on that does not matter. FIC46005 (ADR 0010).
     SAMPLES_IN_GAP: f64 = 25.0, "samples";
+    /// Samples that it must take in any case: where it settles within fewer, a load that ramps leaves PV as a gap does.
+    /// `bench.loads.sparse`, chosen on numbers 300 to 309, judged on 310 to 319 (ADR 0010).
+    SAMPLES_IN_LAG_AT_LEAST: f64 = 0.9, "samples";
     /// Standard deviations of PV's noise that a gap must make of PV for a width with two limits. That of the bench's
     /// identifiable gaps (ADR 0010).
     NOISY: f64 = 3.0, "σ";

@@ -1,0 +1,81 @@
+"""What is said where few samples lie in a process' lag: `python -m bench.loads.sparse`.
+
+The loops are those of `bench.loads`, longer, and only every r-th row is recorded: 0.4 to 5 of them in a lag.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("RAYON_NUM_THREADS", "1")  # many processes, each with its own core
+
+import argparse
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from random import Random
+
+from rich.progress import track
+
+from ..truth.design import log_uniform
+from ..truth.score import markdown
+from .answer import WIDTHS, Answer
+from .records import LOADS, Record, record
+
+SAMPLES = 1000
+BORDERS = (1.0, 2.5, 5.0)
+"""Samples in a lag, below which a line of the table lies."""
+
+
+def sparse(name: str) -> Record:
+    """Every r-th row of the record of that name."""
+    row, _, number = name.split("/")
+    in_lag = log_uniform(Random(f"coarse/{row}/{number}"), 0.4, 5.0)
+    every = max(2, round(record(name, 10).lag / in_lag))
+    whole = record(name, SAMPLES * every)
+    return replace(
+        whole,
+        table=whole.table.take(list(range(0, SAMPLES * every, every))),
+        op=whole.op[::every],
+        position=whole.position[::every],
+    )
+
+
+def ask(name: str) -> tuple[float, Answer]:
+    """Samples in the lag, and what is said."""
+    of = sparse(name)
+    return of.lag / of.truth(SAMPLES).h, Answer.to(of, SAMPLES)
+
+
+def table(answers: list[tuple[float, Answer]]) -> str:
+    """A line for each range of samples in a lag."""
+    body, low = [], 0.0
+    for high in BORDERS:
+        of = [answer for lag, answer in answers if low <= lag < high]
+        none, gap = ([a for a in of if (a.truth.d > 0) == there] for there in (False, True))
+        numbers = [len(none), *(sum(a.verdict in claims for a in none) for claims in (WIDTHS, ("at_least",)))]
+        numbers += [len(gap), *(sum(a.told == told for a in gap) for told in ("right", "wrong", "silent"))]
+        body.append([f"{low:g} to {high:g}", *map(str, numbers)])
+        low = high
+    return markdown(["samples in a lag", "no gap", "width", "bound", "gap", "right", "wrong", "silent"], body)
+
+
+def main() -> None:
+    """Run, and print the table."""
+    parser = argparse.ArgumentParser(prog="python -m bench.loads.sparse", description=__doc__.split("\n\n")[0])
+    parser.add_argument("--each", type=int, default=20, help="so many of each load, without a gap and with one")
+    parser.add_argument("--first", type=int, default=330, help="number of the first")
+    given = parser.parse_args()
+    numbers = range(given.first, given.first + given.each)
+    names = [f"{row}/{gap}/{number}" for number in numbers for row in LOADS for gap in ("none", "gap")]
+    with ProcessPoolExecutor(2) as pool:
+        asked = track(pool.map(ask, names), "asking", len(names), disable=not sys.stderr.isatty())
+        answers = list(asked)
+    for _, answer in answers:
+        if not answer.holds:
+            print(answer.truth.name, answer)
+    print(table(answers))
+
+
+if __name__ == "__main__":
+    main()

@@ -86,7 +86,7 @@ pub struct Interval {
 }
 
 /// Everything that is looked for, in the order of [`Fault::ALL`].
-const TESTS: [fn(&Look<'_>, &mut Vec<Finding>); 13] = [
+const TESTS: [fn(&Look<'_>, &mut Vec<Finding>); 15] = [
     times::rows,
     times::times,
     numbers::numbers,
@@ -96,8 +96,10 @@ const TESTS: [fn(&Look<'_>, &mut Vec<Finding>); 13] = [
     mode::setpoint,
     times::sampling,
     historian::historian,
+    historian::spikes,
     grids::grids,
     settings::settings,
+    settings::exchanged,
     controller::rests,
     oscillation::sinusoid,
 ];

@@ -1,11 +1,17 @@
-//! Settings against what OP does, and a gain that nobody gave.
+//! Settings against what OP does, signals under each other's name, and a gain that nobody gave.
 
 use super::Finding;
 use super::finding::{Fault, Severity};
 use super::look::Look;
+use crate::Inspected;
+use crate::identify::{R2_USABLE, identified};
 
 /// Outside the interval by more than this factor, a setting is another one: units and forms differ by more.
 const FACTOR: f64 = 1.5;
+/// OP and PV are exchanged where the law explains more than this share of PV's moves by OP, and less than [`R2_USABLE`] of OP's by PV.
+const EXCHANGED: f64 = 0.95;
+/// Rows that are enough to see that.
+const EXCHANGED_ROWS: usize = 20_000;
 /// A smaller share of the width may hang on an assumed gain unsaid.
 const HANGS: f64 = 0.1;
 
@@ -37,6 +43,25 @@ pub(super) fn settings(look: &Look<'_>, found: &mut Vec<Finding>) {
                     .with("high", high),
             );
         }
+    }
+}
+
+/// The law of a controller in what PV does when OP moves, and none in what OP does.
+pub(super) fn exchanged(look: &Look<'_>, found: &mut Vec<Finding>) {
+    let (Some(law), Some(op)) = (look.known.law, look.rows.op) else { return };
+    if law.r2.is_some_and(|r2| r2 >= R2_USABLE) {
+        return;
+    }
+    let rows = Inspected { pv: op, op: Some(look.rows.pv), ..look.rows }.first(EXCHANGED_ROWS);
+    let Some(other) = identified(&rows, None, None).values else { return };
+    if other.r2 >= EXCHANGED && other.ti > 0.0 {
+        found.push(
+            Finding::new(Fault::Exchanged, Severity::Refuse)
+                .with("r2_as_filed", law.r2.unwrap_or(0.0))
+                .with("r2_exchanged", other.r2)
+                .with("k", other.k)
+                .with("ti_s", other.ti),
+        );
     }
 }
 

@@ -89,6 +89,8 @@ def test_every_documented_command_does_what_it_says(run, monkeypatch):
         for old in Path().glob("*.*"):
             old.unlink()
         write("plant.csv", plant)
+        for day in ("monday", "tuesday", "wednesday"):
+            write(f"{day}.csv", plant)
         if " -o loops.toml" not in line:
             write("loops.toml", settings)
         words = [

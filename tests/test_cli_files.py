@@ -87,7 +87,7 @@ def test_what_glapp_wrote_is_overwritten(run):
     for _ in range(2):
         code, _, err = run("analyze", *SETTINGS, "a.csv", "--csv", "t.csv", "--report", "r.html")
         assert (code, err) == (0, "")
-    assert Path("t.csv").read_text().startswith("loop,file,verdict,")
+    assert Path("t.csv").read_text().startswith("loop,file,answer_verdict,")
     assert sorted(p.name for p in Path().iterdir()) == ["a.csv", "b.csv", "r.html", "t.csv"]
 
 

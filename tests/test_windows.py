@@ -89,22 +89,30 @@ def history(widths: list[float], apart: float) -> dict[str, Any]:
     return dict(zip(("time", "SP", "PV", "OP"), (np.concatenate(x) for x in zip(*parts, strict=True)), strict=True))
 
 
+def between_manual(signals: dict[str, Any], parts: int, rows: int) -> dict[str, Any]:
+    """The same with so many rows in manual after each of its parts: a history of half a million rows."""
+    ends = np.split(np.arange(len(signals["time"])), parts)
+    take = np.concatenate([np.append(part, np.full(rows, part[-1])) for part in ends])
+    manual = np.tile(np.append(np.zeros(len(ends[0])), np.arange(1, rows + 1)), parts)
+    columns = {name: signals[name.upper()][take] for name in ("sp", "pv", "op")}
+    return {"t": signals["time"][take] + 0.2 * manual, **columns, "flags": (manual > 0).astype(np.uint8)}
+
+
 @pytest.fixture
 def short_beginning(monkeypatch: pytest.MonkeyPatch) -> None:
     """A long history that is not half a million rows long."""
     monkeypatch.setattr(sys.modules["glapp.fit"], "ROWS", 4000)
-    monkeypatch.setattr(sys.modules["glapp.estimate"], "INSPECTED_ROWS", 4000)
 
 
 LOOP = glapp.Loop(name="grows", op_unit="V", controller={"k": 0.48, "ti": 0.3117, "setpoint_weight": 0})
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("short_beginning")
 def test_a_gap_that_grows_shows_over_the_whole_history() -> None:
     widths = [0.04 + 0.007 * i for i in range(8)]
-    recording = glapp.recording_from(history(widths, 4 * DAY), LOOP)
-    result = glapp.analyze(recording)
+    signals = between_manual(history(widths, 4 * DAY), len(widths), 62_000)
+    assert len(signals["t"]) > 500_000
+    result = glapp.analyze(**signals, loop=LOOP)
     f = result.fit
     assert f is not None and f.trend is not None
     assert f.verdict == "backlash" and f.trend.changes
@@ -123,7 +131,8 @@ def test_a_gap_that_grows_shows_over_the_whole_history() -> None:
     assert told["trend"] == [f.trend.slope, f.trend.error]
     assert len(told["windows"]) == len(f.windows)
     # Fitted by itself: the same windows.
-    assert glapp.fit(recording).to_dict()["windows"] == told["windows"]
+    del signals["sp"]
+    assert glapp.fit(**signals, loop=LOOP).to_dict()["windows"] == told["windows"]
 
 
 @pytest.mark.slow

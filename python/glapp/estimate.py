@@ -160,8 +160,9 @@ def analyze(
     >>> import glapp
     >>> sim = glapp.simulate.closed_loop("P3", (0.48, 0.3117), d=0.05, noise=0.001, t_end=400, load=[(100, 0.5)])
     >>> loop = glapp.Loop(name="P3", controller={"k": 0.48, "ti": 0.3117, "setpoint_weight": 0}, process={"kp": 1})
-    >>> glapp.analyze(glapp.recording_from(sim.to_arrow(), loop)).verdict
-    'estimate'
+    >>> result = glapp.analyze(glapp.recording_from(sim.to_arrow(), loop))
+    >>> result.verdict, result.crossings
+    ('backlash', 'estimate')
     """
     recording = recording_of(recording, loop, t=t, sp=sp, pv=pv, op=op, position=position, flags=flags)
     return _analyzed(recording, INSPECTED_ROWS, progress, trust=trust, fit=fit)

@@ -38,7 +38,7 @@ def columns() -> list[Column]:
     Examples
     --------
     >>> [column.name for column in columns()][:3]
-    ['loop', 'file', 'verdict']
+    ['loop', 'file', 'answer_verdict']
     """
     return list(_of_model(LoopAnswer, "", lambda answer: answer))
 
@@ -110,8 +110,8 @@ def to_arrow(results: Sequence[Result]) -> pa.Table:
     >>> sim = glapp.simulate.closed_loop("P3", (0.48, 0.3117), d=0.05, noise=0.001, t_end=400, load=[(100, 0.5)])
     >>> loop = glapp.Loop(name="P3", controller={"k": 0.48, "ti": 0.3117, "setpoint_weight": 0}, process={"kp": 1})
     >>> table = glapp.to_arrow([glapp.estimate(glapp.recording_from(sim.to_arrow(), loop))])
-    >>> table.select(["loop", "verdict", "detections"]).to_pylist()
-    [{'loop': 'P3', 'verdict': 'estimate', 'detections': 11}]
+    >>> table.select(["loop", "answer_verdict", "detections"]).to_pylist()
+    [{'loop': 'P3', 'answer_verdict': 'estimate', 'detections': 11}]
     """
     import pyarrow as pa
 

@@ -459,9 +459,9 @@ def _spikes(n: Numbers, reader: _Reader) -> str:
 
 def _exchanged(n: Numbers, _: _Reader) -> str:
     return (
-        f"OP and PV seem to be exchanged: a PI or PID law explains {_percent(n['r2_exchanged'])} of PV's moves by OP, "
-        f"and {_percent(max(n['r2_as_filed'], 0.0))} of OP's by PV: check which columns were taken (--pv and --op, "
-        "columns.pv and columns.op)"
+        f"OP and PV seem to be exchanged: PV moves with OP as the output of a PI or PID controller with Ti "
+        f"{_seconds(n['ti_s'])} does ({_percent(n['r2_exchanged'])} explained), OP with PV as that of none: check which "
+        "columns were taken (--pv and --op, columns.pv and columns.op)"
     )
 
 
@@ -566,11 +566,11 @@ _SENTENCES: dict[str, Callable[[Numbers, _Reader], str]] = {
     "sampling": _sampling,
     "frozen": _frozen,
     "compressed_pv": _compressed_pv,
+    "spikes": _spikes,
     "quantised_pv": _quantised_pv,
     "quantised_op": _quantised_op,
     "sign": _sign,
     "settings": _settings,
-    "spikes": _spikes,
     "exchanged": _exchanged,
     "error_gap": _error_gap,
     "output_dead_band": _output_dead_band,

@@ -100,7 +100,7 @@ faults! {
     Sign = "sign": Warning;
     /// OP moves with another K, Ti or Td than the settings say.
     Settings = "settings": Warning;
-    /// The controller's law explains PV by OP, and not OP by PV.
+    /// A controller's law shows in what PV does when OP moves, and none in what OP does.
     Exchanged = "exchanged": Refuse;
     /// OP rests while the error is small and moves beyond.
     ErrorGap = "error_gap": Warning;

@@ -460,8 +460,8 @@ def _spikes(n: Numbers, reader: _Reader) -> str:
 def _exchanged(n: Numbers, _: _Reader) -> str:
     return (
         f"OP and PV seem to be exchanged: PV moves with OP as the output of a PI or PID controller with Ti "
-        f"{_seconds(n['ti_s'])} does ({_percent(n['r2_exchanged'])} explained), OP with PV as that of none: check which "
-        "columns were taken (--pv and --op, columns.pv and columns.op)"
+        f"{_seconds(n['ti_s'])} does ({_percent(n['r2_exchanged'])} explained), OP with PV as that of none: check "
+        "which columns were taken (--pv and --op, columns.pv and columns.op)"
     )
 
 

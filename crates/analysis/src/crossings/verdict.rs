@@ -192,9 +192,9 @@ mod tests {
 
     #[test]
     fn half_periods_of_few_samples_say_nothing() {
-        let settings =
-            DetectorSettings { n: 3, tf: 0.001, kp: Some(2.0), ..DetectorSettings::new(0.5, 10.0, 0.0, 1.0) };
         let told = |every: usize| {
+            let usual = DetectorSettings::new(0.5, 10.0, 0.0, every as f64);
+            let settings = DetectorSettings { n: 3, tf: 0.001, kp: Some(2.0), ..usual };
             let mut crossings = Crossings::new(settings).unwrap();
             let rows: Vec<usize> = (0..800).step_by(every).collect();
             let t: Vec<f64> = rows.iter().map(|k| *k as f64).collect();

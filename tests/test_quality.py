@@ -102,11 +102,37 @@ def test_sampling_against_ti() -> None:
     assert "sampling" not in look(*signals, ti=15.0)
     assert look(*signals, ti=14.9)["sampling"].severity == "warning"
     found = look(*signals, ti=2.9)["sampling"]
-    assert found.severity == "refuse"
+    assert found.severity == "warning"
     assert found.text == (
         "a sample every 3 s is slower than Ti 2.9 s, so the error between the samples is unknown: "
         "record at least every 0.58 s"
     )
+
+
+def test_samples_that_stand_alone_are_told_by_their_rows() -> None:
+    t, sp, pv, op = loop(n=2500)
+    assert "spikes" not in look(t, sp, pv, op)
+    pv[[300, 700]] += 8 * np.ptp(pv)
+    few = look(t, sp, pv, op)["spikes"]
+    assert (few.severity, few.evidence["count"], few.evidence["rows"]) == ("info", 2, "300 700")
+    assert few.text.startswith("2 samples of PV stand alone, off those before and after (row 302, row 702)")
+    pv[1000:1800:80] += 8 * np.ptp(pv)
+    many = look(t, sp, pv, op)["spikes"]
+    assert (many.severity, many.evidence["count"]) == ("warning", 12)
+    assert "row 702, row 1002, row 1082, row 1162 and more" in many.text
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("controller", [{}, {"k": 0.5, "ti": 60.0}])
+def test_op_and_pv_under_each_others_name(controller: dict[str, float]) -> None:
+    for seed in range(3):
+        t, sp, pv, op = loop(n=2500, seed=seed, **controller)
+        as_filed, exchanged = identified(t, sp, pv, op), identified(t, sp, op, pv)
+        assert "exchanged" not in look(t, sp, pv, op, identification=as_filed)
+        found = look(t, sp, op, pv, identification=exchanged)["exchanged"]
+        assert found.severity == "refuse" and "--pv and --op" in found.text
+        assert found.evidence["r2_exchanged"] > 0.95
+        assert found.evidence["ti_s"] == pytest.approx(as_filed.ti, rel=0.01)
 
 
 def test_pv_interpolated_or_held_by_a_historian() -> None:

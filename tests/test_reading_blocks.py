@@ -160,6 +160,23 @@ def test_a_hole_of_nul_bytes_is_no_date(blocks):
         assert "is not a time" in blocks.compare(data, block=block, sample=100)
 
 
+@pytest.mark.parametrize("first", [0, 1704067200, 1704067200000, 1704067200000000, 1704067200000000000])
+def test_what_is_a_time_does_not_hang_on_rows_of_other_tags(blocks, first):
+    """`1e`, which no loop reads, makes text of the times in its block; they mean what they mean in any other."""
+    for number in [*NUMBERS, "+.5", "-.5e3", "0x1F", "nan(1)", "9223372036854775808", f"{first}.", f"+{first}"]:
+        rows = [f"{first + i},F1.{'SP' if i % 2 else 'PV'},{i}" for i in range(12)]
+        rows[3], rows[7] = "1e,other,1", f"{number},F1.SP,7"
+        blocks.compare(text(rows, "Timestamp,Tag,Value\n"))
+
+
+def test_a_mark_that_begins_a_row_is_no_part_of_a_number(blocks):
+    """A concatenated file has a byte order mark in its middle: an error, also where a block begins there."""
+    rows = [f"{i},1,2" for i in range(10, 40)]
+    data = text([*rows, "\ufeff40,1,2", *rows], "t,SP,PV\n")
+    for block in range(100, 130):  # in one of them the odd row is the first of its block
+        assert "row 32, column t" in blocks.compare(data, block=block)
+
+
 # --- hand cases
 
 

@@ -327,6 +327,11 @@ def _why(answer: dict[str, Any], loop: Loop, found: list[Finding], identificatio
             return f"K and Ti are not given and could not be identified: {identification.reason}"
         case {"code": "nothing_accepted"}:
             return _nothing_accepted(answer["reasons"])
+        case {"code": "coarse", "of": n}:
+            return (
+                f"the accepted half-periods have {n['samples']:.0f} samples (median), and 10 are needed: between them "
+                "the error is unknown. Record faster"
+            )
         case {"code": "disagree", "of": n}:
             return f"the detections do not agree: {n['kept']} of the last {n['count']} lie within 20 % of their median"
         case {"code": "gain_too_low"}:

@@ -441,10 +441,28 @@ def _sampling(n: Numbers, _: _Reader) -> str:
     step, ti = _seconds(n["h_s"]), _seconds(n["ti_s"])
     told = (
         f"a sample every {step} is slower than Ti {ti}, so the error between the samples is unknown"
-        if n["severity"] == "refuse"
+        if n["ratio"] > 1.0
         else f"a sample every {step} is coarse against Ti {ti}, so widths are rough"
     )
     return f"{told}: record at least every {_seconds(n['enough_s'])}"
+
+
+def _spikes(n: Numbers, reader: _Reader) -> str:
+    named = [reader.row(int(row)) for row in n["rows"].split()]
+    rows, more = ", ".join(named), " and more" if n["count"] > len(named) else ""
+    samples = "1 sample of PV stands" if n["count"] == 1 else f"{n['count']} samples of PV stand"
+    return (
+        f"{samples} alone, off those before and after ({rows}{more}): the fit leaves them out, but "
+        "the controller answers them, so look at the transmitter"
+    )
+
+
+def _exchanged(n: Numbers, _: _Reader) -> str:
+    return (
+        f"OP and PV seem to be exchanged: PV moves with OP as the output of a PI or PID controller with Ti "
+        f"{_seconds(n['ti_s'])} does ({_percent(n['r2_exchanged'])} explained), OP with PV as that of none: check "
+        "which columns were taken (--pv and --op, columns.pv and columns.op)"
+    )
 
 
 def _frozen(n: Numbers, _: _Reader) -> str:
@@ -548,10 +566,12 @@ _SENTENCES: dict[str, Callable[[Numbers, _Reader], str]] = {
     "sampling": _sampling,
     "frozen": _frozen,
     "compressed_pv": _compressed_pv,
+    "spikes": _spikes,
     "quantised_pv": _quantised_pv,
     "quantised_op": _quantised_op,
     "sign": _sign,
     "settings": _settings,
+    "exchanged": _exchanged,
     "error_gap": _error_gap,
     "output_dead_band": _output_dead_band,
     "sinusoidal": _sinusoidal,

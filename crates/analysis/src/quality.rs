@@ -74,6 +74,14 @@ impl Law {
     }
 }
 
+impl Law {
+    /// It explains this share of OP's moves, and neither K nor the integral action may be none.
+    fn shows(&self, r2: f64) -> bool {
+        let (Some(low), Some(high), Some(longest)) = (self.k.low, self.k.high, self.ti.high) else { return false };
+        low * high > 0.0 && longest.is_finite() && self.r2.is_some_and(|explained| explained >= r2)
+    }
+}
+
 /// A value with its 95 % interval, as far as they are known.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Interval {
@@ -86,7 +94,7 @@ pub struct Interval {
 }
 
 /// Everything that is looked for, in the order of [`Fault::ALL`].
-const TESTS: [fn(&Look<'_>, &mut Vec<Finding>); 13] = [
+const TESTS: [fn(&Look<'_>, &mut Vec<Finding>); 15] = [
     times::rows,
     times::times,
     numbers::numbers,
@@ -96,8 +104,10 @@ const TESTS: [fn(&Look<'_>, &mut Vec<Finding>); 13] = [
     mode::setpoint,
     times::sampling,
     historian::historian,
+    historian::spikes,
     grids::grids,
     settings::settings,
+    settings::exchanged,
     controller::rests,
     oscillation::sinusoid,
 ];

@@ -138,6 +138,8 @@ class CsvSource(Source):
         nulls = null_spellings(bad_words)
 
         def parse(block: bytes, skip: int, types: Mapping[int, pa.DataType]) -> pa.Table:
+            if skip == 0 and block.startswith(codecs.BOM_UTF8):  # Arrow leaves out a mark that begins what it reads
+                block = b"\n" + block
             return pc.read_csv(
                 pa.BufferReader(block),
                 pc.ReadOptions(use_threads=False, block_size=len(block) + 1, skip_rows=skip, column_names=names),

@@ -7,6 +7,7 @@ such as ``00.00.0000 00:00:00``. A file has few layouts, each is understood once
 from __future__ import annotations
 
 import re
+from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
@@ -26,9 +27,7 @@ __all__ = ["Clock", "looks_like_stamp", "moment"]
 
 _ISO = re.compile(r"\d{4}-\d\d-\d\d(?:[ T]\d\d:\d\d(?::\d\d(?:\.\d{1,9})?)?)?")
 _ISO_ZONED = re.compile(r"\d{4}-\d\d-\d\d[ T]\d\d:\d\d(?::\d\d(?:\.\d{1,9})?)?(?:Z|[+-]\d\d(?::?\d\d)?)")
-_NUMERIC = re.compile(r"[+-]?\d+(?:[.,]\d*)?(?:[eE][+-]?\d+)?")
-# Whole numbers that 64 bits hold.
-_WHOLE = re.compile(r"[+-]?0*(?:\d{1,18}|[1-8]\d{18})")
+_NUMERIC = re.compile(r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?")
 
 # In a layout every digit is written 0.
 _LAYOUT = re.compile(
@@ -317,16 +316,24 @@ class Clock:
         return self._since(ticks)
 
     def _as_numbers(self, column: pa.Array) -> pa.Array:
-        """The column as numbers, none of them empty."""
+        """The column as numbers, none of them empty.
+
+        A number is what Arrow reads as one, here and in the parser of a text file: rows beside it change nothing.
+        """
         column = plain(column)
         if is_text(column.type):
-            column = pc.replace_substring(pc.utf8_trim_whitespace(column), ",", ".")
-            pattern = _WHOLE if self.arrow_type == pa.int64() else _NUMERIC
-            good = pc.match_substring_regex(column, rf"^{pattern.pattern}$")
-            if pc.min(good).as_py() is False:
-                at = pc.index(good, False).as_py()
-                raise CellFault(at, f"'{column[at].as_py()}' is not a time like those before", value=column[at].as_py())
-            column = pc.replace_substring_regex(column, r"^\+", "").cast(self.arrow_type)
+            written = pc.replace_substring(pc.utf8_trim_whitespace(column), ",", ".")
+            column = pc.replace_substring_regex(written, r"^\+([0-9.])", r"\1")
+            column = pc.if_else(pc.equal(column, ""), None, column)
+            cast = _cast(column, self.arrow_type)
+            if cast is None:
+                rows = range(len(column))
+                at = bisect_left(rows, True, key=lambda k: _cast(column.slice(0, k + 1), self.arrow_type) is None)
+                if column.slice(0, at).null_count == 0:
+                    text = written[at].as_py()
+                    raise CellFault(at, f"'{text}' is not a time like those before", value=text)
+            else:
+                column = cast
         if column.null_count:
             raise CellFault(pc.index(pc.is_null(column), True).as_py(), "the time is empty")
         return column
@@ -419,6 +426,14 @@ class Clock:
                 out[rows[same]] = values
                 rows, cells, layouts = rows[~same], cells[~same], layouts[~same]
         return out
+
+
+def _cast(column: pa.Array, kind: pa.DataType) -> pa.Array | None:
+    """Text as numbers; None where some of it is none."""
+    try:
+        return column.cast(kind)
+    except pa.ArrowInvalid:
+        return None
 
 
 def _finite(column: pa.Array) -> NDArray[np.float64]:

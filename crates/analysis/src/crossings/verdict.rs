@@ -1,8 +1,13 @@
 //! What zero crossings allow to be said of a loop, and why not more.
 
 use super::Crossings;
+use crate::median;
 use crate::quality::{Fault, Finding, Severity};
 use serde::{Deserialize, Serialize};
+
+/// Accepted half-periods must have so many samples (their median). A recording at full rate and the same with every nth sample alone
+/// agree within 5 % from 8 on.
+const SAMPLES: f64 = 10.0;
 
 /// What may be said.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -62,6 +67,11 @@ pub enum Why {
     NotIdentified,
     /// No half-period was accepted.
     NothingAccepted,
+    /// The accepted half-periods have too few samples: what the error did between them is not known.
+    Coarse {
+        /// Median of the samples in them.
+        samples: f64,
+    },
     /// The detections do not agree: so many of the last lie within 20 % of their median.
     Disagree {
         /// That lie there.
@@ -124,6 +134,12 @@ pub fn judge(known: &Known<'_>, crossings: Option<&Crossings>) -> (Verdict, Opti
     let Some(estimate) = crossings.state().estimate() else {
         return (NoEstimate, Some(Why::NothingAccepted));
     };
+    let accepted = crossings.rows().iter().filter(|row| row.record.mask == 0);
+    let mut samples: Vec<f64> = accepted.map(|row| f64::from(row.record.half.n)).collect();
+    let samples = median(&mut samples);
+    if samples < SAMPLES {
+        return (NoEstimate, Some(Why::Coarse { samples }));
+    }
     let (d, kept, count) = (estimate.value, estimate.kept, estimate.count);
     if 3 * u32::from(kept) < count.into() {
         return (NoEstimate, Some(Why::Disagree { kept, count }));
@@ -172,6 +188,22 @@ mod tests {
         assert_eq!(judge(&blind, Some(&good)), (Verdict::Refused, Some(Why::NoSp)));
         let primary = Known { place: Some(Place::Primary), ..blind };
         assert_eq!(judge(&primary, Some(&good)), (Verdict::Refused, Some(Why::Place(Place::Primary))));
+    }
+
+    #[test]
+    fn half_periods_of_few_samples_say_nothing() {
+        let told = |every: usize| {
+            let usual = DetectorSettings::new(0.5, 10.0, 0.0, every as f64);
+            let settings = DetectorSettings { n: 3, tf: 0.001, kp: Some(2.0), ..usual };
+            let mut crossings = Crossings::new(settings).unwrap();
+            let rows: Vec<usize> = (0..800).step_by(every).collect();
+            let t: Vec<f64> = rows.iter().map(|k| *k as f64).collect();
+            let pv: Vec<f64> = rows.iter().map(|k| if (k / 100).is_multiple_of(2) { -1.0 } else { 1.0 }).collect();
+            crossings.take(Columns { t: &t, sp: &vec![0.0; t.len()], pv: &pv, op: None, flags: None });
+            judge(&HEALTHY, Some(&crossings))
+        };
+        assert_eq!(told(10), (Verdict::Estimate, None));
+        assert_eq!(told(20), (Verdict::NoEstimate, Some(Why::Coarse { samples: 5.0 })));
     }
 
     #[test]

@@ -85,11 +85,13 @@ faults! {
     /// SP moves all the time.
     CascadeSlave = "cascade_slave": Warning;
     /// Samples are far apart against Ti.
-    Sampling = "sampling": Warning Refuse;
+    Sampling = "sampling": Warning;
     /// The historian stood still, not the loop.
     Frozen = "frozen": Warning;
     /// PV is held or interpolated between a historian's compressed values.
     CompressedPv = "compressed_pv": Warning;
+    /// Samples of PV that stand alone.
+    Spikes = "spikes": Info Warning;
     /// PV lies on a coarse grid.
     QuantisedPv = "quantised_pv": Info Warning;
     /// OP lies on a coarse grid.
@@ -98,6 +100,8 @@ faults! {
     Sign = "sign": Warning;
     /// OP moves with another K, Ti or Td than the settings say.
     Settings = "settings": Warning;
+    /// A controller's law shows in what PV does when OP moves, and none in what OP does.
+    Exchanged = "exchanged": Refuse;
     /// OP rests while the error is small and moves beyond.
     ErrorGap = "error_gap": Warning;
     /// OP rests, and otherwise jumps by no less than some size.

@@ -1,4 +1,4 @@
-//! What a historian did to the signals: frozen, held or interpolated.
+//! What a historian or transmitter did to the signals: frozen, held or interpolated; spikes.
 
 use super::Finding;
 use super::finding::{Fault, Severity};
@@ -19,6 +19,27 @@ const LINE: (f64, f64) = (1e-6, 4e-16);
 const ROUNDING: f64 = 1e-12;
 /// Samples in a row that continue a line.
 const ON_A_LINE: usize = 2;
+
+/// A larger share of spikes takes half-periods and moves OP.
+const SPIKES: f64 = 0.001;
+/// Rows that are named.
+const NAMED: usize = 5;
+
+/// Samples that stand alone; the fit leaves them out, the crossings do not.
+pub(super) fn spikes(look: &Look<'_>, found: &mut Vec<Finding>) {
+    let spikes = glapp_fit::spikes(look.rows.pv);
+    let Some(first) = spikes.first() else { return };
+    let share = spikes.len() as f64 / look.rows.pv.len() as f64;
+    let severity = if share > SPIKES { Severity::Warning } else { Severity::Info };
+    let named: Vec<String> = spikes.iter().take(NAMED).map(|row| row.to_string()).collect();
+    found.push(
+        Finding::new(Fault::Spikes, severity)
+            .with("count", spikes.len() as u64)
+            .with("share", share)
+            .with("first_row", *first as u64)
+            .with("rows", named.join(" ")),
+    );
+}
 
 pub(super) fn historian(look: &Look<'_>, found: &mut Vec<Finding>) {
     let (t, pv) = (look.rows.t, look.rows.pv);

@@ -1,11 +1,17 @@
-//! Settings against what OP does, and a gain that nobody gave.
+//! Settings against what OP does, signals under each other's name, and a gain that nobody gave.
 
-use super::Finding;
 use super::finding::{Fault, Severity};
 use super::look::Look;
+use super::{Finding, Law};
+use crate::Inspected;
+use crate::identify::{R2_USABLE, identified};
 
 /// Outside the interval by more than this factor, a setting is another one: units and forms differ by more.
 const FACTOR: f64 = 1.5;
+/// OP and PV are exchanged where a law explains this share of PV's moves by OP, and none shows in OP's by PV.
+const EXCHANGED: f64 = 0.95;
+/// Rows that are enough to see that.
+const EXCHANGED_ROWS: usize = 20_000;
 /// A smaller share of the width may hang on an assumed gain unsaid.
 const HANGS: f64 = 0.1;
 
@@ -37,6 +43,26 @@ pub(super) fn settings(look: &Look<'_>, found: &mut Vec<Finding>) {
                     .with("high", high),
             );
         }
+    }
+}
+
+/// The law of a controller in what PV does when OP moves, and none in what OP does.
+pub(super) fn exchanged(look: &Look<'_>, found: &mut Vec<Finding>) {
+    let (Some(law), Some(op)) = (look.known.law, look.rows.op) else { return };
+    if law.shows(R2_USABLE) {
+        return;
+    }
+    let rows = Inspected { pv: op, op: Some(look.rows.pv), ..look.rows }.first(EXCHANGED_ROWS);
+    let other = Law::of(&identified(&rows, None, None));
+    let (Some(k), Some(ti), Some(r2)) = (other.k.value, other.ti.value, other.r2) else { return };
+    if other.shows(EXCHANGED) {
+        found.push(
+            Finding::new(Fault::Exchanged, Severity::Refuse)
+                .with("r2_as_filed", law.r2.unwrap_or(0.0))
+                .with("r2_exchanged", r2)
+                .with("k", k)
+                .with("ti_s", ti),
+        );
     }
 }
 

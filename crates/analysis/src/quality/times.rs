@@ -73,9 +73,8 @@ pub(super) fn times(look: &Look<'_>, found: &mut Vec<Finding>) {
 
 pub(super) fn sampling(look: &Look<'_>, found: &mut Vec<Finding>) {
     let Some(ti) = look.known.ti.filter(|ti| *ti > 0.0 && look.h > ti * COARSE) else { return };
-    let severity = if look.h > ti { Severity::Refuse } else { Severity::Warning };
     found.push(
-        Finding::new(Fault::Sampling, severity)
+        Finding::new(Fault::Sampling, Severity::Warning)
             .with("h_s", look.h)
             .with("ti_s", ti)
             .with("ratio", look.h / ti)

@@ -30,12 +30,18 @@ impl Unit {
 /// Steps of PV, in its usual step (median), by which a sample must stand out from the two before and the two after it.
 const SPIKE: f64 = 12.0;
 
-/// The signal without samples that stand alone: no process goes and comes back in one step, and OP answers them as if they
-/// were real.
-pub(crate) fn without_spikes(mut pv: Vec<f64>) -> Vec<f64> {
+/// Rows of samples that stand alone: no process goes and comes back in one step.
+///
+/// ```
+/// let mut pv: Vec<f64> = (0..200).map(|k| (f64::from(k) / 7.0).sin()).collect();
+/// assert!(glapp_fit::spikes(&pv).is_empty());
+/// pv[60] += 5.0;
+/// assert_eq!(glapp_fit::spikes(&pv), [60]);
+/// ```
+pub fn spikes(pv: &[f64]) -> Vec<usize> {
     let mut steps: Vec<f64> = pv.windows(2).map(|w| (w[1] - w[0]).abs()).filter(|step| *step > 0.0).collect();
     if steps.is_empty() {
-        return pv;
+        return Vec::new();
     }
     let middle = steps.len() / 2;
     let usual = *steps.select_nth_unstable_by(middle, f64::total_cmp).1;
@@ -46,8 +52,12 @@ pub(crate) fn without_spikes(mut pv: Vec<f64>) -> Vec<f64> {
         // Beside a jump of PV the last sample before it stands out by nothing.
         w.iter().all(|x| !x.is_nan()) && out > SPIKE * usual && out > high - low
     };
-    let spikes: Vec<usize> = pv.windows(5).enumerate().filter(|(_, w)| alone(w)).map(|(k, _)| k + 2).collect();
-    spikes.into_iter().for_each(|k| pv[k] = f64::NAN);
+    pv.windows(5).enumerate().filter(|(_, w)| alone(w)).map(|(k, _)| k + 2).collect()
+}
+
+/// The signal without its [`spikes`], which OP answers as if they were real.
+pub(crate) fn without_spikes(mut pv: Vec<f64>) -> Vec<f64> {
+    spikes(&pv).into_iter().for_each(|k| pv[k] = f64::NAN);
     pv
 }
 

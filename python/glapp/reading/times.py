@@ -275,7 +275,8 @@ class Clock:
                 return name
         steps = np.abs(np.diff(head))
         steps = steps[steps > 0]
-        step = float(np.median(steps)) if len(steps) else None
+        with np.errstate(over="ignore"):  # a number as large as 1e308 among them
+            step = float(np.median(steps)) if len(steps) else None
         dated = self._name.strip().lower() in _DATED
         for calendar, zero in _TO_1970.items():
             if zero + _YEARS[0] <= low and high <= zero + _YEARS[1]:

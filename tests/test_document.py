@@ -28,6 +28,8 @@ WORDS = {
     "file",
     "unit",
     "reason",
+    "reason_code",
+    "identified",
     "answer.next.text",
     "answer.struck.text",
     "quality.text",
@@ -37,6 +39,7 @@ WORDS = {
     "fit.unit",
     "fit.recordings",
     "fit.reason",
+    "fit.reason_code",
 }
 """What Python adds: names, units, sentences, and several recordings of one loop."""
 
@@ -118,6 +121,20 @@ def test_what_is_written_is_what_the_core_answered() -> None:
     compare(answer, written, "")
 
 
+def test_reasons_and_the_law_that_was_read_stand_there_for_programs() -> None:
+    s = closed_loop("P3", (0.48, 0.3117), d=0.05, noise=0.005, h=0.1, t_end=250, seed=1, **ACTING)
+    signals = {"t": s.t, "sp": s.sp, "pv": s.pv, "op": s.op}
+    unknown = glapp.analyze(**signals, fit=False).to_dict()
+    k, low, high = unknown["identified"]["k"]
+    assert unknown["identified"]["usable"] and unknown["reason_code"] is None and low < k < high
+    assert k == pytest.approx(0.48, rel=0.01) and unknown["identified"]["reason"] is None
+    still = glapp.analyze(**(signals | {"op": np.ones(len(s.t))})).to_dict()
+    assert still["reason_code"] == still["fit"]["reason_code"] == "op_constant"
+    assert not still["identified"]["usable"] and still["identified"]["k"] == [None, None, None]
+    alone = glapp.analyze(**(signals | {"sp": None})).to_dict()
+    assert alone["reason_code"] == "no_sp" and alone["fit"]["reason_code"] == "gap"
+
+
 def test_rows_follow_from_what_is_declared() -> None:
     results = [glapp.analyze(worn(), fit=False), glapp.Result.of_error(glapp.InputError("no such file"), "x", "x.csv")]
     table = glapp.to_arrow(results)
@@ -130,6 +147,7 @@ def test_rows_follow_from_what_is_declared() -> None:
     assert first["rejected_too_short"] == written["reasons"]["too_short"] and first["fit_d"] is None
     assert [first["repeatability_low"], first["repeatability_high"]] == written["repeatability"]
     assert "not_a_number:" in first["quality"]
+    assert first["identified_k_low"] == written["identified"]["k"][1] and error["reason_code"] == "unusable"
     assert error["answer_verdict"] == "refused" and error["k"] is None and error["rejected_gap"] == 0
     assert glapp.to_arrow([]).schema == table.schema and table.schema.field("half_periods").type == pa.int64()
 

@@ -63,7 +63,7 @@ def half_periods_of(rows: list[dict[str, float]]) -> HalfPeriods:
 def a_result(**changes: Any) -> Result:
     values: dict[str, Any] = {
         "name": "FIC101", "source": "plant.csv", "loop": a_loop(), "t0": datetime(2026, 3, 1, 6, 30),
-        "crossings": "estimate", "reason": None, "d_hat": None, "unit": "%", "d_hat_percent_span": None,
+        "crossings": "estimate", "why": None, "reason": None, "d_hat": None, "unit": "%", "d_hat_percent_span": None,
         "repeatability": None, "noise_floor": None, "detections": 0, "half_periods": half_periods_of([]),
         "reasons": {}, "settings": settings(),
     }  # fmt: skip

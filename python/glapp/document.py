@@ -162,8 +162,31 @@ class FitAnswer(_Part):
     """The windows that were fitted."""
     recordings: list[FitRecording]
     """Where the loop has several, each of them in the order of time; else empty."""
+    reason_code: str
+    """What decided, in a word that stays the same from version to version."""
     reason: str
-    """One sentence with the evidence."""
+    """The same in a sentence, with the evidence."""
+
+
+class Identified(_Part):
+    """The controller's law as OP's moves show it."""
+
+    usable: bool
+    """Whether K and Ti are told well enough to be worked with."""
+    k: Limits
+    """Gain K [OP unit/PV unit] with its 95 % limits."""
+    ti: Limits
+    """Integral time Ti [s] with its 95 % limits; no upper one where integral action cannot be told from none."""
+    td: Limits
+    """Derivative time Td [s] with its 95 % limits; 0 where a law without it explains OP as well."""
+    setpoint_weight: Value
+    """Setpoint weight b; null where SP moved too little."""
+    r2: Value
+    """Share of the variance of OP's moves that the law explains."""
+    samples: Count
+    """Steps between samples that could be used."""
+    reason: str | None
+    """Why it is not usable; null where it is."""
 
 
 class Corrected(_Part):
@@ -260,8 +283,10 @@ class LoopAnswer(_Part):
     """The one answer."""
     crossings: Literal["estimate", "provisional", "no_estimate", "refused"]
     """What the zero crossings allow to be said; provisional: from fewer than N detections."""
+    reason_code: str | None
+    """Why not more, in a word that stays the same from version to version; null only with an estimate."""
     reason: str | None
-    """Why not more, in one sentence; null only with an estimate."""
+    """The same in a sentence."""
     d_hat: Value
     """Total width by zero crossings, as a PLC would show it [`unit`]; `answer.struck` says where it does not stand."""
     unit: str
@@ -284,6 +309,8 @@ class LoopAnswer(_Part):
     """What is wrong with the recording, gravest first."""
     controller: Controller | None
     """null where nothing is known of it."""
+    identified: Identified | None
+    """What was read from OP's moves, with a given controller too; null without OP."""
     fit: FitAnswer | None
     """Width with an interval from OP and PV; null without OP."""
 

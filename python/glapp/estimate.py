@@ -241,6 +241,7 @@ def _result(recording: Recording, loop: Loop, done: dict[str, Any], trace: Trace
         loop=loop,
         t0=recording.t0,
         crossings=answer["crossings"],
+        why=_code(answer, found),
         reason=_why(answer, loop, found, identification),
         d_hat=answer["d_hat"],
         unit=loop.op_label,
@@ -274,9 +275,9 @@ def _fit(done: dict[str, Any], loop: Loop, found: list[Finding]) -> Fit:
     """The fit in words."""
     match done["answer"]["fit"]["why"]:
         case {"code": "place"}:
-            return Fit("cannot_tell", _refusal(loop), loop.op_label)
+            return Fit("cannot_tell", _refusal(loop), loop.op_label, why="place")
         case {"code": "finding", "of": i} if done["pv"] is None:
-            return Fit("cannot_tell", found[i].text, loop.op_label)
+            return Fit("cannot_tell", found[i].text, loop.op_label, why=found[i].code)
         case {"code": "finding", "of": i}:
             return fit_told(done["answer"]["fit"], done["pv"], done["position"], loop, found[i].text)
     return fit_told(done["answer"]["fit"], done["pv"], done["position"], loop)
@@ -306,6 +307,16 @@ def _note(name: str, origin: Origin, answer: dict[str, Any], loop: Loop) -> str:
         case "kp", "unknown":
             return "not known: its term is dropped, the estimate is high by Δy/Kp"
     return "given"
+
+
+def _code(answer: dict[str, Any], found: list[Finding]) -> str | None:
+    """Why the crossings say no more, in a word: that of a finding, where it is one."""
+    match answer["why"]:
+        case {"code": "finding", "of": int(i)}:
+            return found[i].code
+        case {"code": str(code)}:
+            return code
+    return None
 
 
 def _why(answer: dict[str, Any], loop: Loop, found: list[Finding], identification: Identification | None) -> str | None:

@@ -176,7 +176,7 @@ class Fit:
         Everything the clearest window's fit has to tell, as the core gives it, with the time `t` of each cell and the
         `signal` that was fitted: "PV", or "position" where the valve's own settled it.
     why : str
-        The word for the evidence; `reason` is its sentence.
+        What decided, in a word that stays the same; `reason` is its sentence.
     through_pv : Fit or None
         Where the valve's position was recorded and settled the answer, what PV alone would have said. The process is
         always that of PV. Where no width lies in the intervals of both, `reason` names both: with a gap in either the
@@ -266,6 +266,7 @@ class Fit:
                 }
                 for r in self.recordings
             ],
+            "reason_code": self.why,
             "reason": self.reason,
         }
 
@@ -357,13 +358,13 @@ def _read(recording: Recording, sign: float, progress: Progress | None) -> tuple
 def fit_recordings(
     recordings: Sequence[Recording],
     *,
-    unfit: Sequence[tuple[Verdict, str] | None] | None = None,
+    unfit: Sequence[tuple[Verdict, str, str] | None] | None = None,
     progress: Progress | None = None,
 ) -> Fit:
     """One answer of several recordings of one valve: the width is shared, everything else is each one's own.
 
-    `unfit` is what a look at the quality of each found, as `refused` and `sinusoid` of `fit_batches`: a verdict and its
-    reason; such a recording is not fitted.
+    `unfit` is what a look at the quality of each found: a verdict, a finding's code and its sentence. Such a recording
+    is not fitted.
 
     Raises
     ------
@@ -397,7 +398,9 @@ def fit_recordings(
     return replace(both, recordings=through_pv.recordings)
 
 
-def _valve(answer: dict[str, Any], recordings: Sequence[Recording], known: Sequence[tuple[Verdict, str] | None]) -> Fit:
+def _valve(
+    answer: dict[str, Any], recordings: Sequence[Recording], known: Sequence[tuple[Verdict, str, str] | None]
+) -> Fit:
     """The answer of several recordings, in words."""
     unit = recordings[0].loop.op_label
     own = iter(answer.get("recordings") or [answer] * len(known))
@@ -405,9 +408,9 @@ def _valve(answer: dict[str, Any], recordings: Sequence[Recording], known: Seque
     for recording, why in zip(recordings, known, strict=True):
         said: dict[str, Any] = {} if why is not None else next(own)
         if why is not None:
-            alone = Fit(why[0], why[1], unit)
+            alone = Fit(why[0], why[2], unit, why=why[1])
         elif "unfit" in said:
-            alone = Fit("cannot_tell", _unfit(said["unfit"], "PV"), unit)
+            alone = Fit("cannot_tell", _unfit(said["unfit"], "PV"), unit, why=said["unfit"][0])
         else:
             alone = _said(said, unit)
         word = said.get("left_out", "unfit")
@@ -473,23 +476,15 @@ def fit_batches(
     loop: Loop,
     sign: float,
     *,
-    refused: str | None = None,
-    sinusoid: str | None = None,
     progress: Progress | None = None,
 ) -> Fit:
-    """Fit a stretch in memory, or the windows of a longer recording; `sign` is that of the process gain (0: not known).
-
-    `refused` and `sinusoid` are what the look at the recording's quality found: a reason why nothing can be said, and
-    that the loop swings in a clean sinusoid.
-    """
-    if refused is not None:
-        return Fit("cannot_tell", refused, loop.op_label)
+    """Fit a stretch in memory, or windows of a longer recording. `sign`: that of the process gain, 0 if not known."""
     if progress is not None:
         progress(0.0)
-    found = _glapp.fit(batches, sign, sinusoid is not None)
+    found = _glapp.fit(batches, sign, False)
     if progress is not None:
         progress(1.0)
-    return told(found["answer"], found["pv"], found["position"], loop, sinusoid)
+    return told(found["answer"], found["pv"], found["position"], loop)
 
 
 def told(
@@ -501,7 +496,8 @@ def told(
 ) -> Fit:
     """Put what the core answered, with all that PV and the valve's position said, into words."""
     if pv is None:
-        return Fit("cannot_tell", "OP stands still all the time: only an OP that moves shows a gap", loop.op_label)
+        rests = "OP stands still all the time: only an OP that moves shows a gap"
+        return Fit("cannot_tell", rests, loop.op_label, why="op_rests")
     through_pv = _through_pv(pv, loop, sinusoid)
     if position is None:
         return through_pv
@@ -531,7 +527,7 @@ def _at_valve(answer: dict[str, Any], loop: Loop) -> Fit:
     """What the valve's own position says, window by window where there are several."""
     unit = loop.op_label
     if "unfit" in answer:
-        return Fit("cannot_tell", _unfit(answer["unfit"], "the position"), unit)
+        return Fit("cannot_tell", _unfit(answer["unfit"], "the position"), unit, why=answer["unfit"][0])
     best = _shown(answer, "position")
     best["candidates"] = [{"noise": "position", "behind": 0.0, "profile": best["profile"]}]
     shown, trend = _of_op(unit), _trend(answer)
@@ -557,11 +553,11 @@ def _through_pv(answer: dict[str, Any], loop: Loop, sinusoid: str | None) -> Fit
     """What PV says."""
     unit = loop.op_label
     if "unfit" in answer:
-        return Fit("cannot_tell", _unfit(answer["unfit"], "PV"), unit)
+        return Fit("cannot_tell", _unfit(answer["unfit"], "PV"), unit, why=answer["unfit"][0])
     said = _said(answer, unit)
     if sinusoid is None:
         return said
-    return replace(said, verdict="oscillation", reason=sinusoid + _changed(said.trend, _of_op(unit)))
+    return replace(said, verdict="oscillation", why="sinusoidal", reason=sinusoid + _changed(said.trend, _of_op(unit)))
 
 
 def _of_op(unit: str) -> str:

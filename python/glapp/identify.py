@@ -83,6 +83,19 @@ class Identification:
     td_low: float | None = None
     td_high: float | None = None
 
+    def to_dict(self) -> dict[str, Any]:
+        """The same in plain types, as `glapp analyze --json` writes it; None where there is no value."""
+        return {
+            "usable": self.usable,
+            "k": [self.k, self.k_low, self.k_high],
+            "ti": [self.ti, self.ti_low, self.ti_high],
+            "td": [self.td, self.td_low, self.td_high],
+            "setpoint_weight": self.setpoint_weight,
+            "r2": self.r2,
+            "samples": self.samples,
+            "reason": self.reason or None,
+        }
+
 
 def identified(
     t: Floats,

@@ -50,14 +50,14 @@ def analyze_recordings(
     return replace(best, source=source, fit=answer)
 
 
-def _unfit(result: Result) -> tuple[Verdict, str] | None:
-    """What is known of the recording before it is fitted, with the reason."""
+def _unfit(result: Result) -> tuple[Verdict, str, str] | None:
+    """What is known of the recording before it is fitted, with the reason's word and sentence."""
     loop = result.loop
     primary = loop.cascade is not None and loop.cascade.role == "primary"
-    refused = [f.text for f in result.quality if f.severity == "refuse" and f.code != "not_auto"]
     if primary or loop.split_range or loop.shared_valve_with is not None:
-        refused.insert(0, result.reason or "")
-    sinusoids = [f.text for f in result.quality if f.code == "sinusoidal"]
-    if refused:
-        return "cannot_tell", refused[0]
-    return ("oscillation", sinusoids[0]) if sinusoids else None
+        return "cannot_tell", "place", result.reason or ""
+    for f in result.quality:
+        if f.severity == "refuse" and f.code != "not_auto":
+            return "cannot_tell", f.code, f.text
+    sinusoids = (f for f in result.quality if f.code == "sinusoidal")
+    return next((("oscillation", f.code, f.text) for f in sinusoids), None)

@@ -286,8 +286,10 @@ class Result:
     crossings : "estimate", "provisional", "no_estimate", "refused"
         What the zero crossings allow to be said. provisional: fewer than N detections. refused: data or settings do
         not allow an estimate.
+    why : str or None
+        Why not more, in a word that stays the same from version to version; None only with an estimate.
     reason : str or None
-        Why not more, in one sentence; None only with an estimate.
+        The same in one sentence.
     d_hat : float or None
         Total width of the gap by zero crossings, as a PLC would show it [`unit`]; `answer.struck` says where it does
         not stand.
@@ -327,6 +329,7 @@ class Result:
     loop: Loop
     t0: datetime | None
     crossings: Crossings
+    why: str | None
     reason: str | None
     d_hat: float | None
     unit: str
@@ -361,6 +364,7 @@ class Result:
             loop=loop,
             t0=None,
             crossings="refused",
+            why="unusable",
             reason=str(error),
             d_hat=None,
             unit=loop.op_label,
@@ -465,6 +469,7 @@ class Result:
             "file": self.source,
             "answer": self._answered(),
             "crossings": self.crossings,
+            "reason_code": self.why,
             "reason": self.reason,
             "d_hat": self.d_hat,
             "unit": self.unit,
@@ -479,6 +484,7 @@ class Result:
                 {"code": f.code, "severity": f.severity, "text": f.text, "evidence": f.evidence} for f in self.quality
             ],
             "controller": controller,
+            "identified": None if self.identification is None else self.identification.to_dict(),
             "fit": None if self.fit is None else self.fit.to_dict(),
         }
 

@@ -88,6 +88,9 @@ pub(crate) fn judge(e: &Evidence) -> (Verdict, &'static str) {
     if e.low < LEAST_LOW * e.d {
         return (Verdict::CannotTell, "families_disagree");
     }
+    if e.immobile {
+        return (Verdict::CannotTell, "still");
+    }
     if e.coarse {
         return (Verdict::CannotTell, "coarse");
     }
@@ -96,9 +99,6 @@ pub(crate) fn judge(e: &Evidence) -> (Verdict, &'static str) {
     }
     if e.d < e.drawn {
         return (Verdict::CannotTell, "lined");
-    }
-    if e.immobile {
-        return (Verdict::CannotTell, "still");
     }
     if e.one_way {
         return (Verdict::CannotTell, "once");

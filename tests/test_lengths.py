@@ -53,4 +53,5 @@ def test_a_gap_is_told_and_not_less_exactly_with_more_rows() -> None:
     of = answers("levels/PI/gap/0")
     assert all(a.sided for a in of)
     few, _, many = ((a.high or np.inf) - (a.low or 0.0) for a in of)
-    assert many <= 1.1 * few
+    # Each limit is found to within a thousandth of OP's range.
+    assert many <= 1.1 * few + 0.002 * of[0].truth.op_range

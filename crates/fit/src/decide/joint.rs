@@ -347,6 +347,7 @@ fn joint_width(curves: &mut [Curve]) -> Together {
         traversed: often(lr_no_gap / dispersion, times(low), traversals),
         one_way: traversals.contains(&0),
         coarse: many(|e| e.coarse),
+        at_once: many(|e| e.at_once),
         noisy: many(|e| e.noisy),
         slips: lr_no_jump > JUMP && 2 * jumping > curves.len(),
         slips_wholly: many(|e| e.slips_wholly),

@@ -243,7 +243,8 @@ pub(crate) fn fit_record(record: &Cells, seeds: &[Theta], h: f64, bow: f64, prob
         d: best.lost.d,
         // A model whose valve hardly moves is a step of PV at a time and of a size that are free.
         immobile: (reaches(&best.lost) / best.lost.d.max(1e-300)).min(at_low) < MOVES,
-        coarse: fast && (slips || !slowly || settles < SAMPLES_IN_LAG_AT_LEAST),
+        coarse: fast && (slips || !slowly),
+        at_once: settles < SAMPLES_IN_LAG_AT_LEAST,
         noisy: !search.structure.integrating && (best.kp * best.lost.d).abs() < NOISY * noise,
         traversed: often(lr_no_gap, record.traversals(low), traversals),
         one_way: traversals.contains(&0),

@@ -364,6 +364,7 @@ fn shared_width(members: &mut [Member], d: f64, here: &[Vec<f64>], gives: &mut [
         traversed: times(low).iter().chain(&traversals).all(|n| *n >= PASSES_JOINT),
         one_way: traversals.contains(&0),
         coarse: false,
+        at_once: many(|e| e.at_once),
         noisy: many(|e| e.noisy),
         slips: lr_no_jump > JUMP && 2 * jumping > members.len(),
         slips_wholly: many(|e| e.slips_wholly),

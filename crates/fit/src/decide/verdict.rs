@@ -40,6 +40,8 @@ pub(crate) struct Evidence {
     pub(crate) one_way: bool,
     /// Whether the samples are too far apart for the process, and for how fast OP goes through the gap or for a jump in it.
     pub(crate) coarse: bool,
+    /// Whether the process settles within a sample, so that a load that ramps leaves PV as a gap does.
+    pub(crate) at_once: bool,
     /// Whether PV's noise hides what the gap makes.
     pub(crate) noisy: bool,
     /// Whether a slip jump shows, and whether it may be all of the width.
@@ -91,7 +93,7 @@ pub(crate) fn judge(e: &Evidence) -> (Verdict, &'static str) {
     if e.immobile {
         return (Verdict::CannotTell, "still");
     }
-    if e.coarse {
+    if e.coarse || e.at_once {
         return (Verdict::CannotTell, "coarse");
     }
     if e.even_swing {

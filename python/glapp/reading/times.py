@@ -310,7 +310,7 @@ class Clock:
             x = _finite(column)
             if self._per_second == 0:
                 return x if self._seconds == 1.0 else x * self._seconds
-            if np.abs(x).max(initial=0.0) * self._scale > 9e18:
+            if float(np.abs(x).max(initial=0.0)) * self._scale > 9e18:
                 raise CellFault(int(np.argmax(np.abs(x))), "is outside the range of times")
             return self._since(np.rint(x * self._scale).astype(np.int64))
         ticks: NDArray[np.int64] = column.cast(pa.int64(), safe=False).to_numpy(zero_copy_only=False)

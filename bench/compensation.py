@@ -1,7 +1,7 @@
 """What compensation brings, when its warnings are wrong, and whether it does harm: `python -m bench.compensation`.
 
-Up to an hour on two cores; `--loops 100` makes the last part shorter, `--docs` writes the tables into
-docs/compensation.md. Everything is simulated, so that the gap is known; what compensates is the module that ships.
+Up to an hour on two cores; `--loops 100` makes the last parts shorter, `--only late` makes one part, `--docs` writes the
+tables into docs/compensation.md. Everything is simulated, so that the gap is known; what compensates is the module that ships.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise, product
 from typing import Any
@@ -383,7 +383,19 @@ def harm(number: int, way: str) -> Harm | None:
         compensated, without = run(with_it), run(_never(with_it))
     except InputError:
         return None
-    assert compensated.u_ff is not None and compensated.standing is not None
+    found = _harm(with_it, compensated, without)
+    if found.since_force is None:
+        return found
+    kept = run(with_it.model_copy(update={"compensation": given.model_copy(update={"withdraw": False})}))
+    last = without.t > 2 / 3 * without.t[-1]
+    pv_kept, turns_kept, _ = _beside(kept, without, last, given.size / 10)
+    return replace(found, kept=pv_kept) if _within(pv_kept, turns_kept, found.turns_without) else found
+
+
+def _harm(with_it: Scenario, compensated: Simulation, without: Simulation) -> Harm:
+    """What the compensated loop did, beside the one without."""
+    given = with_it.compensation
+    assert given is not None and compensated.u_ff is not None and compensated.standing is not None
     band = given.size / 10
     size, ti = given.share * given.size, with_it.ideal().ti
     late = without.t > 2 / 3 * without.t[-1]
@@ -391,10 +403,6 @@ def harm(number: int, way: str) -> Harm | None:
     withdrawn = np.flatnonzero(np.isin(compensated.standing, WITHDRAWN))
     counts: dict[str, Any] = {}
     if withdrawn.size:
-        kept = run(with_it.model_copy(update={"compensation": given.model_copy(update={"withdraw": False})}))
-        pv_kept, turns_kept, _ = _beside(kept, without, late, band)
-        if _within(pv_kept, turns_kept, turns_without):
-            counts["kept"] = pv_kept
         counts |= _in_time(compensated, without, with_it, int(withdrawn[0]))
     return Harm(
         name=with_it.name,
@@ -406,7 +414,7 @@ def harm(number: int, way: str) -> Harm | None:
         standing=STANDINGS[int(compensated.standing[-1])],
         active=float(np.mean(compensated.standing[late] == 0)),
         absent=not compensated.u_ff[late].any(),
-        broken=_broken(compensated, with_it, size, 10 * size / ti if way == "inverse" else size / with_it.h),
+        broken=_broken(compensated, with_it, size, 10 * size / ti if given.way == "inverse" else size / with_it.h),
         **counts,
     )
 
@@ -455,18 +463,20 @@ def _so_far(s: Simulation, first: int, ends: npt.NDArray[Any], band: float) -> t
 
 def _broken(s: Simulation, of: Scenario, size: float, rate: float) -> str:
     """The first promise that u_FF breaks."""
-    assert s.u_ff is not None
-    u = s.u_ff
+    assert s.u_ff is not None and of.compensation is not None
     # In manual, and while PV is lost, the controller holds OP, and uses nothing of what it is handed.
     held = (s.flags & (NOT_AUTO | BAD)) != 0
+    if np.diff(s.op)[held[1:]].any():
+        return "held"
+    # What comes late is held to what was known when it was made.
+    late = (of.compensation.delay or 1) - 1
+    u, held = s.u_ff[late:], held[: held.size - late]
     if np.abs(u).max() > size / 2 * (1 + 1e-9):
         return "size"
     if np.abs(np.diff(u))[~(held[1:] | held[:-1])].max() > rate * of.h * (1 + 1e-9):
         return "rate"
     if of.limits is not None and (s.op.min() < of.limits[0] or s.op.max() > of.limits[1]):
         return "limits"
-    if np.diff(s.op)[held[1:]].any():
-        return "held"
     # What is handed over was made by the scan before.
     return "taken away" if u[1:][held[1:] & held[:-1]].any() else ""
 
@@ -582,6 +592,86 @@ def besides(pool: ProcessPoolExecutor, numbers: range) -> Iterator[str]:
         yield f"| {way} | {len(found)} | {' | '.join(cells)} |"
 
 
+# --- Beside a controller that is not ours ----------------------------------------------------------------------------
+
+DELAYS = (1, 3, 10)
+"""Scans after which their controller has u_FF."""
+SHARES = (0.05, 0.1, 0.2, 0.3, 0.5, 1.25)
+"""Ends of the classes of the delay as a share of Ti."""
+
+
+@dataclass(frozen=True)
+class Late:
+    """A random loop beside which the compensation stands, with u_FF late by each of `DELAYS`."""
+
+    share: float
+    """A scan as a share of Ti."""
+    settled: tuple[bool, ...]
+    active: tuple[float, ...]
+    """Share of the last third in which it was in force."""
+    pv: tuple[float, ...]
+    """PV's standard deviation by that of the uncompensated loop."""
+    broken: str
+    """The first promise that was broken."""
+
+
+def late(number: int, way: str) -> Late | None:
+    """The runs of a loop; None where it cannot begin at rest within its limits."""
+    of = random_loop(number, way)
+    given = of.compensation
+    assert given is not None
+    try:
+        without = run(_never(of))
+    except InputError:
+        return None
+    runs = [of.model_copy(update={"compensation": given.model_copy(update={"delay": n, "longest": 1e9})}) for n in DELAYS]
+    found = [_harm(one, run(one), without) for one in runs]
+    return Late(
+        share=of.h / of.ideal().ti,
+        settled=tuple(one.settled for one in found),
+        active=tuple(one.active for one in found),
+        pv=tuple(one.pv for one in found),
+        broken=next((one.broken for one in found if one.broken), ""),
+    )
+
+
+def lates(pool: ProcessPoolExecutor, numbers: range) -> Iterator[str]:
+    """The fifth table."""
+    yield (
+        "| way | delay [Ti] | loops | a scan late: within, withdrawn in time or gone | with the delay | harm by the delay alone | "
+        "harm without it alone | in force at a scan, with the delay | PV's median where in force, at a scan, with the delay |"
+    )
+    yield "|" + "---|" * 9
+    broken, everywhere = [], []
+    for way, found in in_every_way(pool, late, numbers, "late"):
+        broken += [one.broken for one in found if one.broken]
+        pairs = [(n * one.share, one, at) for one in found for at, n in enumerate(DELAYS) if n > 1]
+        everywhere += pairs
+        yield from _by_share(way, pairs)
+    yield from _by_share("all", everywhere)
+    yield ""
+    yield f"Loops {numbers.start} to {numbers.stop - 1}; promises broken: {len(broken)}."
+
+
+def _by_share(way: str, pairs: list[tuple[float, Late, int]]) -> Iterator[str]:
+    """Rows of one way: each loop with each delay, beside itself with one scan."""
+    for low, high in pairwise((0.0, *SHARES)):
+        chosen = [(one, at) for share, one, at in pairs if low < share <= high]
+        if not chosen:
+            continue
+        both = [(one.settled[0], one.settled[at]) for one, at in chosen]
+        cells = [f"{np.mean(column):.1%}" for column in zip(*both, strict=True)]
+        cells += [str(both.count((True, False))), str(both.count((False, True)))]
+        active = zip(*((one.active[0] > 0.5, one.active[at] > 0.5) for one, at in chosen), strict=True)
+        cells.append(", ".join(f"{np.mean(column):.0%}" for column in active))
+        medians = []
+        for column in (lambda at: 0, lambda at: at):
+            in_force = [one.pv[column(at)] for one, at in chosen if one.active[column(at)] > 0.5]
+            medians.append(f"{np.median(in_force):.2f} ×" if in_force else "–")
+        cells.append(", ".join(medians))
+        yield f"| {way} | {low:g} to {high:g} | {len(chosen)} | {' | '.join(cells)} |"
+
+
 def _sections(parts: Sequence[tuple[str, Iterable[str]]]) -> Iterator[tuple[str, str]]:
     for name, lines in parts:
         text = "\n".join(lines)
@@ -594,14 +684,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("--loops", type=int, default=1000, help="random loops of the last parts")
     parser.add_argument("--docs", action="store_true", help="write the tables into docs/compensation.md")
+    parser.add_argument("--only", choices=("brings", "warns", "tuned", "harms", "beside", "late"), help="one part")
     given = parser.parse_args()
     with ProcessPoolExecutor() as pool:
         n = given.loops
         parts = [("brings", brings(pool)), ("warns", warns(pool))]
         held_out = range(3000, 3000 + n)
         parts += [("tuned", harms(pool, range(2 * n))), ("harms", harms(pool, held_out, worst=10))]
-        parts += [("beside", besides(pool, held_out))]
-        tables = dict(_sections(parts))
+        parts += [("beside", besides(pool, held_out)), ("late", lates(pool, held_out))]
+        tables = dict(_sections([part for part in parts if given.only in (None, part[0])]))
     if given.docs:
         for name, text in tables.items():
             write("compensation.md", text, name)

@@ -111,11 +111,7 @@ impl Compensation {
         limits: Option<(f64, f64)>,
     ) -> PyResult<Self> {
         let settings = CompensationSettings {
-            way: named(&way)?,
             limits: within(limits)?,
-            k,
-            size,
-            share,
             limit,
             band,
             tf,
@@ -126,6 +122,8 @@ impl Compensation {
             reversals,
             withdraw,
             estimate,
+            // Time from side to side counts only where the estimate is the source.
+            ..CompensationSettings::new(named(&way)?, k, release, size, share)
         };
         let block = glapp_core::Compensation::new(settings).map_err(refused)?;
         Ok(Self { block, state: CompensationState::default() })
@@ -138,7 +136,10 @@ impl Compensation {
     #[pyo3(signature = (e, u, h, *, enable, d_hat=None, over=false, flags=0))]
     #[allow(clippy::too_many_arguments)]
     fn update(&mut self, e: f64, u: f64, h: f64, enable: bool, d_hat: Option<f64>, over: bool, flags: Status) -> f64 {
-        self.block.update(&mut self.state, &CompensationSample { e, u, h, d_hat, over, enable, flags })
+        self.block.update(
+            &mut self.state,
+            &CompensationSample { e, u, h, d_hat, over, enable, flags, ..CompensationSample::default() },
+        )
     }
 
     /// What it does, or why it does nothing.

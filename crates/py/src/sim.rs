@@ -1,6 +1,7 @@
 //! Closed loops (`crates/sim`).
 
 use crate::refused;
+use glapp_core::modules::LONGEST_DELAY;
 use glapp_core::{Detector, Friction, Model};
 use glapp_sim::{
     BATCH, Block, Compensated, Controller, Instructions, Manual, Outer, Piece, Plant, Scenario, Signal, SimError,
@@ -100,6 +101,8 @@ struct PyCompensated<'py> {
     settings: Bound<'py, PyAny>,
     tf: f64,
     begin: f64,
+    delay: Option<u32>,
+    longest: Option<f64>,
 }
 
 /// The outer loop of a cascade as Python has it.
@@ -126,7 +129,9 @@ fn signal(pieces: Vec<PyPiece<'_>>) -> Signal {
 }
 
 fn compensated(given: PyCompensated<'_>) -> PyResult<Compensated> {
-    Ok(Compensated { settings: settings(&given.settings)?, tf: given.tf, begin: given.begin })
+    let PyCompensated { tf, begin, delay, longest, .. } = given;
+    let longest = longest.unwrap_or(LONGEST_DELAY);
+    Ok(Compensated { settings: settings(&given.settings)?, tf, begin, delay, longest })
 }
 
 impl TryFrom<PyScenario<'_>> for Scenario {

@@ -37,6 +37,9 @@ struct Numbers {
     op: usize,
     position: usize,
     watch: Option<usize>,
+    /// Where u_FF is handed to the controller, and what is told of a controller that is not ours.
+    u_ff: Option<usize>,
+    told: Option<usize>,
     /// Setpoint, load, noise and process value of the outer loop.
     outer: Option<[usize; 4]>,
 }
@@ -107,6 +110,9 @@ impl Machine for Looped {
             if let (Some(watch), true) = (at.watch, first + k == self.begin) {
                 graph.command(watch, "compensate", 1.0);
             }
+            if let Some(told) = at.told {
+                graph.feed(told, f64::from(if is_bad { NOT_AUTO } else { by_hand }));
+            }
             graph.scan(self.h);
             if !is_bad {
                 self.last_y = graph.out(at.pv);
@@ -120,8 +126,8 @@ impl Machine for Looped {
                 block.sp[k] = graph.out(at.sp);
                 block.outer_pv[k] = graph.out(pv);
             }
-            if let Some(watch) = at.watch {
-                block.u_ff[k] = graph.out(watch);
+            if let (Some(watch), Some(u_ff)) = (at.watch, at.u_ff) {
+                block.u_ff[k] = graph.out(u_ff);
                 block.standing[k] = graph.read(watch, "standing");
                 block.over[k] = graph.read(watch, "over");
                 block.error[k] = graph.read(watch, "error");
@@ -214,7 +220,15 @@ fn build(s: &Scenario, n: usize, sp: f64, loads: [f64; 2]) -> Result<(Graph, Num
         parts.add("watch", "BacklashDetection", &detection(s, given))?;
         parts.wire(&[sp_from, "watch.sp"]);
         parts.wire(&[pv, "watch.pv"]);
-        parts.wire(&["watch", "pid.ff"]);
+        if let Some(delay) = given.delay {
+            parts.add("told", "Input", &[])?;
+            parts.add("late", "Delay", &[("scans", delay.into())])?;
+            parts.wire(&["pid", "watch.op"]);
+            parts.wire(&["told", "watch.flags"]);
+            parts.wire(&["watch", "late", "pid.ff"]);
+        } else {
+            parts.wire(&["watch", "pid.ff"]);
+        }
     }
 
     let wires: Vec<&str> = parts.wires.iter().map(String::as_str).collect();
@@ -236,6 +250,8 @@ fn build(s: &Scenario, n: usize, sp: f64, loads: [f64; 2]) -> Result<(Graph, Num
         op: graph.node(op)?,
         position: graph.node(position)?,
         watch: s.compensation.map(|_| graph.node("watch")).transpose()?,
+        u_ff: s.compensation.map(|c| graph.node(if c.delay.is_some() { "late" } else { "watch" })).transpose()?,
+        told: s.compensation.and_then(|c| c.delay).map(|_| graph.node("told")).transpose()?,
         outer: s.outer.as_ref().map(|_| outer()).transpose()?,
     };
     Ok((graph, at, rest.y))
@@ -272,6 +288,7 @@ fn detection(s: &Scenario, given: &Compensated) -> Vec<(&'static str, f64)> {
         ("td", c.td),
         ("b", c.b),
         ("tf", given.tf),
+        ("ff_longest", given.longest),
         ("comp_size", comp.size),
         ("comp_way", f64::from(comp.way as u8)),
         ("comp_share", comp.share),
@@ -286,6 +303,7 @@ fn detection(s: &Scenario, given: &Compensated) -> Vec<(&'static str, f64)> {
         ("comp_withdraw", u8::from(comp.withdraw).into()),
         ("comp_estimate", u8::from(comp.estimate).into()),
     ];
+    parameters.extend(given.delay.map(|delay| ("ff_delay", delay.into())));
     parameters.extend(s.plant.gain().map(|gain| ("kp", gain)));
     parameters.extend(c.limits.iter().flat_map(|(low, high)| [("op_low", *low), ("op_high", *high)]));
     parameters

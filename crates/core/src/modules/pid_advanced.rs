@@ -151,6 +151,11 @@ impl<R: Real> PidAdvanced<R> {
         &self.settings
     }
 
+    /// The detection inside.
+    pub fn detection(&self) -> &BacklashDetection<R> {
+        &self.detection
+    }
+
     /// As [`Pid::at_rest`].
     pub fn at_rest(&self, mode: Mode, y: R, output: R) -> PidAdvancedState<R> {
         PidAdvancedState { pid: self.pid.at_rest(mode, y, output), ..PidAdvancedState::at(output) }

@@ -635,8 +635,8 @@ def late(number: int, way: str) -> Late | None:
     )
 
 
-def lates(pool: ProcessPoolExecutor, numbers: range) -> Iterator[str]:
-    """The fifth table."""
+def lates(pool: ProcessPoolExecutor, numbers: range, each: bool = True) -> Iterator[str]:
+    """The fifth table, of each way and of all together, or of these alone."""
     yield (
         "| way | delay [Ti] | loops | a scan late: within, withdrawn in time or gone | with the delay | harm by the delay alone | "
         "harm without it alone | in force at a scan, with the delay | PV's median where in force, at a scan, with the delay |"
@@ -647,7 +647,8 @@ def lates(pool: ProcessPoolExecutor, numbers: range) -> Iterator[str]:
         broken += [one.broken for one in found if one.broken]
         pairs = [(n * one.share, one, at) for one in found for at, n in enumerate(DELAYS) if n > 1]
         everywhere += pairs
-        yield from _by_share(way, pairs)
+        if each:
+            yield from _by_share(way, pairs)
     yield from _by_share("all", everywhere)
     yield ""
     yield f"Loops {numbers.start} to {numbers.stop - 1}; promises broken: {len(broken)}."
@@ -684,14 +685,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("--loops", type=int, default=1000, help="random loops of the last parts")
     parser.add_argument("--docs", action="store_true", help="write the tables into docs/compensation.md")
-    parser.add_argument("--only", choices=("brings", "warns", "tuned", "harms", "beside", "late"), help="one part")
+    parser.add_argument("--only", choices=("brings", "warns", "tuned", "harms", "beside", "chosen", "late"), help="one part")
     given = parser.parse_args()
     with ProcessPoolExecutor() as pool:
         n = given.loops
         parts = [("brings", brings(pool)), ("warns", warns(pool))]
         held_out = range(3000, 3000 + n)
         parts += [("tuned", harms(pool, range(2 * n))), ("harms", harms(pool, held_out, worst=10))]
-        parts += [("beside", besides(pool, held_out)), ("late", lates(pool, held_out))]
+        parts += [("beside", besides(pool, held_out))]
+        parts += [("chosen", lates(pool, range(n), each=False)), ("late", lates(pool, held_out))]
         tables = dict(_sections([part for part in parts if given.only in (None, part[0])]))
     if given.docs:
         for name, text in tables.items():

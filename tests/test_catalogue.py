@@ -36,7 +36,14 @@ def default(block: str, name: str) -> Any:
 
 
 @pytest.mark.parametrize(
-    ("enumeration", "key"), [(modules.Flag, "flags"), (modules.Mode, "modes"), (modules.Way, "ways")]
+    ("enumeration", "key"),
+    [
+        (modules.Flag, "flags"),
+        (modules.Mode, "modes"),
+        (modules.Way, "ways"),
+        (modules.Source, "sources"),
+        (modules.Unfit, "unfit"),
+    ],
 )
 def test_enums_have_the_cores_names_and_numbers(enumeration: type[enum.IntEnum], key: str) -> None:
     assert {member.name.lower(): member.value for member in enumeration} == CATALOGUE[key]
@@ -66,6 +73,11 @@ def test_defaults_are_the_cores() -> None:
     assert modules.BacklashDetection(**loop).n == modules.PidAdvanced(**loop).n == default("detector", "n")
     assert (modules.Pid(**loop).b, modules.Pid(**loop).c) == (default("pid", "b"), default("pid", "c"))
     assert modules.Pid(**loop).tf == default("pid", "tf")
+    beside = modules.BacklashDetection(**loop)
+    assert (beside.ff_delay, beside.ff_tolerance) == tuple(
+        default("foreign_detection", name) for name in ("delay", "tolerance")
+    )
+    assert beside.ff_longest == default("foreign_detection", "longest") == _glapp.LONGEST_DELAY
     assert Compensation(way="inverse", size=1.0).tf == default("compensation", "tf")
 
 

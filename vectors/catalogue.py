@@ -16,6 +16,8 @@ NUMBERED = {
     "flags": "Status flags, of which a status is a sum: what is the matter with a signal, a half-period or a module",
     "reasons": "Reasons for which a half-period is rejected, in the order in which the first is named",
     "standings": "What compensation does, or why it does nothing",
+    "sources": "Where the width comes from that compensation takes its share of",
+    "unfit": "Why the on-line estimate may not be compensated by; 0: it may",
     "ways": "How compensation finds the direction",
     "modes": "Who sets the output of a controller",
     "phases": "Where the autotuner's experiment stands",

@@ -8,11 +8,13 @@ use glapp_analysis::crossings::Verdict;
 use glapp_analysis::quality::Fault;
 use glapp_analysis::{LostMotion, Origin};
 use glapp_core::auto_tuner::{Phase, Stop};
-use glapp_core::modules::{Mode, Pid, PidSettings};
+use glapp_core::modules::{
+    BacklashDetectionSettings, ForeignDetection, ForeignDetectionSettings, Mode, Pid, PidSettings, Unfit,
+};
 use glapp_core::status::FLAGS;
 use glapp_core::{
     AutoTuner, AutoTunerSettings, Compensation, CompensationSettings, Conditions, Detector, DetectorSettings,
-    ParameterError, Reason, Standing, Way,
+    ParameterError, Reason, Source, Standing, Way,
 };
 use serde_json::{Map, Value, json};
 
@@ -35,6 +37,8 @@ pub fn text() -> String {
         "reason_bits": numbered(Reason::ALL.iter().map(|r| (r.name(), r.bit().into()))),
         "conditions": Conditions::NAMES,
         "standings": numbered(Standing::ALL.iter().map(|s| (s.name(), *s as u64))),
+        "sources": numbered(Source::ALL.iter().map(|s| (s.name(), *s as u64))),
+        "unfit": numbered(Unfit::ALL.iter().map(|u| (u.name(), *u as u64))),
         "ways": numbered(Way::ALL.iter().map(|w| (w.name(), *w as u64))),
         "modes": numbered(Mode::ALL.iter().map(|m| (m.name(), *m as u64))),
         "phases": numbered(Phase::ALL.iter().map(|p| (p.name(), *p as u64))),
@@ -47,6 +51,7 @@ pub fn text() -> String {
         "settings": {
             "detector": detector(),
             "compensation": compensation(),
+            "foreign_detection": foreign_detection(),
             "pid": pid(),
             "auto_tuner": auto_tuner(),
         },
@@ -116,10 +121,21 @@ fn compensation() -> Value {
         band ["OP unit"] = number(s.band), |s| s.band = f64::NAN;
         tf ["s"] = number(s.tf), |s| s.tf = f64::NAN;
         rate ["OP unit/s"] = number(s.rate), |s| s.rate = f64::NAN;
+        ramp ["s"] = number(s.ramp), |s| s.ramp = f64::NAN;
         release ["s"] = number(s.release), |s| s.release = f64::NAN;
         travel ["OP unit/h"] = number(s.travel), |s| s.travel = f64::NAN;
         reversals ["1/h"] = number(s.reversals), |s| s.reversals = f64::NAN;
         watch ["s"] = number(s.watch), |s| s.watch = f64::NAN;
+    }
+}
+
+fn foreign_detection() -> Value {
+    let detection = BacklashDetectionSettings { detector: DetectorSettings::new(K, TI, TD, H), compensation: None };
+    let s = ForeignDetectionSettings::new(detection);
+    settings! { s, |s| ForeignDetection::new(*s).map(|_| ()),
+        delay ["scans"] = s.delay.into(), |s| s.delay = 0;
+        tolerance ["OP unit"] = Value::Null, |s| s.tolerance = Some(f64::NAN);
+        longest ["Ti"] = number(s.longest), |s| s.longest = f64::NAN;
     }
 }
 

@@ -315,7 +315,7 @@ mod tests {
     use crate::engine::{Run, samples};
     use crate::scenario::Columns;
     use crate::{Manual, Piece};
-    use glapp_core::Friction;
+    use glapp_core::{CompensationSettings, Friction, Way};
 
     /// The scenario on the modules, or on the faster loop.
     fn run(s: &Scenario, on_modules: bool) -> Columns {
@@ -390,6 +390,33 @@ mod tests {
             assert_eq!(fast, modules, "{name}");
             let moved = |x: &[f64]| x.iter().any(|v| *v != x[0]);
             assert!(moved(&fast.op) && (moved(&fast.position) || s.friction.is_some()), "{name}");
+        }
+    }
+
+    /// Beside a controller that is not ours u_FF is as late as in a graph at least; then the loops are the same, whatever happens.
+    #[test]
+    fn a_scan_late_beside_their_controller_is_the_loop_of_the_graph() {
+        let by_hand = vec![Manual { from: 60.0, to: 65.0, op: None }];
+        for (way, change) in [
+            (Way::Inverse, (|_| ()) as fn(&mut Scenario)),
+            (Way::Error, |s| s.bad = vec![(50.0, 55.0)]),
+            (Way::Inverse, |s| s.controller.limits = Some((-0.3, 0.9))),
+        ] {
+            let settings = CompensationSettings::new(way, 0.775, 2.05, 0.08, 1.0);
+            let given = Compensated { settings, tf: 0.205, begin: 20.0, delay: None, longest: 0.2 };
+            let mut s = plain("P2", [0.775, 2.05, 0.0, 0.0, 0.205]);
+            (s.manual, s.compensation) = (by_hand.clone(), Some(given));
+            change(&mut s);
+            let ours = run(&s, true);
+            s.compensation = Some(Compensated { delay: Some(1), ..given });
+            let theirs = run(&s, true);
+            assert_eq!(ours, theirs);
+            assert!(ours.u_ff.iter().any(|u_ff| *u_ff != 0.0) && ours.standing.contains(&2.0));
+            s.compensation = Some(Compensated { delay: Some(2), ..given });
+            assert_ne!(run(&s, true).op, ours.op);
+            s.compensation = Some(Compensated { delay: Some(9), ..given });
+            let late = run(&s, true);
+            assert!(late.standing.contains(&12.0) && late.u_ff.iter().all(|u_ff| *u_ff == 0.0), "too late");
         }
     }
 

@@ -186,3 +186,231 @@ impl<R: Real> ForeignDetection<R> {
         late.then_some(Standing::TooLate)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{DetectorSettings, Source};
+    use proptest::prelude::*;
+    use std::vec;
+    use std::vec::Vec;
+
+    const H: f64 = 0.25;
+
+    fn settings() -> ForeignDetectionSettings<f64> {
+        let detector = DetectorSettings { op_limits: Some((0.0, 100.0)), ..DetectorSettings::new(0.5, 2.0, 0.0, H) };
+        let compensation =
+            CompensationSettings { band: 0.2, ..CompensationSettings::new(Way::Inverse, 0.5, 2.0, 1.4, 1.0) };
+        let detection = BacklashDetectionSettings { detector, compensation: Some(compensation) };
+        ForeignDetectionSettings { delay: 2, longest: 1.0, ..ForeignDetectionSettings::new(detection) }
+    }
+
+    /// Their controller: OP swings, and holds the u_FF handed over `delay` scans ago.
+    struct Theirs {
+        block: ForeignDetection<f64>,
+        state: ForeignDetectionState<f64>,
+        handed: Vec<f64>,
+        scan: usize,
+    }
+
+    impl Theirs {
+        fn new(settings: ForeignDetectionSettings<f64>) -> Self {
+            let block = ForeignDetection::new(settings).unwrap();
+            Self { block, state: ForeignDetectionState::default(), handed: vec![0.0; 2], scan: 0 }
+        }
+
+        /// A scan in which `lose` may spoil what is read.
+        fn scan(&mut self, lose: impl Fn(&mut Read<f64>)) -> f64 {
+            let swing = (self.scan % 40) as f64 * 0.1;
+            let held = self.handed[self.handed.len() - 2];
+            let op = 50.0 + if swing < 2.0 { swing } else { 4.0 - swing } + held;
+            let mut read = Read { op: Some(op.into()), flags: 0, u_ff: Some(held.into()) };
+            lose(&mut read);
+            let pv = if swing < 2.0 { 49.0 } else { 51.0 };
+            let u_ff = self.block.update(&mut self.state, 50.0.into(), pv.into(), &read, H).value;
+            self.handed.push(u_ff);
+            self.scan += 1;
+            u_ff
+        }
+
+        fn standing(&self) -> Standing {
+            self.state.detection.compensation.standing
+        }
+
+        /// In force, at δ/2.
+        fn active() -> Self {
+            let mut theirs = Self::new(settings());
+            theirs.state.detection.compensate = true;
+            assert!((0..80).any(|_| theirs.scan(|_| ()) > 0.59));
+            assert_eq!(theirs.standing(), Standing::Active);
+            theirs
+        }
+    }
+
+    #[test]
+    fn settings_out_of_bounds_are_named() {
+        type Change = fn(&mut ForeignDetectionSettings<f64>);
+        let cases: [(&str, Change); 6] = [
+            ("delay", |s| s.delay = 0),
+            ("delay", |s| s.delay = 33),
+            ("tolerance", |s| s.tolerance = Some(-0.1)),
+            ("longest", |s| s.longest = 0.0),
+            ("longest", |s| s.longest = f64::NAN),
+            ("tf", |s| s.detection.detector.tf = -1.0),
+        ];
+        for (name, change) in cases {
+            let mut changed = settings();
+            change(&mut changed);
+            assert_eq!(ForeignDetection::new(changed).unwrap_err().name, name);
+        }
+    }
+
+    #[test]
+    fn every_loss_takes_it_back_to_zero_by_a_ramp() {
+        let losses: [(Standing, fn(&mut Read<f64>)); 7] = [
+            (Standing::BadQuality, |read| read.flags = BAD),
+            (Standing::BadQuality, |read| read.op = Some(f64::NAN.into())),
+            (Standing::BadQuality, |read| read.op = Some(Forward::new(50.0, BAD))),
+            (Standing::BadQuality, |read| read.u_ff = Some(f64::NAN.into())),
+            (Standing::AtLimit, |read| read.flags = AT_HIGH),
+            (Standing::AtLimit, |read| read.op = Some(100.0.into())),
+            (Standing::NotEnabled, |read| read.op = None),
+        ];
+        for (standing, lose) in losses {
+            let mut theirs = Theirs::active();
+            let shown: Vec<f64> = (0..8).map(|_| theirs.scan(lose)).collect();
+            assert_eq!(theirs.standing(), standing);
+            assert!(shown[0] > 0.5 && shown[3] > 0.2 && shown[7].abs() < 1e-12, "{standing:?}: {shown:?}");
+        }
+    }
+
+    #[test]
+    fn manual_takes_it_away_at_once() {
+        let mut theirs = Theirs::active();
+        assert_eq!(theirs.scan(|read| read.flags = NOT_AUTO), 0.0);
+        assert_eq!(theirs.standing(), Standing::NotAuto);
+        // What is read back still is what was handed over before.
+        assert_eq!(theirs.scan(|read| read.flags = NOT_AUTO), 0.0);
+        theirs.scan(|_| ());
+        assert_eq!(theirs.standing(), Standing::Waiting);
+    }
+
+    #[test]
+    fn it_begins_at_what_is_read_back() {
+        for compensation in [settings().detection.compensation, None] {
+            let mut theirs = Theirs::new(ForeignDetectionSettings {
+                detection: BacklashDetectionSettings { compensation, ..settings().detection },
+                ..settings()
+            });
+            theirs.handed = vec![-0.8; 2];
+            let shown: Vec<f64> = (0..8).map(|_| theirs.scan(|_| ())).collect();
+            assert!(shown[0] < -0.65 && shown[3] < -0.2 && shown[7].abs() < 1e-12, "{shown:?}");
+            assert_eq!(theirs.standing(), Standing::NotEnabled);
+        }
+    }
+
+    #[test]
+    fn what_is_not_followed_is_taken_away_until_it_is_enabled_anew() {
+        let mut theirs = Theirs::active();
+        let other = |read: &mut Read<f64>| read.u_ff = Some(0.1.into());
+        let shown: Vec<f64> = (0..12).map(|_| theirs.scan(other)).collect();
+        assert!(shown[1] > 0.59, "for no longer than the delay");
+        assert!(shown[3] > 0.3 && shown[11].abs() < 1e-12, "{shown:?}");
+        assert_eq!(theirs.standing(), Standing::NotFollowed);
+        (0..50).for_each(|_| _ = theirs.scan(|_| ()));
+        assert_eq!(theirs.standing(), Standing::NotFollowed);
+        theirs.state.detection.compensate = false;
+        theirs.scan(|_| ());
+        theirs.state.detection.compensate = true;
+        (0..50).for_each(|_| _ = theirs.scan(|_| ()));
+        assert_eq!(theirs.standing(), Standing::Active);
+    }
+
+    #[test]
+    fn too_late_is_told_by_the_time_that_has_passed() {
+        let mut theirs = Theirs::new(ForeignDetectionSettings { longest: 0.25, ..settings() });
+        theirs.state.detection.compensate = true;
+        theirs.scan(|_| ());
+        assert_eq!(theirs.standing(), Standing::Waiting, "two scans are 0.5 s, Ti is 2 s");
+        let read = Read { op: Some(50.0.into()), ..Read::default() };
+        theirs.block.update(&mut theirs.state, 50.0.into(), 50.0.into(), &read, 0.26);
+        assert_eq!(theirs.standing(), Standing::TooLate);
+        // A scan is what it takes everywhere.
+        let mut soon = Theirs::new(ForeignDetectionSettings { longest: 0.01, delay: 1, ..settings() });
+        soon.state.detection.compensate = true;
+        soon.scan(|_| ());
+        assert_eq!(soon.standing(), Standing::Waiting);
+    }
+
+    #[test]
+    fn the_estimate_is_a_source_only_when_it_may_be() {
+        let estimate = CompensationSettings::by_estimate(Way::Inverse, 0.5, 0.5, 1.0);
+        for struck in [false, true] {
+            let compensation = Some(CompensationSettings { struck, ..estimate });
+            let detector = DetectorSettings {
+                n: 3,
+                op_limits: None,
+                max_h: 1.0,
+                ..DetectorSettings::new(0.5, 0.5, 0.0, H)
+            };
+            let mut theirs = Theirs::new(ForeignDetectionSettings {
+                detection: BacklashDetectionSettings { detector, compensation },
+                ..settings()
+            });
+            let may = |theirs: &Theirs| theirs.block.detection().may_compensate_by_estimate(&theirs.state.detection);
+            let unfit = |theirs: &Theirs| may(theirs).unwrap_err();
+            assert_eq!(theirs.block.detection().source(), Some(Source::Estimate));
+            assert_eq!(unfit(&theirs), crate::modules::Unfit::NoDetection);
+            assert!((0..200).any(|_| {
+                theirs.scan(|_| ());
+                theirs.state.detection.whole.is_some()
+            }));
+            let first = if struck { crate::modules::Unfit::Struck } else { crate::modules::Unfit::Provisional };
+            assert_eq!(unfit(&theirs), first);
+            theirs.state.detection.compensate = true;
+            (0..100).for_each(|_| _ = theirs.scan(|_| ()));
+            assert_eq!(theirs.standing(), Standing::NoEstimate);
+            assert_eq!(may(&theirs).is_ok(), !struck);
+            theirs.state.detection.compensate = false;
+            theirs.scan(|_| ());
+            theirs.state.detection.compensate = true;
+            (0..60).for_each(|_| _ = theirs.scan(|_| ()));
+            assert_eq!(theirs.standing(), if struck { Standing::NoEstimate } else { Standing::Active });
+        }
+    }
+
+    fn any_read() -> impl Strategy<Value = (Read<f64>, f64)> {
+        let number = || prop_oneof![12 => 40.0..60.0_f64, 1 => Just(f64::NAN)];
+        let back = || prop_oneof![12 => -1.0..1.0_f64, 1 => Just(f64::NAN)];
+        (prop::option::weighted(0.95, number()), 0..16_u16, prop::option::weighted(0.9, back()), 0.0..1.0_f64).prop_map(
+            |(op, flags, u_ff, h)| {
+                // Most scans are well.
+                let flags = if h < 0.8 { 0 } else { flags };
+                (Read { op: op.map(Into::into), flags, u_ff: u_ff.map(Into::into) }, h)
+            },
+        )
+    }
+
+    proptest! {
+        #[test]
+        fn u_ff_is_bounded_and_goes_back_to_zero(reads in prop::collection::vec(any_read(), 1..200), delay in 1..=32_u32) {
+            let block = ForeignDetection::new(ForeignDetectionSettings { delay, ..settings() }).unwrap();
+            let mut state = ForeignDetectionState::default();
+            state.detection.compensate = true;
+            for (i, (read, h)) in reads.iter().enumerate() {
+                let e = if i / 7 % 2 == 0 { 1.0 } else { -1.0 };
+                let u_ff = block.update(&mut state, 50.0.into(), (50.0 - e).into(), read, *h).value;
+                // Whatever is read back here lies within ± 1.
+                prop_assert!(u_ff.abs() <= 1.0, "{u_ff}");
+                if read.flags & NOT_AUTO != 0 && state.detection.compensation.standing != Standing::NotEnabled {
+                    prop_assert_eq!(u_ff, 0.0);
+                }
+            }
+            let lost = Read { op: Some(f64::NAN.into()), flags: 0, u_ff: None };
+            for _ in 0..40 {
+                block.update(&mut state, 50.0.into(), 50.0.into(), &lost, 0.1);
+            }
+            prop_assert!(state.detection.compensation.u_ff.abs() < 1e-9);
+        }
+    }
+}

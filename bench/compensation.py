@@ -1,7 +1,8 @@
 """What compensation brings, when its warnings are wrong, and whether it does harm: `python -m bench.compensation`.
 
-Up to an hour on two cores; `--loops 100` makes the last parts shorter, `--only late` makes one part, `--docs` writes the
-tables into docs/compensation.md. Everything is simulated, so that the gap is known; what compensates is the module that ships.
+Up to an hour on two cores; `--loops 100` makes the last parts shorter, `--only late` makes one part, `--docs` writes
+the tables into docs/compensation.md. Everything is simulated, so that the gap is known; what compensates is the module
+that ships.
 """
 
 from __future__ import annotations
@@ -482,7 +483,7 @@ def _broken(s: Simulation, of: Scenario, size: float, rate: float) -> str:
 
 
 def in_every_way(
-    pool: ProcessPoolExecutor, what: Callable[[int, str], Any], numbers: range, name: str
+    pool: ProcessPoolExecutor, what: Callable[[int, str], Any], numbers: Sequence[int], name: str
 ) -> Iterator[tuple[str, list[Any]]]:
     """What comes of every loop in each way."""
     pairs = list(product(numbers, WAYS))
@@ -607,10 +608,7 @@ class Late:
     share: float
     """A scan as a share of Ti."""
     settled: tuple[bool, ...]
-    active: tuple[float, ...]
-    """Share of the last third in which it was in force."""
-    pv: tuple[float, ...]
-    """PV's standard deviation by that of the uncompensated loop."""
+    """Of each delay: within both bounds, withdrawn in time or gone."""
     broken: str
     """The first promise that was broken."""
 
@@ -624,53 +622,32 @@ def late(number: int, way: str) -> Late | None:
         without = run(_never(of))
     except InputError:
         return None
-    runs = [of.model_copy(update={"compensation": given.model_copy(update={"delay": n, "longest": 1e9})}) for n in DELAYS]
+    runs = [
+        of.model_copy(update={"compensation": given.model_copy(update={"delay": n, "longest": 1e9})}) for n in DELAYS
+    ]
     found = [_harm(one, run(one), without) for one in runs]
     return Late(
         share=of.h / of.ideal().ti,
         settled=tuple(one.settled for one in found),
-        active=tuple(one.active for one in found),
-        pv=tuple(one.pv for one in found),
         broken=next((one.broken for one in found if one.broken), ""),
     )
 
 
-def lates(pool: ProcessPoolExecutor, numbers: range, each: bool = True) -> Iterator[str]:
-    """The fifth table, of each way and of all together, or of these alone."""
-    yield (
-        "| way | delay [Ti] | loops | a scan late: within, withdrawn in time or gone | with the delay | harm by the delay alone | "
-        "harm without it alone | in force at a scan, with the delay | PV's median where in force, at a scan, with the delay |"
-    )
-    yield "|" + "---|" * 9
-    broken, everywhere = [], []
+def lates(pool: ProcessPoolExecutor, numbers: Sequence[int]) -> Iterator[str]:
+    """The fifth table: each loop with each longer delay, beside itself with one scan."""
+    yield "| way | delay [Ti] | cases | harm with the delay alone | harm with one scan alone |"
+    yield "|---|---|---|---|---|"
+    broken = 0
     for way, found in in_every_way(pool, late, numbers, "late"):
-        broken += [one.broken for one in found if one.broken]
-        pairs = [(n * one.share, one, at) for one in found for at, n in enumerate(DELAYS) if n > 1]
-        everywhere += pairs
-        if each:
-            yield from _by_share(way, pairs)
-    yield from _by_share("all", everywhere)
+        broken += sum(bool(one.broken) for one in found)
+        cases = [(n * one.share, one.settled[0], one.settled[at]) for one in found for at, n in enumerate(DELAYS) if at]
+        for low, high in pairwise((0.0, *SHARES)):
+            chosen = [settled for share, *settled in cases if low < share <= high]
+            if chosen:
+                counts = f"{chosen.count([True, False])} | {chosen.count([False, True])}"
+                yield f"| {way} | {low:g} to {high:g} | {len(chosen)} | {counts} |"
     yield ""
-    yield f"Loops {numbers.start} to {numbers.stop - 1}; promises broken: {len(broken)}."
-
-
-def _by_share(way: str, pairs: list[tuple[float, Late, int]]) -> Iterator[str]:
-    """Rows of one way: each loop with each delay, beside itself with one scan."""
-    for low, high in pairwise((0.0, *SHARES)):
-        chosen = [(one, at) for share, one, at in pairs if low < share <= high]
-        if not chosen:
-            continue
-        both = [(one.settled[0], one.settled[at]) for one, at in chosen]
-        cells = [f"{np.mean(column):.1%}" for column in zip(*both, strict=True)]
-        cells += [str(both.count((True, False))), str(both.count((False, True)))]
-        active = zip(*((one.active[0] > 0.5, one.active[at] > 0.5) for one, at in chosen), strict=True)
-        cells.append(", ".join(f"{np.mean(column):.0%}" for column in active))
-        medians = []
-        for column in (lambda at: 0, lambda at: at):
-            in_force = [one.pv[column(at)] for one, at in chosen if one.active[column(at)] > 0.5]
-            medians.append(f"{np.median(in_force):.2f} ×" if in_force else "–")
-        cells.append(", ".join(medians))
-        yield f"| {way} | {low:g} to {high:g} | {len(chosen)} | {' | '.join(cells)} |"
+    yield f"{len(numbers)} loops; promises broken: {broken}."
 
 
 def _sections(parts: Sequence[tuple[str, Iterable[str]]]) -> Iterator[tuple[str, str]]:
@@ -685,7 +662,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("--loops", type=int, default=1000, help="random loops of the last parts")
     parser.add_argument("--docs", action="store_true", help="write the tables into docs/compensation.md")
-    parser.add_argument("--only", choices=("brings", "warns", "tuned", "harms", "beside", "chosen", "late"), help="one part")
+    parser.add_argument(
+        "--only", choices=("brings", "warns", "tuned", "harms", "beside", "late"), help="one part"
+    )
     given = parser.parse_args()
     with ProcessPoolExecutor() as pool:
         n = given.loops
@@ -693,7 +672,7 @@ def main() -> None:
         held_out = range(3000, 3000 + n)
         parts += [("tuned", harms(pool, range(2 * n))), ("harms", harms(pool, held_out, worst=10))]
         parts += [("beside", besides(pool, held_out))]
-        parts += [("chosen", lates(pool, range(n), each=False)), ("late", lates(pool, held_out))]
+        parts += [("late", lates(pool, [*range(n), *range(3000, 3000 + 2 * n)]))]
         tables = dict(_sections([part for part in parts if given.only in (None, part[0])]))
     if given.docs:
         for name, text in tables.items():

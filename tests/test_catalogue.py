@@ -74,10 +74,9 @@ def test_defaults_are_the_cores() -> None:
     assert (modules.Pid(**loop).b, modules.Pid(**loop).c) == (default("pid", "b"), default("pid", "c"))
     assert modules.Pid(**loop).tf == default("pid", "tf")
     beside = modules.BacklashDetection(**loop)
-    assert (beside.ff_delay, beside.ff_tolerance) == tuple(
-        default("foreign_detection", name) for name in ("delay", "tolerance")
+    assert (beside.ff_delay, beside.ff_tolerance, beside.ff_longest) == tuple(
+        default("foreign_detection", name) for name in ("delay", "tolerance", "longest")
     )
-    assert beside.ff_longest == default("foreign_detection", "longest") == _glapp.LONGEST_DELAY
     assert Compensation(way="inverse", size=1.0).tf == default("compensation", "tf")
 
 

@@ -514,14 +514,18 @@ def _compensation_cases() -> Iterator[dict[str, Any]]:
     for way in (1, 2, 3):
         typed_nothing = {"way": way, "source": 3.0, "size": 0.0, "limit": 9.0, "band": 0.05, "ramp": 0.4}
         free_estimate = free | typed_nothing
-        yield case("the estimate as it was enabled", ["Source"], free_estimate, pressed({3: 0.7, 20: 0.4, 40: 2.0}, 10), h=0.1)
+        yield case(
+            "the estimate as it was enabled", ["Source"], free_estimate, pressed({3: 0.7, 20: 0.4, 40: 2.0}, 10), h=0.1
+        )
         yield case("an estimate that falls later", ["Source"], free_estimate, pressed({3: 0.7}, 10, d_hat=0.3), h=0.1)
         yield case("no estimate yet when enabled", ["Source"], free_estimate, pressed({12: 0.7}, 10)[:30], h=0.1)
         anew = pressed({3: 0.7, 25: 0.5, 40: NAN}, 10)
         for i in (*range(30, 33), *range(50, 53)):
             anew[i][4] = 0.0
         yield case("enabled anew by a smaller one, then by none", ["Source"], free_estimate, anew, h=0.1)
-        yield case("an estimate beyond the limit", ["Source"], free_estimate | {"limit": 0.3}, pressed({3: 0.7}, 10), h=0.1)
+        yield case(
+            "an estimate beyond the limit", ["Source"], free_estimate | {"limit": 0.3}, pressed({3: 0.7}, 10), h=0.1
+        )
     by_estimate = judged | {"source": 3.0, "size": 0.0, "limit": 9.0, "ramp": 0.0, "band": 0.0}
     worse = pressed({0: 0.4}, 60, rows=from_(70, u=0.1))
     yield case("by the estimate, OP turns more often: withdrawn", ["Source", "Worse"], by_estimate, worse, h=0.125)
@@ -2329,7 +2333,16 @@ def backlash_detection_cases() -> Iterator[dict[str, Any]]:
 
 def foreign_detection_cases() -> Iterator[dict[str, Any]]:
     """A delay, a value that is read back, and everything that can be lost."""
-    beside = {"k": 0.5, "ti": 1.0, "detector_tf": 0.1, "kp": 2.0, "n": 3.0, "delay": 1.0, "longest": 9.0, "read_back": 0.0}
+    beside = {
+        "k": 0.5,
+        "ti": 1.0,
+        "detector_tf": 0.1,
+        "kp": 2.0,
+        "n": 3.0,
+        "delay": 1.0,
+        "longest": 9.0,
+        "read_back": 0.0,
+    }
     sized = beside | {"comp_size": 1.5, "comp_band": 0.1, "comp_rate": 3.0}
     pvs = _swinging(200, 24)
 
@@ -2374,12 +2387,20 @@ def foreign_detection_cases() -> Iterator[dict[str, Any]]:
     yield one("at a limit that is seen", ["Loss"], sized | {"low": 0.0, "high": 51.5}, 1)
     held = {i: 0.6 for i in range(4)}
     yield one("u_FF is held from before", ["Start"], back, 3, back=held)
-    yield one("u_FF is held from before, and nothing is to be compensated", ["Start"], beside | {"read_back": 1.0}, 1, back=held)
+    yield one(
+        "u_FF is held from before, and nothing is to be compensated",
+        ["Start"],
+        beside | {"read_back": 1.0},
+        1,
+        back=held,
+    )
     after = lost | {i: -0.5 for i in range(110, 113)}
     yield one("u_FF is another after it was lost", ["Start", "Loss"], back, 3, back=after)
     other = {i: 0.1 for i in range(100, 140)}
     yield one("somebody else sets u_FF", ["NotFollowed"], back, 3, back=other)
-    yield one("somebody else sets u_FF, within the tolerance", ["NotFollowed"], back | {"tolerance": 2.0}, 3, back=other)
+    yield one(
+        "somebody else sets u_FF, within the tolerance", ["NotFollowed"], back | {"tolerance": 2.0}, 3, back=other
+    )
     yield one("later than it says, but for moments", ["NotFollowed"], back, 4)
     yield one("much later than it says", ["NotFollowed", "Delay"], back | {"delay": 1.0, "comp_way": 1.0}, 9)
     again = theirs(back, 3, lambda i: float(i >= 30 and i != 150), back=other)
@@ -2389,7 +2410,9 @@ def foreign_detection_cases() -> Iterator[dict[str, Any]]:
     early = theirs(estimate, 2, lambda i: float(i >= 70))
     yield case("an estimate of too few detections", ["Source"], estimate, early, h=0.25)
     feigned = estimate | {"kp": 0.3}
-    yield case("an estimate that noise can feign", ["Source"], feigned, theirs(feigned, 2, lambda i: float(i >= 140)), h=0.25)
+    yield case(
+        "an estimate that noise can feign", ["Source"], feigned, theirs(feigned, 2, lambda i: float(i >= 140)), h=0.25
+    )
     gap = [9.0 if i == 120 else 0.0 if i == 130 else 0.25 for i in range(200)]
     rows = theirs(back, 3, from_30, gap, back={i: 0.3 for i in range(120, 124)})
     yield case("a gap in time, and u_FF is another", ["Start"], back, rows, h=gap)
@@ -2550,7 +2573,8 @@ BLOCKS: dict[
         "Compensation of a gap (2.2); way 1 error, 2 derivative, 3 inverse; d_hat null: no estimate. source 1 typed, "
         "where not given, 3 the estimate: as it is offered in the sample in which it is enabled. Its limit is its size "
         "where not given. standing: 0 active, 1 not enabled, 2 not auto, 3 bad quality, 4 over-compensated, 5 too many "
-        "reversals, 6 too much travel, 7 estimate lost, 8 at limit, 9 too small, 10 waiting for a reversal, 11 worse, 12 "
+        "reversals, 6 too much travel, 7 estimate lost, 8 at limit, 9 too small, 10 "
+        "waiting for a reversal, 11 worse, 12 "
         "too late, 13 not followed, 14 no estimate; hindered is one of them that stands in the way.",
         {
             "Start": "a push before the first reversal, or a first reversal that is none",
@@ -2560,7 +2584,8 @@ BLOCKS: dict[
             "Edge": "≥ where > is meant",
             "Loss": "a bump, a way to the other side while it is taken away, or a state that a bad value poisons",
             "Estimate": "a size that an estimate makes larger, or that survives its loss",
-            "Source": "an estimate taken at another time than when it is enabled, or a band and a rate of another width",
+            "Source": "an estimate taken at another time than when it is enabled, or a band and a rate "
+            "of another width",
             "Hindered": "what only the outside sees not heeded, or forgiven where it is not to be",
             "Withdrawn": "a withdrawal that a change of mode forgives",
             "Worse": "a comparison with too little, or with another time than before it was enabled",
@@ -2590,14 +2615,18 @@ BLOCKS: dict[
         foreign_detection_cases,
         ["pv", "sp", "op", "told", "back", "enable"],
         ["u_ff", "d_hat", "count", "noise_floor", "whole", "standing", "over", "error", "delta"],
-        "Detection and compensation beside a controller that is not ours. told: 1 not in automatic, 2 bad, 4 at the lower, 8 "
-        "at the upper limit. back: u_FF as it is read back, where read_back is 1. OP holds the u_FF made delay scans ago; "
-        "longest: the longest delay as a share of ti. comp_source 3: the width is the estimate as it was when enabled. The "
+        "Detection and compensation beside a controller that is not ours. told: 1 not in "
+        "automatic, 2 bad, 4 at the lower, 8 "
+        "at the upper limit. back: u_FF as it is read back, where read_back is 1. OP "
+        "holds the u_FF made delay scans ago; "
+        "longest: the longest delay as a share of ti. comp_source 3: the width is the "
+        "estimate as it was when enabled. The "
         "rest is as in backlash_detection; in what is read u_FF may be later than delay says.",
         {
             "Delay": "u_FF taken off OP in another scan than that in which it is in it, or a bound that is another",
             "Edge": "≥ where > is meant",
-            "Loss": "a jump of u_FF where a ramp is meant, or a ramp in manual, or a loss that is not heeded or forgiven",
+            "Loss": "a jump of u_FF where a ramp is meant, or a ramp in manual, or a loss that is "
+            "not heeded or forgiven",
             "Start": "a jump from what their controller holds",
             "NotFollowed": "compensation that goes on where nobody follows, or is taken away for a moment's difference",
             "Source": "an estimate that is not one to compensate by",

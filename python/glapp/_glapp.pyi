@@ -293,7 +293,6 @@ def reasons() -> list[str]: ...
 
 DETECTIONS: int
 GAP_STEPS: float
-LONGEST_DELAY: float
 
 def filter_time(ti: float, td: float) -> float: ...
 

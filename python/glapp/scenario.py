@@ -336,7 +336,8 @@ class Compensation(Checked):
         a controller that is not ours, and reads its output. Where not given it is told all, and a scan is what it
         takes.
     longest : float, optional
-        The longest delay with which it may be enabled, as a share of Ti, > 0; the core's bound where not given.
+        The longest delay with which it may be enabled, as a share of Ti, ≥ 0; the core's bound for its way where not
+        given.
     """
 
     way: Literal["error", "derivative", "inverse"]
@@ -355,7 +356,7 @@ class Compensation(Checked):
     begin: float = 0.0
     k: float | None = None
     delay: Annotated[int, Field(ge=1, le=32)] | None = None
-    longest: Positive | None = None
+    longest: NotNegative | None = None
 
 
 class Outer(Checked):

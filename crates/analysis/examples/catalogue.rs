@@ -40,6 +40,7 @@ pub fn text() -> String {
         "sources": numbered(Source::ALL.iter().map(|s| (s.name(), *s as u64))),
         "unfit": numbered(Unfit::ALL.iter().map(|u| (u.name(), *u as u64))),
         "ways": numbered(Way::ALL.iter().map(|w| (w.name(), *w as u64))),
+        "longest_delays": Way::ALL.iter().map(|way| (way.name(), way.longest_delay())).collect::<std::collections::BTreeMap<_, _>>(),
         "modes": numbered(Mode::ALL.iter().map(|m| (m.name(), *m as u64))),
         "phases": numbered(Phase::ALL.iter().map(|p| (p.name(), *p as u64))),
         "stops": numbered(Stop::ALL.iter().map(|s| (s.name(), *s as u64))),
@@ -135,7 +136,7 @@ fn foreign_detection() -> Value {
     settings! { s, |s| ForeignDetection::new(*s).map(|_| ()),
         delay ["scans"] = s.delay.into(), |s| s.delay = 0;
         tolerance ["OP unit"] = Value::Null, |s| s.tolerance = Some(f64::NAN);
-        longest ["Ti"] = number(s.longest), |s| s.longest = f64::NAN;
+        longest ["Ti"] = Value::Null, |s| s.longest = Some(f64::NAN);
     }
 }
 

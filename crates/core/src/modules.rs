@@ -32,9 +32,7 @@ mod process_sim;
 pub use auto_tuner::{AutoTuner, AutoTunerState};
 pub use backlash_detection::{BacklashDetection, BacklashDetectionSettings, BacklashDetectionState, Unfit};
 pub use connection::{Backward, Forward};
-pub use foreign_detection::{
-    FOREIGN_SCANS, ForeignDetection, ForeignDetectionSettings, ForeignDetectionState, LONGEST_DELAY, Read,
-};
+pub use foreign_detection::{FOREIGN_SCANS, ForeignDetection, ForeignDetectionSettings, ForeignDetectionState, Read};
 pub use pid::{Mode, Pid, PidSettings, PidState};
 pub use pid_advanced::{Gains, PidAdvanced, PidAdvancedSettings, PidAdvancedState, SCHEDULE_ROWS};
 pub use process_sim::{ProcessSim, ProcessSimState};

@@ -99,7 +99,7 @@ fn auto_tuner() {
             hysteresis: case.param("hysteresis"),
             d: case.param("d").unwrap_or(0.0),
             wait: case.given("wait"),
-            longest: case.given("longest"),
+            longest: case.param("longest"),
             max_h: case.given("max_h"),
             pv: (case.given("pv_low"), case.given("pv_high")),
             op: (case.given("op_low"), case.given("op_high")),

@@ -55,8 +55,6 @@ mod _glapp {
     #[pymodule_export]
     const GAP_STEPS: f64 = glapp_core::GAP_STEPS;
     #[pymodule_export]
-    const LONGEST_DELAY: f64 = glapp_core::modules::LONGEST_DELAY;
-    #[pymodule_export]
     const KP_DEFAULT: f64 = glapp_analysis::KP_DEFAULT;
     #[pymodule_export]
     use crate::fit::{fit, fit_thresholds, fit_valve};

@@ -1,7 +1,6 @@
 //! Closed loops (`crates/sim`).
 
 use crate::refused;
-use glapp_core::modules::LONGEST_DELAY;
 use glapp_core::{Detector, Friction, Model};
 use glapp_sim::{
     BATCH, Block, Compensated, Controller, Instructions, Manual, Outer, Piece, Plant, Scenario, Signal, SimError,
@@ -130,7 +129,6 @@ fn signal(pieces: Vec<PyPiece<'_>>) -> Signal {
 
 fn compensated(given: PyCompensated<'_>) -> PyResult<Compensated> {
     let PyCompensated { tf, begin, delay, longest, .. } = given;
-    let longest = longest.unwrap_or(LONGEST_DELAY);
     Ok(Compensated { settings: settings(&given.settings)?, tf, begin, delay, longest })
 }
 

@@ -288,7 +288,6 @@ fn detection(s: &Scenario, given: &Compensated) -> Vec<(&'static str, f64)> {
         ("td", c.td),
         ("b", c.b),
         ("tf", given.tf),
-        ("ff_longest", given.longest),
         ("comp_size", comp.size),
         ("comp_way", f64::from(comp.way as u8)),
         ("comp_share", comp.share),
@@ -303,6 +302,7 @@ fn detection(s: &Scenario, given: &Compensated) -> Vec<(&'static str, f64)> {
         ("comp_withdraw", u8::from(comp.withdraw).into()),
         ("comp_estimate", u8::from(comp.estimate).into()),
     ];
+    parameters.extend(given.longest.map(|longest| ("ff_longest", longest)));
     parameters.extend(given.delay.map(|delay| ("ff_delay", delay.into())));
     parameters.extend(s.plant.gain().map(|gain| ("kp", gain)));
     parameters.extend(c.limits.iter().flat_map(|(low, high)| [("op_low", *low), ("op_high", *high)]));
@@ -403,7 +403,7 @@ mod tests {
             (Way::Inverse, |s| s.controller.limits = Some((-0.3, 0.9))),
         ] {
             let settings = CompensationSettings::new(way, 0.775, 2.05, 0.08, 1.0);
-            let given = Compensated { settings, tf: 0.205, begin: 20.0, delay: None, longest: 0.2 };
+            let given = Compensated { settings, tf: 0.205, begin: 20.0, delay: None, longest: None };
             let mut s = plain("P2", [0.775, 2.05, 0.0, 0.0, 0.205]);
             (s.manual, s.compensation) = (by_hand.clone(), Some(given));
             change(&mut s);
@@ -414,7 +414,7 @@ mod tests {
             assert!(ours.u_ff.iter().any(|u_ff| *u_ff != 0.0) && ours.standing.contains(&2.0));
             s.compensation = Some(Compensated { delay: Some(2), ..given });
             assert_ne!(run(&s, true).op, ours.op);
-            s.compensation = Some(Compensated { delay: Some(9), ..given });
+            s.compensation = Some(Compensated { delay: Some(32), ..given });
             let late = run(&s, true);
             assert!(late.standing.contains(&12.0) && late.u_ff.iter().all(|u_ff| *u_ff == 0.0), "too late");
         }

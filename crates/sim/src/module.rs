@@ -207,7 +207,7 @@ impl Kind {
 /// | `Pid` | pv (sp, ff) | `k`, `ti`, `td` (0), `b` (1), `c` (0), `tf` (0), `low`, `high`, `rate` (none), `max_h` (Ti/2), `start` (0), `start_pv` (its first PV) |
 /// | `PidAdvanced` | pv (sp, ff, by) | those of `Pid`, and `kp` (not known), `n` (9), `sp_rate` (none) |
 /// | `AutoTuner` | in, pv | `amplitude`, `wait`, `longest`, `pv_low`, `pv_high`, `op_low`, `op_high`, `hysteresis` (from noise), `d` (0), `max_h` (3h) |
-/// | `BacklashDetection` | sp, pv (op, flags, u_ff) | `k`, `ti`, `td` (0), `b` (1), `kp` (not known), `tf` (Td/5, or Ti/10 without D), `n` (9), `op_low`, `op_high` (not known), `max_h` (3h), `ff_delay` (1), `ff_tolerance` (a tenth of the size), `ff_longest` (0.2) |
+/// | `BacklashDetection` | sp, pv (op, flags, u_ff) | `k`, `ti`, `td` (0), `b` (1), `kp` (not known), `tf` (Td/5, or Ti/10 without D), `n` (9), `op_low`, `op_high` (not known), `max_h` (3h), `ff_delay` (1), `ff_tolerance` (a tenth of the size), `ff_longest` (by the way) |
 ///
 /// With `flags` connected a `BacklashDetection` stands beside a controller that is no module here, and takes all from its inputs
 /// ([`ForeignDetection`](glapp_core::modules::ForeignDetection)).

@@ -9,9 +9,6 @@ use crate::{CompensationSettings, ParameterError, Real, Saturation, Standing, Su
 /// The most scans that u_FF may be late.
 pub const FOREIGN_SCANS: usize = 32;
 
-/// The longest delay of u_FF with which it may be enabled, as a share of Ti; one scan always may.
-pub const LONGEST_DELAY: f64 = 0.2;
-
 /// Settings of a [`ForeignDetection`] (thesis 6.4, figure 6.3).
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -23,14 +20,15 @@ pub struct ForeignDetectionSettings<R> {
     /// How far the u_FF that is read back may be from the one handed over, 0 or greater [OP unit]; a tenth of the width that the
     /// source gives where not given.
     pub tolerance: Option<R>,
-    /// The longest delay with which it may be enabled, as a share of Ti, > 0.
-    pub longest: R,
+    /// The longest delay with which it may be enabled, as a share of Ti, 0 or greater; [`Way::longest_delay`] where not given. One
+    /// scan always may.
+    pub longest: Option<R>,
 }
 
 impl<R: Real> ForeignDetectionSettings<R> {
-    /// u_FF is a scan late; what is read back may be off by a tenth of the width; [`LONGEST_DELAY`].
+    /// u_FF is a scan late; what is read back may be off by a tenth of the width; the longest delay is that of the way.
     pub fn new(detection: BacklashDetectionSettings<R>) -> Self {
-        Self { detection, delay: 1, tolerance: None, longest: R::of(LONGEST_DELAY) }
+        Self { detection, delay: 1, tolerance: None, longest: None }
     }
 }
 
@@ -103,15 +101,19 @@ impl<R: Real> ForeignDetection<R> {
         let ti = detection.detector.ti;
         // Whatever their controller holds at the start is taken away, compensation or not.
         let none = CompensationSettings::new(Way::Inverse, detection.detector.k, ti, R::ZERO, R::ZERO);
-        let compensation = Some(detection.compensation.unwrap_or(none));
+        let compensation = detection.compensation.unwrap_or(none);
+        let longest = longest.unwrap_or(R::of(compensation.way.longest_delay()));
         Ok(Self {
             limits: detection.detector.op_limits.map_or(Saturation::none(), |(low, high)| Saturation { low, high }),
-            detection: BacklashDetection::new(BacklashDetectionSettings { compensation, ..detection })?,
+            detection: BacklashDetection::new(BacklashDetectionSettings {
+                compensation: Some(compensation),
+                ..detection
+            })?,
             delay: delay as u16,
             tolerance: tolerance
                 .map(|given| require("tolerance", given, given >= R::ZERO, "0 or greater"))
                 .transpose()?,
-            longest: require("longest", longest, longest > R::ZERO, "greater than 0")? * ti,
+            longest: require("longest", longest, longest >= R::ZERO, "0 or greater")? * ti,
             max_h: detection.detector.max_h,
         })
     }
@@ -202,7 +204,7 @@ mod tests {
         let compensation =
             CompensationSettings { band: 0.2, ..CompensationSettings::new(Way::Inverse, 0.5, 2.0, 1.4, 1.0) };
         let detection = BacklashDetectionSettings { detector, compensation: Some(compensation) };
-        ForeignDetectionSettings { delay: 2, longest: 1.0, ..ForeignDetectionSettings::new(detection) }
+        ForeignDetectionSettings { delay: 2, longest: Some(1.0), ..ForeignDetectionSettings::new(detection) }
     }
 
     /// Their controller: OP swings, and holds the u_FF handed over `delay` scans ago.
@@ -254,8 +256,8 @@ mod tests {
             ("delay", |s| s.delay = 0),
             ("delay", |s| s.delay = 33),
             ("tolerance", |s| s.tolerance = Some(-0.1)),
-            ("longest", |s| s.longest = 0.0),
-            ("longest", |s| s.longest = f64::NAN),
+            ("longest", |s| s.longest = Some(-0.1)),
+            ("longest", |s| s.longest = Some(f64::NAN)),
             ("tf", |s| s.detection.detector.tf = -1.0),
         ];
         for (name, change) in cases {
@@ -267,7 +269,8 @@ mod tests {
 
     #[test]
     fn every_loss_takes_it_back_to_zero_by_a_ramp() {
-        let losses: [(Standing, fn(&mut Read<f64>)); 7] = [
+        type Lose = fn(&mut Read<f64>);
+        let losses: [(Standing, Lose); 7] = [
             (Standing::BadQuality, |read| read.flags = BAD),
             (Standing::BadQuality, |read| read.op = Some(f64::NAN.into())),
             (Standing::BadQuality, |read| read.op = Some(Forward::new(50.0, BAD))),
@@ -328,7 +331,7 @@ mod tests {
 
     #[test]
     fn too_late_is_told_by_the_time_that_has_passed() {
-        let mut theirs = Theirs::new(ForeignDetectionSettings { longest: 0.25, ..settings() });
+        let mut theirs = Theirs::new(ForeignDetectionSettings { longest: Some(0.25), ..settings() });
         theirs.state.detection.compensate = true;
         theirs.scan(|_| ());
         assert_eq!(theirs.standing(), Standing::Waiting, "two scans are 0.5 s, Ti is 2 s");
@@ -336,7 +339,7 @@ mod tests {
         theirs.block.update(&mut theirs.state, 50.0.into(), 50.0.into(), &read, 0.26);
         assert_eq!(theirs.standing(), Standing::TooLate);
         // A scan is what it takes everywhere.
-        let mut soon = Theirs::new(ForeignDetectionSettings { longest: 0.01, delay: 1, ..settings() });
+        let mut soon = Theirs::new(ForeignDetectionSettings { longest: Some(0.0), delay: 1, ..settings() });
         soon.state.detection.compensate = true;
         soon.scan(|_| ());
         assert_eq!(soon.standing(), Standing::Waiting);
@@ -347,12 +350,8 @@ mod tests {
         let estimate = CompensationSettings::by_estimate(Way::Inverse, 0.5, 0.5, 1.0);
         for struck in [false, true] {
             let compensation = Some(CompensationSettings { struck, ..estimate });
-            let detector = DetectorSettings {
-                n: 3,
-                op_limits: None,
-                max_h: 1.0,
-                ..DetectorSettings::new(0.5, 0.5, 0.0, H)
-            };
+            let detector =
+                DetectorSettings { n: 3, op_limits: None, max_h: 1.0, ..DetectorSettings::new(0.5, 0.5, 0.0, H) };
             let mut theirs = Theirs::new(ForeignDetectionSettings {
                 detection: BacklashDetectionSettings { detector, compensation },
                 ..settings()

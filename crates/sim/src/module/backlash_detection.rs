@@ -3,8 +3,7 @@
 use super::{Inputs, Is, Kind, MOST_INPUTS, Module, Place, Required, Told, Unknown, Work, compensation, open};
 use crate::SimError;
 use glapp_core::modules::{
-    self, BacklashDetectionSettings, BacklashDetectionState, ForeignDetectionSettings, ForeignDetectionState,
-    LONGEST_DELAY, Read,
+    self, BacklashDetectionSettings, BacklashDetectionState, ForeignDetectionSettings, ForeignDetectionState, Read,
 };
 use glapp_core::status::{AT_HIGH, AT_LOW, BAD, NOT_AUTO, Status};
 use glapp_core::{Backward, DETECTIONS, DetectorSettings, Forward, ParameterError};
@@ -27,7 +26,7 @@ pub(super) static KIND: Kind = Kind {
             ("max_h", Unknown),
             ("ff_delay", Is(1.0)),
             ("ff_tolerance", Unknown),
-            ("ff_longest", Is(LONGEST_DELAY)),
+            ("ff_longest", Unknown),
         ],
         compensation::PARAMETERS,
     ],
@@ -74,7 +73,7 @@ fn settings(m: &Module, place: Place) -> Result<BacklashDetectionSettings<f64>, 
 fn foreign(m: &Module, place: Place) -> Result<ForeignDetectionSettings<f64>, ParameterError> {
     let usual = ForeignDetectionSettings::new(settings(m, place)?);
     let delay = m.whole("ff_delay")?;
-    Ok(ForeignDetectionSettings { delay, tolerance: m.known("ff_tolerance"), longest: m.value("ff_longest"), ..usual })
+    Ok(ForeignDetectionSettings { delay, tolerance: m.known("ff_tolerance"), longest: m.known("ff_longest"), ..usual })
 }
 
 fn named(block: &modules::BacklashDetection<f64>, state: &BacklashDetectionState<f64>, name: &str) -> Option<f64> {

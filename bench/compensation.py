@@ -662,9 +662,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("--loops", type=int, default=1000, help="random loops of the last parts")
     parser.add_argument("--docs", action="store_true", help="write the tables into docs/compensation.md")
-    parser.add_argument(
-        "--only", choices=("brings", "warns", "tuned", "harms", "beside", "late"), help="one part"
-    )
+    parser.add_argument("--only", choices=("brings", "warns", "tuned", "harms", "beside", "late"), help="one part")
     given = parser.parse_args()
     with ProcessPoolExecutor() as pool:
         n = given.loops

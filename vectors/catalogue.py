@@ -39,8 +39,8 @@ def page(catalogue: dict[str, Any]) -> str:
     delays = [(f"`{name}`", f"{share:g}") for name, share in catalogue["longest_delays"].items()]
     parts += [
         "## longest delays",
-        "Of u_FF with which compensation may be enabled beside a controller that is not ours, as a share of Ti; one scan "
-        "always may ([compensation.md](compensation.md#when-u_ff-comes-late)).",
+        "Of u_FF with which compensation may be enabled beside a controller that is not ours, as a share of Ti; one "
+        "scan always may ([compensation.md](compensation.md#when-u_ff-comes-late)).",
         _table(("way", "Ti"), delays),
         "## conditions",
         "Of the safety net that can be switched off, one by one: " + ", ".join(catalogue["conditions"]) + ".",

@@ -378,6 +378,41 @@ mod tests {
         }
     }
 
+    #[test]
+    fn single_precision_follows() {
+        // Sizes that are exact in both: a reversal comes at the same sample.
+        fn block<R: Real>() -> ForeignDetection<R> {
+            let of = R::of;
+            let detection = BacklashDetectionSettings {
+                detector: DetectorSettings::new(of(0.5), of(2.0), R::ZERO, of(H)),
+                compensation: Some(CompensationSettings {
+                    band: of(0.1875),
+                    ..CompensationSettings::new(Way::Inverse, of(0.5), of(2.0), of(1.4375), R::ONE)
+                }),
+            };
+            let usual = ForeignDetectionSettings::new(detection);
+            ForeignDetection::new(ForeignDetectionSettings { delay: 2, ..usual }).unwrap()
+        }
+        let (block, narrow) = (block::<f64>(), block::<f32>());
+        let mut state = ForeignDetectionState::default();
+        state.detection.compensate = true;
+        let mut wide = ForeignDetectionState::default();
+        wide.detection.compensate = true;
+        for i in 0..400_u16 {
+            let lost = i % 97 == 0;
+            let op = 50.0 + f32::from(i % 40).min(f32::from(40 - i % 40)) * 0.125; // exact in both
+            let op = if lost { f32::NAN } else { op };
+            let pv = if i % 40 < 20 { 49.0 } else { 51.0_f32 };
+            let x = Read { op: Some(f64::from(op).into()), ..Read::default() };
+            let y = Read { op: Some(op.into()), ..Read::default() };
+            let a = block.update(&mut wide, 50.0.into(), f64::from(pv).into(), &x, 0.25).value;
+            let b = narrow.update(&mut state, 50.0.into(), pv.into(), &y, 0.25).value;
+            assert!((a - f64::from(b)).abs() < 1e-5, "{i}: {a} and {b}");
+            assert_eq!(wide.detection.compensation.standing, state.detection.compensation.standing, "{i}");
+        }
+        assert!(wide.detection.compensation.u_ff.abs() > 0.5);
+    }
+
     fn any_read() -> impl Strategy<Value = (Read<f64>, f64)> {
         let number = || prop_oneof![12 => 40.0..60.0_f64, 1 => Just(f64::NAN)];
         let back = || prop_oneof![12 => -1.0..1.0_f64, 1 => Just(f64::NAN)];

@@ -65,6 +65,7 @@ __all__ = [
     "Module",
     "Noise",
     "Output",
+    "PhaseLead",
     "Pid",
     "PidAdvanced",
     "Plant",
@@ -73,6 +74,7 @@ __all__ = [
     "Resolution",
     "Saturation",
     "Sum",
+    "TuneRule",
     "Way",
 ]
 
@@ -113,6 +115,22 @@ class Way(enum.IntEnum):
     ERROR = 1
     DERIVATIVE = 2
     INVERSE = 3
+
+
+class TuneRule(enum.IntEnum):
+    """Which controller the autotuner in a `PidAdvanced` offers (`docs/auto_tuner.md`).
+
+    Attributes
+    ----------
+    POINT_PLACEMENT
+        PID with Ti = 6.25·Td (thesis 7.5).
+    AMIGO_PI, AMIGO_PID
+        AMIGO from ultimate gain, ultimate period and κ: refused where κ was not found.
+    """
+
+    POINT_PLACEMENT = 1
+    AMIGO_PI = 2
+    AMIGO_PID = 3
 
 
 class FrictionModel(enum.IntEnum):
@@ -337,6 +355,36 @@ class Filter2P(Module):
 
 
 @dataclass(frozen=True)
+class PhaseLead(Module):
+    """Phase-lead compensator (1 + s·lead)/(1 + s·lag), against the limit cycle of a gap (2.2).
+
+    `glapp.nonlinear.phase_lead` designs it. It stands between controller and valve, or before the controller's `pv`. Static
+    gain 1, so what comes to rest is not moved; a step shows (lead + h)/(lag + h) times as high, be it a person's or noise. A
+    graph in which something in its loop makes jumps on purpose, u_FF, or an autotuner's relay before it, is refused. A bad value leaves its output where it is.
+
+    Parameters
+    ----------
+    lead, lag : float
+        Time constants, lead ≥ lag > 0 [s]; equal ones pass the signal on.
+    start : float, optional
+        Where it rests at the beginning; at its first input where not given.
+
+    Examples
+    --------
+    >>> modules = {"op": Input(50.0), "lead": PhaseLead(lead=3.0, lag=1.0), "valve": Output()}
+    >>> valve = Graph(1.0, modules, ["op -> lead -> valve"])
+    >>> valve.scan()
+    >>> valve.scan(op=51.0)
+    >>> valve["valve"]
+    52.0
+    """
+
+    lead: float
+    lag: float
+    start: float | None = None
+
+
+@dataclass(frozen=True)
 class ProcessSim(Module):
     """Process gain/((1 + s·t1)(1 + s·t2))·e^(−dead_time·s) with a load at its input (6.5).
 
@@ -481,13 +529,18 @@ class _Compensating(Module):
 
 @dataclass(frozen=True)
 class PidAdvanced(_Compensating, Pid):
-    """A `Pid` with the detector inside, a setpoint ramp and a gain schedule (6.4, 6.6, 7.1).
+    """A `Pid` with detector and autotuner inside, a setpoint ramp and a gain schedule (6.4, 6.6, 7.1, 7.2.2).
 
     The detector takes the controller's settings and sees what it sees: setpoint in effect, filtered process value,
     limits and mode. Where `tf` is 0 the detector filters, with Td/5, or Ti/10 without D. Read `d_hat`, `count`
     (detections behind it), `noise_floor` (what noise can feign: below it `d_hat` and `whole` are NaN, and `count` is
     0), `detections` (in all), and of the last half-period `d` and `reason` (0: accepted). `error` says too that k has
     the wrong sign for the process, where `low` and `high` are given (`docs/modules.md`).
+
+    The autotuner is that of `AutoTuner`: `"pid.tune"` = 1 begins an experiment and 0 ends it, `tune_phase` and `tune_stop`
+    tell where it stands, `tune_ku`, `tune_tu`, `tune_kappa` what it found. Once it is done, `tune_k`, `tune_ti` and
+    `tune_td` are the controller that it offers (NaN: none), and `Graph.take_over` puts that in force. The Kp that it found,
+    `tune_kp`, is the detector's at once, where `kp` is not given.
 
     Parameters
     ----------
@@ -507,6 +560,13 @@ class PidAdvanced(_Compensating, Pid):
         Compensation, as in `BacklashDetection`; it takes at most half of `rate`.
     comp_rate, comp_release, comp_watch, comp_travel, comp_reversals, comp_withdraw, comp_estimate : float, optional
         Likewise.
+    tune_amplitude : float
+        The greatest distance of the output from where it was in an experiment, negative where PV falls when the output
+        rises; 0: there is no autotuner. With one, `low` and `high` must be given.
+    tune_wait, tune_longest, tune_pv_low, tune_pv_high, tune_hysteresis, tune_d : float, optional
+        As in `AutoTuner`; the first four must be given with an amplitude.
+    tune_rule : TuneRule
+        Which controller is offered.
     """
 
     _also = ("schedule",)
@@ -515,6 +575,14 @@ class PidAdvanced(_Compensating, Pid):
     n: int = 9
     sp_rate: float = _MOST
     schedule: Sequence[tuple[float, float, float, float]] = ()
+    tune_amplitude: float = 0.0
+    tune_wait: float | None = None
+    tune_longest: float | None = None
+    tune_pv_low: float | None = None
+    tune_pv_high: float | None = None
+    tune_hysteresis: float | None = None
+    tune_d: float = 0.0
+    tune_rule: TuneRule = TuneRule.POINT_PLACEMENT
 
 
 @dataclass(frozen=True)
@@ -757,6 +825,47 @@ class Graph:
         """
         with _input_errors():
             self._graph.set_schedule(module, rows)
+
+    def take_over(self, module: str) -> None:
+        """Put the controller in force that the autotuner in a `PidAdvanced` offers: K, Ti and Td, without a bump.
+
+        The half-period under way ends as a *gap*: no width can be read across two controllers.
+
+        Parameters
+        ----------
+        module : str
+
+        Raises
+        ------
+        InputError
+            Before an experiment has come to its end; where the rule has no answer for what it found; under a gain
+            schedule. All then stays as it was.
+
+        Examples
+        --------
+        >>> tank = Graph(
+        ...     0.1,
+        ...     {
+        ...         "sp": Input(50.0),
+        ...         "pid": PidAdvanced(
+        ...             k=1.0, ti=10.0, low=0, high=100, start=62.5, start_pv=50.0,
+        ...             tune_amplitude=5.0, tune_wait=10.0, tune_longest=400.0, tune_pv_low=40.0, tune_pv_high=60.0,
+        ...             tune_rule=TuneRule.AMIGO_PI,
+        ...         ),
+        ...         "process": ProcessSim(gain=0.8, t1=3.0, t2=1.0, dead_time=1.0, start=50.0),
+        ...     },
+        ...     ["sp -> pid.sp", "pid -> process -> pid.pv"],
+        ... )
+        >>> tank["pid.tune"] = 1
+        >>> _ = tank.run(200.0)
+        >>> f"K {tank['pid.tune_k']:.2f}, Ti {tank['pid.tune_ti']:.2f} s, Kp {tank['pid.tune_kp']:.2f}"
+        'K 1.05, Ti 3.14 s, Kp 0.80'
+        >>> tank.take_over("pid")
+        >>> tank["pid.ti"] == tank["pid.tune_ti"]
+        True
+        """
+        with _input_errors():
+            self._graph.take_over(module)
 
     def reset_detection(self, module: str) -> None:
         """Make the detector in a module forget its detections."""

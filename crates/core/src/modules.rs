@@ -15,8 +15,8 @@
 //! when the flags of the scan are known: a flag belongs to the very sample that it was raised at.
 //!
 //! The blocks that only stand in a connection, [`Noise`](crate::Noise), [`Backlash`](crate::Backlash),
-//! [`SecondOrderFilter`](crate::SecondOrderFilter), [`RateLimit`](crate::RateLimit) and [`Saturation`](crate::Saturation), have
-//! their `forward` themselves.
+//! [`SecondOrderFilter`](crate::SecondOrderFilter), [`PhaseLead`](crate::PhaseLead), [`RateLimit`](crate::RateLimit) and
+//! [`Saturation`](crate::Saturation), have their `forward` themselves.
 //!
 //! Whoever sets the output for a while, a person, a controller further in or an experiment, does so by telling
 //! [`NOT_AUTO`](crate::status::NOT_AUTO) and the value in effect backward: the controller tracks it.

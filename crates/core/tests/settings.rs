@@ -1,6 +1,7 @@
 //! Settings saved and read again: the same to the bit, by the names that the catalogue has.
 #![cfg(feature = "serde")]
 
+use glapp_core::auto_tuner::Rule;
 use glapp_core::modules::{BacklashDetectionSettings, Gains, PidAdvancedSettings, PidSettings, SCHEDULE_ROWS};
 use glapp_core::{AutoTunerSettings, CompensationSettings, DetectorSettings, Way};
 use serde::{Serialize, de::DeserializeOwned};
@@ -42,8 +43,11 @@ fn what_is_saved_is_read_again() {
         schedule,
         rows: 1,
         compensation: Some(compensation),
+        tuner: Some(tuner),
+        rule: Rule::AmigoPi,
     };
-    assert_eq!(survives(advanced)["compensation"]["size"], 2.2);
+    let saved = survives(advanced);
+    assert_eq!((&saved["compensation"]["size"], &saved["tuner"]["wait"]), (&2.2.into(), &60.0.into()));
 }
 
 #[test]

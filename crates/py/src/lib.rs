@@ -12,6 +12,7 @@ mod fit;
 mod identify;
 mod modules;
 mod noise;
+mod phase_lead;
 mod pid;
 mod plain;
 mod position;
@@ -76,6 +77,8 @@ mod _glapp {
     use crate::modules::{Graph, ideal_of_parallel, ideal_of_series};
     #[pymodule_export]
     use crate::noise::{Noise, NoiseLevel};
+    #[pymodule_export]
+    use crate::phase_lead::PhaseLead;
     #[pymodule_export]
     use crate::pid::Pid;
     #[pymodule_export]

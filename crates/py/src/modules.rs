@@ -106,6 +106,10 @@ impl Graph {
         self.graph.set_schedule(module, &gains(&rows)).map_err(refused)
     }
 
+    fn take_over(&mut self, module: &str) -> PyResult<()> {
+        self.graph.take_over(module).map_err(refused)
+    }
+
     fn reset_detection(&mut self, module: &str) -> PyResult<()> {
         self.graph.reset_detection(module).map_err(refused)
     }

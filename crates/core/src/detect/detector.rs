@@ -164,6 +164,9 @@ struct Memory<R: Real> {
     #[cfg_attr(feature = "serde", serde(default))]
     noise_floor: Option<R>,
     accepted: u32,
+    /// Kp that has been found since, in place of the one in the settings [PV unit/OP unit].
+    #[cfg_attr(feature = "serde", serde(default))]
+    kp: Option<R>,
     /// Detections that (5.1) alone rejected since the last one accepted, how many, and their time less that of all other
     /// half-periods since the first of them \[s\].
     candidates: MedianMeanState<R>,
@@ -201,6 +204,12 @@ impl<R: Real> DetectorState<R> {
     /// How many half-periods were accepted so far.
     pub fn accepted(&self) -> u32 {
         self.memory.accepted
+    }
+
+    /// Takes `kp` for the static process gain from the next half-period on, in place of the one in the settings; `None`, 0 and what
+    /// is no number: that one again [PV unit/OP unit].
+    pub fn set_kp(&mut self, kp: Option<R>) {
+        self.memory.kp = kp.filter(|kp| kp.is_number() && *kp != R::ZERO);
     }
 
     /// The filtered PV now [PV unit].
@@ -407,7 +416,7 @@ impl<R: Real> Detector<R> {
     /// Width, safety net and filter of detections for one half-period.
     #[inline(always)]
     fn judge(&self, m: &mut Memory<R>, half: HalfPeriod<R>, op_known: bool, noise: &NoiseLevel<R>) -> Record<R> {
-        self.conclude(m, half, self.width.of(&half, op_known), || noise.sigma())
+        self.conclude(m, half, self.width.with_kp(m.kp).of(&half, op_known), || noise.sigma())
     }
 
     /// The same once the width is known; `sigma` is PV's noise at the end of the half-period.
@@ -444,7 +453,7 @@ impl<R: Real> Detector<R> {
     #[inline(never)]
     fn accept(&self, m: &mut Memory<R>, detection: R, sigma: Option<R>) {
         m.estimate = Some(self.detections.update(&mut m.window, detection));
-        m.noise_floor = sigma.map(|sigma| self.width.noise_floor(sigma));
+        m.noise_floor = sigma.map(|sigma| self.width.with_kp(m.kp).noise_floor(sigma));
         m.accepted = m.accepted.saturating_add(1);
         m.rejected = 0;
     }
@@ -464,7 +473,7 @@ impl<R: Real> Detector<R> {
         if (agree && m.excess.value() >= R::ZERO) || m.rejected >= 10 * n {
             m.window = m.candidates;
             m.estimate = Some(found);
-            m.noise_floor = sigma.map(|sigma| self.width.noise_floor(sigma));
+            m.noise_floor = sigma.map(|sigma| self.width.with_kp(m.kp).noise_floor(sigma));
             m.rejected = 0;
         }
     }

@@ -84,6 +84,9 @@ pub struct BacklashDetectionState<R: Real> {
     against: u8,
     /// The last half-period is still to be worked off, with the size in force when it ended.
     due: bool,
+    /// K or Ti have changed: the half-period under way ends as a gap.
+    #[cfg_attr(feature = "serde", serde(default))]
+    cut: bool,
     size: R,
     sp: Forward<R>,
     pv: Forward<R>,
@@ -108,6 +111,7 @@ impl<R: Real> Default for BacklashDetectionState<R> {
             sign: WrongSignState::default(),
             against: 0,
             due: false,
+            cut: false,
             size: R::ZERO,
             sp: nothing,
             pv: nothing,
@@ -123,6 +127,11 @@ impl<R: Real> BacklashDetectionState<R> {
     pub fn reset(&mut self) {
         let Self { compensate, compensation, sign, sp, pv, raw, h, u_ff, .. } = *self;
         *self = Self { compensate, compensation, sign, sp, pv, raw, h, u_ff, ..Self::default() };
+    }
+
+    /// Ends the half-period under way as a *gap* with the next sample: for whoever changes K or Ti, which no width can be read across.
+    pub fn cut(&mut self) {
+        self.cut = true;
     }
 
     /// The whole gap, if it is more than noise can feign.
@@ -202,7 +211,9 @@ impl<R: Real> BacklashDetection<R> {
                 state.against = if against { AGAINST.min(state.against + 1) } else { 0 };
             }
         }
-        let sample = Sample { h, sp, pv: state.pv.value, op, flags };
+        // To the detector a step back in time is a gap.
+        let since = if core::mem::take(&mut state.cut) { -R::ONE } else { h };
+        let sample = Sample { h: since, sp, pv: state.pv.value, op, flags };
         let record = self.detector.update_filtered(&mut state.detector, &sample, state.raw);
         state.due = record.is_some();
         if state.due {

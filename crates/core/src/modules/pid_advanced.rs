@@ -1,11 +1,13 @@
 //! The controller with the detector inside.
 
+use super::auto_tuner::{AutoTuner, AutoTunerState};
 use super::backlash_detection::{BacklashDetection, BacklashDetectionSettings, BacklashDetectionState};
 use super::pid::{Mode, Pid, PidSettings, PidState};
+use crate::auto_tuner::{Phase, Rule};
 use crate::error::require;
 use crate::modules::{Backward, Forward};
 use crate::status::{AT_HIGH, AT_LOW, NOT_AUTO, Status};
-use crate::{CompensationSettings, DetectorSettings, ParameterError, Real, Sum};
+use crate::{AutoTunerSettings, CompensationSettings, DetectorSettings, ParameterError, Real, Sum, tuning};
 
 /// The most rows of a gain schedule.
 pub const SCHEDULE_ROWS: usize = 8;
@@ -52,13 +54,28 @@ pub struct PidAdvancedSettings<R> {
     pub rows: usize,
     /// Compensation, where there is one. Its `k` and `limits` are the controller's, and it takes at most half of the rate.
     pub compensation: Option<CompensationSettings<R>>,
+    /// The autotuner, where there is one. Its `op` and `max_h` are the controller's, which must have limits.
+    pub tuner: Option<AutoTunerSettings<R>>,
+    /// Which controller it offers.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub rule: Rule,
 }
 
 impl<R: Real> PidAdvancedSettings<R> {
-    /// Kp not known, N = 9, no ramp, no schedule, no compensation.
+    /// Kp not known, N = 9, no ramp, no schedule, no compensation, no autotuner.
     pub fn new(pid: PidSettings<R>) -> Self {
         let schedule = [Gains::default(); SCHEDULE_ROWS];
-        Self { pid, kp: None, n: 9, sp_rate: R::LARGEST, schedule, rows: 0, compensation: None }
+        Self {
+            pid,
+            kp: None,
+            n: 9,
+            sp_rate: R::LARGEST,
+            schedule,
+            rows: 0,
+            compensation: None,
+            tuner: None,
+            rule: Rule::default(),
+        }
     }
 }
 
@@ -70,11 +87,21 @@ impl<R: Real> PidAdvancedSettings<R> {
 /// The schedule is linear between its rows and constant outside them; a bad scheduling variable leaves the last gains.
 /// With a schedule, K/Ti is not constant within a half-period: the width is then taken from the output's own travel,
 /// and the conditions of the safety net use the longest Ti and the largest |K| of the table.
+///
+/// The [`AutoTuner`] inside (6.6, 7.2.2) stands between controller and output, as it would outside: set `tuner.run` in the state,
+/// and a relay experiment begins with the next scan. It ends like any other; besides in manual ([`Stop::NotAuto`]) and where the
+/// controller's own `rate` is too low for the relay, whose swing is 4/3 of the amplitude ([`Stop::OpLimit`]).
+/// Once it is done, [`offered`](Self::offered) gives the controller that the rule makes of it, and [`take_over`](Self::take_over) puts it in
+/// force without a bump. The Kp that it found, where it found one, goes to the detector at once, unless `kp` is given.
+///
+/// [`Stop::NotAuto`]: crate::auto_tuner::Stop::NotAuto
+/// [`Stop::OpLimit`]: crate::auto_tuner::Stop::OpLimit
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PidAdvanced<R> {
     settings: PidAdvancedSettings<R>,
     pid: Pid<R>,
     detection: BacklashDetection<R>,
+    tuner: Option<AutoTuner<R>>,
 }
 
 /// State of a [`PidAdvanced`].
@@ -85,6 +112,12 @@ pub struct PidAdvancedState<R: Real> {
     pub pid: PidState<R>,
     /// The detection; a new one resets it.
     pub detection: BacklashDetectionState<R>,
+    /// The autotuner; `run` is the operator's to set.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub tuner: AutoTunerState<R>,
+    /// Kp that the last experiment found which found one; the detector's, where none is given.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub kp: Option<R>,
     /// The scheduling variable in effect.
     by: R,
 }
@@ -92,7 +125,13 @@ pub struct PidAdvancedState<R: Real> {
 impl<R: Real> PidAdvancedState<R> {
     /// In auto, with the output at a known value, from which it goes on.
     pub fn at(output: R) -> Self {
-        Self { pid: PidState::at(output), detection: BacklashDetectionState::default(), by: R::ZERO }
+        Self {
+            pid: PidState::at(output),
+            detection: BacklashDetectionState::default(),
+            tuner: AutoTunerState::default(),
+            kp: None,
+            by: R::ZERO,
+        }
     }
 
     /// What is wrong: what the controller says, and [`WRONG_SIGN`](crate::status::WRONG_SIGN).
@@ -110,7 +149,7 @@ impl<R: Real> Default for PidAdvancedState<R> {
 impl<R: Real> PidAdvanced<R> {
     /// Checks the settings.
     pub fn new(settings: PidAdvancedSettings<R>) -> Result<Self, ParameterError> {
-        let PidAdvancedSettings { pid, kp, n, sp_rate, schedule, rows, compensation } = settings;
+        let PidAdvancedSettings { pid, kp, n, sp_rate, schedule, rows, compensation, tuner, rule: _ } = settings;
         require("sp_rate", sp_rate, sp_rate > R::ZERO, "greater than 0 per second")?;
         require("rows", R::of(rows as f64), rows <= SCHEDULE_ROWS, "at most 8")?;
         let mut slowest = pid;
@@ -143,7 +182,17 @@ impl<R: Real> PidAdvanced<R> {
                 CompensationSettings { rate, ..given }
             }),
         };
-        Ok(Self { settings, pid: Pid::new(pid)?, detection: BacklashDetection::new(detection)? })
+        if tuner.is_some() {
+            let bound = "a limit of the output: the autotuner needs both";
+            require("low", pid.low, pid.low >= -R::MOST, bound)?;
+            require("high", pid.high, pid.high <= R::MOST, bound)?;
+        }
+        let tuner = tuner.map(|given| {
+            let max_h = pid.max_h.lesser(R::of(1e9));
+            AutoTuner::new(AutoTunerSettings { op: (pid.low, pid.high), max_h, ..given })
+        });
+        let detection = BacklashDetection::new(detection)?;
+        Ok(Self { settings, pid: Pid::new(pid)?, detection, tuner: tuner.transpose()? })
     }
 
     /// What it was made of.
@@ -175,19 +224,87 @@ impl<R: Real> PidAdvanced<R> {
         let seen = if self.settings.pid.tf > R::ZERO { s.pid.yf } else { pv.value };
         let (sp, seen) = (s.pid.ysp.value().into(), Forward::new(seen, pv.flags));
         self.detection.forward_filtered(&mut s.detection, sp, seen, pv.value, h);
-        u
+        match &self.tuner {
+            Some(tuner) => self.tuned(tuner, s, u, pv, h),
+            None => u,
+        }
+    }
+
+    /// The output, where the autotuner may have it.
+    #[inline(always)]
+    fn tuned(
+        &self,
+        tuner: &AutoTuner<R>,
+        s: &mut PidAdvancedState<R>,
+        u: Forward<R>,
+        pv: Forward<R>,
+        h: R,
+    ) -> Forward<R> {
+        let was_running = s.tuner.experiment.phase.is_running();
+        if was_running || s.tuner.run {
+            let swing =
+                R::of(4.0) * (self.settings.tuner.map_or(R::ZERO, |given| given.amplitude).magnitude() / R::of(3.0));
+            let by_hand = if s.pid.mode == Mode::Manual { NOT_AUTO } else { 0 };
+            let slow = if self.settings.pid.rate * h < swing { AT_LOW | AT_HIGH } else { 0 };
+            tuner.tell(&mut s.tuner, by_hand | slow);
+        }
+        let out = tuner.forward(&mut s.tuner, u, pv, h);
+        let experiment = &s.tuner.experiment;
+        if was_running && experiment.phase == Phase::Done {
+            s.kp = experiment.found.and_then(|found| found.kp).or(s.kp);
+        }
+        out
     }
 
     /// As [`Pid::backward`]; the detector learns from the sample of this scan. The output it sees is the controller's own,
     /// without what came from outside.
     #[inline(always)]
     pub fn backward(&self, s: &mut PidAdvancedState<R>, back: Backward<R>) -> (Backward<R>, Backward<R>) {
+        let back = match &self.tuner {
+            Some(tuner) => tuner.backward(&mut s.tuner, back),
+            None => back,
+        };
+        s.detection.detector.set_kp(if self.settings.kp.is_none() { s.kp } else { None });
         let told = self.pid.backward(&mut s.pid, back);
         let flags = s.pid.flags & (AT_LOW | AT_HIGH | NOT_AUTO);
         let tracking = s.pid.feedback() + s.detection.compensation.u_ff.value();
         let seen = Backward { flags, tracking, ..Backward::default() };
         self.detection.backward(&mut s.detection, Some(seen));
         told
+    }
+
+    /// The controller that the rule makes of what the last experiment found.
+    ///
+    /// # Errors
+    /// Where no experiment has come to its end, where the rule has no answer for what it found, and under a gain schedule, whose
+    /// rows an experiment at one point says nothing of.
+    pub fn offered(&self, s: &PidAdvancedState<R>) -> Result<tuning::Gains<R>, ParameterError> {
+        let rows = R::of(self.settings.rows as f64);
+        require(
+            "rows",
+            rows,
+            self.settings.rows == 0,
+            "0: under a gain schedule its rows are the gains, set them there",
+        )?;
+        let experiment = &s.tuner.experiment;
+        let phase = R::of(f64::from(experiment.phase as u8));
+        let done = experiment.found.filter(|_| experiment.phase == Phase::Done);
+        let bound = "4, done: nothing is offered before an experiment has come to its end";
+        let found = done.ok_or(ParameterError { name: "phase", value: phase.as_f64(), bound })?;
+        found.by(self.settings.rule)
+    }
+
+    /// The controller with the gains that are [offered](Self::offered). It goes on from this state without a bump, and the
+    /// half-period under way ends as a *gap*.
+    ///
+    /// # Errors
+    /// As [`offered`](Self::offered); the state then stays as it is.
+    pub fn take_over(&self, s: &mut PidAdvancedState<R>) -> Result<Self, ParameterError> {
+        let tuning::Gains { k, ti, td } = self.offered(s)?;
+        let pid = PidSettings { k, ti, td, ..self.settings.pid };
+        let taken = Self::new(PidAdvancedSettings { pid, ..self.settings })?;
+        s.detection.cut();
+        Ok(taken)
     }
 
     /// K, Ti and Td at the scheduling variable `by`.

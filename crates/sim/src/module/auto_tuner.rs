@@ -46,6 +46,23 @@ fn block(m: &Module, place: Place) -> Result<modules::AutoTuner<f64>, SimError> 
     Ok(modules::AutoTuner::new(settings)?)
 }
 
+/// A command or variable.
+pub(super) fn named(state: &AutoTunerState<f64>, name: &str) -> Option<f64> {
+    let experiment = &state.experiment;
+    let found =
+        |number: fn(&Found<f64>) -> Option<f64>| Some(experiment.found.as_ref().and_then(number).unwrap_or(f64::NAN));
+    match name {
+        "run" => Some(u8::from(state.run).into()),
+        "phase" => Some(f64::from(experiment.phase as u8)),
+        "stop" => Some(f64::from(experiment.stop as u8)),
+        "ku" => found(|found| Some(found.ku)),
+        "tu" => found(|found| Some(found.tu)),
+        "kp" => found(|found| found.kp),
+        "kappa" => found(|found| found.kappa),
+        _ => None,
+    }
+}
+
 impl Work for AutoTuner {
     fn forward(&mut self, &[x, pv, ..]: &Inputs, h: f64) -> Forward<f64> {
         self.block.forward(&mut self.state, x, pv, h)
@@ -61,20 +78,7 @@ impl Work for AutoTuner {
     }
 
     fn get(&self, name: &str) -> Option<f64> {
-        let experiment = &self.state.experiment;
-        let found = |number: fn(&Found<f64>) -> Option<f64>| {
-            Some(experiment.found.as_ref().and_then(number).unwrap_or(f64::NAN))
-        };
-        match name {
-            "run" => Some(u8::from(self.state.run).into()),
-            "phase" => Some(f64::from(experiment.phase as u8)),
-            "stop" => Some(f64::from(experiment.stop as u8)),
-            "ku" => found(|found| Some(found.ku)),
-            "tu" => found(|found| Some(found.tu)),
-            "kp" => found(|found| found.kp),
-            "kappa" => found(|found| found.kappa),
-            _ => None,
-        }
+        named(&self.state, name)
     }
 
     fn command(&mut self, _run: &str, value: f64) -> Result<(), ParameterError> {

@@ -186,6 +186,41 @@ def rate_limit_cases() -> Iterator[dict[str, Any]]:
     yield case("not a number at the start", ["NotANumber", "Start"], {"rate": 0.5}, [NAN, NAN, 1.0, 2.0], h=1.0)
 
 
+def phase_lead(params: Params, h: Sequence[float], xs: Sequence[float]) -> list[float]:
+    """The signal and the part of it that its lagged image has not followed yet (2.2)."""
+    lead, lag = params["lead"], params["lag"]
+    lagged = output = None
+    outputs = []
+    for step, x in zip(h, xs, strict=True):
+        if lagged is None:
+            outputs.append(x)
+            lagged = output = None if math.isnan(x) else x
+            continue
+        if step > 0.0 and not math.isnan(x):
+            away = x - lagged
+            output = x + away * ((lead - lag) / (lag + step))
+            lagged += away * (step / (lag + step))
+        outputs.append(output)
+    return outputs
+
+
+def phase_lead_cases() -> Iterator[dict[str, Any]]:
+    """A step, a wandering signal, and inputs that move nothing."""
+    yield case("a step", [], {"lead": 3.0, "lag": 0.5}, [1.0, 1.0] + [2.0] * 12, h=0.25)
+    wander = list(_walk(71, 60, low=-3.0, high=5.0))
+    yield case("a signal that wanders", [], {"lead": 2.2, "lag": 0.3}, wander, h=0.1)
+    yield case("lead = lag", ["Nothing"], {"lead": 0.7, "lag": 0.7}, wander, h=0.1)
+    steps = list(_walk(72, 60, low=0.01, high=2.0))
+    yield case("steps of any length", ["IrregularStep"], {"lead": 2.2, "lag": 0.3}, wander, h=steps)
+    broken = [1.0, 2.0, NAN, 2.5, NAN, 3.0, 4.0, 4.0, 3.0]
+    stops = [0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.0, -0.5, 0.5]
+    yield case("what is no number, and time that stands still", ["NotANumber", "ZeroStep"], _LEAD, broken, h=stops)
+    yield case("bad from the beginning", ["NotANumber"], _LEAD, [NAN, 5.0, 6.0, 6.0], h=0.5)
+
+
+_LEAD = {"lead": 4.0, "lag": 1.0}
+
+
 def compensation(params: Params, h: Sequence[float], samples: Sequence[Sequence[float]]) -> list[list[float]]:
     """Carry the valve through its gap (2.2): half the width, to the side that the signals say, with limits on all."""
     way, share, size, release = int(params["way"]), params["share"], params["size"], params["release"]
@@ -2154,6 +2189,80 @@ def pid_advanced(params: Params, h: Sequence[float], samples: Sequence[Sequence[
     return outputs
 
 
+def pid_tuner(params: Params, h: Sequence[float], samples: Sequence[Sequence[float]]) -> list[list[float]]:
+    """The controller with the autotuner inside."""
+    loop = _TunedPid(params)
+    return [loop.scan(step, *row) for step, row in zip(h, samples, strict=True)]
+
+
+class _TunedPid:
+    """A controller, and between it and its output a relay that has it for the time of an experiment."""
+
+    def __init__(self, params: Params) -> None:
+        self.params, self.controller = params, _Controller(params)
+        self.gains = params["k"], params["ti"], params.get("td", 0.0)
+        limits = {"op_low": params["low"], "op_high": params["high"], "max_h": params["ti"] / 2.0}
+        self.relay = _Relay(params | limits)
+        self.run, self.told = False, 0
+
+    def scan(
+        self, h: float, pv: float, sp: float, mode: float, told: float, tune: float, take: float
+    ) -> list[float]:
+        """Take one scan; a mode or a command that is no number is none."""
+        relay, controller = self.relay, self.controller
+        if take == 1.0:
+            ku, tu, _, kappa = relay.found
+            self.gains = 0.16 * ku, tu / (1.0 + 4.5 * kappa), 0.0
+        self.run = self.run if math.isnan(tune) else tune == 1.0
+        u = controller.scan(self.gains, MOST, h, pv, sp, 0.0, mode, NAN, NAN, *BACK)[0]
+        running = relay.phase in (relay.WAITING, relay.BALANCED, relay.BIASED)
+        active = running or self.run
+        if active:
+            if not running:
+                relay.start(u)
+            swing = 4.0 * (relay.most / 3.0)
+            slow = 12 if controller.rate * h < swing else 0
+            by_hand = 1 if controller.mode == MANUAL or not self.run else 0
+            bad = 2 if math.isnan(pv) else 0
+            u = relay.update(pv, h, self.told | slow | by_hand | bad)
+            self.run = relay.phase in (relay.WAITING, relay.BALANCED, relay.BIASED)
+        self.told = int(told)
+        followed = not active or self.told & FLAG_NOT_AUTO
+        controller.told = (-MOST, MOST, told, 0.0) if followed else (-MOST, MOST, self.told | FLAG_NOT_AUTO, relay.op)
+        return [u, controller.ysp, relay.phase, relay.stop, *relay.found, *self.gains]
+
+
+def pid_tuner_cases() -> Iterator[dict[str, Any]]:
+    """An experiment to its end and its offer taken over, and every way in which the controller ends one."""
+    inside = {"k": 1.2, "ti": 4.0, "low": 0.0, "high": 10.0, "start": 5.0, "amplitude": 3.0, "wait": 4.0}
+    inside |= {"longest": 120.0, "pv_low": -9.0, "pv_high": 9.0}
+    yield _tuned_loop("an experiment, taken over, and a step of the setpoint", ["Taken", "Bump"], inside, 640, take=520)
+    yield _tuned_loop("ended by command", ["End", "Bump"], inside, 90, end={60: {"tune": 0.0}})
+    manual = {60: {"mode": MANUAL}, 75: {"mode": EXTERNAL}}
+    yield _tuned_loop("put into manual meanwhile", ["End", "Bump"], inside, 90, end=manual)
+    yield _tuned_loop("PV bad for a scan", ["End", "Bump"], inside, 90, end={60: {"pv": NAN}})
+    yield _tuned_loop("a limit reached further on", ["End", "Bump"], inside, 90, end={60: {"told": 8.0}})
+    yield _tuned_loop("somebody else at the output", ["End", "Bump"], inside, 90, end={60: {"told": 1.0}})
+    yield _tuned_loop("a rate too low for the relay", ["End"], inside | {"rate": 19.0}, 40)
+    yield _tuned_loop("begun in manual", ["End"], inside, 40, end={0: {"mode": MANUAL}})
+
+
+def _tuned_loop(
+    comment: str, flags: list[str], params: Params, n: int, take: int = -1, end: dict[int, dict[str, float]] | None = None
+) -> dict[str, Any]:
+    """Let the reference control three lags; PV to five decimals, begun in scan 10."""
+    loop, process, x = _TunedPid(params), _Lags(1.0, 3), [0.0] * 3
+    random = Random(73)
+    rows = []
+    for i in range(n):
+        row = {"pv": round(x[-1] + 0.02 * (random.random() - 0.5), 5), "sp": 0.5 if i > take > 0 else 0.0}
+        row |= {"mode": NAN if i else EXTERNAL, "told": 0.0, "tune": 1.0 if i == 10 else NAN}
+        row |= {"take": 1.0 if i == take else 0.0} | (end or {}).get(i, {})
+        rows.append(list(row.values()))
+        process.respond(x, loop.scan(0.2, *rows[-1])[0] - 5.0, 0.2)
+    return case(comment, flags, params, rows, h=0.2)
+
+
 def _scheduled(rows: list[list[float]], by: float) -> tuple[float, float, float]:
     above = sum(row[0] <= by for row in rows)
     low, high = rows[max(above - 1, 0)], rows[min(above, len(rows) - 1)]
@@ -2303,6 +2412,20 @@ BLOCKS: dict[
             "Compensation": "u_FF taken for the controller's own output, or a half-period worked off twice or never",
         },
     ),
+    "pid_tuner": (
+        pid_tuner,
+        pid_tuner_cases,
+        ["pv", "sp", "mode", "told", "tune", "take"],
+        ["u", "ysp", "phase", "stop", "ku", "tu", "kp", "kappa", "k", "ti", "td"],
+        "The autotuner inside the controller: tune 1 begins an experiment, 0 ends it, null leaves it; take 1 takes AMIGO's PI "
+        "over before the scan. mode and told as in pid_advanced; amplitude, wait, longest, pv_low, pv_high as in "
+        "auto_tuner. k, ti, td: in force.",
+        {
+            "Bump": "an output that jumps when the controller goes on",
+            "Taken": "an offer that is not taken over, or other gains",
+            "End": "an experiment that goes on, or another reason",
+        },
+    ),
     "pid_advanced": (
         pid_advanced,
         pid_advanced_cases,
@@ -2343,6 +2466,19 @@ BLOCKS: dict[
             "ZeroStep": "a step of 0 or less that moves the output",
             "NotANumber": "a bad sample that poisons the output",
             "Start": "a ramp from 0 to the first sample",
+        },
+    ),
+    "phase_lead": (
+        phase_lead,
+        phase_lead_cases,
+        ["x"],
+        ["y"],
+        "Phase lead (1 + s·lead)/(1 + s·lag), static gain 1. It begins at rest at the first input.",
+        {
+            "Nothing": "a lead equal to the lag that changes the signal",
+            "IrregularStep": "a step length taken once and kept",
+            "ZeroStep": "a step of 0 or less that moves the output",
+            "NotANumber": "a bad sample that poisons the output, or is taken for the beginning",
         },
     ),
     "compensation": (

@@ -1,5 +1,6 @@
 //! The golden cases of `vectors/`, which were computed without this crate: every output must agree to the last bit.
 
+use glapp_core::auto_tuner::Rule;
 use glapp_core::modules::{
     self, BacklashDetection, BacklashDetectionSettings, BacklashDetectionState, Gains, Mode, PidAdvanced,
     PidAdvancedSettings, PidAdvancedState, PidSettings, ProcessSim, ProcessSimState, SCHEDULE_ROWS,
@@ -8,9 +9,9 @@ use glapp_core::{
     AutoTuner, AutoTunerSettings, AutoTunerState, Backlash, BacklashState, Backward, Compensation, CompensationSample,
     CompensationSettings, CompensationState, Conditions, Derivative, Detector, DetectorSettings, DetectorState,
     HalfPeriod, HalfPeriodState, MedianMean, MedianMeanState, Noise, NoiseLevel, NoiseState, OverCompensation,
-    OverCompensationState, OverWarning, Pid, PidState, RateLimit, RateLimitState, Real, Reason, Record, SafetyNet,
-    Sample, Saturation, SecondOrderFilter, SecondOrderFilterState, Sum, Swing, SwingState, Way, Width, WidthParts,
-    WrongSign, WrongSignState, ZeroCrossing,
+    OverCompensationState, OverWarning, PhaseLead, PhaseLeadState, Pid, PidState, RateLimit, RateLimitState, Real,
+    Reason, Record, SafetyNet, Sample, Saturation, SecondOrderFilter, SecondOrderFilterState, Sum, Swing, SwingState,
+    Way, Width, WidthParts, WrongSign, WrongSignState, ZeroCrossing,
 };
 use serde_json::Value;
 use std::path::Path;
@@ -275,6 +276,45 @@ fn pid_advanced() {
 }
 
 #[test]
+fn pid_tuner() {
+    for case in cases("pid_tuner") {
+        let settings = case.controller();
+        let tuner = AutoTunerSettings {
+            amplitude: case.given("amplitude"),
+            hysteresis: None,
+            d: 0.0,
+            wait: case.given("wait"),
+            longest: case.given("longest"),
+            pv: (case.given("pv_low"), case.given("pv_high")),
+            // The controller's own are used.
+            max_h: f64::NAN,
+            op: (f64::NAN, f64::NAN),
+        };
+        let usual = PidAdvancedSettings::new(settings);
+        let with_tuner = PidAdvancedSettings { tuner: Some(tuner), rule: Rule::AmigoPi, ..usual };
+        let mut pid = PidAdvanced::new(with_tuner).unwrap();
+        let mut s = PidAdvancedState::at(case.given("start"));
+        case.check_all(|x, h| {
+            let &[pv, sp, given, told, tune, take] = x else { panic!("six inputs") };
+            s.pid.mode = mode(given, s.pid.mode);
+            s.tuner.run = if tune.is_nan() { s.tuner.run } else { tune == 1.0 };
+            if take == 1.0 {
+                pid = pid.take_over(&mut s).unwrap();
+            }
+            let u = pid.forward(&mut s, pv.into(), sp.into(), 0.0.into(), 0.0.into(), h).value;
+            pid.backward(&mut s, Backward { flags: told as u16, ..Backward::default() });
+            let e = &s.tuner.experiment;
+            let unknown = f64::NAN;
+            let found =
+                e.found.map_or([unknown; 4], |f| [f.ku, f.tu, f.kp.unwrap_or(unknown), f.kappa.unwrap_or(unknown)]);
+            let PidSettings { k, ti, td, .. } = pid.settings().pid;
+            let stands = [u, s.pid.ysp, f64::from(e.phase as u8), f64::from(e.stop as u8)];
+            Some([&stands[..], &found, &[k, ti, td]].concat())
+        });
+    }
+}
+
+#[test]
 fn pid() {
     for case in cases("pid") {
         let limits = match (case.param("low"), case.param("high")) {
@@ -306,6 +346,15 @@ fn rate_limit() {
     for case in cases("rate_limit") {
         let block = RateLimit::new(case.given("rate")).unwrap();
         let mut state = RateLimitState::default();
+        case.check(|x, h| block.update(&mut state, x[0], h));
+    }
+}
+
+#[test]
+fn phase_lead() {
+    for case in cases("phase_lead") {
+        let block = PhaseLead::new(case.given("lead"), case.given("lag")).unwrap();
+        let mut state = PhaseLeadState::default();
         case.check(|x, h| block.update(&mut state, x[0], h));
     }
 }

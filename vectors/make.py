@@ -2205,9 +2205,7 @@ class _TunedPid:
         self.relay = _Relay(params | limits)
         self.run, self.told = False, 0
 
-    def scan(
-        self, h: float, pv: float, sp: float, mode: float, told: float, tune: float, take: float
-    ) -> list[float]:
+    def scan(self, h: float, pv: float, sp: float, mode: float, told: float, tune: float, take: float) -> list[float]:
         """Take one scan; a mode or a command that is no number is none."""
         relay, controller = self.relay, self.controller
         if take == 1.0:
@@ -2248,7 +2246,12 @@ def pid_tuner_cases() -> Iterator[dict[str, Any]]:
 
 
 def _tuned_loop(
-    comment: str, flags: list[str], params: Params, n: int, take: int = -1, end: dict[int, dict[str, float]] | None = None
+    comment: str,
+    flags: list[str],
+    params: Params,
+    n: int,
+    take: int = -1,
+    end: dict[int, dict[str, float]] | None = None,
 ) -> dict[str, Any]:
     """Let the reference control three lags; PV to five decimals, begun in scan 10."""
     loop, process, x = _TunedPid(params), _Lags(1.0, 3), [0.0] * 3

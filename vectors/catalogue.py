@@ -20,6 +20,7 @@ NUMBERED = {
     "modes": "Who sets the output of a controller",
     "phases": "Where the autotuner's experiment stands",
     "stops": "Why it was broken off",
+    "rules": "Which controller the autotuner in a controller offers",
 }
 
 

@@ -7,12 +7,12 @@
 use glapp_analysis::crossings::Verdict;
 use glapp_analysis::quality::Fault;
 use glapp_analysis::{LostMotion, Origin};
-use glapp_core::auto_tuner::{Phase, Stop};
+use glapp_core::auto_tuner::{Phase, Rule, Stop};
 use glapp_core::modules::{Mode, Pid, PidSettings};
 use glapp_core::status::FLAGS;
 use glapp_core::{
     AutoTuner, AutoTunerSettings, Compensation, CompensationSettings, Conditions, Detector, DetectorSettings,
-    ParameterError, Reason, Standing, Way,
+    ParameterError, PhaseLead, Reason, Standing, Way,
 };
 use serde_json::{Map, Value, json};
 
@@ -39,6 +39,7 @@ pub fn text() -> String {
         "modes": numbered(Mode::ALL.iter().map(|m| (m.name(), *m as u64))),
         "phases": numbered(Phase::ALL.iter().map(|p| (p.name(), *p as u64))),
         "stops": numbered(Stop::ALL.iter().map(|s| (s.name(), *s as u64))),
+        "rules": numbered(Rule::ALL.iter().map(|r| (r.name(), *r as u64))),
         "verdicts": Verdict::ALL.map(Verdict::name),
         "lost_motions": LostMotion::ALL.map(LostMotion::name),
         "origins": Origin::ALL.map(Origin::name),
@@ -49,6 +50,7 @@ pub fn text() -> String {
             "compensation": compensation(),
             "pid": pid(),
             "auto_tuner": auto_tuner(),
+            "phase_lead": phase_lead(),
         },
     });
     serde_json::to_string_pretty(&catalogue).expect("plain values")
@@ -136,6 +138,19 @@ fn pid() -> Value {
         high ["output"] = number(s.high), |s| s.high = f64::NAN;
         rate ["output/s"] = number(s.rate), |s| s.rate = f64::NAN;
         max_h ["s"] = number(s.max_h), |s| s.max_h = f64::NAN;
+    }
+}
+
+fn phase_lead() -> Value {
+    #[derive(Clone, Copy)]
+    struct Times {
+        lead: f64,
+        lag: f64,
+    }
+    let s = Times { lead: 2.0, lag: 1.0 };
+    settings! { s, |s| PhaseLead::new(s.lead, s.lag).map(|_| ()),
+        lead ["s"] = Value::Null, |s| s.lead = f64::NAN;
+        lag ["s"] = Value::Null, |s| s.lag = f64::NAN;
     }
 }
 

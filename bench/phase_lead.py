@@ -1,7 +1,8 @@
 """What a phase lead does to loops with a gap: `python -m bench.phase_lead`, seconds; `--docs` writes docs/nonlinear.md.
 
-Each loop is predicted by describing functions, a lead is designed for it (`glapp.nonlinear.phase_lead`), and both are run as
-graphs of modules with a gap of 1, no noise: a step of the setpoint, later one of the load, and then what is left.
+Each loop is predicted by describing functions, a lead is designed for it (`glapp.nonlinear.phase_lead`), and both
+are run as graphs of modules with a gap of 1, no noise: a step of the setpoint, later one of the load, and then what
+is left.
 """
 
 from __future__ import annotations
@@ -14,8 +15,8 @@ import numpy as np
 from glapp.errors import InputError
 from glapp.modules import Backlash, Graph, Input, Noise, PhaseLead, Pid, Plant
 from glapp.nonlinear import backlash_cycles, backlash_margin, phase_lead
-from glapp.plant import Plant as Transfer
 from glapp.plant import PLANTS
+from glapp.plant import Plant as Transfer
 from glapp.tuning import migo, open_loop, ultimate
 
 from .page import write

@@ -2420,9 +2420,9 @@ BLOCKS: dict[
         pid_tuner_cases,
         ["pv", "sp", "mode", "told", "tune", "take"],
         ["u", "ysp", "phase", "stop", "ku", "tu", "kp", "kappa", "k", "ti", "td"],
-        "The autotuner inside the controller: tune 1 begins an experiment, 0 ends it, null leaves it; take 1 takes AMIGO's PI "
-        "over before the scan. mode and told as in pid_advanced; amplitude, wait, longest, pv_low, pv_high as in "
-        "auto_tuner. k, ti, td: in force.",
+        "The autotuner inside the controller: tune 1 begins an experiment, 0 ends it, null leaves it; take 1 takes "
+        "AMIGO's PI over before the scan. mode and told as in pid_advanced; amplitude, wait, longest, pv_low, pv_high "
+        "as in auto_tuner. k, ti, td: in force.",
         {
             "Bump": "an output that jumps when the controller goes on",
             "Taken": "an offer that is not taken over, or other gains",

@@ -358,9 +358,10 @@ class Filter2P(Module):
 class PhaseLead(Module):
     """Phase-lead compensator (1 + s·lead)/(1 + s·lag), against the limit cycle of a gap (2.2).
 
-    `glapp.nonlinear.phase_lead` designs it. It stands between controller and valve, or before the controller's `pv`. Static
-    gain 1, so what comes to rest is not moved; a step shows (lead + h)/(lag + h) times as high, be it a person's or noise. A
-    graph in which something in its loop makes jumps on purpose, u_FF, or an autotuner's relay before it, is refused. A bad value leaves its output where it is.
+    `glapp.nonlinear.phase_lead` designs it. It stands between controller and valve, or before the controller's `pv`.
+    Static gain 1, so what comes to rest is not moved; a step shows (lead + h)/(lag + h) times as high, be it a
+    person's or noise. A graph is refused in which u_FF works in its loop, or an autotuner's relay goes through it. A
+    bad value leaves its output where it is.
 
     Parameters
     ----------
@@ -537,10 +538,10 @@ class PidAdvanced(_Compensating, Pid):
     0), `detections` (in all), and of the last half-period `d` and `reason` (0: accepted). `error` says too that k has
     the wrong sign for the process, where `low` and `high` are given (`docs/modules.md`).
 
-    The autotuner is that of `AutoTuner`: `"pid.tune"` = 1 begins an experiment and 0 ends it, `tune_phase` and `tune_stop`
-    tell where it stands, `tune_ku`, `tune_tu`, `tune_kappa` what it found. Once it is done, `tune_k`, `tune_ti` and
-    `tune_td` are the controller that it offers (NaN: none), and `Graph.take_over` puts that in force. The Kp that it found,
-    `tune_kp`, is the detector's at once, where `kp` is not given.
+    The autotuner is that of `AutoTuner`: `"pid.tune"` = 1 begins an experiment and 0 ends it, `tune_phase` and
+    `tune_stop` tell where it stands, `tune_ku`, `tune_tu`, `tune_kappa` what it found. Once it is done, `tune_k`,
+    `tune_ti` and `tune_td` are the controller that it offers (NaN: none), and `Graph.take_over` puts that in force.
+    The Kp that it found, `tune_kp`, is the detector's at once, where `kp` is not given.
 
     Parameters
     ----------

@@ -1,8 +1,9 @@
-//! Scans of the controller with detector and compensation, and of the autotuner, one call each, for `bench/scan.py` to
+//! Scans of the controller with detector and compensation, with the autotuner inside too, and of the autotuner alone, one call each, for `bench/scan.py` to
 //! count their instructions.
 
 use glapp_core::modules::{
-    AutoTuner, AutoTunerState, Mode, PidAdvanced, PidAdvancedState, ProcessSim, ProcessSimState,
+    AutoTuner, AutoTunerState, Mode, PidAdvanced, PidAdvancedSettings, PidAdvancedState, PidSettings, ProcessSim,
+    ProcessSimState,
 };
 use glapp_core::{Backlash, BacklashState, Backward, Forward, Noise, NoiseState};
 use std::hint::black_box;
@@ -24,6 +25,33 @@ fn auto_tuner(tuner: &AutoTuner<f64>, state: &mut AutoTunerState<f64>, pv: f64) 
     let op = tuner.forward(state, 50.0.into(), pv.into(), 0.1);
     tuner.backward(state, black_box(Backward::default()));
     op.value
+}
+
+/// A scan of the controller with the autotuner inside.
+#[inline(never)]
+fn pid_tuner(pid: &PidAdvanced<f64>, state: &mut PidAdvancedState<f64>, pv: f64) -> f64 {
+    let zero = Forward::from(0.0);
+    let u = pid.forward(state, pv.into(), 50.0.into(), zero, zero, 0.1);
+    pid.backward(state, black_box(Backward::default()));
+    u.value
+}
+
+/// The loop in which the controller's own experiment runs, from before its beginning until long after its end.
+fn experiment_inside(noise: &Noise<f64>) {
+    let settings = settings::controller();
+    let pid = PidSettings { rate: 1e9, ..settings.pid };
+    let tuner = Some(settings::experiment());
+    let pid = PidAdvanced::new(PidAdvancedSettings { pid, tuner, ..settings }).expect("settings within their bounds");
+    let process = ProcessSim::<f64, 16>::new(1.0, 3.0, 1.0, 1.0, 0.1).expect("a process");
+    let (mut lags, mut integer) = (ProcessSimState::at_rest(50.0), NoiseState::default());
+    let mut state = pid.at_rest(Mode::External, 50.0, 50.0);
+    for scan in 0..3000 {
+        state.tuner.run |= scan == 100;
+        let pv = noise.update(&mut integer, process.output(&lags).value);
+        let op = pid_tuner(&pid, &mut state, pv);
+        process.forward(&mut lags, op.into(), 0.0.into());
+    }
+    println!("{:?}", pid.offered(&state).expect("an experiment that is done"));
 }
 
 /// A loop with a gap, until there are many detections.
@@ -68,4 +96,5 @@ fn main() {
     let noise = Noise::new(0.1).expect("an amplitude");
     detections(&noise);
     experiment(&noise);
+    experiment_inside(&noise);
 }

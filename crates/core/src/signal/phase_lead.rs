@@ -109,8 +109,8 @@ mod tests {
     fn a_ramp_shows_as_much_earlier_as_lead_is_longer_than_lag() {
         let lead = PhaseLead::new(5.0, 2.0).unwrap();
         let mut state = PhaseLeadState::default();
-        let last = (0..4000_u16).map(|k| lead.update(&mut state, 0.01 * f64::from(k), 0.01)).last().unwrap();
-        assert!((last - (39.99 + 3.0)).abs() < 1e-9, "{last}");
+        let last = (0..8000_u16).map(|k| lead.update(&mut state, 0.01 * f64::from(k), 0.01)).last().unwrap();
+        assert!((last - (79.99 + 3.0)).abs() < 1e-9, "{last}");
     }
 
     #[test]

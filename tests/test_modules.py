@@ -928,3 +928,18 @@ def test_an_experiment_cannot_lose_its_autotuner() -> None:
         loop["pid.tune"] = 1
     with pytest.raises(InputError, match="there is no 'autotuner' here"):
         loop.take_over("process")
+
+
+def test_an_integral_time_that_the_scan_cannot_follow_is_not_taken_over() -> None:
+    modules = {
+        "sp": Input(50.0),
+        "pid": PidAdvanced(**{"k": 0.2, "ti": 4.0, "tune_rule": TuneRule.AMIGO_PI} | TUNED | {"start": 50.0}),
+        "process": ProcessSim(gain=1.0, t1=0.05, dead_time=1.0, start=50.0),
+    }
+    loop = Graph(0.25, modules, ["sp -> pid.sp", "pid -> process -> pid.pv"])
+    loop["pid.tune"] = 1
+    loop.run(200.0)
+    assert loop["pid.tune_phase"] == 4 and loop["pid.tune_ti"] < 0.5
+    with pytest.raises(InputError, match="pid: tune_ti = 0.*: must be more than two scan times"):
+        loop.take_over("pid")
+    assert loop["pid.ti"] == 4.0

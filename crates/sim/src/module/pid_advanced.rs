@@ -6,7 +6,7 @@ use super::{
 use crate::SimError;
 use glapp_core::auto_tuner::Rule;
 use glapp_core::modules::{self, Gains, PidAdvancedSettings, PidAdvancedState, SCHEDULE_ROWS};
-use glapp_core::{AutoTunerSettings, Backward, DETECTIONS, Forward, ParameterError};
+use glapp_core::{AutoTunerSettings, Backward, DETECTIONS, Forward, ParameterError, tuning};
 
 pub(super) static KIND: Kind = Kind {
     inputs: &["pv", "sp", "ff", "by"],
@@ -31,7 +31,7 @@ pub(super) static KIND: Kind = Kind {
         let at_rest = |y| block.at_rest(mode, y, start);
         let mut state = m.known("start_pv").map_or(PidAdvancedState::at(start), at_rest);
         state.pid.mode = mode;
-        Ok(Box::new(PidAdvanced { block, state }))
+        Ok(Box::new(PidAdvanced { block, state, h: place.h }))
     })
 };
 
@@ -80,6 +80,8 @@ fn named(error: ParameterError) -> ParameterError {
 struct PidAdvanced {
     block: modules::PidAdvanced<f64>,
     state: PidAdvancedState<f64>,
+    /// Scan time \[s\].
+    h: f64,
 }
 
 fn block(m: &Module) -> Result<modules::PidAdvanced<f64>, ParameterError> {
@@ -160,7 +162,13 @@ impl Work for PidAdvanced {
     }
 
     fn offered(&self) -> Option<Result<[(&'static str, f64); 3], ParameterError>> {
-        Some(self.block.offered(&self.state).map(|gains| [("k", gains.k), ("ti", gains.ti), ("td", gains.td)]))
+        let checked = |gains: tuning::Gains<f64>| {
+            let bound = "more than two scan times: with a shorter one every scan would be a gap to the controller";
+            let fits = gains.ti > 2.0 * self.h;
+            let named = [("k", gains.k), ("ti", gains.ti), ("td", gains.td)];
+            if fits { Ok(named) } else { Err(ParameterError { name: "tune_ti", value: gains.ti, bound }) }
+        };
+        Some(self.block.offered(&self.state).and_then(checked))
     }
 
     fn taken_over(&mut self) {

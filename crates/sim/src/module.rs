@@ -278,10 +278,12 @@ impl Module {
 
     /// What makes jumps of its output, where something does.
     pub(crate) fn jumps(&self) -> Option<Jumps> {
-        let given = |name| self.known(name).is_some_and(|value| value != 0.0);
-        if given("comp_size") {
+        let has = |name| self.kind.parameter(name).is_some();
+        if has("comp_size") && matches!(compensation::settings(self), Ok(Some(_))) {
             Some(Jumps::FeedForward)
-        } else if self.kind.name == auto_tuner::KIND.name || given("tune_amplitude") {
+        } else if self.kind.name == auto_tuner::KIND.name
+            || (has("tune_amplitude") && self.value("tune_amplitude") != 0.0)
+        {
             Some(Jumps::Relay)
         } else {
             None

@@ -42,7 +42,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -512,6 +512,10 @@ class PidAdvanced(_Compensating, Pid):
     _also = ("schedule",)
 
     kp: float | None = None
+    pv_span: float | None = None
+    op_span: float | None = None
+    integrating: bool = False
+    detector_tf: float | None = None
     n: int = 9
     sp_rate: float = _MOST
     schedule: Sequence[tuple[float, float, float, float]] = ()
@@ -614,6 +618,9 @@ class BacklashDetection(_Compensating):
     td: float = 0.0
     b: float = 1.0
     kp: float | None = None
+    pv_span: float | None = None
+    op_span: float | None = None
+    integrating: bool = False
     tf: float | None = None
     n: int = 9
     op_low: float | None = None
@@ -763,7 +770,12 @@ class Graph:
         with _input_errors():
             self._graph.reset_detection(module)
 
-    def __getitem__(self, path: str) -> float:
+    def window(self, module: str) -> list[float]:
+        """Detections behind the estimate of a module with a detector, the oldest first [unit of the output]."""
+        with _input_errors():
+            return self._graph.window(module)
+
+    def __getitem__(self, path: str) -> Any:
         with _input_errors():
             return self._graph.get(path)
 

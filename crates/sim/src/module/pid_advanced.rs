@@ -11,12 +11,20 @@ pub(super) static KIND: Kind = Kind {
     is_controller: true,
     parameters: &[
         pid::PARAMETERS,
-        &[("kp", Unknown), ("n", Is(DETECTIONS as f64)), ("sp_rate", Is(f64::MAX))],
+        &[
+            ("kp", Unknown),
+            ("pv_span", Unknown),
+            ("op_span", Unknown),
+            ("integrating", Is(0.0)),
+            ("detector_tf", Unknown),
+            ("n", Is(DETECTIONS as f64)),
+            ("sp_rate", Is(f64::MAX)),
+        ],
         compensation::PARAMETERS,
     ],
     beginnings: pid::BEGINNINGS,
     commands: &["mode", "sp", "manual", "compensate"],
-    variables: &[pid::VARIABLES, compensation::VARIABLES],
+    variables: &[pid::VARIABLES, compensation::VARIABLES, compensation::INNER],
     ..Kind::plain("PidAdvanced", |m, place| {
         let block = modules::PidAdvanced::new(settings(m)?)?;
         let (start, mode) = (m.value("start"), pid::mode(place));
@@ -38,6 +46,10 @@ fn settings(m: &Module) -> Result<PidAdvancedSettings<f64>, ParameterError> {
     Ok(PidAdvancedSettings {
         pid: pid::settings(m),
         kp: m.known("kp"),
+        pv_span: m.known("pv_span"),
+        op_span: m.known("op_span"),
+        integrating: m.yes("integrating")?,
+        detector_tf: m.known("detector_tf"),
         n: m.whole("n")?,
         sp_rate: m.value("sp_rate"),
         schedule,
@@ -65,7 +77,16 @@ impl Work for PidAdvanced {
     fn get(&self, name: &str) -> Option<f64> {
         match name {
             "error" => Some(self.state.error().into()),
-            _ => pid::named(&self.state.pid, name).or_else(|| compensation::named(&self.state.detection, name)),
+            "max_h" => Some(self.block.settings().pid.max_h),
+            "detector_tf" => {
+                let PidAdvancedSettings { pid, detector_tf, .. } = self.block.settings();
+                let usual = if pid.tf > 0.0 { pid.tf } else { self.block.detection().settings().detector.tf };
+                Some(detector_tf.unwrap_or(usual))
+            }
+            _ => {
+                let detection = || compensation::read(self.block.detection(), &self.state.detection, name);
+                pid::named(&self.state.pid, name).or_else(detection)
+            }
         }
     }
 
@@ -74,6 +95,10 @@ impl Work for PidAdvanced {
             "compensate" => compensation::compensate(&mut self.state.detection, value),
             _ => pid::commanded(&mut self.state.pid, name, value),
         }
+    }
+
+    fn window(&self) -> Option<Vec<f64>> {
+        Some(self.state.detection.detector.window().collect())
     }
 
     fn reset_detection(&mut self) -> bool {

@@ -169,7 +169,9 @@ def test_inner_variables_follow_the_half_period_under_way() -> None:
     assert math.isnan(loop["pid.last_delta_t"]) and loop.window("pid") == []
     loop.scan(pv=4.0, sp=1.0)
     assert loop["pid.last_delta_t"] == 2.0 and loop["pid.last_delta_sp"] == 1.0 and loop["pid.last_mask"] == 1 | 16 | 64
-    assert loop["pid.e"] == -3.0 and loop["pid.delta_y_prev"] == 2.5
+    assert loop["pid.e"] == -3.0 and math.isnan(loop["pid.delta_y_prev"]), "none to compare with after a break"
+    loop.scan(pv=0.0, sp=1.0)
+    assert loop["pid.e"] == 1.0 and loop["pid.delta_y_prev"] == 3.0 and loop["pid.last_mask"] == 16 | 64
     assert loop["pid.u_fb"] == loop["pid"]
 
 

@@ -797,7 +797,7 @@ class Graph:
         >>> loop.run(60, pv=np.where(np.arange(60) // 12 % 2, 1.0, -1.0))["t"].size
         60
         >>> [round(d, 2) for d in loop.window("pid")]
-        [2.0, 2.0, 2.0]
+        [1.87, 1.87]
         """
         with _input_errors():
             return self._graph.window(module)

@@ -2185,6 +2185,11 @@ class _Detection:
             limits = {"op_low": low, "op_high": high, "op_span": high - low}
         known = {} if td is None else {"td": td}
         own = {"k": k, "ti": ti, "b": params.get("b", 1.0), "tf": tf, "n": params.get("n", 9.0), "op_known": 1.0}
+        limits |= {"op_span": params["op_span"]} if "op_span" in params else {}
+        spanned = "pv_span" in params and "op_span" in params
+        if spanned and "kp" not in params:
+            given = {"kp": math.copysign(1.5 * (params["pv_span"] / params["op_span"]), k)}
+        self.unfit = (spanned and "kp" not in params) or max(tf, params.get("tf", 0.0)) > 0.5 * ti
         self.params = own | given | known | limits | {"max_h": params["ti"] / 2.0}
         self.size = params.get("comp_size", 0.0)
         renamed = {name.removeprefix("comp_"): value for name, value in params.items() if name.startswith("comp_")}
@@ -2207,9 +2212,18 @@ class _Detection:
         self.standing = 1
 
     def learn(
-        self, h: float, sp: float, pv: float, raw: float, sent: float, op: float, flags: int, enable: bool
+        self,
+        h: float,
+        sp: float,
+        pv: float,
+        raw: float,
+        sent: float,
+        op: float,
+        flags: int,
+        enable: bool,
+        beside: float = NAN,
     ) -> None:
-        """One sample, with the output as it is sent and the controller's own.
+        """One sample, with the output as it is sent and the controller's own; `beside`: PV for all but the detector.
 
         What the last half-period means for the compensation comes in the scan after it.
         """
@@ -2235,12 +2249,14 @@ class _Detection:
             against = found["op_travel"] + found["delta_u"] / 2.0 < 0.0
             self.last = (*parts, int(found["mask"]), found["d"], self.half + self.half, against)
         yf = filter_({"tf": self.params["tf"]}, [0.0, *self.h[1:]], [row[1] for row in self.samples])[-1]
+        yf = yf if math.isnan(beside) else beside
         self.watched.append([sp, yf, sent, flags])
         wrong = self.limits and wrong_sign(self.params | self.limits, self.h, self.watched)[-1]
         self.error = 256 if wrong or self.against >= 3 else 0
         if self.size > 0.0:
             flags |= FLAG_LIMIT if self.error else 0
-            self.compensated.append([sp - yf, op, self.whole(), self.over[1], enable, flags])
+            fit = NAN if self.unfit else self.whole()
+            self.compensated.append([sp - yf, op, fit, self.over[1], enable, flags])
             self.u_ff, self.half, self.standing = compensation(self.compensation, self.h, self.compensated)[-1]
 
     def whole(self) -> float:
@@ -2278,8 +2294,10 @@ def pid_advanced(params: Params, h: Sequence[float], samples: Sequence[Sequence[
     widest = max((row[1] for row in rows), key=abs, default=k)
     slowest = max((row[2] for row in rows), default=ti)
     damping = max((row[3] for row in rows), default=td)
-    tf = 0.0 if controller.tf > 0.0 else damping / 5.0 if damping > 0.0 else slowest / 10.0
+    usual = damping / 5.0 if damping > 0.0 else slowest / 10.0
+    tf = params.get("detector_tf", 0.0 if controller.tf > 0.0 else usual)
     detection = _Detection(params, widest, slowest, None if rows else td, tf)
+    pvs: list[float] = []
     detection.compensation["rate"] = min(detection.compensation["rate"], controller.rate / 2.0)
     by, outputs = 0.0, []
     for step, (pv, sp, given, mode, manual, told, enable) in zip(h, samples, strict=True):
@@ -2289,8 +2307,13 @@ def pid_advanced(params: Params, h: Sequence[float], samples: Sequence[Sequence[
         rate = params.get("sp_rate", MOST)
         u = controller.scan(gains, rate, step, pv, sp, 0.0 + detection.u_ff, mode, NAN, manual, *back)[0]
         sent = (u - controller.ff) + detection.u_ff
-        seen = controller.yf if controller.tf > 0.0 else pv
-        detection.learn(step, controller.ysp, seen, pv, sent, sent - detection.u_ff, controller.flags, enable != 0)
+        pvs.append(pv)
+        seen, beside = controller.yf if controller.tf > 0.0 else pv, NAN
+        if "detector_tf" in params:
+            steps = [0.0, *h[1 : len(pvs)]]
+            beside, seen = seen if controller.tf > 0.0 else filter_({"tf": usual}, steps, pvs)[-1], pv
+        op = sent - detection.u_ff
+        detection.learn(step, controller.ysp, seen, pv, sent, op, controller.flags, enable != 0, beside)
         outputs.append([u, controller.ysp, *detection.all()])
     return outputs
 
@@ -2367,6 +2390,18 @@ def pid_advanced_cases() -> Iterator[dict[str, Any]]:
     away = [[pv - 0.01 * 1.4 ** max(min(i - 165, 24), 0), *rest] for i, (pv, *rest) in enumerate(plain)]
     strong = compensating | {"k": 2.0}
     yield case("PV that runs away", ["WrongSign", "Compensation"], strong, away, h=0.25)
+    by_error = compensating | {"comp_way": 1.0, "detector_tf": 0.3}
+    yield case("a filter of the detector's own", ["OwnFilter", "Compensation"], by_error, plain, h=0.25)
+    unfiltered = {name: value for name, value in by_error.items() if name != "tf"}
+    yield case("the same where the controller does not filter", ["OwnFilter"], unfiltered, plain, h=0.25)
+    # Only an estimate that may be used makes a size of 4 smaller.
+    late = [[*row[:-1], 1.0 if i >= 150 else 0.0] for i, row in enumerate(plain)]
+    for tf in (0.4, 0.6):
+        long = by_error | {"detector_tf": tf, "comp_size": 4.0}
+        yield case(f"a filter of {tf} Ti", ["OwnFilter", "Compensation"], long, late, h=0.25)
+    spanned = {name: value for name, value in compensating.items() if name != "kp"} | {"pv_span": 80.0, "op_span": 60.0}
+    yield case("Kp by default", ["KpDefault", "Compensation"], spanned | {"comp_size": 4.0}, late, h=0.25)
+    yield case("Kp by default, K below 0", ["KpDefault", "Sign"], spanned | {"k": -0.5}, plain, h=0.25)
 
 
 BLOCKS: dict[
@@ -2459,6 +2494,9 @@ BLOCKS: dict[
             "Rate": "a rate that limits and is not told, or that u_FF takes up alone",
             "Noise": "a width shown that noise can feign, or noise heard in PV that comes filtered",
             "Schedule": "a row taken too early or too late, or a bump between two",
+            "OwnFilter": "PV filtered twice by the detector, or otherwise for u_FF; compensation by too long a filter",
+            "KpDefault": "another Kp than 1.5 %/% with the sign of K, or compensation by it",
+            "Sign": "a direction or a size that K does not turn",
         },
     ),
     "saturation": (

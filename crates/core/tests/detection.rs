@@ -179,11 +179,13 @@ fn the_corrected_width_is_that_of_the_last_pairs_to_the_bit() {
     for kp in [Some(1.0), None] {
         let mut it = Loop::new(PidAdvancedSettings { kp, ..settings() });
         let swing = Swing::new(2.0, 2.0, None, 1.0).unwrap();
-        let (mut state, mut halves, mut compared) = (SwingState::default(), Vec::new(), 0);
+        let (mut state, mut halves, mut compared, mut worked_off) = (SwingState::default(), Vec::new(), 0, 0);
         for _ in 0..12_000 {
             let ended = it.state.detection.last;
             let u = it.scan();
+            worked_off += 1;
             if it.state.detection.last != ended {
+                worked_off = 0;
                 let record = it.state.detection.last.unwrap();
                 let start = halves.len() as f64;
                 halves.push(Half {
@@ -193,7 +195,7 @@ fn the_corrected_width_is_that_of_the_last_pairs_to_the_bit() {
                     delta_y: record.half.delta_y,
                     swing: swing.end(&mut state, record.half.sign, record.half.flags),
                 });
-            } else {
+            } else if worked_off > 1 {
                 let all: Vec<_> = pairs(&halves).collect();
                 let found = corrected(&mut all[all.len().saturating_sub(PAIRS)..].to_vec(), kp);
                 match it.pid.detection().corrected(&it.state.detection) {

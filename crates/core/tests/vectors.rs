@@ -6,11 +6,11 @@ use glapp_core::modules::{
 };
 use glapp_core::{
     AutoTuner, AutoTunerSettings, AutoTunerState, Backlash, BacklashState, Backward, Compensation, CompensationSample,
-    CompensationSettings, CompensationState, Conditions, Correction, CorrectionState, Derivative, Detector, DetectorSettings, DetectorState,
-    HalfPeriod, HalfPeriodState, MedianMean, MedianMeanState, Noise, NoiseLevel, NoiseState, OverCompensation,
-    OverCompensationState, OverWarning, Pid, PidState, RateLimit, RateLimitState, Real, Reason, Record, SafetyNet,
-    Sample, Saturation, SecondOrderFilter, SecondOrderFilterState, Sum, Swing, SwingState, Way, Width, WidthParts,
-    WrongSign, WrongSignState, ZeroCrossing,
+    CompensationSettings, CompensationState, Conditions, Correction, CorrectionState, Derivative, Detector,
+    DetectorSettings, DetectorState, HalfPeriod, HalfPeriodState, MedianMean, MedianMeanState, Noise, NoiseLevel,
+    NoiseState, OverCompensation, OverCompensationState, OverWarning, Pid, PidState, RateLimit, RateLimitState, Real,
+    Reason, Record, SafetyNet, Sample, Saturation, SecondOrderFilter, SecondOrderFilterState, Sum, Swing, SwingState,
+    Way, Width, WidthParts, WrongSign, WrongSignState, ZeroCrossing,
 };
 use serde_json::Value;
 use std::path::Path;
@@ -253,6 +253,9 @@ fn pid_advanced() {
         let usual = PidAdvancedSettings::new(case.controller());
         let settings = PidAdvancedSettings {
             kp: case.param("kp"),
+            pv_span: case.param("pv_span"),
+            op_span: case.param("op_span"),
+            detector_tf: case.param("detector_tf"),
             n: case.given("n") as u32,
             sp_rate: case.or("sp_rate", usual.sp_rate),
             schedule,

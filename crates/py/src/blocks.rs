@@ -2,8 +2,8 @@
 
 use crate::refused;
 use glapp_core::{
-    Conditions, CorrectionState, Derivative as Slope, Doubt, HalfPeriod, HalfPeriodState, MedianMeanState, Reason, Record,
-    SecondOrderFilterState, Status, SwingState, WidthParts, ZeroCrossing as Crossing,
+    Conditions, CorrectionState, Derivative as Slope, Doubt, HalfPeriod, HalfPeriodState, MedianMeanState, Reason,
+    Record, SecondOrderFilterState, Status, SwingState, WidthParts, ZeroCrossing as Crossing,
 };
 use pyo3::IntoPyObjectExt;
 use pyo3::prelude::*;

@@ -44,7 +44,8 @@ mod _glapp {
     use crate::backlash::Backlash;
     #[pymodule_export]
     use crate::blocks::{
-        Correction, Derivative, HalfPeriodBlock, MedianMean, SafetyNet, SecondOrderFilter, Swing, Width, ZeroCrossing, doubts,
+        Correction, Derivative, HalfPeriodBlock, MedianMean, SafetyNet, SecondOrderFilter, Swing, Width, ZeroCrossing,
+        doubts,
     };
     #[pymodule_export]
     use crate::compensation::{Compensation, OverCompensation, standings};

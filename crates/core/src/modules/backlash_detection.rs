@@ -43,7 +43,8 @@ pub struct BacklashDetectionSettings<R> {
 /// compensates, the detector shows what is left of the gap; the whole is the median/mean of what was left and the size in
 /// force, detection by detection. That may lower the size that a person or the fit gave, and never raises it. Both
 /// warnings of over-compensation are shown; the relay withdraws it, where the settings say so. What a half-period means
-/// for the compensation is worked off in the scan after it, so that the worst scan takes little longer than the others.
+/// for the compensation is worked off in the scan after it, and what it means for the corrected width in the scan after that, so that the worst
+/// scan takes little longer than the others.
 ///
 /// Two things tell that K has the wrong sign, [`WRONG_SIGN`]: OP goes to its limit and PV runs away from SP ([`WrongSign`], where
 /// limits are known), which holds until PV crosses SP; or in three half-periods in a row, each longer than 3Ti and undisturbed, OP
@@ -238,7 +239,9 @@ impl<R: Real> BacklashDetection<R> {
         let (h, sp) = (state.h, state.sp.value);
         let op = back.map(|back| back.tracking - state.u_ff);
         state.u_fb = op;
-        self.correction.conclude(&mut state.correction);
+        if !state.due {
+            self.correction.conclude(&mut state.correction);
+        }
         state.smooth |= self.smooth;
         if let (Some(last), true) = (&state.last, state.due) {
             if let Some((_, warning)) = &self.compensation {

@@ -1,8 +1,10 @@
-"""Widths that the modules show: with and without Kp, behind filters of the detector's own, corrected: `python -m bench.modules`.
+"""Widths that the modules show: with and without Kp, by filters of the detector's own, corrected.
 
-P1 to P8 under PI (MIGO, Ms 2.0) and PID (AMIGO), five seeds, noise of ± 0.005, steps of the load of 0.3, 1000 Ti at 20 scans a Ti;
-the spans of PV and OP are 1. The controller filters with Td/5, or Ti/10 without D. `--docs` writes the tables into
-docs/modules.md; five minutes on two cores.
+`python -m bench.modules`.
+
+P1 to P8 under PI (MIGO, Ms 2.0) and PID (AMIGO), five seeds, noise of ± 0.005, steps of the load of 0.3, 1000 Ti at 20
+scans a Ti; the spans of PV and OP are 1. The controller filters with Td/5, or Ti/10 without D. `--docs` writes the
+tables into docs/modules.md; five minutes on two cores.
 """
 
 from __future__ import annotations
@@ -16,8 +18,8 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-
 from bench.page import write
+
 from glapp import tuning
 from glapp.controller import Ideal
 from glapp.modules import Backlash, Graph, Input, Noise, PidAdvanced, Plant
@@ -68,9 +70,7 @@ def show(case: Case, c: Ideal, **told: float) -> Shown:
         {
             "sp": Input(),
             "load": Input(),
-            "pid": PidAdvanced(
-                k=c.k / case.gain, ti=c.ti, td=c.td, b=c.b, tf=c.td / 5 if c.td else c.ti / 10, **told
-            ),
+            "pid": PidAdvanced(k=c.k / case.gain, ti=c.ti, td=c.td, b=c.b, tf=c.td / 5 if c.td else c.ti / 10, **told),
             "gap": Backlash(case.d, start=0.0),
             "plant": Plant(Process([case.gain * x for x in plant.num], plant.den, plant.dead_time)),
             "noise": Noise(case.noise * case.gain, seed=case.seed),
@@ -107,7 +107,9 @@ def answered(widths: Sequence[float], d: float) -> str:
 def widths_table(found: dict[Case, dict[str, Shown]]) -> Iterable[str]:
     """Estimates beside each other."""
     zero = {"Kp": "d̂, Kp = 1", "default": "d̂, Kp by default", "none": "d̂ without Kp"} | {f: f"d̂, Tf = {f}" for f in OWN}
-    right = {"Kp": "corrected, Kp = 1", "default": "corrected, Kp by default"} | {f: f"corrected, Tf = {f}" for f in OWN}
+    right = {"Kp": "corrected, Kp = 1", "default": "corrected, Kp by default"} | {
+        f: f"corrected, Tf = {f}" for f in OWN
+    }
     yield "| | d | loops | " + " | ".join([*zero.values(), *right.values()]) + " |"
     yield "|" + "---|" * (len(zero) + len(right) + 3)
     for rule, d in product(("PI", "PID"), WIDTHS):
@@ -119,10 +121,14 @@ def widths_table(found: dict[Case, dict[str, Shown]]) -> Iterable[str]:
 
 def gains_table(found: dict[Case, dict[str, Shown]]) -> Iterable[str]:
     """The estimate with a Kp by default over that with the true one."""
-    yield "| true Kp | loops | with an estimate | d̂ by default / d̂ by the true Kp: median | lowest | highest | within 20 % |"
+    yield "| true Kp | loops | with d̂ | d̂ by default / by the true Kp: median | lowest | highest | within 20 % |"
     yield "|" + "---|" * 7
     for gain in GAINS:
-        rows = [shown for case, shown in found.items() if case.gain == gain and case.d > 0 and case.plant != "P1" and case.rule in ("PI", "PID")]
+        rows = [
+            shown
+            for case, shown in found.items()
+            if case.gain == gain and case.d > 0 and case.plant != "P1" and case.rule in ("PI", "PID")
+        ]
         both = [(row["default"].d_hat, row["Kp"].d_hat) for row in rows]
         ratios = sorted(default / true for default, true in both if not math.isnan(default + true))
         assert all(row["default"].kp_defaulted and not row["Kp"].kp_defaulted for row in rows)

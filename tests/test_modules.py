@@ -730,7 +730,11 @@ def test_every_name_can_be_read() -> None:
     assert {"pid.k", "pid.mode", "pid.d_hat", "gap.d", "sp.flags", "process.out"} <= set(names)
     unknown = {name for name in names if loop[name] is None}
     assert all(isinstance(loop[name], float) for name in set(names) - unknown)
-    assert {"pid.pv_span", "pid.start_pv", "gap.start"} <= unknown and not unknown & {"pid.kp", "pid.max_h", "process.h"}
+    assert {"pid.pv_span", "pid.start_pv", "gap.start"} <= unknown and not unknown & {
+        "pid.kp",
+        "pid.max_h",
+        "process.h",
+    }
 
 
 def test_sample_by_sample_beside_a_plant_whose_sensor_fails() -> None:

@@ -1,4 +1,4 @@
-"""What the modules' detector is told and shows: a Kp by default, a filter of its own, the corrected width, inner variables."""
+"""What a module's detector is told and shows: Kp by default, a filter of its own, corrected width, inner variables."""
 
 import math
 from typing import Any
@@ -56,7 +56,9 @@ def test_kp_by_default_is_that_of_analyze() -> None:
 def test_the_estimate_by_default_lies_near_that_with_the_true_kp_and_is_never_compensated_by() -> None:
     """Thesis 6.5 with the process of this page: 2.0 shown with Kp, a little more with 1.5, more without."""
     compensation = {"comp_size": 4.0, "comp_band": 0.0, "comp_withdraw": False}
-    loops = {name: loop_with(**told, **compensation) for name, told in (("kp", {"kp": 1.0}), ("spans", SPANS), ("no", {}))}
+    loops = {
+        name: loop_with(**told, **compensation) for name, told in (("kp", {"kp": 1.0}), ("spans", SPANS), ("no", {}))
+    }
     for loop in loops.values():
         loop.run(1000, load=LOAD)
     shown = {name: loop["pid.d_hat"] for name, loop in loops.items()}
@@ -80,7 +82,13 @@ def test_wrong_settings_are_named() -> None:
         ({"integrating": 2.0}, r"watch: integrating = 2: must be 0 \(no\) or 1 \(yes\)"),
     ):
         given: dict[str, Any] = {"k": 1.0, "ti": 2.0} | settings
-        modules = {"pv": Input(), "sp": Input(), "pid": Pid(1.0, 2.0), "watch": BacklashDetection(**given), "op": Output()}
+        modules = {
+            "pv": Input(),
+            "sp": Input(),
+            "pid": Pid(1.0, 2.0),
+            "watch": BacklashDetection(**given),
+            "op": Output(),
+        }
         wires = ["pv -> pid.pv", "sp -> pid.sp", "pv -> watch.pv", "sp -> watch.sp", "watch -> pid.ff", "pid -> op"]
         with pytest.raises(InputError, match=match):
             Graph(0.1, modules, wires)
@@ -92,7 +100,14 @@ def test_wrong_settings_are_named() -> None:
 
 def test_defaults_are_read_as_what_is_in_force() -> None:
     loop = loop_with(comp_size=2.0)
-    in_force = {"max_h": 1.0, "detector_tf": 0.2, "comp_limit": 2.0, "comp_band": 0.4, "comp_rate": 10.0, "comp_watch": 600.0}
+    in_force = {
+        "max_h": 1.0,
+        "detector_tf": 0.2,
+        "comp_limit": 2.0,
+        "comp_band": 0.4,
+        "comp_rate": 10.0,
+        "comp_watch": 600.0,
+    }
     assert {name: loop[f"pid.{name}"] for name in in_force} == in_force
     assert loop["process.h"] == 0.1 and loop["pid.kp"] is None and loop["pid.start_pv"] is None
     assert loop_with(tf=0.0)["pid.detector_tf"] == 0.2 and loop_with(tf=0.0, td=0.5)["pid.detector_tf"] == 0.1
@@ -138,7 +153,9 @@ def test_the_corrected_width_is_that_of_the_block_and_right() -> None:
     assert loop["pid.corrected_low"] <= width[0] <= loop["pid.corrected_high"]
 
 
-@pytest.mark.parametrize("told", [{"kp": 1.0}, SPANS, {}, {"kp": 1.0, "detector_tf": 4.0}], ids=["kp", "spans", "none", "2Ti"])
+@pytest.mark.parametrize(
+    "told", [{"kp": 1.0}, SPANS, {}, {"kp": 1.0, "detector_tf": 4.0}], ids=["kp", "spans", "none", "2Ti"]
+)
 def test_no_corrected_width_without_a_gap(told: dict[str, float]) -> None:
     loop = loop_with(gap=0.0, **told)
     seen = loop.run(1000, load=LOAD, record=["pid.corrected_d", "pid.corrected_doubt"])

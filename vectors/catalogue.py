@@ -56,7 +56,8 @@ def page(catalogue: dict[str, Any]) -> str:
         parts += [f"## settings of {block}", _table(("name", "unit", "bound", "default"), rows)]
     parts.append(
         f"Defaults are those for {controller}; of compensation for *inverse* and {given['share']:g} of a size of "
-        f"{given['size']:g}. Kp where it is not known and both spans are: {catalogue['kp_default']:g} %/% with the sign of K, marked. No default: it must be given, is not known, or has no limit."
+        f"{given['size']:g}. Kp where it is not known and both spans are: {catalogue['kp_default']:g} %/% with the "
+        "sign of K, marked. No default: it must be given, is not known, or has no limit."
     )
     return "\n\n".join(parts) + "\n"
 

@@ -993,9 +993,13 @@ def _pair(halves: Sequence[tuple[int, int, float, list[float]]]) -> tuple[float,
     """Travel of OP and way of PV of the half-period in the middle, if it was accepted between whole ones."""
     if len(halves) < 3:
         return None
-    (_, mask_before, _, _), (sign, mask, delta_y, (travel, plateau)), (sign_after, mask_after, delta_y_after, after) = halves
+    (_, mask_before, _, _), (sign, mask, delta_y, (travel, plateau)), (sign_after, mask_after, delta_y_after, after) = (
+        halves
+    )
     broken = sum(1 << REASON_ORDER.index(name) for name in ("gap", "bad_quality", "not_auto", "saturated", "sp_moved"))
-    whole = mask == 0 and not (mask_before | mask_after) & broken and not mask_after & 1 << REASON_ORDER.index("too_short")
+    whole = (
+        mask == 0 and not (mask_before | mask_after) & broken and not mask_after & 1 << REASON_ORDER.index("too_short")
+    )
     way = plateau + after[1]
     reached = way <= 1.4 * (delta_y + delta_y_after)
     return (travel, way) if whole and reached and sign_after == -sign and not math.isnan(travel) else None
@@ -1095,7 +1099,13 @@ def correction_cases() -> Iterator[dict[str, Any]]:
     yield case("Kp known, widths that scatter a little", [], known, rows(gap(swings, scatter=0.2), swings), h=0.5)
     yield case("Kp not known", ["Line"], loop, rows(gap(swings, scatter=0.05), swings), h=0.5)
     yield case("Kp not known, ways alike", ["Line"], loop, rows(gap(alike), alike), h=0.5)
-    yield case("Kp not known, OP travels less where PV swings further", ["Line"], loop, rows(gap(swings, 6.0, -1.0), swings), h=0.5)
+    yield case(
+        "Kp not known, OP travels less where PV swings further",
+        ["Line"],
+        loop,
+        rows(gap(swings, 6.0, -1.0), swings),
+        h=0.5,
+    )
     yield case("widths that do not agree", ["Doubt"], known, rows(gap(swings, scatter=1.6), swings), h=0.5)
     yield case("Kp not known, no line", ["Doubt", "Line"], loop, rows(gap(swings, scatter=1.6), swings), h=0.5)
     yield case("the way is longer than the gap", ["Doubt"], known, rows(gap(swings, d=0.2), swings), h=0.5)
@@ -1107,7 +1117,9 @@ def correction_cases() -> Iterator[dict[str, Any]]:
     refused = {4: 32, 8: 64, 12: 256}
     few = {3: 2, 6: 4, 9: 8, 12: 16}
     yield case("hardly one that is", ["Whole"], known, rows(gap(swings), swings, few), h=0.5)
-    yield case("half-periods that are whole and not accepted", ["Whole"], known, rows(gap(swings), swings, refused), h=0.5)
+    yield case(
+        "half-periods that are whole and not accepted", ["Whole"], known, rows(gap(swings), swings, refused), h=0.5
+    )
 
 
 REASON_ORDER = (
@@ -2684,9 +2696,9 @@ BLOCKS: dict[
         correction_cases,
         ["sp", "yf", "op", "ends", "flags", "mask", "delta_y"],
         ["d", "low", "high", "kp", "doubt"],
-        "The width with the bias of (2.4) taken out, by the last nine pairs of half-periods, worked off with the sample after the one "
-        "that ended a half-period; doubt: 0, or why there is no width. ends, flags: as in swing; mask, delta_y: of the "
-        "half-period that ends. kp left out: not known.",
+        "The width with the bias of (2.4) taken out, by the last nine pairs of half-periods, worked off with the "
+        "sample after the one that ended a half-period; doubt: 0, or why there is no width. ends, flags: as in swing; "
+        "mask, delta_y: of the half-period that ends. kp left out: not known.",
         {
             "Line": "another line than that of known errors, or one that a single pair makes",
             "Doubt": "a width where the pairs do not tell",

@@ -214,7 +214,7 @@ class Swing:
     def end(self, sign: int, flags: int = 0) -> tuple[float | None, float]: ...
 
 class Correction:
-    """The width with the bias of (2.4) taken out, on line; `width` gives (d, low, high, kp), or the name of the doubt."""
+    """Width with the bias of (2.4) taken out, on line; `width` gives (d, low, high, kp), or the name of the doubt."""
 
     def __init__(
         self, k: float, ti: float, b: float = 1.0, kp: float | None = None, integrating: bool = False

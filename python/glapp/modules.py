@@ -2,8 +2,8 @@
 
 A `Graph` is a few named modules and the wires between them, checked when it is made. It runs in simulation, or sample
 by sample beside a real plant; every parameter and variable of every module can be read and set while it runs, a gain
-schedule by `Graph.schedule` and `Graph.set_schedule`. A default is read as what is in force, a parameter that is not known as
-None.
+schedule by `Graph.schedule` and `Graph.set_schedule`. A default is read as what is in force, a parameter that is not
+known as None.
 
 Over a connection goes more than a value. Forward go value and quality; backward go limits, whether something further on
 has reached its lower or upper limit, and the value in effect where the one handed over is not followed. So a controller
@@ -488,8 +488,8 @@ class PidAdvanced(_Compensating, Pid):
     limits and mode. Where `tf` is 0 the detector filters, with Td/5, or Ti/10 without D. Read `d_hat`, `count`
     (detections behind it), `noise_floor` (what noise can feign: below it `d_hat` and `whole` are NaN, and `count` is
     0), `detections` (in all), and of the last half-period `d` and `reason` (0: accepted). `error` says too that k has
-    the wrong sign for the process, where `low` and `high` are given. `corrected_d` is the width with the bias of (2.4) taken
-    out, NaN where `corrected_doubt` says why not. These and all inner variables are explained in `docs/modules.md`.
+    the wrong sign for the process, where `low` and `high` are given. `corrected_d` is the width with the bias of (2.4)
+    taken out, NaN where `corrected_doubt` says why not. `docs/modules.md` explains these and all inner variables.
 
     Parameters
     ----------
@@ -499,9 +499,9 @@ class PidAdvanced(_Compensating, Pid):
         Static process gain, ≠ 0: from a fit, a manual test [process value per output]. Set it while it runs when it
         becomes known.
     pv_span, op_span : float, optional
-        Spans of process value and output, > 0 [their units]. Where both are given and `kp` is not, Kp is 1.5 %/% with the
-        sign of k (7.2.2): `kp_used` shows it, `kp_defaulted` is 1, and nothing is compensated by such an estimate. No
-        Δu as large as `op_span` is a gap's; that of the limits where it is not given.
+        Spans of process value and output, > 0 [their units]. Where both are given and `kp` is not, Kp is 1.5 %/% with
+        the sign of k (7.2.2): `kp_used` shows it, `kp_defaulted` is 1, and nothing is compensated by such an estimate.
+        No Δu as large as `op_span` is a gap's; that of the limits where it is not given.
     integrating : bool
         The process integrates: it has no Kp, and no corrected width.
     detector_tf : float, optional
@@ -785,7 +785,7 @@ class Graph:
             self._graph.reset_detection(module)
 
     def window(self, module: str) -> list[float]:
-        """Detections behind the estimate of a `PidAdvanced` or `BacklashDetection`, the oldest first [unit of the output].
+        """Detections behind the estimate of a detector, the oldest first [unit of the output].
 
         Examples
         --------

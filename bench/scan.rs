@@ -54,22 +54,23 @@ fn experiment_inside(noise: &Noise<f64>) {
     println!("{:?}", pid.offered(&state).expect("an experiment that is done"));
 }
 
-/// A loop with a gap, until there are many detections.
+/// A loop with a gap under steps of its load, until there are many detections and a corrected width.
 fn detections(noise: &Noise<f64>) {
     let pid = PidAdvanced::new(settings::controller()).expect("settings within their bounds");
     let mut state = PidAdvancedState::at(50.0);
     (state.pid.mode, state.detection.compensate) = (Mode::External, true);
     let gap = Backlash::new(2.0).expect("a width");
     let (mut position, mut integer, mut lags) = (BacklashState::default(), NoiseState::default(), [52.0, 52.0]);
-    for _ in 0..3000 {
+    for scan in 0..12_000 {
         let u = pid_advanced(&pid, &mut state, noise.update(&mut integer, lags[1]));
-        let x = gap.update(&mut position, u) + 5.0;
+        let x = gap.update(&mut position, u) + if scan / 2000 % 2 == 0 { 0.0 } else { 5.0 };
         lags[0] += (x - lags[0]) * 0.1 / 3.1;
         lags[1] += (lags[0] - lags[1]) * 0.1 / 1.1;
     }
     let shown = state.detection.whole.expect("detections");
     println!("a state in f32: {} bytes", size_of::<PidAdvancedState<f32>>());
     println!("{} detections, {:.2} %", state.detection.detector.accepted(), shown.value);
+    println!("corrected: {:?}", pid.detection().corrected(&state.detection));
 }
 
 /// A relay experiment, from before its beginning to after its end.

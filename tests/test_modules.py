@@ -648,7 +648,7 @@ def test_what_is_not_known_any_more_is_none() -> None:
     loop = scheduled()
     loop["pid.kp"] = 2.0
     loop["pid.kp"] = None
-    assert math.isnan(loop["pid.kp"])
+    assert loop["pid.kp"] is None
     with pytest.raises(InputError, match=r"pid: kp = NaN: must be"):
         loop["pid.kp"] = math.nan
     with pytest.raises(InputError, match=r"PidAdvanced: k must be given"):
@@ -729,7 +729,13 @@ def test_every_name_can_be_read() -> None:
     loop.run(1.0)
     names = list(loop)
     assert {"pid.k", "pid.mode", "pid.d_hat", "gap.d", "sp.flags", "process.out"} <= set(names)
-    assert all(isinstance(loop[name], float) for name in names)
+    unknown = {name for name in names if loop[name] is None}
+    assert all(isinstance(loop[name], float) for name in set(names) - unknown)
+    assert {"pid.pv_span", "pid.start_pv", "gap.start"} <= unknown and not unknown & {
+        "pid.kp",
+        "pid.max_h",
+        "process.h",
+    }
 
 
 def test_sample_by_sample_beside_a_plant_whose_sensor_fails() -> None:

@@ -15,6 +15,7 @@ from glapp.blocks import (
     AutoTuner,
     Backlash,
     Compensation,
+    Correction,
     Derivative,
     HalfPeriod,
     MedianMean,
@@ -210,6 +211,23 @@ def swing(params: dict[str, float]) -> Callable[..., list[float | None] | None]:
     return update
 
 
+def correction(params: dict[str, float]) -> Callable[..., list[float | None]]:
+    integrating = params.get("integrating", 0.0) != 0.0
+    block = Correction(params["k"], params["ti"], params["b"], params.get("kp"), integrating)
+
+    def update(
+        sp: float, yf: float, op: float, ends: float, flags: float, mask: float, delta_y: float, h: float
+    ) -> list[float | None]:
+        block.conclude()
+        if ends:
+            block.end(int(ends), delta_y, int(mask), int(flags))
+        block.add(sp, yf, h, op)
+        width = block.width()
+        return [None] * 4 + [1.0 + _glapp.doubts().index(width)] if isinstance(width, str) else [*width, 0.0]
+
+    return update
+
+
 def median_mean(params: dict[str, float]) -> Callable[..., tuple[float, ...]]:
     block = MedianMean(int(params["n"]))
     return lambda d, h: block.update(d)
@@ -374,6 +392,7 @@ MAKERS = {
     "backlash": backlash,
     "backlash_detection": backlash_detection,
     "compensation": compensation,
+    "correction": correction,
     "derivative": derivative,
     "detector": detector,
     "filter": filter_,

@@ -1004,6 +1004,159 @@ def swing_cases() -> Iterator[dict[str, Any]]:
     yield case("no time at all", ["ZeroStep"], pi, rows({4: 1, 5: -1})[:8], h=0.0)
 
 
+def correction(params: Params, h: Sequence[float], samples: Sequence[Sequence[float]]) -> list[list[float]]:
+    """All pairs of all half-periods so far, of which the last nine count; worked off with the sample after."""
+    swings = swing(params, h, [row[:5] for row in samples])
+    halves: list[tuple[int, int, float, list[float]]] = []
+    pairs: list[tuple[float, float]] = []
+    outputs = []
+    shown, due = [NAN, NAN, NAN, NAN, 1.0], False
+    for i, (row, swung) in enumerate(zip(samples, swings, strict=True)):
+        if due:
+            noise = noise_level({}, [], [row[2] for row in samples[:i]])[-1]
+            shown, due = _corrected(pairs[-9:], params.get("kp"), 0.0 if math.isnan(noise) else 6.0 * noise), False
+        if swung is not None:
+            halves.append((int(row[3]), int(row[5]), row[6], swung))
+            pair = _pair(halves[-3:])
+            pairs += [pair] if pair is not None else []
+            due = pair is not None
+        outputs.append([NAN, NAN, NAN, NAN, 7.0] if params.get("integrating") else shown)
+    return outputs
+
+
+def _pair(halves: Sequence[tuple[int, int, float, list[float]]]) -> tuple[float, float] | None:
+    """Travel of OP and way of PV of the half-period in the middle, if it was accepted between whole ones."""
+    if len(halves) < 3:
+        return None
+    (_, mask_before, _, _), (sign, mask, delta_y, (travel, plateau)), (sign_after, mask_after, delta_y_after, after) = (
+        halves
+    )
+    broken = sum(1 << REASON_ORDER.index(name) for name in ("gap", "bad_quality", "not_auto", "saturated", "sp_moved"))
+    whole = (
+        mask == 0 and not (mask_before | mask_after) & broken and not mask_after & 1 << REASON_ORDER.index("too_short")
+    )
+    way = plateau + after[1]
+    reached = way <= 1.4 * (delta_y + delta_y_after)
+    return (travel, way) if whole and reached and sign_after == -sign and not math.isnan(travel) else None
+
+
+def _corrected(pairs: Sequence[tuple[float, float]], kp: float | None, noise: float) -> list[float]:
+    """Width, smallest, largest and Kp, and 0, or the number of the doubt."""
+    if len(pairs) < (3 if kp is not None else 4):
+        return [NAN, NAN, NAN, NAN, 1.0]
+    found = _line(pairs) if kp is None else _known(pairs, abs(kp))
+    if isinstance(found, float):
+        return [NAN, NAN, NAN, NAN, found]
+    return [NAN, NAN, NAN, NAN, 6.0] if found[0] < noise else [*found, 0.0]
+
+
+def _middle(values: Iterable[float]) -> float:
+    ordered = sorted(values)
+    half = len(ordered) // 2
+    return ordered[half] if len(ordered) % 2 else (ordered[half - 1] + ordered[half]) / 2.0
+
+
+def _known(pairs: Sequence[tuple[float, float]], kp: float) -> list[float] | float:
+    middle = _middle(travel - way / kp for travel, way in pairs)
+    if middle <= 0.0 or middle < _middle(way / kp for _, way in pairs):
+        return 5.0
+    by_way = sorted(pairs, key=lambda pair: pair[1] / kp)
+    agree = [d for d in (travel - way / kp for travel, way in by_way) if abs(d - middle) <= 0.1 * middle]
+    return 4.0 if 3 * len(agree) < 2 * len(pairs) else [_sum(agree) / len(agree), min(agree), max(agree), kp]
+
+
+def _line(pairs: Sequence[tuple[float, float]]) -> list[float] | float:
+    ordered = sorted(pairs, key=lambda pair: pair[1])
+    if ordered[-1][1] < 1.5 * ordered[0][1]:
+        return 2.0
+    origin = ordered[len(ordered) // 2]
+    off = [(travel - origin[0], way - origin[1]) for travel, way in ordered]
+    products = [[1.0, t, w, t * t, w * w, t * w] for t, w in off]
+    sums = [_sum(column) for column in zip(*products, strict=True)]
+    all_of = _through(origin, sums)
+    if isinstance(all_of, float):
+        return all_of
+    d, per_way = all_of
+    if d <= 0.0 or d < per_way * _middle(way for _, way in pairs):
+        return 5.0
+    without = [_through(origin, [a - b for a, b in zip(sums, one, strict=True)]) for one in products]
+    if any(isinstance(one, float) for one in without):
+        return 4.0
+    widths = [d, *(one[0] for one in without if not isinstance(one, float))]
+    return 4.0 if min(widths) < 0.8 * d or max(widths) > 1.2 * d else [d, min(widths), max(widths), 1.0 / per_way]
+
+
+def _through(origin: tuple[float, float], sums: Sequence[float]) -> tuple[float, float] | float:
+    """Travel where the way is 0, and travel per way: the way is regressed on the travel."""
+    n, t, w, tt, ww, tw = sums
+    tt, ww, tw = tt - t * t / n, ww - w * w / n, tw - t * w / n
+    if tw <= 0.0:
+        return 3.0
+    if tw * tw < 0.9 * tt * ww:
+        return 4.0
+    per_way = tt / tw
+    return origin[0] + t / n - per_way * (origin[1] + w / n), per_way
+
+
+def correction_cases() -> Iterator[dict[str, Any]]:
+    """Half-periods whose OP goes d and the way over Kp, with and without Kp; what is refused, and why."""
+    random = Random(64)
+
+    def rows(
+        turns: Sequence[float], plateaus: Sequence[float], masks: dict[int, int] | None = None, noise: float = 0.0
+    ) -> list[list[float]]:
+        """Twelve samples from turn to turn; a half-period ends with the first of the next."""
+        out, before = [], 0.0
+        for i, (turn, plateau) in enumerate(zip(turns, plateaus, strict=True)):
+            sign = -1 if i % 2 else 1
+            for j in range(12):
+                op = before + (turn - before) * min(j + 3, 12) / 12 + noise * (random.random() - 0.5)
+                ends = -sign if i and j == 0 else 0
+                mask = (masks or {}).get(i - 1, 0) if ends else 0
+                flags = 16 if mask & 1 else 0
+                out.append([50.0, 50.0 - sign * plateau, op, ends, flags, mask, plateaus[i - 1] if ends else 0.0])
+            before = turn
+        return out
+
+    def gap(plateaus: Sequence[float], d: float = 2.0, kp: float = 1.6, scatter: float = 0.0) -> list[float]:
+        turn, turns = 0.0, []
+        for i, (here, after) in enumerate(itertools.pairwise([*plateaus, plateaus[-1]])):
+            travel = d + (here + after) / kp + scatter * (random.random() - 0.5)
+            turn += -travel if i % 2 else travel
+            turns.append(turn)
+        return turns
+
+    swings = [0.4 + 0.9 * random.random() for _ in range(16)]
+    alike = [0.5 + 0.01 * random.random() for _ in range(16)]
+    loop = {"k": 1.2, "ti": 5.0, "b": 1.0}
+    known = loop | {"kp": -1.6}
+    yield case("Kp known", [], known, rows(gap(swings), swings), h=0.5)
+    yield case("Kp known, widths that scatter a little", [], known, rows(gap(swings, scatter=0.2), swings), h=0.5)
+    yield case("Kp not known", ["Line"], loop, rows(gap(swings, scatter=0.05), swings), h=0.5)
+    yield case("Kp not known, ways alike", ["Line"], loop, rows(gap(alike), alike), h=0.5)
+    yield case(
+        "Kp not known, OP travels less where PV swings further",
+        ["Line"],
+        loop,
+        rows(gap(swings, 6.0, -1.0), swings),
+        h=0.5,
+    )
+    yield case("widths that do not agree", ["Doubt"], known, rows(gap(swings, scatter=1.6), swings), h=0.5)
+    yield case("Kp not known, no line", ["Doubt", "Line"], loop, rows(gap(swings, scatter=1.6), swings), h=0.5)
+    yield case("the way is longer than the gap", ["Doubt"], known, rows(gap(swings, d=0.2), swings), h=0.5)
+    yield case("the same without Kp", ["Doubt", "Line"], loop, rows(gap(swings, d=0.2), swings), h=0.5)
+    yield case("noise moves OP by as much", ["Noise"], known, rows(gap(swings), swings, noise=3.0), h=0.5)
+    yield case("the process integrates", ["Doubt"], known | {"integrating": 1.0}, rows(gap(swings), swings)[:60], h=0.5)
+    broken = {3: 1, 11: 128}
+    yield case("half-periods that are not whole", ["Whole"], known, rows(gap(swings), swings, broken), h=0.5)
+    refused = {4: 32, 8: 64, 12: 256}
+    few = {3: 2, 6: 4, 9: 8, 12: 16}
+    yield case("hardly one that is", ["Whole"], known, rows(gap(swings), swings, few), h=0.5)
+    yield case(
+        "half-periods that are whole and not accepted", ["Whole"], known, rows(gap(swings), swings, refused), h=0.5
+    )
+
+
 REASON_ORDER = (
     "gap",
     "bad_quality",
@@ -2079,6 +2232,11 @@ class _Detection:
             limits = {"op_low": low, "op_high": high, "op_span": high - low}
         known = {} if td is None else {"td": td}
         own = {"k": k, "ti": ti, "b": params.get("b", 1.0), "tf": tf, "n": params.get("n", 9.0), "op_known": 1.0}
+        limits |= {"op_span": params["op_span"]} if "op_span" in params else {}
+        spanned = "pv_span" in params and "op_span" in params
+        if spanned and "kp" not in params:
+            given = {"kp": math.copysign(1.5 * (params["pv_span"] / params["op_span"]), k)}
+        self.unfit = (spanned and "kp" not in params) or max(tf, params.get("tf", 0.0)) > 0.5 * ti
         self.params = own | given | known | limits | {"max_h": params["ti"] / 2.0}
         self.size = params.get("comp_size", 0.0)
         renamed = {name.removeprefix("comp_"): value for name, value in params.items() if name.startswith("comp_")}
@@ -2101,9 +2259,18 @@ class _Detection:
         self.standing = 1
 
     def learn(
-        self, h: float, sp: float, pv: float, raw: float, sent: float, op: float, flags: int, enable: bool
+        self,
+        h: float,
+        sp: float,
+        pv: float,
+        raw: float,
+        sent: float,
+        op: float,
+        flags: int,
+        enable: bool,
+        beside: float = NAN,
     ) -> None:
-        """One sample, with the output as it is sent and the controller's own.
+        """One sample, with the output as it is sent and the controller's own; `beside`: PV for all but the detector.
 
         What the last half-period means for the compensation comes in the scan after it.
         """
@@ -2129,12 +2296,14 @@ class _Detection:
             against = found["op_travel"] + found["delta_u"] / 2.0 < 0.0
             self.last = (*parts, int(found["mask"]), found["d"], self.half + self.half, against)
         yf = filter_({"tf": self.params["tf"]}, [0.0, *self.h[1:]], [row[1] for row in self.samples])[-1]
+        yf = yf if math.isnan(beside) else beside
         self.watched.append([sp, yf, sent, flags])
         wrong = self.limits and wrong_sign(self.params | self.limits, self.h, self.watched)[-1]
         self.error = 256 if wrong or self.against >= 3 else 0
         if self.size > 0.0:
             flags |= FLAG_LIMIT if self.error else 0
-            self.compensated.append([sp - yf, op, self.whole(), self.over[1], enable, flags])
+            fit = NAN if self.unfit else self.whole()
+            self.compensated.append([sp - yf, op, fit, self.over[1], enable, flags])
             self.u_ff, self.half, self.standing = compensation(self.compensation, self.h, self.compensated)[-1]
 
     def whole(self) -> float:
@@ -2172,8 +2341,10 @@ def pid_advanced(params: Params, h: Sequence[float], samples: Sequence[Sequence[
     widest = max((row[1] for row in rows), key=abs, default=k)
     slowest = max((row[2] for row in rows), default=ti)
     damping = max((row[3] for row in rows), default=td)
-    tf = 0.0 if controller.tf > 0.0 else damping / 5.0 if damping > 0.0 else slowest / 10.0
+    usual = damping / 5.0 if damping > 0.0 else slowest / 10.0
+    tf = params.get("detector_tf", 0.0 if controller.tf > 0.0 else usual)
     detection = _Detection(params, widest, slowest, None if rows else td, tf)
+    pvs: list[float] = []
     detection.compensation["rate"] = min(detection.compensation["rate"], controller.rate / 2.0)
     by, outputs = 0.0, []
     for step, (pv, sp, given, mode, manual, told, enable) in zip(h, samples, strict=True):
@@ -2183,8 +2354,13 @@ def pid_advanced(params: Params, h: Sequence[float], samples: Sequence[Sequence[
         rate = params.get("sp_rate", MOST)
         u = controller.scan(gains, rate, step, pv, sp, 0.0 + detection.u_ff, mode, NAN, manual, *back)[0]
         sent = (u - controller.ff) + detection.u_ff
-        seen = controller.yf if controller.tf > 0.0 else pv
-        detection.learn(step, controller.ysp, seen, pv, sent, sent - detection.u_ff, controller.flags, enable != 0)
+        pvs.append(pv)
+        seen, beside = controller.yf if controller.tf > 0.0 else pv, NAN
+        if "detector_tf" in params:
+            steps = [0.0, *h[1 : len(pvs)]]
+            beside, seen = seen if controller.tf > 0.0 else filter_({"tf": usual}, steps, pvs)[-1], pv
+        op = sent - detection.u_ff
+        detection.learn(step, controller.ysp, seen, pv, sent, op, controller.flags, enable != 0, beside)
         outputs.append([u, controller.ysp, *detection.all()])
     return outputs
 
@@ -2338,6 +2514,18 @@ def pid_advanced_cases() -> Iterator[dict[str, Any]]:
     away = [[pv - 0.01 * 1.4 ** max(min(i - 165, 24), 0), *rest] for i, (pv, *rest) in enumerate(plain)]
     strong = compensating | {"k": 2.0}
     yield case("PV that runs away", ["WrongSign", "Compensation"], strong, away, h=0.25)
+    by_error = compensating | {"comp_way": 1.0, "detector_tf": 0.3}
+    yield case("a filter of the detector's own", ["OwnFilter", "Compensation"], by_error, plain, h=0.25)
+    unfiltered = {name: value for name, value in by_error.items() if name != "tf"}
+    yield case("the same where the controller does not filter", ["OwnFilter"], unfiltered, plain, h=0.25)
+    # Only an estimate that may be used makes a size of 4 smaller.
+    late = [[*row[:-1], 1.0 if i >= 150 else 0.0] for i, row in enumerate(plain)]
+    for tf in (0.4, 0.6):
+        long = by_error | {"detector_tf": tf, "comp_size": 4.0}
+        yield case(f"a filter of {tf} Ti", ["OwnFilter", "Compensation"], long, late, h=0.25)
+    spanned = {name: value for name, value in compensating.items() if name != "kp"} | {"pv_span": 80.0, "op_span": 60.0}
+    yield case("Kp by default", ["KpDefault", "Compensation"], spanned | {"comp_size": 4.0}, late, h=0.25)
+    yield case("Kp by default, K below 0", ["KpDefault", "Sign"], spanned | {"k": -0.5}, plain, h=0.25)
 
 
 BLOCKS: dict[
@@ -2444,6 +2632,9 @@ BLOCKS: dict[
             "Rate": "a rate that limits and is not told, or that u_FF takes up alone",
             "Noise": "a width shown that noise can feign, or noise heard in PV that comes filtered",
             "Schedule": "a row taken too early or too late, or a bump between two",
+            "OwnFilter": "PV filtered twice by the detector, or otherwise for u_FF; compensation by too long a filter",
+            "KpDefault": "another Kp than 1.5 %/% with the sign of K, or compensation by it",
+            "Sign": "a direction or a size that K does not turn",
         },
     ),
     "saturation": (
@@ -2637,6 +2828,21 @@ BLOCKS: dict[
             "OneSide": "a travel between two turns on the same side",
             "Switch": "a travel from a recorded turn to one by (4.1)",
             "ZeroStep": "a division by a step of 0, or a sample without time that counts",
+        },
+    ),
+    "correction": (
+        correction,
+        correction_cases,
+        ["sp", "yf", "op", "ends", "flags", "mask", "delta_y"],
+        ["d", "low", "high", "kp", "doubt"],
+        "The width with the bias of (2.4) taken out, by the last nine pairs of half-periods, worked off with the "
+        "sample after the one that ended a half-period; doubt: 0, or why there is no width. ends, flags: as in swing; "
+        "mask, delta_y: of the half-period that ends. kp left out: not known.",
+        {
+            "Line": "another line than that of known errors, or one that a single pair makes",
+            "Doubt": "a width where the pairs do not tell",
+            "Noise": "a width that noise makes",
+            "Whole": "a pair with a half-period that is not whole, or none with one that is",
         },
     ),
     "safety_net": (

@@ -2,7 +2,8 @@
 
 A `Graph` is a few named modules and the wires between them, checked when it is made. It runs in simulation, or sample
 by sample beside a real plant; every parameter and variable of every module can be read and set while it runs, a gain
-schedule by `Graph.schedule` and `Graph.set_schedule`.
+schedule by `Graph.schedule` and `Graph.set_schedule`. A default is read as what is in force, a parameter that is not
+known as None.
 
 Over a connection goes more than a value. Forward go value and quality; backward go limits, whether something further on
 has reached its lower or upper limit, and the value in effect where the one handed over is not followed. So a controller
@@ -42,7 +43,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -536,7 +537,8 @@ class PidAdvanced(_Compensating, Pid):
     limits and mode. Where `tf` is 0 the detector filters, with Td/5, or Ti/10 without D. Read `d_hat`, `count`
     (detections behind it), `noise_floor` (what noise can feign: below it `d_hat` and `whole` are NaN, and `count` is
     0), `detections` (in all), and of the last half-period `d` and `reason` (0: accepted). `error` says too that k has
-    the wrong sign for the process, where `low` and `high` are given (`docs/modules.md`).
+    the wrong sign for the process, where `low` and `high` are given. `corrected_d` is the width with the bias of (2.4)
+    taken out, NaN where `corrected_doubt` says why not. `docs/modules.md` explains these and all inner variables.
 
     The autotuner is that of `AutoTuner`: `"pid.tune"` = 1 begins an experiment and 0 ends it, `tune_phase` and
     `tune_stop` tell where it stands, `tune_ku`, `tune_tu`, `tune_kappa` what it found. Once it is done, `tune_k`,
@@ -550,6 +552,16 @@ class PidAdvanced(_Compensating, Pid):
     kp : float, optional
         Static process gain, ≠ 0: from a fit, a manual test [process value per output]. Set it while it runs when it
         becomes known.
+    pv_span, op_span : float, optional
+        Spans of process value and output, > 0 [their units]. Where both are given and `kp` is not, Kp is 1.5 %/% with
+        the sign of k (7.2.2): `kp_used` shows it, `kp_defaulted` is 1, and nothing is compensated by such an estimate.
+        No Δu as large as `op_span` is a gap's; that of the limits where it is not given.
+    integrating : bool
+        The process integrates: it has no Kp, and no corrected width.
+    detector_tf : float, optional
+        Time constant of a filter of the detector's own, ≥ 0 [s], for the process value as measured; `comp_way` and
+        `error` see it as they would without. Where not given, the detector sees what the controller sees. Behind a
+        filter longer than Ti/2, be it the controller's, nothing is compensated by the estimate (8.4).
     n : int
         Length of the filter of detections, odd, 1..31.
     sp_rate : float
@@ -573,6 +585,10 @@ class PidAdvanced(_Compensating, Pid):
     _also = ("schedule",)
 
     kp: float | None = None
+    pv_span: float | None = None
+    op_span: float | None = None
+    integrating: bool = False
+    detector_tf: float | None = None
     n: int = 9
     sp_rate: float = _MOST
     schedule: Sequence[tuple[float, float, float, float]] = ()
@@ -640,6 +656,8 @@ class BacklashDetection(_Compensating):
         Settings of the controller in ideal form.
     kp : float, optional
         Static process gain, ≠ 0.
+    pv_span, op_span, integrating : float, float, bool, optional
+        As in `PidAdvanced`.
     tf : float, optional
         Time constant of the detector's filter, ≥ 0 [s]; Td/5, or Ti/10 without D, where not given. 0 where the process
         value comes filtered.
@@ -683,6 +701,9 @@ class BacklashDetection(_Compensating):
     td: float = 0.0
     b: float = 1.0
     kp: float | None = None
+    pv_span: float | None = None
+    op_span: float | None = None
+    integrating: bool = False
     tf: float | None = None
     n: int = 9
     op_low: float | None = None
@@ -873,7 +894,25 @@ class Graph:
         with _input_errors():
             self._graph.reset_detection(module)
 
-    def __getitem__(self, path: str) -> float:
+    def window(self, module: str) -> list[float]:
+        """Detections behind the estimate of a detector, the oldest first [unit of the output].
+
+        Examples
+        --------
+        >>> loop = Graph(
+        ...     1.0,
+        ...     {"pv": Input(), "sp": Input(), "pid": PidAdvanced(k=0.5, ti=2.0, kp=1.0), "valve": Output()},
+        ...     ["pv -> pid.pv", "sp -> pid.sp", "pid -> valve"],
+        ... )
+        >>> loop.run(60, pv=np.where(np.arange(60) // 12 % 2, 1.0, -1.0))["t"].size
+        60
+        >>> [round(d, 2) for d in loop.window("pid")]
+        [1.87, 1.87]
+        """
+        with _input_errors():
+            return self._graph.window(module)
+
+    def __getitem__(self, path: str) -> Any:
         with _input_errors():
             return self._graph.get(path)
 

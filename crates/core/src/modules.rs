@@ -27,6 +27,7 @@ mod connection;
 mod pid;
 mod pid_advanced;
 mod process_sim;
+mod variables;
 
 pub use auto_tuner::{AutoTuner, AutoTunerState};
 pub use backlash_detection::{BacklashDetection, BacklashDetectionSettings, BacklashDetectionState};
@@ -34,3 +35,4 @@ pub use connection::{Backward, Forward};
 pub use pid::{Mode, Pid, PidSettings, PidState};
 pub use pid_advanced::{Gains, PidAdvanced, PidAdvancedSettings, PidAdvancedState, SCHEDULE_ROWS};
 pub use process_sim::{ProcessSim, ProcessSimState};
+pub use variables::{VARIABLES, Variable};

@@ -205,6 +205,31 @@ fn the_kp_that_was_found_is_the_detectors_unless_one_is_given() {
 }
 
 #[test]
+fn the_kp_that_was_found_takes_the_place_of_a_default() {
+    let spans = PidAdvancedSettings { pv_span: Some(100.0), op_span: Some(100.0), ..advanced() };
+    for (integrating, used) in [(false, Some(1.5)), (true, None)] {
+        let mut rig = Rig::new(PidAdvancedSettings { integrating, ..spans }, 0.0);
+        let kp = |rig: &Rig, name| rig.pid.detection().read(&rig.s.detection, name).unwrap();
+        rig.scan();
+        assert_eq!(kp(&rig, "kp_used").to_bits(), used.unwrap_or(f64::NAN).to_bits());
+        assert_eq!(kp(&rig, "kp_defaulted"), f64::from(u8::from(!integrating)));
+        rig.tune();
+        rig.scan();
+        let found = rig.s.kp.unwrap();
+        assert!((found - 0.8).abs() < 0.05);
+        // A process that is said to integrate has none, whatever was found.
+        let expected = if integrating { f64::NAN } else { found };
+        assert_eq!(kp(&rig, "kp_used").to_bits(), expected.to_bits());
+        for k in 0..2000 {
+            rig.load = if k / 500 % 2 == 0 { 3.0 } else { 0.0 };
+            rig.scan();
+        }
+        assert_eq!(kp(&rig, "kp_defaulted"), 0.0);
+        assert!(!rig.s.detection.last.unwrap().kp_defaulted);
+    }
+}
+
+#[test]
 fn under_a_schedule_nothing_is_taken_over() {
     let mut schedule = [Gains::default(); SCHEDULE_ROWS];
     schedule[0] = Gains { at: 0.0, k: 0.8, ti: 6.0, td: 0.0 };

@@ -7,11 +7,11 @@ use glapp_core::modules::{
 };
 use glapp_core::{
     AutoTuner, AutoTunerSettings, AutoTunerState, Backlash, BacklashState, Backward, Compensation, CompensationSample,
-    CompensationSettings, CompensationState, Conditions, Derivative, Detector, DetectorSettings, DetectorState,
-    HalfPeriod, HalfPeriodState, MedianMean, MedianMeanState, Noise, NoiseLevel, NoiseState, OverCompensation,
-    OverCompensationState, OverWarning, PhaseLead, PhaseLeadState, Pid, PidState, RateLimit, RateLimitState, Real,
-    Reason, Record, SafetyNet, Sample, Saturation, SecondOrderFilter, SecondOrderFilterState, Sum, Swing, SwingState,
-    Way, Width, WidthParts, WrongSign, WrongSignState, ZeroCrossing,
+    CompensationSettings, CompensationState, Conditions, Correction, CorrectionState, Derivative, Detector,
+    DetectorSettings, DetectorState, HalfPeriod, HalfPeriodState, MedianMean, MedianMeanState, Noise, NoiseLevel,
+    NoiseState, OverCompensation, OverCompensationState, OverWarning, PhaseLead, PhaseLeadState, Pid, PidState,
+    RateLimit, RateLimitState, Real, Reason, Record, SafetyNet, Sample, Saturation, SecondOrderFilter,
+    SecondOrderFilterState, Sum, Swing, SwingState, Way, Width, WidthParts, WrongSign, WrongSignState, ZeroCrossing,
 };
 use serde_json::Value;
 use std::path::Path;
@@ -254,6 +254,9 @@ fn pid_advanced() {
         let usual = PidAdvancedSettings::new(case.controller());
         let settings = PidAdvancedSettings {
             kp: case.param("kp"),
+            pv_span: case.param("pv_span"),
+            op_span: case.param("op_span"),
+            detector_tf: case.param("detector_tf"),
             n: case.given("n") as u32,
             sp_rate: case.or("sp_rate", usual.sp_rate),
             schedule,
@@ -579,6 +582,29 @@ fn swing() {
             let ended = (x[3] != 0.0).then(|| block.end(&mut state, x[3] as i8, x[4] as u16));
             block.add(&mut state, h, x[0], x[1], given(x[2]));
             ended.map(|parts| vec![parts.travel.unwrap_or(f64::NAN), parts.plateau])
+        });
+    }
+}
+
+#[test]
+fn correction() {
+    for case in cases("correction") {
+        let integrating = case.or("integrating", 0.0) != 0.0;
+        let [k, ti, b] = ["k", "ti", "b"].map(|name| case.given(name));
+        let block = Correction::new(k, ti, b, case.param("kp"), integrating).unwrap();
+        let mut state = CorrectionState::default();
+        case.check_all(|x, h| {
+            block.conclude(&mut state);
+            if x[3] != 0.0 {
+                let (sign, flags, mask) = (x[3] as i8, x[4] as u16, x[5] as u16);
+                let half = HalfPeriod { sign, flags, delta_y: x[6], ..HalfPeriod::default() };
+                block.end(&mut state, &Record { half, mask, ..Record::default() });
+            }
+            block.add(&mut state, h, x[0], x[1], x[2]);
+            Some(match block.width(&state, true) {
+                Ok(found) => vec![found.d, found.low, found.high, found.kp, 0.0],
+                Err(doubt) => [&[f64::NAN; 4][..], &[f64::from(doubt as u8)]].concat(),
+            })
         });
     }
 }

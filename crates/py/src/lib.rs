@@ -45,7 +45,8 @@ mod _glapp {
     use crate::backlash::Backlash;
     #[pymodule_export]
     use crate::blocks::{
-        Derivative, HalfPeriodBlock, MedianMean, SafetyNet, SecondOrderFilter, Swing, Width, ZeroCrossing,
+        Correction, Derivative, HalfPeriodBlock, MedianMean, SafetyNet, SecondOrderFilter, Swing, Width, ZeroCrossing,
+        doubts,
     };
     #[pymodule_export]
     use crate::compensation::{Compensation, OverCompensation, standings};
@@ -56,7 +57,7 @@ mod _glapp {
     #[pymodule_export]
     const GAP_STEPS: f64 = glapp_core::GAP_STEPS;
     #[pymodule_export]
-    const KP_DEFAULT: f64 = glapp_analysis::KP_DEFAULT;
+    const KP_DEFAULT: f64 = glapp_core::KP_DEFAULT;
     #[pymodule_export]
     use crate::fit::{fit, fit_thresholds, fit_valve};
     #[pymodule_export]

@@ -88,8 +88,12 @@ impl Graph {
         Ok(columns.map_err(refused)?.into_iter().map(|column| column.into_pyarray(py)).collect())
     }
 
-    fn get(&self, path: &str) -> PyResult<f64> {
-        self.graph.get(path).map_err(refused)
+    fn get(&self, path: &str) -> PyResult<Option<f64>> {
+        self.graph.known(path).map_err(refused)
+    }
+
+    fn window(&self, module: &str) -> PyResult<Vec<f64>> {
+        self.graph.window(module).map_err(refused)
     }
 
     #[pyo3(signature = (path, value))]

@@ -344,10 +344,22 @@ impl Graph {
         Ok(columns)
     }
 
-    /// Reads a parameter or variable of a module while it runs: `"pid.k"`, `"pid.mode"`, `"pid.out"`.
+    /// Reads a parameter or variable of a module while it runs: `"pid.k"`, `"pid.mode"`, `"pid.out"`. A default is read as what is in
+    /// force; a parameter that is not known is not a number.
     pub fn get(&self, path: &str) -> Result<f64, GraphError> {
+        Ok(self.known(path)?.unwrap_or(f64::NAN))
+    }
+
+    /// The same; none: a parameter that is not known.
+    pub fn known(&self, path: &str) -> Result<Option<f64>, GraphError> {
         let (i, name) = self.place(path)?;
-        Ok(self.read(i, &name))
+        Ok(self.nodes[i].read(&name).flatten())
+    }
+
+    /// The detections behind the estimate of a module with a detector, the oldest first [unit of the output].
+    pub fn window(&self, module: &str) -> Result<Vec<f64>, GraphError> {
+        let i = self.node(module)?;
+        self.nodes[i].live.work.window().ok_or_else(|| self.unknown(i, "window"))
     }
 
     /// Sets a parameter or variable of a module while it runs; `None`: the parameter is what it is where it is not given. What
@@ -446,7 +458,7 @@ impl Graph {
 
     /// What [`Self::get`] gives, of the module with this number; not a number where there is no such name.
     pub(crate) fn read(&self, i: usize, name: &str) -> f64 {
-        self.nodes[i].read(name).unwrap_or(f64::NAN)
+        self.nodes[i].read(name).flatten().unwrap_or(f64::NAN)
     }
 
     fn input(&self, module: &str) -> Result<usize, GraphError> {
@@ -485,10 +497,10 @@ impl Graph {
 }
 
 impl Node {
-    fn read(&self, name: &str) -> Option<f64> {
+    fn read(&self, name: &str) -> Option<Option<f64>> {
         match name {
-            "out" => Some(self.out.value),
-            "out_flags" => Some(self.out.flags.into()),
+            "out" => Some(Some(self.out.value)),
+            "out_flags" => Some(Some(self.out.flags.into())),
             _ => self.live.get(name),
         }
     }

@@ -141,6 +141,11 @@ pub(crate) trait Work: Send + Sync {
     /// Such an offer has been put in force.
     fn taken_over(&mut self) {}
 
+    /// The detections behind its estimate, the oldest first, where it has a detector.
+    fn window(&self) -> Option<Vec<f64>> {
+        None
+    }
+
     /// Makes it forget all detections; false where it has no detector.
     fn reset_detection(&mut self) -> bool {
         false
@@ -201,9 +206,9 @@ impl Kind {
 /// | `ProcessSim` | in (load) | `gain`, `t1`, `t2` (0), `dead_time` (0), `h` (the graph's), `start` (0) |
 /// | `Plant`, by [`Module::plant`] | in (load) | `h` (the graph's), `start` (0) |
 /// | `Pid` | pv (sp, ff) | `k`, `ti`, `td` (0), `b` (1), `c` (0), `tf` (0), `low`, `high`, `rate` (none), `max_h` (Ti/2), `start` (0), `start_pv` (its first PV) |
-/// | `PidAdvanced` | pv (sp, ff, by) | those of `Pid`, and `kp` (not known), `n` (9), `sp_rate` (none), and the autotuner's: `tune_amplitude` (0: none), `tune_wait`, `tune_longest`, `tune_pv_low`, `tune_pv_high`, `tune_hysteresis` (from noise), `tune_d` (0), `tune_rule` (1) |
+/// | `PidAdvanced` | pv (sp, ff, by) | those of `Pid`, and `kp`, `pv_span`, `op_span` (not known), `integrating` (0), `detector_tf` (it sees what the controller sees), `n` (9), `sp_rate` (none), and the autotuner's: `tune_amplitude` (0: none), `tune_wait`, `tune_longest`, `tune_pv_low`, `tune_pv_high`, `tune_hysteresis` (from noise), `tune_d` (0), `tune_rule` (1) |
 /// | `AutoTuner` | in, pv | `amplitude`, `wait`, `longest`, `pv_low`, `pv_high`, `op_low`, `op_high`, `hysteresis` (from noise), `d` (0), `max_h` (3h) |
-/// | `BacklashDetection` | sp, pv | `k`, `ti`, `td` (0), `b` (1), `kp` (not known), `tf` (Td/5, or Ti/10 without D), `n` (9), `op_low`, `op_high` (not known), `max_h` (3h) |
+/// | `BacklashDetection` | sp, pv | `k`, `ti`, `td` (0), `b` (1), `kp`, `pv_span`, `op_span` (not known), `integrating` (0), `tf` (Td/5, or Ti/10 without D), `n` (9), `op_low`, `op_high` (not known), `max_h` (3h) |
 ///
 /// `PidAdvanced` and `BacklashDetection` compensate where `comp_size` (0) is given and `compensate` is set while they run.
 /// `comp_way` (3) is 1 error, 2 derivative, 3 inverse; `comp_share` (1), `comp_limit` (the size), `comp_band` (a fifth of the
@@ -267,6 +272,11 @@ impl Module {
         let number = value as u32;
         let same = f64::from(number) == value;
         if same { Ok(number) } else { Err(ParameterError { name, value, bound: "a whole number" }) }
+    }
+
+    /// A parameter that is 0 or 1.
+    fn yes(&self, name: &'static str) -> Result<bool, ParameterError> {
+        switch(name, self.value(name), "0 (no) or 1 (yes)")
     }
 
     /// A parameter that is one of the values of an enumeration with numbers.
@@ -335,10 +345,11 @@ impl Live {
         Ok(Self { work: (module.kind.make)(&module, place)?, module, place })
     }
 
-    /// A parameter or variable; a parameter that is not known is not a number.
-    pub(crate) fn get(&self, name: &str) -> Option<f64> {
-        let parameter = || self.module.kind.parameter(name).map(|(at, _)| self.module.values[at].unwrap_or(f64::NAN));
-        self.work.get(name).or_else(parameter)
+    /// A parameter or variable, if there is one of that name; none within: a parameter that is not known.
+    pub(crate) fn get(&self, name: &str) -> Option<Option<f64>> {
+        let parameter = || self.module.kind.parameter(name).map(|(at, _)| self.module.values[at]);
+        let in_force = |known: Option<f64>| if name == "h" { known.or(Some(self.place.h)) } else { known };
+        self.work.get(name).map(Some).or_else(|| parameter().map(in_force))
     }
 
     /// All names that [`Self::get`] knows.

@@ -7,7 +7,10 @@ use crate::auto_tuner::{Phase, Rule};
 use crate::error::require;
 use crate::modules::{Backward, Forward};
 use crate::status::{AT_HIGH, AT_LOW, NOT_AUTO, Status};
-use crate::{AutoTunerSettings, CompensationSettings, DetectorSettings, ParameterError, Real, Sum, tuning};
+use crate::{
+    AutoTunerSettings, CompensationSettings, DETECTIONS, DetectorSettings, ParameterError, Real, SecondOrderFilter,
+    SecondOrderFilterState, Sum, tuning,
+};
 
 /// The most rows of a gain schedule.
 pub const SCHEDULE_ROWS: usize = 8;
@@ -44,6 +47,16 @@ pub struct PidAdvancedSettings<R> {
     pub pid: PidSettings<R>,
     /// Static process gain ≠ 0, where known: from a fit, an autotuner, a manual test [process value per output].
     pub kp: Option<R>,
+    /// Span of the process value > 0, where known \[PV unit\]: with `op_span` it gives a Kp that is not known its default
+    /// ([`DetectorSettings::gain`]).
+    pub pv_span: Option<R>,
+    /// Span of the output > 0, where known \[output\]; none: that of the limits, but for the default of Kp.
+    pub op_span: Option<R>,
+    /// Whether the process is known to integrate: it has no Kp.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub integrating: bool,
+    /// Time constant of a filter of the detector's own ≥ 0 \[s\], for PV as measured. None: the detector sees what the controller sees.
+    pub detector_tf: Option<R>,
     /// Length of the filter of detections, odd, 1 to 31.
     pub n: u32,
     /// The fastest that the setpoint in effect moves, > 0 [PV unit per second].
@@ -62,15 +75,18 @@ pub struct PidAdvancedSettings<R> {
 }
 
 impl<R: Real> PidAdvancedSettings<R> {
-    /// Kp not known, N = 9, no ramp, no schedule, no compensation, no autotuner.
+    /// Kp and spans not known, no filter of the detector's own, N = 9, no ramp, no schedule, no compensation, no autotuner.
     pub fn new(pid: PidSettings<R>) -> Self {
-        let schedule = [Gains::default(); SCHEDULE_ROWS];
         Self {
             pid,
             kp: None,
-            n: 9,
+            pv_span: None,
+            op_span: None,
+            integrating: false,
+            detector_tf: None,
+            n: DETECTIONS,
             sp_rate: R::LARGEST,
-            schedule,
+            schedule: [Gains::default(); SCHEDULE_ROWS],
             rows: 0,
             compensation: None,
             tuner: None,
@@ -83,6 +99,7 @@ impl<R: Real> PidAdvancedSettings<R> {
 ///
 /// The detector takes the controller's own settings, and sees what the controller sees: the setpoint in effect, the
 /// filtered process value, limits and mode. Where the controller does not filter, the detector does, with Td/5, or Ti/10 without derivative action (2.1).
+/// With a `detector_tf` it filters PV as measured with that, while u_FF and the watch for the wrong sign see PV as they would without it.
 ///
 /// The schedule is linear between its rows and constant outside them; a bad scheduling variable leaves the last gains.
 /// With a schedule, K/Ti is not constant within a half-period: the width is then taken from the output's own travel,
@@ -102,6 +119,8 @@ pub struct PidAdvanced<R> {
     pid: Pid<R>,
     detection: BacklashDetection<R>,
     tuner: Option<AutoTuner<R>>,
+    /// For u_FF and the watch, where neither the controller nor the detector filters PV for them.
+    beside: Option<SecondOrderFilter<R>>,
 }
 
 /// State of a [`PidAdvanced`].
@@ -120,6 +139,7 @@ pub struct PidAdvancedState<R: Real> {
     pub kp: Option<R>,
     /// The scheduling variable in effect.
     by: R,
+    beside: SecondOrderFilterState<R>,
 }
 
 impl<R: Real> PidAdvancedState<R> {
@@ -131,6 +151,7 @@ impl<R: Real> PidAdvancedState<R> {
             tuner: AutoTunerState::default(),
             kp: None,
             by: R::ZERO,
+            beside: SecondOrderFilterState::default(),
         }
     }
 
@@ -149,7 +170,11 @@ impl<R: Real> Default for PidAdvancedState<R> {
 impl<R: Real> PidAdvanced<R> {
     /// Checks the settings.
     pub fn new(settings: PidAdvancedSettings<R>) -> Result<Self, ParameterError> {
-        let PidAdvancedSettings { pid, kp, n, sp_rate, schedule, rows, compensation, tuner, rule: _ } = settings;
+        let PidAdvancedSettings { pid, kp, pv_span, op_span, integrating, detector_tf, .. } = settings;
+        let PidAdvancedSettings { n, sp_rate, schedule, rows, compensation, tuner, .. } = settings;
+        if let Some(tf) = detector_tf {
+            require("detector_tf", tf, tf >= R::ZERO, "0 s or greater")?;
+        }
         require("sp_rate", sp_rate, sp_rate > R::ZERO, "greater than 0 per second")?;
         require("rows", R::of(rows as f64), rows <= SCHEDULE_ROWS, "at most 8")?;
         let mut slowest = pid;
@@ -165,13 +190,17 @@ impl<R: Real> PidAdvanced<R> {
             slowest.k = if first || row.k.magnitude() > slowest.k.magnitude() { row.k } else { slowest.k };
         }
         let filtered = pid.tf > R::ZERO;
+        let usual_tf = DetectorSettings::filter_time(slowest.ti, slowest.td);
         let limited = pid.low > -R::LARGEST && pid.high < R::LARGEST;
         let detection = BacklashDetectionSettings {
             detector: DetectorSettings {
                 td: (rows == 0).then_some(pid.td),
                 b: pid.b,
                 kp,
-                tf: if filtered { R::ZERO } else { DetectorSettings::filter_time(slowest.ti, slowest.td) },
+                pv_span,
+                op_span,
+                integrating,
+                tf: detector_tf.unwrap_or(if filtered { R::ZERO } else { usual_tf }),
                 n,
                 op_limits: limited.then_some((pid.low, pid.high)),
                 max_h: pid.max_h.lesser(R::of(1e9)),
@@ -191,8 +220,21 @@ impl<R: Real> PidAdvanced<R> {
             let max_h = pid.max_h.lesser(R::of(1e9));
             AutoTuner::new(AutoTunerSettings { op: (pid.low, pid.high), max_h, ..given })
         });
-        let detection = BacklashDetection::new(detection)?;
-        Ok(Self { settings, pid: Pid::new(pid)?, detection, tuner: tuner.transpose()? })
+        let tf = pid.tf;
+        let pid = Pid::new(pid)?;
+        let beside = if detector_tf.is_some() && !filtered { Some(SecondOrderFilter::new(usual_tf)?) } else { None };
+        Ok(Self {
+            settings,
+            pid,
+            detection: BacklashDetection::new(detection)?.behind(tf),
+            beside,
+            tuner: tuner.transpose()?,
+        })
+    }
+
+    /// The detection inside.
+    pub fn detection(&self) -> &BacklashDetection<R> {
+        &self.detection
     }
 
     /// What it was made of.
@@ -221,9 +263,15 @@ impl<R: Real> PidAdvanced<R> {
         }
         let ff = Forward::new(ff.value + s.detection.compensation.u_ff.value(), ff.flags);
         let u = self.pid.scan(&mut s.pid, self.gains(s.by), self.settings.sp_rate, pv, sp, ff, h);
-        let seen = if self.settings.pid.tf > R::ZERO { s.pid.yf } else { pv.value };
+        let mut seen = if self.settings.pid.tf > R::ZERO { s.pid.yf } else { pv.value };
+        let mut beside = None;
+        if self.settings.detector_tf.is_some() {
+            s.beside.started &= h <= self.settings.pid.max_h;
+            beside = Some(self.beside.map_or(seen, |filter| filter.forward(&mut s.beside, pv, h).value));
+            seen = pv.value;
+        }
         let (sp, seen) = (s.pid.ysp.value().into(), Forward::new(seen, pv.flags));
-        self.detection.forward_filtered(&mut s.detection, sp, seen, pv.value, h);
+        self.detection.forward_filtered(&mut s.detection, sp, seen, pv.value, beside, h);
         match &self.tuner {
             Some(tuner) => self.tuned(tuner, s, u, pv, h),
             None => u,
@@ -264,7 +312,8 @@ impl<R: Real> PidAdvanced<R> {
             Some(tuner) => tuner.backward(&mut s.tuner, back),
             None => back,
         };
-        s.detection.detector.set_kp(if self.settings.kp.is_none() { s.kp } else { None });
+        let PidAdvancedSettings { kp, integrating, .. } = self.settings;
+        s.detection.detector.set_kp(if kp.is_none() && !integrating { s.kp } else { None });
         let told = self.pid.backward(&mut s.pid, back);
         let flags = s.pid.flags & (AT_LOW | AT_HIGH | NOT_AUTO);
         let tracking = s.pid.feedback() + s.detection.compensation.u_ff.value();

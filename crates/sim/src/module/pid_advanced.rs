@@ -14,7 +14,15 @@ pub(super) static KIND: Kind = Kind {
     is_controller: true,
     parameters: &[
         pid::PARAMETERS,
-        &[("kp", Unknown), ("n", Is(DETECTIONS as f64)), ("sp_rate", Is(f64::MAX))],
+        &[
+            ("kp", Unknown),
+            ("pv_span", Unknown),
+            ("op_span", Unknown),
+            ("integrating", Is(0.0)),
+            ("detector_tf", Unknown),
+            ("n", Is(DETECTIONS as f64)),
+            ("sp_rate", Is(f64::MAX)),
+        ],
         compensation::PARAMETERS,
         TUNER,
     ],
@@ -23,6 +31,7 @@ pub(super) static KIND: Kind = Kind {
     variables: &[
         pid::VARIABLES,
         compensation::VARIABLES,
+        compensation::INNER,
         &["tune_phase", "tune_stop", "tune_ku", "tune_tu", "tune_kp", "tune_kappa", "tune_k", "tune_ti", "tune_td"],
     ],
     ..Kind::plain("PidAdvanced", |m, place| {
@@ -96,6 +105,10 @@ fn settings(m: &Module) -> Result<PidAdvancedSettings<f64>, ParameterError> {
     Ok(PidAdvancedSettings {
         pid: pid::settings(m),
         kp: m.known("kp"),
+        pv_span: m.known("pv_span"),
+        op_span: m.known("op_span"),
+        integrating: m.yes("integrating")?,
+        detector_tf: m.known("detector_tf"),
         n: m.whole("n")?,
         sp_rate: m.value("sp_rate"),
         schedule,
@@ -141,7 +154,16 @@ impl Work for PidAdvanced {
             "tune_k" => Some(self.block.offered(&self.state).map_or(f64::NAN, |gains| gains.k)),
             "tune_ti" => Some(self.block.offered(&self.state).map_or(f64::NAN, |gains| gains.ti)),
             "tune_td" => Some(self.block.offered(&self.state).map_or(f64::NAN, |gains| gains.td)),
-            _ => pid::named(&self.state.pid, name).or_else(|| compensation::named(&self.state.detection, name)),
+            "max_h" => Some(self.block.settings().pid.max_h),
+            "detector_tf" => {
+                let PidAdvancedSettings { pid, detector_tf, .. } = self.block.settings();
+                let usual = if pid.tf > 0.0 { pid.tf } else { self.block.detection().settings().detector.tf };
+                Some(detector_tf.unwrap_or(usual))
+            }
+            _ => {
+                let detection = || compensation::read(self.block.detection(), &self.state.detection, name);
+                pid::named(&self.state.pid, name).or_else(detection)
+            }
         }
     }
 
@@ -173,6 +195,10 @@ impl Work for PidAdvanced {
 
     fn taken_over(&mut self) {
         self.state.detection.cut();
+    }
+
+    fn window(&self) -> Option<Vec<f64>> {
+        Some(self.state.detection.detector.window().collect())
     }
 
     fn reset_detection(&mut self) -> bool {

@@ -114,6 +114,7 @@ pub struct PidAdvancedState<R: Real> {
     pub detection: BacklashDetectionState<R>,
     /// The scheduling variable in effect.
     by: R,
+    #[cfg_attr(feature = "serde", serde(default))]
     beside: SecondOrderFilterState<R>,
 }
 

@@ -88,10 +88,13 @@ pub struct BacklashDetectionState<R: Real> {
     pub whole: Option<Estimate<R>>,
     /// OP without u_FF in the last scan, where it is known [OP unit].
     pub u_fb: Option<R>,
+    #[cfg_attr(feature = "serde", serde(default))]
     pub(super) correction: CorrectionState<R>,
     /// The detections of `whole` are none to compensate by: made with a Kp that is a default, or behind too long a filter.
+    #[cfg_attr(feature = "serde", serde(default))]
     unfit: bool,
     /// Too long a filter in the half-period under way.
+    #[cfg_attr(feature = "serde", serde(default))]
     smooth: bool,
     window: MedianMeanState<R>,
     warning: OverCompensationState<R>,

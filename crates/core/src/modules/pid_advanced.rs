@@ -139,6 +139,7 @@ pub struct PidAdvancedState<R: Real> {
     pub kp: Option<R>,
     /// The scheduling variable in effect.
     by: R,
+    #[cfg_attr(feature = "serde", serde(default))]
     beside: SecondOrderFilterState<R>,
 }
 

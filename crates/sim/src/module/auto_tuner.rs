@@ -23,13 +23,20 @@ pub(super) static KIND: Kind = Kind {
     commands: &["run"],
     variables: &[&["phase", "stop", "ku", "tu", "kp", "kappa"]],
     ..Kind::plain("AutoTuner", |m, place| {
-        Ok(Box::new(AutoTuner { block: block(m, place)?, state: AutoTunerState::default() }))
+        let max_h = max_h(m, place);
+        Ok(Box::new(AutoTuner { block: block(m, place)?, max_h, state: AutoTunerState::default() }))
     })
 };
 
 struct AutoTuner {
     block: modules::AutoTuner<f64>,
+    max_h: f64,
     state: AutoTunerState<f64>,
+}
+
+/// A longer time between scans ends it \[s\].
+fn max_h(m: &Module, place: Place) -> f64 {
+    m.known("max_h").unwrap_or(3.0 * place.h)
 }
 
 fn block(m: &Module, place: Place) -> Result<modules::AutoTuner<f64>, SimError> {
@@ -39,7 +46,7 @@ fn block(m: &Module, place: Place) -> Result<modules::AutoTuner<f64>, SimError> 
         d: m.value("d"),
         wait: m.value("wait"),
         longest: m.value("longest"),
-        max_h: m.known("max_h").unwrap_or(3.0 * place.h),
+        max_h: max_h(m, place),
         pv: (m.value("pv_low"), m.value("pv_high")),
         op: (m.value("op_low"), m.value("op_high")),
     };
@@ -74,11 +81,12 @@ impl Work for AutoTuner {
 
     fn change(&mut self, to: &Module, place: Place) -> Result<(), SimError> {
         self.block = block(to, place)?;
+        self.max_h = max_h(to, place);
         Ok(())
     }
 
     fn get(&self, name: &str) -> Option<f64> {
-        named(&self.state, name)
+        if name == "max_h" { Some(self.max_h) } else { named(&self.state, name) }
     }
 
     fn command(&mut self, _run: &str, value: f64) -> Result<(), ParameterError> {

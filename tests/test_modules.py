@@ -946,6 +946,6 @@ def test_an_integral_time_that_the_scan_cannot_follow_is_not_taken_over() -> Non
     loop["pid.tune"] = 1
     loop.run(200.0)
     assert loop["pid.tune_phase"] == 4 and loop["pid.tune_ti"] < 0.5
-    with pytest.raises(InputError, match="pid: tune_ti = 0.*: must be more than two scan times"):
+    with pytest.raises(InputError, match=r"pid: tune_ti = 0.*: must be more than two scan times"):
         loop.take_over("pid")
     assert loop["pid.ti"] == 4.0

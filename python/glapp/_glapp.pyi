@@ -441,7 +441,7 @@ def simc_integrating(kv: float, t2: float, l: float, tau_c: float) -> tuple[floa
 LONG_HISTORY: int
 MOST_EPOCHS: int
 
-def fit(batches: Sequence[Batch], sign: float, sinusoidal: bool) -> dict[str, Any]:
+def fit(batches: Sequence[Batch], sign: float) -> dict[str, Any]:
     """Fit records of one valve: the `answer`, and what `pv` and `position` said in whole."""
 
 def fit_valve(recordings: Sequence[tuple[float, Sequence[Batch]]], sign: float) -> dict[str, Any]:

@@ -153,6 +153,14 @@ def test_the_corrected_width_is_that_of_the_block_and_right() -> None:
     assert loop["pid.corrected_low"] <= width[0] <= loop["pid.corrected_high"]
 
 
+def test_the_corrected_width_is_the_whole_gap_while_half_of_it_is_compensated() -> None:
+    loop = loop_with(kp=1.0, comp_size=1.0, comp_band=0.1, comp_withdraw=False)
+    loop["pid.compensate"] = 1
+    loop.run(2000, load=np.concatenate([LOAD, LOAD]))
+    assert loop["pid.d_hat"] < 1.3, "what is left"
+    assert loop["pid.corrected_d"] == pytest.approx(2.0, rel=0.05)
+
+
 @pytest.mark.parametrize(
     "told", [{"kp": 1.0}, SPANS, {}, {"kp": 1.0, "detector_tf": 4.0}], ids=["kp", "spans", "none", "2Ti"]
 )

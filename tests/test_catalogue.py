@@ -42,6 +42,7 @@ def default(block: str, name: str) -> Any:
         (modules.Mode, "modes"),
         (modules.Way, "ways"),
         (modules.Source, "sources"),
+        (modules.TuneRule, "rules"),
         (modules.Unfit, "unfit"),
     ],
 )

@@ -19,6 +19,9 @@ pub(super) static KIND: Kind = Kind {
             ("td", Is(0.0)),
             ("b", Is(1.0)),
             ("kp", Unknown),
+            ("pv_span", Unknown),
+            ("op_span", Unknown),
+            ("integrating", Is(0.0)),
             ("tf", Unknown),
             ("n", Is(DETECTIONS as f64)),
             ("op_low", Unknown),
@@ -31,7 +34,7 @@ pub(super) static KIND: Kind = Kind {
         compensation::PARAMETERS,
     ],
     commands: &["compensate"],
-    variables: &[&["error"], compensation::VARIABLES],
+    variables: &[&["error"], compensation::VARIABLES, compensation::INNER],
     ..Kind::plain("BacklashDetection", |m, place| {
         Ok(if place.has(&KIND, "flags") {
             let block = modules::ForeignDetection::new(foreign(m, place)?)?;
@@ -61,6 +64,9 @@ fn settings(m: &Module, place: Place) -> Result<BacklashDetectionSettings<f64>, 
     let detector = DetectorSettings {
         b: m.value("b"),
         kp: m.known("kp"),
+        pv_span: m.known("pv_span"),
+        op_span: m.known("op_span"),
+        integrating: m.yes("integrating")?,
         tf: m.known("tf").unwrap_or(usual.tf),
         n: m.whole("n")?,
         op_limits: m.known("op_low").zip(m.known("op_high")),
@@ -79,7 +85,9 @@ fn foreign(m: &Module, place: Place) -> Result<ForeignDetectionSettings<f64>, Pa
 fn named(block: &modules::BacklashDetection<f64>, state: &BacklashDetectionState<f64>, name: &str) -> Option<f64> {
     match name {
         "error" => Some(state.error().into()),
-        _ => compensation::named(block, state, name),
+        "tf" => Some(block.settings().detector.tf),
+        "max_h" => Some(block.settings().detector.max_h),
+        _ => compensation::read(block, state, name),
     }
 }
 
@@ -105,6 +113,10 @@ impl Work for BacklashDetection {
 
     fn command(&mut self, _compensate: &str, value: f64) -> Result<(), ParameterError> {
         compensation::compensate(&mut self.state, value)
+    }
+
+    fn window(&self) -> Option<Vec<f64>> {
+        Some(self.state.detector.window().collect())
     }
 
     fn reset_detection(&mut self) -> bool {

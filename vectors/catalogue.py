@@ -20,6 +20,7 @@ NUMBERED = {
     "modes": "Who sets the output of a controller",
     "phases": "Where the autotuner's experiment stands",
     "stops": "Why it was broken off",
+    "parameters": "Parameters, as a controller's `ErrorID` names one that is out of bounds",
 }
 
 

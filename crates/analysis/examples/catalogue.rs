@@ -12,7 +12,7 @@ use glapp_core::modules::{Mode, Pid, PidSettings};
 use glapp_core::status::FLAGS;
 use glapp_core::{
     AutoTuner, AutoTunerSettings, Compensation, CompensationSettings, Conditions, Detector, DetectorSettings,
-    ParameterError, Reason, Standing, Way,
+    PARAMETERS, ParameterError, Reason, Standing, Way,
 };
 use serde_json::{Map, Value, json};
 
@@ -39,6 +39,7 @@ pub fn text() -> String {
         "modes": numbered(Mode::ALL.iter().map(|m| (m.name(), *m as u64))),
         "phases": numbered(Phase::ALL.iter().map(|p| (p.name(), *p as u64))),
         "stops": numbered(Stop::ALL.iter().map(|s| (s.name(), *s as u64))),
+        "parameters": numbered(PARAMETERS.iter().zip(1..).map(|(name, number)| (*name, number))),
         "verdicts": Verdict::ALL.map(Verdict::name),
         "lost_motions": LostMotion::ALL.map(LostMotion::name),
         "origins": Origin::ALL.map(Origin::name),

@@ -28,9 +28,7 @@ impl Reader<'_> {
             let types = iecst::parse_type_block(self.text).map_err(refused)?;
             return match <[_; 1]>::try_from(types) {
                 Ok([one]) => match one.definition {
-                    TypeDef::Struct { fields } => {
-                        Ok(Unit::Struct { name: one.name, fields: self.vars(fields)? })
-                    }
+                    TypeDef::Struct { fields } => Ok(Unit::Struct { name: one.name, fields: self.vars(fields)? }),
                     _ => self.fault(1, "only STRUCT is in the subset"),
                 },
                 Err(_) => self.fault(1, "one type a file"),
@@ -111,7 +109,8 @@ impl Reader<'_> {
             }
             other => {
                 let text = format!("{other:?}");
-                return self.fault(line, format!("{} is not in the subset", text.split([' ', '{']).next().unwrap_or("")));
+                return self
+                    .fault(line, format!("{} is not in the subset", text.split([' ', '{']).next().unwrap_or("")));
             }
         };
         Ok(Stmt { line, kind })

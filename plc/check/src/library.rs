@@ -111,7 +111,10 @@ pub(crate) enum Kind {
     Struct,
     Block,
     /// Its frame in the memory of functions, and the type it gives, whose place is the first.
-    Function { frame: usize, returns: Ty },
+    Function {
+        frame: usize,
+        returns: Ty,
+    },
 }
 
 /// A place relative to the instance.
@@ -143,12 +146,35 @@ pub(crate) struct Step {
 #[derive(Clone, Debug)]
 pub(crate) enum StepKind {
     Set(Place, Code),
-    Copy { to: usize, from: usize, length: usize },
+    Copy {
+        to: usize,
+        from: usize,
+        length: usize,
+    },
     /// Conditions with their statements; each way, and the last one for none of them, has a number of its own.
-    If { branches: Vec<(Code, Vec<Step>)>, otherwise: Vec<Step>, first_way: usize },
-    For { var: usize, from: Value, to: Value, by: Value, body: Vec<Step> },
-    While { condition: Code, body: Vec<Step>, way: usize },
-    Call { at: usize, unit: usize, inputs: Vec<(usize, Code)>, copies: Vec<(usize, usize, usize)> },
+    If {
+        branches: Vec<(Code, Vec<Step>)>,
+        otherwise: Vec<Step>,
+        first_way: usize,
+    },
+    For {
+        var: usize,
+        from: Value,
+        to: Value,
+        by: Value,
+        body: Vec<Step>,
+    },
+    While {
+        condition: Code,
+        body: Vec<Step>,
+        way: usize,
+    },
+    Call {
+        at: usize,
+        unit: usize,
+        inputs: Vec<(usize, Code)>,
+        copies: Vec<(usize, usize, usize)>,
+    },
 }
 
 /// A way through the library that a run takes or does not.
@@ -285,7 +311,14 @@ impl<'u> Builder<'u> {
             }
         }
         let none = sources.iter().map(|_| None).collect();
-        Ok(Self { sources, by_name, done: none, under_way: vec![false; sources.len()], function_memory: 0, ways: vec![] })
+        Ok(Self {
+            sources,
+            by_name,
+            done: none,
+            under_way: vec![false; sources.len()],
+            function_memory: 0,
+            ways: vec![],
+        })
     }
 
     fn build(mut self) -> Result<Library, Fault> {
@@ -321,7 +354,14 @@ impl<'u> Builder<'u> {
         Ok(())
     }
 
-    fn declare(&mut self, into: &mut Compiled, var: &Var, class: Class, constant: bool, retain: bool) -> Result<(), Fault> {
+    fn declare(
+        &mut self,
+        into: &mut Compiled,
+        var: &Var,
+        class: Class,
+        constant: bool,
+        retain: bool,
+    ) -> Result<(), Fault> {
         let fault = |what: String| Fault::new(&into.name, 0, format!("{}: {what}", var.name));
         let at = into.image.len();
         let ty = match &var.ty {
@@ -485,7 +525,9 @@ impl Scope<'_, '_> {
         }
         let numeric = matches!(ty, Ty::Int | Ty::Dint | Ty::Real | Ty::Lreal);
         Ok(match expr {
-            Expr::Int(_) | Expr::Real(_) | Expr::Bool(_) => return self.fault(format!("{expr:?} where {ty:?} is meant")),
+            Expr::Int(_) | Expr::Real(_) | Expr::Bool(_) => {
+                return self.fault(format!("{expr:?} where {ty:?} is meant"));
+            }
             Expr::Name(_) | Expr::Member(..) | Expr::Index(..) => {
                 let (place, of, _) = self.place(expr)?;
                 if of != ty {
@@ -601,7 +643,7 @@ impl Scope<'_, '_> {
                 if slot.class != Class::Local || slot.constant {
                     return self.fault(format!("{var} counts and is no variable of its own"));
                 }
-                let mut bound = |expr: &Expr| match literal(expr, slot.ty) {
+                let bound = |expr: &Expr| match literal(expr, slot.ty) {
                     Some(value @ (Value::Int(_) | Value::Dint(_))) => Ok(value),
                     _ => self.fault("a bound of FOR"),
                 };

@@ -7,7 +7,7 @@ pub const ELEMENTARY: [&str; 4] = ["BOOL", "INT", "DINT", "LREAL"];
 
 /// Keywords, standard functions and blocks, here or there: no name may be one, in any case.
 const TAKEN: &str = "
-    ABS ACOS ACTION ADD ADR AND ANY ARRAY ASIN AT ATAN ATAN2 BEGIN BOOL BY BYTE CASE CHAR CONCAT CONFIGURATION CONSTANT
+    ABS ACOS ACTION AUTHOR CEIL FAMILY FLOOR ROUND TITLE VERSION ADD ADR AND ANY ARRAY ASIN AT ATAN ATAN2 BEGIN BOOL BY BYTE CASE CHAR CONCAT CONFIGURATION CONSTANT
     CONTINUE COS CTD CTU CTUD DATE DELETE DINT DIV DO DT DWORD ELSE ELSIF EN ENO EQ EXIT EXP EXPT EXTENDS F_EDGE F_TRIG
     FALSE FINAL FIND FOR FROM FUNCTION FUNCTION_BLOCK GE GT IF IMPLEMENTS INI INSERT INT INTERFACE INTERNAL INTERVAL LD
     LE LEFT LEN LIMIT LINT LN LOG LREAL LT LTIME LWORD MAX METHOD MID MIN MOD MOVE MUL MUX NAMESPACE NE NON_RETAIN NOT
@@ -85,7 +85,10 @@ pub fn lint(place: &str, text: &str, unit: &Unit) -> Vec<Fault> {
         if keyword && word != capitals {
             linter.fault(format!("{word}: keywords are in capitals"));
         }
-        if matches!(&*capitals, "REPEAT" | "EXIT" | "CONTINUE" | "RETURN" | "CASE" | "VAR_TEMP" | "VAR_GLOBAL" | "REAL" | "TIME") {
+        if matches!(
+            &*capitals,
+            "REPEAT" | "EXIT" | "CONTINUE" | "RETURN" | "CASE" | "VAR_TEMP" | "VAR_GLOBAL" | "REAL" | "TIME"
+        ) {
             linter.fault(format!("{word} is not in the subset"));
         }
         let exponent = word.contains(['E', 'e']) && word.starts_with(|c: char| c.is_ascii_digit());
@@ -248,7 +251,9 @@ impl Linter<'_> {
                 let logical = matches!(op, Op::And | Op::Or | Op::Xor);
                 for side in [left, right] {
                     match **side {
-                        Expr::Binary(inner, ..) if inner != *op || !matches!(op, Op::Add | Op::Mul | Op::And | Op::Or) => {
+                        Expr::Binary(inner, ..)
+                            if inner != *op || !matches!(op, Op::Add | Op::Mul | Op::And | Op::Or) =>
+                        {
                             self.fault(format!("{} beside {} without parentheses", inner.symbol(), op.symbol()));
                         }
                         _ => {}

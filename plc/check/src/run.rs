@@ -115,7 +115,8 @@ impl<'l> Instance<'l> {
     /// # Errors
     /// Where the run stops: a division by zero, a result that is no number, an index or an integer out of range, a WHILE without end.
     pub fn call(&mut self) -> Result<(), Fault> {
-        Run { library: self.library, memory: &mut self.memory, unit: &self.library.units[self.unit], frame: 0, line: 0 }.body()
+        Run { library: self.library, memory: &mut self.memory, unit: &self.library.units[self.unit], frame: 0, line: 0 }
+            .body()
     }
 
     /// Operators, conversions, assignments and calls so far.

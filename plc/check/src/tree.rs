@@ -247,7 +247,11 @@ impl Fault {
 
 impl fmt::Display for Fault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if self.line > 0 { write!(f, "{}:{}: {}", self.place, self.line, self.what) } else { write!(f, "{}: {}", self.place, self.what) }
+        if self.line > 0 {
+            write!(f, "{}:{}: {}", self.place, self.line, self.what)
+        } else {
+            write!(f, "{}: {}", self.place, self.what)
+        }
     }
 }
 

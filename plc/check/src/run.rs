@@ -53,6 +53,15 @@ impl<'l> Instance<'l> {
         }
     }
 
+    /// Sets any variable, as a download or a fault of the memory may.
+    ///
+    /// # Errors
+    /// As [`set`](Self::set).
+    pub fn spoil(&mut self, name: &str, value: f64) -> Result<(), Fault> {
+        let (at, ty, _) = self.find(name)?;
+        self.put(name, at, ty, value)
+    }
+
     /// Sets an input.
     ///
     /// # Errors
@@ -62,6 +71,10 @@ impl<'l> Instance<'l> {
         if class != Class::Input {
             return Err(Fault::new(pin, 0, "not an input"));
         }
+        self.put(pin, at, ty, value)
+    }
+
+    fn put(&mut self, pin: &str, at: usize, ty: Ty, value: f64) -> Result<(), Fault> {
         let whole = |low: f64, high: f64| value >= low && value <= high && value % 1.0 == 0.0;
         self.memory.values[at] = match ty {
             Ty::Bool if value == 0.0 || value == 1.0 => Value::Bool(value == 1.0),
@@ -117,6 +130,11 @@ impl<'l> Instance<'l> {
     pub fn call(&mut self) -> Result<(), Fault> {
         Run { library: self.library, memory: &mut self.memory, unit: &self.library.units[self.unit], frame: 0, line: 0 }
             .body()
+    }
+
+    /// The block's name.
+    pub fn name(&self) -> &str {
+        &self.library.units[self.unit].name
     }
 
     /// Operators, conversions, assignments and calls so far.

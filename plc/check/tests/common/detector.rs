@@ -291,7 +291,9 @@ impl Loop {
         let p = &mut self.pins;
         (p.reset, p.restart, p.flags) = (false, false, 0);
         (p.h, p.op) = (0.25, self.usual.op.map(|_| self.side * draw.between(1.0, 2.0)));
-        p.pv = p.sp - self.side * size + self.noise * draw.between(-1.0, 1.0);
+        // Where SP is out of the world, PV stays in it: beyond 1E37 the library no longer looks at their difference.
+        let about = if p.sp.abs() < 1.0 { p.sp } else { 0.0 };
+        p.pv = about - self.side * size + self.noise * draw.between(-1.0, 1.0);
         if self.wrong > 0.0 && draw.chance(0.02) {
             p.sp = draw.between(-0.5, 0.5);
         }
@@ -311,6 +313,9 @@ impl Loop {
         }
         if draw.chance(self.wrong) {
             p.h = draw.of(&[0.0, 0.0, -0.25, 5.0, f64::NAN, 1e12, f64::INFINITY]);
+        }
+        if self.count < 3 && self.wrong > 0.0 {
+            p.h = 0.0;
         }
         if turned && draw.chance(self.wrong) {
             p.h = R::SHORTEST;

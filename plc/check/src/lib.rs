@@ -3,11 +3,12 @@
 mod first;
 mod library;
 mod lint;
+mod page;
 mod run;
 mod second;
 mod tree;
 
 pub use library::{Build, Library, Value, Way, sources};
-pub use lint::{lint, without_comments};
+pub use page::pins;
 pub use run::Instance;
 pub use tree::Fault;

@@ -25,8 +25,11 @@ fn drawn(block: &str, draw: &mut Draw) -> Case {
         "filter" => json!({ "tf": d.of(&[0.0, 0.1, 1.0, 1e6]) }),
         "median_mean" => json!({ "n": d.of(&[1, 3, 5, 9, 31]) }),
         "width" | "safety_net" => {
-            let mut params = json!({ "k": d.of(&[0.5, -0.5, 3.0, 1e-3]), "ti": d.between(0.1, 5.0), "b": d.of(&[0.0, 0.3, 1.0]) });
-            for (name, value) in [("td", 0.0), ("td", d.between(0.0, 2.0)), ("kp", d.between(-2.0, 2.0)), ("op_span", 5.0)] {
+            let mut params =
+                json!({ "k": d.of(&[0.5, -0.5, 3.0, 1e-3]), "ti": d.between(0.1, 5.0), "b": d.of(&[0.0, 0.3, 1.0]) });
+            for (name, value) in
+                [("td", 0.0), ("td", d.between(0.0, 2.0)), ("kp", d.between(-2.0, 2.0)), ("op_span", 5.0)]
+            {
                 if d.chance(0.4) {
                     params[name] = value.into();
                 }
@@ -59,7 +62,14 @@ fn drawn(block: &str, draw: &mut Draw) -> Case {
             "width" => {
                 let op = d.between(-2.0, 2.0);
                 let op = or_nan(d, op, 0.5);
-                vec![d.of(&[1.0, -1.0, 0.0]), d.between(0.0, 50.0), x.abs(), d.between(-1.0, 1.0), d.between(-1.0, 1.0), op]
+                vec![
+                    d.of(&[1.0, -1.0, 0.0]),
+                    d.between(0.0, 50.0),
+                    x.abs(),
+                    d.between(-1.0, 1.0),
+                    d.between(-1.0, 1.0),
+                    op,
+                ]
             }
             "safety_net" => {
                 let flags = if d.chance(0.2) { d.of(&[1.0, 2.0, 4.0, 8.0, 16.0, 31.0]) } else { 0.0 };
@@ -178,9 +188,12 @@ fn extremes<R: Number>(taken: &mut [bool]) {
                 let expected = reference.scan(&pins);
                 let floor = expected.0[8];
                 let capped = floor > 1e37;
-                let agree = expected.0.iter().zip(&got.0).enumerate().all(|(place, (a, b))| {
-                    same(&[*a], &[*b]) || (place == 8 && capped && *b >= 1e37)
-                });
+                let agree = expected
+                    .0
+                    .iter()
+                    .zip(&got.0)
+                    .enumerate()
+                    .all(|(place, (a, b))| same(&[*a], &[*b]) || (place == 8 && capped && *b >= 1e37));
                 assert!(agree, "sequence {seed}, scan {i}:\n{got:?} instead of\n{expected:?}\nfor {pins:?}");
                 if let (Some(a), Some(b), false) = (&expected.1, &got.1, capped) {
                     assert!(same(a, b), "sequence {seed}, scan {i}:\n{b:?} instead of\n{a:?}\nfor {pins:?}");

@@ -184,8 +184,7 @@ pub fn library<R: Number>(block: &str, case: &Case) -> (Scan, Block) {
                 set_flags(&b, "", x[4]);
                 b.call();
                 begun = true;
-                let ended = close.then(|| half_row(&b, "Half."));
-                ended
+                close.then(|| half_row(&b, "Half."))
             })
         }
         "width" => {

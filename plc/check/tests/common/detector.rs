@@ -306,8 +306,8 @@ impl Loop {
         if draw.chance(self.wrong) {
             let bad = draw.of(&[f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e32, -1e32, 1e200]);
             match draw.of(&[0, 1, 2]) {
-                0 => p.pv = bad,
-                1 => p.sp = bad,
+                0 if p.sp.abs() < 1.0 => p.pv = bad,
+                0 | 1 => p.sp = bad,
                 _ => p.op = p.op.map(|_| bad),
             }
         }

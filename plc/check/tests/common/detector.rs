@@ -304,7 +304,7 @@ impl Loop {
             p.flags = draw.of(&[1, 2, 4, 8, 3, 12, 15]);
         }
         if draw.chance(self.wrong) {
-            let bad = draw.of(&[f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e32, -1e32, 1e200]);
+            let bad = draw.of(&[f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e32, -1e32, 1e36]);
             match draw.of(&[0, 1, 2]) {
                 0 if p.sp.abs() < 1.0 => p.pv = bad,
                 0 | 1 => p.sp = bad,

@@ -1,4 +1,4 @@
-"""Instructions of one scan of PidAdvanced with detector and compensation, and of AutoTuner: `python -m bench.scan`.
+"""Instructions of one scan of PidAdvanced with all that is in it, and of AutoTuner: `python -m bench.scan`.
 
 The program `bench/scan.rs` scans a loop with a gap until it has many detections, and a relay experiment to its end;
 callgrind counts the instructions of each scan apart. A PLC must find time for the worst.
@@ -44,7 +44,12 @@ def main() -> None:
         print("instructions of a scan are not counted: valgrind is not installed (apt-get install valgrind)")
         return
     path = program()
-    for module, function in (("PidAdvanced", "scan::pid_advanced"), ("AutoTuner", "scan::auto_tuner")):
+    functions = {
+        "PidAdvanced": "scan::pid_advanced",
+        "PidAdvanced with the autotuner inside": "scan::pid_tuner",
+        "AutoTuner": "scan::auto_tuner",
+    }
+    for module, function in functions.items():
         counts = scans(path, function)
         median, worst = statistics.median(counts), max(counts)
         print(

@@ -33,6 +33,9 @@ def test_a_page_without_the_marks_is_left_alone(tmp_path: Path, monkeypatch: pyt
         ("auto_tuner.md", "measured"),
         *[("truth.md", mark) for mark in ("loads", "lengths", "times", "tables")],
         ("modules.md", "wrong sign"),
+        ("modules.md", "widths"),
+        ("modules.md", "kp by default"),
+        ("modules.md", "pid rules"),
         *[("compensation.md", mark) for mark in ("brings", "warns", "tuned", "harms", "beside")],
     ],
 )

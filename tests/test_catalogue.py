@@ -36,7 +36,8 @@ def default(block: str, name: str) -> Any:
 
 
 @pytest.mark.parametrize(
-    ("enumeration", "key"), [(modules.Flag, "flags"), (modules.Mode, "modes"), (modules.Way, "ways")]
+    ("enumeration", "key"),
+    [(modules.Flag, "flags"), (modules.Mode, "modes"), (modules.Way, "ways"), (modules.TuneRule, "rules")],
 )
 def test_enums_have_the_cores_names_and_numbers(enumeration: type[enum.IntEnum], key: str) -> None:
     assert {member.name.lower(): member.value for member in enumeration} == CATALOGUE[key]

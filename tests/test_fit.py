@@ -427,6 +427,7 @@ def test_the_same_valve_three_months_apart() -> None:
     assert late.verdict in GAP
     assert late.low is not None and late.high is not None and early.low is not None
     assert 0.4 < late.low < late.high < 0.7
+    assert late.why == "gap_and_more" and "strays" in late.reason, "its PV is nearly square"
     assert early.low < late.high and (early.high is None or late.low < early.high), "the intervals overlap"
 
 

@@ -33,6 +33,7 @@ from glapp.modules import (
     Resolution,
     Saturation,
     Sum,
+    TuneRule,
     Way,
 )
 from glapp.simulate import Friction as Stem
@@ -647,7 +648,7 @@ def test_what_is_not_known_any_more_is_none() -> None:
     loop = scheduled()
     loop["pid.kp"] = 2.0
     loop["pid.kp"] = None
-    assert math.isnan(loop["pid.kp"])
+    assert loop["pid.kp"] is None
     with pytest.raises(InputError, match=r"pid: kp = NaN: must be"):
         loop["pid.kp"] = math.nan
     with pytest.raises(InputError, match=r"PidAdvanced: k must be given"):
@@ -728,7 +729,13 @@ def test_every_name_can_be_read() -> None:
     loop.run(1.0)
     names = list(loop)
     assert {"pid.k", "pid.mode", "pid.d_hat", "gap.d", "sp.flags", "process.out"} <= set(names)
-    assert all(isinstance(loop[name], float) for name in names)
+    unknown = {name for name in names if loop[name] is None}
+    assert all(isinstance(loop[name], float) for name in set(names) - unknown)
+    assert {"pid.pv_span", "pid.start_pv", "gap.start"} <= unknown and not unknown & {
+        "pid.kp",
+        "pid.max_h",
+        "process.h",
+    }
 
 
 def test_sample_by_sample_beside_a_plant_whose_sensor_fails() -> None:
@@ -796,3 +803,149 @@ def test_no_width_is_shown_that_noise_can_feign(inside: bool) -> None:
     for floor in (shown[0.0]["noise_floor"], shown[0.05]["noise_floor"]):
         # A gap makes this PV move within a few samples, which counts as noise.
         assert floor == pytest.approx(3 * 0.002 / math.sqrt(3), rel=0.25)
+
+
+# --- The autotuner inside --------------------------------------------------------------------------------------------
+
+TUNED: dict[str, Any] = {
+    "low": 0.0,
+    "high": 100.0,
+    "start": 62.5,
+    "start_pv": 50.0,
+    "tune_amplitude": 5.0,
+    "tune_wait": 10.0,
+    "tune_longest": 400.0,
+    "tune_pv_low": 40.0,
+    "tune_pv_high": 60.0,
+}
+
+
+def tank(d: float = 0.0, **pid: Any) -> Graph:
+    """A process of gain 0.8 with lags and a dead time, in noise."""
+    modules = {
+        "sp": Input(50.0),
+        "load": Input(),
+        "by": Input(),
+        "pid": PidAdvanced(**{"k": 0.5, "ti": 8.0} | TUNED | pid),
+        "gap": Backlash(d, start=62.5),
+        "process": ProcessSim(gain=0.8, t1=3.0, t2=1.0, dead_time=1.0, start=50.0),
+        "noise": Noise(0.02),
+    }
+    wires = ["sp -> pid.sp", "by -> pid.by", "load -> process.load", "pid -> gap -> process -> noise -> pid.pv"]
+    return Graph(0.1, modules, wires)
+
+
+@pytest.mark.parametrize("rule", TuneRule)
+def test_what_the_autotuner_inside_offers_is_taken_over(rule: TuneRule) -> None:
+    loop = tank(tune_rule=rule)
+    loop["pid.tune"] = 1
+    loop.run(200.0)
+    assert (loop["pid.tune"], loop["pid.tune_phase"], loop["pid.tune_stop"]) == (0, 4, 0)
+    assert loop["pid.tune_kp"] == pytest.approx(0.8, rel=0.05)
+    ku, tu, kappa = (loop[f"pid.tune_{name}"] for name in ("ku", "tu", "kappa"))
+    assert kappa == pytest.approx(1 / (loop["pid.tune_kp"] * ku))
+    expected = {
+        TuneRule.POINT_PLACEMENT: (0.3535533905932738 * ku, 6.25 * 0.18148635890784376 * tu, 0.18148635890784376 * tu),
+        TuneRule.AMIGO_PI: (0.16 * ku, tu / (1 + 4.5 * kappa), 0.0),
+        TuneRule.AMIGO_PID: (
+            (0.3 - 0.1 * kappa**4) * ku,
+            0.6 * tu / (1 + 2 * kappa),
+            0.15 * (1 - kappa) * tu / (1 - 0.95 * kappa),
+        ),
+    }[rule]
+    offered = [loop[f"pid.tune_{name}"] for name in ("k", "ti", "td")]
+    assert offered == pytest.approx(expected)
+    before = loop["pid"]
+    loop.take_over("pid")
+    assert [loop[f"pid.{name}"] for name in ("k", "ti", "td")] == offered
+    loop.scan()
+    # What the new gains make of one sample more, in noise.
+    assert abs(loop["pid"] - before) < offered[0] * 0.05 * (1 + offered[2] / 0.1)
+    # Other parameters set later leave it in force.
+    loop["pid.b"] = 0.5
+    assert [loop[f"pid.{name}"] for name in ("k", "ti", "td")] == offered
+    loop.run(100.0)
+    assert loop["noise"] == pytest.approx(50.0, abs=0.3)
+
+
+def test_the_half_period_in_which_it_is_taken_over_ends_as_a_gap() -> None:
+    loop = tank(d=1.0, tune_d=1.0, tune_rule=TuneRule.AMIGO_PI)
+    loop["pid.tune"] = 1
+    loop.run(300.0)
+    assert loop["pid.tune_phase"] == 4
+    for load, take in ((2.0, False), (0.0, True)):
+        loop.run(20.0, load=np.full(200, load), record=[])
+        loop.run(2.0, load=np.full(20, 1.0 - load))
+        if take:
+            loop.take_over("pid")
+        reasons = loop.run(0.2, load=np.full(2, 1.0 - load), record=["pid.reason"])["pid.reason"]
+        assert (reasons[-1] == 1) == take  # gap
+
+
+@pytest.mark.parametrize(
+    ("given", "begin", "message"),
+    [
+        ({}, False, "pid: phase = 0: must be 4, done"),
+        ({"tune_longest": 40.0}, True, "pid: phase = 5: must be 4, done"),
+        ({"schedule": [(0.0, 0.5, 8.0, 0.0)]}, True, "pid: rows = 1: must be 0: under a gain schedule"),
+    ],
+)
+def test_what_is_not_offered_is_not_taken_over(given: dict[str, Any], begin: bool, message: str) -> None:
+    loop = tank(**given)
+    loop["pid.tune"] = int(begin)
+    loop.run(200.0)
+    before = {name: loop[name] for name in loop}
+    with pytest.raises(InputError, match=message):
+        loop.take_over("pid")
+    assert {name: loop[name] for name in loop} == pytest.approx(before, nan_ok=True)
+    assert math.isnan(loop["pid.tune_k"])
+    # Under a schedule the detector has the Kp all the same.
+    assert math.isnan(loop["pid.tune_kp"]) == ("schedule" not in given)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"tune_wait": None}, "pid: tune_wait = NaN: must be greater than 0 s"),
+        ({"tune_longest": 5.0}, "pid: tune_longest = 5: must be greater than wait"),
+        ({"tune_pv_low": 70.0}, "pid: tune_pv_low = 70: must be a number less than pv_high"),
+        ({"tune_amplitude": math.nan}, "pid: tune_amplitude = NaN: must be a number other than 0"),
+        ({"tune_d": -1.0}, "pid: tune_d = -1: must be 0 or greater"),
+        ({"tune_rule": 4}, "pid: tune_rule = 4: must be 1 .point placement., 2"),
+        ({"high": 1.7e308}, "pid: high = .*: must be a limit of the output: the autotuner needs both"),
+    ],
+)
+def test_settings_of_the_autotuner_inside_are_named(given: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        tank(**given)
+
+
+def test_an_experiment_cannot_lose_its_autotuner() -> None:
+    loop = tank()
+    loop["pid.tune"] = 1
+    loop.run(30.0)
+    with pytest.raises(InputError, match="tune_amplitude = 0: must be other than 0 while an experiment runs"):
+        loop["pid.tune_amplitude"] = 0.0
+    loop["pid.tune"] = 0
+    loop.scan()
+    assert (loop["pid.tune_phase"], loop["pid.tune_stop"], loop["pid"]) == (5, 3, pytest.approx(62.5, abs=0.1))
+    loop["pid.tune_amplitude"] = 0.0
+    with pytest.raises(InputError, match="tune = 1: must be 0: without tune_amplitude there is no autotuner"):
+        loop["pid.tune"] = 1
+    with pytest.raises(InputError, match="there is no 'autotuner' here"):
+        loop.take_over("process")
+
+
+def test_an_integral_time_that_the_scan_cannot_follow_is_not_taken_over() -> None:
+    modules = {
+        "sp": Input(50.0),
+        "pid": PidAdvanced(**{"k": 0.2, "ti": 4.0, "tune_rule": TuneRule.AMIGO_PI} | TUNED | {"start": 50.0}),
+        "process": ProcessSim(gain=1.0, t1=0.05, dead_time=1.0, start=50.0),
+    }
+    loop = Graph(0.25, modules, ["sp -> pid.sp", "pid -> process -> pid.pv"])
+    loop["pid.tune"] = 1
+    loop.run(200.0)
+    assert loop["pid.tune_phase"] == 4 and loop["pid.tune_ti"] < 0.5
+    with pytest.raises(InputError, match=r"pid: tune_ti = 0.*: must be more than two scan times"):
+        loop.take_over("pid")
+    assert loop["pid.ti"] == 4.0

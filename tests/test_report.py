@@ -633,11 +633,12 @@ def test_crossings_that_contradict_the_fit_are_struck(worn: Result, tmp_path: Pa
 
 
 def test_how_strong_the_evidence_is_stands_in_words(worn: Result) -> None:
-    def said(lr: float, verdict: Any = "backlash") -> str:
-        fit = Fit(verdict, "units of 2·ln L", "%", 2.0, 1.5, 3.0, lr_no_gap=lr, lr_needed=40.0)
+    def said(lr: float, verdict: Any = "backlash", why: str = "gap") -> str:
+        fit = Fit(verdict, "units of 2·ln L", "%", 2.0, 1.5, 3.0, lr_no_gap=lr, lr_needed=40.0, why=why)
         return words.why(replace(worn, fit=fit))
 
     assert said(41.0) == "Evidence for a gap: strong." and said(90.0) == "Evidence for a gap: very strong."
+    assert said(41.0, why="gap_and_more").startswith("Evidence for a gap: strong. Where the valve turns, PV strays")
     assert said(20.0, "sound") == "Units of 2·ln L.", "a reason of the fit's own"
 
 

@@ -15,12 +15,14 @@ from glapp.blocks import (
     AutoTuner,
     Backlash,
     Compensation,
+    Correction,
     Derivative,
     HalfPeriod,
     MedianMean,
     Noise,
     NoiseLevel,
     OverCompensation,
+    PhaseLead,
     Pid,
     RateLimit,
     SafetyNet,
@@ -118,6 +120,10 @@ def pid(params: dict[str, float]) -> Callable[..., float]:
     return lambda ysp, y, u, h: block.update(ysp, y, h) if math.isnan(u) else block.track(ysp, y, u, h)
 
 
+def phase_lead(params: dict[str, float]) -> Callable[..., float]:
+    return PhaseLead(params["lead"], params["lag"]).update
+
+
 def rate_limit(params: dict[str, float]) -> Callable[..., float]:
     return RateLimit(params["rate"]).update
 
@@ -201,6 +207,23 @@ def swing(params: dict[str, float]) -> Callable[..., list[float | None] | None]:
         ended = list(block.end(int(ends), int(flags))) if ends else None
         block.add(sp, yf, h, given(op))
         return ended
+
+    return update
+
+
+def correction(params: dict[str, float]) -> Callable[..., list[float | None]]:
+    integrating = params.get("integrating", 0.0) != 0.0
+    block = Correction(params["k"], params["ti"], params["b"], params.get("kp"), integrating)
+
+    def update(
+        sp: float, yf: float, op: float, ends: float, flags: float, mask: float, delta_y: float, h: float
+    ) -> list[float | None]:
+        block.conclude()
+        if ends:
+            block.end(int(ends), delta_y, int(mask), int(flags))
+        block.add(sp, yf, h, op)
+        width = block.width()
+        return [None] * 4 + [1.0 + _glapp.doubts().index(width)] if isinstance(width, str) else [*width, 0.0]
 
     return update
 
@@ -339,6 +362,28 @@ def pid_advanced(params: dict[str, float]) -> Callable[..., list[float]]:
     return update
 
 
+def pid_tuner(params: dict[str, float]) -> Callable[..., list[float]]:
+    tuned = ("amplitude", "wait", "longest", "pv_low", "pv_high")
+    given = {f"tune_{name}" if name in tuned else name: value for name, value in params.items()}
+    named = {
+        **{name: modules.Input() for name in ("pv", "sp")},
+        "pid": modules.PidAdvanced(**given, tune_rule=modules.TuneRule.AMIGO_PI),
+        "valve": modules.Output(),
+    }
+    graph = modules.Graph(0.2, named, ["pv -> pid.pv", "sp -> pid.sp", "pid -> valve"])
+    found = ("tune_phase", "tune_stop", "tune_ku", "tune_tu", "tune_kp", "tune_kappa", "k", "ti", "td")
+
+    def update(pv: float, sp: float, mode: float, told: float, tune: float, take: float, h: float) -> list[float]:
+        if take:
+            graph.take_over("pid")
+        _set(graph, "pid", mode=mode, tune=tune)
+        _set(graph, "valve", flags=told)
+        graph.scan(pv=pv, sp=sp, h=h)
+        return [graph[f"pid.{name}"] for name in ("out", "ysp", *found)]
+
+    return update
+
+
 # The outputs of these are exact, computed in rational numbers: a double may differ in its last digits.
 EXACT = {"tuning"}
 
@@ -347,6 +392,7 @@ MAKERS = {
     "backlash": backlash,
     "backlash_detection": backlash_detection,
     "compensation": compensation,
+    "correction": correction,
     "derivative": derivative,
     "detector": detector,
     "filter": filter_,
@@ -355,9 +401,11 @@ MAKERS = {
     "noise": noise,
     "noise_level": noise_level,
     "over_compensation": over_compensation,
+    "phase_lead": phase_lead,
     "pid": pid,
     "pid_advanced": pid_advanced,
     "pid_module": pid_module,
+    "pid_tuner": pid_tuner,
     "process_sim": process_sim,
     "rate_limit": rate_limit,
     "safety_net": safety_net,

@@ -20,6 +20,8 @@ NUMBERED = {
     "modes": "Who sets the output of a controller",
     "phases": "Where the autotuner's experiment stands",
     "stops": "Why it was broken off",
+    "rules": "Which controller the autotuner in a controller offers",
+    "doubts": "Why there is no corrected width",
     "parameters": "Parameters, as a controller's `ErrorID` names one that is out of bounds",
 }
 
@@ -45,12 +47,19 @@ def page(catalogue: dict[str, Any]) -> str:
         "What may be wrong with a recording ([quality.md](quality.md)), in the order in which it is looked for.",
         _table(("code", "severity"), findings),
     ]
+    variables = [(f"`{v['name']}`", v["unit"], v["meaning"].replace("|", "\\|")) for v in catalogue["variables"]]
+    parts += [
+        "## inner variables",
+        "What can be read in a detector while it runs ([modules.md](modules.md#inner-variables)).",
+        _table(("name", "unit", "meaning"), variables),
+    ]
     for block, settings in catalogue["settings"].items():
         rows = [(s["name"], s["unit"], s["bound"], _default(s["default"])) for s in settings]
         parts += [f"## settings of {block}", _table(("name", "unit", "bound", "default"), rows)]
     parts.append(
         f"Defaults are those for {controller}; of compensation for *inverse* and {given['share']:g} of a size of "
-        f"{given['size']:g}. No default: it must be given, is not known, or has no limit."
+        f"{given['size']:g}. Kp where it is not known and both spans are: {catalogue['kp_default']:g} %/% with the "
+        "sign of K, marked. No default: it must be given, is not known, or has no limit."
     )
     return "\n\n".join(parts) + "\n"
 

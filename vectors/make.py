@@ -186,6 +186,41 @@ def rate_limit_cases() -> Iterator[dict[str, Any]]:
     yield case("not a number at the start", ["NotANumber", "Start"], {"rate": 0.5}, [NAN, NAN, 1.0, 2.0], h=1.0)
 
 
+def phase_lead(params: Params, h: Sequence[float], xs: Sequence[float]) -> list[float]:
+    """The signal and the part of it that its lagged image has not followed yet (2.2)."""
+    lead, lag = params["lead"], params["lag"]
+    lagged = output = None
+    outputs = []
+    for step, x in zip(h, xs, strict=True):
+        if lagged is None:
+            outputs.append(x)
+            lagged = output = None if math.isnan(x) else x
+            continue
+        if step > 0.0 and not math.isnan(x):
+            away = x - lagged
+            output = x + away * ((lead - lag) / (lag + step))
+            lagged += away * (step / (lag + step))
+        outputs.append(output)
+    return outputs
+
+
+def phase_lead_cases() -> Iterator[dict[str, Any]]:
+    """A step, a wandering signal, and inputs that move nothing."""
+    yield case("a step", [], {"lead": 3.0, "lag": 0.5}, [1.0, 1.0] + [2.0] * 12, h=0.25)
+    wander = list(_walk(71, 60, low=-3.0, high=5.0))
+    yield case("a signal that wanders", [], {"lead": 2.2, "lag": 0.3}, wander, h=0.1)
+    yield case("lead = lag", ["Nothing"], {"lead": 0.7, "lag": 0.7}, wander, h=0.1)
+    steps = list(_walk(72, 60, low=0.01, high=2.0))
+    yield case("steps of any length", ["IrregularStep"], {"lead": 2.2, "lag": 0.3}, wander, h=steps)
+    broken = [1.0, 2.0, NAN, 2.5, NAN, 3.0, 4.0, 4.0, 3.0]
+    stops = [0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.0, -0.5, 0.5]
+    yield case("what is no number, and time that stands still", ["NotANumber", "ZeroStep"], _LEAD, broken, h=stops)
+    yield case("bad from the beginning", ["NotANumber"], _LEAD, [NAN, 5.0, 6.0, 6.0], h=0.5)
+
+
+_LEAD = {"lead": 4.0, "lag": 1.0}
+
+
 def compensation(params: Params, h: Sequence[float], samples: Sequence[Sequence[float]]) -> list[list[float]]:
     """Carry the valve through its gap (2.2): half the width, to the side that the signals say, with limits on all."""
     way, share, size, release = int(params["way"]), params["share"], params["size"], params["release"]
@@ -967,6 +1002,159 @@ def swing_cases() -> Iterator[dict[str, Any]]:
     steps = [0.0 if i in (0, 14, 15) else h for i, h in enumerate(_walk(63, 60, low=0.01, high=1.0))]
     yield case("steps of any length", ["ZeroStep"], pid_, rows(to_and_fro, known=False), h=steps)
     yield case("no time at all", ["ZeroStep"], pi, rows({4: 1, 5: -1})[:8], h=0.0)
+
+
+def correction(params: Params, h: Sequence[float], samples: Sequence[Sequence[float]]) -> list[list[float]]:
+    """All pairs of all half-periods so far, of which the last nine count; worked off with the sample after."""
+    swings = swing(params, h, [row[:5] for row in samples])
+    halves: list[tuple[int, int, float, list[float]]] = []
+    pairs: list[tuple[float, float]] = []
+    outputs = []
+    shown, due = [NAN, NAN, NAN, NAN, 1.0], False
+    for i, (row, swung) in enumerate(zip(samples, swings, strict=True)):
+        if due:
+            noise = noise_level({}, [], [row[2] for row in samples[:i]])[-1]
+            shown, due = _corrected(pairs[-9:], params.get("kp"), 0.0 if math.isnan(noise) else 6.0 * noise), False
+        if swung is not None:
+            halves.append((int(row[3]), int(row[5]), row[6], swung))
+            pair = _pair(halves[-3:])
+            pairs += [pair] if pair is not None else []
+            due = pair is not None
+        outputs.append([NAN, NAN, NAN, NAN, 7.0] if params.get("integrating") else shown)
+    return outputs
+
+
+def _pair(halves: Sequence[tuple[int, int, float, list[float]]]) -> tuple[float, float] | None:
+    """Travel of OP and way of PV of the half-period in the middle, if it was accepted between whole ones."""
+    if len(halves) < 3:
+        return None
+    (_, mask_before, _, _), (sign, mask, delta_y, (travel, plateau)), (sign_after, mask_after, delta_y_after, after) = (
+        halves
+    )
+    broken = sum(1 << REASON_ORDER.index(name) for name in ("gap", "bad_quality", "not_auto", "saturated", "sp_moved"))
+    whole = (
+        mask == 0 and not (mask_before | mask_after) & broken and not mask_after & 1 << REASON_ORDER.index("too_short")
+    )
+    way = plateau + after[1]
+    reached = way <= 1.4 * (delta_y + delta_y_after)
+    return (travel, way) if whole and reached and sign_after == -sign and not math.isnan(travel) else None
+
+
+def _corrected(pairs: Sequence[tuple[float, float]], kp: float | None, noise: float) -> list[float]:
+    """Width, smallest, largest and Kp, and 0, or the number of the doubt."""
+    if len(pairs) < (3 if kp is not None else 4):
+        return [NAN, NAN, NAN, NAN, 1.0]
+    found = _line(pairs) if kp is None else _known(pairs, abs(kp))
+    if isinstance(found, float):
+        return [NAN, NAN, NAN, NAN, found]
+    return [NAN, NAN, NAN, NAN, 6.0] if found[0] < noise else [*found, 0.0]
+
+
+def _middle(values: Iterable[float]) -> float:
+    ordered = sorted(values)
+    half = len(ordered) // 2
+    return ordered[half] if len(ordered) % 2 else (ordered[half - 1] + ordered[half]) / 2.0
+
+
+def _known(pairs: Sequence[tuple[float, float]], kp: float) -> list[float] | float:
+    middle = _middle(travel - way / kp for travel, way in pairs)
+    if middle <= 0.0 or middle < _middle(way / kp for _, way in pairs):
+        return 5.0
+    by_way = sorted(pairs, key=lambda pair: pair[1] / kp)
+    agree = [d for d in (travel - way / kp for travel, way in by_way) if abs(d - middle) <= 0.1 * middle]
+    return 4.0 if 3 * len(agree) < 2 * len(pairs) else [_sum(agree) / len(agree), min(agree), max(agree), kp]
+
+
+def _line(pairs: Sequence[tuple[float, float]]) -> list[float] | float:
+    ordered = sorted(pairs, key=lambda pair: pair[1])
+    if ordered[-1][1] < 1.5 * ordered[0][1]:
+        return 2.0
+    origin = ordered[len(ordered) // 2]
+    off = [(travel - origin[0], way - origin[1]) for travel, way in ordered]
+    products = [[1.0, t, w, t * t, w * w, t * w] for t, w in off]
+    sums = [_sum(column) for column in zip(*products, strict=True)]
+    all_of = _through(origin, sums)
+    if isinstance(all_of, float):
+        return all_of
+    d, per_way = all_of
+    if d <= 0.0 or d < per_way * _middle(way for _, way in pairs):
+        return 5.0
+    without = [_through(origin, [a - b for a, b in zip(sums, one, strict=True)]) for one in products]
+    if any(isinstance(one, float) for one in without):
+        return 4.0
+    widths = [d, *(one[0] for one in without if not isinstance(one, float))]
+    return 4.0 if min(widths) < 0.8 * d or max(widths) > 1.2 * d else [d, min(widths), max(widths), 1.0 / per_way]
+
+
+def _through(origin: tuple[float, float], sums: Sequence[float]) -> tuple[float, float] | float:
+    """Travel where the way is 0, and travel per way: the way is regressed on the travel."""
+    n, t, w, tt, ww, tw = sums
+    tt, ww, tw = tt - t * t / n, ww - w * w / n, tw - t * w / n
+    if tw <= 0.0:
+        return 3.0
+    if tw * tw < 0.9 * tt * ww:
+        return 4.0
+    per_way = tt / tw
+    return origin[0] + t / n - per_way * (origin[1] + w / n), per_way
+
+
+def correction_cases() -> Iterator[dict[str, Any]]:
+    """Half-periods whose OP goes d and the way over Kp, with and without Kp; what is refused, and why."""
+    random = Random(64)
+
+    def rows(
+        turns: Sequence[float], plateaus: Sequence[float], masks: dict[int, int] | None = None, noise: float = 0.0
+    ) -> list[list[float]]:
+        """Twelve samples from turn to turn; a half-period ends with the first of the next."""
+        out, before = [], 0.0
+        for i, (turn, plateau) in enumerate(zip(turns, plateaus, strict=True)):
+            sign = -1 if i % 2 else 1
+            for j in range(12):
+                op = before + (turn - before) * min(j + 3, 12) / 12 + noise * (random.random() - 0.5)
+                ends = -sign if i and j == 0 else 0
+                mask = (masks or {}).get(i - 1, 0) if ends else 0
+                flags = 16 if mask & 1 else 0
+                out.append([50.0, 50.0 - sign * plateau, op, ends, flags, mask, plateaus[i - 1] if ends else 0.0])
+            before = turn
+        return out
+
+    def gap(plateaus: Sequence[float], d: float = 2.0, kp: float = 1.6, scatter: float = 0.0) -> list[float]:
+        turn, turns = 0.0, []
+        for i, (here, after) in enumerate(itertools.pairwise([*plateaus, plateaus[-1]])):
+            travel = d + (here + after) / kp + scatter * (random.random() - 0.5)
+            turn += -travel if i % 2 else travel
+            turns.append(turn)
+        return turns
+
+    swings = [0.4 + 0.9 * random.random() for _ in range(16)]
+    alike = [0.5 + 0.01 * random.random() for _ in range(16)]
+    loop = {"k": 1.2, "ti": 5.0, "b": 1.0}
+    known = loop | {"kp": -1.6}
+    yield case("Kp known", [], known, rows(gap(swings), swings), h=0.5)
+    yield case("Kp known, widths that scatter a little", [], known, rows(gap(swings, scatter=0.2), swings), h=0.5)
+    yield case("Kp not known", ["Line"], loop, rows(gap(swings, scatter=0.05), swings), h=0.5)
+    yield case("Kp not known, ways alike", ["Line"], loop, rows(gap(alike), alike), h=0.5)
+    yield case(
+        "Kp not known, OP travels less where PV swings further",
+        ["Line"],
+        loop,
+        rows(gap(swings, 6.0, -1.0), swings),
+        h=0.5,
+    )
+    yield case("widths that do not agree", ["Doubt"], known, rows(gap(swings, scatter=1.6), swings), h=0.5)
+    yield case("Kp not known, no line", ["Doubt", "Line"], loop, rows(gap(swings, scatter=1.6), swings), h=0.5)
+    yield case("the way is longer than the gap", ["Doubt"], known, rows(gap(swings, d=0.2), swings), h=0.5)
+    yield case("the same without Kp", ["Doubt", "Line"], loop, rows(gap(swings, d=0.2), swings), h=0.5)
+    yield case("noise moves OP by as much", ["Noise"], known, rows(gap(swings), swings, noise=3.0), h=0.5)
+    yield case("the process integrates", ["Doubt"], known | {"integrating": 1.0}, rows(gap(swings), swings)[:60], h=0.5)
+    broken = {3: 1, 11: 128}
+    yield case("half-periods that are not whole", ["Whole"], known, rows(gap(swings), swings, broken), h=0.5)
+    refused = {4: 32, 8: 64, 12: 256}
+    few = {3: 2, 6: 4, 9: 8, 12: 16}
+    yield case("hardly one that is", ["Whole"], known, rows(gap(swings), swings, few), h=0.5)
+    yield case(
+        "half-periods that are whole and not accepted", ["Whole"], known, rows(gap(swings), swings, refused), h=0.5
+    )
 
 
 REASON_ORDER = (
@@ -2044,6 +2232,11 @@ class _Detection:
             limits = {"op_low": low, "op_high": high, "op_span": high - low}
         known = {} if td is None else {"td": td}
         own = {"k": k, "ti": ti, "b": params.get("b", 1.0), "tf": tf, "n": params.get("n", 9.0), "op_known": 1.0}
+        limits |= {"op_span": params["op_span"]} if "op_span" in params else {}
+        spanned = "pv_span" in params and "op_span" in params
+        if spanned and "kp" not in params:
+            given = {"kp": math.copysign(1.5 * (params["pv_span"] / params["op_span"]), k)}
+        self.unfit = (spanned and "kp" not in params) or max(tf, params.get("tf", 0.0)) > 0.5 * ti
         self.params = own | given | known | limits | {"max_h": params["ti"] / 2.0}
         self.size = params.get("comp_size", 0.0)
         renamed = {name.removeprefix("comp_"): value for name, value in params.items() if name.startswith("comp_")}
@@ -2066,9 +2259,18 @@ class _Detection:
         self.standing = 1
 
     def learn(
-        self, h: float, sp: float, pv: float, raw: float, sent: float, op: float, flags: int, enable: bool
+        self,
+        h: float,
+        sp: float,
+        pv: float,
+        raw: float,
+        sent: float,
+        op: float,
+        flags: int,
+        enable: bool,
+        beside: float = NAN,
     ) -> None:
-        """One sample, with the output as it is sent and the controller's own.
+        """One sample, with the output as it is sent and the controller's own; `beside`: PV for all but the detector.
 
         What the last half-period means for the compensation comes in the scan after it.
         """
@@ -2094,12 +2296,14 @@ class _Detection:
             against = found["op_travel"] + found["delta_u"] / 2.0 < 0.0
             self.last = (*parts, int(found["mask"]), found["d"], self.half + self.half, against)
         yf = filter_({"tf": self.params["tf"]}, [0.0, *self.h[1:]], [row[1] for row in self.samples])[-1]
+        yf = yf if math.isnan(beside) else beside
         self.watched.append([sp, yf, sent, flags])
         wrong = self.limits and wrong_sign(self.params | self.limits, self.h, self.watched)[-1]
         self.error = 256 if wrong or self.against >= 3 else 0
         if self.size > 0.0:
             flags |= FLAG_LIMIT if self.error else 0
-            self.compensated.append([sp - yf, op, self.whole(), self.over[1], enable, flags])
+            fit = NAN if self.unfit else self.whole()
+            self.compensated.append([sp - yf, op, fit, self.over[1], enable, flags])
             self.u_ff, self.half, self.standing = compensation(self.compensation, self.h, self.compensated)[-1]
 
     def whole(self) -> float:
@@ -2137,8 +2341,10 @@ def pid_advanced(params: Params, h: Sequence[float], samples: Sequence[Sequence[
     widest = max((row[1] for row in rows), key=abs, default=k)
     slowest = max((row[2] for row in rows), default=ti)
     damping = max((row[3] for row in rows), default=td)
-    tf = 0.0 if controller.tf > 0.0 else damping / 5.0 if damping > 0.0 else slowest / 10.0
+    usual = damping / 5.0 if damping > 0.0 else slowest / 10.0
+    tf = params.get("detector_tf", 0.0 if controller.tf > 0.0 else usual)
     detection = _Detection(params, widest, slowest, None if rows else td, tf)
+    pvs: list[float] = []
     detection.compensation["rate"] = min(detection.compensation["rate"], controller.rate / 2.0)
     by, outputs = 0.0, []
     for step, (pv, sp, given, mode, manual, told, enable) in zip(h, samples, strict=True):
@@ -2148,10 +2354,92 @@ def pid_advanced(params: Params, h: Sequence[float], samples: Sequence[Sequence[
         rate = params.get("sp_rate", MOST)
         u = controller.scan(gains, rate, step, pv, sp, 0.0 + detection.u_ff, mode, NAN, manual, *back)[0]
         sent = (u - controller.ff) + detection.u_ff
-        seen = controller.yf if controller.tf > 0.0 else pv
-        detection.learn(step, controller.ysp, seen, pv, sent, sent - detection.u_ff, controller.flags, enable != 0)
+        pvs.append(pv)
+        seen, beside = controller.yf if controller.tf > 0.0 else pv, NAN
+        if "detector_tf" in params:
+            steps = [0.0, *h[1 : len(pvs)]]
+            beside, seen = seen if controller.tf > 0.0 else filter_({"tf": usual}, steps, pvs)[-1], pv
+        op = sent - detection.u_ff
+        detection.learn(step, controller.ysp, seen, pv, sent, op, controller.flags, enable != 0, beside)
         outputs.append([u, controller.ysp, *detection.all()])
     return outputs
+
+
+def pid_tuner(params: Params, h: Sequence[float], samples: Sequence[Sequence[float]]) -> list[list[float]]:
+    """The controller with the autotuner inside."""
+    loop = _TunedPid(params)
+    return [loop.scan(step, *row) for step, row in zip(h, samples, strict=True)]
+
+
+class _TunedPid:
+    """A controller, and between it and its output a relay that has it for the time of an experiment."""
+
+    def __init__(self, params: Params) -> None:
+        self.params, self.controller = params, _Controller(params)
+        self.gains = params["k"], params["ti"], params.get("td", 0.0)
+        limits = {"op_low": params["low"], "op_high": params["high"], "max_h": params["ti"] / 2.0}
+        self.relay = _Relay(params | limits)
+        self.run, self.told = False, 0
+
+    def scan(self, h: float, pv: float, sp: float, mode: float, told: float, tune: float, take: float) -> list[float]:
+        """Take one scan; a mode or a command that is no number is none."""
+        relay, controller = self.relay, self.controller
+        if take == 1.0:
+            ku, tu, _, kappa = relay.found
+            self.gains = 0.16 * ku, tu / (1.0 + 4.5 * kappa), 0.0
+        self.run = self.run if math.isnan(tune) else tune == 1.0
+        u = controller.scan(self.gains, MOST, h, pv, sp, 0.0, mode, NAN, NAN, *BACK)[0]
+        running = relay.phase in (relay.WAITING, relay.BALANCED, relay.BIASED)
+        active = running or self.run
+        if active:
+            if not running:
+                relay.start(u)
+            swing = 4.0 * (relay.most / 3.0)
+            slow = 12 if controller.rate * h < swing else 0
+            by_hand = 1 if controller.mode == MANUAL or not self.run else 0
+            bad = 2 if math.isnan(pv) else 0
+            u = relay.update(pv, h, self.told | slow | by_hand | bad)
+            self.run = relay.phase in (relay.WAITING, relay.BALANCED, relay.BIASED)
+        self.told = int(told)
+        followed = not active or self.told & FLAG_NOT_AUTO
+        controller.told = (-MOST, MOST, told, 0.0) if followed else (-MOST, MOST, self.told | FLAG_NOT_AUTO, relay.op)
+        return [u, controller.ysp, relay.phase, relay.stop, *relay.found, *self.gains]
+
+
+def pid_tuner_cases() -> Iterator[dict[str, Any]]:
+    """An experiment to its end and its offer taken over, and every way in which the controller ends one."""
+    inside = {"k": 1.2, "ti": 4.0, "low": 0.0, "high": 10.0, "start": 5.0, "amplitude": 3.0, "wait": 4.0}
+    inside |= {"longest": 120.0, "pv_low": -9.0, "pv_high": 9.0}
+    yield _tuned_loop("an experiment, taken over, and a step of the setpoint", ["Taken", "Bump"], inside, 640, take=520)
+    yield _tuned_loop("ended by command", ["End", "Bump"], inside, 90, end={60: {"tune": 0.0}})
+    manual = {60: {"mode": MANUAL}, 75: {"mode": EXTERNAL}}
+    yield _tuned_loop("put into manual meanwhile", ["End", "Bump"], inside, 90, end=manual)
+    yield _tuned_loop("PV bad for a scan", ["End", "Bump"], inside, 90, end={60: {"pv": NAN}})
+    yield _tuned_loop("a limit reached further on", ["End", "Bump"], inside, 90, end={60: {"told": 8.0}})
+    yield _tuned_loop("somebody else at the output", ["End", "Bump"], inside, 90, end={60: {"told": 1.0}})
+    yield _tuned_loop("a rate too low for the relay", ["End"], inside | {"rate": 19.0}, 40)
+    yield _tuned_loop("begun in manual", ["End"], inside, 40, end={0: {"mode": MANUAL}})
+
+
+def _tuned_loop(
+    comment: str,
+    flags: list[str],
+    params: Params,
+    n: int,
+    take: int = -1,
+    end: dict[int, dict[str, float]] | None = None,
+) -> dict[str, Any]:
+    """Let the reference control three lags; PV to five decimals, begun in scan 10."""
+    loop, process, x = _TunedPid(params), _Lags(1.0, 3), [0.0] * 3
+    random = Random(73)
+    rows = []
+    for i in range(n):
+        row = {"pv": round(x[-1] + 0.02 * (random.random() - 0.5), 5), "sp": 0.5 if i > take > 0 else 0.0}
+        row |= {"mode": NAN if i else EXTERNAL, "told": 0.0, "tune": 1.0 if i == 10 else NAN}
+        row |= {"take": 1.0 if i == take else 0.0} | (end or {}).get(i, {})
+        rows.append(list(row.values()))
+        process.respond(x, loop.scan(0.2, *rows[-1])[0] - 5.0, 0.2)
+    return case(comment, flags, params, rows, h=0.2)
 
 
 def _scheduled(rows: list[list[float]], by: float) -> tuple[float, float, float]:
@@ -2226,6 +2514,18 @@ def pid_advanced_cases() -> Iterator[dict[str, Any]]:
     away = [[pv - 0.01 * 1.4 ** max(min(i - 165, 24), 0), *rest] for i, (pv, *rest) in enumerate(plain)]
     strong = compensating | {"k": 2.0}
     yield case("PV that runs away", ["WrongSign", "Compensation"], strong, away, h=0.25)
+    by_error = compensating | {"comp_way": 1.0, "detector_tf": 0.3}
+    yield case("a filter of the detector's own", ["OwnFilter", "Compensation"], by_error, plain, h=0.25)
+    unfiltered = {name: value for name, value in by_error.items() if name != "tf"}
+    yield case("the same where the controller does not filter", ["OwnFilter"], unfiltered, plain, h=0.25)
+    # Only an estimate that may be used makes a size of 4 smaller.
+    late = [[*row[:-1], 1.0 if i >= 150 else 0.0] for i, row in enumerate(plain)]
+    for tf in (0.4, 0.6):
+        long = by_error | {"detector_tf": tf, "comp_size": 4.0}
+        yield case(f"a filter of {tf} Ti", ["OwnFilter", "Compensation"], long, late, h=0.25)
+    spanned = {name: value for name, value in compensating.items() if name != "kp"} | {"pv_span": 80.0, "op_span": 60.0}
+    yield case("Kp by default", ["KpDefault", "Compensation"], spanned | {"comp_size": 4.0}, late, h=0.25)
+    yield case("Kp by default, K below 0", ["KpDefault", "Sign"], spanned | {"k": -0.5}, plain, h=0.25)
 
 
 BLOCKS: dict[
@@ -2303,6 +2603,20 @@ BLOCKS: dict[
             "Compensation": "u_FF taken for the controller's own output, or a half-period worked off twice or never",
         },
     ),
+    "pid_tuner": (
+        pid_tuner,
+        pid_tuner_cases,
+        ["pv", "sp", "mode", "told", "tune", "take"],
+        ["u", "ysp", "phase", "stop", "ku", "tu", "kp", "kappa", "k", "ti", "td"],
+        "The autotuner inside the controller: tune 1 begins an experiment, 0 ends it, null leaves it; take 1 takes "
+        "AMIGO's PI over before the scan. mode and told as in pid_advanced; amplitude, wait, longest, pv_low, pv_high "
+        "as in auto_tuner. k, ti, td: in force.",
+        {
+            "Bump": "an output that jumps when the controller goes on",
+            "Taken": "an offer that is not taken over, or other gains",
+            "End": "an experiment that goes on, or another reason",
+        },
+    ),
     "pid_advanced": (
         pid_advanced,
         pid_advanced_cases,
@@ -2318,6 +2632,9 @@ BLOCKS: dict[
             "Rate": "a rate that limits and is not told, or that u_FF takes up alone",
             "Noise": "a width shown that noise can feign, or noise heard in PV that comes filtered",
             "Schedule": "a row taken too early or too late, or a bump between two",
+            "OwnFilter": "PV filtered twice by the detector, or otherwise for u_FF; compensation by too long a filter",
+            "KpDefault": "another Kp than 1.5 %/% with the sign of K, or compensation by it",
+            "Sign": "a direction or a size that K does not turn",
         },
     ),
     "saturation": (
@@ -2343,6 +2660,19 @@ BLOCKS: dict[
             "ZeroStep": "a step of 0 or less that moves the output",
             "NotANumber": "a bad sample that poisons the output",
             "Start": "a ramp from 0 to the first sample",
+        },
+    ),
+    "phase_lead": (
+        phase_lead,
+        phase_lead_cases,
+        ["x"],
+        ["y"],
+        "Phase lead (1 + s·lead)/(1 + s·lag), static gain 1. It begins at rest at the first input.",
+        {
+            "Nothing": "a lead equal to the lag that changes the signal",
+            "IrregularStep": "a step length taken once and kept",
+            "ZeroStep": "a step of 0 or less that moves the output",
+            "NotANumber": "a bad sample that poisons the output, or is taken for the beginning",
         },
     ),
     "compensation": (
@@ -2498,6 +2828,21 @@ BLOCKS: dict[
             "OneSide": "a travel between two turns on the same side",
             "Switch": "a travel from a recorded turn to one by (4.1)",
             "ZeroStep": "a division by a step of 0, or a sample without time that counts",
+        },
+    ),
+    "correction": (
+        correction,
+        correction_cases,
+        ["sp", "yf", "op", "ends", "flags", "mask", "delta_y"],
+        ["d", "low", "high", "kp", "doubt"],
+        "The width with the bias of (2.4) taken out, by the last nine pairs of half-periods, worked off with the "
+        "sample after the one that ended a half-period; doubt: 0, or why there is no width. ends, flags: as in swing; "
+        "mask, delta_y: of the half-period that ends. kp left out: not known.",
+        {
+            "Line": "another line than that of known errors, or one that a single pair makes",
+            "Doubt": "a width where the pairs do not tell",
+            "Noise": "a width that noise makes",
+            "Whole": "a pair with a half-period that is not whole, or none with one that is",
         },
     ),
     "safety_net": (

@@ -481,7 +481,7 @@ def fit_batches(
     """Fit a stretch in memory, or windows of a longer recording. `sign`: that of the process gain, 0 if not known."""
     if progress is not None:
         progress(0.0)
-    found = _glapp.fit(batches, sign, False)
+    found = _glapp.fit(batches, sign)
     if progress is not None:
         progress(1.0)
     return told(found["answer"], found["pv"], found["position"], loop)
@@ -644,6 +644,9 @@ def _unfit(unfit: tuple[str, float], name: str) -> str:
             return "fewer than 50 rows have a position"
 
 
+GAP_AND_MORE = "; where the valve turns, PV strays from what a gap alone makes of it"
+
+
 def _times(n: int) -> str:
     return {0: "never", 1: "once", 2: "twice"}.get(n, f"{n} times")
 
@@ -657,7 +660,7 @@ def _reason(answer: dict[str, Any], unit: str, best: dict[str, Any]) -> str:
     often = f"OP went through it {_times(up)} up and {_times(down)} down"
     match verdict:
         case "backlash":
-            return f"a gap of {d:.3g} {unit}: {evidence}; {often}"
+            return f"a gap of {d:.3g} {unit}: {evidence}; {often}{GAP_AND_MORE if reason == 'gap_and_more' else ''}"
         case "stiction":
             return f"the valve sticks and jumps by {best['jump']:.3g} {unit}, no gap beside it: {evidence}; {often}"
         case "both":

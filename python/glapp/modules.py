@@ -2,7 +2,8 @@
 
 A `Graph` is a few named modules and the wires between them, checked when it is made. It runs in simulation, or sample
 by sample beside a real plant; every parameter and variable of every module can be read and set while it runs, a gain
-schedule by `Graph.schedule` and `Graph.set_schedule`.
+schedule by `Graph.schedule` and `Graph.set_schedule`. A default is read as what is in force, a parameter that is not
+known as None.
 
 Over a connection goes more than a value. Forward go value and quality; backward go limits, whether something further on
 has reached its lower or upper limit, and the value in effect where the one handed over is not followed. So a controller
@@ -42,7 +43,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -65,6 +66,7 @@ __all__ = [
     "Module",
     "Noise",
     "Output",
+    "PhaseLead",
     "Pid",
     "PidAdvanced",
     "Plant",
@@ -73,6 +75,7 @@ __all__ = [
     "Resolution",
     "Saturation",
     "Sum",
+    "TuneRule",
     "Way",
 ]
 
@@ -113,6 +116,22 @@ class Way(enum.IntEnum):
     ERROR = 1
     DERIVATIVE = 2
     INVERSE = 3
+
+
+class TuneRule(enum.IntEnum):
+    """Which controller the autotuner in a `PidAdvanced` offers (`docs/auto_tuner.md`).
+
+    Attributes
+    ----------
+    POINT_PLACEMENT
+        PID with Ti = 6.25·Td (thesis 7.5).
+    AMIGO_PI, AMIGO_PID
+        AMIGO from ultimate gain, ultimate period and κ: refused where κ was not found.
+    """
+
+    POINT_PLACEMENT = 1
+    AMIGO_PI = 2
+    AMIGO_PID = 3
 
 
 class FrictionModel(enum.IntEnum):
@@ -337,6 +356,37 @@ class Filter2P(Module):
 
 
 @dataclass(frozen=True)
+class PhaseLead(Module):
+    """Phase-lead compensator (1 + s·lead)/(1 + s·lag), against the limit cycle of a gap (2.2).
+
+    `glapp.nonlinear.phase_lead` designs it. It stands between controller and valve, or before the controller's `pv`.
+    Static gain 1, so what comes to rest is not moved; a step shows (lead + h)/(lag + h) times as high, be it a
+    person's or noise. A graph is refused in which u_FF works in its loop, or an autotuner's relay goes through it. A
+    bad value leaves its output where it is.
+
+    Parameters
+    ----------
+    lead, lag : float
+        Time constants, lead ≥ lag > 0 [s]; equal ones pass the signal on.
+    start : float, optional
+        Where it rests at the beginning; at its first input where not given.
+
+    Examples
+    --------
+    >>> modules = {"op": Input(50.0), "lead": PhaseLead(lead=3.0, lag=1.0), "valve": Output()}
+    >>> valve = Graph(1.0, modules, ["op -> lead -> valve"])
+    >>> valve.scan()
+    >>> valve.scan(op=51.0)
+    >>> valve["valve"]
+    52.0
+    """
+
+    lead: float
+    lag: float
+    start: float | None = None
+
+
+@dataclass(frozen=True)
 class ProcessSim(Module):
     """Process gain/((1 + s·t1)(1 + s·t2))·e^(−dead_time·s) with a load at its input (6.5).
 
@@ -481,13 +531,19 @@ class _Compensating(Module):
 
 @dataclass(frozen=True)
 class PidAdvanced(_Compensating, Pid):
-    """A `Pid` with the detector inside, a setpoint ramp and a gain schedule (6.4, 6.6, 7.1).
+    """A `Pid` with detector and autotuner inside, a setpoint ramp and a gain schedule (6.4, 6.6, 7.1, 7.2.2).
 
     The detector takes the controller's settings and sees what it sees: setpoint in effect, filtered process value,
     limits and mode. Where `tf` is 0 the detector filters, with Td/5, or Ti/10 without D. Read `d_hat`, `count`
     (detections behind it), `noise_floor` (what noise can feign: below it `d_hat` and `whole` are NaN, and `count` is
     0), `detections` (in all), and of the last half-period `d` and `reason` (0: accepted). `error` says too that k has
-    the wrong sign for the process, where `low` and `high` are given (`docs/modules.md`).
+    the wrong sign for the process, where `low` and `high` are given. `corrected_d` is the width with the bias of (2.4)
+    taken out, NaN where `corrected_doubt` says why not. `docs/modules.md` explains these and all inner variables.
+
+    The autotuner is that of `AutoTuner`: `"pid.tune"` = 1 begins an experiment and 0 ends it, `tune_phase` and
+    `tune_stop` tell where it stands, `tune_ku`, `tune_tu`, `tune_kappa` what it found. Once it is done, `tune_k`,
+    `tune_ti` and `tune_td` are the controller that it offers (NaN: none), and `Graph.take_over` puts that in force.
+    The Kp that it found, `tune_kp`, is the detector's at once, where `kp` is not given.
 
     Parameters
     ----------
@@ -496,6 +552,16 @@ class PidAdvanced(_Compensating, Pid):
     kp : float, optional
         Static process gain, ≠ 0: from a fit, a manual test [process value per output]. Set it while it runs when it
         becomes known.
+    pv_span, op_span : float, optional
+        Spans of process value and output, > 0 [their units]. Where both are given and `kp` is not, Kp is 1.5 %/% with
+        the sign of k (7.2.2): `kp_used` shows it, `kp_defaulted` is 1, and nothing is compensated by such an estimate.
+        No Δu as large as `op_span` is a gap's; that of the limits where it is not given.
+    integrating : bool
+        The process integrates: it has no Kp, and no corrected width.
+    detector_tf : float, optional
+        Time constant of a filter of the detector's own, ≥ 0 [s], for the process value as measured; `comp_way` and
+        `error` see it as they would without. Where not given, the detector sees what the controller sees. Behind a
+        filter longer than Ti/2, be it the controller's, nothing is compensated by the estimate (8.4).
     n : int
         Length of the filter of detections, odd, 1..31.
     sp_rate : float
@@ -507,14 +573,33 @@ class PidAdvanced(_Compensating, Pid):
         Compensation, as in `BacklashDetection`; it takes at most half of `rate`.
     comp_rate, comp_release, comp_watch, comp_travel, comp_reversals, comp_withdraw, comp_estimate : float, optional
         Likewise.
+    tune_amplitude : float
+        The greatest distance of the output from where it was in an experiment, negative where PV falls when the output
+        rises; 0: there is no autotuner. With one, `low` and `high` must be given.
+    tune_wait, tune_longest, tune_pv_low, tune_pv_high, tune_hysteresis, tune_d : float, optional
+        As in `AutoTuner`; the first four must be given with an amplitude.
+    tune_rule : TuneRule
+        Which controller is offered.
     """
 
     _also = ("schedule",)
 
     kp: float | None = None
+    pv_span: float | None = None
+    op_span: float | None = None
+    integrating: bool = False
+    detector_tf: float | None = None
     n: int = 9
     sp_rate: float = _MOST
     schedule: Sequence[tuple[float, float, float, float]] = ()
+    tune_amplitude: float = 0.0
+    tune_wait: float | None = None
+    tune_longest: float | None = None
+    tune_pv_low: float | None = None
+    tune_pv_high: float | None = None
+    tune_hysteresis: float | None = None
+    tune_d: float = 0.0
+    tune_rule: TuneRule = TuneRule.POINT_PLACEMENT
 
 
 @dataclass(frozen=True)
@@ -571,6 +656,8 @@ class BacklashDetection(_Compensating):
         Settings of the controller in ideal form.
     kp : float, optional
         Static process gain, ≠ 0.
+    pv_span, op_span, integrating : float, float, bool, optional
+        As in `PidAdvanced`.
     tf : float, optional
         Time constant of the detector's filter, ≥ 0 [s]; Td/5, or Ti/10 without D, where not given. 0 where the process
         value comes filtered.
@@ -614,6 +701,9 @@ class BacklashDetection(_Compensating):
     td: float = 0.0
     b: float = 1.0
     kp: float | None = None
+    pv_span: float | None = None
+    op_span: float | None = None
+    integrating: bool = False
     tf: float | None = None
     n: int = 9
     op_low: float | None = None
@@ -758,12 +848,71 @@ class Graph:
         with _input_errors():
             self._graph.set_schedule(module, rows)
 
+    def take_over(self, module: str) -> None:
+        """Put the controller in force that the autotuner in a `PidAdvanced` offers: K, Ti and Td, without a bump.
+
+        The half-period under way ends as a *gap*: no width can be read across two controllers.
+
+        Parameters
+        ----------
+        module : str
+
+        Raises
+        ------
+        InputError
+            Before an experiment has come to its end; where the rule has no answer for what it found; under a gain
+            schedule. All then stays as it was.
+
+        Examples
+        --------
+        >>> tank = Graph(
+        ...     0.1,
+        ...     {
+        ...         "sp": Input(50.0),
+        ...         "pid": PidAdvanced(
+        ...             k=1.0, ti=10.0, low=0, high=100, start=62.5, start_pv=50.0,
+        ...             tune_amplitude=5.0, tune_wait=10.0, tune_longest=400.0, tune_pv_low=40.0, tune_pv_high=60.0,
+        ...             tune_rule=TuneRule.AMIGO_PI,
+        ...         ),
+        ...         "process": ProcessSim(gain=0.8, t1=3.0, t2=1.0, dead_time=1.0, start=50.0),
+        ...     },
+        ...     ["sp -> pid.sp", "pid -> process -> pid.pv"],
+        ... )
+        >>> tank["pid.tune"] = 1
+        >>> _ = tank.run(200.0)
+        >>> f"K {tank['pid.tune_k']:.2f}, Ti {tank['pid.tune_ti']:.2f} s, Kp {tank['pid.tune_kp']:.2f}"
+        'K 1.05, Ti 3.14 s, Kp 0.80'
+        >>> tank.take_over("pid")
+        >>> tank["pid.ti"] == tank["pid.tune_ti"]
+        True
+        """
+        with _input_errors():
+            self._graph.take_over(module)
+
     def reset_detection(self, module: str) -> None:
         """Make the detector in a module forget its detections."""
         with _input_errors():
             self._graph.reset_detection(module)
 
-    def __getitem__(self, path: str) -> float:
+    def window(self, module: str) -> list[float]:
+        """Detections behind the estimate of a detector, the oldest first [unit of the output].
+
+        Examples
+        --------
+        >>> loop = Graph(
+        ...     1.0,
+        ...     {"pv": Input(), "sp": Input(), "pid": PidAdvanced(k=0.5, ti=2.0, kp=1.0), "valve": Output()},
+        ...     ["pv -> pid.pv", "sp -> pid.sp", "pid -> valve"],
+        ... )
+        >>> loop.run(60, pv=np.where(np.arange(60) // 12 % 2, 1.0, -1.0))["t"].size
+        60
+        >>> [round(d, 2) for d in loop.window("pid")]
+        [1.87, 1.87]
+        """
+        with _input_errors():
+            return self._graph.window(module)
+
+    def __getitem__(self, path: str) -> Any:
         with _input_errors():
             return self._graph.get(path)
 

@@ -7,12 +7,12 @@
 use glapp_analysis::crossings::Verdict;
 use glapp_analysis::quality::Fault;
 use glapp_analysis::{LostMotion, Origin};
-use glapp_core::auto_tuner::{Phase, Stop};
-use glapp_core::modules::{Mode, Pid, PidSettings};
+use glapp_core::auto_tuner::{Phase, Rule, Stop};
+use glapp_core::modules::{Mode, Pid, PidAdvanced, PidAdvancedSettings, PidSettings, VARIABLES};
 use glapp_core::status::FLAGS;
 use glapp_core::{
-    AutoTuner, AutoTunerSettings, Compensation, CompensationSettings, Conditions, Detector, DetectorSettings,
-    PARAMETERS, ParameterError, Reason, Standing, Way,
+    AutoTuner, AutoTunerSettings, Compensation, CompensationSettings, Conditions, Detector, DetectorSettings, Doubt,
+    KP_DEFAULT, PARAMETERS, ParameterError, PhaseLead, Reason, Standing, Way,
 };
 use serde_json::{Map, Value, json};
 
@@ -38,18 +38,24 @@ pub fn text() -> String {
         "ways": numbered(Way::ALL.iter().map(|w| (w.name(), *w as u64))),
         "modes": numbered(Mode::ALL.iter().map(|m| (m.name(), *m as u64))),
         "phases": numbered(Phase::ALL.iter().map(|p| (p.name(), *p as u64))),
+        "doubts": numbered(Doubt::ALL.iter().map(|d| (d.name(), *d as u64))),
         "stops": numbered(Stop::ALL.iter().map(|s| (s.name(), *s as u64))),
+        "rules": numbered(Rule::ALL.iter().map(|r| (r.name(), *r as u64))),
         "parameters": numbered(PARAMETERS.iter().zip(1..).map(|(name, number)| (*name, number))),
         "verdicts": Verdict::ALL.map(Verdict::name),
         "lost_motions": LostMotion::ALL.map(LostMotion::name),
         "origins": Origin::ALL.map(Origin::name),
         "findings": Fault::ALL.iter().map(|fault| finding(*fault)).collect::<Vec<_>>(),
+        "variables": VARIABLES.map(|v| json!({ "name": v.name, "unit": v.unit, "meaning": v.meaning })),
+        "kp_default": KP_DEFAULT,
         "defaults_for": { "k": K, "ti": TI, "td": TD, "h": H, "size": SIZE, "share": SHARE },
         "settings": {
             "detector": detector(),
             "compensation": compensation(),
             "pid": pid(),
+            "pid_advanced": pid_advanced(),
             "auto_tuner": auto_tuner(),
+            "phase_lead": phase_lead(),
         },
     });
     serde_json::to_string_pretty(&catalogue).expect("plain values")
@@ -98,6 +104,7 @@ fn detector() -> Value {
         td ["s"] = Value::Null, |s| s.td = Some(f64::NAN);
         b ["1"] = number(s.b), |s| s.b = f64::NAN;
         kp ["PV unit/OP unit"] = Value::Null, |s| s.kp = Some(f64::NAN);
+        pv_span ["PV unit"] = Value::Null, |s| s.pv_span = Some(f64::NAN);
         tf ["s"] = number(s.tf), |s| s.tf = f64::NAN;
         n ["1"] = s.n.into(), |s| s.n = 0;
         max_h ["s"] = number(s.max_h), |s| s.max_h = f64::NAN;
@@ -137,6 +144,28 @@ fn pid() -> Value {
         high ["output"] = number(s.high), |s| s.high = f64::NAN;
         rate ["output/s"] = number(s.rate), |s| s.rate = f64::NAN;
         max_h ["s"] = number(s.max_h), |s| s.max_h = f64::NAN;
+    }
+}
+
+fn phase_lead() -> Value {
+    #[derive(Clone, Copy)]
+    struct Times {
+        lead: f64,
+        lag: f64,
+    }
+    let s = Times { lead: 2.0, lag: 1.0 };
+    settings! { s, |s| PhaseLead::new(s.lead, s.lag).map(|_| ()),
+        lead ["s"] = Value::Null, |s| s.lead = f64::NAN;
+        lag ["s"] = Value::Null, |s| s.lag = f64::NAN;
+    }
+}
+
+/// Beside those of the controller and of the detector.
+fn pid_advanced() -> Value {
+    let s = PidAdvancedSettings::new(PidSettings::ideal(K, TI, TD));
+    settings! { s, |s| PidAdvanced::new(*s).map(|_| ()),
+        detector_tf ["s"] = Value::Null, |s| s.detector_tf = Some(f64::NAN);
+        sp_rate ["PV unit/s"] = number(s.sp_rate), |s| s.sp_rate = f64::NAN;
     }
 }
 

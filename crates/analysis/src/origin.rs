@@ -2,8 +2,7 @@
 
 use serde::Serialize;
 
-/// Process gain [%/%] where none is known but both spans are (thesis 7.2.2).
-pub const KP_DEFAULT: f64 = 1.5;
+pub use glapp_core::KP_DEFAULT;
 
 /// Where the value of a setting comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -41,8 +40,7 @@ impl Origin {
     }
 }
 
-/// The process gain Kp [PV unit/OP unit] that a width is worked out with: the one `given`, else [`KP_DEFAULT`] where the
-/// `spans` of PV and OP are known. An integrating process has none.
+/// The process gain Kp [PV unit/OP unit] that a width is worked out with, by [`glapp_core::process_gain`], and where it comes from.
 ///
 /// ```
 /// use glapp_analysis::{Origin, process_gain};
@@ -51,12 +49,13 @@ impl Origin {
 /// assert_eq!(process_gain(Some(2.0), None, false), (Some(2.0), Origin::Given));
 /// ```
 pub fn process_gain(given: Option<f64>, spans: Option<(f64, f64)>, integrating: bool) -> (Option<f64>, Origin) {
-    match (given, spans) {
-        _ if integrating => (None, Origin::Unknown),
-        (Some(kp), _) => (Some(kp), Origin::Given),
-        (None, Some((pv, op))) => (Some(KP_DEFAULT * (pv / op)), Origin::Assumed),
-        (None, None) => (None, Origin::Unknown),
-    }
+    let (kp, defaulted) = glapp_core::process_gain(given, spans, integrating);
+    let origin = match kp {
+        Some(_) if defaulted => Origin::Assumed,
+        Some(_) => Origin::Given,
+        None => Origin::Unknown,
+    };
+    (kp, origin)
 }
 
 /// Whether a gain that was fitted may stand for one that is not known: its interval has one sign, and is at most two thirds

@@ -17,6 +17,9 @@ const VERY: f64 = 2.0;
 /// Words of a fit that cannot tell, and whose upper limit stands: none and a gap up to it fit alike.
 const OPEN: [&str; 2] = ["may_be_a_gap", "families_disagree"];
 
+/// Word of a fit that found a gap which is not all: where the valve turns PV strays from the model, as one that sticks makes it.
+const MORE: &str = "gap_and_more";
+
 /// All that the one answer is made of.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -232,6 +235,7 @@ impl Summary {
         let acceptable = facts.judged(width.and(low), high);
         let next = match fit.verdict {
             _ if acceptable == Some(Acceptable::Within) => Next::Review,
+            LostMotion::Backlash if fit.why == MORE => Next::Inspect(Part::Both),
             LostMotion::Backlash => Next::Inspect(Part::Play),
             LostMotion::Stiction => Next::Inspect(Part::Packing),
             LostMotion::Both => Next::Inspect(Part::Both),
@@ -378,6 +382,12 @@ mod tests {
         let unsure = of(Verdict::Estimate, Some(3.0), Some(fit(LostMotion::CannotTell, 1.0, None)));
         assert_eq!((unsure.valve, unsure.width, unsure.low, unsure.struck), (Valve::Unknown, None, None, None));
         assert_eq!((unsure.next, unsure.urgency), (Next::RecordMore, Urgency::Low));
+    }
+
+    #[test]
+    fn where_pv_strays_at_the_turns_the_packing_is_looked_at_too() {
+        let more = FitFacts { why: MORE.into(), ..fit(LostMotion::Backlash, 5.0, Some(6.0)) };
+        assert_eq!(of(Verdict::Refused, None, Some(more)).next, Next::Inspect(Part::Both));
     }
 
     #[test]

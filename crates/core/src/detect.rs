@@ -1,6 +1,7 @@
 //! From samples to half-periods, detections and the estimate (thesis chapters 5 and 7).
 
 mod corrected;
+mod correction;
 pub(crate) mod detector;
 mod detector_settings;
 mod half_period;
@@ -11,8 +12,9 @@ mod width;
 pub(crate) mod zero_crossing;
 
 pub use corrected::{Corrected, Doubt, FEWEST, Half, Pair, corrected, pairs};
+pub use correction::{Correction, CorrectionState, NOISE_SPAN, PAIRS};
 pub use detector::{Columns, Detector, DetectorState, Record, Sample, Span};
-pub use detector_settings::{DETECTIONS, DetectorSettings, GAP_STEPS};
+pub use detector_settings::{DETECTIONS, DetectorSettings, GAP_STEPS, KP_DEFAULT, process_gain};
 pub use half_period::{HalfPeriod, HalfPeriodState};
 pub use median_mean::{Estimate, LONGEST_WINDOW, MedianMean, MedianMeanState};
 pub use safety_net::{Conditions, Reason, SafetyNet};

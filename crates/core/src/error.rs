@@ -14,7 +14,7 @@ pub struct ParameterError {
 
 /// The parameters' names in the order of their numbers, which begin at 1. A name that goes keeps its place: controllers show the
 /// number (`ErrorID`).
-pub const PARAMETERS: [&str; 31] = [
+pub const PARAMETERS: [&str; 36] = [
     "k",
     "ti",
     "td",
@@ -27,6 +27,7 @@ pub const PARAMETERS: [&str; 31] = [
     "op_high",
     "op_span",
     "h",
+    "pv_span",
     "size",
     "share",
     "limit",
@@ -46,6 +47,10 @@ pub const PARAMETERS: [&str; 31] = [
     "longest",
     "pv_low",
     "pv_high",
+    "lead",
+    "lag",
+    "detector_tf",
+    "sp_rate",
 ];
 
 impl ParameterError {

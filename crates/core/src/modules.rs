@@ -15,8 +15,8 @@
 //! when the flags of the scan are known: a flag belongs to the very sample that it was raised at.
 //!
 //! The blocks that only stand in a connection, [`Noise`](crate::Noise), [`Backlash`](crate::Backlash),
-//! [`SecondOrderFilter`](crate::SecondOrderFilter), [`RateLimit`](crate::RateLimit) and [`Saturation`](crate::Saturation), have
-//! their `forward` themselves.
+//! [`SecondOrderFilter`](crate::SecondOrderFilter), [`PhaseLead`](crate::PhaseLead), [`RateLimit`](crate::RateLimit) and
+//! [`Saturation`](crate::Saturation), have their `forward` themselves.
 //!
 //! Whoever sets the output for a while, a person, a controller further in or an experiment, does so by telling
 //! [`NOT_AUTO`](crate::status::NOT_AUTO) and the value in effect backward: the controller tracks it.
@@ -27,6 +27,7 @@ mod connection;
 mod pid;
 mod pid_advanced;
 mod process_sim;
+mod variables;
 
 pub use auto_tuner::{AutoTuner, AutoTunerState};
 pub use backlash_detection::{BacklashDetection, BacklashDetectionSettings, BacklashDetectionState};
@@ -34,3 +35,4 @@ pub use connection::{Backward, Forward};
 pub use pid::{Mode, Pid, PidSettings, PidState};
 pub use pid_advanced::{Gains, PidAdvanced, PidAdvancedSettings, PidAdvancedState, SCHEDULE_ROWS};
 pub use process_sim::{ProcessSim, ProcessSimState};
+pub use variables::{VARIABLES, Variable};

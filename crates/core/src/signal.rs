@@ -6,6 +6,7 @@ mod filter;
 mod friction;
 mod noise;
 mod noise_level;
+mod phase_lead;
 mod rate_limit;
 mod saturation;
 
@@ -15,5 +16,6 @@ pub use filter::{SecondOrderFilter, SecondOrderFilterState};
 pub use friction::{Friction, FrictionState, Model};
 pub use noise::{Noise, NoiseState};
 pub use noise_level::NoiseLevel;
+pub use phase_lead::{PhaseLead, PhaseLeadState};
 pub use rate_limit::{RateLimit, RateLimitState};
 pub use saturation::Saturation;

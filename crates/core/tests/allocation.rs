@@ -16,7 +16,8 @@ fn a_loop_of_modules_scans_without_allocation() {
     schedule[1] = Gains { at: 100.0, k: 2.5, ti: 2.0, td: 0.0 };
     let advanced = settings::controller();
     let scheduled = PidAdvancedSettings { schedule, rows: 2, ..advanced };
-    for settings in [advanced, scheduled] {
+    let tuned = PidAdvancedSettings { tuner: Some(settings::experiment()), ..advanced };
+    for settings in [advanced, scheduled, tuned] {
         let pid = PidAdvanced::new(settings).unwrap();
         let mut state = PidAdvancedState::at(50.0);
         (state.pid.mode, state.detection.compensate) = (Mode::External, true);
@@ -28,6 +29,7 @@ fn a_loop_of_modules_scans_without_allocation() {
         let counted = allocation_counter::measure(|| {
             for k in 0..20_000 {
                 let pv = noise.forward(&mut integer, process.output(&lags));
+                state.tuner.run |= settings.tuner.is_some() && k == 100;
                 // A sensor that fails now and then, a person who takes over.
                 let pv = if k % 5000 == 77 { f64::NAN.into() } else { pv };
                 state.pid.mode = if k % 9000 > 8900 { Mode::Manual } else { Mode::External };
@@ -39,6 +41,7 @@ fn a_loop_of_modules_scans_without_allocation() {
             }
         });
         assert!(saw_u_ff && state.detection.detector.accepted() > 5, "{}", state.detection.detector.accepted());
+        assert_eq!(state.tuner.experiment.cycles > 2, settings.tuner.is_some());
         assert_eq!(counted.count_total, 0);
     }
     // The count counts.

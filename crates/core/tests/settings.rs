@@ -1,6 +1,7 @@
 //! Settings saved and read again: the same to the bit, by the names that the catalogue has.
 #![cfg(feature = "serde")]
 
+use glapp_core::auto_tuner::Rule;
 use glapp_core::modules::{BacklashDetectionSettings, Gains, PidAdvancedSettings, PidSettings, SCHEDULE_ROWS};
 use glapp_core::{AutoTunerSettings, CompensationSettings, DetectorSettings, Way};
 use serde::{Serialize, de::DeserializeOwned};
@@ -37,13 +38,30 @@ fn what_is_saved_is_read_again() {
     let advanced = PidAdvancedSettings {
         pid,
         kp: None,
+        pv_span: Some(50.0),
+        op_span: None,
+        integrating: true,
+        detector_tf: Some(2.2),
         n: 9,
         sp_rate: f64::MAX,
         schedule,
         rows: 1,
         compensation: Some(compensation),
+        tuner: Some(tuner),
+        rule: Rule::AmigoPi,
     };
-    assert_eq!(survives(advanced)["compensation"]["size"], 2.2);
+    let saved = survives(advanced);
+    assert_eq!((&saved["compensation"]["size"], &saved["tuner"]["wait"]), (&2.2.into(), &60.0.into()));
+}
+
+#[test]
+fn settings_saved_before_there_were_spans_are_read() {
+    let detector = DetectorSettings::new(0.7, 12.3, 1.1, 0.1);
+    let mut saved = serde_json::to_value(detector).unwrap();
+    for name in ["pv_span", "integrating"] {
+        assert!(saved.as_object_mut().unwrap().remove(name).is_some());
+    }
+    assert_eq!(serde_json::from_value::<DetectorSettings<f64>>(saved).unwrap(), detector);
 }
 
 #[test]

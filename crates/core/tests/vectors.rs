@@ -1,16 +1,17 @@
 //! The golden cases of `vectors/`, which were computed without this crate: every output must agree to the last bit.
 
+use glapp_core::auto_tuner::Rule;
 use glapp_core::modules::{
     self, BacklashDetection, BacklashDetectionSettings, BacklashDetectionState, Gains, Mode, PidAdvanced,
     PidAdvancedSettings, PidAdvancedState, PidSettings, ProcessSim, ProcessSimState, SCHEDULE_ROWS,
 };
 use glapp_core::{
     AutoTuner, AutoTunerSettings, AutoTunerState, Backlash, BacklashState, Backward, Compensation, CompensationSample,
-    CompensationSettings, CompensationState, Conditions, Derivative, Detector, DetectorSettings, DetectorState,
-    HalfPeriod, HalfPeriodState, MedianMean, MedianMeanState, Noise, NoiseLevel, NoiseState, OverCompensation,
-    OverCompensationState, OverWarning, Pid, PidState, RateLimit, RateLimitState, Real, Reason, Record, SafetyNet,
-    Sample, Saturation, SecondOrderFilter, SecondOrderFilterState, Sum, Swing, SwingState, Way, Width, WidthParts,
-    WrongSign, WrongSignState, ZeroCrossing,
+    CompensationSettings, CompensationState, Conditions, Correction, CorrectionState, Derivative, Detector,
+    DetectorSettings, DetectorState, HalfPeriod, HalfPeriodState, MedianMean, MedianMeanState, Noise, NoiseLevel,
+    NoiseState, OverCompensation, OverCompensationState, OverWarning, PhaseLead, PhaseLeadState, Pid, PidState,
+    RateLimit, RateLimitState, Real, Reason, Record, SafetyNet, Sample, Saturation, SecondOrderFilter,
+    SecondOrderFilterState, Sum, Swing, SwingState, Way, Width, WidthParts, WrongSign, WrongSignState, ZeroCrossing,
 };
 use serde_json::Value;
 use std::path::Path;
@@ -253,6 +254,9 @@ fn pid_advanced() {
         let usual = PidAdvancedSettings::new(case.controller());
         let settings = PidAdvancedSettings {
             kp: case.param("kp"),
+            pv_span: case.param("pv_span"),
+            op_span: case.param("op_span"),
+            detector_tf: case.param("detector_tf"),
             n: case.given("n") as u32,
             sp_rate: case.or("sp_rate", usual.sp_rate),
             schedule,
@@ -270,6 +274,45 @@ fn pid_advanced() {
             let u = pid.forward(&mut s, pv.into(), sp.into(), 0.0.into(), by.into(), h).value;
             pid.backward(&mut s, Backward { flags: told as u16, ..Backward::default() });
             Some([&[u, s.pid.ysp][..], &of_detection(&s.detection)].concat())
+        });
+    }
+}
+
+#[test]
+fn pid_tuner() {
+    for case in cases("pid_tuner") {
+        let settings = case.controller();
+        let tuner = AutoTunerSettings {
+            amplitude: case.given("amplitude"),
+            hysteresis: None,
+            d: 0.0,
+            wait: case.given("wait"),
+            longest: case.given("longest"),
+            pv: (case.given("pv_low"), case.given("pv_high")),
+            // The controller's own are used.
+            max_h: f64::NAN,
+            op: (f64::NAN, f64::NAN),
+        };
+        let usual = PidAdvancedSettings::new(settings);
+        let with_tuner = PidAdvancedSettings { tuner: Some(tuner), rule: Rule::AmigoPi, ..usual };
+        let mut pid = PidAdvanced::new(with_tuner).unwrap();
+        let mut s = PidAdvancedState::at(case.given("start"));
+        case.check_all(|x, h| {
+            let &[pv, sp, given, told, tune, take] = x else { panic!("six inputs") };
+            s.pid.mode = mode(given, s.pid.mode);
+            s.tuner.run = if tune.is_nan() { s.tuner.run } else { tune == 1.0 };
+            if take == 1.0 {
+                pid = pid.take_over(&mut s).unwrap();
+            }
+            let u = pid.forward(&mut s, pv.into(), sp.into(), 0.0.into(), 0.0.into(), h).value;
+            pid.backward(&mut s, Backward { flags: told as u16, ..Backward::default() });
+            let e = &s.tuner.experiment;
+            let unknown = f64::NAN;
+            let found =
+                e.found.map_or([unknown; 4], |f| [f.ku, f.tu, f.kp.unwrap_or(unknown), f.kappa.unwrap_or(unknown)]);
+            let PidSettings { k, ti, td, .. } = pid.settings().pid;
+            let stands = [u, s.pid.ysp, f64::from(e.phase as u8), f64::from(e.stop as u8)];
+            Some([&stands[..], &found, &[k, ti, td]].concat())
         });
     }
 }
@@ -306,6 +349,15 @@ fn rate_limit() {
     for case in cases("rate_limit") {
         let block = RateLimit::new(case.given("rate")).unwrap();
         let mut state = RateLimitState::default();
+        case.check(|x, h| block.update(&mut state, x[0], h));
+    }
+}
+
+#[test]
+fn phase_lead() {
+    for case in cases("phase_lead") {
+        let block = PhaseLead::new(case.given("lead"), case.given("lag")).unwrap();
+        let mut state = PhaseLeadState::default();
         case.check(|x, h| block.update(&mut state, x[0], h));
     }
 }
@@ -530,6 +582,29 @@ fn swing() {
             let ended = (x[3] != 0.0).then(|| block.end(&mut state, x[3] as i8, x[4] as u16));
             block.add(&mut state, h, x[0], x[1], given(x[2]));
             ended.map(|parts| vec![parts.travel.unwrap_or(f64::NAN), parts.plateau])
+        });
+    }
+}
+
+#[test]
+fn correction() {
+    for case in cases("correction") {
+        let integrating = case.or("integrating", 0.0) != 0.0;
+        let [k, ti, b] = ["k", "ti", "b"].map(|name| case.given(name));
+        let block = Correction::new(k, ti, b, case.param("kp"), integrating).unwrap();
+        let mut state = CorrectionState::default();
+        case.check_all(|x, h| {
+            block.conclude(&mut state);
+            if x[3] != 0.0 {
+                let (sign, flags, mask) = (x[3] as i8, x[4] as u16, x[5] as u16);
+                let half = HalfPeriod { sign, flags, delta_y: x[6], ..HalfPeriod::default() };
+                block.end(&mut state, &Record { half, mask, ..Record::default() });
+            }
+            block.add(&mut state, h, x[0], x[1], x[2]);
+            Some(match block.width(&state, true) {
+                Ok(found) => vec![found.d, found.low, found.high, found.kp, 0.0],
+                Err(doubt) => [&[f64::NAN; 4][..], &[f64::from(doubt as u8)]].concat(),
+            })
         });
     }
 }

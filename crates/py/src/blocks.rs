@@ -2,9 +2,10 @@
 
 use crate::refused;
 use glapp_core::{
-    Conditions, Derivative as Slope, HalfPeriod, HalfPeriodState, MedianMeanState, Reason, SecondOrderFilterState,
-    Status, SwingState, WidthParts, ZeroCrossing as Crossing,
+    Conditions, CorrectionState, Derivative as Slope, Doubt, HalfPeriod, HalfPeriodState, MedianMeanState, Reason,
+    Record, SecondOrderFilterState, Status, SwingState, WidthParts, ZeroCrossing as Crossing,
 };
+use pyo3::IntoPyObjectExt;
 use pyo3::prelude::*;
 
 /// Second-order low-pass filter 1/(1 + s·Tf)² (thesis 2.1): twice y += (x − y)·(h/(Tf + h)).
@@ -260,6 +261,79 @@ impl Swing {
         let parts = self.block.end(&mut self.state, sign, flags);
         (parts.travel, parts.plateau)
     }
+}
+
+/// The width with the bias of (2.4) taken out, on line, by the last nine pairs of half-periods (`docs/estimator.md`).
+///
+/// Parameters
+/// ----------
+/// k, ti : float
+///     Gain K [OP per PV], ≠ 0, and integral time Ti [s], > 0, of the controller.
+/// b : float
+///     Setpoint weight, 0 to 1.
+/// kp : float, optional
+///     Process gain [PV per OP], ≠ 0, where it is known; a default is not.
+/// integrating : bool
+///     The process integrates: no width is given.
+///
+/// Examples
+/// --------
+/// OP goes 6 from turn to turn, PV rests 0.5 off SP; Kp = 2 makes (0.5 + 0.5)/2 of the travel.
+///
+/// >>> width = Correction(1.0, 10.0, kp=2.0)
+/// >>> for half in range(12):
+/// ...     sign = 1 - 2 * (half % 2)
+/// ...     for op in (-1.0, 1.0, 3.0):
+/// ...         width.conclude()
+/// ...         width.add(0.0, -0.5 * sign, 1.0, sign * op)
+/// ...     width.end(sign, 0.5)
+/// >>> width.width()
+/// (5.5, 5.5, 5.5, 2.0)
+#[pyclass(module = "glapp.blocks")]
+pub struct Correction {
+    block: glapp_core::Correction<f64>,
+    state: CorrectionState<f64>,
+}
+
+#[pymethods]
+impl Correction {
+    #[new]
+    #[pyo3(signature = (k, ti, b=1.0, kp=None, integrating=false))]
+    fn new(k: f64, ti: f64, b: f64, kp: Option<f64>, integrating: bool) -> PyResult<Self> {
+        let block = glapp_core::Correction::new(k, ti, b, kp, integrating).map_err(refused)?;
+        Ok(Self { block, state: CorrectionState::default() })
+    }
+
+    /// Begins a scan: works off what the scan before has left.
+    fn conclude(&mut self) {
+        self.block.conclude(&mut self.state);
+    }
+
+    /// Ends the half-period of this sign, Δy [PV unit], mask of reasons and flags, before the sample that ended it is added.
+    #[pyo3(signature = (sign, delta_y, mask=0, flags=0))]
+    fn end(&mut self, sign: i8, delta_y: f64, mask: u16, flags: Status) {
+        let half = HalfPeriod { sign, flags, delta_y, ..HalfPeriod::default() };
+        self.block.end(&mut self.state, &Record { half, mask, ..Record::default() });
+    }
+
+    /// A sample: setpoint, filtered PV, the time since the sample before [s], and OP.
+    fn add(&mut self, sp: f64, yf: f64, h: f64, op: f64) {
+        self.block.add(&mut self.state, h, sp, yf, op);
+    }
+
+    /// Width, smallest, largest, and |Kp|; or the name of the doubt.
+    fn width<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        match self.block.width(&self.state, true) {
+            Ok(found) => (found.d, found.low, found.high, found.kp).into_bound_py_any(py),
+            Err(doubt) => doubt.name().into_bound_py_any(py),
+        }
+    }
+}
+
+/// Names of the doubts about a corrected width, by their numbers from 1.
+#[pyfunction]
+pub fn doubts() -> Vec<&'static str> {
+    Doubt::ALL.iter().map(|doubt| doubt.name()).collect()
 }
 
 /// The conditions that a half-period must meet (thesis chapter 5 and 7.1); `docs/estimator.md` lists them.

@@ -12,19 +12,14 @@ use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
-/// Fits the batches that can be fitted, records of one valve; `sign` is that of the process gain, 0 where it is not known,
-/// `sinusoidal` whether the loop swings in a clean sinusoid. Gives the `answer` in plain types, and what PV and the valve's
+/// Fits the batches that can be fitted, records of one valve; `sign` is that of the process gain, 0 where it is not known.
+/// Gives the `answer` in plain types, and what PV and the valve's
 /// position said, each None where it was not asked; where it could not be fitted, only why: `unfit`, a word and its number.
 /// `glapp.fit` is the door for people.
 #[pyfunction]
-pub fn fit<'py>(
-    py: Python<'py>,
-    batches: Vec<Batch<'py>>,
-    sign: f64,
-    sinusoidal: bool,
-) -> PyResult<Bound<'py, PyDict>> {
+pub fn fit<'py>(py: Python<'py>, batches: Vec<Batch<'py>>, sign: f64) -> PyResult<Bound<'py, PyDict>> {
     let batches = columns(&batches)?;
-    let Fitted { answer, pv, position } = py.detach(|| fitted(&batches, sign, sinusoidal.then_some(0)));
+    let Fitted { answer, pv, position } = py.detach(|| fitted(&batches, sign, None));
     let out = PyDict::new(py);
     out.set_item("answer", plain(py, &answer)?)?;
     out.set_item("pv", pv.map(|pv| of_pv(py, pv)).transpose()?)?;

@@ -12,6 +12,7 @@ mod fit;
 mod identify;
 mod modules;
 mod noise;
+mod phase_lead;
 mod pid;
 mod plain;
 mod position;
@@ -44,7 +45,8 @@ mod _glapp {
     use crate::backlash::Backlash;
     #[pymodule_export]
     use crate::blocks::{
-        Derivative, HalfPeriodBlock, MedianMean, SafetyNet, SecondOrderFilter, Swing, Width, ZeroCrossing,
+        Correction, Derivative, HalfPeriodBlock, MedianMean, SafetyNet, SecondOrderFilter, Swing, Width, ZeroCrossing,
+        doubts,
     };
     #[pymodule_export]
     use crate::compensation::{Compensation, OverCompensation, standings};
@@ -55,7 +57,7 @@ mod _glapp {
     #[pymodule_export]
     const GAP_STEPS: f64 = glapp_core::GAP_STEPS;
     #[pymodule_export]
-    const KP_DEFAULT: f64 = glapp_analysis::KP_DEFAULT;
+    const KP_DEFAULT: f64 = glapp_core::KP_DEFAULT;
     #[pymodule_export]
     use crate::fit::{fit, fit_thresholds, fit_valve};
     #[pymodule_export]
@@ -76,6 +78,8 @@ mod _glapp {
     use crate::modules::{Graph, ideal_of_parallel, ideal_of_series};
     #[pymodule_export]
     use crate::noise::{Noise, NoiseLevel};
+    #[pymodule_export]
+    use crate::phase_lead::PhaseLead;
     #[pymodule_export]
     use crate::pid::Pid;
     #[pymodule_export]

@@ -88,8 +88,12 @@ impl Graph {
         Ok(columns.map_err(refused)?.into_iter().map(|column| column.into_pyarray(py)).collect())
     }
 
-    fn get(&self, path: &str) -> PyResult<f64> {
-        self.graph.get(path).map_err(refused)
+    fn get(&self, path: &str) -> PyResult<Option<f64>> {
+        self.graph.known(path).map_err(refused)
+    }
+
+    fn window(&self, module: &str) -> PyResult<Vec<f64>> {
+        self.graph.window(module).map_err(refused)
     }
 
     #[pyo3(signature = (path, value))]
@@ -104,6 +108,10 @@ impl Graph {
 
     fn set_schedule(&mut self, module: &str, rows: Vec<[f64; 4]>) -> PyResult<()> {
         self.graph.set_schedule(module, &gains(&rows)).map_err(refused)
+    }
+
+    fn take_over(&mut self, module: &str) -> PyResult<()> {
+        self.graph.take_over(module).map_err(refused)
     }
 
     fn reset_detection(&mut self, module: &str) -> PyResult<()> {

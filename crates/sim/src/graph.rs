@@ -1,7 +1,7 @@
 //! A loop put together from modules.
 
 use crate::SimError;
-use crate::module::{Live, MOST_INPUTS, Module, Refusal};
+use crate::module::{Jumps, Live, MOST_INPUTS, Module, Refusal};
 use glapp_core::modules::Gains;
 use glapp_core::{Backward, Forward};
 
@@ -124,6 +124,19 @@ pub enum GraphError {
         /// The valves.
         ends: String,
     },
+    /// A phase lead in the loop of something that makes jumps.
+    #[error(
+        "{lead} and {jumping} are in the same loop: a phase lead multiplies the jumps of {what} by lead/lag (thesis 2.2). Take one \
+         of them out"
+    )]
+    LeadWithJumps {
+        /// The phase lead.
+        lead: String,
+        /// The module whose output jumps.
+        jumping: String,
+        /// What makes it jump.
+        what: &'static str,
+    },
     /// A detector beside no controller.
     #[error(
         "{detector} watches no controller: connect it to the ff of the Pid beside it, or give both the same setpoint and \
@@ -181,6 +194,29 @@ struct Node {
     followers: Vec<(usize, usize)>,
     /// What each input is told.
     told: [Backward<f64>; MOST_INPUTS],
+    leads: Leads,
+}
+
+/// The phase leads that a module's output must not make jumps for.
+#[derive(Clone, Debug, Default)]
+struct Leads {
+    /// One in its loop.
+    in_loop: Option<String>,
+    /// One that takes its output.
+    after: Option<String>,
+}
+
+impl Leads {
+    /// Whether a module of this name, as it is to be, may stand here.
+    fn allow(&self, name: &str, module: &Module) -> Result<(), GraphError> {
+        let (lead, what) = match module.jumps() {
+            Some(Jumps::FeedForward) => (&self.in_loop, "u_FF"),
+            Some(Jumps::Relay) => (&self.after, "the autotuner's relay"),
+            None => return Ok(()),
+        };
+        let refused = |lead: &String| GraphError::LeadWithJumps { lead: lead.clone(), jumping: name.into(), what };
+        lead.as_ref().map_or(Ok(()), |lead| Err(refused(lead)))
+    }
 }
 
 /// The wires before the modules are made.
@@ -214,10 +250,14 @@ impl Graph {
         wiring.open_ends()?;
         let order = wiring.order()?;
         wiring.detectors()?;
+        let leads: Vec<Leads> = (0..modules.len()).map(|i| wiring.leads(i)).collect();
+        for (leads, (name, module)) in leads.iter().zip(&modules) {
+            leads.allow(name, module)?;
+        }
         let sources = wiring.sources;
         let delays = (0..modules.len()).filter(|i| modules[*i].1.kind.is_delay).collect();
         let mut nodes = Vec::with_capacity(modules.len());
-        for ((name, module), sources) in modules.into_iter().zip(&sources) {
+        for (((name, module), sources), leads) in modules.into_iter().zip(&sources).zip(leads) {
             let external = module.kind.is_controller && sources[1].is_some();
             let live =
                 Live::new(module, h, external).map_err(|error| GraphError::Parameter { module: name.into(), error })?;
@@ -228,6 +268,7 @@ impl Graph {
                 sources: *sources,
                 followers: Vec::new(),
                 told: [Backward::default(); MOST_INPUTS],
+                leads,
             });
         }
         for (i, inputs) in sources.iter().enumerate() {
@@ -303,17 +344,31 @@ impl Graph {
         Ok(columns)
     }
 
-    /// Reads a parameter or variable of a module while it runs: `"pid.k"`, `"pid.mode"`, `"pid.out"`.
+    /// Reads a parameter or variable of a module while it runs: `"pid.k"`, `"pid.mode"`, `"pid.out"`. A default is read as what is in
+    /// force; a parameter that is not known is not a number.
     pub fn get(&self, path: &str) -> Result<f64, GraphError> {
+        Ok(self.known(path)?.unwrap_or(f64::NAN))
+    }
+
+    /// The same; none: a parameter that is not known.
+    pub fn known(&self, path: &str) -> Result<Option<f64>, GraphError> {
         let (i, name) = self.place(path)?;
-        Ok(self.read(i, &name))
+        Ok(self.nodes[i].read(&name).flatten())
+    }
+
+    /// The detections behind the estimate of a module with a detector, the oldest first [unit of the output].
+    pub fn window(&self, module: &str) -> Result<Vec<f64>, GraphError> {
+        let i = self.node(module)?;
+        self.nodes[i].live.work.window().ok_or_else(|| self.unknown(i, "window"))
     }
 
     /// Sets a parameter or variable of a module while it runs; `None`: the parameter is what it is where it is not given. What
     /// the module remembers stays. A value out of its bounds is refused, and all stays as it was.
     pub fn set(&mut self, path: &str, value: impl Into<Option<f64>>) -> Result<(), GraphError> {
         let (i, name) = self.place(path)?;
-        self.nodes[i].live.set(&name, value.into()).map_err(|refusal| self.refused(i, &name, refusal))
+        let Node { live, leads, name: module, .. } = &mut self.nodes[i];
+        let done = live.set(&name, value.into(), |changed| leads.allow(module, changed));
+        done.map_err(|refusal| self.refused(i, &name, refusal))
     }
 
     /// Reads the gain schedule of a `PidAdvanced` while it runs.
@@ -347,6 +402,32 @@ impl Graph {
         self.nodes[i].live.set_schedule(rows).map_err(|refusal| self.refused(i, "schedule", refusal))
     }
 
+    /// Puts the controller in force that the autotuner in a `PidAdvanced` offers, without a bump; the half-period under way ends as
+    /// a gap. Refused before an experiment has come to its end, and under a gain schedule.
+    ///
+    /// ```
+    /// use glapp_sim::{Graph, Module};
+    ///
+    /// let tuner = [("tune_amplitude", 5.0), ("tune_wait", 10.0), ("tune_longest", 400.0), ("tune_pv_low", 0.0), ("tune_pv_high", 100.0)];
+    /// let pid = [&[("k", 1.0), ("ti", 10.0), ("low", 0.0), ("high", 100.0), ("start", 50.0), ("start_pv", 50.0)][..], &tuner].concat();
+    /// let modules = vec![
+    ///     ("sp", Module::new("Input", &[("value", 50.0)])?),
+    ///     ("pid", Module::new("PidAdvanced", &pid)?),
+    ///     ("process", Module::new("ProcessSim", &[("gain", 1.0), ("t1", 3.0), ("t2", 1.0), ("dead_time", 1.0), ("start", 50.0)])?),
+    /// ];
+    /// let mut tank = Graph::new(0.1, modules, &["sp -> pid.sp", "pid -> process -> pid.pv"])?;
+    /// tank.set("pid.tune", 1.0)?;
+    /// assert!(tank.take_over("pid").is_err()); // not done yet
+    /// tank.run(4000)?;
+    /// tank.take_over("pid")?;
+    /// assert_eq!(tank.get("pid.k")?, tank.get("pid.tune_k")?);
+    /// # Ok::<(), glapp_sim::GraphError>(())
+    /// ```
+    pub fn take_over(&mut self, module: &str) -> Result<(), GraphError> {
+        let i = self.node(module)?;
+        self.nodes[i].live.take_over().map_err(|refusal| self.refused(i, "autotuner", refusal))
+    }
+
     /// Makes a detector forget all its detections.
     pub fn reset_detection(&mut self, module: &str) -> Result<(), GraphError> {
         let i = self.node(module)?;
@@ -377,7 +458,7 @@ impl Graph {
 
     /// What [`Self::get`] gives, of the module with this number; not a number where there is no such name.
     pub(crate) fn read(&self, i: usize, name: &str) -> f64 {
-        self.nodes[i].read(name).unwrap_or(f64::NAN)
+        self.nodes[i].read(name).flatten().unwrap_or(f64::NAN)
     }
 
     fn input(&self, module: &str) -> Result<usize, GraphError> {
@@ -404,7 +485,7 @@ impl Graph {
     fn refused(&self, i: usize, name: &str, refusal: Refusal) -> GraphError {
         match refusal {
             Refusal::NoName => self.unknown(i, name),
-            Refusal::Missing(error) => error,
+            Refusal::Graph(error) => error,
             Refusal::Value(error) => GraphError::Parameter { module: self.nodes[i].name.clone(), error },
         }
     }
@@ -416,10 +497,10 @@ impl Graph {
 }
 
 impl Node {
-    fn read(&self, name: &str) -> Option<f64> {
+    fn read(&self, name: &str) -> Option<Option<f64>> {
         match name {
-            "out" => Some(self.out.value),
-            "out_flags" => Some(self.out.flags.into()),
+            "out" => Some(Some(self.out.value)),
+            "out_flags" => Some(Some(self.out.flags.into())),
             _ => self.live.get(name),
         }
     }
@@ -558,6 +639,39 @@ impl Wiring<'_> {
             }
         }
         Ok(())
+    }
+
+    /// The phase leads around a module. In its loop is one that its output reaches, or that reaches it, without a process between
+    /// them: that is how a loop looks beside a real plant, with its ends open. And one with which it is in a circle.
+    fn leads(&self, i: usize) -> Leads {
+        let (ahead, far_ahead) = (self.reached(i, false), self.reached(i, true));
+        let mut leads = Leads::default();
+        for lead in (0..self.names.len()).filter(|at| self.names[*at].1.kind.name == "PhaseLead") {
+            let name = Some(self.name(lead));
+            let behind = self.reached(lead, false)[i];
+            if ahead[lead] || behind || (far_ahead[lead] && self.reached(lead, true)[i]) {
+                leads.in_loop = leads.in_loop.or(name.clone());
+            }
+            if ahead[lead] {
+                leads.after = leads.after.or(name);
+            }
+        }
+        leads
+    }
+
+    /// Which modules the output of one reaches, through processes or not.
+    fn reached(&self, from: usize, through_processes: bool) -> Vec<bool> {
+        let mut reached = vec![false; self.names.len()];
+        let mut ahead = vec![from];
+        while let Some(at) = ahead.pop() {
+            for (to, _) in self.followers(at) {
+                let new = !core::mem::replace(&mut reached[to], true);
+                if new && (through_processes || !self.names[to].1.kind.is_delay) {
+                    ahead.push(to);
+                }
+            }
+        }
+        reached
     }
 
     /// The controller beside a detector: the one it is connected to, or the one with the same setpoint and process value.

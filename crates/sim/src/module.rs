@@ -12,6 +12,7 @@ mod friction;
 mod input;
 mod noise;
 mod output;
+mod phase_lead;
 mod pid;
 mod pid_advanced;
 mod plant;
@@ -37,7 +38,7 @@ pub(crate) type Inputs = [Forward<f64>; MOST_INPUTS];
 pub(crate) type Told = [Backward<f64>; MOST_INPUTS];
 
 /// All kinds, in the order of the documentation.
-static KINDS: [&Kind; 16] = [
+static KINDS: [&Kind; 17] = [
     &input::KIND,
     &output::KIND,
     &noise::KIND,
@@ -48,6 +49,7 @@ static KINDS: [&Kind; 16] = [
     &saturation::KIND,
     &rate_limit::KIND,
     &filter::KIND,
+    &phase_lead::KIND,
     &process_sim::KIND,
     &plant::KIND,
     &pid::KIND,
@@ -131,6 +133,19 @@ pub(crate) trait Work: Send + Sync {
         Ok(())
     }
 
+    /// K, Ti and Td that an autotuner in it offers, by name; none where it can have none.
+    fn offered(&self) -> Option<Result<[(&'static str, f64); 3], ParameterError>> {
+        None
+    }
+
+    /// Such an offer has been put in force.
+    fn taken_over(&mut self) {}
+
+    /// The detections behind its estimate, the oldest first, where it has a detector.
+    fn window(&self) -> Option<Vec<f64>> {
+        None
+    }
+
     /// Makes it forget all detections; false where it has no detector.
     fn reset_detection(&mut self) -> bool {
         false
@@ -187,18 +202,21 @@ impl Kind {
 /// | `Saturation` | in | `low`, `high` |
 /// | `RateLimit` | in | `rate`, `told` (1), `start` (its first input) |
 /// | `Filter2P` | in | `tf` |
+/// | `PhaseLead` | in | `lead`, `lag`, `start` (its first input) |
 /// | `ProcessSim` | in (load) | `gain`, `t1`, `t2` (0), `dead_time` (0), `h` (the graph's), `start` (0) |
 /// | `Plant`, by [`Module::plant`] | in (load) | `h` (the graph's), `start` (0) |
 /// | `Pid` | pv (sp, ff) | `k`, `ti`, `td` (0), `b` (1), `c` (0), `tf` (0), `low`, `high`, `rate` (none), `max_h` (Ti/2), `start` (0), `start_pv` (its first PV) |
-/// | `PidAdvanced` | pv (sp, ff, by) | those of `Pid`, and `kp` (not known), `n` (9), `sp_rate` (none) |
+/// | `PidAdvanced` | pv (sp, ff, by) | those of `Pid`, and `kp`, `pv_span`, `op_span` (not known), `integrating` (0), `detector_tf` (it sees what the controller sees), `n` (9), `sp_rate` (none), and the autotuner's: `tune_amplitude` (0: none), `tune_wait`, `tune_longest`, `tune_pv_low`, `tune_pv_high`, `tune_hysteresis` (from noise), `tune_d` (0), `tune_rule` (1) |
 /// | `AutoTuner` | in, pv | `amplitude`, `wait`, `longest`, `pv_low`, `pv_high`, `op_low`, `op_high`, `hysteresis` (from noise), `d` (0), `max_h` (3h) |
-/// | `BacklashDetection` | sp, pv | `k`, `ti`, `td` (0), `b` (1), `kp` (not known), `tf` (Td/5, or Ti/10 without D), `n` (9), `op_low`, `op_high` (not known), `max_h` (3h) |
+/// | `BacklashDetection` | sp, pv | `k`, `ti`, `td` (0), `b` (1), `kp`, `pv_span`, `op_span` (not known), `integrating` (0), `tf` (Td/5, or Ti/10 without D), `n` (9), `op_low`, `op_high` (not known), `max_h` (3h) |
 ///
 /// `PidAdvanced` and `BacklashDetection` compensate where `comp_size` (0) is given and `compensate` is set while they run.
 /// `comp_way` (3) is 1 error, 2 derivative, 3 inverse; `comp_share` (1), `comp_limit` (the size), `comp_band` (a fifth of the
 /// size), `comp_tf` (0), `comp_rate` (the inverse goes from side to side in Ti/10, the others jump), `comp_release` (Ti),
 /// `comp_watch` (300 Ti), `comp_travel` and `comp_reversals` (no budget), `comp_withdraw` (1), `comp_estimate` (1) are those
 /// of [`CompensationSettings`](glapp_core::CompensationSettings).
+///
+/// `tune_rule` is 1 point placement, 2 AMIGO PI, 3 AMIGO PID.
 ///
 /// `start` is where it rests at the beginning: the process value, a valve's position, or a controller's output; `model` of
 /// friction is 1 Kano, 2 He; a `RateLimit` with `told` 0 holds back and tells nobody.
@@ -256,6 +274,11 @@ impl Module {
         if same { Ok(number) } else { Err(ParameterError { name, value, bound: "a whole number" }) }
     }
 
+    /// A parameter that is 0 or 1.
+    fn yes(&self, name: &'static str) -> Result<bool, ParameterError> {
+        switch(name, self.value(name), "0 (no) or 1 (yes)")
+    }
+
     /// A parameter that is one of the values of an enumeration with numbers.
     fn one_of<T: Copy>(&self, name: &'static str, all: &[(f64, T)], bound: &'static str) -> Result<T, ParameterError> {
         let value = self.value(name);
@@ -263,10 +286,33 @@ impl Module {
         found.map(|one| one.1).ok_or(ParameterError { name, value, bound })
     }
 
+    /// What makes jumps of its output, where something does.
+    pub(crate) fn jumps(&self) -> Option<Jumps> {
+        let has = |name| self.kind.parameter(name).is_some();
+        if has("comp_size") && matches!(compensation::settings(self), Ok(Some(_))) {
+            Some(Jumps::FeedForward)
+        } else if self.kind.name == auto_tuner::KIND.name
+            || (has("tune_amplitude") && self.value("tune_amplitude") != 0.0)
+        {
+            Some(Jumps::Relay)
+        } else {
+            None
+        }
+    }
+
     /// The scan time that it was made for, where it is made for one.
     pub(crate) fn own_h(&self) -> Option<f64> {
         self.known("h")
     }
+}
+
+/// What makes jumps of a module's output.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Jumps {
+    /// u_FF.
+    FeedForward,
+    /// The relay of an autotuner.
+    Relay,
 }
 
 /// A module at work in a graph.
@@ -280,8 +326,8 @@ pub(crate) struct Live {
 pub(crate) enum Refusal {
     /// There is none of that name that can be set.
     NoName,
-    /// A parameter that the module cannot do without.
-    Missing(GraphError),
+    /// A parameter that the module cannot do without, or that does not go with another module of the graph.
+    Graph(GraphError),
     /// Its value.
     Value(SimError),
 }
@@ -299,10 +345,11 @@ impl Live {
         Ok(Self { work: (module.kind.make)(&module, place)?, module, place })
     }
 
-    /// A parameter or variable; a parameter that is not known is not a number.
-    pub(crate) fn get(&self, name: &str) -> Option<f64> {
-        let parameter = || self.module.kind.parameter(name).map(|(at, _)| self.module.values[at].unwrap_or(f64::NAN));
-        self.work.get(name).or_else(parameter)
+    /// A parameter or variable, if there is one of that name; none within: a parameter that is not known.
+    pub(crate) fn get(&self, name: &str) -> Option<Option<f64>> {
+        let parameter = || self.module.kind.parameter(name).map(|(at, _)| self.module.values[at]);
+        let in_force = |known: Option<f64>| if name == "h" { known.or(Some(self.place.h)) } else { known };
+        self.work.get(name).map(Some).or_else(|| parameter().map(in_force))
     }
 
     /// All names that [`Self::get`] knows.
@@ -314,8 +361,13 @@ impl Live {
     }
 
     /// Sets a parameter or a command; none: the parameter is what it is where it is not given. What the module remembers
-    /// stays; where the new value is out of bounds, all stays.
-    pub(crate) fn set(&mut self, name: &str, value: Option<f64>) -> Result<(), Refusal> {
+    /// stays; where the new value is out of bounds, or the graph does not allow the `changed` module, all stays.
+    pub(crate) fn set(
+        &mut self,
+        name: &str,
+        value: Option<f64>,
+        allowed: impl Fn(&Module) -> Result<(), GraphError>,
+    ) -> Result<(), Refusal> {
         let kind = self.module.kind;
         if kind.commands.contains(&name) {
             return Ok(self.work.command(name, value.unwrap_or(f64::NAN))?);
@@ -323,7 +375,8 @@ impl Live {
         let found = kind.parameter(name).filter(|_| !kind.beginnings.contains(&name));
         let (at, known) = found.ok_or(Refusal::NoName)?;
         let mut changed = self.module.clone();
-        changed.values[at] = kind.value(*known, value).map_err(Refusal::Missing)?;
+        changed.values[at] = kind.value(*known, value).map_err(Refusal::Graph)?;
+        allowed(&changed).map_err(Refusal::Graph)?;
         self.change(changed)
     }
 
@@ -336,6 +389,19 @@ impl Live {
     pub(crate) fn set_schedule(&mut self, rows: &[Gains<f64>]) -> Result<(), Refusal> {
         self.schedule().ok_or(Refusal::NoName)?;
         self.change(Module { schedule: rows.to_vec(), ..self.module.clone() })
+    }
+
+    /// Puts in force what the module's autotuner offers.
+    pub(crate) fn take_over(&mut self) -> Result<(), Refusal> {
+        let offered = self.work.offered().ok_or(Refusal::NoName)??;
+        let mut changed = self.module.clone();
+        for (name, value) in offered {
+            let (at, _) = changed.kind.parameter(name).ok_or(Refusal::NoName)?;
+            changed.values[at] = Some(value);
+        }
+        self.change(changed)?;
+        self.work.taken_over();
+        Ok(())
     }
 
     fn change(&mut self, changed: Module) -> Result<(), Refusal> {

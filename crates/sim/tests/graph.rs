@@ -350,6 +350,11 @@ fn what_is_not_known_is_none() {
     assert_eq!(graph.get("pid.kp").unwrap(), 2.0);
     graph.set("pid.kp", None).unwrap();
     assert!(graph.get("pid.kp").unwrap().is_nan());
+    assert_eq!(graph.known("pid.kp").unwrap(), None);
+    assert!(graph.known("pid.d_hat").unwrap().unwrap().is_nan(), "a variable without a value is no number");
+    assert_eq!((graph.known("pid.max_h").unwrap(), graph.known("process.h").unwrap()), (Some(2.5), Some(0.1)));
+    assert_eq!(graph.window("pid").unwrap(), []);
+    assert!(graph.window("process").unwrap_err().to_string().starts_with("process: there is no 'window' here"));
     // And what has a default goes back to it.
     graph.set("pid.b", 0.5).unwrap();
     graph.set("pid.b", None).unwrap();

@@ -175,8 +175,11 @@ fn extremes<R: Number>(taken: &mut [bool]) {
         let mut pins = Loop::new(&mut draw).pins;
         let size = draw.of(&[1.0, 1e11, 1e-25]);
         let long = draw.of(&[0.25, 1e8]);
-        pins = Pins { k: draw.of(&ends), ti: draw.of(&ends[..4]), td: draw.of(&[None, Some(0.0), Some(1e34)]), ..pins };
+        pins = Pins { k: draw.of(&ends), ti: draw.of(&ends[..4]), td: draw.of(&[None, Some(0.0), Some(1e30)]), ..pins };
         pins = Pins { kp: draw.of(&[None, Some(1e36), Some(1e-30)]), n: 1, max_h: Some(1e9), h: long, ..pins };
+        if draw.chance(0.2) {
+            (pins.kp, pins.pv_span, pins.op_span) = (None, Some(1e30), Some(1e-30));
+        }
         pins.conditions = Conditions { too_short: false, decaying: false, growing: false, ..pins.conditions };
         let (block, mut reference) = (Block::new::<R>("GlappDetector"), Reference::<R>::default());
         for i in 0..120 {

@@ -110,6 +110,10 @@ URGENCIES: dict[str, str] = {
 EVIDENCE: dict[str, str] = {"none": "none", "weak": "weak", "strong": "strong", "very_strong": "very strong"}
 
 
+#: What a gap that is not all leaves to be said.
+MORE = "Where the valve turns, PV strays from what a gap alone makes of it: the valve may stick as well."
+
+
 class Step(NamedTuple):
     """A next step: in a sentence, in a word or two, and what is left of it where the recording holds a step test."""
 
@@ -455,7 +459,8 @@ def _why(result: Result) -> str:
             return f"The data fit any gap from 0 to {quantity(answer.high, unit)}, most likely {quantity(f.d, unit)}."
         return f"The data fit any gap, most likely {quantity(f.d, unit)}, and none as well."
     if f.found:
-        return f"Evidence for a gap: {EVIDENCE[answer.evidence]}."
+        more = f" {MORE}" if f.why == "gap_and_more" else ""
+        return f"Evidence for a gap: {EVIDENCE[answer.evidence]}.{more}"
     return sentence(f.reason)
 
 

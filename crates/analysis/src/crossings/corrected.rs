@@ -1,11 +1,9 @@
 //! The width with the bias of (2.4) taken out, or why there is none.
 
 use super::Crossings;
-use glapp_core::{Corrected, Doubt, Half, LONGEST_WINDOW, Pair, corrected, pairs};
+use glapp_core::{Corrected, Doubt, Half, LONGEST_WINDOW, NOISE_SPAN, Pair, corrected, pairs};
 use serde::Serialize;
 
-/// Noise alone moves OP from end to end by so many times its deviation, and the valve follows.
-const NOISE: f64 = 6.0;
 /// Longest filter of PV, in Td (or Ti without a derivative part), behind which OP's turns can be worked out by (4.1).
 const SMOOTH: f64 = 0.2;
 
@@ -92,7 +90,7 @@ impl Crossings {
                 Err(NotCorrected::Smooth { tf: settings.tf })
             }
             Travel::Op => {
-                let noise = beside.op_noise.map_or(0.0, |sigma| NOISE * sigma);
+                let noise = beside.op_noise.map_or(0.0, |sigma| NOISE_SPAN * sigma);
                 found.and_then(|found| match found.d < noise {
                     true => Err(NotCorrected::Noise { d: found.d, noise }),
                     false => Ok(found),

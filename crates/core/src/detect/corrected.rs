@@ -19,6 +19,7 @@ pub struct Half<R> {
 
 /// OP's travel between two turns, and PV's way from one plateau to the next, which the valve's own move made.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Pair<R> {
     /// [OP unit].
     pub travel: R,
@@ -28,6 +29,7 @@ pub struct Pair<R> {
 
 /// The corrected width, and with which process gain.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Corrected<R> {
     /// Total width [OP unit].
     pub d: R,
@@ -44,18 +46,57 @@ pub struct Corrected<R> {
 
 /// Why there is no corrected width.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
+#[repr(u8)]
 pub enum Doubt {
     /// Fewer pairs than [`FEWEST`], or than one more of them where Kp is not known.
-    TooFew,
+    TooFew = 1,
     /// Kp is not known, and PV's ways are too much alike to tell it from d.
-    Alike,
+    Alike = 2,
     /// A longer way of PV goes with a shorter travel of OP.
-    WrongSlope,
+    WrongSlope = 3,
     /// The pairs do not lie on a line, or do not agree.
-    Scattered,
+    Scattered = 4,
     /// The valve moved further than the gap is wide: the gap is a small difference of large numbers.
-    Swamped,
+    Swamped = 5,
+    /// On line: the width is less than what noise moves OP by.
+    Noise = 6,
+    /// On line: the process integrates, and does not come to rest off SP.
+    Integrating = 7,
+    /// On line: there is no estimate to correct.
+    NoEstimate = 8,
+    /// On line: OP is not known.
+    NoOp = 9,
+}
+
+impl Doubt {
+    /// All of them, in order.
+    pub const ALL: [Self; 9] = [
+        Self::TooFew,
+        Self::Alike,
+        Self::WrongSlope,
+        Self::Scattered,
+        Self::Swamped,
+        Self::Noise,
+        Self::Integrating,
+        Self::NoEstimate,
+        Self::NoOp,
+    ];
+
+    /// The name used in every face of glapp.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::TooFew => "too_few",
+            Self::Alike => "alike",
+            Self::WrongSlope => "wrong_slope",
+            Self::Scattered => "scattered",
+            Self::Swamped => "swamped",
+            Self::Noise => "noise",
+            Self::Integrating => "integrating",
+            Self::NoEstimate => "no_estimate",
+            Self::NoOp => "no_op",
+        }
+    }
 }
 
 /// Pairs without which nothing is said where Kp is known; where it is not, one more.
@@ -153,9 +194,17 @@ fn together<R: Real>(pairs: &mut [Pair<R>]) -> Result<Corrected<R>, Doubt> {
     Ok(Corrected { d, low, high, kp: R::ONE / per_way, kp_range: Some((least, most)) })
 }
 
-/// Sorts the pairs by a quantity and gives its median.
+/// Sorts the pairs by a quantity and gives its median. There are few: by insertion, since a sort for many is 28 kB more
+/// code in a controller.
 fn median<R: Real>(pairs: &mut [Pair<R>], of: impl Fn(&Pair<R>) -> R) -> R {
-    pairs.sort_unstable_by(|a, b| of(a).partial_cmp(&of(b)).unwrap_or(core::cmp::Ordering::Equal));
+    for i in 1..pairs.len() {
+        let (pair, mut at) = (pairs[i], i);
+        while at > 0 && of(&pairs[at - 1]) > of(&pair) {
+            pairs[at] = pairs[at - 1];
+            at -= 1;
+        }
+        pairs[at] = pair;
+    }
     let half = pairs.len() / 2;
     let upper = of(&pairs[half]);
     if pairs.len() % 2 == 1 { upper } else { (of(&pairs[half - 1]) + upper) / (R::ONE + R::ONE) }

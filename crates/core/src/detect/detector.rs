@@ -45,6 +45,9 @@ pub struct Record<R> {
     pub noise_floor: Option<R>,
     /// σ of PV's fast noise at its end, where nothing but (5.1) speaks against it and the noise is known [PV unit].
     pub sigma: Option<R>,
+    /// Whether Kp was a default ([`DetectorSettings::gain`](crate::DetectorSettings::gain)).
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub kp_defaulted: bool,
 }
 
 impl<R: Real> Record<R> {
@@ -88,6 +91,9 @@ impl<R: Real> Record<R> {
 /// as a detection but mostly much shorter: what noise makes after a limit cycle has come to rest must stay rejected
 /// (thesis figure 5.4).
 ///
+/// Where Kp becomes known, or is no longer, the detections are forgotten with the next half-period: those made with a default
+/// ([`DetectorSettings::gain`](crate::DetectorSettings::gain)) and the others make no estimate together.
+///
 /// An estimate is *shown* where it is at least what noise can feign: 3σ/|Kp| ([`Width::noise_floor`]), with σ of PV as measured, by
 /// [`NoiseLevel`], at the last detection. (5.1) goes by what the detections say, shown or not.
 ///
@@ -117,6 +123,8 @@ pub struct Detector<R> {
     detections: MedianMean,
     max_h: R,
     op_limits: Option<(R, R)>,
+    /// Whether Kp is a default.
+    pub(super) kp_defaulted: bool,
 }
 
 /// State of [`Detector`]: what is touched at every sample, and what only at a zero crossing.
@@ -163,7 +171,12 @@ struct Memory<R: Real> {
     estimate: Option<Estimate<R>>,
     #[cfg_attr(feature = "serde", serde(default))]
     noise_floor: Option<R>,
+    #[cfg_attr(feature = "serde", serde(default))]
+    kp_defaulted: bool,
     accepted: u32,
+    /// Kp that has been found since, in place of the one in the settings [PV unit/OP unit].
+    #[cfg_attr(feature = "serde", serde(default))]
+    kp: Option<R>,
     /// Detections that (5.1) alone rejected since the last one accepted, how many, and their time less that of all other
     /// half-periods since the first of them \[s\].
     candidates: MedianMeanState<R>,
@@ -193,6 +206,16 @@ impl<R: Real> DetectorState<R> {
         shown(self.memory.estimate, self.memory.noise_floor)
     }
 
+    /// Whether the detections were made with a Kp that is a default.
+    pub fn kp_defaulted(&self) -> bool {
+        self.memory.kp_defaulted
+    }
+
+    /// The detections behind the estimate, the oldest first [OP unit].
+    pub fn window(&self) -> impl Iterator<Item = R> {
+        self.memory.window.detections()
+    }
+
     /// The same place in the signals, nothing concluded from the half-periods before it.
     pub fn unjudged(&self) -> Self {
         Self { memory: Memory { previous_delta_y: self.memory.previous_delta_y, ..Memory::default() }, ..*self }
@@ -203,9 +226,26 @@ impl<R: Real> DetectorState<R> {
         self.memory.accepted
     }
 
+    /// Takes `kp` for the static process gain from the next half-period on, in place of the one in the settings; `None`, 0 and what
+    /// is no number: that one again [PV unit/OP unit].
+    pub fn set_kp(&mut self, kp: Option<R>) {
+        self.memory.kp = kp.filter(|kp| kp.is_number() && *kp != R::ZERO);
+    }
+
+    /// The Kp that has been [set](Self::set_kp) [PV unit/OP unit].
+    pub fn kp(&self) -> Option<R> {
+        self.memory.kp
+    }
+
     /// The filtered PV now [PV unit].
     pub fn filtered_pv(&self) -> R {
         self.signal.pv.y2.value()
+    }
+
+    /// The same; none while the filter waits for a sample that can be used.
+    #[inline(always)]
+    pub fn observed(&self) -> Option<R> {
+        if self.signal.pv.started { Some(self.filtered_pv()) } else { None }
     }
 }
 
@@ -222,12 +262,20 @@ impl<R: Real> Detector<R> {
     ) -> Result<Self, ParameterError> {
         require("max_h", max_h, max_h > R::ZERO && max_h <= R::of(1e9), "greater than 0 s, at most 1e9 s")?;
         checked(op_limits)?;
-        Ok(Self { filter, width, net, detections, max_h, op_limits })
+        Ok(Self { filter, width, net, detections, max_h, op_limits, kp_defaulted: false })
     }
 
     /// The width block, for what it is made of.
     pub fn width(&self) -> &Width<R> {
         &self.width
+    }
+
+    /// What would be put on record if the half-period under way ended now, with setpoint `sp`; the slope of PV there counts as that
+    /// at its beginning. Nothing of the state changes.
+    pub fn under_way(&self, state: &DetectorState<R>, sp: R) -> Record<R> {
+        let DetectorState { signal, mut memory, .. } = *state;
+        let half = signal.half.so_far(signal.crossing.sign, sp, signal.op.y2.value());
+        self.judge(&mut memory, half, signal.op.started, &signal.noise)
     }
 
     /// Takes one sample; gives the record of the half-period that it ended, if it did.
@@ -407,7 +455,7 @@ impl<R: Real> Detector<R> {
     /// Width, safety net and filter of detections for one half-period.
     #[inline(always)]
     fn judge(&self, m: &mut Memory<R>, half: HalfPeriod<R>, op_known: bool, noise: &NoiseLevel<R>) -> Record<R> {
-        self.conclude(m, half, self.width.of(&half, op_known), || noise.sigma())
+        self.conclude(m, half, self.width.with_kp(m.kp).of(&half, op_known), || noise.sigma())
     }
 
     /// The same once the width is known; `sigma` is PV's noise at the end of the half-period.
@@ -423,6 +471,12 @@ impl<R: Real> Detector<R> {
             half.flags |= BAD;
             parts = WidthParts::default();
         }
+        let kp_defaulted = self.kp_defaulted && m.kp.is_none();
+        if m.kp_defaulted != kp_defaulted {
+            // Detections with a default and with a Kp that is known make no estimate together.
+            (m.window, m.estimate, m.noise_floor) = (MedianMeanState::default(), None, None);
+            (m.rejected, m.kp_defaulted) = (0, kp_defaulted);
+        }
         let previous_delta_y = m.previous_delta_y;
         let settled = m.estimate.filter(|estimate| estimate.count == self.detections.n());
         let d_hat_before = settled.map(|estimate| estimate.value);
@@ -437,14 +491,14 @@ impl<R: Real> Detector<R> {
             m.excess.add(-half.delta_t);
         }
         m.previous_delta_y = if broken { None } else { Some(half.delta_y) };
-        let (estimate, noise_floor) = (m.estimate, m.noise_floor);
-        Record { half, parts, mask, previous_delta_y, d_hat_before, estimate, noise_floor, sigma }
+        let &mut Memory { estimate, noise_floor, kp_defaulted, .. } = m;
+        Record { half, parts, mask, previous_delta_y, d_hat_before, estimate, noise_floor, sigma, kp_defaulted }
     }
 
     #[inline(never)]
     fn accept(&self, m: &mut Memory<R>, detection: R, sigma: Option<R>) {
         m.estimate = Some(self.detections.update(&mut m.window, detection));
-        m.noise_floor = sigma.map(|sigma| self.width.noise_floor(sigma));
+        m.noise_floor = sigma.map(|sigma| self.width.with_kp(m.kp).noise_floor(sigma));
         m.accepted = m.accepted.saturating_add(1);
         m.rejected = 0;
     }
@@ -464,7 +518,7 @@ impl<R: Real> Detector<R> {
         if (agree && m.excess.value() >= R::ZERO) || m.rejected >= 10 * n {
             m.window = m.candidates;
             m.estimate = Some(found);
-            m.noise_floor = sigma.map(|sigma| self.width.noise_floor(sigma));
+            m.noise_floor = sigma.map(|sigma| self.width.with_kp(m.kp).noise_floor(sigma));
             m.rejected = 0;
         }
     }

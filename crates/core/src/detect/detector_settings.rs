@@ -2,12 +2,33 @@
 
 use super::detector::checked;
 use crate::Conditions;
+use crate::error::require;
 use crate::{Detector, MedianMean, ParameterError, Real, SafetyNet, SecondOrderFilter, Width};
 
 /// Steps of the usual length that a step may be long without being a gap.
 pub const GAP_STEPS: f64 = 3.0;
 /// Length of the filter of detections (thesis 7.3).
 pub const DETECTIONS: u32 = 9;
+/// Process gain [%/%] where none is known but both spans are (thesis 7.2.2).
+pub const KP_DEFAULT: f64 = 1.5;
+
+/// The size of the process gain Kp [PV unit/OP unit] that a width is worked out with, and whether it is a default: the one `given`, else
+/// [`KP_DEFAULT`] where the `spans` of PV and OP are known. An integrating process has none.
+///
+/// ```
+/// use glapp_core::process_gain;
+/// assert_eq!(process_gain(None, Some((50.0, 100.0)), false), (Some(0.75), true));
+/// assert_eq!(process_gain(None, Some((50.0, 100.0)), true), (None, false));
+/// assert_eq!(process_gain(Some(2.0), None, false), (Some(2.0), false));
+/// ```
+pub fn process_gain<R: Real>(given: Option<R>, spans: Option<(R, R)>, integrating: bool) -> (Option<R>, bool) {
+    match (given, spans) {
+        _ if integrating => (None, false),
+        (Some(kp), _) => (Some(kp), false),
+        (None, Some((pv, op))) => (Some(R::of(KP_DEFAULT) * (pv / op)), true),
+        (None, None) => (None, false),
+    }
+}
 
 /// Settings of a [`Detector`]: those of the controller that it watches, and its own.
 ///
@@ -28,8 +49,13 @@ pub struct DetectorSettings<R> {
     pub td: Option<R>,
     /// Its setpoint weight, 0 to 1.
     pub b: R,
-    /// Static process gain ≠ 0, where known [PV unit/OP unit].
+    /// Static process gain ≠ 0, where known [PV unit/OP unit]. None: [`Self::gain`] tells what stands for it.
     pub kp: Option<R>,
+    /// Span of the process value > 0, where known \[PV unit\].
+    pub pv_span: Option<R>,
+    /// Whether the process is known to integrate: it has no Kp, given or not.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub integrating: bool,
     /// Time constant of the detector's filter ≥ 0 \[s\]; 0 where PV comes filtered.
     pub tf: R,
     /// Length of the filter of detections, odd, 1 to 31.
@@ -54,6 +80,8 @@ impl<R: Real> DetectorSettings<R> {
             td: Some(td),
             b: R::ONE,
             kp: None,
+            pv_span: None,
+            integrating: false,
             tf: Self::filter_time(ti, td),
             n: DETECTIONS,
             max_h: R::of(GAP_STEPS) * h,
@@ -61,6 +89,26 @@ impl<R: Real> DetectorSettings<R> {
             op_span: None,
             conditions: Conditions::default(),
         }
+    }
+
+    /// The process gain in force [PV unit/OP unit], and whether it is a default: Kp where it is given, else 1.5 %/% with the sign
+    /// of K where both spans are given and the process does not integrate (thesis 7.2.2), else none.
+    ///
+    /// What an estimate with a default says is shown with that mark, and nothing is compensated by it.
+    ///
+    /// ```
+    /// use glapp_core::DetectorSettings;
+    /// let bare = DetectorSettings::new(-0.5, 10.0, 0.0, 1.0);
+    /// assert_eq!(bare.gain(), (None, false));
+    /// let spanned = DetectorSettings { pv_span: Some(50.0), op_span: Some(100.0), ..bare };
+    /// assert_eq!(spanned.gain(), (Some(-0.75), true));
+    /// assert_eq!(DetectorSettings { kp: Some(-2.0), ..spanned }.gain(), (Some(-2.0), false));
+    /// assert_eq!(DetectorSettings { integrating: true, ..spanned }.gain(), (None, false));
+    /// ```
+    pub fn gain(&self) -> (Option<R>, bool) {
+        let (kp, defaulted) = process_gain(self.kp, self.pv_span.zip(self.op_span), self.integrating);
+        let sign = if self.k < R::ZERO { -R::ONE } else { R::ONE };
+        (if defaulted { kp.map(|kp| sign * kp) } else { kp }, defaulted)
     }
 
     /// The shortest filter that serves (2.1): Td/5 behind a controller with derivative action, Ti/10 behind one without \[s\].
@@ -75,15 +123,19 @@ impl<R: Real> Detector<R> {
     /// # Errors
     /// Where one of them is out of its bounds.
     pub fn of(settings: &DetectorSettings<R>) -> Result<Self, ParameterError> {
-        let &DetectorSettings { k, ti, td, b, kp, tf, n, max_h, op_limits, op_span, conditions } = settings;
+        let &DetectorSettings { k, ti, td, b, tf, n, max_h, op_limits, op_span, conditions, .. } = settings;
+        // What others are worked out from is checked before them.
+        Width::new(k, ti, td, b, settings.kp)?;
         let span = op_span.or(checked(op_limits)?.map(|(low, high)| high - low));
-        Detector::new(
-            SecondOrderFilter::new(tf)?,
-            Width::new(k, ti, td, b, kp)?,
-            SafetyNet { conditions, ..SafetyNet::new(span)? },
-            MedianMean::new(n)?,
-            max_h,
-            op_limits,
-        )
+        let net = SafetyNet { conditions, ..SafetyNet::new(span)? };
+        if let Some(span) = settings.pv_span {
+            require("pv_span", span, span > R::ZERO, "greater than 0")?;
+        }
+        let (kp, defaulted) = settings.gain();
+        let width = Width::new(k, ti, td, b, kp)?;
+        let mut detector =
+            Detector::new(SecondOrderFilter::new(tf)?, width, net, MedianMean::new(n)?, max_h, op_limits)?;
+        detector.kp_defaulted = defaulted;
+        Ok(detector)
     }
 }

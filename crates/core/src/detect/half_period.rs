@@ -153,6 +153,11 @@ impl<R: Real> HalfPeriodState<R> {
         }
     }
 
+    /// What it would be if it ended now, with the slope of PV at its beginning.
+    pub(crate) fn so_far(&self, sign: i8, sp: R, op: R) -> HalfPeriod<R> {
+        self.close(sign, sp, self.slope_start, op)
+    }
+
     /// Ends it where the signals broke off: what would be read at the closing crossing is not known and stays 0.
     pub fn break_off(&self, sign: i8, cause: Status) -> HalfPeriod<R> {
         let mut half = self.close(sign, self.sp_start, self.slope_start, self.op_start);

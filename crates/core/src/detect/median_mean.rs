@@ -56,6 +56,15 @@ pub struct Estimate<R> {
     pub count: u8,
 }
 
+impl<R: Real> MedianMeanState<R> {
+    /// The detections in the window, the oldest first.
+    pub fn detections(&self) -> impl Iterator<Item = R> {
+        let Self { window, next, count } = *self;
+        let (next, count) = (usize::from(next), usize::from(count).min(LONGEST_WINDOW));
+        (0..count).map(move |i| window[(next + i) % count])
+    }
+}
+
 impl MedianMean {
     /// `n` odd, 1 to [`LONGEST_WINDOW`].
     pub fn new(n: u32) -> Result<Self, ParameterError> {

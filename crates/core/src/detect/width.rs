@@ -96,6 +96,12 @@ impl<R: Real> Width<R> {
         })
     }
 
+    /// The same with another Kp, where one is given.
+    #[inline(always)]
+    pub(crate) fn with_kp(&self, kp: Option<R>) -> Self {
+        Self { kp_abs: kp.map(R::magnitude).or(self.kp_abs), ..*self }
+    }
+
     /// |K| [OP unit/PV unit].
     pub fn k_abs(&self) -> R {
         self.k_abs

@@ -56,6 +56,12 @@ impl<R: Real> AutoTuner<R> {
         if running || x.is_good() { Forward::new(op, 0) } else { x }
     }
 
+    /// Adds to what was told in the last scan: what the controller that it is in knows itself.
+    #[inline(always)]
+    pub(super) fn tell(&self, s: &mut AutoTunerState<R>, flags: Status) {
+        s.flags |= flags;
+    }
+
     /// Takes what the modules after it tell, gives what the controller is told.
     #[inline(always)]
     pub fn backward(&self, s: &mut AutoTunerState<R>, back: Backward<R>) -> Backward<R> {

@@ -3,15 +3,17 @@
 use crate::modules::{Backward, Forward};
 use crate::status::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO, Status, WRONG_SIGN};
 use crate::{
-    Compensation, CompensationSample, CompensationSettings, CompensationState, Detector, DetectorSettings,
-    DetectorState, Estimate, MedianMean, MedianMeanState, OverCompensation, OverCompensationState, OverWarning,
-    ParameterError, Real, Reason, Record, Sample, Saturation, Sum, WrongSign, WrongSignState,
+    Compensation, CompensationSample, CompensationSettings, CompensationState, Correction, CorrectionState, Detector,
+    DetectorSettings, DetectorState, Estimate, MedianMean, MedianMeanState, OverCompensation, OverCompensationState,
+    OverWarning, ParameterError, Real, Reason, Record, Sample, Saturation, Sum, WrongSign, WrongSignState,
 };
 
 /// So many half-periods in a row in which OP went against K tell that the detector was told the wrong sign: of those that are
 /// longer than so many Ti, and in which nothing but K and Ti moved OP.
 const AGAINST: u8 = 3;
 const LONG: f64 = 3.0;
+/// Longest filter of PV, in Ti, behind which the estimate may be compensated by (thesis 8.2 has that by default).
+const SMOOTH: f64 = 0.5;
 const DISTURBED: u16 = Reason::Gap.bit()
     | Reason::BadQuality.bit()
     | Reason::NotAuto.bit()
@@ -41,7 +43,8 @@ pub struct BacklashDetectionSettings<R> {
 /// compensates, the detector shows what is left of the gap; the whole is the median/mean of what was left and the size in
 /// force, detection by detection. That may lower the size that a person or the fit gave, and never raises it. Both
 /// warnings of over-compensation are shown; the relay withdraws it, where the settings say so. What a half-period means
-/// for the compensation is worked off in the scan after it, so that the worst scan takes little longer than the others.
+/// for the compensation is worked off in the scan after it, and what it means for the corrected width in the scan after that, so that the worst
+/// scan takes little longer than the others.
 ///
 /// Two things tell that K has the wrong sign, [`WRONG_SIGN`]: OP goes to its limit and PV runs away from SP ([`WrongSign`], where
 /// limits are known), which holds until PV crosses SP; or in three half-periods in a row, each longer than 3Ti and undisturbed, OP
@@ -52,11 +55,17 @@ pub struct BacklashDetectionSettings<R> {
 /// loop before it reaches the gap.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BacklashDetection<R> {
-    detector: Detector<R>,
+    settings: DetectorSettings<R>,
+    pub(super) detector: Detector<R>,
     detections: MedianMean,
     sign: Option<WrongSign<R>>,
     max_h: R,
     long: R,
+    pub(super) correction: Correction<R>,
+    /// Kp in force, and whether it is a default.
+    pub(super) gain: (Option<R>, bool),
+    /// The filter of PV is so long that nothing may be compensated by the estimate.
+    smooth: bool,
     compensation: Option<(Compensation<R>, OverCompensation<R>)>,
 }
 
@@ -77,6 +86,16 @@ pub struct BacklashDetectionState<R: Real> {
     /// What the detections say of the whole gap, where there have been any. Compensation goes by it, shown or not: it only makes it
     /// smaller.
     pub whole: Option<Estimate<R>>,
+    /// OP without u_FF in the last scan, where it is known [OP unit].
+    pub u_fb: Option<R>,
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub(super) correction: CorrectionState<R>,
+    /// The detections of `whole` are none to compensate by: made with a Kp that is a default, or behind too long a filter.
+    #[cfg_attr(feature = "serde", serde(default))]
+    unfit: bool,
+    /// Too long a filter in the half-period under way.
+    #[cfg_attr(feature = "serde", serde(default))]
+    smooth: bool,
     window: MedianMeanState<R>,
     warning: OverCompensationState<R>,
     sign: WrongSignState<R>,
@@ -84,11 +103,16 @@ pub struct BacklashDetectionState<R: Real> {
     against: u8,
     /// The last half-period is still to be worked off, with the size in force when it ended.
     due: bool,
+    /// K or Ti have changed: the half-period under way ends as a gap.
+    #[cfg_attr(feature = "serde", serde(default))]
+    cut: bool,
     size: R,
-    sp: Forward<R>,
+    pub(super) sp: Forward<R>,
     pv: Forward<R>,
     #[cfg_attr(feature = "serde", serde(default))]
     raw: R,
+    /// PV by which u_FF and the watch for the wrong sign go, where it is not what the detector's filter gives.
+    beside: Option<R>,
     h: R,
     u_ff: R,
 }
@@ -103,15 +127,21 @@ impl<R: Real> Default for BacklashDetectionState<R> {
             compensation: CompensationState::default(),
             over: OverWarning::default(),
             whole: None,
+            u_fb: None,
+            correction: CorrectionState::default(),
+            unfit: false,
+            smooth: false,
             window: MedianMeanState::default(),
             warning: OverCompensationState::default(),
             sign: WrongSignState::default(),
             against: 0,
             due: false,
+            cut: false,
             size: R::ZERO,
             sp: nothing,
             pv: nothing,
             raw: R::ZERO,
+            beside: None,
             h: R::ZERO,
             u_ff: R::ZERO,
         }
@@ -121,13 +151,24 @@ impl<R: Real> Default for BacklashDetectionState<R> {
 impl<R: Real> BacklashDetectionState<R> {
     /// Forgets all detections. A compensation that went by them is taken away, without a bump.
     pub fn reset(&mut self) {
-        let Self { compensate, compensation, sign, sp, pv, raw, h, u_ff, .. } = *self;
-        *self = Self { compensate, compensation, sign, sp, pv, raw, h, u_ff, ..Self::default() };
+        let Self { compensate, compensation, sign, sp, pv, raw, beside, h, u_ff, .. } = *self;
+        *self = Self { compensate, compensation, sign, sp, pv, raw, beside, h, u_ff, ..Self::default() };
+    }
+
+    /// Ends the half-period under way as a *gap* with the next sample: for whoever changes K or Ti, which no width can be read across.
+    pub fn cut(&mut self) {
+        self.cut = true;
     }
 
     /// The whole gap, if it is more than noise can feign.
     pub fn shown(&self) -> Option<Estimate<R>> {
         self.whole.filter(|whole| self.detector.noise_floor().is_none_or(|floor| whole.value >= floor))
+    }
+
+    /// The whole gap as far as it may be compensated by: none where it was worked out with a Kp that is a default, or behind a filter of PV
+    /// longer than Ti/2.
+    pub fn compensable(&self) -> Option<Estimate<R>> {
+        if self.unfit { None } else { self.whole }
     }
 
     /// What is wrong: [`WRONG_SIGN`], or 0.
@@ -140,18 +181,24 @@ impl<R: Real> BacklashDetection<R> {
     /// Checks the settings.
     pub fn new(settings: BacklashDetectionSettings<R>) -> Result<Self, ParameterError> {
         let BacklashDetectionSettings { detector, compensation } = settings;
-        let DetectorSettings { k, ti, n, max_h, op_limits, .. } = detector;
+        let DetectorSettings { k, ti, b, n, max_h, op_limits, integrating, .. } = detector;
+        let gain = detector.gain();
+        let known = gain.0.filter(|_| !gain.1);
         let limits = match op_limits {
             Some((low, high)) => Saturation::new(low, high)?,
             None => Saturation::none(),
         };
-        let detections = MedianMean::new(n)?;
+        let checked = Detector::of(&detector)?;
         Ok(Self {
-            detector: Detector::of(&detector)?,
-            detections,
+            settings: detector,
+            detector: checked,
+            detections: MedianMean::new(n)?,
             sign: op_limits.map(|_| WrongSign::new(k, ti, limits)).transpose()?,
             max_h,
             long: R::of(LONG) * ti,
+            correction: Correction::new(k, ti, b, known, integrating)?,
+            gain,
+            smooth: detector.tf > R::of(SMOOTH) * ti,
             compensation: match compensation {
                 Some(given) => {
                     let compensation = Compensation::new(CompensationSettings { k, limits, ..given })?;
@@ -162,13 +209,25 @@ impl<R: Real> BacklashDetection<R> {
         })
     }
 
+    /// The same where PV comes through a filter with `tf` \[s\].
+    pub(super) fn behind(self, tf: R) -> Self {
+        Self { smooth: self.smooth || tf > R::of(SMOOTH) * self.settings.ti, ..self }
+    }
+
+    /// What it was made of; the compensation's `k` and limits are those in force.
+    pub fn settings(&self) -> BacklashDetectionSettings<R> {
+        let compensation = self.compensation.as_ref().map(|(compensation, _)| *compensation.settings());
+        BacklashDetectionSettings { detector: self.settings, compensation }
+    }
+
     /// Takes setpoint, process value and the time since the last scan `h` \[s\]; gives u_FF.
     #[inline(always)]
     pub fn forward(&self, state: &mut BacklashDetectionState<R>, sp: Forward<R>, pv: Forward<R>, h: R) -> Forward<R> {
-        self.forward_filtered(state, sp, pv, pv.value, h)
+        self.forward_filtered(state, sp, pv, pv.value, None, h)
     }
 
-    /// The same where PV comes filtered: `raw` is PV as measured.
+    /// The same where PV comes filtered: `raw` is PV as measured. `beside`: PV by which u_FF and the watch for the wrong sign go, where
+    /// that is not what the detector's filter gives.
     #[inline(always)]
     pub(super) fn forward_filtered(
         &self,
@@ -176,9 +235,10 @@ impl<R: Real> BacklashDetection<R> {
         sp: Forward<R>,
         pv: Forward<R>,
         raw: R,
+        beside: Option<R>,
         h: R,
     ) -> Forward<R> {
-        (state.sp, state.pv, state.raw, state.h) = (sp, pv, raw, h);
+        (state.sp, state.pv, state.raw, state.beside, state.h) = (sp, pv, raw, beside, h);
         state.u_ff = state.compensation.u_ff.value();
         Forward::new(state.u_ff, 0)
     }
@@ -190,27 +250,46 @@ impl<R: Real> BacklashDetection<R> {
         let flags = told | (state.sp.flags | state.pv.flags) & BAD;
         let (h, sp) = (state.h, state.sp.value);
         let op = back.map(|back| back.tracking - state.u_ff);
+        state.u_fb = op;
+        if !state.due {
+            self.correction.conclude(&mut state.correction);
+        }
+        state.smooth |= self.smooth;
         if let (Some(last), true) = (&state.last, state.due) {
             if let Some((_, warning)) = &self.compensation {
                 state.over = warning.update(&mut state.warning, &last.half, h, state.size);
                 if last.mask == 0 {
+                    let unfit = last.kp_defaulted || state.smooth;
+                    if unfit != state.unfit {
+                        (state.window, state.unfit) = (MedianMeanState::default(), unfit);
+                    }
                     state.whole = Some(self.detections.update(&mut state.window, last.parts.d + state.size));
                 }
             }
+            state.smooth = self.smooth;
             if last.half.delta_t > self.long && last.mask & DISTURBED == 0 {
                 let against = last.parts.op_travel + last.parts.delta_u / R::of(2.0) < R::ZERO;
                 state.against = if against { AGAINST.min(state.against + 1) } else { 0 };
             }
         }
-        let sample = Sample { h, sp, pv: state.pv.value, op, flags };
+        // To the detector a step back in time is a gap.
+        let since = if core::mem::take(&mut state.cut) { -R::ONE } else { h };
+        let sample = Sample { h: since, sp, pv: state.pv.value, op, flags };
         let record = self.detector.update_filtered(&mut state.detector, &sample, state.raw);
         state.due = record.is_some();
-        if state.due {
-            (state.last, state.size) = (record, R::of(2.0) * state.compensation.half.value());
+        if let Some(record) = &record {
+            self.correction.end(&mut state.correction, record);
+            (state.last, state.size) = (Some(*record), R::of(2.0) * state.compensation.half.value());
         }
+        if let (Some(back), Some(yf)) = (back, state.detector.observed()) {
+            self.correction.add(&mut state.correction, h, sp, yf, back.tracking);
+        } else {
+            self.correction.interrupt(&mut state.correction);
+        }
+        let yf = state.beside.unwrap_or(state.detector.filtered_pv());
         if let (Some(sign), Some(back)) = (&self.sign, back) {
             let gap = if h <= self.max_h { 0 } else { GAP };
-            sign.update(&mut state.sign, sp, state.detector.filtered_pv(), back.tracking, h, flags | gap);
+            sign.update(&mut state.sign, sp, yf, back.tracking, h, flags | gap);
         }
         let Some((compensation, _)) = &self.compensation else {
             if state.compensation.u_ff.value() != R::ZERO {
@@ -219,10 +298,10 @@ impl<R: Real> BacklashDetection<R> {
             return;
         };
         let sample = CompensationSample {
-            e: sp - state.detector.filtered_pv(),
+            e: sp - yf,
             u: op.unwrap_or(R::ZERO),
             h,
-            d_hat: state.whole.map(|whole| whole.value),
+            d_hat: state.compensable().map(|whole| whole.value),
             over: state.over.relay,
             enable: state.compensate && op.is_some(),
             flags: if state.error() == 0 { flags } else { flags | AT_LOW | AT_HIGH },

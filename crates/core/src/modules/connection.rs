@@ -2,8 +2,8 @@
 
 use crate::status::{AT_HIGH, AT_LOW, BAD, NOT_AUTO, Status};
 use crate::{
-    Backlash, BacklashState, Noise, NoiseState, RateLimit, RateLimitState, Real, Saturation, SecondOrderFilter,
-    SecondOrderFilterState, Sum,
+    Backlash, BacklashState, Noise, NoiseState, PhaseLead, PhaseLeadState, RateLimit, RateLimitState, Real, Saturation,
+    SecondOrderFilter, SecondOrderFilterState, Sum,
 };
 
 /// What a module hands on to the next one.
@@ -165,6 +165,28 @@ impl<R: Real> RateLimit<R> {
     }
 }
 
+impl<R: Real> PhaseLead<R> {
+    /// [`update`](Self::update) in a connection; a bad value leaves the output where it is.
+    #[inline(always)]
+    pub fn forward(&self, state: &mut PhaseLeadState<R>, x: Forward<R>, h: R) -> Forward<R> {
+        if x.is_good() {
+            Forward::new(self.update(state, x.value, h), x.flags)
+        } else {
+            Forward::new(if state.started { state.output } else { x.value }, x.flags | BAD)
+        }
+    }
+
+    /// Tells those before it what it is told. Where its output is not followed, it rests at the value in effect, so that whoever
+    /// goes on from there does so without a bump.
+    #[inline(always)]
+    pub fn backward(&self, state: &mut PhaseLeadState<R>, back: Backward<R>) -> Backward<R> {
+        if back.flags & NOT_AUTO != 0 && back.tracking.is_number() {
+            *state = PhaseLeadState::at(back.tracking);
+        }
+        back
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -219,6 +241,18 @@ mod tests {
         assert_eq!(told(55.0), (55.0, 0, 0)); // as fast as it can, and it holds nothing back
         assert_eq!(told(40.0), (53.0, 0, AT_LOW));
         assert_eq!(told(f64::NAN), (53.0, BAD, 0));
+    }
+
+    #[test]
+    fn a_lead_whose_output_is_not_followed_goes_on_without_a_bump() {
+        let lead = PhaseLead::new(10.0, 1.0).unwrap();
+        let mut state = PhaseLeadState::default();
+        lead.forward(&mut state, 20.0.into(), 0.1);
+        assert!(lead.forward(&mut state, 21.0.into(), 0.1).value > 29.0);
+        let told = Backward { flags: NOT_AUTO, tracking: 55.0, ..Backward::default() };
+        assert_eq!(lead.backward(&mut state, told), told);
+        assert_eq!(lead.forward(&mut state, 55.0.into(), 0.1), Forward::new(55.0, 0));
+        assert_eq!(lead.forward(&mut state, f64::NAN.into(), 0.1), Forward::new(55.0, BAD));
     }
 
     #[test]

@@ -1,11 +1,16 @@
 //! The controller with the detector inside.
 
+use super::auto_tuner::{AutoTuner, AutoTunerState};
 use super::backlash_detection::{BacklashDetection, BacklashDetectionSettings, BacklashDetectionState};
 use super::pid::{Mode, Pid, PidSettings, PidState};
+use crate::auto_tuner::{Phase, Rule};
 use crate::error::require;
 use crate::modules::{Backward, Forward};
 use crate::status::{AT_HIGH, AT_LOW, NOT_AUTO, Status};
-use crate::{CompensationSettings, DetectorSettings, ParameterError, Real, Sum};
+use crate::{
+    AutoTunerSettings, CompensationSettings, DETECTIONS, DetectorSettings, ParameterError, Real, SecondOrderFilter,
+    SecondOrderFilterState, Sum, tuning,
+};
 
 /// The most rows of a gain schedule.
 pub const SCHEDULE_ROWS: usize = 8;
@@ -42,6 +47,16 @@ pub struct PidAdvancedSettings<R> {
     pub pid: PidSettings<R>,
     /// Static process gain ≠ 0, where known: from a fit, an autotuner, a manual test [process value per output].
     pub kp: Option<R>,
+    /// Span of the process value > 0, where known \[PV unit\]: with `op_span` it gives a Kp that is not known its default
+    /// ([`DetectorSettings::gain`]).
+    pub pv_span: Option<R>,
+    /// Span of the output > 0, where known \[output\]; none: that of the limits, but for the default of Kp.
+    pub op_span: Option<R>,
+    /// Whether the process is known to integrate: it has no Kp.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub integrating: bool,
+    /// Time constant of a filter of the detector's own ≥ 0 \[s\], for PV as measured. None: the detector sees what the controller sees.
+    pub detector_tf: Option<R>,
     /// Length of the filter of detections, odd, 1 to 31.
     pub n: u32,
     /// The fastest that the setpoint in effect moves, > 0 [PV unit per second].
@@ -52,13 +67,31 @@ pub struct PidAdvancedSettings<R> {
     pub rows: usize,
     /// Compensation, where there is one. Its `k` and `limits` are the controller's, and it takes at most half of the rate.
     pub compensation: Option<CompensationSettings<R>>,
+    /// The autotuner, where there is one. Its `op` and `max_h` are the controller's, which must have limits.
+    pub tuner: Option<AutoTunerSettings<R>>,
+    /// Which controller it offers.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub rule: Rule,
 }
 
 impl<R: Real> PidAdvancedSettings<R> {
-    /// Kp not known, N = 9, no ramp, no schedule, no compensation.
+    /// Kp and spans not known, no filter of the detector's own, N = 9, no ramp, no schedule, no compensation, no autotuner.
     pub fn new(pid: PidSettings<R>) -> Self {
-        let schedule = [Gains::default(); SCHEDULE_ROWS];
-        Self { pid, kp: None, n: 9, sp_rate: R::LARGEST, schedule, rows: 0, compensation: None }
+        Self {
+            pid,
+            kp: None,
+            pv_span: None,
+            op_span: None,
+            integrating: false,
+            detector_tf: None,
+            n: DETECTIONS,
+            sp_rate: R::LARGEST,
+            schedule: [Gains::default(); SCHEDULE_ROWS],
+            rows: 0,
+            compensation: None,
+            tuner: None,
+            rule: Rule::default(),
+        }
     }
 }
 
@@ -66,15 +99,28 @@ impl<R: Real> PidAdvancedSettings<R> {
 ///
 /// The detector takes the controller's own settings, and sees what the controller sees: the setpoint in effect, the
 /// filtered process value, limits and mode. Where the controller does not filter, the detector does, with Td/5, or Ti/10 without derivative action (2.1).
+/// With a `detector_tf` it filters PV as measured with that, while u_FF and the watch for the wrong sign see PV as they would without it.
 ///
 /// The schedule is linear between its rows and constant outside them; a bad scheduling variable leaves the last gains.
 /// With a schedule, K/Ti is not constant within a half-period: the width is then taken from the output's own travel,
 /// and the conditions of the safety net use the longest Ti and the largest |K| of the table.
+///
+/// The [`AutoTuner`] inside (6.6, 7.2.2) stands between controller and output, as it would outside: set `tuner.run` in the state,
+/// and a relay experiment begins with the next scan. It ends like any other; besides in manual ([`Stop::NotAuto`]) and where the
+/// controller's own `rate` is too low for the relay, whose swing is 4/3 of the amplitude ([`Stop::OpLimit`]).
+/// Once it is done, [`offered`](Self::offered) gives the controller that the rule makes of it, and [`take_over`](Self::take_over) puts it in
+/// force without a bump. The Kp that it found, where it found one, goes to the detector at once, unless `kp` is given.
+///
+/// [`Stop::NotAuto`]: crate::auto_tuner::Stop::NotAuto
+/// [`Stop::OpLimit`]: crate::auto_tuner::Stop::OpLimit
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PidAdvanced<R> {
     settings: PidAdvancedSettings<R>,
     pid: Pid<R>,
     detection: BacklashDetection<R>,
+    tuner: Option<AutoTuner<R>>,
+    /// For u_FF and the watch, where neither the controller nor the detector filters PV for them.
+    beside: Option<SecondOrderFilter<R>>,
 }
 
 /// State of a [`PidAdvanced`].
@@ -85,14 +131,29 @@ pub struct PidAdvancedState<R: Real> {
     pub pid: PidState<R>,
     /// The detection; a new one resets it.
     pub detection: BacklashDetectionState<R>,
+    /// The autotuner; `run` is the operator's to set.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub tuner: AutoTunerState<R>,
+    /// Kp that the last experiment found which found one; the detector's, where none is given.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub kp: Option<R>,
     /// The scheduling variable in effect.
     by: R,
+    #[cfg_attr(feature = "serde", serde(default))]
+    beside: SecondOrderFilterState<R>,
 }
 
 impl<R: Real> PidAdvancedState<R> {
     /// In auto, with the output at a known value, from which it goes on.
     pub fn at(output: R) -> Self {
-        Self { pid: PidState::at(output), detection: BacklashDetectionState::default(), by: R::ZERO }
+        Self {
+            pid: PidState::at(output),
+            detection: BacklashDetectionState::default(),
+            tuner: AutoTunerState::default(),
+            kp: None,
+            by: R::ZERO,
+            beside: SecondOrderFilterState::default(),
+        }
     }
 
     /// What is wrong: what the controller says, and [`WRONG_SIGN`](crate::status::WRONG_SIGN).
@@ -110,7 +171,11 @@ impl<R: Real> Default for PidAdvancedState<R> {
 impl<R: Real> PidAdvanced<R> {
     /// Checks the settings.
     pub fn new(settings: PidAdvancedSettings<R>) -> Result<Self, ParameterError> {
-        let PidAdvancedSettings { pid, kp, n, sp_rate, schedule, rows, compensation } = settings;
+        let PidAdvancedSettings { pid, kp, pv_span, op_span, integrating, detector_tf, .. } = settings;
+        let PidAdvancedSettings { n, sp_rate, schedule, rows, compensation, tuner, .. } = settings;
+        if let Some(tf) = detector_tf {
+            require("detector_tf", tf, tf >= R::ZERO, "0 s or greater")?;
+        }
         require("sp_rate", sp_rate, sp_rate > R::ZERO, "greater than 0 per second")?;
         require("rows", R::of(rows as f64), rows <= SCHEDULE_ROWS, "at most 8")?;
         let mut slowest = pid;
@@ -126,13 +191,17 @@ impl<R: Real> PidAdvanced<R> {
             slowest.k = if first || row.k.magnitude() > slowest.k.magnitude() { row.k } else { slowest.k };
         }
         let filtered = pid.tf > R::ZERO;
+        let usual_tf = DetectorSettings::filter_time(slowest.ti, slowest.td);
         let limited = pid.low > -R::LARGEST && pid.high < R::LARGEST;
         let detection = BacklashDetectionSettings {
             detector: DetectorSettings {
                 td: (rows == 0).then_some(pid.td),
                 b: pid.b,
                 kp,
-                tf: if filtered { R::ZERO } else { DetectorSettings::filter_time(slowest.ti, slowest.td) },
+                pv_span,
+                op_span,
+                integrating,
+                tf: detector_tf.unwrap_or(if filtered { R::ZERO } else { usual_tf }),
                 n,
                 op_limits: limited.then_some((pid.low, pid.high)),
                 max_h: pid.max_h.lesser(R::of(1e9)),
@@ -143,7 +212,30 @@ impl<R: Real> PidAdvanced<R> {
                 CompensationSettings { rate, ..given }
             }),
         };
-        Ok(Self { settings, pid: Pid::new(pid)?, detection: BacklashDetection::new(detection)? })
+        if tuner.is_some() {
+            let bound = "a limit of the output: the autotuner needs both";
+            require("low", pid.low, pid.low >= -R::MOST, bound)?;
+            require("high", pid.high, pid.high <= R::MOST, bound)?;
+        }
+        let tuner = tuner.map(|given| {
+            let max_h = pid.max_h.lesser(R::of(1e9));
+            AutoTuner::new(AutoTunerSettings { op: (pid.low, pid.high), max_h, ..given })
+        });
+        let tf = pid.tf;
+        let pid = Pid::new(pid)?;
+        let beside = if detector_tf.is_some() && !filtered { Some(SecondOrderFilter::new(usual_tf)?) } else { None };
+        Ok(Self {
+            settings,
+            pid,
+            detection: BacklashDetection::new(detection)?.behind(tf),
+            beside,
+            tuner: tuner.transpose()?,
+        })
+    }
+
+    /// The detection inside.
+    pub fn detection(&self) -> &BacklashDetection<R> {
+        &self.detection
     }
 
     /// What it was made of.
@@ -172,22 +264,97 @@ impl<R: Real> PidAdvanced<R> {
         }
         let ff = Forward::new(ff.value + s.detection.compensation.u_ff.value(), ff.flags);
         let u = self.pid.scan(&mut s.pid, self.gains(s.by), self.settings.sp_rate, pv, sp, ff, h);
-        let seen = if self.settings.pid.tf > R::ZERO { s.pid.yf } else { pv.value };
+        let mut seen = if self.settings.pid.tf > R::ZERO { s.pid.yf } else { pv.value };
+        let mut beside = None;
+        if self.settings.detector_tf.is_some() {
+            s.beside.started &= h <= self.settings.pid.max_h;
+            beside = Some(self.beside.map_or(seen, |filter| filter.forward(&mut s.beside, pv, h).value));
+            seen = pv.value;
+        }
         let (sp, seen) = (s.pid.ysp.value().into(), Forward::new(seen, pv.flags));
-        self.detection.forward_filtered(&mut s.detection, sp, seen, pv.value, h);
-        u
+        self.detection.forward_filtered(&mut s.detection, sp, seen, pv.value, beside, h);
+        match &self.tuner {
+            Some(tuner) => self.tuned(tuner, s, u, pv, h),
+            None => u,
+        }
+    }
+
+    /// The output, where the autotuner may have it.
+    #[inline(always)]
+    fn tuned(
+        &self,
+        tuner: &AutoTuner<R>,
+        s: &mut PidAdvancedState<R>,
+        u: Forward<R>,
+        pv: Forward<R>,
+        h: R,
+    ) -> Forward<R> {
+        let was_running = s.tuner.experiment.phase.is_running();
+        if was_running || s.tuner.run {
+            let swing =
+                R::of(4.0) * (self.settings.tuner.map_or(R::ZERO, |given| given.amplitude).magnitude() / R::of(3.0));
+            let by_hand = if s.pid.mode == Mode::Manual { NOT_AUTO } else { 0 };
+            let slow = if self.settings.pid.rate * h < swing { AT_LOW | AT_HIGH } else { 0 };
+            tuner.tell(&mut s.tuner, by_hand | slow);
+        }
+        let out = tuner.forward(&mut s.tuner, u, pv, h);
+        let experiment = &s.tuner.experiment;
+        if was_running && experiment.phase == Phase::Done {
+            s.kp = experiment.found.and_then(|found| found.kp).or(s.kp);
+        }
+        out
     }
 
     /// As [`Pid::backward`]; the detector learns from the sample of this scan. The output it sees is the controller's own,
     /// without what came from outside.
     #[inline(always)]
     pub fn backward(&self, s: &mut PidAdvancedState<R>, back: Backward<R>) -> (Backward<R>, Backward<R>) {
+        let back = match &self.tuner {
+            Some(tuner) => tuner.backward(&mut s.tuner, back),
+            None => back,
+        };
+        let PidAdvancedSettings { kp, integrating, .. } = self.settings;
+        s.detection.detector.set_kp(if kp.is_none() && !integrating { s.kp } else { None });
         let told = self.pid.backward(&mut s.pid, back);
         let flags = s.pid.flags & (AT_LOW | AT_HIGH | NOT_AUTO);
         let tracking = s.pid.feedback() + s.detection.compensation.u_ff.value();
         let seen = Backward { flags, tracking, ..Backward::default() };
         self.detection.backward(&mut s.detection, Some(seen));
         told
+    }
+
+    /// The controller that the rule makes of what the last experiment found.
+    ///
+    /// # Errors
+    /// Where no experiment has come to its end, where the rule has no answer for what it found, and under a gain schedule, whose
+    /// rows an experiment at one point says nothing of.
+    pub fn offered(&self, s: &PidAdvancedState<R>) -> Result<tuning::Gains<R>, ParameterError> {
+        let rows = R::of(self.settings.rows as f64);
+        require(
+            "rows",
+            rows,
+            self.settings.rows == 0,
+            "0: under a gain schedule its rows are the gains, set them there",
+        )?;
+        let experiment = &s.tuner.experiment;
+        let phase = R::of(f64::from(experiment.phase as u8));
+        let done = experiment.found.filter(|_| experiment.phase == Phase::Done);
+        let bound = "4, done: nothing is offered before an experiment has come to its end";
+        let found = done.ok_or(ParameterError { name: "phase", value: phase.as_f64(), bound })?;
+        found.by(self.settings.rule)
+    }
+
+    /// The controller with the gains that are [offered](Self::offered). It goes on from this state without a bump, and the
+    /// half-period under way ends as a *gap*.
+    ///
+    /// # Errors
+    /// As [`offered`](Self::offered); the state then stays as it is.
+    pub fn take_over(&self, s: &mut PidAdvancedState<R>) -> Result<Self, ParameterError> {
+        let tuning::Gains { k, ti, td } = self.offered(s)?;
+        let pid = PidSettings { k, ti, td, ..self.settings.pid };
+        let taken = Self::new(PidAdvancedSettings { pid, ..self.settings })?;
+        s.detection.cut();
+        Ok(taken)
     }
 
     /// K, Ti and Td at the scheduling variable `by`.

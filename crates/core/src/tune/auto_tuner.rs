@@ -109,6 +109,34 @@ pub struct AutoTunerSettings<R> {
     pub op: (R, R),
 }
 
+/// Which rule makes a controller of what an experiment found.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[repr(u8)]
+pub enum Rule {
+    /// [`Found::point_placement`], PID with Ti = 6.25Td (thesis 7.5).
+    #[default]
+    PointPlacement = 1,
+    /// [`Found::amigo`], PI.
+    AmigoPi = 2,
+    /// [`Found::amigo`], PID.
+    AmigoPid = 3,
+}
+
+impl Rule {
+    /// All of them, in order.
+    pub const ALL: [Self; 3] = [Self::PointPlacement, Self::AmigoPi, Self::AmigoPid];
+
+    /// The name used in every face of glapp.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::PointPlacement => "point_placement",
+            Self::AmigoPi => "amigo_pi",
+            Self::AmigoPid => "amigo_pid",
+        }
+    }
+}
+
 /// Where an experiment stands.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -238,6 +266,15 @@ impl<R: Real> Found<R> {
         let kappa = self.kappa.unwrap_or(R::ZERO);
         require("kappa", kappa, kappa < R::of(0.8), bound)?;
         tuning::point_placement(self.ku, self.tu)
+    }
+
+    /// The controller that a rule makes of it.
+    pub fn by(&self, rule: Rule) -> Result<Gains<R>, ParameterError> {
+        match rule {
+            Rule::PointPlacement => self.point_placement(),
+            Rule::AmigoPi => self.amigo(Kind::Pi),
+            Rule::AmigoPid => self.amigo(Kind::Pid),
+        }
     }
 
     /// [`tuning::ziegler_nichols_frequency`].

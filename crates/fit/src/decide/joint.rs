@@ -349,6 +349,7 @@ fn joint_width(curves: &mut [Curve]) -> Together {
         coarse: many(|e| e.coarse),
         at_once: many(|e| e.at_once),
         noisy: many(|e| e.noisy),
+        strays: many(|e| e.strays),
         slips: lr_no_jump > JUMP && 2 * jumping > curves.len(),
         slips_wholly: many(|e| e.slips_wholly),
         periodic_load: many(|e| e.periodic_load),

@@ -257,6 +257,7 @@ pub(crate) fn fit_record(record: &Cells, seeds: &[Theta], h: f64, bow: f64, prob
         range: record.range,
         slips,
         slips_wholly,
+        strays: trusted < STRAYS,
         dissent: dissent || !certain,
         periodic_load: repeats,
         even_swing: lr_no_gap < GAP_IF_EVEN_SWING && !dwells && swings_evenly(&record, best.lost.d, lag_steps),

@@ -366,6 +366,7 @@ fn shared_width(members: &mut [Member], d: f64, here: &[Vec<f64>], gives: &mut [
         coarse: false,
         at_once: many(|e| e.at_once),
         noisy: many(|e| e.noisy),
+        strays: many(|e| e.strays),
         slips: lr_no_jump > JUMP && 2 * jumping > members.len(),
         slips_wholly: many(|e| e.slips_wholly),
         periodic_load: many(|e| e.periodic_load),

@@ -44,6 +44,8 @@ pub(crate) struct Evidence {
     pub(crate) at_once: bool,
     /// Whether PV's noise hides what the gap makes.
     pub(crate) noisy: bool,
+    /// Whether PV strays from the model where d matters, as where the valve turns.
+    pub(crate) strays: bool,
     /// Whether a slip jump shows, and whether it may be all of the width.
     pub(crate) slips: bool,
     pub(crate) slips_wholly: bool,
@@ -117,7 +119,7 @@ pub(crate) fn judge(e: &Evidence) -> (Verdict, &'static str) {
             false => (Verdict::Both, "jumps_in_a_gap"),
         };
     }
-    (Verdict::Backlash, "gap")
+    (Verdict::Backlash, if e.strays { "gap_and_more" } else { "gap" })
 }
 
 /// Whether OP went often enough through the lower limit and the most likely width for a width with two limits.

@@ -23,13 +23,20 @@ pub(super) static KIND: Kind = Kind {
     commands: &["run"],
     variables: &[&["phase", "stop", "ku", "tu", "kp", "kappa"]],
     ..Kind::plain("AutoTuner", |m, place| {
-        Ok(Box::new(AutoTuner { block: block(m, place)?, state: AutoTunerState::default() }))
+        let max_h = max_h(m, place);
+        Ok(Box::new(AutoTuner { block: block(m, place)?, max_h, state: AutoTunerState::default() }))
     })
 };
 
 struct AutoTuner {
     block: modules::AutoTuner<f64>,
+    max_h: f64,
     state: AutoTunerState<f64>,
+}
+
+/// A longer time between scans ends it \[s\].
+fn max_h(m: &Module, place: Place) -> f64 {
+    m.known("max_h").unwrap_or(3.0 * place.h)
 }
 
 fn block(m: &Module, place: Place) -> Result<modules::AutoTuner<f64>, SimError> {
@@ -39,11 +46,28 @@ fn block(m: &Module, place: Place) -> Result<modules::AutoTuner<f64>, SimError> 
         d: m.value("d"),
         wait: m.value("wait"),
         longest: m.value("longest"),
-        max_h: m.known("max_h").unwrap_or(3.0 * place.h),
+        max_h: max_h(m, place),
         pv: (m.value("pv_low"), m.value("pv_high")),
         op: (m.value("op_low"), m.value("op_high")),
     };
     Ok(modules::AutoTuner::new(settings)?)
+}
+
+/// A command or variable.
+pub(super) fn named(state: &AutoTunerState<f64>, name: &str) -> Option<f64> {
+    let experiment = &state.experiment;
+    let found =
+        |number: fn(&Found<f64>) -> Option<f64>| Some(experiment.found.as_ref().and_then(number).unwrap_or(f64::NAN));
+    match name {
+        "run" => Some(u8::from(state.run).into()),
+        "phase" => Some(f64::from(experiment.phase as u8)),
+        "stop" => Some(f64::from(experiment.stop as u8)),
+        "ku" => found(|found| Some(found.ku)),
+        "tu" => found(|found| Some(found.tu)),
+        "kp" => found(|found| found.kp),
+        "kappa" => found(|found| found.kappa),
+        _ => None,
+    }
 }
 
 impl Work for AutoTuner {
@@ -57,24 +81,12 @@ impl Work for AutoTuner {
 
     fn change(&mut self, to: &Module, place: Place) -> Result<(), SimError> {
         self.block = block(to, place)?;
+        self.max_h = max_h(to, place);
         Ok(())
     }
 
     fn get(&self, name: &str) -> Option<f64> {
-        let experiment = &self.state.experiment;
-        let found = |number: fn(&Found<f64>) -> Option<f64>| {
-            Some(experiment.found.as_ref().and_then(number).unwrap_or(f64::NAN))
-        };
-        match name {
-            "run" => Some(u8::from(self.state.run).into()),
-            "phase" => Some(f64::from(experiment.phase as u8)),
-            "stop" => Some(f64::from(experiment.stop as u8)),
-            "ku" => found(|found| Some(found.ku)),
-            "tu" => found(|found| Some(found.tu)),
-            "kp" => found(|found| found.kp),
-            "kappa" => found(|found| found.kappa),
-            _ => None,
-        }
+        if name == "max_h" { Some(self.max_h) } else { named(&self.state, name) }
     }
 
     fn command(&mut self, _run: &str, value: f64) -> Result<(), ParameterError> {

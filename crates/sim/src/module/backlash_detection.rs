@@ -15,6 +15,9 @@ pub(super) static KIND: Kind = Kind {
             ("td", Is(0.0)),
             ("b", Is(1.0)),
             ("kp", Unknown),
+            ("pv_span", Unknown),
+            ("op_span", Unknown),
+            ("integrating", Is(0.0)),
             ("tf", Unknown),
             ("n", Is(DETECTIONS as f64)),
             ("op_low", Unknown),
@@ -24,7 +27,7 @@ pub(super) static KIND: Kind = Kind {
         compensation::PARAMETERS,
     ],
     commands: &["compensate"],
-    variables: &[&["error"], compensation::VARIABLES],
+    variables: &[&["error"], compensation::VARIABLES, compensation::INNER],
     ..Kind::plain("BacklashDetection", |m, place| {
         let block = modules::BacklashDetection::new(settings(m, place)?)?;
         Ok(Box::new(BacklashDetection { block, state: BacklashDetectionState::default() }))
@@ -41,6 +44,9 @@ fn settings(m: &Module, place: Place) -> Result<BacklashDetectionSettings<f64>, 
     let detector = DetectorSettings {
         b: m.value("b"),
         kp: m.known("kp"),
+        pv_span: m.known("pv_span"),
+        op_span: m.known("op_span"),
+        integrating: m.yes("integrating")?,
         tf: m.known("tf").unwrap_or(usual.tf),
         n: m.whole("n")?,
         op_limits: m.known("op_low").zip(m.known("op_high")),
@@ -69,12 +75,18 @@ impl Work for BacklashDetection {
     fn get(&self, name: &str) -> Option<f64> {
         match name {
             "error" => Some(self.state.error().into()),
-            _ => compensation::named(&self.state, name),
+            "tf" => Some(self.block.settings().detector.tf),
+            "max_h" => Some(self.block.settings().detector.max_h),
+            _ => compensation::read(&self.block, &self.state, name),
         }
     }
 
     fn command(&mut self, _compensate: &str, value: f64) -> Result<(), ParameterError> {
         compensation::compensate(&mut self.state, value)
+    }
+
+    fn window(&self) -> Option<Vec<f64>> {
+        Some(self.state.detector.window().collect())
     }
 
     fn reset_detection(&mut self) -> bool {

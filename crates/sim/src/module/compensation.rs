@@ -1,7 +1,7 @@
 //! What the two kinds with a detector have in common: the compensation, and what the detector shows.
 
 use super::{Is, Module, Parameter, Unknown, switch};
-use glapp_core::modules::BacklashDetectionState;
+use glapp_core::modules::{self, BacklashDetection, BacklashDetectionState};
 use glapp_core::{CompensationSettings, ParameterError, Way};
 
 /// Those of [`CompensationSettings`]; a size of 0: there is none.
@@ -23,6 +23,17 @@ pub(super) const PARAMETERS: &[Parameter] = &[
 
 pub(super) const VARIABLES: &[&str] =
     &["d", "reason", "d_hat", "noise_floor", "count", "detections", "whole", "u_ff", "standing", "over"];
+
+/// The inner variables, as the core has them.
+pub(super) const INNER: &[&str] = &{
+    let mut names = [""; modules::VARIABLES.len()];
+    let mut i = 0;
+    while i < names.len() {
+        names[i] = modules::VARIABLES[i].name;
+        i += 1;
+    }
+    names
+};
 
 pub(super) fn settings(m: &Module) -> Result<Option<CompensationSettings<f64>>, ParameterError> {
     let size = m.value("comp_size");
@@ -58,7 +69,26 @@ pub(super) fn not_taken_away(to: &Module, state: &BacklashDetectionState<f64>) -
     Ok(())
 }
 
-pub(super) fn named(state: &BacklashDetectionState<f64>, name: &str) -> Option<f64> {
+/// What is shown, an inner variable, or a setting that has a default, as it is in force.
+pub(super) fn read(block: &BacklashDetection<f64>, state: &BacklashDetectionState<f64>, name: &str) -> Option<f64> {
+    let in_force = || block.settings().compensation.and_then(|settings| in_force(&settings, name));
+    named(state, name).or_else(|| block.read(state, name)).or_else(in_force)
+}
+
+fn in_force(settings: &CompensationSettings<f64>, name: &str) -> Option<f64> {
+    match name {
+        "comp_limit" => Some(settings.limit),
+        "comp_band" => Some(settings.band),
+        "comp_rate" => Some(settings.rate),
+        "comp_release" => Some(settings.release),
+        "comp_watch" => Some(settings.watch),
+        "comp_travel" => Some(settings.travel),
+        "comp_reversals" => Some(settings.reversals),
+        _ => None,
+    }
+}
+
+fn named(state: &BacklashDetectionState<f64>, name: &str) -> Option<f64> {
     let shown = || state.detector.shown();
     match name {
         "d" => Some(state.last.map_or(f64::NAN, |last| last.parts.d)),

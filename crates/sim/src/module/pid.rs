@@ -109,7 +109,10 @@ impl Work for Pid {
     }
 
     fn get(&self, name: &str) -> Option<f64> {
-        named(&self.state, name)
+        match name {
+            "max_h" => Some(self.block.settings().max_h),
+            _ => named(&self.state, name),
+        }
     }
 
     fn command(&mut self, name: &str, value: f64) -> Result<(), ParameterError> {

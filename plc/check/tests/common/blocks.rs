@@ -237,6 +237,7 @@ pub fn record_of<R: Number>(record: &Record<R>) -> Vec<f64> {
     row.extend([or_nan(record.previous_delta_y), or_nan(record.d_hat_before)]);
     row.extend([f64::from(record.mask), f64::from(record.reason() as u8)]);
     row.extend([or_nan(record.noise_floor), or_nan(record.sigma), or_nan(record.estimate.map(|e| e.value))]);
+    row.push(f64::from(u8::from(record.kp_defaulted)));
     row
 }
 
@@ -253,5 +254,6 @@ pub fn record_row(block: &Block) -> Vec<f64> {
         row.push(block.given(&format!("Record.Has{pin}"), &format!("Record.{pin}")));
     }
     row.push(block.given("Record.HasEstimate", "Record.Estimate.Value"));
+    row.push(block.get("Record.KpDefaulted"));
     row
 }

@@ -22,6 +22,8 @@ pub struct Pins {
     pub td: Option<f64>,
     pub b: f64,
     pub kp: Option<f64>,
+    pub pv_span: Option<f64>,
+    pub integrating: bool,
     pub tf: Option<f64>,
     pub n: i16,
     pub max_h: Option<f64>,
@@ -46,6 +48,8 @@ impl Default for Pins {
             td: None,
             b: 1.0,
             kp: None,
+            pv_span: None,
+            integrating: false,
             tf: None,
             n: 9,
             max_h: None,
@@ -72,10 +76,12 @@ impl Pins {
             ("Tf", self.tf),
             ("MaxH", self.max_h),
             ("OpSpan", self.op_span),
+            ("PvSpan", self.pv_span),
         ];
         for (pin, value) in options {
             block.option(pin, value);
         }
+        block.set("Integrating", on(self.integrating));
         block.set("HasOpLimits", on(self.op_limits.is_some()));
         if let Some((low, high)) = self.op_limits {
             block.set_all(&[("OpLow", low), ("OpHigh", high)]);
@@ -123,7 +129,6 @@ impl<R: Number> Reference<R> {
 
     fn checked(&self, pins: &Pins) -> Result<Detector<R>, f64> {
         let r = |x: f64| R::of(x);
-        let zero_else = |x: f64| if x > 0.0 && x <= 1e37 { r(x) } else { R::ZERO };
         let three = R::of(3.0);
         let unknown = pins.max_h.is_none() && self.usual_h <= R::ZERO;
         let settings = DetectorSettings {
@@ -132,10 +137,9 @@ impl<R: Number> Reference<R> {
             td: pins.td.map(r),
             b: r(pins.b),
             kp: pins.kp.map(r),
-            tf: pins.tf.map_or_else(
-                || DetectorSettings::filter_time(zero_else(pins.ti), zero_else(pins.td.unwrap_or(0.0))),
-                r,
-            ),
+            pv_span: pins.pv_span.map(r),
+            integrating: pins.integrating,
+            tf: pins.tf.map_or_else(|| DetectorSettings::filter_time(r(pins.ti), r(pins.td.unwrap_or(0.0))), r),
             n: u32::try_from(pins.n).unwrap_or(0),
             max_h: if unknown { R::ONE } else { pins.max_h.map_or(three * self.usual_h, r) },
             op_limits: pins.op_limits.map(|(low, high)| (r(low), r(high))),
@@ -250,7 +254,9 @@ impl Loop {
             n: draw.of(&[1, 1, 3, 5]),
             max_h: draw.of(&[None, Some(1.0)]),
             op_limits: draw.chance(0.2).then_some((-2.0, 2.5)),
-            op_span: draw.chance(0.2).then_some(draw.of(&[1.0, 100.0])),
+            op_span: draw.chance(0.4).then_some(draw.of(&[1.0, 10.0, 100.0])),
+            pv_span: draw.chance(0.3).then_some(draw.of(&[1.0, 30.0])),
+            integrating: draw.chance(0.1),
             conditions: conditions(draw),
             ..Pins::default()
         };
@@ -354,7 +360,7 @@ fn conditions(draw: &mut Draw) -> Conditions {
 }
 
 fn change(p: &mut Pins, draw: &mut Draw) {
-    match draw.of(&[0, 1, 2, 3, 4, 5, 6, 7, 8]) {
+    match draw.of(&[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10]) {
         0 => p.k = draw.of(&[0.5, -0.5, 2.0]),
         1 => p.n = draw.of(&[1, 3, 7, 31]),
         2 => p.td = draw.of(&[None, Some(0.0), Some(0.1)]),
@@ -363,6 +369,8 @@ fn change(p: &mut Pins, draw: &mut Draw) {
         5 => p.conditions = conditions(draw),
         6 => p.op_limits = Some((-1.0, 1.0)),
         7 => p.ti = draw.between(0.3, 0.6),
+        8 => p.integrating = true,
+        9 => (p.kp, p.pv_span, p.op_span) = (None, Some(2.0), Some(3.0)),
         _ => p.max_h = Some(draw.between(0.2, 2.0)),
     }
 }
@@ -370,7 +378,7 @@ fn change(p: &mut Pins, draw: &mut Draw) {
 fn spoil(p: &mut Pins, draw: &mut Draw) {
     let none = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY];
     let number = draw.of(&none);
-    match draw.of(&[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11]) {
+    match draw.of(&[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12]) {
         0 => p.k = draw.of(&[0.0, number]),
         1 => p.ti = draw.of(&[0.0, -1.0, number]),
         2 => p.td = Some(draw.of(&[-1.0, number])),
@@ -381,6 +389,7 @@ fn spoil(p: &mut Pins, draw: &mut Draw) {
         7 => p.max_h = Some(draw.of(&[0.0, -1.0, 2e9, number])),
         8 => p.op_limits = Some(draw.of(&[(1.0, 1.0), (2.0, 1.0), (f64::NAN, 1.0)])),
         9 => p.op_limits = Some(draw.of(&[(0.0, f64::INFINITY), (0.0, f64::NAN)])),
+        12 => p.pv_span = Some(draw.of(&[0.0, -1.0, number])),
         10 => p.op_span = Some(draw.of(&[0.0, -1.0, number])),
         _ => (p.td, p.tf, p.ti) = (Some(number), None, -1.0),
     }

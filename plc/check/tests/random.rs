@@ -1,6 +1,6 @@
 //! Random sequences, good and bad settings and inputs: the library's blocks beside the core's, the same bits in LREAL and REAL.
 //!
-//! `GLAPP_SEQUENCES=10000 cargo test --release -p glapp-plc-check --test random -- --nocapture` runs ten thousand of each and tells
+//! `GLAPP_SEQUENCES=10000 cargo test -p glapp-plc-check --test random -- --nocapture` runs ten thousand of each and tells
 //! what a scan costs.
 
 mod common;

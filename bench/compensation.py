@@ -1,7 +1,8 @@
 """What compensation brings, when its warnings are wrong, and whether it does harm: `python -m bench.compensation`.
 
-Up to an hour on two cores; `--loops 100` makes the last part shorter, `--docs` writes the tables into
-docs/compensation.md. Everything is simulated, so that the gap is known; what compensates is the module that ships.
+Up to an hour on two cores; `--loops 100` makes the last parts shorter, `--only late` makes one part, `--docs` writes
+the tables into docs/compensation.md. Everything is simulated, so that the gap is known; what compensates is the module
+that ships.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise, product
 from typing import Any
@@ -383,7 +384,19 @@ def harm(number: int, way: str) -> Harm | None:
         compensated, without = run(with_it), run(_never(with_it))
     except InputError:
         return None
-    assert compensated.u_ff is not None and compensated.standing is not None
+    found = _harm(with_it, compensated, without)
+    if found.since_force is None:
+        return found
+    kept = run(with_it.model_copy(update={"compensation": given.model_copy(update={"withdraw": False})}))
+    last = without.t > 2 / 3 * without.t[-1]
+    pv_kept, turns_kept, _ = _beside(kept, without, last, given.size / 10)
+    return replace(found, kept=pv_kept) if _within(pv_kept, turns_kept, found.turns_without) else found
+
+
+def _harm(with_it: Scenario, compensated: Simulation, without: Simulation) -> Harm:
+    """What the compensated loop did, beside the one without."""
+    given = with_it.compensation
+    assert given is not None and compensated.u_ff is not None and compensated.standing is not None
     band = given.size / 10
     size, ti = given.share * given.size, with_it.ideal().ti
     late = without.t > 2 / 3 * without.t[-1]
@@ -391,10 +404,6 @@ def harm(number: int, way: str) -> Harm | None:
     withdrawn = np.flatnonzero(np.isin(compensated.standing, WITHDRAWN))
     counts: dict[str, Any] = {}
     if withdrawn.size:
-        kept = run(with_it.model_copy(update={"compensation": given.model_copy(update={"withdraw": False})}))
-        pv_kept, turns_kept, _ = _beside(kept, without, late, band)
-        if _within(pv_kept, turns_kept, turns_without):
-            counts["kept"] = pv_kept
         counts |= _in_time(compensated, without, with_it, int(withdrawn[0]))
     return Harm(
         name=with_it.name,
@@ -406,7 +415,7 @@ def harm(number: int, way: str) -> Harm | None:
         standing=STANDINGS[int(compensated.standing[-1])],
         active=float(np.mean(compensated.standing[late] == 0)),
         absent=not compensated.u_ff[late].any(),
-        broken=_broken(compensated, with_it, size, 10 * size / ti if way == "inverse" else size / with_it.h),
+        broken=_broken(compensated, with_it, size, 10 * size / ti if given.way == "inverse" else size / with_it.h),
         **counts,
     )
 
@@ -455,24 +464,26 @@ def _so_far(s: Simulation, first: int, ends: npt.NDArray[Any], band: float) -> t
 
 def _broken(s: Simulation, of: Scenario, size: float, rate: float) -> str:
     """The first promise that u_FF breaks."""
-    assert s.u_ff is not None
-    u = s.u_ff
+    assert s.u_ff is not None and of.compensation is not None
     # In manual, and while PV is lost, the controller holds OP, and uses nothing of what it is handed.
     held = (s.flags & (NOT_AUTO | BAD)) != 0
+    if np.diff(s.op)[held[1:]].any():
+        return "held"
+    # What comes late is held to what was known when it was made.
+    late = (of.compensation.delay or 1) - 1
+    u, held = s.u_ff[late:], held[: held.size - late]
     if np.abs(u).max() > size / 2 * (1 + 1e-9):
         return "size"
     if np.abs(np.diff(u))[~(held[1:] | held[:-1])].max() > rate * of.h * (1 + 1e-9):
         return "rate"
     if of.limits is not None and (s.op.min() < of.limits[0] or s.op.max() > of.limits[1]):
         return "limits"
-    if np.diff(s.op)[held[1:]].any():
-        return "held"
     # What is handed over was made by the scan before.
     return "taken away" if u[1:][held[1:] & held[:-1]].any() else ""
 
 
 def in_every_way(
-    pool: ProcessPoolExecutor, what: Callable[[int, str], Any], numbers: range, name: str
+    pool: ProcessPoolExecutor, what: Callable[[int, str], Any], numbers: Sequence[int], name: str
 ) -> Iterator[tuple[str, list[Any]]]:
     """What comes of every loop in each way."""
     pairs = list(product(numbers, WAYS))
@@ -582,6 +593,63 @@ def besides(pool: ProcessPoolExecutor, numbers: range) -> Iterator[str]:
         yield f"| {way} | {len(found)} | {' | '.join(cells)} |"
 
 
+# --- Beside a controller that is not ours ----------------------------------------------------------------------------
+
+DELAYS = (1, 3, 10)
+"""Scans after which their controller has u_FF."""
+SHARES = (0.05, 0.1, 0.2, 0.3, 0.5, 1.25)
+"""Ends of the classes of the delay as a share of Ti."""
+
+
+@dataclass(frozen=True)
+class Late:
+    """A random loop beside which the compensation stands, with u_FF late by each of `DELAYS`."""
+
+    share: float
+    """A scan as a share of Ti."""
+    settled: tuple[bool, ...]
+    """Of each delay: within both bounds, withdrawn in time or gone."""
+    broken: str
+    """The first promise that was broken."""
+
+
+def late(number: int, way: str) -> Late | None:
+    """The runs of a loop; None where it cannot begin at rest within its limits."""
+    of = random_loop(number, way)
+    given = of.compensation
+    assert given is not None
+    try:
+        without = run(_never(of))
+    except InputError:
+        return None
+    runs = [
+        of.model_copy(update={"compensation": given.model_copy(update={"delay": n, "longest": 1e9})}) for n in DELAYS
+    ]
+    found = [_harm(one, run(one), without) for one in runs]
+    return Late(
+        share=of.h / of.ideal().ti,
+        settled=tuple(one.settled for one in found),
+        broken=next((one.broken for one in found if one.broken), ""),
+    )
+
+
+def lates(pool: ProcessPoolExecutor, numbers: Sequence[int]) -> Iterator[str]:
+    """The fifth table: each loop with each longer delay, beside itself with one scan."""
+    yield "| way | delay [Ti] | cases | harm with the delay alone | harm with one scan alone |"
+    yield "|---|---|---|---|---|"
+    broken = 0
+    for way, found in in_every_way(pool, late, numbers, "late"):
+        broken += sum(bool(one.broken) for one in found)
+        cases = [(n * one.share, one.settled[0], one.settled[at]) for one in found for at, n in enumerate(DELAYS) if at]
+        for low, high in pairwise((0.0, *SHARES)):
+            chosen = [settled for share, *settled in cases if low < share <= high]
+            if chosen:
+                counts = f"{chosen.count([True, False])} | {chosen.count([False, True])}"
+                yield f"| {way} | {low:g} to {high:g} | {len(chosen)} | {counts} |"
+    yield ""
+    yield f"{len(numbers)} loops; promises broken: {broken}."
+
+
 def _sections(parts: Sequence[tuple[str, Iterable[str]]]) -> Iterator[tuple[str, str]]:
     for name, lines in parts:
         text = "\n".join(lines)
@@ -594,6 +662,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("--loops", type=int, default=1000, help="random loops of the last parts")
     parser.add_argument("--docs", action="store_true", help="write the tables into docs/compensation.md")
+    parser.add_argument("--only", choices=("brings", "warns", "tuned", "harms", "beside", "late"), help="one part")
     given = parser.parse_args()
     with ProcessPoolExecutor() as pool:
         n = given.loops
@@ -601,7 +670,8 @@ def main() -> None:
         held_out = range(3000, 3000 + n)
         parts += [("tuned", harms(pool, range(2 * n))), ("harms", harms(pool, held_out, worst=10))]
         parts += [("beside", besides(pool, held_out))]
-        tables = dict(_sections(parts))
+        parts += [("late", lates(pool, [*range(n), *range(3000, 3000 + 2 * n)]))]
+        tables = dict(_sections([part for part in parts if given.only in (None, part[0])]))
     if given.docs:
         for name, text in tables.items():
             write("compensation.md", text, name)

@@ -37,7 +37,14 @@ def default(block: str, name: str) -> Any:
 
 @pytest.mark.parametrize(
     ("enumeration", "key"),
-    [(modules.Flag, "flags"), (modules.Mode, "modes"), (modules.Way, "ways"), (modules.TuneRule, "rules")],
+    [
+        (modules.Flag, "flags"),
+        (modules.Mode, "modes"),
+        (modules.Way, "ways"),
+        (modules.Source, "sources"),
+        (modules.TuneRule, "rules"),
+        (modules.Unfit, "unfit"),
+    ],
 )
 def test_enums_have_the_cores_names_and_numbers(enumeration: type[enum.IntEnum], key: str) -> None:
     assert {member.name.lower(): member.value for member in enumeration} == CATALOGUE[key]
@@ -67,6 +74,10 @@ def test_defaults_are_the_cores() -> None:
     assert modules.BacklashDetection(**loop).n == modules.PidAdvanced(**loop).n == default("detector", "n")
     assert (modules.Pid(**loop).b, modules.Pid(**loop).c) == (default("pid", "b"), default("pid", "c"))
     assert modules.Pid(**loop).tf == default("pid", "tf")
+    beside = modules.BacklashDetection(**loop)
+    assert (beside.ff_delay, beside.ff_tolerance, beside.ff_longest) == tuple(
+        default("foreign_detection", name) for name in ("delay", "tolerance", "longest")
+    )
     assert Compensation(way="inverse", size=1.0).tf == default("compensation", "tf")
 
 

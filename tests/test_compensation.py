@@ -245,6 +245,24 @@ def test_in_toml() -> None:
     assert Scenario.from_toml(scenario.to_toml()) == scenario
 
 
+def test_beside_a_controller_that_is_not_ours() -> None:
+    """A scan late it is the loop of the module at the controller; beyond half of Ti nothing is compensated."""
+    changes: dict[str, Any] = {"bad": [(300.0, 310.0)], "manual": [(400.0, 405.0)], "limits": (-0.6, 0.6)}
+
+    def late(delay: int | None, **more: Any) -> Simulation:
+        return run(loop(**changes, compensation=compensated(begin=100.0, delay=delay, **more)))
+
+    ours, theirs = late(None), late(1)
+    for name in ("pv", "op", "u_ff", "standing", "over", "error", "flags"):
+        assert np.array_equal(getattr(ours, name), getattr(theirs, name))
+    assert ff(theirs).any() and not np.array_equal(late(3).op, ours.op)
+    slow = {"h": 0.5, "t_end": 600}
+    changes |= slow
+    assert (standing(late(7)) == ACTIVE).any()  # 3.5 s, Ti is 7.06 s
+    assert not ff(late(8)).any() and STANDINGS[int(standing(late(8))[-1])] == "too_late"
+    assert ff(late(8, longest=1.0)).any()
+
+
 def test_in_a_cascade() -> None:
     outer = {"plant": ([1.0], [30.0, 1.0], 0.0), "controller": (2.0, 30.0)}
     s = run(loop(plant="P2", controller=(0.775, 2.05), outer=outer, compensation=compensated()))
@@ -260,6 +278,9 @@ def test_in_a_cascade() -> None:
         ({"rate": 0.0}, "rate"),
         ({"reversals": 1}, "reversals"),
         ({"k": 0.0}, "k"),
+        ({"delay": 0}, "delay"),
+        ({"delay": 33}, "delay"),
+        ({"longest": -1.0}, "longest"),
     ],
 )
 def test_refuses_what_is_out_of_bounds(change: dict[str, Any], parameter: str) -> None:

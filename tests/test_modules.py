@@ -32,8 +32,10 @@ from glapp.modules import (
     RateLimit,
     Resolution,
     Saturation,
+    Source,
     Sum,
     TuneRule,
+    Unfit,
     Way,
 )
 from glapp.simulate import Friction as Stem
@@ -527,6 +529,120 @@ def test_a_compensation_that_loses_its_estimate_is_taken_away_without_a_bump() -
     assert np.max(np.abs(np.diff(gone["pid"]))) < 0.5
     loop.run(500, load=LOAD[:5000])
     assert loop["pid.standing"] == 0.0  # detections are back
+
+
+@pytest.mark.parametrize("inside", [True, False])
+def test_the_online_estimate_is_a_source_only_when_it_may_be(inside: bool) -> None:
+    """A gap of 2.0 %: pressed too early there is none to go by, pressed late it is the estimate of that moment."""
+    loop = system_of_6_5(1, 0.2, inside, comp_source=Source.ESTIMATE, comp_share=0.8, comp_withdraw=False)
+    name = "pid" if inside else "watch"
+    shown = [f"{name}.{variable}" for variable in ("unfit", "size", "delta", "u_ff", "standing")]
+    loop[f"{name}.compensate"] = 1
+    early = loop.run(1000, load=LOAD[:10_000], record=shown)
+    assert list(dict.fromkeys(early[f"{name}.unfit"])) == [Unfit.NO_DETECTION, Unfit.PROVISIONAL, 0]
+    assert set(early[f"{name}.standing"]) == {14.0} and not early[f"{name}.u_ff"].any()
+    loop[f"{name}.compensate"] = 0
+    loop.run(1)
+    whole = loop[f"{name}.whole"]
+    loop[f"{name}.compensate"] = 1
+    late = loop.run(1000, load=LOAD[10_000:20_000], record=shown)
+    size, delta = late[f"{name}.size"], late[f"{name}.delta"]
+    assert loop[f"{name}.source"] == Source.ESTIMATE and loop[f"{name}.standing"] == 0.0
+    assert 1.8 < whole < 2.1 and size[0] == whole and np.all(np.diff(size) <= 0)
+    # A share of 0.8, less a band of a fifth of the size as it was.
+    assert delta == pytest.approx(0.8 * size - 0.2 * whole)
+    assert loop[f"{name}.left"] == pytest.approx(size[-1] - delta[-1])
+    assert np.max(np.abs(late[f"{name}.u_ff"])) == pytest.approx(delta[0] / 2)
+
+
+def test_an_estimate_that_noise_can_feign_or_a_fit_contradicts_is_no_source() -> None:
+    for more, kp, unfit in (({}, 0.02, Unfit.NOISE), ({"comp_fitted": 0.0}, 1.0, Unfit.STRUCK)):
+        loop = system_of_6_5(1, 0.2, True, comp_source=Source.ESTIMATE, **more)
+        loop["pid.kp"] = kp
+        loop.run(1000, load=LOAD[:10_000])
+        assert loop["pid.detections"] > 10 and loop["pid.unfit"] == unfit
+        loop["pid.compensate"] = 1
+        loop.run(1)
+        assert loop["pid.standing"] == 14.0
+
+
+# --- Beside a controller that is not ours ----------------------------------------------------------------------------
+
+READ = ("sp", "pv", "flags", "op", "u_ff")
+
+
+def their_system() -> Graph:
+    """The loop of 6.5 in another maker's system, which takes a feed-forward."""
+    modules = {
+        "sp": Input(50.0),
+        "ff": Input(),
+        "load": Input(5.0),
+        "pid": Pid(k=2.0, ti=2.0, tf=0.2, low=0, high=100, start=50.0),
+        "gap": Backlash(2.0),
+        "process": ProcessSim(gain=1.0, t1=3.0, t2=1.0, start=50.0),
+        "noise": Noise(0.1),
+    }
+    wires = ["sp -> pid.sp", "ff -> pid.ff", "pid -> gap -> process -> noise -> pid.pv", "load -> process.load"]
+    return Graph(0.1, modules, wires)
+
+
+def beside_it(**more: Any) -> Graph:
+    """The detector as a program of its own."""
+    given: dict[str, Any] = {"comp_fitted": 1.8, "op_low": 0, "op_high": 100, "tf": 0.2, "comp_withdraw": False} | more
+    modules = {**{name: Input() for name in READ}, "watch": BacklashDetection(2.0, 2.0, **given), "ff": Output()}
+    return Graph(0.1, modules, [*(f"{name} -> watch.{name}" for name in READ), "watch -> ff"])
+
+
+def together(theirs: Graph, watch: Graph, scans: int, late: int, flags: float = 0.0) -> tuple[Column, Column]:
+    """PV and the u_FF handed over, which their system has `late` scans after it was made."""
+    under_way = [theirs["ff"]] * (late - 1)
+    pv, handed = np.empty(scans), np.empty(scans)
+    for i in range(scans):
+        load = 5.0 * (i // 2000 % 2)
+        theirs.scan(load=load)
+        now = {"pv": theirs["noise"], "op": theirs["pid"], "u_ff": theirs["ff"], "flags": flags}
+        watch.scan(sp=50.0, **now)
+        pv[i], handed[i] = theirs["process"], watch["ff"]
+        under_way.append(watch["ff"])
+        theirs["ff.value"] = under_way.pop(0)
+    return pv, handed
+
+
+def test_beside_a_controller_that_is_not_ours() -> None:
+    theirs, watch = their_system(), beside_it(ff_delay=3)
+    without, _ = together(theirs, watch, 8000, late=3)
+    assert watch["watch.detections"] > 10 and watch["watch.d_hat"] == pytest.approx(2.0, abs=0.2)
+    watch["watch.compensate"] = 1
+    with_it, handed = together(theirs, watch, 8000, late=3)
+    assert watch["watch.standing"] == 0.0 and watch["watch.source"] == Source.FITTED
+    assert np.std(with_it) < 0.8 * np.std(without)
+    assert np.max(np.abs(handed)) == pytest.approx((1.8 - 1.8 / 5) / 2)
+    # This program ends, and is started anew: their system still holds what it was handed last.
+    held = theirs["ff"]
+    assert abs(held) > 0.5
+    _, after = together(theirs, beside_it(ff_delay=3), 30, late=3)
+    assert np.max(np.abs(np.diff([held, *after]))) <= abs(held) * 0.1 / 2.0 + 1e-9 and after[-1] == 0.0
+
+
+def test_u_ff_that_is_not_followed_is_taken_away() -> None:
+    """It takes nine scans where three are said: what is read back is not what was asked for."""
+    theirs, watch = their_system(), beside_it(ff_delay=3)
+    watch["watch.compensate"] = 1
+    together(theirs, watch, 3000, late=9)
+    assert watch["watch.standing"] == 13.0 and watch["ff"] == 0.0
+    told = their_system(), beside_it(ff_delay=9, ff_longest=1.0)
+    told[1]["watch.compensate"] = 1
+    together(*told, 3000, late=9)
+    assert told[1]["watch.standing"] == 0.0
+
+
+def test_manual_in_their_system_takes_u_ff_away_at_once() -> None:
+    theirs, watch = their_system(), beside_it()
+    watch["watch.compensate"] = 1
+    together(theirs, watch, 3000, late=1)
+    assert abs(watch["ff"]) > 0.5
+    together(theirs, watch, 1, late=1, flags=Flag.NOT_AUTO)
+    assert watch["ff"] == 0.0 and watch["watch.standing"] == 2.0
 
 
 def test_the_estimate_may_lower_the_size_and_never_raises_it() -> None:

@@ -142,17 +142,29 @@ def compensation(params: dict[str, float]) -> Callable[..., tuple[float, float, 
     block = Compensation(
         ("error", "derivative", "inverse")[int(params["way"]) - 1],
         **{name: params[name] for name in names},
-        limit=params["size"],
+        limit=params.get("limit", params["size"]),
         withdraw=params["withdraw"] == 1,
         estimate=params.get("estimate", 1) == 1,
         limits=(params["low"], params["high"]) if "low" in params else None,
+        source=("typed", "fitted", "estimate")[int(params.get("source", 1)) - 1],
+        ramp=params.get("ramp", 0.0),
     )
     standings = _glapp.standings()
 
-    def update(e: float, u: float, d_hat: float, over: float, enable: float, flags: float, h: float) -> Any:
-        known = None if math.isnan(d_hat) else d_hat
-        u_ff = block.update(e, u, h, enable=bool(enable), d_hat=known, over=bool(over), flags=int(flags))
-        return u_ff, block.size / 2, standings.index(block.standing)
+    def update(e: float, u: float, d_hat: float, over: float, enable: float, flags: float, *others: float) -> Any:
+        offered, hindered, h = others
+        u_ff = block.update(
+            e,
+            u,
+            h,
+            enable=bool(enable),
+            d_hat=None if math.isnan(d_hat) else d_hat,
+            over=bool(over),
+            flags=int(flags),
+            offered=None if math.isnan(offered) else offered,
+            hindered=None if math.isnan(hindered) else standings[int(hindered)],
+        )
+        return u_ff, block.size / 2, standings.index(block.standing), block.delta
 
     return update
 
@@ -342,6 +354,29 @@ def backlash_detection(params: dict[str, float]) -> Callable[..., list[float]]:
     return update
 
 
+def foreign_detection(params: dict[str, float]) -> Callable[..., list[float]]:
+    inputs = ["pv", "sp", "op", "flags", *(["u_ff"] if params["read_back"] else [])]
+    more = {name: value for name, value in params.items() if name in ("k", "ti", "kp", "n") or name.startswith("comp_")}
+    watch = modules.BacklashDetection(
+        **more,
+        **{f"op_{name}": params[name] for name in ("low", "high") if name in params},
+        tf=params["detector_tf"],
+        max_h=params["ti"] / 2,
+        ff_delay=int(params["delay"]),
+        ff_tolerance=params.get("tolerance"),
+        ff_longest=params["longest"],
+    )
+    named = {**{name: modules.Input() for name in inputs}, "watch": watch, "ff": modules.Output()}
+    graph = modules.Graph(0.25, named, [*(f"{name} -> watch.{name}" for name in inputs), "watch -> ff"])
+
+    def update(pv: float, sp: float, op: float, told: float, back: float, enable: float, h: float) -> list[float]:
+        _set(graph, "watch", compensate=enable)
+        graph.scan(pv=pv, sp=sp, op=op, flags=told, h=h, **({"u_ff": back} if params["read_back"] else {}))
+        return [graph["ff"], *(graph[f"watch.{name}"] for name in (*SHOWN[1:], "delta"))]
+
+    return update
+
+
 def pid_advanced(params: dict[str, float]) -> Callable[..., list[float]]:
     rows = [[params[f"{name}{i}"] for name in ("at", "k", "ti", "td")] for i in range(1, 9) if f"at{i}" in params]
     plain = {name: value for name, value in params.items() if not name[-1].isdigit()}
@@ -396,6 +431,7 @@ MAKERS = {
     "derivative": derivative,
     "detector": detector,
     "filter": filter_,
+    "foreign_detection": foreign_detection,
     "half_period": half_period,
     "median_mean": median_mean,
     "noise": noise,

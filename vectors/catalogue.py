@@ -16,6 +16,8 @@ NUMBERED = {
     "flags": "Status flags, of which a status is a sum: what is the matter with a signal, a half-period or a module",
     "reasons": "Reasons for which a half-period is rejected, in the order in which the first is named",
     "standings": "What compensation does, or why it does nothing",
+    "sources": "Where the width comes from that compensation takes its share of",
+    "unfit": "Why the on-line estimate may not be compensated by; 0: it may",
     "ways": "How compensation finds the direction",
     "modes": "Who sets the output of a controller",
     "phases": "Where the autotuner's experiment stands",
@@ -37,7 +39,12 @@ def page(catalogue: dict[str, Any]) -> str:
     ]
     for key, meaning in NUMBERED.items():
         parts += [f"## {key}", f"{meaning}.", _table(("name", "number"), sorted(_pairs(catalogue[key]), key=_number))]
+    delays = [(f"`{name}`", f"{share:g}") for name, share in catalogue["longest_delays"].items()]
     parts += [
+        "## longest delays",
+        "Of u_FF with which compensation may be enabled beside a controller that is not ours, as a share of Ti; one "
+        "scan always may ([compensation.md](compensation.md#when-u_ff-comes-late)).",
+        _table(("way", "Ti"), delays),
         "## conditions",
         "Of the safety net that can be switched off, one by one: " + ", ".join(catalogue["conditions"]) + ".",
     ]

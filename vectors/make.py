@@ -222,18 +222,29 @@ _LEAD = {"lead": 4.0, "lag": 1.0}
 
 
 def compensation(params: Params, h: Sequence[float], samples: Sequence[Sequence[float]]) -> list[list[float]]:
-    """Carry the valve through its gap (2.2): half the width, to the side that the signals say, with limits on all."""
+    """Carry the valve through its gap (2.2): half the width, to the side that the signals say, with limits on all.
+
+    A ninth number of a sample, where it is one, is the u_FF from which it goes on.
+    """
     way, share, size, release = int(params["way"]), params["share"], params["size"], params["release"]
-    band = params["band"] if way == 3 else 0.0
+    by_estimate, most = params.get("source", 1.0) == 3.0, params.get("limit", size)
     low, high = params.get("low", -math.inf), params.get("high", math.inf)
     smooth = _smoother(params["tf"])
-    lowest = highest = half = whole = u_ff = travel = reversals = 0.0
-    direction = side = standing = withdrawn = 0
-    in_force = False
+    lowest = highest = half = whole = u_ff = travel = reversals = pressed = 0.0
+    direction = side = withdrawn = 0
+    standing = 1
+    in_force = unfit = False
     least: float | None = None
     judge = _Judge(params["watch"], size / 10.0)
     outputs = []
-    for step, (e, u, d_hat, over, enable, flags) in zip(h, samples, strict=True):
+    for step, (e, u, d_hat, over, enable, flags, offered, hindered, *begin) in zip(h, samples, strict=True):
+        if begin and math.isfinite(begin[0]):
+            u_ff, half, whole = begin[0], abs(begin[0]), abs(begin[0])
+            side, in_force = -1 if u_ff < 0.0 else 1, False
+        if enable and standing == 1:
+            unfit = not math.isfinite(offered)
+            pressed = pressed if unfit else offered
+        band = (max(params["band"], pressed / 5.0) if by_estimate else params["band"]) if way == 3 else 0.0
         bad = int(flags) & 2 != 0 or not (math.isfinite(e) and math.isfinite(u))
         was = direction
         if step > 0.0:
@@ -254,18 +265,30 @@ def compensation(params: Params, h: Sequence[float], samples: Sequence[Sequence[
                 direction, lowest, highest = turned, u_f, u_f
         if not enable:
             least, withdrawn = None, 0
+            if u_ff == 0.0:
+                pressed = offered if math.isfinite(offered) else 0.0
+                band = max(params["band"], pressed / 5.0) if by_estimate and way == 3 else band
         else:
             if math.isfinite(d_hat) and params.get("estimate", 1.0):
                 least = d_hat if least is None else min(least, d_hat)
             if over and params["withdraw"] and not withdrawn:
                 withdrawn = 4
-        wide = size if least is None else min(size, least)
-        goal = max(share * wide - band, 0.0) / 2.0
+            elif hindered == 13.0 and not withdrawn:
+                withdrawn = 13
+        width = pressed if by_estimate else size
+        wide = width if least is None else min(width, least)
+        delta = max(min(share * wide, most) - band, 0.0)
+        goal = delta / 2.0
+        rate = params["rate"]
+        if by_estimate and params.get("ramp", 0.0) > 0.0 and share * pressed > 0.0:
+            rate = min(rate, share * pressed / params["ramp"])
         causes = [
             (not enable, 1),
             (int(flags) & 1 != 0, 2),
             (bad, 3),
             (withdrawn != 0, withdrawn),
+            (math.isfinite(hindered), 0 if math.isnan(hindered) else int(hindered)),
+            (by_estimate and unfit, 14),
             (least is not None and not math.isfinite(d_hat), 7),
             (int(flags) & 12 != 0 or u - goal < low or u + goal > high, 8),
             (goal == 0.0, 9),
@@ -289,14 +312,16 @@ def compensation(params: Params, h: Sequence[float], samples: Sequence[Sequence[
             wish = goal if in_force else 0.0
             half = max(wish, half - whole / release * step)
             whole = wish if half <= wish else whole
-            old, u_ff = u_ff, _towards(-half if side < 0 else half, u_ff, params["rate"] * step)
+            old, u_ff = u_ff, _towards(-half if side < 0 else half, u_ff, rate * step)
             travel = travel + abs(u_ff - old)
-            if in_force or (standing == 1 and int(flags) == 0 and math.isfinite(e)):
+            judge.band = pressed / 10.0 if by_estimate else judge.band
+            known = pressed > 0.0 or not by_estimate
+            if in_force or (standing == 1 and int(flags) == 0 and math.isfinite(e) and known):
                 if judge.worse(e, u + u_ff, step, in_force) and params["withdraw"] and not withdrawn:
                     withdrawn = 11
             else:
                 judge.broken_off(not enable)
-        outputs.append([u_ff, half, standing])
+        outputs.append([u_ff, half, standing, delta])
     return outputs
 
 
@@ -407,6 +432,12 @@ def _smoother(tf: float) -> Callable[[float, float], tuple[float, bool]]:
 
 
 def compensation_cases() -> Iterator[dict[str, Any]]:
+    """Those of a size that is known, to which nothing is offered and which nothing hinders; those of an estimate."""
+    for one in _compensation_cases():
+        yield one | {"input": [[*row, *[NAN] * (8 - len(row))] for row in one["input"]]}
+
+
+def _compensation_cases() -> Iterator[dict[str, Any]]:
     """Each way in noise; rates, bands, budgets; every cause to stop, and back."""
     free = {"k": 0.8, "size": 0.4, "share": 1.0, "band": 0.1, "tf": 0.0, "rate": 50.0, "release": 0.5}
     free |= {"watch": 1e4, "travel": 1e6, "reversals": 1e6, "withdraw": 1}
@@ -506,6 +537,38 @@ def compensation_cases() -> Iterator[dict[str, Any]]:
     yield case("no width left while in force", ["Estimate", "Loss"], error, gone, h=0.1)
     still = [0.0 if i in (4, 5, 13) else -0.1 if i == 8 else 0.1 for i in range(20)]
     yield case("time that stands still or turns back", ["ZeroStep"], error, changed(4, {5: 0.0}, on[:20]), h=still)
+
+    def pressed(offered: dict[int, float], begin: int, d_hat: float = NAN, rows: Any = on) -> list[list[float]]:
+        """Enabled at `begin`, with an estimate that is offered from each of the samples on."""
+        made, now = [], NAN
+        for i, (e, u, *_) in enumerate(rows):
+            now = offered.get(i, now)
+            made.append([e, u, d_hat if i > begin + 20 else NAN, 0, float(i >= begin), 0, now, NAN])
+        return made
+
+    for way in (1, 2, 3):
+        typed_nothing = {"way": way, "source": 3.0, "size": 0.0, "limit": 9.0, "band": 0.05, "ramp": 0.4}
+        free_estimate = free | typed_nothing
+        yield case(
+            "the estimate as it was enabled", ["Source"], free_estimate, pressed({3: 0.7, 20: 0.4, 40: 2.0}, 10), h=0.1
+        )
+        yield case("an estimate that falls later", ["Source"], free_estimate, pressed({3: 0.7}, 10, d_hat=0.3), h=0.1)
+        yield case("no estimate yet when enabled", ["Source"], free_estimate, pressed({12: 0.7}, 10)[:30], h=0.1)
+        anew = pressed({3: 0.7, 25: 0.5, 40: NAN}, 10)
+        for i in (*range(30, 33), *range(50, 53)):
+            anew[i][4] = 0.0
+        yield case("enabled anew by a smaller one, then by none", ["Source"], free_estimate, anew, h=0.1)
+        yield case(
+            "an estimate beyond the limit", ["Source"], free_estimate | {"limit": 0.3}, pressed({3: 0.7}, 10), h=0.1
+        )
+    by_estimate = judged | {"source": 3.0, "size": 0.0, "limit": 9.0, "ramp": 0.0, "band": 0.0}
+    worse = pressed({0: 0.4}, 60, rows=from_(70, u=0.1))
+    yield case("by the estimate, OP turns more often: withdrawn", ["Source", "Worse"], by_estimate, worse, h=0.125)
+    unknown = pressed({40: 0.4}, 60, rows=from_(70, u=0.1))
+    yield case("by an estimate that came late: too short to know", ["Source", "Worse"], by_estimate, unknown, h=0.125)
+    for number, what in ((12.0, "too late"), (13.0, "not followed")):
+        hindered = [[*row, NAN, number if i in (15, 16, 17) else NAN] for i, row in enumerate(changed(4, {32: 0.0}))]
+        yield case(f"{what} for a while", ["Hindered"], error, hindered, h=0.1)
 
 
 def over_compensation(params: Params, h: Sequence[float], halves: Sequence[Sequence[float]]) -> list[list[int]]:
@@ -2239,10 +2302,13 @@ class _Detection:
         self.unfit = (spanned and "kp" not in params) or max(tf, params.get("tf", 0.0)) > 0.5 * ti
         self.params = own | given | known | limits | {"max_h": params["ti"] / 2.0}
         self.size = params.get("comp_size", 0.0)
+        self.by_estimate = params.get("comp_source", 1.0) == 3.0
+        self.compensates = self.size > 0.0 or self.by_estimate
         renamed = {name.removeprefix("comp_"): value for name, value in params.items() if name.startswith("comp_")}
         usual = {"way": 3.0, "share": 1.0, "band": self.size / 5.0, "tf": 0.0, "release": ti, "withdraw": 1.0}
         usual |= {"watch": 300.0 * ti}
-        usual |= {"rate": self.size / (ti / 10.0), "travel": MOST, "reversals": MOST}
+        usual |= {"rate": self.size / (ti / 10.0) if self.size > 0.0 else MOST, "travel": MOST, "reversals": MOST}
+        usual |= {"size": 0.0, "limit": MOST, "ramp": ti / 10.0} if self.by_estimate else {"size": self.size}
         room = {"low": params["low"], "high": params["high"]} if limits else {}
         self.compensation = usual | renamed | room | {"k": k}
         self.h: list[float] = []
@@ -2255,7 +2321,8 @@ class _Detection:
         self.limits = {"low": params["low"], "high": params["high"]} if limits else {}
         self.watched: list[list[float]] = []
         self.against, self.error = 0, 0
-        self.u_ff = self.half = 0.0
+        self.u_ff = self.half = self.delta = self.yf = 0.0
+        self.smooth = _smoother(self.params["tf"])
         self.standing = 1
 
     def learn(
@@ -2269,6 +2336,8 @@ class _Detection:
         flags: int,
         enable: bool,
         beside: float = NAN,
+        hindered: float = NAN,
+        begin: float = NAN,
     ) -> None:
         """One sample, with the output as it is sent and the controller's own; `beside`: PV for all but the detector.
 
@@ -2278,10 +2347,11 @@ class _Detection:
             delta_t, delta_y, delta_sp, mask, d, size, against = self.last
             if delta_t > 3.0 * self.params["ti"] and mask & 0b10001111 == 0:
                 self.against = self.against + 1 if against else 0
-            if self.size > 0.0:
+            if self.compensates:
                 self.halves.append([delta_t, delta_y, delta_sp, mask & 15, size])
                 self.over = over_compensation(self.params, [h] * len(self.halves), self.halves)[-1]
                 self.widths += [d + size] if mask == 0 else []
+        flags |= 0 if math.isfinite(sp) and math.isfinite(pv) else FLAG_BAD
         self.h.append(h)
         self.samples.append([sp, pv, op, flags])
         self.raw.append(raw)
@@ -2295,16 +2365,29 @@ class _Detection:
             parts = [found[name] for name in ("delta_t", "delta_y", "delta_sp")]
             against = found["op_travel"] + found["delta_u"] / 2.0 < 0.0
             self.last = (*parts, int(found["mask"]), found["d"], self.half + self.half, against)
-        yf = filter_({"tf": self.params["tf"]}, [0.0, *self.h[1:]], [row[1] for row in self.samples])[-1]
+        yf = self.filtered(h, [sp, pv, op], flags)
         yf = yf if math.isnan(beside) else beside
         self.watched.append([sp, yf, sent, flags])
         wrong = self.limits and wrong_sign(self.params | self.limits, self.h, self.watched)[-1]
         self.error = 256 if wrong or self.against >= 3 else 0
-        if self.size > 0.0:
+        if self.compensates:
             flags |= FLAG_LIMIT if self.error else 0
             fit = NAN if self.unfit else self.whole()
-            self.compensated.append([sp - yf, op, fit, self.over[1], enable, flags])
-            self.u_ff, self.half, self.standing = compensation(self.compensation, self.h, self.compensated)[-1]
+            full = len(self.widths) >= int(self.params["n"]) and not self.whole() < self.noise_floor
+            offered = fit if self.by_estimate and full else NAN
+            self.compensated.append([sp - yf, op, fit, self.over[1], enable, flags, offered, hindered, begin])
+            now = compensation(self.compensation, self.h, self.compensated)[-1]
+            self.u_ff, self.half, self.standing, self.delta = now
+
+    def filtered(self, h: float, values: list[float], flags: int) -> float:
+        """PV as the detector filters it: anew after what cannot be used, and after a gap in time."""
+        known = all(map(math.isfinite, values)) and flags & FLAG_BAD == 0
+        late = len(self.h) > 1 and h != 0.0 and not 0.0 < h <= self.params["max_h"]
+        if late or not known:
+            self.smooth = _smoother(self.params["tf"])
+        if known and (h > 0.0 or len(self.h) == 1):
+            self.yf = self.smooth(values[1], h)[0]
+        return self.yf
 
     def whole(self) -> float:
         """The whole gap."""
@@ -2331,6 +2414,48 @@ def backlash_detection(params: Params, h: Sequence[float], samples: Sequence[Seq
         detection.learn(step, sp, pv, pv, u, u - u_ff, flags, enable != 0)
         outputs.append([u, *detection.all()])
     return outputs
+
+
+class _Foreign:
+    """The detection beside a controller that is not ours: everything is read, and u_FF comes late."""
+
+    def __init__(self, params: Params) -> None:
+        self.params = params
+        self.detection = _Detection(params, params["k"], params["ti"], 0.0, tf=params["detector_tf"])
+        self.detection.compensates = True
+        self.delay = int(params["delay"])
+        self.tolerance = params.get("tolerance", params.get("comp_size", 0.0) / 10.0)
+        self.most = params["longest"] * params["ti"]
+        self.handed, self.known, self.off = [0.0] * 32, False, 0
+
+    def scan(
+        self, step: float, pv: float, sp: float, op: float, told: float, back: float, enable: float
+    ) -> list[float]:
+        params, delay = self.params, self.delay
+        lost = not math.isfinite(op) or (params["read_back"] == 1.0 and not math.isfinite(back))
+        flags = int(told) | (2 if lost else 0)
+        if "low" in params:
+            flags |= (4 if op <= params["low"] else 0) | (8 if op >= params["high"] else 0)
+        self.known = self.known and step <= self.detection.params["max_h"]
+        begin, asked = NAN, self.handed[-delay]
+        wrong = abs(back - asked) > self.tolerance
+        if not math.isfinite(back):
+            self.known, self.off = False, 0
+        elif wrong and not self.known:
+            begin, self.handed, self.known, self.off = back, [back] * 32, True, 0
+        else:
+            self.known, self.off = True, self.off + 1 if wrong and flags & 3 == 0 else 0
+        hindered = 13.0 if self.off > delay else 12.0 if delay > 1 and step * delay > self.most else NAN
+        effect = back if math.isfinite(back) else asked
+        self.detection.learn(step, sp, pv, pv, op, op - effect, flags, enable != 0, hindered=hindered, begin=begin)
+        self.handed.append(self.detection.u_ff)
+        return [*self.detection.all(), self.detection.delta]
+
+
+def foreign_detection(params: Params, h: Sequence[float], samples: Sequence[Sequence[float]]) -> list[list[float]]:
+    """Everything that it shows, scan by scan."""
+    beside = _Foreign(params)
+    return [beside.scan(step, *row) for step, row in zip(h, samples, strict=True)]
 
 
 def pid_advanced(params: Params, h: Sequence[float], samples: Sequence[Sequence[float]]) -> list[list[float]]:
@@ -2484,6 +2609,93 @@ def backlash_detection_cases() -> Iterator[dict[str, Any]]:
     yield case("compensation beside a PID", ["Compensation"], compensating | {"td": 0.2}, rows(enable=on), h=0.25)
     other = compensating | {"comp_way": 1.0, "detector_k": -0.5}
     yield case("told a gain of the other sign", ["Sign", "WrongSign"], other, rows(enable=on), h=0.25)
+
+
+def foreign_detection_cases() -> Iterator[dict[str, Any]]:
+    """A delay, a value that is read back, and everything that can be lost."""
+    beside = {
+        "k": 0.5,
+        "ti": 1.0,
+        "detector_tf": 0.1,
+        "kp": 2.0,
+        "n": 3.0,
+        "delay": 1.0,
+        "longest": 9.0,
+        "read_back": 0.0,
+    }
+    sized = beside | {"comp_size": 1.5, "comp_band": 0.1, "comp_rate": 3.0}
+    pvs = _swinging(200, 24)
+
+    def theirs(
+        params: Params, truly: int, enable: Callable[[int], float], h: Sequence[float] = (), **changes: dict[int, float]
+    ) -> list[list[float]]:
+        """What is read of a PI controller that truly has u_FF `truly` scans after it was made."""
+        made: list[list[float]] = []
+        names = ["pv", "sp", "op", "told", "back", "enable"]
+        integral, handed, beside = 50.0, [0.0] * truly, _Foreign(params)
+        for i, pv in enumerate(pvs):
+            e = 50.0 - pv
+            integral += 0.25 * params["k"] / params["ti"] * e
+            u_ff = handed[-truly]
+            row = [pv, 50.0, params["k"] * e + integral + u_ff, 0.0, u_ff if params["read_back"] else NAN, enable(i)]
+            for name, values in changes.items():
+                row[names.index(name)] = values.get(i, row[names.index(name)])
+            made.append(row)
+            handed.append(beside.scan(h[i] if h else 0.25, *row)[0])
+        return made
+
+    def from_30(i: int) -> float:
+        return float(i >= 30)
+
+    def one(comment: str, flags: list[str], params: Params, truly: int, **changes: dict[int, float]) -> dict[str, Any]:
+        return case(comment, flags, params, theirs(params, truly, from_30, **changes), h=0.25)
+
+    yield one("a scan late", [], sized, 1)
+    yield one("three scans late", ["Delay"], sized | {"delay": 3.0}, 3)
+    back = sized | {"delay": 3.0, "read_back": 1.0}
+    yield one("three scans late, and read back", ["Delay"], back, 3)
+    yield one("too late", ["Delay", "Edge"], sized | {"delay": 3.0, "longest": 0.7}, 3)
+    yield one("just in time", ["Delay", "Edge"], sized | {"delay": 3.0, "longest": 0.75}, 3)
+    yield one("a scan is never too late", ["Delay"], sized | {"longest": 0.1}, 1)
+    lost = {i: NAN for i in range(100, 110)}
+    yield one("OP is lost for a while", ["Loss"], sized, 1, op=lost)
+    yield one("what is read back is lost for a while", ["Loss"], back, 3, back=lost)
+    yield one("PV is lost for a while", ["Loss"], back, 3, pv=lost)
+    yield one("communication is lost for a while", ["Loss"], back, 3, told={i: 2.0 for i in range(100, 110)})
+    yield one("manual for a while", ["Loss"], back, 3, told={i: 1.0 for i in range(100, 110)})
+    yield one("at a limit that is told", ["Loss"], sized, 1, told={i: 8.0 for i in range(100, 104)})
+    yield one("at a limit that is seen", ["Loss"], sized | {"low": 0.0, "high": 51.5}, 1)
+    held = {i: 0.6 for i in range(4)}
+    yield one("u_FF is held from before", ["Start"], back, 3, back=held)
+    yield one(
+        "u_FF is held from before, and nothing is to be compensated",
+        ["Start"],
+        beside | {"read_back": 1.0},
+        1,
+        back=held,
+    )
+    after = lost | {i: -0.5 for i in range(110, 113)}
+    yield one("u_FF is another after it was lost", ["Start", "Loss"], back, 3, back=after)
+    other = {i: 0.1 for i in range(100, 140)}
+    yield one("somebody else sets u_FF", ["NotFollowed"], back, 3, back=other)
+    yield one(
+        "somebody else sets u_FF, within the tolerance", ["NotFollowed"], back | {"tolerance": 2.0}, 3, back=other
+    )
+    yield one("later than it says, but for moments", ["NotFollowed"], back, 4)
+    yield one("much later than it says", ["NotFollowed", "Delay"], back | {"delay": 1.0, "comp_way": 1.0}, 9)
+    again = theirs(back, 3, lambda i: float(i >= 30 and i != 150), back=other)
+    yield case("enabled anew when it is followed again", ["NotFollowed"], back, again, h=0.25)
+    estimate = beside | {"comp_source": 3.0, "comp_band": 0.0, "delay": 2.0, "tolerance": 0.01, "read_back": 1.0}
+    yield case("the estimate", ["Source"], estimate, theirs(estimate, 2, lambda i: float(i >= 140)), h=0.25)
+    early = theirs(estimate, 2, lambda i: float(i >= 70))
+    yield case("an estimate of too few detections", ["Source"], estimate, early, h=0.25)
+    feigned = estimate | {"kp": 0.3}
+    yield case(
+        "an estimate that noise can feign", ["Source"], feigned, theirs(feigned, 2, lambda i: float(i >= 140)), h=0.25
+    )
+    gap = [9.0 if i == 120 else 0.0 if i == 130 else 0.25 for i in range(200)]
+    rows = theirs(back, 3, from_30, gap, back={i: 0.3 for i in range(120, 124)})
+    yield case("a gap in time, and u_FF is another", ["Start"], back, rows, h=gap)
 
 
 def pid_advanced_cases() -> Iterator[dict[str, Any]]:
@@ -2678,11 +2890,14 @@ BLOCKS: dict[
     "compensation": (
         compensation,
         compensation_cases,
-        ["e", "u", "d_hat", "over", "enable", "flags"],
-        ["u_ff", "half", "standing"],
-        "Compensation of a gap (2.2); way 1 error, 2 derivative, 3 inverse; d_hat null: no estimate. Its limit is its "
-        "size. standing: 0 active, 1 not enabled, 2 not auto, 3 bad quality, 4 over-compensated, 5 too many reversals, "
-        "6 too much travel, 7 estimate lost, 8 at limit, 9 too small, 10 waiting for a reversal, 11 worse.",
+        ["e", "u", "d_hat", "over", "enable", "flags", "offered", "hindered"],
+        ["u_ff", "half", "standing", "delta"],
+        "Compensation of a gap (2.2); way 1 error, 2 derivative, 3 inverse; d_hat null: no estimate. source 1 typed, "
+        "where not given, 3 the estimate: as it is offered in the sample in which it is enabled. Its limit is its size "
+        "where not given. standing: 0 active, 1 not enabled, 2 not auto, 3 bad quality, 4 over-compensated, 5 too many "
+        "reversals, 6 too much travel, 7 estimate lost, 8 at limit, 9 too small, 10 "
+        "waiting for a reversal, 11 worse, 12 "
+        "too late, 13 not followed, 14 no estimate; hindered is one of them that stands in the way.",
         {
             "Start": "a push before the first reversal, or a first reversal that is none",
             "Sign": "a sign of K not heeded, or heeded where OP carries it",
@@ -2691,6 +2906,9 @@ BLOCKS: dict[
             "Edge": "≥ where > is meant",
             "Loss": "a bump, a way to the other side while it is taken away, or a state that a bad value poisons",
             "Estimate": "a size that an estimate makes larger, or that survives its loss",
+            "Source": "an estimate taken at another time than when it is enabled, or a band and a rate "
+            "of another width",
+            "Hindered": "what only the outside sees not heeded, or forgiven where it is not to be",
             "Withdrawn": "a withdrawal that a change of mode forgives",
             "Worse": "a comparison with too little, or with another time than before it was enabled",
             "Budget": "a budget exceeded, or one that never fills up again",
@@ -2712,6 +2930,28 @@ BLOCKS: dict[
             "Uneven": "noise taken for a relay",
             "Edge": "< where ≤ is meant, or the other way",
             "Break": "a row that goes on over a break",
+        },
+    ),
+    "foreign_detection": (
+        foreign_detection,
+        foreign_detection_cases,
+        ["pv", "sp", "op", "told", "back", "enable"],
+        ["u_ff", "d_hat", "count", "noise_floor", "whole", "standing", "over", "error", "delta"],
+        "Detection and compensation beside a controller that is not ours. told: 1 not in "
+        "automatic, 2 bad, 4 at the lower, 8 "
+        "at the upper limit. back: u_FF as it is read back, where read_back is 1. OP "
+        "holds the u_FF made delay scans ago; "
+        "longest: the longest delay as a share of ti. comp_source 3: the width is the "
+        "estimate as it was when enabled. The "
+        "rest is as in backlash_detection; in what is read u_FF may be later than delay says.",
+        {
+            "Delay": "u_FF taken off OP in another scan than that in which it is in it, or a bound that is another",
+            "Edge": "≥ where > is meant",
+            "Loss": "a jump of u_FF where a ramp is meant, or a ramp in manual, or a loss that is "
+            "not heeded or forgiven",
+            "Start": "a jump from what their controller holds",
+            "NotFollowed": "compensation that goes on where nobody follows, or is taken away for a moment's difference",
+            "Source": "an estimate that is not one to compensate by",
         },
     ),
     "filter": (

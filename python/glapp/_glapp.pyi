@@ -90,7 +90,8 @@ class Compensation:
     """Feed-forward that carries the valve through its gap (thesis 2.2); without limits: none.
 
     d_hat is the on-line estimate of the whole gap, where there is one; over: whether over-compensation is warned of;
-    flags 1 not in automatic, 2 bad, 4 at the lower limit, 8 at the upper one.
+    flags 1 not in automatic, 2 bad, 4 at the lower limit, 8 at the upper one; offered: the estimate where it may be a
+    source; hindered: "too_late" or "not_followed".
     """
 
     def __init__(
@@ -111,6 +112,8 @@ class Compensation:
         withdraw: bool,
         estimate: bool = True,
         limits: tuple[float, float] | None = None,
+        source: str = "typed",
+        ramp: float = 0.0,
     ) -> None: ...
     def update(
         self,
@@ -122,11 +125,17 @@ class Compensation:
         d_hat: float | None = None,
         over: bool = False,
         flags: int = 0,
+        offered: float | None = None,
+        hindered: str | None = None,
     ) -> float: ...
     @property
     def standing(self) -> str: ...
     @property
     def size(self) -> float: ...
+    @property
+    def delta(self) -> float: ...
+    @property
+    def left(self) -> float: ...
     @property
     def spent(self) -> tuple[float, float]: ...
 

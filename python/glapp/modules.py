@@ -56,6 +56,7 @@ __all__ = [
     "AutoTuner",
     "Backlash",
     "BacklashDetection",
+    "Delay",
     "Filter2P",
     "Flag",
     "Friction",
@@ -74,8 +75,10 @@ __all__ = [
     "RateLimit",
     "Resolution",
     "Saturation",
+    "Source",
     "Sum",
     "TuneRule",
+    "Unfit",
     "Way",
 ]
 
@@ -116,6 +119,48 @@ class Way(enum.IntEnum):
     ERROR = 1
     DERIVATIVE = 2
     INVERSE = 3
+
+
+class Source(enum.IntEnum):
+    """Where the width comes from that a compensation takes its share of (6.4), `comp_source`.
+
+    Attributes
+    ----------
+    TYPED
+        `comp_size`: a person typed it.
+    FITTED
+        `comp_fitted`: the lower limit of a fit whose verdict is backlash.
+    ESTIMATE
+        The on-line estimate as it is when `"compensate"` is set; later it may only fall.
+    """
+
+    TYPED = 1
+    FITTED = 2
+    ESTIMATE = 3
+
+
+class Unfit(enum.IntEnum):
+    """Why the on-line estimate may not be compensated by, `"watch.unfit"`; 0: it may. The first that holds.
+
+    Attributes
+    ----------
+    NO_DETECTION
+        There is none yet.
+    STRUCK
+        A fit contradicts it: `comp_fitted` is 0, no gap.
+    PROVISIONAL
+        There are fewer than `n` detections.
+    NOISE
+        It is below what noise can feign.
+    CRUDE
+        It was worked out with a Kp that is a default, or behind a filter of PV longer than Ti/2.
+    """
+
+    NO_DETECTION = 1
+    STRUCK = 2
+    PROVISIONAL = 3
+    NOISE = 4
+    CRUDE = 5
 
 
 class TuneRule(enum.IntEnum):
@@ -269,6 +314,28 @@ class Resolution(Module):
     """
 
     step: float
+
+
+@dataclass(frozen=True)
+class Delay(Module):
+    """Communication that takes its time: a value, with its quality, comes so many scans later. It may close a loop.
+
+    Parameters
+    ----------
+    scans : int
+        1..10000.
+    start : float
+        What comes in the first scans.
+
+    Examples
+    --------
+    >>> late = Graph(1.0, {"x": Input(), "late": Delay(2), "y": Output()}, ["x -> late -> y"])
+    >>> [float(y) for y in late.run(4, x=[1.0, 2.0, 3.0, 4.0], record=["y"])["y"]]
+    [0.0, 0.0, 1.0, 2.0]
+    """
+
+    scans: int
+    start: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -515,6 +582,8 @@ class Pid(Module):
 @dataclass(frozen=True, kw_only=True)
 class _Compensating(Module):
     comp_size: float = 0.0
+    comp_fitted: float | None = None
+    comp_source: Source | None = None
     comp_way: Way = Way.INVERSE
     comp_share: float = 1.0
     comp_limit: float | None = None
@@ -569,7 +638,7 @@ class PidAdvanced(_Compensating, Pid):
     schedule : sequence of (at, k, ti, td)
         Gains by the signal connected to `by`, linear between the rows; at most 8, `at` ascending, k of one sign. The
         width is then taken from the output's own travel. `Graph.set_schedule` edits it while it runs.
-    comp_size, comp_way, comp_share, comp_limit, comp_band, comp_tf : float
+    comp_size, comp_fitted, comp_source, comp_way, comp_share, comp_limit, comp_band, comp_tf : float
         Compensation, as in `BacklashDetection`; it takes at most half of `rate`.
     comp_rate, comp_release, comp_watch, comp_travel, comp_reversals, comp_withdraw, comp_estimate : float, optional
         Likewise.
@@ -644,11 +713,18 @@ class AutoTuner(Module):
 class BacklashDetection(_Compensating):
     """The detector beside a controller (6.4). Connect its output to the controller's `ff`: the flags come back there.
 
-    Where `comp_size` is given it compensates as soon as `"compensate"` is set to 1. Read `u_ff`, `standing` (0: it
-    compensates, else why not), `over` (1: code block 7.1 warns, 2: the relay), `whole`, the estimate of the whole gap
+    Where a width is given it compensates as soon as `"compensate"` is set to 1. Read `u_ff`, `standing` (0: it
+    compensates, else why not), `source` (the `Source` of the width; 0: none), `unfit` (why the estimate is none),
+    `size`, the width that it goes by, `delta`, what is left of its share after the noise band, `left`, what stays
+    uncompensated of `size`, `over` (1: code block 7.1 warns, 2: the relay), `whole`, the estimate of the whole gap
     while `d_hat` shows what is left, `noise_floor`, what noise can feign (below it `d_hat` and `whole` are NaN, and
     `count` is 0), and `error` (`Flag.WRONG_SIGN`). Connect `pv` before any filter: noise that is filtered off is not
     heard.
+
+    Beside a controller that is no module here (figure 6.3), connect `flags`: the sum of 1 (not in automatic), 2 (bad),
+    4 and 8 (something in the loop is at its lower, upper limit). `op`, its output, and `u_ff`, the value at its
+    feed-forward read back, may stay open; without `op` nothing is compensated. The output of a scan is made of the
+    inputs of that scan (`docs/modules.md`).
 
     Parameters
     ----------
@@ -667,15 +743,30 @@ class BacklashDetection(_Compensating):
         Limits of the output.
     max_h : float, optional
         A longer time between scans is a gap, > 0 [s]; three scans where not given.
+    ff_delay : int
+        Beside a controller that is no module here: how many scans after the one in which it is made `op` holds u_FF,
+        1..32.
+    ff_tolerance : float, optional
+        How far the u_FF read back may be from what was handed over, ≥ 0 [unit of the output]; a tenth of the width
+        where not given.
+    ff_longest : float, optional
+        The longest delay with which it may be enabled, as a share of Ti, ≥ 0; a scan always may. Where not given: 0.5
+        for `Way.INVERSE`, 0.2 for `Way.ERROR`, a scan alone for `Way.DERIVATIVE`.
     comp_size : float
-        Width of the gap as far as it is trusted, ≥ 0; 0: no compensation [unit of the output]. The lower limit of the
-        fit, or what a person knows.
+        Width of the gap that a person types, ≥ 0 [unit of the output]; 0: none.
+    comp_fitted : float, optional
+        Lower limit of the fit whose verdict is backlash, ≥ 0 [unit of the output]; 0: the fit found no gap, and the
+        on-line estimate is struck.
+    comp_source : Source, optional
+        Which width counts; where not given that of the fit, and without a fit the typed one. With neither there is no
+        compensation. With `Source.ESTIMATE` band and time from side to side go by the estimate: `comp_band` is the
+        least band, `comp_rate` the greatest rate.
     comp_way : Way
         How the direction is found.
     comp_share : float
         Share of it to compensate, 0..1.
     comp_limit : float, optional
-        Greatest width, ≥ share·size; the size where not given.
+        Greatest width, ≥ share·size; the size where not given, none for the estimate.
     comp_band : float, optional
         `Way.INVERSE`: how far the output must go back before that is a reversal, ≥ 0; a fifth of the size where not
         given.
@@ -709,6 +800,9 @@ class BacklashDetection(_Compensating):
     op_low: float | None = None
     op_high: float | None = None
     max_h: float | None = None
+    ff_delay: int = 1
+    ff_tolerance: float | None = None
+    ff_longest: float | None = None
 
 
 class Graph:

@@ -331,6 +331,13 @@ class Compensation(Checked):
         When it is enabled [s].
     k : float, optional
         Gain that the module is told, ≠ 0; the controller's where not given.
+    delay : int, optional
+        After how many scans the controller has the u_FF it is handed, 1..32: the module then stands beside it as beside
+        a controller that is not ours, and reads its output. Where not given it is told all, and a scan is what it
+        takes.
+    longest : float, optional
+        The longest delay with which it may be enabled, as a share of Ti, ≥ 0; the core's bound for its way where not
+        given.
     """
 
     way: Literal["error", "derivative", "inverse"]
@@ -348,6 +355,8 @@ class Compensation(Checked):
     estimate: bool = True
     begin: float = 0.0
     k: float | None = None
+    delay: Annotated[int, Field(ge=1, le=32)] | None = None
+    longest: NotNegative | None = None
 
 
 class Outer(Checked):
@@ -494,8 +503,9 @@ class Scenario(Checked):
     def _compensation(self, given: Compensation) -> dict[str, Any]:
         ideal = self.ideal()
         told = {"k": ideal.k if given.k is None else given.k, "ti": ideal.ti}
-        settings = {**given.model_dump(exclude={"begin"}), **told}
-        return {"settings": settings, "tf": self.filter_time(), "begin": given.begin}
+        beside = given.model_dump(include={"begin", "delay", "longest"})
+        settings = {**given.model_dump(exclude={*beside}), **told}
+        return {"settings": settings, "tf": self.filter_time(), **beside}
 
     @classmethod
     def from_toml(cls, text: str) -> Self:

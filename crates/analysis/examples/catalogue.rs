@@ -8,11 +8,14 @@ use glapp_analysis::crossings::Verdict;
 use glapp_analysis::quality::Fault;
 use glapp_analysis::{LostMotion, Origin};
 use glapp_core::auto_tuner::{Phase, Rule, Stop};
-use glapp_core::modules::{Mode, Pid, PidAdvanced, PidAdvancedSettings, PidSettings, VARIABLES};
+use glapp_core::modules::{
+    BacklashDetectionSettings, ForeignDetection, ForeignDetectionSettings, Mode, Pid, PidAdvanced, PidAdvancedSettings,
+    PidSettings, Unfit, VARIABLES,
+};
 use glapp_core::status::FLAGS;
 use glapp_core::{
     AutoTuner, AutoTunerSettings, Compensation, CompensationSettings, Conditions, Detector, DetectorSettings, Doubt,
-    KP_DEFAULT, PARAMETERS, ParameterError, PhaseLead, Reason, Standing, Way,
+    KP_DEFAULT, PARAMETERS, ParameterError, PhaseLead, Reason, Source, Standing, Way,
 };
 use serde_json::{Map, Value, json};
 
@@ -35,7 +38,10 @@ pub fn text() -> String {
         "reason_bits": numbered(Reason::ALL.iter().map(|r| (r.name(), r.bit().into()))),
         "conditions": Conditions::NAMES,
         "standings": numbered(Standing::ALL.iter().map(|s| (s.name(), *s as u64))),
+        "sources": numbered(Source::ALL.iter().map(|s| (s.name(), *s as u64))),
+        "unfit": numbered(Unfit::ALL.iter().map(|u| (u.name(), *u as u64))),
         "ways": numbered(Way::ALL.iter().map(|w| (w.name(), *w as u64))),
+        "longest_delays": Way::ALL.iter().map(|way| (way.name(), way.longest_delay())).collect::<std::collections::BTreeMap<_, _>>(),
         "modes": numbered(Mode::ALL.iter().map(|m| (m.name(), *m as u64))),
         "phases": numbered(Phase::ALL.iter().map(|p| (p.name(), *p as u64))),
         "doubts": numbered(Doubt::ALL.iter().map(|d| (d.name(), *d as u64))),
@@ -52,6 +58,7 @@ pub fn text() -> String {
         "settings": {
             "detector": detector(),
             "compensation": compensation(),
+            "foreign_detection": foreign_detection(),
             "pid": pid(),
             "pid_advanced": pid_advanced(),
             "auto_tuner": auto_tuner(),
@@ -124,10 +131,21 @@ fn compensation() -> Value {
         band ["OP unit"] = number(s.band), |s| s.band = f64::NAN;
         tf ["s"] = number(s.tf), |s| s.tf = f64::NAN;
         rate ["OP unit/s"] = number(s.rate), |s| s.rate = f64::NAN;
+        ramp ["s"] = number(s.ramp), |s| s.ramp = f64::NAN;
         release ["s"] = number(s.release), |s| s.release = f64::NAN;
         travel ["OP unit/h"] = number(s.travel), |s| s.travel = f64::NAN;
         reversals ["1/h"] = number(s.reversals), |s| s.reversals = f64::NAN;
         watch ["s"] = number(s.watch), |s| s.watch = f64::NAN;
+    }
+}
+
+fn foreign_detection() -> Value {
+    let detection = BacklashDetectionSettings { detector: DetectorSettings::new(K, TI, TD, H), compensation: None };
+    let s = ForeignDetectionSettings::new(detection);
+    settings! { s, |s| ForeignDetection::new(*s).map(|_| ()),
+        delay ["scans"] = s.delay.into(), |s| s.delay = 0;
+        tolerance ["OP unit"] = Value::Null, |s| s.tolerance = Some(f64::NAN);
+        longest ["Ti"] = Value::Null, |s| s.longest = Some(f64::NAN);
     }
 }
 

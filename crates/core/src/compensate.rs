@@ -5,6 +5,8 @@ pub(crate) mod harm;
 mod over_compensation;
 mod wrong_sign;
 
-pub use compensation::{Compensation, CompensationSample, CompensationSettings, CompensationState, Standing, Way};
+pub use compensation::{
+    Compensation, CompensationSample, CompensationSettings, CompensationState, Source, Standing, Way,
+};
 pub use over_compensation::{OverCompensation, OverCompensationState, OverWarning};
 pub use wrong_sign::{WrongSign, WrongSignState};

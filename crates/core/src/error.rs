@@ -14,7 +14,7 @@ pub struct ParameterError {
 
 /// The parameters' names in the order of their numbers, which begin at 1. A name that goes keeps its place: controllers show the
 /// number (`ErrorID`).
-pub const PARAMETERS: [&str; 36] = [
+pub const PARAMETERS: [&str; 39] = [
     "k",
     "ti",
     "td",
@@ -51,6 +51,9 @@ pub const PARAMETERS: [&str; 36] = [
     "lag",
     "detector_tf",
     "sp_rate",
+    "ramp",
+    "delay",
+    "tolerance",
 ];
 
 impl ParameterError {

@@ -24,14 +24,16 @@
 mod auto_tuner;
 mod backlash_detection;
 mod connection;
+mod foreign_detection;
 mod pid;
 mod pid_advanced;
 mod process_sim;
 mod variables;
 
 pub use auto_tuner::{AutoTuner, AutoTunerState};
-pub use backlash_detection::{BacklashDetection, BacklashDetectionSettings, BacklashDetectionState};
+pub use backlash_detection::{BacklashDetection, BacklashDetectionSettings, BacklashDetectionState, Unfit};
 pub use connection::{Backward, Forward};
+pub use foreign_detection::{FOREIGN_SCANS, ForeignDetection, ForeignDetectionSettings, ForeignDetectionState, Read};
 pub use pid::{Mode, Pid, PidSettings, PidState};
 pub use pid_advanced::{Gains, PidAdvanced, PidAdvancedSettings, PidAdvancedState, SCHEDULE_ROWS};
 pub use process_sim::{ProcessSim, ProcessSimState};

@@ -214,21 +214,12 @@ fn in_a_loop_at_rest_the_first_scan_goes_on_as_from_a_scan_before() {
 /// A compensation of 1.5 on the way up, at no more than 2 a second.
 fn compensating() -> PidAdvanced<f64> {
     let compensation = CompensationSettings {
-        way: Way::Inverse,
-        k: 2.0,
-        size: 1.5,
-        share: 1.0,
-        limit: 1.5,
         band: 0.1,
-        tf: 0.0,
         rate: 2.0,
-        release: 2.0,
         watch: 1000.0,
         travel: 1e9,
         reversals: 1e9,
-        withdraw: true,
-        estimate: true,
-        limits: Saturation::none(),
+        ..CompensationSettings::new(Way::Inverse, 2.0, 2.0, 1.5, 1.0)
     };
     let advanced = PidAdvancedSettings { compensation: Some(compensation), ..PidAdvancedSettings::new(settings()) };
     PidAdvanced::new(advanced).unwrap()

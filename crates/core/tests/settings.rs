@@ -2,7 +2,9 @@
 #![cfg(feature = "serde")]
 
 use glapp_core::auto_tuner::Rule;
-use glapp_core::modules::{BacklashDetectionSettings, Gains, PidAdvancedSettings, PidSettings, SCHEDULE_ROWS};
+use glapp_core::modules::{
+    BacklashDetectionSettings, ForeignDetectionSettings, Gains, PidAdvancedSettings, PidSettings, SCHEDULE_ROWS,
+};
 use glapp_core::{AutoTunerSettings, CompensationSettings, DetectorSettings, Way};
 use serde::{Serialize, de::DeserializeOwned};
 use std::fmt::Debug;
@@ -34,7 +36,14 @@ fn what_is_saved_is_read_again() {
     assert_eq!(survives(compensation)["share"], 0.8);
     assert_eq!(survives(pid)["high"], 100.0);
     assert_eq!(survives(tuner)["longest"], 3600.0);
-    survives(BacklashDetectionSettings { detector, compensation: Some(compensation) });
+    let detection = BacklashDetectionSettings { detector, compensation: Some(compensation) };
+    survives(detection);
+    survives(ForeignDetectionSettings {
+        delay: 7,
+        tolerance: Some(0.3),
+        longest: Some(0.4),
+        ..ForeignDetectionSettings::new(detection)
+    });
     let advanced = PidAdvancedSettings {
         pid,
         kp: None,

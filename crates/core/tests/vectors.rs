@@ -2,8 +2,9 @@
 
 use glapp_core::auto_tuner::Rule;
 use glapp_core::modules::{
-    self, BacklashDetection, BacklashDetectionSettings, BacklashDetectionState, Gains, Mode, PidAdvanced,
-    PidAdvancedSettings, PidAdvancedState, PidSettings, ProcessSim, ProcessSimState, SCHEDULE_ROWS,
+    self, BacklashDetection, BacklashDetectionSettings, BacklashDetectionState, ForeignDetection,
+    ForeignDetectionSettings, ForeignDetectionState, Gains, Mode, PidAdvanced, PidAdvancedSettings, PidAdvancedState,
+    PidSettings, ProcessSim, ProcessSimState, Read, SCHEDULE_ROWS,
 };
 use glapp_core::{
     AutoTuner, AutoTunerSettings, AutoTunerState, Backlash, BacklashState, Backward, Compensation, CompensationSample,
@@ -11,7 +12,8 @@ use glapp_core::{
     DetectorSettings, DetectorState, HalfPeriod, HalfPeriodState, MedianMean, MedianMeanState, Noise, NoiseLevel,
     NoiseState, OverCompensation, OverCompensationState, OverWarning, PhaseLead, PhaseLeadState, Pid, PidState,
     RateLimit, RateLimitState, Real, Reason, Record, SafetyNet, Sample, Saturation, SecondOrderFilter,
-    SecondOrderFilterState, Sum, Swing, SwingState, Way, Width, WidthParts, WrongSign, WrongSignState, ZeroCrossing,
+    SecondOrderFilterState, Source, Standing, Sum, Swing, SwingState, Way, Width, WidthParts, WrongSign,
+    WrongSignState, ZeroCrossing,
 };
 use serde_json::Value;
 use std::path::Path;
@@ -242,6 +244,40 @@ fn backlash_detection() {
 }
 
 #[test]
+fn foreign_detection() {
+    for case in cases("foreign_detection") {
+        let (k, ti) = (case.given("k"), case.given("ti"));
+        let detector = DetectorSettings {
+            tf: case.given("detector_tf"),
+            kp: case.param("kp"),
+            n: case.given("n") as u32,
+            op_limits: case.param("low").zip(case.param("high")),
+            max_h: ti / 2.0,
+            ..DetectorSettings::new(k, ti, 0.0, 0.0)
+        };
+        let estimate = CompensationSettings::by_estimate(Way::Inverse, k, ti, 1.0);
+        let compensation = if case.or("comp_source", 1.0) == 3.0 { Some(estimate) } else { case.compensation() };
+        let settings = ForeignDetectionSettings {
+            delay: case.given("delay") as u32,
+            tolerance: case.param("tolerance"),
+            longest: case.param("longest"),
+            ..ForeignDetectionSettings::new(BacklashDetectionSettings { detector, compensation })
+        };
+        let block = ForeignDetection::new(settings).unwrap();
+        let mut state = ForeignDetectionState::default();
+        case.check_all(|x, h| {
+            let &[pv, sp, op, told, back, enable] = x else { panic!("six inputs") };
+            state.detection.compensate = enable != 0.0;
+            let u_ff = (case.given("read_back") == 1.0).then(|| back.into());
+            let read = Read { op: Some(op.into()), flags: told as u16, u_ff };
+            let u_ff = block.update(&mut state, sp.into(), pv.into(), &read, h).value;
+            assert_eq!(u_ff, state.detection.compensation.u_ff);
+            Some([&of_detection(&state.detection)[..], &[state.detection.compensation.delta]].concat())
+        });
+    }
+}
+
+#[test]
 fn pid_advanced() {
     for case in cases("pid_advanced") {
         let mut schedule = [Gains::default(); SCHEDULE_ROWS];
@@ -402,18 +438,21 @@ fn compensate<R: Real>(case: &Case) -> impl FnMut(&[f64], f64) -> Option<Vec<f64
     let block = Compensation::new(CompensationSettings {
         way: Way::ALL[case.given("way") as usize - 1],
         k: number("k"),
+        source: Source::ALL[case.or("source", 1.0) as usize - 1],
         size: number("size"),
         share: number("share"),
-        limit: number("size"),
+        limit: R::of(case.or("limit", case.given("size"))),
         band: number("band"),
         tf: number("tf"),
         rate: number("rate"),
+        ramp: R::of(case.or("ramp", 0.0)),
         release: number("release"),
         watch: number("watch"),
         travel: number("travel"),
         reversals: number("reversals"),
         withdraw: case.given("withdraw") != 0.0,
         estimate: case.or("estimate", 1.0) != 0.0,
+        struck: false,
         limits: match (case.param("low"), case.param("high")) {
             (Some(low), Some(high)) => Saturation::new(R::of(low), R::of(high)).unwrap(),
             _ => Saturation::none(),
@@ -427,12 +466,15 @@ fn compensate<R: Real>(case: &Case) -> impl FnMut(&[f64], f64) -> Option<Vec<f64
             u: R::of(x[1]),
             h: R::of(h),
             d_hat: given(x[2]).map(R::of),
+            offered: given(x[6]).map(R::of),
+            hindered: given(x[7]).map(|number| Standing::ALL[number as usize]),
             over: x[3] != 0.0,
             enable: x[4] != 0.0,
             flags: x[5] as u16,
         };
         let u_ff = block.update(&mut state, &sample);
-        Some(vec![u_ff.as_f64(), state.half.value().as_f64(), f64::from(state.standing as u8)])
+        let numbers = [u_ff, state.half.value(), state.delta].map(R::as_f64);
+        Some(vec![numbers[0], numbers[1], f64::from(state.standing as u8), numbers[2]])
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::refused;
 use glapp_core::{
-    CompensationSample, CompensationSettings, CompensationState, HalfPeriod, OverCompensationState, Saturation,
+    CompensationSample, CompensationSettings, CompensationState, HalfPeriod, OverCompensationState, Saturation, Source,
     Standing, Status, Way,
 };
 use pyo3::exceptions::PyValueError;
@@ -32,6 +32,17 @@ pub fn settings(given: &Bound<'_, PyAny>) -> PyResult<CompensationSettings<f64>>
 fn named(way: &str) -> PyResult<Way> {
     let unknown = || PyValueError::new_err(format!("way = {way}: must be error, derivative or inverse"));
     Way::ALL.into_iter().find(|one| one.name() == way).ok_or_else(unknown)
+}
+
+fn source_named(source: &str) -> PyResult<Source> {
+    let unknown = || PyValueError::new_err(format!("source = {source}: must be typed, fitted or estimate"));
+    Source::ALL.into_iter().find(|one| one.name() == source).ok_or_else(unknown)
+}
+
+fn hindrance_named(standing: &str) -> PyResult<Standing> {
+    let unknown = || PyValueError::new_err(format!("hindered = {standing}: must be too_late or not_followed"));
+    let all = [Standing::TooLate, Standing::NotFollowed];
+    all.into_iter().find(|one| one.name() == standing).ok_or_else(unknown)
 }
 
 fn within(limits: Option<(f64, f64)>) -> PyResult<Saturation<f64>> {
@@ -70,6 +81,11 @@ fn within(limits: Option<(f64, f64)>) -> PyResult<Saturation<f64>> {
 ///     Whether the on-line estimate may make the size smaller.
 /// limits : (low, high), optional
 ///     Limits of OP.
+/// source : {"typed", "fitted", "estimate"}
+///     Where the width comes from. With "estimate" it is the one that is offered in the sample in which it is enabled, and `size`
+///     is not used; `band` is the least band, which otherwise is a fifth of it.
+/// ramp : float
+///     With "estimate", the shortest time from side to side [s], ≥ 0.
 ///
 /// Examples
 /// --------
@@ -90,7 +106,7 @@ impl Compensation {
     #[new]
     #[pyo3(signature = (
         way, *, k, size, share, limit, band, tf, rate, release, watch, travel, reversals, withdraw, estimate=true,
-        limits=None,
+        limits=None, source="typed", ramp=0.0,
     ))]
     #[allow(clippy::too_many_arguments)]
     fn new(
@@ -109,13 +125,11 @@ impl Compensation {
         withdraw: bool,
         estimate: bool,
         limits: Option<(f64, f64)>,
+        source: &str,
+        ramp: f64,
     ) -> PyResult<Self> {
         let settings = CompensationSettings {
-            way: named(&way)?,
             limits: within(limits)?,
-            k,
-            size,
-            share,
             limit,
             band,
             tf,
@@ -126,6 +140,9 @@ impl Compensation {
             reversals,
             withdraw,
             estimate,
+            source: source_named(source)?,
+            ramp,
+            ..CompensationSettings::new(named(&way)?, k, release, size, share)
         };
         let block = glapp_core::Compensation::new(settings).map_err(refused)?;
         Ok(Self { block, state: CompensationState::default() })
@@ -134,11 +151,25 @@ impl Compensation {
     /// Take the filtered error, OP without u_FF and the time since the last sample [s]; give u_FF.
     ///
     /// enable: a person wants it on; d_hat: on-line estimate of the whole gap; over: over-compensation is warned of; flags: 1
-    /// not in automatic, 2 bad, 4 at the lower limit, 8 at the upper one.
-    #[pyo3(signature = (e, u, h, *, enable, d_hat=None, over=false, flags=0))]
+    /// not in automatic, 2 bad, 4 at the lower limit, 8 at the upper one; offered: the estimate where it may be a source; hindered:
+    /// "too_late" or "not_followed", what only the outside can see.
+    #[pyo3(signature = (e, u, h, *, enable, d_hat=None, over=false, flags=0, offered=None, hindered=None))]
     #[allow(clippy::too_many_arguments)]
-    fn update(&mut self, e: f64, u: f64, h: f64, enable: bool, d_hat: Option<f64>, over: bool, flags: Status) -> f64 {
-        self.block.update(&mut self.state, &CompensationSample { e, u, h, d_hat, over, enable, flags })
+    fn update(
+        &mut self,
+        e: f64,
+        u: f64,
+        h: f64,
+        enable: bool,
+        d_hat: Option<f64>,
+        over: bool,
+        flags: Status,
+        offered: Option<f64>,
+        hindered: Option<&str>,
+    ) -> PyResult<f64> {
+        let hindered = hindered.map(hindrance_named).transpose()?;
+        let sample = CompensationSample { e, u, h, d_hat, offered, over, enable, hindered, flags };
+        Ok(self.block.update(&mut self.state, &sample))
     }
 
     /// What it does, or why it does nothing.
@@ -151,6 +182,18 @@ impl Compensation {
     #[getter]
     fn size(&self) -> f64 {
         2.0 * self.state.half
+    }
+
+    /// δ: what is left of the share of the width after the noise band.
+    #[getter]
+    fn delta(&self) -> f64 {
+        self.state.delta
+    }
+
+    /// What stays uncompensated of the width while it is in force.
+    #[getter]
+    fn left(&self) -> f64 {
+        self.state.left()
     }
 
     /// Travel and reversals that count against the budgets.

@@ -100,6 +100,8 @@ struct PyCompensated<'py> {
     settings: Bound<'py, PyAny>,
     tf: f64,
     begin: f64,
+    delay: Option<u32>,
+    longest: Option<f64>,
 }
 
 /// The outer loop of a cascade as Python has it.
@@ -126,7 +128,8 @@ fn signal(pieces: Vec<PyPiece<'_>>) -> Signal {
 }
 
 fn compensated(given: PyCompensated<'_>) -> PyResult<Compensated> {
-    Ok(Compensated { settings: settings(&given.settings)?, tf: given.tf, begin: given.begin })
+    let PyCompensated { tf, begin, delay, longest, .. } = given;
+    Ok(Compensated { settings: settings(&given.settings)?, tf, begin, delay, longest })
 }
 
 impl TryFrom<PyScenario<'_>> for Scenario {

@@ -140,11 +140,22 @@ pub enum GraphError {
     /// A detector beside no controller.
     #[error(
         "{detector} watches no controller: connect it to the ff of the Pid beside it, or give both the same setpoint and \
-         process value"
+         process value; beside a controller that is no module here, connect {detector}.flags, its mode and limits"
     )]
     NotWatching {
         /// The module with the detector.
         detector: String,
+    },
+    /// A controller of which the output is read, and not whether it is in automatic.
+    #[error(
+        "{detector}.{input} is connected, and {detector}.flags is not: nothing may be done beside a controller of which nobody \
+         tells whether it is in automatic"
+    )]
+    ModeUnknown {
+        /// The module with the detector.
+        detector: String,
+        /// What is connected.
+        input: &'static str,
     },
 }
 
@@ -258,9 +269,9 @@ impl Graph {
         let delays = (0..modules.len()).filter(|i| modules[*i].1.kind.is_delay).collect();
         let mut nodes = Vec::with_capacity(modules.len());
         for (((name, module), sources), leads) in modules.into_iter().zip(&sources).zip(leads) {
-            let external = module.kind.is_controller && sources[1].is_some();
-            let live =
-                Live::new(module, h, external).map_err(|error| GraphError::Parameter { module: name.into(), error })?;
+            let connected = sources.map(|source| source.is_some());
+            let live = Live::new(module, h, connected)
+                .map_err(|error| GraphError::Parameter { module: name.into(), error })?;
             nodes.push(Node {
                 name: name.into(),
                 live,
@@ -613,6 +624,7 @@ impl Wiring<'_> {
         for (i, (_, module)) in self.names.iter().enumerate() {
             let controller = match module.kind.name {
                 "PidAdvanced" => i,
+                "BacklashDetection" if self.is_foreign(i)? => continue,
                 "BacklashDetection" => {
                     self.watched_by(i).ok_or_else(|| GraphError::NotWatching { detector: self.name(i) })?
                 }
@@ -620,13 +632,18 @@ impl Wiring<'_> {
             };
             let mut ends = Vec::new();
             let mut ahead = vec![controller];
+            let mut seen = vec![false; self.names.len()];
             while let Some(at) = ahead.pop() {
+                // Delays may close a circle that holds no process.
+                if std::mem::replace(&mut seen[at], true) {
+                    continue;
+                }
                 for (to, port) in self.followers(at) {
                     let kind = self.names[to].1.kind;
                     if kind.is_controller && kind.inputs[port] == "sp" {
                         return Err(GraphError::OuterLoop { detector: self.name(i), inner: self.name(to) });
                     }
-                    if kind.is_delay || kind.name == "Output" {
+                    if kind.is_process() || kind.name == "Output" {
                         ends.push(self.name(to));
                     } else if !kind.is_controller && kind.name != "BacklashDetection" {
                         ahead.push(to);
@@ -639,6 +656,18 @@ impl Wiring<'_> {
             }
         }
         Ok(())
+    }
+
+    /// Whether a detector stands beside a controller that is no module here.
+    fn is_foreign(&self, detector: usize) -> Result<bool, GraphError> {
+        let inputs = self.names[detector].1.kind.inputs;
+        let is = |name: &str| {
+            inputs.iter().zip(self.sources[detector]).any(|(input, from)| from.is_some() && *input == name)
+        };
+        match ["op", "u_ff"].into_iter().find(|input| is(input)) {
+            Some(input) if !is("flags") => Err(GraphError::ModeUnknown { detector: self.name(detector), input }),
+            _ => Ok(is("flags")),
+        }
     }
 
     /// The phase leads around a module. In its loop is one that its output reaches, or that reaches it, without a process between

@@ -37,6 +37,9 @@ struct Numbers {
     op: usize,
     position: usize,
     watch: Option<usize>,
+    /// Where u_FF is handed to the controller, and what is told of a controller that is not ours.
+    u_ff: Option<usize>,
+    told: Option<usize>,
     /// Setpoint, load, noise and process value of the outer loop.
     outer: Option<[usize; 4]>,
 }
@@ -107,6 +110,9 @@ impl Machine for Looped {
             if let (Some(watch), true) = (at.watch, first + k == self.begin) {
                 graph.command(watch, "compensate", 1.0);
             }
+            if let Some(told) = at.told {
+                graph.feed(told, f64::from(if is_bad { NOT_AUTO } else { by_hand }));
+            }
             graph.scan(self.h);
             if !is_bad {
                 self.last_y = graph.out(at.pv);
@@ -120,8 +126,8 @@ impl Machine for Looped {
                 block.sp[k] = graph.out(at.sp);
                 block.outer_pv[k] = graph.out(pv);
             }
-            if let Some(watch) = at.watch {
-                block.u_ff[k] = graph.out(watch);
+            if let (Some(watch), Some(u_ff)) = (at.watch, at.u_ff) {
+                block.u_ff[k] = graph.out(u_ff);
                 block.standing[k] = graph.read(watch, "standing");
                 block.over[k] = graph.read(watch, "over");
                 block.error[k] = graph.read(watch, "error");
@@ -214,7 +220,15 @@ fn build(s: &Scenario, n: usize, sp: f64, loads: [f64; 2]) -> Result<(Graph, Num
         parts.add("watch", "BacklashDetection", &detection(s, given))?;
         parts.wire(&[sp_from, "watch.sp"]);
         parts.wire(&[pv, "watch.pv"]);
-        parts.wire(&["watch", "pid.ff"]);
+        if let Some(delay) = given.delay {
+            parts.add("told", "Input", &[])?;
+            parts.add("late", "Delay", &[("scans", delay.into())])?;
+            parts.wire(&["pid", "watch.op"]);
+            parts.wire(&["told", "watch.flags"]);
+            parts.wire(&["watch", "late", "pid.ff"]);
+        } else {
+            parts.wire(&["watch", "pid.ff"]);
+        }
     }
 
     let wires: Vec<&str> = parts.wires.iter().map(String::as_str).collect();
@@ -236,6 +250,8 @@ fn build(s: &Scenario, n: usize, sp: f64, loads: [f64; 2]) -> Result<(Graph, Num
         op: graph.node(op)?,
         position: graph.node(position)?,
         watch: s.compensation.map(|_| graph.node("watch")).transpose()?,
+        u_ff: s.compensation.map(|c| graph.node(if c.delay.is_some() { "late" } else { "watch" })).transpose()?,
+        told: s.compensation.and_then(|c| c.delay).map(|_| graph.node("told")).transpose()?,
         outer: s.outer.as_ref().map(|_| outer()).transpose()?,
     };
     Ok((graph, at, rest.y))
@@ -286,6 +302,8 @@ fn detection(s: &Scenario, given: &Compensated) -> Vec<(&'static str, f64)> {
         ("comp_withdraw", u8::from(comp.withdraw).into()),
         ("comp_estimate", u8::from(comp.estimate).into()),
     ];
+    parameters.extend(given.longest.map(|longest| ("ff_longest", longest)));
+    parameters.extend(given.delay.map(|delay| ("ff_delay", delay.into())));
     parameters.extend(s.plant.gain().map(|gain| ("kp", gain)));
     parameters.extend(c.limits.iter().flat_map(|(low, high)| [("op_low", *low), ("op_high", *high)]));
     parameters
@@ -297,7 +315,7 @@ mod tests {
     use crate::engine::{Run, samples};
     use crate::scenario::Columns;
     use crate::{Manual, Piece};
-    use glapp_core::Friction;
+    use glapp_core::{CompensationSettings, Friction, Way};
 
     /// The scenario on the modules, or on the faster loop.
     fn run(s: &Scenario, on_modules: bool) -> Columns {
@@ -372,6 +390,33 @@ mod tests {
             assert_eq!(fast, modules, "{name}");
             let moved = |x: &[f64]| x.iter().any(|v| *v != x[0]);
             assert!(moved(&fast.op) && (moved(&fast.position) || s.friction.is_some()), "{name}");
+        }
+    }
+
+    /// Beside a controller that is not ours u_FF is as late as in a graph at least; then the loops are the same, whatever happens.
+    #[test]
+    fn a_scan_late_beside_their_controller_is_the_loop_of_the_graph() {
+        let by_hand = vec![Manual { from: 60.0, to: 65.0, op: None }];
+        for (way, change) in [
+            (Way::Inverse, (|_| ()) as fn(&mut Scenario)),
+            (Way::Error, |s| s.bad = vec![(50.0, 55.0)]),
+            (Way::Inverse, |s| s.controller.limits = Some((-0.3, 0.9))),
+        ] {
+            let settings = CompensationSettings::new(way, 0.775, 2.05, 0.08, 1.0);
+            let given = Compensated { settings, tf: 0.205, begin: 20.0, delay: None, longest: None };
+            let mut s = plain("P2", [0.775, 2.05, 0.0, 0.0, 0.205]);
+            (s.manual, s.compensation) = (by_hand.clone(), Some(given));
+            change(&mut s);
+            let ours = run(&s, true);
+            s.compensation = Some(Compensated { delay: Some(1), ..given });
+            let theirs = run(&s, true);
+            assert_eq!(ours, theirs);
+            assert!(ours.u_ff.iter().any(|u_ff| *u_ff != 0.0) && ours.standing.contains(&2.0));
+            s.compensation = Some(Compensated { delay: Some(2), ..given });
+            assert_ne!(run(&s, true).op, ours.op);
+            s.compensation = Some(Compensated { delay: Some(32), ..given });
+            let late = run(&s, true);
+            assert!(late.standing.contains(&12.0) && late.u_ff.iter().all(|u_ff| *u_ff == 0.0), "too late");
         }
     }
 

@@ -7,6 +7,7 @@ mod auto_tuner;
 mod backlash;
 mod backlash_detection;
 mod compensation;
+mod delay;
 mod filter;
 mod friction;
 mod input;
@@ -30,7 +31,7 @@ use glapp_core::modules::Gains;
 use glapp_core::{Backward, Forward, ParameterError};
 
 /// The most inputs of a module.
-pub(crate) const MOST_INPUTS: usize = 4;
+pub(crate) const MOST_INPUTS: usize = 5;
 
 /// What a module is handed at its inputs, in the order of its kind's ports.
 pub(crate) type Inputs = [Forward<f64>; MOST_INPUTS];
@@ -38,12 +39,13 @@ pub(crate) type Inputs = [Forward<f64>; MOST_INPUTS];
 pub(crate) type Told = [Backward<f64>; MOST_INPUTS];
 
 /// All kinds, in the order of the documentation.
-static KINDS: [&Kind; 17] = [
+static KINDS: [&Kind; 18] = [
     &input::KIND,
     &output::KIND,
     &noise::KIND,
     &sum::KIND,
     &resolution::KIND,
+    &delay::KIND,
     &backlash::KIND,
     &friction::KIND,
     &saturation::KIND,
@@ -103,8 +105,15 @@ use Usual::{Is, Required, Unknown};
 pub(crate) struct Place {
     /// Scan time \[s\].
     h: f64,
-    /// A setpoint is connected to it.
-    external: bool,
+    /// Which of its inputs are connected.
+    connected: [bool; MOST_INPUTS],
+}
+
+impl Place {
+    /// Whether the input of that name is connected.
+    fn has(&self, kind: &Kind, input: &str) -> bool {
+        kind.inputs.iter().zip(self.connected).any(|(name, connected)| connected && *name == input)
+    }
 }
 
 /// What a module does in a graph.
@@ -170,6 +179,11 @@ impl Kind {
         }
     }
 
+    /// What a valve drives: here flags end, and a loop is closed.
+    pub(crate) fn is_process(&self) -> bool {
+        self.is_delay && self.name != delay::KIND.name
+    }
+
     fn parameters(&self) -> impl Iterator<Item = &'static Parameter> {
         self.parameters.iter().copied().flatten()
     }
@@ -197,6 +211,7 @@ impl Kind {
 /// | `Noise` | in | `amplitude`, `seed` (1) |
 /// | `Sum` | in, plus | |
 /// | `Resolution` | in | `step` |
+/// | `Delay` | in | `scans`, `start` (0) |
 /// | `Backlash` | in | `d`, `start` (its first input) |
 /// | `Friction` | in | `s`, `j`, `model` (1), `start` (its first input) |
 /// | `Saturation` | in | `low`, `high` |
@@ -208,7 +223,10 @@ impl Kind {
 /// | `Pid` | pv (sp, ff) | `k`, `ti`, `td` (0), `b` (1), `c` (0), `tf` (0), `low`, `high`, `rate` (none), `max_h` (Ti/2), `start` (0), `start_pv` (its first PV) |
 /// | `PidAdvanced` | pv (sp, ff, by) | those of `Pid`, and `kp`, `pv_span`, `op_span` (not known), `integrating` (0), `detector_tf` (it sees what the controller sees), `n` (9), `sp_rate` (none), and the autotuner's: `tune_amplitude` (0: none), `tune_wait`, `tune_longest`, `tune_pv_low`, `tune_pv_high`, `tune_hysteresis` (from noise), `tune_d` (0), `tune_rule` (1) |
 /// | `AutoTuner` | in, pv | `amplitude`, `wait`, `longest`, `pv_low`, `pv_high`, `op_low`, `op_high`, `hysteresis` (from noise), `d` (0), `max_h` (3h) |
-/// | `BacklashDetection` | sp, pv | `k`, `ti`, `td` (0), `b` (1), `kp`, `pv_span`, `op_span` (not known), `integrating` (0), `tf` (Td/5, or Ti/10 without D), `n` (9), `op_low`, `op_high` (not known), `max_h` (3h) |
+/// | `BacklashDetection` | sp, pv (op, flags, u_ff) | `k`, `ti`, `td` (0), `b` (1), `kp`, `pv_span`, `op_span` (not known), `integrating` (0), `tf` (Td/5, or Ti/10 without D), `n` (9), `op_low`, `op_high` (not known), `max_h` (3h), `ff_delay` (1), `ff_tolerance` (a tenth of the size), `ff_longest` (by the way) |
+///
+/// With `flags` connected a `BacklashDetection` stands beside a controller that is no module here, and takes all from its inputs
+/// ([`ForeignDetection`](glapp_core::modules::ForeignDetection)).
 ///
 /// `PidAdvanced` and `BacklashDetection` compensate where `comp_size` (0) is given and `compensate` is set while they run.
 /// `comp_way` (3) is 1 error, 2 derivative, 3 inverse; `comp_share` (1), `comp_limit` (the size), `comp_band` (a fifth of the
@@ -339,9 +357,9 @@ impl From<ParameterError> for Refusal {
 }
 
 impl Live {
-    /// Makes the module for the scan time `h`; `external` where a setpoint is connected to it.
-    pub(crate) fn new(module: Module, h: f64, external: bool) -> Result<Self, SimError> {
-        let place = Place { h, external };
+    /// Makes the module for the scan time `h` and the inputs that are connected.
+    pub(crate) fn new(module: Module, h: f64, connected: [bool; MOST_INPUTS]) -> Result<Self, SimError> {
+        let place = Place { h, connected };
         Ok(Self { work: (module.kind.make)(&module, place)?, module, place })
     }
 
@@ -418,7 +436,7 @@ fn open() -> Backward<f64> {
 
 /// What is told at the first input of a module whose followers tell `back`, by one that has nothing to add.
 fn passed(back: Option<Backward<f64>>) -> Told {
-    [back.unwrap_or_default(), open(), open(), open()]
+    [back.unwrap_or_default(), open(), open(), open(), open()]
 }
 
 /// What was told backward, by name.

@@ -361,3 +361,97 @@ fn what_is_not_known_is_none() {
     assert_eq!(graph.get("pid.b").unwrap(), 1.0);
     assert_eq!(graph.set("pid.k", None).unwrap_err().to_string(), "PidAdvanced: k must be given");
 }
+
+fn beside(inputs: &[&'static str]) -> Result<Graph, GraphError> {
+    let watch = module("BacklashDetection", &[("k", 1.0), ("ti", 5.0), ("comp_size", 1.0)]);
+    let mut modules = vec![("watch", watch), ("ff", module("Output", &[]))];
+    modules.extend(inputs.iter().map(|name| (*name, module("Input", &[]))));
+    let wires: Vec<String> = inputs.iter().map(|name| format!("{name} -> watch.{name}")).collect();
+    let mut wires: Vec<&str> = wires.iter().map(String::as_str).collect();
+    wires.push("watch -> ff");
+    Graph::new(0.5, modules, &wires)
+}
+
+#[test]
+fn beside_a_controller_that_is_no_module_whether_it_is_in_automatic_must_be_told() {
+    for inputs in [&["sp", "pv", "flags"][..], &["sp", "pv", "op", "flags"], &["sp", "pv", "op", "flags", "u_ff"]] {
+        beside(inputs).unwrap();
+    }
+    let refusal = |inputs: &[&'static str]| beside(inputs).err().unwrap().to_string();
+    assert!(refusal(&["sp", "pv", "op"]).starts_with("watch.op is connected, and watch.flags is not"));
+    assert!(refusal(&["sp", "pv", "flags_", "u_ff"]).contains("no such input"));
+    assert!(refusal(&["sp", "pv", "u_ff"]).starts_with("watch.u_ff is connected, and watch.flags is not"));
+    assert!(refusal(&["sp", "pv"]).ends_with("connect watch.flags, its mode and limits"));
+}
+
+#[test]
+fn flags_that_are_none_are_a_bad_value() {
+    let mut graph = beside(&["sp", "pv", "op", "flags"]).unwrap();
+    graph.set("watch.compensate", 1.0).unwrap();
+    for (flags, standing) in
+        [(0.0, 10.0), (1.0, 2.0), (2.0, 3.0), (8.0, 8.0), (0.5, 3.0), (16.0, 3.0), (-1.0, 3.0), (f64::NAN, 3.0)]
+    {
+        graph.record(1, &[("op", &[50.0]), ("flags", &[flags])], &[]).unwrap();
+        assert_eq!(graph.get("watch.standing").unwrap(), standing, "{flags}");
+    }
+}
+
+#[test]
+fn without_op_nothing_is_compensated() {
+    let mut graph = beside(&["sp", "pv", "flags"]).unwrap();
+    graph.set("watch.compensate", 1.0).unwrap();
+    graph.run(3).unwrap();
+    assert_eq!(graph.get("watch.standing").unwrap(), 1.0);
+}
+
+#[test]
+fn a_delay_is_whole_scans_and_may_close_a_circle() {
+    let wires = ["x -> sum.in", "sum -> late -> sum.plus", "late -> y"];
+    let new = |scans: f64| {
+        let modules = vec![
+            ("x", module("Input", &[("value", 1.0)])),
+            ("sum", module("Sum", &[])),
+            ("late", module("Delay", &[("scans", scans), ("start", 0.5)])),
+            ("y", module("Output", &[])),
+        ];
+        Graph::new(0.5, modules, &wires)
+    };
+    let y = new(2.0).unwrap().record(6, &[], &["y"]).unwrap();
+    assert_eq!(y[0], [0.5, 0.5, 1.5, 1.5, 2.5, 2.5]);
+    for scans in [0.0, 1.5, -1.0, 1e5, f64::NAN] {
+        let error = new(scans).err().unwrap().to_string();
+        assert!(error.starts_with("late: scans = ") && error.contains("a whole number"), "{error}");
+    }
+}
+
+#[test]
+fn a_width_is_that_of_its_source() {
+    let with = |more: &[(&str, f64)]| {
+        let parameters = [&[("k", 1.0), ("ti", 5.0)], more].concat();
+        let modules = vec![
+            ("pv", module("Input", &[])),
+            ("pid", module("PidAdvanced", &parameters)),
+            ("valve", module("Output", &[])),
+        ];
+        let mut graph = Graph::new(0.5, modules, &["pv -> pid.pv", "pid -> valve"])?;
+        graph.set("pid.compensate", 1.0)?;
+        graph.run(2)?;
+        Ok::<_, GraphError>(
+            ["source", "size", "delta", "left", "standing"].map(|name| graph.get(&format!("pid.{name}")).unwrap()),
+        )
+    };
+    let share = ("comp_share", 0.5);
+    assert_eq!(with(&[share]).unwrap(), [0.0, 0.0, 0.0, 0.0, 1.0]);
+    assert_eq!(with(&[share, ("comp_size", 2.0)]).unwrap(), [1.0, 2.0, 0.6, 1.4, 10.0]);
+    assert_eq!(with(&[share, ("comp_size", 2.0), ("comp_fitted", 1.0)]).unwrap(), [2.0, 1.0, 0.3, 0.7, 10.0]);
+    assert_eq!(with(&[share, ("comp_size", 2.0), ("comp_fitted", 0.0)]).unwrap(), [2.0, 0.0, 0.0, 0.0, 9.0]);
+    let typed = [share, ("comp_size", 2.0), ("comp_fitted", 1.0), ("comp_source", 1.0)];
+    assert_eq!(with(&typed).unwrap(), [1.0, 2.0, 0.6, 1.4, 10.0]);
+    assert_eq!(with(&[share, ("comp_size", 2.0), ("comp_source", 3.0)]).unwrap(), [3.0, 0.0, 0.0, 0.0, 14.0]);
+    let refusal = |more: &[(&str, f64)]| with(more).err().unwrap().to_string();
+    assert!(
+        refusal(&[("comp_source", 2.0)]).starts_with("pid: comp_fitted = NaN: must be given where comp_source is 2")
+    );
+    assert!(refusal(&[("comp_source", 4.0)]).starts_with("pid: comp_source = 4: must be 1 (typed)"));
+    assert!(refusal(&[("comp_fitted", -1.0)]).starts_with("pid: size = -1: must be 0 or greater"));
+}

@@ -31,6 +31,44 @@ impl Way {
             Self::Inverse => "inverse",
         }
     }
+
+    /// The longest delay of u_FF with which it may be enabled, as a share of Ti; one scan always may. Measured on three thousand
+    /// random loops with u_FF 1, 3 and 10 scans late (`bench/compensation.py`): the longest without more harm than at one scan.
+    pub const fn longest_delay(self) -> f64 {
+        match self {
+            Self::Error => 0.2,
+            Self::Derivative => 0.0,
+            Self::Inverse => 0.5,
+        }
+    }
+}
+
+/// Where the width comes from that a [`Compensation`] takes its share of (thesis 6.4).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[repr(u8)]
+pub enum Source {
+    /// A person typed it.
+    #[default]
+    Typed = 1,
+    /// The lower limit of a fit whose verdict is backlash.
+    Fitted = 2,
+    /// The on-line estimate as it was when compensation was enabled.
+    Estimate = 3,
+}
+
+impl Source {
+    /// All of them, in order.
+    pub const ALL: [Self; 3] = [Self::Typed, Self::Fitted, Self::Estimate];
+
+    /// The name used in every face of glapp.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Typed => "typed",
+            Self::Fitted => "fitted",
+            Self::Estimate => "estimate",
+        }
+    }
 }
 
 /// What a [`Compensation`] does at present, or why it does nothing. The first that holds, in this order.
@@ -63,11 +101,17 @@ pub enum Standing {
     Waiting = 10,
     /// Withdrawn: PV is farther from SP, or OP turns more often, than before. Holds until it is enabled anew.
     Worse = 11,
+    /// u_FF comes too late for this controller: see [`Way::longest_delay`].
+    TooLate = 12,
+    /// Withdrawn: the u_FF that is read back is not the one that was handed over. Holds until it is enabled anew.
+    NotFollowed = 13,
+    /// The on-line estimate is the source, and could not be compensated by when it was enabled. Holds until it is enabled anew.
+    NoEstimate = 14,
 }
 
 impl Standing {
     /// All of them, in order.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 15] = [
         Self::Active,
         Self::NotEnabled,
         Self::NotAuto,
@@ -80,6 +124,9 @@ impl Standing {
         Self::TooSmall,
         Self::Waiting,
         Self::Worse,
+        Self::TooLate,
+        Self::NotFollowed,
+        Self::NoEstimate,
     ];
 
     /// The name used in every face of glapp.
@@ -97,6 +144,9 @@ impl Standing {
             Self::TooSmall => "too_small",
             Self::Waiting => "waiting",
             Self::Worse => "worse",
+            Self::TooLate => "too_late",
+            Self::NotFollowed => "not_followed",
+            Self::NoEstimate => "no_estimate",
         }
     }
 }
@@ -110,18 +160,25 @@ pub struct CompensationSettings<R> {
     /// Gain K ≠ 0 of the controller, negative for direct action. Only its sign counts, and only for [`Way::Error`]: OP
     /// itself carries it already.
     pub k: R,
-    /// Width that a person typed, or the lower limit of the fit where its verdict is backlash; 0 or greater [OP unit].
+    /// Where the width comes from.
+    pub source: Source,
+    /// Width that a person typed, or the lower limit of the fit where its verdict is backlash; 0 or greater [OP unit]. Not used by
+    /// [`Source::Estimate`].
     pub size: R,
     /// Share of it to compensate, 0 to 1.
     pub share: R,
     /// Greatest width that may be compensated, whatever the size came from \[OP unit\].
     pub limit: R,
-    /// How far u_f must go back before that counts as a reversal, for [`Way::Inverse`]; 0 or greater [OP unit].
+    /// How far u_f must go back before that counts as a reversal, for [`Way::Inverse`]; 0 or greater [OP unit]. With
+    /// [`Source::Estimate`] it is at least a fifth of the estimate.
     pub band: R,
     /// Time constant of the second-order filter of u, 0 or greater \[s\]; not used by [`Way::Error`].
     pub tf: R,
     /// Greatest rate of u_FF > 0 [OP unit per s].
     pub rate: R,
+    /// With [`Source::Estimate`], the shortest time from side to side, 0 or greater \[s\]: the rate of a width that nobody knows
+    /// yet.
+    pub ramp: R,
     /// Time over which it is taken away > 0 \[s\].
     pub release: R,
     /// Budget: travel of u_FF in any hour > 0 [OP unit].
@@ -134,6 +191,8 @@ pub struct CompensationSettings<R> {
     pub withdraw: bool,
     /// Whether the on-line estimate may make the size smaller.
     pub estimate: bool,
+    /// Whether a fit contradicts the detections: their estimate is struck, and is no source.
+    pub struck: bool,
     /// Limits of OP [OP unit].
     pub limits: Saturation<R>,
 }
@@ -149,25 +208,35 @@ impl<R: Real> CompensationSettings<R> {
         Self {
             way,
             k,
+            source: Source::Typed,
             size,
             share,
             limit: size,
             band: size / R::of(5.0),
             tf: R::ZERO,
             rate: if way == Way::Inverse && delta > R::ZERO { ten * delta / ti } else { R::LARGEST },
+            ramp: if way == Way::Inverse { ti / ten } else { R::ZERO },
             release: ti,
             travel: R::LARGEST,
             reversals: R::LARGEST,
             watch: R::of(300.0) * ti,
             withdraw: true,
             estimate: true,
+            struck: false,
             limits: Saturation::none(),
         }
+    }
+
+    /// The same of a `share` of the on-line estimate: as it is when compensation is enabled, and no width before. Band and time
+    /// from side to side are as above, of that estimate; no greatest width.
+    pub fn by_estimate(way: Way, k: R, ti: R, share: R) -> Self {
+        let none = Self::new(way, k, ti, R::ZERO, share);
+        Self { source: Source::Estimate, limit: R::LARGEST, ..none }
     }
 }
 
 /// One sample for a [`Compensation`].
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CompensationSample<R> {
     /// Control error e = ysp − yf [PV unit].
     pub e: R,
@@ -178,10 +247,14 @@ pub struct CompensationSample<R> {
     /// On-line estimate of the whole gap, where there is one: the detector's, which shows what is left, and the size that was in
     /// force while it was made [OP unit].
     pub d_hat: Option<R>,
+    /// The same where it may be compensated by: it is a source.
+    pub offered: Option<R>,
     /// Whether over-compensation is warned of.
     pub over: bool,
     /// Whether a person wants it on.
     pub enable: bool,
+    /// What stands in the way that only whoever hands u_FF on can see: [`Standing::TooLate`], [`Standing::NotFollowed`].
+    pub hindered: Option<Standing>,
     /// [`NOT_AUTO`], [`BAD`], [`AT_LOW`], [`AT_HIGH`]; 0 = all well.
     pub flags: Status,
 }
@@ -195,6 +268,10 @@ pub struct CompensationSample<R> {
 ///   s = sign(du_f/dt)        Derivative    δ = share·size
 ///   s = side of u_f          Inverse       δ = share·size − band
 /// ```
+///
+/// The size is that of its [`Source`]: what a person typed, the lower limit of a fit, or the on-line estimate as it was when
+/// compensation was enabled, if it could be compensated by then. share·size is at most `limit`.
+///
 ///
 /// The side of u_f is up until u_f has fallen by more than `band` below its highest since it was last down, and the other way
 /// round. By then u_FB itself has gone `band` of the way, which therefore is taken off: what the controller sees is a
@@ -223,13 +300,12 @@ pub struct CompensationSample<R> {
 /// use glapp_core::{Compensation, CompensationSample, CompensationSettings, CompensationState, Saturation, Way};
 ///
 /// let inverse = Compensation::new(CompensationSettings {
-///     way: Way::Inverse, k: 1.0, size: 2.0, share: 1.0, limit: 5.0, band: 0.5, tf: 0.0, rate: 1.0, release: 1.0,
-///     watch: 1e4, travel: 1000.0, reversals: 500.0, withdraw: true, estimate: true,
-///     limits: Saturation::new(0.0, 100.0)?,
+///     limit: 5.0, band: 0.5, rate: 1.0, release: 1.0, limits: Saturation::new(0.0, 100.0)?,
+///     ..CompensationSettings::new(Way::Inverse, 1.0, 30.0, 2.0, 1.0)
 /// })?;
 /// let mut state = CompensationState::default();
 /// let mut update = |u| {
-///     let sample = CompensationSample { e: 0.0, u, h: 1.0, d_hat: None, over: false, enable: true, flags: 0 };
+///     let sample = CompensationSample { u, h: 1.0, enable: true, ..CompensationSample::default() };
 ///     inverse.update(&mut state, &sample)
 /// };
 /// assert_eq!([50.0, 50.6, 50.2].map(&mut update), [0.0, 0.0, 0.0]); // up, and not yet back by more than 0.5
@@ -269,12 +345,34 @@ pub struct CompensationState<R: Real> {
     pub u_ff: R::Sum,
     /// The smallest on-line estimate since it was enabled [OP unit].
     pub d_hat: Option<R>,
+    /// The on-line estimate when it was enabled, where that is the source [OP unit].
+    pressed: R,
+    /// It was none to compensate by.
+    unfit: bool,
+    /// The width of the gap that it goes by [OP unit].
+    pub size: R,
+    /// δ: what is left of share·size after the noise band [OP unit].
+    pub delta: R,
     /// Travel that counts against the budget, which an hour takes off again [OP unit].
     pub travel: R::Sum,
     /// Reversals that count against the budget.
     pub reversals: R::Sum,
     /// What it does, or why it does nothing.
     pub standing: Standing,
+}
+
+impl<R: Real> CompensationState<R> {
+    /// The width that stays uncompensated while it is in force: what the share leaves, and the noise band [OP unit].
+    pub fn left(&self) -> R {
+        (self.size - self.delta).greater(R::ZERO)
+    }
+
+    /// Goes on from the u_FF that is in effect, of which nothing is known: it is taken away.
+    pub(crate) fn begin_at(&mut self, u_ff: R) {
+        let half = u_ff.magnitude();
+        (self.u_ff, self.half, self.whole) = (u_ff.into(), half.into(), half);
+        (self.side, self.in_force) = (if u_ff < R::ZERO { -1 } else { 1 }, false);
+    }
 }
 
 impl<R: Real> Compensation<R> {
@@ -289,6 +387,7 @@ impl<R: Real> Compensation<R> {
         require("band", s.band, s.band >= zero, "0 or greater")?;
         require("rate", s.rate, s.rate > zero, "greater than 0 per second")?;
         require("release", s.release, s.release > zero, "greater than 0 s")?;
+        require("ramp", s.ramp, s.ramp >= zero, "0 s or greater")?;
         require("travel", s.travel, s.travel > zero, "greater than 0")?;
         require("reversals", s.reversals, s.reversals >= one + one, "2 or greater")?;
         require("watch", s.watch, s.watch > zero, "greater than 0 s")?;
@@ -308,6 +407,10 @@ impl<R: Real> Compensation<R> {
         let bad = sample.flags & BAD != 0 || !measurable(sample.e) || !measurable(sample.u);
         let timed = sample.h > R::ZERO && sample.h.is_number();
         let before = state.direction;
+        if sample.enable && state.standing == Standing::NotEnabled {
+            state.unfit = sample.offered.is_none();
+            state.pressed = sample.offered.unwrap_or(state.pressed);
+        }
         if timed {
             self.repay(state, sample.h);
             if !bad {
@@ -316,7 +419,7 @@ impl<R: Real> Compensation<R> {
         }
         let reversed = before != 0 && state.direction != before;
         let d_hat = sample.d_hat.filter(|d_hat| s.estimate && d_hat.is_number());
-        let goal = self.goal(state, sample.enable, d_hat);
+        let goal = self.goal(state, sample, d_hat);
         let mut standing = self.standing(state, sample, d_hat, bad, goal);
         if standing == Standing::Active && reversed {
             standing = self.pay(state, goal);
@@ -336,7 +439,7 @@ impl<R: Real> Compensation<R> {
             }
             let half = state.half.value();
             let old = state.u_ff;
-            state.u_ff.approach(if state.side < 0 { -half } else { half }, s.rate * sample.h);
+            state.u_ff.approach(if state.side < 0 { -half } else { half }, self.rate(state) * sample.h);
             state.travel.add(state.u_ff.since(old).magnitude());
             self.compare(state, sample);
         }
@@ -347,13 +450,21 @@ impl<R: Real> Compensation<R> {
     #[inline(always)]
     fn compare(&self, state: &mut CompensationState<R>, sample: &CompensationSample<R>) {
         let since = state.in_force;
-        if !since && (state.standing != Standing::NotEnabled || sample.flags != 0 || !measurable(sample.e + sample.u)) {
+        let by_estimate = self.settings.source == Source::Estimate;
+        let harm = if by_estimate { Harm { band: state.pressed / R::of(10.0), ..self.harm } } else { self.harm };
+        let unknown = by_estimate && state.pressed <= R::ZERO;
+        if !since
+            && (state.standing != Standing::NotEnabled
+                || sample.flags != 0
+                || unknown
+                || !measurable(sample.e + sample.u))
+        {
             return match state.standing {
-                Standing::NotEnabled => self.harm.begin(&mut state.harm, false),
-                _ => self.harm.interrupt(&mut state.harm),
+                Standing::NotEnabled => harm.begin(&mut state.harm, false),
+                _ => harm.interrupt(&mut state.harm),
             };
         }
-        let worse = self.harm.update(&mut state.harm, sample.e, sample.u + state.u_ff.value(), sample.h, since);
+        let worse = harm.update(&mut state.harm, sample.e, sample.u + state.u_ff.value(), sample.h, since);
         if worse && self.settings.withdraw && state.withdrawn.is_none() {
             state.withdrawn = Some(Standing::Worse);
         }
@@ -389,7 +500,7 @@ impl<R: Real> Compensation<R> {
         }
         state.low = state.low.lesser(u);
         state.high = state.high.greater(u);
-        let band = if s.way == Way::Inverse { s.band } else { R::ZERO };
+        let band = self.band(state);
         if state.direction <= 0 && u - state.low > band {
             (state.direction, state.low, state.high) = (1, u, u);
         } else if state.direction >= 0 && state.high - u > band {
@@ -397,19 +508,51 @@ impl<R: Real> Compensation<R> {
         }
     }
 
+    /// The width that the source gives.
+    #[inline(always)]
+    pub(crate) fn width(&self, state: &CompensationState<R>) -> R {
+        if self.settings.source == Source::Estimate { state.pressed } else { self.settings.size }
+    }
+
+    /// The noise band.
+    #[inline(always)]
+    fn band(&self, state: &CompensationState<R>) -> R {
+        let s = &self.settings;
+        match (s.way, s.source) {
+            (Way::Inverse, Source::Estimate) => s.band.greater(state.pressed / R::of(5.0)),
+            (Way::Inverse, _) => s.band,
+            _ => R::ZERO,
+        }
+    }
+
+    /// The rate of u_FF.
+    #[inline(always)]
+    fn rate(&self, state: &CompensationState<R>) -> R {
+        let s = &self.settings;
+        let delta = s.share * state.pressed;
+        if s.source == Source::Estimate && s.ramp > R::ZERO && delta > R::ZERO {
+            s.rate.lesser(delta / s.ramp)
+        } else {
+            s.rate
+        }
+    }
+
     /// Half of the width to compensate.
     #[inline(always)]
-    fn goal(&self, state: &mut CompensationState<R>, enable: bool, d_hat: Option<R>) -> R {
+    fn goal(&self, state: &mut CompensationState<R>, sample: &CompensationSample<R>, d_hat: Option<R>) -> R {
         let s = &self.settings;
-        if !enable {
+        if !sample.enable {
             state.d_hat = None;
+            // What it would be, were it enabled now.
+            state.pressed =
+                if state.u_ff.value() == R::ZERO { sample.offered.unwrap_or(R::ZERO) } else { state.pressed };
         } else if let Some(d_hat) = d_hat {
             state.d_hat = Some(state.d_hat.map_or(d_hat, |least| least.lesser(d_hat)));
         }
-        let size = state.d_hat.map_or(s.size, |d_hat| s.size.lesser(d_hat));
-        let band = if s.way == Way::Inverse { s.band } else { R::ZERO };
-        let delta = (s.share * size - band).greater(R::ZERO);
-        delta / R::of(2.0)
+        let size = self.width(state);
+        state.size = state.d_hat.map_or(size, |d_hat| size.lesser(d_hat));
+        state.delta = ((s.share * state.size).lesser(s.limit) - self.band(state)).greater(R::ZERO);
+        state.delta / R::of(2.0)
     }
 
     /// The first cause to do nothing.
@@ -427,6 +570,8 @@ impl<R: Real> Compensation<R> {
             state.withdrawn = None;
         } else if sample.over && self.settings.withdraw && state.withdrawn.is_none() {
             state.withdrawn = Some(Standing::OverCompensated);
+        } else if sample.hindered == Some(Standing::NotFollowed) && state.withdrawn.is_none() {
+            state.withdrawn = sample.hindered;
         }
         if !sample.enable {
             Standing::NotEnabled
@@ -436,6 +581,10 @@ impl<R: Real> Compensation<R> {
             Standing::BadQuality
         } else if let Some(withdrawn) = state.withdrawn {
             withdrawn
+        } else if let Some(hindered) = sample.hindered {
+            hindered
+        } else if self.settings.source == Source::Estimate && state.unfit {
+            Standing::NoEstimate
         } else if state.d_hat.is_some() && d_hat.is_none() {
             Standing::EstimateLost
         } else if sample.flags & (AT_LOW | AT_HIGH) != 0
@@ -487,24 +636,27 @@ mod tests {
         CompensationSettings {
             way,
             k: 1.0,
+            source: Source::Typed,
             size: 2.0,
             share: 1.0,
             limit: 5.0,
             band: 0.5,
             tf: 0.0,
             rate: 1e6,
+            ramp: 0.0,
             release: 1.0,
             watch: 1e6,
             travel: 1e6,
             reversals: 1e6,
             withdraw: true,
             estimate: true,
+            struck: false,
             limits: Saturation::new(-100.0, 100.0).unwrap(),
         }
     }
 
     fn sample(e: f64, u: f64) -> CompensationSample<f64> {
-        CompensationSample { e, u, h: 1.0, d_hat: None, over: false, enable: true, flags: 0 }
+        CompensationSample { e, u, h: 1.0, enable: true, ..CompensationSample::default() }
     }
 
     /// A block in force at +δ/2.
@@ -724,18 +876,21 @@ mod tests {
         let narrow = Compensation::<f32>::new(CompensationSettings {
             way: s.way,
             k: 1.0,
+            source: Source::Typed,
             size: 2.0,
             share: 1.0,
             limit: 5.0,
             band: 0.5,
             tf: 0.0,
             rate: 1e6,
+            ramp: 0.0,
             release: 1.0,
             watch: 1e6,
             travel: 1e6,
             reversals: 1e6,
             withdraw: true,
             estimate: true,
+            struck: false,
             limits: Saturation::new(-100.0, 100.0).unwrap(),
         })
         .unwrap();
@@ -743,10 +898,8 @@ mod tests {
         for i in 0_u16..200 {
             let u = f32::from(i % 7) * 0.375; // exact in both
             let x = wide.update(&mut a, &CompensationSample { h: 0.25, ..sample(0.0, u.into()) });
-            let y = narrow.update(
-                &mut b,
-                &CompensationSample { e: 0.0, u, h: 0.25, d_hat: None, over: false, enable: true, flags: 0 },
-            );
+            let y = narrow
+                .update(&mut b, &CompensationSample { u, h: 0.25, enable: true, ..CompensationSample::default() });
             assert!((x - f64::from(y)).abs() < 1e-5, "{x} and {y}");
         }
     }
@@ -774,6 +927,7 @@ mod tests {
                 over,
                 enable,
                 flags,
+                ..CompensationSample::default()
             })
     }
 

@@ -5,7 +5,8 @@ use crate::status::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO, Status, WRONG_SIGN};
 use crate::{
     Compensation, CompensationSample, CompensationSettings, CompensationState, Correction, CorrectionState, Detector,
     DetectorSettings, DetectorState, Estimate, MedianMean, MedianMeanState, OverCompensation, OverCompensationState,
-    OverWarning, ParameterError, Real, Reason, Record, Sample, Saturation, Sum, WrongSign, WrongSignState,
+    OverWarning, ParameterError, Real, Reason, Record, Sample, Saturation, Source, Standing, Sum, WrongSign,
+    WrongSignState,
 };
 
 /// So many half-periods in a row in which OP went against K tell that the detector was told the wrong sign: of those that are
@@ -19,6 +20,39 @@ const DISTURBED: u16 = Reason::Gap.bit()
     | Reason::NotAuto.bit()
     | Reason::Saturated.bit()
     | Reason::SpMoved.bit();
+
+/// Why the on-line estimate may not be compensated by. The first that holds, in this order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[repr(u8)]
+pub enum Unfit {
+    /// There is none yet.
+    NoDetection = 1,
+    /// A fit contradicts it.
+    Struck = 2,
+    /// There are fewer detections than the filter is long.
+    Provisional = 3,
+    /// It is below what noise can feign.
+    Noise = 4,
+    /// It was worked out with a Kp that is a default, or behind a filter of PV longer than Ti/2.
+    Crude = 5,
+}
+
+impl Unfit {
+    /// All of them, in order.
+    pub const ALL: [Self; 5] = [Self::NoDetection, Self::Struck, Self::Provisional, Self::Noise, Self::Crude];
+
+    /// The name used in every face of glapp.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::NoDetection => "no_detection",
+            Self::Struck => "struck",
+            Self::Provisional => "provisional",
+            Self::Noise => "noise",
+            Self::Crude => "crude",
+        }
+    }
+}
 
 /// Settings of a [`BacklashDetection`] (thesis 6.4).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -114,7 +148,8 @@ pub struct BacklashDetectionState<R: Real> {
     /// PV by which u_FF and the watch for the wrong sign go, where it is not what the detector's filter gives.
     beside: Option<R>,
     h: R,
-    u_ff: R,
+    /// The u_FF that the output in effect holds.
+    pub(super) u_ff: R,
 }
 
 impl<R: Real> Default for BacklashDetectionState<R> {
@@ -247,9 +282,50 @@ impl<R: Real> BacklashDetection<R> {
     #[inline(always)]
     pub fn backward(&self, state: &mut BacklashDetectionState<R>, back: Option<Backward<R>>) {
         let told = back.map_or(0, |back| back.flags & (AT_LOW | AT_HIGH | NOT_AUTO));
+        self.learn(state, told, back.map(|back| back.tracking), None);
+    }
+
+    /// Where the width to compensate comes from; none: there is no compensation.
+    pub fn source(&self) -> Option<Source> {
+        let settings = self.compensation.as_ref().map(|(compensation, _)| compensation.settings())?;
+        (settings.source != Source::Typed || settings.size > R::ZERO).then_some(settings.source)
+    }
+
+    /// The width that the source of compensation gives.
+    pub(super) fn width(&self, state: &BacklashDetectionState<R>) -> R {
+        self.compensation.as_ref().map_or(R::ZERO, |(compensation, _)| compensation.width(&state.compensation))
+    }
+
+    /// The on-line estimate of the whole gap where it may be compensated by; else why not.
+    pub fn may_compensate_by_estimate(&self, state: &BacklashDetectionState<R>) -> Result<R, Unfit> {
+        let whole = state.whole.ok_or(Unfit::NoDetection)?;
+        let struck = self.compensation.as_ref().is_some_and(|(compensation, _)| compensation.settings().struck);
+        if struck {
+            Err(Unfit::Struck)
+        } else if whole.count < self.detections.n() {
+            Err(Unfit::Provisional)
+        } else if state.shown().is_none() {
+            Err(Unfit::Noise)
+        } else if state.compensable().is_none() {
+            Err(Unfit::Crude)
+        } else {
+            Ok(whole.value)
+        }
+    }
+
+    /// Learns from the sample of this scan, with what is `told` of it, the output in effect where it is known, and what hinders
+    /// u_FF.
+    #[inline(always)]
+    pub(super) fn learn(
+        &self,
+        state: &mut BacklashDetectionState<R>,
+        told: Status,
+        output: Option<R>,
+        hindered: Option<Standing>,
+    ) {
         let flags = told | (state.sp.flags | state.pv.flags) & BAD;
         let (h, sp) = (state.h, state.sp.value);
-        let op = back.map(|back| back.tracking - state.u_ff);
+        let op = output.map(|output| output - state.u_ff);
         state.u_fb = op;
         if !state.due {
             self.correction.conclude(&mut state.correction);
@@ -281,15 +357,15 @@ impl<R: Real> BacklashDetection<R> {
             self.correction.end(&mut state.correction, record);
             (state.last, state.size) = (Some(*record), R::of(2.0) * state.compensation.half.value());
         }
-        if let (Some(back), Some(yf)) = (back, state.detector.observed()) {
-            self.correction.add(&mut state.correction, h, sp, yf, back.tracking);
+        if let (Some(output), Some(yf)) = (output, state.detector.observed()) {
+            self.correction.add(&mut state.correction, h, sp, yf, output);
         } else {
             self.correction.interrupt(&mut state.correction);
         }
         let yf = state.beside.unwrap_or(state.detector.filtered_pv());
-        if let (Some(sign), Some(back)) = (&self.sign, back) {
+        if let (Some(sign), Some(output)) = (&self.sign, output) {
             let gap = if h <= self.max_h { 0 } else { GAP };
-            sign.update(&mut state.sign, sp, yf, back.tracking, h, flags | gap);
+            sign.update(&mut state.sign, sp, yf, output, h, flags | gap);
         }
         let Some((compensation, _)) = &self.compensation else {
             if state.compensation.u_ff.value() != R::ZERO {
@@ -297,13 +373,16 @@ impl<R: Real> BacklashDetection<R> {
             }
             return;
         };
+        let by_estimate = compensation.settings().source == Source::Estimate;
         let sample = CompensationSample {
             e: sp - yf,
             u: op.unwrap_or(R::ZERO),
             h,
             d_hat: state.compensable().map(|whole| whole.value),
+            offered: if by_estimate { self.may_compensate_by_estimate(state).ok() } else { None },
             over: state.over.relay,
             enable: state.compensate && op.is_some(),
+            hindered,
             flags: if state.error() == 0 { flags } else { flags | AT_LOW | AT_HIGH },
         };
         compensation.update(&mut state.compensation, &sample);

@@ -233,14 +233,14 @@ impl<R: Real> PidAdvanced<R> {
         })
     }
 
-    /// The detection inside.
-    pub fn detection(&self) -> &BacklashDetection<R> {
-        &self.detection
-    }
-
     /// What it was made of.
     pub fn settings(&self) -> &PidAdvancedSettings<R> {
         &self.settings
+    }
+
+    /// The detection inside.
+    pub fn detection(&self) -> &BacklashDetection<R> {
+        &self.detection
     }
 
     /// As [`Pid::at_rest`].

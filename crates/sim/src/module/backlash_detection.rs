@@ -2,11 +2,15 @@
 
 use super::{Inputs, Is, Kind, MOST_INPUTS, Module, Place, Required, Told, Unknown, Work, compensation, open};
 use crate::SimError;
-use glapp_core::modules::{self, BacklashDetectionSettings, BacklashDetectionState};
+use glapp_core::modules::{
+    self, BacklashDetectionSettings, BacklashDetectionState, ForeignDetectionSettings, ForeignDetectionState, Read,
+};
+use glapp_core::status::{AT_HIGH, AT_LOW, BAD, NOT_AUTO, Status};
 use glapp_core::{Backward, DETECTIONS, DetectorSettings, Forward, ParameterError};
 
 pub(super) static KIND: Kind = Kind {
-    inputs: &["sp", "pv"],
+    inputs: &["sp", "pv", "op", "flags", "u_ff"],
+    optional: &["op", "flags", "u_ff"],
     may_end: true,
     parameters: &[
         &[
@@ -23,20 +27,36 @@ pub(super) static KIND: Kind = Kind {
             ("op_low", Unknown),
             ("op_high", Unknown),
             ("max_h", Unknown),
+            ("ff_delay", Is(1.0)),
+            ("ff_tolerance", Unknown),
+            ("ff_longest", Unknown),
         ],
         compensation::PARAMETERS,
     ],
     commands: &["compensate"],
     variables: &[&["error"], compensation::VARIABLES, compensation::INNER],
     ..Kind::plain("BacklashDetection", |m, place| {
-        let block = modules::BacklashDetection::new(settings(m, place)?)?;
-        Ok(Box::new(BacklashDetection { block, state: BacklashDetectionState::default() }))
+        Ok(if place.has(&KIND, "flags") {
+            let block = modules::ForeignDetection::new(foreign(m, place)?)?;
+            Box::new(Beside { block, place, state: ForeignDetectionState::default() })
+        } else {
+            let block = modules::BacklashDetection::new(settings(m, place)?)?;
+            Box::new(BacklashDetection { block, state: BacklashDetectionState::default() })
+        })
     })
 };
 
+/// Beside a controller of the graph.
 struct BacklashDetection {
     block: modules::BacklashDetection<f64>,
     state: BacklashDetectionState<f64>,
+}
+
+/// Beside one that is not ours.
+struct Beside {
+    block: modules::ForeignDetection<f64>,
+    place: Place,
+    state: ForeignDetectionState<f64>,
 }
 
 fn settings(m: &Module, place: Place) -> Result<BacklashDetectionSettings<f64>, ParameterError> {
@@ -56,6 +76,21 @@ fn settings(m: &Module, place: Place) -> Result<BacklashDetectionSettings<f64>, 
     Ok(BacklashDetectionSettings { detector, compensation: compensation::settings(m)? })
 }
 
+fn foreign(m: &Module, place: Place) -> Result<ForeignDetectionSettings<f64>, ParameterError> {
+    let usual = ForeignDetectionSettings::new(settings(m, place)?);
+    let delay = m.whole("ff_delay")?;
+    Ok(ForeignDetectionSettings { delay, tolerance: m.known("ff_tolerance"), longest: m.known("ff_longest"), ..usual })
+}
+
+fn named(block: &modules::BacklashDetection<f64>, state: &BacklashDetectionState<f64>, name: &str) -> Option<f64> {
+    match name {
+        "error" => Some(state.error().into()),
+        "tf" => Some(block.settings().detector.tf),
+        "max_h" => Some(block.settings().detector.max_h),
+        _ => compensation::read(block, state, name),
+    }
+}
+
 impl Work for BacklashDetection {
     fn forward(&mut self, &[sp, pv, ..]: &Inputs, h: f64) -> Forward<f64> {
         self.block.forward(&mut self.state, sp, pv, h)
@@ -73,12 +108,7 @@ impl Work for BacklashDetection {
     }
 
     fn get(&self, name: &str) -> Option<f64> {
-        match name {
-            "error" => Some(self.state.error().into()),
-            "tf" => Some(self.block.settings().detector.tf),
-            "max_h" => Some(self.block.settings().detector.max_h),
-            _ => compensation::read(&self.block, &self.state, name),
-        }
+        named(&self.block, &self.state, name)
     }
 
     fn command(&mut self, _compensate: &str, value: f64) -> Result<(), ParameterError> {
@@ -91,6 +121,43 @@ impl Work for BacklashDetection {
 
     fn reset_detection(&mut self) -> bool {
         self.state.reset();
+        true
+    }
+}
+
+/// A sum of flags; what is none is a bad value.
+fn status(told: Forward<f64>) -> Status {
+    let flags = told.value as Status;
+    let known = flags & !(NOT_AUTO | BAD | AT_LOW | AT_HIGH) == 0 && f64::from(flags) == told.value;
+    if told.is_good() && known { flags } else { BAD }
+}
+
+impl Work for Beside {
+    fn forward(&mut self, &[sp, pv, op, flags, u_ff]: &Inputs, h: f64) -> Forward<f64> {
+        let connected = |input, value| self.place.has(&KIND, input).then_some(value);
+        let read = Read { op: connected("op", op), flags: status(flags), u_ff: connected("u_ff", u_ff) };
+        self.block.update(&mut self.state, sp, pv, &read, h)
+    }
+
+    fn backward(&mut self, _back: Option<Backward<f64>>) -> Told {
+        [open(); MOST_INPUTS]
+    }
+
+    fn change(&mut self, to: &Module, place: Place) -> Result<(), SimError> {
+        self.block = modules::ForeignDetection::new(foreign(to, place)?)?;
+        Ok(())
+    }
+
+    fn get(&self, name: &str) -> Option<f64> {
+        named(self.block.detection(), &self.state.detection, name)
+    }
+
+    fn command(&mut self, _compensate: &str, value: f64) -> Result<(), ParameterError> {
+        compensation::compensate(&mut self.state.detection, value)
+    }
+
+    fn reset_detection(&mut self) -> bool {
+        self.state.detection.reset();
         true
     }
 }

@@ -2,11 +2,13 @@
 
 use super::{Is, Module, Parameter, Unknown, switch};
 use glapp_core::modules::{self, BacklashDetection, BacklashDetectionState};
-use glapp_core::{CompensationSettings, ParameterError, Way};
+use glapp_core::{CompensationSettings, ParameterError, Source, Way};
 
-/// Those of [`CompensationSettings`]; a size of 0: there is none.
+/// Those of [`CompensationSettings`]; neither a source nor a size: there is none.
 pub(super) const PARAMETERS: &[Parameter] = &[
     ("comp_size", Is(0.0)),
+    ("comp_fitted", Unknown),
+    ("comp_source", Unknown),
     ("comp_way", Is(3.0)),
     ("comp_share", Is(1.0)),
     ("comp_limit", Unknown),
@@ -21,8 +23,23 @@ pub(super) const PARAMETERS: &[Parameter] = &[
     ("comp_estimate", Is(1.0)),
 ];
 
-pub(super) const VARIABLES: &[&str] =
-    &["d", "reason", "d_hat", "noise_floor", "count", "detections", "whole", "u_ff", "standing", "over"];
+pub(super) const VARIABLES: &[&str] = &[
+    "d",
+    "reason",
+    "d_hat",
+    "noise_floor",
+    "count",
+    "detections",
+    "whole",
+    "u_ff",
+    "standing",
+    "over",
+    "source",
+    "unfit",
+    "size",
+    "delta",
+    "left",
+];
 
 /// The inner variables, as the core has them.
 pub(super) const INNER: &[&str] = &{
@@ -36,15 +53,33 @@ pub(super) const INNER: &[&str] = &{
 };
 
 pub(super) fn settings(m: &Module) -> Result<Option<CompensationSettings<f64>>, ParameterError> {
-    let size = m.value("comp_size");
-    if size == 0.0 {
-        return Ok(None);
-    }
+    let (typed, fitted) = (m.value("comp_size"), m.known("comp_fitted"));
+    let sources = Source::ALL.map(|source| (f64::from(source as u8), source));
+    let named = || m.one_of("comp_source", &sources, "1 (typed), 2 (fitted) or 3 (estimate)");
+    let named = m.known("comp_source").map(|_| named()).transpose()?;
+    let source = named.unwrap_or(if fitted.is_some() { Source::Fitted } else { Source::Typed });
+    let size = match (source, fitted) {
+        (Source::Typed, _) if typed == 0.0 => return Ok(None),
+        (Source::Typed, _) => typed,
+        (Source::Estimate, _) => 0.0,
+        (Source::Fitted, Some(fitted)) => fitted,
+        (Source::Fitted, None) => {
+            let bound = "given where comp_source is 2 (fitted): the lower limit of the fit";
+            return Err(ParameterError { name: "comp_fitted", value: f64::NAN, bound });
+        }
+    };
     let ways = Way::ALL.map(|way| (f64::from(way as u8), way));
     let way = m.one_of("comp_way", &ways, "1 (error), 2 (derivative) or 3 (inverse)")?;
-    let usual = CompensationSettings::new(way, m.value("k"), m.value("ti"), size, m.value("comp_share"));
+    let (k, ti, share) = (m.value("k"), m.value("ti"), m.value("comp_share"));
+    let usual = match source {
+        Source::Estimate => CompensationSettings::by_estimate(way, k, ti, share),
+        _ => CompensationSettings::new(way, k, ti, size, share),
+    };
     let or = |name, usual: f64| m.known(name).unwrap_or(usual);
     Ok(Some(CompensationSettings {
+        source,
+        // A fit that found no gap.
+        struck: fitted == Some(0.0),
         limit: or("comp_limit", usual.limit),
         band: or("comp_band", usual.band),
         tf: m.value("comp_tf"),
@@ -62,7 +97,7 @@ pub(super) fn settings(m: &Module) -> Result<Option<CompensationSettings<f64>>, 
 /// Refuses to take a compensation out of the settings while it is in force: it would be gone with a bump.
 pub(super) fn not_taken_away(to: &Module, state: &BacklashDetectionState<f64>) -> Result<(), ParameterError> {
     let value = to.value("comp_size");
-    if value == 0.0 && state.compensation.u_ff != 0.0 {
+    if settings(to)?.is_none() && state.compensation.u_ff != 0.0 {
         let bound = "greater than 0 while it compensates: set compensate to 0 first";
         return Err(ParameterError { name: "comp_size", value, bound });
     }
@@ -72,7 +107,7 @@ pub(super) fn not_taken_away(to: &Module, state: &BacklashDetectionState<f64>) -
 /// What is shown, an inner variable, or a setting that has a default, as it is in force.
 pub(super) fn read(block: &BacklashDetection<f64>, state: &BacklashDetectionState<f64>, name: &str) -> Option<f64> {
     let in_force = || block.settings().compensation.and_then(|settings| in_force(&settings, name));
-    named(state, name).or_else(|| block.read(state, name)).or_else(in_force)
+    named(block, state, name).or_else(|| block.read(state, name)).or_else(in_force)
 }
 
 fn in_force(settings: &CompensationSettings<f64>, name: &str) -> Option<f64> {
@@ -88,7 +123,7 @@ fn in_force(settings: &CompensationSettings<f64>, name: &str) -> Option<f64> {
     }
 }
 
-fn named(state: &BacklashDetectionState<f64>, name: &str) -> Option<f64> {
+fn named(block: &BacklashDetection<f64>, state: &BacklashDetectionState<f64>, name: &str) -> Option<f64> {
     let shown = || state.detector.shown();
     match name {
         "d" => Some(state.last.map_or(f64::NAN, |last| last.parts.d)),
@@ -101,6 +136,11 @@ fn named(state: &BacklashDetectionState<f64>, name: &str) -> Option<f64> {
         "u_ff" => Some(state.compensation.u_ff),
         "standing" => Some(f64::from(state.compensation.standing as u8)),
         "over" => Some(f64::from(u8::from(state.over.even) + 2 * u8::from(state.over.relay))),
+        "source" => Some(block.source().map_or(0.0, |source| f64::from(source as u8))),
+        "unfit" => Some(block.may_compensate_by_estimate(state).err().map_or(0.0, |unfit| f64::from(unfit as u8))),
+        "size" => Some(state.compensation.size),
+        "delta" => Some(state.compensation.delta),
+        "left" => Some(state.compensation.left()),
         "compensate" => Some(f64::from(u8::from(state.compensate))),
         _ => None,
     }

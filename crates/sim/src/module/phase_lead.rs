@@ -28,7 +28,7 @@ impl Work for PhaseLead {
     }
 
     fn backward(&mut self, back: Option<Backward<f64>>) -> Told {
-        [self.block.backward(&mut self.state, back.unwrap_or_default()), open(), open(), open()]
+        [self.block.backward(&mut self.state, back.unwrap_or_default()), open(), open(), open(), open()]
     }
 
     fn change(&mut self, to: &Module, _place: Place) -> Result<(), SimError> {

@@ -47,7 +47,7 @@ struct Pid {
 
 /// Where a setpoint is connected, it begins with that.
 pub(super) fn mode(place: Place) -> Mode {
-    if place.external { Mode::External } else { Mode::Auto }
+    if place.connected[1] { Mode::External } else { Mode::Auto }
 }
 
 pub(super) fn settings(m: &Module) -> PidSettings<f64> {
@@ -94,13 +94,13 @@ pub(super) fn commanded(state: &mut PidState<f64>, name: &str, value: f64) -> Re
 }
 
 impl Work for Pid {
-    fn forward(&mut self, &[pv, sp, ff, _]: &Inputs, h: f64) -> Forward<f64> {
+    fn forward(&mut self, &[pv, sp, ff, ..]: &Inputs, h: f64) -> Forward<f64> {
         self.block.forward(&mut self.state, pv, sp, ff, h)
     }
 
     fn backward(&mut self, back: Option<Backward<f64>>) -> Told {
         let (sp, ff) = self.block.backward(&mut self.state, back.unwrap_or_default());
-        [open(), sp, ff, open()]
+        [open(), sp, ff, open(), open()]
     }
 
     fn change(&mut self, to: &Module, _place: Place) -> Result<(), SimError> {

@@ -120,13 +120,13 @@ fn settings(m: &Module) -> Result<PidAdvancedSettings<f64>, ParameterError> {
 }
 
 impl Work for PidAdvanced {
-    fn forward(&mut self, &[pv, sp, ff, by]: &Inputs, h: f64) -> Forward<f64> {
+    fn forward(&mut self, &[pv, sp, ff, by, ..]: &Inputs, h: f64) -> Forward<f64> {
         self.block.forward(&mut self.state, pv, sp, ff, by, h)
     }
 
     fn backward(&mut self, back: Option<Backward<f64>>) -> Told {
         let (sp, ff) = self.block.backward(&mut self.state, back.unwrap_or_default());
-        [open(), sp, ff, open()]
+        [open(), sp, ff, open(), open()]
     }
 
     fn change(&mut self, to: &Module, _place: Place) -> Result<(), SimError> {

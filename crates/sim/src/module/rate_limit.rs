@@ -36,7 +36,7 @@ impl Work for RateLimit {
         if !self.told {
             return passed(back);
         }
-        [self.block.backward(&self.state, self.last, back.unwrap_or_default()), open(), open(), open()]
+        [self.block.backward(&self.state, self.last, back.unwrap_or_default()), open(), open(), open(), open()]
     }
 
     fn change(&mut self, to: &Module, _place: Place) -> Result<(), SimError> {

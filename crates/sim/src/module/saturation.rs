@@ -25,7 +25,7 @@ impl Work for Saturation {
     }
 
     fn backward(&mut self, back: Option<Backward<f64>>) -> Told {
-        [self.block.backward(self.last, back.unwrap_or_default()), open(), open(), open()]
+        [self.block.backward(self.last, back.unwrap_or_default()), open(), open(), open(), open()]
     }
 
     fn change(&mut self, to: &Module, _place: Place) -> Result<(), SimError> {

@@ -25,7 +25,7 @@ impl Work for Sum {
             let Backward { low, high, flags, tracking } = told;
             Backward { low: low - other, high: high - other, flags, tracking: tracking - other }
         };
-        [beside(self.last[1]), beside(self.last[0]), open(), open()]
+        [beside(self.last[1]), beside(self.last[0]), open(), open(), open()]
     }
 
     fn change(&mut self, _to: &Module, _place: Place) -> Result<(), SimError> {

@@ -24,6 +24,7 @@ NUMBERED = {
     "stops": "Why it was broken off",
     "rules": "Which controller the autotuner in a controller offers",
     "doubts": "Why there is no corrected width",
+    "parameters": "Parameters, as a controller's `ErrorID` names one that is out of bounds",
 }
 
 

@@ -15,7 +15,7 @@ use glapp_core::modules::{
 use glapp_core::status::FLAGS;
 use glapp_core::{
     AutoTuner, AutoTunerSettings, Compensation, CompensationSettings, Conditions, Detector, DetectorSettings, Doubt,
-    KP_DEFAULT, ParameterError, PhaseLead, Reason, Source, Standing, Way,
+    KP_DEFAULT, PARAMETERS, ParameterError, PhaseLead, Reason, Source, Standing, Way,
 };
 use serde_json::{Map, Value, json};
 
@@ -47,6 +47,7 @@ pub fn text() -> String {
         "doubts": numbered(Doubt::ALL.iter().map(|d| (d.name(), *d as u64))),
         "stops": numbered(Stop::ALL.iter().map(|s| (s.name(), *s as u64))),
         "rules": numbered(Rule::ALL.iter().map(|r| (r.name(), *r as u64))),
+        "parameters": numbered(PARAMETERS.iter().zip(1..).map(|(name, number)| (*name, number))),
         "verdicts": Verdict::ALL.map(Verdict::name),
         "lost_motions": LostMotion::ALL.map(LostMotion::name),
         "origins": Origin::ALL.map(Origin::name),

@@ -12,6 +12,62 @@ pub struct ParameterError {
     pub bound: &'static str,
 }
 
+/// The parameters' names in the order of their numbers, which begin at 1. A name that goes keeps its place: controllers show the
+/// number (`ErrorID`).
+pub const PARAMETERS: [&str; 39] = [
+    "k",
+    "ti",
+    "td",
+    "b",
+    "kp",
+    "tf",
+    "n",
+    "max_h",
+    "op_low",
+    "op_high",
+    "op_span",
+    "h",
+    "pv_span",
+    "size",
+    "share",
+    "limit",
+    "band",
+    "rate",
+    "release",
+    "travel",
+    "reversals",
+    "watch",
+    "c",
+    "low",
+    "high",
+    "amplitude",
+    "hysteresis",
+    "d",
+    "wait",
+    "longest",
+    "pv_low",
+    "pv_high",
+    "lead",
+    "lag",
+    "detector_tf",
+    "sp_rate",
+    "ramp",
+    "delay",
+    "tolerance",
+];
+
+impl ParameterError {
+    /// The parameter's number in [`PARAMETERS`]; none where it has none.
+    ///
+    /// ```
+    /// let error = glapp_core::MedianMean::new(4).unwrap_err();
+    /// assert_eq!((error.name, error.number()), ("n", Some(7)));
+    /// ```
+    pub fn number(&self) -> Option<u16> {
+        (1..).zip(PARAMETERS).find(|(_, name)| *name == self.name).map(|(number, _)| number)
+    }
+}
+
 /// Gives `value` back, or the error that names it, unless `holds`.
 pub(crate) fn require<R: crate::Real>(
     name: &'static str,

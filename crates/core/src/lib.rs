@@ -18,7 +18,7 @@ mod tune;
 pub use compensate::*;
 pub use control::*;
 pub use detect::*;
-pub use error::ParameterError;
+pub use error::{PARAMETERS, ParameterError};
 pub use modules::{Backward, Forward};
 pub use real::Real;
 pub use signal::*;

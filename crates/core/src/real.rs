@@ -33,7 +33,8 @@ pub trait Real:
     const ONE: Self;
     /// The largest finite number; a comparison with it finds NaN and infinity alike.
     const LARGEST: Self;
-    /// A number beyond which nothing is a measurement; below it the integrals of a half-period stay finite.
+    /// A number beyond which nothing is a measurement; below it the integrals of a half-period stay finite. Literals of this size
+    /// can be written for every controller: some compilers read them in 32 bits.
     const MOST: Self;
 
     /// The nearest number to `x`.
@@ -92,4 +93,4 @@ macro_rules! real {
 }
 
 real!(f32, Carried, 1e12);
-real!(f64, f64, 1e100);
+real!(f64, f64, 1e30);

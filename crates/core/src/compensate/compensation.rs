@@ -294,7 +294,7 @@ pub struct CompensationSample<R> {
 /// the whole, nor a minute more than the half. Before every reversal, the way there and the way back to 0 must be left, or
 /// it is withdrawn. In manual u_FF takes part in neither.
 ///
-/// A sample that is no number, or beyond 10¹⁰⁰ (`f32`: 10¹²), counts as bad; a step h that is not above 0 changes nothing but how it stands.
+/// A sample that is no number, or beyond 10³⁰ (`f32`: 10¹²), counts as bad; a step h that is not above 0 changes nothing but how it stands.
 ///
 /// ```
 /// use glapp_core::{Compensation, CompensationSample, CompensationSettings, CompensationState, Saturation, Way};

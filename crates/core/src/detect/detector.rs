@@ -71,7 +71,7 @@ impl<R: Real> Record<R> {
 /// - the first sample, a step h that is negative or longer than `max_h`: a *gap*. The half-period under way ends with
 ///   that reason; what follows starts the filter anew, and carries the reason until the next crossing.
 /// - a bad flag, or a value that is not a finite number: likewise, with *bad quality*; the value is not used. What
-///   follows starts at the next good one. An error or OP beyond 10¹⁰⁰ (`f32`: 10¹²), and
+///   follows starts at the next good one. An error or OP beyond 10³⁰ (`f32`: 10¹²), and
 ///   whatever else makes a number overflow, counts as bad.
 /// - h = 0, a repeated time: the sample is passed over, only its flags count.
 /// - not in automatic, at a limit: the half-period goes on and is rejected.

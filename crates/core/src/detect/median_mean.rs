@@ -80,8 +80,15 @@ impl MedianMean {
 
     /// Takes one detection; gives the estimate and how many detections stand behind it.
     pub fn update<R: Real>(&self, state: &mut MedianMeanState<R>, detection: R) -> Estimate<R> {
-        // A state restored from elsewhere may hold a place beyond this window.
-        let place = if state.next < self.n { state.next } else { 0 };
+        // While the window is not full the next place lies behind the last; where N has grown on the way, or a state comes from
+        // elsewhere, `next` may point into the window, or beyond it.
+        let place = if state.count < self.n {
+            state.count
+        } else if state.next < self.n {
+            state.next
+        } else {
+            0
+        };
         state.window[usize::from(place)] = detection;
         state.next = place + 1;
         state.count = state.count.saturating_add(1).min(self.n);
@@ -117,4 +124,22 @@ fn estimate<R: Real>(detections: &[R]) -> Estimate<R> {
     }
     result.value = if result.kept == 0 { median } else { result.value / R::of(f64::from(result.kept)) };
     result
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Where N had grown, the window took a place that never held a detection for one of 0.
+    #[test]
+    fn a_window_that_grows_holds_detections_only() {
+        let (short, long) = (MedianMean::new(3).unwrap(), MedianMean::new(5).unwrap());
+        let mut state = MedianMeanState::default();
+        for d in [2.0, 2.1, 1.9, 2.0] {
+            short.update(&mut state, d);
+        }
+        let estimate = long.update(&mut state, 2.0);
+        assert_eq!((estimate.kept, estimate.count, estimate.low), (4, 4, 1.9));
+        assert_eq!(short.update(&mut state, 2.0).count, 3);
+    }
 }

@@ -1,0 +1,14 @@
+#![doc = include_str!("../README.md")]
+
+mod first;
+mod library;
+mod lint;
+mod page;
+mod run;
+mod second;
+mod tree;
+
+pub use library::{Build, Library, Value, Way, sources};
+pub use page::pins;
+pub use run::Instance;
+pub use tree::Fault;

@@ -1,0 +1,197 @@
+//! Blocks of the library beside those of the core, and what both are fed with.
+#![allow(dead_code, missing_docs)] // each test file uses its part
+
+pub mod blocks;
+pub mod detector;
+
+use glapp_core::{DetectorState, Real};
+use glapp_plc_check::{Build, Instance, Library};
+use serde_json::Value;
+use std::cell::RefCell;
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+use std::sync::OnceLock;
+
+pub fn folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+/// `f64` and `LREAL`, or `f32` and `REAL`.
+pub trait Number: Real {
+    const BUILD: Build;
+    /// A step in which anything that moves has no finite derivative.
+    const SHORTEST: f64;
+    fn library() -> &'static Library;
+    /// The detector after a power cut: its detections, the rest as after a gap.
+    fn restarted(state: &DetectorState<Self>) -> DetectorState<Self>;
+}
+
+macro_rules! number {
+    ($float:ty, $build:expr, $shortest:expr) => {
+        impl Number for $float {
+            const BUILD: Build = $build;
+            const SHORTEST: f64 = $shortest;
+
+            fn library() -> &'static Library {
+                static LIBRARY: OnceLock<Library> = OnceLock::new();
+                LIBRARY.get_or_init(|| Library::read(&folder(), $build).unwrap_or_else(|e| panic!("{e}")))
+            }
+
+            fn restarted(state: &DetectorState<Self>) -> DetectorState<Self> {
+                let mut saved = serde_json::to_value(state).unwrap();
+                let fresh = serde_json::to_value(DetectorState::<Self>::default()).unwrap();
+                saved["signal"] = fresh["signal"].clone();
+                saved["memory"]["previous_delta_y"] = Value::Null;
+                serde_json::from_value(saved).unwrap()
+            }
+        }
+    };
+}
+
+number!(f64, Build::Lreal, 5e-324);
+number!(f32, Build::Real, 1e-45);
+
+/// An instance that panics with the reason where the run stops.
+#[derive(Clone)]
+pub struct Block(pub Rc<RefCell<Instance<'static>>>);
+
+impl Block {
+    pub fn new<R: Number>(name: &str) -> Self {
+        Self(Rc::new(RefCell::new(Instance::new(R::library(), name).unwrap_or_else(|e| panic!("{e}")))))
+    }
+
+    pub fn set(&self, pin: &str, value: f64) {
+        self.0.borrow_mut().set(pin, value).unwrap_or_else(|e| panic!("{e}"));
+    }
+
+    pub fn set_all(&self, pins: &[(&str, f64)]) {
+        for (pin, value) in pins {
+            self.set(pin, *value);
+        }
+    }
+
+    /// Sets `HasX`, and X where it is there.
+    pub fn option(&self, pin: &str, value: Option<f64>) {
+        self.set(&format!("Has{pin}"), f64::from(value.is_some()));
+        if let Some(value) = value {
+            self.set(pin, value);
+        }
+    }
+
+    pub fn call(&self) {
+        self.0.borrow_mut().call().unwrap_or_else(|e| panic!("{e}"));
+    }
+
+    pub fn get(&self, pin: &str) -> f64 {
+        self.0.borrow().get(pin).unwrap_or_else(|e| panic!("{e}"))
+    }
+
+    pub fn all(&self, pins: &[&str]) -> Vec<f64> {
+        pins.iter().map(|pin| self.get(pin)).collect()
+    }
+
+    pub fn on(&self, pin: &str) -> bool {
+        self.get(pin) != 0.0
+    }
+
+    /// The number, or NaN where `has` is FALSE.
+    pub fn given(&self, has: &str, pin: &str) -> f64 {
+        if self.on(has) { self.get(pin) } else { f64::NAN }
+    }
+}
+
+/// A row of inputs and the time before it in, a row of outputs out.
+pub type Scan = Box<dyn FnMut(&[f64], f64) -> Option<Vec<f64>>>;
+
+/// Parameters of a case, and its inputs with the time before each.
+pub struct Case {
+    pub name: String,
+    pub params: Value,
+    pub input: Vec<(f64, Vec<f64>)>,
+    /// Where the vectors have it.
+    pub output: Option<Vec<Value>>,
+}
+
+impl Case {
+    pub fn param(&self, name: &str) -> Option<f64> {
+        self.params.get(name).and_then(Value::as_f64)
+    }
+
+    pub fn given(&self, name: &str) -> f64 {
+        self.param(name).unwrap_or_else(|| panic!("{}: no {name}", self.name))
+    }
+}
+
+/// The cases of a file in `vectors/`; null is not a number.
+pub fn cases(block: &str) -> Vec<Case> {
+    let text = std::fs::read_to_string(folder().join(format!("../vectors/{block}.json"))).expect("a file");
+    let file: Value = serde_json::from_str(&text).expect("JSON");
+    let number = |value: &Value| value.as_f64().unwrap_or(f64::NAN);
+    let row = |value: &Value| value.as_array().map_or(vec![number(value)], |row| row.iter().map(number).collect());
+    let of = |case: &Value| {
+        let input = case["input"].as_array().expect("an array");
+        let h = |i: usize| case["h"].as_array().map_or(number(&case["h"]), |steps| number(&steps[i]));
+        Case {
+            name: format!("{block} {}", case["id"]),
+            params: case["params"].clone(),
+            input: input.iter().enumerate().map(|(i, value)| (h(i), row(value))).collect(),
+            output: case["output"].as_array().cloned(),
+        }
+    };
+    file["cases"].as_array().expect("cases").iter().map(of).collect()
+}
+
+/// Whether two rows are the same to the bit; what is not a number stands for nothing.
+pub fn same(a: &[f64], b: &[f64]) -> bool {
+    a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.to_bits() == b.to_bits() || (a.is_nan() && b.is_nan()))
+}
+
+/// Runs both beside each other.
+pub fn compare(case: &Case, mut core: Scan, mut block: Scan, with_vectors: bool) {
+    for (i, (h, x)) in case.input.iter().enumerate() {
+        let (expected, got) = (core(x, *h), block(x, *h));
+        let agree = match (&expected, &got) {
+            (Some(expected), Some(got)) => same(expected, got),
+            (expected, got) => expected.is_none() && got.is_none(),
+        };
+        assert!(agree, "{}, scan {i}: {got:?} instead of {expected:?} for {x:?}, {h}", case.name);
+        if let (true, Some(output), Some(got)) = (with_vectors, &case.output, &got) {
+            let number = |value: &Value| value.as_f64().unwrap_or(f64::NAN);
+            let row = output[i].as_array().map_or(vec![number(&output[i])], |row| row.iter().map(number).collect());
+            assert!(same(&row, got), "{}, scan {i}: {got:?} instead of {row:?}", case.name);
+        }
+    }
+}
+
+/// Numbers that are drawn, the same at every run (xorshift).
+pub struct Draw(u64);
+
+impl Draw {
+    pub fn new(seed: u64) -> Self {
+        Self(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1)
+    }
+
+    fn next(&mut self) -> u64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        self.0
+    }
+
+    /// 0 to 1.
+    pub fn unit(&mut self) -> f64 {
+        (self.next() >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    pub fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.unit()
+    }
+
+    pub fn chance(&mut self, share: f64) -> bool {
+        self.unit() < share
+    }
+
+    pub fn of<T: Copy>(&mut self, all: &[T]) -> T {
+        all[(self.next() >> 20) as usize % all.len()]
+    }
+}

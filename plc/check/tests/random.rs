@@ -1,0 +1,300 @@
+//! Random sequences, good and bad settings and inputs: the library's blocks beside the core's, the same bits in LREAL and REAL.
+//!
+//! `GLAPP_SEQUENCES=10000 cargo test -p glapp-plc-check --test random -- --nocapture` runs ten thousand of each and tells
+//! what a scan costs.
+
+mod common;
+
+use common::blocks::{BLOCKS, core, library};
+use common::detector::{Loop, Pins, Reference, scan};
+use common::{Block, Case, Draw, Number, compare, folder, same};
+use glapp_core::Conditions;
+use glapp_plc_check::{Build, Instance, Library, sources};
+use serde_json::json;
+use std::cell::RefCell;
+use std::rc::Rc;
+
+fn sequences() -> u64 {
+    std::env::var("GLAPP_SEQUENCES").map_or(200, |count| count.parse().expect("a number of sequences"))
+}
+
+/// A case of a block, drawn.
+fn drawn(block: &str, draw: &mut Draw) -> Case {
+    let d = draw;
+    let params = match block {
+        "filter" => json!({ "tf": d.of(&[0.0, 0.1, 1.0, 1e6]) }),
+        "median_mean" => json!({ "n": d.of(&[1, 3, 5, 9, 31]) }),
+        "width" | "safety_net" => {
+            let mut params =
+                json!({ "k": d.of(&[0.5, -0.5, 3.0, 1e-3]), "ti": d.between(0.1, 5.0), "b": d.of(&[0.0, 0.3, 1.0]) });
+            for (name, value) in
+                [("td", 0.0), ("td", d.between(0.0, 2.0)), ("kp", d.between(-2.0, 2.0)), ("op_span", 5.0)]
+            {
+                if d.chance(0.4) {
+                    params[name] = value.into();
+                }
+            }
+            if d.chance(0.5) {
+                params[d.of(&Conditions::NAMES)] = 0.into();
+            }
+            params
+        }
+        _ => json!({}),
+    };
+    let (scale, walk, mut level) = (d.of(&[1.0, 1e-6, 1e6]), d.chance(0.5), 0.0);
+    let grid = d.of(&[0.0, 0.0, 0.1, 0.5]);
+    let input = (0..120).map(|_| {
+        level = if walk { level + d.between(-0.3, 0.3) } else { d.between(-1.0, 1.0) };
+        if grid > 0.0 {
+            level = (level / grid).round() * grid;
+        }
+        let x = level * scale;
+        let h = d.of(&[0.1, 0.1, 0.1, 0.25, 0.0]);
+        let or_nan = |d: &mut Draw, x: f64, share: f64| if d.chance(share) { f64::NAN } else { x };
+        let row = match block {
+            "zero_crossing" => vec![d.of(&[x, x, 0.0, -0.0, f64::NAN])],
+            "noise_level" => vec![or_nan(d, x, 0.03)],
+            "half_period" => {
+                let flags = if d.chance(0.1) { d.of(&[1.0, 2.0, 4.0, 8.0, 16.0, 31.0]) } else { 0.0 };
+                let crossed = f64::from(u8::from(d.chance(0.2)));
+                vec![x, d.between(-1.0, 1.0), d.between(-1.0, 1.0), d.between(-1.0, 1.0), flags, crossed]
+            }
+            "width" => {
+                let op = d.between(-2.0, 2.0);
+                let op = or_nan(d, op, 0.5);
+                vec![
+                    d.of(&[1.0, -1.0, 0.0]),
+                    d.between(0.0, 50.0),
+                    x.abs(),
+                    d.between(-1.0, 1.0),
+                    d.between(-1.0, 1.0),
+                    op,
+                ]
+            }
+            "safety_net" => {
+                let flags = if d.chance(0.2) { d.of(&[1.0, 2.0, 4.0, 8.0, 16.0, 31.0]) } else { 0.0 };
+                let y = x.abs();
+                let previous = d.of(&[y, 1.4 * y, 1.5 * y, 0.5 * y, 0.6 * y, 2.0 * y, f64::NAN]);
+                let e_max = y * d.of(&[1.0, 1.5, 2.0, 3.0]);
+                let sp = y * d.of(&[0.0, 0.5, 1.0, 2.0]);
+                let d_hat = d.between(0.0, 20.0);
+                let d_hat = or_nan(d, d_hat, 0.3);
+                vec![flags, d.between(0.0, 60.0), y, e_max, sp, d.between(0.0, 10.0), previous, d_hat]
+            }
+            _ => vec![x],
+        };
+        (h, row)
+    });
+    let input = input.collect();
+    Case { name: block.to_owned(), params, input, output: None }
+}
+
+/// Operations of each scan: their sum, the most, and how many scans.
+#[derive(Default)]
+struct Cost {
+    sum: u64,
+    most: u64,
+    scans: u64,
+}
+
+impl Cost {
+    fn count(&mut self, operations: u64) {
+        self.sum += operations;
+        self.most = self.most.max(operations);
+        self.scans += 1;
+    }
+
+    fn tell<R: Number>(&self, name: &str) {
+        let bytes = R::library().bytes(name).unwrap();
+        let mean = self.sum as f64 / self.scans as f64;
+        println!("{name} {:?}: {mean:.0} operations a scan, {} at most, {bytes} bytes", R::BUILD, self.most);
+    }
+}
+
+fn collect(taken: &mut [bool], block: &Block) {
+    for (all, one) in taken.iter_mut().zip(block.0.borrow().taken()) {
+        *all |= one;
+    }
+}
+
+fn all<R: Number>() {
+    let mut taken = vec![false; R::library().ways.len()];
+    for name in BLOCKS {
+        let cost = Rc::new(RefCell::new(Cost::default()));
+        let mut of = String::new();
+        for seed in 0..sequences() {
+            let case = drawn(name, &mut Draw::new(seed + 1));
+            let (mut scan, block) = library::<R>(name, &case);
+            let counted = block.clone();
+            let (mut before, costs) = (0, cost.clone());
+            let scan = move |x: &[f64], h: f64| {
+                let row = scan(x, h);
+                let now = counted.0.borrow().operations();
+                costs.borrow_mut().count(now - before);
+                before = now;
+                row
+            };
+            compare(&case, core::<R>(name, &case), Box::new(scan), false);
+            collect(&mut taken, &block);
+            of = block.0.borrow().name().to_owned();
+        }
+        cost.borrow().tell::<R>(&of);
+    }
+    detectors::<R>(&mut taken);
+    long_noise::<R>(&mut taken);
+    extremes::<R>(&mut taken);
+    another_version::<R>(&mut taken);
+    // What no sequence gets to: the ends of counters of 32 bits; and a noise floor without end, which has a test of its own.
+    let text = |pou: &str| std::fs::read_to_string(folder().join(format!("{}.st", &pou["Glapp".len()..]))).unwrap();
+    for (way, taken) in R::library().ways.iter().zip(&taken) {
+        let source = text(&way.pou);
+        let line = source.lines().nth(way.line - 1).unwrap();
+        let never = (line.contains("2147483647") || way.pou == "GlappNoiseFloor") && way.branch == 1;
+        assert!(*taken || never, "no sequence takes {}:{}, branch {}: {line}", way.pou, way.line, way.branch);
+    }
+}
+
+/// Long enough for the gain to come to its least value and for the counters of eight bits to end; then held.
+fn long_noise<R: Number>(taken: &mut [bool]) {
+    let mut draw = Draw::new(7);
+    let noise = (0..3000).map(|_| (0.0, vec![draw.between(-1.0, 1.0)]));
+    let held = (0..300).map(|_| (0.0, vec![0.5]));
+    let case = Case { name: "long".into(), params: json!({}), input: noise.chain(held).collect(), output: None };
+    let (scan, block) = library::<R>("noise_level", &case);
+    compare(&case, core::<R>("noise_level", &case), scan, false);
+    collect(taken, &block);
+}
+
+/// Settings at the ends of what is a number: no run stops. In REAL what overflows is what overflows in the core; LREAL in the core
+/// goes on to 1E308.
+fn extremes<R: Number>(taken: &mut [bool]) {
+    let ends = [1.0, 1.0, 1e30, 1e-30, -1e30];
+    let mut bad = 0.0;
+    for seed in 0..sequences() {
+        let mut draw = Draw::new(5000 + seed);
+        let mut pins = Loop::new(&mut draw).pins;
+        let size = draw.of(&[1.0, 1e11, 1e-25]);
+        let long = draw.of(&[0.25, 1e8]);
+        pins = Pins { k: draw.of(&ends), ti: draw.of(&ends[..4]), td: draw.of(&[None, Some(0.0), Some(1e30)]), ..pins };
+        pins = Pins { kp: draw.of(&[None, Some(1e36), Some(1e-30)]), n: 1, max_h: Some(1e9), h: long, ..pins };
+        if draw.chance(0.2) {
+            (pins.kp, pins.pv_span, pins.op_span) = (None, Some(1e30), Some(1e-30));
+        }
+        pins.conditions = Conditions { too_short: false, decaying: false, growing: false, ..pins.conditions };
+        let (block, mut reference) = (Block::new::<R>("GlappDetector"), Reference::<R>::default());
+        for i in 0..120 {
+            let side = if (i / 6) % 2 == 0 { 1.0 } else { -1.0 };
+            pins.pv = size * (side + draw.between(-0.1, 0.1));
+            pins.op = pins.op.map(|_| side);
+            let got = scan(&block, &pins);
+            if R::BUILD == Build::Real {
+                let expected = reference.scan(&pins);
+                let floor = expected.0[8];
+                let capped = floor > 1e37;
+                let agree = expected
+                    .0
+                    .iter()
+                    .zip(&got.0)
+                    .enumerate()
+                    .all(|(place, (a, b))| same(&[*a], &[*b]) || (place == 8 && capped && *b >= 1e37));
+                assert!(agree, "sequence {seed}, scan {i}:\n{got:?} instead of\n{expected:?}\nfor {pins:?}");
+                if let (Some(a), Some(b), false) = (&expected.1, &got.1, capped) {
+                    assert!(same(a, b), "sequence {seed}, scan {i}:\n{b:?} instead of\n{a:?}\nfor {pins:?}");
+                }
+            }
+            bad += block.get("Record.Half.Bad");
+        }
+        collect(taken, &block);
+    }
+    assert!(bad > sequences() as f64);
+}
+
+/// A program with another version of the retained variables is loaded: they are dropped, and that is told.
+fn another_version<R: Number>(taken: &mut [bool]) {
+    let block = Block::new::<R>("GlappDetector");
+    let mut draw = Draw::new(3);
+    let mut signals = Loop::new(&mut draw);
+    let pins = signals.next::<R>(&mut draw).clone();
+    scan(&block, &pins);
+    assert!(!block.on("Dropped"));
+    for (version, dropped) in [(1, false), (2, true)] {
+        block.0.borrow_mut().power_cut();
+        block.0.borrow_mut().spoil("StateVersion", f64::from(version)).unwrap();
+        scan(&block, &pins);
+        assert_eq!(block.on("Dropped"), dropped);
+    }
+    scan(&block, &Pins { reset: true, ..pins });
+    assert!(!block.on("Dropped"));
+    collect(taken, &block);
+}
+
+fn detectors<R: Number>(taken: &mut [bool]) {
+    let mut cost = Cost::default();
+    let (mut accepted, mut records, mut refused) = (0.0, 0, 0);
+    for seed in 0..sequences() {
+        let mut draw = Draw::new(1000 + seed);
+        let mut signals = Loop::new(&mut draw);
+        let (block, mut reference) = (Block::new::<R>("GlappDetector"), Reference::<R>::default());
+        let mut before = 0;
+        for i in 0..400 {
+            if draw.chance(0.001) {
+                block.0.borrow_mut().power_cut();
+                reference.power_cut();
+            }
+            let pins = signals.next::<R>(&mut draw);
+            let (expected, got) = (reference.scan(pins), scan(&block, pins));
+            let agree = same(&expected.0, &got.0)
+                && match (&expected.1, &got.1) {
+                    (Some(a), Some(b)) => same(a, b),
+                    (a, b) => a.is_none() && b.is_none(),
+                };
+            assert!(agree, "sequence {seed}, scan {i}:\n{got:?} instead of\n{expected:?}\nfor {pins:?}");
+            let now = block.0.borrow().operations();
+            cost.count(now - before);
+            before = now;
+            records += usize::from(got.1.is_some());
+            refused += usize::from(block.on("Error"));
+        }
+        accepted += block.get("Accepted");
+        collect(taken, &block);
+    }
+    println!("{records} half-periods, {accepted} accepted in the end, {refused} scans with a setting out of bounds");
+    cost.tell::<R>("GlappDetector");
+    assert!(accepted > 2.0 * sequences() as f64 && refused as u64 > sequences());
+}
+
+#[test]
+fn lreal() {
+    all::<f64>();
+}
+
+#[test]
+fn real() {
+    all::<f32>();
+}
+
+/// The floor that noise feigns with a gain of nearly 0 is told as the largest number there is, without computing it.
+#[test]
+fn a_noise_floor_without_end() {
+    let block = "FUNCTION_BLOCK GlappTry VAR_INPUT Sigma : LREAL; K : LREAL; HasKp : BOOL; Kp : LREAL; END_VAR
+        VAR_OUTPUT Y : LREAL; END_VAR Y := GlappNoiseFloor(Sigma, K, HasKp, Kp); END_FUNCTION_BLOCK";
+    for build in [Build::Lreal, Build::Real] {
+        let mut files = sources(&folder(), build).unwrap();
+        files.push(("Try.st".into(), block.into()));
+        let library = Library::of(files.iter().map(|(name, text)| (&**name, &**text)), build).unwrap();
+        let mut one = Instance::new(&library, "GlappTry").unwrap();
+        let mut floor = |sigma: f64, k: f64, kp: Option<f64>| {
+            let pins = [("Sigma", sigma), ("K", k), ("HasKp", f64::from(kp.is_some())), ("Kp", kp.unwrap_or(0.0))];
+            for (pin, value) in pins {
+                one.set(pin, value).unwrap();
+            }
+            one.call().unwrap();
+            one.get("Y").unwrap()
+        };
+        assert_eq!(floor(2.0, 1.0, Some(-4.0)), 1.5);
+        assert_eq!(floor(2.0, -3.0, None), 36.0);
+        let most = if build == Build::Real { f64::from(1e37_f32) } else { 1e37 };
+        assert_eq!(floor(1e10, 1.0, Some(1e-30)), most);
+        assert_eq!(floor(1e10, 1e30, None), most);
+    }
+}

@@ -597,6 +597,8 @@ def besides(pool: ProcessPoolExecutor, numbers: range) -> Iterator[str]:
 
 DELAYS = (1, 3, 10)
 """Scans after which their controller has u_FF."""
+PARTS = ("brings", "warns", "tuned", "harms", "beside", "late", "late, held out")
+
 SHARES = (0.05, 0.1, 0.2, 0.3, 0.5, 1.25)
 """Ends of the classes of the delay as a share of Ti."""
 
@@ -662,7 +664,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("--loops", type=int, default=1000, help="random loops of the last parts")
     parser.add_argument("--docs", action="store_true", help="write the tables into docs/compensation.md")
-    parser.add_argument("--only", choices=("brings", "warns", "tuned", "harms", "beside", "late"), help="one part")
+    parser.add_argument("--only", choices=PARTS, help="one part")
     given = parser.parse_args()
     with ProcessPoolExecutor() as pool:
         n = given.loops
@@ -670,7 +672,8 @@ def main() -> None:
         held_out = range(3000, 3000 + n)
         parts += [("tuned", harms(pool, range(2 * n))), ("harms", harms(pool, held_out, worst=10))]
         parts += [("beside", besides(pool, held_out))]
-        parts += [("late", lates(pool, [*range(n), *range(3000, 3000 + 2 * n)]))]
+        parts += [("late", lates(pool, [*range(n), *range(3000, 3000 + 2 * n), *range(6000, 6000 + n)]))]
+        parts += [("late, held out", lates(pool, range(7000, 7000 + n)))]
         tables = dict(_sections([part for part in parts if given.only in (None, part[0])]))
     if given.docs:
         for name, text in tables.items():

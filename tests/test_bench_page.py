@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from bench import page
+from bench.compensation import PARTS
 
 
 def test_only_what_stands_between_the_marks_is_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -36,7 +37,7 @@ def test_a_page_without_the_marks_is_left_alone(tmp_path: Path, monkeypatch: pyt
         ("modules.md", "widths"),
         ("modules.md", "kp by default"),
         ("modules.md", "pid rules"),
-        *[("compensation.md", mark) for mark in ("brings", "warns", "tuned", "harms", "beside")],
+        *[("compensation.md", mark) for mark in PARTS],
     ],
 )
 def test_every_page_that_a_bench_writes_has_its_marks(name: str, mark: str) -> None:

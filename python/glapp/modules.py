@@ -750,8 +750,8 @@ class BacklashDetection(_Compensating):
         How far the u_FF read back may be from what was handed over, ≥ 0 [unit of the output]; a tenth of the width
         where not given.
     ff_longest : float, optional
-        The longest delay with which it may be enabled, as a share of Ti, ≥ 0; a scan always may. Where not given: 0.5
-        for `Way.INVERSE`, 0.2 for `Way.ERROR`, a scan alone for `Way.DERIVATIVE`.
+        The longest delay with which it may be enabled, as a share of Ti, ≥ 0; a scan always may. Where not given: 0.2
+        for `Way.INVERSE` and `Way.ERROR`, a scan alone for `Way.DERIVATIVE`.
     comp_size : float
         Width of the gap that a person types, ≥ 0 [unit of the output]; 0: none.
     comp_fitted : float, optional

@@ -32,13 +32,12 @@ impl Way {
         }
     }
 
-    /// The longest delay of u_FF with which it may be enabled, as a share of Ti; one scan always may. Measured on three thousand
+    /// The longest delay of u_FF with which it may be enabled, as a share of Ti; one scan always may. Measured on four thousand
     /// random loops with u_FF 1, 3 and 10 scans late (`bench/compensation.py`): the longest without more harm than at one scan.
     pub const fn longest_delay(self) -> f64 {
         match self {
-            Self::Error => 0.2,
+            Self::Error | Self::Inverse => 0.2,
             Self::Derivative => 0.0,
-            Self::Inverse => 0.5,
         }
     }
 }

@@ -213,9 +213,9 @@ SURE_OF_LIMITS = "On 5152 simulated recordings of known truth 94 of 100 such int
 
 #: How sure the answers are, counted on the benches of docs/truth.md.
 SURE: tuple[str, ...] = (
-    "A width stands between two limits, as in 2.40 (2.15 to 3.11): a 95 % interval. " + SURE_OF_LIMITS + " On 1920 "
-    "more, with loads and recorders that look like a gap, 324 of 336 did.",
-    "Where there was no gap, the fit saw one in 8 of 1000 of the first and in 5 of 960 of the second. Zero crossings "
+    "A width stands between two limits, as in 2.40 (2.15 to 3.11): a 95 % interval. " + SURE_OF_LIMITS + " On 4800 "
+    "more, with loads and recorders that look like a gap, 911 of 925 did.",
+    "Where there was no gap, the fit saw one in 8 of 1000 of the first and in 14 of 2400 of the second. Zero crossings "
     "alone would have sent somebody to the valve in 326 of 1000 of the first; their width read 40 to 51 % too wide in "
     "the middle of the records.",
     "It is silent rather than wrong: of the gaps on the first bench that a recording could show at all, 39 to 42 in "

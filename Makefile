@@ -1,7 +1,7 @@
 # make run   sets everything up and does the main job: recordings in, dead bands and a report out
 # make test  sets everything up and runs every test in every language
 # make check is what a developer runs all day: linters, the blocks, and every Python test that takes less than a second
-.PHONY: run test check setup lint bare bench catalogue gallery fuzz clean
+.PHONY: run test check setup lint bare bench catalogue gallery plc fuzz clean
 .DELETE_ON_ERROR:
 
 PYTHON ?= python3
@@ -42,8 +42,8 @@ check: setup lint
 lint: setup
 	cargo fmt --check
 	cargo clippy --workspace --all-targets --quiet -- --deny warnings
-	$(BIN)/ruff format --check python thesis tests examples bench vectors fuzz
-	$(BIN)/ruff check python thesis tests examples bench vectors fuzz
+	$(BIN)/ruff format --check python thesis tests examples bench vectors fuzz plc
+	$(BIN)/ruff check python thesis tests examples bench vectors fuzz plc
 	$(BIN)/mypy
 
 # The core where there is no operating system: a microcontroller, and a page in the browser.
@@ -80,6 +80,10 @@ catalogue: setup
 gallery: setup
 	$(BIN)/glapp thesis --out docs/gallery --markdown
 
+# The Structured Text of plc/ for the makers' tools, the same bytes each time.
+plc:
+	$(PYTHON) plc/package.py dist/plc
+
 # Wrong input by the million; SECONDS=600 goes on for longer, FILES=20000 damages more of each kind.
 SECONDS ?= 60
 FILES ?= 2000
@@ -94,4 +98,4 @@ $(VENV)/.fuzz: $(VENV)/.tools
 	touch $@
 
 clean:
-	rm -rf target out $(VENV)
+	rm -rf target out dist $(VENV)

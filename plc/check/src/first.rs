@@ -3,7 +3,7 @@
 use crate::tree::{Argument, Class, Expr, Fault, Op, Pou, Stmt, StmtKind, Type, Unit, Var, VarBlock};
 use iecst::{BinaryOp, ExprKind, PouKind, RetainKind, TypeDef, TypeKind, UnaryOp, VarBlockKind};
 
-/// Reads one file: a `TYPE` with one structure, a function, or a function block.
+/// Reads one file: a `TYPE` with one structure, a function, a function block, or a program.
 pub fn parse(place: &str, text: &str) -> Result<Unit, Fault> {
     Reader { place, text }.unit()
 }
@@ -36,12 +36,13 @@ impl Reader<'_> {
         }
         let pou = iecst::parse_pou(self.text).map_err(refused)?;
         let returns = match (pou.kind, pou.return_type) {
-            (PouKind::FunctionBlock, None) => None,
+            (PouKind::FunctionBlock | PouKind::Program, None) => None,
             (PouKind::Function, Some(ty)) => Some(self.ty(ty.kind)?),
-            _ => return self.fault(1, "not a function with a type, nor a function block"),
+            _ => return self.fault(1, "not a function with a type, nor a function block or a program"),
         };
         let blocks = pou.var_blocks.into_iter().map(|block| self.block(block)).collect::<Result<_, _>>()?;
-        Ok(Unit::Pou(Pou { name: pou.name, returns, blocks, body: self.body(pou.body)? }))
+        let program = pou.kind == PouKind::Program;
+        Ok(Unit::Pou(Pou { name: pou.name, program, returns, blocks, body: self.body(pou.body)? }))
     }
 
     fn block(&self, block: iecst::VarBlock) -> Result<VarBlock, Fault> {

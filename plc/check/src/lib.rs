@@ -8,7 +8,7 @@ mod run;
 mod second;
 mod tree;
 
-pub use library::{Build, Library, Value, Way, sources};
+pub use library::{Build, Library, Value, Way, sources, trees};
 pub use page::pins;
 pub use run::Instance;
-pub use tree::Fault;
+pub use tree::{Fault, Unit};

@@ -214,11 +214,24 @@ impl Library {
     /// # Errors
     /// As [`read`](Self::read).
     pub fn of<'s>(sources: impl Iterator<Item = (&'s str, &'s str)>, build: Build) -> Result<Self, Fault> {
+        Self::made(sources, build, true)
+    }
+
+    /// As [`read`](Self::read), without the rules of the subset: for a library that was changed on purpose, as a mutant is.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read).
+    pub fn read_unruled(folder: &Path, build: Build) -> Result<Self, Fault> {
+        let sources = sources(folder, build)?;
+        Self::made(sources.iter().map(|(name, text)| (name.as_str(), text.as_str())), build, false)
+    }
+
+    fn made<'s>(sources: impl Iterator<Item = (&'s str, &'s str)>, build: Build, ruled: bool) -> Result<Self, Fault> {
         let mut units = vec![];
         for (file, text) in sources {
             let unit = read_unit(file, text)?;
             // The subset is that of the sources, before REAL is put in place of LREAL.
-            if let Some(fault) = lint::lint(file, text, &unit).into_iter().next() {
+            if ruled && let Some(fault) = lint::lint(file, text, &unit).into_iter().next() {
                 return Err(fault);
             }
             let expected = format!("Glapp{}", file.trim_end_matches(".st"));
@@ -260,14 +273,26 @@ fn read_unit(file: &str, text: &str) -> Result<Unit, Fault> {
     Ok(unit)
 }
 
+/// Trees of the files of a folder, by the names of the files.
+///
+/// # Errors
+/// Where a file cannot be read, or one of the parsers refuses it.
+pub fn trees(folder: &Path, build: Build) -> Result<Vec<(String, Unit)>, Fault> {
+    let tree = |(name, text): (String, String)| {
+        let text = if build == Build::Real { text.replace("LREAL", "REAL") } else { text };
+        read_unit(&name, &text).map(|unit| (name, unit))
+    };
+    sources(folder, build)?.into_iter().map(tree).collect()
+}
+
 /// Names and texts of the library's files, in order, as they stand in LREAL.
 ///
 /// # Errors
 /// Where a file cannot be read, or a file in `real/` has no twin.
 pub fn sources(folder: &Path, build: Build) -> Result<Vec<(String, String)>, Fault> {
     let mut all = files(folder)?;
-    let real = files(&folder.join("real"))?;
-    for (name, text) in real {
+    let real = folder.join("real");
+    for (name, text) in if real.is_dir() { files(&real)? } else { vec![] } {
         let Some(twin) = all.iter_mut().find(|(twin, _)| *twin == name) else {
             return Err(Fault::new(&name, 0, "a file in real/ without a twin"));
         };

@@ -3,7 +3,7 @@
 use crate::tree::{Argument, Class, Expr, Fault, Op, Pou, Stmt, StmtKind, Type, Unit, Var, VarBlock};
 use tree_sitter::{Node, Parser};
 
-/// Reads one file: a `TYPE` with one structure, a function, or a function block.
+/// Reads one file: a `TYPE` with one structure, a function, a function block, or a program.
 pub fn parse(place: &str, text: &str) -> Result<Unit, Fault> {
     let mut parser = Parser::new();
     let grammar = tree_sitter_iec61131_3_st::LANGUAGE.into();
@@ -76,11 +76,12 @@ impl<'a> Reader<'a> {
                 }
                 Err(_) => self.fault(node, "one type a file"),
             },
-            "function_declaration" | "function_block_declaration" => {
+            "function_declaration" | "function_block_declaration" | "program_declaration" => {
                 let returns = node.child_by_field_name("return_type").map(|n| self.ty(n)).transpose()?;
                 let blocks = children(node).into_iter().filter(|n| n.kind().starts_with("var_"));
                 let blocks = blocks.map(|n| self.block(n)).collect::<Result<_, _>>()?;
-                Ok(Unit::Pou(Pou { name: name(node)?, returns, blocks, body: self.body(node, "body")? }))
+                let program = node.kind() == "program_declaration";
+                Ok(Unit::Pou(Pou { name: name(node)?, program, returns, blocks, body: self.body(node, "body")? }))
             }
             other => self.fault(node, format!("{other} is not in the subset")),
         }

@@ -12,7 +12,7 @@ pub enum Unit {
         /// Its fields.
         fields: Vec<Var>,
     },
-    /// `FUNCTION` or `FUNCTION_BLOCK`.
+    /// `FUNCTION`, `FUNCTION_BLOCK` or `PROGRAM`.
     Pou(Pou),
 }
 
@@ -25,12 +25,14 @@ impl Unit {
     }
 }
 
-/// A function or a function block.
+/// A function, a function block or a program.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pou {
     /// Its name.
     pub name: String,
-    /// The type that a function gives; none for a function block.
+    /// A program: a block of which there is one.
+    pub program: bool,
+    /// The type that a function gives; none for the others.
     pub returns: Option<Type>,
     /// Its declarations.
     pub blocks: Vec<VarBlock>,
@@ -90,12 +92,19 @@ pub enum Type {
 }
 
 /// A statement and the line it begins in.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Stmt {
     /// From 1.
     pub line: usize,
     /// What it does.
     pub kind: StmtKind,
+}
+
+/// Where a statement stands is no part of the tree: a package may break its lines elsewhere.
+impl PartialEq for Stmt {
+    fn eq(&self, other: &Self) -> bool {
+        self.kind == other.kind
+    }
 }
 
 /// The statements of the subset.

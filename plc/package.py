@@ -1,0 +1,702 @@
+"""Packages of the library for the makers' tools: `python3 plc/package.py dist/plc`, the same bytes each time.
+
+One reading of the sources, one writer for each target; the text beside each package stands in `packages/`.
+"""
+
+from __future__ import annotations
+
+import html
+import re
+import shutil
+import sys
+import uuid
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from xml.sax.saxutils import escape, quoteattr
+
+HERE = Path(__file__).resolve().parent
+BUILDS = ("LREAL", "REAL")
+ELEMENTARY = ("BOOL", "INT", "DINT", "LREAL", "REAL")
+TOKEN = re.compile(r"\(\*.*?\*\)|:=|<=|>=|<>|\d+\.\d+(?:E[+-]?\d+)?|\d+|\w+|\S", re.DOTALL)
+
+
+@dataclass(frozen=True)
+class Var:
+    """A declaration: its type as it is written, and its comment in one line."""
+
+    name: str
+    type: str
+    initial: str = ""
+    comment: str = ""
+
+    @property
+    def array(self) -> tuple[str, str, str] | None:
+        """First index, last index and type of the elements."""
+        found = re.fullmatch(r"ARRAY\[(-?\d+)\.\.(-?\d+)\] OF (\w+)", self.type)
+        return (found[1], found[2], found[3]) if found else None
+
+
+@dataclass(frozen=True)
+class Unit:
+    """What a source file holds; `kind` is the word it begins with."""
+
+    name: str
+    kind: str
+    comment: str
+    returns: str
+    blocks: tuple[tuple[str, tuple[Var, ...]], ...]
+    body: str
+
+    def vars(self, *words: str) -> list[Var]:
+        """Its declarations, of these kinds of VAR where any are given."""
+        return [var for word, block in self.blocks if not words or word in words for var in block]
+
+    @property
+    def uses(self) -> set[str]:
+        """Names of the units that it needs."""
+        declared = " ".join(f"{self.returns} {' '.join(var.type for var in self.vars())}".split())
+        plain = re.sub(r"\(\*.*?\*\)", " ", self.body, flags=re.DOTALL)
+        return set(re.findall(r"\bGlapp\w+", f"{declared} {plain}")) - {self.name}
+
+
+def read(text: str) -> Unit:
+    """One source file of the subset that `plc/check` holds it to."""
+    opening = re.match(
+        r"\s*(?:\(\*(.*?)\*\))?\s*(TYPE|FUNCTION_BLOCK|FUNCTION|PROGRAM)\s+(\w+)(?: ?:\s(\w+))?", text, re.DOTALL
+    )
+    if not opening:
+        raise ValueError(f"no unit begins with {text[:60]!r}")
+    comment, kind, name, returns = (part or "" for part in opening.groups())
+    rest = text[opening.end() :].rsplit(f"END_{kind}", 1)[0]
+    if kind == "TYPE":
+        fields = rest.rsplit("END_STRUCT", 1)[0]
+        return Unit(name, kind, one_line(comment), "", (("STRUCT", declarations(fields)),), "")
+    blocks = []
+    while found := re.match(r"\s*(VAR(?:_\w+)?(?: RETAIN| CONSTANT)?)\s*\n(.*?)END_VAR", rest, re.DOTALL):
+        blocks.append((found[1], declarations(found[2])))
+        rest = rest[found.end() :]
+    return Unit(name, kind, one_line(comment), returns, tuple(blocks), rest.strip("\n"))
+
+
+def declarations(text: str) -> tuple[Var, ...]:
+    """Declarations with the comments behind them."""
+    one = re.compile(r"(\w+) : ([^;]+?)(?: := ([^;]+))?;[ \t]*(?:\(\*(.*?)\*\))?", re.DOTALL)
+    return tuple(
+        Var(name, type, initial or "", one_line(comment)) for name, type, initial, comment in one.findall(text)
+    )
+
+
+def one_line(text: str) -> str:
+    """A comment without its breaks."""
+    return " ".join(text.split())
+
+
+def library(build: str) -> list[Unit]:
+    """The library in one build, what is used before what uses it."""
+    files = {path.name: path for path in sorted(HERE.glob("*.st"))}
+    if build == "REAL":
+        files |= {path.name: path for path in sorted((HERE / "real").glob("*.st"))}
+    left = [read(files[name].read_text().replace("LREAL", build)) for name in sorted(files)]
+    ordered: list[Unit] = []
+    for kind in ("TYPE", "FUNCTION", "FUNCTION_BLOCK", "PROGRAM"):
+        here = [unit for unit in left if unit.kind == kind]
+        while here:
+            done = {unit.name for unit in ordered}
+            ready = [unit for unit in here if unit.uses <= done]
+            if not ready:
+                raise ValueError(f"{here[0].name} needs {sorted(here[0].uses - done)}")
+            ordered.append(ready[0])
+            here.remove(ready[0])
+    return ordered
+
+
+def version() -> str:
+    """The version of the workspace."""
+    found = re.search(r'^version = "(.+)"', (HERE.parent / "Cargo.toml").read_text(), re.MULTILINE)
+    if not found:
+        raise ValueError("Cargo.toml has no version")
+    return found[1]
+
+
+# --- Structured Text -----------------------------------------------------------------------------------------------
+
+
+def declared(unit: Unit) -> str:
+    """Its declaration as text."""
+    lines = [f"(* {unit.comment} *)"] if unit.comment else []
+    if unit.kind == "TYPE":
+        return "\n".join([*lines, f"TYPE {unit.name} :", "STRUCT", *lines_of(unit.vars()), "END_STRUCT;", "END_TYPE"])
+    lines.append(f"{unit.kind} {unit.name}" + (f" : {unit.returns}" if unit.returns else ""))
+    for word, block in unit.blocks:
+        lines += [word, *lines_of(list(block)), "END_VAR"]
+    return "\n".join(lines)
+
+
+def lines_of(declarations: list[Var]) -> list[str]:
+    """One line for each declaration."""
+    lines = []
+    for var in declarations:
+        initial = f" := {var.initial}" if var.initial else ""
+        comment = f" (* {var.comment} *)" if var.comment else ""
+        lines.append(f"    {var.name} : {var.type}{initial};{comment}")
+    return lines
+
+
+def whole(unit: Unit) -> str:
+    """A unit as text."""
+    return declared(unit) if unit.kind == "TYPE" else f"{declared(unit)}\n{unit.body}\nEND_{unit.kind}"
+
+
+def structured_text(units: list[Unit], build: str) -> Iterator[tuple[str, str]]:
+    """All units in one file."""
+    head = f"(* glapp {version()}, {build}: backlash in control loops. Apache-2.0. *)\n"
+    yield f"Glapp_{build}.st", head + "".join(f"\n{whole(unit)}\n" for unit in units)
+
+
+# --- PLCopen XML ---------------------------------------------------------------------------------------------------
+
+
+def plcopen(units: list[Unit], build: str) -> Iterator[tuple[str, str]]:
+    """PLCopen XML TC6 2.01."""
+    types = [
+        f"<dataType name={quoteattr(unit.name)}><baseType><struct>{xml_vars(unit.vars())}</struct></baseType>"
+        f"{documentation(unit.comment)}</dataType>"
+        for unit in units
+        if unit.kind == "TYPE"
+    ]
+    pous = [xml_pou(unit) for unit in units if unit.kind != "TYPE"]
+    scaling = "".join(f'<{kind}><scaling x="1" y="1"/></{kind}>' for kind in ("fbd", "ld", "sfc"))
+    # The date is part of the form; it never changes, so that the bytes do not.
+    yield (
+        f"Glapp_{build}.xml",
+        '<?xml version="1.0" encoding="utf-8"?>\n'
+        '<project xmlns="http://www.plcopen.org/xml/tc6_0201">\n'
+        f'<fileHeader companyName="glapp" productName="glapp" productVersion="{version()}" '
+        'creationDateTime="2000-01-01T00:00:00"/>\n'
+        f'<contentHeader name="glapp {build}"><coordinateInfo>{scaling}</coordinateInfo></contentHeader>\n'
+        "<types>\n<dataTypes>\n" + "\n".join(types) + "\n</dataTypes>\n"
+        "<pous>\n" + "\n".join(pous) + "\n</pous>\n</types>\n"
+        "<instances><configurations/></instances>\n</project>\n",
+    )
+
+
+def xhtml(text: str) -> str:
+    """Text where the form has formatted text."""
+    return f'<xhtml xmlns="http://www.w3.org/1999/xhtml">{escape(text)}</xhtml>'
+
+
+def documentation(comment: str) -> str:
+    """A comment, where there is one."""
+    return f"<documentation>{xhtml(comment)}</documentation>" if comment else ""
+
+
+def xml_type(name: str) -> str:
+    """A type by its name."""
+    return f"<{name}/>" if name in ELEMENTARY else f"<derived name={quoteattr(name)}/>"
+
+
+def xml_vars(declarations: list[Var]) -> str:
+    """Declarations."""
+    parts = []
+    for var in declarations:
+        kind = xml_type(var.type)
+        if var.array:
+            low, high, element = var.array
+            kind = f'<array><dimension lower="{low}" upper="{high}"/><baseType>{xml_type(element)}</baseType></array>'
+        initial = f"<initialValue><simpleValue value={quoteattr(var.initial)}/></initialValue>" if var.initial else ""
+        parts.append(f'<variable name="{var.name}"><type>{kind}</type>{initial}{documentation(var.comment)}</variable>')
+    return "\n" + "\n".join(parts) + "\n" if parts else ""
+
+
+def xml_pou(unit: Unit) -> str:
+    """A function, a function block or a program."""
+    kind = {"FUNCTION": "function", "FUNCTION_BLOCK": "functionBlock", "PROGRAM": "program"}[unit.kind]
+    parts = [f"<returnType>{xml_type(unit.returns)}</returnType>"] if unit.returns else []
+    for word, block in unit.blocks:
+        base, _, extra = word.partition(" ")
+        tag = {"VAR_INPUT": "inputVars", "VAR_OUTPUT": "outputVars", "VAR": "localVars"}[base]
+        attribute = f' {extra.lower()}="true"' if extra else ""
+        parts.append(f"<{tag}{attribute}>{xml_vars(list(block))}</{tag}>")
+    return (
+        f'<pou name="{unit.name}" pouType="{kind}">\n<interface>\n' + "\n".join(parts) + "\n</interface>\n"
+        f"<body><ST>{xhtml(unit.body)}</ST></body>\n{documentation(unit.comment)}\n</pou>"
+    )
+
+
+# --- TwinCAT -------------------------------------------------------------------------------------------------------
+
+
+def twincat(units: list[Unit], build: str) -> Iterator[tuple[str, str]]:
+    """One file for each unit, with an identity that stays."""
+    for unit in units:
+        guid = uuid.uuid5(uuid.NAMESPACE_URL, f"glapp/{unit.name}")
+        kind, ending = ("DUT", "TcDUT") if unit.kind == "TYPE" else ("POU", "TcPOU")
+        # The tool itself writes no semicolon there.
+        declaration = declared(unit).replace("\nEND_STRUCT;", "\nEND_STRUCT")
+        special = "" if unit.kind == "TYPE" else ' SpecialFunc="None"'
+        code = (
+            ""
+            if unit.kind == "TYPE"
+            else f"\n    <Implementation>\n      <ST><![CDATA[{unit.body}]]></ST>\n    </Implementation>"
+        )
+        yield (
+            f"{build}/{unit.name}.{ending}",
+            '<?xml version="1.0" encoding="utf-8"?>\n<TcPlcObject Version="1.1.0.1" ProductVersion="3.1.4024.0">\n'
+            f'  <{kind} Name="{unit.name}" Id="{{{guid}}}"{special}>\n'
+            f"    <Declaration><![CDATA[{declaration}\n]]></Declaration>{code}\n  </{kind}>\n</TcPlcObject>\n",
+        )
+
+
+# --- Siemens -------------------------------------------------------------------------------------------------------
+
+
+def siemens(units: list[Unit], build: str) -> Iterator[tuple[str, str]]:
+    """One external source: variables with #, names of units in quotes, pins of functions by name."""
+    functions = {unit.name: [var.name for var in unit.vars("VAR_INPUT")] for unit in units if unit.kind == "FUNCTION"}
+    texts = [f"// glapp {version()}, {build}: backlash in control loops. Apache-2.0.\n"]
+    for unit in units:
+        note = f"// {unit.comment}\n" if unit.comment else ""
+        if unit.kind == "TYPE":
+            fields = "\n".join(scl_lines(unit.vars()))
+            texts.append(f'{note}TYPE "{unit.name}"\nVERSION : 0.1\n    STRUCT\n{fields}\n    END_STRUCT;\nEND_TYPE\n')
+            continue
+        # There are no programs there: a program is a block that OB1 calls.
+        kind = "FUNCTION_BLOCK" if unit.kind == "PROGRAM" else unit.kind
+        returns = f" : {unit.returns}" if unit.returns else ""
+        lines = [f'{kind} "{unit.name}"{returns}', "{ S7_Optimized_Access := 'TRUE' }", "VERSION : 0.1"]
+        for word, block in unit.blocks:
+            lines += ["VAR_TEMP" if word == "VAR" and kind == "FUNCTION" else word, *scl_lines(list(block)), "END_VAR"]
+        lines += ["BEGIN", scl_body(unit, functions), f"END_{kind}\n"]
+        texts.append(note + "\n".join(lines))
+    yield f"Glapp_{build}.scl", "\n".join(texts)
+
+
+def scl_lines(declarations: list[Var]) -> list[str]:
+    """One line for each declaration."""
+    lines = []
+    for var in declarations:
+        kind = re.sub(r"\bGlapp\w+", r'"\g<0>"', var.type)
+        initial = f" := {var.initial}" if var.initial else ""
+        comment = f"   // {var.comment}" if var.comment else ""
+        lines.append(f"    {var.name} : {kind}{initial};{comment}")
+    return lines
+
+
+def scl_body(unit: Unit, functions: dict[str, list[str]]) -> str:
+    """Statements."""
+    own = {var.name for var in unit.vars()} | {unit.name}
+    found = list(TOKEN.finditer(unit.body))
+    out, end = [], 0
+    pins: list[list[str]] = []  # of the functions whose parentheses are open; an empty list for other parentheses
+    for at, match in enumerate(found):
+        word = match[0]
+        before, after = (found[i][0] if 0 <= i < len(found) else "" for i in (at - 1, at + 1))
+        out.append(unit.body[end : match.start()])
+        end = match.end()
+        if word == ")":
+            pins.pop()
+        if pins and pins[-1] and before in ("(", ","):
+            out.append(f"{pins[-1].pop(0)} := ")
+        if word in functions and after == "(":
+            word = f'"{word}"'
+        elif word in own and before != "." and not (pins and after == ":="):
+            word = f"#{word}"
+        elif word == "(":
+            pins.append(list(functions.get(before, [])))
+        out.append(word)
+    return "".join(out) + unit.body[end:]
+
+
+# --- AC 800M -------------------------------------------------------------------------------------------------------
+
+Node = tuple  # ("note", text) | ("do", tokens) | ("if", [(tokens, nodes)], nodes) | ("for" or "while", tokens, nodes)
+
+
+def statements(tokens: list[str], ends: tuple[str, ...] = ()) -> list[Node]:
+    """Takes statements off the front of tokens until one of `ends` stands there."""
+
+    def upto(word: str) -> list[str]:
+        at = tokens.index(word)
+        taken = tokens[:at]
+        del tokens[: at + 1]
+        return taken
+
+    nodes: list[Node] = []
+    while tokens and tokens[0] not in ends:
+        first = tokens[0]
+        if first.startswith("(*"):
+            nodes.append(("note", tokens.pop(0)))
+        elif first == "IF":
+            branches, otherwise = [], []
+            while tokens[0] in ("IF", "ELSIF"):
+                tokens.pop(0)
+                branches.append((upto("THEN"), statements(tokens, ("ELSIF", "ELSE", "END_IF"))))
+            if tokens[0] == "ELSE":
+                tokens.pop(0)
+                otherwise = statements(tokens, ("END_IF",))
+            upto(";")
+            nodes.append(("if", branches, otherwise))
+        elif first in ("FOR", "WHILE"):
+            tokens.pop(0)
+            nodes.append((first.lower(), upto("DO"), statements(tokens, (f"END_{first}",))))
+            upto(";")
+        else:
+            nodes.append(("do", upto(";")))
+    return nodes
+
+
+def joined(tokens: list[str]) -> str:
+    """Tokens as a line of text."""
+    text = " ".join(tokens)
+    text = (
+        re.sub(r" ?([.\[\]]) ?", r"\1", text)
+        .replace("]", "] ")
+        .replace("( ", "(")
+        .replace(" )", ")")
+        .replace(" ,", ",")
+    )
+    text = re.sub(r"\b(?!AND\b|OR\b|XOR\b|NOT\b|MOD\b|IF\b|ELSIF\b|WHILE\b)([A-Za-z_]\w*) \(", r"\1(", text)
+    text = re.sub(r"(?<=[(=<>+*/-] )- (?=[\w(])|(?<=\()- (?=[\w(])|(?<=, )- (?=[\w(])", "-", text)
+    return re.sub(r" +", " ", text).strip()
+
+
+def text_of(nodes: list[Node], depth: int = 1) -> list[str]:
+    """Statements as lines."""
+    pad, lines = "    " * depth, []
+    for node in nodes:
+        if node[0] == "note":
+            lines.append(pad + one_line(node[1]))
+        elif node[0] == "do":
+            lines.append(f"{pad}{joined(node[1])};")
+        elif node[0] == "if":
+            for word, (condition, body) in zip(["IF", *["ELSIF"] * len(node[1])], node[1], strict=False):
+                lines += [f"{pad}{word} {joined(condition)} THEN", *text_of(body, depth + 1)]
+            if node[2]:
+                lines += [f"{pad}ELSE", *text_of(node[2], depth + 1)]
+            lines.append(f"{pad}END_IF;")
+        else:
+            word = node[0].upper()
+            lines += [f"{pad}{word} {joined(node[1])} DO", *text_of(node[2], depth + 1), f"{pad}END_{word};"]
+    return lines
+
+
+class WithoutArrays:
+    """A body without arrays and functions of our own: both become blocks, called before the statement."""
+
+    def __init__(self, unit: Unit, functions: dict[str, Unit]) -> None:
+        self.functions = functions
+        self.arrays = {var.name: var for var in unit.vars() if var.array}
+        self.added: dict[str, Var] = {}
+        self.cells: set[tuple[str, str, str]] = set()
+        own = {var.name for var in unit.vars()} | {unit.name}
+        self.body = "\n".join(text_of(self.nodes(statements(TOKEN.findall(unit.body)))))
+        if clash := own & set(self.added):
+            raise ValueError(f"{unit.name} has {sorted(clash)} already")
+        kept = []
+        for word, block in unit.blocks:
+            block = tuple(replace(var, type=cells_name(self.cell(var))) if var.array else var for var in block)
+            kept.append((word, block))
+        if self.added:
+            kept.append(("VAR", tuple(self.added[name] for name in sorted(self.added))))
+        kind = "FUNCTION_BLOCK" if unit.kind == "FUNCTION" else unit.kind
+        if unit.kind == "FUNCTION":
+            kept.insert(1, ("VAR_OUTPUT", (Var("Result", unit.returns),)))
+            self.body = re.sub(rf"\b{unit.name}\b", "Result", self.body)
+        self.unit = replace(unit, kind=kind, returns="", blocks=tuple(kept), body=self.body)
+
+    def cell(self, var: Var) -> tuple[str, str, str]:
+        """The array of a variable, whose block is needed then."""
+        if not var.array:
+            raise ValueError(f"{var.name} is no array")
+        self.cells.add(var.array)
+        return var.array
+
+    def nodes(self, nodes: list[Node]) -> list[Node]:
+        """Statements."""
+        out: list[Node] = []
+        for node in nodes:
+            if node[0] == "note":
+                out.append(node)
+            elif node[0] == "do":
+                out += self.simple(node[1])
+            elif node[0] == "if":
+                out += self.branches(node[1], node[2])
+            else:
+                before, header = self.hoisted(node[1])
+                again = before if node[0] == "while" else []
+                out += [*before, (node[0], header, [*self.nodes(node[2]), *again])]
+        return out
+
+    def branches(self, branches: list, otherwise: list[Node]) -> list[Node]:
+        """What a condition calls is called only where the conditions before it are not met."""
+        before, condition = self.hoisted(branches[0][0])
+        ways, rest = [(condition, self.nodes(branches[0][1]))], branches[1:]
+        while rest:
+            further, condition = self.hoisted(rest[0][0])
+            if further:
+                return [*before, ("if", ways, self.branches(rest, otherwise))]
+            ways.append((condition, self.nodes(rest[0][1])))
+            rest = rest[1:]
+        return [*before, ("if", ways, self.nodes(otherwise))]
+
+    def simple(self, tokens: list[str]) -> list[Node]:
+        """An assignment or a call."""
+        if tokens[0] in self.arrays and tokens[1] == "[":
+            close = matching(tokens, 1)
+            before, index = self.hoisted(tokens[2:close])
+            further, value = self.hoisted(tokens[close + 2 :])
+            call = [tokens[0], "(", "Index", ":=", *index, ",", "Write", ":=", "TRUE", ",", "Value", ":=", *value, ")"]
+            return [*before, *further, ("do", call)]
+        before, tokens = self.hoisted(tokens)
+        return [*before, ("do", tokens)]
+
+    def hoisted(self, tokens: list[str]) -> tuple[list[Node], list[str]]:
+        """The calls that an expression needs first, innermost first, and the expression with their results."""
+        before: list[Node] = []
+        sites: dict[str, int] = {}
+
+        def expression(tokens: list[str]) -> list[str]:
+            out: list[str] = []
+            at = 0
+            while at < len(tokens):
+                word = tokens[at]
+                if word in self.functions and tokens[at + 1] == "(":
+                    close = matching(tokens, at + 1)
+                    given = [expression(part) for part in parts(tokens[at + 2 : close])]
+                    short, function = f"Call{word.removeprefix('Glapp')}", self.functions[word]
+                    pins = [var.name for var in function.vars("VAR_INPUT")]
+                    out += site(short, word, "Result", function.returns, list(zip(pins, given, strict=True)))
+                    at = close
+                elif word in self.arrays and at + 1 < len(tokens) and tokens[at + 1] == "[":
+                    close = matching(tokens, at + 1)
+                    index = expression(tokens[at + 2 : close])
+                    kind = self.cell(self.arrays[word])
+                    out += site(word, None, "Cell", kind[2], [("Index", index), ("Write", ["FALSE"])])
+                    at = close
+                else:
+                    out.append(word)
+                at += 1
+            return out
+
+        def site(
+            instance: str, block: str | None, result: str, kind: str, given: list[tuple[str, list[str]]]
+        ) -> list[str]:
+            if block:
+                self.added[instance] = Var(instance, block)
+            sites[instance] = sites.get(instance, 0) + 1
+            name = f"{instance}{sites[instance]}"
+            self.added[name] = Var(name, kind)
+            call = [instance, "("]
+            for pin, value in given:
+                call += [pin, ":=", *value, ","]
+            before.append(("do", [*call[:-1], ")"]))
+            before.append(("do", [name, ":=", instance, ".", result]))
+            return [name]
+
+        rest = expression(tokens)
+        return before, rest
+
+
+def matching(tokens: list[str], at: int) -> int:
+    """Where the bracket at `at` is closed."""
+    depth = 0
+    for place in range(at, len(tokens)):
+        depth += (tokens[place] in "([") - (tokens[place] in ")]")
+        if depth == 0:
+            return place
+    raise ValueError(f"an open bracket in {' '.join(tokens)}")
+
+
+def parts(tokens: list[str]) -> list[list[str]]:
+    """Arguments, split at their commas."""
+    out: list[list[str]] = [[]]
+    depth = 0
+    for word in tokens:
+        depth += (word in "([") - (word in ")]")
+        if word == "," and depth == 0:
+            out.append([])
+        else:
+            out[-1].append(word)
+    return out
+
+
+def cells_name(array: tuple[str, str, str]) -> str:
+    """The block that stands for an array."""
+    low, high, element = array
+    return f"GlappCells{low}To{high}{'' if element.endswith('REAL') else element.title()}"
+
+
+def cells(array: tuple[str, str, str]) -> Unit:
+    """Stores what an array would hold, one variable for each element."""
+    low, high, element = int(array[0]), int(array[1]), array[2]
+    lines = []
+    for word, does in (("Write", "X{0} := Value"), ("", "Cell := X{0}")):
+        ladder = [
+            f"{'IF' if i == low else 'ELSIF'} Index = {i} THEN\n    {does.format(i)};" for i in range(low, high + 1)
+        ]
+        text = "\n".join([*ladder, "END_IF;"])
+        lines.append(f"IF {word} THEN\n{indent(text)}\nEND_IF;" if word else text)
+    inputs = (Var("Index", "INT"), Var("Write", "BOOL"), Var("Value", element))
+    store = tuple(Var(f"X{i}", element) for i in range(low, high + 1))
+    return Unit(
+        cells_name(array),
+        "FUNCTION_BLOCK",
+        f"An array with the indices {low} to {high}: takes Value where Write is TRUE, and gives what stands there.",
+        "",
+        (("VAR_INPUT", inputs), ("VAR_OUTPUT", (Var("Cell", element),)), ("VAR", store)),
+        indent("\n".join(lines)),
+    )
+
+
+def indent(text: str) -> str:
+    """Four places further in."""
+    return "\n".join(f"    {line}" for line in text.split("\n"))
+
+
+def without_arrays(units: list[Unit]) -> list[Unit]:
+    """The library without arrays and functions."""
+    functions = {unit.name: unit for unit in units if unit.kind == "FUNCTION"}
+    out: list[Unit] = []
+    wanted: set[tuple[str, str, str]] = set()
+    for unit in units:
+        if unit.kind == "TYPE":
+            out.append(unit)
+            continue
+        lowered = WithoutArrays(unit, functions)
+        for array in sorted(lowered.cells - wanted):
+            out.append(cells(array))
+        wanted |= lowered.cells
+        out.append(lowered.unit)
+    return out
+
+
+def retained(units: list[Unit]) -> set[str]:
+    """Blocks and structures that are declared as retained somewhere, with what they are made of."""
+    by_name = {unit.name: unit for unit in units}
+    found: set[str] = set()
+    left = [var.type for unit in units for var in unit.vars("VAR RETAIN")]
+    while left:
+        name = left.pop()
+        if name in by_name and name not in found:
+            found.add(name)
+            left += [var.type for var in by_name[name].vars()]
+    return found
+
+
+def ac800m(units: list[Unit], build: str) -> Iterator[tuple[str, str]]:
+    """A page for each unit, to be pasted table by table; there is REAL only."""
+    if build != "REAL":
+        return
+    pages = without_arrays(units)
+    kept = retained(pages)
+    names = {unit.name: unit for unit in pages}
+    rows = []
+    for number, unit in enumerate(pages, 1):
+        name = f"{number:02}_{unit.name}.html"
+        kind = {"TYPE": "data type", "PROGRAM": "program"}.get(unit.kind, "function block type")
+        rows.append([str(number), f'<a href="{name}">{unit.name}</a>', kind, html.escape(unit.comment)])
+        yield name, page(unit, kind, unit.name in kept, names)
+    body = f"<h1>glapp {version()} for AC 800M</h1><p>In this order: what is used comes before what uses it.</p>"
+    yield "index.html", framed("glapp for AC 800M", body + table(["", "page", "make it as", "what it is"], rows))
+
+
+def framed(title: str, body: str) -> str:
+    """A page that needs nothing from outside."""
+    style = (
+        "body{font:14px/1.45 sans-serif;max-width:70em;margin:2em auto;padding:0 1em}"
+        "table{border-collapse:collapse}td,th{border:1px solid #bbb;padding:2px 8px;text-align:left;vertical-align:top}"
+        "th{background:#eee}pre{background:#f6f6f6;border:1px solid #bbb;padding:1em;overflow:auto}"
+    )
+    return (
+        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
+        f"<title>{title}</title><style>{style}</style></head>\n"
+        f"<body>\n{body}\n</body></html>\n"
+    )
+
+
+def table(head: list[str], rows: list[list[str]]) -> str:
+    """A table that can be copied row by row."""
+    cells = "".join(f"<th>{name}</th>" for name in head)
+    lines = ["<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows]
+    return f"<table>\n<tr>{cells}</tr>\n" + "\n".join(lines) + "\n</table>\n"
+
+
+def page(unit: Unit, kind: str, keeps: bool, names: dict[str, Unit]) -> str:
+    """One unit: its tables in the order of the editor's tabs, its code, and how it is wired."""
+
+    def plain(var: Var) -> str:
+        return var.type.lower() if var.type in ELEMENTARY else var.type
+
+    def attributes(word: str) -> str:
+        if word == "VAR CONSTANT":
+            return "constant"
+        return "retain" if keeps or word == "VAR RETAIN" else ""
+
+    parts = [f"<p><a href='index.html'>all pages</a></p><h1>{unit.name}</h1><p>Make a {kind} of this name.</p>"]
+    if unit.comment:
+        parts.append(f"<p>{html.escape(unit.comment)}</p>")
+    head = ["Name", "Data Type", "Attributes", "Initial Value", "Description"]
+    if unit.kind == "TYPE":
+        rows = [[var.name, plain(var), attributes(""), var.initial, html.escape(var.comment)] for var in unit.vars()]
+        parts += ["<h2>Components</h2>", table(head, rows)]
+        return framed(unit.name, "\n".join(parts))
+    pins = [(word, var) for word, block in unit.blocks if word in ("VAR_INPUT", "VAR_OUTPUT") for var in block]
+    ways = {"VAR_INPUT": "in", "VAR_OUTPUT": "out"}
+    if pins and unit.kind != "PROGRAM":
+        rows = [
+            [var.name, plain(var), attributes(word), ways[word], var.initial, html.escape(var.comment)]
+            for word, var in pins
+        ]
+        parts += ["<h2>Parameters</h2>", table([*head[:3], "Direction", *head[3:]], rows)]
+    inner = [(word, var) for word, block in unit.blocks if word not in ways or unit.kind == "PROGRAM" for var in block]
+    made = {name for name, other in names.items() if other.kind != "TYPE"}
+    rows = [
+        [var.name, plain(var), attributes(word), var.initial, html.escape(var.comment)]
+        for word, var in inner
+        if var.type not in made
+    ]
+    if rows:
+        parts += ["<h2>Variables</h2>", table(head, rows)]
+    rows = [[var.name, var.type, html.escape(var.comment)] for _, var in inner if var.type in made]
+    if rows:
+        parts += ["<h2>Function Blocks</h2>", table(["Name", "Function Block Type", "Description"], rows)]
+    parts += ["<h2>Code</h2>", f"<pre>{html.escape(unit.body)}</pre>"]
+    if pins and unit.kind != "PROGRAM":
+        given = [var for word, var in pins if word == "VAR_INPUT"]
+        short = unit.name.removeprefix("Glapp")
+        call = f"{short}1({', '.join(f'{var.name} := {var.name}' for var in given)});"
+        parts += [
+            "<h2>Wiring</h2>",
+            f"<p>An instance {short}1 in the tab Function Blocks, and in the code of the program, with variables of "
+            "the same names; a pin that is left out keeps its initial value:</p>",
+            f"<pre>{html.escape(call)}</pre>",
+        ]
+    return framed(unit.name, "\n".join(parts))
+
+
+TARGETS = {
+    "st": structured_text,
+    "plcopen": plcopen,
+    "twincat": twincat,
+    "siemens": siemens,
+    "ac800m": ac800m,
+}
+
+
+def main(out: Path) -> None:
+    """Writes all packages anew."""
+    shutil.rmtree(out, ignore_errors=True)
+    out.mkdir(parents=True)
+    shutil.copyfile(HERE / "packages" / "README.md", out / "README.md")
+    for target, writer in TARGETS.items():
+        for build in BUILDS:
+            for name, text in writer(library(build), build):
+                path = out / target / name
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_bytes(text.encode())
+        shutil.copyfile(HERE / "packages" / f"{target}.md", out / target / "README.md")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else "dist/plc"))

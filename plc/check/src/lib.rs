@@ -3,12 +3,14 @@
 mod first;
 mod library;
 mod lint;
+mod mutate;
 mod page;
 mod run;
 mod second;
 mod tree;
 
 pub use library::{Build, Library, Value, Way, sources, trees};
+pub use mutate::{Mutant, mutants};
 pub use page::pins;
 pub use run::Instance;
 pub use tree::{Fault, Unit};

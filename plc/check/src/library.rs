@@ -217,13 +217,12 @@ impl Library {
         Self::made(sources, build, true)
     }
 
-    /// As [`read`](Self::read), without the rules of the subset: for a library that was changed on purpose, as a mutant is.
+    /// As [`of`](Self::of), without the rules of the subset: for a library that was changed on purpose, as a mutant is.
     ///
     /// # Errors
     /// As [`read`](Self::read).
-    pub fn read_unruled(folder: &Path, build: Build) -> Result<Self, Fault> {
-        let sources = sources(folder, build)?;
-        Self::made(sources.iter().map(|(name, text)| (name.as_str(), text.as_str())), build, false)
+    pub fn of_unruled<'s>(sources: impl Iterator<Item = (&'s str, &'s str)>, build: Build) -> Result<Self, Fault> {
+        Self::made(sources, build, false)
     }
 
     fn made<'s>(sources: impl Iterator<Item = (&'s str, &'s str)>, build: Build, ruled: bool) -> Result<Self, Fault> {
@@ -243,7 +242,11 @@ impl Library {
                 Build::Real => read_unit(file, &text.replace("LREAL", "REAL"))?,
             });
         }
-        Builder::new(&units)?.build()
+        Self::built(&units)
+    }
+
+    pub(crate) fn built(units: &[Unit]) -> Result<Self, Fault> {
+        Builder::new(units)?.build()
     }
 
     pub(crate) fn unit(&self, name: &str) -> Option<usize> {
@@ -262,7 +265,7 @@ impl Library {
     }
 }
 
-fn read_unit(file: &str, text: &str) -> Result<Unit, Fault> {
+pub(crate) fn read_unit(file: &str, text: &str) -> Result<Unit, Fault> {
     lint::without_comments(file, text)?;
     let unit = first::parse(file, text)?;
     // The first parser stops where the unit ends; the second one reads to the end of the file.

@@ -96,13 +96,25 @@ impl<'l> Instance<'l> {
         if class == Class::Local {
             return Err(Fault::new(pin, 0, "not a pin"));
         }
-        Ok(match self.memory.values[at] {
+        Ok(self.shown(at))
+    }
+
+    /// Reads any variable, as an engineer does who looks into an instance.
+    ///
+    /// # Errors
+    /// Where there is no such variable.
+    pub fn peek(&self, name: &str) -> Result<f64, Fault> {
+        self.find(name).map(|(at, _, _)| self.shown(at))
+    }
+
+    fn shown(&self, at: usize) -> f64 {
+        match self.memory.values[at] {
             Value::Bool(x) => x.into(),
             Value::Int(x) => x.into(),
             Value::Dint(x) => x.into(),
             Value::Real(x) => x.into(),
             Value::Lreal(x) => x,
-        })
+        }
     }
 
     fn find(&self, path: &str) -> Result<(usize, Ty, Class), Fault> {

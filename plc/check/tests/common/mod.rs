@@ -3,9 +3,10 @@
 
 pub mod blocks;
 pub mod detector;
+pub mod self_test;
 
 use glapp_core::{DetectorState, Real};
-use glapp_plc_check::{Build, Instance, Library};
+use glapp_plc_check::{Build, Instance, Library, sources};
 use serde_json::Value;
 use std::cell::RefCell;
 use std::io::Write;
@@ -51,9 +52,10 @@ macro_rules! number {
                 static LIBRARY: OnceLock<Library> = OnceLock::new();
                 LIBRARY.get_or_init(|| {
                     let folder = folder();
+                    let files = sources(&folder, $build).unwrap_or_else(|e| panic!("{e}"));
+                    let files = files.iter().map(|(name, text)| (&**name, &**text));
                     let changed = folder != home();
-                    let library =
-                        if changed { Library::read_unruled(&folder, $build) } else { Library::read(&folder, $build) };
+                    let library = if changed { Library::of_unruled(files, $build) } else { Library::of(files, $build) };
                     library.unwrap_or_else(|e| panic!("{e}"))
                 })
             }

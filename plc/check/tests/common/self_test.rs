@@ -1,0 +1,372 @@
+//! The program that drives every block on a controller, and the numbers it compares with, from the core.
+#![allow(dead_code, missing_docs)]
+
+use super::blocks::{core, maybe};
+use super::detector::{Pins, Reference};
+use super::{Case, Number, Scan, folder};
+use glapp_plc_check::{Build, Instance, Library, sources};
+use std::fmt::Write;
+
+/// How one block is driven: its name in the vectors and in the library, its parameters in the core, the statements before its call,
+/// the pins of the call, the row that its pins are in the core, and what of its outputs is added up.
+struct Drive {
+    block: &'static str,
+    name: &'static str,
+    params: &'static str,
+    before: &'static str,
+    call: &'static str,
+    h: &'static str,
+    row: fn(&dyn Fn(&str) -> f64) -> Vec<f64>,
+    /// In the order of the core's row: `Y`, `#Int`, `!Bool`, `Has?Option`; empty: not compared.
+    outputs: &'static [&'static str],
+    /// The pin without which the core has no row.
+    when: &'static str,
+}
+
+const SCANS: usize = 400;
+
+/// A, B, C and D are drawn anew in each scan, 0 to 1. A block that others here are made of is driven by them.
+const DRIVES: [Drive; 8] = [
+    Drive {
+        block: "filter",
+        name: "SecondOrderFilter",
+        params: r#"{"tf": 0.7}"#,
+        before: "",
+        call: "Tf := 0.7, X := 4.0 * A, H := 0.25",
+        h: "H",
+        row: |pin| vec![pin("X")],
+        outputs: &["Y"],
+        when: "",
+    },
+    Drive {
+        block: "zero_crossing",
+        name: "ZeroCrossing",
+        params: "{}",
+        before: "",
+        call: "E := B - 0.5",
+        h: "",
+        row: |pin| vec![pin("E")],
+        outputs: &["!Crossed", "#Sign"],
+        when: "",
+    },
+    Drive {
+        block: "noise_level",
+        name: "NoiseLevel",
+        params: "{}",
+        before: "",
+        call: "X := (2.0 * C) + A, Take := TRUE",
+        h: "",
+        row: |pin| vec![pin("X")],
+        outputs: &["HasSigma?Sigma"],
+        when: "",
+    },
+    Drive {
+        block: "half_period",
+        name: "HalfPeriod",
+        params: "{}",
+        before: "Turn := (Scan MOD 7) = 0;",
+        call: "Close := Turn, Open := Turn OR (Scan = 1), Take := TRUE, Sign := 1, E := A - 0.5, H := 0.25, Sp := B, \
+               Slope := C, OpFiltered := D",
+        h: "H",
+        row: |pin| vec![pin("E"), pin("Sp"), pin("Slope"), pin("OpFiltered"), 0.0, pin("Close")],
+        outputs: &[
+            "",
+            "",
+            "Half.DeltaT",
+            "Half.DeltaY",
+            "Half.EMax",
+            "Half.DeltaSp",
+            "Half.SpChange",
+            "Half.SlopeChange",
+            "Half.OpChange",
+        ],
+        when: "Turn",
+    },
+    Drive {
+        block: "width",
+        name: "Width",
+        params: r#"{"k": -0.5, "ti": 3.0, "td": 0.4, "b": 0.3, "kp": 2.0}"#,
+        before: "Data.Sign := 1;
+        IF A < 0.5 THEN
+            Data.Sign := -1;
+        END_IF;
+        Data.DeltaT := 20.0 * B;
+        Data.DeltaY := C;
+        Data.SpChange := D - 0.5;
+        Data.SlopeChange := A - D;
+        Data.OpChange := 3.0 * B;",
+        call: "K := -0.5, Ti := 3.0, HasTd := TRUE, Td := 0.4, B := 0.3, HasKp := TRUE, Kp := 2.0, Half := Data, \
+               OpKnown := C < 0.5",
+        h: "",
+        row: |pin| {
+            let op = if pin("OpKnown") == 0.0 { f64::NAN } else { pin("Half.OpChange") };
+            let parts = ["Sign", "DeltaT", "DeltaY", "SpChange", "SlopeChange"];
+            parts.iter().map(|part| pin(&format!("Half.{part}"))).chain([op]).collect()
+        },
+        outputs: &[
+            "Parts.DeltaU",
+            "Parts.DeltaUD",
+            "Parts.DeltaUSp",
+            "Parts.OpTravel",
+            "Parts.Free",
+            "Parts.KpPart",
+            "Parts.D",
+        ],
+        when: "",
+    },
+    Drive {
+        block: "safety_net",
+        name: "SafetyNet",
+        params: r#"{"k": 0.5, "ti": 2.0, "op_span": 4.0}"#,
+        before: "Data.EMax := 2.6 * A;
+        Data.DeltaSp := 1.2 * D;",
+        call: "Half := Data, Free := 5.0 * D, K := 0.5, Ti := 2.0, HasPrevious := A < 0.9, Previous := B, \
+               HasDHat := B < 0.7, DHat := 9.0 * A, HasOpSpan := TRUE, OpSpan := 4.0",
+        h: "",
+        row: |pin| {
+            let given = |has: &str, name: &str| if pin(has) == 0.0 { f64::NAN } else { pin(name) };
+            let parts = ["DeltaT", "DeltaY", "EMax", "DeltaSp"].map(|part| pin(&format!("Half.{part}")));
+            let rest = [pin("Free"), given("HasPrevious", "Previous"), given("HasDHat", "DHat")];
+            [0.0].into_iter().chain(parts).chain(rest).collect()
+        },
+        outputs: &["#Mask", "#Reason"],
+        when: "",
+    },
+    Drive {
+        block: "median_mean",
+        name: "MedianMean",
+        params: r#"{"n": 5}"#,
+        before: "",
+        call: "N := 5, Detection := 3.0 + A",
+        h: "",
+        row: |pin| vec![pin("Detection")],
+        outputs: &["Estimate.Value", "Estimate.Low", "Estimate.High", "#Estimate.Kept", "#Estimate.Count"],
+        when: "",
+    },
+    // A limit cycle with noise; a bad value in one scan, a gain of 0 in others.
+    Drive {
+        block: "detector",
+        name: "Detector",
+        params: "{}",
+        before: "IF (Scan MOD 30) = 0 THEN
+            Side := -Side;
+        END_IF;
+        Gain := 0.5;
+        IF (Scan > 330) AND (Scan < 340) THEN
+            Gain := 0.0;
+        END_IF;",
+        call: "Enable := TRUE, H := 0.25, Sp := 50.0, Pv := (50.0 - Side) + (0.2 * A), HasOp := TRUE, \
+               Op := 40.0 + (Side * B), Bad := Scan = 200, K := Gain, Ti := 1.0, HasKp := TRUE, Kp := 2.0, \
+               HasOpSpan := TRUE, OpSpan := 100.0, N := 3",
+        h: "H",
+        row: |pin| vec![pin("Sp"), pin("Pv"), pin("Op"), pin("Bad"), pin("K")],
+        outputs: &[
+            "!Valid",
+            "!Error",
+            "#ErrorID",
+            "HasEstimate?Estimate.Value",
+            "HasEstimate?Estimate.Low",
+            "HasEstimate?Estimate.High",
+            "",
+            "",
+            "HasNoiseFloor?NoiseFloor",
+            "!HasShown",
+            "",
+            "PvFiltered",
+        ],
+        when: "",
+    },
+];
+
+/// The files that it drives itself.
+pub fn driven() -> Vec<String> {
+    DRIVES.iter().map(|drive| format!("Glapp{}", drive.name)).collect()
+}
+
+fn reference<R: Number>(drive: &Drive) -> Scan {
+    if drive.block == "detector" {
+        let mut reference = Reference::<R>::default();
+        return Box::new(move |x, h| {
+            let [sp, pv, op, bad, k] = x else { panic!("{x:?}") };
+            let pins = Pins { h, sp: *sp, pv: *pv, op: Some(*op), k: *k, ..Pins::default() };
+            let flags = if *bad != 0.0 { glapp_core::status::BAD } else { 0 };
+            Some(reference.scan(&Pins { flags, kp: Some(2.0), op_span: Some(100.0), n: 3, ..pins }).0)
+        });
+    }
+    let params = serde_json::from_str(drive.params).unwrap();
+    core::<R>(drive.block, &Case { name: drive.block.into(), params, input: vec![], output: None })
+}
+
+/// Adds up an output: the total's name and the statements.
+fn added(instance: &str, output: &str, total: &str) -> String {
+    let sum = |value: String| format!("{total} := {total} + {value};");
+    if let Some(name) = output.strip_prefix('#') {
+        return sum(format!("INT_TO_LREAL({instance}.{name})"));
+    }
+    let condition =
+        |has: &str, value: String| format!("IF {instance}.{has} THEN\n            {}\n        END_IF;", sum(value));
+    match (output.strip_prefix('!'), output.split_once('?')) {
+        (Some(name), _) => condition(name, "1.0".into()),
+        (None, Some((has, name))) => condition(has, format!("{instance}.{name}")),
+        _ => sum(format!("{instance}.{output}")),
+    }
+}
+
+/// The program with these numbers to compare with.
+fn program(build: Build, references: &[Vec<f64>]) -> String {
+    let tolerance = if build == Build::Real { "1.0E-3" } else { "1.0E-9" };
+    let (mut vars, mut run, mut checks) = (String::new(), String::new(), String::new());
+    for (drive, references) in DRIVES.iter().zip(references) {
+        let number = DRIVES.iter().position(|other| other.name == drive.name).unwrap() + 1;
+        let name = drive.name;
+        writeln!(vars, "    {name} : Glapp{name};").unwrap();
+        if !drive.before.is_empty() {
+            writeln!(run, "        {}", drive.before).unwrap();
+        }
+        writeln!(run, "        {}", folded(&format!("{name}({});", drive.call))).unwrap();
+        let mut sums = String::new();
+        let compared = drive.outputs.iter().filter(|output| !output.is_empty());
+        for (place, (output, reference)) in compared.zip(references).enumerate() {
+            let total = format!("{name}{}", place + 1);
+            writeln!(vars, "    {total} : LREAL;").unwrap();
+            writeln!(sums, "        {}", added(name, output, &total)).unwrap();
+            writeln!(
+                checks,
+                "        Check(Number := {number}, Value := {total}, Expected := {}, Tolerance := Tolerance);",
+                literal(build, *reference)
+            )
+            .unwrap();
+        }
+        if drive.when.is_empty() {
+            run += &sums;
+        } else {
+            let inner: String = sums.lines().map(|line| format!("    {line}\n")).collect();
+            writeln!(run, "        IF {} THEN\n{inner}        END_IF;", drive.when).unwrap();
+        }
+    }
+    let names = DRIVES.iter().enumerate().map(|(i, drive)| format!("{} {}", i + 1, drive.name));
+    let mut draws = String::new();
+    for letter in ["A", "B", "C", "D"] {
+        let next = "Seed := (171 * (Seed MOD 177)) - (2 * (Seed / 177));";
+        let wrap = "IF Seed < 0 THEN\n            Seed := Seed + 30269;\n        END_IF;";
+        writeln!(draws, "        {next}\n        {wrap}\n        {letter} := INT_TO_LREAL(Seed) / 30269.0;").unwrap();
+    }
+    let list = names.collect::<Vec<_>>().join(", ");
+    format!(
+        "(* Drives every block for {SCANS} scans by numbers that are drawn the same everywhere, adds up what comes out, and
+   compares the sums with those of the reference, within a tolerance and to the bit. The blocks by their numbers:
+   {}.
+   Written by `cargo run -p glapp-plc-check --example self_test`; not by hand. *)
+PROGRAM GlappSelfTest
+VAR_OUTPUT
+    Done : BOOL;        (* all scans have run *)
+    Passed : BOOL;      (* every sum lies within Tolerance of the reference *)
+    Exact : BOOL;       (* every sum has the bits of the reference *)
+    Block : INT;        (* the first block that failed, by its number above; 0: none *)
+    Off : LREAL;        (* the largest difference: of that block, or of all where none failed *)
+END_VAR
+VAR CONSTANT
+    Tolerance : LREAL := {tolerance};   (* as a share of 1 + the reference *)
+    Scans : INT := {SCANS};
+END_VAR
+VAR
+    Scan : INT;
+    Seed : INT := 1;
+    A : LREAL;
+    B : LREAL;
+    C : LREAL;
+    D : LREAL;
+    Turn : BOOL;
+    Side : LREAL := 1.0;
+    Gain : LREAL;
+    Data : GlappHalfPeriodData;
+    Check : GlappSelfCheck;
+{vars}END_VAR
+    IF Scan < Scans THEN
+        Scan := Scan + 1;
+        (* Four numbers from 0 to 1 (Lehmer's generator modulo 30269, without overflow in 16 bits). *)
+{draws}{run}    ELSIF NOT Done THEN
+{checks}        Done := TRUE;
+        Block := Check.Failed;
+        Passed := Block = 0;
+        Exact := NOT Check.Inexact;
+        Off := Check.Off;
+    END_IF;
+END_PROGRAM
+",
+        folded(&list).replace("\n            ", "\n   ")
+    )
+}
+
+/// A line that is too long, broken at a comma.
+fn folded(line: &str) -> String {
+    let (mut out, mut length) = (String::new(), 0);
+    for part in line.split_inclusive(", ") {
+        if length + part.len() > 95 {
+            out.truncate(out.trim_end().len());
+            out += "\n            ";
+            length = 0;
+        }
+        length += part.len();
+        out += part;
+    }
+    out
+}
+
+/// The shortest literal that is this number.
+fn literal(build: Build, x: f64) -> String {
+    let text = if build == Build::Real { format!("{:?}", x as f32) } else { format!("{x:?}") };
+    match text.split_once('e') {
+        Some((mantissa, exponent)) if mantissa.contains('.') => format!("{mantissa}E{exponent}"),
+        Some((mantissa, exponent)) => format!("{mantissa}.0E{exponent}"),
+        None => text,
+    }
+}
+
+/// The library's files with this program.
+fn with(build: Build, program: &str) -> Vec<(String, String)> {
+    let mut files = sources(&folder(), build).unwrap_or_else(|fault| panic!("{fault}"));
+    files.retain(|(name, _)| name != "SelfTest.st");
+    files.push(("SelfTest.st".into(), program.into()));
+    files
+}
+
+/// The program as the command writes it: driven once in the evaluator, whose pins the core is given.
+pub fn written<R: Number>() -> String {
+    let none: Vec<Vec<f64>> = DRIVES.iter().map(|drive| vec![0.0; drive.outputs.len()]).collect();
+    let files = with(R::BUILD, &program(R::BUILD, &none));
+    let files = files.iter().map(|(name, text)| (&**name, &**text));
+    let library = Library::of(files, R::BUILD).unwrap_or_else(|fault| panic!("{fault}"));
+    let mut one = Instance::new(&library, "GlappSelfTest").unwrap();
+    let mut cores: Vec<Scan> = DRIVES.iter().map(reference::<R>).collect();
+    let mut totals: Vec<Vec<R>> = none.iter().map(|row| vec![R::ZERO; row.len()]).collect();
+    for _ in 0..SCANS {
+        one.call().unwrap_or_else(|fault| panic!("{fault}"));
+        for ((drive, core), totals) in DRIVES.iter().zip(&mut cores).zip(&mut totals) {
+            let pin =
+                |name: &str| one.peek(&format!("{}.{name}", drive.name)).unwrap_or_else(|fault| panic!("{fault}"));
+            let h = if drive.h.is_empty() { 0.0 } else { pin(drive.h) };
+            let Some(row) = core(&(drive.row)(&pin), h) else { continue };
+            for (total, value) in totals.iter_mut().zip(row) {
+                if let Some(value) = maybe(value) {
+                    *total = *total + R::of(value);
+                }
+            }
+        }
+    }
+    let compared = |drive: &Drive, totals: &[R]| {
+        let all = drive.outputs.iter().zip(totals).filter(|(output, _)| !output.is_empty());
+        all.map(|(_, total)| total.as_f64()).collect()
+    };
+    let references: Vec<Vec<f64>> = DRIVES.iter().zip(&totals).map(|(drive, totals)| compared(drive, totals)).collect();
+    program(R::BUILD, &references)
+}
+
+/// Done, Passed, Exact, Block and Off in the end; none where the run stopped.
+pub fn run(library: &Library) -> Option<[f64; 5]> {
+    let mut one = Instance::new(library, "GlappSelfTest").ok()?;
+    for _ in 0..=SCANS {
+        one.call().ok()?;
+    }
+    Some(["Done", "Passed", "Exact", "Block", "Off"].map(|pin| one.get(pin).unwrap()))
+}

@@ -1,4 +1,5 @@
-//! Whether the tests beside the core notice each mutant: `cargo run --release -p glapp-plc-check --example mutants [FILE.st ...]`.
+//! Whether the tests beside the core notice each mutant: `cargo run --release -p glapp-plc-check --example mutants [FILE.st ...]`;
+//! `mutants.tsv` as an argument: those alone that a list has.
 //!
 //! Each operator, literal and name (to another of its type) is changed one at a time. The tests run on the changed library, all but those of the
 //! documentation and of this tool; the first difference ends them. `mutants.tsv` lists every mutant that is left, with its reason: `equal: ...` where
@@ -12,7 +13,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Tests that do not run the library beside the core.
-const OTHERS: [&str; 3] = ["docs", "subset", "self_test"];
+const OTHERS: [&str; 5] = ["docs", "subset", "lint_samples", "self_test", "must_show"];
 
 fn tests() -> Vec<PathBuf> {
     let built = Command::new(env!("CARGO"))
@@ -31,7 +32,7 @@ fn tests() -> Vec<PathBuf> {
     };
     let mut all: Vec<_> = executables.map(PathBuf::from).filter(|path| !OTHERS.contains(&&*name(path))).collect();
     // Vectors are told fastest.
-    all.sort_by_key(|path| (name(path) != "vectors", name(path)));
+    all.sort_by_key(|path| (name(path) != "vectors", name(path) == "random", name(path)));
     assert!(!all.is_empty(), "no tests");
     all
 }
@@ -49,6 +50,11 @@ fn copied(ours: &Path, to: &Path) {
     }
 }
 
+/// A mutant as `mutants.tsv` has it: file, the line as it was, as it is.
+fn told(mutant: &Mutant) -> String {
+    format!("{}\t{}\t{}", mutant.file, mutant.line.0, mutant.line.1)
+}
+
 fn noticed(tests: &[PathBuf], folder: &Path) -> bool {
     tests.iter().any(|test| {
         let mut run = Command::new(test);
@@ -58,7 +64,8 @@ fn noticed(tests: &[PathBuf], folder: &Path) -> bool {
 }
 
 fn main() -> ExitCode {
-    let wanted: Vec<String> = std::env::args().skip(1).collect();
+    let (again, wanted): (Vec<String>, Vec<String>) = std::env::args().skip(1).partition(|name| name.ends_with(".tsv"));
+    let again: Vec<String> = again.iter().map(|list| std::fs::read_to_string(list).expect("a list")).collect();
     let home = Path::new(env!("CARGO_MANIFEST_DIR"));
     let ours = home.join("..");
     let tests = tests();
@@ -74,6 +81,10 @@ fn main() -> ExitCode {
                 all.extend(mutants.map(|mutant| Mutant { file: place.clone(), ..mutant }));
             }
         }
+    }
+    if !again.is_empty() {
+        let listed = |mutant: &Mutant| again.iter().any(|list| list.contains(&told(mutant)));
+        all.retain(listed);
     }
     let scratch = std::env::temp_dir().join(format!("glapp-mutants-{}", std::process::id()));
     copied(&ours, &scratch.join("0"));
@@ -94,7 +105,7 @@ fn main() -> ExitCode {
                     std::fs::write(&path, &mutant.text).expect("a file");
                     if !noticed(tests, &folder) {
                         left.lock().expect("no panic").push(number);
-                        println!("{}\t{}\t{}", mutant.file, mutant.line.0, mutant.line.1);
+                        println!("{}", told(mutant));
                     }
                     std::fs::copy(ours.join(&mutant.file), &path).expect("a copy");
                     if number % 50 == 49 {
@@ -110,16 +121,15 @@ fn main() -> ExitCode {
     let (mut equal, mut unlisted) = (0, 0);
     let left = left.into_inner().expect("no panic");
     for number in &left {
-        let Mutant { file, line: (was, is), .. } = &all[*number];
-        match reasons.get(&*format!("{file}\t{was}\t{is}")) {
+        match reasons.get(&*told(&all[*number])) {
             Some(reason) => equal += usize::from(reason.starts_with("equal: ")),
             None => unlisted += 1,
         }
     }
-    let told = all.len() - left.len();
-    let share = 100.0 * told as f64 / (all.len() - equal) as f64;
+    let noticed = all.len() - left.len();
+    let share = 100.0 * noticed as f64 / (all.len() - equal) as f64;
     eprintln!(
-        "{} mutants, {told} noticed, {equal} proved equal, {unlisted} not listed: {share:.1} % noticed",
+        "{} mutants, {noticed} noticed, {equal} proved equal, {unlisted} not listed: {share:.1} % noticed",
         all.len()
     );
     if unlisted == 0 && share >= 97.0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }

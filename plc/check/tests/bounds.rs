@@ -1,8 +1,10 @@
-//! The functions that tell what may be computed, at their bounds and to both sides.
+//! What sequences do not get to: the functions that tell what may be computed, at their bounds and to both sides; and pins left open.
 
 mod common;
 
+use common::blocks::pascal;
 use common::folder;
+use glapp_core::Conditions;
 use glapp_plc_check::{Build, Instance, Library, sources};
 
 const TRY: &str = "FUNCTION_BLOCK GlappTry
@@ -67,5 +69,29 @@ fn at_the_bounds() {
         ] {
             assert_eq!(of(a, b, "Quotient"), fits, "{build:?} {a} / {b}");
         }
+    }
+}
+
+/// A pin that is left open means the core's default.
+#[test]
+fn open_pins() {
+    for build in [Build::Lreal, Build::Real] {
+        let files = sources(&folder(), build).unwrap();
+        let library = Library::of_unruled(files.iter().map(|(name, text)| (&**name, &**text)), build).unwrap();
+        let of = |block: &str, pin: &str| Instance::new(&library, block).unwrap().get(pin).unwrap();
+        let mut conditions = Conditions::default();
+        for block in ["GlappDetector", "GlappDetectorSettings", "GlappSafetyNet"] {
+            for name in Conditions::NAMES {
+                let default = *conditions.switch(name).unwrap();
+                assert_eq!(of(block, &pascal(name)), f64::from(u8::from(default)), "{block} {name}");
+            }
+        }
+        for block in ["GlappDetector", "GlappDetectorSettings", "GlappWidth"] {
+            assert_eq!(of(block, "B"), 1.0, "{block}");
+        }
+        for block in ["GlappDetector", "GlappDetectorSettings", "GlappMedianMean"] {
+            assert_eq!(of(block, "N"), 9.0, "{block}");
+        }
+        assert_eq!(of("GlappHalfPeriod", "SlopeFits"), 1.0);
     }
 }

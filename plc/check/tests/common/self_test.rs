@@ -7,6 +7,9 @@ use super::{Case, Number, Scan, folder};
 use glapp_plc_check::{Build, Instance, Library, sources};
 use std::fmt::Write;
 
+/// Reads a pin.
+type Look<'a> = &'a dyn Fn(&str) -> f64;
+
 /// How one block is driven: its name in the vectors and in the library, its parameters in the core, the statements before its call,
 /// the pins of the call, the row that its pins are in the core, and what of its outputs is added up.
 struct Drive {
@@ -16,7 +19,7 @@ struct Drive {
     before: &'static str,
     call: &'static str,
     h: &'static str,
-    row: fn(&dyn Fn(&str) -> f64) -> Vec<f64>,
+    row: fn(Look<'_>) -> Vec<f64>,
     /// In the order of the core's row: `Y`, `#Int`, `!Bool`, `Has?Option`; empty: not compared.
     outputs: &'static [&'static str],
     /// The pin without which the core has no row.
@@ -349,7 +352,7 @@ pub fn written<R: Number>() -> String {
             let Some(row) = core(&(drive.row)(&pin), h) else { continue };
             for (total, value) in totals.iter_mut().zip(row) {
                 if let Some(value) = maybe(value) {
-                    *total = *total + R::of(value);
+                    *total += R::of(value);
                 }
             }
         }

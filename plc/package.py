@@ -97,7 +97,13 @@ def library(build: str) -> list[Unit]:
     files = {path.name: path for path in sorted(HERE.glob("*.st"))}
     if build == "REAL":
         files |= {path.name: path for path in sorted((HERE / "real").glob("*.st"))}
-    left = [read(files[name].read_text().replace("LREAL", build)) for name in sorted(files)]
+    # What comments say of both builds stays.
+    typed = re.compile(r"\(\*.*?\*\)|\bINT_TO_LREAL\b|\bLREAL\b", re.DOTALL)
+
+    def built(found: re.Match[str]) -> str:
+        return found[0] if found[0].startswith("(*") else found[0].replace("LREAL", build)
+
+    left = [read(typed.sub(built, files[name].read_text())) for name in sorted(files)]
     ordered: list[Unit] = []
     for kind in ("TYPE", "FUNCTION", "FUNCTION_BLOCK", "PROGRAM"):
         here = [unit for unit in left if unit.kind == kind]

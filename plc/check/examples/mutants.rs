@@ -1,5 +1,5 @@
 //! Whether the tests beside the core notice each mutant: `cargo run --release -p glapp-plc-check --example mutants [FILE.st ...]`;
-//! `mutants.tsv` as an argument: those alone that a list has.
+//! `mutants.tsv` as an argument: those alone that a list has; a number: every so manieth of each file.
 //!
 //! Each operator, literal and name (to another of its type) is changed one at a time. The tests run on the changed library, all but those of the
 //! documentation and of this tool; the first difference ends them. `mutants.tsv` lists every mutant that is left, with its reason: `equal: ...` where
@@ -65,6 +65,9 @@ fn noticed(tests: &[PathBuf], folder: &Path) -> bool {
 
 fn main() -> ExitCode {
     let (again, wanted): (Vec<String>, Vec<String>) = std::env::args().skip(1).partition(|name| name.ends_with(".tsv"));
+    let (every, wanted): (Vec<String>, Vec<String>) =
+        wanted.into_iter().partition(|name| name.parse::<usize>().is_ok());
+    let every = every.first().map_or(1, |number| number.parse().expect("a number"));
     let again: Vec<String> = again.iter().map(|list| std::fs::read_to_string(list).expect("a list")).collect();
     let home = Path::new(env!("CARGO_MANIFEST_DIR"));
     let ours = home.join("..");
@@ -78,7 +81,7 @@ fn main() -> ExitCode {
             if named && (build == Build::Lreal || twin) && !file.starts_with("Self") {
                 let place = if build == Build::Real { format!("real/{file}") } else { file.clone() };
                 let mutants = mutants(&files, file).expect("the library");
-                all.extend(mutants.map(|mutant| Mutant { file: place.clone(), ..mutant }));
+                all.extend(mutants.step_by(every).map(|mutant| Mutant { file: place.clone(), ..mutant }));
             }
         }
     }
@@ -108,7 +111,7 @@ fn main() -> ExitCode {
                         println!("{}", told(mutant));
                     }
                     std::fs::copy(ours.join(&mutant.file), &path).expect("a copy");
-                    if number % 50 == 49 {
+                    if number % 20 == 19 {
                         eprintln!("{} of {}, {} left", number + 1, all.len(), left.lock().expect("no panic").len());
                     }
                 }

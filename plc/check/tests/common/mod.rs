@@ -2,6 +2,7 @@
 #![allow(dead_code, missing_docs)] // each test file uses its part
 
 pub mod blocks;
+pub mod control;
 pub mod detector;
 
 use glapp_core::{DetectorState, Real};

@@ -649,7 +649,8 @@ impl<R: Number> TunerReference<R> {
 }
 
 /// The units that the random sequences of these blocks have to go all ways through.
-pub const POUS: [&str; 17] = [
+pub const POUS: [&str; 18] = [
+    "GlappSum",
     "GlappNoise",
     "GlappBacklash",
     "GlappSaturation",

@@ -433,13 +433,15 @@ def auto_tuner_module(params: dict[str, float]) -> Callable[..., list[float]]:
     numbers = read(VECTORS / "catalogue.json")["parameters"]
     wish = 0.0
 
-    def update(x: float, pv: float, run: float, flags: float, tracking: float, amplitude: float, h: float) -> list[float]:
+    def update(
+        x: float, pv: float, run: float, flags: float, tracking: float, amplitude: float, h: float
+    ) -> list[float]:
         nonlocal wish
         refused = 0
         try:
             graph["tuner.amplitude"] = amplitude
         except ValueError as error:
-            refused = numbers[re.search(r"(\w+) = ", str(error))[1]]
+            refused = next(numbers[name] for name in re.findall(r"(\w+) = ", str(error)))
         if run != wish:
             wish = graph["tuner.run"] = run
         graph["valve.flags"], graph["valve.tracking"] = flags, tracking

@@ -2092,7 +2092,9 @@ def auto_tuner_module_cases() -> Iterator[dict[str, Any]]:
     """An experiment in a loop, its connections, settings that change on the way or are refused."""
     usual = {"amplitude": 3.0, "wait": 4.0, "longest": 120.0, "max_h": 1.0}
     usual |= {"pv_low": -9.0, "pv_high": 9.0, "op_low": 0.0, "op_high": 10.0}
-    yield _tuner_loop("an experiment, and the controller goes on", ["End"], usual, 400, end={i: {"x": 4.0} for i in range(360, 400)})
+    yield _tuner_loop(
+        "an experiment, and the controller goes on", ["End"], usual, 400, end={i: {"x": 4.0} for i in range(360, 400)}
+    )
     told = {i: {"flags": 4.0 if i < 5 else 9.0, "tracking": 0.5 * i, "run": 0.0} for i in range(3, 9)}
     yield _tuner_loop("nothing runs", ["Handed"], usual, 12, end=told | {i: {"run": 0.0} for i in (9, 10, 11)})
     yield _tuner_loop("ended by command", ["End"], usual, 60, end={i: {"run": 0.0} for i in range(50, 60)})
@@ -2906,10 +2908,10 @@ BLOCKS: dict[
         auto_tuner_module_cases,
         ["x", "pv", "run", "flags", "tracking", "amplitude"],
         ["y", "flags", "tracking", "phase", "stop", "refused", "ku", "tu", "kp", "kappa"],
-        "The autotuner as a module: x from the controller, y to the valve. run begins an experiment where it becomes 1 and "
-        "ends it where it becomes 0. flags and tracking are told backward after the scan, and, as outputs, told on to the "
-        "controller. amplitude is set before the scan; refused: number of the parameter that is out of bounds then, the "
-        "last good set stays. phase, stop, ku, tu, kp, kappa as in auto_tuner.",
+        "The autotuner as a module: x from the controller, y to the valve. run begins an experiment where it becomes 1 "
+        "and ends it where it becomes 0. flags and tracking are told backward after the scan, and, as outputs, told on "
+        "to the controller. amplitude is set before the scan; refused: number of the parameter that is out of bounds "
+        "then, the last good set stays. phase, stop, ku, tu, kp, kappa as in auto_tuner.",
         {
             "End": "an output that is not where it was, or not handed on afterwards",
             "Handed": "a value, a flag or a value in effect that is not handed on",

@@ -382,7 +382,7 @@ impl Signals {
             if d.chance(0.7) {
                 let pin = d.of(self.settings);
                 let usual = self.usual.get(pin);
-                let large = if has("Run") { 1e31 } else { 1e27 };
+                let large = if has("Run") { 1e31 } else { 1e20 };
                 let wrong = d.of(&[f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -1.0, 0.0, 2.0, large]);
                 let value = if d.chance(0.4) { usual * d.between(0.5, 1.5) } else { wrong };
                 self.row.set(pin, if pin == "Rule" { d.of(&[1.0, 2.0, 3.0, 7.0]) } else { value });
@@ -402,7 +402,7 @@ impl Signals {
         }
         if has("H") && !self.settings.contains(&"H") {
             let h = if has("Run") { 0.2 } else { 0.1 };
-            let odd = d.of(&[0.0, -0.1, 5.0, f64::NAN, f64::INFINITY, 0.05, 1e-30]);
+            let odd = d.of(&[0.0, -0.1, 5.0, f64::NAN, f64::INFINITY, 0.05, 1e-6]);
             let h = if d.chance(self.wrong) { odd } else { h };
             let h = if self.scans < 3 && self.wrong > 0.0 { 0.0 } else { h };
             self.row.set("H", h);

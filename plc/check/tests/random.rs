@@ -151,6 +151,9 @@ fn all<R: Number>() {
     // What no sequence gets to: the ends of counters of 32 bits; and a noise floor without end, which has a test of its own.
     let text = |pou: &str| std::fs::read_to_string(folder().join(format!("{}.st", &pou["Glapp".len()..]))).unwrap();
     for (way, taken) in R::library().ways.iter().zip(&taken) {
+        if common::control::POUS.contains(&&*way.pou) {
+            continue;
+        }
         let source = text(&way.pou);
         let line = source.lines().nth(way.line - 1).unwrap();
         let never = (line.contains("2147483647") || way.pou == "GlappNoiseFloor") && way.branch == 1;

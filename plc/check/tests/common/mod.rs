@@ -2,6 +2,7 @@
 #![allow(dead_code, missing_docs)] // each test file uses its part
 
 pub mod blocks;
+pub mod control;
 pub mod detector;
 pub mod self_test;
 
@@ -28,7 +29,7 @@ pub fn folder() -> PathBuf {
     changed.into()
 }
 
-fn home() -> PathBuf {
+pub fn home() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 

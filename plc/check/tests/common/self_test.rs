@@ -2,8 +2,9 @@
 #![allow(dead_code, missing_docs)]
 
 use super::blocks::{core, maybe};
+use super::control::{self, AUTO_TUNER, POWER_CUT, Row, TWINS, Twin};
 use super::detector::{Pins, Reference};
-use super::{Case, Number, Scan, folder};
+use super::{Case, Number, Scan, folder, home};
 use glapp_plc_check::{Build, Instance, Library, sources};
 use std::fmt::Write;
 
@@ -24,6 +25,13 @@ struct Drive {
     outputs: &'static [&'static str],
     /// The pin without which the core has no row.
     when: &'static str,
+}
+
+/// How a block is driven whose pins and outputs stand in the table of `control`: its name there, statements before its call, and its pins.
+struct Called {
+    twin: &'static str,
+    before: &'static str,
+    call: &'static str,
 }
 
 const SCANS: usize = 400;
@@ -181,9 +189,88 @@ const DRIVES: [Drive; 8] = [
     },
 ];
 
+const CALLED: [Called; 8] = [
+    Called { twin: "noise", before: "", call: "Seed := 7, Amplitude := 0.3, X := A" },
+    Called { twin: "backlash", before: "", call: "D := 0.4, X := A" },
+    Called {
+        twin: "saturation",
+        before: "",
+        call: "Low := 0.2, High := 0.9, X := A, BackAtLow := B < 0.1, BackAtHigh := C < 0.1, HasBackLimits := D < 0.5, \
+               BackLow := 0.3, BackHigh := 0.7",
+    },
+    Called { twin: "rate_limit", before: "", call: "Rate := 1.5, X := B, H := 0.25, BackAtHigh := A < 0.1" },
+    Called { twin: "phase_lead", before: "", call: "Lead := 2.0, Lag := 0.5, X := C, H := 0.25" },
+    Called {
+        twin: "process_sim",
+        before: "",
+        call: "Start := 0.5, Gain := 1.5, T1 := 2.0, T2 := 0.7, DeadTime := 0.75, H := 0.25, X := A, Load := 0.2 * B",
+    },
+    // Modes, a bad value and a saturated valve on the way.
+    Called {
+        twin: "pid_module",
+        before: "Turn := (Scan > 100) AND (Scan < 120);",
+        call: "Enable := TRUE, Start := 50.0, H := 0.25, Pv := 49.0 + (2.0 * A), PvBad := Scan = 200, HasOwnSp := TRUE, \
+               OwnSp := 50.0 + B, Ff := C, BackAtHigh := D < 0.2, BackNotAuto := Turn, BackTracking := 40.0, K := 2.0, Ti := 5.0, \
+               Td := 0.5, B := 0.8, Tf := 0.4, HasLow := TRUE, Low := 0.0, HasHigh := TRUE, High := 100.0, HasRate := TRUE, \
+               Rate := 8.0",
+    },
+    // A relay experiment with a process of its own.
+    Called {
+        twin: "auto_tuner_module",
+        before: "Plant(Gain := 1.0, T1 := 2.0, T2 := 1.0, DeadTime := 0.5, H := 0.25, X := AutoTuner.Y, Start := 0.0);",
+        call: "Enable := TRUE, Run := Scan > 20, H := 0.25, X := 0.0, Pv := Plant.Y + (0.02 * A), Amplitude := 5.0, \
+               HasHysteresis := TRUE, Hysteresis := 0.2, WaitTime := 5.0, Longest := 500.0, MaxH := 1.0, PvLow := -50.0, \
+               PvHigh := 50.0, OpLow := -50.0, OpHigh := 50.0, Rule := 1 + (Scan MOD 3)",
+    },
+];
+
+fn twin(name: &str) -> &'static Twin {
+    let known = TWINS.iter().find(|twin| twin.name == name);
+    known.or_else(|| (name == AUTO_TUNER.name).then_some(&AUTO_TUNER)).unwrap_or_else(|| panic!("no twin {name}"))
+}
+
+/// A block that is driven, whichever table it stands in.
+struct Driven {
+    name: String,
+    before: &'static str,
+    call: &'static str,
+    outputs: Vec<String>,
+    when: &'static str,
+}
+
+fn all() -> Vec<Driven> {
+    let first = DRIVES.iter().map(|drive| Driven {
+        name: drive.name.into(),
+        before: drive.before,
+        call: drive.call,
+        outputs: drive.outputs.iter().map(|output| (*output).into()).collect(),
+        when: drive.when,
+    });
+    let rest = CALLED.iter().map(|called| {
+        let twin = twin(called.twin);
+        let name = twin.pou.trim_start_matches("Glapp").to_owned();
+        let text = std::fs::read_to_string(home().join(format!("{name}.st"))).expect("a file");
+        let outputs = twin.shown.iter().map(|output| marked(&text, output)).collect();
+        Driven { name, before: called.before, call: called.call, outputs, when: "" }
+    });
+    first.chain(rest).collect()
+}
+
+/// An output with the mark of its type; nothing where it is DINT, which no standard conversion of the subset takes.
+fn marked(text: &str, output: &str) -> String {
+    let pin = output.split('?').next_back().unwrap();
+    let is = |ty: &str| text.lines().any(|line| line.trim().starts_with(&format!("{pin} : {ty};")));
+    match () {
+        () if is("DINT") => String::new(),
+        () if is("BOOL") => format!("!{output}"),
+        () if is("INT") => format!("#{output}"),
+        () => output.to_owned(),
+    }
+}
+
 /// The files that it drives itself.
 pub fn driven() -> Vec<String> {
-    DRIVES.iter().map(|drive| format!("Glapp{}", drive.name)).collect()
+    all().iter().map(|one| format!("Glapp{}", one.name)).collect()
 }
 
 fn reference<R: Number>(drive: &Drive) -> Scan {
@@ -200,18 +287,48 @@ fn reference<R: Number>(drive: &Drive) -> Scan {
     core::<R>(drive.block, &Case { name: drive.block.into(), params, input: vec![], output: None })
 }
 
+/// Takes a look at the pins of a block, and gives what the core makes of them.
+type Told = Box<dyn FnMut(Look<'_>) -> Option<Vec<f64>>>;
+
+fn references<R: Number>() -> Vec<Told> {
+    let first = DRIVES.iter().map(|drive| {
+        let mut core = reference::<R>(drive);
+        let told: Told = Box::new(move |pin| {
+            let h = if drive.h.is_empty() { 0.0 } else { pin(drive.h) };
+            core(&(drive.row)(pin), h)
+        });
+        told
+    });
+    let rest = CALLED.iter().map(|called| {
+        let twin = twin(called.twin);
+        let mut core = control::core::<R>(twin);
+        let told: Told = Box::new(move |pin| {
+            let mut row = Row::new(twin, &[]);
+            for name in twin.pins.iter().filter(|name| **name != POWER_CUT) {
+                row.set(name, pin(name));
+            }
+            Some(core(&row))
+        });
+        told
+    });
+    first.chain(rest).collect()
+}
+
 /// Adds up an output: the total's name and the statements.
 fn added(instance: &str, output: &str, total: &str) -> String {
+    let within = |condition: &str, statement: String| {
+        format!("IF {instance}.{condition} THEN\n            {statement}\n        END_IF;")
+    };
     let sum = |value: String| format!("{total} := {total} + {value};");
-    if let Some(name) = output.strip_prefix('#') {
-        return sum(format!("INT_TO_LREAL({instance}.{name})"));
+    if let Some(name) = output.strip_prefix('!') {
+        return within(name, sum("1.0".into()));
     }
-    let condition =
-        |has: &str, value: String| format!("IF {instance}.{has} THEN\n            {}\n        END_IF;", sum(value));
-    match (output.strip_prefix('!'), output.split_once('?')) {
-        (Some(name), _) => condition(name, "1.0".into()),
-        (None, Some((has, name))) => condition(has, format!("{instance}.{name}")),
-        _ => sum(format!("{instance}.{output}")),
+    let (whole, name) = output.strip_prefix('#').map_or((false, output), |name| (true, name));
+    let (has, name) = name.split_once('?').map_or((None, name), |(has, name)| (Some(has), name));
+    let value = if whole { format!("INT_TO_LREAL({instance}.{name})") } else { format!("{instance}.{name}") };
+    match has {
+        Some(has) => within(has, sum(value)),
+        None => sum(value),
     }
 }
 
@@ -219,9 +336,9 @@ fn added(instance: &str, output: &str, total: &str) -> String {
 fn program(build: Build, references: &[Vec<f64>]) -> String {
     let tolerance = if build == Build::Real { "1.0E-3" } else { "1.0E-9" };
     let (mut vars, mut run, mut checks) = (String::new(), String::new(), String::new());
-    for (drive, references) in DRIVES.iter().zip(references) {
-        let number = DRIVES.iter().position(|other| other.name == drive.name).unwrap() + 1;
-        let name = drive.name;
+    let all = all();
+    for (number, (drive, references)) in all.iter().zip(references).enumerate() {
+        let (number, name) = (number + 1, &drive.name);
         writeln!(vars, "    {name} : Glapp{name};").unwrap();
         if !drive.before.is_empty() {
             writeln!(run, "        {}", drive.before).unwrap();
@@ -247,7 +364,7 @@ fn program(build: Build, references: &[Vec<f64>]) -> String {
             writeln!(run, "        IF {} THEN\n{inner}        END_IF;", drive.when).unwrap();
         }
     }
-    let names = DRIVES.iter().enumerate().map(|(i, drive)| format!("{} {}", i + 1, drive.name));
+    let names = all.iter().enumerate().map(|(i, drive)| format!("{} {}", i + 1, drive.name));
     let mut draws = String::new();
     for letter in ["A", "B", "C", "D"] {
         let next = "Seed := (171 * (Seed MOD 177)) - (2 * (Seed / 177));";
@@ -283,6 +400,7 @@ VAR
     Side : LREAL := 1.0;
     Gain : LREAL;
     Data : GlappHalfPeriodData;
+    Plant : GlappProcessSim;
     Check : GlappSelfCheck;
 {vars}END_VAR
     IF Scan < Scans THEN
@@ -336,20 +454,20 @@ fn with(build: Build, program: &str) -> Vec<(String, String)> {
 
 /// The program as the command writes it: driven once in the evaluator, whose pins the core is given.
 pub fn written<R: Number>() -> String {
-    let none: Vec<Vec<f64>> = DRIVES.iter().map(|drive| vec![0.0; drive.outputs.len()]).collect();
+    let all = all();
+    let none: Vec<Vec<f64>> = all.iter().map(|drive| vec![0.0; drive.outputs.len()]).collect();
     let files = with(R::BUILD, &program(R::BUILD, &none));
     let files = files.iter().map(|(name, text)| (&**name, &**text));
     let library = Library::of(files, R::BUILD).unwrap_or_else(|fault| panic!("{fault}"));
     let mut one = Instance::new(&library, "GlappSelfTest").unwrap();
-    let mut cores: Vec<Scan> = DRIVES.iter().map(reference::<R>).collect();
+    let mut cores = references::<R>();
     let mut totals: Vec<Vec<R>> = none.iter().map(|row| vec![R::ZERO; row.len()]).collect();
     for _ in 0..SCANS {
         one.call().unwrap_or_else(|fault| panic!("{fault}"));
-        for ((drive, core), totals) in DRIVES.iter().zip(&mut cores).zip(&mut totals) {
+        for ((drive, core), totals) in all.iter().zip(&mut cores).zip(&mut totals) {
             let pin =
                 |name: &str| one.peek(&format!("{}.{name}", drive.name)).unwrap_or_else(|fault| panic!("{fault}"));
-            let h = if drive.h.is_empty() { 0.0 } else { pin(drive.h) };
-            let Some(row) = core(&(drive.row)(&pin), h) else { continue };
+            let Some(row) = core(&pin) else { continue };
             for (total, value) in totals.iter_mut().zip(row) {
                 if let Some(value) = maybe(value) {
                     *total += R::of(value);
@@ -357,11 +475,11 @@ pub fn written<R: Number>() -> String {
             }
         }
     }
-    let compared = |drive: &Drive, totals: &[R]| {
+    let compared = |drive: &Driven, totals: &[R]| {
         let all = drive.outputs.iter().zip(totals).filter(|(output, _)| !output.is_empty());
         all.map(|(_, total)| total.as_f64()).collect()
     };
-    let references: Vec<Vec<f64>> = DRIVES.iter().zip(&totals).map(|(drive, totals)| compared(drive, totals)).collect();
+    let references: Vec<Vec<f64>> = all.iter().zip(&totals).map(|(drive, totals)| compared(drive, totals)).collect();
     program(R::BUILD, &references)
 }
 

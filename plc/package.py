@@ -98,7 +98,7 @@ def library(build: str) -> list[Unit]:
     if build == "REAL":
         files |= {path.name: path for path in sorted((HERE / "real").glob("*.st"))}
     # What comments say of both builds stays.
-    typed = re.compile(r"\(\*.*?\*\)|\bINT_TO_LREAL\b|\bLREAL\b", re.DOTALL)
+    typed = re.compile(r"\(\*.*?\*\)|\b\w*LREAL\b", re.DOTALL)
 
     def built(found: re.Match[str]) -> str:
         return found[0] if found[0].startswith("(*") else found[0].replace("LREAL", build)

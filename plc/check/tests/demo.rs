@@ -1,4 +1,5 @@
-//! `GlappDemo` for 10^5 scans: the bits of the same loop put together from the core, and the gap is found.
+//! `GlappDemo`: the bits of the same loop put together from the core, and the gap is found. Ten scans for each of the sequences that the
+//! other tests run, 200 or `GLAPP_SEQUENCES`, and 8000 more: `GLAPP_SEQUENCES=10000` makes them more than 10^5.
 
 mod common;
 
@@ -31,7 +32,8 @@ impl Part {
 }
 
 fn runs<R: Number>() {
-    const SCANS: usize = 100_000;
+    let sequences: usize = std::env::var("GLAPP_SEQUENCES").map_or(200, |count| count.parse().unwrap());
+    let scans = 8_000 + 10 * sequences;
     let h = R::of(0.1).as_f64();
     let demo = Block::new::<R>("GlappDemo");
     let mut noise = Part::new::<R>("noise", &[("Seed", 1.0), ("Amplitude", 0.1)]);
@@ -45,8 +47,8 @@ fn runs<R: Number>() {
     let mut detector = Reference::<R>::default();
     let usual = Pins { h, k: 2.0, ti: 2.0, td: Some(0.0), kp: Some(1.0), tf: Some(0.2), ..Pins::default() };
     let mut measured = 50.0;
-    let mut width = 0.0;
-    for scan in 0..SCANS {
+    let (mut width, mut first) = (0.0, None);
+    for scan in 0..scans {
         noise.call(&[("X", measured)]);
         let pv = noise.get("Y");
         pid.call(&[("Pv", pv)]);
@@ -60,6 +62,7 @@ fn runs<R: Number>() {
         let (found, _) = detector.scan(&Pins { sp: pid.get("Ysp"), pv, op: Some(op), flags, ..usual.clone() });
         if found[9] != 0.0 {
             width = found[3];
+            first = first.or(Some(scan));
         }
         demo.call();
         let (expected, got) =
@@ -67,7 +70,7 @@ fn runs<R: Number>() {
         assert!(same(&expected, &got), "scan {scan}: {got:?} instead of {expected:?}");
     }
     assert!(demo.on("Found") && (width - 2.0).abs() < 0.3, "{width}");
-    println!("{:?}: {SCANS} scans, width {width}", R::BUILD);
+    println!("{:?}: {scans} scans, width {width}, found first after {first:?}", R::BUILD);
 }
 
 #[test]

@@ -43,7 +43,7 @@ pub struct OverWarning {
 /// is known of before, OP's own travel must be below δ/5.
 ///
 /// Takes every completed half-period of the error, with the width in force: 0 while nothing is compensated. One with a flag,
-/// or in which the setpoint moved by Δy or more, begins the row anew.
+/// or in which the setpoint moved by Δy or more, begins the row anew. A time between samples that is no number counts as 0.
 ///
 /// Known blindness: noise larger than the relay's swing makes half-periods of all lengths. That is an over-compensation of which
 /// PV shows nothing; OP's travel does, and has a budget.
@@ -102,6 +102,7 @@ impl<R: Real> OverCompensation<R> {
     /// Takes a completed half-period, the time between samples `h` \[s\], and the width in force during it [OP unit].
     #[inline(never)]
     pub fn update(&self, state: &mut OverCompensationState<R>, half: &HalfPeriod<R>, h: R, size: R) -> OverWarning {
+        let h = if h.is_number() { h } else { R::ZERO };
         let compensating = size > R::ZERO;
         if compensating != state.compensating {
             if compensating && usize::from(state.count) >= N {

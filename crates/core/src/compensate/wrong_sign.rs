@@ -15,6 +15,8 @@ const GROWN: f64 = 1.5;
 const BEYOND: f64 = 1.1;
 /// How long OP must have stood at its limit \[Ti\].
 const WAIT: f64 = 5.0;
+/// A longer time between samples is a gap \[s\].
+const LONGEST: f64 = 1e9;
 
 /// Notices that the gain K has the wrong sign for its process: OP has gone to its limit, and PV runs away all the same.
 ///
@@ -100,7 +102,9 @@ impl<R: Real> WrongSign<R> {
     #[inline(always)]
     pub fn update(&self, state: &mut WrongSignState<R>, sp: R, yf: R, op: R, h: R, flags: Status) -> bool {
         let e = sp - yf;
-        if flags & (BAD | GAP) != 0 || !(e + op + h).is_number() {
+        if flags & (BAD | GAP) != 0
+            || !(e.is_measurable() && yf.is_measurable() && op.is_measurable() && h <= R::of(LONGEST))
+        {
             if !state.found {
                 *state = WrongSignState::default();
             }

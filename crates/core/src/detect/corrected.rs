@@ -255,7 +255,8 @@ impl<R: Real> Sums<R> {
         if travel_way <= R::ZERO {
             return Err(Doubt::WrongSlope);
         }
-        if travel_way * travel_way < R::of(0.9) * travel_travel * way_way {
+        let square = travel_way * travel_way;
+        if !square.is_number() || square < R::of(0.9) * travel_travel * way_way {
             return Err(Doubt::Scattered);
         }
         let per_way = travel_travel / travel_way;

@@ -149,6 +149,18 @@ impl<R: Real> ForeignDetection<R> {
         self.detection.forward(&mut state.detection, sp, pv, h);
         state.detection.u_ff = back.unwrap_or(asked);
         self.detection.learn(&mut state.detection, flags, op, hindered);
+        self.hand_over(state)
+    }
+
+    /// A scan in which nothing is read, as [`BacklashDetection::pause`]; gives u_FF.
+    pub fn pause(&self, state: &mut ForeignDetectionState<R>, flags: Status, h: R) -> Forward<R> {
+        (state.known, state.off) = (false, 0);
+        self.detection.pause(&mut state.detection, flags, h);
+        self.hand_over(state)
+    }
+
+    #[inline(always)]
+    fn hand_over(&self, state: &mut ForeignDetectionState<R>) -> Forward<R> {
         let u_ff = state.detection.compensation.u_ff.value();
         state.handed[usize::from(state.at) % FOREIGN_SCANS] = u_ff;
         state.at = ((usize::from(state.at) + 1) % FOREIGN_SCANS) as u8;

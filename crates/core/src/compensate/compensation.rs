@@ -782,6 +782,29 @@ mod tests {
     }
 
     #[test]
+    fn an_estimate_that_is_no_measurement_is_none_to_compensate_by() {
+        for (offered, standing) in
+            [(2.0, Standing::Waiting), (f64::NAN, Standing::NoEstimate), (1e31, Standing::NoEstimate)]
+        {
+            let block =
+                Compensation::new(CompensationSettings { source: Source::Estimate, ..settings(Way::Inverse) }).unwrap();
+            let mut state = CompensationState::default();
+            block.update(&mut state, &CompensationSample { offered: Some(offered), ..sample(1.0, 2.0) });
+            assert_eq!((state.standing, state.pressed.is_nan()), (standing, false), "{offered}");
+        }
+    }
+
+    #[test]
+    fn a_step_that_is_longer_than_any_moves_nothing() {
+        let (block, mut state) = active(settings(Way::Error));
+        for h in [1.1e9, f64::INFINITY, f64::NAN] {
+            let before = state;
+            block.update(&mut state, &CompensationSample { h, ..sample(-1.0, 2.0) });
+            assert_eq!(state, before);
+        }
+    }
+
+    #[test]
     fn withdrawn_until_enabled_anew() {
         let (block, mut state) = active(settings(Way::Error));
         block.update(&mut state, &CompensationSample { over: true, ..sample(1.0, 2.0) });

@@ -220,6 +220,16 @@ mod tests {
     }
 
     #[test]
+    fn a_time_between_samples_that_is_no_number_is_none() {
+        let block = OverCompensation::new(1.0, 10.0).unwrap();
+        for h in [f64::NAN, f64::INFINITY] {
+            let mut state = OverCompensationState::default();
+            let longer = (0..8).map(|i| half(2.0 + 0.1 * f64::from(i), 0.5));
+            assert!(!longer.map(|half| block.update(&mut state, &half, h, 1.0)).any(|warning| warning.even), "{h}");
+        }
+    }
+
+    #[test]
     fn a_break_begins_the_row_anew() {
         let breaks =
             [HalfPeriod { flags: 1, ..half(2.0, 0.5) }, HalfPeriod { delta_sp: 0.5, ..half(2.0, 0.5) }, half(2.0, 0.0)];

@@ -253,7 +253,7 @@ mod tests {
                 block.update(&mut state, 0.0, -5.0 - f64::from(n), 100.0, 1.0, AT_HIGH);
             }
             prop_assert!(state.found);
-            for (yf, h, flags) in [(f64::NAN, 1.0, 0), (-9.0, 0.0, 0), (-9.0, 1.0, GAP | NOT_AUTO), (-9.0, 1.0, BAD), (-9.0, 1.0, 0)] {
+            for (yf, h, flags) in [(f64::NAN, 1.0, 0), (-9.0, 1.1e9, 0), (-1.1e30, 1.0, 0), (-9.0, 0.0, 0), (-9.0, 1.0, GAP | NOT_AUTO), (-9.0, 1.0, BAD), (-9.0, 1.0, 0)] {
                 prop_assert!(block.update(&mut state, 0.0, yf, 100.0, h, flags));
             }
             let (yf, flags) = if by_hand { (-30.0, NOT_AUTO) } else { (0.1, 0) };

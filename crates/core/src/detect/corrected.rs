@@ -321,6 +321,12 @@ mod tests {
     }
 
     #[test]
+    fn a_line_of_numbers_too_large_is_refused() {
+        let of = |pair: &Pair<f64>| Pair { travel: 1e10 * pair.travel as f32, way: 1e10 * pair.way as f32 };
+        assert_eq!(corrected(&mut made(9, 0.0).iter().map(of).collect::<Vec<_>>(), None), Err(Doubt::Scattered));
+    }
+
+    #[test]
     fn one_pair_that_makes_the_line_is_not_believed() {
         let mut pairs: Vec<Pair<f64>> =
             (0..6).map(|i| Pair { travel: 1.0, way: 0.30 + 0.001 * f64::from(i) }).collect();

@@ -62,7 +62,18 @@ impl Cover {
         }
     }
 
-    /// Every way through these was taken, but those of which a line says that no sequence gets to them.
+    /// The first way at lines that begin so was taken.
+    pub fn takes(&self, pou: &str, lines: &[&str]) {
+        let source = std::fs::read_to_string(folder().join(format!("{}.st", &pou["Glapp".len()..]))).unwrap();
+        for (way, taken) in
+            self.library.ways.iter().zip(&self.taken).filter(|(way, _)| way.pou == pou && way.branch == 0)
+        {
+            let line = source.lines().nth(way.line - 1).unwrap().trim();
+            assert!(*taken || !lines.iter().any(|begin| line.starts_with(begin)), "{pou}:{}: {line}", way.line);
+        }
+    }
+
+    /// Every way through these was taken.
     pub fn holds(&self, pous: &[&str]) {
         let mut missing = vec![];
         for (way, taken) in self.library.ways.iter().zip(&self.taken) {

@@ -4,6 +4,7 @@
 pub mod blocks;
 pub mod compensate;
 pub mod cover;
+pub mod detection;
 pub mod detector;
 
 use glapp_core::{DetectorState, Real};

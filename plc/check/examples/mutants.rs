@@ -5,7 +5,7 @@
 //! documentation and of this tool; the first difference ends them. `mutants.tsv` lists every mutant that is left, with its reason: `equal: ...` where
 //! nothing can tell it from the source.
 
-use glapp_plc_check::{Build, Mutant, mutants, sources};
+use glapp_plc_check::{Build, Mutant, Mutants, sources};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Stdio};
@@ -13,7 +13,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Tests that do not run the library beside the core.
-const OTHERS: [&str; 5] = ["docs", "subset", "lint_samples", "self_test", "must_show"];
+const OTHERS: [&str; 6] = ["docs", "subset", "lint_samples", "self_test", "demo", "must_show"];
 
 fn tests() -> Vec<PathBuf> {
     let built = Command::new(env!("CARGO"))
@@ -75,13 +75,17 @@ fn main() -> ExitCode {
     let mut all: Vec<Mutant> = vec![];
     for build in [Build::Lreal, Build::Real] {
         let files = sources(&ours, build).expect("the library");
+        let library = Mutants::new(&files).expect("the library");
         for (file, _) in &files {
             let named = wanted.is_empty() || wanted.contains(file);
             let twin = ours.join("real").join(file).exists();
-            if named && (build == Build::Lreal || twin) && !file.starts_with("Self") {
+            if named
+                && (build == Build::Lreal || twin)
+                && !["SelfTest.st", "SelfCheck.st", "Demo.st"].contains(&&**file)
+            {
                 let place = if build == Build::Real { format!("real/{file}") } else { file.clone() };
-                let mutants = mutants(&files, file).expect("the library");
-                all.extend(mutants.step_by(every).map(|mutant| Mutant { file: place.clone(), ..mutant }));
+                let mutants = library.of(file).expect("a file");
+                all.extend(mutants.step_by(every).map(|(mutant, _)| Mutant { file: place.clone(), ..mutant }));
             }
         }
     }

@@ -10,7 +10,7 @@ mod second;
 mod tree;
 
 pub use library::{Build, Library, Value, Way, sources, trees};
-pub use mutate::{Mutant, mutants};
+pub use mutate::{Mutant, Mutants};
 pub use page::pins;
 pub use run::Instance;
 pub use tree::{Fault, Unit};

@@ -1,7 +1,7 @@
 //! Mutants: a source file with one operator, literal or name changed.
 
 use crate::library::{Library, read_unit};
-use crate::tree::Fault;
+use crate::tree::{Fault, Unit};
 use std::collections::HashMap;
 
 /// A file with one change.
@@ -25,37 +25,53 @@ struct Names {
     functions: Vec<(String, String)>,
 }
 
-/// Mutants of a file, those that both parsers read and whose names and types fit, in the order of the text.
-///
-/// `sources` is the library as it stands in LREAL, with `file` in it; a file of `real/` comes in its place.
-///
-/// # Errors
-/// Where a file is refused as it stands.
-pub fn mutants(sources: &[(String, String)], file: &str) -> Result<impl Iterator<Item = Mutant> + use<>, Fault> {
-    let Some(place) = sources.iter().position(|(name, _)| name == file) else {
-        return Err(Fault::new(file, 0, "no such file"));
-    };
-    let text = sources[place].1.clone();
-    let mut units = sources.iter().map(|(name, text)| read_unit(name, text)).collect::<Result<Vec<_>, _>>()?;
-    let names = Names::of(sources, &text);
-    let plain = blanked(&text);
-    let (tokens, body, file) = (tokens(&plain), body(&plain), file.to_owned());
-    Ok((0..tokens.len()).filter_map(move |at| {
-        let (from, to) = tokens[at];
-        for instead in changes(&plain, &tokens, at, from >= body, &names) {
-            let changed = format!("{}{instead}{}", &text[..from], &text[to..]);
-            let Ok(unit) = read_unit(&file, &changed) else { continue };
-            let before = std::mem::replace(&mut units[place], unit);
-            let fits = Library::built(&units).is_ok();
-            units[place] = before;
-            if fits {
-                let number = text[..from].matches('\n').count();
-                let shown = |text: &str| text.lines().nth(number).unwrap_or("").trim().to_owned();
-                return Some(Mutant { file: file.clone(), line: (shown(&text), shown(&changed)), text: changed });
+/// A library whose files are changed one at a time.
+#[derive(Clone, Debug)]
+pub struct Mutants {
+    sources: Vec<(String, String)>,
+    units: Vec<Unit>,
+}
+
+impl Mutants {
+    /// Of the library as it stands in LREAL; a file of `real/` comes in the place of its twin.
+    ///
+    /// # Errors
+    /// Where a file is refused as it stands.
+    pub fn new(sources: &[(String, String)]) -> Result<Self, Fault> {
+        let units = sources.iter().map(|(name, text)| read_unit(name, text)).collect::<Result<_, _>>()?;
+        Ok(Self { sources: sources.to_vec(), units })
+    }
+
+    /// Mutants of a file, those that both parsers read and whose names and types fit, in the order of the text; and the library with each.
+    ///
+    /// # Errors
+    /// Where there is no such file.
+    pub fn of(&self, file: &str) -> Result<impl Iterator<Item = (Mutant, Library)> + use<>, Fault> {
+        let Some(place) = self.sources.iter().position(|(name, _)| name == file) else {
+            return Err(Fault::new(file, 0, "no such file"));
+        };
+        let (text, mut units) = (self.sources[place].1.clone(), self.units.clone());
+        let names = Names::of(&self.sources, &text);
+        let plain = blanked(&text);
+        let (tokens, body, file) = (tokens(&plain), body(&plain), file.to_owned());
+        Ok((0..tokens.len()).filter_map(move |at| {
+            let (from, to) = tokens[at];
+            for instead in changes(&plain, &tokens, at, from >= body, &names) {
+                let changed = format!("{}{instead}{}", &text[..from], &text[to..]);
+                let Ok(unit) = read_unit(&file, &changed) else { continue };
+                let before = std::mem::replace(&mut units[place], unit);
+                let library = Library::built(&units);
+                units[place] = before;
+                if let Ok(library) = library {
+                    let number = text[..from].matches('\n').count();
+                    let shown = |text: &str| text.lines().nth(number).unwrap_or("").trim().to_owned();
+                    let line = (shown(&text), shown(&changed));
+                    return Some((Mutant { file: file.clone(), line, text: changed }, library));
+                }
             }
-        }
-        None
-    }))
+            None
+        }))
+    }
 }
 
 /// The text with blanks in place of its comments.
@@ -262,8 +278,8 @@ END_VAR
     END_IF;
 END_FUNCTION_BLOCK
 ";
-        let all = mutants(&[("Try.st".into(), text.into())], "Try.st").unwrap();
-        let shown: Vec<String> = all.map(|mutant| mutant.line.1).collect();
+        let all = Mutants::new(&[("Try.st".into(), text.into())]).unwrap();
+        let shown: Vec<String> = all.of("Try.st").unwrap().map(|(mutant, _)| mutant.line.1).collect();
         let expected = [
             "A : LREAL := 3.0;   (* 2.0 *)",
             "IF P OR (A < 3.0) THEN",

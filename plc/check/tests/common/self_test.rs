@@ -2,7 +2,9 @@
 #![allow(dead_code, missing_docs)]
 
 use super::blocks::{core, maybe};
+use super::compensate;
 use super::control::{self, AUTO_TUNER, POWER_CUT, Row, TWINS, Twin};
+use super::detection;
 use super::detector::{Pins, Reference};
 use super::{Case, Number, Scan, folder, home};
 use glapp_plc_check::{Build, Instance, Library, sources};
@@ -37,7 +39,7 @@ struct Called {
 const SCANS: usize = 400;
 
 /// A, B, C and D are drawn anew in each scan, 0 to 1. A block that others here are made of is driven by them.
-const DRIVES: [Drive; 8] = [
+const DRIVES: [Drive; 10] = [
     Drive {
         block: "filter",
         name: "SecondOrderFilter",
@@ -187,6 +189,35 @@ const DRIVES: [Drive; 8] = [
         ],
         when: "",
     },
+    // The same loop with a compensation, which is switched on on the way.
+    Drive {
+        block: "backlash_detection",
+        name: "BacklashDetection",
+        params: "{}",
+        before: "Travel := Side * ((0.2 * INT_TO_LREAL(Scan MOD 30)) - 3.0);",
+        call: "Enable := TRUE, Compensate := Scan > 240, H := 0.25, Sp := 50.0, Pv := (50.0 - Side) + (0.2 * A), \
+               HasOutput := TRUE, Output := ((40.0 + BacklashDetection.UFf) + Travel) + (0.1 * B), Bad := Scan = 200, K := Gain, Ti := 1.0, \
+               HasKp := TRUE, Kp := 2.0, HasOpSpan := TRUE, OpSpan := 100.0, N := 3, HasCompensation := TRUE, Size := 2.0, \
+               HasBand := TRUE, Band := 0.5",
+        h: "H",
+        row: |pin| vec![pin("Sp"), pin("Pv"), pin("Output"), pin("Bad"), pin("K"), pin("Compensate")],
+        outputs: &SHOWN,
+        when: "",
+    },
+    Drive {
+        block: "foreign_detection",
+        name: "ForeignDetection",
+        params: "{}",
+        before: "Back := ForeignDetection.UFf;",
+        call: "Enable := TRUE, Compensate := Scan > 240, H := 0.25, Sp := 50.0, Pv := (50.0 - Side) + (0.2 * D), \
+               HasOp := TRUE, Op := ((40.0 + Back) + Travel) + (0.1 * C), Bad := Scan = 200, K := Gain, Ti := 1.0, HasKp := TRUE, Kp := 2.0, \
+               HasOpSpan := TRUE, OpSpan := 100.0, N := 3, HasCompensation := TRUE, Size := 2.0, HasBand := TRUE, Band := 0.5, \
+               DelayScans := 1, HasUFfBack := TRUE, UFfBack := Back",
+        h: "H",
+        row: |pin| vec![pin("Sp"), pin("Pv"), pin("Op"), pin("Bad"), pin("K"), pin("Compensate"), pin("UFfBack")],
+        outputs: &SHOWN,
+        when: "",
+    },
 ];
 
 const CALLED: [Called; 8] = [
@@ -268,6 +299,45 @@ fn marked(text: &str, output: &str) -> String {
     }
 }
 
+/// What both detections with a compensation show, in the order of their row in the core.
+const SHOWN: [&str; 35] = [
+    "!Valid",
+    "!Error",
+    "#ErrorID",
+    "#Standing",
+    "#Direction",
+    "UFf",
+    "HalfWidth",
+    "GapWidth",
+    "Delta",
+    "!Even",
+    "!Relay",
+    "!WrongSign",
+    "HasWhole?Whole.Value",
+    "HasWhole?Whole.Low",
+    "HasWhole?Whole.High",
+    "#HasWhole?Whole.Kept",
+    "#HasWhole?Whole.Count",
+    "!HasWholeShown",
+    "#Unsuited",
+    "HasEstimate?Estimate.Value",
+    "HasEstimate?Estimate.Low",
+    "HasEstimate?Estimate.High",
+    "#HasEstimate?Estimate.Kept",
+    "#HasEstimate?Estimate.Count",
+    "!HasShown",
+    "HasNoiseFloor?NoiseFloor",
+    "",
+    "PvFiltered",
+    "HasUFb?UFb",
+    "HasCorrected?Corrected.D",
+    "HasCorrected?Corrected.Low",
+    "HasCorrected?Corrected.High",
+    "HasCorrected?Corrected.Kp",
+    "",
+    "",
+];
+
 /// The files that it drives itself.
 pub fn driven() -> Vec<String> {
     all().iter().map(|one| format!("Glapp{}", one.name)).collect()
@@ -281,6 +351,27 @@ fn reference<R: Number>(drive: &Drive) -> Scan {
             let pins = Pins { h, sp: *sp, pv: *pv, op: Some(*op), k: *k, ..Pins::default() };
             let flags = if *bad != 0.0 { glapp_core::status::BAD } else { 0 };
             Some(reference.scan(&Pins { flags, kp: Some(2.0), op_span: Some(100.0), n: 3, ..pins }).0)
+        });
+    }
+    if drive.outputs.len() == SHOWN.len() {
+        let mut reference = detection::Reference::<R>::default();
+        return Box::new(move |x, h| {
+            let [sp, pv, op, bad, k, compensate, back @ ..] = x else { panic!("{x:?}") };
+            let flags = if *bad != 0.0 { glapp_core::status::BAD } else { 0 };
+            let pins = Pins { h, sp: *sp, pv: *pv, op: Some(*op), flags, k: *k, ..Pins::default() };
+            let detector = Pins { kp: Some(2.0), op_span: Some(100.0), n: 3, ..pins };
+            let settings =
+                compensate::Settings { k: *k, size: 2.0, band: Some(0.5), ..compensate::Settings::default() };
+            let foreign =
+                |back: &f64| detection::Foreign { delay: 1, tolerance: None, longest: None, back: Some(*back) };
+            let shown = reference.scan(&detection::Pins {
+                detector,
+                compensate: *compensate != 0.0,
+                compensation: Some(settings),
+                cut: false,
+                foreign: back.first().map(foreign),
+            });
+            Some(shown.row)
         });
     }
     let params = serde_json::from_str(drive.params).unwrap();
@@ -401,6 +492,8 @@ VAR
     Gain : LREAL;
     Data : GlappHalfPeriodData;
     Plant : GlappProcessSim;
+    Back : LREAL;
+    Travel : LREAL;
     Check : GlappSelfCheck;
 {vars}END_VAR
     IF Scan < Scans THEN

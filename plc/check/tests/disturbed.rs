@@ -60,7 +60,7 @@ fn disturbed<R: Number>() {
                 let usual = Pins { h: 0.25, ti: 0.3, kp: Some(2.0), tf: Some(0.1), n: 3, op, td, ..Pins::default() };
                 let at = 8 * LENGTH + phase;
                 for i in 0..at + 6 * LENGTH {
-                    let side = if (i / LENGTH) % 2 == 0 { 1.0 } else { -1.0 };
+                    let side = if (i / LENGTH).is_multiple_of(2) { 1.0 } else { -1.0 };
                     let noise = draw.between(-0.1, 0.1);
                     // Smaller swings later: some of them (5.1) alone rejects.
                     let size = if i > at && phase % 2 == 0 { 0.3 } else { 1.0 };

@@ -30,7 +30,7 @@ from ..reading.values import mode_flag, text_of
 from .connection import Connection, check_tags
 from .signal import Event, Signal, Take, Tell, Value, WriteRefused
 
-__all__ = ["Found", "OpcUa", "browse"]
+__all__ = ["Found", "OpcUa", "browse", "reason"]
 
 _AGAIN = 60.0  # the same thing is told once in so many seconds, with how often it happened
 _PAUSES = (1.0, 30.0)  # between two attempts to connect, the first and the longest [s]
@@ -174,7 +174,7 @@ class OpcUa:
             except _TakerError as error:
                 raise error.__cause__ or error from None
             except Exception as error:  # years of service: whatever a server answers, we try again
-                why = _why(error)
+                why = reason(error)
                 denied = isinstance(error, ua.UaStatusCodeError) and error.code in _DENIALS
                 if self._was_connected:
                     pause = _PAUSES[0]
@@ -223,7 +223,7 @@ class OpcUa:
                     [feed.node], [ua.DataValue(ua.Variant(value, feed.kind))], ua.AttributeIds.Value
                 )
             except (OSError, TimeoutError, ua.UaError) as error:
-                raise WriteRefused("not_connected", f"{loop}: u_FF was not written: {_why(error)}") from None
+                raise WriteRefused("not_connected", f"{loop}: u_FF was not written: {reason(error)}") from None
             if not status.is_good():
                 raise WriteRefused("by_server", f"{loop}: the server refuses u_FF: {status.name}")
             feed.written, feed.at = value, now
@@ -243,7 +243,7 @@ class OpcUa:
         try:
             [seen] = await client.uaclient.read_attributes([feed.node], ua.AttributeIds.Value)
         except (OSError, TimeoutError, ua.UaError) as error:
-            raise WriteRefused("not_connected", f"{loop}: u_FF cannot be read: {_why(error)}") from None
+            raise WriteRefused("not_connected", f"{loop}: u_FF cannot be read: {reason(error)}") from None
         at = seen.SourceTimestamp or seen.ServerTimestamp
         value, note = _number(seen)
         return Value(loop, Signal.U_FF, self._clock.now() if at is None else at.timestamp(), value, not note, note)
@@ -284,7 +284,7 @@ class OpcUa:
                 [node], [ua.DataValue(ua.Variant(value, kind))], ua.AttributeIds.Value
             )
         except (OSError, TimeoutError, ua.UaError) as error:
-            raise WriteRefused("not_connected", f"the watchdog cannot be beaten: {_why(error)}") from None
+            raise WriteRefused("not_connected", f"the watchdog cannot be beaten: {reason(error)}") from None
         if not status.is_good():
             raise WriteRefused("by_server", f"the server refuses the watchdog: {status.name}")
 
@@ -334,7 +334,7 @@ class OpcUa:
         try:
             [seen] = await client.uaclient.read_attributes([feed.node], ua.AttributeIds.Value)
         except (OSError, TimeoutError, ua.UaError) as error:
-            raise WriteRefused("not_connected", f"{loop}: u_FF cannot be read: {_why(error)}") from None
+            raise WriteRefused("not_connected", f"{loop}: u_FF cannot be read: {reason(error)}") from None
         value, note = _number(seen)
         if note:
             raise WriteRefused("by_server", f"{loop}: u_FF cannot be read: {note}")
@@ -764,7 +764,7 @@ class _Link:
 
     async def on_lost(self, error: Exception) -> None:
         """Called when the connection breaks."""
-        self.end(_why(error))
+        self.end(reason(error))
 
     def end(self, why: str) -> None:
         """The connection is of no use any more."""
@@ -891,7 +891,8 @@ def _clock_time(t: float) -> str:
     return f"{datetime.fromtimestamp(t, UTC):%Y-%m-%d %H:%M:%S}Z"
 
 
-def _why(error: BaseException) -> str:
+def reason(error: BaseException) -> str:
+    """What went wrong with a connection, for a person."""
     if isinstance(error, ua.UaStatusCodeError):
         return str(ua.StatusCode(error.code).name)
     if isinstance(error, TimeoutError):
@@ -988,8 +989,9 @@ async def _below(client: Client, uris: Sequence[str], most: int) -> Any:
                     continue
                 seen.add(node)
                 name = f"{path}.{reference.BrowseName.Name}" if path else reference.BrowseName.Name
-                waiting.append((node, name))
-                if reference.NodeClass_ is ua.NodeClass.Variable:
+                if reference.NodeClass is not ua.NodeClass.Method:  # whose arguments are no tags
+                    waiting.append((node, name))
+                if reference.NodeClass is ua.NodeClass.Variable:
                     yield Found(name, _text_of(node, uris))
 
 
@@ -1007,7 +1009,5 @@ async def _all_of(client: Client, result: Any) -> Iterator[Any]:
 
 def _text_of(node: ua.NodeId, uris: Sequence[str]) -> str:
     """A node by its namespace's URI: that outlives a restart of the server."""
-    identifier = node.to_string().rpartition(";")[2] if ";" in node.to_string() else node.to_string()
-    whole = node.to_string()
-    rest = whole.partition(";")[2] if whole.startswith("ns=") else whole
-    return f"nsu={uris[node.NamespaceIndex]};{rest or identifier}"
+    text = str(node.to_string())
+    return f"nsu={uris[node.NamespaceIndex]};{text.partition(';')[2] if text.startswith('ns=') else text}"

@@ -5,6 +5,7 @@ import contextlib
 import dataclasses
 import math
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -18,21 +19,24 @@ import pytest
 
 pytest.importorskip("asyncua", reason="the extra [opcua] is not installed")
 
+import itertools
+
 from asyncua import Client, ua
 from asyncua.crypto.cert_gen import setup_self_signed_certificate
 from cryptography.x509.oid import ExtendedKeyUsageOID
 
 import glapp.cli
 from glapp.errors import InputError
-from glapp.loop import Loop
+from glapp.loop import Loop, Tags
 from glapp.reading.settings import parse_settings, read_settings
 from glapp.service import opcua
 from glapp.service.connection import Connection, check_tags, read_connection
 from glapp.service.opcua import OpcUa, browse
-from glapp.service.plant import NAMESPACE, Security, SimPlant, free_port
+from glapp.service.plant import FAULTS, NAMESPACE, Security, SimPlant, free_port
 from glapp.service.signal import Signal, WriteRefused
 from glapp.service.tags import as_settings, loops_of
 
+ROOT = Path(__file__).parents[1]
 GLAPP = (sys.executable, Path(__file__).parent / "command_line.py")
 
 
@@ -82,7 +86,7 @@ class Watch:
 
 @pytest.fixture(scope="module")
 def shared():
-    """A plant of nine loops, in a thread of its own, for all tests that leave it as it was; call it with a coroutine."""
+    """Nine loops in a thread of their own, for all tests that leave them as they were; call it with a coroutine."""
     loop = asyncio.new_event_loop()
     thread = threading.Thread(target=loop.run_forever)
     thread.start()
@@ -112,11 +116,11 @@ def node(identifier):
 
 
 def ascending(values):
-    return all(a.time < b.time for a, b in zip(values, values[1:], strict=False))
+    return all(a.time < b.time for a, b in itertools.pairwise(values))
 
 
 def gaps(values, scan):
-    return [(a.time, b.time) for a, b in zip(values, values[1:], strict=False) if b.time - a.time > 1.5 * scan]
+    return [(a.time, b.time) for a, b in itertools.pairwise(values) if b.time - a.time > 1.5 * scan]
 
 
 # ---------------------------------------------------------------- faults of values
@@ -170,7 +174,7 @@ def test_a_stuck_value_is_handed_on_as_it_is(faulty):
 
 
 def test_a_still_value_is_told_from_a_lost_one(faulty):
-    loop, values = during(faulty, "silent")
+    _loop, values = during(faulty, "silent")
     assert not values
     assert faulty.now - faulty.alive < 1.0, "the server said that it is there and has nothing new"
 
@@ -317,7 +321,8 @@ def test_a_history_that_gives_more_than_was_asked(monkeypatch):
 
     watch, since = asyncio.run(run())
     values = watch.of("FIC101")
-    assert ascending(values) and values[0].time > since
+    assert ascending(values) and not gaps(values, 0.1)
+    assert since < values[0].time <= since + 0.11
     assert "outside of what was asked" in watch.told("outside")[0]
 
 
@@ -698,6 +703,17 @@ def test_nodes_that_are_written_are_nothing_else():
         with pytest.raises(InputError) as error:
             check_tags(connection, [Loop(name="A", opcua=made), Loop(name="B", opcua=other)])
         assert str(error.value) == said
+
+
+def test_the_page_names_every_key_every_fault_and_all_that_is_told():
+    page = (ROOT / "docs/plant.md").read_text(encoding="utf-8")
+    [example] = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
+    [loop] = parse_settings(example, "plant.md", Path())
+    check_tags(Connection(url="opc.tcp://p:1"), [loop])
+    told = set(re.findall(r"_(?:event|often|say)\(\"(\w+)\"", Path(opcua.__file__).read_text(encoding="utf-8")))
+    assert len(told) > 20
+    for word in (*Connection.model_fields, *Tags.model_fields, *FAULTS, *told):
+        assert f"`{word}`" in page, word
 
 
 # ---------------------------------------------------------------- the plant and the command line

@@ -280,6 +280,7 @@ def test_a_watch_that_was_interrupted_has_what_one_that_was_not_has():
             await asyncio.sleep(1.5)  # several answers of the history, 20 values each
             since = {(v.loop, v.signal): v.time for v in first.values}
             async with Watch(plant, since) as second:
+                await second.until(lambda: second.told("backfilled"))
                 await second.heard("PIC102", 40)
                 end = second.of("PIC102")[-1].time
                 await whole.until(lambda: whole.of("PIC102")[-1].time >= end)
@@ -292,7 +293,6 @@ def test_a_watch_that_was_interrupted_has_what_one_that_was_not_has():
             mine = [v for v in joined if v.loop == loop and v.signal is which and v.good and v.time <= end - 0.2]
             theirs = [v for v in whole.of(loop, which) if v.good and mine[0].time <= v.time <= end - 0.2]
             assert mine == theirs
-    assert second.told("backfilled")
 
 
 def test_a_history_that_gives_more_than_was_asked(monkeypatch):
@@ -443,6 +443,81 @@ def test_the_servers_own_overflow_is_told(shared):
         return watch
 
     assert "FIC101 SP: the server has thrown values away" in shared(run).told("overflow", "FIC101")[0]
+
+
+# ---------------------------------------------------------------- values, without a server
+
+
+class Fed:
+    """A source that is handed values as if they came from a server."""
+
+    def __init__(self, tags=1):
+        loops = [Loop(name=f"L{i}", opcua={"pv": f"s=pv{i}", "sp": f"s=sp{i}"}) for i in range(tags)]
+        self.source, self.events = OpcUa(Connection(url="opc.tcp://p:1"), loops), []
+        self.source._tell_to = self.events.append
+        self.source._link = link()
+        self.source._link.joined = True
+        self.begin = math.floor(time.time()) - 100.0
+
+    def __call__(self, t, value=1.0, status=0, tag=0):
+        at = datetime.fromtimestamp(self.begin + t, UTC)
+        seen = ua.DataValue(ua.Variant(value), ua.StatusCode(status), at)
+        [item] = [ua.MonitoredItemNotification(ClientHandle=2 * tag + 1, Value=seen)]
+        return self.source._values([item], live=True)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_what_is_no_finite_number_is_not_good(value):
+    [one] = Fed()(1.0, value)
+    assert not one.good and math.isnan(one.value) and one.note == "not a finite number"
+
+
+@pytest.mark.parametrize(
+    ("status", "note"),
+    [(0x8000_0000, "Bad"), (0x4093_0000, "UncertainSensorNotAccurate"), (0x8031_0000, "BadNoCommunication")],
+)
+def test_only_good_is_good(status, note):
+    [one] = Fed()(1.0, 50.0, status)
+    assert (one.good, one.note) == (False, note) and math.isnan(one.value)
+
+
+def test_a_status_that_changes_without_a_new_time_is_handed_on():
+    """A server that loses a device often leaves the time stamp as it was: the value must not stay good."""
+    fed = Fed()
+    [good], [bad], [again] = fed(1.0, 50.0), fed(1.0, 50.0, 0x8031_0000), fed(1.0, 50.0)
+    assert (good.good, bad.good, again.good) == (True, False, True)
+    assert good.time < bad.time < again.time < good.time + 0.01
+    assert fed(1.0, 50.0) == [] and len(fed.events) == 1
+    assert fed(2.0, 51.0)
+
+
+def test_what_befalls_very_many_tags_is_told_together():
+    fed = Fed(100)
+    for tag in range(100):
+        assert fed(1e6, tag=tag) == []
+    assert len(fed.events) == 20
+    fed.source._flush(due=True)
+    assert len(fed.events) == 21
+    assert fed.events[-1].text.startswith("80 more tags, such as L99 PV: a time stamp is")
+
+
+def test_what_goes_on_is_counted(monkeypatch):
+    moment = 1000.0
+    monkeypatch.setattr(opcua.time, "monotonic", lambda: moment)
+    fed = Fed()
+    for _ in range(30):
+        fed(1e6)
+    assert len(fed.events) == 1
+    moment += 61.0
+    fed.source._flush(due=True)
+    assert fed.events[1].text.endswith("(29 values in all)")
+
+
+def test_one_late_value_does_not_look_like_a_clock_that_is_set_back():
+    fed = Fed()
+    for t in (10.0, 3.0, 11.0, 4.0, 12.0, 5.0, 13.0):
+        fed(t)
+    assert {e.kind for e in fed.events} == {"late"}
 
 
 def test_the_clock_of_this_computer_never_goes_back(monkeypatch):

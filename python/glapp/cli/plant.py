@@ -138,7 +138,8 @@ async def _serve(made: SimPlant, settings: Path | None, faults: Sequence[_Fault]
         out.print(f"{len(made.names)} loops at {made.url} (Ctrl-C ends it)", soft_wrap=True)
         tasks = [asyncio.create_task(_happen(made, one)) for one in faults]
         try:
-            await asyncio.wait_for(made.failure(), seconds)
+            async with asyncio.timeout(seconds):
+                await made.failure()
         except TimeoutError:
             pass
         finally:

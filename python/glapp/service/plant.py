@@ -232,12 +232,21 @@ class _History(HistoryStorageInterface):  # type: ignore[misc]
         return values, None if more is None else datetime.fromtimestamp(more, UTC)
 
 
+class _Held(ua.DataValue):  # type: ignore[misc]
+    """A value that nobody changes: asyncua copies it for every subscription, which took most of a scan."""
+
+    __slots__ = ()
+
+    def __deepcopy__(self, memo: object) -> Self:
+        return self
+
+
 def _data_value(t: float, value: float, kind: ua.VariantType, status: int = ua.StatusCodes.Good) -> ua.DataValue:
     if math.isnan(value):
         status = ua.StatusCodes.BadSensorFailure
     bad = bool(status & 0x8000_0000)
     variant = ua.Variant(None, ua.VariantType.Null) if bad else ua.Variant(_PYTHON[kind](value), kind)
-    return ua.DataValue(variant, ua.StatusCode(status), datetime.fromtimestamp(t, UTC), datetime.now(UTC))
+    return _Held(variant, ua.StatusCode(status), datetime.fromtimestamp(t, UTC), datetime.now(UTC))
 
 
 _PYTHON = {ua.VariantType.Double: float, ua.VariantType.Int32: int, ua.VariantType.Boolean: bool}

@@ -18,7 +18,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import Any
+from typing import Any, NoReturn
 
 from asyncua import Client, ua
 from asyncua.crypto import security_policies, uacrypto
@@ -360,7 +360,7 @@ class OpcUa:
             raise WriteRefused("by_server", f"{loop}: u_FF cannot be read: {note}")
         return value
 
-    def _taken(self, loop: str, feed: _Feed, text: str) -> None:
+    def _taken(self, loop: str, feed: _Feed, text: str) -> NoReturn:
         feed.state = "taken"
         self._event("other_writer", loop, f"{loop}: {text}; nothing is written any more")
         raise WriteRefused("other_writer", f"{loop}: {text}")

@@ -40,8 +40,8 @@ _KEEP_ALIVE = 3  # intervals without a value until the server says that it is th
 _ITEMS = 500  # tags in one request
 _SLICE = 3600.0  # of the history in one request [s]
 _STATUS = 0.001  # a status that changes without a new time stamp counts from so much later [s]
-_MARGIN = 60.0  # what the history is asked for before the last value: not all of it may have been told
-_READ_ONLY = 5.0  # a pass over the history shorter than this leaves little to catch up [s]
+_MARGIN = 10.0  # what the history is asked for before the last value: not all of it may have been told
+_LITTLE = 5.0  # a pass over the history shorter than this leaves little to catch up [s]
 
 _DENIALS = {
     ua.StatusCodes.BadUserAccessDenied,
@@ -377,11 +377,10 @@ class OpcUa:
                 await client.connect()
             client.connection_lost_callback = link.on_lost
             await self._resolve(link)
-            self._was_connected = True
-            self._event("connected", None, f"{connection.url}: connected, {len(link.nodes)} tags")
             await self._catch_up(link, take)
             await self._subscribe(link, range(len(self._tags)))
-            self._link = link
+            self._link, self._was_connected = link, True
+            self._event("connected", None, f"{connection.url}: connected, {len(link.nodes)} tags")
             await self._backfill(link, take, self._clock.now())
             self._summary(link)
             link.joined = True
@@ -391,7 +390,8 @@ class OpcUa:
             for loop, feed in self._feeds.items():
                 if feed.state == "enabled":
                     self._event("withdrawn", loop, f"{loop}: u_FF may not be written any more: no connection")
-                feed.state, feed.written, feed.node = "off", None, None
+                feed.state = "taken" if feed.state == "taken" else "off"
+                feed.written, feed.node = None, None
             await _disconnect(client, connection)
 
     async def _resolve(self, link: _Link) -> None:
@@ -646,11 +646,14 @@ class OpcUa:
 
     async def _catch_up(self, link: _Link, take: Take) -> None:
         """Read the history until little is left: what comes live meanwhile need not wait for hours of it."""
-        while True:
+        before = math.inf
+        while not link.no_history:
             begun = time.monotonic()
             await self._backfill(link, take, self._clock.now())
-            if time.monotonic() - begun < _READ_ONLY or link.no_history:
+            took = time.monotonic() - begun
+            if took < _LITTLE or took > 0.5 * before:
                 return
+            before = took
 
     async def _backfill(self, link: _Link, take: Take, until: float) -> None:
         """Hand on what the history has after the last values, up to `until`, loop by loop and in the order of time."""
@@ -663,7 +666,7 @@ class OpcUa:
             newest = self._newest[loop]
             if newest == -math.inf:
                 continue
-            begin = max(newest - _MARGIN, until - self._connection.history)
+            begin = max(newest - _MARGIN - 2.0 * self._connection.interval, until - self._connection.history)
             if begin > newest:
                 text = f"{loop}: the break is longer than the {self._connection.history:g} s that are read"
                 self._say("not_backfilled", _Told(loop, text))

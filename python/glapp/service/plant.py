@@ -559,9 +559,9 @@ class SimPlant:
         if "writer" in loop.faults:
             value = old + 1.0
             del loop.faults["writer"]
-        elif alive:
+        elif value == 0.0:
             self._slope.pop(loop.name, None)
-        elif value != 0.0:
+        elif not alive or loop.name in self._slope:  # once begun it goes on to 0: who was away finds it out there
             steps = max(1.0, self._ramp * self._speed / self._scan)
             slope = self._slope.setdefault(loop.name, abs(value) / steps)
             value = math.copysign(max(0.0, abs(value) - slope), value) if abs(value) > slope else 0.0

@@ -72,13 +72,14 @@ class _TakerError(Exception):
 class _Tag:
     """One tag: what it is, and how far it was told."""
 
-    __slots__ = ("good", "kind", "last", "late", "loop", "number", "path", "run", "signal", "stamp", "value")
+    __slots__ = ("first", "good", "kind", "last", "late", "loop", "number", "path", "run", "signal", "stamp", "value")
 
     def __init__(self, loop: str, signal: Signal, path: str, last: float, number: Callable[[Any], float]) -> None:
         self.loop, self.signal, self.path, self.number = loop, signal, path, number
         self.last = self.stamp = last  # time of the last value that was handed on, and that of its source
         self.value, self.good = math.nan, True
         self.kind: ua.VariantType | None = None
+        self.first = True  # whether the next live value is the one with which a subscription begins
         self.late, self.run = -math.inf, 0  # the last late one, and how many came in a row, each after the other
 
     @property
@@ -512,6 +513,7 @@ class OpcUa:
         asked.SubscriptionId = link.subscription
         asked.TimestampsToReturn = ua.TimestampsToReturn.Both
         for handle in handles:
+            self._tags[handle].first = True
             item = ua.MonitoredItemCreateRequest()
             item.ItemToMonitor.NodeId = link.nodes[handle]
             item.ItemToMonitor.AttributeId = ua.AttributeIds.Value
@@ -606,18 +608,19 @@ class OpcUa:
         source = t
         if t <= tag.last:
             if not (live and t == tag.stamp and tag.good == bool(note)):
-                self._again(tag, t, value, live)
+                if live and self._joined and not tag.first:  # else it was handed on before the break
+                    self._again(tag, t, value)
+                tag.first = tag.first and not live
                 return None
             t = tag.last + _STATUS  # the status has changed and the time has not
         tag.last, tag.stamp, tag.value, tag.good, tag.run = t, source, value, not note, 0
+        tag.first = tag.first and not live
         if t > self._newest[tag.loop]:
             self._newest[tag.loop] = t
         return Value(tag.loop, tag.signal, t, value, not note, note)
 
-    def _again(self, tag: _Tag, t: float, value: float, live: bool) -> None:
+    def _again(self, tag: _Tag, t: float, value: float) -> None:
         """Tell of a value that is left out, since it is not newer than the last one."""
-        if not (live and self._joined):
-            return  # handed on before the break
         if t == tag.stamp:
             same = value == tag.value or value != value
             what = "comes twice" if same else "comes twice, with another value; the first one holds"
@@ -695,6 +698,7 @@ class OpcUa:
         while left:
             asked = ua.HistoryReadParameters()
             asked.HistoryReadDetails = details
+            asked.ReleaseContinuationPoints = False  # asyncua's True gives their memory back, and reads nothing
             asked.TimestampsToReturn = ua.TimestampsToReturn.Both
             some = dict(list(left.items())[: link.histories])
             for handle, go_on in some.items():
@@ -836,13 +840,14 @@ class _Link:
         """Take a message of the subscription: values, or a sign that there are none."""
         self.last = time.monotonic()
         message = result.NotificationMessage
-        newest = -math.inf
+        newest, values = -math.inf, False
         for part in message.NotificationData or []:
             if isinstance(part, ua.StatusChangeNotification):
                 self.end(f"the server has ended the subscription: {part.Status.name}")
             elif isinstance(part, ua.DataChangeNotification) and self.lost is None:
+                values = True
                 newest = max(newest, self._queued(part.MonitoredItems))
-        if message.NotificationData and self.subscription is not None:
+        if values:
             number = int(message.SequenceNumber)
             if self._sequence is not None and number != self._sequence % 0xFFFF_FFFF + 1:
                 self.overflow = True

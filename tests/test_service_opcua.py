@@ -482,7 +482,6 @@ class Fed:
         self.source, self.events = OpcUa(Connection(url="opc.tcp://p:1"), loops), []
         self.source._tell_to = self.events.append
         self.source._link = link()
-        self.source._link.joined = True
         for tag in self.source._tags:
             tag.first = False
         self.begin = math.floor(time.time()) - 100.0

@@ -79,7 +79,7 @@ class _Tag:
         self.last = self.stamp = last  # time of the last value that was handed on, and that of its source
         self.value, self.good = math.nan, True
         self.kind: ua.VariantType | None = None
-        self.first = True  # whether the next live value is the one with which a subscription begins
+        self.first = True  # whether no live value was newer than what the history gave
         self.late, self.run = -math.inf, 0  # the last late one, and how many came in a row, each after the other
 
     @property
@@ -180,6 +180,7 @@ class OpcUa:
         self._clock = _Clock()
         self._link: _Link | None = None
         self._was_connected = False
+        self._quiet = -math.inf  # until then live values may be some that the history has given already
 
     # ----------------------------------------------------------------- what a Source does
 
@@ -384,7 +385,7 @@ class OpcUa:
             self._event("connected", None, f"{connection.url}: connected, {len(link.nodes)} tags")
             await self._backfill(link, take, self._clock.now())
             self._summary(link)
-            link.joined = True
+            self._quiet = time.monotonic() + _AGAIN
             await self._hand_on(link, take)
         finally:
             self._link = None
@@ -608,9 +609,8 @@ class OpcUa:
         source = t
         if t <= tag.last:
             if not (live and t == tag.stamp and tag.good == bool(note)):
-                if live and self._joined and not tag.first:  # else it was handed on before the break
+                if live and not (tag.first and time.monotonic() < self._quiet):
                     self._again(tag, t, value)
-                tag.first = tag.first and not live
                 return None
             t = tag.last + _STATUS  # the status has changed and the time has not
         tag.last, tag.stamp, tag.value, tag.good, tag.run = t, source, value, not note, 0
@@ -634,10 +634,6 @@ class OpcUa:
         else:
             text = f"{tag.name}: a value of {_clock_time(t)} comes after that of {_clock_time(tag.last)}"
             self._often("late", tag, f"{text}; it is left out", "values in all")
-
-    @property
-    def _joined(self) -> bool:
-        return self._link is not None and self._link.joined
 
     def _new_type(self, tag: _Tag, kind: ua.VariantType) -> None:
         if tag.kind is not None:
@@ -813,7 +809,6 @@ class _Link:
         self.wake = asyncio.Event()
         self.lost: str | None = None
         self.overflow = False
-        self.joined = False
         self.last, self.longest, self.silent = time.monotonic(), math.inf, 0
         self.heard, self._behind = -math.inf, math.inf
         self._sequence: int | None = None

@@ -830,6 +830,15 @@ def test_nodes_that_are_written_are_nothing_else():
         assert str(error.value) == said
 
 
+def test_the_help_names_every_fault(monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "300")
+    monkeypatch.setattr(sys, "argv", ["glapp", "plant", "--help"])
+    with pytest.raises(SystemExit):
+        glapp.cli.main()
+    said = capsys.readouterr().out
+    assert all(re.search(rf"\b{kind}\b", said) for kind in (*FAULTS, "gone", "moved"))
+
+
 def test_the_page_names_every_key_every_fault_and_all_that_is_told():
     page = (ROOT / "docs/plant.md").read_text(encoding="utf-8")
     [example] = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)

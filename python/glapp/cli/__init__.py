@@ -61,7 +61,7 @@ app.command(epilog=examples("glapp demo demo"))(demo)
 app.command(
     epilog=examples(
         "glapp plant --settings loops.toml",
-        "glapp plant --loops 20 --days 90 --scan 60 --speed 20000",
+        "glapp plant --days 90 --scan 60 --speed 20000 --history 2400",
         "glapp plant --fault 60,bad,FIC101,30 --fault 120,gone,,300",
     )
 )(plant)

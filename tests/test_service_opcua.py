@@ -743,6 +743,11 @@ def test_security(certificates, monkeypatch):
         async with SimPlant(1, scan=0.1, security=shown) as plant:
             good = await attempt(plant, **right, password_file=at / "password")
             assert good.values and not good.told("lost")
+            for policy in ("Aes128Sha256RsaOaep", "Aes256Sha256RsaPss"):
+                other = await attempt(plant, **{**right, "security": policy}, password_file=at / "password")
+                assert other.values and not other.told("lost"), policy
+            signed = {k: v for k, v in right.items() if k != "user"} | {"mode": "Sign"}
+            assert not (await attempt(plant, **signed)).values, "this plant asks for a user"
             wrong = await attempt(plant, **right, password_file=at / "wrong")
             assert not wrong.values and "BadUserAccessDenied" in wrong.told("lost")[0]
             by_environment = await attempt(plant, **right)

@@ -14,7 +14,7 @@ pub struct ParameterError {
 
 /// The parameters' names in the order of their numbers, which begin at 1. A name that goes keeps its place: controllers show the
 /// number (`ErrorID`).
-pub const PARAMETERS: [&str; 43] = [
+pub const PARAMETERS: [&str; 45] = [
     "k",
     "ti",
     "td",
@@ -58,6 +58,8 @@ pub const PARAMETERS: [&str; 43] = [
     "t1",
     "t2",
     "dead_time",
+    "way",
+    "source",
 ];
 
 impl ParameterError {

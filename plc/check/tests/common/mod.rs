@@ -2,7 +2,10 @@
 #![allow(dead_code, missing_docs)] // each test file uses its part
 
 pub mod blocks;
+pub mod compensate;
 pub mod control;
+pub mod cover;
+pub mod detection;
 pub mod detector;
 
 use glapp_core::{DetectorState, Real};
@@ -18,7 +21,7 @@ pub fn folder() -> PathBuf {
 }
 
 /// `f64` and `LREAL`, or `f32` and `REAL`.
-pub trait Number: Real {
+pub trait Number: Real + serde::Serialize + serde::de::DeserializeOwned {
     const BUILD: Build;
     /// A step in which anything that moves has no finite derivative.
     const SHORTEST: f64;

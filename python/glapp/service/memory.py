@@ -14,12 +14,14 @@ import os
 import shutil
 import socket
 import sqlite3
+import sys
 import threading
 import time
 import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Self
 
@@ -66,7 +68,9 @@ CREATE TABLE commands (
     id INTEGER PRIMARY KEY, time REAL NOT NULL, person TEXT NOT NULL, role TEXT NOT NULL, command TEXT NOT NULL,
     loop TEXT, before TEXT NOT NULL, after TEXT NOT NULL, refused TEXT
 );
-CREATE TABLE users (name TEXT PRIMARY KEY, role TEXT NOT NULL, password TEXT NOT NULL, time REAL NOT NULL) WITHOUT ROWID;
+CREATE TABLE users (
+    name TEXT PRIMARY KEY, role TEXT NOT NULL, password TEXT NOT NULL, time REAL NOT NULL
+) WITHOUT ROWID;
 CREATE TABLE tokens (
     digest TEXT PRIMARY KEY, person TEXT NOT NULL REFERENCES users (name) ON DELETE CASCADE, expires REAL NOT NULL
 ) WITHOUT ROWID;
@@ -113,7 +117,7 @@ _INSERT_HALF = f"INSERT OR IGNORE INTO half_periods VALUES ({', '.join('?' * (le
 
 
 class MemoryFull(Exception):  # noqa: N818 - a state of the disk, not a fault of the program
-    """The memory cannot be written now: the disk is full, or the folder is gone. Nothing of the transaction is there."""
+    """The memory cannot be written now: the disk is full, or the folder is gone. The transaction left nothing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +133,7 @@ class Entry:
     loop : uint32[n]
         `loops.id` of each value.
     signal : uint8[n]
-        Which signal: its place in `glapp.service.signal.Signal`, or `ALIVE` (255).
+        Which signal: its place in `glapp.service.signal.Signal`, or `ALIVE`, or `LOST`.
     good : bool[n]
         Whether it may be believed.
     time, value : float64[n]
@@ -160,7 +164,7 @@ class Entry:
         """The entry that `packed` packed, with the same bits."""
         n, data = int.from_bytes(body[:4], "little"), zlib.decompress(body[4:])
         at = np.cumsum([0, 4 * n, n, n, 8 * n, 8 * n])
-        loop, signal, good, moments, value = (data[a:b] for a, b in zip(at[:-1], at[1:], strict=True))
+        loop, signal, good, moments, value = (data[a:b] for a, b in pairwise(at))
         return cls(
             id,
             now,
@@ -200,7 +204,7 @@ class Lock:
             self._file.close()
             other = _told(self._path)
             raise InputError(
-                f"is written by process {other.get('pid', '?')} on {other.get('host', '?')} since {other.get('since', '?')}",
+                "is written by process {pid} on {host} since {since}".format_map({**_NOBODY, **other}),
                 file=str(folder),
                 hint="one process writes a data folder: stop that one, or name another folder",
             )
@@ -227,6 +231,9 @@ class Lock:
         return _told(path)
 
 
+_NOBODY = {"pid": "?", "host": "?", "since": "?"}
+
+
 def _told(path: Path) -> dict[str, Any]:
     """What the holder of a lock wrote into it."""
     try:
@@ -236,7 +243,7 @@ def _told(path: Path) -> dict[str, Any]:
     return said if isinstance(said, dict) else {}
 
 
-if os.name == "nt":
+if sys.platform == "win32":
     import msvcrt
 
     def _locked(handle: int) -> bool:
@@ -322,7 +329,7 @@ class Reader:
     def half_periods(
         self, loop: str, begin: float = -1e300, end: float = 1e300, *, accepted: bool = True, most: int = 100_000
     ) -> list[dict[str, Any]]:
-        """Half-periods of a loop that ended within [begin, end], in the order of time; the newest where there are more."""
+        """Half-periods of a loop that ended within [begin, end], in the order of time; the newest `most` of them."""
         chosen = "reason = 0" if accepted else "reason >= 0"
         found = self.rows(
             f"SELECT number, {', '.join(COLUMNS)}, compensated FROM half_periods "

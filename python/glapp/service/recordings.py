@@ -316,7 +316,7 @@ def _flags(table: pa.Table) -> NDArray[np.uint8]:
 
 
 def _write(path: Path, tables: Iterable[pa.Table], schema: pa.Schema) -> None:
-    """A file that is whole, or not there; a group of rows for each table, so that one loop is read without the others."""
+    """A file that is whole, or not there; each table is a group of rows, so that one loop is read by itself."""
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(f".{path.name}.part")
     try:

@@ -20,7 +20,8 @@ the source's clock set back            five values of PV in a row that are late,
                                        far apart as they came: told, and what came since goes on from there, after a gap
 nothing comes, and the connection      PV stands still: a sample every `period`
 lives
-nothing comes, and it does not         no sample: the detector finds a gap in time
+nothing comes, and it is lost, or      no sample: the detector finds a gap in time
+not heard of for `lost` seconds
 a bad value                            NaN, and the sample is bad
 =====================================  =================================================================================
 """
@@ -33,13 +34,13 @@ from typing import Any, NamedTuple, Self
 from ..recording import AT_HIGH, AT_LOW, BAD, NOT_AUTO
 from .signal import Signal
 
-__all__ = ["ALIVE", "CODES", "Rows", "Sample"]
+__all__ = ["ALIVE", "CODES", "LOST", "Rows", "Sample"]
 
 CODES = {signal: code for code, signal in enumerate(Signal)}
 """Number of each signal, as it is kept in the memory: its place in `Signal`."""
 
-ALIVE = 255
-"""The number of what is no value: the loop's connection lived at a time."""
+ALIVE, LOST = 255, 254
+"""Numbers of what is no value: the loop's connection lived at a time; it was lost."""
 
 SP, PV, OP, MODE, LOW, HIGH, POSITION, U_FF = range(8)
 
@@ -119,7 +120,7 @@ class Rows:
         Parameters
         ----------
         signal : int
-            Its number in `CODES`, or `ALIVE`: the connection lived at `time`.
+            Its number in `CODES`; or `ALIVE`: the connection lived at `time`; or `LOST`.
         time : float
             Source time [s since 1970 UTC].
         value : float
@@ -132,6 +133,9 @@ class Rows:
         if signal == ALIVE:
             if time <= now + self.ahead:
                 self._lives(time)
+            return
+        if signal == LOST:
+            self._lives_to = -math.inf
             return
         if not time <= now + self.ahead:  # not a number, too
             self.told.append(("future", f"a value {time - now:.0f} s ahead of our clock is taken as bad"))

@@ -29,7 +29,7 @@ from .compensation import SETTINGS, Compensator
 from .fits import answered
 from .memory import COLUMNS, Entry, Half, Memory, MemoryFull, Reader
 from .recordings import Signals
-from .rows import ALIVE, CODES, OP, Rows
+from .rows import ALIVE, CODES, LOST, OP, Rows
 from .signal import Event, Signal, Source, Value, WriteRefused
 
 __all__ = ["DETECTOR", "Bounds", "Watch"]
@@ -163,6 +163,7 @@ class Watch:
         self._gave_up = False
         self._failing_since: float | None = None
         self._lags: list[float] = []
+        self._lost: set[int] = set()
         self._stepping = asyncio.Lock()
         self._saving = asyncio.Lock()
         self._save_now = asyncio.Event()
@@ -258,11 +259,16 @@ class Watch:
     def tell(self, event: Event) -> None:
         """Take an event of the source: where the connection is lost, so is every compensation."""
         self._tell(event)
-        if event.kind in ("lost", "clock_back"):
-            for watched in self._loops.values():
-                if watched.compensator is not None and event.loop in (None, watched.loop.name):
-                    self._switch_off(watched, f"the connection was lost: {event.text}")
-                    watched.compensator.lost(f"the connection was lost: {event.text}")
+        if event.kind not in ("lost", "clock_back"):
+            return
+        for watched in self._loops.values():
+            if event.loop not in (None, watched.loop.name):
+                continue
+            if event.kind == "lost":
+                self._lost.add(watched.id)
+            if watched.compensator is not None:
+                self._switch_off(watched, f"the connection was lost: {event.text}")
+                watched.compensator.lost(f"the connection was lost: {event.text}")
 
     def _tell(self, event: Event) -> None:
         key = (event.loop, event.kind)
@@ -288,6 +294,13 @@ class Watch:
         goods = [value.good for value in values]
         times = [value.time for value in values]
         numbers = [value.value for value in values]
+        for id in sorted(self._lost):  # before what came since: that is of the new connection
+            loops.insert(0, id)
+            kinds.insert(0, LOST)
+            goods.insert(0, True)
+            times.insert(0, now)
+            numbers.insert(0, 0.0)
+        self._lost.clear()
         for watched in self._loops.values():
             heard = self.source.alive(watched.loop.name)
             if heard is None:
@@ -610,9 +623,7 @@ class Watch:
         while True:
             now = time.monotonic()
             working = [w for w in self._loops.values() if w.compensator is not None and w.compensator.at_work]
-            fresh = all(
-                w.compensator is not None and now - w.compensator.written_at <= 3.0 * w.period for w in working
-            )
+            fresh = all(w.compensator is not None and now - w.compensator.written_at <= 3.0 * w.period for w in working)
             if fresh:
                 try:
                     await asyncio.wait_for(self.source.beat(), 1.0)
@@ -672,8 +683,8 @@ class Watch:
             made = Compensator(changed if of_detector else watched.loop, watched.period, _of_compensation(kept))
         shown = {name: before[name] for name in values}
         if not of_detector:
+            assert watched.compensator is not None  # all other names are a compensation's
             for name, value in values.items():
-                assert watched.compensator is not None
                 watched.compensator.set(name, value)
             after = {name: self.settings(loop)[name] for name in values}
             try:

@@ -47,6 +47,7 @@ class Table:
     u_ff: dict[str, float] = field(default_factory=dict)
     writes: list[tuple[str, float]] = field(default_factory=list)
     beats: int = 0
+    may: set[str] = field(default_factory=set)
     refuse: str | None = None
     clock: Callable[[], float] = lambda: BEGIN
 
@@ -61,6 +62,8 @@ class Table:
     async def write(self, loop: str, u_ff: float) -> None:
         if self.refuse is not None:
             raise WriteRefused(self.refuse, f"refused: {self.refuse}")
+        if loop not in self.may and abs(u_ff) > abs(self.u_ff.get(loop, 0.0)):
+            raise WriteRefused("not_enabled", "not enabled: it may only go to 0")
         self.u_ff[loop] = u_ff
         self.writes.append((loop, u_ff))
 
@@ -70,6 +73,14 @@ class Table:
 
     def alive(self, loop: str) -> float | None:
         return self.heard
+
+    def enable(self, loop: str) -> None:
+        if self.refuse is not None:
+            raise WriteRefused(self.refuse, f"refused: {self.refuse}")
+        self.may.add(loop)
+
+    def disable(self, loop: str) -> None:
+        self.may.discard(loop)
 
     async def beat(self) -> None:
         self.beats += 1
@@ -85,9 +96,9 @@ class Clock:
         return self.now
 
 
-def watch(folder: Path, some: Sequence[Loop], clock: Clock, source: Table | None = None, **bounds: float) -> Watch:
+def watch(folder: Path, some: Sequence[Loop], clock: Clock, **bounds: float) -> Watch:
     """A watch over a folder, to be stepped by hand."""
-    return Watch(source or Table(), some, Memory(folder, clock()), bounds=Bounds(**bounds), clock=clock)
+    return Watch(some, Memory(folder, clock()), bounds=Bounds(**bounds), clock=clock)
 
 
 def fed(one: Watch, clock: Clock, some: Sequence[Value], *, save_every: int = 0) -> None:

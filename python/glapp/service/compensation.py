@@ -65,6 +65,9 @@ class Compensator:
         Usual time between values of PV, > 0 [s].
     settings : mapping
         What a person has set, by the names in `SETTINGS`; None: as by default.
+    most, fastest : float
+        The greatest |u_FF| and the greatest rate that the plant takes, > 0 [OP unit, OP unit per s]. They are the
+        defaults of `comp_limit`, which is of a width and so twice as much, and of `comp_rate`.
 
     Raises
     ------
@@ -72,13 +75,15 @@ class Compensator:
         Where the loop has no controller, or a setting is out of its bounds.
     """
 
-    def __init__(self, loop: Loop, period: float, settings: Mapping[str, Any]) -> None:
+    def __init__(self, loop: Loop, period: float, settings: Mapping[str, Any], most: float, fastest: float) -> None:
         self.loop, self.period = loop, period
+        # A scan may come a little before a second is over, and the plant counts from write to write.
+        self._usual = {"comp_share": SHARE, "comp_limit": 2.0 * most, "comp_rate": 0.8 * fastest}
         ideal = loop.ideal()
         if ideal is None:
             raise InputError("has no controller settings", loop=loop.name, parameter="controller", hint="give K and Ti")
         low, high = op_range(loop) or (None, None)
-        chosen: dict[str, Any] = {"comp_share": SHARE, **{name: x for name, x in settings.items() if x is not None}}
+        chosen: dict[str, Any] = {**self._usual, **{name: x for name, x in settings.items() if x is not None}}
         spans = [None if span is None else span[1] - span[0] for span in (loop.pv_span, loop.op_span)]
         watch = BacklashDetection(
             **ideal._asdict(),
@@ -146,7 +151,7 @@ class Compensator:
             return
         if value.signal is Signal.PV:
             age = now - value.time
-            if not -60.0 <= age <= 3.0 * self.period + (self.age or 0.0):
+            if self.age is not None and age > 3.0 * self.period + self.age:
                 return
             self._ages = [*self._ages[1 - _ARRIVALS :], max(age, 0.0)]
             self.fresh_pv = True
@@ -284,7 +289,7 @@ class Compensator:
         InputError
             With the bound that it breaks; all is as it was.
         """
-        self._graph[f"watch.{name}"] = SHARE if name == "comp_share" and value is None else value
+        self._graph[f"watch.{name}"] = self._usual.get(name) if value is None else value
 
     def setting(self, name: str) -> float | None:
         """One of `SETTINGS` as it is in force."""

@@ -302,6 +302,10 @@ class Rows:
         """Whether a value of a signal ever came."""
         return self._held[signal] is not None
 
+    def last(self, signal: int) -> float:
+        """Source time of the newest value of a signal that was taken [s since 1970 UTC]; −inf before the first."""
+        return max([self._at[signal], *(time for time, kind, _, _ in self._pending if kind == signal)])
+
     def save(self) -> dict[str, Any]:
         """State in plain types; NaN and infinity are numbers in it, as Python's JSON has them."""
         return {

@@ -11,14 +11,14 @@ import json
 import math
 import time
 from array import array
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from multiprocessing import get_context
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -32,7 +32,7 @@ from .recordings import Signals
 from .rows import ALIVE, CODES, LOST, OP, Rows
 from .signal import Event, Signal, Source, Value, WriteRefused
 
-__all__ = ["DETECTOR", "Bounds", "Watch"]
+__all__ = ["DETECTOR", "Bounds", "Plant", "Watch"]
 
 DETECTOR = ("k", "ti", "td", "setpoint_weight", "kp", "tf", "n", "acceptable_dead_band")
 """What a person may set of a detector: what it believes of the controller, never the controller itself."""
@@ -40,6 +40,22 @@ DETECTOR = ("k", "ti", "td", "setpoint_weight", "kp", "tf", "n", "acceptable_dea
 _FIELDS = 7
 _KEEP = 60
 """A thing that happens again and again is told once in so many seconds, with how often it did."""
+
+
+class Plant(Source, Protocol):
+    """A source that writes u_FF of a loop only while that is enabled; else it may only go to 0."""
+
+    def enable(self, loop: str) -> None:
+        """Let u_FF of a loop be written.
+
+        Raises
+        ------
+        WriteRefused
+            Where there is no node or no connection.
+        """
+
+    def disable(self, loop: str) -> None:
+        """From now on u_FF of a loop may only go to 0."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,6 +122,7 @@ class _Watched:
     period: float
     rows: Rows
     detector: Estimator | None
+    most: tuple[float, float] | None = None
     number: int = 0
     made_by: array[int] = field(default_factory=lambda: array("q"))
     samples: array[float] = field(default_factory=lambda: array("d"))
@@ -121,16 +138,15 @@ class Watch:
 
     Parameters
     ----------
-    source : Source
-        Where values come from.
     loops : sequence of Loop
         What is known of them.
     memory : Memory
         Where everything is put down.
     bounds : Bounds
         Times and sizes.
-    compensable : collection of str
-        Names of the loops whose u_FF has a node in the plant.
+    compensable : mapping of str to (float, float)
+        Names of the loops whose u_FF has a node in the plant, with the greatest |u_FF| and rate that are written there
+        [OP unit, OP unit per s].
     clock : callable
         The time [s since 1970 UTC].
 
@@ -142,15 +158,15 @@ class Watch:
 
     def __init__(
         self,
-        source: Source,
         loops: Sequence[Loop],
         memory: Memory,
         *,
         bounds: Bounds | None = None,
-        compensable: Collection[str] = (),
+        compensable: Mapping[str, tuple[float, float]] | None = None,
         clock: Callable[[], float] = time.time,
     ) -> None:
-        self.source, self.memory, self.bounds = source, memory, bounds or Bounds()
+        self.memory, self.bounds = memory, bounds or Bounds()
+        self.source: Plant | None = None
         self.reader = Reader(memory.folder)
         self.signals = Signals(memory.folder)
         self.begun = clock()
@@ -162,7 +178,6 @@ class Watch:
         self._backlog: list[tuple[Entry, list[Half]]] = []
         self._gave_up = False
         self._failing_since: float | None = None
-        self._lags: list[float] = []
         self._lost: set[int] = set()
         self._stepping = asyncio.Lock()
         self._saving = asyncio.Lock()
@@ -174,7 +189,9 @@ class Watch:
         ids = memory.know(loops)
         states = memory.states()
         self._loops = {
-            loop.name: self._watched(loop, ids[loop.name], states.get(ids[loop.name]), loop.name in compensable)
+            loop.name: self._watched(
+                loop, ids[loop.name], states.get(ids[loop.name]), (compensable or {}).get(loop.name)
+            )
             for loop in loops
         }
         self._by_id = {watched.id: watched for watched in self._loops.values()}
@@ -185,12 +202,12 @@ class Watch:
 
     # Beginning
 
-    def _watched(self, given: Loop, id: int, state: str | None, compensable: bool) -> _Watched:
+    def _watched(self, given: Loop, id: int, state: str | None, most: tuple[float, float] | None) -> _Watched:
         settings = self.reader.settings(given.name)
         loop = with_settings(given, settings)
         period = loop.sample_time or self.bounds.period
         detector = None if loop.controller is None else Estimator(loop, period)
-        watched = _Watched(loop, id, period, self._rows(period), detector)
+        watched = _Watched(loop, id, period, Rows(period, **self._of_rows()), detector, most)
         if state is not None:
             saved = json.loads(state)
             watched.rows = Rows.load(saved["rows"], period, **self._of_rows())
@@ -202,14 +219,11 @@ class Watch:
                 else:
                     text = "its settings are not those of the saved detector, which begins anew"
                     self._tell(Event(self.begun, given.name, "detector_anew", text))
-        if compensable and loop.controller is not None:
-            watched.compensator = Compensator(loop, period, _of_compensation(settings))
+        if most is not None and loop.controller is not None:
+            watched.compensator = Compensator(loop, period, _of_compensation(settings), *most)
         last = self.reader.answers(given.name, 1)
         watched.answer = last[0] if last else None
         return watched
-
-    def _rows(self, period: float) -> Rows:
-        return Rows(period, **self._of_rows())
 
     def _of_rows(self) -> dict[str, float]:
         return {"wait": self.bounds.wait, "ahead": self.bounds.ahead, "lost": self.bounds.lost}
@@ -232,13 +246,14 @@ class Watch:
         """Names of the loops."""
         return list(self._loops)
 
-    def since(self, loop: str) -> float | None:
-        """Up to which source time all values of a loop are taken in [s since 1970 UTC]; None before the first.
-
-        A source that has history begins there.
-        """
-        released = self._loops[loop].rows.released
-        return released if math.isfinite(released) else None
+    def since(self) -> dict[tuple[str, Signal], float]:
+        """Source time of the last value of each signal that was taken in: a source that has history begins there."""
+        found = {}
+        for name, watched in self._loops.items():
+            for signal, code in CODES.items():
+                if (last := watched.rows.last(code)) > -math.inf:
+                    found[name, signal] = last
+        return found
 
     def take(self, values: Sequence[Value]) -> None:
         """Take what came, in the order in which it came."""
@@ -285,10 +300,6 @@ class Watch:
     def _entry(self, now: float) -> Entry | None:
         """What came since the last one, and of whom nothing came that lives all the same."""
         values, self._values = self._values, []
-        ages = [now - value.time for value in values if value.good]
-        if ages and abs(min(ages)) < self.bounds.lost:
-            self._lags = [*self._lags[-59:], min(ages)]
-        lag = min(self._lags, default=0.0)
         loops = [self._loops[value.loop].id for value in values]
         kinds = [CODES[value.signal] for value in values]
         goods = [value.good for value in values]
@@ -302,12 +313,9 @@ class Watch:
             numbers.insert(0, 0.0)
         self._lost.clear()
         for watched in self._loops.values():
-            heard = self.source.alive(watched.loop.name)
-            if heard is None:
-                continue
-            lives = heard - lag
+            lives = None if self.source is None else self.source.alive(watched.loop.name)
             pv = watched.latest.get(Signal.PV)
-            if pv is not None and lives - max(pv.time, watched.marked) >= watched.period:
+            if lives is not None and pv is not None and lives - max(pv.time, watched.marked) >= watched.period:
                 watched.marked = lives
                 loops.append(watched.id)
                 kinds.append(ALIVE)
@@ -445,20 +453,21 @@ class Watch:
 
     # Running
 
-    async def run(self) -> None:
-        """Watch until cancelled; then everything is saved, and nothing is compensated any more."""
+    async def run(self, source: Plant) -> None:
+        """Watch a plant until cancelled; then everything is saved, and nothing is compensated any more."""
+        self.source = source
         tasks = [
             asyncio.create_task(one, name=name)
             for name, one in {
-                "source": self.source.run(self.take, self.tell),
+                "source": source.run(self.take, self.tell),
                 "steps": self._steps(),
                 "keep": self._keep(),
                 "fits": self._fits(),
-                "beat": self._beats(),
+                "beat": self._beats(source),
             }.items()
         ]
         tasks += [
-            asyncio.create_task(self._drive(watched), name=f"u_FF of {watched.loop.name}")
+            asyncio.create_task(self._drive(watched, source), name=f"u_FF of {watched.loop.name}")
             for watched in self._loops.values()
             if watched.compensator is not None
         ]
@@ -577,30 +586,34 @@ class Watch:
 
     # Compensation
 
-    async def _drive(self, watched: _Watched) -> None:
+    async def _drive(self, watched: _Watched, source: Plant) -> None:
         """u_FF of one loop: made when a PV comes, or where none comes and the connection lives, and written."""
         compensator, name = watched.compensator, watched.loop.name
         assert compensator is not None
+        heard, heard_at = None, -math.inf
         while True:
             with suppress(TimeoutError):
                 await asyncio.wait_for(watched.due.wait(), 1.5 * watched.period)
             watched.due.clear()
-            heard = self.source.alive(name)
-            alive = heard is not None and self._clock() - heard <= self.bounds.lost
+            compensator = watched.compensator or compensator
+            if (latest := source.alive(name)) != heard:
+                heard, heard_at = latest, time.monotonic()
             was = compensator.enabled
-            u_ff = compensator.scan(time.monotonic(), alive)
+            u_ff = compensator.scan(time.monotonic(), time.monotonic() - heard_at <= 5.0 * max(watched.period, 1.0))
             if was and not compensator.enabled:
+                self._no_more(name)
                 self._tell(Event(self._clock(), name, "withdrawn", compensator.why_off))
             if compensator.at_work or (compensator.written is not None and compensator.written != u_ff):
-                await self._hand_over(watched, compensator, u_ff)
+                await self._hand_over(watched, source, u_ff)
 
-    async def _hand_over(self, watched: _Watched, compensator: Compensator, u_ff: float) -> None:
-        name = watched.loop.name
+    async def _hand_over(self, watched: _Watched, source: Plant, u_ff: float) -> None:
+        name, compensator = watched.loop.name, watched.compensator
+        assert compensator is not None
         began = time.monotonic()
         try:
             async with asyncio.timeout(max(3.0 * watched.period, 1.0)):
-                await self.source.write(name, u_ff)
-                found = await self.source.read_back(name)
+                await source.write(name, u_ff)
+                found = await source.read_back(name)
         except WriteRefused as refused:
             self._switch_off(watched, f"u_FF was not written: {refused}")
             if not compensator.enabled:
@@ -615,10 +628,17 @@ class Watch:
         compensator = watched.compensator
         if compensator is not None and compensator.enabled:
             compensator.disable(why)
+            self._no_more(watched.loop.name)
             watched.due.set()
             self._tell(Event(self._clock(), watched.loop.name, "withdrawn", why))
 
-    async def _beats(self) -> None:
+    def _no_more(self, name: str) -> None:
+        """From now on the plant's u_FF may only go to 0."""
+        if self.source is not None:
+            with suppress(WriteRefused):
+                self.source.disable(name)
+
+    async def _beats(self, source: Plant) -> None:
         """The plant's watchdog hears of us only while u_FF of every loop that is compensated is fresh."""
         while True:
             now = time.monotonic()
@@ -626,9 +646,14 @@ class Watch:
             fresh = all(w.compensator is not None and now - w.compensator.written_at <= 3.0 * w.period for w in working)
             if fresh:
                 try:
-                    await asyncio.wait_for(self.source.beat(), 1.0)
-                except (WriteRefused, TimeoutError) as error:
-                    self._tell(Event(self._clock(), None, "no_beat", f"the watchdog was not written: {error}"))
+                    await asyncio.wait_for(source.beat(), 1.0)
+                except WriteRefused as refused:
+                    if refused.reason == "not_named":
+                        return  # and nothing can be enabled
+                    if refused.reason != "not_connected":
+                        self._tell(Event(self._clock(), None, "no_beat", str(refused)))
+                except TimeoutError:
+                    self._tell(Event(self._clock(), None, "no_beat", "the watchdog was not written in time"))
             await asyncio.sleep(1.0)
 
     # What persons ask for
@@ -680,7 +705,9 @@ class Watch:
             detector = None if changed.controller is None else Estimator(changed, watched.period)
         if watched.compensator is not None:
             # Tried on one of its own first: all of it is set, or nothing.
-            made = Compensator(changed if of_detector else watched.loop, watched.period, _of_compensation(kept))
+            assert watched.most is not None
+            of = changed if of_detector else watched.loop
+            made = Compensator(of, watched.period, _of_compensation(kept), *watched.most)
         shown = {name: before[name] for name in values}
         if not of_detector:
             assert watched.compensator is not None  # all other names are a compensation's
@@ -719,34 +746,40 @@ class Watch:
         MemoryFull
             Where it cannot be put down: then it is not done.
         """
-        compensator = self._compensator(loop)
+        compensator, source = self._compensator(loop), self.source
         if self.failing is not None:
             raise MemoryFull(self.failing)
+        if source is None:
+            raise InputError("there is no connection", loop=loop)
         before = compensator.status()
-        if compensator.delay is None:  # what stands there is written once more: that takes as long as any other
+        try:
+            await source.beat()
+            source.enable(loop)
+            # What stands there is written once more: that takes as long as any other u_FF.
             began = time.monotonic()
-            found = await self.source.read_back(loop)
+            found = await source.read_back(loop)
             if not found.good:
                 raise InputError(f"u_FF cannot be read back: {found.note}", loop=loop)
-            try:
-                await self.source.write(loop, found.value)
-            except WriteRefused as refused:
-                raise InputError(f"u_FF cannot be written: {refused}", loop=loop) from None
+            await source.write(loop, found.value)
             compensator.wrote(found.value, time.monotonic(), time.monotonic() - began)
-        compensator.enable()
-        try:
+            compensator.enable()
             await self._log(person, role, "enable", loop, before, compensator.status())
-        except MemoryFull:
-            compensator.disable("it could not be put down who enabled it")
+        except BaseException as error:
+            compensator.disable("it could not be enabled")
+            self._no_more(loop)
+            if isinstance(error, WriteRefused):
+                raise InputError(f"cannot be enabled: {error}", loop=loop) from None
             raise
+        watched = self._loops[loop]
+        self._tell(Event(self._clock(), loop, "enabled", f"{person} enabled compensation"))
+        watched.due.set()
         return compensator.status()
 
     async def disable(self, loop: str, person: str, role: str) -> dict[str, Any]:
         """End the compensation of a loop; that is done even where it cannot be put down."""
         compensator = self._compensator(loop)
         before = compensator.status()
-        compensator.disable(f"{person} disabled it")
-        self._loops[loop].due.set()
+        self._switch_off(self._loops[loop], f"{person} disabled it")
         await self._log(person, role, "disable", loop, before, compensator.status())
         return compensator.status()
 
@@ -829,7 +862,7 @@ class Watch:
         pv = watched.latest.get(Signal.PV)
         shown: dict[str, Any] = {
             "seen": None if pv is None else pv.time,
-            "heard": self.source.alive(watched.loop.name),
+            "heard": None if self.source is None else self.source.alive(watched.loop.name),
             "good": None if pv is None else pv.good,
             "note": "" if pv is None else pv.note,
             "estimate": None if estimate is None else estimate[0],

@@ -715,7 +715,7 @@ class Watch:
                 watched.compensator.set(name, value)
             after = {name: self.settings(loop)[name] for name in values}
             try:
-                await self._log(person, role, "change", loop, shown, after, settings=values)
+                await self.log(person, role, "change", loop, shown, after, settings=values)
             except MemoryFull:
                 for name, value in shown.items():
                     watched.compensator.set(name, value)
@@ -728,7 +728,7 @@ class Watch:
             watched.compensator = made
         after = {name: self.settings(loop)[name] for name in values}
         try:
-            await self._log(
+            await self.log(
                 person, role, "change", loop, shown, after, settings=values, states={watched.id: _state(watched)}
             )
         except MemoryFull:
@@ -763,7 +763,7 @@ class Watch:
             await source.write(loop, found.value)
             compensator.wrote(found.value, time.monotonic(), time.monotonic() - began)
             compensator.enable()
-            await self._log(person, role, "enable", loop, before, compensator.status())
+            await self.log(person, role, "enable", loop, before, compensator.status())
         except BaseException as error:
             compensator.disable("it could not be enabled")
             self._no_more(loop)
@@ -780,7 +780,7 @@ class Watch:
         compensator = self._compensator(loop)
         before = compensator.status()
         self._switch_off(self._loops[loop], f"{person} disabled it")
-        await self._log(person, role, "disable", loop, before, compensator.status())
+        await self.log(person, role, "disable", loop, before, compensator.status())
         return compensator.status()
 
     async def take_over(self, loop: str, answer: int, person: str, role: str) -> dict[str, Any]:
@@ -812,14 +812,27 @@ class Watch:
             )
         return await self.change(loop, values, person, role)
 
+    async def asked_fit(self, loop: str, person: str, role: str) -> None:
+        """As `ask_fit`, put down.
+
+        Raises
+        ------
+        MemoryFull
+            Where it cannot be put down: then it is not done.
+        """
+        await self.log(person, role, "fit", loop, None, None)
+        self.ask_fit(loop, person)
+
     async def refused(self, person: str, role: str, command: str, loop: str | None, asked: Any, why: str) -> None:
         """Put down what somebody asked for and did not get."""
         with suppress(MemoryFull):
-            await self._log(person, role, command, loop, None, asked, refused=why)
+            await self.log(person, role, command, loop, None, asked, refused=why)
 
-    async def _log(
+    async def log(
         self, person: str, role: str, command: str, loop: str | None, before: Any, after: Any, **more: Any
     ) -> None:
+        """Put down who did what, and what it was before and after."""
+
         def put() -> None:
             self.memory.command(self._clock(), person, role, command, loop, before, after, **more)
 

@@ -20,6 +20,7 @@ from .identify import identify
 from .init import init
 from .screen import CommandError, examples, out, say_error
 from .thesis import thesis
+from .watch import watch
 
 __all__ = ["app", "main"]
 
@@ -58,6 +59,8 @@ app.command(
 )(bump)
 app.command(epilog=examples("glapp demo demo"))(demo)
 app.command(epilog=examples("glapp thesis 5.1", "glapp thesis 1.2 'Table 8.1' --out figures"))(thesis)
+
+app.add_typer(watch, name="watch")
 
 
 def _version(asked: bool) -> None:

@@ -341,7 +341,7 @@ class _Numbers(Collector):
             _gauge("glapp_memory_failing", "1 where the memory cannot be written", float(bool(status["failing"]))),
             _gauge("glapp_entries_waiting", "Entries that wait for the disk", status["waiting"]),
         ]
-        of_loops = {
+        of_loops: dict[str, tuple[str, Callable[[dict[str, Any]], Any]]] = {
             "glapp_seen_seconds": (
                 "Age of the newest PV",
                 lambda s: None if s["seen"] is None else status["now"] - s["seen"],

@@ -101,14 +101,14 @@ def watch(folder: Path, some: Sequence[Loop], clock: Clock, **bounds: float) -> 
     return Watch(some, Memory(folder, clock()), bounds=Bounds(**bounds), clock=clock)
 
 
-def fed(one: Watch, clock: Clock, some: Sequence[Value], *, save_every: int = 0) -> None:
-    """Values handed over as time goes on, a step a second."""
+def fed(one: Watch, clock: Clock, some: Sequence[Value], *, save_every: int = 0, pace: float = 5.0) -> None:
+    """Values handed over as time goes on, a step every `pace` seconds."""
 
     async def go() -> None:
         ordered = sorted(some, key=lambda value: value.time)
         at = steps = 0
         while at < len(ordered):
-            until = math.floor(ordered[at].time) + 1.0
+            until = pace * (math.floor(ordered[at].time / pace) + 1.0)
             end = at
             while end < len(ordered) and ordered[end].time < until:
                 end += 1

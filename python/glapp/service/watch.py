@@ -11,7 +11,7 @@ import json
 import math
 import time
 from array import array
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Coroutine, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
@@ -369,6 +369,9 @@ class Watch:
 
     async def step(self) -> None:
         """Take in what came, and put it down."""
+        await _whole(self._step())
+
+    async def _step(self) -> None:
         async with self._stepping:
             now = self._clock()
             entry = self._entry(now)
@@ -432,7 +435,7 @@ class Watch:
         await self.step()
         if self._backlog:
             raise MemoryFull(self.failing or "the memory cannot be written")
-        await self._save()
+        await _whole(self._save())
 
     async def _save(self) -> None:
         async with self._saving:
@@ -485,15 +488,17 @@ class Watch:
             self._switch_off(watched, "the service was stopped")
         working = [w for w in self._loops.values() if w.compensator is not None and w.compensator.at_work]
         longest = max((w.loop.ideal().ti for w in working), default=0.0)  # type: ignore[union-attr]
-        until = time.monotonic() + min(longest + 5.0, 60.0)
+        until = time.monotonic() + min(1.5 * longest + 1.0, 60.0)
         with suppress(asyncio.CancelledError):
             while any(w.compensator.at_work for w in working if w.compensator) and time.monotonic() < until:
                 if any(task.done() for task in tasks):
                     break
                 await asyncio.sleep(0.1)
-        for task in tasks:
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
+        left = {task for task in tasks if not task.done()}
+        while left:  # once more where a task has not heard it: one that waited for something may have got just that
+            for task in left:
+                task.cancel()
+            _, left = await asyncio.wait(left, timeout=1.0)
         with suppress(MemoryFull, OSError):
             await self.save()
 
@@ -507,7 +512,7 @@ class Watch:
                 saved = began
                 try:
                     if not self._backlog:
-                        await self._save()
+                        await _whole(self._save())
                 except (MemoryFull, OSError) as error:
                     self._failed(f"the signals cannot be written: {error}", self._clock())
             if began - shown >= 5.0 or shown == saved:
@@ -592,8 +597,9 @@ class Watch:
         assert compensator is not None
         heard, heard_at = None, -math.inf
         while True:
-            with suppress(TimeoutError):
-                await asyncio.wait_for(watched.due.wait(), 1.5 * watched.period)
+            with suppress(TimeoutError):  # not `wait_for`, which may lose that it was cancelled
+                async with asyncio.timeout(1.5 * watched.period):
+                    await watched.due.wait()
             watched.due.clear()
             compensator = watched.compensator or compensator
             if (latest := source.alive(name)) != heard:
@@ -646,7 +652,8 @@ class Watch:
             fresh = all(w.compensator is not None and now - w.compensator.written_at <= 3.0 * w.period for w in working)
             if fresh:
                 try:
-                    await asyncio.wait_for(source.beat(), 1.0)
+                    async with asyncio.timeout(1.0):
+                        await source.beat()
                 except WriteRefused as refused:
                     if refused.reason == "not_named":
                         return  # and nothing can be enabled
@@ -958,6 +965,17 @@ def _health(watched: _Watched) -> str:
         return "MAINTENANCE_REQUIRED"
     low, high = watched.loop.op_span or (0.0, 100.0)
     return "MAINTENANCE_REQUIRED" if answer["low"] * 100.0 / (high - low) > band else "NORMAL"
+
+
+async def _whole(work: Coroutine[Any, Any, None]) -> None:
+    """Do something to its end, even where whoever waits for it is cancelled meanwhile."""
+    task = asyncio.ensure_future(work)
+    try:
+        await asyncio.shield(task)
+    except asyncio.CancelledError:
+        with suppress(MemoryFull, OSError):
+            await task
+        raise
 
 
 def _pool() -> ProcessPoolExecutor:

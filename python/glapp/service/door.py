@@ -19,9 +19,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import uvicorn
 from fastapi import Depends, FastAPI, HTTPException, Query, Request, Response
 from fastapi import Path as InPath
+from fastapi.exceptions import RequestValidationError
 from fastapi.middleware.trustedhost import TrustedHostMiddleware
 from fastapi.responses import JSONResponse
 from prometheus_client import CollectorRegistry, generate_latest
@@ -113,6 +115,12 @@ def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "
     async def wrong(request: Request, error: InputError) -> JSONResponse:
         return JSONResponse({"detail": str(error)}, 409 if request.method != "GET" else 404)
 
+    @app.exception_handler(RequestValidationError)
+    async def not_understood(request: Request, error: RequestValidationError) -> JSONResponse:
+        first = error.errors()[0]
+        place = ".".join(str(part) for part in first["loc"])
+        return JSONResponse({"detail": f"{place}: {first['msg']}"}, 422)
+
     @app.exception_handler(MemoryFull)
     async def full(request: Request, error: MemoryFull) -> JSONResponse:
         return JSONResponse({"detail": f"not done, since it cannot be put down: {error}"}, 503)
@@ -197,9 +205,9 @@ def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "
         """Samples of a loop as they are kept, every so many of them where there are more than asked for."""
         if not end - begin <= 32 * 86400.0:
             raise HTTPException(422, "end - begin must be at most 32 days")
-        table = await asyncio.to_thread(watch.signals.read, known(name), begin, end)
+        table = await asyncio.to_thread(watch.recorded, known(name), begin, end)
         every = max(1, -(-len(table) // most))
-        found: dict[str, Any] = table.take(list(range(0, len(table), every))).to_pydict()
+        found: dict[str, Any] = table.take(np.arange(0, len(table), every)).to_pydict()
         found["time"] = [at.timestamp() for at in found["time"]]
         return {"every": every, **_plain(found)}
 

@@ -32,7 +32,7 @@ from ..loop import Loop
 from ..recording import AT_HIGH, AT_LOW, BAD, NOT_AUTO, Recording
 from ..samples import Samples
 
-__all__ = ["Signals"]
+__all__ = ["Signals", "loop_of", "table_of"]
 
 Floats = NDArray[np.float64]
 
@@ -91,10 +91,10 @@ class Signals:
         """
         by_day: dict[date, list[pa.Table]] = {}
         for name, (made_by, rows) in samples.items():
-            for day, which, table in _tables(rows):
-                fresh = made_by[which] > self._through(day)
+            for day, which in _by_day(rows):
+                fresh = which & (made_by > self._through(day))
                 if fresh.any():
-                    table = table.filter(pa.array(fresh))
+                    table = table_of(rows[fresh])
                     column = pa.array([name], pa.string()).take(pa.array(np.zeros(len(table), np.int64)))
                     by_day.setdefault(day, []).append(table.add_column(0, _OPEN.field("loop"), column))
         for day, tables in by_day.items():
@@ -279,16 +279,13 @@ def _told(path: Path) -> int:
     return int((pq.read_schema(path).metadata or {}).get(_THROUGH, b"-1"))
 
 
-def _tables(columns: Floats) -> Iterable[tuple[date, NDArray[np.bool_], pa.Table]]:
-    """Samples as tables, one a day, with which of them they are."""
-    if not len(columns):
-        return
-    micros = np.round(columns[:, 0] * 1e6).astype(np.int64)
+def table_of(columns: Floats) -> pa.Table:
+    """Samples as a table; `columns` has a row a sample, with what a `Sample` has."""
     flags = columns[:, 4].astype(np.uint8)
     names = pa.array(["AUTO", "MAN", "good", "bad"])
-    table = pa.table(
+    return pa.table(
         [
-            pa.array(micros, pa.int64()).cast(_FIELDS.field("time").type),
+            pa.array(np.round(columns[:, 0] * 1e6).astype(np.int64)).cast(_FIELDS.field("time").type),
             *(pa.array(columns[:, i], from_pandas=True) for i in (1, 2, 3)),
             names.take(pa.array((flags & NOT_AUTO != 0).astype(np.int64))),
             names.take(pa.array(2 + (flags & BAD != 0).astype(np.int64))),
@@ -297,9 +294,13 @@ def _tables(columns: Floats) -> Iterable[tuple[date, NDArray[np.bool_], pa.Table
         ],
         schema=_FIELDS,
     )
-    days = micros // 86_400_000_000
+
+
+def _by_day(columns: Floats) -> Iterator[tuple[date, NDArray[np.bool_]]]:
+    """The days that samples are of, and which samples are of each."""
+    days = np.round(columns[:, 0] * 1e6).astype(np.int64) // 86_400_000_000
     for day in np.unique(days).tolist():
-        yield date(1970, 1, 1) + timedelta(days=day), days == day, table.filter(pa.array(days == day))
+        yield date(1970, 1, 1) + timedelta(days=day), days == day
 
 
 def _flags(table: pa.Table) -> NDArray[np.uint8]:

@@ -21,6 +21,7 @@ from multiprocessing import get_context
 from typing import Any, Protocol
 
 import numpy as np
+import pyarrow as pa
 
 from ..errors import InputError
 from ..estimate import Estimator
@@ -28,7 +29,7 @@ from ..loop import Loop
 from .compensation import SETTINGS, Compensator
 from .fits import answered
 from .memory import COLUMNS, Entry, Half, Memory, MemoryFull, Reader
-from .recordings import Signals
+from .recordings import Signals, table_of
 from .rows import ALIVE, CODES, LOST, OP, Rows
 from .signal import Event, Signal, Source, Value, WriteRefused
 
@@ -853,6 +854,20 @@ class Watch:
         return watched.compensator
 
     # What is shown
+
+    def recorded(self, loop: str, begin: float, end: float) -> pa.Table:
+        """The samples of a loop within [begin, end] [s since 1970 UTC]: those on disk, and those not there yet.
+
+        Returns
+        -------
+        pyarrow.Table
+            As `Signals.read`.
+        """
+        rows = np.array(self._loops[loop].samples, np.float64).reshape(-1, _FIELDS)
+        table = self.signals.read(loop, begin, end)
+        after = table["time"][-1].as_py().timestamp() if len(table) else -math.inf
+        rows = rows[(rows[:, 0] >= begin) & (rows[:, 0] <= end) & (rows[:, 0] > after)]
+        return pa.concat_tables([table, table_of(rows)])
 
     def live(self, loop: str) -> dict[str, Any]:
         """The newest values of a loop: time, value, whether good, and why not."""

@@ -17,7 +17,7 @@ from ..loop import Loop
 from .each import all_or_none
 from .files import check_file
 
-__all__ = ["read_each", "read_settings", "read_table", "write_settings"]
+__all__ = ["block", "read_each", "read_settings", "read_table", "write_settings"]
 
 _TABLES = ("defaults", "loops", "opcua")
 _COMMENTS = {
@@ -229,15 +229,16 @@ def write_settings(loops: Iterable[Loop]) -> str:
     """
     blocks = []
     for loop in loops:
-        blocks.append(_block(f"loops.{_key(loop.name)}", "", loop))
+        blocks.append(block(f"loops.{_key(loop.name)}", loop))
         for name in type(loop).model_fields:
             inner = getattr(loop, name)
             if isinstance(inner, BaseModel) and inner.model_fields_set:
-                blocks.append(_block(f"loops.{_key(loop.name)}.{name}", f"{name}.", inner))
+                blocks.append(block(f"loops.{_key(loop.name)}.{name}", inner, f"{name}."))
     return "\n".join(blocks)
 
 
-def _block(header: str, prefix: str, model: BaseModel) -> str:
+def block(header: str, model: BaseModel, prefix: str = "") -> str:
+    """One table of a loops.toml: all that was given, with the units of the keys that `prefix` leads to."""
     lines = [f"[{header}]"]
     for name, field in type(model).model_fields.items():
         value = getattr(model, name)

@@ -151,7 +151,6 @@ def check_tags(connection: Connection, loops: Sequence[Loop]) -> None:
         With the loop and the key.
     """
     names: set[str] = set()
-    used: dict[str, str] = {} if connection.watchdog is None else {connection.watchdog: "opcua.watchdog"}
     for loop in loops:
         if loop.name in names:
             raise InputError("there are two loops of this name", loop=loop.name)
@@ -159,12 +158,17 @@ def check_tags(connection: Connection, loops: Sequence[Loop]) -> None:
         for key in ("pv", "sp"):
             if getattr(loop.opcua, key) is None:
                 raise InputError("is required to watch a loop", loop=loop.name, parameter=f"opcua.{key}")
-    written = {loop.opcua.u_ff: loop.name for loop in loops if loop.opcua.u_ff is not None}
+    written = {} if connection.watchdog is None else {connection.watchdog: "opcua.watchdog"}
+
+    def refuse(loop: Loop, key: str, node: str) -> None:
+        raise InputError(f"{node} is also {written[node]}", loop=loop.name, parameter=f"opcua.{key}", value=node)
+
+    for loop in loops:
+        if (node := loop.opcua.u_ff) is not None:
+            if node in written:
+                refuse(loop, "u_ff", node)
+            written[node] = f"u_ff of {loop.name}"
     for loop in loops:
         for key, node in loop.opcua.nodes.items():
-            other = used.get(node) or (written.get(node) if key != "u_ff" else None)
-            if key == "u_ff" and written[node] != loop.name:
-                other = written[node]
-            if other is not None:
-                what = f"{node} is also {other if other.startswith('opcua') else f'u_ff of {other}'}"
-                raise InputError(what, loop=loop.name, parameter=f"opcua.{key}", value=node)
+            if key != "u_ff" and node in written:
+                refuse(loop, key, node)

@@ -30,14 +30,16 @@ from ..reading.values import mode_flag, text_of
 from .connection import Connection, check_tags
 from .signal import Event, Signal, Take, Tell, Value, WriteRefused
 
-__all__ = ["Found", "OpcUa", "browse"]
+__all__ = ["Found", "OpcUa", "browse", "reason"]
 
 _AGAIN = 60.0  # the same thing is told once in so many seconds, with how often it happened
+_RUSH = 20  # of a kind in `_AGAIN` seconds, each for itself; more are told together
 _PAUSES = (1.0, 30.0)  # between two attempts to connect, the first and the longest [s]
 _DENIED = 300.0  # after a refused password: an account is locked easily
 _KEEP_ALIVE = 3  # intervals without a value until the server says that it is there
 _ITEMS = 500  # tags in one request
 _SLICE = 3600.0  # of the history in one request [s]
+_STATUS = 0.001  # a status that changes without a new time stamp counts from so much later [s]
 _MARGIN = 60.0  # what the history is asked for before the last value: not all of it may have been told
 _READ_ONLY = 5.0  # a pass over the history shorter than this leaves little to catch up [s]
 
@@ -50,6 +52,10 @@ _NO_FILTER = {
     ua.StatusCodes.BadMonitoredItemFilterUnsupported,
     ua.StatusCodes.BadMonitoredItemFilterInvalid,
     ua.StatusCodes.BadFilterNotAllowed,
+}
+_LIMITS = {
+    ua.ObjectIds.Server_ServerCapabilities_OperationLimits_MaxMonitoredItemsPerCall: "items",
+    ua.ObjectIds.Server_ServerCapabilities_OperationLimits_MaxNodesPerHistoryReadData: "histories",
 }
 _OVERFLOW = 0x480  # info type DataValue, and its bit Overflow
 _NUMBERS = (int, float)
@@ -66,11 +72,11 @@ class _TakerError(Exception):
 class _Tag:
     """One tag: what it is, and how far it was told."""
 
-    __slots__ = ("good", "kind", "last", "late", "loop", "number", "path", "run", "signal", "value")
+    __slots__ = ("good", "kind", "last", "late", "loop", "number", "path", "run", "signal", "stamp", "value")
 
     def __init__(self, loop: str, signal: Signal, path: str, last: float, number: Callable[[Any], float]) -> None:
         self.loop, self.signal, self.path, self.number = loop, signal, path, number
-        self.last = last  # source time of the last value that was handed on
+        self.last = self.stamp = last  # time of the last value that was handed on, and that of its source
         self.value, self.good = math.nan, True
         self.kind: ua.VariantType | None = None
         self.late, self.run = -math.inf, 0  # the last late one, and how many came in a row, each after the other
@@ -89,7 +95,8 @@ class _Feed:
     rate: float
     state: str = "off"  # enabled; taken: somebody else wrote it
     written: float | None = None
-    at: float = -math.inf
+    allowed: float = 0.0  # by how much it may change at once
+    at: float = 0.0
     node: ua.NodeId | None = None
     kind: ua.VariantType = ua.VariantType.Double
 
@@ -103,6 +110,16 @@ class _Told:
     many: str = ""
     at: float = -math.inf
     count: int = 0
+
+
+@dataclass(slots=True)
+class _Rush:
+    """The same in very many tags at once."""
+
+    since: float
+    told: int = 0
+    more: int = 0
+    text: str = ""
 
 
 class OpcUa:
@@ -156,7 +173,8 @@ class OpcUa:
         for tag in self._tags:
             self._newest[tag.loop] = max(self._newest[tag.loop], tag.last)
         self._tell_to: Tell | None = None
-        self._told: dict[tuple[str | None, str], _Told] = {}
+        self._told: dict[tuple[str, str | None], _Told] = {}
+        self._rushes: dict[str, _Rush] = {}
         self._uris: dict[int, str] = {}
         self._clock = _Clock()
         self._link: _Link | None = None
@@ -174,7 +192,7 @@ class OpcUa:
             except _TakerError as error:
                 raise error.__cause__ or error from None
             except Exception as error:  # years of service: whatever a server answers, we try again
-                why = _why(error)
+                why = reason(error)
                 denied = isinstance(error, ua.UaStatusCodeError) and error.code in _DENIALS
                 if self._was_connected:
                     pause = _PAUSES[0]
@@ -214,19 +232,21 @@ class OpcUa:
             if feed.state == "off" and not nearer:
                 raise WriteRefused("not_enabled", f"{loop}: writing is not enabled; u_FF may only go to 0")
             now = time.monotonic()
-            span = min(max(now - feed.at, 0.0), 2.0 * self._connection.interval)
-            if not nearer and abs(value - found) > feed.rate * span * (1.0 + 1e-9):
-                text = f"{loop}: u_FF goes from {found:g} to {value:g} in {span:.2g} s, must be ≤ {feed.rate:g}/s"
+            most = 2.0 * feed.rate * self._connection.interval  # writes need not come like a clock
+            allowed = min(feed.allowed + feed.rate * (now - feed.at), most)
+            if not nearer and abs(value - found) > allowed * (1.0 + 1e-9):
+                text = f"{loop}: u_FF goes from {found:g} to {value:g} at once, must be ≤ {feed.rate:g}/s"
                 raise WriteRefused("too_fast", text)
             try:
                 [status] = await client.uaclient.write_attributes(
                     [feed.node], [ua.DataValue(ua.Variant(value, feed.kind))], ua.AttributeIds.Value
                 )
             except (OSError, TimeoutError, ua.UaError) as error:
-                raise WriteRefused("not_connected", f"{loop}: u_FF was not written: {_why(error)}") from None
+                raise WriteRefused("not_connected", f"{loop}: u_FF was not written: {reason(error)}") from None
             if not status.is_good():
                 raise WriteRefused("by_server", f"{loop}: the server refuses u_FF: {status.name}")
             feed.written, feed.at = value, now
+            feed.allowed = max(allowed - abs(value - found), 0.0)
             if (found := await self._found(client, loop, feed)) != value:
                 self._taken(loop, feed, f"u_FF is {found:g} right after {value:g} was written")
 
@@ -243,7 +263,7 @@ class OpcUa:
         try:
             [seen] = await client.uaclient.read_attributes([feed.node], ua.AttributeIds.Value)
         except (OSError, TimeoutError, ua.UaError) as error:
-            raise WriteRefused("not_connected", f"{loop}: u_FF cannot be read: {_why(error)}") from None
+            raise WriteRefused("not_connected", f"{loop}: u_FF cannot be read: {reason(error)}") from None
         at = seen.SourceTimestamp or seen.ServerTimestamp
         value, note = _number(seen)
         return Value(loop, Signal.U_FF, self._clock.now() if at is None else at.timestamp(), value, not note, note)
@@ -284,7 +304,7 @@ class OpcUa:
                 [node], [ua.DataValue(ua.Variant(value, kind))], ua.AttributeIds.Value
             )
         except (OSError, TimeoutError, ua.UaError) as error:
-            raise WriteRefused("not_connected", f"the watchdog cannot be beaten: {_why(error)}") from None
+            raise WriteRefused("not_connected", f"the watchdog cannot be beaten: {reason(error)}") from None
         if not status.is_good():
             raise WriteRefused("by_server", f"the server refuses the watchdog: {status.name}")
 
@@ -300,7 +320,7 @@ class OpcUa:
         """
         feed = self._feed(loop)
         self._client_of(loop)
-        feed.state, feed.written, feed.at = "enabled", None, time.monotonic()
+        feed.state, feed.written, feed.allowed, feed.at = "enabled", None, 0.0, time.monotonic()
 
     def disable(self, loop: str) -> None:
         """From now on u_FF of this loop may only go to 0.
@@ -334,7 +354,7 @@ class OpcUa:
         try:
             [seen] = await client.uaclient.read_attributes([feed.node], ua.AttributeIds.Value)
         except (OSError, TimeoutError, ua.UaError) as error:
-            raise WriteRefused("not_connected", f"{loop}: u_FF cannot be read: {_why(error)}") from None
+            raise WriteRefused("not_connected", f"{loop}: u_FF cannot be read: {reason(error)}") from None
         value, note = _number(seen)
         if note:
             raise WriteRefused("by_server", f"{loop}: u_FF cannot be read: {note}")
@@ -377,12 +397,13 @@ class OpcUa:
     async def _resolve(self, link: _Link) -> None:
         """Node ids of this connection: the server may have put its namespaces in another order."""
         uris = await link.client.get_namespace_array()
+        await self._limits(link)
         for handle, tag in enumerate(self._tags):
-            if (node := self._node(tag.path, uris, tag.loop, tag.signal.name)) is not None:
+            if (node := self._node(tag.path, uris, tag, tag.name)) is not None:
                 link.nodes[handle] = node
         written: dict[ua.NodeId, str] = {}
         for loop, feed in self._feeds.items():
-            feed.node = self._node(feed.path, uris, loop, None)
+            feed.node = self._node(feed.path, uris, None, None)
             if feed.node is not None:
                 written[feed.node] = loop
         for handle, node in link.nodes.items():
@@ -391,13 +412,23 @@ class OpcUa:
                 raise _LostError(f"{tag.name} and u_FF of {written[node]} are one node, {tag.path}")
         await self._types(link)
         if self._connection.watchdog is not None:
-            node_id = self._node(self._connection.watchdog, uris, None, "watchdog")
+            node_id = self._node(self._connection.watchdog, uris, None, "opcua.watchdog")
             if node_id is not None:
                 [seen] = await link.client.uaclient.read_attributes([node_id], ua.AttributeIds.Value)
                 if seen.Value is None or not isinstance(seen.Value.Value, _NUMBERS):
                     self._event("tag_missing", None, f"opcua.watchdog: {self._connection.watchdog} is no number")
                 else:
                     link.beat = (node_id, seen.Value.VariantType, int(seen.Value.Value))
+
+    async def _limits(self, link: _Link) -> None:
+        """How many tags the server takes in one request."""
+        asked = [ua.NodeId(i) for i in _LIMITS]
+        for seen, name in zip(
+            await link.client.uaclient.read_attributes(asked, ua.AttributeIds.Value), _LIMITS.values(), strict=True
+        ):
+            most = None if seen.Value is None else seen.Value.Value
+            if isinstance(most, int) and most > 0:
+                setattr(link, name, min(getattr(link, name), most))
 
     async def _types(self, link: _Link) -> None:
         """A u_FF that is no real number or cannot be written is not named at all."""
@@ -417,7 +448,8 @@ class OpcUa:
             else:
                 feed.kind = kind
 
-    def _node(self, path: str, uris: Sequence[str], loop: str | None, what: str | None) -> ua.NodeId | None:
+    def _node(self, path: str, uris: Sequence[str], about: _Tag | None, what: str | None) -> ua.NodeId | None:
+        """The node in this connection; None, and told where `what` names it, where its namespace is not there."""
         head, _, rest = path.partition(";")
         if head.startswith("nsu="):
             uri = head.removeprefix("nsu=")
@@ -430,8 +462,7 @@ class OpcUa:
             uri, rest = uris[0], path
         if uri not in uris:
             if what is not None:
-                place = f"{loop} {what}" if loop else f"opcua.{what}"
-                self._often("tag_missing", loop, f"{place}: the server has no namespace {uri}")
+                self._often("tag_missing", about, f"{what}: the server has no namespace {uri}")
             return None
         if head.startswith("ns=") and uris.index(uri) != int(head.removeprefix("ns=")):
             moved = f"namespace {uri} has moved from index {head.removeprefix('ns=')} to {uris.index(uri)}"
@@ -453,8 +484,8 @@ class OpcUa:
             link.longest = 2.0 * quiet + connection.timeout
         asked = [handle for handle in handles if handle in link.nodes]
         slower = 0.0
-        for first in range(0, len(asked), _ITEMS):
-            some = asked[first : first + _ITEMS]
+        for first in range(0, len(asked), link.items):
+            some = asked[first : first + link.items]
             results = await session.create_monitored_items(self._items(link, some, filtered=True))
             bare = [h for h, r in zip(some, results, strict=True) if r.StatusCode.value in _NO_FILTER]
             if bare:
@@ -471,7 +502,7 @@ class OpcUa:
                 else:
                     link.missing.add(handle)
                     text = f"{tag.name}: {tag.path}: {result.StatusCode.name}"
-                    self._often("tag_missing", tag.loop, text)
+                    self._often("tag_missing", tag, text)
         if slower > 1.01 * connection.interval:
             text = f"the server takes samples every {slower:g} s at best, not every {connection.interval:g} s"
             self._often("slower", None, text)
@@ -513,10 +544,11 @@ class OpcUa:
                     self._event("overflow", None, f"{link.lost}; they are read from the history where there is one")
                 raise _LostError(link.lost)
             now = time.monotonic()
-            if now - link.last > link.longest:
-                raise _LostError(f"the server has said nothing for {now - link.last:.0f} s")
             if now - checked >= 1.0:
                 checked = now
+                link.silent = 0 if now - link.last <= link.longest else link.silent + 1
+                if link.silent > 1:  # at first it may be we who were not listening
+                    raise _LostError(f"the server has said nothing for {now - link.last:.0f} s")
                 self._flush(due=True)
                 if back := self._clock.set_back():
                     text = f"this computer's clock was set back by {back:.0f} s; what is ahead is judged as before"
@@ -541,7 +573,7 @@ class OpcUa:
             stamp = seen.ServerTimestamp
             if tag.signal is not Signal.U_FF:  # which we write, without one
                 text = f"{tag.name} has no source time stamp; the server's is taken"
-                self._often("no_time", tag.loop, text)
+                self._often("no_time", tag, text)
         t = self._clock.now() if stamp is None else stamp.timestamp()
         code = seen.StatusCode.value if seen.StatusCode is not None else 0
         variant = seen.Value
@@ -560,48 +592,44 @@ class OpcUa:
             except ValueError as error:  # a word for a mode that is not known: not automatic
                 value = 0.0
                 text = f"{tag.name}: {variant.Value!r} {'; '.join(str(a) for a in error.args)}"
-                self._often("unknown_mode", tag.loop, text)
+                self._often("unknown_mode", tag, text)
             if code & _OVERFLOW == _OVERFLOW:
                 text = f"{tag.name}: the server has thrown values away: its queue was full"
-                self._often("overflow", tag.loop, text, "times")
+                self._often("overflow", tag, text, "times")
         if t > ahead:
             text = (
                 f"{tag.name}: a time stamp is {t - ahead + self._connection.ahead:.0f} s ahead of this computer's clock"
             )
-            self._often("future", tag.loop, f"{text}; it is left out", "values in all")
+            self._often("future", tag, f"{text}; it is left out", "values in all")
             return None
-        if t <= tag.last and (late := self._again(tag, t, value, not note, live)) is None:
-            return None
-        elif t <= tag.last:
-            t = late
-        tag.last, tag.value, tag.good, tag.run = t, value, not note, 0
+        source = t
+        if t <= tag.last:
+            if not (live and t == tag.stamp and tag.good == bool(note)):
+                self._again(tag, t, value, live)
+                return None
+            t = tag.last + _STATUS  # the status has changed and the time has not
+        tag.last, tag.stamp, tag.value, tag.good, tag.run = t, source, value, not note, 0
         if t > self._newest[tag.loop]:
             self._newest[tag.loop] = t
         return Value(tag.loop, tag.signal, t, value, not note, note)
 
-    def _again(self, tag: _Tag, t: float, value: float, good: bool, live: bool) -> float | None:
-        """What becomes of a value that is not newer than the last: the time that it gets, or None to leave it out."""
-        if t == tag.last:
-            if good != tag.good and live:  # the status changed and the time did not
-                return max(self._clock.now(), math.nextafter(t, math.inf))
-            if self._joined:
-                same = value == tag.value or not good
-                what = "comes twice" if same else "comes twice, with another value; the first one holds"
-                text = f"{tag.name}: the value of {_clock_time(t)} {what}"
-                self._often("duplicate", tag.loop, text, "values in all")
-            return None
-        if not self._joined:
-            return None  # already handed on before the break
+    def _again(self, tag: _Tag, t: float, value: float, live: bool) -> None:
+        """Tell of a value that is left out, since it is not newer than the last one."""
+        if not (live and self._joined):
+            return  # handed on before the break
+        if t == tag.stamp:
+            same = value == tag.value or value != value
+            what = "comes twice" if same else "comes twice, with another value; the first one holds"
+            self._often("duplicate", tag, f"{tag.name}: the value of {_clock_time(t)} {what}", "values in all")
+            return
         tag.run = tag.run + 1 if t > tag.late else 1
         tag.late = t
         if tag.run >= 3 and tag.last - t > 3.0 * self._connection.interval:
-            text = f"its clock went back by {tag.last - t:.0f} s; values are left out until it has passed"
-            until = _clock_time(tag.last)
-            self._often("clock_back", tag.loop, f"{tag.name}: {text} {until}", "values in all")
+            text = f"{tag.name}: its clock went back by {tag.last - t:.0f} s; values are left out until it has passed"
+            self._often("clock_back", tag, f"{text} {_clock_time(tag.last)}", "values in all")
         else:
             text = f"{tag.name}: a value of {_clock_time(t)} comes after that of {_clock_time(tag.last)}"
-            self._often("late", tag.loop, f"{text}; it is left out", "values in all")
-        return None
+            self._often("late", tag, f"{text}; it is left out", "values in all")
 
     @property
     def _joined(self) -> bool:
@@ -610,7 +638,7 @@ class OpcUa:
     def _new_type(self, tag: _Tag, kind: ua.VariantType) -> None:
         if tag.kind is not None:
             text = f"{tag.name}: its type has changed from {tag.kind.name} to {kind.name}"
-            self._event("type_changed", tag.loop, text)
+            self._say("type_changed", _Told(tag.loop, text))
         tag.kind = kind
 
     # ----------------------------------------------------------------- history
@@ -637,7 +665,7 @@ class OpcUa:
             begin = max(newest - _MARGIN, until - self._connection.history)
             if begin > newest:
                 text = f"{loop}: the break is longer than the {self._connection.history:g} s that are read"
-                self._often("not_backfilled", loop, text)
+                self._say("not_backfilled", _Told(loop, text))
             while begin < until and not link.no_history:
                 end = min(begin + _SLICE, until)
                 values = await self._history(link, handles, begin, end)
@@ -657,14 +685,15 @@ class OpcUa:
         details = ua.ReadRawModifiedDetails()
         details.IsReadModified, details.ReturnBounds, details.NumValuesPerNode = False, False, 0
         details.StartTime, details.EndTime = datetime.fromtimestamp(begin, UTC), datetime.fromtimestamp(end, UTC)
-        values: list[Value] = []
+        found: dict[int, list[Any]] = {handle: [] for handle in handles}
         outside = 0
         left: dict[int, bytes | None] = dict.fromkeys(handles)
         while left:
             asked = ua.HistoryReadParameters()
             asked.HistoryReadDetails = details
             asked.TimestampsToReturn = ua.TimestampsToReturn.Both
-            for handle, go_on in left.items():
+            some = dict(list(left.items())[: link.histories])
+            for handle, go_on in some.items():
                 node = ua.HistoryReadValueId()
                 node.NodeId, node.ContinuationPoint = link.nodes[handle], go_on
                 asked.NodesToRead.append(node)
@@ -672,23 +701,27 @@ class OpcUa:
                 results = await link.client.uaclient.history_read(asked)
             except ua.UaStatusCodeError as error:
                 self._no_history(link, ua.StatusCode(error.code).name)
-                return values
-            again: dict[int, bytes | None] = {}
-            for (handle, before), result in zip(list(left.items()), results, strict=True):
+                break
+            for (handle, before), result in zip(some.items(), results, strict=True):
+                del left[handle]
                 if not result.StatusCode.is_good():
                     self._without(link, handle, result.StatusCode)
                     continue
                 for seen in getattr(result.HistoryData, "DataValues", None) or []:
                     if seen.SourceTimestamp is None or not begin <= seen.SourceTimestamp.timestamp() <= end:
                         outside += 1
-                    elif (value := self._value(handle, seen, math.inf, live=False)) is not None:
-                        values.append(value)
+                    else:
+                        found[handle].append(seen)
                 if result.ContinuationPoint and result.ContinuationPoint != before:
-                    again[handle] = result.ContinuationPoint
-            left = again
+                    left[handle] = result.ContinuationPoint
         if outside:
             text = "the history gave values outside of what was asked"
             self._often("outside", None, f"{text}; they are left out", "values", outside)
+        values: list[Value] = []
+        for handle, some_seen in found.items():
+            some_seen.sort(key=lambda seen: seen.SourceTimestamp)
+            made = (self._value(handle, seen, math.inf, live=False) for seen in some_seen)
+            values += [value for value in made if value is not None]
         values.sort(key=_time_of)
         return values
 
@@ -699,7 +732,7 @@ class OpcUa:
             self._no_history(link, status.name)
         elif self._tags[handle].signal is Signal.PV:
             text = f"{self._tags[handle].name} has no history: {status.name}; a break in it stays a gap"
-            self._often("no_history", self._tags[handle].loop, text)
+            self._often("no_history", self._tags[handle], text)
 
     def _no_history(self, link: _Link, why: str) -> None:
         link.no_history = True
@@ -716,27 +749,43 @@ class OpcUa:
         if self._tell_to is not None:
             self._tell_to(Event(time.time(), loop, kind, text))
 
-    def _often(self, kind: str, loop: str | None, text: str, many: str = "", count: int = 1) -> None:
+    def _often(self, kind: str, about: _Tag | None, text: str, many: str = "", count: int = 1) -> None:
         """Tell at once, and then at most once in `_AGAIN` seconds, with how many it were meanwhile."""
-        told = self._told.get((loop, kind))
+        key = (kind, None if about is None else about.name)
+        told = self._told.get(key)
         if told is None:
-            told = self._told[loop, kind] = _Told(loop)
+            told = self._told[key] = _Told(None if about is None else about.loop)
         told.text, told.many = text, many
         told.count += count
         if time.monotonic() - told.at >= _AGAIN:
             self._say(kind, told)
 
     def _say(self, kind: str, told: _Told) -> None:
+        """Tell it, but for what is one of very many: they are counted together."""
+        now = time.monotonic()
         more = f" ({told.count} {told.many})" if told.count > 1 and told.many else ""
-        self._event(kind, told.loop, told.text + more)
-        told.at, told.count = time.monotonic(), 0
+        text = told.text + more
+        told.at, told.count = now, 0
+        rush = self._rushes.setdefault(kind, _Rush(now))
+        if now - rush.since >= _AGAIN:
+            rush.since, rush.told = now, 0
+        if rush.told < _RUSH:
+            rush.told += 1
+            self._event(kind, told.loop, text)
+        else:
+            rush.more += 1
+            rush.text = text
 
     def _flush(self, *, due: bool = False) -> None:
         """Tell what was only counted: all of it, or what is due."""
         now = time.monotonic()
-        for (_, kind), told in self._told.items():
+        for (kind, _), told in self._told.items():
             if told.count and (not due or now - told.at >= _AGAIN):
                 self._say(kind, told)
+        for kind, rush in self._rushes.items():
+            if rush.more:
+                self._event(kind, None, f"{rush.more} more tags, such as {rush.text}")
+                rush.more = 0
 
 
 class _Link:
@@ -745,6 +794,7 @@ class _Link:
     def __init__(self, client: Client, connection: Connection) -> None:
         self.client = client
         self.nodes: dict[int, ua.NodeId] = {}
+        self.items, self.histories = _ITEMS, _ITEMS
         self.missing: set[int] = set()
         self.without: set[int] = set()
         self.retried = time.monotonic()
@@ -756,7 +806,7 @@ class _Link:
         self.lost: str | None = None
         self.overflow = False
         self.joined = False
-        self.last, self.longest = time.monotonic(), math.inf
+        self.last, self.longest, self.silent = time.monotonic(), math.inf, 0
         self.heard, self._behind = -math.inf, math.inf
         self._sequence: int | None = None
         self.no_history = False
@@ -764,7 +814,7 @@ class _Link:
 
     async def on_lost(self, error: Exception) -> None:
         """Called when the connection breaks."""
-        self.end(_why(error))
+        self.end(reason(error))
 
     def end(self, why: str) -> None:
         """The connection is of no use any more."""
@@ -891,7 +941,8 @@ def _clock_time(t: float) -> str:
     return f"{datetime.fromtimestamp(t, UTC):%Y-%m-%d %H:%M:%S}Z"
 
 
-def _why(error: BaseException) -> str:
+def reason(error: BaseException) -> str:
+    """What went wrong with a connection, for a person."""
     if isinstance(error, ua.UaStatusCodeError):
         return str(ua.StatusCode(error.code).name)
     if isinstance(error, TimeoutError):
@@ -988,8 +1039,9 @@ async def _below(client: Client, uris: Sequence[str], most: int) -> Any:
                     continue
                 seen.add(node)
                 name = f"{path}.{reference.BrowseName.Name}" if path else reference.BrowseName.Name
-                waiting.append((node, name))
-                if reference.NodeClass_ is ua.NodeClass.Variable:
+                if reference.NodeClass is not ua.NodeClass.Method:  # whose arguments are no tags
+                    waiting.append((node, name))
+                if reference.NodeClass is ua.NodeClass.Variable:
                     yield Found(name, _text_of(node, uris))
 
 
@@ -1007,7 +1059,5 @@ async def _all_of(client: Client, result: Any) -> Iterator[Any]:
 
 def _text_of(node: ua.NodeId, uris: Sequence[str]) -> str:
     """A node by its namespace's URI: that outlives a restart of the server."""
-    identifier = node.to_string().rpartition(";")[2] if ";" in node.to_string() else node.to_string()
-    whole = node.to_string()
-    rest = whole.partition(";")[2] if whole.startswith("ns=") else whole
-    return f"nsu={uris[node.NamespaceIndex]};{rest or identifier}"
+    text = str(node.to_string())
+    return f"nsu={uris[node.NamespaceIndex]};{text.partition(';')[2] if text.startswith('ns=') else text}"

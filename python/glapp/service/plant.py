@@ -344,7 +344,6 @@ class SimPlant:
         self._server: Server | None = None
         self._namespaces = 0
         self._task: asyncio.Task[None] | None = None
-        self.failed: BaseException | None = None
 
     @property
     def url(self) -> str:
@@ -408,8 +407,14 @@ class SimPlant:
             raise InputError(f"there is no loop {name!r}", parameter="loop", value=name)
         return self._loops[name]
 
+    async def failure(self) -> None:
+        """Wait until the simulation fails, which it should not, and raise what it failed with."""
+        if self._task is not None:
+            await asyncio.shield(self._task)
+
     async def __aenter__(self) -> Self:
-        await self.open()
+        if self._server is None:
+            await self.open()
         self._task = asyncio.create_task(self._run())
         return self
 
@@ -441,6 +446,7 @@ class SimPlant:
             server.set_security_policy([ua.SecurityPolicyType.Basic256Sha256_SignAndEncrypt])
         else:
             server.set_security_policy([ua.SecurityPolicyType.NoSecurity])
+            server.set_identity_tokens([ua.AnonymousIdentityToken])
         if users:
             server.set_identity_tokens([ua.UserNameIdentityToken])
         for i in range(namespaces):
@@ -501,21 +507,15 @@ class SimPlant:
         )
 
     async def _run(self) -> None:
-        try:
-            begun = time.monotonic()
-            behind = time.time() - self._begin
-            ahead = behind if self._now else 0.0
-            while True:
-                passed = time.monotonic() - begun
-                due = min(self._speed * passed + ahead, behind + passed)  # the plant's time since it began
-                while (self._scans + 1) * self._scan <= due:
-                    await self._one()
-                await asyncio.sleep(min(max(self._scan / self._speed, 0.001), 0.05))
-        except asyncio.CancelledError:
-            raise
-        except BaseException as error:
-            self.failed = error
-            raise
+        begun = time.monotonic()
+        behind = time.time() - self._begin
+        ahead = behind if self._now else 0.0
+        while True:
+            passed = time.monotonic() - begun
+            due = min(self._speed * passed + ahead, behind + passed)  # the plant's time since it began
+            while (self._scans + 1) * self._scan <= due:
+                await self._one()
+            await asyncio.sleep(min(max(self._scan / self._speed, 0.001), 0.05))
 
     async def _one(self) -> None:
         """One scan of every loop."""

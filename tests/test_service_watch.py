@@ -238,6 +238,9 @@ def test_a_plant_without_a_watchdog_is_not_compensated(tmp_path: Path) -> None:
         with pytest.raises(InputError, match="no watchdog is named"):
             await watch.enable("FIC0", "eve", "engineer")
         assert not plant.may
+        before = watch.live("FIC0")["pv"]["time"]
+        await asyncio.sleep(0.3)
+        assert watch.live("FIC0")["pv"]["time"] > before, "it goes on watching"
 
     beside(tmp_path, look, Deaf())
 

@@ -84,7 +84,7 @@ def _need(*names: str) -> None:
         except ModuleNotFoundError as error:
             if error.name != name:
                 raise
-            raise InputError(f"glapp watch needs {name}", hint="pip install 'glapp[service,opcua]'") from None
+            raise InputError(f"glapp watch needs {name}", hint="pip install 'glapp[service]'") from None
 
 
 @watch.command(

@@ -656,9 +656,8 @@ class Watch:
                     async with asyncio.timeout(1.0):
                         await source.beat()
                 except WriteRefused as refused:
-                    if refused.reason == "not_named":
-                        return  # and nothing can be enabled
-                    if refused.reason != "not_connected":
+                    # Without one nothing can be enabled, and without a connection nothing is.
+                    if refused.reason not in ("not_named", "not_connected"):
                         self._tell(Event(self._clock(), None, "no_beat", str(refused)))
                 except TimeoutError:
                     self._tell(Event(self._clock(), None, "no_beat", "the watchdog was not written in time"))

@@ -2,7 +2,8 @@
 
 Both begin from the same folder. The plant's server has history. After the last kill the killed one is let run until it
 has caught up, and everything that both have is compared bit for bit, up to the moment at which the first of them was
-stopped.
+stopped. Half of the kills
+wait until it writes, so that enough of them fall within a transaction.
 
     python -m bench.service_kill --kills 100
 """
@@ -73,6 +74,16 @@ async def _writes(folder: Path, count: int) -> None:
     raise SystemExit("the watch has not begun in 30 s")
 
 
+def _while_it_writes(folder: Path) -> None:
+    """Wait until a watch is within a write, two seconds at most: by chance it seldom is."""
+    until = time.monotonic() + 2.0
+    with (folder / "said").open("rb") as said:
+        while time.monotonic() < until:
+            said.seek(-1, 2)
+            if said.read(1) == b"w":
+                return
+
+
 def _stop(child: subprocess.Popen[bytes]) -> None:
     child.terminate()
     if child.wait(60) != 0:
@@ -99,6 +110,8 @@ async def _kills(count: int, loops: int, seed: int) -> None:
                 child = _start(killed, plant.url)
                 await _writes(killed, 3)  # what comes then is the history since the last kill
                 await asyncio.sleep(chance.uniform(0.0, 4.0))
+                if chance.random() < 0.5:
+                    _while_it_writes(killed)
                 child.kill()
                 child.wait()
                 done += 1

@@ -547,10 +547,11 @@ class Watch:
 
     async def _fits(self) -> None:
         night = asyncio.create_task(self._nights())
-        pool = _pool()
+        pool: ProcessPoolExecutor | None = None
         try:
             while True:
                 name, person = await self._asked.get()
+                pool = pool or _pool()
                 try:
                     with suppress(MemoryFull, OSError):
                         await self.save()
@@ -562,13 +563,14 @@ class Watch:
                 except (InputError, MemoryFull) as error:
                     self._tell(Event(self._clock(), name, "not_fitted", str(error)))
                 except BrokenProcessPool:
-                    pool = _pool()
+                    pool = None
                     self._tell(Event(self._clock(), name, "not_fitted", "the process that fitted it was ended"))
                 finally:
                     self._fitting.discard(name)
         finally:
             night.cancel()
-            pool.shutdown(wait=False, cancel_futures=True)
+            if pool is not None:
+                pool.shutdown(wait=False, cancel_futures=True)
 
     async def _answered(self, name: str, person: str, answer: dict[str, Any]) -> None:
         row = {"time": self._clock(), "asked_by": person, **answer}

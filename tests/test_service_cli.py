@@ -132,6 +132,12 @@ def test_the_demonstration_from_its_first_user_to_its_end(tmp_path: Path, monkey
         assert re.search(r"comp_size\s+1\.5", glapp("set", "FIC101", "comp_size=1.5", "--door", door))
         with pytest.raises(InputError, match="must be"):
             glapp("set", "FIC101", "comp_share=1.5", "--door", door)
+        with pytest.raises(InputError, match="glapp watch drill FIC101"):
+            glapp("enable", "FIC101", "--door", door)
+        glapp("drill", "FIC101", "--door", door)
+        while "drilled" not in (told := glapp("events", "--data", folder)) and time.monotonic() < deadline + 60:
+            time.sleep(0.5)
+        assert "drilled FIC101: the plant took u_FF of 0.125 away by itself" in told
         assert re.search(r"enabled\s+True", glapp("enable", "FIC101", "--door", door))
         assert re.search(r"enabled\s+False", glapp("disable", "FIC101", "--door", door))
         assert "engineer  engineer" in glapp("users", "list", "--door", door)

@@ -14,11 +14,16 @@ from glapp import Loop
 from glapp.errors import InputError
 from glapp.service.memory import Memory
 from glapp.service.signal import Event, Signal, Value
-from glapp.service.watch import Bounds, Watch, with_settings
+from glapp.service.watch import SEEN, Bounds, Watch, with_settings
 
 PERIOD = 0.02
 WIDTH = 1.5
 MOST = (3.0, 50.0)
+
+
+async def drilled(watch: Watch) -> None:
+    """As after a drill."""
+    await watch.log("eve", "engineer", "drilled", "FIC0", None, None, settings={SEEN: {}})
 
 
 class Swinging(Table):
@@ -61,18 +66,28 @@ def swinging() -> Loop:
     return Loop(name="FIC0", controller=controller, process={"kp": 2}, op_span=(0, 100), n=3, sample_time=PERIOD)
 
 
-def beside(folder: Path, what: Callable[[Watch, Swinging], Awaitable[None]], plant: Swinging | None = None) -> Watch:
+def beside(
+    folder: Path,
+    what: Callable[[Watch, Swinging], Awaitable[None]],
+    plant: Swinging | None = None,
+    *,
+    seen: bool = True,
+    **bounds: float,
+) -> Watch:
     """Runs a watch beside the plant while `what` is done."""
     made: list[Watch] = []
 
     async def go() -> None:
         source = plant or Swinging()
-        bounds = Bounds(step=0.1, wait=0.0)
-        watch = Watch([swinging()], Memory(folder), bounds=bounds, compensable={"FIC0": MOST})
+        watch = Watch(
+            [swinging()], Memory(folder), bounds=Bounds(step=0.1, wait=0.0, **bounds), compensable={"FIC0": MOST}
+        )
         made.append(watch)
         task = asyncio.create_task(watch.run(source))
         try:
             await asyncio.sleep(0.3)
+            if seen:
+                await drilled(watch)
             await asyncio.wait_for(what(watch, source), 20)
         finally:
             task.cancel()
@@ -185,6 +200,32 @@ def test_after_a_restart_it_is_off_and_what_is_found_is_ramped_to_0(tmp_path: Pa
     beside(tmp_path, look, plant)
 
 
+def test_what_has_not_changed_is_not_told_again_and_known_all_the_same(tmp_path: Path) -> None:
+    """A server tells SP, mode and u_FF when they change; after a restart they are those of before, and u_FF is read."""
+
+    class Sparing(Swinging):
+        sent: dict[Signal, float]
+
+        def scan(self, k: int, t: float) -> list[Value]:
+            found = super().scan(k, t)
+            fresh = [v for v in found if v.signal in (Signal.PV, Signal.OP) or self.sent.get(v.signal) != v.value]
+            self.sent |= {value.signal: value.value for value in found}
+            return fresh
+
+    plant = Sparing()
+    plant.sent = {}
+    beside(tmp_path, in_force, plant)
+    plant.u_ff["FIC0"] = plant.sent[Signal.U_FF] = 0.6  # it stands there, and nobody tells
+
+    async def look(watch: Watch, plant: Swinging) -> None:
+        await until(lambda: plant.u_ff["FIC0"] == 0.0, "what was found was not taken away")
+        await in_force(watch, plant)
+
+    plant.writes.clear()
+    beside(tmp_path, look, plant)
+    assert 0.4 < plant.writes[0][1] < 0.6
+
+
 def test_another_writer_withdraws_it(tmp_path: Path) -> None:
     async def look(watch: Watch, plant: Swinging) -> None:
         await in_force(watch, plant)
@@ -243,6 +284,79 @@ def test_a_plant_without_a_watchdog_is_not_compensated(tmp_path: Path) -> None:
         assert watch.live("FIC0")["pv"]["time"] > before, "it goes on watching"
 
     beside(tmp_path, look, Deaf())
+
+
+class Wired(Swinging):
+    """A plant that takes u_FF away when nobody has counted its watchdog up for 1.5 s."""
+
+    wired = True
+    beaten = math.inf
+
+    async def beat(self) -> None:
+        self.beaten = time.monotonic()
+
+    def scan(self, k: int, t: float) -> list[Value]:
+        if self.wired and time.monotonic() - self.beaten > 1.5:
+            self.u_ff["FIC0"] = 0.0
+        return super().scan(k, t)
+
+
+def test_no_loop_is_enabled_before_its_plant_was_seen_to_take_u_ff_away(tmp_path: Path) -> None:
+    async def look(watch: Watch, plant: Swinging) -> None:
+        await watch.change("FIC0", {"comp_size": WIDTH}, "eve", "engineer")
+        with pytest.raises(InputError, match=r"never seen .* glapp watch drill FIC0"):
+            await watch.enable("FIC0", "eve", "engineer")
+        await watch.drill("FIC0", "eve", "engineer")
+        for going in (watch.drill, watch.enable):
+            with pytest.raises(InputError, match="drill"):
+                await going("FIC0", "eve", "engineer")
+        await until(lambda: plant.u_ff.get("FIC0", 0.0) == pytest.approx(0.3), "nothing was written")
+        await until(lambda: not watch._drilling(), "it does not end")
+        assert plant.u_ff["FIC0"] == 0.0 and len(plant.writes) == 1
+        assert not plant.may
+        await in_force(watch, plant)
+
+    watch = beside(tmp_path, look, Wired(), seen=False)
+    kinds = [event["kind"] for event in watch.reader.events("FIC0")]
+    assert "drilled" in kinds and "enabled" in kinds
+
+
+def test_a_drill_that_fails(tmp_path: Path) -> None:
+    async def look(watch: Watch, plant: Swinging) -> None:
+        await watch.change("FIC0", {"comp_size": WIDTH}, "eve", "engineer")
+        await watch.drill("FIC0", "eve", "engineer")
+        await until(lambda: not watch._drilling(), "it does not end")
+        assert plant.u_ff["FIC0"] == 0.0, "we took it away ourselves"
+        with pytest.raises(InputError, match="never seen"):
+            await watch.enable("FIC0", "eve", "engineer")
+
+    plant = Wired()
+    plant.wired = False
+    watch = beside(tmp_path, look, plant, seen=False, drill=1.0)
+    assert "drill_failed" in [event["kind"] for event in watch.reader.events("FIC0")]
+
+
+def test_an_answer_that_is_cancelled_with_its_connection_ends_nothing(tmp_path: Path) -> None:
+    """A client that loses its connection cancels all that waits for an answer: that is not meant for us."""
+
+    class Broken(Swinging):
+        runs = 0
+
+        async def run(self, take: Callable[[Sequence[Value]], None], tell: Callable[[Event], None]) -> None:
+            self.runs += 1
+            if self.runs == 1:
+                raise asyncio.CancelledError
+            await super().run(take, tell)
+
+        async def beat(self) -> None:
+            self.beats += 1
+            if self.beats < 3:
+                raise asyncio.CancelledError
+
+    async def look(watch: Watch, plant: Swinging) -> None:
+        await until(lambda: plant.beats >= 4 and watch.live("FIC0") != {}, "it has ended")
+
+    beside(tmp_path, look, Broken())
 
 
 def test_late_values_move_nothing(tmp_path: Path) -> None:

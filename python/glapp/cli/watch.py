@@ -329,6 +329,13 @@ def login(
     out.print(f"Logged in as {user}.", soft_wrap=True)
 
 
+@watch.command(epilog=examples("glapp watch drill FIC101"))
+def drill(loop: Annotated[str, typer.Argument(metavar="LOOP")], door: Url = _DOOR, user: User = None) -> None:
+    """See once that the plant takes a small u_FF away when its watchdog stands still; only then is a loop enabled."""
+    _asked(door, user, "POST", f"/loops/{_part(loop)}/drill")
+    out.print(f"{loop}: `glapp watch events` tells how it ended, in five minutes at the latest.", soft_wrap=True)
+
+
 @watch.command(epilog=examples("glapp watch enable FIC101"))
 def enable(loop: Annotated[str, typer.Argument(metavar="LOOP")], door: Url = _DOOR, user: User = None) -> None:
     """Let a loop be compensated, in your name; an engineer may."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from .. import _glapp
@@ -112,6 +113,7 @@ class Compensator:
         self._write_time: float | None = None
         self._scanned: float | None = None
         self.fresh_pv = False
+        self.read_back = False  # whether u_FF was read from the plant since the connection began
         self.written: float | None = None
         self.written_at = -math.inf
         self.why_off = "nobody enabled it since the start"
@@ -274,12 +276,15 @@ class Compensator:
             self.why_off = why
 
     def lost(self, why: str) -> None:
-        """The connection is gone: it is off, and what is found afterwards is ramped to 0."""
+        """The connection is gone: it is off, and what is found afterwards is ramped to 0.
+
+        What was read stays until something newer comes: what has not changed meanwhile is not told again.
+        """
         self.disable(why)
-        self._held.clear()
+        self._held = {signal: replace(value, time=-math.inf) for signal, value in self._held.items()}
         self._ages.clear()
         self._write_time = None
-        self.written = None
+        self.written, self.read_back = None, False
 
     def set(self, name: str, value: float | None) -> None:
         """Set one of `SETTINGS` while it runs; None: as by default.

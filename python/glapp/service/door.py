@@ -272,6 +272,12 @@ def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "
         found: dict[str, Any] = await done(person, "enable", name, None, going)
         return found
 
+    @app.post("/loops/{name}/drill")
+    async def drill(person: engineer, name: Name) -> dict[str, Any]:
+        """Try whether the plant takes u_FF away when its watchdog stands still; the events tell how it ended."""
+        await done(person, "drill", name, None, watch.drill(known(name), *_who(person)))
+        return {"asked": name}
+
     @app.post("/loops/{name}/disable")
     async def disable(person: operator, name: Name) -> dict[str, Any]:
         """End the compensation of a loop."""

@@ -178,7 +178,8 @@ class Rows:
             return
         behind = self.released - time
         if signal != PV and time > self._at[signal]:
-            self.told.append(("late", f"{_NAMES[signal]} came {behind:.1f} s late: in effect from now on"))
+            if self._held[signal] is not None:  # what is sent first may have changed long ago
+                self.told.append(("late", f"{_NAMES[signal]} came {behind:.1f} s late: in effect from now on"))
             self._hold(signal, time, value, good)
             return
         self.dropped += 1
@@ -301,6 +302,11 @@ class Rows:
     def known(self, signal: int) -> bool:
         """Whether a value of a signal ever came."""
         return self._held[signal] is not None
+
+    def held(self, signal: int) -> tuple[float, float, bool] | None:
+        """Source time, value and goodness of a signal as it is in effect; None before the first."""
+        value = self._held[signal]
+        return None if value is None else (self._at[signal], value, self._good[signal])
 
     def last(self, signal: int) -> float:
         """Source time of the newest value of a signal that was taken [s since 1970 UTC]; −inf before the first."""

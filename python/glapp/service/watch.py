@@ -11,14 +11,14 @@ import json
 import math
 import time
 from array import array
-from collections.abc import Callable, Coroutine, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Coroutine, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from multiprocessing import get_context
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 import pyarrow as pa
@@ -35,8 +35,13 @@ from .signal import Event, Signal, Source, Value, WriteRefused
 
 __all__ = ["DETECTOR", "Bounds", "Plant", "Watch"]
 
+T = TypeVar("T")
+
 DETECTOR = ("k", "ti", "td", "setpoint_weight", "kp", "tf", "n", "acceptable_dead_band")
 """What a person may set of a detector: what it believes of the controller, never the controller itself."""
+
+SEEN = "watchdog_seen"
+"""The setting that holds when a drill of the loop was passed."""
 
 _FIELDS = 7
 _KEEP = 60
@@ -85,6 +90,8 @@ class Bounds:
         Local hour at which the fits of the night begin, 0..23.
     backlog : int
         So many entries wait in memory for a disk that is full; then they are given up.
+    drill : float
+        How long a drill waits for the plant to take u_FF away, > 0 [s].
     """
 
     period: float = 1.0
@@ -97,9 +104,10 @@ class Bounds:
     fit_days: int = 7
     fit_hour: int = 2
     backlog: int = 600
+    drill: float = 300.0
 
     def __post_init__(self) -> None:
-        for name in ("period", "step", "save", "lost", "ahead"):
+        for name in ("period", "step", "save", "lost", "ahead", "drill"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0):
                 raise InputError(f"is {value}, must be > 0 s", parameter=name, value=value, bound="> 0 s")
@@ -185,7 +193,7 @@ class Watch:
         self._save_now = asyncio.Event()
         self._asked: asyncio.Queue[tuple[str, str]] = asyncio.Queue()
         self._fitting: set[str] = set()
-        self._connected = False
+        self._drilled: asyncio.Task[None] | None = None
         self._given = {loop.name: loop for loop in loops}
         ids = memory.know(loops)
         states = memory.states()
@@ -222,6 +230,13 @@ class Watch:
                     self._tell(Event(self.begun, given.name, "detector_anew", text))
         if most is not None and loop.controller is not None:
             watched.compensator = Compensator(loop, period, _of_compensation(settings), *most)
+        for signal, code in CODES.items():
+            held = watched.rows.held(code)
+            if held is not None:
+                value = Value(given.name, signal, *held, "")
+                watched.latest[signal] = value
+                if watched.compensator is not None and signal not in (Signal.PV, Signal.U_FF):
+                    watched.compensator.take(value, self.begun)  # what has not changed since is not told again
         last = self.reader.answers(given.name, 1)
         watched.answer = last[0] if last else None
         return watched
@@ -463,7 +478,7 @@ class Watch:
         tasks = [
             asyncio.create_task(one, name=name)
             for name, one in {
-                "source": source.run(self.take, self.tell),
+                "source": self._values_of(source),
                 "steps": self._steps(),
                 "keep": self._keep(),
                 "fits": self._fits(),
@@ -483,6 +498,17 @@ class Watch:
         finally:
             await self._end(tasks)
 
+    async def _values_of(self, source: Plant) -> None:
+        """What the source hands over; begun anew where it was ended by a connection that was, and not by us."""
+        while True:
+            try:
+                return await source.run(self.take, self.tell)
+            except asyncio.CancelledError:
+                if _told_to_end():
+                    raise
+            self.tell(Event(self._clock(), None, "lost", "the connection was ended; it is taken up again"))
+            await asyncio.sleep(1.0)
+
     async def _end(self, tasks: Sequence[asyncio.Task[None]]) -> None:
         """To 0 with what is in force, as far as the plant takes it, and everything down."""
         for watched in self._loops.values():
@@ -495,6 +521,8 @@ class Watch:
                 if any(task.done() for task in tasks):
                     break
                 await asyncio.sleep(0.1)
+        if self._drilled is not None:
+            tasks = [*tasks, self._drilled]
         left = {task for task in tasks if not task.done()}
         while left:  # once more where a task has not heard it: one that waited for something may have got just that
             for task in left:
@@ -607,11 +635,18 @@ class Watch:
             compensator = watched.compensator or compensator
             if (latest := source.alive(name)) != heard:
                 heard, heard_at = latest, time.monotonic()
+            if not compensator.read_back:
+                with suppress(WriteRefused, TimeoutError):
+                    async with asyncio.timeout(max(3.0 * watched.period, 1.0)):
+                        compensator.take(await _asking(source.read_back(name)), self._clock())
+                    compensator.read_back = True
             was = compensator.enabled
             u_ff = compensator.scan(time.monotonic(), time.monotonic() - heard_at <= 5.0 * max(watched.period, 1.0))
             if was and not compensator.enabled:
                 self._no_more(name)
                 self._tell(Event(self._clock(), name, "withdrawn", compensator.why_off))
+            if self._drilling(name):
+                continue  # what stands there is for the plant to take away
             if compensator.at_work or (compensator.written is not None and compensator.written != u_ff):
                 await self._hand_over(watched, source, u_ff)
 
@@ -621,8 +656,8 @@ class Watch:
         began = time.monotonic()
         try:
             async with asyncio.timeout(max(3.0 * watched.period, 1.0)):
-                await source.write(name, u_ff)
-                found = await source.read_back(name)
+                await _asking(source.write(name, u_ff))
+                found = await _asking(source.read_back(name))
         except WriteRefused as refused:
             self._switch_off(watched, f"u_FF was not written: {refused}")
             if not compensator.enabled:
@@ -656,7 +691,7 @@ class Watch:
             if fresh:
                 try:
                     async with asyncio.timeout(1.0):
-                        await source.beat()
+                        await _asking(source.beat())
                 except WriteRefused as refused:
                     # Without one nothing can be enabled, and without a connection nothing is.
                     if refused.reason not in ("not_named", "not_connected"):
@@ -760,16 +795,24 @@ class Watch:
             raise MemoryFull(self.failing)
         if source is None:
             raise InputError("there is no connection", loop=loop)
+        if SEEN not in self.reader.settings(loop):
+            raise InputError(
+                "it was never seen that the plant takes u_FF away by itself when nobody counts its watchdog up",
+                loop=loop,
+                hint=f"glapp watch drill {loop}",
+            )
+        if self._drilling():
+            raise InputError("a drill is under way: wait until it is over", loop=loop)
         before = compensator.status()
         try:
-            await source.beat()
+            await _asking(source.beat())
             source.enable(loop)
             # What stands there is written once more: that takes as long as any other u_FF.
             began = time.monotonic()
-            found = await source.read_back(loop)
+            found = await _asking(source.read_back(loop))
             if not found.good:
                 raise InputError(f"u_FF cannot be read back: {found.note}", loop=loop)
-            await source.write(loop, found.value)
+            await _asking(source.write(loop, found.value))
             compensator.wrote(found.value, time.monotonic(), time.monotonic() - began)
             compensator.enable()
             await self.log(person, role, "enable", loop, before, compensator.status())
@@ -783,6 +826,65 @@ class Watch:
         self._tell(Event(self._clock(), loop, "enabled", f"{person} enabled compensation"))
         watched.due.set()
         return compensator.status()
+
+    async def drill(self, loop: str, person: str, role: str) -> None:
+        """Begin a drill: a small u_FF is written, the watchdog is left alone, and the plant must take it away.
+
+        A loop is only enabled after that was seen. Its end is told as an event.
+
+        Raises
+        ------
+        InputError
+            Where something is compensated, or cannot be.
+        MemoryFull
+            Where it cannot be put down: then it is not done.
+        """
+        self._compensator(loop)
+        source = self.source
+        if source is None:
+            raise InputError("there is no connection", loop=loop)
+        if self._drilling():
+            raise InputError("a drill is under way: wait until it is over", loop=loop)
+        if working := [n for n, w in self._loops.items() if w.compensator is not None and w.compensator.at_work]:
+            names = ", ".join(working)
+            raise InputError(f"the watchdog stands still in a drill, and {names} would lose u_FF", loop=loop)
+        try:
+            await _asking(source.beat())
+            source.enable(loop)
+        except WriteRefused as refused:
+            raise InputError(f"cannot be drilled: {refused}", loop=loop) from None
+        await self.log(person, role, "drill", loop, None, None)
+        self._drilled = asyncio.create_task(self._drill(loop, source, person, role), name=f"drill {loop}")
+
+    def _drilling(self, loop: str | None = None) -> bool:
+        """Whether a drill is under way, of a loop where it is named."""
+        task = self._drilled
+        return task is not None and not task.done() and loop in (None, task.get_name().removeprefix("drill "))
+
+    async def _drill(self, loop: str, source: Plant, person: str, role: str) -> None:
+        watched = self._loops[loop]
+        assert watched.most is not None
+        size = min(0.1 * watched.most[0], 0.5 * watched.most[1] * watched.period)
+        began = time.monotonic()
+        try:
+            await _asking(source.write(loop, size))
+            while (found := await _asking(source.read_back(loop))).value != 0.0 or not found.good:
+                if time.monotonic() - began > self.bounds.drill:
+                    source.disable(loop)
+                    await _asking(source.write(loop, 0.0))
+                    text = f"the plant left u_FF at {size:g} for {self.bounds.drill:g} s: its watchdog is not wired"
+                    self._tell(Event(self._clock(), loop, "drill_failed", text))
+                    return
+                await asyncio.sleep(0.25)
+            took = time.monotonic() - began
+            seen = {"time": self._clock(), "person": person, "took": took}
+            await self.log(person, role, "drilled", loop, None, seen, settings={SEEN: seen})
+            text = f"the plant took u_FF of {size:g} away by itself in {took:.0f} s"
+            self._tell(Event(self._clock(), loop, "drilled", text))
+        except (WriteRefused, MemoryFull) as error:
+            self._tell(Event(self._clock(), loop, "drill_failed", str(error)))
+        finally:
+            self._no_more(loop)
 
     async def disable(self, loop: str, person: str, role: str) -> dict[str, Any]:
         """End the compensation of a loop; that is done even where it cannot be put down."""
@@ -992,6 +1094,28 @@ async def _whole(work: Coroutine[Any, Any, None]) -> None:
         with suppress(MemoryFull, OSError):
             await task
         raise
+
+
+def _told_to_end() -> bool:
+    """Whether a cancellation is meant for this task: a connection that is lost cancels what waits for its answer."""
+    task = asyncio.current_task()
+    return task is not None and task.cancelling() > 0
+
+
+async def _asking(answer: Awaitable[T]) -> T:
+    """What the plant answers.
+
+    Raises
+    ------
+    WriteRefused
+        Also where the connection is lost meanwhile.
+    """
+    try:
+        return await answer
+    except asyncio.CancelledError:
+        if _told_to_end():
+            raise
+        raise WriteRefused("not_connected", "the connection was lost meanwhile") from None
 
 
 def _pool() -> ProcessPoolExecutor:

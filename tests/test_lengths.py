@@ -55,3 +55,19 @@ def test_a_gap_is_told_and_not_less_exactly_with_more_rows() -> None:
     few, _, many = ((a.high or np.inf) - (a.low or 0.0) for a in of)
     # Each limit is found to within a thousandth of OP's range.
     assert many <= 1.1 * few + 0.002 * of[0].truth.op_range
+
+
+@pytest.mark.parametrize(
+    ("name", "rows", "said"),
+    [
+        # 0.4 units for each passage of OP, 27 in all: a gap of 1.96 % was claimed.
+        ("steps/PID/none/0", 20_160, "cannot_tell"),
+        # OP moves by 0.25 % from sample to sample; the valve was called sound below 0.49 % with a gap of 0.73 %.
+        ("steps/PID/gap/2", 28_800, "sound"),
+        # Six windows, none of which shows a gap alone, made one of 0.023 % together.
+        ("setpoint/PI/none/0", 86_400, "sound"),
+    ],
+)
+def test_what_a_model_lacks_adds_up_to_no_gap(name: str, rows: int, said: str) -> None:
+    (answer,) = asked(name, [rows])
+    assert (answer.verdict, answer.holds) == (said, True), answer.reason

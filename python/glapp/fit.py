@@ -695,6 +695,11 @@ def _reason(answer: dict[str, Any], unit: str, best: dict[str, Any]) -> str:
                 f"a gap of {d:.3g} {unit} would fit all of the recording best, but its parts disagree "
                 f"{answer['dispersion']:.0f} times more than chance allows: fit a time in which nothing was changed"
             )
+        case _ if reason == "windows_silent":
+            return (
+                f"{would} all of the recording best, but too few of its parts show one by themselves: what the model "
+                "lacks in each of them explains as much. Make a bump test, or record the valve's position"
+            )
         case _ if reason == "recordings_disagree":
             more = f" {answer['dispersion']:.0f} times more than chance allows" if answer["shared"] else ""
             return (

@@ -21,6 +21,7 @@ LEFT_OUT = {
     "lined": "a historian drew PV as lines that bend by as much as a gap makes",
     "still": "the model's valve hardly moves",
     "windows_disagree": "its parts disagree",
+    "windows_silent": "too few of its parts show a gap by themselves",
 }
 """Why a recording does not count in the joint answer, by the word of the core."""
 

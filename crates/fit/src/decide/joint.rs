@@ -331,8 +331,7 @@ fn joint_width(curves: &mut [Curve]) -> Together {
     let jumping = curves.iter().filter(|c| c.jumps() > 0.0).count();
     let mean = |of: fn(&Evidence) -> f64| curves.iter().map(|c| of(&c.fitted.evidence)).sum::<f64>() / n;
     let high = high.map(|high| high + 3.0 * resolution);
-    let mut hidden: Vec<f64> = curves.iter().map(|c| c.fitted.evidence.drawn).collect();
-    hidden.sort_by(f64::total_cmp);
+    let median = |of: fn(&Evidence) -> f64| middle(curves.iter().map(|c| of(&c.fitted.evidence)).collect());
     let evidence = Evidence {
         echo: mean(|e| e.echo),
         d,
@@ -348,22 +347,35 @@ fn joint_width(curves: &mut [Curve]) -> Together {
         one_way: traversals.contains(&0),
         coarse: many(|e| e.coarse),
         at_once: many(|e| e.at_once),
-        noisy: many(|e| e.noisy),
+        noisy_below: median(|e| e.noisy_below),
         strays: many(|e| e.strays),
         slips: lr_no_jump > JUMP && 2 * jumping > curves.len(),
         slips_wholly: many(|e| e.slips_wholly),
         periodic_load: many(|e| e.periodic_load),
         even_swing: many(|e| e.even_swing),
-        drawn: hidden[hidden.len() / 2],
+        shaken: median(|e| e.shaken),
+        drawn: median(|e| e.drawn),
         hidden: curves.iter().find_map(|c| c.fitted.evidence.hidden).filter(|_| many(|e| e.hidden.is_some())),
         dissent: 3 * curves.iter().filter(|c| c.fitted.evidence.dissent).count() > curves.len(),
     };
-    let (verdict, reason) =
-        if dispersion > DISAGREE { (Verdict::CannotTell, "windows_disagree") } else { judge(&evidence) };
-    let high = high.filter(|_| verdict != Verdict::AtLeast);
+    let shows = |c: &&Curve| c.fitted.answer.verdict.claims();
+    let (verdict, reason) = match judge(&evidence) {
+        _ if dispersion > DISAGREE => (Verdict::CannotTell, "windows_disagree"),
+        (verdict, _) if verdict.claims() && (curves.iter().filter(shows).count() as f64) < WINDOWS_THAT_SHOW * n => {
+            (Verdict::CannotTell, "windows_silent")
+        }
+        judged => judged,
+    };
+    let (low, high) = evidence.limits(verdict, high);
     let lr_needed = evidence.needed();
     Together { verdict, d, low, high, lr_no_gap, lr_needed, traversals, dispersion, reason, trend: None }
 }
 
 /// How near the most likely width is found, part of itself.
 const NEAR: f64 = 0.01;
+
+/// The upper one of the two middle values where their number is even.
+pub(crate) fn middle(mut of: Vec<f64>) -> f64 {
+    of.sort_by(f64::total_cmp);
+    of[of.len() / 2]
+}

@@ -245,7 +245,7 @@ pub(crate) fn fit_record(record: &Cells, seeds: &[Theta], h: f64, bow: f64, prob
         immobile: (reaches(&best.lost) / best.lost.d.max(1e-300)).min(at_low) < MOVES,
         coarse: fast && (slips || !slowly),
         at_once: settles < SAMPLES_IN_LAG_AT_LEAST,
-        noisy: !search.structure.integrating && (best.kp * best.lost.d).abs() < NOISY * noise,
+        noisy_below: if search.structure.integrating { 0.0 } else { NOISY * noise / best.kp.abs().max(1e-300) },
         traversed: often(lr_no_gap, record.traversals(low), traversals),
         one_way: traversals.contains(&0),
         changes_known: known,
@@ -262,9 +262,11 @@ pub(crate) fn fit_record(record: &Cells, seeds: &[Theta], h: f64, bow: f64, prob
         periodic_load: repeats,
         even_swing: lr_no_gap < GAP_IF_EVEN_SWING && !dwells && swings_evenly(&record, best.lost.d, lag_steps),
         hidden: hidden(settles, search.structure.lag(&best.theta), record.count as f64, traversals, record.changes()),
+        shaken: SHAKEN * record.travel(),
         drawn: DRAWN * bow / best.kp.abs().max(1e-300),
     };
     let (verdict, reason) = judge(&evidence);
+    let told = evidence.limits(verdict, high.map(|high| high + 3.0 * record.resolution()));
     let h = h * record.cell as f64;
     let per_cell = if search.structure.integrating { 1.0 / h } else { 1.0 };
     let kp = best.kp * per_cell;
@@ -278,8 +280,8 @@ pub(crate) fn fit_record(record: &Cells, seeds: &[Theta], h: f64, bow: f64, prob
     let answer = Answer {
         verdict,
         d: best.lost.d,
-        low,
-        high: high.map(|high| high + 3.0 * record.resolution()).filter(|_| verdict != Verdict::AtLeast),
+        low: told.0,
+        high: told.1,
         jump: best.lost.jump(),
         lr_no_gap,
         lr_needed: evidence.needed(),

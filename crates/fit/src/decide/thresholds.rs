@@ -30,6 +30,9 @@ thresholds! {
     GAP_IF_SELDOM_AND_LOAD_UNKNOWN: f64 = 80.0, "−2·ln L";
     /// The same for each of as many steps or bends of the load as OP went through the width. Loads.
     GAP_EACH_CHANGE: f64 = 8.0, "−2·ln L";
+    /// The same for each time that OP goes through the width: a model that is a little off brings a little each time, and no record is
+    /// too long for that. `bench.lengths --times`, numbers 0 to 2: loops without a gap have reached 0.4 (ADR 0020).
+    GAP_EACH_PASS: f64 = 0.5, "−2·ln L";
     /// The same where OP that swings evenly may be a gap's: loads without a gap have reached 300 (loads; ADR 0012).
     GAP_IF_EVEN_SWING: f64 = 1000.0, "−2·ln L";
     /// The same where [`CYCLES_IF_CLEAR`] each way are enough for a width with two limits. Simulations and real loops.
@@ -74,6 +77,11 @@ thresholds! {
     LEAST_LOW: f64 = 0.2, "1";
     /// Part of OP's range below which the interval of a sound valve must end. No bench of its own.
     SOUND_BELOW: f64 = 0.25, "1";
+    /// Mean moves of OP from one sample to the next that may hide a gap: OP moves as far between them, unseen, and shakes the valve
+    /// through it. `bench.lengths --times`, number 2 (ADR 0020).
+    SHAKEN: f64 = 3.0, "1";
+    /// Part of OP's range below which a gap is none, however plain: models are off by as much. The same (ADR 0020).
+    TRIFLE: f64 = 0.01, "1";
 
     /// Traversals each way of a width for two limits, and for a slip jump to be looked for. That of the bench's identifiable gaps.
     CYCLES: usize = 5, "traversals";
@@ -140,6 +148,9 @@ thresholds! {
     REPEATED_ROWS: usize = 8, "rows";
     /// See [`REPEATED_ROWS`].
     REPEATED_LEVELS: usize = 5, "values";
+    /// Windows of a history that must show a gap by themselves, part of all: what no window shows may be what the model lacks in all
+    /// of them. `bench.lengths --times`, numbers 0 to 2 (ADR 0020).
+    WINDOWS_THAT_SHOW: f64 = 1.0 / 3.0, "1";
     /// Widths with two limits that a change in time must rest on, and its standard errors.
     TREND_WIDTHS: usize = 5, "widths";
     /// See [`TREND_WIDTHS`].

@@ -10,11 +10,11 @@
 use crate::data::samples::Unfit;
 use crate::data::signal::Unit;
 use crate::decide::combine::Reading;
-use crate::decide::joint::{Curve, JointAnswer, Together, newest};
+use crate::decide::joint::{Curve, JointAnswer, Together, middle, newest};
 use crate::decide::record::swings_evenly;
 use crate::decide::thresholds::*;
 use crate::decide::trend::Trend;
-use crate::decide::verdict::{Evidence, Verdict, judge, lr_asked_of_changes};
+use crate::decide::verdict::{Evidence, Verdict, judge, lr_asked_of_changes, lr_asked_of_passes};
 use crate::loads::cycle::lr_beside_cycle;
 use crate::model::lost_motion::LostMotion;
 use rayon::prelude::*;
@@ -347,15 +347,15 @@ fn shared_width(members: &mut [Member], d: f64, here: &[Vec<f64>], gives: &mut [
     let jumps = |m: &Member| m.curve.jumps();
     let lr_no_jump: f64 = members.iter().map(|m| m.worth * jumps(m)).sum();
     let jumping = members.iter().filter(|m| jumps(m) > 0.0).count();
-    let mut hidden: Vec<f64> = members.iter().map(|m| of(m, |e| e.drawn) * m.size).collect();
-    hidden.sort_by(f64::total_cmp);
+    let median = |what: fn(&Evidence) -> f64| middle(members.iter().map(|m| of(m, what) * m.size).collect());
     let high = high.map(|high| high + 3.0 * resolution);
     let evidence = Evidence {
         echo: mean(|e| e.echo),
         d,
         changes_known: many(|e| e.changes_known),
         lr_no_gap,
-        lr_needed: (dispersion * GAP_JOINT).max(most + dispersion * GAP_WITHOUT_ONE),
+        lr_needed: (dispersion * GAP_JOINT.max(lr_asked_of_passes(traversals)))
+            .max(most + dispersion * GAP_WITHOUT_ONE),
         lr_no_answer: mean(|e| e.lr_no_answer),
         low,
         high,
@@ -365,19 +365,20 @@ fn shared_width(members: &mut [Member], d: f64, here: &[Vec<f64>], gives: &mut [
         one_way: traversals.contains(&0),
         coarse: false,
         at_once: many(|e| e.at_once),
-        noisy: many(|e| e.noisy),
+        noisy_below: median(|e| e.noisy_below),
         strays: many(|e| e.strays),
         slips: lr_no_jump > JUMP && 2 * jumping > members.len(),
         slips_wholly: many(|e| e.slips_wholly),
         periodic_load: many(|e| e.periodic_load),
         even_swing: false,
-        drawn: hidden[hidden.len() / 2],
+        shaken: median(|e| e.shaken),
+        drawn: median(|e| e.drawn),
         hidden: members.iter().find_map(|m| m.curve.fitted.evidence.hidden).filter(|_| many(|e| e.hidden.is_some())),
         dissent: 3 * members.iter().filter(|m| m.curve.fitted.evidence.dissent).count() > members.len(),
     };
     let disagree = dispersion > DISAGREE;
     let (verdict, reason) = if disagree { (Verdict::CannotTell, DISAGREES) } else { judge(&evidence) };
-    let high = high.filter(|_| verdict != Verdict::AtLeast);
+    let (low, high) = evidence.limits(verdict, high);
     let lr_needed = evidence.needed();
     Together { verdict, d, low, high, lr_no_gap, lr_needed, traversals, dispersion, reason, trend: None }
 }

@@ -7,6 +7,7 @@ import math
 import os
 import re
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -45,6 +46,11 @@ def impatient(monkeypatch):
     """Connections are tried again at once."""
     monkeypatch.setattr(opcua, "_PAUSES", (0.2, 0.4))
     monkeypatch.setattr(opcua, "_DENIED", 0.4)
+
+
+def served(test):
+    """A test with the plant that many share: slow, and with the others in one process."""
+    return pytest.mark.slow(pytest.mark.xdist_group("plant")(test))
 
 
 class Watch:
@@ -154,6 +160,7 @@ def during(faulty, kind):
     return loop, [v for v in faulty.watch.of(loop) if faulty.begun + 0.2 < v.time < faulty.ended - 0.1]
 
 
+@served
 def test_every_value_once_and_in_order(faulty):
     for loop in faulty.watch.loops:
         for which in Signal:
@@ -162,23 +169,27 @@ def test_every_value_once_and_in_order(faulty):
     assert not gaps(faulty.watch.of("LIC109"), 0.1)
 
 
+@served
 def test_a_bad_status_is_no_number_and_says_why(faulty):
     _, values = during(faulty, "bad")
     assert values and all(not v.good and math.isnan(v.value) and v.note == "BadSensorFailure" for v in values)
     assert faulty.watch.of(faulty.names["bad"])[-1].good
 
 
+@served
 def test_a_stuck_value_is_handed_on_as_it_is(faulty):
     _, values = during(faulty, "stuck")
     assert len(values) > 5 and len({v.value for v in values}) == 1 and all(v.good for v in values)
 
 
+@served
 def test_a_still_value_is_told_from_a_lost_one(faulty):
     _loop, values = during(faulty, "silent")
     assert not values
     assert faulty.now - faulty.alive < 1.0, "the server said that it is there and has nothing new"
 
 
+@served
 def test_a_time_stamp_from_the_future_is_left_out(faulty):
     loop, values = during(faulty, "future")
     assert not values
@@ -187,18 +198,21 @@ def test_a_time_stamp_from_the_future_is_left_out(faulty):
     assert faulty.watch.of(loop)[-1].time > faulty.ended, "and does not lock out what comes after it"
 
 
+@served
 def test_late_values_are_left_out(faulty):
     loop, values = during(faulty, "late")
     assert len(values) > 5 and not gaps(values, 0.1)
     assert "comes after that of" in faulty.watch.told("late", loop)[0]
 
 
+@served
 def test_a_value_that_comes_twice_is_handed_on_once(faulty):
     loop, values = during(faulty, "duplicate")
     assert len(values) > 5 and not gaps(values, 0.1)
     assert "comes twice" in faulty.watch.told("duplicate", loop)[0]
 
 
+@served
 def test_a_tag_that_changes_its_type(faulty):
     loop, values = during(faulty, "type")
     assert values and all(not v.good and v.note == "is a str" for v in values)
@@ -207,6 +221,7 @@ def test_a_tag_that_changes_its_type(faulty):
     assert faulty.watch.of(loop)[-1].good
 
 
+@served
 def test_a_clock_that_is_set_back(faulty):
     loop, values = during(faulty, "back")
     assert not values
@@ -216,10 +231,12 @@ def test_a_clock_that_is_set_back(faulty):
     assert faulty.watch.of(loop)[-1].time > faulty.ended
 
 
+@served
 def test_a_sound_loop_is_not_spoken_of(faulty):
     assert [e for e in faulty.watch.events if e.loop == "LIC109"] == []
 
 
+@served
 def test_the_same_thing_is_not_told_again_and_again(faulty):
     assert len(faulty.watch.told("future")) <= 2  # three values a second until it was over
 
@@ -227,6 +244,7 @@ def test_the_same_thing_is_not_told_again_and_again(faulty):
 # ---------------------------------------------------------------- faults of the connection
 
 
+@pytest.mark.slow
 def test_server_gone_and_back_with_other_namespace_indices():
     """Nothing is missing and nothing comes twice, though the server was away and its indices have moved."""
 
@@ -255,6 +273,7 @@ def test_server_gone_and_back_with_other_namespace_indices():
     assert f"namespace {NAMESPACE} has moved from index 2 to 5" in watch.told("namespace_moved")[0]
 
 
+@pytest.mark.slow
 def test_without_a_history_the_break_is_a_gap():
     async def run():
         async with SimPlant(1, scan=0.1, history=0.0) as plant, Watch(plant) as watch:
@@ -272,6 +291,7 @@ def test_without_a_history_the_break_is_a_gap():
     assert not watch.told("backfilled")
 
 
+@pytest.mark.slow
 def test_a_watch_that_was_interrupted_has_what_one_that_was_not_has():
     async def run():
         async with SimPlant(2, scan=0.05, most=20) as plant, Watch(plant) as whole:
@@ -280,6 +300,7 @@ def test_a_watch_that_was_interrupted_has_what_one_that_was_not_has():
             await asyncio.sleep(1.5)  # several answers of the history, 20 values each
             since = {(v.loop, v.signal): v.time for v in first.values}
             async with Watch(plant, since) as second:
+                await second.until(lambda: second.told("backfilled"))
                 await second.heard("PIC102", 40)
                 end = second.of("PIC102")[-1].time
                 await whole.until(lambda: whole.of("PIC102")[-1].time >= end)
@@ -292,9 +313,9 @@ def test_a_watch_that_was_interrupted_has_what_one_that_was_not_has():
             mine = [v for v in joined if v.loop == loop and v.signal is which and v.good and v.time <= end - 0.2]
             theirs = [v for v in whole.of(loop, which) if v.good and mine[0].time <= v.time <= end - 0.2]
             assert mine == theirs
-    assert second.told("backfilled")
 
 
+@pytest.mark.slow
 def test_a_history_that_gives_more_than_was_asked(monkeypatch):
     """Values outside of the range, in the wrong order and twice: none of them is handed on."""
 
@@ -326,6 +347,7 @@ def test_a_history_that_gives_more_than_was_asked(monkeypatch):
     assert "outside of what was asked" in watch.told("outside")[0]
 
 
+@pytest.mark.slow
 def test_a_server_that_hangs_is_given_up_and_caught_up_with(tmp_path):
     """It keeps its socket open and answers nothing: only its silence tells."""
     port = free_port()
@@ -354,6 +376,7 @@ def test_a_server_that_hangs_is_given_up_and_caught_up_with(tmp_path):
     assert ascending(values) and not gaps(values, 0.1)
 
 
+@pytest.mark.slow
 def test_nobody_there_is_told_once():
     async def run():
         events = []
@@ -367,6 +390,7 @@ def test_nobody_there_is_told_once():
     assert [e.kind for e in events] == ["lost"] and "nobody listens there" in events[0].text
 
 
+@served
 def test_a_tag_that_is_not_there_and_a_mode_that_is_not_known(shared):
     async def run(plant):
         one, two, three, *_ = parse_settings(plant.settings(), "loops.toml", Path())
@@ -387,6 +411,7 @@ def test_a_tag_that_is_not_there_and_a_mode_that_is_not_known(shared):
     assert "is not a mode known here" in watch.told("unknown_mode", "TIC103")[0]
 
 
+@served
 def test_a_taker_that_fails_is_not_the_connection(shared):
     async def run(plant):
         def take(values):
@@ -434,6 +459,7 @@ def test_a_missing_message_of_the_server_ends_the_connection():
     assert made.overflow and made.lost == "messages 2 to 2 of the server are missing"
 
 
+@served
 def test_the_servers_own_overflow_is_told(shared):
     async def run(plant):
         async with Watch(plant) as watch:
@@ -443,6 +469,99 @@ def test_the_servers_own_overflow_is_told(shared):
         return watch
 
     assert "FIC101 SP: the server has thrown values away" in shared(run).told("overflow", "FIC101")[0]
+
+
+# ---------------------------------------------------------------- values, without a server
+
+
+class Fed:
+    """A source that is handed values as if they came from a server."""
+
+    def __init__(self, tags=1):
+        loops = [Loop(name=f"L{i}", opcua={"pv": f"s=pv{i}", "sp": f"s=sp{i}"}) for i in range(tags)]
+        self.source, self.events = OpcUa(Connection(url="opc.tcp://p:1"), loops), []
+        self.source._tell_to = self.events.append
+        self.source._link = link()
+        self.source._link.joined = True
+        self.begin = math.floor(time.time()) - 100.0
+
+    def __call__(self, t, value=1.0, status=0, tag=0):
+        at = datetime.fromtimestamp(self.begin + t, UTC)
+        seen = ua.DataValue(ua.Variant(value), ua.StatusCode(status), at)
+        [item] = [ua.MonitoredItemNotification(ClientHandle=2 * tag + 1, Value=seen)]
+        return self.source._values([item], live=True)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_what_is_no_finite_number_is_not_good(value):
+    [one] = Fed()(1.0, value)
+    assert not one.good and math.isnan(one.value) and one.note == "not a finite number"
+
+
+@pytest.mark.parametrize(
+    ("status", "note"),
+    [(0x8000_0000, "Bad"), (0x4093_0000, "UncertainSensorNotAccurate"), (0x8031_0000, "BadNoCommunication")],
+)
+def test_only_good_is_good(status, note):
+    [one] = Fed()(1.0, 50.0, status)
+    assert (one.good, one.note) == (False, note) and math.isnan(one.value)
+
+
+def test_a_status_that_changes_without_a_new_time_is_handed_on():
+    """A server that loses a device often leaves the time stamp as it was: the value must not stay good."""
+    fed = Fed()
+    [good], [bad], [again] = fed(1.0, 50.0), fed(1.0, 50.0, 0x8031_0000), fed(1.0, 50.0)
+    assert (good.good, bad.good, again.good) == (True, False, True)
+    assert good.time < bad.time < again.time < good.time + 0.01
+    assert fed(1.0, 50.0) == [] and len(fed.events) == 1
+    assert fed(2.0, 51.0)
+
+
+def test_what_befalls_very_many_tags_is_told_together():
+    fed = Fed(100)
+    for tag in range(100):
+        assert fed(1e6, tag=tag) == []
+    assert len(fed.events) == 20
+    fed.source._flush(due=True)
+    assert len(fed.events) == 21
+    assert fed.events[-1].text.startswith("80 more tags, such as L99 PV: a time stamp is")
+
+
+def test_what_goes_on_is_counted(monkeypatch):
+    moment = 1000.0
+    monkeypatch.setattr(opcua.time, "monotonic", lambda: moment)
+    fed = Fed()
+    for _ in range(30):
+        fed(1e6)
+    assert len(fed.events) == 1
+    moment += 61.0
+    fed.source._flush(due=True)
+    assert fed.events[1].text.endswith("(29 values in all)")
+
+
+@pytest.mark.parametrize("steps", range(5))
+def test_a_cancellation_is_not_lost_where_a_message_comes_with_it(steps):
+    """With wait_for of Python 3.11 the service went on listening after it was told to end."""
+
+    async def run():
+        fed = Fed()
+        task = asyncio.create_task(fed.source._hand_on(fed.source._link, lambda values: None))
+        await asyncio.sleep(0.01)
+        fed.source._link.wake.set()
+        for _ in range(steps):
+            await asyncio.sleep(0)
+        task.cancel()
+        await asyncio.wait([task], timeout=3.0)
+        return task.cancelled()
+
+    assert asyncio.run(run())
+
+
+def test_one_late_value_does_not_look_like_a_clock_that_is_set_back():
+    fed = Fed()
+    for t in (10.0, 3.0, 11.0, 4.0, 12.0, 5.0, 13.0):
+        fed(t)
+    assert {e.kind for e in fed.events} == {"late"}
 
 
 def test_the_clock_of_this_computer_never_goes_back(monkeypatch):
@@ -466,6 +585,7 @@ def refused(error):
     return error.value.reason
 
 
+@served
 def test_writing(shared):
     """What is written, what is refused, and what the plant does when we are silent."""
     times = {}
@@ -565,6 +685,7 @@ def test_the_value_is_checked_as_the_node_holds_it():
     assert opcua._as_written(0.1, ua.VariantType.Double) == 0.1
 
 
+@served
 def test_a_plant_does_not_let_others_be_written(shared):
     """Only u_FF and the watchdog are writable at the plant's side, too."""
 
@@ -599,6 +720,7 @@ def certificates(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_security(certificates, monkeypatch):
     """Encrypted with the certificate that was carried here and the right password; anything else gets no value."""
     monkeypatch.setenv("GLAPP_OPCUA_PASSWORD", "from the environment")
@@ -719,6 +841,7 @@ def test_the_page_names_every_key_every_fault_and_all_that_is_told():
 # ---------------------------------------------------------------- the plant and the command line
 
 
+@pytest.mark.slow
 def test_a_plant_whose_time_is_behind_catches_up_and_wears():
     async def run():
         async with SimPlant(2, scan=600.0, speed=1e7, begin=10.0, history=1e7) as plant:
@@ -750,6 +873,7 @@ def test_a_fault_that_there_is_not():
         plant.fault("bad", "X")
 
 
+@served
 def test_browsing_finds_the_loops(shared):
     async def run(plant):
         return plant, await browse(Connection(url=plant.url))
@@ -763,6 +887,7 @@ def test_browsing_finds_the_loops(shared):
     assert [loop.opcua.pv for loop in parse_settings(text, "x", Path())] == [node(f"{n}.PV") for n in loops]
 
 
+@pytest.mark.slow
 def test_the_command_serves_a_plant_and_finds_its_tags(tmp_path):
     port = free_port()
     settings = tmp_path / "loops.toml"
@@ -796,6 +921,29 @@ def test_wrong_command_lines(words, said, monkeypatch, capsys):
     assert end.value.code == 2 and said in capsys.readouterr().err
 
 
+@pytest.mark.slow
+def test_the_command_line_starts_without_asyncua():
+    look = "import sys, glapp, glapp.cli; print('asyncua' in sys.modules, 'cryptography' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", look], capture_output=True, text=True, timeout=60, check=True)
+    assert done.stdout == "False False\n"
+
+
+def test_a_port_that_is_taken_and_a_server_that_is_not_there(monkeypatch, capsys):
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        monkeypatch.setattr(sys, "argv", ["glapp", "plant", "--loops", "1", "--port", str(port)])
+        with pytest.raises(SystemExit) as end:
+            glapp.cli.main()
+    assert end.value.code == 1 and f"nobody can listen at opc.tcp://127.0.0.1:{port}/" in capsys.readouterr().err
+    monkeypatch.setattr(sys, "argv", ["glapp", "tags", f"opc.tcp://127.0.0.1:{port}"])
+    with pytest.raises(SystemExit) as end:
+        glapp.cli.main()
+    assert end.value.code == 1 and "cannot be looked through: nobody listens there" in capsys.readouterr().err
+
+
+@pytest.mark.slow
 def test_without_the_extra_it_says_what_to_install():
     block = "import sys; sys.modules['asyncua'] = None; sys.argv = ['glapp', 'plant']; import glapp.cli as c; c.main()"
     done = subprocess.run([sys.executable, "-c", block], capture_output=True, text=True, timeout=60)

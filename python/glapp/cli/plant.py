@@ -89,9 +89,6 @@ def plant(
         list[str] | None,
         typer.Option(metavar="AFTER,KIND[,LOOP[,SECONDS]]", help="What goes wrong and when; may be repeated."),
     ] = None,
-    seconds: Annotated[
-        float | None, typer.Option(metavar="S", help="End after so long; else with Ctrl-C.", hidden=True)
-    ] = None,
 ) -> None:
     """Serve a simulated plant by OPC UA: loops with gaps, wear, noise, disturbances, history and faults on request."""
     if not 1 <= port <= 65535:
@@ -123,10 +120,10 @@ def plant(
         if one.loop is not None:
             made.width(one.loop)  # refuses a loop that there is not
     with contextlib.suppress(KeyboardInterrupt):
-        asyncio.run(_serve(made, settings, wanted, seconds))
+        asyncio.run(_serve(made, settings, wanted))
 
 
-async def _serve(made: SimPlant, settings: Path | None, faults: Sequence[_Fault], seconds: float | None) -> None:
+async def _serve(made: SimPlant, settings: Path | None, faults: Sequence[_Fault]) -> None:
     try:
         await made.open()
     except OSError as error:
@@ -138,9 +135,7 @@ async def _serve(made: SimPlant, settings: Path | None, faults: Sequence[_Fault]
         out.print(f"{len(made.names)} loops at {made.url} (Ctrl-C ends it)", soft_wrap=True)
         tasks = [asyncio.create_task(_happen(made, one)) for one in faults]
         try:
-            await asyncio.wait_for(made.failure(), seconds)
-        except TimeoutError:
-            pass
+            await made.failure()
         finally:
             for task in tasks:
                 task.cancel()
@@ -183,9 +178,7 @@ def tags(
         if output.exists() and not force:
             raise InputError("exists already", file=str(output), hint="choose another name, or add --force")
     need_opcua()
-    from ..service.opcua import browse
-
-    found = asyncio.run(_browsed(browse(connection), connection.url))
+    found = asyncio.run(_variables(connection))
     loops, without = loops_of(found)
     if find:
         loops = {name: nodes for name, nodes in loops.items() if any(text.lower() in name.lower() for text in find)}
@@ -201,12 +194,13 @@ def tags(
     err.print(f"{len(loops)} loops; {without} of {len(found)} variables are of none", soft_wrap=True)
 
 
-async def _browsed(look: object, url: str) -> list[tuple[str, str]]:
+async def _variables(connection: Connection) -> list[tuple[str, str]]:
+    """Path and node of every variable of the server."""
+    from ..service.opcua import browse, reason
+
     try:
-        return [(one.path, one.node) for one in await look]  # type: ignore[misc]
+        return [(one.path, one.node) for one in await browse(connection)]
     except InputError:
         raise
-    except Exception as error:
-        from ..service.opcua import reason
-
-        raise InputError(f"cannot be looked through: {reason(error)}", file=url) from None
+    except Exception as error:  # whatever a server answers
+        raise InputError(f"cannot be looked through: {reason(error)}", file=connection.url) from None

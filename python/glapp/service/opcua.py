@@ -18,7 +18,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import Any
+from typing import Any, NoReturn
 
 from asyncua import Client, ua
 from asyncua.crypto import security_policies, uacrypto
@@ -360,7 +360,7 @@ class OpcUa:
             raise WriteRefused("by_server", f"{loop}: u_FF cannot be read: {note}")
         return value
 
-    def _taken(self, loop: str, feed: _Feed, text: str) -> None:
+    def _taken(self, loop: str, feed: _Feed, text: str) -> NoReturn:
         feed.state = "taken"
         self._event("other_writer", loop, f"{loop}: {text}; nothing is written any more")
         raise WriteRefused("other_writer", f"{loop}: {text}")
@@ -373,7 +373,8 @@ class OpcUa:
         client = await _client(connection)
         link = _Link(client, connection)
         try:
-            await asyncio.wait_for(client.connect(), 4.0 * connection.timeout)
+            async with asyncio.timeout(4.0 * connection.timeout):
+                await client.connect()
             client.connection_lost_callback = link.on_lost
             await self._resolve(link)
             self._was_connected = True
@@ -391,8 +392,7 @@ class OpcUa:
                 if feed.state == "enabled":
                     self._event("withdrawn", loop, f"{loop}: u_FF may not be written any more: no connection")
                 feed.state, feed.written, feed.node = "off", None, None
-            with contextlib.suppress(Exception):
-                await asyncio.wait_for(client.disconnect(), connection.timeout)
+            await _disconnect(client, connection)
 
     async def _resolve(self, link: _Link) -> None:
         """Node ids of this connection: the server may have put its namespaces in another order."""
@@ -532,7 +532,8 @@ class OpcUa:
         checked = time.monotonic()
         while True:
             with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(link.wake.wait(), 1.0)
+                async with asyncio.timeout(1.0):  # Python 3.11's wait_for may lose a cancellation here
+                    await link.wake.wait()
             link.wake.clear()
             while link.queue:
                 values = self._values(link.pop(), live=True)
@@ -981,6 +982,12 @@ async def _client(connection: Connection) -> Client:
     return client
 
 
+async def _disconnect(client: Client, connection: Connection) -> None:
+    with contextlib.suppress(Exception):
+        async with asyncio.timeout(connection.timeout):
+            await client.disconnect()
+
+
 def _uri_of(certificate: x509.Certificate) -> str | None:
     """The application's URI, which a server compares with what we say."""
     with contextlib.suppress(x509.ExtensionNotFound):
@@ -1011,13 +1018,13 @@ async def browse(connection: Connection, *, most: int = 100_000) -> list[Found]:
         Nodes that are looked at.
     """
     client = await _client(connection)
-    await asyncio.wait_for(client.connect(), 4.0 * connection.timeout)
+    async with asyncio.timeout(4.0 * connection.timeout):
+        await client.connect()
     try:
         uris = await client.get_namespace_array()
         return [found async for found in _below(client, uris, most)]
     finally:
-        with contextlib.suppress(Exception):
-            await asyncio.wait_for(client.disconnect(), connection.timeout)
+        await _disconnect(client, connection)
 
 
 async def _below(client: Client, uris: Sequence[str], most: int) -> Any:

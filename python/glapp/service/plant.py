@@ -232,12 +232,21 @@ class _History(HistoryStorageInterface):  # type: ignore[misc]
         return values, None if more is None else datetime.fromtimestamp(more, UTC)
 
 
+class _Held(ua.DataValue):  # type: ignore[misc]
+    """A value that nobody changes: asyncua copies it for every subscription, which took most of a scan."""
+
+    __slots__ = ()
+
+    def __deepcopy__(self, memo: object) -> Self:
+        return self
+
+
 def _data_value(t: float, value: float, kind: ua.VariantType, status: int = ua.StatusCodes.Good) -> ua.DataValue:
     if math.isnan(value):
         status = ua.StatusCodes.BadSensorFailure
     bad = bool(status & 0x8000_0000)
     variant = ua.Variant(None, ua.VariantType.Null) if bad else ua.Variant(_PYTHON[kind](value), kind)
-    return ua.DataValue(variant, ua.StatusCode(status), datetime.fromtimestamp(t, UTC), datetime.now(UTC))
+    return _Held(variant, ua.StatusCode(status), datetime.fromtimestamp(t, UTC), datetime.now(UTC))
 
 
 _PYTHON = {ua.VariantType.Double: float, ua.VariantType.Int32: int, ua.VariantType.Boolean: bool}
@@ -291,11 +300,9 @@ class SimPlant:
 
     Examples
     --------
-    >>> async def look() -> float:
-    ...     async with SimPlant(1) as plant:
-    ...         return plant.width("FIC101")
-    >>> asyncio.run(look())
-    0.3
+    >>> plant = SimPlant(5)  # `async with plant:` serves it
+    >>> plant.names, plant.width("TIC103")
+    (['FIC101', 'PIC102', 'TIC103', 'LIC104', 'FIC105'], 2.0)
     """
 
     def __init__(
@@ -335,7 +342,7 @@ class SimPlant:
         self._scans = 0
         self._most = most
         self._records: dict[tuple[str, Signal], _Record] = {}
-        self._last: dict[tuple[str, Signal], float] = {}
+        self._last = {(name, Signal.U_FF): (self._begin, 0.0) for name in self._loops}  # time and value of each tag
         self._recent: dict[str, list[tuple[float, float]]] = {}
         self._ids: dict[tuple[str, Signal], ua.NodeId] = {}
         self._u_ff = dict.fromkeys(self._loops, 0.0)
@@ -457,6 +464,8 @@ class SimPlant:
         await self._tags(server, index, history)
         await server.start()
         self._server = server
+        for key, (t, value) in self._last.items():
+            await self._write(key, t, value)
 
     async def close(self) -> None:
         """Stop serving; the plant itself and its history go on."""
@@ -466,7 +475,6 @@ class SimPlant:
 
     async def _tags(self, server: Server, index: int, history: _History) -> None:
         self._ids = {}
-        now = self.time
         for loop in self._loops.values():
             folder = await server.nodes.objects.add_folder(ua.NodeId(loop.name, index), f"{index}:{loop.name}")
             for signal in Signal:
@@ -483,10 +491,8 @@ class SimPlant:
                     await node.set_attr_bit(ua.AttributeIds.AccessLevel, ua.AccessLevel.HistoryRead)
                     await node.set_attr_bit(ua.AttributeIds.UserAccessLevel, ua.AccessLevel.HistoryRead)
                     history.records[node_id], history.types[node_id] = record, kind
-                value = self._u_ff[loop.name] if signal is Signal.U_FF else self._last.get(key)
-                at = record.times[-1] if record.times else now
-                waiting = ua.StatusCodes.Good if value is not None else ua.StatusCodes.BadWaitingForInitialData
-                await server.write_attribute_value(node_id, _data_value(at, value or 0.0, kind, waiting))
+                waiting = ua.StatusCodes.BadWaitingForInitialData
+                await server.write_attribute_value(node_id, _data_value(self.time, 0.0, kind, waiting))
         self._beat_id = ua.NodeId("Watchdog", index)
         beat = await server.nodes.objects.add_variable(
             self._beat_id, f"{index}:Watchdog", ua.Variant(0, ua.VariantType.UInt32)
@@ -561,6 +567,7 @@ class SimPlant:
             value = math.copysign(max(0.0, abs(value) - slope), value) if abs(value) > slope else 0.0
         if value != old:
             self._u_ff[loop.name] = value
+            self._last[key] = (t, value)
             if self._keep > 0:
                 self._records[key].add(t, value, self._keep)
             await self._write(key, t, value)
@@ -571,7 +578,7 @@ class SimPlant:
             t -= _HOUR
         for signal, value in values.items():
             key = (loop.name, signal)
-            told = self._last.get(key)
+            _, told = self._last.get(key, (t, None))
             if signal is Signal.PV:
                 if "stuck" in faults and told is not None:
                     value = told
@@ -579,7 +586,7 @@ class SimPlant:
                     value = math.nan
             elif signal in _STEADY and value == told and not self._fresh:
                 continue
-            self._last[key] = value
+            self._last[key] = (t, value)
             if self._keep > 0 and "back" not in faults:
                 self._records[key].add(t, value, self._keep)
             if signal is Signal.PV and faults:

@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 
 __all__ = ["watch"]
 
+_HURRY = 20_000.0
+"""Seconds of a simulated plant per second, until it has caught up with the clock on the wall."""
+
 TOKEN = "GLAPP_TOKEN"
 """The environment's variable that may hold a token of the door."""
 
@@ -92,6 +95,7 @@ def _need(*names: str) -> None:
         "glapp watch loops.toml --data plant",
         "glapp watch loops.toml --data plant --host 0.0.0.0 --certificate door.pem --key door.key",
         "glapp watch --demo",
+        "glapp watch --demo --days 90 --scan 60 --loops 2",
     )
 )
 def run(
@@ -123,7 +127,15 @@ def run(
 
     if demo == (settings is not None):
         raise CommandError("name a loops.toml, or say --demo")
-    bounds = Bounds(period=scan if demo else 1.0, keep=keep, fit_days=fit_days, fit_hour=fit_hour, wait=wait)
+    period = scan if demo else 1.0
+    bounds = Bounds(
+        period=period,
+        lost=max(15.0, 3.0 * period),
+        keep=max(keep, int(days) + 1),
+        fit_days=fit_days,
+        fit_hour=fit_hour,
+        wait=wait,
+    )
     door = {"host": host, "port": port, "certificate": certificate, "key": key}
     plant = {"loops": loops, "days": days, "scan": scan} if demo else None
     with suppress(KeyboardInterrupt):
@@ -146,7 +158,7 @@ async def _serve(
         connection: Connection | None
         if demo is not None:
             days = demo["days"]
-            plant = SimPlant(demo["loops"], scan=demo["scan"], begin=days, speed=1.0 if days == 0 else days * 300.0)
+            plant = SimPlant(demo["loops"], scan=demo["scan"], begin=days, speed=1.0 if days == 0 else _HURRY)
             await stack.enter_async_context(plant)
             known = parse_settings(plant.settings(), "the simulated plant", Path())
             text = data / "demo.toml"

@@ -88,6 +88,7 @@ def test_begun_anew_in_the_middle_it_goes_on_with_the_same_bits(tmp_path: Path, 
     assert last.status()["loops"]["FIC0"]["estimate"] == straight.status()["loops"]["FIC0"]["estimate"] is not None
 
 
+@pytest.mark.slow
 def test_killed_at_random_moments(tmp_path: Path) -> None:
     """kill -9 while it takes in, writes and saves; what the memory has not is handed over again, as a history does."""
     given = values("FIC0", 150) + values("FIC1", 150, seed=2)
@@ -146,6 +147,7 @@ def test_two_writers(tmp_path: Path) -> None:
     Memory(tmp_path).close()
 
 
+@pytest.mark.slow
 def test_a_lock_ends_with_its_process(tmp_path: Path) -> None:
     context = multiprocessing.get_context("spawn")
     child = context.Process(target=_hold, args=(tmp_path,))
@@ -277,6 +279,7 @@ def limited(memory: Memory, pages: int) -> None:
     memory._db.execute(f"PRAGMA max_page_count = {size + pages}")
 
 
+@pytest.mark.slow
 def test_a_full_disk_is_told_and_what_came_is_put_down_when_there_is_room(tmp_path: Path) -> None:
     clock = Clock()
     straight = service.watch(tmp_path / "straight", loops(), clock)
@@ -301,6 +304,7 @@ def test_a_full_disk_is_told_and_what_came_is_put_down_when_there_is_room(tmp_pa
     assert sqlite3.connect(tmp_path / "full" / "glapp.db").execute("PRAGMA integrity_check").fetchone() == ("ok",)
 
 
+@pytest.mark.slow
 def test_what_waits_for_a_full_disk_is_bounded_and_what_is_given_up_is_told(tmp_path: Path) -> None:
     clock = Clock()
     watch = service.watch(tmp_path, loops(), clock, backlog=20)

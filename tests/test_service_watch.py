@@ -136,6 +136,7 @@ def test_nothing_is_written_until_it_is_enabled_by_name(tmp_path: Path) -> None:
     assert found >= {("eve", "change", None), ("eve", "enable", None)}
 
 
+@pytest.mark.slow
 def test_it_is_0_when_it_is_disabled_and_when_the_service_ends(tmp_path: Path) -> None:
     plant = Swinging()
 
@@ -150,6 +151,7 @@ def test_it_is_0_when_it_is_disabled_and_when_the_service_ends(tmp_path: Path) -
     assert plant.u_ff["FIC0"] == 0.0, "the end of the service took it away"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", ["manual", "bad"])
 def test_it_is_0_out_of_automatic_and_in_bad_quality(tmp_path: Path, how: str) -> None:
     async def look(watch: Watch, plant: Swinging) -> None:
@@ -164,6 +166,7 @@ def test_it_is_0_out_of_automatic_and_in_bad_quality(tmp_path: Path, how: str) -
     beside(tmp_path, look)
 
 
+@pytest.mark.slow
 def test_a_lost_connection_ends_it_and_what_is_found_afterwards_goes_to_0(tmp_path: Path) -> None:
     async def look(watch: Watch, plant: Swinging) -> None:
         await in_force(watch, plant)
@@ -182,6 +185,7 @@ def test_a_lost_connection_ends_it_and_what_is_found_afterwards_goes_to_0(tmp_pa
     assert "withdrawn" in [event["kind"] for event in watch.reader.events("FIC0")]
 
 
+@pytest.mark.slow
 def test_after_a_restart_it_is_off_and_what_is_found_is_ramped_to_0(tmp_path: Path) -> None:
     async def leave(watch: Watch, plant: Swinging) -> None:
         await in_force(watch, plant)
@@ -200,6 +204,7 @@ def test_after_a_restart_it_is_off_and_what_is_found_is_ramped_to_0(tmp_path: Pa
     beside(tmp_path, look, plant)
 
 
+@pytest.mark.slow
 def test_what_has_not_changed_is_not_told_again_and_known_all_the_same(tmp_path: Path) -> None:
     """A server tells SP, mode and u_FF when they change; after a restart they are those of before, and u_FF is read."""
 
@@ -226,6 +231,7 @@ def test_what_has_not_changed_is_not_told_again_and_known_all_the_same(tmp_path:
     assert 0.4 < plant.writes[0][1] < 0.6
 
 
+@pytest.mark.slow
 def test_another_writer_withdraws_it(tmp_path: Path) -> None:
     async def look(watch: Watch, plant: Swinging) -> None:
         await in_force(watch, plant)
@@ -236,6 +242,7 @@ def test_another_writer_withdraws_it(tmp_path: Path) -> None:
     beside(tmp_path, look)
 
 
+@pytest.mark.slow
 def test_the_watchdog_hears_of_us_only_while_u_ff_is_fresh(tmp_path: Path) -> None:
     async def look(watch: Watch, plant: Swinging) -> None:
         await until(lambda: plant.beats >= 1, "no beat without compensation")
@@ -301,6 +308,7 @@ class Wired(Swinging):
         return super().scan(k, t)
 
 
+@pytest.mark.slow
 def test_no_loop_is_enabled_before_its_plant_was_seen_to_take_u_ff_away(tmp_path: Path) -> None:
     async def look(watch: Watch, plant: Swinging) -> None:
         await watch.change("FIC0", {"comp_size": WIDTH}, "eve", "engineer")
@@ -321,6 +329,7 @@ def test_no_loop_is_enabled_before_its_plant_was_seen_to_take_u_ff_away(tmp_path
     assert "drilled" in kinds and "enabled" in kinds
 
 
+@pytest.mark.slow
 def test_a_drill_that_fails(tmp_path: Path) -> None:
     async def look(watch: Watch, plant: Swinging) -> None:
         await watch.change("FIC0", {"comp_size": WIDTH}, "eve", "engineer")
@@ -336,6 +345,7 @@ def test_a_drill_that_fails(tmp_path: Path) -> None:
     assert "drill_failed" in [event["kind"] for event in watch.reader.events("FIC0")]
 
 
+@pytest.mark.slow
 def test_an_answer_that_is_cancelled_with_its_connection_ends_nothing(tmp_path: Path) -> None:
     """A client that loses its connection cancels all that waits for an answer: that is not meant for us."""
 

@@ -165,6 +165,8 @@ async def _serve(
             data.mkdir(parents=True, exist_ok=True)
             text.write_text(plant.settings(), encoding="utf-8")
             connection = read_connection(text)
+            if connection is not None and days > 0:  # a thousand values a second of each tag, while it hurries
+                connection = connection.model_copy(update={"samples": 10_000})
         else:
             assert settings is not None
             known = read_settings(settings)

@@ -11,7 +11,7 @@ import json
 import math
 import time
 from array import array
-from collections.abc import Awaitable, Callable, Coroutine, Mapping, Sequence
+from collections.abc import Callable, Coroutine, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
@@ -501,11 +501,14 @@ class Watch:
     async def _values_of(self, source: Plant) -> None:
         """What the source hands over; begun anew where it was ended by a connection that was, and not by us."""
         while True:
+            task = asyncio.ensure_future(source.run(self.take, self.tell))
             try:
-                return await source.run(self.take, self.tell)
-            except asyncio.CancelledError:
-                if _told_to_end():
-                    raise
+                await asyncio.wait({task})
+                if not task.cancelled():
+                    return task.result()
+            finally:
+                task.cancel()
+                await asyncio.wait({task}, timeout=10.0)
             self.tell(Event(self._clock(), None, "lost", "the connection was ended; it is taken up again"))
             await asyncio.sleep(1.0)
 
@@ -636,9 +639,8 @@ class Watch:
             if (latest := source.alive(name)) != heard:
                 heard, heard_at = latest, time.monotonic()
             if not compensator.read_back:
-                with suppress(WriteRefused, TimeoutError):
-                    async with asyncio.timeout(max(3.0 * watched.period, 1.0)):
-                        compensator.take(await _asking(source.read_back(name)), self._clock())
+                with suppress(WriteRefused):
+                    compensator.take(await _asking(source.read_back(name)), self._clock())
                     compensator.read_back = True
             was = compensator.enabled
             u_ff = compensator.scan(time.monotonic(), time.monotonic() - heard_at <= 5.0 * max(watched.period, 1.0))
@@ -655,15 +657,13 @@ class Watch:
         assert compensator is not None
         began = time.monotonic()
         try:
-            async with asyncio.timeout(max(3.0 * watched.period, 1.0)):
-                await _asking(source.write(name, u_ff))
-                found = await _asking(source.read_back(name))
+            within = max(3.0 * watched.period, 1.0)
+            await _asking(source.write(name, u_ff), within)
+            found = await _asking(source.read_back(name), within)
         except WriteRefused as refused:
             self._switch_off(watched, f"u_FF was not written: {refused}")
             if not compensator.enabled:
                 self._tell(Event(self._clock(), name, "not_written", f"u_FF {u_ff:g}: {refused}"))
-        except TimeoutError:
-            self._switch_off(watched, "u_FF was not written in time")
         else:
             compensator.wrote(u_ff, time.monotonic(), time.monotonic() - began)
             compensator.take(found, self._clock())
@@ -690,14 +690,11 @@ class Watch:
             fresh = all(w.compensator is not None and now - w.compensator.written_at <= 3.0 * w.period for w in working)
             if fresh:
                 try:
-                    async with asyncio.timeout(1.0):
-                        await _asking(source.beat())
+                    await _asking(source.beat(), 1.0)
                 except WriteRefused as refused:
                     # Without one nothing can be enabled, and without a connection nothing is.
                     if refused.reason not in ("not_named", "not_connected"):
-                        self._tell(Event(self._clock(), None, "no_beat", str(refused)))
-                except TimeoutError:
-                    self._tell(Event(self._clock(), None, "no_beat", "the watchdog was not written in time"))
+                        self._tell(Event(self._clock(), None, "no_beat", f"the watchdog was not counted up: {refused}"))
             await asyncio.sleep(1.0)
 
     # What persons ask for
@@ -1096,26 +1093,27 @@ async def _whole(work: Coroutine[Any, Any, None]) -> None:
         raise
 
 
-def _told_to_end() -> bool:
-    """Whether a cancellation is meant for this task: a connection that is lost cancels what waits for its answer."""
-    task = asyncio.current_task()
-    return task is not None and task.cancelling() > 0
+async def _asking(answer: Coroutine[Any, Any, T], within: float = 5.0) -> T:
+    """What the plant answers, within so many seconds.
 
-
-async def _asking(answer: Awaitable[T]) -> T:
-    """What the plant answers.
+    In a task of its own: a client that loses its connection cancels all that waits for it, which is not meant for us.
 
     Raises
     ------
     WriteRefused
-        Also where the connection is lost meanwhile.
+        Also where there is no answer in time, or the connection is lost meanwhile.
     """
+    task = asyncio.ensure_future(answer)
+    task.add_done_callback(lambda done: done.cancelled() or done.exception())
     try:
-        return await answer
-    except asyncio.CancelledError:
-        if _told_to_end():
-            raise
-        raise WriteRefused("not_connected", "the connection was lost meanwhile") from None
+        await asyncio.wait({task}, timeout=within)
+        if not task.done():
+            raise WriteRefused("no_answer", f"the plant has not answered in {within:g} s")
+        if task.cancelled():
+            raise WriteRefused("not_connected", "the connection was lost meanwhile")
+        return task.result()
+    finally:
+        task.cancel()
 
 
 def _pool() -> ProcessPoolExecutor:

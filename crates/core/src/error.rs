@@ -14,7 +14,7 @@ pub struct ParameterError {
 
 /// The parameters' names in the order of their numbers, which begin at 1. A name that goes keeps its place: controllers show the
 /// number (`ErrorID`).
-pub const PARAMETERS: [&str; 39] = [
+pub const PARAMETERS: [&str; 45] = [
     "k",
     "ti",
     "td",
@@ -54,6 +54,12 @@ pub const PARAMETERS: [&str; 39] = [
     "ramp",
     "delay",
     "tolerance",
+    "gain",
+    "t1",
+    "t2",
+    "dead_time",
+    "way",
+    "source",
 ];
 
 impl ParameterError {

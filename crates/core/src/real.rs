@@ -63,6 +63,12 @@ pub trait Real:
     fn is_number(self) -> bool {
         self.magnitude() <= Self::LARGEST
     }
+
+    /// True for every number within [`Self::MOST`].
+    #[inline(always)]
+    fn is_measurable(self) -> bool {
+        self.magnitude() <= Self::MOST
+    }
 }
 
 macro_rules! real {

@@ -14,6 +14,25 @@ use serde_json::json;
 use std::cell::RefCell;
 use std::rc::Rc;
 
+/// The blocks and functions that a detector is made of; others have a file of their own.
+const OF_DETECTOR: [&str; 15] = [
+    "Detector",
+    "DetectorSettings",
+    "HalfPeriod",
+    "IsNumber",
+    "Measurable",
+    "MedianMean",
+    "NoiseFloor",
+    "NoiseLevel",
+    "ProductFits",
+    "QuotientFits",
+    "SafetyNet",
+    "SecondOrderFilter",
+    "Sum",
+    "Width",
+    "ZeroCrossing",
+];
+
 fn sequences() -> u64 {
     std::env::var("GLAPP_SEQUENCES").map_or(200, |count| count.parse().expect("a number of sequences"))
 }
@@ -144,12 +163,18 @@ fn all<R: Number>() {
     long_noise::<R>(&mut taken);
     extremes::<R>(&mut taken);
     another_version::<R>(&mut taken);
-    // What no sequence gets to: the ends of counters of 32 bits; and a noise floor without end, which has a test of its own.
+    // What no sequence gets to: the ends of counters of 32 bits; a noise floor without end, which has a test of its own; and what only
+    // a block that has the detector inside asks for.
     let text = |pou: &str| std::fs::read_to_string(folder().join(format!("{}.st", &pou["Glapp".len()..]))).unwrap();
     for (way, taken) in R::library().ways.iter().zip(&taken) {
+        if !OF_DETECTOR.contains(&&way.pou["Glapp".len()..]) {
+            continue;
+        }
         let source = text(&way.pou);
         let line = source.lines().nth(way.line - 1).unwrap();
+        let inside = line.trim().starts_with("IF HasUsed") || line.trim().starts_with("IF HasRaw");
         let never = (line.contains("2147483647") || way.pou == "GlappNoiseFloor") && way.branch == 1;
+        let never = never || inside;
         assert!(*taken || never, "no sequence takes {}:{}, branch {}: {line}", way.pou, way.line, way.branch);
     }
 }

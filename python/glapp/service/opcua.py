@@ -40,8 +40,8 @@ _KEEP_ALIVE = 3  # intervals without a value until the server says that it is th
 _ITEMS = 500  # tags in one request
 _SLICE = 3600.0  # of the history in one request [s]
 _STATUS = 0.001  # a status that changes without a new time stamp counts from so much later [s]
-_MARGIN = 60.0  # what the history is asked for before the last value: not all of it may have been told
-_READ_ONLY = 5.0  # a pass over the history shorter than this leaves little to catch up [s]
+_MARGIN = 10.0  # what the history is asked for before the last value: not all of it may have been told
+_LITTLE = 5.0  # a pass over the history shorter than this leaves little to catch up [s]
 
 _DENIALS = {
     ua.StatusCodes.BadUserAccessDenied,
@@ -72,13 +72,14 @@ class _TakerError(Exception):
 class _Tag:
     """One tag: what it is, and how far it was told."""
 
-    __slots__ = ("good", "kind", "last", "late", "loop", "number", "path", "run", "signal", "stamp", "value")
+    __slots__ = ("first", "good", "kind", "last", "late", "loop", "number", "path", "run", "signal", "stamp", "value")
 
     def __init__(self, loop: str, signal: Signal, path: str, last: float, number: Callable[[Any], float]) -> None:
         self.loop, self.signal, self.path, self.number = loop, signal, path, number
         self.last = self.stamp = last  # time of the last value that was handed on, and that of its source
         self.value, self.good = math.nan, True
         self.kind: ua.VariantType | None = None
+        self.first = True  # whether no live value was newer than what the history gave
         self.late, self.run = -math.inf, 0  # the last late one, and how many came in a row, each after the other
 
     @property
@@ -179,6 +180,7 @@ class OpcUa:
         self._clock = _Clock()
         self._link: _Link | None = None
         self._was_connected = False
+        self._quiet = -math.inf  # until then live values may be some that the history has given already
 
     # ----------------------------------------------------------------- what a Source does
 
@@ -377,21 +379,21 @@ class OpcUa:
                 await client.connect()
             client.connection_lost_callback = link.on_lost
             await self._resolve(link)
-            self._was_connected = True
-            self._event("connected", None, f"{connection.url}: connected, {len(link.nodes)} tags")
             await self._catch_up(link, take)
             await self._subscribe(link, range(len(self._tags)))
-            self._link = link
+            self._link, self._was_connected = link, True
+            self._event("connected", None, f"{connection.url}: connected, {len(link.nodes)} tags")
             await self._backfill(link, take, self._clock.now())
             self._summary(link)
-            link.joined = True
+            self._quiet = time.monotonic() + _AGAIN
             await self._hand_on(link, take)
         finally:
             self._link = None
             for loop, feed in self._feeds.items():
                 if feed.state == "enabled":
                     self._event("withdrawn", loop, f"{loop}: u_FF may not be written any more: no connection")
-                feed.state, feed.written, feed.node = "off", None, None
+                feed.state = "taken" if feed.state == "taken" else "off"
+                feed.written, feed.node = None, None
             await _disconnect(client, connection)
 
     async def _resolve(self, link: _Link) -> None:
@@ -512,6 +514,7 @@ class OpcUa:
         asked.SubscriptionId = link.subscription
         asked.TimestampsToReturn = ua.TimestampsToReturn.Both
         for handle in handles:
+            self._tags[handle].first = True
             item = ua.MonitoredItemCreateRequest()
             item.ItemToMonitor.NodeId = link.nodes[handle]
             item.ItemToMonitor.AttributeId = ua.AttributeIds.Value
@@ -606,18 +609,18 @@ class OpcUa:
         source = t
         if t <= tag.last:
             if not (live and t == tag.stamp and tag.good == bool(note)):
-                self._again(tag, t, value, live)
+                if live and not (tag.first and time.monotonic() < self._quiet):
+                    self._again(tag, t, value)
                 return None
             t = tag.last + _STATUS  # the status has changed and the time has not
         tag.last, tag.stamp, tag.value, tag.good, tag.run = t, source, value, not note, 0
+        tag.first = tag.first and not live
         if t > self._newest[tag.loop]:
             self._newest[tag.loop] = t
         return Value(tag.loop, tag.signal, t, value, not note, note)
 
-    def _again(self, tag: _Tag, t: float, value: float, live: bool) -> None:
+    def _again(self, tag: _Tag, t: float, value: float) -> None:
         """Tell of a value that is left out, since it is not newer than the last one."""
-        if not (live and self._joined):
-            return  # handed on before the break
         if t == tag.stamp:
             same = value == tag.value or value != value
             what = "comes twice" if same else "comes twice, with another value; the first one holds"
@@ -632,10 +635,6 @@ class OpcUa:
             text = f"{tag.name}: a value of {_clock_time(t)} comes after that of {_clock_time(tag.last)}"
             self._often("late", tag, f"{text}; it is left out", "values in all")
 
-    @property
-    def _joined(self) -> bool:
-        return self._link is not None and self._link.joined
-
     def _new_type(self, tag: _Tag, kind: ua.VariantType) -> None:
         if tag.kind is not None:
             text = f"{tag.name}: its type has changed from {tag.kind.name} to {kind.name}"
@@ -646,11 +645,14 @@ class OpcUa:
 
     async def _catch_up(self, link: _Link, take: Take) -> None:
         """Read the history until little is left: what comes live meanwhile need not wait for hours of it."""
-        while True:
+        before = math.inf
+        while not link.no_history:
             begun = time.monotonic()
             await self._backfill(link, take, self._clock.now())
-            if time.monotonic() - begun < _READ_ONLY or link.no_history:
+            took = time.monotonic() - begun
+            if took < _LITTLE or took > 0.5 * before:
                 return
+            before = took
 
     async def _backfill(self, link: _Link, take: Take, until: float) -> None:
         """Hand on what the history has after the last values, up to `until`, loop by loop and in the order of time."""
@@ -663,7 +665,7 @@ class OpcUa:
             newest = self._newest[loop]
             if newest == -math.inf:
                 continue
-            begin = max(newest - _MARGIN, until - self._connection.history)
+            begin = max(newest - _MARGIN - 2.0 * self._connection.interval, until - self._connection.history)
             if begin > newest:
                 text = f"{loop}: the break is longer than the {self._connection.history:g} s that are read"
                 self._say("not_backfilled", _Told(loop, text))
@@ -692,6 +694,7 @@ class OpcUa:
         while left:
             asked = ua.HistoryReadParameters()
             asked.HistoryReadDetails = details
+            asked.ReleaseContinuationPoints = False  # asyncua's True gives their memory back, and reads nothing
             asked.TimestampsToReturn = ua.TimestampsToReturn.Both
             some = dict(list(left.items())[: link.histories])
             for handle, go_on in some.items():
@@ -806,7 +809,6 @@ class _Link:
         self.wake = asyncio.Event()
         self.lost: str | None = None
         self.overflow = False
-        self.joined = False
         self.last, self.longest, self.silent = time.monotonic(), math.inf, 0
         self.heard, self._behind = -math.inf, math.inf
         self._sequence: int | None = None
@@ -833,13 +835,14 @@ class _Link:
         """Take a message of the subscription: values, or a sign that there are none."""
         self.last = time.monotonic()
         message = result.NotificationMessage
-        newest = -math.inf
+        newest, values = -math.inf, False
         for part in message.NotificationData or []:
             if isinstance(part, ua.StatusChangeNotification):
                 self.end(f"the server has ended the subscription: {part.Status.name}")
             elif isinstance(part, ua.DataChangeNotification) and self.lost is None:
+                values = True
                 newest = max(newest, self._queued(part.MonitoredItems))
-        if message.NotificationData and self.subscription is not None:
+        if values:
             number = int(message.SequenceNumber)
             if self._sequence is not None and number != self._sequence % 0xFFFF_FFFF + 1:
                 self.overflow = True

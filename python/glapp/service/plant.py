@@ -25,7 +25,7 @@ from typing import Any, Self
 
 from asyncua import Server, ua, uamethod
 from asyncua.crypto.permission_rules import User, UserRole
-from asyncua.server.history import HistoryStorageInterface
+from asyncua.server.history import HistoryManager, HistoryStorageInterface
 
 from ..errors import InputError
 from ..modules import Backlash, Graph, Input, Mode, Module, Noise, Pid, Plant, ProcessSim
@@ -230,6 +230,17 @@ class _History(HistoryStorageInterface):  # type: ignore[misc]
         kind = self.types[node_id]
         values = [_data_value(record.times[i], record.values[i], kind) for i in range(first, min(last, first + most))]
         return values, None if more is None else datetime.fromtimestamp(more, UTC)
+
+
+class _Histories(HistoryManager):  # type: ignore[misc]
+    """Where asyncua reads the history in any case: who gives continuation points back gets no values."""
+
+    async def read_history(self, params: ua.HistoryReadParameters) -> list[ua.HistoryReadResult]:
+        """Results, one for each node."""
+        if params.ReleaseContinuationPoints:
+            return [ua.HistoryReadResult() for _ in params.NodesToRead]
+        results: list[ua.HistoryReadResult] = await super().read_history(params)
+        return results
 
 
 class _Held(ua.DataValue):  # type: ignore[misc]
@@ -460,6 +471,7 @@ class SimPlant:
             await server.register_namespace(f"urn:glapp:other:{i}")
         index = await server.register_namespace(NAMESPACE)
         history = _History(self._most)
+        server.iserver.history_manager = _Histories(server.iserver)
         server.iserver.history_manager.set_storage(history)
         await self._tags(server, index, history)
         await server.start()
@@ -559,9 +571,9 @@ class SimPlant:
         if "writer" in loop.faults:
             value = old + 1.0
             del loop.faults["writer"]
-        elif alive:
+        elif value == 0.0:
             self._slope.pop(loop.name, None)
-        elif value != 0.0:
+        elif not alive or loop.name in self._slope:  # once begun it goes on to 0: who was away finds it out there
             steps = max(1.0, self._ramp * self._speed / self._scan)
             slope = self._slope.setdefault(loop.name, abs(value) / steps)
             value = math.copysign(max(0.0, abs(value) - slope), value) if abs(value) > slope else 0.0

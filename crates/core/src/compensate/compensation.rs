@@ -6,6 +6,9 @@ use crate::error::require;
 use crate::status::{AT_HIGH, AT_LOW, BAD, NOT_AUTO, Status};
 use crate::{ParameterError, Real, Saturation, SecondOrderFilter, SecondOrderFilterState, Sum};
 
+/// A longer time between samples is none \[s\].
+const LONGEST: f64 = 1e9;
+
 /// How the direction in which the valve is driven is found (thesis 2.2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -258,6 +261,12 @@ pub struct CompensationSample<R> {
     pub flags: Status,
 }
 
+impl<R: Real> CompensationSample<R> {
+    fn offered(&self) -> Option<R> {
+        self.offered.filter(|offered| offered.is_measurable())
+    }
+}
+
 /// Feed-forward that carries the valve through its gap whenever it is reversed (thesis 2.2, 7.4).
 ///
 /// ```text
@@ -293,7 +302,8 @@ pub struct CompensationSample<R> {
 /// the whole, nor a minute more than the half. Before every reversal, the way there and the way back to 0 must be left, or
 /// it is withdrawn. In manual u_FF takes part in neither.
 ///
-/// A sample that is no number, or beyond 10³⁰ (`f32`: 10¹²), counts as bad; a step h that is not above 0 changes nothing but how it stands.
+/// A sample that is no number, or beyond 10³⁰ (`f32`: 10¹²), counts as bad, and an estimate that is so as none to compensate by; a step
+/// h that is not above 0, or above 10⁹ s, changes nothing but how it stands.
 ///
 /// ```
 /// use glapp_core::{Compensation, CompensationSample, CompensationSettings, CompensationState, Saturation, Way};
@@ -403,12 +413,12 @@ impl<R: Real> Compensation<R> {
     #[inline(always)]
     pub fn update(&self, state: &mut CompensationState<R>, sample: &CompensationSample<R>) -> R {
         let s = &self.settings;
-        let bad = sample.flags & BAD != 0 || !measurable(sample.e) || !measurable(sample.u);
-        let timed = sample.h > R::ZERO && sample.h.is_number();
+        let bad = sample.flags & BAD != 0 || !sample.e.is_measurable() || !sample.u.is_measurable();
+        let timed = sample.h > R::ZERO && sample.h <= R::of(LONGEST);
         let before = state.direction;
         if sample.enable && state.standing == Standing::NotEnabled {
-            state.unfit = sample.offered.is_none();
-            state.pressed = sample.offered.unwrap_or(state.pressed);
+            state.unfit = sample.offered().is_none();
+            state.pressed = sample.offered().unwrap_or(state.pressed);
         }
         if timed {
             self.repay(state, sample.h);
@@ -456,7 +466,7 @@ impl<R: Real> Compensation<R> {
             && (state.standing != Standing::NotEnabled
                 || sample.flags != 0
                 || unknown
-                || !measurable(sample.e + sample.u))
+                || !(sample.e + sample.u).is_measurable())
         {
             return match state.standing {
                 Standing::NotEnabled => harm.begin(&mut state.harm, false),
@@ -544,7 +554,7 @@ impl<R: Real> Compensation<R> {
             state.d_hat = None;
             // What it would be, were it enabled now.
             state.pressed =
-                if state.u_ff.value() == R::ZERO { sample.offered.unwrap_or(R::ZERO) } else { state.pressed };
+                if state.u_ff.value() == R::ZERO { sample.offered().unwrap_or(R::ZERO) } else { state.pressed };
         } else if let Some(d_hat) = d_hat {
             state.d_hat = Some(state.d_hat.map_or(d_hat, |least| least.lesser(d_hat)));
         }
@@ -617,12 +627,6 @@ impl<R: Real> Compensation<R> {
         }
         state.withdrawn.unwrap_or(Standing::Active)
     }
-}
-
-/// Whether `x` is a number, and not so large that the filter overflows.
-#[inline(always)]
-fn measurable<R: Real>(x: R) -> bool {
-    x.magnitude() <= R::MOST
 }
 
 #[cfg(test)]
@@ -775,6 +779,29 @@ mod tests {
         block.update(&mut state, &CompensationSample { enable: false, ..sample(1.0, 2.0) });
         block.update(&mut state, &sample(1.0, 2.0));
         assert_eq!(state.standing, Standing::Waiting, "one that never was there is not lost");
+    }
+
+    #[test]
+    fn an_estimate_that_is_no_measurement_is_none_to_compensate_by() {
+        for (offered, standing) in
+            [(2.0, Standing::Waiting), (f64::NAN, Standing::NoEstimate), (1e31, Standing::NoEstimate)]
+        {
+            let block =
+                Compensation::new(CompensationSettings { source: Source::Estimate, ..settings(Way::Inverse) }).unwrap();
+            let mut state = CompensationState::default();
+            block.update(&mut state, &CompensationSample { offered: Some(offered), ..sample(1.0, 2.0) });
+            assert_eq!((state.standing, state.pressed.is_nan()), (standing, false), "{offered}");
+        }
+    }
+
+    #[test]
+    fn a_step_that_is_longer_than_any_moves_nothing() {
+        let (block, mut state) = active(settings(Way::Error));
+        for h in [1.1e9, f64::INFINITY, f64::NAN] {
+            let before = state;
+            block.update(&mut state, &CompensationSample { h, ..sample(-1.0, 2.0) });
+            assert_eq!(state, before);
+        }
     }
 
     #[test]

@@ -43,7 +43,7 @@ pub struct OverWarning {
 /// is known of before, OP's own travel must be below δ/5.
 ///
 /// Takes every completed half-period of the error, with the width in force: 0 while nothing is compensated. One with a flag,
-/// or in which the setpoint moved by Δy or more, begins the row anew.
+/// or in which the setpoint moved by Δy or more, begins the row anew. A time between samples that is no number counts as 0.
 ///
 /// Known blindness: noise larger than the relay's swing makes half-periods of all lengths. That is an over-compensation of which
 /// PV shows nothing; OP's travel does, and has a budget.
@@ -102,6 +102,7 @@ impl<R: Real> OverCompensation<R> {
     /// Takes a completed half-period, the time between samples `h` \[s\], and the width in force during it [OP unit].
     #[inline(never)]
     pub fn update(&self, state: &mut OverCompensationState<R>, half: &HalfPeriod<R>, h: R, size: R) -> OverWarning {
+        let h = if h.is_number() { h } else { R::ZERO };
         let compensating = size > R::ZERO;
         if compensating != state.compensating {
             if compensating && usize::from(state.count) >= N {
@@ -216,6 +217,16 @@ mod tests {
             after(&mut state, 1, &half(2.0, 0.6_f64.powi(i)), 0.0);
         }
         assert!(after(&mut state, 8, &half(2.0, 0.5), 1.0).relay, "the same period before, but not kept up");
+    }
+
+    #[test]
+    fn a_time_between_samples_that_is_no_number_is_none() {
+        let block = OverCompensation::new(1.0, 10.0).unwrap();
+        for h in [f64::NAN, f64::INFINITY] {
+            let mut state = OverCompensationState::default();
+            let longer = (0..8).map(|i| half(2.0 + 0.1 * f64::from(i), 0.5));
+            assert!(!longer.map(|half| block.update(&mut state, &half, h, 1.0)).any(|warning| warning.even), "{h}");
+        }
     }
 
     #[test]

@@ -15,6 +15,8 @@ const GROWN: f64 = 1.5;
 const BEYOND: f64 = 1.1;
 /// How long OP must have stood at its limit \[Ti\].
 const WAIT: f64 = 5.0;
+/// A longer time between samples is a gap \[s\].
+const LONGEST: f64 = 1e9;
 
 /// Notices that the gain K has the wrong sign for its process: OP has gone to its limit, and PV runs away all the same.
 ///
@@ -100,7 +102,9 @@ impl<R: Real> WrongSign<R> {
     #[inline(always)]
     pub fn update(&self, state: &mut WrongSignState<R>, sp: R, yf: R, op: R, h: R, flags: Status) -> bool {
         let e = sp - yf;
-        if flags & (BAD | GAP) != 0 || !(e + op + h).is_number() {
+        if flags & (BAD | GAP) != 0
+            || !(e.is_measurable() && yf.is_measurable() && op.is_measurable() && h <= R::of(LONGEST))
+        {
             if !state.found {
                 *state = WrongSignState::default();
             }
@@ -249,7 +253,7 @@ mod tests {
                 block.update(&mut state, 0.0, -5.0 - f64::from(n), 100.0, 1.0, AT_HIGH);
             }
             prop_assert!(state.found);
-            for (yf, h, flags) in [(f64::NAN, 1.0, 0), (-9.0, 0.0, 0), (-9.0, 1.0, GAP | NOT_AUTO), (-9.0, 1.0, BAD), (-9.0, 1.0, 0)] {
+            for (yf, h, flags) in [(f64::NAN, 1.0, 0), (-9.0, 1.1e9, 0), (-1.1e30, 1.0, 0), (-9.0, 0.0, 0), (-9.0, 1.0, GAP | NOT_AUTO), (-9.0, 1.0, BAD), (-9.0, 1.0, 0)] {
                 prop_assert!(block.update(&mut state, 0.0, yf, 100.0, h, flags));
             }
             let (yf, flags) = if by_hand { (-30.0, NOT_AUTO) } else { (0.1, 0) };

@@ -255,7 +255,8 @@ impl<R: Real> Sums<R> {
         if travel_way <= R::ZERO {
             return Err(Doubt::WrongSlope);
         }
-        if travel_way * travel_way < R::of(0.9) * travel_travel * way_way {
+        let square = travel_way * travel_way;
+        if !square.is_number() || square < R::of(0.9) * travel_travel * way_way {
             return Err(Doubt::Scattered);
         }
         let per_way = travel_travel / travel_way;
@@ -317,6 +318,12 @@ mod tests {
         assert_eq!(refused(made(9, 0.0).iter().map(swamped).collect(), Some(2.0)), Doubt::Swamped);
         let apart = (0..9).map(|i| Pair { travel: 1.0 + 0.3 * f64::from(i % 3), way: 0.1 });
         assert_eq!(refused(apart.collect(), Some(2.0)), Doubt::Scattered);
+    }
+
+    #[test]
+    fn a_line_of_numbers_too_large_is_refused() {
+        let of = |pair: &Pair<f64>| Pair { travel: 1e10 * pair.travel as f32, way: 1e10 * pair.way as f32 };
+        assert_eq!(corrected(&mut made(9, 0.0).iter().map(of).collect::<Vec<_>>(), None), Err(Doubt::Scattered));
     }
 
     #[test]

@@ -328,7 +328,7 @@ impl<R: Real> Detector<R> {
         let (mut y, mut u) = (s.pv, s.op);
         self.filter.update(&mut y, pv, h);
         let e = y.y2.to(sp);
-        if !measurable(e) || (OP && !measurable(op)) {
+        if !e.is_measurable() || (OP && !op.is_measurable()) {
             return None;
         }
         if OP {
@@ -425,7 +425,7 @@ impl<R: Real> Detector<R> {
         }
         let in_time = self.in_time(h);
         // What is in time and continues no whole signal is bad; else the signal would start at this sample.
-        let startable = flags & BAD == 0 && measurable(sp - pv) && (!OP || measurable(op));
+        let startable = flags & BAD == 0 && (sp - pv).is_measurable() && (!OP || op.is_measurable());
         let good = startable && (s.broken != 0 || !in_time);
         let mut ended = None;
         if s.broken == 0 || !in_time {
@@ -536,10 +536,4 @@ pub(crate) fn checked<R: Real>(op_limits: Option<(R, R)>) -> Result<Option<(R, R
 /// The estimate, if noise cannot feign it.
 fn shown<R: Real>(estimate: Option<Estimate<R>>, noise_floor: Option<R>) -> Option<Estimate<R>> {
     estimate.filter(|estimate| noise_floor.is_none_or(|floor| estimate.value >= floor))
-}
-
-/// Whether `x` is a number, and not so large that integrals of it overflow.
-#[inline(always)]
-fn measurable<R: Real>(x: R) -> bool {
-    x.magnitude() <= R::MOST
 }

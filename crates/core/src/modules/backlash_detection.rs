@@ -219,11 +219,11 @@ impl<R: Real> BacklashDetection<R> {
         let DetectorSettings { k, ti, b, n, max_h, op_limits, integrating, .. } = detector;
         let gain = detector.gain();
         let known = gain.0.filter(|_| !gain.1);
+        let checked = Detector::of(&detector)?;
         let limits = match op_limits {
             Some((low, high)) => Saturation::new(low, high)?,
             None => Saturation::none(),
         };
-        let checked = Detector::of(&detector)?;
         Ok(Self {
             settings: detector,
             detector: checked,
@@ -357,7 +357,8 @@ impl<R: Real> BacklashDetection<R> {
             self.correction.end(&mut state.correction, record);
             (state.last, state.size) = (Some(*record), R::of(2.0) * state.compensation.half.value());
         }
-        if let (Some(output), Some(yf)) = (output, state.detector.observed()) {
+        // At a repeated time a value that is none is passed over by the detector, and has no noise.
+        if let (Some(output), Some(yf)) = (output.filter(|output| output.is_measurable()), state.detector.observed()) {
             self.correction.add(&mut state.correction, h, sp, yf, output);
         } else {
             self.correction.interrupt(&mut state.correction);
@@ -367,6 +368,29 @@ impl<R: Real> BacklashDetection<R> {
             let gap = if h <= self.max_h { 0 } else { GAP };
             sign.update(&mut state.sign, sp, yf, output, h, flags | gap);
         }
+        self.compensate(state, (sp - yf, op, h), hindered, flags);
+    }
+
+    /// A scan in which nothing is read: u_FF goes to 0 by its ramp, or is 0 at once where `told` has [`NOT_AUTO`]. All else waits, and
+    /// goes on as after a gap.
+    pub fn pause(&self, state: &mut BacklashDetectionState<R>, told: Status, h: R) {
+        state.cut = true;
+        self.correction.interrupt(&mut state.correction);
+        if let Some(sign) = &self.sign {
+            sign.update(&mut state.sign, R::ZERO, R::ZERO, R::ZERO, h, GAP);
+        }
+        self.compensate(state, (R::ZERO, Some(R::ZERO), h), None, told & NOT_AUTO | BAD);
+    }
+
+    /// u_FF of the next scan, by the error, OP without u_FF where it is known and the time since the last scan.
+    #[inline(always)]
+    fn compensate(
+        &self,
+        state: &mut BacklashDetectionState<R>,
+        (e, u, h): (R, Option<R>, R),
+        hindered: Option<Standing>,
+        flags: Status,
+    ) {
         let Some((compensation, _)) = &self.compensation else {
             if state.compensation.u_ff.value() != R::ZERO {
                 state.compensation = CompensationState::default();
@@ -375,13 +399,13 @@ impl<R: Real> BacklashDetection<R> {
         };
         let by_estimate = compensation.settings().source == Source::Estimate;
         let sample = CompensationSample {
-            e: sp - yf,
-            u: op.unwrap_or(R::ZERO),
+            e,
+            u: u.unwrap_or(R::ZERO),
             h,
             d_hat: state.compensable().map(|whole| whole.value),
             offered: if by_estimate { self.may_compensate_by_estimate(state).ok() } else { None },
             over: state.over.relay,
-            enable: state.compensate && op.is_some(),
+            enable: state.compensate && u.is_some(),
             hindered,
             flags: if state.error() == 0 { flags } else { flags | AT_LOW | AT_HIGH },
         };

@@ -140,7 +140,7 @@ impl<R: Real> ForeignDetection<R> {
         }
         // One that is lost is no number, which keeps it enabled.
         let op = read.op.map(|op| op.value);
-        if let Some(op) = op {
+        if let Some(op) = op.filter(|op| op.is_number()) {
             flags |= self.limits.reached(op);
         }
         let back = read.u_ff.filter(Forward::is_good).map(|u_ff| u_ff.value);
@@ -149,6 +149,18 @@ impl<R: Real> ForeignDetection<R> {
         self.detection.forward(&mut state.detection, sp, pv, h);
         state.detection.u_ff = back.unwrap_or(asked);
         self.detection.learn(&mut state.detection, flags, op, hindered);
+        self.hand_over(state)
+    }
+
+    /// A scan in which nothing is read, as [`BacklashDetection::pause`]; gives u_FF.
+    pub fn pause(&self, state: &mut ForeignDetectionState<R>, flags: Status, h: R) -> Forward<R> {
+        (state.known, state.off) = (false, 0);
+        self.detection.pause(&mut state.detection, flags, h);
+        self.hand_over(state)
+    }
+
+    #[inline(always)]
+    fn hand_over(&self, state: &mut ForeignDetectionState<R>) -> Forward<R> {
         let u_ff = state.detection.compensation.u_ff.value();
         state.handed[usize::from(state.at) % FOREIGN_SCANS] = u_ff;
         state.at = ((usize::from(state.at) + 1) % FOREIGN_SCANS) as u8;
@@ -327,6 +339,37 @@ mod tests {
         theirs.state.detection.compensate = true;
         (0..50).for_each(|_| _ = theirs.scan(|_| ()));
         assert_eq!(theirs.standing(), Standing::Active);
+    }
+
+    #[test]
+    fn a_scan_in_which_nothing_is_read_is_a_loss_and_a_gap_afterwards() {
+        let mut theirs = Theirs::active();
+        let shown: Vec<f64> = (0..8).map(|_| theirs.block.pause(&mut theirs.state, 0, H).value).collect();
+        assert_eq!(theirs.standing(), Standing::BadQuality);
+        assert!(shown[0] > 0.5 && shown[3] > 0.2 && shown[7].abs() < 1e-12, "{shown:?}");
+        let handed = shown[6];
+        theirs.handed.extend([handed, handed]);
+        theirs.scan(|_| ());
+        assert_eq!(theirs.standing(), Standing::Waiting, "nobody has to enable it anew");
+        let last = theirs.state.detection.last.unwrap();
+        assert!(last.half.flags & crate::status::GAP != 0 && last.mask & 1 != 0, "{last:?}");
+
+        let mut theirs = Theirs::active();
+        assert_eq!(theirs.block.pause(&mut theirs.state, NOT_AUTO, H).value, 0.0);
+    }
+
+    #[test]
+    fn an_op_that_is_no_number_is_at_no_limit() {
+        let mut theirs = Theirs::active();
+        theirs.scan(|read| read.op = Some(f64::INFINITY.into()));
+        assert_eq!(theirs.state.detection.last.unwrap().half.flags & (AT_LOW | AT_HIGH), 0);
+    }
+
+    #[test]
+    fn limits_that_cross_are_named_as_the_detectors() {
+        let mut crossed = settings();
+        crossed.detection.detector.op_limits = Some((2.0, 1.0));
+        assert_eq!(ForeignDetection::new(crossed).unwrap_err().name, "op_low");
     }
 
     #[test]

@@ -63,14 +63,20 @@ impl Default for Pins {
 impl Pins {
     pub fn set(&self, block: &Block) {
         let on = |x: bool| f64::from(u8::from(x));
-        block.set_all(&[("Enable", on(self.enable)), ("Reset", on(self.reset)), ("Restart", on(self.restart))]);
-        block.set_all(&[("H", self.h), ("Sp", self.sp), ("Pv", self.pv), ("N", self.n.into())]);
-        block.set_all(&[("K", self.k), ("Ti", self.ti), ("B", self.b)]);
+        block.option("Op", self.op);
         for (name, flag) in &FLAGS[..4] {
             block.set(name, on(self.flags & flag != 0));
         }
+        self.set_but_op(block);
+    }
+
+    /// All but OP and the flags.
+    pub fn set_but_op(&self, block: &Block) {
+        let on = |x: bool| f64::from(u8::from(x));
+        block.set_all(&[("Enable", on(self.enable)), ("Reset", on(self.reset)), ("Restart", on(self.restart))]);
+        block.set_all(&[("H", self.h), ("Sp", self.sp), ("Pv", self.pv), ("N", self.n.into())]);
+        block.set_all(&[("K", self.k), ("Ti", self.ti), ("B", self.b)]);
         let options = [
-            ("Op", self.op),
             ("Td", self.td),
             ("Kp", self.kp),
             ("Tf", self.tf),
@@ -89,6 +95,30 @@ impl Pins {
         let mut conditions = self.conditions;
         for name in Conditions::NAMES {
             block.set(&pascal(name), on(*conditions.switch(name).unwrap()));
+        }
+    }
+}
+
+impl Pins {
+    /// As the core has them, with its defaults; where the usual time between scans is asked and not known, a gap is above 1 s.
+    pub fn settings<R: Number>(&self, usual_h: R) -> DetectorSettings<R> {
+        let r = |x: f64| R::of(x);
+        let three = R::of(3.0);
+        let unknown = self.max_h.is_none() && usual_h <= R::ZERO;
+        DetectorSettings {
+            k: r(self.k),
+            ti: r(self.ti),
+            td: self.td.map(r),
+            b: r(self.b),
+            kp: self.kp.map(r),
+            pv_span: self.pv_span.map(r),
+            integrating: self.integrating,
+            tf: self.tf.map_or_else(|| DetectorSettings::filter_time(r(self.ti), r(self.td.unwrap_or(0.0))), r),
+            n: u32::try_from(self.n).unwrap_or(0),
+            max_h: if unknown { R::ONE } else { self.max_h.map_or(three * usual_h, r) },
+            op_limits: self.op_limits.map(|(low, high)| (r(low), r(high))),
+            op_span: self.op_span.map(r),
+            conditions: self.conditions,
         }
     }
 }
@@ -128,25 +158,8 @@ impl<R: Number> Reference<R> {
     }
 
     fn checked(&self, pins: &Pins) -> Result<Detector<R>, f64> {
-        let r = |x: f64| R::of(x);
-        let three = R::of(3.0);
         let unknown = pins.max_h.is_none() && self.usual_h <= R::ZERO;
-        let settings = DetectorSettings {
-            k: r(pins.k),
-            ti: r(pins.ti),
-            td: pins.td.map(r),
-            b: r(pins.b),
-            kp: pins.kp.map(r),
-            pv_span: pins.pv_span.map(r),
-            integrating: pins.integrating,
-            tf: pins.tf.map_or_else(|| DetectorSettings::filter_time(r(pins.ti), r(pins.td.unwrap_or(0.0))), r),
-            n: u32::try_from(pins.n).unwrap_or(0),
-            max_h: if unknown { R::ONE } else { pins.max_h.map_or(three * self.usual_h, r) },
-            op_limits: pins.op_limits.map(|(low, high)| (r(low), r(high))),
-            op_span: pins.op_span.map(r),
-            conditions: pins.conditions,
-        };
-        match Detector::of(&settings) {
+        match Detector::of(&pins.settings(self.usual_h)) {
             Ok(_) if unknown => Err(number("h")),
             Ok(detector) => Ok(detector),
             Err(error @ ParameterError { .. }) => Err(error.number().unwrap().into()),
@@ -276,6 +289,11 @@ impl Loop {
             wrong,
             count: 0,
         }
+    }
+
+    /// With so long a filter.
+    pub fn filtered(&mut self, tf: f64) {
+        (self.pins.tf, self.usual.tf) = (Some(tf), Some(tf));
     }
 
     /// The next scan.

@@ -2,6 +2,9 @@
 #![allow(dead_code, missing_docs)] // each test file uses its part
 
 pub mod blocks;
+pub mod compensate;
+pub mod cover;
+pub mod detection;
 pub mod detector;
 
 use glapp_core::{DetectorState, Real};
@@ -17,7 +20,7 @@ pub fn folder() -> PathBuf {
 }
 
 /// `f64` and `LREAL`, or `f32` and `REAL`.
-pub trait Number: Real {
+pub trait Number: Real + serde::Serialize + serde::de::DeserializeOwned {
     const BUILD: Build;
     /// A step in which anything that moves has no finite derivative.
     const SHORTEST: f64;

@@ -1,6 +1,6 @@
 //! Many samples at once: the same law, the same bits, with nearly all samples passed over in a loop that stays in registers.
 
-use super::{Detector, DetectorState, Record, Signal, measurable};
+use super::{Detector, DetectorState, Record, Signal};
 use crate::status::BAD;
 use crate::{Real, SecondOrderFilterState, Sum};
 
@@ -166,7 +166,7 @@ impl<R: Real> Detector<R> {
                 break;
             }
             if OP && !(op[k] > op_low && op[k] < op_high) {
-                if !measurable(op[k]) {
+                if !op[k].is_measurable() {
                     break;
                 }
                 flag = self.with_limits::<OP>(flag, op[k]);

@@ -1,0 +1,343 @@
+//! Detection with compensation and the corrected width: every vector and random sequences beside the core, the same bits in LREAL and
+//! REAL.
+
+mod common;
+
+use common::compensate::{Settings, core, library};
+use common::cover::{Cost, Cover, sequences};
+use common::detection::{Foreign, Loop, Pins, Reference, agree, scan};
+use common::{Block, Case, Draw, Number, cases, compare, detector, same};
+use glapp_core::modules::{self, Backward, Mode, PidSettings};
+use glapp_core::{CompensationSettings, Way};
+use serde_json::json;
+
+const POUS: [&str; 6] = [
+    "GlappSwing",
+    "GlappCorrected",
+    "GlappCorrection",
+    "GlappBacklashDetection",
+    "GlappBacklashDetectionSettings",
+    "GlappForeignDetection",
+];
+
+/// Of the swing the cases in which OP is read: from anything else the library makes no corrected width.
+fn read(case: &Case) -> bool {
+    case.input.iter().all(|(_, x)| !x[2].is_nan())
+}
+
+fn every_case<R: Number>(with_vectors: bool) {
+    for block in ["swing", "correction"] {
+        let cases: Vec<Case> = cases(block).into_iter().filter(|case| block != "swing" || read(case)).collect();
+        assert!(cases.len() >= 5, "{block}: {}", cases.len());
+        for case in cases {
+            compare(&case, core::<R>(block, &case), library::<R>(block, &case).0, with_vectors);
+        }
+    }
+}
+
+fn compensation(case: &Case) -> Option<Settings> {
+    let (k, ti) = (case.given("k"), case.given("ti"));
+    if case.param("comp_source") == Some(3.0) {
+        return Some(Settings { k, ti, source: 3, ..Settings::default() });
+    }
+    let size = case.param("comp_size")?;
+    let way = if case.param("comp_way") == Some(1.0) { Way::Error } else { Way::Inverse };
+    let usual = CompensationSettings::new(way, k, ti, size, 1.0);
+    Some(Settings {
+        k,
+        ti,
+        size,
+        way: usual.way as i16,
+        band: case.param("comp_band"),
+        rate: case.param("comp_rate"),
+        ..Settings::default()
+    })
+}
+
+fn pins(case: &Case, max_h: f64, td: f64) -> Pins {
+    Pins {
+        detector: detector::Pins {
+            k: case.param("detector_k").unwrap_or(case.given("k")),
+            ti: case.given("ti"),
+            td: Some(td),
+            tf: Some(case.given("detector_tf")),
+            kp: case.param("kp"),
+            n: case.given("n") as i16,
+            op_limits: case.param("low").zip(case.param("high")),
+            max_h: Some(max_h),
+            ..detector::Pins::default()
+        },
+        compensate: false,
+        compensation: compensation(case),
+        cut: false,
+        foreign: None,
+    }
+}
+
+/// What the vectors have of a detection.
+fn row(block: &Block) -> Vec<f64> {
+    let mut row = vec![block.get("UFf"), block.given("HasShown", "Estimate.Value")];
+    row.push(if block.on("HasShown") { block.get("Estimate.Count") } else { 0.0 });
+    row.push(block.given("HasNoiseFloor", "NoiseFloor"));
+    row.push(block.given("HasWholeShown", "Whole.Value"));
+    row.extend([block.get("Standing"), block.get("Even") + 2.0 * block.get("Relay"), 256.0 * block.get("WrongSign")]);
+    row
+}
+
+fn expected(case: &Case, i: usize, from: usize) -> Vec<f64> {
+    let row = case.output.as_ref().unwrap()[i].as_array().unwrap();
+    row[from..].iter().map(|x| x.as_f64().unwrap_or(f64::NAN)).collect()
+}
+
+/// Beside a controller of ours, which is the core's here: it takes the u_FF that the block made in the scan before.
+fn own<R: Number>(with_vectors: bool) {
+    for case in cases("backlash_detection") {
+        let r = |x: f64| R::of(x);
+        let or = |name: &str, usual: R| case.param(name).map_or(usual, r);
+        let td = case.param("td").unwrap_or(0.0);
+        let usual = PidSettings::ideal(r(case.given("k")), r(case.given("ti")), r(td));
+        let settings = PidSettings {
+            b: or("b", usual.b),
+            c: or("c", usual.c),
+            tf: or("tf", usual.tf),
+            low: or("low", usual.low),
+            high: or("high", usual.high),
+            rate: or("rate", usual.rate),
+            ..usual
+        };
+        let pid = modules::Pid::new(settings).unwrap();
+        let mut state = modules::PidState::at(r(case.given("start")));
+        let mut pins = pins(&case, settings.max_h.as_f64(), td);
+        let (block, mut reference) = (Block::new::<R>("GlappBacklashDetection"), Reference::<R>::default());
+        for (i, (h, x)) in case.input.iter().enumerate() {
+            let &[pv, sp, mode, manual, told, enable] = &x[..] else { panic!("six inputs") };
+            if !mode.is_nan() {
+                state.mode = [Mode::Manual, Mode::Auto, Mode::External][mode as usize];
+            }
+            if !manual.is_nan() {
+                state.manual = r(manual);
+            }
+            let u_ff = r(block.get("UFf"));
+            let u = pid.forward(&mut state, r(pv).into(), r(sp).into(), u_ff.into(), r(*h)).value;
+            let (_, ff) = pid.backward(&mut state, Backward { flags: told as u16, ..Backward::default() });
+            pins.compensate = enable != 0.0;
+            pins.detector =
+                detector::Pins { h: *h, sp, pv, op: Some(ff.tracking.as_f64()), flags: ff.flags & 13, ..pins.detector };
+            let (expected_now, got) = (reference.scan(&pins), scan(&block, &pins));
+            assert!(agree(&expected_now, &got), "{}, scan {i}:\n{got:?} instead of\n{expected_now:?}", case.name);
+            if with_vectors {
+                let (told, shown) = (expected(&case, i, 0), [&[u.as_f64()][..], &row(&block)].concat());
+                assert!(same(&told, &shown), "{}, scan {i}: {shown:?} instead of {told:?}", case.name);
+            }
+        }
+    }
+}
+
+fn beside_another<R: Number>(with_vectors: bool) {
+    for case in cases("foreign_detection") {
+        let mut pins = pins(&case, case.given("ti") / 2.0, 0.0);
+        let mut foreign = Foreign {
+            delay: case.given("delay") as i16,
+            tolerance: case.param("tolerance"),
+            longest: case.param("longest"),
+            back: None,
+        };
+        let (block, mut reference) = (Block::new::<R>("GlappForeignDetection"), Reference::<R>::default());
+        for (i, (h, x)) in case.input.iter().enumerate() {
+            let &[pv, sp, op, told, back, enable] = &x[..] else { panic!("six inputs") };
+            foreign.back = (case.given("read_back") == 1.0).then_some(back);
+            pins.foreign = Some(foreign.clone());
+            pins.compensate = enable != 0.0;
+            pins.detector = detector::Pins { h: *h, sp, pv, op: Some(op), flags: told as u16, ..pins.detector };
+            let (expected_now, got) = (reference.scan(&pins), scan(&block, &pins));
+            assert!(agree(&expected_now, &got), "{}, scan {i}:\n{got:?} instead of\n{expected_now:?}", case.name);
+            if with_vectors {
+                let (told, shown) = (expected(&case, i, 0), [&row(&block)[..], &[block.get("Delta")]].concat());
+                assert!(same(&told, &shown), "{}, scan {i}: {shown:?} instead of {told:?}", case.name);
+            }
+        }
+    }
+}
+
+#[test]
+fn vectors_lreal() {
+    every_case::<f64>(true);
+    own::<f64>(true);
+    beside_another::<f64>(true);
+}
+
+#[test]
+fn vectors_real() {
+    every_case::<f32>(false);
+    own::<f32>(false);
+    beside_another::<f32>(false);
+}
+
+/// A limit cycle with another amplitude in every half-period, of which the pairs lie on a line, nearly or not at all. OP and PV by so
+/// much larger.
+fn drawn(block: &str, d: &mut Draw, (of_op, of_pv): (f64, f64)) -> Case {
+    let k: f64 = d.of(&[1.2, -1.2]);
+    let mut params = json!({ "k": k, "ti": 5.0, "b": 1.0 });
+    if d.chance(0.4) {
+        params["kp"] = d.of(&[-1.6, 1.6, 1.6, 0.2, 1e-37]).into();
+    }
+    if d.chance(0.05) {
+        params["integrating"] = 1.into();
+    }
+    let (scatter, spread, width) =
+        (d.of(&[0.0, 0.02, 0.1, 0.25, 0.5]), d.of(&[0.0, 0.2, 0.6, 0.8]), d.of(&[2.0, 2.0, 0.5, 0.05]));
+    let (noise, slope, wrong) = (d.of(&[0.0, 0.0, 0.02, 0.3]), d.of(&[0.6, 0.6, 0.6, -0.4]), d.of(&[0.0, 0.0, 0.02]));
+    let length = d.of(&[5, 9]);
+    let sizes: Vec<f64> = (0..20).map(|_| 1.0 + spread * d.between(-1.0, 1.0)).collect();
+    let (mut side, mut turn) = (1.0, 0.0);
+    let input = (0..length * 18).map(|i| {
+        let half = i / length;
+        let ends = i > 0 && i % length == 0;
+        let ended = if ends { side } else { 0.0 };
+        if ends {
+            side = -side;
+        }
+        if i % length == 0 {
+            let travel = width + slope * (sizes[half] + sizes[half + 1]) + scatter * d.between(-1.0, 1.0);
+            turn += side * k.signum() * travel;
+        }
+        let op = of_op * (turn + noise * d.between(-1.0, 1.0));
+        let flags = if d.chance(wrong) { d.of(&[1.0, 2.0, 16.0]) } else { 0.0 };
+        let mask = if d.chance(wrong) { d.of(&[1.0, 2.0, 4.0, 8.0, 16.0, 64.0, 128.0]) } else { 0.0 };
+        let h = if d.chance(wrong) { d.of(&[0.0, -1.0, 3.0]) } else { 0.5 };
+        let before = of_pv * if half > 0 { sizes[half - 1] } else { 1.0 };
+        let y = if d.chance(wrong) { 0.3 * before } else { before };
+        let (missing, shown) = (f64::from(u8::from(d.chance(wrong))), f64::from(u8::from(!d.chance(wrong))));
+        (h, vec![0.0, -side * of_pv * sizes[half], op, ended, flags, mask, y, missing, shown])
+    });
+    let input = input.collect();
+    Case { name: block.to_owned(), params, input, output: None }
+}
+
+/// Numbers so small and so large that what is worked out of them is none: no run stops. In REAL what overflows is what overflows in
+/// the core; LREAL in the core goes on to 1E308.
+fn extremes<R: Number>(cover: &mut Cover) {
+    for seed in 0..sequences() {
+        let mut draw = Draw::new(90_000 + seed);
+        let scales = (draw.of(&[1.0, 1e9, 3e9, 1e10, 1e-30]), draw.of(&[1.0, 1e9, 3e9, 1e-12, 1e-20, 1e-30]));
+        let case = drawn("correction", &mut draw, scales);
+        let (mut scan, block) = library::<R>("correction", &case);
+        for (h, x) in &case.input {
+            scan(x, *h);
+        }
+        cover.collect(&block);
+    }
+    let block = Block::new::<R>("GlappSwing");
+    block.set_all(&[("K", 1.0), ("H", 1e9), ("Yf", -1e12), ("Take", 1.0)]);
+    (0..1100).for_each(|_| block.call());
+    block.set_all(&[("Ends", 1.0), ("Sign", 1.0)]);
+    block.call();
+    assert_eq!((block.get("Plateau"), block.on("HasTravel")), (0.0, false));
+    cover.collect(&block);
+}
+
+/// PV as measured, and PV by which u_FF goes, given apart: where they are PV itself, the same comes out of it.
+fn inside<R: Number>(cover: &mut Cover) {
+    let [one, other] = [0, 1].map(|_| Block::new::<R>("GlappBacklashDetection"));
+    let (settings, mut active) = (Settings { size: 0.4, ..Settings::default() }, false);
+    for i in 0..600 {
+        let side = if (i / 12) % 2 == 0 { 1.0 } else { -1.0 };
+        let (pv, op) = (-side + 0.01 * f64::from(i % 5), side * f64::from(i % 12) * 0.2);
+        let usual = detector::Pins { ti: 0.4, td: Some(0.0), tf: Some(0.0), n: 3, ..detector::Pins::default() };
+        let detector = detector::Pins { pv, op: Some(op), ..usual };
+        let pins =
+            Pins { detector, compensate: i > 300, compensation: Some(settings.clone()), cut: false, foreign: None };
+        other.set_all(&[("HasRaw", 1.0), ("Raw", pv), ("HasBeside", 1.0), ("Beside", pv)]);
+        let (expected, got) = (scan(&one, &pins), scan(&other, &pins));
+        assert!(agree(&expected, &got), "scan {i}: {got:?} instead of {expected:?}");
+        active |= one.get("UFf") != 0.0;
+    }
+    assert!(one.on("HasWhole") && active);
+    cover.collect(&other);
+}
+
+fn random<R: Number>() {
+    let mut cover = Cover::new::<R>();
+    for name in ["swing", "correction"] {
+        let cost = Cost::default();
+        let mut doubts = [0_u32; 10];
+        for seed in 0..sequences() {
+            let case = drawn(name, &mut Draw::new(seed + 1), (1.0, 1.0));
+            let (scan, block) = library::<R>(name, &case);
+            compare(&case, core::<R>(name, &case), cost.counting(scan, &block), false);
+            cover.collect(&block);
+            if name == "correction" {
+                doubts[block.get("Doubt") as usize] += 1;
+            }
+        }
+        println!("{name}: doubts at the end {doubts:?}");
+        cost.tell::<R>(&format!("Glapp{}", common::blocks::pascal(name)));
+    }
+    for foreign in [false, true] {
+        let mut cost = Cost::default();
+        let (mut standings, mut refused, mut accepted, mut corrected) = ([0_u32; 15], 0, 0.0, 0);
+        let name = if foreign { "GlappForeignDetection" } else { "GlappBacklashDetection" };
+        for seed in 0..sequences() {
+            let mut draw = Draw::new(30_000 + seed + u64::from(foreign) * 500_000);
+            let mut signals = Loop::new(&mut draw, foreign);
+            let (block, mut reference) = (Block::new::<R>(name), Reference::<R>::default());
+            for i in 0..250 {
+                if draw.chance(0.001) {
+                    block.0.borrow_mut().power_cut();
+                    reference.power_cut();
+                }
+                let pins = signals.next::<R>(&mut draw, block.get("UFf"));
+                let expected = reference.scan(pins);
+                let got = cost.of(&block, || scan(&block, pins));
+                assert!(
+                    agree(&expected, &got),
+                    "{name}, sequence {seed}, scan {i}:\n{got:?} instead of\n{expected:?}\nfor {pins:?}"
+                );
+                standings[block.get("Standing") as usize] += 1;
+                refused += u64::from(block.on("Error"));
+                corrected += u64::from(block.on("HasCorrected"));
+            }
+            accepted += block.get("Accepted");
+            cover.collect(&block);
+        }
+        println!(
+            "standings {standings:?}, {refused} scans refused, {accepted} accepted, {corrected} with a corrected width"
+        );
+        cost.tell::<R>(name);
+    }
+    extremes::<R>(&mut cover);
+    inside::<R>(&mut cover);
+    another_version::<R>(&mut cover);
+    cover.holds(&POUS);
+    cover.takes("GlappDetector", &["IF HasUsed", "IF HasRaw"]);
+}
+
+/// A program with another version of the retained variables is loaded: they are dropped, and that is told.
+fn another_version<R: Number>(cover: &mut Cover) {
+    let block = Block::new::<R>("GlappBacklashDetection");
+    let mut draw = Draw::new(3);
+    let mut signals = Loop::new(&mut draw, false);
+    let pins = signals.next::<R>(&mut draw, 0.0).clone();
+    scan(&block, &pins);
+    for (version, dropped) in [(1, false), (2, true)] {
+        block.0.borrow_mut().power_cut();
+        block.0.borrow_mut().spoil("StateVersion", f64::from(version)).unwrap();
+        scan(&block, &pins);
+        assert_eq!(block.on("Dropped"), dropped);
+    }
+    let mut reset = pins;
+    reset.detector.reset = true;
+    scan(&block, &reset);
+    assert!(!block.on("Dropped"));
+    cover.collect(&block);
+}
+
+#[test]
+fn random_lreal() {
+    random::<f64>();
+}
+
+#[test]
+fn random_real() {
+    random::<f32>();
+}

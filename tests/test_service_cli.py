@@ -129,17 +129,17 @@ def test_the_demonstration_from_its_first_user_to_its_end(tmp_path: Path, monkey
         assert "Logged in as engineer" in logged_in.output and password not in logged_in.output
         assert (tmp_path / "glapp" / "token").stat().st_mode & 0o077 == 0
         assert re.search(r"comp_share\s+0\.8", glapp("set", "FIC101", "--door", door))
-        assert re.search(r"comp_size\s+1\.5", glapp("set", "FIC101", "comp_size=1.5", "--door", door))
+        assert re.search(r"comp_size\s+1\.5", glapp("set", "PIC102", "comp_size=1.5", "--door", door))
         with pytest.raises(InputError, match="must be"):
-            glapp("set", "FIC101", "comp_share=1.5", "--door", door)
-        with pytest.raises(InputError, match="glapp watch drill FIC101"):
-            glapp("enable", "FIC101", "--door", door)
-        glapp("drill", "FIC101", "--door", door)
-        while "drilled" not in (told := glapp("events", "--data", folder)) and time.monotonic() < deadline + 60:
+            glapp("set", "PIC102", "comp_share=1.5", "--door", door)
+        with pytest.raises(InputError, match="glapp watch drill PIC102"):
+            glapp("enable", "PIC102", "--door", door)
+        glapp("drill", "PIC102", "--door", door)
+        while "drill" not in (told := glapp("events", "--data", folder)) and time.monotonic() < deadline + 60:
             time.sleep(0.5)
-        assert "drilled FIC101: the plant took u_FF of 0.125 away by itself" in told
-        assert re.search(r"enabled\s+True", glapp("enable", "FIC101", "--door", door))
-        assert re.search(r"enabled\s+False", glapp("disable", "FIC101", "--door", door))
+        assert "drilled PIC102: the plant took u_FF of 0.0625 away by itself" in told
+        assert re.search(r"enabled\s+True", glapp("enable", "PIC102", "--door", door))
+        assert re.search(r"enabled\s+False", glapp("disable", "PIC102", "--door", door))
         assert "engineer  engineer" in glapp("users", "list", "--door", door)
         with pytest.raises(InputError, match="is written by process"):
             Lock(folder)

@@ -318,7 +318,7 @@ def test_no_loop_is_enabled_before_its_plant_was_seen_to_take_u_ff_away(tmp_path
         for going in (watch.drill, watch.enable):
             with pytest.raises(InputError, match="drill"):
                 await going("FIC0", "eve", "engineer")
-        await until(lambda: plant.u_ff.get("FIC0", 0.0) == pytest.approx(0.3), "nothing was written")
+        await until(lambda: plant.u_ff.get("FIC0", 0.0) == pytest.approx(0.25), "nothing was written")
         await until(lambda: not watch._drilling(), "it does not end")
         assert plant.u_ff["FIC0"] == 0.0 and len(plant.writes) == 1
         assert not plant.may

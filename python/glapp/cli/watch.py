@@ -158,7 +158,8 @@ async def _serve(
         connection: Connection | None
         if demo is not None:
             days = demo["days"]
-            plant = SimPlant(demo["loops"], scan=demo["scan"], begin=days, speed=1.0 if days == 0 else _HURRY)
+            scan, speed = demo["scan"], 1.0 if days == 0 else _HURRY
+            plant = SimPlant(demo["loops"], scan=scan, begin=days, speed=speed, watchdog=5.0, ramp=10.0)
             await stack.enter_async_context(plant)
             known = parse_settings(plant.settings(), "the simulated plant", Path())
             text = data / "demo.toml"
@@ -167,6 +168,8 @@ async def _serve(
             connection = read_connection(text)
             if connection is not None and days > 0:  # a thousand values a second of each tag, while it hurries
                 connection = connection.model_copy(update={"samples": 10_000})
+            elif connection is not None:  # told soon after it was measured: u_FF must not come late
+                connection = connection.model_copy(update={"interval": min(1.0, scan / 2.0)})
         else:
             assert settings is not None
             known = read_settings(settings)

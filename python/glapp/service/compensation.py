@@ -78,8 +78,8 @@ class Compensator:
 
     def __init__(self, loop: Loop, period: float, settings: Mapping[str, Any], most: float, fastest: float) -> None:
         self.loop, self.period = loop, period
-        # A scan may come a little before a second is over, and the plant counts from write to write.
-        self._usual = {"comp_share": SHARE, "comp_limit": 2.0 * most, "comp_rate": 0.8 * fastest}
+        # The plant counts from write to write, and a write may come late and the next one in time.
+        self._usual = {"comp_share": SHARE, "comp_limit": 2.0 * most, "comp_rate": 0.6 * fastest}
         ideal = loop.ideal()
         if ideal is None:
             raise InputError("has no controller settings", loop=loop.name, parameter="controller", hint="give K and Ti")

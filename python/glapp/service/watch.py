@@ -661,6 +661,8 @@ class Watch:
             await _asking(source.write(name, u_ff), within)
             found = await _asking(source.read_back(name), within)
         except WriteRefused as refused:
+            if refused.reason == "too_fast":  # the last write was late: this one comes with the next scan
+                return
             self._switch_off(watched, f"u_FF was not written: {refused}")
             if not compensator.enabled:
                 self._tell(Event(self._clock(), name, "not_written", f"u_FF {u_ff:g}: {refused}"))
@@ -861,9 +863,10 @@ class Watch:
     async def _drill(self, loop: str, source: Plant, person: str, role: str) -> None:
         watched = self._loops[loop]
         assert watched.most is not None
-        size = min(0.1 * watched.most[0], 0.5 * watched.most[1] * watched.period)
-        began = time.monotonic()
+        size = min(0.1 * watched.most[0], 0.25 * watched.most[1] * watched.period)
         try:
+            await asyncio.sleep(max(2.0 * watched.period, 1.0))  # the plant counts the rate from when it was enabled
+            began = time.monotonic()
             await _asking(source.write(loop, size))
             while (found := await _asking(source.read_back(loop))).value != 0.0 or not found.good:
                 if time.monotonic() - began > self.bounds.drill:

@@ -21,6 +21,7 @@ from .init import init
 from .plant import plant, tags
 from .screen import CommandError, examples, out, say_error
 from .thesis import thesis
+from .watch import watch
 
 __all__ = ["app", "main"]
 
@@ -69,6 +70,8 @@ app.command(
     epilog=examples("glapp tags opc.tcp://plant:4840 -o loops.toml", "glapp tags loops.toml --find FIC --find PIC")
 )(tags)
 app.command(epilog=examples("glapp thesis 5.1", "glapp thesis 1.2 'Table 8.1' --out figures"))(thesis)
+
+app.add_typer(watch, name="watch")
 
 
 def _version(asked: bool) -> None:

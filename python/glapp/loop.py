@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Annotated, Literal
 from zoneinfo import ZoneInfo, available_timezones
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from .checked import Checked
 from .controller import Controller, Ideal, Span
 from .errors import InputError
 
-__all__ = ["Cascade", "Columns", "Loop", "Positioner", "Process", "TimeFormat"]
+__all__ = ["Cascade", "Columns", "Loop", "Positioner", "Process", "Tags", "TimeFormat"]
 
 TimeFormat = Literal[
     "day first",
@@ -52,6 +53,66 @@ class Columns(Checked):
     position: str | None = None
     tag: str | None = None
     value: str | None = None
+
+
+_NODE = re.compile(r"(nsu=[^;]+;|ns=\d+;)?([sgb]=.+|i=\d+)", re.DOTALL)
+
+
+def _node(text: str) -> str:
+    if not _NODE.fullmatch(text):
+        bound = "a node such as 'nsu=urn:plant;s=FIC101.PV' or 'ns=2;s=FIC101.PV'"
+        raise InputError(f"is {text!r}, must be {bound}", value=text, bound=bound)
+    return text
+
+
+Node = Annotated[str, AfterValidator(_node)]
+"""Name of a node of an OPC UA server. With `nsu=` the URI of its namespace is told, which outlives a restart."""
+
+
+class Tags(Checked):
+    """Nodes of an OPC UA server that are the loop's signals; what a loop has not stays out.
+
+    Parameters
+    ----------
+    sp, pv, op, mode, low, high, position : str, optional
+        `low` and `high` are limit flags, `position` what the valve says of itself.
+    u_ff : str, optional
+        The feed-forward that the controller adds to OP, the one node of the loop that may be written.
+    u_ff_limit : float, optional
+        Greatest |u_FF| that is ever written, > 0 [OP unit]; needed beside `u_ff`.
+    u_ff_rate : float, optional
+        Its greatest rate, > 0 [OP unit per second]; needed beside `u_ff`.
+    """
+
+    sp: Node | None = None
+    pv: Node | None = None
+    op: Node | None = None
+    mode: Node | None = None
+    low: Node | None = None
+    high: Node | None = None
+    position: Node | None = None
+    u_ff: Node | None = None
+    u_ff_limit: Annotated[float, Field(gt=0)] | None = None
+    u_ff_rate: Annotated[float, Field(gt=0)] | None = None
+
+    @property
+    def nodes(self) -> dict[str, str]:
+        """Name of each signal that has a node, and the node."""
+        return {name: node for name in _SIGNALS if (node := getattr(self, name)) is not None}
+
+    @model_validator(mode="after")
+    def _whole(self) -> Tags:
+        for name in ("u_ff_limit", "u_ff_rate"):
+            if self.u_ff is not None and getattr(self, name) is None:
+                raise InputError("is required beside u_ff: nothing is written without it", parameter=name)
+        nodes = self.nodes
+        for name, node in nodes.items():
+            if node in [other for key, other in nodes.items() if key != name]:
+                raise InputError(f"{node} is named twice", parameter=name, value=node)
+        return self
+
+
+_SIGNALS = ("sp", "pv", "op", "mode", "low", "high", "position", "u_ff")
 
 
 class Process(Checked):
@@ -112,6 +173,8 @@ class Loop(Checked):
     pv_unit, op_unit : str, optional
         Units for display. `op_unit` is "%" where `op_span` is absent or (0, 100); a recording with values outside
         0..100 ends that assumption where neither is given.
+    opcua : Tags
+        Its nodes where it is watched by OPC UA.
     controller : Controller, optional
         As the control system shows it; identified from the data where absent.
     process, cascade, positioner : optional
@@ -160,6 +223,7 @@ class Loop(Checked):
     file: Path | None = None
     files: tuple[Path, ...] = ()
     columns: Columns = Columns()
+    opcua: Tags = Tags()
     pv_span: Span | None = None
     op_span: Span | None = None
     pv_unit: str | None = None

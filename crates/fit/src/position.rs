@@ -254,6 +254,18 @@ mod tests {
     }
 
     #[test]
+    fn a_position_that_was_written_anew_a_few_times_tells_nothing() {
+        // Nine new values: how they were kept does not show, and all rows between them would feign a gap as wide as the band.
+        let (u, mut noise) = output(3000, 11);
+        let u: Vec<f64> = u[..800].iter().map(|u| 50.0 + 0.17 * (u - 50.0)).collect();
+        let z: Vec<f64> = valve(&u, 0.2, 0.0).iter().map(|v| v + 0.001 * noise()).collect();
+        let z = kept(&z, 0.5);
+        let new = z.windows(2).filter(|w| w[0] != w[1]).count();
+        assert!((5..12).contains(&new), "{new}");
+        assert!(at_valve(&[(&z, &u)]).is_none(), "{:?}", at_valve(&[(&z, &u)]).map(|a| (a.verdict, a.d, a.low)));
+    }
+
+    #[test]
     fn without_a_gap_none_is_claimed() {
         for seed in 0..6 {
             let (u, mut noise) = output(1500, seed);

@@ -8,7 +8,7 @@ use common::cover::{Cost, Cover, sequences};
 use common::detection::{Foreign, Loop, Pins, Reference, agree, scan};
 use common::{Block, Case, Draw, Number, cases, compare, detector, same};
 use glapp_core::modules::{self, Backward, Mode, PidSettings};
-use glapp_core::{CompensationSettings, Way};
+use glapp_core::{CompensationSettings, Conditions, Way};
 use serde_json::json;
 
 const POUS: [&str; 6] = [
@@ -236,6 +236,54 @@ fn extremes<R: Number>(cover: &mut Cover) {
     cover.collect(&block);
 }
 
+/// The same of settings and signals of a detection, alone and beside another maker's controller.
+fn endless<R: Number>(cover: &mut Cover) {
+    let ends = [1.0, 1.0, 1e30, 1e-30, 9e36];
+    for seed in 0..sequences() {
+        let mut draw = Draw::new(95_000 + seed);
+        let d = &mut draw;
+        let size = d.of(&[1.0, 1e11, 1e-25]);
+        let detector = detector::Pins {
+            k: d.of(&[0.5, 1e30, -1e-30]),
+            ti: d.of(&ends),
+            kp: d.of(&[None, Some(1e36), Some(1e-30)]),
+            n: 1,
+            max_h: Some(1e9),
+            h: d.of(&[0.25, 1e8]),
+            op_limits: d.of(&[None, Some((-9e36, 9e36)), Some((-2.0, 2.0))]),
+            conditions: Conditions { too_short: false, decaying: false, growing: false, ..Conditions::default() },
+            ..detector::Pins::default()
+        };
+        let compensation = Settings {
+            source: d.of(&[1, 3]),
+            size: d.of(&[0.0, 1.0, 1e11]),
+            most: Some(1e36),
+            band: Some(0.0),
+            rate: d.of(&[None, Some(1e36)]),
+            release: Some(d.of(&ends)),
+            watch: Some(d.of(&ends)),
+            ..Settings::default()
+        };
+        let longest = Some(1e36);
+        let foreign =
+            (seed % 2 == 0).then(|| Foreign { delay: d.of(&[1, 32]), tolerance: Some(9e36), longest, back: Some(0.0) });
+        let mut pins = Pins { detector, compensate: false, compensation: Some(compensation), cut: false, foreign };
+        let block = Block::new::<R>(pins.name());
+        for i in 0..120 {
+            let side = if (i / 6) % 2 == 0 { 1.0 } else { -1.0 };
+            pins.compensate = i > 20;
+            pins.detector.pv = size * (side + d.between(-0.1, 0.1));
+            pins.detector.op = Some(d.of(&[side, side, size * side, 9e11, -1e36]));
+            if let Some(foreign) = &mut pins.foreign {
+                foreign.tolerance = d.of(&[Some(0.0), Some(9e36)]);
+                foreign.back = d.of(&[Some(0.0), Some(9e11), Some(-9e11), Some(1e36), None]);
+            }
+            scan(&block, &pins);
+        }
+        cover.collect(&block);
+    }
+}
+
 /// PV as measured, and PV by which u_FF goes, given apart: where they are PV itself, the same comes out of it.
 fn inside<R: Number>(cover: &mut Cover) {
     let [one, other] = [0, 1].map(|_| Block::new::<R>("GlappBacklashDetection"));
@@ -306,6 +354,7 @@ fn random<R: Number>() {
         cost.tell::<R>(name);
     }
     extremes::<R>(&mut cover);
+    endless::<R>(&mut cover);
     inside::<R>(&mut cover);
     another_version::<R>(&mut cover);
     cover.holds(&POUS);

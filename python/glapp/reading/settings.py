@@ -17,8 +17,9 @@ from ..loop import Loop
 from .each import all_or_none
 from .files import check_file
 
-__all__ = ["read_each", "read_settings", "write_settings"]
+__all__ = ["block", "read_each", "read_settings", "read_table", "write_settings"]
 
+_TABLES = ("defaults", "loops", "opcua")
 _COMMENTS = {
     "pv_span": "range of the PV instrument [PV unit]",
     "op_span": "range of OP [OP unit]",
@@ -30,6 +31,8 @@ _COMMENTS = {
     "controller.error_gap": "PV unit",
     "controller.output_dead_band": "OP unit",
     "controller.pv_filter": "s",
+    "opcua.u_ff_limit": "OP unit",
+    "opcua.u_ff_rate": "OP unit per second",
     "positioner.dead_band": "% of travel",
 }
 
@@ -67,15 +70,37 @@ def read_each(path: str | Path) -> list[Loop | InputError]:
     InputError
         For a fault of the whole file or of its defaults.
     """
+    return _each(_text_of(path), str(path), Path(path).parent)
+
+
+def read_table(path: str | Path, name: str) -> dict[str, Any] | None:
+    """One table of a loops.toml that is not about loops, as it stands there; None where it has none.
+
+    Raises
+    ------
+    InputError
+        For a file that cannot be read, is no TOML or has something else of that name.
+    """
+    data = _toml(_text_of(path), str(path))
+    return _table(data[name], str(path), name) if name in data else None
+
+
+def _text_of(path: str | Path) -> str:
     label, path = str(path), Path(path)
     check_file(path, label)
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        return path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
         raise InputError("is not UTF-8 text", file=label) from None
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror or error}", file=label) from None
-    return _each(text, label, path.parent)
+
+
+def _toml(text: str, label: str) -> dict[str, Any]:
+    try:
+        return tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise InputError(f"is not valid TOML: {error}", file=label) from None
 
 
 def parse_settings(text: str, label: str, directory: Path) -> list[Loop]:
@@ -97,14 +122,12 @@ def parse_settings(text: str, label: str, directory: Path) -> list[Loop]:
 
 
 def _each(text: str, label: str, directory: Path) -> list[Loop | InputError]:
-    try:
-        data = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise InputError(f"is not valid TOML: {error}", file=label) from None
+    data = _toml(text, label)
     for key in data:
-        if key not in ("defaults", "loops"):
-            near = nearest(key, ["defaults", "loops"])
-            hint = f"did you mean [{near}]?" if near else "the file has the tables [defaults] and [loops.NAME]"
+        if key not in _TABLES:
+            near = nearest(key, _TABLES)
+            known = "the file has the tables [defaults], [loops.NAME] and [opcua]"
+            hint = f"did you mean [{near}]?" if near else known
             raise InputError("no such table", file=label, parameter=key, hint=hint)
     defaults = _table(data.get("defaults", {}), label, "defaults")
     tables = _table(data.get("loops", {}), label, "loops")
@@ -206,15 +229,16 @@ def write_settings(loops: Iterable[Loop]) -> str:
     """
     blocks = []
     for loop in loops:
-        blocks.append(_block(f"loops.{_key(loop.name)}", "", loop))
+        blocks.append(block(f"loops.{_key(loop.name)}", loop))
         for name in type(loop).model_fields:
             inner = getattr(loop, name)
             if isinstance(inner, BaseModel) and inner.model_fields_set:
-                blocks.append(_block(f"loops.{_key(loop.name)}.{name}", f"{name}.", inner))
+                blocks.append(block(f"loops.{_key(loop.name)}.{name}", inner, f"{name}."))
     return "\n".join(blocks)
 
 
-def _block(header: str, prefix: str, model: BaseModel) -> str:
+def block(header: str, model: BaseModel, prefix: str = "") -> str:
+    """One table of a loops.toml: all that was given, with the units of the keys that `prefix` leads to."""
     lines = [f"[{header}]"]
     for name, field in type(model).model_fields.items():
         value = getattr(model, name)

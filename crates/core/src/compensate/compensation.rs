@@ -8,6 +8,8 @@ use crate::{ParameterError, Real, Saturation, SecondOrderFilter, SecondOrderFilt
 
 /// A longer time between samples is none \[s\].
 const LONGEST: f64 = 1e9;
+/// No rate, budget or width is so large; every controller can write it.
+const NO_LIMIT: f64 = 1e37;
 
 /// How the direction in which the valve is driven is found (thesis 2.2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -216,11 +218,11 @@ impl<R: Real> CompensationSettings<R> {
             limit: size,
             band: size / R::of(5.0),
             tf: R::ZERO,
-            rate: if way == Way::Inverse && delta > R::ZERO { ten * delta / ti } else { R::LARGEST },
+            rate: if way == Way::Inverse && delta > R::ZERO { ten * delta / ti } else { R::of(NO_LIMIT) },
             ramp: if way == Way::Inverse { ti / ten } else { R::ZERO },
             release: ti,
-            travel: R::LARGEST,
-            reversals: R::LARGEST,
+            travel: R::of(NO_LIMIT),
+            reversals: R::of(NO_LIMIT),
             watch: R::of(300.0) * ti,
             withdraw: true,
             estimate: true,
@@ -233,7 +235,7 @@ impl<R: Real> CompensationSettings<R> {
     /// from side to side are as above, of that estimate; no greatest width.
     pub fn by_estimate(way: Way, k: R, ti: R, share: R) -> Self {
         let none = Self::new(way, k, ti, R::ZERO, share);
-        Self { source: Source::Estimate, limit: R::LARGEST, ..none }
+        Self { source: Source::Estimate, limit: R::of(NO_LIMIT), ..none }
     }
 }
 

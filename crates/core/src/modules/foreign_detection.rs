@@ -57,7 +57,7 @@ pub struct Read<R> {
 ///
 /// | what happens | u_FF |
 /// |---|---|
-/// | any input is bad, or no number | ramp to 0 ([`Standing::BadQuality`]) |
+/// | any input is bad, no number or beyond 10³⁰ (`f32`: 10¹²) | ramp to 0 ([`Standing::BadQuality`]) |
 /// | told, or seen at OP where its limits are known, that something is at a limit | ramp to 0 ([`Standing::AtLimit`]) |
 /// | their controller is not in automatic | 0 at once ([`Standing::NotAuto`]) |
 /// | at the start, after a gap in time, and when what is read back is good again: it is off by more than `tolerance` | goes on from what is read back, and ramps to 0 |
@@ -133,7 +133,7 @@ impl<R: Real> ForeignDetection<R> {
         read: &Read<R>,
         h: R,
     ) -> Forward<R> {
-        let lost = |x: &Option<Forward<R>>| x.is_some_and(|x| !x.is_good());
+        let lost = |x: &Option<Forward<R>>| x.is_some_and(|x| !(x.is_good() && x.value.is_measurable()));
         let mut flags = read.flags & (AT_LOW | AT_HIGH | NOT_AUTO | BAD);
         if lost(&read.op) || lost(&read.u_ff) {
             flags |= BAD;
@@ -143,7 +143,7 @@ impl<R: Real> ForeignDetection<R> {
         if let Some(op) = op.filter(|op| op.is_number()) {
             flags |= self.limits.reached(op);
         }
-        let back = read.u_ff.filter(Forward::is_good).map(|u_ff| u_ff.value);
+        let back = read.u_ff.filter(|_| !lost(&read.u_ff)).map(|u_ff| u_ff.value);
         let hindered = self.hindered(state, back, flags, h);
         let asked = state.handed[self.ago(state)];
         self.detection.forward(&mut state.detection, sp, pv, h);

@@ -20,9 +20,14 @@ pub(crate) struct Moves {
     /// The band it must move by to be written, 0 where none shows.
     pub(crate) band: f64,
     pub(crate) median: f64,
+    /// Whether it rests but for so few moves that none of them tells how it was kept.
+    few: bool,
     /// The step of which all its values are multiples, 0 for none.
     step: f64,
 }
+
+/// Fewest new values of a signal that is kept until it has moved by a band.
+pub(crate) const FEWEST_NEW: usize = 12;
 
 /// How many times more moves than below it there must be between an edge and twice that; without an edge there are as many.
 const SHARP: f64 = 8.0;
@@ -45,7 +50,7 @@ impl Moves {
         }
         let moved = moves.len();
         if moved == 0 {
-            return Self { least: 0.0, band: 0.0, median: 0.0, step: 0.0 };
+            return Self { least: 0.0, band: 0.0, median: 0.0, few: false, step: 0.0 };
         }
         moves.sort_unstable_by(f64::total_cmp);
         let at = |share: f64| moves[(moved as f64 * share) as usize];
@@ -66,7 +71,8 @@ impl Moves {
         let whole = |x: f64| (x / least - (x / least).round()).abs() < 1e-3;
         let values = || signals.iter().flat_map(|s| s.iter().copied()).filter(|x| !x.is_nan());
         let on_steps = values().filter(|x| whole(*x)).count() as f64 > 0.98 * values().count() as f64;
-        Self { least, band, median, step: if on_steps { least } else { 0.0 } }
+        let few = moved < FEWEST_NEW && 10 * moved < pairs;
+        Self { least, band, median, few, step: if on_steps { least } else { 0.0 } }
     }
 
     /// How the position was recorded; `by_op` is the least move that OP makes of it.
@@ -75,8 +81,8 @@ impl Moves {
             Recorder::Plain
         } else if self.step > 0.0 {
             Recorder::Rounded(self.step)
-        } else if self.band > 2.0 * by_op {
-            Recorder::Kept(self.band)
+        } else if self.few || self.band > 2.0 * by_op {
+            Recorder::Kept(self.band.max(self.least))
         } else {
             Recorder::Plain
         }

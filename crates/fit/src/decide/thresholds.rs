@@ -2,8 +2,8 @@
 //!
 //! A likelihood ratio, short LR, is −2·Δln L against the best width. *Truth* is `bench.truth`: unless another number stands
 //! there, chosen on the first 30 records of each of 46 kinds, 1380 in all, and judged on the 3772 after them (`docs/fit.md`).
-//! *Loads* is `bench.loads`: unless other numbers stand there, chosen on numbers 0 to 232 of each of 12 rows, judged on those from
-//! 330 on (`docs/truth.md`).
+//! *Loads* is `bench.loads`: unless other numbers stand there, chosen on numbers 0 to 232 of each of 12 rows, judged on 330
+//! to 529 (`docs/truth.md`).
 //! None of them is a theorem.
 
 /// A constant for each, and all of them in a table.

@@ -1,13 +1,11 @@
 //! The rows that count, and what a lost motion is worth on them: eight motions in a pass.
 
 use crate::data::record::Signals;
-use crate::data::recorder::{Moves, Recorder, only_new, span, spike_limit, spikes_in};
+use crate::data::recorder::{FEWEST_NEW, Moves, Recorder, only_new, span, spike_limit, spikes_in};
 use glapp_core::{Backlash, BacklashState, Friction, FrictionState, Model};
 
 /// Fewest rows with a position that count.
 pub(super) const FEWEST: usize = 50;
-/// Fewest new values of a position that is kept until it has moved by a band.
-const FEWEST_NEW: usize = 12;
 /// Sets of parameters in one pass.
 pub(super) const LANES: usize = 8;
 /// Rows of the first look.

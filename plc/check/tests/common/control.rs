@@ -650,7 +650,7 @@ impl<R: Number> TunerReference<R> {
 
 /// The units that the random sequences of these blocks have to go all ways through.
 pub const POUS: [&str; 18] = [
-    "GlappSum",
+    "GlappIntegral",
     "GlappNoise",
     "GlappBacklash",
     "GlappSaturation",

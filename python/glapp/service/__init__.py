@@ -1,0 +1,1 @@
+"""The plant's service: connection, memory, commands."""

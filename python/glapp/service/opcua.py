@@ -1,0 +1,1073 @@
+"""Values from a plant by OPC UA, and the one kind of node in it that may be written.
+
+`OpcUa` is a `glapp.service.signal.Source`. It subscribes to the tags of the loops with `DeadbandValue` 0, since a dead
+band of the connection hides the very moves that tell a gap; it hands every value on once, in the order of its source's
+time stamps; and it tells in one sentence what was not as it should be. `docs/plant.md` has the table of faults.
+
+Needs the extra `glapp[opcua]`.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import math
+import struct
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Any, NoReturn
+
+from asyncua import Client, ua
+from asyncua.crypto import security_policies, uacrypto
+from cryptography import x509
+
+from ..errors import InputError
+from ..loop import Loop
+from ..reading.values import mode_flag, text_of
+from .connection import Connection, check_tags
+from .signal import Event, Signal, Take, Tell, Value, WriteRefused
+
+__all__ = ["Found", "OpcUa", "browse", "reason"]
+
+_AGAIN = 60.0  # the same thing is told once in so many seconds, with how often it happened
+_RUSH = 20  # of a kind in `_AGAIN` seconds, each for itself; more are told together
+_PAUSES = (1.0, 30.0)  # between two attempts to connect, the first and the longest [s]
+_DENIED = 300.0  # after a refused password: an account is locked easily
+_KEEP_ALIVE = 3  # intervals without a value until the server says that it is there
+_ITEMS = 500  # tags in one request
+_SLICE = 3600.0  # of the history in one request [s]
+_STATUS = 0.001  # a status that changes without a new time stamp counts from so much later [s]
+_MARGIN = 10.0  # what the history is asked for before the last value: not all of it may have been told
+_LITTLE = 5.0  # a pass over the history shorter than this leaves little to catch up [s]
+
+_DENIALS = {
+    ua.StatusCodes.BadUserAccessDenied,
+    ua.StatusCodes.BadIdentityTokenRejected,
+    ua.StatusCodes.BadIdentityTokenInvalid,
+}
+_NO_FILTER = {
+    ua.StatusCodes.BadMonitoredItemFilterUnsupported,
+    ua.StatusCodes.BadMonitoredItemFilterInvalid,
+    ua.StatusCodes.BadFilterNotAllowed,
+}
+_LIMITS = {
+    ua.ObjectIds.Server_ServerCapabilities_OperationLimits_MaxMonitoredItemsPerCall: "items",
+    ua.ObjectIds.Server_ServerCapabilities_OperationLimits_MaxNodesPerHistoryReadData: "histories",
+}
+_OVERFLOW = 0x480  # info type DataValue, and its bit Overflow
+_NUMBERS = (int, float)
+
+
+class _LostError(Exception):
+    """The connection is of no use any more, and why."""
+
+
+class _TakerError(Exception):
+    """Whoever takes the values failed: that is no fault of the connection."""
+
+
+class _Tag:
+    """One tag: what it is, and how far it was told."""
+
+    __slots__ = ("first", "good", "kind", "last", "late", "loop", "number", "path", "run", "signal", "stamp", "value")
+
+    def __init__(self, loop: str, signal: Signal, path: str, last: float, number: Callable[[Any], float]) -> None:
+        self.loop, self.signal, self.path, self.number = loop, signal, path, number
+        self.last = self.stamp = last  # time of the last value that was handed on, and that of its source
+        self.value, self.good = math.nan, True
+        self.kind: ua.VariantType | None = None
+        self.first = True  # whether no live value was newer than what the history gave
+        self.late, self.run = -math.inf, 0  # the last late one, and how many came in a row, each after the other
+
+    @property
+    def name(self) -> str:
+        return f"{self.loop} {self.signal.name}"
+
+
+@dataclass(slots=True)
+class _Feed:
+    """The feed-forward of one loop."""
+
+    path: str
+    limit: float
+    rate: float
+    state: str = "off"  # enabled; taken: somebody else wrote it
+    written: float | None = None
+    allowed: float = 0.0  # by how much it may change at once
+    at: float = 0.0
+    node: ua.NodeId | None = None
+    kind: ua.VariantType = ua.VariantType.Double
+
+
+@dataclass(slots=True)
+class _Told:
+    """How often something happened since it was told last."""
+
+    loop: str | None
+    text: str = ""
+    many: str = ""
+    at: float = -math.inf
+    count: int = 0
+
+
+@dataclass(slots=True)
+class _Rush:
+    """The same in very many tags at once."""
+
+    since: float
+    told: int = 0
+    more: int = 0
+    text: str = ""
+
+
+class OpcUa:
+    """The plant's OPC UA server as a `Source`.
+
+    Parameters
+    ----------
+    connection : Connection
+        How it is reached.
+    loops : sequence of Loop
+        Each with its `opcua` tags: pv and sp, and what else there is.
+    since : mapping of (loop, Signal) to float, optional
+        Source time of the last value of each signal that is already kept [s since 1970 UTC]: the history is read from
+        there on, and nothing comes twice.
+
+    Raises
+    ------
+    InputError
+        For tags that cannot be meant.
+
+    Examples
+    --------
+    >>> from glapp.service.connection import Connection
+    >>> tags = {"pv": "nsu=urn:plant;s=FIC101.PV", "sp": "nsu=urn:plant;s=FIC101.SP"}
+    >>> OpcUa(Connection(url="opc.tcp://plant:4840"), [Loop(name="FIC101", opcua=tags)]).alive("FIC101") is None
+    True
+    """
+
+    def __init__(
+        self,
+        connection: Connection,
+        loops: Sequence[Loop],
+        *,
+        since: Mapping[tuple[str, Signal], float] | None = None,
+    ) -> None:
+        check_tags(connection, loops)
+        self._connection = connection
+        self._since = dict(since or {})
+        self._tags = [
+            _Tag(loop.name, Signal(key), path, self._since.get((loop.name, Signal(key)), -math.inf), _reader(loop, key))
+            for loop in loops
+            for key, path in loop.opcua.nodes.items()
+        ]
+        self._feeds = {
+            loop.name: _Feed(loop.opcua.u_ff, loop.opcua.u_ff_limit, loop.opcua.u_ff_rate)
+            for loop in loops
+            if loop.opcua.u_ff is not None and loop.opcua.u_ff_limit is not None and loop.opcua.u_ff_rate is not None
+        }
+        self._locks = {name: asyncio.Lock() for name in self._feeds}
+        self._newest = {loop.name: -math.inf for loop in loops}
+        for tag in self._tags:
+            self._newest[tag.loop] = max(self._newest[tag.loop], tag.last)
+        self._tell_to: Tell | None = None
+        self._told: dict[tuple[str, str | None], _Told] = {}
+        self._rushes: dict[str, _Rush] = {}
+        self._uris: dict[int, str] = {}
+        self._clock = _Clock()
+        self._link: _Link | None = None
+        self._was_connected = False
+        self._quiet = -math.inf  # until then live values may be some that the history has given already
+
+    # ----------------------------------------------------------------- what a Source does
+
+    async def run(self, take: Take, tell: Tell) -> None:
+        """Hand over values and events until cancelled; a lost connection is taken up again for ever."""
+        self._tell_to = tell
+        pause, said = _PAUSES[0], ""
+        while True:
+            try:
+                await self._connected(take)
+            except _TakerError as error:
+                raise error.__cause__ or error from None
+            except Exception as error:  # years of service: whatever a server answers, we try again
+                why = reason(error)
+                denied = isinstance(error, ua.UaStatusCodeError) and error.code in _DENIALS
+                if self._was_connected:
+                    pause = _PAUSES[0]
+                if self._was_connected or why != said:
+                    self._event("lost", None, f"{self._connection.url}: {why}; it is tried again")
+                self._was_connected, said = False, why
+            self._flush()
+            await asyncio.sleep(_DENIED if denied else pause)
+            pause = min(2.0 * pause, _PAUSES[1])
+
+    async def write(self, loop: str, u_ff: float) -> None:
+        """Write the feed-forward of a loop, and read it back.
+
+        Where it is not enabled, only a value nearer to 0 than what stands there is written, so that what was found
+        after a restart can be ramped out. Towards 0 the rate is free.
+
+        Raises
+        ------
+        WriteRefused
+            not_named, not_enabled, not_a_number, too_large, too_fast, not_connected, other_writer, by_server.
+        """
+        feed = self._feed(loop)
+        if not math.isfinite(u_ff):
+            raise WriteRefused("not_a_number", f"{loop}: u_FF is {u_ff}, must be a number")
+        async with self._locks[loop]:
+            if feed.state == "taken":
+                raise WriteRefused("other_writer", f"{loop}: somebody else writes u_FF; enable it anew")
+            client = self._client_of(loop)
+            value = _as_written(u_ff, feed.kind)
+            if abs(value) > feed.limit:
+                text = f"{loop}: u_FF is {value:g}, must be within ±{feed.limit:g} (u_ff_limit)"
+                raise WriteRefused("too_large", text)
+            found = await self._found(client, loop, feed)
+            if feed.written is not None and found != feed.written:
+                self._taken(loop, feed, f"u_FF is {found:g} where {feed.written:g} was written")
+            nearer = abs(value) <= abs(found) and value * found >= 0.0
+            if feed.state == "off" and not nearer:
+                raise WriteRefused("not_enabled", f"{loop}: writing is not enabled; u_FF may only go to 0")
+            now = time.monotonic()
+            most = 2.0 * feed.rate * self._connection.interval  # writes need not come like a clock
+            allowed = min(feed.allowed + feed.rate * (now - feed.at), most)
+            if not nearer and abs(value - found) > allowed * (1.0 + 1e-9):
+                text = f"{loop}: u_FF goes from {found:g} to {value:g} at once, must be ≤ {feed.rate:g}/s"
+                raise WriteRefused("too_fast", text)
+            try:
+                [status] = await client.uaclient.write_attributes(
+                    [feed.node], [ua.DataValue(ua.Variant(value, feed.kind))], ua.AttributeIds.Value
+                )
+            except (OSError, TimeoutError, ua.UaError) as error:
+                raise WriteRefused("not_connected", f"{loop}: u_FF was not written: {reason(error)}") from None
+            if not status.is_good():
+                raise WriteRefused("by_server", f"{loop}: the server refuses u_FF: {status.name}")
+            feed.written, feed.at = value, now
+            feed.allowed = max(allowed - abs(value - found), 0.0)
+            if (found := await self._found(client, loop, feed)) != value:
+                self._taken(loop, feed, f"u_FF is {found:g} right after {value:g} was written")
+
+    async def read_back(self, loop: str) -> Value:
+        """The feed-forward that stands in the plant now; not good where it cannot be read.
+
+        Raises
+        ------
+        WriteRefused
+            not_named, not_connected.
+        """
+        feed = self._feed(loop)
+        client = self._client_of(loop)
+        try:
+            [seen] = await client.uaclient.read_attributes([feed.node], ua.AttributeIds.Value)
+        except (OSError, TimeoutError, ua.UaError) as error:
+            raise WriteRefused("not_connected", f"{loop}: u_FF cannot be read: {reason(error)}") from None
+        at = seen.SourceTimestamp or seen.ServerTimestamp
+        value, note = _number(seen)
+        return Value(loop, Signal.U_FF, self._clock.now() if at is None else at.timestamp(), value, not note, note)
+
+    def alive(self, loop: str) -> float | None:
+        """Until when the loop's values are known to hold, by the plant's time stamps [s since 1970 UTC].
+
+        A server that has nothing new says so; what it told last then holds until that moment. None: never heard of.
+        """
+        newest = self._newest[loop]
+        if newest == -math.inf:
+            return None
+        return max(newest, self._link.heard) if self._link is not None else newest
+
+    async def beat(self) -> None:
+        """Count the plant's watchdog up.
+
+        Raises
+        ------
+        WriteRefused
+            not_named, not_connected, by_server.
+        """
+        if self._connection.watchdog is None:
+            raise WriteRefused("not_named", "opcua.watchdog is not given: the plant would not notice that we end")
+        link = self._link
+        if link is None or link.beat is None:
+            raise WriteRefused("not_connected", "the watchdog cannot be beaten: there is no connection")
+        node, kind, count = link.beat
+        count = (count + 1) % 30_000
+        value: object = bool(count % 2) if kind is ua.VariantType.Boolean else count
+        if kind in (ua.VariantType.Float, ua.VariantType.Double):
+            value = float(count)
+        elif kind in (ua.VariantType.Byte, ua.VariantType.SByte):
+            value = count % 100
+        link.beat = (node, kind, count)
+        try:
+            [status] = await link.client.uaclient.write_attributes(
+                [node], [ua.DataValue(ua.Variant(value, kind))], ua.AttributeIds.Value
+            )
+        except (OSError, TimeoutError, ua.UaError) as error:
+            raise WriteRefused("not_connected", f"the watchdog cannot be beaten: {reason(error)}") from None
+        if not status.is_good():
+            raise WriteRefused("by_server", f"the server refuses the watchdog: {status.name}")
+
+    # ----------------------------------------------------------------- who may write
+
+    def enable(self, loop: str) -> None:
+        """Let u_FF of this loop be written, until it is disabled, the connection is lost or somebody else writes it.
+
+        Raises
+        ------
+        WriteRefused
+            not_named, not_connected.
+        """
+        feed = self._feed(loop)
+        self._client_of(loop)
+        feed.state, feed.written, feed.allowed, feed.at = "enabled", None, 0.0, time.monotonic()
+
+    def disable(self, loop: str) -> None:
+        """From now on u_FF of this loop may only go to 0.
+
+        Raises
+        ------
+        WriteRefused
+            not_named.
+        """
+        feed = self._feed(loop)
+        if feed.state == "enabled":
+            feed.state = "off"
+
+    def enabled(self, loop: str) -> bool:
+        """Whether u_FF of this loop may be written."""
+        return loop in self._feeds and self._feeds[loop].state == "enabled"
+
+    def _feed(self, loop: str) -> _Feed:
+        feed = self._feeds.get(loop)
+        if feed is None:
+            raise WriteRefused("not_named", f"{loop}: opcua.u_ff is not given: nothing of this loop is ever written")
+        return feed
+
+    def _client_of(self, loop: str) -> Client:
+        if self._link is None or self._feeds[loop].node is None:
+            raise WriteRefused("not_connected", f"{loop}: there is no connection to the node of u_FF")
+        return self._link.client
+
+    async def _found(self, client: Client, loop: str, feed: _Feed) -> float:
+        """What stands at the node of u_FF now."""
+        try:
+            [seen] = await client.uaclient.read_attributes([feed.node], ua.AttributeIds.Value)
+        except (OSError, TimeoutError, ua.UaError) as error:
+            raise WriteRefused("not_connected", f"{loop}: u_FF cannot be read: {reason(error)}") from None
+        value, note = _number(seen)
+        if note:
+            raise WriteRefused("by_server", f"{loop}: u_FF cannot be read: {note}")
+        return value
+
+    def _taken(self, loop: str, feed: _Feed, text: str) -> NoReturn:
+        feed.state = "taken"
+        self._event("other_writer", loop, f"{loop}: {text}; nothing is written any more")
+        raise WriteRefused("other_writer", f"{loop}: {text}")
+
+    # ----------------------------------------------------------------- one connection
+
+    async def _connected(self, take: Take) -> None:
+        """Connect, catch up from the history, subscribe, and hand on until it is lost."""
+        connection = self._connection
+        client = await _client(connection)
+        link = _Link(client, connection)
+        try:
+            async with asyncio.timeout(4.0 * connection.timeout):
+                await client.connect()
+            client.connection_lost_callback = link.on_lost
+            await self._resolve(link)
+            await self._catch_up(link, take)
+            await self._subscribe(link, range(len(self._tags)))
+            self._link, self._was_connected = link, True
+            self._event("connected", None, f"{connection.url}: connected, {len(link.nodes)} tags")
+            await self._backfill(link, take, self._clock.now())
+            self._summary(link)
+            self._quiet = time.monotonic() + _AGAIN
+            await self._hand_on(link, take)
+        finally:
+            self._link = None
+            for loop, feed in self._feeds.items():
+                if feed.state == "enabled":
+                    self._event("withdrawn", loop, f"{loop}: u_FF may not be written any more: no connection")
+                feed.state = "taken" if feed.state == "taken" else "off"
+                feed.written, feed.node = None, None
+            await _disconnect(client, connection)
+
+    async def _resolve(self, link: _Link) -> None:
+        """Node ids of this connection: the server may have put its namespaces in another order."""
+        uris = await link.client.get_namespace_array()
+        await self._limits(link)
+        for handle, tag in enumerate(self._tags):
+            if (node := self._node(tag.path, uris, tag, tag.name)) is not None:
+                link.nodes[handle] = node
+        written: dict[ua.NodeId, str] = {}
+        for loop, feed in self._feeds.items():
+            feed.node = self._node(feed.path, uris, None, None)
+            if feed.node is not None:
+                written[feed.node] = loop
+        for handle, node in link.nodes.items():
+            tag = self._tags[handle]
+            if written.get(node, tag.loop) != tag.loop or (node in written and tag.signal is not Signal.U_FF):
+                raise _LostError(f"{tag.name} and u_FF of {written[node]} are one node, {tag.path}")
+        await self._types(link)
+        if self._connection.watchdog is not None:
+            node_id = self._node(self._connection.watchdog, uris, None, "opcua.watchdog")
+            if node_id is not None:
+                [seen] = await link.client.uaclient.read_attributes([node_id], ua.AttributeIds.Value)
+                if seen.Value is None or not isinstance(seen.Value.Value, _NUMBERS):
+                    self._event("tag_missing", None, f"opcua.watchdog: {self._connection.watchdog} is no number")
+                else:
+                    link.beat = (node_id, seen.Value.VariantType, int(seen.Value.Value))
+
+    async def _limits(self, link: _Link) -> None:
+        """How many tags the server takes in one request."""
+        asked = [ua.NodeId(i) for i in _LIMITS]
+        for seen, name in zip(
+            await link.client.uaclient.read_attributes(asked, ua.AttributeIds.Value), _LIMITS.values(), strict=True
+        ):
+            most = None if seen.Value is None else seen.Value.Value
+            if isinstance(most, int) and most > 0:
+                setattr(link, name, min(getattr(link, name), most))
+
+    async def _types(self, link: _Link) -> None:
+        """A u_FF that is no real number or cannot be written is not named at all."""
+        for loop, feed in self._feeds.items():
+            if feed.node is None:
+                continue
+            [seen] = await link.client.uaclient.read_attributes([feed.node], ua.AttributeIds.Value)
+            [access] = await link.client.uaclient.read_attributes([feed.node], ua.AttributeIds.UserAccessLevel)
+            kind = None if seen.Value is None else seen.Value.VariantType
+            bits = 0 if access.Value is None or access.Value.Value is None else int(access.Value.Value)
+            if kind not in (ua.VariantType.Double, ua.VariantType.Float):
+                self._event("tag_missing", loop, f"{loop} U_FF: {feed.path} is no Double or Float; nothing is written")
+                feed.node = None
+            elif not bits & 1 << ua.AccessLevel.CurrentWrite.value:
+                self._event("not_writable", loop, f"{loop} U_FF: the server does not let us write {feed.path}")
+                feed.node = None
+            else:
+                feed.kind = kind
+
+    def _node(self, path: str, uris: Sequence[str], about: _Tag | None, what: str | None) -> ua.NodeId | None:
+        """The node in this connection; None, and told where `what` names it, where its namespace is not there."""
+        head, _, rest = path.partition(";")
+        if head.startswith("nsu="):
+            uri = head.removeprefix("nsu=")
+        elif head.startswith("ns="):
+            index = int(head.removeprefix("ns="))
+            if index not in self._uris and index < len(uris):
+                self._uris[index] = uris[index]
+            uri = self._uris.get(index, head)
+        else:
+            uri, rest = uris[0], path
+        if uri not in uris:
+            if what is not None:
+                self._often("tag_missing", about, f"{what}: the server has no namespace {uri}")
+            return None
+        if head.startswith("ns=") and uris.index(uri) != int(head.removeprefix("ns=")):
+            moved = f"namespace {uri} has moved from index {head.removeprefix('ns=')} to {uris.index(uri)}"
+            self._often("namespace_moved", None, f"{moved}; the tags follow it")
+        return ua.NodeId.from_string(f"ns={uris.index(uri)};{rest}")
+
+    async def _subscribe(self, link: _Link, handles: Sequence[int]) -> None:
+        """Monitor these tags: every change of value, status or time stamp."""
+        connection, session = self._connection, link.client.uaclient.session
+        if link.subscription is None:
+            wanted = ua.CreateSubscriptionParameters()
+            wanted.RequestedPublishingInterval = 1000.0 * connection.interval
+            wanted.RequestedMaxKeepAliveCount = _KEEP_ALIVE
+            wanted.RequestedLifetimeCount = max(10 * _KEEP_ALIVE, math.ceil(60.0 / connection.interval))
+            wanted.PublishingEnabled = True
+            made = await session.create_subscription(wanted, link.published)
+            link.subscription = made.SubscriptionId
+            quiet = made.RevisedPublishingInterval / 1000.0 * made.RevisedMaxKeepAliveCount
+            link.longest = 2.0 * quiet + connection.timeout
+        asked = [handle for handle in handles if handle in link.nodes]
+        slower = 0.0
+        for first in range(0, len(asked), link.items):
+            some = asked[first : first + link.items]
+            results = await session.create_monitored_items(self._items(link, some, filtered=True))
+            bare = [h for h, r in zip(some, results, strict=True) if r.StatusCode.value in _NO_FILTER]
+            if bare:
+                text = "the server takes no filter: a value that comes again unchanged is not told"
+                self._often("no_filter", None, text, "tags", len(bare))
+                again = await session.create_monitored_items(self._items(link, bare, filtered=False))
+                results = [r for r in results if r.StatusCode.value not in _NO_FILTER] + list(again)
+                some = [h for h in some if h not in bare] + bare
+            for handle, result in zip(some, results, strict=True):
+                tag = self._tags[handle]
+                if result.StatusCode.is_good():
+                    link.missing.discard(handle)
+                    slower = max(slower, result.RevisedSamplingInterval / 1000.0)
+                else:
+                    link.missing.add(handle)
+                    text = f"{tag.name}: {tag.path}: {result.StatusCode.name}"
+                    self._often("tag_missing", tag, text)
+        if slower > 1.01 * connection.interval:
+            text = f"the server takes samples every {slower:g} s at best, not every {connection.interval:g} s"
+            self._often("slower", None, text)
+
+    def _items(self, link: _Link, handles: Sequence[int], *, filtered: bool) -> ua.CreateMonitoredItemsParameters:
+        asked = ua.CreateMonitoredItemsParameters()
+        asked.SubscriptionId = link.subscription
+        asked.TimestampsToReturn = ua.TimestampsToReturn.Both
+        for handle in handles:
+            self._tags[handle].first = True
+            item = ua.MonitoredItemCreateRequest()
+            item.ItemToMonitor.NodeId = link.nodes[handle]
+            item.ItemToMonitor.AttributeId = ua.AttributeIds.Value
+            item.MonitoringMode = ua.MonitoringMode.Reporting
+            item.RequestedParameters.ClientHandle = handle
+            item.RequestedParameters.SamplingInterval = 1000.0 * self._connection.interval
+            item.RequestedParameters.QueueSize = self._connection.samples
+            item.RequestedParameters.DiscardOldest = True
+            if filtered:
+                item.RequestedParameters.Filter = ua.DataChangeFilter(
+                    Trigger=ua.DataChangeTrigger.StatusValueTimestamp, DeadbandType=0, DeadbandValue=0.0
+                )
+            asked.ItemsToCreate.append(item)
+        return asked
+
+    async def _hand_on(self, link: _Link, take: Take) -> None:
+        """Hand on what comes, until the connection is lost."""
+        checked = time.monotonic()
+        while True:
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(1.0):  # Python 3.11's wait_for may lose a cancellation here
+                    await link.wake.wait()
+            link.wake.clear()
+            while link.queue:
+                values = self._values(link.pop(), live=True)
+                if values:
+                    _hand(take, values)
+                await asyncio.sleep(0)
+            if link.lost is not None:
+                if link.overflow:
+                    self._event("overflow", None, f"{link.lost}; they are read from the history where there is one")
+                raise _LostError(link.lost)
+            now = time.monotonic()
+            if now - checked >= 1.0:
+                checked = now
+                link.silent = 0 if now - link.last <= link.longest else link.silent + 1
+                if link.silent > 1:  # at first it may be we who were not listening
+                    raise _LostError(f"the server has said nothing for {now - link.last:.0f} s")
+                self._flush(due=True)
+                if back := self._clock.set_back():
+                    text = f"this computer's clock was set back by {back:.0f} s; what is ahead is judged as before"
+                    self._event("clock_back", None, text)
+                if link.missing and now - link.retried > _AGAIN:
+                    link.retried = now
+                    await self._subscribe(link, sorted(link.missing))
+
+    # ----------------------------------------------------------------- values
+
+    def _values(self, items: Sequence[Any], *, live: bool) -> list[Value]:
+        """Values of one message, in the order of their times; what cannot be handed on is told."""
+        ahead = self._clock.now() + self._connection.ahead
+        values = [v for item in items if (v := self._value(item.ClientHandle, item.Value, ahead, live)) is not None]
+        values.sort(key=_time_of)
+        return values
+
+    def _value(self, handle: int, seen: ua.DataValue, ahead: float, live: bool) -> Value | None:
+        tag = self._tags[handle]
+        stamp = seen.SourceTimestamp
+        if stamp is None:
+            stamp = seen.ServerTimestamp
+            if tag.signal is not Signal.U_FF:  # which we write, without one
+                text = f"{tag.name} has no source time stamp; the server's is taken"
+                self._often("no_time", tag, text)
+        t = self._clock.now() if stamp is None else stamp.timestamp()
+        code = seen.StatusCode.value if seen.StatusCode is not None else 0
+        variant = seen.Value
+        value, note = math.nan, ""
+        if code & 0xC000_0000:
+            note = ua.StatusCode(code).name
+        elif variant is None or variant.Value is None:
+            note = "no value"
+        else:
+            if variant.VariantType is not tag.kind:
+                self._new_type(tag, variant.VariantType)
+            try:
+                value = tag.number(variant.Value)
+            except _NotANumberError as error:
+                note = str(error)
+            except ValueError as error:  # a word for a mode that is not known: not automatic
+                value = 0.0
+                text = f"{tag.name}: {variant.Value!r} {'; '.join(str(a) for a in error.args)}"
+                self._often("unknown_mode", tag, text)
+            if code & _OVERFLOW == _OVERFLOW:
+                text = f"{tag.name}: the server has thrown values away: its queue was full"
+                self._often("overflow", tag, text, "times")
+        if t > ahead:
+            text = (
+                f"{tag.name}: a time stamp is {t - ahead + self._connection.ahead:.0f} s ahead of this computer's clock"
+            )
+            self._often("future", tag, f"{text}; it is left out", "values in all")
+            return None
+        source = t
+        if t <= tag.last:
+            if not (live and t == tag.stamp and tag.good == bool(note)):
+                if live and not (tag.first and time.monotonic() < self._quiet):
+                    self._again(tag, t, value)
+                return None
+            t = tag.last + _STATUS  # the status has changed and the time has not
+        tag.last, tag.stamp, tag.value, tag.good, tag.run = t, source, value, not note, 0
+        tag.first = tag.first and not live
+        if t > self._newest[tag.loop]:
+            self._newest[tag.loop] = t
+        return Value(tag.loop, tag.signal, t, value, not note, note)
+
+    def _again(self, tag: _Tag, t: float, value: float) -> None:
+        """Tell of a value that is left out, since it is not newer than the last one."""
+        if t == tag.stamp:
+            same = value == tag.value or value != value
+            what = "comes twice" if same else "comes twice, with another value; the first one holds"
+            self._often("duplicate", tag, f"{tag.name}: the value of {_clock_time(t)} {what}", "values in all")
+            return
+        tag.run = tag.run + 1 if t > tag.late else 1
+        tag.late = t
+        if tag.run >= 3 and tag.last - t > 3.0 * self._connection.interval:
+            text = f"{tag.name}: its clock went back by {tag.last - t:.0f} s; values are left out until it has passed"
+            self._often("clock_back", tag, f"{text} {_clock_time(tag.last)}", "values in all")
+        else:
+            text = f"{tag.name}: a value of {_clock_time(t)} comes after that of {_clock_time(tag.last)}"
+            self._often("late", tag, f"{text}; it is left out", "values in all")
+
+    def _new_type(self, tag: _Tag, kind: ua.VariantType) -> None:
+        if tag.kind is not None:
+            text = f"{tag.name}: its type has changed from {tag.kind.name} to {kind.name}"
+            self._say("type_changed", _Told(tag.loop, text))
+        tag.kind = kind
+
+    # ----------------------------------------------------------------- history
+
+    async def _catch_up(self, link: _Link, take: Take) -> None:
+        """Read the history until little is left: what comes live meanwhile need not wait for hours of it."""
+        before = math.inf
+        while not link.no_history:
+            begun = time.monotonic()
+            await self._backfill(link, take, self._clock.now())
+            took = time.monotonic() - begun
+            if took < _LITTLE or took > 0.5 * before:
+                return
+            before = took
+
+    async def _backfill(self, link: _Link, take: Take, until: float) -> None:
+        """Hand on what the history has after the last values, up to `until`, loop by loop and in the order of time."""
+        if link.no_history or not self._connection.history:
+            return
+        loops: dict[str, list[int]] = {}
+        for handle in link.nodes:
+            loops.setdefault(self._tags[handle].loop, []).append(handle)
+        for loop, handles in loops.items():
+            newest = self._newest[loop]
+            if newest == -math.inf:
+                continue
+            begin = max(newest - _MARGIN - 2.0 * self._connection.interval, until - self._connection.history)
+            if begin > newest:
+                text = f"{loop}: the break is longer than the {self._connection.history:g} s that are read"
+                self._say("not_backfilled", _Told(loop, text))
+            while begin < until and not link.no_history:
+                end = min(begin + _SLICE, until)
+                values = await self._history(link, handles, begin, end)
+                if values:
+                    fresh = [value for value in values if value.time > newest + 1e-6]
+                    link.filled += len(fresh)
+                    if fresh:
+                        link.filled_from = min(link.filled_from, fresh[0].time)
+                        link.filled_to = max(link.filled_to, fresh[-1].time)
+                    _hand(take, values)
+                begin = end
+                if link.lost is not None:
+                    raise _LostError(link.lost)
+
+    async def _history(self, link: _Link, handles: Sequence[int], begin: float, end: float) -> list[Value]:
+        """Values of one loop's tags from `begin` to `end`."""
+        details = ua.ReadRawModifiedDetails()
+        details.IsReadModified, details.ReturnBounds, details.NumValuesPerNode = False, False, 0
+        details.StartTime, details.EndTime = datetime.fromtimestamp(begin, UTC), datetime.fromtimestamp(end, UTC)
+        found: dict[int, list[Any]] = {handle: [] for handle in handles}
+        outside = 0
+        left: dict[int, bytes | None] = dict.fromkeys(handles)
+        while left:
+            asked = ua.HistoryReadParameters()
+            asked.HistoryReadDetails = details
+            asked.ReleaseContinuationPoints = False  # asyncua's True gives their memory back, and reads nothing
+            asked.TimestampsToReturn = ua.TimestampsToReturn.Both
+            some = dict(list(left.items())[: link.histories])
+            for handle, go_on in some.items():
+                node = ua.HistoryReadValueId()
+                node.NodeId, node.ContinuationPoint = link.nodes[handle], go_on
+                asked.NodesToRead.append(node)
+            try:
+                results = await link.client.uaclient.history_read(asked)
+            except ua.UaStatusCodeError as error:
+                self._no_history(link, ua.StatusCode(error.code).name)
+                break
+            for (handle, before), result in zip(some.items(), results, strict=True):
+                del left[handle]
+                if not result.StatusCode.is_good():
+                    self._without(link, handle, result.StatusCode)
+                    continue
+                for seen in getattr(result.HistoryData, "DataValues", None) or []:
+                    if seen.SourceTimestamp is None or not begin <= seen.SourceTimestamp.timestamp() <= end:
+                        outside += 1
+                    else:
+                        found[handle].append(seen)
+                if result.ContinuationPoint and result.ContinuationPoint != before:
+                    left[handle] = result.ContinuationPoint
+        if outside:
+            text = "the history gave values outside of what was asked"
+            self._often("outside", None, f"{text}; they are left out", "values", outside)
+        values: list[Value] = []
+        for handle, some_seen in found.items():
+            some_seen.sort(key=lambda seen: seen.SourceTimestamp)
+            made = (self._value(handle, seen, math.inf, live=False) for seen in some_seen)
+            values += [value for value in made if value is not None]
+        values.sort(key=_time_of)
+        return values
+
+    def _without(self, link: _Link, handle: int, status: ua.StatusCode) -> None:
+        """A tag without a history; where no tag has one, the server has none."""
+        link.without.add(handle)
+        if len(link.without) == len(link.nodes):
+            self._no_history(link, status.name)
+        elif self._tags[handle].signal is Signal.PV:
+            text = f"{self._tags[handle].name} has no history: {status.name}; a break in it stays a gap"
+            self._often("no_history", self._tags[handle], text)
+
+    def _no_history(self, link: _Link, why: str) -> None:
+        link.no_history = True
+        self._event("no_history", None, f"the server has no history ({why}): the break stays a gap")
+
+    def _summary(self, link: _Link) -> None:
+        if link.filled:
+            between = f"from {_clock_time(link.filled_from)} to {_clock_time(link.filled_to)}"
+            self._event("backfilled", None, f"{link.filled} values {between} were read from the history")
+
+    # ----------------------------------------------------------------- what is told
+
+    def _event(self, kind: str, loop: str | None, text: str) -> None:
+        if self._tell_to is not None:
+            self._tell_to(Event(time.time(), loop, kind, text))
+
+    def _often(self, kind: str, about: _Tag | None, text: str, many: str = "", count: int = 1) -> None:
+        """Tell at once, and then at most once in `_AGAIN` seconds, with how many it were meanwhile."""
+        key = (kind, None if about is None else about.name)
+        told = self._told.get(key)
+        if told is None:
+            told = self._told[key] = _Told(None if about is None else about.loop)
+        told.text, told.many = text, many
+        told.count += count
+        if time.monotonic() - told.at >= _AGAIN:
+            self._say(kind, told)
+
+    def _say(self, kind: str, told: _Told) -> None:
+        """Tell it, but for what is one of very many: they are counted together."""
+        now = time.monotonic()
+        more = f" ({told.count} {told.many})" if told.count > 1 and told.many else ""
+        text = told.text + more
+        told.at, told.count = now, 0
+        rush = self._rushes.setdefault(kind, _Rush(now))
+        if now - rush.since >= _AGAIN:
+            rush.since, rush.told = now, 0
+        if rush.told < _RUSH:
+            rush.told += 1
+            self._event(kind, told.loop, text)
+        else:
+            rush.more += 1
+            rush.text = text
+
+    def _flush(self, *, due: bool = False) -> None:
+        """Tell what was only counted: all of it, or what is due."""
+        now = time.monotonic()
+        for (kind, _), told in self._told.items():
+            if told.count and (not due or now - told.at >= _AGAIN):
+                self._say(kind, told)
+        for kind, rush in self._rushes.items():
+            if rush.more:
+                self._event(kind, None, f"{rush.more} more tags, such as {rush.text}")
+                rush.more = 0
+
+
+class _Link:
+    """One connection, and what came over it."""
+
+    def __init__(self, client: Client, connection: Connection) -> None:
+        self.client = client
+        self.nodes: dict[int, ua.NodeId] = {}
+        self.items, self.histories = _ITEMS, _ITEMS
+        self.missing: set[int] = set()
+        self.without: set[int] = set()
+        self.retried = time.monotonic()
+        self.subscription: int | None = None
+        self.beat: tuple[ua.NodeId, ua.VariantType, int] | None = None
+        self.queue: deque[list[Any]] = deque()
+        self.waiting, self._most = 0, connection.queue
+        self.wake = asyncio.Event()
+        self.lost: str | None = None
+        self.overflow = False
+        self.last, self.longest, self.silent = time.monotonic(), math.inf, 0
+        self.heard, self._behind = -math.inf, math.inf
+        self._sequence: int | None = None
+        self.no_history = False
+        self.filled, self.filled_from, self.filled_to = 0, math.inf, -math.inf
+
+    async def on_lost(self, error: Exception) -> None:
+        """Called when the connection breaks."""
+        self.end(reason(error))
+
+    def end(self, why: str) -> None:
+        """The connection is of no use any more."""
+        if self.lost is None:
+            self.lost = why
+        self.wake.set()
+
+    def pop(self) -> list[Any]:
+        """The oldest message."""
+        items = self.queue.popleft()
+        self.waiting -= len(items)
+        return items
+
+    def published(self, result: ua.PublishResult) -> None:
+        """Take a message of the subscription: values, or a sign that there are none."""
+        self.last = time.monotonic()
+        message = result.NotificationMessage
+        newest, values = -math.inf, False
+        for part in message.NotificationData or []:
+            if isinstance(part, ua.StatusChangeNotification):
+                self.end(f"the server has ended the subscription: {part.Status.name}")
+            elif isinstance(part, ua.DataChangeNotification) and self.lost is None:
+                values = True
+                newest = max(newest, self._queued(part.MonitoredItems))
+        if values:
+            number = int(message.SequenceNumber)
+            if self._sequence is not None and number != self._sequence % 0xFFFF_FFFF + 1:
+                self.overflow = True
+                self.end(f"messages {self._sequence + 1} to {number - 1} of the server are missing")
+            self._sequence = number
+        if message.PublishTime is not None:
+            told = message.PublishTime.timestamp()
+            if newest > -math.inf:
+                self._behind = max(told - newest, 0.0)
+            if self._behind < math.inf and not result.MoreNotifications:
+                self.heard = max(self.heard, told - self._behind)
+
+    def _queued(self, items: list[Any]) -> float:
+        if self.waiting + len(items) > self._most and self.queue:
+            self.overflow = True
+            self.end(f"more than {self._most} values wait to be taken; {len(items)} are thrown away")
+            return -math.inf
+        self.queue.append(items)
+        self.waiting += len(items)
+        self.wake.set()
+        return max((i.Value.SourceTimestamp.timestamp() for i in items if i.Value.SourceTimestamp), default=-math.inf)
+
+
+class _Clock:
+    """The clock of this computer, which never goes back while we run."""
+
+    def __init__(self) -> None:
+        self._offset = time.time() - time.monotonic()
+        self._told = 0.0
+
+    def now(self) -> float:
+        """Seconds since 1970 UTC."""
+        moment = time.monotonic()
+        self._offset = max(self._offset, time.time() - moment)
+        return moment + self._offset
+
+    def set_back(self) -> float:
+        """By how much it was set back since this was asked last [s]; 0: not by more than a second."""
+        back = self.now() - time.time()
+        new, self._told = back - self._told, max(back, 0.0)
+        return new if new > 1.0 else 0.0
+
+
+class _NotANumberError(Exception):
+    """A value that is no number, and what it is."""
+
+
+def _reader(loop: Loop, key: str) -> Callable[[Any], float]:
+    """How the value of a tag is read as a number."""
+    if key in ("low", "high"):
+        return lambda raw: float(_real(raw) != 0.0)
+    if key != "mode":
+        return _real
+    decide = mode_flag(loop.auto_values, frozenset())
+    known: dict[Any, float] = {}
+
+    def mode(raw: Any) -> float:
+        if isinstance(raw, ua.LocalizedText):
+            raw = raw.Text
+        if not isinstance(raw, str | int | float) or raw is None:
+            raise _NotANumberError(f"is a {type(raw).__name__}")
+        if raw not in known:
+            known[raw] = 0.0 if decide(text_of(raw)) else 1.0
+        return known[raw]
+
+    return mode
+
+
+def _real(raw: Any) -> float:
+    if type(raw) is float or isinstance(raw, _NUMBERS):
+        value = float(raw)
+        if math.isfinite(value):
+            return value
+        raise _NotANumberError("not a finite number")
+    raise _NotANumberError(f"is a {type(raw).__name__}")
+
+
+def _number(seen: ua.DataValue) -> tuple[float, str]:
+    """Value, and why it is not good, of what was read."""
+    if seen.StatusCode is not None and seen.StatusCode.value & 0xC000_0000:
+        return math.nan, seen.StatusCode.name
+    try:
+        return _real(None if seen.Value is None else seen.Value.Value), ""
+    except _NotANumberError as error:
+        return math.nan, str(error)
+
+
+def _as_written(value: float, kind: ua.VariantType) -> float:
+    """The value as the node will hold it."""
+    if kind is ua.VariantType.Float:
+        return float(struct.unpack("<f", struct.pack("<f", value))[0])
+    return value
+
+
+def _time_of(value: Value) -> float:
+    return value.time
+
+
+def _clock_time(t: float) -> str:
+    return f"{datetime.fromtimestamp(t, UTC):%Y-%m-%d %H:%M:%S}Z"
+
+
+def reason(error: BaseException) -> str:
+    """What went wrong with a connection, for a person."""
+    if isinstance(error, ua.UaStatusCodeError):
+        return str(ua.StatusCode(error.code).name)
+    if isinstance(error, TimeoutError):
+        return "no answer in time"
+    if isinstance(error, ConnectionRefusedError):
+        return "nobody listens there"
+    text = str(error)
+    return text if isinstance(error, _LostError | InputError) else f"{type(error).__name__}: {text}"
+
+
+def _hand(take: Take, values: list[Value]) -> None:
+    try:
+        take(values)
+    except Exception as error:
+        raise _TakerError from error
+
+
+async def _client(connection: Connection) -> Client:
+    """A client with everything that the connection says."""
+    client = Client(connection.url, timeout=connection.timeout, watchdog_intervall=connection.timeout)
+    client.name = client.description = "glapp"
+    client.session_timeout = 60_000
+    if connection.security is not None:
+        own, key, server = connection.certificate, connection.private_key, connection.server_certificate
+        assert own is not None and key is not None and server is not None  # Connection has seen to it
+        for path in (own, key, server):
+            if not path.is_file():
+                raise InputError("there is no such file", file=str(path))
+        client.application_uri = _uri_of(await uacrypto.load_certificate(own)) or client.application_uri
+        policy = getattr(security_policies, f"SecurityPolicy{connection.security}")
+        mode = ua.MessageSecurityMode[connection.mode]
+        await client.set_security(policy, own, key, server_certificate=server, mode=mode)
+    if connection.user is not None:
+        client.set_user(connection.user)
+        client.set_password(connection.password() or "")
+    return client
+
+
+async def _disconnect(client: Client, connection: Connection) -> None:
+    with contextlib.suppress(Exception):
+        async with asyncio.timeout(connection.timeout):
+            await client.disconnect()
+
+
+def _uri_of(certificate: x509.Certificate) -> str | None:
+    """The application's URI, which a server compares with what we say."""
+    with contextlib.suppress(x509.ExtensionNotFound):
+        names = certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
+        return next(iter(names.get_values_for_type(x509.UniformResourceIdentifier)), None)
+    return None
+
+
+# --------------------------------------------------------------------- browsing
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """A variable of the server: the path of names that leads to it, and its node as a loops.toml names it."""
+
+    path: str
+    node: str
+
+
+async def browse(connection: Connection, *, most: int = 100_000) -> list[Found]:
+    """Every variable below Objects with a namespace of its own, in the order of the server.
+
+    Parameters
+    ----------
+    connection : Connection
+        How the server is reached.
+    most : int
+        Nodes that are looked at.
+    """
+    client = await _client(connection)
+    async with asyncio.timeout(4.0 * connection.timeout):
+        await client.connect()
+    try:
+        uris = await client.get_namespace_array()
+        return [found async for found in _below(client, uris, most)]
+    finally:
+        await _disconnect(client, connection)
+
+
+async def _below(client: Client, uris: Sequence[str], most: int) -> Any:
+    seen: set[ua.NodeId] = set()
+    waiting: deque[tuple[ua.NodeId, str]] = deque([(client.nodes.objects.nodeid, "")])
+    while waiting and len(seen) < most:
+        some = [waiting.popleft() for _ in range(min(len(waiting), 100))]
+        asked = ua.BrowseParameters()
+        for node, _ in some:
+            one = ua.BrowseDescription()
+            one.NodeId, one.BrowseDirection = node, ua.BrowseDirection.Forward
+            one.ReferenceTypeId = ua.NodeId(ua.ObjectIds.HierarchicalReferences)
+            one.IncludeSubtypes, one.ResultMask = True, ua.BrowseResultMask.All
+            asked.NodesToBrowse.append(one)
+        for (_, path), result in zip(some, await client.uaclient.browse(asked), strict=True):
+            for reference in await _all_of(client, result):
+                node = reference.NodeId
+                if node in seen or node.NamespaceIndex == 0 or node.NamespaceIndex >= len(uris):
+                    continue
+                seen.add(node)
+                name = f"{path}.{reference.BrowseName.Name}" if path else reference.BrowseName.Name
+                if reference.NodeClass is not ua.NodeClass.Method:  # whose arguments are no tags
+                    waiting.append((node, name))
+                if reference.NodeClass is ua.NodeClass.Variable:
+                    yield Found(name, _text_of(node, uris))
+
+
+async def _all_of(client: Client, result: Any) -> Iterator[Any]:
+    references = list(result.References or [])
+    point = result.ContinuationPoint
+    while point:
+        more = ua.BrowseNextParameters()
+        more.ReleaseContinuationPoints, more.ContinuationPoints = False, [point]
+        [result] = await client.uaclient.session.browse_next(more)
+        references += result.References or []
+        point = result.ContinuationPoint
+    return iter(references)
+
+
+def _text_of(node: ua.NodeId, uris: Sequence[str]) -> str:
+    """A node by its namespace's URI: that outlives a restart of the server."""
+    text = str(node.to_string())
+    return f"nsu={uris[node.NamespaceIndex]};{text.partition(';')[2] if text.startswith('ns=') else text}"

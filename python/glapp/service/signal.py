@@ -1,0 +1,128 @@
+"""What comes from a plant and what goes to it: values, events, and the face of every source of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Protocol
+
+__all__ = ["Event", "Signal", "Source", "Take", "Tell", "Value", "WriteRefused"]
+
+
+class Signal(StrEnum):
+    """What a tag of a loop is.
+
+    Examples
+    --------
+    >>> Signal("pv") is Signal.PV
+    True
+    """
+
+    SP = "sp"  # setpoint [PV unit]
+    PV = "pv"  # measured value [PV unit]
+    OP = "op"  # controller output [OP unit]
+    MODE = "mode"  # 1 where the controller is in automatic, 0 where it is not
+    LOW = "low"  # 1 where something in the loop is at its lower limit
+    HIGH = "high"  # 1 where something in the loop is at its upper limit
+    POSITION = "position"  # what the valve says of itself [its own unit]
+    U_FF = "u_ff"  # feed-forward that the controller adds to OP [OP unit]
+
+
+@dataclass(frozen=True, slots=True)
+class Value:
+    """One value of one signal of one loop, at its source's time.
+
+    Attributes
+    ----------
+    loop : str
+        Name of the loop.
+    signal : Signal
+        Which of its signals.
+    time : float
+        Source time stamp [s since 1970-01-01 UTC].
+    value : float
+        In the plant's own unit; NaN where it is not good.
+    good : bool
+        Whether it may be believed.
+    note : str
+        Why it may not, such as the name of an OPC UA status; "" where it may.
+
+    Examples
+    --------
+    >>> Value("FIC101", Signal.PV, 1.7e9, 49.5, True).value
+    49.5
+    """
+
+    loop: str
+    signal: Signal
+    time: float
+    value: float
+    good: bool
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Something that a person is told, and that is kept.
+
+    Attributes
+    ----------
+    time : float
+        When it was noticed, by the clock of this computer [s since 1970-01-01 UTC].
+    loop : str or None
+        Name of the loop; None where it concerns the whole connection.
+    kind : str
+        One word to sort by: connected, lost, overflow, backfilled, late, future, duplicate, type_changed, clock_back, …
+    text : str
+        The sentence that a person reads.
+    """
+
+    time: float
+    loop: str | None
+    kind: str
+    text: str
+
+
+Take = Callable[[Sequence[Value]], None]
+Tell = Callable[[Event], None]
+
+
+class WriteRefused(Exception):  # noqa: N818 - a refusal is an answer, not a fault of the program
+    """A value was not written to the plant, and why.
+
+    Attributes
+    ----------
+    reason : str
+        One word to sort by: not_enabled, not_named, not_a_number, too_large, too_fast, not_connected, other_writer,
+        by_server.
+    """
+
+    def __init__(self, reason: str, text: str) -> None:
+        super().__init__(text)
+        self.reason = reason
+
+
+class Source(Protocol):
+    """Where values come from, and the few places to which one may be written."""
+
+    async def run(self, take: Take, tell: Tell) -> None:
+        """Hand over values and events, in the order in which they came, until cancelled."""
+
+    async def write(self, loop: str, u_ff: float) -> None:
+        """Write the feed-forward of a loop [OP unit].
+
+        Raises
+        ------
+        WriteRefused
+            Where it was not written, by name.
+        """
+
+    async def read_back(self, loop: str) -> Value:
+        """The feed-forward that stands in the plant now."""
+
+    def alive(self, loop: str) -> float | None:
+        """When the loop was last heard of at all, by a value or by a sign that none has changed [s since 1970 UTC]."""
+
+    async def beat(self) -> None:
+        """Tell the plant's watchdog that this program is alive."""

@@ -1,0 +1,67 @@
+"""Loops from the names of a server's variables, as a loops.toml."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from ..loop import Loop, Tags
+from ..reading.columns import understand
+from ..reading.settings import block, write_settings
+from .connection import Connection
+
+__all__ = ["as_settings", "loops_of"]
+
+_ROLES = ("sp", "pv", "op", "mode", "position")
+
+
+def loops_of(found: Iterable[tuple[str, str]]) -> tuple[dict[str, dict[str, str]], int]:
+    """Tags of loops among variables, by the words that control systems use.
+
+    Parameters
+    ----------
+    found : iterable of (str, str)
+        Path of names and node of each variable.
+
+    Returns
+    -------
+    dict of str to dict
+        Name of each loop that has SP and PV, and its signals' nodes.
+    int
+        How many variables belong to none.
+
+    Examples
+    --------
+    >>> found = [("Area.FIC101.PV", "ns=2;s=a"), ("Area.FIC101.SP", "ns=2;s=b"), ("Area.TI7", "ns=2;s=c")]
+    >>> loops_of(found)
+    ({'Area.FIC101': {'pv': 'ns=2;s=a', 'sp': 'ns=2;s=b'}}, 1)
+    """
+    loops: dict[str, dict[str, str]] = {}
+    count = 0
+    for path, node in found:
+        count += 1
+        meaning = understand(path)
+        if meaning.role in _ROLES and meaning.loop:
+            loops.setdefault(meaning.loop, {}).setdefault(meaning.role, node)
+    whole = {name: nodes for name, nodes in loops.items() if "pv" in nodes and "sp" in nodes}
+    return whole, count - sum(len(nodes) for nodes in whole.values())
+
+
+def as_settings(connection: Connection, loops: Mapping[str, Mapping[str, Any]]) -> str:
+    """Text of a loops.toml with these loops, reached by this connection.
+
+    Examples
+    --------
+    >>> print(as_settings(Connection(url="opc.tcp://plant:4840"), {"FIC101": {"pv": "ns=2;s=a", "sp": "ns=2;s=b"}}))
+    [opcua]
+    url = "opc.tcp://plant:4840"
+    <BLANKLINE>
+    [loops.FIC101]
+    <BLANKLINE>
+    [loops.FIC101.opcua]
+    sp = "ns=2;s=b"
+    pv = "ns=2;s=a"
+    <BLANKLINE>
+    """
+    made = [Loop(name=name, opcua=Tags(**nodes)) for name, nodes in loops.items()]
+    return f"{block('opcua', connection)}\n{write_settings(made)}"

@@ -1,0 +1,968 @@
+"""The connection to a plant by OPC UA, against the simulated plant on this machine: every fault, and what is told."""
+
+import asyncio
+import contextlib
+import dataclasses
+import math
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from datetime import UTC, datetime
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+pytest.importorskip("asyncua", reason="the extra [opcua] is not installed")
+
+import itertools
+
+from asyncua import Client, ua
+from asyncua.crypto.cert_gen import setup_self_signed_certificate
+from cryptography.x509.oid import ExtendedKeyUsageOID
+
+import glapp.cli
+from glapp.errors import InputError
+from glapp.loop import Loop, Tags
+from glapp.reading.settings import parse_settings, read_settings
+from glapp.service import opcua
+from glapp.service.connection import Connection, check_tags, read_connection
+from glapp.service.opcua import OpcUa, browse
+from glapp.service.plant import FAULTS, NAMESPACE, Security, SimPlant, free_port
+from glapp.service.signal import Signal, WriteRefused
+from glapp.service.tags import as_settings, loops_of
+
+ROOT = Path(__file__).parents[1]
+GLAPP = (sys.executable, Path(__file__).parent / "command_line.py")
+
+
+@pytest.fixture(autouse=True)
+def impatient(monkeypatch):
+    """Connections are tried again at once."""
+    monkeypatch.setattr(opcua, "_PAUSES", (0.2, 0.4))
+    monkeypatch.setattr(opcua, "_DENIED", 0.4)
+
+
+def served(test):
+    """A test with the plant that many share: slow, and with the others in one process."""
+    return pytest.mark.slow(pytest.mark.xdist_group("plant")(test))
+
+
+class Watch:
+    """A source that runs beside the test, and what it gave."""
+
+    def __init__(self, plant, since=None, loops=None, **connection):
+        self.loops = loops or parse_settings(plant.settings(), "loops.toml", Path())
+        given = {"interval": 0.1, "timeout": 2.0, "watchdog": node("Watchdog"), **connection}
+        self.source = OpcUa(Connection(url=plant.url, **given), self.loops, since=since)
+        self.values, self.events = [], []
+
+    async def __aenter__(self):
+        self.task = asyncio.create_task(self.source.run(self.values.extend, self.events.append))
+        return self
+
+    async def __aexit__(self, *error):
+        self.task.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await self.task
+
+    def of(self, loop, which=Signal.PV):
+        return [v for v in self.values if v.loop == loop and v.signal is which]
+
+    def told(self, kind, loop=None):
+        return [e.text for e in self.events if e.kind == kind and (loop is None or e.loop == loop)]
+
+    async def until(self, condition, seconds=15.0):
+        """Wait for something, at most so long."""
+        end = time.monotonic() + seconds
+        while not condition():
+            assert not self.task.done(), self.task
+            assert time.monotonic() < end, self.events
+            await asyncio.sleep(0.02)
+
+    async def heard(self, loop, n, which=Signal.PV):
+        have = len(self.of(loop, which))
+        await self.until(lambda: len(self.of(loop, which)) >= have + n)
+
+
+@pytest.fixture(scope="module")
+def shared():
+    """Nine loops in a thread of their own, for all tests that leave them as they were; call it with a coroutine."""
+    loop = asyncio.new_event_loop()
+    thread = threading.Thread(target=loop.run_forever)
+    thread.start()
+
+    def run(function, seconds=60.0):
+        return asyncio.run_coroutine_threadsafe(function(plant), loop).result(seconds)
+
+    async def start(_):
+        await plant.__aenter__()
+
+    async def stop(_):
+        await plant.__aexit__(None, None, None)
+
+    plant = SimPlant(9, scan=0.1, watchdog=1.5, ramp=0.5)
+    try:
+        run(start)
+        yield run
+    finally:
+        run(stop)
+        loop.call_soon_threadsafe(loop.stop)
+        thread.join()
+        loop.close()
+
+
+def node(identifier):
+    return f"nsu={NAMESPACE};s={identifier}"
+
+
+def ascending(values):
+    return all(a.time < b.time for a, b in itertools.pairwise(values))
+
+
+def gaps(values, scan):
+    return [(a.time, b.time) for a, b in itertools.pairwise(values) if b.time - a.time > 1.5 * scan]
+
+
+# ---------------------------------------------------------------- faults of values
+
+
+@pytest.fixture(scope="module")
+def faulty(shared):
+    """What a watch saw while in each of eight loops something else went wrong for a while."""
+    kinds = ["bad", "stuck", "future", "late", "duplicate", "type", "back", "silent"]
+
+    async def run(plant):
+        async with Watch(plant) as watch:
+            await watch.heard("FIC101", 10)
+            names = dict(zip(kinds, plant.names, strict=False))
+            for kind, loop in names.items():
+                plant.fault(kind, loop)
+            begun = time.time()
+            await watch.heard("LIC109", 15)
+            alive, now = watch.source.alive(names["silent"]), time.time()
+            for kind, loop in names.items():
+                plant.fault(kind, loop, 0)
+            ended = time.time()
+            await watch.heard("LIC109", 10)
+            return SimpleNamespace(watch=watch, names=names, begun=begun, ended=ended, alive=alive, now=now)
+
+    return shared(run)
+
+
+def during(faulty, kind):
+    loop = faulty.names[kind]
+    return loop, [v for v in faulty.watch.of(loop) if faulty.begun + 0.2 < v.time < faulty.ended - 0.1]
+
+
+@served
+def test_every_value_once_and_in_order(faulty):
+    for loop in faulty.watch.loops:
+        for which in Signal:
+            assert ascending(faulty.watch.of(loop.name, which)), (loop.name, which)
+    assert len(faulty.watch.of("LIC109")) > 25
+    assert not gaps(faulty.watch.of("LIC109"), 0.1)
+
+
+@served
+def test_a_bad_status_is_no_number_and_says_why(faulty):
+    _, values = during(faulty, "bad")
+    assert values and all(not v.good and math.isnan(v.value) and v.note == "BadSensorFailure" for v in values)
+    assert faulty.watch.of(faulty.names["bad"])[-1].good
+
+
+@served
+def test_a_stuck_value_is_handed_on_as_it_is(faulty):
+    _, values = during(faulty, "stuck")
+    assert len(values) > 5 and len({v.value for v in values}) == 1 and all(v.good for v in values)
+
+
+@served
+def test_a_still_value_is_told_from_a_lost_one(faulty):
+    _loop, values = during(faulty, "silent")
+    assert not values
+    assert faulty.now - faulty.alive < 1.0, "the server said that it is there and has nothing new"
+
+
+@served
+def test_a_time_stamp_from_the_future_is_left_out(faulty):
+    loop, values = during(faulty, "future")
+    assert not values
+    [first, *_] = faulty.watch.told("future", loop)
+    assert "ahead of this computer's clock; it is left out" in first
+    assert faulty.watch.of(loop)[-1].time > faulty.ended, "and does not lock out what comes after it"
+
+
+@served
+def test_late_values_are_left_out(faulty):
+    loop, values = during(faulty, "late")
+    assert len(values) > 5 and not gaps(values, 0.1)
+    assert "comes after that of" in faulty.watch.told("late", loop)[0]
+
+
+@served
+def test_a_value_that_comes_twice_is_handed_on_once(faulty):
+    loop, values = during(faulty, "duplicate")
+    assert len(values) > 5 and not gaps(values, 0.1)
+    assert "comes twice" in faulty.watch.told("duplicate", loop)[0]
+
+
+@served
+def test_a_tag_that_changes_its_type(faulty):
+    loop, values = during(faulty, "type")
+    assert values and all(not v.good and v.note == "is a str" for v in values)
+    there, back = faulty.watch.told("type_changed", loop)
+    assert "from Double to String" in there and "from String to Double" in back
+    assert faulty.watch.of(loop)[-1].good
+
+
+@served
+def test_a_clock_that_is_set_back(faulty):
+    loop, values = during(faulty, "back")
+    assert not values
+    assert (
+        "clock went back by 3600 s; values are left out until it has passed" in faulty.watch.told("clock_back", loop)[0]
+    )
+    assert faulty.watch.of(loop)[-1].time > faulty.ended
+
+
+@served
+def test_a_sound_loop_is_not_spoken_of(faulty):
+    assert [e for e in faulty.watch.events if e.loop == "LIC109"] == []
+
+
+@served
+def test_the_same_thing_is_not_told_again_and_again(faulty):
+    assert len(faulty.watch.told("future")) <= 2  # three values a second until it was over
+
+
+# ---------------------------------------------------------------- faults of the connection
+
+
+@pytest.mark.slow
+def test_server_gone_and_back_with_other_namespace_indices():
+    """Nothing is missing and nothing comes twice, though the server was away and its indices have moved."""
+
+    async def run():
+        async with SimPlant(2, scan=0.1) as plant:
+            whole = parse_settings(plant.settings(), "loops.toml", Path())
+            bare = {k: v.replace(f"nsu={NAMESPACE}", "ns=2") for k, v in whole[0].opcua.nodes.items()}
+            by_index = Loop(name="A", opcua={"pv": bare["pv"], "sp": bare["sp"]})
+            async with Watch(plant, loops=[by_index, whole[1]]) as watch:
+                await watch.heard("A", 10)
+                await plant.close()
+                await watch.until(lambda: watch.told("lost"))
+                await asyncio.sleep(1.0)
+                await plant.open(namespaces=3)
+                await watch.until(lambda: watch.told("backfilled"))
+                await watch.heard("A", 15)
+        return watch
+
+    watch = asyncio.run(run())
+    for loop in ("A", "PIC102"):
+        values = [v for v in watch.of(loop) if v.note != "BadWaitingForInitialData"]
+        assert ascending(values) and not gaps(values, 0.1)
+        assert all(v.good for v in values)
+    assert not watch.told("duplicate") and not watch.told("overflow") and not watch.told("late")
+    assert "it is tried again" in watch.told("lost")[0]
+    assert "were read from the history" in watch.told("backfilled")[0]
+    assert f"namespace {NAMESPACE} has moved from index 2 to 5" in watch.told("namespace_moved")[0]
+
+
+@pytest.mark.slow
+def test_without_a_history_the_break_is_a_gap():
+    async def run():
+        async with SimPlant(1, scan=0.1, history=0.0) as plant, Watch(plant) as watch:
+            await watch.heard("FIC101", 5)
+            await plant.close()
+            await watch.until(lambda: watch.told("lost"))
+            await plant.open()
+            await watch.until(lambda: len(watch.told("connected")) == 2)
+            await watch.heard("FIC101", 5)
+        return watch
+
+    watch = asyncio.run(run())
+    values = [v for v in watch.of("FIC101") if v.good]
+    assert len(gaps(values, 0.1)) == 1 and ascending(values)
+    assert not watch.told("backfilled")
+
+
+@pytest.mark.slow
+def test_a_watch_that_was_interrupted_has_what_one_that_was_not_has():
+    async def run():
+        async with SimPlant(2, scan=0.05, most=20) as plant, Watch(plant) as whole:
+            async with Watch(plant) as first:
+                await first.heard("PIC102", 20)
+            await asyncio.sleep(1.5)  # several answers of the history, 20 values each
+            since = {(v.loop, v.signal): v.time for v in first.values}
+            async with Watch(plant, since) as second:
+                await second.until(lambda: second.told("backfilled"))
+                await second.heard("PIC102", 40)
+                end = second.of("PIC102")[-1].time
+                await whole.until(lambda: whole.of("PIC102")[-1].time >= end)
+        return whole, first, second, end
+
+    whole, first, second, end = asyncio.run(run())
+    joined = first.values + second.values
+    for loop in ("FIC101", "PIC102"):
+        for which in (Signal.SP, Signal.PV, Signal.OP, Signal.MODE):
+            mine = [v for v in joined if v.loop == loop and v.signal is which and v.good and v.time <= end - 0.2]
+            theirs = [v for v in whole.of(loop, which) if v.good and mine[0].time <= v.time <= end - 0.2]
+            assert mine == theirs
+
+
+@pytest.mark.slow
+def test_a_history_that_gives_more_than_was_asked(monkeypatch):
+    """Values outside of the range, in the wrong order and twice: none of them is handed on."""
+
+    async def more(self, node_id, start, end, most):
+        values, _ = await right(self, node_id, start, end, most)
+        if not values:
+            return values, None
+        outside = dataclasses.replace(values[0], SourceTimestamp=datetime.fromtimestamp(1e9, UTC))
+        ahead = dataclasses.replace(values[0], SourceTimestamp=datetime.fromtimestamp(end.timestamp() + 5, UTC))
+        return [outside, *values[::-1], *values, ahead], None
+
+    from glapp.service.plant import _History
+
+    right = _History.read_node_history
+    monkeypatch.setattr(_History, "read_node_history", more)
+
+    async def run():
+        async with SimPlant(1, scan=0.1) as plant:
+            await asyncio.sleep(1.0)
+            since = {("FIC101", Signal.PV): plant.time - 0.65, ("FIC101", Signal.SP): plant.time - 0.65}
+            async with Watch(plant, since) as watch:
+                await watch.heard("FIC101", 10)
+        return watch, since["FIC101", Signal.PV]
+
+    watch, since = asyncio.run(run())
+    values = watch.of("FIC101")
+    assert ascending(values) and not gaps(values, 0.1)
+    assert since < values[0].time <= since + 0.11
+    assert "outside of what was asked" in watch.told("outside")[0]
+
+
+@pytest.mark.slow
+def test_a_server_that_hangs_is_given_up_and_caught_up_with(tmp_path):
+    """It keeps its socket open and answers nothing: only its silence tells."""
+    port = free_port()
+    settings = tmp_path / "loops.toml"
+    command = [*GLAPP, "plant", "--loops", "1", "--scan", "0.1", "--port", str(port), "--settings", settings]
+    with subprocess.Popen(list(map(str, command)), stdout=subprocess.PIPE, text=True) as served:
+        try:
+            assert f":{port}/" in served.stdout.readline()
+
+            async def run():
+                plant = SimpleNamespace(url=read_connection(settings).url)
+                async with Watch(plant, loops=read_settings(settings), timeout=1.0) as watch:
+                    await watch.heard("FIC101", 10)
+                    os.kill(served.pid, signal.SIGSTOP)
+                    await watch.until(lambda: watch.told("lost"))
+                    os.kill(served.pid, signal.SIGCONT)
+                    await watch.until(lambda: len(watch.told("connected")) == 2)
+                    await watch.heard("FIC101", 10)
+                return watch
+
+            watch = asyncio.run(run())
+        finally:
+            os.kill(served.pid, signal.SIGCONT)
+            served.terminate()
+    values = [v for v in watch.of("FIC101") if v.good]
+    assert ascending(values) and not gaps(values, 0.1)
+    assert {e.kind for e in watch.events} <= {"connected", "lost", "backfilled"}
+
+
+@pytest.mark.slow
+def test_nobody_there_is_told_once():
+    async def run():
+        events = []
+        loops = [Loop(name="A", opcua={"pv": "i=1", "sp": "i=2"})]
+        source = OpcUa(Connection(url=f"opc.tcp://127.0.0.1:{free_port()}"), loops)
+        with contextlib.suppress(TimeoutError):
+            await asyncio.wait_for(source.run(lambda values: None, events.append), 2.5)
+        return events
+
+    events = asyncio.run(run())
+    assert [e.kind for e in events] == ["lost"] and "nobody listens there" in events[0].text
+
+
+@served
+def test_a_tag_that_is_not_there_and_a_mode_that_is_not_known(shared):
+    async def run(plant):
+        one, two, three, *_ = parse_settings(plant.settings(), "loops.toml", Path())
+        tags = one.opcua.model_copy(update={"op": node("FIC101.NONE")})
+        wrong = one.model_copy(update={"opcua": tags, "auto_values": None})
+        of_none = two.model_copy(update={"opcua": two.opcua.model_copy(update={"op": "nsu=urn:none;s=x"})})
+        by_text = {**three.opcua.nodes, "mode": three.opcua.pv.replace("PV", "SP"), "sp": three.opcua.op}
+        unknown = Loop(name="TIC103", opcua={k: by_text[k] for k in ("sp", "pv", "mode")})
+        async with Watch(plant, loops=[wrong, of_none, unknown]) as watch:
+            await watch.heard("FIC101", 5)
+        return watch
+
+    watch = shared(run)
+    assert "FIC101.NONE: BadNodeIdUnknown" in watch.told("tag_missing", "FIC101")[0]
+    assert "PIC102 OP: the server has no namespace urn:none" in watch.told("tag_missing", "PIC102")[0]
+    assert all(v.value == 1.0 for v in watch.of("FIC101", Signal.MODE) if v.good), "1 is automatic by itself"
+    assert watch.of("TIC103", Signal.MODE)[-1].value == 0.0
+    assert "is not a mode known here" in watch.told("unknown_mode", "TIC103")[0]
+
+
+@served
+def test_a_taker_that_fails_is_not_the_connection(shared):
+    async def run(plant):
+        def take(values):
+            raise KeyError("mine")
+
+        watch = Watch(plant)
+        await asyncio.wait_for(watch.source.run(take, watch.events.append), 10.0)
+
+    with pytest.raises(KeyError, match="mine"):
+        shared(run)
+
+
+# ---------------------------------------------------------------- the queue
+
+
+def message(n, number, when=None):
+    seen = ua.DataValue(ua.Variant(1.0), SourceTimestamp=datetime.now(UTC))
+    part = ua.DataChangeNotification(MonitoredItems=[ua.MonitoredItemNotification(ClientHandle=0, Value=seen)] * n)
+    told = ua.NotificationMessage(SequenceNumber=number, PublishTime=datetime.now(UTC), NotificationData=[part])
+    return ua.PublishResult(SubscriptionId=1, NotificationMessage=told)
+
+
+def link(**connection):
+    return opcua._Link(None, Connection(url="opc.tcp://x:1", **connection))
+
+
+def test_an_overflow_of_the_queue_ends_the_connection_so_that_the_history_fills_it():
+    made = link(queue=100)
+    made.published(message(60, 1))
+    assert made.lost is None
+    made.published(message(60, 2))
+    assert made.overflow and made.lost == "more than 100 values wait to be taken; 60 are thrown away"
+    made.published(message(1, 3))
+    assert made.waiting == 60, "after the loss nothing is queued: it would come before what is missing"
+
+
+def test_a_missing_message_of_the_server_ends_the_connection():
+    made = link()
+    made.published(message(1, 4_294_967_295))
+    made.published(message(1, 1))
+    assert made.lost is None, "after the greatest number comes 1"
+    made.published(message(1, 3))
+    assert made.overflow and made.lost == "messages 2 to 2 of the server are missing"
+
+
+@served
+def test_the_servers_own_overflow_is_told(shared):
+    async def run(plant):
+        async with Watch(plant) as watch:
+            await watch.heard("FIC101", 3)
+            await plant._write(("FIC101", Signal.SP), time.time(), 50.0, 0x480)
+            await watch.until(lambda: watch.told("overflow"))
+        return watch
+
+    assert "FIC101 SP: the server has thrown values away" in shared(run).told("overflow", "FIC101")[0]
+
+
+# ---------------------------------------------------------------- values, without a server
+
+
+class Fed:
+    """A source that is handed values as if they came from a server."""
+
+    def __init__(self, tags=1):
+        loops = [Loop(name=f"L{i}", opcua={"pv": f"s=pv{i}", "sp": f"s=sp{i}"}) for i in range(tags)]
+        self.source, self.events = OpcUa(Connection(url="opc.tcp://p:1"), loops), []
+        self.source._tell_to = self.events.append
+        self.source._link = link()
+        for tag in self.source._tags:
+            tag.first = False
+        self.begin = math.floor(time.time()) - 100.0
+
+    def __call__(self, t, value=1.0, status=0, tag=0):
+        at = datetime.fromtimestamp(self.begin + t, UTC)
+        seen = ua.DataValue(ua.Variant(value), ua.StatusCode(status), at)
+        [item] = [ua.MonitoredItemNotification(ClientHandle=2 * tag + 1, Value=seen)]
+        return self.source._values([item], live=True)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_what_is_no_finite_number_is_not_good(value):
+    [one] = Fed()(1.0, value)
+    assert not one.good and math.isnan(one.value) and one.note == "not a finite number"
+
+
+@pytest.mark.parametrize(
+    ("status", "note"),
+    [(0x8000_0000, "Bad"), (0x4093_0000, "UncertainSensorNotAccurate"), (0x8031_0000, "BadNoCommunication")],
+)
+def test_only_good_is_good(status, note):
+    [one] = Fed()(1.0, 50.0, status)
+    assert (one.good, one.note) == (False, note) and math.isnan(one.value)
+
+
+def test_a_status_that_changes_without_a_new_time_is_handed_on():
+    """A server that loses a device often leaves the time stamp as it was: the value must not stay good."""
+    fed = Fed()
+    [good], [bad], [again] = fed(1.0, 50.0), fed(1.0, 50.0, 0x8031_0000), fed(1.0, 50.0)
+    assert (good.good, bad.good, again.good) == (True, False, True)
+    assert good.time < bad.time < again.time < good.time + 0.01
+    assert fed(1.0, 50.0) == [] and len(fed.events) == 1
+    assert fed(2.0, 51.0)
+
+
+def test_what_befalls_very_many_tags_is_told_together():
+    fed = Fed(100)
+    for tag in range(100):
+        assert fed(1e6, tag=tag) == []
+    assert len(fed.events) == 20
+    fed.source._flush(due=True)
+    assert len(fed.events) == 21
+    assert fed.events[-1].text.startswith("80 more tags, such as L99 PV: a time stamp is")
+
+
+def test_what_goes_on_is_counted(monkeypatch):
+    moment = 1000.0
+    monkeypatch.setattr(opcua.time, "monotonic", lambda: moment)
+    fed = Fed()
+    for _ in range(30):
+        fed(1e6)
+    assert len(fed.events) == 1
+    moment += 61.0
+    fed.source._flush(due=True)
+    assert fed.events[1].text.endswith("(29 values in all)")
+
+
+@pytest.mark.parametrize("steps", range(5))
+def test_a_cancellation_is_not_lost_where_a_message_comes_with_it(steps):
+    """With wait_for of Python 3.11 the service went on listening after it was told to end."""
+
+    async def run():
+        fed = Fed()
+        task = asyncio.create_task(fed.source._hand_on(fed.source._link, lambda values: None))
+        await asyncio.sleep(0.01)
+        fed.source._link.wake.set()
+        for _ in range(steps):
+            await asyncio.sleep(0)
+        task.cancel()
+        await asyncio.wait([task], timeout=3.0)
+        return task.cancelled()
+
+    assert asyncio.run(run())
+
+
+def test_one_late_value_does_not_look_like_a_clock_that_is_set_back():
+    fed = Fed()
+    for t in (10.0, 3.0, 11.0, 4.0, 12.0, 5.0, 13.0):
+        fed(t)
+    assert {e.kind for e in fed.events} == {"late"}
+
+
+def test_the_clock_of_this_computer_never_goes_back(monkeypatch):
+    now, moment = 1e9, 100.0
+    monkeypatch.setattr(opcua.time, "time", lambda: now)
+    monkeypatch.setattr(opcua.time, "monotonic", lambda: moment)
+    clock = opcua._Clock()
+    moment += 10.0
+    now += 10.0 - 3600.0
+    assert clock.now() == 1e9 + 10.0
+    assert clock.set_back() == 3600.0
+    assert clock.set_back() == 0.0, "told once"
+    now += 7200.0
+    assert clock.now() == 1e9 + 10.0 + 3600.0
+
+
+# ---------------------------------------------------------------- writing
+
+
+def refused(error):
+    return error.value.reason
+
+
+@served
+def test_writing(shared):
+    """What is written, what is refused, and what the plant does when we are silent."""
+    times = {}
+
+    async def run(plant):
+        async with Watch(plant) as watch:
+            source = watch.source
+
+            async def write(u_ff, loop="FIC101"):
+                await source.beat()
+                await source.write(loop, u_ff)
+
+            with pytest.raises(WriteRefused) as error:
+                await source.write("FIC101", 0.1)
+            assert refused(error) == "not_connected"
+            await watch.heard("FIC101", 5)
+            with pytest.raises(WriteRefused) as error:
+                await write(0.1)
+            assert refused(error) == "not_enabled"
+            with pytest.raises(WriteRefused) as error:
+                await write(0.1, "FIC999")
+            assert refused(error) == "not_named"
+
+            source.enable("FIC101")
+            assert source.enabled("FIC101") and not source.enabled("PIC102")
+            for wrong, why in ((math.nan, "not_a_number"), (math.inf, "not_a_number"), (3.1, "too_large")):
+                with pytest.raises(WriteRefused) as error:
+                    await write(wrong)
+                assert refused(error) == why
+            with pytest.raises(WriteRefused) as error:
+                await write(1.0)  # 0.5 %/s are allowed
+            assert refused(error) == "too_fast"
+            await asyncio.sleep(0.15)
+            await write(0.05)
+            assert (await source.read_back("FIC101")).value == 0.05
+            with pytest.raises(WriteRefused) as error:
+                await write(0.05, "PIC102")
+            assert refused(error) == "not_enabled"
+            await asyncio.sleep(0.3)
+            await write(0.1)
+            await watch.until(lambda: plant.u_ff("FIC101") == 0.1)
+            await write(0.0)  # towards 0 at any rate
+            await watch.until(lambda: plant.u_ff("FIC101") == 0.0)
+            await asyncio.sleep(0.2)
+            await write(0.1)
+            await watch.until(lambda: plant.u_ff("FIC101") == 0.1)
+
+            # we fall silent: the plant ramps it out by itself
+            begun = time.monotonic()
+            await watch.until(lambda: plant.u_ff("FIC101") < 0.1)
+            await source.beat()  # too late: a ramp that has begun goes on
+            await watch.until(lambda: plant.u_ff("FIC101") == 0.0)
+            times["zero"] = time.monotonic() - begun
+            with pytest.raises(WriteRefused) as error:
+                await write(0.1)
+            assert refused(error) == "other_writer" and not source.enabled("FIC101")
+            assert watch.told("other_writer", "FIC101")
+            with pytest.raises(WriteRefused) as error:
+                await write(0.0)
+            assert refused(error) == "other_writer", "until it is enabled anew"
+
+            # somebody else writes it
+            source.enable("FIC101")
+            await asyncio.sleep(0.2)
+            await write(0.05)
+            plant.fault("writer", "FIC101")
+            await watch.until(lambda: plant.u_ff("FIC101") >= 1.0)
+            with pytest.raises(WriteRefused) as error:
+                await write(0.05)
+            assert refused(error) == "other_writer"
+
+            # a lost connection takes the right away
+            source.enable("FIC101")
+            source._link.end("lost on purpose")
+            await watch.until(lambda: watch.told("withdrawn", "FIC101"))
+            await watch.until(lambda: len(watch.told("connected")) == 2)
+            await watch.heard("FIC101", 5)
+            assert not source.enabled("FIC101")
+
+            # what was found may only go to 0
+            await source.beat()
+            plant.fault("writer", "FIC101")
+            await watch.until(lambda: plant.u_ff("FIC101") >= 1.0)
+            await source.beat()
+            for u_ff, why in ((2.5, "not_enabled"), (-0.1, "not_enabled")):
+                with pytest.raises(WriteRefused) as error:
+                    await write(u_ff)
+                assert refused(error) == why
+            for u_ff in (0.6, 0.0):
+                await write(u_ff)
+            await watch.until(lambda: plant.u_ff("FIC101") == 0.0)
+
+    shared(run)
+    assert times["zero"] >= 1.4  # the watchdog's time, less a scan
+
+
+def test_the_value_is_checked_as_the_node_holds_it():
+    assert opcua._as_written(0.1, ua.VariantType.Float) != 0.1
+    assert opcua._as_written(0.1, ua.VariantType.Double) == 0.1
+
+
+@served
+def test_a_plant_does_not_let_others_be_written(shared):
+    """Only u_FF and the watchdog are writable at the plant's side, too."""
+
+    async def run(plant):
+        async with Client(plant.url) as client:
+            index = await client.get_namespace_index(NAMESPACE)
+            tag = client.get_node(ua.NodeId("FIC101.SP", index))
+            with pytest.raises(ua.UaStatusCodeError, match="BadUserAccessDenied"):
+                await tag.write_value(1.0)
+            method = ua.NodeId("Fault", index)
+            answer = await client.nodes.objects.call_method(method, "none", "", 1.0)
+            assert "must be one of silent, bad" in answer
+
+    shared(run)
+
+
+# ---------------------------------------------------------------- security
+
+
+@pytest.fixture(scope="module")
+def certificates(tmp_path_factory):
+    """Three pairs of certificate and key: ours, the plant's, a stranger's."""
+    folder = tmp_path_factory.mktemp("pki")
+
+    async def make():
+        for name, use in (("ours", "CLIENT"), ("plant", "SERVER"), ("stranger", "SERVER")):
+            key, certificate = folder / f"{name}.pem", folder / f"{name}.der"
+            usage = [getattr(ExtendedKeyUsageOID, f"{use}_AUTH")]
+            await setup_self_signed_certificate(key, certificate, f"urn:glapp:{name}", "localhost", usage, {})
+
+    asyncio.run(make())
+    return folder
+
+
+@pytest.mark.slow
+def test_security(certificates, monkeypatch):
+    """Encrypted with the certificate that was carried here and the right password; anything else gets no value."""
+    monkeypatch.setenv("GLAPP_OPCUA_PASSWORD", "from the environment")
+    (certificates / "password").write_text("secret\n")
+    (certificates / "wrong").write_text("guess\n")
+    at = certificates
+    own = {"certificate": at / "ours.der", "private_key": at / "ours.pem"}
+    right = {"security": "Basic256Sha256", **own, "server_certificate": at / "plant.der", "user": "glapp"}
+
+    async def attempt(plant, **connection):
+        async with Watch(plant, **connection) as watch:
+            await watch.until(lambda: watch.told("lost") or len(watch.of("FIC101")) > 2)
+        return watch
+
+    async def run():
+        shown = Security(at / "plant.der", at / "plant.pem", {"glapp": "secret"})
+        async with SimPlant(1, scan=0.1, security=shown) as plant:
+            good = await attempt(plant, **right, password_file=at / "password")
+            assert good.values and not good.told("lost")
+            for policy in ("Aes128Sha256RsaOaep", "Aes256Sha256RsaPss"):
+                other = await attempt(plant, **{**right, "security": policy}, password_file=at / "password")
+                assert other.values and not other.told("lost"), policy
+            signed = {k: v for k, v in right.items() if k != "user"} | {"mode": "Sign"}
+            assert not (await attempt(plant, **signed)).values, "this plant asks for a user"
+            wrong = await attempt(plant, **right, password_file=at / "wrong")
+            assert not wrong.values and "BadUserAccessDenied" in wrong.told("lost")[0]
+            by_environment = await attempt(plant, **right)
+            assert not by_environment.values and "BadUserAccessDenied" in by_environment.told("lost")[0]
+            nobody = await attempt(plant, **{k: v for k, v in right.items() if k != "user"})
+            assert not nobody.values and nobody.told("lost")
+            readable = await attempt(plant)
+            assert not readable.values and readable.told("lost")
+            other = {**right, "server_certificate": at / "stranger.der", "password_file": at / "password"}
+            stranger = await attempt(plant, **other)
+            assert not stranger.values and stranger.told("lost")
+            other = {**right, "server_certificate": at / "none.der", "password_file": at / "password"}
+            missing = await attempt(plant, **other)
+            assert "none.der: there is no such file" in missing.told("lost")[0]
+
+    asyncio.run(run())
+
+
+# ---------------------------------------------------------------- settings
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("pv = 'FIC101.PV'", "loop FIC101, opcua.pv: is 'FIC101.PV', must be a node such as"),
+        ("position_ = 'i=1'", "loop FIC101, opcua.position_: no such key; did you mean position?"),
+        ("pv = 'i=1'\nu_ff = 'i=2'", "opcua.u_ff_limit: is required beside u_ff: nothing is written without it"),
+        ("pv = 'i=1'\nu_ff = 'i=2'\nu_ff_limit = 1\nu_ff_rate = 0", "opcua.u_ff_rate: is 0, must be > 0"),
+        ("pv = 'i=1'\nsp = 'i=1'", "opcua.sp: i=1 is named twice"),
+    ],
+)
+def test_tags_that_are_wrong(text, said):
+    with pytest.raises(InputError) as error:
+        parse_settings(f"[loops.FIC101.opcua]\n{text}", "loops.toml", Path())
+    assert str(error.value).startswith("loops.toml, loop FIC101") and said in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "opcua.url: is required"),
+        ("url = 'http://plant'", "opcua.url: string should match pattern"),
+        ("url = 'opc.tcp://user:word@plant'", "opcua.url: string should match pattern"),
+        ("url = 'opc.tcp://p:1'\nsecurty = 'None'", "opcua.securty: no such key; did you mean security?"),
+        ("url = 'opc.tcp://p:1'\nsecurity = 'Basic128'", "opcua.security: is 'Basic128', must be one of"),
+        ("url = 'opc.tcp://p:1'\nsecurity = 'Basic256Sha256'", "opcua.certificate: is required beside security"),
+        ("url = 'opc.tcp://p:1'\ncertificate = 'a'", "opcua.certificate: is given without a security policy"),
+        ("url = 'opc.tcp://p:1'\nuser = 'a'", "opcua.user: is 'a' without a security policy"),
+        ("url = 'opc.tcp://p:1'\ninterval = 0", "opcua.interval: is 0, must be > 0"),
+        ("url = 'opc.tcp://p:1'\nqueue = 1", "opcua.queue: is 1, must be ≥ 100"),
+    ],
+)
+def test_connections_that_are_wrong(tmp_path, text, said):
+    path = tmp_path / "loops.toml"
+    path.write_text(f"[opcua]\n{text}\n[loops.A]\n")
+    with pytest.raises(InputError) as error:
+        read_connection(path)
+    assert str(error.value).startswith(str(path)) and said in str(error.value)
+
+
+def test_a_file_without_a_connection(tmp_path):
+    path = tmp_path / "loops.toml"
+    path.write_text("[loops.A]\n")
+    assert read_connection(path) is None
+
+
+def test_files_are_beside_the_settings(tmp_path):
+    path = tmp_path / "loops.toml"
+    keys = "".join(f"{name} = 'pki/x'\n" for name in ("certificate", "private_key", "server_certificate"))
+    path.write_text(f"[opcua]\nurl = 'opc.tcp://p:1'\nsecurity = 'Basic256Sha256'\n{keys}")
+    assert read_connection(path).private_key == tmp_path / "pki/x"
+
+
+def test_nodes_that_are_written_are_nothing_else():
+    made = {"pv": "i=1", "sp": "i=2", "u_ff": "i=3", "u_ff_limit": 1, "u_ff_rate": 1}
+    connection = Connection(url="opc.tcp://p:1", watchdog="i=9")
+    for other, said in (
+        ({"pv": "i=3", "sp": "i=5"}, "loop B, opcua.pv: i=3 is also u_ff of A"),
+        ({**made, "pv": "i=4"}, "loop B, opcua.u_ff: i=3 is also u_ff of A"),
+        ({**made, "u_ff": "i=9"}, "loop B, opcua.u_ff: i=9 is also opcua.watchdog"),
+        ({"sp": "i=5"}, "loop B, opcua.pv: is required to watch a loop"),
+    ):
+        with pytest.raises(InputError) as error:
+            check_tags(connection, [Loop(name="A", opcua=made), Loop(name="B", opcua=other)])
+        assert str(error.value) == said
+
+
+def test_the_help_names_every_fault(monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "300")
+    monkeypatch.setattr(sys, "argv", ["glapp", "plant", "--help"])
+    with pytest.raises(SystemExit):
+        glapp.cli.main()
+    said = capsys.readouterr().out
+    assert all(re.search(rf"\b{kind}\b", said) for kind in (*FAULTS, "gone", "moved"))
+
+
+def test_the_page_names_every_key_every_fault_and_all_that_is_told():
+    page = (ROOT / "docs/plant.md").read_text(encoding="utf-8")
+    [example] = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
+    [loop] = parse_settings(example, "plant.md", Path())
+    check_tags(Connection(url="opc.tcp://p:1"), [loop])
+    told = set(re.findall(r"_(?:event|often|say)\(\"(\w+)\"", Path(opcua.__file__).read_text(encoding="utf-8")))
+    assert len(told) > 20
+    for word in (*Connection.model_fields, *Tags.model_fields, *FAULTS, *told):
+        assert f"`{word}`" in page, word
+
+
+# ---------------------------------------------------------------- the plant and the command line
+
+
+@pytest.mark.slow
+def test_a_plant_whose_time_is_behind_catches_up_and_wears():
+    async def run():
+        async with SimPlant(2, scan=600.0, speed=1e7, begin=10.0, history=1e7) as plant:
+            begun = time.time()
+            while plant.time < begun - 600.0:
+                assert time.time() - begun < 30.0
+                await asyncio.sleep(0.05)
+            times = plant._records["FIC101", Signal.PV].times
+            assert times[-1] <= time.time() and len(times) == pytest.approx(10 * 144, abs=3)
+            return plant.width("FIC101"), plant.width("PIC102")
+
+    assert asyncio.run(run()) == (pytest.approx(0.3 + 10 * 0.03, abs=0.001), 0.0)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [({"loops": 0}, "loops: is 0"), ({"scan": 0.0}, "scan: is 0.0, must be > 0"), ({"begin": -1}, "begin: is -1")],
+)
+def test_plants_that_cannot_be(wrong, said):
+    with pytest.raises(InputError, match=said):
+        SimPlant(**wrong)
+
+
+def test_a_fault_that_there_is_not():
+    plant = SimPlant(1)
+    with pytest.raises(InputError, match="fault: is 'fire', must be one of silent, bad"):
+        plant.fault("fire")
+    with pytest.raises(InputError, match="loop: there is no loop 'X'"):
+        plant.fault("bad", "X")
+
+
+@served
+def test_browsing_finds_the_loops(shared):
+    async def run(plant):
+        return plant, await browse(Connection(url=plant.url))
+
+    plant, found = shared(run)
+    loops, without = loops_of((one.path, one.node) for one in found)
+    assert list(loops) == plant.names
+    assert loops["FIC101"]["pv"] == node("FIC101.PV") and "u_ff" not in loops["FIC101"]
+    assert without == 9 * 3 + 1  # low, high and u_FF, and the watchdog
+    text = as_settings(Connection(url=plant.url), loops)
+    assert [loop.opcua.pv for loop in parse_settings(text, "x", Path())] == [node(f"{n}.PV") for n in loops]
+
+
+@pytest.mark.slow
+def test_the_command_serves_a_plant_and_finds_its_tags(tmp_path):
+    port = free_port()
+    settings = tmp_path / "loops.toml"
+    words = ["plant", "--loops", 2, "--port", port, "--settings", settings, "--fault", "0.1,bad,FIC101,9"]
+    with subprocess.Popen([*map(str, [*GLAPP, *words])], stdout=subprocess.PIPE, text=True) as served:
+        try:
+            assert "2 loops at opc.tcp://127.0.0.1" in served.stdout.readline()
+            assert served.stdout.readline() == "fault: bad in FIC101 for 9 s\n"
+            look = [*map(str, [*GLAPP, "tags", f"opc.tcp://127.0.0.1:{port}", "--find", "fic"])]
+            found = subprocess.run(look, capture_output=True, text=True, timeout=60, check=True)
+        finally:
+            served.send_signal(signal.SIGINT)
+        assert served.wait(20) == 0
+    assert f'pv = "{node("FIC101.PV")}"' in found.stdout and "PIC102" not in found.stdout
+    assert [loop.name for loop in read_settings(settings)] == ["FIC101", "PIC102"]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["plant", "--fault", "x"], "--fault: is 'x', must be AFTER,KIND[,LOOP[,SECONDS]]"),
+        (["plant", "--fault", "1,fire"], "--fault: there is no 'fire'; there are"),
+        (["plant", "--port", "0"], "--port: is 0, must be 1 to 65535"),
+        (["tags", "plant"], "'plant' is neither opc.tcp://host:port nor a loops.toml"),
+    ],
+)
+def test_wrong_command_lines(words, said, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["glapp", *words])
+    with pytest.raises(SystemExit) as end:
+        glapp.cli.main()
+    assert end.value.code == 2 and said in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_the_command_line_starts_without_asyncua():
+    look = "import sys, glapp, glapp.cli; print('asyncua' in sys.modules, 'cryptography' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", look], capture_output=True, text=True, timeout=60, check=True)
+    assert done.stdout == "False False\n"
+
+
+@pytest.mark.slow
+def test_a_port_that_is_taken_and_a_server_that_is_not_there(monkeypatch, capsys):
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        monkeypatch.setattr(sys, "argv", ["glapp", "plant", "--loops", "1", "--port", str(port)])
+        with pytest.raises(SystemExit) as end:
+            glapp.cli.main()
+    assert end.value.code == 1 and f"nobody can listen at opc.tcp://127.0.0.1:{port}/" in capsys.readouterr().err
+    monkeypatch.setattr(sys, "argv", ["glapp", "tags", f"opc.tcp://127.0.0.1:{port}"])
+    with pytest.raises(SystemExit) as end:
+        glapp.cli.main()
+    assert end.value.code == 1 and "cannot be looked through: nobody listens there" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_without_the_extra_it_says_what_to_install():
+    block = "import sys; sys.modules['asyncua'] = None; sys.argv = ['glapp', 'plant']; import glapp.cli as c; c.main()"
+    done = subprocess.run([sys.executable, "-c", block], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 1 and "pip install 'glapp[opcua]'" in done.stderr

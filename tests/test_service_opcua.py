@@ -743,6 +743,11 @@ def test_security(certificates, monkeypatch):
         async with SimPlant(1, scan=0.1, security=shown) as plant:
             good = await attempt(plant, **right, password_file=at / "password")
             assert good.values and not good.told("lost")
+            for policy in ("Aes128Sha256RsaOaep", "Aes256Sha256RsaPss"):
+                other = await attempt(plant, **{**right, "security": policy}, password_file=at / "password")
+                assert other.values and not other.told("lost"), policy
+            signed = {k: v for k, v in right.items() if k != "user"} | {"mode": "Sign"}
+            assert not (await attempt(plant, **signed)).values, "this plant asks for a user"
             wrong = await attempt(plant, **right, password_file=at / "wrong")
             assert not wrong.values and "BadUserAccessDenied" in wrong.told("lost")[0]
             by_environment = await attempt(plant, **right)
@@ -828,6 +833,15 @@ def test_nodes_that_are_written_are_nothing_else():
         with pytest.raises(InputError) as error:
             check_tags(connection, [Loop(name="A", opcua=made), Loop(name="B", opcua=other)])
         assert str(error.value) == said
+
+
+def test_the_help_names_every_fault(monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "300")
+    monkeypatch.setattr(sys, "argv", ["glapp", "plant", "--help"])
+    with pytest.raises(SystemExit):
+        glapp.cli.main()
+    said = capsys.readouterr().out
+    assert all(re.search(rf"\b{kind}\b", said) for kind in (*FAULTS, "gone", "moved"))
 
 
 def test_the_page_names_every_key_every_fault_and_all_that_is_told():

@@ -3,6 +3,7 @@
 import importlib.util
 import json
 import math
+import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -61,9 +62,14 @@ def test_file_follows_the_schema_and_explains_its_flags(path: Path) -> None:
     jsonschema.validate(file, read(VECTORS / "schema.json"))
     assert file["block"] == path.stem
     assert {flag for case in file["cases"] for flag in case["flags"]} == set(file["notes"])
+    nulls = set()
     for case in file["cases"]:
         assert len(case["input"]) == len(case["output"])
         assert all(math.isfinite(x) for x in flat(case["input"]) if x is not None)
+        for row in case["input"]:
+            row = row if isinstance(row, list) else [row]
+            nulls |= {name for name, x in zip(file["inputs"], row, strict=True) if x is None}
+    assert nulls == set(file.get("nulls", {}))
 
 
 def flat(values: list[Any]) -> Iterator[float | None]:
@@ -419,11 +425,40 @@ def pid_tuner(params: dict[str, float]) -> Callable[..., list[float]]:
     return update
 
 
+def auto_tuner_module(params: dict[str, float]) -> Callable[..., list[float]]:
+    named = {name: modules.Input() for name in ("x", "pv")} | {"valve": modules.Output()}
+    graph = modules.Graph(
+        0.2, named | {"tuner": modules.AutoTuner(**params)}, ["x -> tuner -> valve", "pv -> tuner.pv"]
+    )
+    numbers = read(VECTORS / "catalogue.json")["parameters"]
+    wish = 0.0
+
+    def update(
+        x: float, pv: float, run: float, flags: float, tracking: float, amplitude: float, h: float
+    ) -> list[float]:
+        nonlocal wish
+        refused = 0
+        try:
+            graph["tuner.amplitude"] = amplitude
+        except ValueError as error:
+            refused = next(numbers[name] for name in re.findall(r"(\w+) = ", str(error)))
+        if run != wish:
+            wish = graph["tuner.run"] = run
+        graph["valve.flags"], graph["valve.tracking"] = flags, tracking
+        graph.scan(x=x, pv=pv, h=h)
+        told = [graph[f"x.{name}"] for name in ("flags", "tracking")]
+        shown = [graph[f"tuner.{name}"] for name in ("phase", "stop", "ku", "tu", "kp", "kappa")]
+        return [graph["tuner.out"], *told, *shown[:2], refused, *shown[2:]]
+
+    return update
+
+
 # The outputs of these are exact, computed in rational numbers: a double may differ in its last digits.
 EXACT = {"tuning"}
 
 MAKERS = {
     "auto_tuner": auto_tuner,
+    "auto_tuner_module": auto_tuner_module,
     "backlash": backlash,
     "backlash_detection": backlash_detection,
     "compensation": compensation,

@@ -2043,6 +2043,94 @@ def _experiment(
     return case(comment, flags, params, rows, h[: len(rows)] if isinstance(h, list) else h)
 
 
+def auto_tuner_module(params: Params, h: Sequence[float], samples: Sequence[Sequence[float]]) -> list[list[float]]:
+    """The relay in a loop: it stands between a controller and what follows, and is told backward."""
+    module = _TunerModule(params)
+    return [module.scan(step, *row) for step, row in zip(h, samples, strict=True)]
+
+
+class _TunerModule:
+    """A relay that has the output for the time of an experiment, and hands it on else."""
+
+    def __init__(self, params: Params) -> None:
+        self.relay = _Relay(dict(params))
+        self.run, self.wish, self.told = False, 0.0, 0
+
+    def scan(
+        self, h: float, x: float, pv: float, run: float, flags: float, tracking: float, amplitude: float
+    ) -> list[float]:
+        relay, refused = self.relay, 0
+        if amplitude == 0.0 or abs(amplitude) > 1e30:
+            refused = 26
+        elif relay.params.get("d", 0.0) >= 4.0 * (abs(amplitude) / 3.0):
+            refused = 28
+        else:
+            relay.most, relay.sign = abs(amplitude), math.copysign(1.0, amplitude)
+            relay.reach = relay.most / 3.0
+            relay.step = 2.0 * relay.reach
+        if run != self.wish:
+            self.wish, self.run = run, run == 1.0
+        running = relay.phase in (relay.WAITING, relay.BALANCED, relay.BIASED)
+        active, y = running or self.run, x
+        if active:
+            if not running and math.isnan(x):
+                relay.start_anew(relay.op, relay.WAITING)
+                relay.abort(1)
+            elif not running:
+                relay.start(x)
+            bad = 2 if math.isnan(pv) else 0
+            op = relay.update(pv, h, self.told | (0 if self.run else 1) | bad)
+            self.run = relay.phase in (relay.WAITING, relay.BALANCED, relay.BIASED)
+            y = op if running or not math.isnan(x) else x
+        self.told = int(flags)
+        if active and not self.told & FLAG_NOT_AUTO:
+            flags, tracking = flags + FLAG_NOT_AUTO, relay.op
+        return [y, flags, tracking, relay.phase, relay.stop, refused, *relay.found]
+
+
+def auto_tuner_module_cases() -> Iterator[dict[str, Any]]:
+    """An experiment in a loop, its connections, settings that change on the way or are refused."""
+    usual = {"amplitude": 3.0, "wait": 4.0, "longest": 120.0, "max_h": 1.0}
+    usual |= {"pv_low": -9.0, "pv_high": 9.0, "op_low": 0.0, "op_high": 10.0}
+    yield _tuner_loop(
+        "an experiment, and the controller goes on", ["End"], usual, 400, end={i: {"x": 4.0} for i in range(360, 400)}
+    )
+    told = {i: {"flags": 4.0 if i < 5 else 9.0, "tracking": 0.5 * i, "run": 0.0} for i in range(3, 9)}
+    yield _tuner_loop("nothing runs", ["Handed"], usual, 12, end=told | {i: {"run": 0.0} for i in (9, 10, 11)})
+    yield _tuner_loop("ended by command", ["End"], usual, 60, end={i: {"run": 0.0} for i in range(50, 60)})
+    yield _tuner_loop("begun again", ["End"], usual, 90, end={i: {"run": 0.0} for i in range(50, 60)})
+    yield _tuner_loop("a limit reached further on", ["Told"], usual, 60, end={50: {"flags": 8.0}})
+    yield _tuner_loop("somebody else at the output", ["Told"], usual, 60, end={50: {"flags": 1.0, "tracking": 7.0}})
+    yield _tuner_loop("a limit further on before it begins", ["Told"], usual, 20, end={4: {"flags": 4.0}})
+    yield _tuner_loop("PV bad for a scan", ["NotANumber"], usual, 60, end={50: {"pv": NAN}})
+    yield _tuner_loop("no place to begin", ["NotANumber"], usual, 20, end={5: {"x": NAN}, 6: {"x": NAN}})
+    yield _tuner_loop("the controller's output lost meanwhile", ["NotANumber"], usual, 40, end={20: {"x": NAN}})
+    smaller = {i: {"amplitude": 2.0} for i in range(60, 420)}
+    yield _tuner_loop("a smaller amplitude on the way", ["Changed"], usual, 420, end=smaller)
+    turned = {i: {"amplitude": -3.0} for i in range(60, 120)}
+    yield _tuner_loop("an amplitude of the other sign on the way", ["Changed"], usual, 120, end=turned)
+    gap = usual | {"d": 0.8}
+    values = {40: 0.0, 41: 1e31, 42: -1e31, 43: 0.5, 44: -0.6, 45: 2.5}
+    refused = {i: {"amplitude": value} for i, value in values.items()}
+    yield _tuner_loop("settings refused on the way", ["Refused", "Overflow"], gap, 90, end=refused)
+
+
+def _tuner_loop(
+    comment: str, flags: list[str], params: Params, n: int, end: dict[int, dict[str, float]]
+) -> dict[str, Any]:
+    """Let the reference experiment on three lags from scan 5 on; PV to five decimals."""
+    module, process, x = _TunerModule(params), _Lags(1.0, 3), [0.0] * 3
+    random = Random(79)
+    rows = []
+    for i in range(n):
+        row = {"x": 5.0, "pv": round(x[-1] + 0.02 * (random.random() - 0.5), 5), "run": 1.0 if i >= 5 else 0.0}
+        row |= {"flags": 0.0, "tracking": 0.0, "amplitude": params["amplitude"]} | end.get(i, {})
+        rows.append(list(row.values()))
+        y = module.scan(0.2, *rows[-1])[0]
+        process.respond(x, 0.0 if math.isnan(y) else y - 5.0, 0.2)
+    return case(comment, flags, params, rows, h=0.2)
+
+
 TUNING_INPUTS = ("gain", "t", "t2", "l", "ku", "tu", "kappa", "wish")
 
 
@@ -2815,6 +2903,25 @@ BLOCKS: dict[
             "Compensation": "u_FF taken for the controller's own output, or a half-period worked off twice or never",
         },
     ),
+    "auto_tuner_module": (
+        auto_tuner_module,
+        auto_tuner_module_cases,
+        ["x", "pv", "run", "flags", "tracking", "amplitude"],
+        ["y", "flags", "tracking", "phase", "stop", "refused", "ku", "tu", "kp", "kappa"],
+        "The autotuner as a module: x from the controller, y to the valve. run begins an experiment where it becomes 1 "
+        "and ends it where it becomes 0. flags and tracking are told backward after the scan, and, as outputs, told on "
+        "to the controller. amplitude is set before the scan; refused: number of the parameter that is out of bounds "
+        "then, the last good set stays. phase, stop, ku, tu, kp, kappa as in auto_tuner.",
+        {
+            "End": "an output that is not where it was, or not handed on afterwards",
+            "Handed": "a value, a flag or a value in effect that is not handed on",
+            "Told": "a limit, or somebody else at the output, that is not seen, or of which nothing is told",
+            "NotANumber": "a bad value that is a place to begin, or that poisons the experiment",
+            "Changed": "a setting that acts with the next experiment only",
+            "Refused": "a setting out of bounds that acts, or that is not named",
+            "Overflow": "a setting beyond what is a measurement",
+        },
+    ),
     "pid_tuner": (
         pid_tuner,
         pid_tuner_cases,
@@ -3229,6 +3336,48 @@ BLOCKS: dict[
 }
 
 
+NULLS: dict[str, dict[str, str]] = {
+    "auto_tuner": {"pv": "no number", "start": "not given"},
+    "auto_tuner_module": {"x": "no number", "pv": "no number"},
+    "backlash": {"x": "no number"},
+    "backlash_detection": {"mode": "unchanged", "manual": "unchanged"},
+    "compensation": {
+        "e": "no number",
+        "u": "no number",
+        "d_hat": "not given",
+        "offered": "not given",
+        "hindered": "not given",
+    },
+    "detector": {"sp": "no number", "pv": "no number", "op": "no number"},
+    "foreign_detection": {"pv": "no number", "op": "no number", "back": "no number"},
+    "noise": {"x": "no number"},
+    "noise_level": {"x": "not given"},
+    "phase_lead": {"x": "no number"},
+    "pid": {"ysp": "no number", "yf": "no number", "u_manual": "not given"},
+    "pid_advanced": {"by": "no number", "mode": "unchanged", "manual": "unchanged"},
+    "pid_module": {
+        "pv": "no number",
+        "sp": "no number",
+        "ff": "no number",
+        "mode": "unchanged",
+        "own_sp": "unchanged",
+        "manual": "unchanged",
+        "tracking": "no number",
+    },
+    "pid_tuner": {"pv": "no number", "mode": "unchanged", "tune": "unchanged"},
+    "process_sim": {"x": "no number", "load": "no number"},
+    "rate_limit": {"x": "no number"},
+    "safety_net": {"previous": "not given", "d_hat": "not given"},
+    "saturation": {"x": "no number"},
+    "swing": {"op": "not given"},
+    "tuning": dict.fromkeys(("gain", "t", "t2", "l", "ku", "tu", "kappa", "wish"), "not given"),
+    "width": {"op_change": "not given"},
+    "wrong_sign": {"yf": "no number"},
+    "zero_crossing": {"e": "no number"},
+}
+"""What null means, input by input, where a case has one."""
+
+
 def case(comment: str, flags: list[str], params: Params, samples: list[Any], h: Any = None) -> dict[str, Any]:
     """Describe a case, without its outputs yet; h one number, one a sample, or None where the block has no time."""
     return {"comment": comment, "flags": flags, "params": params, "h": h, "input": samples}
@@ -3245,7 +3394,8 @@ def documents() -> dict[str, str]:
             timed = {} if h is None else {"h": h}
             output = reference(one["params"], steps, one["input"])
             done.append({"id": number} | one | timed | {"output": output})
-        head = {"block": block, "doc": doc, "inputs": inputs, "outputs": outputs, "notes": notes}
+        nulls = {"nulls": NULLS[block]} if block in NULLS else {}
+        head = {"block": block, "doc": doc, "inputs": inputs, "outputs": outputs} | nulls | {"notes": notes}
         texts[f"{block}.json"] = _text(head, done)
     return texts
 

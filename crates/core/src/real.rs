@@ -36,6 +36,8 @@ pub trait Real:
     /// A number beyond which nothing is a measurement; below it the integrals of a half-period stay finite. Literals of this size
     /// can be written for every controller: some compilers read them in 32 bits.
     const MOST: Self;
+    /// What of a quotient of two times counts as rounded off.
+    const SLIVER: Self;
 
     /// The nearest number to `x`.
     fn of(x: f64) -> Self;
@@ -72,13 +74,14 @@ pub trait Real:
 }
 
 macro_rules! real {
-    ($float:ty, $sum:ty, $most:expr) => {
+    ($float:ty, $sum:ty, $most:expr, $sliver:expr) => {
         impl Real for $float {
             type Sum = $sum;
             const ZERO: Self = 0.0;
             const ONE: Self = 1.0;
             const LARGEST: Self = <$float>::MAX;
             const MOST: Self = $most;
+            const SLIVER: Self = $sliver;
 
             #[inline(always)]
             fn of(x: f64) -> Self {
@@ -98,5 +101,5 @@ macro_rules! real {
     };
 }
 
-real!(f32, Carried, 1e12);
-real!(f64, f64, 1e30);
+real!(f32, Carried, 1e12, 1e-5);
+real!(f64, f64, 1e30, 1e-9);

@@ -489,6 +489,42 @@ fn compensation_leaves_half_of_the_rate_to_the_controller() {
     }
 }
 
+/// Without a rate the output moves freely, however short a scan is; in `f32` the largest number times 1e-30 s is not large.
+#[test]
+fn no_rate_limits_no_scan() {
+    let pid = Pid::<f32>::new(PidSettings { td: 1.0, ..PidSettings::ideal(1.0, 10.0, 1.0) }).unwrap();
+    let mut s = PidState::default();
+    let mut u = 0.0;
+    for (pv, h) in [(0.0, 0.1), (0.0, 0.1), (-1.0, 1e-30)] {
+        u = pid.forward(&mut s, pv.into(), 0.0.into(), 0.0.into(), h).value;
+    }
+    assert!(u > 1e29, "{u}");
+}
+
+/// A derivative of the setpoint beyond the numbers does not take the output with it.
+#[test]
+fn a_step_of_the_setpoint_beyond_the_numbers_is_no_kick() {
+    let pid = Pid::<f64>::new(PidSettings { c: 1.0, k: 1e200, ..PidSettings::ideal(1e200, 10.0, 1.0) }).unwrap();
+    let mut s = PidState::default();
+    for sp in [0.0, 0.0, 1e150, 0.0] {
+        s.sp = sp;
+        assert!(pid.forward(&mut s, 0.0.into(), 0.0.into(), 0.0.into(), 0.1).value.is_finite());
+    }
+}
+
+#[test]
+fn where_scans_were_missed_the_filter_begins_anew() {
+    let pid = Pid::new(PidSettings { tf: 5.0, ..PidSettings::ideal(1.0, 10.0, 0.0) }).unwrap();
+    let mut s = PidState::default();
+    let scan = |s: &mut PidState<f64>, pv: f64, h: f64| {
+        pid.forward(s, pv.into(), 0.0.into(), 0.0.into(), h);
+        (s.yf, s.error)
+    };
+    scan(&mut s, 20.0, 0.1);
+    s.missed();
+    assert_eq!(scan(&mut s, 80.0, -1.0), (80.0, GAP));
+}
+
 #[test]
 fn feed_forward_goes_through_and_within_the_limits() {
     let mut rig = Rig::new(settings());

@@ -121,6 +121,40 @@ fn auto_tuner() {
 }
 
 #[test]
+fn auto_tuner_module() {
+    for case in cases("auto_tuner_module") {
+        let settings = |amplitude| AutoTunerSettings {
+            amplitude,
+            hysteresis: case.param("hysteresis"),
+            d: case.or("d", 0.0),
+            wait: case.given("wait"),
+            longest: case.given("longest"),
+            max_h: case.given("max_h"),
+            pv: (case.given("pv_low"), case.given("pv_high")),
+            op: (case.given("op_low"), case.given("op_high")),
+        };
+        let mut module = modules::AutoTuner::new(settings(case.given("amplitude"))).unwrap();
+        let (mut s, mut wish) = (modules::AutoTunerState::default(), 0.0);
+        case.check_all(|x, h| {
+            let &[x, pv, run, flags, tracking, amplitude] = x else { panic!("six inputs") };
+            let refused = modules::AutoTuner::new(settings(amplitude)).map(|new| module = new);
+            let refused = refused.err().map_or(0, |error| error.number().unwrap());
+            if run != wish {
+                (wish, s.run) = (run, run == 1.0);
+            }
+            let y = module.forward(&mut s, x.into(), pv.into(), h).value;
+            let told = module.backward(&mut s, Backward { flags: flags as u16, tracking, ..Backward::default() });
+            let e = &s.experiment;
+            let stands = [y, told.flags.into(), told.tracking, f64::from(e.phase as u8), f64::from(e.stop as u8)];
+            let unknown = f64::NAN;
+            let found =
+                e.found.map_or([unknown; 4], |f| [f.ku, f.tu, f.kp.unwrap_or(unknown), f.kappa.unwrap_or(unknown)]);
+            Some([&stands[..], &[refused.into()], &found].concat())
+        });
+    }
+}
+
+#[test]
 fn backlash() {
     for case in cases("backlash") {
         let block = Backlash::new(case.given("d")).unwrap();

@@ -694,12 +694,14 @@ impl Scope<'_, '_> {
     }
 }
 
-/// The standard conversions of the subset, which lose nothing.
+/// The standard conversions of the subset: nothing is lost, but that DINT is rounded once to REAL.
 fn conversion(name: &str) -> Option<(Ty, Ty)> {
     Some(match name {
         "INT_TO_DINT" => (Ty::Int, Ty::Dint),
         "INT_TO_REAL" => (Ty::Int, Ty::Real),
         "INT_TO_LREAL" => (Ty::Int, Ty::Lreal),
+        "DINT_TO_REAL" => (Ty::Dint, Ty::Real),
+        "DINT_TO_LREAL" => (Ty::Dint, Ty::Lreal),
         _ => return None,
     })
 }

@@ -303,6 +303,8 @@ impl<'r> Run<'r> {
                     (Value::Int(x), Ty::Dint) => Ok(Value::Dint(x.into())),
                     (Value::Int(x), Ty::Real) => Ok(Value::Real(x.into())),
                     (Value::Int(x), Ty::Lreal) => Ok(Value::Lreal(x.into())),
+                    (Value::Dint(x), Ty::Real) => Ok(Value::Real(x as f32)),
+                    (Value::Dint(x), Ty::Lreal) => Ok(Value::Lreal(x.into())),
                     (value, to) => self.stop(format!("{value:?} to {to:?}")),
                 }
             }

@@ -21,6 +21,7 @@ from .init import init
 from .plant import plant, tags
 from .screen import CommandError, examples, out, say_error
 from .thesis import thesis
+from .watch import watch
 
 __all__ = ["app", "main"]
 
@@ -61,7 +62,7 @@ app.command(epilog=examples("glapp demo demo"))(demo)
 app.command(
     epilog=examples(
         "glapp plant --settings loops.toml",
-        "glapp plant --loops 20 --days 90 --scan 60 --speed 20000",
+        "glapp plant --days 90 --scan 60 --speed 20000 --history 2400",
         "glapp plant --fault 60,bad,FIC101,30 --fault 120,gone,,300",
     )
 )(plant)
@@ -69,6 +70,8 @@ app.command(
     epilog=examples("glapp tags opc.tcp://plant:4840 -o loops.toml", "glapp tags loops.toml --find FIC --find PIC")
 )(tags)
 app.command(epilog=examples("glapp thesis 5.1", "glapp thesis 1.2 'Table 8.1' --out figures"))(thesis)
+
+app.add_typer(watch, name="watch")
 
 
 def _version(asked: bool) -> None:

@@ -84,13 +84,23 @@ def plant(
     ] = 10.0,
     ramp: Annotated[float, typer.Option(metavar="S", help="How long that takes.")] = 30.0,
     seed: Annotated[int, typer.Option(metavar="N", help="Of noise and disturbances.")] = 1,
-    fresh: Annotated[bool, typer.Option("--fresh", help="New time stamps in every scan for SP and mode too.")] = False,
+    fresh: Annotated[
+        bool, typer.Option("--fresh", metavar="", help="New time stamps in every scan for SP and mode too.")
+    ] = False,
     fault: Annotated[
         list[str] | None,
-        typer.Option(metavar="AFTER,KIND[,LOOP[,SECONDS]]", help="What goes wrong and when; may be repeated."),
+        typer.Option(
+            metavar="AFTER,KIND[,LOOP[,SECONDS]]",
+            help="What goes wrong after how many seconds, in a loop or in all, for how long; may be repeated. Loops: "
+            "silent, bad, stuck, future, late, duplicate, type, back, manual, writer. The server itself: gone, moved.",
+        ),
     ] = None,
 ) -> None:
-    """Serve a simulated plant by OPC UA: loops with gaps, wear, noise, disturbances, history and faults on request."""
+    """Serve a simulated plant by OPC UA: loops with gaps, wear, noise, disturbances, history and faults on request.
+
+    The controller of each loop adds what is written to its node U_FF, and takes it away by itself when the node
+    Watchdog stands still. docs/plant.md tells the rest.
+    """
     if not 1 <= port <= 65535:
         raise CommandError(f"--port: is {port}, must be 1 to 65535")
     wanted = [_fault(text) for text in fault or []]

@@ -193,6 +193,11 @@ impl<R: Real> PidState<R> {
         }
     }
 
+    /// Scans were missed: the filter of PV starts anew at the next one that is good. Whoever knows of it hands that scan an h below 0.
+    pub fn missed(&mut self) {
+        self.filter.started = false;
+    }
+
     /// The output without the feed-forward.
     pub fn feedback(&self) -> R {
         self.output - self.ff
@@ -278,7 +283,7 @@ impl<R: Real> Pid<R> {
         if by_hand {
             s.ysp = if error & BAD == 0 { s.yf.into() } else { s.ysp };
         } else if error & (BLIND | BAD_SP) == 0 {
-            let step = sp_rate * h;
+            let step = reach(sp_rate, h);
             s.ysp = if s.status == NEW { s.yf.into() } else { s.ysp };
             s.ysp.approach(s.sp, step);
         }
@@ -310,7 +315,9 @@ impl<R: Real> Pid<R> {
                     s.law.integral = before.integral.moved_to(s.law.integral.value());
                 }
                 if self.settings.c > R::ZERO && td > R::ZERO {
-                    weighted = k * td / h * (self.settings.c * (ysp - ysp_before));
+                    let kick = k * td / h * (self.settings.c * (ysp - ysp_before));
+                    // One beyond the numbers would take the integral with it.
+                    weighted = if kick.is_number() { kick } else { R::ZERO };
                 }
             }
             let beyond = s.ff + weighted;
@@ -378,9 +385,15 @@ impl<R: Real> Pid<R> {
     /// Where the output may go within this scan: no further towards a limit that was reported, no faster than the rate.
     #[inline(always)]
     fn band(&self, s: &PidState<R>, limits: Saturation<R>, reported: Status, h: R) -> Saturation<R> {
-        let step = if h > R::ZERO { self.settings.rate * h } else { R::ZERO };
+        let step = if h > R::ZERO { reach(self.settings.rate, h) } else { R::ZERO };
         let up = if reported & AT_HIGH != 0 { R::ZERO } else { step };
         let down = if reported & AT_LOW != 0 { R::ZERO } else { step };
         Saturation { low: limits.update(s.output - down), high: limits.update(s.output + up) }
     }
+}
+
+/// How far a rate leads in `h` \[s\]; the largest number is none, however short the time.
+#[inline(always)]
+fn reach<R: Real>(rate: R, h: R) -> R {
+    if rate < R::LARGEST { rate * h } else { rate }
 }

@@ -51,19 +51,19 @@ impl<R: Real, const N: usize> ProcessSim<R, N> {
     /// Static `gain` ≠ 0 [output per input], lags `t1`, `t2` ≥ 0 \[s\], `dead_time` ≥ 0 \[s\], scan time `h` > 0 \[s\].
     pub fn new(gain: R, t1: R, t2: R, dead_time: R, h: R) -> Result<Self, ParameterError> {
         require("h", h, h > R::ZERO, "greater than 0 s")?;
-        let steps = require("dead_time", dead_time, dead_time >= R::ZERO, "0 s or greater")?.as_f64() / h.as_f64();
+        let steps = require("dead_time", dead_time, dead_time >= R::ZERO, "0 s or greater")? / h;
         let bound = "at most what the module remembers, N − 2 scans";
-        require("dead_time", dead_time, steps <= N as f64 - 2.0, bound)?;
+        require("dead_time", dead_time, steps <= R::of(N as f64 - 2.0), bound)?;
         // A dead time meant as a multiple of h must not become a scan less and a sliver.
-        let whole = (steps + 1e-9) as usize;
-        let part = steps - whole as f64;
+        let whole = (steps + R::SLIVER).as_f64() as usize;
+        let part = steps - R::of(whole as f64);
         let share = |name, t: R| Ok(h / (require(name, t, t >= R::ZERO, "0 s or greater")? + h));
         Ok(Self {
             gain: require("gain", gain, gain != R::ZERO, "a number other than 0")?,
             a1: share("t1", t1)?,
             a2: share("t2", t2)?,
             whole,
-            part: R::of(if part > 1e-9 { part } else { 0.0 }),
+            part: if part > R::SLIVER { part } else { R::ZERO },
         })
     }
 
@@ -154,6 +154,17 @@ mod tests {
         // As long as it can be: the ring goes round.
         let long = at(6.2);
         assert_eq!(none[..100], long[62..162]);
+    }
+
+    /// In `f32` 0.7/0.1 is 6.9999995: seven scans all the same.
+    #[test]
+    fn dead_time_in_single_precision_is_no_scan_less() {
+        for scans in 0_u8..=62 {
+            let dead_time = (f64::from(scans) * 0.1) as f32;
+            let process = ProcessSim::<f32, 64>::new(1.0, 0.0, 0.0, dead_time, 0.1).unwrap();
+            assert_eq!((process.whole, process.part), (scans.into(), 0.0));
+        }
+        assert!((ProcessSim::<f32, 64>::new(1.0, 0.0, 0.0, 0.25, 0.1).unwrap().part - 0.5).abs() < 1e-6);
     }
 
     #[test]

@@ -15,7 +15,7 @@ use crate::{ParameterError, Real, Sum};
 /// A step of x shows (lead + h)/(lag + h) times as high: this is by what the compensator multiplies jumps, and nearly by what it
 /// multiplies fast noise. With lead = lag it passes the signal on, bit for bit.
 ///
-/// It begins at rest at its first input. An input that is no number, or a step h that is not above 0, leaves the output where it is.
+/// It begins at rest at its first input. An input that is no number, or a step h that is not above 0 or no number, leaves the output where it is.
 ///
 /// ```
 /// use glapp_core::{PhaseLead, PhaseLeadState};
@@ -68,7 +68,7 @@ impl<R: Real> PhaseLead<R> {
             }
             return x;
         }
-        if h > R::ZERO && x.is_number() {
+        if h > R::ZERO && h.is_number() && x.is_number() {
             let away = state.lagged.to(x);
             state.output = x + away * (self.more / (self.lag + h));
             state.lagged.add(away * (h / (self.lag + h)));
@@ -100,7 +100,7 @@ mod tests {
         lead.update(&mut state, 1.0, 1.0);
         let y = lead.update(&mut state, 2.0, 1.0);
         assert_eq!(y, 3.5);
-        for (x, h) in [(f64::NAN, 1.0), (f64::INFINITY, 1.0), (9.0, 0.0), (9.0, -1.0)] {
+        for (x, h) in [(f64::NAN, 1.0), (f64::INFINITY, 1.0), (9.0, 0.0), (9.0, -1.0), (9.0, f64::INFINITY)] {
             assert_eq!(lead.update(&mut state, x, h), y);
         }
     }

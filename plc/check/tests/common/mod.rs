@@ -3,6 +3,7 @@
 
 pub mod blocks;
 pub mod compensate;
+pub mod control;
 pub mod cover;
 pub mod detection;
 pub mod detector;

@@ -1,0 +1,102 @@
+"""What a thousand loops at 1 Hz cost the whole service: `python -m bench.service_load [loops] [seconds]`.
+
+The plant is a process of its own. This process connects by OPC UA, and runs rows, detectors and memory; what it needs
+of the processor is told in parts.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import resource
+import subprocess
+import sys
+import time
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from glapp.reading.settings import read_settings
+from glapp.service.connection import read_connection
+from glapp.service.memory import Memory
+from glapp.service.opcua import OpcUa
+from glapp.service.plant import free_port
+from glapp.service.watch import Bounds, Watch
+
+
+class _Measured(Watch):
+    """Counts the processor time of its parts."""
+
+    took = 0.0
+    worked = 0.0
+    count = 0
+
+    def take(self, values: Any) -> None:
+        begun = time.thread_time()
+        super().take(values)
+        self.took += time.thread_time() - begun
+        self.count += len(values)
+
+    def _work(self, entry: Any, *, tell: bool = True) -> Any:
+        begun = time.thread_time()
+        halves = super()._work(entry, tell=tell)
+        self.worked += time.thread_time() - begun
+        return halves
+
+
+def _resident() -> float:
+    """What this process has in memory now [MB]."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize() / 2**20
+
+
+async def _watch(settings: Path, folder: Path, seconds: float) -> None:
+    connection, loops = read_connection(settings), read_settings(settings)
+    assert connection is not None
+    watch = _Measured(loops, Memory(folder), bounds=Bounds(save=60.0))
+    task = asyncio.create_task(watch.run(OpcUa(connection, loops)))
+    while not watch.count and not task.done():
+        await asyncio.sleep(0.5)
+    await asyncio.sleep(15.0)
+    watch.took = watch.worked = watch.count = 0
+    cpu, begun = time.process_time(), time.monotonic()
+    memory = [_resident()]
+    while time.monotonic() - begun < seconds and not task.done():
+        await asyncio.sleep(min(60.0, seconds / 4))
+        memory.append(_resident())
+        passed = time.monotonic() - begun
+        print(
+            f"{passed:5.0f} s: {watch.count / passed:.0f} values/s, "
+            f"{(time.process_time() - cpu) / passed:.1%} of a core, of that {watch.took / passed:.1%} taking, "
+            f"{watch.worked / passed:.1%} rows and detectors; "
+            f"{memory[-1]:.0f} MB, {watch.status()['waiting']} entries wait",
+            flush=True,
+        )
+    task.cancel()
+    with contextlib.suppress(asyncio.CancelledError):
+        await task
+    for event in watch.reader.events():
+        print(f"  {event['kind']}: {event['text']}")
+    size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+    print(f"{size / 2**20:.1f} MB on disk")
+    watch.memory.close()
+
+
+def main() -> None:
+    """Watch a simulated plant."""
+    numbers = [float(word) for word in sys.argv[1:]]
+    loops, seconds = int(numbers[0]) if numbers else 1000, numbers[1] if len(numbers) > 1 else 120.0
+    with TemporaryDirectory() as name:
+        settings = Path(name) / "loops.toml"
+        words = ["plant", "--loops", str(loops), "--port", str(free_port()), "--settings", str(settings), "--fresh"]
+        command = [sys.executable, "-c", "from glapp.cli import main; main()", *words, "--history", "0"]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as plant:
+            try:
+                assert plant.stdout is not None
+                plant.stdout.readline()
+                asyncio.run(_watch(settings, Path(name) / "data", seconds))
+            finally:
+                plant.terminate()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,517 @@
+"""`glapp watch`: the service beside a plant, and what is asked of it."""
+
+from __future__ import annotations
+
+import asyncio
+import importlib
+import json
+import logging
+import math
+import os
+import signal
+import time
+from collections.abc import Awaitable, Sequence
+from contextlib import AsyncExitStack, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.table import Table
+from typer.core import TyperGroup
+
+from ..errors import InputError
+from ..escape import one_line
+from .screen import CommandError, examples, key_values, out, say_note, styled
+
+if TYPE_CHECKING:
+    from ..loop import Loop
+    from ..service.watch import Bounds
+
+__all__ = ["watch"]
+
+_HURRY = 20_000.0
+"""Seconds of a simulated plant per second, until it has caught up with the clock on the wall."""
+
+TOKEN = "GLAPP_TOKEN"
+"""The environment's variable that may hold a token of the door."""
+
+_DOOR = "http://127.0.0.1:8107"
+"""Where the door is, where nothing else is said."""
+
+
+class _Group(TyperGroup):
+    """`glapp watch loops.toml` is `glapp watch run loops.toml`: what is no command's name is what is to be watched."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        if args and args[0] not in self.commands and args[0] not in ctx.help_option_names:
+            args = ["run", *args]
+        return super().parse_args(ctx, args)
+
+
+watch = typer.Typer(
+    cls=_Group,
+    no_args_is_help=True,
+    rich_markup_mode="rich",
+    help=f"""\
+Watch the loops of a plant for years: run their detectors on what its OPC UA server tells, fit all that was recorded \
+every night, and compensate where an engineer has enabled it. Everything is kept in one folder.
+
+[bold]Begin[/bold]
+
+{examples("glapp tags opc.tcp://plant:4840 -o loops.toml", "glapp watch loops.toml --data plant")}
+
+[bold]Look[/bold]
+
+{examples("glapp watch status --data plant", "glapp watch events --data plant", "glapp watch backup p.db --data plant")}
+
+[bold]Ask, in your own name[/bold]
+
+{examples("glapp watch login engineer", "glapp watch users add anna --role operator", "glapp watch enable FIC101")}
+""",
+    epilog="The first user is engineer, whose password stands in first-login.txt of the folder. "
+    "docs/service.md has all of it.",
+)
+
+Data = Annotated[Path, typer.Option("--data", metavar="DIR", help="Folder of the database and the signals.")]
+Url = Annotated[str, typer.Option("--door", metavar="URL", help="Where the service's door is.")]
+User = Annotated[
+    str | None, typer.Option("--user", metavar="NAME", help=f"Who asks; else the token in {TOKEN}, or that of `login`.")
+]
+
+
+def _need(*names: str) -> None:
+    """Say what to install where it is missing."""
+    for name in names:
+        try:
+            importlib.import_module(name)
+        except ModuleNotFoundError as error:
+            if error.name != name:
+                raise
+            raise InputError(f"glapp watch needs {name}", hint="pip install 'glapp[service]'") from None
+
+
+@watch.command(
+    epilog=examples(
+        "glapp watch loops.toml --data plant",
+        "glapp watch loops.toml --data plant --host 0.0.0.0 --certificate door.pem --key door.key",
+        "glapp watch --demo",
+        "glapp watch --demo --days 90 --scan 60 --loops 2",
+    )
+)
+def run(
+    settings: Annotated[
+        Path | None, typer.Argument(metavar="LOOPS.TOML", help="The loops, and how their server is reached.")
+    ] = None,
+    data: Data = Path("glapp-data"),
+    demo: Annotated[
+        bool, typer.Option("--demo", metavar="", help="Watch a simulated plant, which is started beside.")
+    ] = False,
+    loops: Annotated[int, typer.Option(metavar="N", help="Loops of the simulated plant.")] = 5,
+    days: Annotated[
+        float, typer.Option(metavar="DAYS", help="How many days ago the simulated plant's time begins: it hurries.")
+    ] = 0.0,
+    scan: Annotated[float, typer.Option(metavar="S", help="Scan time of the simulated plant in s.")] = 1.0,
+    host: Annotated[str, typer.Option(metavar="ADDRESS", help="Address the door listens at.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(metavar="PORT", min=0, max=65535, help="Its port; 0: any free one.")] = 8107,
+    certificate: Annotated[Path | None, typer.Option(metavar="PEM", help="For TLS; needed beyond 127.0.0.1.")] = None,
+    key: Annotated[Path | None, typer.Option(metavar="PEM", help="Its key.")] = None,
+    keep: Annotated[int, typer.Option(metavar="DAYS", help="How long signals are kept.")] = 30,
+    fit_days: Annotated[int, typer.Option(metavar="DAYS", help="How far a fit looks back.")] = 7,
+    fit_hour: Annotated[int, typer.Option(metavar="H", help="Local hour at which the fits of the night begin.")] = 2,
+    wait: Annotated[float, typer.Option(metavar="S", help="How long a sample waits for values that come late.")] = 2.0,
+) -> None:
+    """Watch the loops of a loops.toml until it is stopped; this is what `glapp watch loops.toml` does."""
+    _need("argon2", "asyncua", "fastapi", "prometheus_client", "uvicorn")
+    logging.getLogger("asyncua").setLevel(logging.CRITICAL)  # what matters of it is told as an event
+    from ..service.watch import Bounds
+
+    if demo == (settings is not None):
+        raise CommandError("name a loops.toml, or say --demo")
+    period = scan if demo else 1.0
+    bounds = Bounds(
+        period=period,
+        lost=max(15.0, 3.0 * period),
+        keep=max(keep, int(days) + 1),
+        fit_days=fit_days,
+        fit_hour=fit_hour,
+        wait=wait,
+    )
+    door = {"host": host, "port": port, "certificate": certificate, "key": key}
+    plant = {"loops": loops, "days": days, "scan": scan} if demo else None
+    with suppress(KeyboardInterrupt):
+        asyncio.run(_serve(settings, data, bounds, door, plant))
+
+
+async def _serve(
+    settings: Path | None, data: Path, bounds: Bounds, door: dict[str, Any], demo: dict[str, Any] | None
+) -> None:
+    from ..reading.settings import parse_settings, read_settings
+    from ..service.connection import Connection, read_connection
+    from ..service.door import Door, app_of
+    from ..service.memory import Memory
+    from ..service.opcua import OpcUa
+    from ..service.plant import SimPlant
+    from ..service.users import Users, first_user
+    from ..service.watch import Watch
+
+    async with AsyncExitStack() as stack:
+        connection: Connection | None
+        if demo is not None:
+            days = demo["days"]
+            scan, speed = demo["scan"], 1.0 if days == 0 else _HURRY
+            plant = SimPlant(demo["loops"], scan=scan, begin=days, speed=speed, watchdog=5.0, ramp=10.0)
+            await stack.enter_async_context(plant)
+            known = parse_settings(plant.settings(), "the simulated plant", Path())
+            text = data / "demo.toml"
+            data.mkdir(parents=True, exist_ok=True)
+            text.write_text(plant.settings(), encoding="utf-8")
+            connection = read_connection(text)
+            if connection is not None and days > 0:  # a thousand values a second of each tag, while it hurries
+                connection = connection.model_copy(update={"samples": 10_000})
+            elif connection is not None:  # told soon after it was measured: u_FF must not come late
+                connection = connection.model_copy(update={"interval": min(1.0, scan / 2.0)})
+        else:
+            assert settings is not None
+            known = read_settings(settings)
+            connection = read_connection(settings)
+        if connection is None:
+            raise InputError("has no table [opcua]", file=str(settings), hint="write its url: `glapp tags` does")
+        memory = Memory(data)
+        stack.callback(memory.close)
+        if memory.found is not None:
+            say_note(memory.found)
+        first_user(memory, time.time())
+        one = Watch(known, memory, bounds=bounds, compensable=_compensable(known))
+        hosts = ("127.0.0.1", "localhost", "[::1]", door["host"])
+        opened = Door(app_of(one, Users(memory), hosts=hosts), **door)
+        source = OpcUa(connection, known, since=one.since())
+        (data / "door").write_text(opened.url, encoding="utf-8")
+        out.print(
+            f"Watching {len(known)} loops at {connection.url}; data in {data}, door at {opened.url}.", soft_wrap=True
+        )
+        first = data / "first-login.txt"
+        if first.exists():
+            out.print(f"The first user's name and password stand in {first}.", soft_wrap=True)
+        await _until_stopped(one.run(source), opened.open())
+
+
+def _compensable(loops: Sequence[Loop]) -> dict[str, tuple[float, float]]:
+    """The loops with a node for u_FF, with its limit and rate."""
+    found = {}
+    for loop in loops:
+        tags = loop.opcua
+        if tags.u_ff is not None and tags.u_ff_limit is not None and tags.u_ff_rate is not None:
+            found[loop.name] = (tags.u_ff_limit, tags.u_ff_rate)
+    return found
+
+
+async def _until_stopped(*work: Awaitable[None]) -> None:
+    """All of it, until one ends or fails, or the process is told to stop."""
+    tasks = [asyncio.ensure_future(one) for one in work]
+    stop = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    for name in ("SIGTERM", "SIGINT"):
+        with suppress(NotImplementedError, AttributeError):  # Windows stops it by KeyboardInterrupt
+            loop.add_signal_handler(getattr(signal, name), stop.set)
+    stopped = asyncio.ensure_future(stop.wait())
+    try:
+        done, _ = await asyncio.wait([*tasks, stopped], return_when=asyncio.FIRST_COMPLETED)
+        for task in done:
+            task.result()
+    finally:
+        for task in (*tasks, stopped):
+            task.cancel()
+        await asyncio.gather(*tasks, stopped, return_exceptions=True)
+
+
+@watch.command(epilog=examples("glapp watch status --data plant", "glapp watch status --json"))
+def status(
+    data: Data = Path("glapp-data"),
+    as_json: Annotated[bool, typer.Option("--json", metavar="", help="One JSON object, nothing else.")] = False,
+) -> None:
+    """Show what the service last saw of every loop; it need not run."""
+    from ..service.memory import Lock, Reader
+
+    with Reader(data) as reader:
+        shown, holder = reader.shown(), Lock.holder(data)
+    if as_json:
+        body = {"runs": holder, "time": None if shown is None else shown[0], **({} if shown is None else shown[1])}
+        print(json.dumps(body))
+        return
+    runs = "no: nobody writes this folder" if holder is None else f"process {holder['pid']} since {holder['since']}"
+    rows = [("runs", runs)]
+    if shown is None:
+        out.print(key_values([*rows, ("shown", "nothing yet")]))
+        return
+    at, body = shown
+    rows.append(("as of", f"{_moment(at)}, {_age(time.time() - at)} ago"))
+    if body["failing"]:
+        rows.append(("memory", body["failing"]))
+    out.print(key_values(rows))
+    table = Table(box=None, header_style="dim", padding=(0, 2, 0, 0))
+    for name in ("loop", "seen", "gap (95 %)", "valve", "estimate", "detections", "compensation"):
+        table.add_column(name)
+    for name, loop in body["loops"].items():
+        table.add_row(*(styled(one_line(cell)) for cell in (name, *_cells(loop, at))))
+    out.print(table)
+
+
+def _cells(loop: dict[str, Any], now: float) -> tuple[str, ...]:
+    answer, unit = loop["answer"], loop["unit"]
+    seen = "never" if loop["seen"] is None else f"{_age(now - loop['seen'])} before"
+    if loop["good"] is False:
+        seen += f", bad: {loop['note']}"
+    gap = ""
+    if answer is not None and answer["d"] is not None:
+        high = "" if answer["high"] is None else f" to {answer['high']:.3g}"
+        low = "" if answer["low"] is None else f" ({answer['low']:.3g}{high})"
+        gap = f"{answer['d']:.3g}{low} {unit}"
+    estimate = loop["why"] if loop["estimate"] is None else f"{loop['estimate']:.3g} {unit}"
+    compensation = ""
+    if "compensation" in loop:
+        made = loop["compensation"]
+        compensation = made["standing"] if made["enabled"] else "off"
+        if made["u_ff"]:
+            compensation += f", u_FF {made['u_ff']:.3g}"
+    detections = f"{loop['accepted']} of {loop['half_periods']}"
+    return seen, gap, "" if answer is None else answer["verdict"], estimate, detections, compensation
+
+
+@watch.command(epilog=examples("glapp watch events --data plant --loop FIC101"))
+def events(
+    data: Data = Path("glapp-data"),
+    loop: Annotated[str | None, typer.Option(metavar="NAME", help="Of one loop only.")] = None,
+    most: Annotated[int, typer.Option(metavar="N", min=1, help="The newest so many.")] = 50,
+    commands: Annotated[
+        bool, typer.Option("--commands", metavar="", help="Who asked for what, in their place.")
+    ] = False,
+) -> None:
+    """Show what happened, the newest last."""
+    from ..service.memory import Reader
+
+    with Reader(data) as reader:
+        found = reader.commands(loop, most) if commands else reader.events(loop, most)
+    for row in reversed(found):
+        place = f" {row['loop']}" if row["loop"] else ""
+        if commands:
+            what = f"{row['before']} → {row['after']}" if row["refused"] is None else f"refused: {row['refused']}"
+            text = f"{_moment(row['time'])} {row['person']} ({row['role']}) {row['command']}{place}: {what}"
+        else:
+            text = f"{_moment(row['time'])} {row['kind']}{place}: {row['text']}"
+        out.print(styled(one_line(text)), soft_wrap=True)
+
+
+@watch.command(epilog=examples("glapp watch backup plant.db --data plant"))
+def backup(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="The copy; one that is there is replaced.")],
+    data: Data = Path("glapp-data"),
+) -> None:
+    """Copy the database, while the service runs or not; signals are files, in DIR/signals."""
+    from ..service.memory import backup as copy
+
+    copy(data, file)
+    out.print(f"Copied the database of {data} to {file}.", soft_wrap=True)
+
+
+@watch.command(epilog=examples("glapp watch restore plant.db --data plant"))
+def restore(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="What `glapp watch backup` wrote.")],
+    data: Data = Path("glapp-data"),
+) -> None:
+    """Put a copy in the place of the database; the old one is set aside, and compensation is off."""
+    from ..service.memory import restore as put_back
+
+    aside = put_back(data, file)
+    out.print(f"Restored {file} into {data}.", soft_wrap=True)
+    if aside is not None:
+        say_note(f"the database that was there is {aside.name} now")
+
+
+# What is asked of the service goes through its door, in the name of who asks.
+
+
+@watch.command(epilog=examples("glapp watch login engineer"))
+def login(
+    user: Annotated[str, typer.Argument(metavar="NAME", help="Your name there.")],
+    door: Url = _DOOR,
+) -> None:
+    """Log in: the token is kept for twelve hours in a file that only you can read."""
+    _need("httpx")
+    token = _token_of(door, user)
+    path = _kept()
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.unlink(missing_ok=True)
+    path.touch(mode=0o600)
+    path.write_text(token, encoding="utf-8")
+    out.print(f"Logged in as {user}.", soft_wrap=True)
+
+
+@watch.command(epilog=examples("glapp watch drill FIC101"))
+def drill(loop: Annotated[str, typer.Argument(metavar="LOOP")], door: Url = _DOOR, user: User = None) -> None:
+    """See once that the plant takes a small u_FF away when its watchdog stands still; only then is a loop enabled."""
+    _asked(door, user, "POST", f"/loops/{_part(loop)}/drill")
+    out.print(f"{loop}: `glapp watch events` tells how it ended, in five minutes at the latest.", soft_wrap=True)
+
+
+@watch.command(epilog=examples("glapp watch enable FIC101"))
+def enable(loop: Annotated[str, typer.Argument(metavar="LOOP")], door: Url = _DOOR, user: User = None) -> None:
+    """Let a loop be compensated, in your name; an engineer may."""
+    _told(_asked(door, user, "POST", f"/loops/{_part(loop)}/enable"))
+
+
+@watch.command(epilog=examples("glapp watch disable FIC101"))
+def disable(loop: Annotated[str, typer.Argument(metavar="LOOP")], door: Url = _DOOR, user: User = None) -> None:
+    """End the compensation of a loop; an operator may."""
+    _told(_asked(door, user, "POST", f"/loops/{_part(loop)}/disable"))
+
+
+@watch.command(epilog=examples("glapp watch fit FIC101"))
+def fit(loop: Annotated[str, typer.Argument(metavar="LOOP")], door: Url = _DOOR, user: User = None) -> None:
+    """Have a loop fitted now; an operator may."""
+    _asked(door, user, "POST", f"/loops/{_part(loop)}/fit")
+    out.print(f"{loop} is fitted: `glapp watch status` shows the answer when it is there.", soft_wrap=True)
+
+
+@watch.command(
+    name="set",
+    epilog=examples("glapp watch set FIC101", "glapp watch set FIC101 kp=1.3 n=15", "glapp watch set FIC101 tf="),
+)
+def set_(
+    loop: Annotated[str, typer.Argument(metavar="LOOP")],
+    values: Annotated[list[str] | None, typer.Argument(metavar="NAME=VALUE...", help="NAME= is: as before.")] = None,
+    door: Url = _DOOR,
+    user: User = None,
+) -> None:
+    """Show the parameters of a loop's detector and compensation, or change some; an engineer may."""
+    path = f"/loops/{_part(loop)}/parameters"
+    if not values:
+        _told(_asked(door, user, "GET", path))
+        return
+    wanted: dict[str, float | None] = {}
+    for one in values:
+        name, equals, value = one.partition("=")
+        try:
+            wanted[name] = float(value) if value else None
+        except ValueError:
+            raise CommandError(f"{one}: {value!r} is not a number") from None
+        if not equals or not math.isfinite(wanted[name] or 0.0):
+            raise CommandError(f"{one}: write NAME=VALUE, with a number")
+    _told(_asked(door, user, "POST", path, {"values": wanted}))
+
+
+@watch.command(name="take-over", epilog=examples("glapp watch take-over FIC101"))
+def take_over(
+    loop: Annotated[str, typer.Argument(metavar="LOOP")],
+    answer: Annotated[int | None, typer.Option(metavar="ID", help="Which answer; the newest where not given.")] = None,
+    door: Url = _DOOR,
+    user: User = None,
+) -> None:
+    """Take over what a fit found: the width to compensate, Kp, and K and Ti where they are not known."""
+    if answer is None:
+        found = _asked(door, user, "GET", f"/loops/{_part(loop)}/answers?most=1")
+        if not found:
+            raise InputError("has no answer yet", loop=loop, hint=f"glapp watch fit {loop}")
+        answer = found[0]["id"]
+    _told(_asked(door, user, "POST", f"/loops/{_part(loop)}/take_over", {"answer": answer}))
+
+
+users = typer.Typer(no_args_is_help=True, rich_markup_mode="rich", help="Who may do what: viewer, operator, engineer.")
+watch.add_typer(users, name="users")
+
+
+@users.command(name="list", epilog=examples("glapp watch users list"))
+def list_(door: Url = _DOOR, user: User = None) -> None:
+    """Name and role of every user."""
+    for one in _asked(door, user, "GET", "/users"):
+        out.print(f"{one['name']}  {one['role']}", soft_wrap=True)
+
+
+@users.command(epilog=examples("glapp watch users add anna --role operator"))
+def add(
+    name: Annotated[str, typer.Argument(metavar="NAME")],
+    role: Annotated[str, typer.Option(metavar="ROLE", help="viewer, operator or engineer.")] = "viewer",
+    keep_password: Annotated[bool, typer.Option("--keep-password", metavar="", help="Change the role alone.")] = False,
+    door: Url = _DOOR,
+    user: User = None,
+) -> None:
+    """Add a user, or change role and password of one."""
+    password = None if keep_password else typer.prompt(f"Password of {name}", hide_input=True, confirmation_prompt=True)
+    _asked(door, user, "PUT", f"/users/{_part(name)}", {"role": role, "password": password})
+    out.print(f"{name} is {role}.", soft_wrap=True)
+
+
+@users.command(epilog=examples("glapp watch users remove anna"))
+def remove(name: Annotated[str, typer.Argument(metavar="NAME")], door: Url = _DOOR, user: User = None) -> None:
+    """Take a user out."""
+    _asked(door, user, "DELETE", f"/users/{_part(name)}")
+    out.print(f"{name} is a user no more.", soft_wrap=True)
+
+
+def _kept() -> Path:
+    """Where `login` keeps a token."""
+    base = os.environ.get("XDG_STATE_HOME") or os.environ.get("LOCALAPPDATA") or str(Path.home() / ".local" / "state")
+    return Path(base) / "glapp" / "token"
+
+
+def _token_of(door: str, user: str) -> str:
+    password = typer.prompt(f"Password of {user}", hide_input=True, err=True)
+    return str(_request(door, "POST", "/login", {"user": user, "password": password}, None)["token"])
+
+
+def _asked(door: str, user: str | None, method: str, path: str, body: Any = None) -> Any:
+    """What the service answers."""
+    _need("httpx")
+    if user is not None:
+        token = _token_of(door, user)
+    elif TOKEN in os.environ:
+        token = os.environ[TOKEN]
+    elif _kept().is_file():
+        token = _kept().read_text(encoding="utf-8").strip()
+    else:
+        raise InputError("nobody is logged in", hint="glapp watch login NAME")
+    return _request(door, method, path, body, token)
+
+
+def _request(door: str, method: str, path: str, body: Any, token: str | None) -> Any:
+    import httpx
+
+    headers = {} if token is None else {"Authorization": f"Bearer {token}"}
+    content = None if method == "GET" else json.dumps(body if body is not None else {}).encode()
+    if content is not None:
+        headers["Content-Type"] = "application/json"
+    try:
+        reply = httpx.request(method, door + path, headers=headers, content=content, timeout=30, trust_env=False)
+    except (httpx.HTTPError, httpx.InvalidURL) as error:
+        hint = "is glapp watch running? DIR/door says where"
+        raise InputError(f"does not answer: {error}", parameter=door, hint=hint) from None
+    try:
+        said = reply.json()
+    except ValueError:
+        said = {}
+    if reply.is_success:
+        return said
+    detail = said.get("detail") if isinstance(said, dict) else None
+    raise InputError(
+        detail if isinstance(detail, str) else f"answers {reply.status_code}: {detail}", parameter="service"
+    )
+
+
+def _part(name: str) -> str:
+    from urllib.parse import quote
+
+    return quote(name, safe="")
+
+
+def _told(values: dict[str, Any]) -> None:
+    out.print(key_values([(name, "" if value is None else str(value)) for name, value in values.items()]))
+
+
+def _moment(at: float) -> str:
+    return time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(at))
+
+
+def _age(seconds: float) -> str:
+    for unit, size in (("d", 86400.0), ("h", 3600.0), ("min", 60.0)):
+        if seconds >= 2 * size:
+            return f"{seconds / size:.0f} {unit}"
+    return f"{seconds:.0f} s"

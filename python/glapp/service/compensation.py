@@ -1,0 +1,324 @@
+"""u_FF of one loop, made beside the plant's own controller by the block that ships (`BacklashDetection`).
+
+It sees the newest values there are, and none that comes late; it is made anew at every start, and nothing is in force
+until a person enables it. What it finds in the plant that nobody here has asked for, after a start, a loss or a gap, it
+ramps to 0.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from .. import _glapp
+from ..errors import InputError
+from ..estimate import op_range
+from ..loop import Loop
+from ..modules import BacklashDetection, Graph, Input, Output, Source
+from ..recording import AT_HIGH, AT_LOW, BAD, NOT_AUTO
+from .signal import Signal, Value
+
+__all__ = ["SETTINGS", "Compensator"]
+
+SETTINGS = (
+    "comp_size",
+    "comp_fitted",
+    "comp_source",
+    "comp_way",
+    "comp_share",
+    "comp_limit",
+    "comp_band",
+    "comp_tf",
+    "comp_rate",
+    "comp_release",
+    "comp_watch",
+    "comp_travel",
+    "comp_reversals",
+    "comp_withdraw",
+    "comp_estimate",
+    "ff_tolerance",
+)
+"""What a person may set of a compensation; `BacklashDetection` tells unit, bound and default of each."""
+
+SHARE = 0.8
+"""The share of the width that is compensated where nobody says another (`docs/compensation.md`)."""
+
+STANDINGS: list[str] = _glapp.standings()
+"""Names of the numbers of `standing`."""
+
+_ARRIVALS = 20
+"""So many of the latest values tell how old they are when they come."""
+
+_FINAL = ("over_compensated", "too_many_reversals", "too_much_travel", "worse", "not_followed", "no_estimate")
+"""Standings after which nothing is compensated until a person enables it anew."""
+
+
+class Compensator:
+    """The compensation of one loop.
+
+    Parameters
+    ----------
+    loop : Loop
+        With a controller.
+    period : float
+        Usual time between values of PV, > 0 [s].
+    settings : mapping
+        What a person has set, by the names in `SETTINGS`; None: as by default.
+    most, fastest : float
+        The greatest |u_FF| and the greatest rate that the plant takes, > 0 [OP unit, OP unit per s]. They are the
+        defaults of `comp_limit`, which is of a width and so twice as much, and of `comp_rate`.
+
+    Raises
+    ------
+    InputError
+        Where the loop has no controller, or a setting is out of its bounds.
+    """
+
+    def __init__(self, loop: Loop, period: float, settings: Mapping[str, Any], most: float, fastest: float) -> None:
+        self.loop, self.period = loop, period
+        # The plant counts from write to write, and a write may come late and the next one in time.
+        self._usual = {"comp_share": SHARE, "comp_limit": 2.0 * most, "comp_rate": 0.6 * fastest}
+        ideal = loop.ideal()
+        if ideal is None:
+            raise InputError("has no controller settings", loop=loop.name, parameter="controller", hint="give K and Ti")
+        low, high = op_range(loop) or (None, None)
+        chosen: dict[str, Any] = {**self._usual, **{name: x for name, x in settings.items() if x is not None}}
+        spans = [None if span is None else span[1] - span[0] for span in (loop.pv_span, loop.op_span)]
+        watch = BacklashDetection(
+            **ideal._asdict(),
+            kp=loop.kp(),
+            pv_span=spans[0],
+            op_span=spans[1],
+            integrating=loop.process.type == "integrating",
+            tf=loop.tf,
+            n=loop.n,
+            op_low=low,
+            op_high=high,
+            **chosen,
+        )
+        names = ("sp", "pv", "flags", "op", "u_ff")
+        try:
+            self._graph = Graph(
+                period,
+                {**{name: Input() for name in names}, "watch": watch, "ff": Output()},
+                [f"{name} -> watch.{name}" for name in names] + ["watch -> ff"],
+            )
+        except InputError as error:
+            error.loop = loop.name
+            raise
+        self._held: dict[Signal, Value] = {}
+        self._ages: list[float] = []
+        self._write_time: float | None = None
+        self._scanned: float | None = None
+        self.fresh_pv = False
+        self.read_back = False  # whether u_FF was read from the plant since the connection began
+        self.written: float | None = None
+        self.written_at = -math.inf
+        self.why_off = "nobody enabled it since the start"
+
+    @property
+    def enabled(self) -> bool:
+        """Whether a person has enabled it, and nothing has ended that."""
+        return bool(self._graph["watch.compensate"])
+
+    @property
+    def standing(self) -> str:
+        """Whether it compensates ("active"), and else why not."""
+        return STANDINGS[int(self._graph["watch.standing"])]
+
+    @property
+    def u_ff(self) -> float:
+        """The latest u_FF [OP unit]."""
+        return float(self._graph["ff"])
+
+    @property
+    def at_work(self) -> bool:
+        """Whether something has to be written: it is enabled, or what stands in the plant is not 0 yet."""
+        found = self._held.get(Signal.U_FF)
+        return self.enabled or self.u_ff != 0.0 or (found is not None and found.good and found.value != 0.0)
+
+    def take(self, value: Value, now: float) -> None:
+        """Take a value where it is newer than the one there is; a PV that comes late moves nothing.
+
+        Parameters
+        ----------
+        value : Value
+        now : float
+            When it came [s since 1970 UTC].
+        """
+        held = self._held.get(value.signal)
+        if held is not None and value.time <= held.time:
+            return
+        if value.signal is Signal.PV:
+            age = now - value.time
+            if self.age is not None and age > 3.0 * self.period + self.age:
+                return
+            self._ages = [*self._ages[1 - _ARRIVALS :], max(age, 0.0)]
+            self.fresh_pv = True
+        self._held[value.signal] = value
+
+    @property
+    def age(self) -> float | None:
+        """How old a PV is when it comes, the median of the latest [s]; None before the first."""
+        return sorted(self._ages)[len(self._ages) // 2] if self._ages else None
+
+    @property
+    def delay(self) -> float | None:
+        """How late u_FF is, as measured: PV's age when it comes, and the time that a write takes [s]."""
+        return None if self.age is None or self._write_time is None else self.age + self._write_time
+
+    def wrote(self, u_ff: float, now: float, took: float) -> None:
+        """A write that the plant has confirmed after `took` seconds."""
+        self.written, self.written_at = u_ff, now
+        self._write_time = took if self._write_time is None else max(took, 0.9 * self._write_time)
+
+    def scan(self, now: float, alive: bool) -> float:
+        """A scan with the newest values; gives u_FF.
+
+        Parameters
+        ----------
+        now : float
+            A clock that only goes forward [s].
+        alive : bool
+            Whether the connection of the loop lives: where it does not, what was read is not believed.
+        """
+        h = self.period if self._scanned is None else now - self._scanned
+        self._scanned, self.fresh_pv = now, False
+        read = {signal: self._read(signal) if alive else math.nan for signal in Signal}
+        flags = 0
+        mode = read[Signal.MODE]
+        if mode != mode:
+            flags |= BAD
+        elif mode == 0.0:
+            flags |= NOT_AUTO
+        for signal, flag in ((Signal.LOW, AT_LOW), (Signal.HIGH, AT_HIGH)):
+            if signal in self._held and read[signal] != 0.0:
+                flags |= flag if read[signal] == read[signal] else BAD
+        was = self.enabled
+        self._graph.scan(
+            h=h,
+            sp=read[Signal.SP],
+            pv=read[Signal.PV],
+            op=read[Signal.OP],
+            u_ff=read[Signal.U_FF],
+            flags=float(flags),
+        )
+        if was and self.standing in _FINAL:
+            self.disable(f"it was withdrawn: {self.standing}")
+        return self.u_ff
+
+    def _read(self, signal: Signal) -> float:
+        held = self._held.get(signal)
+        return held.value if held is not None and held.good else math.nan
+
+    def enable(self) -> None:
+        """Let it compensate from the next scan on.
+
+        Raises
+        ------
+        InputError
+            Where no width is given, mode or OP was never read, or what was measured of the delay is more than the core
+            allows for this Ti; nothing is in force then.
+        """
+        name = self.loop.name
+        for signal in (Signal.MODE, Signal.OP, Signal.U_FF):
+            if signal not in self._held:
+                raise InputError(f"{signal} was never read: nothing is compensated without it", loop=name)
+        if self._graph["watch.source"] == 0:
+            raise InputError(
+                "no width is given to compensate", loop=name, parameter="comp_size", hint="take over a fit, or type one"
+            )
+        delay = self.delay
+        if delay is None:
+            raise InputError("the delay of u_FF is not measured yet", loop=name, hint="wait until values come")
+        scans = max(1, math.ceil(delay / self.period - 1e-9))
+        if scans > 32:
+            raise InputError(f"u_FF comes {delay:.2f} s late, more than 32 scans", loop=name, value=delay)
+        self._graph["watch.ff_delay"] = scans
+        self._graph["watch.compensate"] = 1.0
+        # What is handed to it is not believed: that tells no more than whether the delay is allowed.
+        trial = Compensator._late(self._graph, self.period, scans)
+        if trial is not None:
+            self._graph["watch.compensate"] = 0.0
+            raise InputError(
+                f"u_FF comes {delay:.2f} s late, {scans} scans of {self.period:g} s: {trial}",
+                loop=name,
+                value=delay,
+                hint="read it faster, or leave it uncompensated",
+            )
+        self.why_off = ""
+
+    @staticmethod
+    def _late(graph: Graph, period: float, scans: int) -> str | None:
+        """What the core says of a delay, asked of a block of its own with the same settings."""
+        names = ("sp", "pv", "flags", "op", "u_ff")
+        asked = {name: graph[f"watch.{name}"] for name in ("k", "ti", "td", "comp_way", "ff_longest")}
+        beside = Graph(
+            period,
+            {
+                **{name: Input() for name in names},
+                "watch": BacklashDetection(**asked, ff_delay=scans, comp_size=1.0, op_low=-1e6, op_high=1e6),
+                "ff": Output(),
+            },
+            [f"{name} -> watch.{name}" for name in names] + ["watch -> ff"],
+        )
+        beside["watch.compensate"] = 1.0
+        beside.scan(sp=0.0, pv=0.0, flags=0.0, op=0.0, u_ff=0.0)
+        late = STANDINGS[int(beside["watch.standing"])] == "too_late"
+        return f"more than the core allows with Ti = {asked['ti']:g} s" if late else None
+
+    def disable(self, why: str) -> None:
+        """End it: u_FF goes to 0 in `comp_release`, and it stays off until a person enables it."""
+        if self.enabled:
+            self._graph["watch.compensate"] = 0.0
+            self.why_off = why
+
+    def lost(self, why: str) -> None:
+        """The connection is gone: it is off, and what is found afterwards is ramped to 0.
+
+        What was read stays until something newer comes: what has not changed meanwhile is not told again.
+        """
+        self.disable(why)
+        self._held = {signal: replace(value, time=-math.inf) for signal, value in self._held.items()}
+        self._ages.clear()
+        self._write_time = None
+        self.written, self.read_back = None, False
+
+    def set(self, name: str, value: float | None) -> None:
+        """Set one of `SETTINGS` while it runs; None: as by default.
+
+        Raises
+        ------
+        InputError
+            With the bound that it breaks; all is as it was.
+        """
+        self._graph[f"watch.{name}"] = self._usual.get(name) if value is None else value
+
+    def setting(self, name: str) -> float | None:
+        """One of `SETTINGS` as it is in force."""
+        value: float | None = self._graph[f"watch.{name}"]
+        return value
+
+    def status(self) -> dict[str, Any]:
+        """What a person sees of it."""
+        graph = self._graph
+        source = int(graph["watch.source"])
+        return {
+            "enabled": self.enabled,
+            "standing": self.standing,
+            "why_off": self.why_off,
+            "u_ff": _number(self.u_ff),
+            "written": _number(self.written),
+            "source": Source(source).name.lower() if source else None,
+            "size": _number(graph["watch.size"]),
+            "delta": _number(graph["watch.delta"]),
+            "left": _number(graph["watch.left"]),
+            "over": int(graph["watch.over"]),
+            "delay": _number(self.delay),
+        }
+
+
+def _number(value: float | None) -> float | None:
+    return None if value is None or not math.isfinite(value) else float(value)

@@ -1,0 +1,496 @@
+"""The one door for commands, and for all that wants to look: HTTP on this computer.
+
+Nothing but this changes what the service does. Everybody who asks has a name and a role; every command is checked here
+and put down with who, when, before and after, also where it is refused. The token goes in the header `Authorization:
+Bearer …`, and nowhere else: a page of another site has no way to send it. K and Ti of the plant's own controllers
+cannot be written at all.
+"""
+
+# FastAPI reads the annotations as they are: no `from __future__ import annotations` here.
+import asyncio
+import ipaddress
+import json
+import math
+import socket
+import ssl
+import time
+from collections.abc import Awaitable, Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import uvicorn
+from fastapi import Depends, FastAPI, HTTPException, Query, Request, Response
+from fastapi import Path as InPath
+from fastapi.exceptions import RequestValidationError
+from fastapi.middleware.trustedhost import TrustedHostMiddleware
+from fastapi.responses import JSONResponse
+from prometheus_client import CollectorRegistry, generate_latest
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
+from prometheus_client.registry import Collector
+from pydantic import BaseModel, ConfigDict, Field
+
+from .. import __version__
+from ..errors import InputError
+from .memory import MemoryFull
+from .users import Person, Refused, Role, Users, listed
+from .watch import Watch
+
+__all__ = ["Door", "app_of"]
+
+LARGEST = 65_536
+"""No request may be longer [bytes]."""
+
+Begin = Annotated[float, Query(description="From when on [s since 1970 UTC].")]
+End = Annotated[float, Query(description="Until when [s since 1970 UTC].")]
+Most = Annotated[int, Query(ge=1, le=100_000, description="No more than so many, the newest.")]
+Name = Annotated[str, InPath(description="Name of the loop.", max_length=200)]
+
+
+class _Asked(BaseModel):
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+
+class LogIn(_Asked):
+    """Who asks to be let in."""
+
+    user: Annotated[str, Field(max_length=64)]
+    password: Annotated[str, Field(max_length=1000)]
+
+
+class Change(_Asked):
+    """Parameters to set; null: as in loops.toml, or by default."""
+
+    values: Annotated[dict[str, float | None], Field(min_length=1, max_length=40)]
+    seen: dict[str, float | None] | None = None
+    """What they were on the page that asks: where that is no longer so, the command is refused."""
+
+
+class TakeOver(_Asked):
+    """Which answer to take over."""
+
+    answer: Annotated[int, Field(ge=1, le=2**53)]
+
+
+class User(_Asked):
+    """A user to be."""
+
+    role: Annotated[str, Field(max_length=20)]
+    password: Annotated[str, Field(max_length=1000)] | None = None
+
+
+def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "localhost", "[::1]")) -> FastAPI:
+    """The door of a watch.
+
+    Parameters
+    ----------
+    watch : Watch
+        What it opens to.
+    users : Users
+        Who may ask.
+    hosts : sequence of str
+        Names that requests may be addressed to: another one, which a page elsewhere may have made to stand for this
+        computer, is refused.
+
+    Returns
+    -------
+    FastAPI
+    """
+    app = FastAPI(title="glapp watch", version=__version__, docs_url=None, redoc_url=None)
+    app.add_middleware(TrustedHostMiddleware, allowed_hosts=list(hosts))
+    reader = watch.reader
+
+    @app.middleware("http")
+    async def bounded(request: Request, go_on: Callable[[Request], Awaitable[Response]]) -> Response:
+        length = request.headers.get("content-length")
+        if request.method in ("POST", "PUT") and (length is None or not length.isdigit() or int(length) > LARGEST):
+            return JSONResponse({"detail": f"a request has at most {LARGEST} bytes, and says how many"}, 413)
+        response = await go_on(request)
+        response.headers["Cache-Control"] = "no-store"
+        response.headers["X-Content-Type-Options"] = "nosniff"
+        return response
+
+    @app.exception_handler(InputError)
+    async def wrong(request: Request, error: InputError) -> JSONResponse:
+        return JSONResponse({"detail": str(error)}, 409 if request.method != "GET" else 404)
+
+    @app.exception_handler(RequestValidationError)
+    async def not_understood(request: Request, error: RequestValidationError) -> JSONResponse:
+        first = error.errors()[0]
+        place = ".".join(str(part) for part in first["loc"])
+        return JSONResponse({"detail": f"{place}: {first['msg']}"}, 422)
+
+    @app.exception_handler(MemoryFull)
+    async def full(request: Request, error: MemoryFull) -> JSONResponse:
+        return JSONResponse({"detail": f"not done, since it cannot be put down: {error}"}, 503)
+
+    def token(request: Request) -> str:
+        kind, _, shown = request.headers.get("authorization", "").partition(" ")
+        return shown if kind.lower() == "bearer" else ""
+
+    def at_least(role: Role) -> Callable[[Request], Awaitable[Person]]:
+        async def person(request: Request) -> Person:
+            found = await asyncio.to_thread(users.of, token(request), time.time())
+            if found is None:
+                raise HTTPException(401, "log in first", {"WWW-Authenticate": "Bearer"})
+            if found.role < role:
+                why = f"needs the role {role.name.lower()}"
+                path, loop = request.url.path, request.path_params.get("name")
+                await watch.refused(found.name, found.role.name.lower(), path, loop, None, why)
+                raise HTTPException(403, why)
+            return found
+
+        return person
+
+    viewer = Annotated[Person, Depends(at_least(Role.VIEWER))]
+    operator = Annotated[Person, Depends(at_least(Role.OPERATOR))]
+    engineer = Annotated[Person, Depends(at_least(Role.ENGINEER))]
+
+    def known(name: str) -> str:
+        if name not in watch.names:
+            raise HTTPException(404, "no such loop")
+        return name
+
+    async def done(person: Person, command: str, loop: str | None, asked: Any, what: Awaitable[Any]) -> Any:
+        """A command, put down where it is refused as well."""
+        try:
+            return _plain(await what)
+        except InputError as error:
+            await watch.refused(person.name, person.role.name.lower(), command, loop, asked, str(error))
+            raise
+
+    @app.post("/login")
+    async def log_in(asked: LogIn) -> dict[str, Any]:
+        """A token for a user, good for twelve hours."""
+        try:
+            made, person = await asyncio.to_thread(users.log_in, asked.user, asked.password, time.time())
+        except Refused as refused:
+            await watch.refused(asked.user, "", "login", None, None, str(refused))
+            raise HTTPException(401, str(refused), {"WWW-Authenticate": "Bearer"}) from None
+        return {"token": made, "user": person.name, "role": person.role.name.lower()}
+
+    @app.post("/logout")
+    async def log_out(request: Request, person: viewer) -> dict[str, Any]:
+        """The token is good for nothing any more."""
+        await asyncio.to_thread(users.log_out, token(request))
+        return {}
+
+    @app.get("/status")
+    async def status(person: viewer) -> dict[str, Any]:
+        """The service, and every loop: last seen, estimate, answer, compensation."""
+        found: dict[str, Any] = _plain(watch.status())
+        return found
+
+    @app.get("/live")
+    async def live(person: viewer, loop: Annotated[list[str] | None, Query(max_length=5000)] = None) -> dict[str, Any]:
+        """The newest values of loops, of all where none is named."""
+        return {name: watch.live(known(name)) for name in loop or watch.names}
+
+    @app.get("/loops/{name}/half_periods")
+    async def half_periods(
+        person: viewer,
+        name: Name,
+        begin: Begin = -1e12,
+        end: End = 1e12,
+        accepted: bool = True,
+        most: Most = 10_000,
+    ) -> list[dict[str, Any]]:
+        """Half-periods of a loop, with the record of each; the accepted ones are its detections."""
+        found = await asyncio.to_thread(reader.half_periods, known(name), begin, end, accepted=accepted, most=most)
+        return found
+
+    @app.get("/loops/{name}/signals")
+    async def signals(person: viewer, name: Name, begin: Begin, end: End, most: Most = 10_000) -> dict[str, Any]:
+        """Samples of a loop as they are kept, every so many of them where there are more than asked for."""
+        if not end - begin <= 32 * 86400.0:
+            raise HTTPException(422, "end - begin must be at most 32 days")
+        table = await asyncio.to_thread(watch.recorded, known(name), begin, end)
+        every = max(1, -(-len(table) // most))
+        found: dict[str, Any] = table.take(np.arange(0, len(table), every)).to_pydict()
+        found["time"] = [at.timestamp() for at in found["time"]]
+        return {"every": every, **_plain(found)}
+
+    @app.get("/loops/{name}/parameters")
+    async def parameters(person: viewer, name: Name) -> dict[str, Any]:
+        """What may be set of a loop, as it is in force."""
+        found: dict[str, Any] = _plain(watch.settings(known(name)))
+        return found
+
+    @app.get("/loops/{name}/answers")
+    async def answers(person: viewer, name: Name, most: Most = 100) -> list[dict[str, Any]]:
+        """What the fits of a loop said, the newest first."""
+        return await asyncio.to_thread(reader.answers, known(name), most)
+
+    @app.get("/answers/{id}")
+    async def answer(person: viewer, id: Annotated[int, InPath(ge=1, le=2**53)]) -> Any:
+        """All of one answer, as `glapp analyze --json` writes it."""
+        found = await asyncio.to_thread(reader.one, "SELECT document FROM answers WHERE id = ?", id)
+        if found is None:
+            raise HTTPException(404, "no such answer")
+        return json.loads(found["document"])["analysis"]
+
+    @app.get("/events")
+    async def events(
+        person: viewer,
+        loop: str | None = None,
+        most: Most = 200,
+        before: Annotated[int | None, Query(ge=0, le=2**53)] = None,
+    ) -> list[dict[str, Any]]:
+        """What happened, the newest first."""
+        return await asyncio.to_thread(reader.events, loop, most, before)
+
+    @app.get("/commands")
+    async def commands(person: viewer, loop: str | None = None, most: Most = 200) -> list[dict[str, Any]]:
+        """Who asked for what, the newest first."""
+        found: list[dict[str, Any]] = _plain(await asyncio.to_thread(reader.commands, loop, most))
+        return found
+
+    @app.post("/loops/{name}/parameters")
+    async def change(person: engineer, name: Name, asked: Change) -> dict[str, Any]:
+        """Set parameters of a loop's detector or compensation, all of them or none."""
+
+        async def go() -> Any:
+            now = _plain(watch.settings(known(name)))
+            for key, value in (asked.seen or {}).items():
+                if now.get(key) != value:
+                    raise InputError(
+                        f"is {now.get(key)} by now, and not {value}",
+                        loop=name,
+                        parameter=key,
+                        hint="look at it again: somebody else has changed it",
+                    )
+            return await watch.change(name, asked.values, *_who(person))
+
+        found: dict[str, Any] = await done(person, "change", known(name), asked.model_dump(), go())
+        return found
+
+    @app.post("/loops/{name}/enable")
+    async def enable(person: engineer, name: Name) -> dict[str, Any]:
+        """Let a loop be compensated, by the name of who asks."""
+        going = watch.enable(known(name), *_who(person))
+        found: dict[str, Any] = await done(person, "enable", name, None, going)
+        return found
+
+    @app.post("/loops/{name}/drill")
+    async def drill(person: engineer, name: Name) -> dict[str, Any]:
+        """Try whether the plant takes u_FF away when its watchdog stands still; the events tell how it ended."""
+        await done(person, "drill", name, None, watch.drill(known(name), *_who(person)))
+        return {"asked": name}
+
+    @app.post("/loops/{name}/disable")
+    async def disable(person: operator, name: Name) -> dict[str, Any]:
+        """End the compensation of a loop."""
+        going = watch.disable(known(name), *_who(person))
+        found: dict[str, Any] = await done(person, "disable", name, None, going)
+        return found
+
+    @app.post("/loops/{name}/fit")
+    async def fit(person: operator, name: Name) -> dict[str, Any]:
+        """Have a loop fitted as soon as the one before it is done."""
+        await watch.asked_fit(known(name), *_who(person))
+        return {"asked": name}
+
+    @app.post("/loops/{name}/take_over")
+    async def take_over(person: engineer, name: Name, asked: TakeOver) -> dict[str, Any]:
+        """Take over what a fit found."""
+        going = watch.take_over(known(name), asked.answer, *_who(person))
+        found: dict[str, Any] = await done(person, "take_over", name, asked.model_dump(), going)
+        return found
+
+    @app.get("/users")
+    async def all_users(person: engineer) -> list[dict[str, str]]:
+        """Name and role of every user."""
+        return await asyncio.to_thread(listed, reader)
+
+    @app.put("/users/{user}")
+    async def put_user(person: engineer, user: Annotated[str, InPath(max_length=64)], asked: User) -> dict[str, Any]:
+        """Add a user, or change role or password of one."""
+        before = {one["name"]: one["role"] for one in await asyncio.to_thread(listed, reader)}.get(user)
+
+        async def go() -> None:
+            await asyncio.to_thread(users.put, user, asked.role, asked.password, time.time())
+
+        await done(person, "put_user", None, {"user": user, "role": asked.role}, go())
+        after = {"user": user, "role": asked.role, "new_password": asked.password is not None}
+        await watch.log(*_who(person), "put_user", None, {"user": user, "role": before}, after)
+        return {"user": user, "role": asked.role}
+
+    @app.delete("/users/{user}")
+    async def remove_user(person: engineer, user: Annotated[str, InPath(max_length=64)]) -> dict[str, Any]:
+        """Take a user out."""
+
+        async def go() -> None:
+            await asyncio.to_thread(users.remove, user)
+
+        await done(person, "remove_user", None, {"user": user}, go())
+        await watch.log(*_who(person), "remove_user", None, {"user": user}, None)
+        return {}
+
+    registry = CollectorRegistry(auto_describe=False)
+    registry.register(_Numbers(watch))
+
+    @app.get("/metrics")
+    async def metrics(request: Request) -> Response:
+        """For Prometheus: open on this computer, by a viewer's token from elsewhere."""
+        host = request.client.host if request.client is not None else ""
+        if not _loopback(host):
+            await at_least(Role.VIEWER)(request)
+        return Response(generate_latest(registry), media_type="text/plain; version=0.0.4; charset=utf-8")
+
+    return app
+
+
+class _Numbers(Collector):
+    """What Prometheus reads."""
+
+    def __init__(self, watch: Watch) -> None:
+        self._watch = watch
+
+    def collect(self) -> list[Metric]:
+        status = self._watch.status()
+        loops: dict[str, dict[str, Any]] = status["loops"]
+        found: list[Metric] = [
+            _gauge("glapp_up_seconds", "Time since the service began", status["now"] - status["begun"]),
+            _gauge("glapp_memory_failing", "1 where the memory cannot be written", float(bool(status["failing"]))),
+            _gauge("glapp_entries_waiting", "Entries that wait for the disk", status["waiting"]),
+        ]
+        of_loops: dict[str, tuple[str, Callable[[dict[str, Any]], Any]]] = {
+            "glapp_seen_seconds": (
+                "Age of the newest PV",
+                lambda s: None if s["seen"] is None else status["now"] - s["seen"],
+            ),
+            "glapp_good": ("1 where the newest PV is good", lambda s: None if s["good"] is None else float(s["good"])),
+            "glapp_dead_band_estimate": (
+                "Estimate of the dead band by zero crossings, in OP units",
+                lambda s: s["estimate"],
+            ),
+            "glapp_dead_band": (
+                "Width of the gap by the last fit, in OP units",
+                lambda s: (s["answer"] or {}).get("d"),
+            ),
+            "glapp_compensation_enabled": (
+                "1 where u_FF is made",
+                lambda s: float(s["compensation"]["enabled"]) if "compensation" in s else None,
+            ),
+            "glapp_u_ff": ("u_FF, in OP units", lambda s: s["compensation"]["u_ff"] if "compensation" in s else None),
+        }
+        for name, (text, value) in of_loops.items():
+            gauge = GaugeMetricFamily(name, text, labels=["loop"])
+            for loop, shown in loops.items():
+                if (number := value(shown)) is not None:
+                    gauge.add_metric([loop], number)
+            found.append(gauge)
+        for name, text, key in (
+            ("glapp_half_periods", "Half-periods", "half_periods"),
+            ("glapp_detections", "Accepted half-periods", "accepted"),
+            ("glapp_values_dropped", "Values that came late or twice", "dropped"),
+        ):
+            counter = CounterMetricFamily(name, text, labels=["loop"])
+            for loop, shown in loops.items():
+                counter.add_metric([loop], shown[key])
+            found.append(counter)
+        return found
+
+
+def _gauge(name: str, text: str, value: float) -> GaugeMetricFamily:
+    return GaugeMetricFamily(name, text, value=value)
+
+
+class Door:
+    """The door, open: served beside the watch, in the same loop.
+
+    Parameters
+    ----------
+    app : FastAPI
+        What `app_of` made.
+    host : str
+        The address that it listens at.
+    port : int
+        0: any that is free.
+    certificate, key : Path, optional
+        For TLS; needed for any address that is not this computer's own.
+
+    Raises
+    ------
+    InputError
+        For an address of the network without TLS.
+    """
+
+    def __init__(
+        self, app: FastAPI, host: str, port: int, certificate: Path | None = None, key: Path | None = None
+    ) -> None:
+        if (certificate is None) != (key is None):
+            raise InputError("certificate and key are given together", parameter="certificate")
+        if certificate is None and not _loopback(host):
+            raise InputError(
+                f"is {host}, which others reach, and passwords would be readable on their way",
+                parameter="host",
+                value=host,
+                hint="give a certificate and its key, or leave it at 127.0.0.1",
+            )
+        if certificate is not None:
+            try:
+                ssl.create_default_context(ssl.Purpose.CLIENT_AUTH).load_cert_chain(certificate, key)
+            except (OSError, ssl.SSLError) as error:
+                raise InputError(f"cannot be used: {error}", file=str(certificate)) from None
+        family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        try:
+            self._socket = socket.create_server((host.strip("[]"), port), family=family)
+        except OSError as error:
+            raise InputError(f"cannot be listened at: {error}", parameter="host and port", value=port) from None
+        self.port: int = self._socket.getsockname()[1]
+        self.url = f"{'http' if certificate is None else 'https'}://{host}:{self.port}"
+        self._server = _Server(
+            uvicorn.Config(
+                app,
+                log_level="warning",
+                access_log=False,
+                ssl_certfile=certificate,
+                ssl_keyfile=key,
+                timeout_keep_alive=30,
+                timeout_graceful_shutdown=2,
+                limit_concurrency=200,
+                server_header=False,
+            )
+        )
+
+    async def open(self) -> None:
+        """Serve until cancelled."""
+        serving = asyncio.create_task(self._server.serve(sockets=[self._socket]))
+        try:
+            await asyncio.shield(serving)
+        except asyncio.CancelledError:
+            self._server.should_exit = True
+            await serving
+            raise
+
+
+class _Server(uvicorn.Server):
+    """One that leaves the signals of the process to the process."""
+
+    @contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        yield
+
+
+def _who(person: Person) -> tuple[str, str]:
+    return person.name, person.role.name.lower()
+
+
+def _loopback(host: str) -> bool:
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host.strip("[]")).is_loopback
+    except ValueError:
+        return False
+
+
+def _plain(value: Any) -> Any:
+    """With None for what JSON has no number for."""
+    if isinstance(value, dict):
+        return {key: _plain(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(one) for one in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

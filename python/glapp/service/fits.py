@@ -1,0 +1,70 @@
+"""The joint fit over the recordings that are kept of a loop: in a process of its own, so that the watch goes on."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+from ..document import to_json
+from ..errors import InputError
+from ..estimate import analyze
+from ..loop import Loop
+from ..many import analyze_recordings
+from .recordings import Signals
+
+__all__ = ["answered"]
+
+
+def answered(folder: Path, settings: str, begin: float, end: float) -> dict[str, Any]:
+    """What all kept recordings of a loop say together, as a row of `answers`.
+
+    Parameters
+    ----------
+    folder : Path
+        The data folder.
+    settings : str
+        The loop, as JSON.
+    begin, end : float
+        From when to when [s since 1970 UTC].
+
+    Raises
+    ------
+    InputError
+        Where there is no recording, or it cannot be used.
+    """
+    loop = Loop(**json.loads(settings))
+    recordings = Signals(folder).recordings(loop, begin, end)
+    if not recordings:
+        raise InputError("has no recording to fit yet", loop=loop.name)
+    result = analyze(recordings[0]) if len(recordings) == 1 else analyze_recordings(recordings)
+    fit = result.fit
+    if fit is None:
+        verdict, reason = result.verdict, result.reason or "OP is not recorded"
+        d, low, high = result.d_hat, None, None
+    else:
+        verdict, reason = fit.verdict, fit.reason
+        d, low, high = fit.d, fit.low, fit.high
+    compensable = None
+    if fit is not None:
+        compensable = 0.0 if fit.verdict == "sound" else fit.compensable
+    found = result.settings
+    values = {"k": found.k, "ti": found.ti, "td": found.td, "kp": found.kp}
+    learnt = {
+        name: value
+        for name, value in values.items()
+        if value is not None and math.isfinite(value) and found.origins.get(name) in ("identified", "fitted")
+    }
+    return {
+        "t_begin": begin,
+        "t_end": end,
+        "verdict": verdict,
+        "d": d,
+        "low": low,
+        "high": high,
+        "unit": loop.op_label,
+        "reason": reason,
+        "compensable": compensable,
+        "document": json.dumps({"learnt": learnt, "analysis": json.loads(to_json([result]))}),
+    }

@@ -1,0 +1,701 @@
+"""What the service remembers: one SQLite database, one process that writes it, as many as like that read it.
+
+Values come in as *entries*: all that came since the last one, packed, with the moment at which they were taken in. An
+entry and what it led to (half-periods, events) are one transaction. From time to time the state of every detector is
+saved together with the number of the last entry in it, again in one transaction; the entries up to there are then no
+longer needed. Whoever starts after a kill takes the saved states and hands them the entries since: the same bits come
+out, and a half-period that is already there, known by its loop and its number, is not written again.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import socket
+import sqlite3
+import sys
+import threading
+import time
+import zlib
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+
+from ..errors import InputError
+from ..loop import Loop
+from .signal import Event
+
+__all__ = ["COLUMNS", "SCHEMA", "Entry", "Half", "Lock", "Memory", "MemoryFull", "Reader", "backup", "restore"]
+
+NAME = "glapp.db"
+
+_FIRST = """
+CREATE TABLE meta (name TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
+CREATE TABLE loops (id INTEGER PRIMARY KEY, name TEXT NOT NULL UNIQUE, settings TEXT NOT NULL);
+CREATE TABLE entries (id INTEGER PRIMARY KEY, now REAL NOT NULL, body BLOB NOT NULL);
+CREATE TABLE states (loop INTEGER PRIMARY KEY REFERENCES loops (id), body TEXT NOT NULL);
+CREATE TABLE half_periods (
+    loop INTEGER NOT NULL REFERENCES loops (id), number INTEGER NOT NULL,
+    t_start REAL, t_end REAL, sign INTEGER, samples INTEGER, delta_t REAL, delta_y REAL, e_max REAL, delta_sp REAL,
+    delta_u REAL, delta_u_d REAL, delta_u_sp REAL, op_travel REAL, free REAL, kp_part REAL, d REAL,
+    previous_delta_y REAL, d_hat_before REAL, mask INTEGER, reason INTEGER, d_hat REAL, median_mean REAL,
+    noise_floor REAL, detections INTEGER, compensated INTEGER NOT NULL,
+    PRIMARY KEY (loop, number)
+) WITHOUT ROWID;
+CREATE INDEX half_periods_accepted ON half_periods (loop, t_end) WHERE reason = 0;
+CREATE INDEX half_periods_rejected ON half_periods (t_end) WHERE reason > 0;
+CREATE TABLE answers (
+    id INTEGER PRIMARY KEY, loop INTEGER NOT NULL REFERENCES loops (id), time REAL NOT NULL, asked_by TEXT NOT NULL,
+    t_begin REAL, t_end REAL, verdict TEXT NOT NULL, d REAL, low REAL, high REAL, unit TEXT NOT NULL,
+    reason TEXT NOT NULL, compensable REAL, document TEXT NOT NULL
+);
+CREATE INDEX answers_loop ON answers (loop, time);
+CREATE TABLE settings (
+    loop INTEGER NOT NULL REFERENCES loops (id), name TEXT NOT NULL, value TEXT NOT NULL, time REAL NOT NULL,
+    person TEXT NOT NULL, PRIMARY KEY (loop, name)
+) WITHOUT ROWID;
+CREATE TABLE events (
+    id INTEGER PRIMARY KEY, time REAL NOT NULL, loop TEXT, kind TEXT NOT NULL, text TEXT NOT NULL
+);
+CREATE INDEX events_time ON events (time);
+CREATE TABLE commands (
+    id INTEGER PRIMARY KEY, time REAL NOT NULL, person TEXT NOT NULL, role TEXT NOT NULL, command TEXT NOT NULL,
+    loop TEXT, before TEXT NOT NULL, after TEXT NOT NULL, refused TEXT
+);
+CREATE TABLE users (
+    name TEXT PRIMARY KEY, role TEXT NOT NULL, password TEXT NOT NULL, time REAL NOT NULL
+) WITHOUT ROWID;
+CREATE TABLE tokens (
+    digest TEXT PRIMARY KEY, person TEXT NOT NULL REFERENCES users (name) ON DELETE CASCADE, expires REAL NOT NULL
+) WITHOUT ROWID;
+CREATE TABLE shown (id INTEGER PRIMARY KEY CHECK (id = 1), time REAL NOT NULL, body TEXT NOT NULL);
+"""
+
+_MIGRATIONS = (_FIRST,)
+"""What leads from one version of the schema to the next; a database that is version n has had the first n."""
+
+SCHEMA = len(_MIGRATIONS)
+"""Version of the schema that this program writes."""
+
+COLUMNS = (
+    "t_start",
+    "t_end",
+    "sign",
+    "samples",
+    "delta_t",
+    "delta_y",
+    "e_max",
+    "delta_sp",
+    "delta_u",
+    "delta_u_d",
+    "delta_u_sp",
+    "op_travel",
+    "free",
+    "kp_part",
+    "d",
+    "previous_delta_y",
+    "d_hat_before",
+    "mask",
+    "reason",
+    "d_hat",
+    "median_mean",
+    "noise_floor",
+    "detections",
+)
+"""What is kept of a half-period, by the names of `glapp.HalfPeriods`."""
+
+Half = tuple[Any, ...]
+"""A row of `half_periods`: loop, number, `COLUMNS`, and whether u_FF was not 0 in it."""
+
+_INSERT_HALF = f"INSERT OR IGNORE INTO half_periods VALUES ({', '.join('?' * (len(COLUMNS) + 3))})"
+
+
+class MemoryFull(Exception):  # noqa: N818 - a state of the disk, not a fault of the program
+    """The memory cannot be written now: the disk is full, or the folder is gone. The transaction left nothing."""
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """What was taken in at one moment.
+
+    Attributes
+    ----------
+    id : int
+        Its number: later ones have greater numbers.
+    now : float
+        The moment, by the clock of this computer [s since 1970 UTC].
+    loop : uint32[n]
+        `loops.id` of each value.
+    signal : uint8[n]
+        Which signal: its place in `glapp.service.signal.Signal`, or `ALIVE`, or `LOST`.
+    good : bool[n]
+        Whether it may be believed.
+    time, value : float64[n]
+        Source time [s since 1970 UTC], and the value.
+    """
+
+    id: int
+    now: float
+    loop: np.typing.NDArray[np.uint32]
+    signal: np.typing.NDArray[np.uint8]
+    good: np.typing.NDArray[np.bool_]
+    time: np.typing.NDArray[np.float64]
+    value: np.typing.NDArray[np.float64]
+
+    def packed(self) -> bytes:
+        """Its values as bytes, little-endian, compressed."""
+        parts = (
+            self.loop.astype("<u4").tobytes(),
+            self.signal.tobytes(),
+            self.good.astype(np.uint8).tobytes(),
+            self.time.astype("<f8").tobytes(),
+            self.value.astype("<f8").tobytes(),
+        )
+        return len(self.loop).to_bytes(4, "little") + zlib.compress(b"".join(parts), 1)
+
+    @classmethod
+    def unpacked(cls, id: int, now: float, body: bytes) -> Self:
+        """The entry that `packed` packed, with the same bits."""
+        n, data = int.from_bytes(body[:4], "little"), zlib.decompress(body[4:])
+        at = np.cumsum([0, 4 * n, n, n, 8 * n, 8 * n])
+        loop, signal, good, moments, value = (data[a:b] for a, b in pairwise(at))
+        return cls(
+            id,
+            now,
+            np.frombuffer(loop, "<u4").astype(np.uint32),
+            np.frombuffer(signal, np.uint8),
+            np.frombuffer(good, np.uint8).astype(np.bool_),
+            np.frombuffer(moments, "<f8").astype(np.float64),
+            np.frombuffer(value, "<f8").astype(np.float64),
+        )
+
+
+class Lock:
+    """The right to write a data folder: one process has it, and it ends with that process, however that ends.
+
+    Raises
+    ------
+    InputError
+        Where another process has it: which one, on which computer and since when.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> lock = Lock(Path(folder.name))
+    >>> Lock.holder(Path(folder.name))["pid"] == os.getpid()
+    True
+    >>> lock.release()
+    >>> Lock.holder(Path(folder.name)) is None
+    True
+    """
+
+    def __init__(self, folder: Path) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        self._path = folder / "lock"
+        self._file = self._path.open("a+", encoding="utf-8")
+        if not _locked(self._file.fileno()):
+            self._file.close()
+            other = _told(self._path)
+            raise InputError(
+                "is written by process {pid} on {host} since {since}".format_map({**_NOBODY, **other}),
+                file=str(folder),
+                hint="one process writes a data folder: stop that one, or name another folder",
+            )
+        since = time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime())
+        said = {"pid": os.getpid(), "host": socket.gethostname(), "since": since}
+        self._file.truncate(0)
+        self._file.write(json.dumps(said))
+        self._file.flush()
+
+    def release(self) -> None:
+        """Give it back."""
+        self._file.truncate(0)
+        self._file.close()
+
+    @staticmethod
+    def holder(folder: Path) -> dict[str, Any] | None:
+        """Who has it: `pid`, `host`, `since`; None where nobody has."""
+        path = folder / "lock"
+        if not path.is_file():
+            return None
+        with path.open("a+", encoding="utf-8") as file:
+            if _locked(file.fileno()):
+                return None
+        return _told(path)
+
+
+_NOBODY = {"pid": "?", "host": "?", "since": "?"}
+
+
+def _told(path: Path) -> dict[str, Any]:
+    """What the holder of a lock wrote into it."""
+    try:
+        said = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return said if isinstance(said, dict) else {}
+
+
+if sys.platform == "win32":
+    import msvcrt
+
+    def _locked(handle: int) -> bool:
+        os.lseek(handle, 1 << 20, os.SEEK_SET)  # behind the text, which others may read
+        try:
+            msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)
+        except OSError:
+            return False
+        finally:
+            os.lseek(handle, 0, os.SEEK_SET)
+        return True
+
+else:
+    import fcntl
+
+    def _locked(handle: int) -> bool:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            return False
+        return True
+
+
+class Reader:
+    """The database, read by anybody at any time.
+
+    Parameters
+    ----------
+    folder : Path
+        The data folder.
+
+    Raises
+    ------
+    InputError
+        Where there is no database, it is damaged, or a later program wrote it.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        path = folder / NAME
+        if not path.is_file():
+            raise InputError("holds no glapp.db", file=str(folder), hint="name the --data of a glapp watch")
+        self._db = sqlite3.connect(
+            f"{path.resolve().as_uri()}?mode=ro", uri=True, timeout=10, check_same_thread=False, isolation_level=None
+        )
+        self._db.row_factory = sqlite3.Row
+        try:
+            version = self._db.execute("PRAGMA user_version").fetchone()[0]
+        except sqlite3.DatabaseError as error:
+            self.close()
+            raise InputError(f"cannot be read: {error}", file=str(path)) from None
+        if version != SCHEMA:
+            self.close()
+            raise InputError(
+                f"has schema {version}, and this glapp reads {SCHEMA}",
+                file=str(path),
+                hint="start glapp watch of this version once, or use the version that wrote it",
+            )
+
+    def close(self) -> None:
+        """Let go of it."""
+        self._db.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def rows(self, query: str, *values: Any) -> list[dict[str, Any]]:
+        """What a query gives, a dictionary a row."""
+        return [dict(row) for row in self._db.execute(query, values)]
+
+    def one(self, query: str, *values: Any) -> dict[str, Any] | None:
+        """The first row, or None."""
+        row = self._db.execute(query, values).fetchone()
+        return None if row is None else dict(row)
+
+    def loops(self) -> dict[str, int]:
+        """Number of each loop by its name."""
+        return {row["name"]: row["id"] for row in self._db.execute("SELECT id, name FROM loops ORDER BY id")}
+
+    def half_periods(
+        self, loop: str, begin: float = -1e300, end: float = 1e300, *, accepted: bool = True, most: int = 100_000
+    ) -> list[dict[str, Any]]:
+        """Half-periods of a loop that ended within [begin, end], in the order of time; the newest `most` of them."""
+        chosen = "reason = 0" if accepted else "reason >= 0"
+        found = self.rows(
+            f"SELECT number, {', '.join(COLUMNS)}, compensated FROM half_periods "
+            f"WHERE loop = (SELECT id FROM loops WHERE name = ?) AND t_end BETWEEN ? AND ? AND {chosen} "
+            "ORDER BY number DESC LIMIT ?",
+            *(loop, begin, end, most),
+        )
+        return found[::-1]
+
+    def answers(self, loop: str, most: int = 100) -> list[dict[str, Any]]:
+        """The answers of a loop, the newest first, without their documents."""
+        return self.rows(
+            "SELECT id, time, asked_by, t_begin, t_end, verdict, d, low, high, unit, reason, compensable FROM answers "
+            "WHERE loop = (SELECT id FROM loops WHERE name = ?) ORDER BY time DESC, id DESC LIMIT ?",
+            *(loop, most),
+        )
+
+    def events(self, loop: str | None = None, most: int = 200, before: int | None = None) -> list[dict[str, Any]]:
+        """What happened, the newest first; of one loop where it is named."""
+        return self.rows(
+            "SELECT id, time, loop, kind, text FROM events WHERE (?1 IS NULL OR loop = ?1) AND (?3 IS NULL OR id < ?3) "
+            "ORDER BY id DESC LIMIT ?2",
+            *(loop, most, before),
+        )
+
+    def commands(self, loop: str | None = None, most: int = 200) -> list[dict[str, Any]]:
+        """Who asked for what, the newest first: with what it was before and after, or why it was refused."""
+        found = self.rows(
+            "SELECT * FROM commands WHERE (?1 IS NULL OR loop = ?1) ORDER BY id DESC LIMIT ?2", *(loop, most)
+        )
+        for row in found:
+            row["before"], row["after"] = json.loads(row["before"]), json.loads(row["after"])
+        return found
+
+    def settings(self, loop: str) -> dict[str, Any]:
+        """What persons have set of a loop."""
+        found = self._db.execute(
+            "SELECT name, value FROM settings WHERE loop = (SELECT id FROM loops WHERE name = ?)", (loop,)
+        )
+        return {row["name"]: json.loads(row["value"]) for row in found}
+
+    def shown(self) -> tuple[float, dict[str, Any]] | None:
+        """When the service last wrote what it shows, and that."""
+        row = self._db.execute("SELECT time, body FROM shown").fetchone()
+        return None if row is None else (row["time"], json.loads(row["body"]))
+
+
+class Memory(Reader):
+    """The database, to be written by the one process that has the folder's `Lock`.
+
+    A database that is damaged is renamed to `glapp.db.damaged-TIME` with all that belongs to it, and a new one begun:
+    nothing is written into it. `found` says so.
+
+    Parameters
+    ----------
+    folder : Path
+        The data folder; made where it is missing.
+    now : float, optional
+        The time that a damaged database is named by [s since 1970 UTC].
+
+    Raises
+    ------
+    InputError
+        Where another process writes it, or a later program wrote it.
+    """
+
+    def __init__(self, folder: Path, now: float | None = None) -> None:
+        self.folder = folder
+        self.lock = Lock(folder)
+        self.found: str | None = None
+        self._one_at_a_time = threading.Lock()
+        try:
+            self._open(time.time() if now is None else now)
+        except BaseException:
+            self.lock.release()
+            raise
+
+    def _open(self, now: float) -> None:
+        path = self.folder / NAME
+        try:
+            self._db = _connected(path)
+            sound = self._db.execute("PRAGMA quick_check(1)").fetchone()[0] == "ok"
+            version = self._db.execute("PRAGMA user_version").fetchone()[0]
+        except sqlite3.DatabaseError as error:
+            if isinstance(error, sqlite3.OperationalError):  # it is not the file: the disk is full, or not ours
+                raise InputError(f"cannot be opened: {error}", file=str(path)) from None
+            sound, version = False, 0
+        if sound and version > SCHEMA:
+            self._db.close()
+            raise InputError(
+                f"has schema {version}, and this glapp writes {SCHEMA}", file=str(path), hint="use the newer version"
+            )
+        if not sound:
+            self._db.close()
+            aside = _set_aside(path, now)
+            self.found = f"the database is damaged: it was set aside as {aside.name}, and a new one begun"
+            self._db, version = _connected(path), 0
+        if version < SCHEMA:
+            with self._writing():
+                for step in _MIGRATIONS[version:]:
+                    for statement in step.split(";\n"):
+                        self._db.execute(statement)
+                self._db.execute(f"PRAGMA user_version = {SCHEMA}")
+
+    def close(self) -> None:
+        """Let go of it, and of the right to write it."""
+        super().close()
+        self.lock.release()
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        """A transaction, all of it or nothing; of one thread at a time."""
+        with self._one_at_a_time:
+            try:
+                self._db.execute("BEGIN IMMEDIATE")
+                try:
+                    yield
+                    self._db.execute("COMMIT")
+                except BaseException:
+                    if self._db.in_transaction:
+                        self._db.execute("ROLLBACK")
+                    raise
+            except sqlite3.OperationalError as error:
+                raise MemoryFull(f"{self.folder / NAME} cannot be written: {error}") from None
+
+    def know(self, loops: Sequence[Loop]) -> dict[str, int]:
+        """Put loops down; gives the number of every loop that was ever there."""
+        with self._writing():
+            self._db.executemany(
+                "INSERT INTO loops (name, settings) VALUES (?, ?) "
+                "ON CONFLICT (name) DO UPDATE SET settings = excluded.settings",
+                [(loop.name, loop.model_dump_json(exclude_unset=True)) for loop in loops],
+            )
+        return self.loops()
+
+    def add(self, entries: Sequence[Entry], halves: Sequence[Half], events: Sequence[Event]) -> None:
+        """Put down what came in, with what it led to: one transaction.
+
+        Raises
+        ------
+        MemoryFull
+            Where it cannot be written; nothing of it is there.
+        """
+        with self._writing():
+            self._db.executemany(
+                "INSERT INTO entries VALUES (?, ?, ?)", [(entry.id, entry.now, entry.packed()) for entry in entries]
+            )
+            self._put(halves, events)
+
+    def _put(self, halves: Sequence[Half], events: Sequence[Event]) -> None:
+        self._db.executemany(_INSERT_HALF, halves)
+        self._db.executemany(
+            "INSERT INTO events (time, loop, kind, text) VALUES (?, ?, ?, ?)",
+            [(event.time, event.loop, event.kind, event.text) for event in events],
+        )
+
+    def save(self, position: int, states: Mapping[int, str], events: Sequence[Event] = ()) -> None:
+        """Put down the states in which all entries up to `position` are, and forget those entries: one transaction.
+
+        Raises
+        ------
+        MemoryFull
+            Where it cannot be written; all is as it was.
+        """
+        with self._writing():
+            self._db.execute("DELETE FROM entries WHERE id <= ?", (position,))
+            self._db.executemany("INSERT OR REPLACE INTO states VALUES (?, ?)", states.items())
+            self._db.execute("INSERT OR REPLACE INTO meta VALUES ('position', ?)", (str(position),))
+            self._put((), events)
+
+    def position(self) -> int:
+        """Number of the last entry in the saved states; 0 before the first."""
+        row = self._db.execute("SELECT value FROM meta WHERE name = 'position'").fetchone()
+        return 0 if row is None else int(row["value"])
+
+    def states(self) -> dict[int, str]:
+        """The saved states by the loops' numbers."""
+        return {row["loop"]: row["body"] for row in self._db.execute("SELECT loop, body FROM states")}
+
+    def entries(self) -> Iterator[Entry]:
+        """The entries that are in no saved state, in their order."""
+        for row in self._db.execute("SELECT id, now, body FROM entries WHERE id > ? ORDER BY id", (self.position(),)):
+            yield Entry.unpacked(row["id"], row["now"], row["body"])
+
+    def show(self, now: float, body: str) -> None:
+        """Put down what readers see of the loops now."""
+        with self._writing():
+            self._db.execute("INSERT OR REPLACE INTO shown VALUES (1, ?, ?)", (now, body))
+
+    def tell(self, events: Iterable[Event]) -> None:
+        """Put down what happened."""
+        with self._writing():
+            self._put((), list(events))
+
+    def forget(self, before: float) -> int:
+        """Take out the rejected half-periods that ended before a time; gives how many. The accepted ones stay."""
+        with self._writing():
+            return self._db.execute("DELETE FROM half_periods WHERE reason > 0 AND t_end < ?", (before,)).rowcount
+
+    def answer(self, loop: str, answer: Mapping[str, Any]) -> int:
+        """Put down an answer; gives its number."""
+        names = ", ".join(answer)
+        marks = ", ".join("?" * len(answer))
+        with self._writing():
+            cursor = self._db.execute(
+                f"INSERT INTO answers (loop, {names}) VALUES ((SELECT id FROM loops WHERE name = ?), {marks})",
+                (loop, *answer.values()),
+            )
+        assert cursor.lastrowid is not None
+        return cursor.lastrowid
+
+    def command(
+        self,
+        when: float,
+        person: str,
+        role: str,
+        command: str,
+        loop: str | None,
+        before: Any,
+        after: Any,
+        *,
+        refused: str | None = None,
+        settings: Mapping[str, Any] | None = None,
+        states: Mapping[int, str] | None = None,
+    ) -> None:
+        """Put down a command, and with it, in the same transaction, the settings and states that it changed."""
+        with self._writing():
+            self._db.execute(
+                "INSERT INTO commands (time, person, role, command, loop, before, after, refused) "
+                "VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
+                (when, person, role, command, loop, json.dumps(before), json.dumps(after), refused),
+            )
+            self._db.executemany(
+                "INSERT OR REPLACE INTO settings VALUES ((SELECT id FROM loops WHERE name = ?), ?, ?, ?, ?)",
+                [(loop, name, json.dumps(value), when, person) for name, value in (settings or {}).items()],
+            )
+            self._db.executemany("INSERT OR REPLACE INTO states VALUES (?, ?)", (states or {}).items())
+
+    def write(self, statement: str, *values: Any) -> int:
+        """One statement that changes something; gives how many rows it did."""
+        with self._writing():
+            return self._db.execute(statement, values).rowcount
+
+
+def _connected(path: Path) -> sqlite3.Connection:
+    db = sqlite3.connect(path, timeout=10, check_same_thread=False, isolation_level=None)
+    db.row_factory = sqlite3.Row
+    try:
+        db.execute("PRAGMA journal_mode = WAL")
+        db.execute("PRAGMA synchronous = FULL")  # what was committed is there after a power cut, too
+        db.execute("PRAGMA foreign_keys = ON")
+        db.execute("PRAGMA auto_vacuum = INCREMENTAL")
+    except sqlite3.DatabaseError:
+        pass  # the check that follows finds out what it is
+    return db
+
+
+def _set_aside(path: Path, now: float) -> Path:
+    stamp = time.strftime("%Y-%m-%dT%H-%M-%SZ", time.gmtime(now))
+    aside = path.with_name(f"{path.name}.damaged-{stamp}")
+    number = 1
+    while aside.exists():
+        number += 1
+        aside = path.with_name(f"{path.name}.damaged-{stamp}-{number}")
+    path.rename(aside)
+    for ending in ("-wal", "-shm"):
+        beside = path.with_name(path.name + ending)
+        if beside.exists():
+            beside.rename(aside.with_name(aside.name + ending))
+    return aside
+
+
+def backup(folder: Path, file: Path) -> None:
+    """Copy the database of a data folder into a file, whether it is written at the time or not.
+
+    The copy is made beside the file and then takes its name: it is whole, or there is none. Signals are files of their
+    own, `folder/signals`, to be copied as files.
+
+    Parameters
+    ----------
+    folder : Path
+        The data folder.
+    file : Path
+        The copy; one that is there is replaced.
+
+    Raises
+    ------
+    InputError
+        Where there is no database, or the file cannot be written.
+    """
+    part = file.with_name(f".{file.name}.part")
+    with Reader(folder) as reader:
+        try:
+            part.unlink(missing_ok=True)
+            target = sqlite3.connect(part)
+            try:
+                reader._db.backup(target)
+                target.execute("PRAGMA journal_mode = DELETE")
+                target.execute("DELETE FROM tokens")  # nobody is logged in by what is copied
+                target.commit()
+            finally:
+                target.close()
+            part.replace(file)
+        except (sqlite3.Error, OSError) as error:
+            part.unlink(missing_ok=True)
+            raise InputError(f"cannot be written: {error}", file=str(file)) from None
+
+
+def restore(folder: Path, file: Path, now: float | None = None) -> Path | None:
+    """Put a copy that `backup` made in the place of the database of a data folder.
+
+    The database that is there is set aside, not overwritten. Compensation is off afterwards, as after every start.
+
+    Parameters
+    ----------
+    folder : Path
+        The data folder; made where it is missing.
+    file : Path
+        The copy.
+    now : float, optional
+        The time that the old database is named by [s since 1970 UTC].
+
+    Returns
+    -------
+    Path or None
+        What the old database is called now.
+
+    Raises
+    ------
+    InputError
+        Where a process writes the folder, or the file is no sound database of glapp.
+    """
+    try:
+        copy = sqlite3.connect(f"{file.resolve().as_uri()}?mode=ro", uri=True)
+        try:
+            sound = copy.execute("PRAGMA quick_check(1)").fetchone()[0] == "ok"
+            version = copy.execute("PRAGMA user_version").fetchone()[0]
+            copy.execute("SELECT id FROM loops LIMIT 1")
+        finally:
+            copy.close()
+    except sqlite3.Error as error:
+        raise InputError(f"is no database of glapp: {error}", file=str(file)) from None
+    if not sound or not 1 <= version <= SCHEMA:
+        raise InputError(f"is damaged, or of schema {version}, where this glapp reads 1 to {SCHEMA}", file=str(file))
+    lock = Lock(folder)
+    try:
+        path = folder / NAME
+        part = path.with_name(f".{NAME}.part")
+        shutil.copyfile(file, part)
+        aside = None
+        if path.exists():
+            stamp = time.strftime("%Y-%m-%dT%H-%M-%SZ", time.gmtime(time.time() if now is None else now))
+            aside = path.with_name(f"{NAME}.replaced-{stamp}")
+            old = sqlite3.connect(path)
+            try:
+                old.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+            except sqlite3.DatabaseError:
+                pass  # it may be damaged: then it is set aside as it is
+            finally:
+                old.close()
+            path.rename(aside)
+            for ending in ("-wal", "-shm"):
+                beside = path.with_name(path.name + ending)
+                if beside.exists():
+                    beside.rename(aside.with_name(aside.name + ending))
+        part.replace(path)
+        return aside
+    finally:
+        lock.release()

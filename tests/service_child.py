@@ -1,0 +1,41 @@
+"""A watch in a process of its own, to be killed: it takes up where the memory ends, and says what it is doing."""
+
+import asyncio
+import math
+import sys
+from pathlib import Path
+
+import service
+from service import BEGIN, Clock, loops, values
+
+from glapp.service.memory import Memory
+from glapp.service.watch import Bounds, Watch
+
+
+class _Telling(Memory):
+    """A memory that says when it writes."""
+
+    def _writing(self):  # type: ignore[no-untyped-def]
+        print("writing", flush=True)
+        return super()._writing()
+
+
+def main(folder: Path, seconds: int, save_every: int, pause: float = 0.0) -> None:
+    clock = Clock()
+    watch = Watch(loops(2), _Telling(folder, BEGIN), bounds=Bounds(), clock=clock)
+    since = watch.since()
+    given = [
+        value
+        for i, name in enumerate(watch.names)
+        for value in values(name, seconds, seed=i + 1)
+        if value.time > since.get((value.loop, value.signal), -math.inf)
+    ]
+    print("begun", flush=True)
+    service.fed(watch, clock, given, save_every=save_every, pace=1.0)
+    asyncio.run(watch.save())
+    watch.memory.close()
+    print("done", flush=True)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3]))

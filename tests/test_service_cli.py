@@ -1,0 +1,176 @@
+"""`glapp watch` on the command line: what it shows, what it refuses, and that it ends as it should."""
+
+import asyncio
+import json
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import service
+from service import BEGIN, Clock, fed, loops, values
+from typer.testing import CliRunner
+
+from glapp.cli import app
+from glapp.errors import InputError
+from glapp.service.memory import Lock, Memory, Reader
+
+HERE = Path(__file__).parent
+
+
+def glapp(*words: object) -> str:
+    result = CliRunner().invoke(app, ["watch", *map(str, words)])
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    assert result.exit_code == 0, result.output
+    return result.output
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    clock = Clock()
+    watch = service.watch(tmp_path / "data", loops(2), clock)
+    fed(watch, clock, values("FIC0", 200), pace=20.0)
+    watch.memory.show(clock.now, json.dumps(watch.status()))
+    watch.memory.command(clock.now, "eve", "engineer", "change", "FIC0", {"kp": 2.0}, {"kp": 3.0})
+    watch.memory.close()
+    return tmp_path / "data"
+
+
+def test_help_teaches() -> None:
+    text = re.sub(r"\s+", " ", glapp("--help"))
+    for word in (
+        "run",
+        "status",
+        "enable",
+        "disable",
+        "backup",
+        "restore",
+        "users",
+        "glapp watch loops.toml --data plant",
+    ):
+        assert word in text
+    for command in ("run", "status", "events", "backup", "restore", "login", "enable", "disable", "fit", "set"):
+        assert "glapp watch" in glapp(command, "--help"), command
+
+
+def test_status(folder: Path) -> None:
+    text = glapp("status", "--data", folder)
+    assert "nobody writes this folder" in text and re.search(r"FIC0 .* 2\.\d+ % .* of ", text)
+    body = json.loads(glapp("status", "--data", folder, "--json"))
+    assert body["runs"] is None and body["loops"]["FIC0"]["detections"] == 3
+    memory = Memory(folder)
+    assert "process" in glapp("status", "--data", folder)
+    memory.close()
+
+
+def test_events_and_commands(folder: Path) -> None:
+    assert "eve (engineer) change FIC0: {'kp': 2.0}" in glapp("events", "--data", folder, "--commands")
+    memory = Memory(folder)
+    memory.tell([service.Event(BEGIN, "FIC0", "late", "with \x1b[31m colour")])
+    memory.close()
+    assert "\x1b" not in glapp("events", "--data", folder, "--loop", "FIC0")
+
+
+def test_backup_and_restore(folder: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "copy.db"
+    assert "Copied" in glapp("backup", copy, "--data", folder)
+    (folder / "glapp.db").write_bytes(b"damaged")
+    assert "Restored" in glapp("restore", copy, "--data", folder)
+    with Reader(folder) as reader:
+        assert len(reader.half_periods("FIC0")) > 3
+
+
+def test_what_is_missing_is_said(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"holds no glapp\.db"):
+        glapp("status", "--data", tmp_path)
+    with pytest.raises(InputError, match=r"none\.toml"):
+        glapp(tmp_path / "none.toml", "--data", tmp_path / "data")
+    plain = tmp_path / "loops.toml"
+    plain.write_text("[loops.FIC1]\n")
+    with pytest.raises(InputError, match=r"has no table \[opcua\]"):
+        glapp(plain, "--data", tmp_path / "data")
+    assert not (tmp_path / "data").exists(), "nothing is begun"
+
+
+def test_without_a_service_or_a_login(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    monkeypatch.delenv("GLAPP_TOKEN", raising=False)
+    with pytest.raises(InputError, match="nobody is logged in; glapp watch login NAME"):
+        glapp("disable", "FIC0")
+    monkeypatch.setenv("GLAPP_TOKEN", "x")
+    with pytest.raises(InputError, match="does not answer"):
+        glapp("disable", "FIC0", "--door", "http://127.0.0.1:9")
+
+
+@pytest.mark.slow
+def test_the_demonstration_from_its_first_user_to_its_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A plant and its service, started, asked, told to stop: by the command line alone."""
+    folder = tmp_path / "data"
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    words = ["watch", "--demo", "--loops", "2", "--scan", "0.5", "--data", str(folder), "--port", "0"]
+    child = subprocess.Popen([sys.executable, str(HERE / "command_line.py"), *words], stdout=subprocess.PIPE, text=True)
+    try:
+        deadline = time.monotonic() + 60
+        while time.monotonic() < deadline:
+            time.sleep(0.2)
+            if (folder / "glapp.db").exists() and (folder / "door").exists():
+                with Reader(folder) as reader:
+                    if reader.one("SELECT id FROM entries LIMIT 1"):
+                        break
+        else:
+            raise AssertionError("no value came in a minute")
+        door = (folder / "door").read_text()
+        user, password = re.findall(r"^\w+ (\S+)$", (folder / "first-login.txt").read_text(), re.MULTILINE)
+        logged_in = CliRunner().invoke(app, ["watch", "login", user, "--door", door], input=f"{password}\n")
+        assert "Logged in as engineer" in logged_in.output and password not in logged_in.output
+        assert (tmp_path / "glapp" / "token").stat().st_mode & 0o077 == 0
+        assert re.search(r"comp_share\s+0\.8", glapp("set", "FIC101", "--door", door))
+        assert re.search(r"comp_size\s+1\.5", glapp("set", "PIC102", "comp_size=1.5", "--door", door))
+        with pytest.raises(InputError, match="must be"):
+            glapp("set", "PIC102", "comp_share=1.5", "--door", door)
+        with pytest.raises(InputError, match="glapp watch drill PIC102"):
+            glapp("enable", "PIC102", "--door", door)
+        glapp("drill", "PIC102", "--door", door)
+        while "drill" not in (told := glapp("events", "--data", folder)) and time.monotonic() < deadline + 60:
+            time.sleep(0.5)
+        assert "drilled PIC102: the plant took u_FF of 0.0625 away by itself" in told
+        assert re.search(r"enabled\s+True", glapp("enable", "PIC102", "--door", door))
+        assert re.search(r"enabled\s+False", glapp("disable", "PIC102", "--door", door))
+        assert "engineer  engineer" in glapp("users", "list", "--door", door)
+        with pytest.raises(InputError, match="is written by process"):
+            Lock(folder)
+    finally:
+        child.send_signal(signal.SIGTERM)
+        code = child.wait(90)
+    assert code == 0
+    assert child.stdout is not None and "Watching 2 loops" in child.stdout.read()
+    child.stdout.close()
+    assert Lock.holder(folder) is None
+    with Reader(folder) as reader:
+        assert reader.one("SELECT id FROM entries LIMIT 1") is None, "all is saved"
+        kinds = [row["kind"] for row in reader.events()]
+        assert "connected" in kinds and "enabled" in kinds
+        assert [row["command"] for row in reader.commands() if row["refused"] is None] == [
+            "disable",
+            "enable",
+            "change",
+        ]
+
+
+def test_a_service_that_is_stopped_before_it_began(tmp_path: Path) -> None:
+    """Cancelled at once, it still ends, and gives the folder back."""
+    watch = service.watch(tmp_path, loops(), Clock())
+
+    async def go() -> None:
+        task = asyncio.create_task(watch.run(service.Table()))
+        await asyncio.sleep(0)
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+    asyncio.run(go())
+    watch.memory.close()
+    assert Lock.holder(tmp_path) is None

@@ -1,0 +1,295 @@
+"""The one door: who may what, what is refused, and that all of it is put down."""
+
+import asyncio
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import service
+from argon2 import PasswordHasher
+from fastapi.testclient import TestClient
+from service import BEGIN, Clock, fed, loops, values
+
+from glapp.errors import InputError
+from glapp.service.door import Door, app_of
+from glapp.service.memory import Memory, Reader
+from glapp.service.users import SHORTEST, Refused, Users, first_user
+from glapp.service.watch import Watch
+
+PASSWORDS = {"vera": "viewer-password", "olaf": "operator-password", "eve": "engineer-password"}
+ROLES = {"vera": "viewer", "olaf": "operator", "eve": "engineer"}
+CHEAP = PasswordHasher(time_cost=1, memory_cost=8, parallelism=1)
+
+
+@pytest.fixture
+def watch(tmp_path: Path) -> Iterator[Watch]:
+    clock = Clock()
+    one = service.watch(tmp_path, loops(2), clock)
+    fed(one, clock, values("FIC0", 200), pace=20.0)
+    yield one
+    one.memory.close()
+
+
+@pytest.fixture
+def client(watch: Watch) -> TestClient:
+    users = Users(watch.memory, CHEAP)
+    for name, role in ROLES.items():
+        users.put(name, role, PASSWORDS[name], BEGIN)
+    return TestClient(app_of(watch, users), base_url="http://127.0.0.1")
+
+
+def header(client: TestClient, name: str) -> dict[str, str]:
+    reply = client.post("/login", json={"user": name, "password": PASSWORDS[name]})
+    assert reply.status_code == 200
+    return {"Authorization": f"Bearer {reply.json()['token']}"}
+
+
+COMMANDS = [
+    ("POST", "/loops/FIC0/parameters", {"values": {"kp": 3.0}}, "engineer"),
+    ("POST", "/loops/FIC0/enable", {}, "engineer"),
+    ("POST", "/loops/FIC0/drill", {}, "engineer"),
+    ("POST", "/loops/FIC0/disable", {}, "operator"),
+    ("POST", "/loops/FIC0/fit", {}, "operator"),
+    ("POST", "/loops/FIC0/take_over", {"answer": 1}, "engineer"),
+    ("PUT", "/users/mallory", {"role": "engineer", "password": "mallory-password"}, "engineer"),
+    ("DELETE", "/users/eve", None, "engineer"),
+    ("GET", "/users", None, "engineer"),
+]
+LOOKS = [
+    "/status",
+    "/live",
+    "/loops/FIC0/half_periods",
+    f"/loops/FIC0/signals?begin={BEGIN}&end={BEGIN + 100}",
+    "/loops/FIC0/parameters",
+    "/loops/FIC0/answers",
+    "/events",
+    "/commands",
+]
+
+
+@pytest.mark.parametrize(("method", "path", "body", "needed"), COMMANDS)
+def test_a_role_that_is_too_low_is_refused_and_put_down(
+    client: TestClient, watch: Watch, method: str, path: str, body: object, needed: str
+) -> None:
+    before = watch.settings("FIC0")
+    for name in ("vera",) if needed == "operator" else ("vera", "olaf"):
+        reply = client.request(method, path, json=body, headers=header(client, name))
+        assert reply.status_code == 403 and needed in reply.json()["detail"]
+        last = watch.reader.commands()[0]
+        assert (last["person"], last["role"]) == (name, ROLES[name]) and needed in last["refused"]
+    assert watch.settings("FIC0") == before
+    assert {row["name"] for row in watch.reader.rows("SELECT name FROM users")} == set(ROLES)
+
+
+@pytest.mark.parametrize("shown", [None, "", "Bearer ", "Bearer x", "Basic ZXZlOnB3", "Bearer ' OR 1=1 --"])
+def test_without_a_token_nothing_is_shown(client: TestClient, shown: str | None) -> None:
+    for path in LOOKS + [path for method, path, _, _ in COMMANDS if method == "GET"]:
+        reply = client.get(path, headers={} if shown is None else {"Authorization": shown})
+        assert reply.status_code == 401 and reply.json() == {"detail": "log in first"}
+
+
+def test_a_viewer_sees_everything(client: TestClient) -> None:
+    vera = header(client, "vera")
+    for path in LOOKS:
+        reply = client.get(path, headers=vera)
+        assert reply.status_code == 200 and reply.headers["cache-control"] == "no-store", path
+
+
+def test_signals_are_there_whether_they_are_saved_or_not(client: TestClient, watch: Watch) -> None:
+    vera = header(client, "vera")
+    path = f"/loops/FIC0/signals?begin={BEGIN + 5}&end={BEGIN + 100}"
+    before = client.get(path, headers=vera).json()
+    asyncio.run(watch.save())
+    assert client.get(path, headers=vera).json() == before
+    assert before["time"] == [BEGIN + k for k in range(5, 101)] and before["every"] == 1
+    fewer = client.get(f"{path}&most=10", headers=vera).json()
+    assert fewer["every"] == 10 and fewer["PV"] == before["PV"][::10]
+
+
+def test_a_change_is_put_down_with_person_when_before_and_after(client: TestClient, watch: Watch) -> None:
+    eve = header(client, "eve")
+    reply = client.post("/loops/FIC0/parameters", json={"values": {"kp": 3.0}, "seen": {"kp": 2.0}}, headers=eve)
+    assert reply.status_code == 200 and reply.json()["kp"] == 3.0
+    stale = client.post("/loops/FIC0/parameters", json={"values": {"kp": 4.0}, "seen": {"kp": 2.0}}, headers=eve)
+    assert stale.status_code == 409 and "somebody else has changed it" in stale.json()["detail"]
+    wrong = client.post("/loops/FIC0/parameters", json={"values": {"n": 4}}, headers=eve)
+    assert wrong.status_code == 409 and "must be odd" in wrong.json()["detail"]
+    none = client.post("/loops/FIC0/enable", json={}, headers=eve)
+    assert none.status_code == 409 and "no node for u_FF" in none.json()["detail"]
+    found = client.get("/commands", headers=eve).json()
+    assert [(row["command"], row["refused"] is None) for row in found] == [
+        ("enable", False),
+        ("change", False),
+        ("change", False),
+        ("change", True),
+    ]
+    done = found[-1]
+    assert (done["person"], done["before"], done["after"]) == ("eve", {"kp": 2.0}, {"kp": 3.0})
+    assert watch.settings("FIC0")["kp"] == 3.0
+
+
+def test_what_is_asked_wrongly_is_refused(client: TestClient) -> None:
+    eve = header(client, "eve")
+    post = [
+        ("/loops/NONE/parameters", {"values": {"kp": 1.0}}, 404),
+        ("/loops/FIC0/parameters", {}, 422),
+        ("/loops/FIC0/parameters", {"values": {}}, 422),
+        ("/loops/FIC0/parameters", {"values": {"kp": "many"}}, 422),
+        ("/loops/FIC0/parameters", {"values": {"kp": 1.0}, "more": 1}, 422),
+        ("/loops/FIC0/take_over", {"answer": 99}, 409),
+        ("/loops/FIC0/take_over", {"answer": -1}, 422),
+    ]
+    for path, body, code in post:
+        assert client.post(path, json=body, headers=eve).status_code == code, path
+    infinite = client.post(
+        "/loops/FIC0/parameters",
+        content='{"values": {"kp": Infinity}}',
+        headers={**eve, "Content-Type": "application/json"},
+    )
+    assert infinite.status_code == 422
+    large = client.post("/loops/FIC0/parameters", content=b" " * 70_000, headers=eve)
+    assert large.status_code == 413
+    for path in ("/loops/..%2F..%2Fetc/answers", "/loops/NONE/signals?begin=0&end=1", "/answers/1"):
+        assert client.get(path, headers=eve).status_code == 404, path
+    assert client.get("/loops/FIC0/signals?begin=0&end=1e12", headers=eve).status_code == 422
+
+
+def test_a_request_to_another_name_is_refused(client: TestClient) -> None:
+    """A page elsewhere may have its own name stand for this computer."""
+    assert client.get("/status", headers={**header(client, "eve"), "Host": "evil.example"}).status_code == 400
+
+
+def test_login(client: TestClient, watch: Watch) -> None:
+    for user, password in (("eve", "wrong"), ("nobody", "wrong"), ("eve", ""), ("' OR 1=1 --", "x")):
+        reply = client.post("/login", json={"user": user, "password": password})
+        assert (reply.status_code, reply.json()["detail"]) == (401, "wrong name or password")
+    eve = header(client, "eve")
+    assert client.get("/status", headers=eve).status_code == 200
+    assert client.post("/logout", json={}, headers=eve).status_code == 200
+    assert client.get("/status", headers=eve).status_code == 401
+    kept = json.dumps([dict(row) for row in watch.memory._db.execute("SELECT * FROM users")])
+    assert not any(password in kept for password in PASSWORDS.values()) and "$argon2id$" in kept
+    assert watch.reader.rows("SELECT * FROM tokens") == []
+    refused = [row for row in watch.reader.commands() if row["command"] == "login"]
+    assert len(refused) == 4 and not any(row["after"] == "wrong" for row in refused)
+
+
+def test_passwords_cannot_be_tried_without_end(watch: Watch) -> None:
+    users = Users(watch.memory, CHEAP)
+    users.put("eve", "engineer", PASSWORDS["eve"], BEGIN)
+    for k in range(5):
+        with pytest.raises(Refused, match="wrong name or password"):
+            users.log_in("eve", f"guess {k}", BEGIN + k)
+    with pytest.raises(Refused, match=r"too many wrong passwords: wait 29\d s"):
+        users.log_in("eve", PASSWORDS["eve"], BEGIN + 5)
+    assert users.log_in("eve", PASSWORDS["eve"], BEGIN + 301)[1].name == "eve"
+
+
+def test_a_token_ends(watch: Watch) -> None:
+    users = Users(watch.memory, CHEAP)
+    users.put("eve", "engineer", PASSWORDS["eve"], BEGIN)
+    users.put("olaf", "operator", PASSWORDS["olaf"], BEGIN)
+    token, _ = users.log_in("olaf", PASSWORDS["olaf"], BEGIN)
+    assert users.of(token, BEGIN + 12 * 3600 - 1) is not None
+    assert users.of(token, BEGIN + 12 * 3600 + 1) is None
+    token, _ = users.log_in("olaf", PASSWORDS["olaf"], BEGIN)
+    users.put("olaf", "viewer", None, BEGIN)
+    assert users.of(token, BEGIN) is None, "another role is another login"
+    token, _ = users.log_in("olaf", PASSWORDS["olaf"], BEGIN)
+    users.remove("olaf")
+    assert users.of(token, BEGIN) is None
+
+
+def test_users_that_cannot_be(watch: Watch) -> None:
+    users = Users(watch.memory, CHEAP)
+    users.put("eve", "engineer", PASSWORDS["eve"], BEGIN)
+    wrong = [
+        ("", "viewer", "long enough to be", "1 to 64"),
+        ("a\nb", "viewer", "long enough to be", "printable"),
+        ("adam", "admin", "long enough to be", "viewer, operator or engineer"),
+        ("adam", "viewer", "short", f"{SHORTEST} characters"),
+        ("adam", "viewer", None, "is required"),
+        ("eve", "viewer", None, "last engineer"),
+    ]
+    for name, role, password, text in wrong:
+        with pytest.raises(InputError, match=text):
+            users.put(name, role, password, BEGIN)
+    with pytest.raises(InputError, match="last engineer"):
+        users.remove("eve")
+    with pytest.raises(InputError, match="no such user"):
+        users.remove("adam")
+
+
+def test_the_first_user(tmp_path: Path) -> None:
+    memory = Memory(tmp_path)
+    first_user(memory, BEGIN)
+    path = tmp_path / "first-login.txt"
+    user, password = re.findall(r"^\w+ (\S+)$", path.read_text(), re.MULTILINE)
+    assert Users(memory).log_in(user, password, BEGIN)[1].role.name == "ENGINEER"
+    assert path.stat().st_mode & 0o077 == 0
+    path.unlink()
+    first_user(memory, BEGIN)
+    assert not path.exists(), "there is one already"
+
+
+def test_a_command_that_cannot_be_put_down_is_not_done(client: TestClient, watch: Watch) -> None:
+    eve = header(client, "eve")
+    watch.memory._db.execute("PRAGMA query_only = ON")  # as a disk that takes no more
+    reply = client.post("/loops/FIC0/parameters", json={"values": {"kp": 3.0}}, headers=eve)
+    assert reply.status_code == 503 and "cannot be put down" in reply.json()["detail"]
+    assert watch.settings("FIC0")["kp"] == 2.0
+    watch.memory._db.execute("PRAGMA query_only = OFF")
+
+
+def test_metrics(client: TestClient, watch: Watch) -> None:
+    users = Users(watch.memory, CHEAP)
+    here = TestClient(app_of(watch, users), base_url="http://127.0.0.1", client=("127.0.0.1", 1))
+    text = here.get("/metrics").text
+    numbers = dict(re.findall(r"^(\w+(?:\{[^}]*\})?) (\S+)$", text, re.MULTILINE))
+    shown = watch.status()["loops"]["FIC0"]
+    assert float(numbers['glapp_half_periods_total{loop="FIC0"}']) == shown["half_periods"] > 0
+    assert float(numbers['glapp_dead_band_estimate{loop="FIC0"}']) == shown["estimate"]
+    away = TestClient(app_of(watch, users), base_url="http://127.0.0.1", client=("10.1.2.3", 1))
+    assert away.get("/metrics").status_code == 401
+
+
+def test_the_door_is_on_this_computer_unless_there_is_tls(watch: Watch) -> None:
+    app = app_of(watch, Users(watch.memory, CHEAP))
+    for host in ("0.0.0.0", "::", "192.168.1.5", "plant.example"):
+        with pytest.raises(InputError, match="passwords would be readable"):
+            Door(app, host, 0)
+    with pytest.raises(InputError, match="given together"):
+        Door(app, "127.0.0.1", 0, certificate=Path("x.pem"))
+    with pytest.raises(InputError, match=r"x.pem: cannot be used"):
+        Door(app, "127.0.0.1", 0, certificate=Path("x.pem"), key=Path("x.key"))
+    door = Door(app, "127.0.0.1", 0)
+    with pytest.raises(InputError, match="cannot be listened at"):
+        Door(app, "127.0.0.1", door.port)
+    door._socket.close()
+
+
+def test_served_and_closed(watch: Watch) -> None:
+    import httpx
+
+    async def go() -> None:
+        door = Door(app_of(watch, Users(watch.memory, CHEAP)), "127.0.0.1", 0)
+        serving = asyncio.create_task(door.open())
+        async with httpx.AsyncClient(trust_env=False) as client:
+            reply = await client.get(f"{door.url}/status")
+            assert reply.status_code == 401
+        serving.cancel()
+        assert isinstance((await asyncio.gather(serving, return_exceptions=True))[0], asyncio.CancelledError)
+
+    asyncio.run(go())
+
+
+def test_what_it_says_of_itself_is_whole(client: TestClient) -> None:
+    paths = client.get("/openapi.json").json()["paths"]
+    assert len(paths) > 15 and all(one.get("description") for path in paths.values() for one in path.values())
+
+
+def test_a_reader_sees_what_the_writer_put_down(watch: Watch) -> None:
+    with Reader(watch.memory.folder) as reader:
+        assert reader.loops() == {"FIC0": 1, "FIC1": 2}

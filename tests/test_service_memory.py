@@ -1,0 +1,423 @@
+"""What the service remembers: nothing lost, nothing twice, whatever happens to the process, the file or the disk."""
+
+import asyncio
+import multiprocessing
+import os
+import random
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import service
+from service import BEGIN, Clock, detections, fed, loops, values
+
+import glapp
+from glapp.errors import InputError
+from glapp.service import memory as of_memory
+from glapp.service.memory import Entry, Lock, Memory, MemoryFull, Reader, backup, restore
+from glapp.service.recordings import Signals, loop_of
+from glapp.service.signal import Event, Signal, Value
+
+HERE = Path(__file__).parent
+
+
+def test_an_entry_comes_back_with_the_same_bits() -> None:
+    n = 1000
+    random = np.random.default_rng(1)
+    entry = Entry(
+        7,
+        BEGIN,
+        random.integers(0, 5000, n).astype(np.uint32),
+        random.integers(0, 256, n).astype(np.uint8),
+        random.integers(0, 2, n).astype(np.bool_),
+        random.standard_normal(n),
+        np.where(random.random(n) < 0.1, np.nan, random.standard_normal(n)),
+    )
+    again = Entry.unpacked(7, BEGIN, entry.packed())
+    for name in ("loop", "signal", "good", "time", "value"):
+        a, b = getattr(entry, name), getattr(again, name)
+        assert a.dtype == b.dtype and a.tobytes() == b.tobytes()
+
+
+def test_detections_are_those_of_the_estimator(tmp_path: Path) -> None:
+    """Nothing is added and nothing lost: the half-periods have the bits of `glapp.Estimator` on the samples."""
+    [loop], clock = loops(), Clock()
+    watch = service.watch(tmp_path, [loop], clock)
+    fed(watch, clock, values("FIC0", 400))
+    asyncio.run(watch.save())
+    table = Signals(tmp_path).read("FIC0", BEGIN, BEGIN + 1e6)
+    t = table["time"].cast("int64").to_numpy() / 1e6
+    columns = {name: table[name.upper()].to_numpy() for name in ("sp", "pv", "op")}
+    estimator = glapp.Estimator(loop, 1.0)
+    estimator.update_many(t, **columns)
+    kept = detections(tmp_path, "FIC0")
+    alone = estimator.half_periods
+    assert len(kept) == len(alone.d) > 10
+    assert [row[of_memory.COLUMNS.index("d") + 1] for row in kept] == alone.d.tolist()
+    assert len(t) == 398 and t[0] == BEGIN
+
+
+@pytest.mark.parametrize("save_every", [0, 1, 3])
+def test_begun_anew_in_the_middle_it_goes_on_with_the_same_bits(tmp_path: Path, save_every: int) -> None:
+    """Ended without a word between two steps, 7 times; once states are saved often, once never."""
+    known, given = loops(2), values("FIC0", 300) + values("FIC1", 300, seed=2)
+    clock = Clock()
+    straight = service.watch(tmp_path / "straight", known, clock)
+    fed(straight, clock, given)
+    clock = Clock()
+    for part in range(8):
+        watch = service.watch(tmp_path / "broken", known, clock)
+        begin, end = BEGIN + part * 40, BEGIN + (part + 1) * 40
+        fed(watch, clock, [value for value in given if begin <= value.time < end], save_every=save_every)
+        watch.memory.close()
+        watch.reader.close()
+    for loop in ("FIC0", "FIC1"):
+        assert detections(tmp_path / "broken", loop) == detections(tmp_path / "straight", loop)
+        assert len(detections(tmp_path / "broken", loop)) > 5
+    last = service.watch(tmp_path / "broken", known, clock)
+    asyncio.run(last.save())
+    asyncio.run(straight.save())
+    for loop in ("FIC0", "FIC1"):
+        tables = [Signals(tmp_path / name).read(loop, BEGIN, BEGIN + 1e6) for name in ("broken", "straight")]
+        assert tables[0].equals(tables[1]) and len(tables[0]) == 298
+    assert last.status()["loops"]["FIC0"]["estimate"] == straight.status()["loops"]["FIC0"]["estimate"] is not None
+
+
+@pytest.mark.slow
+def test_killed_at_random_moments(tmp_path: Path) -> None:
+    """kill -9 while it takes in, writes and saves; what the memory has not is handed over again, as a history does."""
+    given = values("FIC0", 150) + values("FIC1", 150, seed=2)
+    clock = Clock()
+    straight = service.watch(tmp_path / "straight", loops(2), clock)
+    fed(straight, clock, given)
+    asyncio.run(straight.save())
+    folder, chance, kills, within = tmp_path / "killed", random.Random(5), 0, 0
+    while True:
+        child = subprocess.Popen(
+            [sys.executable, str(HERE / "service_child.py"), str(folder), "150", "5"],
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        assert child.stdout is not None
+        while (line := child.stdout.readline()) != "begun\n":
+            assert line == "writing\n", "it ended before it began"
+        try:
+            code = child.wait(chance.uniform(0.02, 0.3) if kills < 6 else 60)
+        except subprocess.TimeoutExpired:
+            child.kill()
+            code = child.wait()
+        said = child.stdout.read()
+        child.stdout.close()
+        kills += code == -signal.SIGKILL
+        within += said.rstrip().endswith("writing")
+        if code == 0:
+            break
+    assert kills >= 3, "none of it was tried"
+    for loop in ("FIC0", "FIC1"):
+        assert detections(folder, loop) == detections(tmp_path / "straight", loop)
+        tables = [Signals(path).read(loop, BEGIN, BEGIN + 1e6) for path in (folder, tmp_path / "straight")]
+        assert tables[0].equals(tables[1])
+
+
+def test_a_change_of_settings_begins_the_detector_anew_and_says_so(tmp_path: Path) -> None:
+    clock = Clock()
+    watch = service.watch(tmp_path, loops(), clock)
+    fed(watch, clock, values("FIC0", 200), save_every=10)
+    watch.memory.close()
+    changed = loops()[0].model_copy(update={"tf": 0.5})
+    again = service.watch(tmp_path, [changed], clock)
+    asyncio.run(again.step())
+    assert again.status()["loops"]["FIC0"]["estimate"] is None
+    assert "detector_anew" in [event["kind"] for event in again.reader.events("FIC0")]
+    assert len(detections(tmp_path, "FIC0")) == watch.status()["loops"]["FIC0"]["half_periods"]
+
+
+def test_two_writers(tmp_path: Path) -> None:
+    memory = Memory(tmp_path)
+    with pytest.raises(InputError, match=f"is written by process {os.getpid()} on .* since"):
+        Memory(tmp_path)
+    with Reader(tmp_path) as reader:
+        assert reader.loops() == {}
+    memory.close()
+    Memory(tmp_path).close()
+
+
+@pytest.mark.slow
+def test_a_lock_ends_with_its_process(tmp_path: Path) -> None:
+    context = multiprocessing.get_context("spawn")
+    child = context.Process(target=_hold, args=(tmp_path,))
+    child.start()
+    deadline = time.monotonic() + 30
+    while Lock.holder(tmp_path) is None and time.monotonic() < deadline:
+        time.sleep(0.02)
+    assert (Lock.holder(tmp_path) or {}).get("pid") == child.pid
+    child.kill()
+    child.join()
+    assert Lock.holder(tmp_path) is None
+
+
+def _hold(folder: Path) -> None:
+    lock = Lock(folder)
+    time.sleep(60)
+    lock.release()
+
+
+@pytest.mark.parametrize("how", ["text", "middle", "cut", "empty page"])
+def test_a_damaged_database_is_set_aside_and_not_written(tmp_path: Path, how: str) -> None:
+    clock = Clock()
+    watch = service.watch(tmp_path, loops(), clock)
+    fed(watch, clock, values("FIC0", 120), save_every=8)
+    watch.memory.close()
+    watch.reader.close()
+    path = tmp_path / "glapp.db"
+    db = sqlite3.connect(path)
+    db.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+    db.close()
+    good = path.read_bytes()
+    bad = {
+        "text": b"this is no database" * 100,
+        "middle": good[:4096] + bytes(range(256)) * 32 + good[4096 + 8192 :],
+        "cut": good[: len(good) // 2],
+        "empty page": good[:8192] + bytes(16384) + good[24576:],
+    }[how]
+    path.write_bytes(bad)
+    again = service.watch(tmp_path, loops(), clock)
+    asyncio.run(again.step())
+    [aside] = tmp_path.glob("glapp.db.damaged-*Z")
+    assert aside.read_bytes() == bad, "not a byte of it is changed"
+    [event] = [event for event in again.reader.events() if event["kind"] == "database_damaged"]
+    assert aside.name in event["text"]
+    fed(again, clock, [value for value in values("FIC0", 200) if value.time >= clock.now])
+    asyncio.run(again.save())
+    assert len(Signals(tmp_path).read("FIC0", BEGIN, BEGIN + 1e6)) > 150, "signals are files of their own"
+
+
+def test_an_empty_file_is_a_new_database(tmp_path: Path) -> None:
+    (tmp_path / "glapp.db").touch()
+    memory = Memory(tmp_path)
+    assert memory.found is None and memory.loops() == {}
+
+
+def test_a_later_schema_is_refused_and_left_alone(tmp_path: Path) -> None:
+    Memory(tmp_path).close()
+    db = sqlite3.connect(tmp_path / "glapp.db")
+    db.execute("PRAGMA user_version = 99")
+    db.close()
+    before = (tmp_path / "glapp.db").read_bytes()
+    for way in (Memory, Reader):
+        with pytest.raises(InputError, match="has schema 99"):
+            way(tmp_path)
+    assert (tmp_path / "glapp.db").read_bytes() == before and Lock.holder(tmp_path) is None
+
+
+def test_an_older_schema_is_brought_up_in_one_transaction(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    memory = Memory(tmp_path)
+    memory.know(loops())
+    memory.close()
+    more = (*of_memory._MIGRATIONS, "CREATE TABLE more (a TEXT);\nINSERT INTO more VALUES ('x');\n")
+    monkeypatch.setattr(of_memory, "_MIGRATIONS", (*more[:-1], more[-1] + "INSERT INTO nothing VALUES (1);\n"))
+    monkeypatch.setattr(of_memory, "SCHEMA", len(more))
+    with pytest.raises(MemoryFull):
+        Memory(tmp_path)
+    monkeypatch.setattr(of_memory, "_MIGRATIONS", more)
+    memory = Memory(tmp_path)
+    assert memory.loops() == {"FIC0": 1} and memory.one("SELECT a FROM more") == {"a": "x"}
+
+
+def test_backup_while_it_is_written_and_restore(tmp_path: Path) -> None:
+    clock = Clock()
+    folder, copy = tmp_path / "data", tmp_path / "copy.db"
+    watch = service.watch(folder, loops(), clock)
+    given = values("FIC0", 300)
+    fed(watch, clock, [value for value in given if value.time < BEGIN + 150], save_every=8)
+    at_copy = detections(folder, "FIC0")
+    backup(folder, copy)
+    fed(watch, clock, [value for value in given if value.time >= BEGIN + 150], save_every=8)
+    after = detections(folder, "FIC0")
+    with pytest.raises(InputError, match="is written by process"):
+        restore(folder, copy)
+    watch.memory.close()
+    watch.reader.close()
+    aside = restore(folder, copy, clock())
+    assert aside is not None and aside.is_file()
+    assert detections(folder, "FIC0") == at_copy != after
+    # What came since is handed over once more, as a server with history does: nothing is there twice.
+    clock.now = BEGIN + 400
+    again = service.watch(folder, loops(), clock)
+    since = again.since()["FIC0", Signal.PV]
+    assert since == BEGIN + 149
+    clock = Clock()
+    again._clock = clock
+    fed(again, clock, [value for value in given if value.time > since])
+    asyncio.run(again.save())
+    assert detections(folder, "FIC0") == after
+    times = Signals(folder).read("FIC0", BEGIN, BEGIN + 1e6)["time"].to_pylist()
+    assert len(times) == len(set(times)) == 298
+
+
+@pytest.mark.parametrize("content", [b"", b"no database at all, but some text" * 200])
+def test_what_is_no_backup_is_not_restored(tmp_path: Path, content: bytes) -> None:
+    folder, copy = tmp_path / "data", tmp_path / "copy.db"
+    memory = Memory(folder)
+    memory.know(loops())
+    memory.close()
+    copy.write_bytes(content)
+    with pytest.raises(InputError, match=r"copy.db: is (no database of glapp|damaged)"):
+        restore(folder, copy)
+    with Reader(folder) as reader:
+        assert reader.loops() == {"FIC0": 1}
+
+
+def limited(memory: Memory, pages: int) -> None:
+    """As if the disk had no more room: SQLite answers as it does when a write fails for lack of space."""
+    size = memory._db.execute("PRAGMA page_count").fetchone()[0]
+    memory._db.execute(f"PRAGMA max_page_count = {size + pages}")
+
+
+@pytest.mark.slow
+def test_a_full_disk_is_told_and_what_came_is_put_down_when_there_is_room(tmp_path: Path) -> None:
+    clock = Clock()
+    straight = service.watch(tmp_path / "straight", loops(), clock)
+    given = values("FIC0", 300)
+    fed(straight, clock, given)
+    clock = Clock()
+    watch = service.watch(tmp_path / "full", loops(), clock)
+    limited(watch.memory, 3)
+    fed(watch, clock, [value for value in given if value.time < BEGIN + 250], pace=1.0)
+    assert watch.failing is not None and "full" in watch.failing
+    assert watch.status()["waiting"] > 20
+    with pytest.raises(MemoryFull):
+        asyncio.run(watch.save())
+    assert len(detections(tmp_path / "full", "FIC0")) < len(detections(tmp_path / "straight", "FIC0"))
+    limited(watch.memory, 100_000)
+    fed(watch, clock, [value for value in given if value.time >= BEGIN + 250])
+    assert watch.failing is None and watch.status()["waiting"] == 0
+    assert detections(tmp_path / "full", "FIC0") == detections(tmp_path / "straight", "FIC0")
+    kinds = [event["kind"] for event in watch.reader.events()]
+    assert kinds.count("memory_full") >= 1 and kinds.count("memory_again") == 1
+    watch.memory.close()
+    assert sqlite3.connect(tmp_path / "full" / "glapp.db").execute("PRAGMA integrity_check").fetchone() == ("ok",)
+
+
+@pytest.mark.slow
+def test_what_waits_for_a_full_disk_is_bounded_and_what_is_given_up_is_told(tmp_path: Path) -> None:
+    clock = Clock()
+    watch = service.watch(tmp_path, loops(), clock, backlog=20)
+    limited(watch.memory, 3)
+    fed(watch, clock, [value for value in values("FIC0", 300) if value.time < BEGIN + 250], pace=1.0)
+    assert watch.status()["waiting"] <= 21
+    limited(watch.memory, 100_000)
+    fed(watch, clock, [value for value in values("FIC0", 300) if value.time >= BEGIN + 250])
+    assert [event for event in watch.reader.events() if event["kind"] == "given_up" and "values" in event["text"]]
+    shown = watch.status()["loops"]["FIC0"]
+    watch.memory.close()
+    again = service.watch(tmp_path, loops(), clock)
+    now = again.status()["loops"]["FIC0"]
+    assert (now["half_periods"], now["estimate"]) == (shown["half_periods"], shown["estimate"])
+
+
+def test_a_disk_without_room_for_signals(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = Clock()
+    watch = service.watch(tmp_path, loops(), clock)
+    fed(watch, clock, values("FIC0", 60))
+    monkeypatch.setattr("pyarrow.parquet.ParquetWriter.write_table", _full)
+    with pytest.raises(OSError, match="No space left"):
+        asyncio.run(watch.save())
+    assert not [*tmp_path.rglob("*.part")] and not [*tmp_path.rglob("*.parquet")]
+    monkeypatch.undo()
+    asyncio.run(watch.save())
+    assert len(Signals(tmp_path).read("FIC0", BEGIN, BEGIN + 1e6)) == 58
+
+
+def _full(*_: object) -> None:
+    with Path("/dev/full").open("wb", buffering=0) as file:
+        file.write(b"x")
+
+
+# Signals
+
+
+def test_days_become_files_that_analyze_reads(tmp_path: Path) -> None:
+    begin = BEGIN + 46_400.0 - 150.0  # into the next day
+    clock = Clock(begin)
+    watch = service.watch(tmp_path, loops(2), clock)
+    fed(watch, clock, values("FIC0", 300, begin=begin) + values("FIC1", 300, begin=begin, seed=3), save_every=12)
+    asyncio.run(watch.save())
+    store = watch.signals
+    whole = {name: store.read(name, begin, begin + 300) for name in ("FIC0", "FIC1")}
+    assert len(whole["FIC0"]) == 298
+    assert store.close_days(begin + 301) == store.days("FIC0")[:1]
+    assert store.close_days(begin + 301) == []
+    for name, table in whole.items():
+        assert Signals(tmp_path).read(name, begin, begin + 300).equals(table)
+    first = tmp_path / "signals" / str(store.days("FIC0")[0]) / "FIC0.parquet"
+    [recording] = glapp.open_recordings(first)
+    assert recording.columns.keys() >= {"time", "SP", "PV", "OP", "MODE"} and recording.zone == "UTC"
+    batch = recording.beginning(1000)
+    assert batch.flags is None and batch.pv.tolist() == whole["FIC0"]["PV"].to_pylist()[:150]
+    recordings = store.recordings(loops()[0], begin, begin + 300)
+    assert [len(one.beginning(10**6)) for one in recordings] == [150, 148]
+    store.close_days(begin + 87_000.0)
+    assert not [*(tmp_path / "signals" / "open").glob("*.parquet")]
+    assert store.forget(begin + 3 * 86_400.0, 2) == [first.parent.name]
+    assert len(store.days("FIC0")) == 1
+
+
+def test_parts_of_a_day_that_was_put_together_before_are_added_once(tmp_path: Path) -> None:
+    """A day's file is there already; the process ends after the file, before the part goes: nothing is there twice."""
+    clock = Clock()
+    watch = service.watch(tmp_path, loops(), clock)
+    given = values("FIC0", 120)
+    fed(watch, clock, [value for value in given if value.time < BEGIN + 60])
+    asyncio.run(watch.save())
+    later = BEGIN + 2 * 86_400.0
+    watch.signals.close_days(later)
+    fed(watch, clock, [value for value in given if value.time >= BEGIN + 60])
+    asyncio.run(watch.save())
+    [part] = (tmp_path / "signals" / "open").glob("*.parquet")
+    content = part.read_bytes()
+    whole = watch.signals.read("FIC0", BEGIN, later)
+    watch.signals.close_days(later)
+    part.write_bytes(content)
+    assert watch.signals.read("FIC0", BEGIN, later).equals(whole) and len(whole) == 118
+    watch.signals.close_days(later)
+    assert watch.signals.read("FIC0", BEGIN, later).equals(whole) and not part.exists()
+
+
+@pytest.mark.parametrize("name", ["FIC 101/A", "..", "../../etc/passwd", ".hidden", "Å\\:*", "C:\\x"])
+def test_no_name_of_a_loop_leads_out_of_the_folder(tmp_path: Path, name: str) -> None:
+    clock = Clock()
+    loop = loops()[0].model_copy(update={"name": name})
+    watch = service.watch(tmp_path / "data", [loop], clock)
+    fed(watch, clock, values(name, 40))
+    asyncio.run(watch.save())
+    watch.signals.close_days(BEGIN + 2 * 86_400.0)
+    [file] = (tmp_path / "data" / "signals").glob("2026-*/*.parquet")
+    assert loop_of(file.name) == name and len(watch.signals.read(name, BEGIN, BEGIN + 100)) == 38
+    assert [path.name for path in tmp_path.iterdir()] == ["data"]
+
+
+# What happens is told, but not a thousand times
+
+
+def test_what_happens_again_and_again_is_told_once_a_minute_with_its_count(tmp_path: Path) -> None:
+    clock = Clock()
+    watch = service.watch(tmp_path, loops(), clock)
+    for k in range(200):
+        clock.now = BEGIN + k
+        watch.tell(Event(clock.now, "FIC0", "late", f"number {k}"))
+    asyncio.run(watch.step())
+    texts = [event["text"] for event in watch.reader.events("FIC0")]
+    assert len(texts) == 4 and texts[0].startswith("number 180 (and 59 times more")
+
+
+def test_values_of_a_loop_that_is_not_watched_are_left_out(tmp_path: Path) -> None:
+    clock = Clock()
+    watch = service.watch(tmp_path, loops(), clock)
+    fed(watch, clock, [Value("OTHER", Signal.PV, BEGIN, 1.0, True)])
+    assert watch.reader.loops() == {"FIC0": 1} and watch.names == ["FIC0"]

@@ -1,0 +1,478 @@
+"""The watch beside a plant: u_FF only by name and only while all is well; fits beside it; commands put down."""
+
+import asyncio
+import math
+import time
+from collections.abc import Awaitable, Callable, Sequence
+from pathlib import Path
+
+import pytest
+import service
+from service import BEGIN, Clock, Table, fed, loops, values
+
+from glapp import Loop
+from glapp.errors import InputError
+from glapp.service.memory import Memory
+from glapp.service.signal import Event, Signal, Value
+from glapp.service.watch import SEEN, Bounds, Watch, with_settings
+
+PERIOD = 0.02
+WIDTH = 1.5
+MOST = (3.0, 50.0)
+
+
+async def drilled(watch: Watch) -> None:
+    """As after a drill."""
+    await watch.log("eve", "engineer", "drilled", "FIC0", None, None, settings={SEEN: {}})
+
+
+class Swinging(Table):
+    """A plant whose OP goes to and fro, with the u_FF in it that was written; it runs in real time."""
+
+    mode = 1.0
+    good = True
+    silent = False
+    told: Callable[[Event], None] = staticmethod(lambda event: None)
+
+    async def run(self, take: Callable[[Sequence[Value]], None], tell: Callable[[Event], None]) -> None:
+        self.told = tell
+        k = 0
+        while True:
+            if not self.silent:
+                self.heard = time.time()
+                take(self.scan(k, self.heard))
+                k += 1
+            await asyncio.sleep(PERIOD)
+
+    def scan(self, k: int, t: float) -> list[Value]:
+        swing = (k % 20) * 0.2
+        op = 50.0 + (swing if swing < 2.0 else 4.0 - swing) + self.u_ff.get("FIC0", 0.0)
+        pv = 49.0 if swing < 2.0 else 51.0
+        found = {
+            Signal.SP: 50.0,
+            Signal.OP: op,
+            Signal.MODE: self.mode,
+            Signal.U_FF: self.u_ff.get("FIC0", 0.0),
+            Signal.PV: pv if self.good else math.nan,
+        }
+        return [Value("FIC0", s, t, x, x == x, "" if x == x else "BadSensorFailure") for s, x in found.items()]
+
+    async def read_back(self, loop: str) -> Value:
+        return Value(loop, Signal.U_FF, time.time(), self.u_ff.get(loop, 0.0), True)
+
+
+def swinging() -> Loop:
+    controller = {"k": 0.5, "ti": 0.5}
+    return Loop(name="FIC0", controller=controller, process={"kp": 2}, op_span=(0, 100), n=3, sample_time=PERIOD)
+
+
+def beside(
+    folder: Path,
+    what: Callable[[Watch, Swinging], Awaitable[None]],
+    plant: Swinging | None = None,
+    *,
+    seen: bool = True,
+    **bounds: float,
+) -> Watch:
+    """Runs a watch beside the plant while `what` is done."""
+    made: list[Watch] = []
+
+    async def go() -> None:
+        source = plant or Swinging()
+        watch = Watch(
+            [swinging()], Memory(folder), bounds=Bounds(step=0.1, wait=0.0, **bounds), compensable={"FIC0": MOST}
+        )
+        made.append(watch)
+        task = asyncio.create_task(watch.run(source))
+        try:
+            await asyncio.sleep(0.3)
+            if seen:
+                await drilled(watch)
+            await asyncio.wait_for(what(watch, source), 20)
+        finally:
+            task.cancel()
+            await asyncio.gather(task, return_exceptions=True)
+            await watch.step()
+            watch.memory.close()
+
+    asyncio.run(go())
+    return made[0]
+
+
+async def until(true: Callable[[], bool], why: str) -> None:
+    for _ in range(400):
+        if true():
+            return
+        await asyncio.sleep(0.01)
+    raise AssertionError(why)
+
+
+async def in_force(watch: Watch, plant: Swinging) -> None:
+    """Enabled by name, and u_FF is not 0."""
+    await watch.change("FIC0", {"comp_size": WIDTH}, "eve", "engineer")
+    shown = await watch.enable("FIC0", "eve", "engineer")
+    assert shown["enabled"]
+    await until(lambda: abs(plant.u_ff.get("FIC0", 0.0)) > 0.3, f"u_FF never came: {watch.status()}")
+
+
+def shown(watch: Watch) -> dict[str, object]:
+    found: dict[str, object] = watch.status()["loops"]["FIC0"]["compensation"]
+    return found
+
+
+def test_nothing_is_written_until_it_is_enabled_by_name(tmp_path: Path) -> None:
+    async def look(watch: Watch, plant: Swinging) -> None:
+        with pytest.raises(InputError, match="no width is given"):
+            await watch.enable("FIC0", "eve", "engineer")
+        await watch.change("FIC0", {"comp_size": WIDTH}, "eve", "engineer")
+        await asyncio.sleep(0.5)
+        assert all(u_ff == 0.0 for _, u_ff in plant.writes) and not plant.may
+        await watch.enable("FIC0", "eve", "engineer")
+        await until(lambda: abs(plant.u_ff["FIC0"]) > 0.3, "u_FF never came")
+        assert max(abs(u_ff) for _, u_ff in plant.writes) <= WIDTH / 2
+
+    watch = beside(tmp_path, look)
+    found = {(row["person"], row["command"], row["refused"]) for row in watch.reader.commands()}
+    assert found >= {("eve", "change", None), ("eve", "enable", None)}
+
+
+@pytest.mark.slow
+def test_it_is_0_when_it_is_disabled_and_when_the_service_ends(tmp_path: Path) -> None:
+    plant = Swinging()
+
+    async def look(watch: Watch, plant: Swinging) -> None:
+        await in_force(watch, plant)
+        await watch.disable("FIC0", "olaf", "operator")
+        await until(lambda: plant.u_ff["FIC0"] == 0.0, "it was not taken away")
+        assert shown(watch)["why_off"] == "olaf disabled it" and not plant.may
+        await in_force(watch, plant)
+
+    beside(tmp_path, look, plant)
+    assert plant.u_ff["FIC0"] == 0.0, "the end of the service took it away"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("how", ["manual", "bad"])
+def test_it_is_0_out_of_automatic_and_in_bad_quality(tmp_path: Path, how: str) -> None:
+    async def look(watch: Watch, plant: Swinging) -> None:
+        await in_force(watch, plant)
+        if how == "manual":
+            plant.mode = 0.0
+        else:
+            plant.good = False
+        await until(lambda: plant.u_ff["FIC0"] == 0.0, "it was not taken away")
+        assert shown(watch)["standing"] == {"manual": "not_auto", "bad": "bad_quality"}[how]
+
+    beside(tmp_path, look)
+
+
+@pytest.mark.slow
+def test_a_lost_connection_ends_it_and_what_is_found_afterwards_goes_to_0(tmp_path: Path) -> None:
+    async def look(watch: Watch, plant: Swinging) -> None:
+        await in_force(watch, plant)
+        plant.silent = True
+        plant.told(Event(time.time(), None, "lost", "the server is gone"))
+        left = plant.u_ff["FIC0"]
+        assert not shown(watch)["enabled"] and not plant.may
+        await asyncio.sleep(0.1)
+        plant.u_ff["FIC0"] = left or 0.4
+        plant.silent = False
+        await until(lambda: plant.u_ff["FIC0"] == 0.0, "what was found was not taken away")
+        await asyncio.sleep(0.5)
+        assert plant.u_ff["FIC0"] == 0.0 and not shown(watch)["enabled"], "nobody pressed again"
+
+    watch = beside(tmp_path, look)
+    assert "withdrawn" in [event["kind"] for event in watch.reader.events("FIC0")]
+
+
+@pytest.mark.slow
+def test_after_a_restart_it_is_off_and_what_is_found_is_ramped_to_0(tmp_path: Path) -> None:
+    async def leave(watch: Watch, plant: Swinging) -> None:
+        await in_force(watch, plant)
+
+    beside(tmp_path, leave)
+    plant = Swinging(u_ff={"FIC0": 0.6})
+
+    async def look(watch: Watch, plant: Swinging) -> None:
+        await until(lambda: plant.u_ff["FIC0"] == 0.0, "what was found was not taken away")
+        ramp = [u_ff for _, u_ff in plant.writes]
+        assert len(ramp) > 5 and ramp == sorted(ramp, reverse=True) and ramp[0] > 0.4, "a ramp, not a step"
+        assert not shown(watch)["enabled"]
+        await asyncio.sleep(0.3)
+        assert plant.u_ff["FIC0"] == 0.0
+
+    beside(tmp_path, look, plant)
+
+
+@pytest.mark.slow
+def test_what_has_not_changed_is_not_told_again_and_known_all_the_same(tmp_path: Path) -> None:
+    """A server tells SP, mode and u_FF when they change; after a restart they are those of before, and u_FF is read."""
+
+    class Sparing(Swinging):
+        sent: dict[Signal, float]
+
+        def scan(self, k: int, t: float) -> list[Value]:
+            found = super().scan(k, t)
+            fresh = [v for v in found if v.signal in (Signal.PV, Signal.OP) or self.sent.get(v.signal) != v.value]
+            self.sent |= {value.signal: value.value for value in found}
+            return fresh
+
+    plant = Sparing()
+    plant.sent = {}
+    beside(tmp_path, in_force, plant)
+    plant.u_ff["FIC0"] = plant.sent[Signal.U_FF] = 0.6  # it stands there, and nobody tells
+
+    async def look(watch: Watch, plant: Swinging) -> None:
+        await until(lambda: plant.u_ff["FIC0"] == 0.0, "what was found was not taken away")
+        await in_force(watch, plant)
+
+    plant.writes.clear()
+    beside(tmp_path, look, plant)
+    assert 0.4 < plant.writes[0][1] < 0.6
+
+
+@pytest.mark.slow
+def test_another_writer_withdraws_it(tmp_path: Path) -> None:
+    async def look(watch: Watch, plant: Swinging) -> None:
+        await in_force(watch, plant)
+        plant.refuse = "other_writer"
+        await until(lambda: not shown(watch)["enabled"], "it goes on")
+        assert "other_writer" in str(shown(watch)["why_off"])
+
+    beside(tmp_path, look)
+
+
+@pytest.mark.slow
+def test_the_watchdog_hears_of_us_only_while_u_ff_is_fresh(tmp_path: Path) -> None:
+    async def look(watch: Watch, plant: Swinging) -> None:
+        await until(lambda: plant.beats >= 1, "no beat without compensation")
+        await in_force(watch, plant)
+        before = plant.beats
+        await until(lambda: plant.beats > before, "no beat with it")
+        await until(lambda: abs(plant.u_ff["FIC0"]) > 0.3, "u_FF never came")
+        plant.refuse = "not_connected"  # u_FF stands in the plant, and cannot be taken away
+        await asyncio.sleep(1.2)
+        before = plant.beats
+        await asyncio.sleep(2.2)
+        assert plant.beats == before, "the plant has to take it away by itself"
+
+    beside(tmp_path, look)
+
+
+def test_enabling_is_refused_where_u_ff_comes_too_late(tmp_path: Path) -> None:
+    class Slow(Swinging):
+        async def write(self, loop: str, u_ff: float) -> None:
+            await asyncio.sleep(0.15)  # of a Ti of 0.5 s
+            await super().write(loop, u_ff)
+
+    async def look(watch: Watch, plant: Swinging) -> None:
+        await watch.change("FIC0", {"comp_size": WIDTH}, "eve", "engineer")
+        with pytest.raises(InputError, match=r"u_FF comes 0\.\d+ s late, \d+ scans .*more than the core allows"):
+            await watch.enable("FIC0", "eve", "engineer")
+        assert not shown(watch)["enabled"] and not plant.may
+
+    beside(tmp_path, look, Slow())
+
+
+def test_a_plant_without_a_watchdog_is_not_compensated(tmp_path: Path) -> None:
+    class Deaf(Swinging):
+        async def beat(self) -> None:
+            from glapp.service.signal import WriteRefused
+
+            raise WriteRefused("not_named", "no watchdog is named")
+
+    async def look(watch: Watch, plant: Swinging) -> None:
+        await watch.change("FIC0", {"comp_size": WIDTH}, "eve", "engineer")
+        with pytest.raises(InputError, match="no watchdog is named"):
+            await watch.enable("FIC0", "eve", "engineer")
+        assert not plant.may
+        before = watch.live("FIC0")["pv"]["time"]
+        await asyncio.sleep(0.3)
+        assert watch.live("FIC0")["pv"]["time"] > before, "it goes on watching"
+
+    beside(tmp_path, look, Deaf())
+
+
+class Wired(Swinging):
+    """A plant that takes u_FF away when nobody has counted its watchdog up for 1.5 s."""
+
+    wired = True
+    beaten = math.inf
+
+    async def beat(self) -> None:
+        self.beaten = time.monotonic()
+
+    def scan(self, k: int, t: float) -> list[Value]:
+        if self.wired and time.monotonic() - self.beaten > 1.5:
+            self.u_ff["FIC0"] = 0.0
+        return super().scan(k, t)
+
+
+@pytest.mark.slow
+def test_no_loop_is_enabled_before_its_plant_was_seen_to_take_u_ff_away(tmp_path: Path) -> None:
+    async def look(watch: Watch, plant: Swinging) -> None:
+        await watch.change("FIC0", {"comp_size": WIDTH}, "eve", "engineer")
+        with pytest.raises(InputError, match=r"never seen .* glapp watch drill FIC0"):
+            await watch.enable("FIC0", "eve", "engineer")
+        await watch.drill("FIC0", "eve", "engineer")
+        for going in (watch.drill, watch.enable):
+            with pytest.raises(InputError, match="drill"):
+                await going("FIC0", "eve", "engineer")
+        await until(lambda: plant.u_ff.get("FIC0", 0.0) == pytest.approx(0.25), "nothing was written")
+        await until(lambda: not watch._drilling(), "it does not end")
+        assert plant.u_ff["FIC0"] == 0.0 and len(plant.writes) == 1
+        assert not plant.may
+        await in_force(watch, plant)
+
+    watch = beside(tmp_path, look, Wired(), seen=False)
+    kinds = [event["kind"] for event in watch.reader.events("FIC0")]
+    assert "drilled" in kinds and "enabled" in kinds
+
+
+@pytest.mark.slow
+def test_a_drill_that_fails(tmp_path: Path) -> None:
+    async def look(watch: Watch, plant: Swinging) -> None:
+        await watch.change("FIC0", {"comp_size": WIDTH}, "eve", "engineer")
+        await watch.drill("FIC0", "eve", "engineer")
+        await until(lambda: not watch._drilling(), "it does not end")
+        assert plant.u_ff["FIC0"] == 0.0, "we took it away ourselves"
+        with pytest.raises(InputError, match="never seen"):
+            await watch.enable("FIC0", "eve", "engineer")
+
+    plant = Wired()
+    plant.wired = False
+    watch = beside(tmp_path, look, plant, seen=False, drill=1.0)
+    assert "drill_failed" in [event["kind"] for event in watch.reader.events("FIC0")]
+
+
+@pytest.mark.slow
+def test_an_answer_that_is_cancelled_with_its_connection_ends_nothing(tmp_path: Path) -> None:
+    """A client that loses its connection cancels all that waits for an answer: that is not meant for us."""
+
+    class Broken(Swinging):
+        runs = 0
+
+        async def run(self, take: Callable[[Sequence[Value]], None], tell: Callable[[Event], None]) -> None:
+            self.runs += 1
+            if self.runs == 1:
+                raise asyncio.CancelledError
+            await super().run(take, tell)
+
+        async def beat(self) -> None:
+            self.beats += 1
+            if self.beats < 3:
+                raise asyncio.CancelledError
+
+    async def look(watch: Watch, plant: Swinging) -> None:
+        await until(lambda: plant.beats >= 4 and watch.live("FIC0") != {}, "it has ended")
+
+    beside(tmp_path, look, Broken())
+
+
+def test_late_values_move_nothing(tmp_path: Path) -> None:
+    async def look(watch: Watch, plant: Swinging) -> None:
+        await in_force(watch, plant)
+        plant.silent = True
+        await until(lambda: watch._loops["FIC0"].compensator is not None, "")
+        await asyncio.sleep(5 * PERIOD)
+        count = len(plant.writes)
+        watch.take(plant.scan(7, time.time() - 100.0))
+        compensator = watch._loops["FIC0"].compensator
+        assert compensator is not None and not compensator.fresh_pv
+        assert len(plant.writes) == count
+
+    beside(tmp_path, look)
+
+
+# Parameters
+
+
+def test_parameters_are_changed_all_or_none_and_put_down(tmp_path: Path) -> None:
+    clock = Clock()
+    watch = service.watch(tmp_path, loops(), clock)
+    fed(watch, clock, values("FIC0", 100))
+
+    async def go() -> None:
+        for name, value, bound in (
+            ("n", 4, "odd"),
+            ("tf", -1.0, "> 0"),
+            ("k", 0.0, "must not be 0"),
+            ("x", 1, "no such"),
+        ):
+            with pytest.raises(InputError, match=bound):
+                await watch.change("FIC0", {"kp": 3.0, name: value}, "eve", "engineer")
+        assert watch.settings("FIC0")["kp"] == 2.0
+        after = await watch.change("FIC0", {"kp": 3.0, "n": 5.0, "k": -0.7}, "eve", "engineer")
+        assert (after["kp"], after["n"], after["k"], after["ti"]) == (3.0, 5, -0.7, 5.0)
+
+    asyncio.run(go())
+    [row] = watch.reader.commands("FIC0")
+    assert row["before"] == {"kp": 2.0, "n": 3, "k": 0.5} and row["after"] == {"kp": 3.0, "n": 5, "k": -0.7}
+    assert (row["person"], row["role"], row["time"]) == ("eve", "engineer", clock.now)
+    watch.memory.close()
+    again = service.watch(tmp_path, loops(), clock)
+    assert again.settings("FIC0")["k"] == -0.7, "it is kept"
+
+    async def back() -> None:
+        await again.change("FIC0", {"k": None, "kp": None}, "eve", "engineer")
+
+    asyncio.run(back())
+    assert (again.settings("FIC0")["k"], again.settings("FIC0")["kp"]) == (0.5, 2.0), "as in loops.toml"
+
+
+def test_settings_of_a_loop_without_a_controller() -> None:
+    loop = Loop(name="F")
+    with pytest.raises(InputError, match="ti: is required"):
+        with_settings(loop, {"k": 2.0})
+    assert with_settings(loop, {"k": -2.0, "ti": 30.0}).ideal() == (-2.0, 30.0, 0.0, 1.0)
+
+
+@pytest.mark.parametrize("name", ["period", "step", "save", "wait", "keep", "fit_hour"])
+def test_bounds(name: str) -> None:
+    with pytest.raises(InputError, match=name):
+        Bounds(**{name: -1})
+
+
+# Fits
+
+
+@pytest.mark.slow
+def test_a_fit_of_what_is_kept_is_asked_for_and_taken_over(tmp_path: Path) -> None:
+    import numpy as np
+
+    import glapp
+
+    acting = {"setpoint": [(1, 1.0)], "load": [(50, 0.3), (100, -0.2)]}
+    sim = glapp.simulate.closed_loop("P3", (0.48, 0.3117), d=0.05, noise=0.005, h=0.1, t_end=200, seed=1, **acting)
+    loop = Loop(name="P3", controller={"k": 0.48, "ti": 0.3117}, process={"kp": 1}, op_unit="%", sample_time=0.1)
+    clock = Clock()
+    watch = Watch([loop], Memory(tmp_path), bounds=Bounds(wait=0.0), clock=clock, compensable={"P3": (1.0, 1.0)})
+    given = [
+        Value("P3", signal, BEGIN + float(t), float(x), True)
+        for name, signal in (("sp", Signal.SP), ("pv", Signal.PV), ("op", Signal.OP))
+        for t, x in zip(sim.t, np.broadcast_to(getattr(sim, name), sim.t.shape), strict=True)
+    ]
+    fed(watch, clock, given, pace=20.0)
+
+    async def go() -> None:
+        watch.ask_fit("P3", "olaf")
+        watch.ask_fit("P3", "olaf")
+        fits = asyncio.create_task(watch._fits())
+        for _ in range(600):
+            if watch.reader.answers("P3"):
+                break
+            await asyncio.sleep(0.1)
+        fits.cancel()
+        await asyncio.gather(fits, return_exceptions=True)
+        [answer] = watch.reader.answers("P3")
+        assert (answer["verdict"], answer["asked_by"]) == ("backlash", "olaf")
+        assert 0 < answer["low"] == answer["compensable"] < 0.05 < answer["high"]
+        with pytest.raises(InputError, match="no such answer"):
+            await watch.take_over("P3", answer["id"] + 1, "eve", "engineer")
+        after = await watch.take_over("P3", answer["id"], "eve", "engineer")
+        assert after["comp_fitted"] == answer["compensable"]
+
+    asyncio.run(go())
+    assert watch.status()["loops"]["P3"]["health"] == "MAINTENANCE_REQUIRED"
+    direct = glapp.fit(t=sim.t, pv=sim.pv, op=sim.op, loop=loop)
+    assert watch.reader.answers("P3")[0]["d"] == pytest.approx(direct.d, rel=0.02)

@@ -157,6 +157,8 @@ def test_the_demonstration_from_its_first_user_to_its_end(tmp_path: Path, monkey
         assert [row["command"] for row in reader.commands() if row["refused"] is None] == [
             "disable",
             "enable",
+            "drilled",
+            "drill",
             "change",
         ]
 

@@ -94,7 +94,7 @@ fn setting<S>(
 
 /// None where a default stands for "no limit".
 fn number(x: f64) -> Value {
-    if x.abs() == f64::MAX { Value::Null } else { x.into() }
+    if x.abs() >= 1e37 { Value::Null } else { x.into() }
 }
 
 macro_rules! settings {

@@ -280,6 +280,8 @@ def longer(answers: Sequence[Answer], lengths: Callable[[Sequence[Answer]], list
     for short, long in pairwise(lengths(answers)):
         then = {a.truth.name: a.told for a in short.answers}
         both = [(then[a.truth.name], a.told) for a in long.answers if a.truth.name in then]
+        if not both:
+            continue
         changes = [rank[now] - rank[was] for was, now in both]
         better, worse = sum(x > 0 for x in changes), sum(x < 0 for x in changes)
         p = stats.binomtest(worse, better + worse, alternative="greater").pvalue if better + worse else 1.0

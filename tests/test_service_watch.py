@@ -1,7 +1,9 @@
 """The watch beside a plant: u_FF only by name and only while all is well; fits beside it; commands put down."""
 
 import asyncio
+import dataclasses
 import math
+import multiprocessing
 import time
 from collections.abc import Awaitable, Callable, Sequence
 from pathlib import Path
@@ -458,9 +460,7 @@ def test_a_fit_of_what_is_kept_is_asked_for_and_taken_over(tmp_path: Path) -> No
         watch.ask_fit("P3", "olaf")
         watch.ask_fit("P3", "olaf")
         fits = asyncio.create_task(watch._fits())
-        for _ in range(600):
-            if watch.reader.answers("P3"):
-                break
+        while watch.status()["loops"]["P3"]["fitting"]:
             await asyncio.sleep(0.1)
         fits.cancel()
         await asyncio.gather(fits, return_exceptions=True)
@@ -474,5 +474,37 @@ def test_a_fit_of_what_is_kept_is_asked_for_and_taken_over(tmp_path: Path) -> No
 
     asyncio.run(go())
     assert watch.status()["loops"]["P3"]["health"] == "MAINTENANCE_REQUIRED"
+    watch.bounds = dataclasses.replace(watch.bounds, fit_longest=0.001)
+
+    async def ended(then: float) -> None:
+        watch.ask_fit("P3", "olaf")
+        fits = asyncio.create_task(watch._fits())
+        while watch.status()["loops"]["P3"]["fitting"]:
+            await asyncio.sleep(0.05)
+        watch.bounds = dataclasses.replace(watch.bounds, fit_longest=then)
+        watch.ask_fit("P3", "olaf")
+        while watch.status()["loops"]["P3"]["fitting"]:
+            await asyncio.sleep(0.05)
+        fits.cancel()
+        await asyncio.gather(fits, return_exceptions=True)
+        await watch.step()
+
+    asyncio.run(ended(600.0))
+    told = [event["text"] for event in watch.reader.events("P3") if event["kind"] == "not_fitted"]
+    assert told == ["it took more than 0.001 s, and was ended"]
+    assert len(watch.reader.answers("P3")) == 2, "the next one is fitted"
     direct = glapp.fit(t=sim.t, pv=sim.pv, op=sim.op, loop=loop)
     assert watch.reader.answers("P3")[0]["d"] == pytest.approx(direct.d, rel=0.02)
+
+
+@pytest.mark.slow
+def test_a_fit_under_way_ends_with_the_service(tmp_path: Path) -> None:
+    """It was waited for, however long it took."""
+
+    async def look(watch: Watch, plant: Swinging) -> None:
+        watch.ask_fit("FIC0", "olaf")
+        while not multiprocessing.active_children():
+            await asyncio.sleep(0.01)
+
+    beside(tmp_path, look)
+    assert not multiprocessing.active_children()

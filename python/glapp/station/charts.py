@@ -40,8 +40,11 @@ def _base(tone: Mapping[str, str]) -> dict[str, Any]:
     }
 
 
-def shades(halves: Sequence[Mapping[str, Any]], *, dark: bool) -> list[list[dict[str, Any]]]:
-    """Half-periods as areas by their verdict: detections blue, the others grey with the reason at them."""
+def shades(halves: Sequence[Mapping[str, Any]], span: float, *, dark: bool) -> list[list[dict[str, Any]]]:
+    """Half-periods as areas by their verdict: detections blue, the others grey.
+
+    The reason stands at those that are wide enough to be read, a twelfth of the picture's `span` [s] or more.
+    """
     tone = _tone(dark)
     found = []
     for half in halves:
@@ -53,7 +56,7 @@ def shades(halves: Sequence[Mapping[str, Any]], *, dark: bool) -> list[list[dict
             [
                 {
                     "xAxis": 1000.0 * half["t_start"],
-                    "name": label,
+                    "name": label if half["t_end"] - half["t_start"] > span / 12.0 else "",
                     "itemStyle": {"color": tone["accepted" if reason == 0 else "rejected"]},
                     "label": {"color": tone["muted"], "fontSize": 10, "position": "insideTop", "overflow": "truncate",
                               "width": 70},
@@ -89,8 +92,9 @@ def live(
             "lineStyle": {"color": color, "width": 1.5, **more}, "itemStyle": {"color": color},
         }
 
+    span = values["time"][-1] - values["time"][0] if values["time"] else 0.0
     pv = line("PV", 0, tone["pv"])
-    pv["markArea"] = {"silent": True, "data": shades(halves, dark=dark)}
+    pv["markArea"] = {"silent": True, "data": shades(halves, span, dark=dark)}
     return {
         **_base(tone),
         "axisPointer": {"link": [{"xAxisIndex": "all"}]},
@@ -103,7 +107,7 @@ def live(
             _axis(tone, type="time", gridIndex=1),
         ],
         "yAxis": [
-            _axis(tone, type="value", scale=True, gridIndex=0, name=f"SP, PV [{pv_unit}]", splitNumber=4),
+            _axis(tone, type="value", scale=True, gridIndex=0, name=f"SP, PV [{pv_unit}]" if pv_unit else "SP, PV", splitNumber=4),
             _axis(tone, type="value", scale=True, gridIndex=1, name=f"OP [{op_unit}]", splitNumber=3),
         ],
         "series": [line("SP", 0, tone["sp"], type="dashed"), pv, line("OP", 1, tone["op"])],
@@ -171,7 +175,7 @@ def phase(op: Sequence[Any], pv: Sequence[Any], pv_unit: str, op_unit: str, *, d
         "tooltip": {"show": False},
         "grid": {"left": 56, "right": 16, "top": 34, "bottom": 44},
         "xAxis": _axis(tone, type="value", scale=True, name=f"OP [{op_unit}]", nameLocation="middle", nameGap=26),
-        "yAxis": _axis(tone, type="value", scale=True, name=f"PV [{pv_unit}]"),
+        "yAxis": _axis(tone, type="value", scale=True, name=f"PV [{pv_unit}]" if pv_unit else "PV"),
         "series": [{"type": "line", "data": data, "showSymbol": False, "lineStyle": {"color": tone["pv"], "width": 1}}],
     }
 

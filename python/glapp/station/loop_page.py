@@ -62,7 +62,7 @@ class _Page:
         self.last = -math.inf
         self.newest: tuple[Any, ...] | None = None
         loop = station.view.loops[name]
-        self.pv_unit, self.op_unit = loop.pv_unit or "PV unit", loop.op_label
+        self.pv_unit, self.op_unit = loop.pv_unit or "", loop.op_label
 
     @property
     def status(self) -> dict[str, Any]:
@@ -227,7 +227,8 @@ class _Page:
         urgency = "none" if answer is None else answer["urgency"]
         self.verdict.classes(remove="high medium").classes(add=urgency if urgency in ("high", "medium") else "")
         if answer is None:
-            why = status.get("why") or "By zero crossings alone: a load that moves looks like a gap to them."
+            crossings = "By zero crossings alone: a load that moves looks like a gap to them."
+            why = status.get("why") or ("" if status.get("estimate") is None else crossings)
             self.meaning.set_text(sentence(why))
             self.todo.set_text("It is fitted tonight; Fit now does it at once.")
             self.asked.set_text("Is being fitted." if status.get("fitting") else "")
@@ -353,7 +354,7 @@ class _Page:
                                 )
                                 if not may:
                                     fields[name].props("readonly")
-                            for text in (about.unit.replace("1", "–") if about.unit == "1" else about.unit, about.bound, about.default, about.meaning):
+                            for text in ("–" if about.unit == "1" else about.unit, about.bound, about.default, about.meaning):
                                 with ui.element("td"):
                                     ui.label(text)
 

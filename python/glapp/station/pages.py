@@ -80,7 +80,7 @@ def frame(station: Station, session: Session, title: str, here: str) -> Iterator
     """Everything around a page: where one can go, who one is, and how old it is what is shown."""
     ui.page_title(f"{title} – glapp")
     ui.dark_mode(session.dark)
-    ui.colors(primary="#8cbcf0" if session.dark else "#3f4a54")
+    ui.colors(primary="#41618a" if session.dark else "#3f4a54")
     paper = "#161b20" if session.dark else "#eceef0"
     ui.add_head_html(
         f'<style>html{{background:{paper}}}</style><link rel="stylesheet" href="/static/station.css">'
@@ -98,7 +98,7 @@ def frame(station: Station, session: Session, title: str, here: str) -> Iterator
             other = "Light" if session.dark else "Dark"
             ui.button(other).props("flat dense no-caps").on("click", js_handler="() => glapp.post('/theme', location.href)")
             ui.button("Log out").props("flat dense no-caps").on("click", js_handler="() => glapp.post('/logout', '/login')")
-    with ui.element("main").props('id="content" tabindex="-1"'):
+    with ui.element("div").classes("content").props('id="content" tabindex="-1"'):
         banner = ui.label().classes("banner").props('role="alert"')
         yield
 
@@ -156,25 +156,29 @@ _NAME = (
 )
 
 
+_HEALTHS = (
+    "{'Maintenance required': 'health health-service', 'Check function': 'health health-check', "
+    "'Failure': 'health health-failure'}"
+)
+
+
 def _overview_columns() -> list[dict[str, Any]]:
     def column(name: str, title: str, width: int, **more: Any) -> dict[str, Any]:
         return {"field": name, "headerName": title, "width": width, "tooltipField": name, **more}
 
     return [
-        column("rank", "#", 62, sort="asc", filter=False),
-        column("loop", "Loop", 110, pinned="left", **{":cellRenderer": _NAME}),
-        column("soon", "How soon", 112, **{":cellClass": "p => 'soon-' + p.data.urgency"}),
-        column("width", "Gap (95 %)", 185, **{":comparator": "(a, b, m, n) => (m.data.percent ?? -1) - (n.data.percent ?? -1)"}),
-        column("verdict", "Verdict", 130),
-        column("trend", "Trend", 165),
+        column("rank", "#", 64, sort="asc", filter=False),
+        column("loop", "Loop", 104, pinned="left", **{":cellRenderer": _NAME}),
+        column("soon", "How soon", 104, **{":cellClass": "p => 'soon-' + p.data.urgency"}),
         column(
-            "health", "NE 107", 165,
-            **{":cellClass": "p => ({'Maintenance required': 'health health-service', 'Check function': 'health "
-               "health-check', 'Failure': 'health health-failure'})[p.value] || ''"},
+            "width", "Gap (95 %)", 168, **{":comparator": "(a, b, m, n) => (m.data.percent ?? -1) - (n.data.percent ?? -1)"}
         ),
-        column("seen", "Last seen", 110),
-        column("todo", "What to do", 330, flex=1, minWidth=240),
-        column("compensation", "Compensation", 130),
+        column("verdict", "Verdict", 128),
+        column("trend", "Trend", 138),
+        column("health", "NE 107", 148, **{":cellClass": f"p => ({_HEALTHS})[p.value] || ''"}),
+        column("seen", "Seen", 78),
+        column("compensation", "Comp.", 82, headerTooltip="Compensation"),
+        column("todo", "What to do", 220, flex=1, minWidth=220),
     ]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import importlib
-import os
+import math
 import signal
 import subprocess
 import sys
@@ -40,7 +40,8 @@ def station(
     certificate: Annotated[Path | None, typer.Option(metavar="PEM", help="For TLS; needed beyond 127.0.0.1.")] = None,
     key: Annotated[Path | None, typer.Option(metavar="PEM", help="Its key.")] = None,
     name: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="A name browsers call it by, beside --host; may be repeated.")
+        list[str] | None,
+        typer.Option(metavar="NAME", help="A name browsers call it by, beside --host; may be repeated."),
     ] = None,
     door: Annotated[
         str | None, typer.Option(metavar="URL", help="The service's door, where the folder does not say.")
@@ -71,7 +72,9 @@ def _need(*names: str) -> None:
             raise InputError(f"glapp station needs {name}", hint="pip install 'glapp[station]'") from None
 
 
-async def _serve(data: Path, given: dict[str, Any], hosts: tuple[str, ...], url: str | None, trust: Path | None) -> None:
+async def _serve(
+    data: Path, given: dict[str, Any], hosts: tuple[str, ...], url: str | None, trust: Path | None
+) -> None:
     from ..service.door import Door as Server
     from ..station.app import app_of
     from ..station.client import Door
@@ -109,11 +112,15 @@ def _demo(data: Path, loops: int, days: float, scan: float) -> Iterator[None]:
     (data / "door").unlink(missing_ok=True)
     words = ["run", "--demo", "--data", str(data), "--port", "0"]
     words += ["--loops", str(loops), "--days", str(days), "--scan", str(scan)]
+    if days > 7.0:  # a fit looks back over all of it, so that wear is seen
+        words += ["--fit-days", str(math.ceil(days))]
     code = "from glapp.cli import main; main()"
     log = (data / "demo.log").open("wb")
     child = subprocess.Popen(
-        [sys.executable, "-c", code, "watch", *words], stdout=log, stderr=subprocess.STDOUT, env=dict(os.environ),
-        **({} if sys.platform == "win32" else {"start_new_session": True}),
+        [sys.executable, "-c", code, "watch", *words],
+        stdout=log,
+        stderr=subprocess.STDOUT,
+        start_new_session=True,  # Ctrl-C is for the window, which then ends this one
     )
     try:
         until = time.monotonic() + 60.0

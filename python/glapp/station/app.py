@@ -4,6 +4,7 @@
 import asyncio
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from html import escape
 from pathlib import Path
 from typing import Annotated
@@ -33,7 +34,8 @@ def _login(said: str) -> HTMLResponse:
     text = f'<p role="alert" class="medium">{escape(said)}</p>' if said else ""
     return HTMLResponse(
         f"""<!doctype html><html lang="en"><head><meta charset="utf-8"><title>Log in – glapp</title>
-<meta name="viewport" content="width=device-width, initial-scale=1"><link rel="stylesheet" href="/static/station.css"></head>
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<link rel="stylesheet" href="/static/station.css"></head>
 <body class="login"><form class="card" method="post" action="/login"><h1>glapp station</h1>{text}
 <label for="user">Name</label><input id="user" name="user" autocomplete="username" required autofocus maxlength="64">
 <label for="password">Password</label>
@@ -95,10 +97,8 @@ def app_of(station: Station, hosts: Sequence[str], *, secure: bool) -> FastAPI:
     async def log_out(request: Request) -> Response:
         session = station.who(request)
         station.sessions.end(session.id)
-        try:
+        with suppress(Gone, Refused):  # the token ends by itself; here it is forgotten
             await station.door.asked("POST", "/logout", session.token)
-        except (Gone, Refused):
-            pass  # the token ends by itself; here it is forgotten
         return RedirectResponse("/login", 303)
 
     @app.post("/theme")
@@ -141,10 +141,14 @@ def app_of(station: Station, hosts: Sequence[str], *, secure: bool) -> FastAPI:
 
     pages.on_startup(begin)
     pages.on_shutdown(end)
-    ui.run_with(app, title="glapp", language="en-US", tailwind=False, show_welcome_message=False, reconnect_timeout=10.0)
+    ui.run_with(
+        app, title="glapp", language="en-US", tailwind=False, show_welcome_message=False, reconnect_timeout=10.0
+    )
     app.add_middleware(Guard, sessions=station.sessions, hosts=tuple(hosts), secure=secure)
     return app
 
 
 def _csv(text: str, name: str) -> Response:
-    return Response(text, media_type="text/csv; charset=utf-8", headers={"Content-Disposition": f"attachment; filename={name}"})
+    return Response(
+        text, media_type="text/csv; charset=utf-8", headers={"Content-Disposition": f"attachment; filename={name}"}
+    )

@@ -9,10 +9,28 @@ from ..report.words import NAMES, REASONS, number
 
 __all__ = ["detections", "live", "phase", "shades"]
 
-LIGHT = {"ink": "#1f2933", "muted": "#59646f", "faint": "#dfe3e7", "sp": "#59646f", "pv": "#1d5b9c", "op": "#3f4a54",
-         "accepted": "rgba(29,91,156,0.16)", "rejected": "rgba(89,100,111,0.10)", "after": "#8a5a00"}
-DARK = {"ink": "#e4e8ec", "muted": "#a4afba", "faint": "#38424c", "sp": "#a4afba", "pv": "#8cbcf0", "op": "#cfd6dd",
-        "accepted": "rgba(140,188,240,0.22)", "rejected": "rgba(164,175,186,0.10)", "after": "#e0b050"}
+LIGHT = {
+    "ink": "#1f2933",
+    "muted": "#59646f",
+    "faint": "#dfe3e7",
+    "sp": "#59646f",
+    "pv": "#1d5b9c",
+    "op": "#3f4a54",
+    "accepted": "rgba(29,91,156,0.16)",
+    "rejected": "rgba(89,100,111,0.10)",
+    "after": "#8a5a00",
+}
+DARK = {
+    "ink": "#e4e8ec",
+    "muted": "#a4afba",
+    "faint": "#38424c",
+    "sp": "#a4afba",
+    "pv": "#8cbcf0",
+    "op": "#cfd6dd",
+    "accepted": "rgba(140,188,240,0.22)",
+    "rejected": "rgba(164,175,186,0.10)",
+    "after": "#e0b050",
+}
 
 
 def _tone(dark: bool) -> dict[str, str]:
@@ -58,8 +76,13 @@ def shades(halves: Sequence[Mapping[str, Any]], span: float, *, dark: bool) -> l
                     "xAxis": 1000.0 * half["t_start"],
                     "name": label if half["t_end"] - half["t_start"] > span / 12.0 else "",
                     "itemStyle": {"color": tone["accepted" if reason == 0 else "rejected"]},
-                    "label": {"color": tone["muted"], "fontSize": 10, "position": "insideTop", "overflow": "truncate",
-                              "width": 70},
+                    "label": {
+                        "color": tone["muted"],
+                        "fontSize": 10,
+                        "position": "insideTop",
+                        "overflow": "truncate",
+                        "width": 70,
+                    },
                 },
                 {"xAxis": 1000.0 * half["t_end"]},
             ]
@@ -88,8 +111,14 @@ def live(
     def line(name: str, axis: int, color: str, **more: Any) -> dict[str, Any]:
         data = [[1000.0 * t, x] for t, x in zip(values["time"], values[name], strict=True)]
         return {
-            "name": name, "type": "line", "data": data, "xAxisIndex": axis, "yAxisIndex": axis, "showSymbol": False,
-            "lineStyle": {"color": color, "width": 1.5, **more}, "itemStyle": {"color": color},
+            "name": name,
+            "type": "line",
+            "data": data,
+            "xAxisIndex": axis,
+            "yAxisIndex": axis,
+            "showSymbol": False,
+            "lineStyle": {"color": color, "width": 1.5, **more},
+            "itemStyle": {"color": color},
         }
 
     span = values["time"][-1] - values["time"][0] if values["time"] else 0.0
@@ -107,7 +136,14 @@ def live(
             _axis(tone, type="time", gridIndex=1),
         ],
         "yAxis": [
-            _axis(tone, type="value", scale=True, gridIndex=0, name=f"SP, PV [{pv_unit}]" if pv_unit else "SP, PV", splitNumber=4),
+            _axis(
+                tone,
+                type="value",
+                scale=True,
+                gridIndex=0,
+                name=f"SP, PV [{pv_unit}]" if pv_unit else "SP, PV",
+                splitNumber=4,
+            ),
             _axis(tone, type="value", scale=True, gridIndex=1, name=f"OP [{op_unit}]", splitNumber=3),
         ],
         "series": [line("SP", 0, tone["sp"], type="dashed"), pv, line("OP", 1, tone["op"])],
@@ -136,8 +172,15 @@ def detections(
 
     def dots(name: str, of: int, color: str, symbol: str) -> dict[str, Any]:
         data = [[1000.0 * h["t_end"], h["d"] * scale] for h in halves if h["compensated"] == of and h["d"] is not None]
-        return {"name": name, "type": "scatter", "data": data, "symbolSize": 6, "symbol": symbol, "large": True,
-                "itemStyle": {"color": color, "opacity": 0.75}}
+        return {
+            "name": name,
+            "type": "scatter",
+            "data": data,
+            "symbolSize": 6,
+            "symbol": symbol,
+            "large": True,
+            "itemStyle": {"color": color, "opacity": 0.75},
+        }
 
     means = [[1000.0 * h["t_end"], h["median_mean"] * scale] for h in halves if h["median_mean"] is not None]
     fits = [a for a in answers if a["d"] is not None]
@@ -155,12 +198,30 @@ def detections(
         "series": [
             dots("detections", 0, tone["pv"], "circle"),
             dots("under compensation", 1, tone["after"], "triangle"),
-            {"name": "estimate", "type": "line", "data": means, "showSymbol": False, "sampling": "lttb",
-             "lineStyle": {"color": tone["muted"], "width": 1.5}, "itemStyle": {"color": tone["muted"]}},
-            {"name": "fit, with its 95 % interval", "type": "scatter", "symbol": "diamond", "symbolSize": 11,
-             "data": [[1000.0 * a["time"], a["d"] * scale] for a in fits], "itemStyle": {"color": tone["ink"]},
-             "markLine": {"silent": True, "symbol": ["none", "none"], "data": bars,
-                          "lineStyle": {"color": tone["ink"], "type": "solid"}, "label": {"show": False}}},
+            {
+                "name": "estimate",
+                "type": "line",
+                "data": means,
+                "showSymbol": False,
+                "sampling": "lttb",
+                "lineStyle": {"color": tone["muted"], "width": 1.5},
+                "itemStyle": {"color": tone["muted"]},
+            },
+            {
+                "name": "fit, with its 95 % interval",
+                "type": "scatter",
+                "symbol": "diamond",
+                "symbolSize": 11,
+                "data": [[1000.0 * a["time"], a["d"] * scale] for a in fits],
+                "itemStyle": {"color": tone["ink"]},
+                "markLine": {
+                    "silent": True,
+                    "symbol": ["none", "none"],
+                    "data": bars,
+                    "lineStyle": {"color": tone["ink"], "type": "solid"},
+                    "label": {"show": False},
+                },
+            },
         ],
     }
 

@@ -111,7 +111,9 @@ class Door:
         if reply.is_success:
             return said
         detail = said.get("detail") if isinstance(said, dict) else None
-        raise Refused(detail if isinstance(detail, str) else f"the service answers {reply.status_code}", reply.status_code)
+        raise Refused(
+            detail if isinstance(detail, str) else f"the service answers {reply.status_code}", reply.status_code
+        )
 
     async def command(self, path: str, token: str, body: Any = None) -> Any:
         """A command about a loop, such as `command("FIC101", "disable")` by `loop_path`."""

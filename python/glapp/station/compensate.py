@@ -70,10 +70,9 @@ def plan(parameters: Mapping[str, Any], unit: str) -> Plan:
 
     Examples
     --------
-    >>> made = plan({"comp_size": 2.0, "comp_fitted": None, "comp_source": None, "comp_way": 3.0, "comp_share": 0.8,
-    ...     "comp_band": None, "comp_limit": 5.0, "comp_rate": 0.5, "comp_release": None, "comp_watch": None, "ti": 20.0,
-    ...     "comp_withdraw": 1.0, "comp_travel": None, "comp_reversals": None}, "%")
-    >>> round(made.delta, 9)
+    >>> empty = dict.fromkeys(("comp_fitted", "comp_source", "comp_band", "comp_travel", "comp_reversals"))
+    >>> given = {"comp_size": 2.0, "comp_share": 0.8, "comp_way": 3.0, "comp_limit": 5.0, "comp_rate": 0.5}
+    >>> round(plan({**empty, **given, "comp_release": 20.0, "comp_withdraw": 1.0}, "%").delta, 9)
     1.2
     """
     if "comp_size" not in parameters:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import asyncio
 import math
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -133,7 +134,9 @@ class _Page:
                 ui.element("span").classes("grow")
                 ui.toggle(WINDOWS, value=900, on_change=self._window).props("no-caps dense unelevated")
             self.chart = ui.echart(
-                charts.live({k: [] for k in ("time", "SP", "PV", "OP")}, [], self.pv_unit, self.op_unit, dark=self.session.dark)
+                charts.live(
+                    {k: [] for k in ("time", "SP", "PV", "OP")}, [], self.pv_unit, self.op_unit, dark=self.session.dark
+                )
             ).classes("chart")
             self.chart.props('role="img" aria-label="SP, PV and OP over time"')
 
@@ -199,8 +202,11 @@ class _Page:
         self.place.set_text(f"Gap of the valve in {self._unit()}; last half-period {status.get('half_periods', 0)}")
         made = status.get("compensation")
         self.compensation.set_text(
-            "" if made is None else f"Compensation: {STANDINGS.get(made['standing'], made['standing'])}"
-            if made["enabled"] else f"Compensation is off: {made['why_off'] or 'nobody enabled it'}."
+            ""
+            if made is None
+            else f"Compensation: {STANDINGS.get(made['standing'], made['standing'])}"
+            if made["enabled"]
+            else f"Compensation is off: {made['why_off'] or 'nobody enabled it'}."
         )
         try:
             newest = await asyncio.to_thread(self.read, lambda r: r.half_periods(self.name, accepted=False, most=1))
@@ -289,8 +295,8 @@ class _Page:
                 )
                 ui.echart(options).classes("chart").props('role="img" aria-label="Detections over time"')
             ui.label(
-                "Each dot is a half-period that passed every test. Triangles are those under compensation: they show what "
-                "is left of the gap. A fit stands with its 95 % interval."
+                "Each dot is a half-period that passed every test. Triangles are those under compensation: they show "
+                "what is left of the gap. A fit stands with its 95 % interval."
             ).classes("small muted")
 
     async def phase(self) -> None:
@@ -302,16 +308,15 @@ class _Page:
             ui.echart(options).classes("chart").props('role="img" aria-label="PV over OP"')
             ui.label("A gap draws two flanks that lie its width apart in OP.").classes("small muted")
 
-    def _dialog(self, title: str) -> Any:
-        dialog = ui.dialog(value=True).on_value_change(lambda event: None if event.value else dialog.delete())
-        with dialog:
-            card = ui.card().classes("wide-dialog").style("align-items: stretch")
-        with card, ui.element("div").classes("bar"):
-            heading(title, 2)
-            ui.element("span").classes("grow")
-            ui.button("Close", on_click=dialog.close).props("flat no-caps")
-        self.open = dialog
-        return card
+    @contextmanager
+    def _dialog(self, title: str) -> Iterator[ui.dialog]:
+        with ui.dialog(value=True) as dialog, ui.card().classes("wide-dialog").style("align-items: stretch"):
+            dialog.on_value_change(lambda event: None if event.value else dialog.delete())
+            with ui.element("div").classes("bar"):
+                heading(title, 2)
+                ui.element("span").classes("grow")
+                ui.button("Close", on_click=dialog.close).props("flat no-caps")
+            yield dialog
 
     async def _ask(self, path: str) -> Any:
         """Something from the door; None where it does not say."""
@@ -330,9 +335,9 @@ class _Page:
         log = [row for row in log if row["command"] in ("change", "take_over")]
         may = self.session.may("engineer")
         fields: dict[str, ui.number] = {}
-        with self._dialog(f"{self.name}: parameters"):
+        with self._dialog(f"{self.name}: parameters") as dialog:
             ui.label(
-                "These are of the detector and the compensation. The plant's own controller cannot be changed from here. "
+                "These are of the detector and the compensation. The plant's own controller is not changed here. "
                 "A change of the detector's begins its estimate anew. An empty field is the default."
             ).classes("small muted")
             with ui.element("table").classes("plain"):
@@ -354,7 +359,12 @@ class _Page:
                                 )
                                 if not may:
                                     fields[name].props("readonly")
-                            for text in ("–" if about.unit == "1" else about.unit, about.bound, about.default, about.meaning):
+                            for text in (
+                                "–" if about.unit == "1" else about.unit,
+                                about.bound,
+                                about.default,
+                                about.meaning,
+                            ):
                                 with ui.element("td"):
                                     ui.label(text)
 
@@ -369,9 +379,10 @@ class _Page:
                 if await command(self.station, self.session, asking, f"Set: {what}.") is not None:
                     dialog.close()
 
-            dialog = self.open
             if may:
-                ui.button("Set what is changed", on_click=save).props("no-caps unelevated color=primary").style("align-self: start")
+                ui.button("Set what is changed", on_click=save).props("no-caps unelevated color=primary").style(
+                    "align-self: start"
+                )
             else:
                 ui.label("Changing them needs the role engineer.").classes("small muted")
             heading("Who changed what, when", 2)
@@ -392,7 +403,9 @@ class _Page:
         """Have it fitted now."""
         path = loop_path(self.name, "fit")
         asking = lambda: self.station.door.command(path, self.session.token)  # noqa: E731
-        await command(self.station, self.session, asking, f"{self.name} is fitted as soon as the fit before it is done.")
+        await command(
+            self.station, self.session, asking, f"{self.name} is fitted as soon as the fit before it is done."
+        )
 
     # Compensation
 
@@ -407,8 +420,7 @@ class _Page:
         found = plan(seen, self.op_unit)
         engineer, operator = self.session.may("engineer"), self.session.may("operator")
         token = self.session.token
-        with self._dialog(f"{self.name}: compensation"):
-            dialog = self.open
+        with self._dialog(f"{self.name}: compensation") as dialog:
             if made is None:
                 ui.label(found.why_not or "This loop has no node for u_FF, or its controller is not known.")
                 return
@@ -434,15 +446,23 @@ class _Page:
 
             with ui.element("div").classes("bar"):
                 if made["enabled"]:
-                    off = ui.button("Switch off", on_click=lambda: go("disable", None, f"{self.name}: off.", check=False))
+                    off = ui.button(
+                        "Switch off", on_click=lambda: go("disable", None, f"{self.name}: off.", check=False)
+                    )
                     off.props("no-caps unelevated color=primary" + ("" if operator else " disable"))
                 else:
                     on = ui.button(
                         f"Enable compensation of {self.name}",
                         on_click=lambda: go("enable", None, f"{self.name} is compensated.", check=True),
                     )
-                    on.props("no-caps unelevated color=primary" + ("" if engineer and not found.why_not else " disable"))
-                if last is not None and last["compensable"] is not None and seen.get("comp_fitted") != last["compensable"]:
+                    on.props(
+                        "no-caps unelevated color=primary" + ("" if engineer and not found.why_not else " disable")
+                    )
+                if (
+                    last is not None
+                    and last["compensable"] is not None
+                    and seen.get("comp_fitted") != last["compensable"]
+                ):
                     width = quantity(last["compensable"], self.op_unit)
                     take = ui.button(
                         f"Take over the fit: {width}",
@@ -452,14 +472,16 @@ class _Page:
                 if not made["enabled"]:
                     drill = ui.button(
                         "Drill the watchdog",
-                        on_click=lambda: go("drill", None, "The drill is under way: Events tell how it ends.", check=True),
+                        on_click=lambda: go(
+                            "drill", None, "The drill is under way: Events tell how it ends.", check=True
+                        ),
                     )
                     drill.props("no-caps outline" + ("" if engineer else " disable"))
             if not engineer:
                 ui.label("Enabling it needs the role engineer; switching it off, operator.").classes("small muted")
             ui.label(
-                "Before the first time, the drill shows that the plant takes u_FF away by itself when nobody counts its "
-                "watchdog up. Nothing is enabled before that was seen."
+                "Before the first time, the drill shows that the plant takes u_FF away by itself when nobody counts "
+                "its watchdog up. Nothing is enabled before that was seen."
             ).classes("small muted")
             log = await asyncio.to_thread(self.read, lambda r: r.commands(self.name, 200))
             log = [row for row in log if row["command"] in ("enable", "disable", "drill", "drilled", "take_over")]
@@ -472,8 +494,8 @@ class _Page:
         if made["over"]:
             ui.label("Warning: the loop swings as if too much was compensated.").classes("high")
         ui.label(
-            f"u_FF is {quantity(made['u_ff'], unit)}. The width it goes by is {quantity(made['size'], unit)}; it moves by "
-            f"{quantity(made['delta'], unit)} from side to side, and {quantity(made['left'], unit)} of the gap is left."
+            f"u_FF is {quantity(made['u_ff'], unit)}. The width it goes by is {quantity(made['size'], unit)}; it moves "
+            f"by {quantity(made['delta'], unit)} from side to side. {quantity(made['left'], unit)} of the gap is left."
         )
         events = await asyncio.to_thread(self.read, lambda r: r.events(self.name, 500))
         begun = next((row["time"] for row in events if row["kind"] == "enabled"), None)
@@ -488,8 +510,8 @@ class _Page:
             return
         word = f"calmer by a factor of {number(found.factor, 2)}" if found.factor > 1 else "not calmer"
         ui.label(
-            f"PV is {word}: SP − PV scatters by {quantity(found.since, self.pv_unit)} in the {duration(found.seconds)} since "
-            f"then, by {quantity(found.before, self.pv_unit)} before."
+            f"PV is {word}: SP − PV scatters by {quantity(found.since, self.pv_unit)} in the {duration(found.seconds)} "
+            f"since then, by {quantity(found.before, self.pv_unit)} before."
         )
 
     async def _as_seen(self, seen: dict[str, Any]) -> bool:
@@ -502,7 +524,10 @@ class _Page:
             name = other[0]
             ui.notify(
                 f"Refused: {name} is {now.get(name)} by now, and not {seen[name]} as this page told. Look at it again.",
-                type="warning", timeout=0, close_button="Close", multi_line=True,
+                type="warning",
+                timeout=0,
+                close_button="Close",
+                multi_line=True,
             )
         return not other
 

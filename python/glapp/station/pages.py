@@ -96,8 +96,12 @@ def frame(station: Station, session: Session, title: str, here: str) -> Iterator
             state = ui.label().props('role="status"')
             ui.label(f"{session.user}, {session.role}")
             other = "Light" if session.dark else "Dark"
-            ui.button(other).props("flat dense no-caps").on("click", js_handler="() => glapp.post('/theme', location.href)")
-            ui.button("Log out").props("flat dense no-caps").on("click", js_handler="() => glapp.post('/logout', '/login')")
+            ui.button(other).props("flat dense no-caps").on(
+                "click", js_handler="() => glapp.post('/theme', location.href)"
+            )
+            ui.button("Log out").props("flat dense no-caps").on(
+                "click", js_handler="() => glapp.post('/logout', '/login')"
+            )
     with ui.element("div").classes("content").props('id="content" tabindex="-1"'):
         banner = ui.label().classes("banner").props('role="alert"')
         yield
@@ -171,7 +175,10 @@ def _overview_columns() -> list[dict[str, Any]]:
         column("loop", "Loop", 104, pinned="left", **{":cellRenderer": _NAME}),
         column("soon", "How soon", 104, **{":cellClass": "p => 'soon-' + p.data.urgency"}),
         column(
-            "width", "Gap (95 %)", 168, **{":comparator": "(a, b, m, n) => (m.data.percent ?? -1) - (n.data.percent ?? -1)"}
+            "width",
+            "Gap (95 %)",
+            168,
+            **{":comparator": "(a, b, m, n) => (m.data.percent ?? -1) - (n.data.percent ?? -1)"},
         ),
         column("verdict", "Verdict", 128),
         column("trend", "Trend", 138),
@@ -196,7 +203,12 @@ def overview_page(station: Station, request: Request) -> None:
         grid = ui.aggrid(
             {
                 "columnDefs": _overview_columns(),
-                "defaultColDef": {"sortable": True, "filter": True, "resizable": True, "suppressHeaderMenuButton": True},
+                "defaultColDef": {
+                    "sortable": True,
+                    "filter": True,
+                    "resizable": True,
+                    "suppressHeaderMenuButton": True,
+                },
                 "rowData": rows,
                 ":getRowId": "p => p.data.loop",
                 "rowHeight": 34,
@@ -213,7 +225,11 @@ def overview_page(station: Station, request: Request) -> None:
 
         def filtered() -> None:
             grid.run_grid_method("setGridOption", "quickFilterText", search.value or "")
-            model = None if some.value == "all" else {"soon": {"filterType": "text", "type": "notContains", "filter": "Not now"}}
+            model = (
+                None
+                if some.value == "all"
+                else {"soon": {"filterType": "text", "type": "notContains", "filter": "Not now"}}
+            )
             grid.run_grid_method("setFilterModel", model)
 
         search.on_value_change(filtered)
@@ -247,8 +263,14 @@ def all_events(station: Station, most: int, loop: str | None = None) -> list[dic
     from .parameters import told
 
     found = [
-        {"when": moment(row["time"]), "at": row["time"], "loop": row["loop"] or "", "kind": row["kind"], "who": "",
-         "text": row["text"]}
+        {
+            "when": moment(row["time"]),
+            "at": row["time"],
+            "loop": row["loop"] or "",
+            "kind": row["kind"],
+            "who": "",
+            "text": row["text"],
+        }
         for row in station.view.read(lambda reader: reader.events(loop, most))
     ]
     for row in station.view.read(lambda reader: reader.commands(loop, most)):
@@ -282,10 +304,22 @@ def events_page(station: Station, request: Request) -> None:
                     {"field": "loop", "headerName": "Loop", "width": 120},
                     {"field": "kind", "headerName": "What", "width": 150},
                     {"field": "who", "headerName": "Who", "width": 180},
-                    {"field": "text", "headerName": "Why, and what of it", "flex": 1, "minWidth": 300, "wrapText": True,
-                     "autoHeight": True, "tooltipField": "text"},
+                    {
+                        "field": "text",
+                        "headerName": "Why, and what of it",
+                        "flex": 1,
+                        "minWidth": 300,
+                        "wrapText": True,
+                        "autoHeight": True,
+                        "tooltipField": "text",
+                    },
                 ],
-                "defaultColDef": {"sortable": True, "filter": True, "resizable": True, "suppressHeaderMenuButton": True},
+                "defaultColDef": {
+                    "sortable": True,
+                    "filter": True,
+                    "resizable": True,
+                    "suppressHeaderMenuButton": True,
+                },
                 "rowData": [],
                 "enableCellTextSelection": True,
                 "animateRows": False,

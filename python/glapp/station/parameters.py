@@ -53,9 +53,7 @@ PARAMETERS: dict[str, Parameter] = {
         "static process gain Kp", "PV unit/OP unit", "other than 0", "by the fit, or 1.5 %/%", ("detector", "kp")
     ),
     "tf": Parameter("time constant of the detector's filter", "s", "0 s or greater", "chosen", ("detector", "tf")),
-    "n": Parameter(
-        "length of the filter of detections", "1", "an odd number from 1 to 31", "9", ("detector", "n")
-    ),
+    "n": Parameter("length of the filter of detections", "1", "an odd number from 1 to 31", "9", ("detector", "n")),
     "acceptable_dead_band": Parameter("the widest gap that needs no work", "% of span", "0 or greater", "none"),
     "comp_size": Parameter(
         "width of the gap that a person types; 0: none", "OP unit", "0 or greater", "0", ("compensation", "size")
@@ -71,11 +69,17 @@ PARAMETERS: dict[str, Parameter] = {
         "share of the width that is compensated", "1", "between 0 and 1", f"{SHARE:g}", ("compensation", "share")
     ),
     "comp_limit": Parameter(
-        "greatest width, whatever it came from", "OP unit", "at least share·size", "twice u_ff_limit",
+        "greatest width, whatever it came from",
+        "OP unit",
+        "at least share·size",
+        "twice u_ff_limit",
         ("compensation", "limit"),
     ),
     "comp_band": Parameter(
-        "how far OP must go back before that is a reversal", "OP unit", "0 or greater", "a fifth of the width",
+        "how far OP must go back before that is a reversal",
+        "OP unit",
+        "0 or greater",
+        "a fifth of the width",
         ("compensation", "band"),
     ),
     "comp_tf": Parameter(
@@ -99,7 +103,10 @@ PARAMETERS: dict[str, Parameter] = {
     "comp_withdraw": Parameter("whether warnings withdraw it", "1", "0 no, 1 yes", "1"),
     "comp_estimate": Parameter("whether the estimate may lower the width", "1", "0 no, 1 yes", "1"),
     "ff_tolerance": Parameter(
-        "how far the u_FF read back may be off", "OP unit", "0 or greater", "a tenth of the width",
+        "how far the u_FF read back may be off",
+        "OP unit",
+        "0 or greater",
+        "a tenth of the width",
         ("foreign_detection", "tolerance"),
     ),
 }

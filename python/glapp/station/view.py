@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -169,7 +170,7 @@ class View:
         self.shown: dict[str, Any] = {"loops": {}}
         self.loops: dict[str, Loop] = {}
         self.why: str | None = "the service has not written anything yet"
-        self._answers: dict[str, tuple[int, dict[str, Any]]] = {}
+        self._answers: dict[str, tuple[int, dict[str, Any], Trend | None]] = {}
         self._trends: dict[str, Trend] = {}
         self._trended = -math.inf
 
@@ -226,19 +227,19 @@ class View:
         if not names <= self.loops.keys():
             for row in reader.rows("SELECT name, settings FROM loops"):
                 self.loops[row["name"]] = Loop(**json.loads(row["settings"]))
-        ids = {
-            name: loop["answer"]["id"] for name, loop in self.shown["loops"].items() if loop["answer"] is not None
-        }
-        new = [id for name, id in ids.items() if self._answers.get(name, (0, {}))[0] != id]
+        ids = {name: loop["answer"]["id"] for name, loop in self.shown["loops"].items() if loop["answer"] is not None}
+        new = [id for name, id in ids.items() if name not in self._answers or self._answers[name][0] != id]
         for i in range(0, len(new), 500):
             some = new[i : i + 500]
             for row in reader.rows(
-                "SELECT answers.id, name, json_extract(document, '$.analysis.loops[0].answer') AS answer FROM answers "
+                "SELECT answers.id, name, "
+                "json_extract(document, '$.analysis.loops[0].answer') AS answer, "
+                "json_extract(document, '$.analysis.loops[0].fit.recordings') AS recordings FROM answers "
                 f"JOIN loops ON loops.id = answers.loop WHERE answers.id IN ({', '.join('?' * len(some))})",
                 *some,
             ):
                 if row["answer"] is not None:
-                    self._answers[row["name"]] = (row["id"], json.loads(row["answer"]))
+                    self._answers[row["name"]] = (row["id"], json.loads(row["answer"]), _own(row["recordings"]))
         if self._clock() - self._trended > 3600.0:
             self._trended = self._clock()
             self._trends = _trends(reader, self._clock())
@@ -249,8 +250,9 @@ class View:
         return None if found is None else found[1]
 
     def trend(self, loop: str) -> Trend | None:
-        """How the width of a loop moves, by its detections; None where that cannot be said."""
-        return self._trends.get(loop)
+        """How the width of a loop moves: from day to day within the last fit, from fit to fit, or by its detections."""
+        own = None if loop not in self._answers else self._answers[loop][2]
+        return own or self._trends.get(loop)
 
     @property
     def behind(self) -> float | None:
@@ -341,7 +343,7 @@ class View:
         """The one verdict in words; before the first fit what the crossings allow."""
         answer, status = self.answer(loop), self.shown["loops"].get(loop)
         if answer is not None:
-            return VERDICTS.get(answer["verdict"], answer["verdict"])
+            return VERDICTS.get(answer["verdict"], str(answer["verdict"]))
         if status is None or status["why"] or status["estimate"] is None:
             return "Not fitted yet"
         few = loop in self.loops and status["detections"] < self.loops[loop].n
@@ -387,7 +389,9 @@ def _todo(status: Mapping[str, Any], answer: Mapping[str, Any] | None, silent: b
     if status["fitting"]:
         return "Is being fitted."
     if answer is None:
-        return status["why"] + ": write them into loops.toml." if status["why"] else "Nothing yet: it is fitted tonight."
+        return (
+            status["why"] + ": write them into loops.toml." if status["why"] else "Nothing yet: it is fitted tonight."
+        )
     step = NEXT.get(answer["next"]["code"])
     return str(answer["next"]["text"]) or ("" if step is None else step.text)
 
@@ -401,21 +405,37 @@ def _compensation(status: Mapping[str, Any]) -> str:
     return "on" if made["standing"] == "active" else f"on, {made['standing'].replace('_', ' ')}"
 
 
+def _own(recordings: str | None) -> Trend | None:
+    """The trend within one answer: of the widths that its recordings gave each by itself, where they did."""
+    given = [
+        (datetime.fromisoformat(one["t0"]).timestamp() / 86400.0, one["d"])
+        for one in json.loads(recordings or "[]")
+        if one["t0"] is not None and one["left_out"] is None and one["verdict"] in ("backlash", "both")
+    ]
+    return trend([day for day, _ in given], [d for _, d in given])
+
+
 def _trends(reader: Reader, now: float) -> dict[str, Trend]:
-    """The trend of each loop by its detections without compensation, a mean a day."""
-    found = {}
-    by_loop: dict[str, tuple[list[float], list[float]]] = {}
-    for row in reader.rows(
+    """The trend of each loop, a mean a day: of the widths that the fits found, else of the detections.
+
+    Detections under compensation show what is left of the gap, and do not count.
+    """
+    found: dict[str, Trend] = {}
+    since = now - TREND_DAYS * 86400.0
+    for query in (
         "SELECT name, CAST(t_end / 86400 AS INTEGER) AS day, AVG(d) AS d FROM half_periods JOIN loops ON "
         "loops.id = half_periods.loop WHERE reason = 0 AND compensated = 0 AND t_end > ? GROUP BY name, day",
-        now - TREND_DAYS * 86400.0,
+        "SELECT name, CAST(time / 86400 AS INTEGER) AS day, AVG(d) AS d FROM answers JOIN loops ON "
+        "loops.id = answers.loop WHERE verdict IN ('backlash', 'both') AND time > ? GROUP BY name, day",
     ):
-        days, widths = by_loop.setdefault(row["name"], ([], []))
-        days.append(row["day"])
-        widths.append(row["d"])
-    for name, (days, widths) in by_loop.items():
-        if (one := trend(days, widths)) is not None:
-            found[name] = one
+        by_loop: dict[str, tuple[list[float], list[float]]] = {}
+        for row in reader.rows(query, since):
+            days, widths = by_loop.setdefault(row["name"], ([], []))
+            days.append(row["day"])
+            widths.append(row["d"])
+        for name, (days, widths) in by_loop.items():
+            if (one := trend(days, widths)) is not None:
+                found[name] = one
     return found
 
 
@@ -436,10 +456,10 @@ def age(seconds: float) -> str:
 
 
 def as_csv(rows: Sequence[Row] | Sequence[Mapping[str, Any]]) -> str:
-    """A table as CSV; no text in it is a formula to a spreadsheet.
+    r"""A table as CSV; no text in it is a formula to a spreadsheet.
 
     >>> as_csv([{"loop": "=1+1", "width": "−2"}])
-    "loop,width\\r\\n'=1+1,−2\\r\\n"
+    "loop,width\r\n'=1+1,−2\r\n"
     """
     plain = [asdict(row) if isinstance(row, Row) else dict(row) for row in rows]
     out = io.StringIO()

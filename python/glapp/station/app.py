@@ -17,6 +17,7 @@ from nicegui import ui
 from starlette.requests import Request
 
 from .client import Gone, Refused
+from .lab_page import Bench, lab_page
 from .loop_page import loop_page
 from .pages import Station, all_events, events_page, overview_page
 from .sessions import COOKIE, LASTS, Guard
@@ -128,14 +129,20 @@ def app_of(station: Station, hosts: Sequence[str], *, secure: bool) -> FastAPI:
     async def _loop(request: Request, name: str = "") -> None:
         await loop_page(station, request, name)
 
-    looking: list[asyncio.Task[None]] = []
+    bench = Bench()
+
+    @ui.page("/laboratory")
+    def _laboratory(request: Request) -> None:
+        lab_page(station, bench, request)
+
+    tasks: list[asyncio.Task[None]] = []
 
     async def begin() -> None:
         await asyncio.to_thread(station._look)
-        looking.append(asyncio.create_task(station.look()))
+        tasks.extend(asyncio.create_task(one) for one in (station.look(), bench.go_on()))
 
     async def end() -> None:
-        for task in looking:
+        for task in tasks:
             task.cancel()
         await station.door.close()
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from ..report.words import NAMES, REASONS, number
 
-__all__ = ["detections", "live", "phase", "shades"]
+__all__ = ["detections", "lab", "live", "phase", "shades"]
 
 LIGHT = {
     "ink": "#1f2933",
@@ -258,3 +258,26 @@ def width(value: float | None, unit: str) -> str:
     ('–', '2.40 %')
     """
     return "–" if value is None else f"{number(value)} {unit}"
+
+
+def lab(points: Mapping[str, Sequence[Sequence[float]]], *, dark: bool) -> dict[str, Any]:
+    """Signals of the laboratory over the simulated time, in greys and blues."""
+    tone = _tone(dark)
+    colours = [tone["muted"], tone["pv"], tone["op"], tone["after"]]
+    return {
+        **_base(tone),
+        "grid": {"left": 56, "right": 16, "top": 40, "bottom": 40},
+        "xAxis": _axis(tone, type="value", name="t [s]", nameLocation="middle", nameGap=26, scale=True, splitNumber=6),
+        "yAxis": _axis(tone, type="value", scale=True),
+        "series": [
+            {
+                "name": name,
+                "type": "line",
+                "data": list(data),
+                "showSymbol": False,
+                "lineStyle": {"color": colours[i % 4], "width": 1.5, "type": "dashed" if i == 0 else "solid"},
+                "itemStyle": {"color": colours[i % 4]},
+            }
+            for i, (name, data) in enumerate(points.items())
+        ],
+    }

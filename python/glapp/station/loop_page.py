@@ -19,7 +19,7 @@ from ..service.recordings import Signals
 from . import charts
 from .client import Gone, Refused, loop_path
 from .compensate import STANDINGS, calm, plan
-from .pages import Station, command, frame, heading, moment
+from .pages import Station, command, frame, heading, moment, quiet
 from .parameters import PARAMETERS, changed, told
 from .sessions import Session
 
@@ -110,7 +110,7 @@ class _Page:
             self._button("Phase plot", self.phase)
 
     def _button(self, text: str, what: Callable[[], Awaitable[None]], role: str = "viewer") -> ui.button:
-        button = ui.button(text, on_click=what).props("outline no-caps")
+        button = quiet(text, what)
         if not self.session.may(role):
             button.props("disable").tooltip(f"needs the role {role}")
         return button
@@ -315,7 +315,7 @@ class _Page:
             with ui.element("div").classes("bar"):
                 heading(title, 2)
                 ui.element("span").classes("grow")
-                ui.button("Close", on_click=dialog.close).props("flat no-caps")
+                quiet("Close", dialog.close, flat=True)
             yield dialog
 
     async def _ask(self, path: str) -> Any:
@@ -464,19 +464,17 @@ class _Page:
                     and seen.get("comp_fitted") != last["compensable"]
                 ):
                     width = quantity(last["compensable"], self.op_unit)
-                    take = ui.button(
+                    take = quiet(
                         f"Take over the fit: {width}",
-                        on_click=lambda: go("take_over", {"answer": last["id"]}, "Taken over.", check=True),
+                        lambda: go("take_over", {"answer": last["id"]}, "Taken over.", check=True),
                     )
-                    take.props("no-caps outline" + ("" if engineer else " disable"))
+                    take.props("" if engineer else "disable")
                 if not made["enabled"]:
-                    drill = ui.button(
+                    drill = quiet(
                         "Drill the watchdog",
-                        on_click=lambda: go(
-                            "drill", None, "The drill is under way: Events tell how it ends.", check=True
-                        ),
+                        lambda: go("drill", None, "The drill is under way: Events tell how it ends.", check=True),
                     )
-                    drill.props("no-caps outline" + ("" if engineer else " disable"))
+                    drill.props("" if engineer else "disable")
             if not engineer:
                 ui.label("Enabling it needs the role engineer; switching it off, operator.").classes("small muted")
             ui.label(

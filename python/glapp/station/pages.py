@@ -19,7 +19,7 @@ from .sessions import Session, Sessions, Tries
 from .view import Row, View, age
 from .view import summary as summarised
 
-__all__ = ["Station", "all_events", "command", "events_page", "frame", "heading", "moment", "overview_page"]
+__all__ = ["Station", "all_events", "command", "events_page", "frame", "heading", "moment", "overview_page", "quiet"]
 
 PAGES = (("/", "Overview"), ("/events", "Events"), ("/laboratory", "Laboratory"))
 
@@ -75,6 +75,11 @@ def heading(text: str, level: int = 1) -> None:
     ui.html(f"<h{level}>{escape(text)}</h{level}>", sanitize=False)
 
 
+def quiet(text: str, what: Any = None, *, flat: bool = False) -> ui.button:
+    """A button in the ink of the page."""
+    return ui.button(text, on_click=what, color=None).props("flat no-caps" if flat else "outline no-caps")
+
+
 @contextmanager
 def frame(station: Station, session: Session, title: str, here: str) -> Iterator[None]:
     """Everything around a page: where one can go, who one is, and how old it is what is shown."""
@@ -96,12 +101,8 @@ def frame(station: Station, session: Session, title: str, here: str) -> Iterator
             state = ui.label().props('role="status"')
             ui.label(f"{session.user}, {session.role}")
             other = "Light" if session.dark else "Dark"
-            ui.button(other).props("flat dense no-caps").on(
-                "click", js_handler="() => glapp.post('/theme', location.href)"
-            )
-            ui.button("Log out").props("flat dense no-caps").on(
-                "click", js_handler="() => glapp.post('/logout', '/login')"
-            )
+            quiet(other, flat=True).on("click", js_handler="() => glapp.post('/theme', location.href)")
+            quiet("Log out", flat=True).on("click", js_handler="() => glapp.post('/logout', '/login')")
     with ui.element("div").classes("content").props('id="content" tabindex="-1"'):
         banner = ui.label().classes("banner").props('role="alert"')
         yield

@@ -79,6 +79,22 @@ def test_a_bad_pv_is_told(view: View) -> None:
     assert row.soon == "Signal" and "BadSensorFailure" in row.seen and row.health == "Check function"
 
 
+def test_a_loop_that_is_sampled_seldom_is_not_silent(view: View) -> None:
+    assert view.at is not None
+    loop = view.shown["loops"]["FIC0"]
+    for seen, heard, sample, silent in (
+        (30.0, None, None, False),
+        (90.0, None, None, True),
+        (90.0, 5.0, None, False),
+        (700.0, 5.0, None, True),
+        (900.0, 300.0, 200.0, False),
+        (1100.0, 5.0, 200.0, True),
+    ):
+        loop |= {"seen": view.at - seen, "heard": None if heard is None else view.at - heard}
+        view.loops["FIC0"] = loops()[0].model_copy(update={"sample_time": sample})
+        assert view.silent("FIC0") is silent, (seen, heard, sample)
+
+
 def test_before_the_first_fit_the_crossings_are_marked_as_such(view: View) -> None:
     view._answers.clear()
     assert view.headline("FIC0").startswith("≈ ") and "crossings" in view.verdict("FIC0")

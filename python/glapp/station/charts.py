@@ -47,6 +47,16 @@ def _axis(tone: Mapping[str, str], **more: Any) -> dict[str, Any]:
     }
 
 
+_DATES = {"year": "{yyyy}", "month": "{d} {MMM}", "day": "{d} {MMM}", "hour": "{HH}:{mm}", "minute": "{HH}:{mm}"}
+_DATES["second"] = "{HH}:{mm}:{ss}"
+
+
+def _time(tone: Mapping[str, str], **more: Any) -> dict[str, Any]:
+    axis = _axis(tone, type="time", **more)
+    axis["axisLabel"] = {"color": tone["muted"], "hideOverlap": True, "formatter": _DATES}
+    return axis
+
+
 def _base(tone: Mapping[str, str]) -> dict[str, Any]:
     return {
         "animation": False,
@@ -133,7 +143,7 @@ def live(
         ],
         "xAxis": [
             _axis(tone, type="time", gridIndex=0, axisLabel={"show": False}),
-            _axis(tone, type="time", gridIndex=1),
+            _time(tone, gridIndex=1),
         ],
         "yAxis": [
             _axis(
@@ -192,7 +202,7 @@ def detections(
     return {
         **_base(tone),
         "grid": {"left": 56, "right": 16, "top": 40, "bottom": 64},
-        "xAxis": _axis(tone, type="time"),
+        "xAxis": _time(tone),
         "yAxis": _axis(tone, type="value", name=f"width [{unit}]", min=0),
         "dataZoom": [{"type": "inside"}, {"type": "slider", "height": 18, "bottom": 8, "showDataShadow": False}],
         "series": [

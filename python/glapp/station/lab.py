@@ -321,7 +321,8 @@ def drawn(project: Project) -> str:
     columns = _columns(names, edges)
     rows: dict[int, int] = {}
     at = {}
-    for name in names:
+    driven = {b for _, b, _ in edges}
+    for name in sorted(names, key=lambda one: one not in driven):  # what nothing drives stands below
         row = rows.get(columns[name], 0)
         rows[columns[name]] = row + 1
         at[name] = (12 + 166 * columns[name], 14 + 92 * row)
@@ -335,11 +336,11 @@ def drawn(project: Project) -> str:
         x0, y0 = x0 + 116, y0 + 29
         y1 += 58 * (entries[b].index(edge) + 1) // (len(entries[b]) + 1)
         label = f'<text x="{x1 - 9}" y="{y1 - 4}" text-anchor="end" class="s">{escape(place)}</text>' if place else ""
-        if x1 > x0:
+        if columns[b] == columns[a] + 1:
             middle = (x0 + x1) / 2
             path = f"M{x0},{y0} C{middle},{y0} {middle},{y1} {x1},{y1}"
         else:
-            depth += 1
+            depth += 1  # back, or past others: in a lane of its own below all blocks
             low = lowest + 12 * depth
             path = f"M{x0},{y0} h{6 + 6 * depth} V{low} H{x1 - 22 - 6 * depth} V{y1} H{x1}"
         lines.append(f'<path d="{path}" fill="none" marker-end="url(#end)"/>{label}')

@@ -59,7 +59,8 @@ class _Page:
 
     def __init__(self, station: Station, session: Session, name: str) -> None:
         self.station, self.session, self.name = station, session, name
-        self.window = 900
+        sample = station.view.loops[name].sample_time or 1.0
+        self.window = next((window for window in WINDOWS if window >= 300.0 * sample), max(WINDOWS))
         self.last = -math.inf
         self.newest: tuple[Any, ...] | None = None
         loop = station.view.loops[name]
@@ -132,7 +133,7 @@ class _Page:
             with ui.element("div").classes("bar"):
                 heading("Signals, half-periods shaded by their verdict", 2)
                 ui.element("span").classes("grow")
-                ui.toggle(WINDOWS, value=900, on_change=self._window).props("no-caps dense unelevated")
+                ui.toggle(WINDOWS, value=self.window, on_change=self._window).props("no-caps dense unelevated")
             self.chart = ui.echart(
                 charts.live(
                     {k: [] for k in ("time", "SP", "PV", "OP")}, [], self.pv_unit, self.op_unit, dark=self.session.dark
@@ -184,8 +185,10 @@ class _Page:
             return
         old = time.time() - pv["time"]
         self.fresh.set_text(f"PV is {old:.1f} s old." if old < 100 else f"PV is of {moment(pv['time'])}.")
-        self.fresh.classes(add="late") if old > 60 or not pv["good"] else self.fresh.classes(remove="late")
-        if pv["time"] > self.last and self.window <= 7200:
+        self.fresh.classes(add="late") if self.station.view.silent(self.name) or not pv["good"] else self.fresh.classes(
+            remove="late"
+        )
+        if pv["time"] > self.last:
             self.last = pv["time"]
             row = [1000.0 * pv["time"], *(self._number(values, key) for key in ("sp", "pv", "op"))]
             ui.run_javascript(f"glapp.append({self.chart.id}, {_js([row])}, {1000 * self.window})")
@@ -436,24 +439,19 @@ class _Page:
             if found.why_not:
                 ui.label(found.why_not)
 
-            async def go(what: str, body: Any, said: str, *, check: bool) -> None:
-                if check and not await self._as_seen(seen):
-                    dialog.close()
-                    return
+            async def go(what: str, body: dict[str, Any], said: str) -> None:
                 asking = lambda: self.station.door.command(loop_path(self.name, what), token, body)  # noqa: E731
                 if await command(self.station, self.session, asking, said) is not None:
                     dialog.close()
 
             with ui.element("div").classes("bar"):
                 if made["enabled"]:
-                    off = ui.button(
-                        "Switch off", on_click=lambda: go("disable", None, f"{self.name}: off.", check=False)
-                    )
+                    off = ui.button("Switch off", on_click=lambda: go("disable", {}, f"{self.name}: off."))
                     off.props("no-caps unelevated color=primary" + ("" if operator else " disable"))
                 else:
                     on = ui.button(
                         f"Enable compensation of {self.name}",
-                        on_click=lambda: go("enable", None, f"{self.name} is compensated.", check=True),
+                        on_click=lambda: go("enable", {"seen": seen}, f"{self.name} is compensated."),
                     )
                     on.props(
                         "no-caps unelevated color=primary" + ("" if engineer and not found.why_not else " disable")
@@ -466,13 +464,13 @@ class _Page:
                     width = quantity(last["compensable"], self.op_unit)
                     take = quiet(
                         f"Take over the fit: {width}",
-                        lambda: go("take_over", {"answer": last["id"]}, "Taken over.", check=True),
+                        lambda: go("take_over", {"answer": last["id"], "seen": seen}, "Taken over."),
                     )
                     take.props("" if engineer else "disable")
                 if not made["enabled"]:
                     drill = quiet(
                         "Drill the watchdog",
-                        lambda: go("drill", None, "The drill is under way: Events tell how it ends.", check=True),
+                        lambda: go("drill", {}, "The drill is under way: Events tell how it ends."),
                     )
                     drill.props("" if engineer else "disable")
             if not engineer:
@@ -511,23 +509,6 @@ class _Page:
             f"PV is {word}: SP − PV scatters by {quantity(found.since, self.pv_unit)} in the {duration(found.seconds)} "
             f"since then, by {quantity(found.before, self.pv_unit)} before."
         )
-
-    async def _as_seen(self, seen: dict[str, Any]) -> bool:
-        """Whether the parameters are still those that the person has read; a command on others is refused."""
-        now = await self._ask(loop_path(self.name, "parameters"))
-        if now is None:
-            return False
-        other = [name for name in seen if now.get(name) != seen[name]]
-        if other:
-            name = other[0]
-            ui.notify(
-                f"Refused: {name} is {now.get(name)} by now, and not {seen[name]} as this page told. Look at it again.",
-                type="warning",
-                timeout=0,
-                close_button="Close",
-                multi_line=True,
-            )
-        return not other
 
 
 def _floats(values: list[Any]) -> list[float]:

@@ -28,7 +28,10 @@ BEHIND = 20.0
 """The service writes what is to be seen every 5 s; after this time it is behind [s]."""
 
 SILENT = 60.0
-"""A loop of which nothing came for so long is silent [s]."""
+"""A loop is silent where its connection has given no sign of life for so long [s], …"""
+
+STILL = 600.0
+"""… or where it has, and yet no value of PV came for so long [s], or for five of its sample times."""
 
 TREND_DAYS = 90
 """A trend is that of the detections of so many days."""
@@ -262,6 +265,18 @@ class View:
         past = self._clock() - self.at
         return past if past > BEHIND else None
 
+    def silent(self, loop: str) -> bool:
+        """Whether nothing comes of a loop any more, as the service saw it last."""
+        status = self.shown["loops"][loop]
+        if status["seen"] is None:
+            return True
+        now = self.at or self._clock()
+        sample = None if loop not in self.loops else self.loops[loop].sample_time
+        seldom = 5.0 * (sample or 0.0)
+        if now - max(status["seen"], status["heard"] or 0.0) > max(SILENT, seldom):
+            return True
+        return bool(now - status["seen"] > max(STILL, seldom))
+
     def percent(self, loop: str, value: float | None) -> float | None:
         """A width in % of span; None where the span is not known."""
         span = None if loop not in self.loops else self.loops[loop].op_span
@@ -283,7 +298,7 @@ class View:
         found = []
         for name, status in self.shown["loops"].items():
             answer = self.answer(name)
-            silent = status["seen"] is None or (self.at or now) - status["seen"] > SILENT
+            silent = self.silent(name)
             wrong = silent or status["good"] is False
             urgency = "none" if answer is None else answer["urgency"]
             width = self.percent(name, None if answer is None else answer["width"])

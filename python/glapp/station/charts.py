@@ -68,6 +68,11 @@ def _base(tone: Mapping[str, str]) -> dict[str, Any]:
     }
 
 
+def _point(t: float, x: float) -> list[float]:
+    """A point as it goes to the browser: to the second, to five digits."""
+    return [1000 * round(t), float(f"{x:.5g}")]
+
+
 def shades(halves: Sequence[Mapping[str, Any]], span: float, *, dark: bool) -> list[list[dict[str, Any]]]:
     """Half-periods as areas by their verdict: detections blue, the others grey.
 
@@ -181,7 +186,7 @@ def detections(
     tone = _tone(dark)
 
     def dots(name: str, of: int, color: str, symbol: str) -> dict[str, Any]:
-        data = [[1000.0 * h["t_end"], h["d"] * scale] for h in halves if h["compensated"] == of and h["d"] is not None]
+        data = [_point(h["t_end"], h["d"] * scale) for h in halves if h["compensated"] == of and h["d"] is not None]
         return {
             "name": name,
             "type": "scatter",
@@ -192,7 +197,7 @@ def detections(
             "itemStyle": {"color": color, "opacity": 0.75},
         }
 
-    means = [[1000.0 * h["t_end"], h["median_mean"] * scale] for h in halves if h["median_mean"] is not None]
+    means = [_point(h["t_end"], h["median_mean"] * scale) for h in halves if h["median_mean"] is not None]
     fits = [a for a in answers if a["d"] is not None]
     bars = [
         [{"coord": [1000.0 * a["time"], a["low"] * scale]}, {"coord": [1000.0 * a["time"], a["high"] * scale]}]

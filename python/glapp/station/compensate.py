@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..report.words import quantity
+from .parameters import NO_LIMIT
 
 __all__ = ["Calm", "Plan", "calm", "plan"]
 
@@ -31,7 +32,7 @@ STANDINGS = {
 }
 """Each standing of the core, for the person at the screen."""
 
-_FROM = {1: "a person typed", 2: "the lower limit of the fit that was taken over", 3: "the on-line estimate"}
+_FROM = {1: "which a person typed", 2: "the lower limit of the fit that was taken over", 3: "the on-line estimate"}
 _WAY = {1: "error", 2: "derivative", 3: "inverse"}
 
 
@@ -86,14 +87,14 @@ def plan(parameters: Mapping[str, Any], unit: str) -> Plan:
     lines = []
     delta = None
     if source == 3:
-        lines.append(f"It goes by {_FROM[3]}, as it is when it is enabled, and takes {share:.0%} of it.")
+        lines.append(f"It goes by {_FROM[3]}, as it is when it is enabled, and takes {100 * share:g} % of it.")
     elif not size:
         return Plan(size, None, (), "The width is 0: there is nothing to compensate.")
     else:
         band = parameters["comp_band"] if parameters["comp_band"] is not None else 0.2 * size
         delta = max(share * size - (band if way == 3 else 0.0), 0.0)
         lines.append(
-            f"The width is {quantity(size, unit)}, {_FROM[source]}. {share:.0%} of it is compensated"
+            f"The width is {quantity(size, unit)}, {_FROM[source]}. {100 * share:g} % of it is compensated"
             + (f", less a band of {quantity(band, unit)}." if way == 3 else ".")
         )
         lines.append(
@@ -118,7 +119,7 @@ def plan(parameters: Mapping[str, Any], unit: str) -> Plan:
     budgets = [
         f"{quantity(parameters[name], text)}"
         for name, text in (("comp_travel", f"{unit} of travel in an hour"), ("comp_reversals", "reversals in an hour"))
-        if parameters[name] is not None
+        if parameters[name] is not None and parameters[name] < NO_LIMIT
     ]
     if budgets:
         lines.append(f"Budget: {' and '.join(budgets)}.")

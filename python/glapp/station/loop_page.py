@@ -20,7 +20,7 @@ from . import charts
 from .client import Gone, Refused, loop_path
 from .compensate import STANDINGS, calm, plan
 from .pages import Station, command, frame, heading, moment, quiet
-from .parameters import PARAMETERS, changed, told
+from .parameters import PARAMETERS, changed, field, told
 from .sessions import Session
 
 __all__ = ["loop_page"]
@@ -286,7 +286,14 @@ class _Page:
 
     async def graph(self) -> None:
         """Detections over time, before and under compensation."""
-        halves = await asyncio.to_thread(self.read, lambda r: r.half_periods(self.name))
+        halves = await asyncio.to_thread(
+            self.read,
+            lambda r: r.rows(
+                "SELECT t_end, d, median_mean, compensated FROM half_periods WHERE loop = "
+                "(SELECT id FROM loops WHERE name = ?) AND reason = 0 ORDER BY t_end",
+                self.name,
+            ),
+        )
         answers = await asyncio.to_thread(self.read, lambda r: r.answers(self.name, 400))
         scale = self.station.view.percent(self.name, 1.0)
         with self._dialog(f"{self.name}: detections"):
@@ -356,7 +363,7 @@ class _Page:
                                 ui.label(name)
                             with ui.element("td"):
                                 fields[name] = (
-                                    ui.number(value=value)
+                                    ui.number(value=field(value))
                                     .props(f'dense outlined aria-label="{name}" input-class="text-right"')
                                     .style("width: 130px")
                                 )
@@ -372,7 +379,7 @@ class _Page:
                                     ui.label(text)
 
             async def save() -> None:
-                body = changed(seen, {name: field.value for name, field in fields.items()})
+                body = changed(seen, {name: one.value for name, one in fields.items()})
                 if not body["values"]:
                     ui.notify("Nothing is changed.")
                     return

@@ -150,7 +150,7 @@ async def command(station: Station, session: Session, asking: Callable[[], Await
     except Gone as gone:
         ui.notify(f"Not done: {gone}", type="negative", timeout=0, close_button="Close", multi_line=True)
         return None
-    ui.notify(done, type="info", position="bottom-right")
+    ui.notify(done, color="grey-9", position="bottom-right")
     return {} if found is None else found
 
 

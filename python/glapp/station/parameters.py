@@ -10,7 +10,10 @@ from ..report.words import number
 from ..service.compensation import SETTINGS, SHARE
 from ..service.watch import DETECTOR
 
-__all__ = ["PARAMETERS", "Parameter", "changed"]
+__all__ = ["NO_LIMIT", "PARAMETERS", "Parameter", "changed", "field"]
+
+NO_LIMIT = 1e30
+"""The core writes "none" as a number that is greater."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,6 +118,15 @@ PARAMETERS: dict[str, Parameter] = {
 assert tuple(PARAMETERS) == (*DETECTOR, *SETTINGS)
 
 
+def field(value: float | None) -> float | None:
+    """What stands in the field of a parameter: nothing for a limit that is none.
+
+    >>> field(2.0), field(1e37)
+    (2.0, None)
+    """
+    return None if value is not None and abs(value) > NO_LIMIT else value
+
+
 def changed(seen: Mapping[str, Any], typed: Mapping[str, float | None]) -> dict[str, Any]:
     """What to ask the door: the values that are not as they were seen, and what was seen of just those.
 
@@ -135,7 +147,7 @@ def changed(seen: Mapping[str, Any], typed: Mapping[str, float | None]) -> dict[
     >>> changed({"kp": 2.0, "n": 9}, {"kp": 3.0, "n": 9.0})
     {'values': {'kp': 3.0}, 'seen': {'kp': 2.0}}
     """
-    values = {name: value for name, value in typed.items() if value != seen.get(name)}
+    values = {name: value for name, value in typed.items() if value != field(seen.get(name))}
     return {"values": values, "seen": {name: seen.get(name) for name in values}}
 
 

@@ -47,6 +47,7 @@ class Station:
     sessions: Sessions = field(default_factory=Sessions)
     tries: Tries = field(default_factory=Tries)
     rows: list[Row] = field(default_factory=list)
+    _of: tuple[float | None, float] = (None, 0.0)
 
     async def look(self) -> None:
         """Look at the database again and again, for all pages together."""
@@ -56,7 +57,10 @@ class Station:
 
     def _look(self) -> None:
         self.view.refresh()
-        self.rows = self.view.rows()
+        now = time.monotonic()
+        if self.view.at != self._of[0] or now - self._of[1] > 5.0:  # what is shown grows older, too
+            self._of = self.view.at, now
+            self.rows = self.view.rows()
 
     def who(self, request: Request) -> Session:
         """Whose page it is; nobody gets here without a session."""

@@ -220,11 +220,12 @@ class View:
             self.why = str(error)
 
     def _take(self, reader: Reader) -> None:
+        written = reader.one("SELECT time FROM shown")
+        if written is not None and written["time"] == self.at and self.loops:
+            return
         shown = reader.shown()
         if shown is None:
             raise InputError("the service has not written anything yet", file=str(self.folder))
-        if shown[0] == self.at and self.loops:
-            return
         self.at, self.shown = shown
         names = self.shown["loops"].keys()
         if not names <= self.loops.keys():

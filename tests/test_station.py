@@ -23,7 +23,7 @@ from glapp.modules import BacklashDetection, Graph, Input, Output
 from glapp.service.door import app_of as service_app
 from glapp.service.memory import Memory
 from glapp.service.watch import Watch
-from glapp.station import charts
+from glapp.station import charts, step_test
 from glapp.station.app import app_of
 from glapp.station.client import Door, Gone, Refused, loop_path
 from glapp.station.compensate import STANDINGS, plan
@@ -302,6 +302,38 @@ def test_what_cannot_be_compensated_is_told() -> None:
     assert "No width" in plan(SETTINGS | {"comp_size": 0.0}, "%").why_not
     assert "width is 0" in plan(SETTINGS | {"comp_fitted": 0.0}, "%").why_not
     assert "Nothing is left" in plan(SETTINGS | {"comp_band": 1.9}, "%").why_not
+
+
+# A step test
+
+
+def test_a_step_test_is_read_as_it_goes_on() -> None:
+    import glapp
+
+    steps = [(0, 100, 50.0), (100, 200, 53.0), (200, 300, 56.0), (300, 400, 52.0)]
+    made = glapp.simulate.closed_loop(
+        ([0.8], [5, 1], 0), (0.5, 10), d=2.0, noise=0.05, h=1.0, t_end=400, manual=steps, setpoint=[(0, 40.0)]
+    )
+    table = made.to_arrow()
+    n = len(table)
+    values: dict[str, Any] = {
+        "time": [1.795e9 + k for k in range(n)],
+        "PV": table["PV"].to_pylist(),
+        "OP": table["OP"].to_pylist(),
+        "MODE": ["MAN"] * n,
+        "QUALITY": ["good"] * n,
+        "OP_LOW": [0] * n,
+        "OP_HIGH": [0] * n,
+    }
+    said = []
+    for end in (90, 195, 295, 400):
+        part = {name: column[:end] for name, column in values.items()}
+        said.append(step_test.advice(step_test.read(part, loops()[0]), True, 2.0, "%"))
+    assert [text.split()[0] for text in said] == ["Step", "Step", "Step", "The"]
+    assert "same direction" in said[1] and "back" in said[2] and "can be read" in said[3]
+    found = step_test.read(values, loops()[0])
+    assert found is not None and "The gap is 1.98" in " ".join(step_test.told(found, "%"))
+    assert step_test.read(values | {"MODE": ["AUTO"] * n}, loops()[0]) is None
 
 
 # The service's door

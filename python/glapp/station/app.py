@@ -30,7 +30,7 @@ HERE = Path(__file__).parent
 WHY = {"expired": "Your login is over. Log in again.", "": ""}
 
 
-def _login(said: str) -> HTMLResponse:
+def _login(said: str, status: int = 401) -> HTMLResponse:
     """The login page; it needs no script but to tell whether the person's screen is dark."""
     text = f'<p role="alert" class="medium">{escape(said)}</p>' if said else ""
     return HTMLResponse(
@@ -44,7 +44,7 @@ def _login(said: str) -> HTMLResponse:
 <input type="hidden" id="dark" name="dark" value=""><button>Log in</button></form>
 <script>if (matchMedia("(prefers-color-scheme: dark)").matches) {{ document.body.classList.add("dark");
 document.getElementById("dark").value = "1"; }}</script></body></html>""",
-        401 if said else 200,
+        status,
     )
 
 
@@ -69,7 +69,7 @@ def app_of(station: Station, hosts: Sequence[str], *, secure: bool) -> FastAPI:
 
     @app.get("/login")
     async def log_in_page(why: str = "") -> Response:
-        return _login(WHY.get(why, ""))
+        return _login(WHY.get(why, ""), 200)
 
     @app.post("/login")
     async def log_in(

@@ -122,7 +122,7 @@ class Door:
     async def live(self, loop: str, token: str) -> dict[str, Any]:
         """The newest values of a loop; those who look at one loop at the same time ask once."""
         at, values = self._live.get(loop, (0.0, {}))
-        if time.monotonic() - at < 0.3:
+        if time.monotonic() - at < 0.2:
             return values
         found: dict[str, Any] = (await self.asked("GET", f"/live?loop={quote(loop, safe='')}", token))[loop]
         if len(self._live) > 1000:

@@ -16,7 +16,7 @@ from starlette.requests import Request
 from ..errors import InputError
 from ..report.words import MEANINGS, NAMES, duration, number, quantity, sentence
 from ..service.recordings import Signals
-from . import charts
+from . import charts, step_test
 from .client import Gone, Refused, loop_path
 from .compensate import STANDINGS, calm, plan
 from .pages import Station, command, frame, heading, moment, quiet
@@ -109,6 +109,7 @@ class _Page:
             self._button("Compensate", self.compensate)
             self._button("Fit now", self.fit, "operator")
             self._button("Phase plot", self.phase)
+            self._button("Step test", self.step_test)
 
     def _button(self, text: str, what: Callable[[], Awaitable[None]], role: str = "viewer") -> ui.button:
         button = quiet(text, what)
@@ -317,6 +318,43 @@ class _Page:
             options = charts.phase(values["OP"], values["PV"], self.pv_unit, self.op_unit, dark=self.session.dark)
             ui.echart(options).classes("chart").props('role="img" aria-label="PV over OP"')
             ui.label("A gap draws two flanks that lie its width apart in OP.").classes("small muted")
+
+    async def step_test(self) -> None:
+        """A step test by hand: what to do next, and what it tells so far."""
+        answer, status = self.station.view.answer(self.name), self.status
+        width = status.get("estimate") if answer is None else (answer["high"] or answer["low"])
+        loop = self.station.view.loops[self.name]
+        window = {"seconds": self.window}
+        with self._dialog(f"{self.name}: step test by hand"):
+            ui.label(
+                "You move OP, in manual, at the control system: two steps one way and one back, each held until PV "
+                "stands still and as long again. Nothing is written from here."
+            ).classes("small muted")
+            with ui.element("div").classes("bar"):
+                ui.label("Read it from the last")
+                ui.toggle(WINDOWS, value=self.window, on_change=lambda e: window.update(seconds=int(e.value))).props(
+                    "no-caps dense unelevated"
+                )
+            heading("What to do next", 2)
+            doing = ui.label().props('role="status"')
+            heading("What it tells", 2)
+            lines = ui.element("div")
+
+            async def look() -> None:
+                end = time.time()
+                values = await signals(self.station, self.session, self.name, end - window["seconds"], end)
+                found = await asyncio.to_thread(step_test.read, values, loop)
+                manual = bool(values["MODE"]) and values["MODE"][-1] == "MAN"
+                doing.set_text(step_test.advice(found, manual, width, self.op_unit))
+                lines.clear()
+                with lines:
+                    if found is None:
+                        ui.label("The controller was in automatic all the time.").classes("muted")
+                    for line in [] if found is None else step_test.told(found, self.op_unit):
+                        ui.label(line)
+
+            await look()
+            ui.timer(5.0, look)
 
     @contextmanager
     def _dialog(self, title: str) -> Iterator[ui.dialog]:
@@ -540,5 +578,5 @@ async def loop_page(station: Station, request: Request, name: str) -> None:
         page = _Page(station, session, name)
         page.build()
         await page.seldom()
-        ui.timer(0.5, page.often)
+        ui.timer(0.25, page.often)
         ui.timer(2.0, page.seldom)

@@ -113,7 +113,8 @@ def frame(station: Station, session: Session, title: str, here: str) -> Iterator
 
     def tick() -> None:
         if station.sessions.by_id(session.id) is None:
-            ui.navigate.to("/login")
+            timer.cancel()
+            ui.navigate.to("/login?why=expired")
             return
         view = station.view
         late = view.behind
@@ -133,14 +134,13 @@ def frame(station: Station, session: Session, title: str, here: str) -> Iterator
         banner.set_text(text)
         banner.set_visibility(bool(text))
 
-    tick()
-    ui.timer(1.0, tick)
+    timer = ui.timer(1.0, tick)
 
 
 async def command(station: Station, session: Session, asking: Callable[[], Awaitable[Any]], done: str) -> Any:
     """A command in the person's name: what became of it is said in any case. None where it was not done."""
     if station.sessions.by_id(session.id) is None:
-        ui.navigate.to("/login")
+        ui.navigate.to("/login?why=expired")
         return None
     try:
         found = await asking()

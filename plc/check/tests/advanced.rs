@@ -22,7 +22,8 @@ fn flag(mask: f64, flag: u16) -> f64 {
 fn of_case(case: &Case) -> Row {
     let or = |name: &str, usual: f64| case.param(name).unwrap_or(usual);
     let law = [("K", case.given("k")), ("Ti", case.given("ti")), ("Td", or("td", 0.0)), ("B", or("b", 1.0))];
-    let mut pins = row(&[&law[..], &[("C", or("c", 0.0)), ("Tf", or("tf", 0.0)), ("Start", case.given("start"))]].concat());
+    let mut pins =
+        row(&[&law[..], &[("C", or("c", 0.0)), ("Tf", or("tf", 0.0)), ("Start", case.given("start"))]].concat());
     for (pin, name) in [
         ("Low", "low"),
         ("High", "high"),
@@ -139,9 +140,47 @@ const WHOLE: [&str; 5] = ["N", "Rows", "Way", "Source", "Rule"];
 
 /// Settings: all that may be spoilt.
 const SETTINGS: [&str; 41] = [
-    "K", "Ti", "Td", "B", "C", "Tf", "Low", "High", "Rate", "MaxH", "Kp", "PvSpan", "OpSpan", "DetectorTf", "N",
-    "SpRate", "Rows", "At1", "K1", "Ti1", "Td1", "At2", "K2", "Ti2", "Td2", "Way", "Source", "Size", "Share", "Most",
-    "Band", "OpTf", "FfRate", "Release", "Amplitude", "Hysteresis", "D", "WaitTime", "PvLow", "PvHigh", "Rule",
+    "K",
+    "Ti",
+    "Td",
+    "B",
+    "C",
+    "Tf",
+    "Low",
+    "High",
+    "Rate",
+    "MaxH",
+    "Kp",
+    "PvSpan",
+    "OpSpan",
+    "DetectorTf",
+    "N",
+    "SpRate",
+    "Rows",
+    "At1",
+    "K1",
+    "Ti1",
+    "Td1",
+    "At2",
+    "K2",
+    "Ti2",
+    "Td2",
+    "Way",
+    "Source",
+    "Size",
+    "Share",
+    "Most",
+    "Band",
+    "OpTf",
+    "FfRate",
+    "Release",
+    "Amplitude",
+    "Hysteresis",
+    "D",
+    "WaitTime",
+    "PvLow",
+    "PvHigh",
+    "Rule",
 ];
 
 /// Settings that may be there or not.
@@ -200,11 +239,12 @@ impl Loop {
         usual.option("PvSpan", d.of(&[None, Some(1.0), Some(30.0)]));
         usual.option("OpSpan", d.of(&[None, Some(10.0), Some(100.0)]));
         usual.option("DetectorTf", d.of(&[None, None, Some(0.0), Some(0.1), Some(0.5)]));
-        usual.option("SpRate", d.of(&[None, None, Some(0.05), Some(1.0), Some(1e37)]));
+        usual.option("SpRate", d.of(&[None, None, Some(0.05), Some(1.0), Some(1e36)]));
         usual.option("Rate", d.of(&[None, None, Some(0.5), Some(50.0), Some(1e36)]));
-        usual.option("MaxH", d.of(&[None, Some(1.0), Some(1e30)]));
+        let open = if ti > 0.55 { None } else { Some(0.4) };
+        usual.option("MaxH", d.of(&[open, Some(1.0), Some(1e30)]));
         usual.set("Integrating", f64::from(d.chance(0.1)));
-        let limits = d.of(&[None, Some((-2.0, 2.5)), Some((0.0, 10.0))]);
+        let limits = d.of(&[None, Some((-2.0, 2.5)), Some((0.0, 10.0)), Some((-50.0, 50.0))]);
         usual.option("Low", limits.map(|limits| limits.0));
         usual.option("High", limits.map(|limits| limits.1));
         // A schedule, of all rows that there may be or of a few.
@@ -236,7 +276,8 @@ impl Loop {
             wrong = d.of(&[0.0, 0.0, 0.002, 0.01, 0.05]);
         }
         let noise = d.of(&[0.0, 0.02]);
-        let length = (5.0 * ti.min(1.2) / 0.25) as usize + d.of(&[2, 4, 6]);
+        let slowest = if usual.on("Rows") { 1.5 * ti } else { ti };
+        let length = (5.0 * slowest.min(1.5) / 0.25) as usize + d.of(&[2, 4, 6]);
         Self {
             row: usual.clone(),
             usual,
@@ -353,7 +394,8 @@ impl Loop {
         }
         let run = self.row.on("Run");
         let (ended, going) = (!block.on("Tuning") && d.chance(0.05), d.chance(0.1 * self.wrong));
-        let run = if run { !ended && !going } else { d.chance(0.1) && block.get("Phase") != 4.0 };
+        let often = if self.process.is_some() { 0.1 } else { 0.01 };
+        let run = if run { !ended && !going } else { d.chance(often) && block.get("Phase") != 4.0 };
         self.row.set("Run", f64::from(run));
         if block.on("HasOffer") && d.chance(0.02) {
             // Taken over.
@@ -371,7 +413,9 @@ impl Loop {
             }
             _ => self.swing(block, d),
         };
-        let measured = if d.chance(rare) { d.of(&[f64::NAN, f64::INFINITY, 1e32, -1e32]) } else { measured };
+        // One that is a number and no measurement stays in the controller's filter for long.
+        let far = if d.chance(0.1) { -1e32 } else { f64::NAN };
+        let measured = if d.chance(rare) { d.of(&[f64::NAN, f64::INFINITY, far]) } else { measured };
         self.row.set("Pv", measured);
         self.row.clone()
     }
@@ -393,9 +437,43 @@ impl Loop {
 /// Numbers at the ends of what is one: nothing stops. The library calls too large what is beyond 1E37.
 fn extreme(row: &mut Row, d: &mut Draw) {
     let pins = [
-        "Pv", "Sp", "Ff", "OwnSp", "Manual", "K", "Ti", "Td", "Tf", "Rate", "MaxH", "H", "Start", "SpRate", "DetectorTf",
-        "Kp", "PvSpan", "OpSpan", "ScheduleBy", "At1", "K1", "Ti1", "Td1", "At2", "K2", "Ti2", "Td2", "Size", "FfRate",
-        "Release", "Watch", "Amplitude", "Low", "High", "BackTracking", "BackLow", "BackHigh",
+        "Pv",
+        "Sp",
+        "Ff",
+        "OwnSp",
+        "Manual",
+        "K",
+        "Ti",
+        "Td",
+        "Tf",
+        "Rate",
+        "MaxH",
+        "H",
+        "Start",
+        "SpRate",
+        "DetectorTf",
+        "Kp",
+        "PvSpan",
+        "OpSpan",
+        "ScheduleBy",
+        "At1",
+        "K1",
+        "Ti1",
+        "Td1",
+        "At2",
+        "K2",
+        "Ti2",
+        "Td2",
+        "Size",
+        "FfRate",
+        "Release",
+        "Watch",
+        "Amplitude",
+        "Low",
+        "High",
+        "BackTracking",
+        "BackLow",
+        "BackHigh",
     ];
     for pin in pins {
         if d.chance(0.1) {
@@ -447,15 +525,61 @@ fn random<R: Number>() {
         cover.collect(&block);
     }
     power::<R>(&mut cover);
+    refused_one_by_one::<R>(&mut cover);
     cover.holds(&["GlappPidAdvanced", "GlappGainSchedule"]);
-    cover.parts("GlappPid", &INSIDE);
-    cover.parts("GlappAutoTuner", &["IF HasUsed THEN"]);
+    // The rest of both is taken where they are alone.
+    cover.parts("GlappPid", &INSIDE.map(|line| if line == "IF HasUsed THEN" { "IF Forth THEN" } else { line }));
+    for pou in ["GlappPid", "GlappAutoTuner"] {
+        cover.takes(pou, &["IF HasUsed THEN"]);
+    }
+}
+
+/// Each setting spoilt in each way, in a set that is good: its number is told, and what was in force stays.
+fn refused_one_by_one<R: Number>(cover: &mut Cover) {
+    let mut usual = row(&[("K", 0.5), ("Ti", 1.0), ("H", 0.25), ("Start", 5.0), ("Rows", 8.0)]);
+    for (i, names) in ROWS.into_iter().enumerate() {
+        usual.set_all(&names.into_iter().zip([i as f64, 0.5, 1.0, 0.1]).collect::<Vec<_>>());
+    }
+    set_compensation(&mut usual, &compensate::Settings { size: 1.0, ..compensate::Settings::default() });
+    usual.set_all(&[("HasTuner", 1.0), ("Amplitude", 3.0), ("WaitTime", 1.0), ("Longest", 9.0), ("PvHigh", 1.0)]);
+    for (pin, value) in [("Low", 0.0), ("High", 10.0), ("Kp", 2.0), ("PvSpan", 9.0), ("OpSpan", 9.0)] {
+        usual.option(pin, Some(value));
+    }
+    for pin in ["Rate", "MaxH", "DetectorTf", "SpRate", "Hysteresis", "FfRate", "Release", "Ramp", "Watch", "Band"] {
+        usual.option(pin, Some(1.0));
+    }
+    for (pin, value) in [("Most", 2.0), ("Travel", 9.0), ("Reversals", 9.0)] {
+        usual.option(pin, Some(value));
+    }
+    let rows = ROWS.into_iter().flatten();
+    let rest = ["Ramp", "Travel", "Reversals", "Watch", "Longest"];
+    let mut told = std::collections::BTreeSet::new();
+    for pin in SETTINGS.into_iter().chain(rows).chain(rest) {
+        let none: &[f64] = if WHOLE.contains(&pin) { &[-1.0, 0.0, 4.0, 9.0, 40.0] } else { &NONE };
+        for value in none.iter().chain(&[-1.0, 0.0, 1e33]) {
+            let (block, mut reference) = (Block::new::<R>("GlappPidAdvanced"), Reference::<R>::default());
+            let mut pins = usual.clone();
+            for spoilt in [false, true, true, false] {
+                let wrong = if WHOLE.contains(&pin) && *value > 1e30 { 3.0 } else { *value };
+                pins.set(pin, if spoilt { wrong } else { usual.get(pin) });
+                let (expected, got) = (reference.scan(&pins), scan(&block, &pins));
+                assert!(agree(&expected, &got), "{pin} {value}: {}", difference(&expected.row, &got.row, &pins, 0, 0));
+                told.insert(block.get("ErrorID") as i16);
+            }
+            cover.collect(&block);
+        }
+    }
+    // All there are but H, those of other blocks, and limits that the controller's own stand for.
+    let others = [9, 10, 12, 33, 34, 38, 39, 40, 41, 42, 43];
+    let all: Vec<i16> = (1..=78).filter(|number| !others.contains(number)).collect();
+    assert_eq!(told.into_iter().filter(|number| *number != 0).collect::<Vec<_>>(), all);
 }
 
 /// What is not the same, by its pin.
 fn difference(expected: &[f64], got: &[f64], row: &Row, seed: u64, i: usize) -> String {
     let pins = PID_ADVANCED.shown;
-    let name = |at: usize| pins.get(at).map_or_else(|| format!("{} of the detection", at - pins.len()), |pin| (*pin).into());
+    let name =
+        |at: usize| pins.get(at).map_or_else(|| format!("{} of the detection", at - pins.len()), |pin| (*pin).into());
     let off = expected.iter().zip(got).enumerate().filter(|(_, (a, b))| !same(&[**a], &[**b]));
     let off: Vec<String> = off.map(|(at, (a, b))| format!("{} {b:?} instead of {a:?}", name(at))).collect();
     let held: Vec<_> = row.pins.iter().zip(&row.values).filter(|(_, value)| **value != 0.0).collect();

@@ -204,7 +204,11 @@ pub const ROWS: [[&str; 4]; SCHEDULE_ROWS] = [
 pub fn set_compensation(row: &mut Row, settings: &Settings) {
     row.set_all(&[("HasCompensation", 1.0), ("Way", settings.way.into()), ("Source", settings.source.into())]);
     row.set_all(&[("Size", settings.size), ("Share", settings.share), ("OpTf", settings.tf)]);
-    row.set_all(&[("Withdraw", on(settings.withdraw)), ("Lessen", on(settings.lessen)), ("Struck", on(settings.struck))]);
+    row.set_all(&[
+        ("Withdraw", on(settings.withdraw)),
+        ("Lessen", on(settings.lessen)),
+        ("Struck", on(settings.struck)),
+    ]);
     for (pin, value) in [
         ("Most", settings.most),
         ("Band", settings.band),
@@ -375,7 +379,11 @@ impl<R: Number> Reference<R> {
         let start = if of("Start").is_number() { of("Start") } else { R::ZERO };
         let mut state = match self.state {
             Some(state) if !row.on("Reset") => {
-                if row.on("Restart") || row.on(POWER_CUT) { self.again(&state) } else { state }
+                if row.on("Restart") || row.on(POWER_CUT) {
+                    self.again(&state)
+                } else {
+                    state
+                }
             }
             _ => self.begin(start),
         };
@@ -399,8 +407,7 @@ impl<R: Number> Reference<R> {
                 (state.tuner, self.run_before) = (AutoTunerState::default(), true);
             }
             self.tuned = tunes;
-            state.tuner.run =
-                tunes && row.on("Enable") && row.on("Run") && (state.tuner.run || !self.run_before);
+            state.tuner.run = tunes && row.on("Enable") && row.on("Run") && (state.tuner.run || !self.run_before);
             if runs {
                 let mut h = of("H");
                 if core::mem::take(&mut self.missed) {

@@ -257,12 +257,7 @@ pub fn shown_of<R: Number>(
     shown.push(block.may_compensate_by_estimate(state).err().map_or(0.0, |unfit| f64::from(unfit as u8)));
     shown.extend(of(state.detector.estimate()));
     shown.push(on(state.detector.shown().is_some()));
-    shown.extend([
-        or_nan(state.detector.noise_floor()),
-        state.detector.accepted().into(),
-        pv_filtered,
-        u_fb,
-    ]);
+    shown.extend([or_nan(state.detector.noise_floor()), state.detector.accepted().into(), pv_filtered, u_fb]);
     match block.corrected(state) {
         Ok(found) => {
             shown.extend([found.d, found.low, found.high, found.kp].map(R::as_f64));

@@ -37,7 +37,7 @@ from .memory import MemoryFull
 from .users import Person, Refused, Role, Users, listed
 from .watch import Watch
 
-__all__ = ["Door", "app_of"]
+__all__ = ["Door", "app_of", "loopback"]
 
 LARGEST = 65_536
 """No request may be longer [bytes]."""
@@ -334,7 +334,7 @@ def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "
     async def metrics(request: Request) -> Response:
         """For Prometheus: open on this computer, by a viewer's token from elsewhere."""
         host = request.client.host if request.client is not None else ""
-        if not _loopback(host):
+        if not loopback(host):
             await at_least(Role.VIEWER)(request)
         return Response(generate_latest(registry), media_type="text/plain; version=0.0.4; charset=utf-8")
 
@@ -422,7 +422,7 @@ class Door:
     ) -> None:
         if (certificate is None) != (key is None):
             raise InputError("certificate and key are given together", parameter="certificate")
-        if certificate is None and not _loopback(host):
+        if certificate is None and not loopback(host):
             raise InputError(
                 f"is {host}, which others reach, and passwords would be readable on their way",
                 parameter="host",
@@ -478,7 +478,8 @@ def _who(person: Person) -> tuple[str, str]:
     return person.name, person.role.name.lower()
 
 
-def _loopback(host: str) -> bool:
+def loopback(host: str) -> bool:
+    """Whether an address is this computer's own, which nobody else reaches."""
     if host == "localhost":
         return True
     try:

@@ -330,7 +330,7 @@ fn joint_width(curves: &mut [Curve]) -> Together {
     let lr_no_jump: f64 = curves.iter().map(|c| c.worth * c.jumps()).sum();
     let jumping = curves.iter().filter(|c| c.jumps() > 0.0).count();
     let mean = |of: fn(&Evidence) -> f64| curves.iter().map(|c| of(&c.fitted.evidence)).sum::<f64>() / n;
-    let high = high.map(|high| high + 3.0 * resolution);
+    let high = high.map(|high| high + MISSED_TURNS * resolution);
     let median = |of: fn(&Evidence) -> f64| middle(curves.iter().map(|c| of(&c.fitted.evidence)).collect());
     let evidence = Evidence {
         echo: mean(|e| e.echo),

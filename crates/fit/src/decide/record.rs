@@ -266,7 +266,7 @@ pub(crate) fn fit_record(record: &Cells, seeds: &[Theta], h: f64, bow: f64, prob
         drawn: DRAWN * bow / best.kp.abs().max(1e-300),
     };
     let (verdict, reason) = judge(&evidence);
-    let told = evidence.limits(verdict, high.map(|high| high + 3.0 * record.resolution()));
+    let told = evidence.limits(verdict, high.map(|high| high + MISSED_TURNS * record.resolution()));
     let h = h * record.cell as f64;
     let per_cell = if search.structure.integrating { 1.0 / h } else { 1.0 };
     let kp = best.kp * per_cell;

@@ -63,6 +63,10 @@ thresholds! {
     RISE_OF_STICKING: f64 = 16.0, "−2·ln L";
     /// How much further it may rise where as many steps or bends of the load were marked as OP went through the width. Loads.
     RISE_BESIDE_CHANGES: f64 = 3.0, "1";
+    /// How far the upper limit is moved up, in halves of OP's median move from one sample to the next: turns between two samples are missed,
+    /// and a gap looks narrower. `bench.lengths --times`, numbers 0 to 4: with 3, processes with lags of two to five samples missed
+    /// by 0.2 to 4 % (ADR 20).
+    MISSED_TURNS: f64 = 5.0, "1";
     /// Less trust than this is not believed: it rests on the few cells that matter for d. Simulations and real loops.
     LEAST_TRUST: f64 = 0.4, "1";
     /// Trust below which PV strays from the model where the valve turns: it may stick as well. FIC46005 has 0.4; the 76 gaps that are

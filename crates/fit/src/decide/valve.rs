@@ -348,7 +348,7 @@ fn shared_width(members: &mut [Member], d: f64, here: &[Vec<f64>], gives: &mut [
     let lr_no_jump: f64 = members.iter().map(|m| m.worth * jumps(m)).sum();
     let jumping = members.iter().filter(|m| jumps(m) > 0.0).count();
     let median = |what: fn(&Evidence) -> f64| middle(members.iter().map(|m| of(m, what) * m.size).collect());
-    let high = high.map(|high| high + 3.0 * resolution);
+    let high = high.map(|high| high + MISSED_TURNS * resolution);
     let evidence = Evidence {
         echo: mean(|e| e.echo),
         d,

@@ -68,8 +68,16 @@ def test_what_maintenance_should_do_first_comes_first(view: View) -> None:
     first = rows[0]
     assert first.width == "2.40 % (2.15 to 3.11)" and first.percent == 2.4 and first.verdict == "Backlash"
     assert first.todo.startswith("Look for play") and first.health == "Maintenance required"
-    assert rows[2].width == "< 0.400 %" and rows[2].seen == "never" and rows[2].health == "Failure"
+    assert rows[2].width == "< 0.400 %" and rows[2].seen == "never" and rows[2].health == "Check function"
     assert "no value comes" in rows[1].todo
+
+
+def test_what_persons_have_set_counts(plant: tuple[Watch, FastAPI], view: View) -> None:
+    watch, _ = plant
+    asyncio.run(watch.change("FIC2", {"acceptable_dead_band": 1.5}, "eve", "engineer"))
+    watch.memory.show(time.time(), json.dumps(watch.status()))
+    view.refresh()
+    assert view.loops["FIC2"].acceptable_dead_band == 1.5 and view.loops["FIC1"].acceptable_dead_band is None
 
 
 def test_a_bad_pv_is_told(view: View) -> None:

@@ -165,10 +165,7 @@ _NAME = (
 )
 
 
-_HEALTHS = (
-    "{'Maintenance required': 'health health-service', 'Check function': 'health health-check', "
-    "'Failure': 'health health-failure'}"
-)
+_HEALTHS = "{'Maintenance required': 'health health-service', 'Check function': 'health health-check'}"
 
 
 def _overview_columns() -> list[dict[str, Any]]:

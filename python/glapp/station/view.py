@@ -21,6 +21,7 @@ from ..errors import InputError
 from ..loop import Loop
 from ..report.words import NEXT, URGENCIES, VERDICTS, number
 from ..service.memory import Reader
+from ..service.watch import with_settings
 
 __all__ = ["Row", "Trend", "View", "age", "as_csv", "summary", "trend"]
 
@@ -40,10 +41,8 @@ HEALTH = {
     "NORMAL": "Good",
     "MAINTENANCE_REQUIRED": "Maintenance required",
     "CHECK_FUNCTION": "Check function",
-    "OFF_SPEC": "Out of specification",
-    "FAILURE": "Failure",
 }
-"""NAMUR NE 107, in its own words."""
+"""NAMUR NE 107 in its own words; what `glapp.service.watch.Health` never says is not here."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,6 +171,8 @@ class View:
         self.at: float | None = None
         self.shown: dict[str, Any] = {"loops": {}}
         self.loops: dict[str, Loop] = {}
+        self._given: dict[str, Loop] = {}
+        self._set: dict[str, dict[str, Any]] = {}
         self.why: str | None = "the service has not written anything yet"
         self._answers: dict[str, tuple[int, dict[str, Any], Trend | None]] = {}
         self._trends: dict[str, Trend] = {}
@@ -230,7 +231,17 @@ class View:
         names = self.shown["loops"].keys()
         if not names <= self.loops.keys():
             for row in reader.rows("SELECT name, settings FROM loops"):
-                self.loops[row["name"]] = Loop(**json.loads(row["settings"]))
+                self._given[row["name"]] = self.loops[row["name"]] = Loop(**json.loads(row["settings"]))
+            self._set.clear()
+        by_loop: dict[str, dict[str, Any]] = {}
+        for row in reader.rows(
+            "SELECT loops.name AS loop, settings.name, value FROM settings JOIN loops ON loops.id = settings.loop"
+        ):
+            by_loop.setdefault(row["loop"], {})[row["name"]] = json.loads(row["value"])
+        for name, settings in by_loop.items():
+            if name in self._given and self._set.get(name) != settings:
+                self._set[name] = settings
+                self.loops[name] = with_settings(self._given[name], settings)
         ids = {name: loop["answer"]["id"] for name, loop in self.shown["loops"].items() if loop["answer"] is not None}
         new = [id for name, id in ids.items() if name not in self._answers or self._answers[name][0] != id]
         for i in range(0, len(new), 500):
@@ -269,7 +280,7 @@ class View:
     def silent(self, loop: str) -> bool:
         """Whether nothing comes of a loop any more, as the service saw it last."""
         status = self.shown["loops"][loop]
-        if status["seen"] is None:
+        if status["seen"] is None or status.get("lost"):
             return True
         now = self.at or self._clock()
         sample = None if loop not in self.loops else self.loops[loop].sample_time
@@ -323,7 +334,7 @@ class View:
                     urgency="signal" if wrong else urgency,
                     soon="Signal" if wrong else URGENCIES[urgency],
                     trend=self.trend_text(name),
-                    health=HEALTH["FAILURE"] if silent else HEALTH.get(status["health"], status["health"]),
+                    health=HEALTH["CHECK_FUNCTION"] if silent else HEALTH.get(status["health"], status["health"]),
                     seen=seen,
                     todo=_todo(status, answer, silent),
                     compensation=_compensation(status),

@@ -179,13 +179,13 @@ def _overview_columns() -> list[dict[str, Any]]:
         column(
             "width",
             "Gap (95 %)",
-            168,
+            166,
             **{":comparator": "(a, b, m, n) => (m.data.percent ?? -1) - (n.data.percent ?? -1)"},
         ),
-        column("verdict", "Verdict", 128),
-        column("trend", "Trend", 138),
-        column("health", "NE 107", 148, **{":cellClass": f"p => ({_HEALTHS})[p.value] || ''"}),
-        column("seen", "Seen", 78),
+        column("verdict", "Verdict", 122),
+        column("trend", "Trend", 138, **{":valueFormatter": "p => p.value.replace(/ ± \\S+/, '').replace(/;.*/, '')"}),
+        column("health", "NE 107", 170, **{":cellClass": f"p => ({_HEALTHS})[p.value] || ''"}),
+        column("seen", "Seen", 74),
         column("compensation", "Comp.", 82, headerTooltip="Compensation"),
         column("todo", "What to do", 220, flex=1, minWidth=220),
     ]

@@ -1,7 +1,6 @@
 """The watch beside a plant: u_FF only by name and only while all is well; fits beside it; commands put down."""
 
 import asyncio
-import dataclasses
 import math
 import multiprocessing
 import time
@@ -474,27 +473,32 @@ def test_a_fit_of_what_is_kept_is_asked_for_and_taken_over(tmp_path: Path) -> No
 
     asyncio.run(go())
     assert watch.status()["loops"]["P3"]["health"] == "MAINTENANCE_REQUIRED"
-    watch.bounds = dataclasses.replace(watch.bounds, fit_longest=0.001)
+    direct = glapp.fit(t=sim.t, pv=sim.pv, op=sim.op, loop=loop)
+    assert watch.reader.answers("P3")[0]["d"] == pytest.approx(direct.d, rel=0.02)
 
-    async def ended(then: float) -> None:
-        watch.ask_fit("P3", "olaf")
+
+@pytest.mark.slow
+def test_a_fit_that_takes_too_long_is_ended_and_the_next_one_begins(tmp_path: Path) -> None:
+    clock = Clock()
+    watch = Watch(loops(2), Memory(tmp_path), bounds=Bounds(fit_longest=1e-6), clock=clock)
+    fed(watch, clock, values("FIC0", 400), pace=20.0)
+
+    async def go() -> None:
         fits = asyncio.create_task(watch._fits())
-        while watch.status()["loops"]["P3"]["fitting"]:
-            await asyncio.sleep(0.05)
-        watch.bounds = dataclasses.replace(watch.bounds, fit_longest=then)
-        watch.ask_fit("P3", "olaf")
-        while watch.status()["loops"]["P3"]["fitting"]:
-            await asyncio.sleep(0.05)
+        for name, longest in (("FIC0", 1e-6), ("FIC1", 600.0)):
+            watch.bounds = Bounds(fit_longest=longest)
+            watch.ask_fit(name, "olaf")
+            while watch.status()["loops"][name]["fitting"]:
+                await asyncio.sleep(0.05)
         fits.cancel()
         await asyncio.gather(fits, return_exceptions=True)
         await watch.step()
 
-    asyncio.run(ended(600.0))
-    told = [event["text"] for event in watch.reader.events("P3") if event["kind"] == "not_fitted"]
-    assert told == ["it took more than 0.001 s, and was ended"]
-    assert len(watch.reader.answers("P3")) == 2, "the next one is fitted"
-    direct = glapp.fit(t=sim.t, pv=sim.pv, op=sim.op, loop=loop)
-    assert watch.reader.answers("P3")[0]["d"] == pytest.approx(direct.d, rel=0.02)
+    asyncio.run(go())
+    told = {event["loop"]: event["text"] for event in watch.reader.events() if event["kind"] == "not_fitted"}
+    assert told["FIC0"] == "it took more than 1e-06 s, and was ended" and "has no recording to fit yet" in told["FIC1"]
+    assert watch.reader.answers("FIC0") == []
+    watch.memory.close()
 
 
 @pytest.mark.slow

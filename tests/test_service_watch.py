@@ -33,6 +33,7 @@ class Swinging(Table):
     mode = 1.0
     good = True
     silent = False
+    lives = False  # whether the connection does, while it is silent
     told: Callable[[Event], None] = staticmethod(lambda event: None)
 
     async def run(self, take: Callable[[Sequence[Value]], None], tell: Callable[[Event], None]) -> None:
@@ -43,6 +44,8 @@ class Swinging(Table):
                 self.heard = time.time()
                 take(self.scan(k, self.heard))
                 k += 1
+            elif self.lives:
+                self.heard = time.time()
             await asyncio.sleep(PERIOD)
 
     def scan(self, k: int, t: float) -> list[Value]:
@@ -165,6 +168,24 @@ def test_it_is_0_out_of_automatic_and_in_bad_quality(tmp_path: Path, how: str) -
         assert shown(watch)["standing"] == {"manual": "not_auto", "bad": "bad_quality"}[how]
 
     beside(tmp_path, look)
+
+
+@pytest.mark.slow
+def test_a_pv_that_comes_no_more_ends_it_though_the_connection_lives(tmp_path: Path) -> None:
+    """It was held to stand still, and u_FF stood with it."""
+
+    async def look(watch: Watch, plant: Swinging) -> None:
+        await in_force(watch, plant)
+        plant.silent = plant.lives = True
+        await until(lambda: not shown(watch)["enabled"], "it is still enabled")
+        assert str(shown(watch)["why_off"]).startswith("no PV came for")
+        await until(lambda: plant.u_ff["FIC0"] == 0.0, "it was not taken away")
+        plant.silent = False
+        await asyncio.sleep(0.3)
+        assert plant.u_ff["FIC0"] == 0.0, "nobody pressed again"
+
+    watch = beside(tmp_path, look)
+    assert "withdrawn" in [event["kind"] for event in watch.reader.events("FIC0")]
 
 
 @pytest.mark.slow

@@ -234,6 +234,12 @@ def test_long_tables(blocks, data):
     blocks.compare(text(rows, "Timestamp,Tag,Value,Quality\n"), block=data.draw(st.sampled_from([100, 300])), faults=9)
 
 
+def test_title_ends_otherwise_than_the_rows(blocks):
+    rows = [f"{i},1,2.5,{i % 7},AUTO" for i in range(30)]
+    whole = blocks.compare(b"Export\n" + text(rows, HEAD.replace("\n", "\r"), "\r"), block=60)
+    assert len(whole) == 7
+
+
 @pytest.mark.slow
 @given(st.data())
 @settings(max_examples=300, suppress_health_check=[HealthCheck.function_scoped_fixture])

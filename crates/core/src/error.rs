@@ -14,7 +14,7 @@ pub struct ParameterError {
 
 /// The parameters' names in the order of their numbers, which begin at 1. A name that goes keeps its place: controllers show the
 /// number (`ErrorID`).
-pub const PARAMETERS: [&str; 45] = [
+pub const PARAMETERS: [&str; 78] = [
     "k",
     "ti",
     "td",
@@ -60,6 +60,39 @@ pub const PARAMETERS: [&str; 45] = [
     "dead_time",
     "way",
     "source",
+    "rows",
+    "at of row 1",
+    "k of row 1",
+    "ti of row 1",
+    "td of row 1",
+    "at of row 2",
+    "k of row 2",
+    "ti of row 2",
+    "td of row 2",
+    "at of row 3",
+    "k of row 3",
+    "ti of row 3",
+    "td of row 3",
+    "at of row 4",
+    "k of row 4",
+    "ti of row 4",
+    "td of row 4",
+    "at of row 5",
+    "k of row 5",
+    "ti of row 5",
+    "td of row 5",
+    "at of row 6",
+    "k of row 6",
+    "ti of row 6",
+    "td of row 6",
+    "at of row 7",
+    "k of row 7",
+    "ti of row 7",
+    "td of row 7",
+    "at of row 8",
+    "k of row 8",
+    "ti of row 8",
+    "td of row 8",
 ];
 
 impl ParameterError {

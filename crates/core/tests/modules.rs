@@ -87,6 +87,40 @@ fn rows_of_a_schedule_out_of_bounds_are_named() {
     assert_eq!(PidAdvanced::new(many).unwrap_err().name, "rows");
 }
 
+#[test]
+fn every_parameter_of_a_schedule_has_its_number() {
+    let good = Gains { at: 0.0, k: 1.0, ti: 1.0, td: 0.0 };
+    let mut usual = PidAdvancedSettings { rows: SCHEDULE_ROWS, ..PidAdvancedSettings::new(settings()) };
+    for (i, row) in usual.schedule.iter_mut().enumerate() {
+        *row = Gains { at: i as f64, ..good };
+    }
+    let number = |settings| PidAdvanced::new(settings).unwrap_err().number().unwrap();
+    assert_eq!(number(PidAdvancedSettings { rows: 9, ..usual }), 46);
+    for (i, first) in (0..SCHEDULE_ROWS).zip((47..).step_by(4)) {
+        let row = usual.schedule[i];
+        let wrong = [
+            Gains { at: f64::NAN, ..row },
+            Gains { k: -1.0, ..row },
+            Gains { ti: 0.0, ..row },
+            Gains { td: -1.0, ..row },
+        ];
+        for (wrong, expected) in wrong.into_iter().zip(first..) {
+            let mut spoilt = usual;
+            spoilt.schedule[i] = wrong;
+            assert_eq!(number(spoilt), expected);
+        }
+    }
+}
+
+/// Their product is none in 32 bits.
+#[test]
+fn gains_so_small_still_have_a_sign() {
+    let mut schedule = [Gains::default(); SCHEDULE_ROWS];
+    schedule[0] = Gains { at: 0.0, k: 1e-25_f32, ti: 1.0, td: 0.0 };
+    let small = PidAdvancedSettings::new(PidSettings::ideal(1e-25, 1.0, 0.0));
+    assert!(PidAdvanced::new(PidAdvancedSettings { schedule, rows: 1, ..small }).is_ok());
+}
+
 /// What can go wrong in a scan, and what can change with it.
 const FAULTS: [&str; 10] = [
     "none",
@@ -767,5 +801,37 @@ proptest! {
             let u = pid.forward(&mut a, pv.into(), sp.into(), ff.into(), h).value;
             prop_assert_eq!(u, -pid.forward(&mut b, (-pv).into(), (-sp).into(), (-ff).into(), h).value);
         }
+    }
+}
+
+/// Scans in which nothing is read: the output holds, u_FF goes to 0, and it goes on without a bump, with a filter that begins anew.
+#[test]
+fn a_pause_is_a_gap() {
+    let pid = PidSettings::ideal(1.0, 2.0, 0.0);
+    let given = CompensationSettings { release: 1.0, ..CompensationSettings::new(Way::Error, 1.0, 2.0, 4.0, 1.0) };
+    let usual = PidAdvancedSettings { compensation: Some(given), ..PidAdvancedSettings::new(pid) };
+    for settings in [usual, PidAdvancedSettings { detector_tf: Some(0.5), ..usual }] {
+        let advanced = PidAdvanced::new(settings).unwrap();
+        let mut s = PidAdvancedState::at(50.0);
+        (s.pid.sp, s.detection.compensate) = (50.0, true);
+        let scan = |s: &mut PidAdvancedState<f64>, pv: f64, h| {
+            let u = advanced.forward(s, pv.into(), 0.0.into(), 0.0.into(), 0.0.into(), h).value;
+            advanced.backward(s, Backward::default());
+            u
+        };
+        let mut last = 0.0;
+        for i in 0..60 {
+            last = scan(&mut s, if i < 40 { 49.0 } else { 51.0 }, H);
+        }
+        assert!(s.detection.compensation.u_ff.abs() > 1.0);
+        for _ in 0..20 {
+            advanced.pause(&mut s, H);
+        }
+        assert_eq!((s.detection.compensation.u_ff, s.pid.output), (0.0, last));
+        assert_eq!((scan(&mut s, 60.0, -1.0), s.pid.yf), (last, 60.0));
+        scan(&mut s, 60.0, H);
+        assert_eq!(s.detection.compensation.direction, -1, "PV as it is now");
+        scan(&mut s, 40.0, H);
+        assert_eq!(s.detection.last.map(|last| last.reason()), Some(Reason::Gap));
     }
 }

@@ -25,6 +25,7 @@ from .screen import CommandError, examples, key_values, out, say_note, styled
 
 if TYPE_CHECKING:
     from ..loop import Loop
+    from ..service.security import Security
     from ..service.watch import Bounds
 
 __all__ = ["watch"]
@@ -90,12 +91,17 @@ def _need(*names: str) -> None:
             raise InputError(f"glapp watch needs {name}", hint="pip install 'glapp[service]'") from None
 
 
+def _ours(text: str, metavar: str, low: int | None = None, high: int | None = None) -> Any:
+    return typer.Option(metavar=metavar, help=text, min=low, max=high, rich_help_panel="Our own OPC UA server")
+
+
 @watch.command(
     epilog=examples(
         "glapp watch loops.toml --data plant",
         "glapp watch loops.toml --data plant --host 0.0.0.0 --certificate door.pem --key door.key",
         "glapp watch --demo",
         "glapp watch --demo --days 90 --scan 60 --loops 2",
+        "glapp watch --demo --opcua-port 4841",
     )
 )
 def run(
@@ -119,6 +125,17 @@ def run(
     fit_days: Annotated[int, typer.Option(metavar="DAYS", help="How far a fit looks back.")] = 7,
     fit_hour: Annotated[int, typer.Option(metavar="H", help="Local hour at which the fits of the night begin.")] = 2,
     wait: Annotated[float, typer.Option(metavar="S", help="How long a sample waits for values that come late.")] = 2.0,
+    opcua_port: Annotated[
+        int | None,
+        _ours("Serve the answers here, to be read only; 0: any free one. Off where not given.", "PORT", 0, 65535),
+    ] = None,
+    opcua_host: Annotated[
+        str, _ours("Address; beyond 127.0.0.1 certificate, key and user are needed.", "ADDRESS")
+    ] = "127.0.0.1",
+    opcua_certificate: Annotated[Path | None, _ours("Its certificate.", "DER")] = None,
+    opcua_key: Annotated[Path | None, _ours("Its key.", "PEM")] = None,
+    opcua_user: Annotated[str | None, _ours("Who may read; anybody where not given.", "NAME")] = None,
+    opcua_password_file: Annotated[Path | None, _ours("File whose first line is the password.", "FILE")] = None,
 ) -> None:
     """Watch the loops of a loops.toml until it is stopped; this is what `glapp watch loops.toml` does."""
     _need("argon2", "asyncua", "fastapi", "prometheus_client", "uvicorn")
@@ -127,6 +144,13 @@ def run(
 
     if demo == (settings is not None):
         raise CommandError("name a loops.toml, or say --demo")
+    files = (opcua_certificate, opcua_key, opcua_password_file)
+    if opcua_port is None and (opcua_host != "127.0.0.1" or opcua_user is not None or any(files)):
+        raise CommandError("--opcua-port: is needed beside the other settings of our own OPC UA server")
+    ours: dict[str, Any] | None = None
+    if opcua_port is not None:
+        security = _security(opcua_certificate, opcua_key, opcua_user, opcua_password_file)
+        ours = {"port": opcua_port, "host": opcua_host, "security": security}
     period = scan if demo else 1.0
     bounds = Bounds(
         period=period,
@@ -139,11 +163,27 @@ def run(
     door = {"host": host, "port": port, "certificate": certificate, "key": key}
     plant = {"loops": loops, "days": days, "scan": scan} if demo else None
     with suppress(KeyboardInterrupt):
-        asyncio.run(_serve(settings, data, bounds, door, plant))
+        asyncio.run(_serve(settings, data, bounds, door, plant, ours))
+
+
+def _security(certificate: Path | None, key: Path | None, user: str | None, file: Path | None) -> Security:
+    from ..service.connection import password_in
+    from ..service.security import Security
+
+    if (user is None) != (file is None):
+        raise CommandError("--opcua-user and --opcua-password-file are given together")
+    if user is None or file is None:
+        return Security(certificate, key)
+    return Security(certificate, key, {user: password_in(file)})
 
 
 async def _serve(
-    settings: Path | None, data: Path, bounds: Bounds, door: dict[str, Any], demo: dict[str, Any] | None
+    settings: Path | None,
+    data: Path,
+    bounds: Bounds,
+    door: dict[str, Any],
+    demo: dict[str, Any] | None,
+    ours: dict[str, Any] | None,
 ) -> None:
     from ..reading.settings import parse_settings, read_settings
     from ..service.connection import Connection, read_connection
@@ -151,6 +191,7 @@ async def _serve(
     from ..service.memory import Memory
     from ..service.opcua import OpcUa
     from ..service.plant import SimPlant
+    from ..service.server import AnswerServer
     from ..service.users import Users, first_user
     from ..service.watch import Watch
 
@@ -192,7 +233,12 @@ async def _serve(
         first = data / "first-login.txt"
         if first.exists():
             out.print(f"The first user's name and password stand in {first}.", soft_wrap=True)
-        await _until_stopped(one.run(source), opened.open())
+        work = [one.run(source), opened.open()]
+        if ours is not None:
+            answers = await stack.enter_async_context(AnswerServer(one.status, **ours))
+            out.print(f"Answers and DeviceHealth at {answers.url}, to be read only.", soft_wrap=True)
+            work.append(answers.run())
+        await _until_stopped(*work)
 
 
 def _compensable(loops: Sequence[Loop]) -> dict[str, tuple[float, float]]:

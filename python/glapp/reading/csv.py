@@ -191,7 +191,8 @@ class CsvSource(Source):
         with pa.OSFile(self._path) as file:
             stream, rest = self._text(file), b""
             while data := stream.read(_BLOCK):
-                end = data.rfind(b"\n") + 1 or data.rfind(b"\r") + 1
+                # A file may end its title by "\n" and its rows by "\r"; a last "\r" may be half of "\r\n".
+                end = max(data.rfind(b"\n"), data.rfind(b"\r", 0, -1)) + 1
                 if end:
                     yield b"".join((rest, memoryview(data)[:end])), min(file.tell() / max(self._size, 1), 1.0)
                     rest = data[end:]

@@ -15,7 +15,7 @@ from ..errors import InputError
 from ..loop import Loop, Node
 from ..reading.settings import read_table
 
-__all__ = ["PASSWORD", "Connection", "check_tags", "read_connection"]
+__all__ = ["PASSWORD", "Connection", "check_tags", "password_in", "read_connection"]
 
 PASSWORD = "GLAPP_OPCUA_PASSWORD"
 """The environment's variable that may hold the password."""
@@ -114,11 +114,22 @@ security = "Basic256Sha256"
                 hint = f"name a password_file, or set {PASSWORD}"
                 raise InputError(f"has no password for {self.user!r}", parameter="opcua.user", hint=hint)
             return os.environ[PASSWORD]
-        try:
-            return self.password_file.read_text(encoding="utf-8").partition("\n")[0].rstrip("\r")
-        except (OSError, UnicodeDecodeError) as error:
-            reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
-            raise InputError(f"cannot be read: {reason}", file=str(self.password_file)) from None
+        return password_in(self.password_file)
+
+
+def password_in(file: Path) -> str:
+    """The first line of a file.
+
+    Raises
+    ------
+    InputError
+        Where it cannot be read.
+    """
+    try:
+        return file.read_text(encoding="utf-8").partition("\n")[0].rstrip("\r")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
+        raise InputError(f"cannot be read: {reason}", file=str(file)) from None
 
 
 def read_connection(path: str | Path) -> Connection | None:

@@ -19,7 +19,6 @@ from array import array
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
@@ -29,6 +28,7 @@ from asyncua.server.history import HistoryManager, HistoryStorageInterface
 
 from ..errors import InputError
 from ..modules import Backlash, Graph, Input, Mode, Module, Noise, Pid, Plant, ProcessSim
+from .security import Security, secure
 from .signal import Signal
 
 __all__ = ["FAULTS", "NAMESPACE", "Security", "SimPlant", "free_port"]
@@ -152,23 +152,6 @@ class _Loop:
 def _gain(process: Module) -> float:
     assert isinstance(process, ProcessSim)
     return process.gain
-
-
-@dataclass(frozen=True, slots=True)
-class Security:
-    """What the plant's server shows and asks for.
-
-    Attributes
-    ----------
-    certificate, private_key : Path
-        Of the server, .der and .pem; with them there are encrypted endpoints, and no open one.
-    users : mapping of str to str
-        Name and password of who may connect; anybody where it is empty.
-    """
-
-    certificate: Path | None = None
-    private_key: Path | None = None
-    users: Mapping[str, str] | None = None
 
 
 class _Users:
@@ -458,22 +441,7 @@ class SimPlant:
         await server.init()
         server.set_server_name("glapp plant")
         server.set_endpoint(self.url)
-        if self._security.certificate is not None and self._security.private_key is not None:
-            await server.load_certificate(self._security.certificate)
-            await server.load_private_key(self._security.private_key)
-            server.set_security_policy(
-                [
-                    ua.SecurityPolicyType.Basic256Sha256_SignAndEncrypt,
-                    ua.SecurityPolicyType.Basic256Sha256_Sign,
-                    ua.SecurityPolicyType.Aes128Sha256RsaOaep_SignAndEncrypt,
-                    ua.SecurityPolicyType.Aes256Sha256RsaPss_SignAndEncrypt,
-                ]
-            )
-        else:
-            server.set_security_policy([ua.SecurityPolicyType.NoSecurity])
-            server.set_identity_tokens([ua.AnonymousIdentityToken])
-        if users:
-            server.set_identity_tokens([ua.UserNameIdentityToken])
+        await secure(server, self._security)
         for i in range(namespaces):
             await server.register_namespace(f"urn:glapp:other:{i}")
         index = await server.register_namespace(NAMESPACE)

@@ -17,6 +17,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
+from enum import IntEnum
 from multiprocessing import get_context
 from typing import Any, Protocol, TypeVar
 
@@ -33,7 +34,7 @@ from .recordings import Signals, table_of
 from .rows import ALIVE, CODES, LOST, OP, Rows
 from .signal import Event, Signal, Source, Value, WriteRefused
 
-__all__ = ["DETECTOR", "Bounds", "Plant", "Watch"]
+__all__ = ["DETECTOR", "Bounds", "Health", "Plant", "Watch"]
 
 T = TypeVar("T")
 
@@ -46,6 +47,30 @@ SEEN = "watchdog_seen"
 _FIELDS = 7
 _KEEP = 60
 """A thing that happens again and again is told once in so many seconds, with how often it did."""
+
+
+class Health(IntEnum):
+    """Health of a loop's valve by NAMUR NE 107, in the names and numbers of OPC UA's DeviceHealthEnumeration.
+
+    Attributes
+    ----------
+    NORMAL
+        No lost motion was found, or all of it is acceptable; also where no fit could tell.
+    FAILURE
+        Never said: what is watched here, a valve's gap, does not end its function.
+    CHECK_FUNCTION
+        The loop cannot be watched now: it was not heard of yet, its connection is lost, or PV is bad.
+    OFF_SPEC
+        Never said.
+    MAINTENANCE_REQUIRED
+        The last fit found backlash or stiction, more than what is acceptable where that is known.
+    """
+
+    NORMAL = 0
+    FAILURE = 1
+    CHECK_FUNCTION = 2
+    OFF_SPEC = 3
+    MAINTENANCE_REQUIRED = 4
 
 
 class Plant(Source, Protocol):
@@ -136,6 +161,7 @@ class _Watched:
     made_by: array[int] = field(default_factory=lambda: array("q"))
     samples: array[float] = field(default_factory=lambda: array("d"))
     latest: dict[Signal, Value] = field(default_factory=dict)
+    lost: bool = True  # until it is heard of
     marked: float = -math.inf
     compensator: Compensator | None = None
     due: asyncio.Event = field(default_factory=asyncio.Event)
@@ -282,6 +308,8 @@ class Watch:
             held = watched.latest.get(value.signal)
             if held is None or value.time >= held.time:
                 watched.latest[value.signal] = value
+            if value.signal is Signal.PV:
+                watched.lost = False
             if watched.compensator is not None:
                 watched.compensator.take(value, now)
                 if watched.compensator.fresh_pv:
@@ -290,12 +318,16 @@ class Watch:
     def tell(self, event: Event) -> None:
         """Take an event of the source: where the connection is lost, so is every compensation."""
         self._tell(event)
-        if event.kind not in ("lost", "clock_back"):
+        if event.kind not in ("connected", "lost", "clock_back"):
             return
         for watched in self._loops.values():
             if event.loop not in (None, watched.loop.name):
                 continue
+            if event.kind == "connected":  # what has not changed meanwhile is not told again
+                watched.lost = Signal.PV not in watched.latest
+                continue
             if event.kind == "lost":
+                watched.lost = True
                 self._lost.add(watched.id)
             if watched.compensator is not None:
                 self._switch_off(watched, f"the connection was lost: {event.text}")
@@ -605,10 +637,8 @@ class Watch:
 
     async def _answered(self, name: str, person: str, answer: dict[str, Any]) -> None:
         row = {"time": self._clock(), "asked_by": person, **answer}
-        id = await asyncio.to_thread(self.memory.answer, name, row)
-        watched = self._loops[name]
-        kept = ("time", "asked_by", "t_begin", "t_end", "verdict", "d", "low", "high", "unit", "reason", "compensable")
-        watched.answer = {"id": id, **{key: row[key] for key in kept}}
+        await asyncio.to_thread(self.memory.answer, name, row)
+        self._loops[name].answer = (await asyncio.to_thread(self.reader.answers, name, 1))[0]
         self._tell(Event(row["time"], name, "answer", f"{answer['verdict']}: {answer['reason']}"))
 
     async def _nights(self) -> None:
@@ -1003,6 +1033,7 @@ class Watch:
             "heard": None if self.source is None else self.source.alive(watched.loop.name),
             "good": None if pv is None else pv.good,
             "note": "" if pv is None else pv.note,
+            "lost": watched.lost,
             "estimate": None if estimate is None else estimate[0],
             "detections": 0 if detector is None or detector.median_mean is None else detector.median_mean[4],
             "half_periods": watched.number,
@@ -1012,7 +1043,7 @@ class Watch:
             "why": "K and Ti are not known" if detector is None else "",
             "fitting": watched.loop.name in self._fitting,
             "answer": answer,
-            "health": _health(watched),
+            "health": _health(watched).name,
         }
         if watched.compensator is not None:
             shown["compensation"] = watched.compensator.status()
@@ -1071,18 +1102,18 @@ def _state(watched: _Watched) -> str:
     return json.dumps({"rows": watched.rows.save(), "number": watched.number, "detector": detector})
 
 
-def _health(watched: _Watched) -> str:
-    """NAMUR NE 107, as OPC UA's DeviceHealth names it, by the one answer that a fit gave."""
+def _health(watched: _Watched) -> Health:
+    """Whether the loop can be watched, and what the one answer that a fit gave says of its valve."""
     pv, answer = watched.latest.get(Signal.PV), watched.answer
-    if pv is not None and not pv.good:
-        return "CHECK_FUNCTION"
+    if watched.lost or pv is None or not pv.good:
+        return Health.CHECK_FUNCTION
     if answer is None or answer["verdict"] not in ("backlash", "stiction", "both", "at_least"):
-        return "NORMAL"
+        return Health.NORMAL
     band = watched.loop.acceptable_dead_band
     if band is None or answer["low"] is None:
-        return "MAINTENANCE_REQUIRED"
+        return Health.MAINTENANCE_REQUIRED
     low, high = watched.loop.op_span or (0.0, 100.0)
-    return "MAINTENANCE_REQUIRED" if answer["low"] * 100.0 / (high - low) > band else "NORMAL"
+    return Health.MAINTENANCE_REQUIRED if answer["low"] * 100.0 / (high - low) > band else Health.NORMAL
 
 
 async def _whole(work: Coroutine[Any, Any, None]) -> None:

@@ -182,7 +182,9 @@ impl<R: Real> PidAdvanced<R> {
         for (i, (row, [at, k, ti, td])) in schedule[..rows].iter().zip(NAMES).enumerate() {
             let ascending = i == 0 || row.at > schedule[i - 1].at;
             require(at, row.at, ascending, "a number greater than in the row before")?;
-            require(k, row.k, row.k * pid.k > R::ZERO, "of the sign of the controller's own k, and not 0")?;
+            // Not by their product, which very small numbers have none of.
+            let alike = if pid.k > R::ZERO { row.k > R::ZERO } else { pid.k < R::ZERO && row.k < R::ZERO };
+            require(k, row.k, alike, "of the sign of the controller's own k, and not 0")?;
             require(ti, row.ti, row.ti > R::ZERO, "greater than 0 s")?;
             require(td, row.td, row.td >= R::ZERO, "0 s or greater")?;
             let first = i == 0;
@@ -208,7 +210,9 @@ impl<R: Real> PidAdvanced<R> {
                 ..DetectorSettings::new(slowest.k, slowest.ti, slowest.td, pid.max_h)
             },
             compensation: compensation.map(|given| {
-                let rate = given.rate.lesser(pid.rate / R::of(2.0));
+                // What is no number stays, to be refused.
+                let half = pid.rate / R::of(2.0);
+                let rate = if given.rate.is_number() { given.rate.lesser(half) } else { given.rate };
                 CompensationSettings { rate, ..given }
             }),
         };
@@ -321,6 +325,14 @@ impl<R: Real> PidAdvanced<R> {
         let seen = Backward { flags, tracking, ..Backward::default() };
         self.detection.backward(&mut s.detection, Some(seen));
         told
+    }
+
+    /// A scan in which nothing is read: the output holds, and u_FF goes to 0 by its ramp. All else waits, and goes on as after a gap:
+    /// whoever pauses hands the next scan an h below 0. An experiment is to be ended before.
+    pub fn pause(&self, s: &mut PidAdvancedState<R>, h: R) {
+        s.pid.missed();
+        s.beside.started = false;
+        self.detection.pause(&mut s.detection, 0, h);
     }
 
     /// The controller that the rule makes of what the last experiment found.

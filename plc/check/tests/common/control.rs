@@ -60,24 +60,24 @@ impl Row {
         self.get(pin) != 0.0
     }
 
-    fn r<R: Real>(&self, pin: &str) -> R {
+    pub fn r<R: Real>(&self, pin: &str) -> R {
         R::of(self.get(pin))
     }
 
-    fn maybe<R: Real>(&self, pin: &str) -> Option<R> {
+    pub fn maybe<R: Real>(&self, pin: &str) -> Option<R> {
         self.on(&format!("Has{pin}")).then(|| self.r(pin))
     }
 
-    fn forward<R: Real>(&self, pin: &str) -> Forward<R> {
+    pub fn forward<R: Real>(&self, pin: &str) -> Forward<R> {
         Forward::new(self.r(pin), if self.on(&format!("{pin}Bad")) { BAD } else { 0 })
     }
 
-    fn told(&self) -> Status {
+    pub fn told(&self) -> Status {
         let flags = [("BackAtLow", AT_LOW), ("BackAtHigh", AT_HIGH), ("BackNotAuto", NOT_AUTO)];
         flags.iter().filter(|(pin, _)| self.pins.contains(pin) && self.on(pin)).map(|(_, flag)| flag).sum()
     }
 
-    fn backward<R: Real>(&self) -> Backward<R> {
+    pub fn backward<R: Real>(&self) -> Backward<R> {
         let has = |pin: &str| self.pins.contains(&pin);
         let mut back = Backward { flags: self.told(), ..Backward::default() };
         if has("HasBackLimits") && self.on("HasBackLimits") {
@@ -320,16 +320,16 @@ pub const AUTO_TUNER: Twin = Twin {
 
 pub type Core = Box<dyn FnMut(&Row) -> Vec<f64>>;
 
-fn on(x: bool) -> f64 {
+pub fn on(x: bool) -> f64 {
     u8::from(x).into()
 }
 
-fn number(error: &ParameterError) -> f64 {
+pub fn number(error: &ParameterError) -> f64 {
     error.number().unwrap_or_else(|| panic!("{} has no number", error.name)).into()
 }
 
 /// Takes a set that is good; gives the number of what is wrong with one that is not.
-fn checked<B>(good: &mut Option<B>, set: Result<B, ParameterError>) -> f64 {
+pub fn checked<B>(good: &mut Option<B>, set: Result<B, ParameterError>) -> f64 {
     match set {
         Ok(block) => {
             *good = Some(block);
@@ -357,6 +357,10 @@ pub fn core<R: Number>(twin: &Twin) -> Core {
         "auto_tuner_module" => {
             let mut reference = TunerReference::<R>::default();
             Box::new(move |row| reference.scan(row))
+        }
+        "pid_advanced" => {
+            let mut reference = super::advanced::Reference::<R>::default();
+            Box::new(move |row| reference.scan(row).row)
         }
         other => panic!("{other}"),
     }
@@ -561,7 +565,7 @@ impl<R: Number> PidReference<R> {
     }
 }
 
-fn found_row<R: Real>(found: Option<Found<R>>) -> [f64; 4] {
+pub fn found_row<R: Real>(found: Option<Found<R>>) -> [f64; 4] {
     let unknown = f64::NAN;
     let or_nan = |x: Option<R>| x.map_or(unknown, R::as_f64);
     found.map_or([unknown; 4], |f| [f.ku.as_f64(), f.tu.as_f64(), or_nan(f.kp), or_nan(f.kappa)])
@@ -669,3 +673,7 @@ pub const POUS: [&str; 18] = [
     "GlappRoot",
     "GlappCyclePower",
 ];
+
+/// Conditions in `GlappPid` and `GlappAutoTuner` that only `GlappPidAdvanced` asks both ways.
+pub const INSIDE: [&str; 6] =
+    ["IF Forth THEN", "IF Back AND", "IF HasUsed THEN", "IF HasSpRate THEN", "IF Steps THEN", "IF First THEN"];

@@ -73,6 +73,20 @@ impl Cover {
         }
     }
 
+    /// Both ways at lines that begin so were taken.
+    pub fn parts(&self, pou: &str, lines: &[&str]) {
+        let source = std::fs::read_to_string(folder().join(format!("{}.st", &pou["Glapp".len()..]))).unwrap();
+        let mut found = 0;
+        for (way, taken) in self.library.ways.iter().zip(&self.taken).filter(|(way, _)| way.pou == pou) {
+            let line = source.lines().nth(way.line - 1).unwrap().trim();
+            if lines.iter().any(|begin| line.starts_with(begin)) {
+                found += 1;
+                assert!(*taken, "{pou}:{}, branch {}: {line}", way.line, way.branch);
+            }
+        }
+        assert!(found >= lines.len(), "{pou}: {found}");
+    }
+
     /// Every way through these was taken.
     pub fn holds(&self, pous: &[&str]) {
         // A changed library is told by its outputs alone.

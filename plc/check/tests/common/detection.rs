@@ -229,37 +229,44 @@ impl<R: Number> Reference<R> {
             self.pv_filtered = state.detector.filtered_pv().as_f64();
             self.u_fb = state.u_fb.filter(|_| op.is_some_and(R::is_measurable)).map_or(f64::NAN, R::as_f64);
         }
-        let or_nan = |x: Option<R>| x.map_or(f64::NAN, R::as_f64);
-        let of = |estimate: Option<Estimate<R>>| match estimate {
-            Some(e) => vec![e.value.as_f64(), e.low.as_f64(), e.high.as_f64(), e.kept.into(), e.count.into()],
-            None => vec![f64::NAN; 5],
-        };
-        let c = &state.compensation;
-        shown.extend([c.standing as u8 as f64, c.direction.into(), c.u_ff.value().as_f64(), c.half.value().as_f64()]);
-        shown.extend([c.size.as_f64(), c.delta.as_f64()]);
-        shown.extend([on(state.over.even), on(state.over.relay), on(state.error() != 0)]);
-        shown.extend(of(state.whole));
-        shown.push(on(state.shown().is_some()));
-        shown.push(block.may_compensate_by_estimate(state).err().map_or(0.0, |unfit| f64::from(unfit as u8)));
-        shown.extend(of(state.detector.estimate()));
-        shown.push(on(state.detector.shown().is_some()));
-        shown.extend([
-            or_nan(state.detector.noise_floor()),
-            state.detector.accepted().into(),
-            self.pv_filtered,
-            self.u_fb,
-        ]);
-        match block.corrected(state) {
-            Ok(found) => {
-                shown.extend([found.d, found.low, found.high, found.kp].map(R::as_f64));
-                let range = found.kp_range;
-                shown.extend([or_nan(range.map(|range| range.0)), or_nan(range.map(|range| range.1)), 0.0]);
-            }
-            Err(doubt) => shown.extend([&[f64::NAN; 6][..], &[f64::from(doubt as u8)]].concat()),
-        }
+        shown.extend(shown_of(block, state, self.pv_filtered, self.u_fb));
         let ended = state.last.is_some() && state.last != last;
         Shown { row: shown, last: state.last.map(|last| record_of(&last)), ended }
     }
+}
+
+/// What is shown of a detection once it runs.
+pub fn shown_of<R: Number>(
+    block: &BacklashDetection<R>,
+    state: &BacklashDetectionState<R>,
+    pv_filtered: f64,
+    u_fb: f64,
+) -> Vec<f64> {
+    let mut shown = vec![];
+    let or_nan = |x: Option<R>| x.map_or(f64::NAN, R::as_f64);
+    let of = |estimate: Option<Estimate<R>>| match estimate {
+        Some(e) => vec![e.value.as_f64(), e.low.as_f64(), e.high.as_f64(), e.kept.into(), e.count.into()],
+        None => vec![f64::NAN; 5],
+    };
+    let c = &state.compensation;
+    shown.extend([c.standing as u8 as f64, c.direction.into(), c.u_ff.value().as_f64(), c.half.value().as_f64()]);
+    shown.extend([c.size.as_f64(), c.delta.as_f64()]);
+    shown.extend([on(state.over.even), on(state.over.relay), on(state.error() != 0)]);
+    shown.extend(of(state.whole));
+    shown.push(on(state.shown().is_some()));
+    shown.push(block.may_compensate_by_estimate(state).err().map_or(0.0, |unfit| f64::from(unfit as u8)));
+    shown.extend(of(state.detector.estimate()));
+    shown.push(on(state.detector.shown().is_some()));
+    shown.extend([or_nan(state.detector.noise_floor()), state.detector.accepted().into(), pv_filtered, u_fb]);
+    match block.corrected(state) {
+        Ok(found) => {
+            shown.extend([found.d, found.low, found.high, found.kp].map(R::as_f64));
+            let range = found.kp_range;
+            shown.extend([or_nan(range.map(|range| range.0)), or_nan(range.map(|range| range.1)), 0.0]);
+        }
+        Err(doubt) => shown.extend([&[f64::NAN; 6][..], &[f64::from(doubt as u8)]].concat()),
+    }
+    shown
 }
 
 /// What a scan shows.
@@ -273,11 +280,8 @@ pub struct Shown {
 }
 
 /// The same from the library's block.
-pub fn scan(block: &Block, pins: &Pins) -> Shown {
-    pins.set(block);
-    block.call();
-    let mut row =
-        block.all(&["Valid", "Error", "ErrorID", "Standing", "Direction", "UFf", "HalfWidth", "GapWidth", "Delta"]);
+pub fn shown_by(block: &Block) -> Vec<f64> {
+    let mut row = block.all(&["Standing", "Direction", "UFf", "HalfWidth", "GapWidth", "Delta"]);
     row.extend(block.all(&["Even", "Relay", "WrongSign"]));
     let parts = ["Value", "Low", "High", "Kept", "Count"];
     row.extend(parts.map(|part| block.given("HasWhole", &format!("Whole.{part}"))));
@@ -291,6 +295,15 @@ pub fn scan(block: &Block, pins: &Pins) -> Shown {
     let range = block.on("HasCorrected") && block.on("Corrected.HasKpRange");
     row.extend(["KpLow", "KpHigh"].map(|part| if range { block.get(&format!("Corrected.{part}")) } else { f64::NAN }));
     row.push(block.get("Doubt"));
+    row
+}
+
+/// The same from the library's block.
+pub fn scan(block: &Block, pins: &Pins) -> Shown {
+    pins.set(block);
+    block.call();
+    let mut row = block.all(&["Valid", "Error", "ErrorID"]);
+    row.extend(shown_by(block));
     Shown { row, last: Some(record_row(block)), ended: block.on("Ended") }
 }
 

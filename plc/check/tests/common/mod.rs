@@ -1,6 +1,7 @@
 //! Blocks of the library beside those of the core, and what both are fed with.
 #![allow(dead_code, missing_docs)] // each test file uses its part
 
+pub mod advanced;
 pub mod blocks;
 pub mod compensate;
 pub mod control;

@@ -1,6 +1,7 @@
 //! The program that drives every block on a controller, and the numbers it compares with, from the core.
 #![allow(dead_code, missing_docs)]
 
+use super::advanced::PID_ADVANCED;
 use super::blocks::{core, maybe};
 use super::compensate;
 use super::control::{self, AUTO_TUNER, POWER_CUT, Row, TWINS, Twin};
@@ -220,7 +221,7 @@ const DRIVES: [Drive; 10] = [
     },
 ];
 
-const CALLED: [Called; 8] = [
+const CALLED: [Called; 9] = [
     Called { twin: "noise", before: "", call: "Seed := 7, Amplitude := 0.3, X := A" },
     Called { twin: "backlash", before: "", call: "D := 0.4, X := A" },
     Called {
@@ -253,11 +254,24 @@ const CALLED: [Called; 8] = [
                HasHysteresis := TRUE, Hysteresis := 0.2, WaitTime := 5.0, Longest := 500.0, MaxH := 1.0, PvLow := -50.0, \
                PvHigh := 50.0, OpLow := -50.0, OpHigh := 50.0, Rule := 1 + (Scan MOD 3)",
     },
+    // The loop of the detector with everything inside: a schedule, a ramp, a compensation switched on, and an experiment begun on the way.
+    Called {
+        twin: "pid_advanced",
+        before: "",
+        call: "Enable := TRUE, Compensate := (Scan > 200) AND (Scan < 350), Run := Scan > 370, Start := 50.0, H := 0.25, \
+               Pv := (50.0 - Side) + (0.2 * B), PvBad := Scan = 180, Ff := 0.1 * C, HasOwnSp := TRUE, OwnSp := 50.0 + (Gain * A), \
+               BackAtHigh := D < 0.02, K := Gain, Ti := 1.0, Tf := 0.1, HasLow := TRUE, Low := 0.0, HasHigh := TRUE, High := 100.0, \
+               HasKp := TRUE, Kp := 2.0, HasDetectorTf := TRUE, DetectorTf := 0.2, N := 3, HasSpRate := TRUE, SpRate := 0.1, \
+               ScheduleBy := A, Rows := 2, At1 := 0.2, K1 := 0.5, Ti1 := 1.0, At2 := 0.8, K2 := 0.6, Ti2 := 0.9, Td2 := 0.1, \
+               HasCompensation := TRUE, Size := 2.0, HasBand := TRUE, Band := 0.5, HasTuner := TRUE, Amplitude := 5.0, \
+               WaitTime := 1.0, Longest := 500.0, PvLow := 0.0, PvHigh := 100.0",
+    },
 ];
 
 fn twin(name: &str) -> &'static Twin {
     let known = TWINS.iter().find(|twin| twin.name == name);
-    known.or_else(|| (name == AUTO_TUNER.name).then_some(&AUTO_TUNER)).unwrap_or_else(|| panic!("no twin {name}"))
+    let others = [&AUTO_TUNER, &PID_ADVANCED];
+    known.or_else(|| others.into_iter().find(|twin| twin.name == name)).unwrap_or_else(|| panic!("no twin {name}"))
 }
 
 /// A block that is driven, whichever table it stands in.
@@ -281,7 +295,10 @@ fn all() -> Vec<Driven> {
         let twin = twin(called.twin);
         let name = twin.pou.trim_start_matches("Glapp").to_owned();
         let text = std::fs::read_to_string(home().join(format!("{name}.st"))).expect("a file");
-        let outputs = twin.shown.iter().map(|output| marked(&text, output)).collect();
+        let mut outputs: Vec<String> = twin.shown.iter().map(|output| marked(&text, output)).collect();
+        if called.twin == PID_ADVANCED.name {
+            outputs.extend(SHOWN[3..].iter().map(|output| (*output).into()));
+        }
         Driven { name, before: called.before, call: called.call, outputs, when: "" }
     });
     first.chain(rest).collect()

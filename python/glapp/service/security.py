@@ -1,0 +1,61 @@
+"""How a server of ours by OPC UA is secured: certificate, policies, and who may connect.
+
+Needs the extra `glapp[opcua]`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from asyncua import Server, ua
+
+__all__ = ["Security", "secure"]
+
+_POLICIES = (
+    ua.SecurityPolicyType.Basic256Sha256_SignAndEncrypt,
+    ua.SecurityPolicyType.Basic256Sha256_Sign,
+    ua.SecurityPolicyType.Aes128Sha256RsaOaep_SignAndEncrypt,
+    ua.SecurityPolicyType.Aes256Sha256RsaPss_SignAndEncrypt,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Security:
+    """What a server shows and asks for.
+
+    Attributes
+    ----------
+    certificate, private_key : Path
+        Of the server, .der and .pem; with them there are encrypted endpoints, and no open one.
+    users : mapping of str to str
+        Name and password of who may connect; anybody where it is empty.
+    """
+
+    certificate: Path | None = None
+    private_key: Path | None = None
+    users: Mapping[str, str] | None = None
+
+
+async def secure(server: Server, security: Security, ruleset: Any = None) -> None:
+    """Give a server its certificate, its endpoints and the kinds of users that it takes, before it is started.
+
+    Parameters
+    ----------
+    server : asyncua.Server
+        One that was made with a manager of these users.
+    security : Security
+        What it shows and asks for.
+    ruleset : asyncua.crypto.permission_rules.PermissionRuleset, optional
+        What they may ask for; asyncua's own where not given.
+    """
+    policies = [ua.SecurityPolicyType.NoSecurity]
+    if security.certificate is not None and security.private_key is not None:
+        await server.load_certificate(security.certificate)
+        await server.load_private_key(security.private_key)
+        policies = list(_POLICIES)
+    server.set_security_policy(policies, ruleset)
+    # Never both: with asyncua's own manager of users the name "admin" may do everything, without a password.
+    server.set_identity_tokens([ua.UserNameIdentityToken if security.users else ua.AnonymousIdentityToken])

@@ -355,7 +355,7 @@ impl Loop {
             self.row.set(pin, f64::from(d.chance(rare)));
         }
         self.row.set("Cut", f64::from(d.chance(0.2 * self.wrong)));
-        let odd = d.of(&[0.0, -0.1, 5.0, f64::NAN, f64::INFINITY, 0.05, 1e-6]);
+        let odd = d.of(&[0.0, -0.1, 5.0, f64::NAN, f64::INFINITY, 0.05, 1e-3]);
         let h = if d.chance(rare) { odd } else { self.usual.get("H") };
         self.row.set("H", if self.scans < 3 && self.wrong > 0.01 { 0.0 } else { h });
         let tracking = d.between(0.0, 6.0);
@@ -414,7 +414,7 @@ impl Loop {
             _ => self.swing(block, d),
         };
         // One that is a number and no measurement stays in the controller's filter for long.
-        let far = if d.chance(0.1) { -1e32 } else { f64::NAN };
+        let far = if d.chance(0.1) { -2e30 } else { f64::NAN };
         let measured = if d.chance(rare) { d.of(&[f64::NAN, f64::INFINITY, far]) } else { measured };
         self.row.set("Pv", measured);
         self.row.clone()

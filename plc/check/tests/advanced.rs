@@ -79,13 +79,17 @@ fn of_detection(block: &Block) -> Vec<f64> {
 }
 
 fn vectors<R: Number>(with_vectors: bool) {
-    for (name, tuned) in [("pid_advanced", false), ("pid_tuner", true)] {
+    for name in ["pid_advanced", "pid_settings", "pid_tuner"] {
         for case in cases(name) {
             let mut pins = of_case(&case);
             let (block, mut reference) = (Block::new::<R>("GlappPidAdvanced"), Reference::<R>::default());
             for (i, (h, x)) in case.input.iter().enumerate() {
                 pins.set_all(&[("H", *h), ("Pv", x[0]), ("Sp", x[1])]);
-                if tuned {
+                if name == "pid_settings" {
+                    told(&mut pins, if i == 0 { 2.0 } else { f64::NAN }, f64::NAN, 0.0);
+                    pins.option("SpRate", Some(x[2]));
+                    pins.option("Rate", Some(x[3]));
+                } else if name == "pid_tuner" {
                     let &[_, _, mode, flags, tune, take] = &x[..] else { panic!("six inputs") };
                     told(&mut pins, mode, f64::NAN, flags);
                     if !tune.is_nan() {
@@ -110,7 +114,10 @@ fn vectors<R: Number>(with_vectors: bool) {
                     let of_vector = case.output.as_ref().unwrap()[i].as_array().unwrap();
                     let told: Vec<f64> = of_vector.iter().map(number).collect();
                     let mut shown = block.all(&["Output", "Ysp"]);
-                    if tuned {
+                    if name == "pid_settings" {
+                        shown.push(block.get("ErrorID"));
+                        shown.extend(&of_detection(&block)[1..3]);
+                    } else if name == "pid_tuner" {
                         shown.extend(block.all(&["Phase", "StopReason"]));
                         shown.extend(["Ku", "Tu"].map(|pin| block.given("HasFound", pin)));
                         shown.extend([block.given("HasFoundKp", "FoundKp"), block.given("HasKappa", "Kappa")]);

@@ -533,6 +533,7 @@ fn random<R: Number>() {
     }
     power::<R>(&mut cover);
     refused_one_by_one::<R>(&mut cover);
+    far_apart::<R>(&mut cover);
     cover.holds(&["GlappPidAdvanced", "GlappGainSchedule"]);
     // The rest of both is taken where they are alone.
     cover.parts("GlappPid", &INSIDE.map(|line| if line == "IF HasUsed THEN" { "IF Forth THEN" } else { line }));
@@ -580,6 +581,19 @@ fn refused_one_by_one<R: Number>(cover: &mut Cover) {
     let others = [9, 10, 12, 33, 34, 38, 39, 40, 41, 42, 43];
     let all: Vec<i16> = (1..=78).filter(|number| !others.contains(number)).collect();
     assert_eq!(told.into_iter().filter(|number| *number != 0).collect::<Vec<_>>(), all);
+}
+
+/// Rows whose difference loses the smaller Ti: nothing is divided by 0.
+fn far_apart<R: Number>(cover: &mut Cover) {
+    let (block, mut reference) = (Block::new::<R>("GlappPidAdvanced"), Reference::<R>::default());
+    let mut pins = row(&[("K", 0.5), ("Ti", 1.0), ("H", 0.25), ("Start", 5.0), ("HasOwnSp", 1.0), ("Rows", 2.0)]);
+    pins.set_all(&[("At1", -1e3), ("K1", 0.5), ("Ti1", 1e20), ("K2", 0.5), ("Ti2", 1e-3)]);
+    for (i, by) in [-2e3, -5.0, -1e-20, -1e-20, 0.0, -1e-20, -1e-20].into_iter().enumerate() {
+        pins.set_all(&[("ScheduleBy", by), ("Pv", 0.1 * i as f64)]);
+        let (expected, got) = (reference.scan(&pins), scan(&block, &pins));
+        assert!(agree(&expected, &got), "{by}: {}", difference(&expected.row, &got.row, &pins, 0, i));
+    }
+    cover.collect(&block);
 }
 
 /// What is not the same, by its pin.

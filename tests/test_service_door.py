@@ -108,6 +108,16 @@ def test_signals_are_there_whether_they_are_saved_or_not(client: TestClient, wat
     assert fewer["every"] == 10 and fewer["PV"] == before["PV"][::10]
 
 
+def test_a_command_of_a_page_that_is_no_longer_true_is_refused(client: TestClient, watch: Watch) -> None:
+    eve = header(client, "eve")
+    for path, body in (("enable", {}), ("take_over", {"answer": 1})):
+        reply = client.post(f"/loops/FIC0/{path}", json={**body, "seen": {"kp": 3.0}}, headers=eve)
+        assert reply.status_code == 409 and "somebody else has changed it" in reply.json()["detail"]
+        assert "changed it" in watch.reader.commands()[0]["refused"]
+        as_it_is = client.post(f"/loops/FIC0/{path}", json={**body, "seen": {"kp": 2.0}}, headers=eve)
+        assert as_it_is.status_code == 409 and "changed it" not in as_it_is.json()["detail"]
+
+
 def test_a_change_is_put_down_with_person_when_before_and_after(client: TestClient, watch: Watch) -> None:
     eve = header(client, "eve")
     reply = client.post("/loops/FIC0/parameters", json={"values": {"kp": 3.0}, "seen": {"kp": 2.0}}, headers=eve)

@@ -20,6 +20,7 @@ from .identify import identify
 from .init import init
 from .plant import plant, tags
 from .screen import CommandError, examples, out, say_error
+from .station import station
 from .thesis import thesis
 from .watch import watch
 
@@ -69,6 +70,13 @@ app.command(
 app.command(
     epilog=examples("glapp tags opc.tcp://plant:4840 -o loops.toml", "glapp tags loops.toml --find FIC --find PIC")
 )(tags)
+app.command(
+    epilog=examples(
+        "glapp station --demo",
+        "glapp station --data plant",
+        "glapp station --data plant --host 0.0.0.0 --certificate station.pem --key station.key --name station.plant",
+    )
+)(station)
 app.command(epilog=examples("glapp thesis 5.1", "glapp thesis 1.2 'Table 8.1' --out figures"))(thesis)
 
 app.add_typer(watch, name="watch")

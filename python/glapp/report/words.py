@@ -209,16 +209,16 @@ METHODS: dict[str, tuple[str, ...]] = {
 }
 
 #: What a 95 % limit is.
-SURE_OF_LIMITS = "On 5152 simulated recordings of known truth 94 of 100 such intervals held the true width."
+SURE_OF_LIMITS = "On 1104 simulated recordings of known truth 94 of 100 such intervals held the true width."
 
 #: How sure the answers are, counted on the benches of docs/truth.md.
 SURE: tuple[str, ...] = (
     "A width stands between two limits, as in 2.40 (2.15 to 3.11): a 95 % interval. " + SURE_OF_LIMITS + " On 4800 "
     "more, with loads and recorders that look like a gap, 911 of 925 did.",
-    "Where there was no gap, the fit saw one in 8 of 1000 of the first and in 14 of 2400 of the second. Zero crossings "
-    "alone would have sent somebody to the valve in 326 of 1000 of the first; their width read 40 to 51 % too wide in "
+    "Where there was no gap, the fit saw one in 4 of 1000 of the first and in 14 of 2400 of the second. Zero crossings "
+    "alone would have sent somebody to the valve in 304 of 1000 of the first; their width read 39 to 74 % too wide in "
     "the middle of the records.",
-    "It is silent rather than wrong: of the gaps on the first bench that a recording could show at all, 39 to 42 in "
+    "It is silent rather than wrong: of the gaps on the first bench that a recording could show at all, 24 in "
     "100 got a width. Several recordings of one valve tell more.",
     "Evidence is strong where a model without a gap is as much worse as the fit asks for, very strong where it is more "
     "than twice that, weak where it is half of it or more.",

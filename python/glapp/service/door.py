@@ -59,15 +59,20 @@ class LogIn(_Asked):
     password: Annotated[str, Field(max_length=1000)]
 
 
-class Change(_Asked):
+class Seen(_Asked):
+    """A command about what somebody has looked at."""
+
+    seen: dict[str, float | None] | None = None
+    """What parameters were on the page that asks: where that is no longer so, the command is refused."""
+
+
+class Change(Seen):
     """Parameters to set; null: as in loops.toml, or by default."""
 
     values: Annotated[dict[str, float | None], Field(min_length=1, max_length=40)]
-    seen: dict[str, float | None] | None = None
-    """What they were on the page that asks: where that is no longer so, the command is refused."""
 
 
-class TakeOver(_Asked):
+class TakeOver(Seen):
     """Which answer to take over."""
 
     answer: Annotated[int, Field(ge=1, le=2**53)]
@@ -160,6 +165,17 @@ def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "
             await watch.refused(person.name, person.role.name.lower(), command, loop, asked, str(error))
             raise
 
+    def as_seen(name: str, asked: Seen | None) -> None:
+        now = _plain(watch.settings(known(name)))
+        for key, value in ((asked and asked.seen) or {}).items():
+            if now.get(key) != value:
+                raise InputError(
+                    f"is {now.get(key)} by now, and not {value}",
+                    loop=name,
+                    parameter=key,
+                    hint="look at it again: somebody else has changed it",
+                )
+
     @app.post("/login")
     async def log_in(asked: LogIn) -> dict[str, Any]:
         """A token for a user, good for twelve hours."""
@@ -251,25 +267,21 @@ def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "
         """Set parameters of a loop's detector or compensation, all of them or none."""
 
         async def go() -> Any:
-            now = _plain(watch.settings(known(name)))
-            for key, value in (asked.seen or {}).items():
-                if now.get(key) != value:
-                    raise InputError(
-                        f"is {now.get(key)} by now, and not {value}",
-                        loop=name,
-                        parameter=key,
-                        hint="look at it again: somebody else has changed it",
-                    )
+            as_seen(name, asked)
             return await watch.change(name, asked.values, *_who(person))
 
         found: dict[str, Any] = await done(person, "change", known(name), asked.model_dump(), go())
         return found
 
     @app.post("/loops/{name}/enable")
-    async def enable(person: engineer, name: Name) -> dict[str, Any]:
+    async def enable(person: engineer, name: Name, asked: Seen | None = None) -> dict[str, Any]:
         """Let a loop be compensated, by the name of who asks."""
-        going = watch.enable(known(name), *_who(person))
-        found: dict[str, Any] = await done(person, "enable", name, None, going)
+
+        async def go() -> Any:
+            as_seen(name, asked)
+            return await watch.enable(name, *_who(person))
+
+        found: dict[str, Any] = await done(person, "enable", known(name), None, go())
         return found
 
     @app.post("/loops/{name}/drill")
@@ -294,8 +306,12 @@ def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "
     @app.post("/loops/{name}/take_over")
     async def take_over(person: engineer, name: Name, asked: TakeOver) -> dict[str, Any]:
         """Take over what a fit found."""
-        going = watch.take_over(known(name), asked.answer, *_who(person))
-        found: dict[str, Any] = await done(person, "take_over", name, asked.model_dump(), going)
+
+        async def go() -> Any:
+            as_seen(name, asked)
+            return await watch.take_over(name, asked.answer, *_who(person))
+
+        found: dict[str, Any] = await done(person, "take_over", known(name), {"answer": asked.answer}, go())
         return found
 
     @app.get("/users")

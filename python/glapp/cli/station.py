@@ -1,0 +1,136 @@
+"""`glapp station`: the operator's window, in the browser."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import importlib
+import math
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ..errors import InputError
+from .screen import CommandError, out
+
+__all__ = ["station"]
+
+
+def station(
+    data: Annotated[
+        Path, typer.Option("--data", metavar="DIR", help="Folder of the service, which is only read here.")
+    ] = Path("glapp-data"),
+    demo: Annotated[
+        bool, typer.Option("--demo", metavar="", help="Start a simulated plant and the service on it, too.")
+    ] = False,
+    loops: Annotated[int, typer.Option(metavar="N", help="Loops of the simulated plant.")] = 5,
+    days: Annotated[
+        float, typer.Option(metavar="DAYS", help="How many days ago the simulated plant's time begins: it hurries.")
+    ] = 0.0,
+    scan: Annotated[float, typer.Option(metavar="S", help="Scan time of the simulated plant in s.")] = 1.0,
+    host: Annotated[str, typer.Option(metavar="ADDRESS", help="Address the window listens at.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(metavar="PORT", min=0, max=65535, help="Its port; 0: any free one.")] = 8108,
+    certificate: Annotated[Path | None, typer.Option(metavar="PEM", help="For TLS; needed beyond 127.0.0.1.")] = None,
+    key: Annotated[Path | None, typer.Option(metavar="PEM", help="Its key.")] = None,
+    name: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="A name browsers call it by, beside --host; may be repeated."),
+    ] = None,
+    door: Annotated[
+        str | None, typer.Option(metavar="URL", help="The service's door, where the folder does not say.")
+    ] = None,
+    trust: Annotated[
+        Path | None, typer.Option(metavar="PEM", help="Certificate of a door that no public authority has signed.")
+    ] = None,
+) -> None:
+    """Show the plant's valves in the browser: overview, loops, events. Commands go through the service's door.
+
+    Everybody logs in with the name and password that the service knows. docs/station.md has all of it.
+    """
+    _need("nicegui", "httpx", "fastapi", "uvicorn")
+    given = {"host": host, "port": port, "certificate": certificate, "key": key}
+    hosts = ("127.0.0.1", "localhost", "[::1]", host, *(name or ()))
+    beside = _demo(data, loops, days, scan) if demo else contextlib.nullcontext()
+    with suppress(KeyboardInterrupt), beside:
+        asyncio.run(_serve(data, given, hosts, door, trust))
+
+
+def _need(*names: str) -> None:
+    for name in names:
+        try:
+            importlib.import_module(name)
+        except ModuleNotFoundError as error:
+            if error.name != name:
+                raise
+            raise InputError(f"glapp station needs {name}", hint="pip install 'glapp[station]'") from None
+
+
+async def _serve(
+    data: Path, given: dict[str, Any], hosts: tuple[str, ...], url: str | None, trust: Path | None
+) -> None:
+    from ..service.door import Door as Server
+    from ..station.app import app_of
+    from ..station.client import Door
+    from ..station.pages import Station
+    from ..station.view import View
+
+    made = Station(View(data), Door(data, url, trust))
+    opened = Server(app_of(made, hosts, secure=given["certificate"] is not None), **given)
+    out.print(f"The window is at {opened.url}.", soft_wrap=True)
+    first = data / "first-login.txt"
+    if first.exists():
+        out.print(f"The first user's name and password stand in {first}.", soft_wrap=True)
+    serving = asyncio.ensure_future(opened.open())
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        with suppress(NotImplementedError):  # Windows stops it by KeyboardInterrupt
+            loop.add_signal_handler(number, serving.cancel)
+    with suppress(asyncio.CancelledError):
+        await serving
+
+
+@contextlib.contextmanager
+def _demo(data: Path, loops: int, days: float, scan: float) -> Iterator[None]:
+    """A simulated plant with the service beside it, in a process of its own, as long as the window is open."""
+    from ..service.memory import Lock
+
+    data.mkdir(parents=True, exist_ok=True)
+    holder = Lock.holder(data)
+    if holder is not None:
+        raise InputError(
+            f"is written by process {holder.get('pid')}: a demo needs a folder of its own",
+            file=str(data),
+            hint="without --demo the window shows what that service writes",
+        )
+    (data / "door").unlink(missing_ok=True)
+    words = ["run", "--demo", "--data", str(data), "--port", "0"]
+    words += ["--loops", str(loops), "--days", str(days), "--scan", str(scan)]
+    if days > 7.0:  # a fit looks back over all of it, so that wear is seen
+        words += ["--fit-days", str(math.ceil(days))]
+    code = "from glapp.cli import main; main()"
+    log = (data / "demo.log").open("wb")
+    child = subprocess.Popen(
+        [sys.executable, "-c", code, "watch", *words],
+        stdout=log,
+        stderr=subprocess.STDOUT,
+        start_new_session=True,  # Ctrl-C is for the window, which then ends this one
+    )
+    try:
+        until = time.monotonic() + 60.0
+        while not (data / "door").exists():
+            if child.poll() is not None or time.monotonic() > until:
+                raise CommandError(f"the service did not start: {data / 'demo.log'} tells why")
+            time.sleep(0.2)
+        yield
+    finally:
+        child.terminate()
+        with suppress(subprocess.TimeoutExpired):
+            child.wait(90.0)
+        log.close()

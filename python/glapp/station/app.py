@@ -1,0 +1,161 @@
+"""The window as an application: login, pages, guard; and served."""
+
+# FastAPI reads the annotations as they are: no `from __future__ import annotations` here.
+import asyncio
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from html import escape
+from pathlib import Path
+from typing import Annotated
+
+from fastapi import FastAPI, Form
+from fastapi.responses import HTMLResponse, RedirectResponse, Response
+from fastapi.staticfiles import StaticFiles
+from nicegui import app as pages
+from nicegui import ui
+from starlette.requests import Request
+
+from .client import Gone, Refused
+from .lab_page import Bench, lab_page
+from .loop_page import loop_page
+from .pages import Station, all_events, events_page, overview_page
+from .sessions import COOKIE, LASTS, Guard
+from .view import as_csv
+
+__all__ = ["app_of"]
+
+HERE = Path(__file__).parent
+
+WHY = {"expired": "Your login is over. Log in again.", "": ""}
+
+
+def _login(said: str, status: int = 401) -> HTMLResponse:
+    """The login page; it needs no script but to tell whether the person's screen is dark."""
+    text = f'<p role="alert" class="medium">{escape(said)}</p>' if said else ""
+    return HTMLResponse(
+        f"""<!doctype html><html lang="en"><head><meta charset="utf-8"><title>Log in – glapp</title>
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<link rel="stylesheet" href="/static/station.css"></head>
+<body class="login"><form class="card" method="post" action="/login"><h1>glapp station</h1>{text}
+<label for="user">Name</label><input id="user" name="user" autocomplete="username" required autofocus maxlength="64">
+<label for="password">Password</label>
+<input id="password" name="password" type="password" autocomplete="current-password" required maxlength="1000">
+<input type="hidden" id="dark" name="dark" value=""><button>Log in</button></form>
+<script>if (matchMedia("(prefers-color-scheme: dark)").matches) {{ document.body.classList.add("dark");
+document.getElementById("dark").value = "1"; }}</script></body></html>""",
+        status,
+    )
+
+
+def app_of(station: Station, hosts: Sequence[str], *, secure: bool) -> FastAPI:
+    """The window of a station; once in a process, since the library has one set of pages.
+
+    Parameters
+    ----------
+    station : Station
+        What the pages stand on.
+    hosts : sequence of str
+        Names that it may be addressed by.
+    secure : bool
+        Whether it is served by TLS.
+
+    Returns
+    -------
+    FastAPI
+    """
+    app = FastAPI(title="glapp station", docs_url=None, redoc_url=None, openapi_url=None)
+    app.mount("/static", StaticFiles(directory=HERE / "static"))
+
+    @app.get("/login")
+    async def log_in_page(why: str = "") -> Response:
+        return _login(WHY.get(why, ""), 200)
+
+    @app.post("/login")
+    async def log_in(
+        request: Request,
+        user: Annotated[str, Form(max_length=64)],
+        password: Annotated[str, Form(max_length=1000)],
+        dark: Annotated[str, Form(max_length=1)] = "",
+    ) -> Response:
+        address = request.client.host if request.client is not None else ""
+        wait = station.tries.wait(address, time.monotonic())
+        if wait > 0:
+            return _login(f"Too many tries from this computer: wait {wait:.0f} s.")
+        try:
+            found = await station.door.asked("POST", "/login", None, {"user": user, "password": password})
+        except (Gone, Refused) as error:
+            said = str(error)
+            return _login(said[:1].upper() + said[1:])
+        session = station.sessions.begin(found["token"], found["user"], found["role"], dark=bool(dark))
+        reply = RedirectResponse("/", 303)
+        reply.set_cookie(
+            COOKIE, session.id, max_age=int(LASTS), httponly=True, samesite="strict", secure=secure, path="/"
+        )
+        return reply
+
+    @app.post("/logout")
+    async def log_out(request: Request) -> Response:
+        session = station.who(request)
+        station.sessions.end(session.id)
+        with suppress(Gone, Refused):  # the token ends by itself; here it is forgotten
+            await station.door.asked("POST", "/logout", session.token)
+        return RedirectResponse("/login", 303)
+
+    @app.post("/theme")
+    async def theme(request: Request) -> Response:
+        session = station.who(request)
+        session.dark = not session.dark
+        return Response(status_code=204)
+
+    @app.get("/overview.csv")
+    async def overview_csv() -> Response:
+        return _csv(as_csv(station.rows), "overview.csv")
+
+    @app.get("/events.csv")
+    async def events_csv() -> Response:
+        rows = await asyncio.to_thread(all_events, station, 1_000_000)
+        return _csv(as_csv(rows), "events.csv")
+
+    @ui.page("/")
+    def _overview(request: Request) -> None:
+        overview_page(station, request)
+
+    @ui.page("/events")
+    def _events(request: Request) -> None:
+        events_page(station, request)
+
+    @ui.page("/loop")
+    async def _loop(request: Request, name: str = "") -> None:
+        await loop_page(station, request, name)
+
+    bench = Bench()
+
+    @ui.page("/laboratory")
+    def _laboratory(request: Request) -> None:
+        lab_page(station, bench, request)
+
+    tasks: list[asyncio.Task[None]] = []
+
+    async def begin() -> None:
+        await asyncio.to_thread(station._look)
+        tasks.extend(asyncio.create_task(one) for one in (station.look(), bench.go_on()))
+
+    async def end() -> None:
+        for task in tasks:
+            task.cancel()
+        await station.door.close()
+
+    pages.on_startup(begin)
+    pages.on_shutdown(end)
+    ui.run_with(
+        app, title="glapp", language="en-US", tailwind=False, show_welcome_message=False, reconnect_timeout=10.0
+    )
+    app.add_middleware(Guard, sessions=station.sessions, hosts=tuple(hosts), secure=secure)
+    return app
+
+
+def _csv(text: str, name: str) -> Response:
+    return Response(
+        text, media_type="text/csv; charset=utf-8", headers={"Content-Disposition": f"attachment; filename={name}"}
+    )

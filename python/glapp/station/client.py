@@ -1,0 +1,140 @@
+"""The service's door, asked in a person's name.
+
+Nothing is believed that the door has not answered: where it does not answer, or refuses, that is an exception with the
+sentence that the person is shown.
+"""
+
+from __future__ import annotations
+
+import json
+import ssl
+import time
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import httpx
+
+from ..errors import InputError
+
+__all__ = ["Door", "Gone", "Refused"]
+
+
+class Gone(Exception):  # noqa: N818 - a state of the service, not a fault of the program
+    """The service does not answer: nothing was done."""
+
+
+class Refused(Exception):  # noqa: N818 - a refusal is an answer
+    """The service answered no.
+
+    Attributes
+    ----------
+    status : int
+        As HTTP has it; 401: the token is good for nothing any more.
+    """
+
+    def __init__(self, text: str, status: int) -> None:
+        super().__init__(text)
+        self.status = status
+
+
+class Door:
+    """The door of a service.
+
+    Parameters
+    ----------
+    folder : Path
+        The data folder, where the service writes down where its door is.
+    url : str, optional
+        Where it is instead.
+    trust : Path, optional
+        A certificate to trust, for a door with TLS whose certificate no public authority has signed.
+
+    Raises
+    ------
+    InputError
+        Where the certificate cannot be used.
+    """
+
+    def __init__(self, folder: Path, url: str | None = None, trust: Path | None = None) -> None:
+        self._folder, self._given = folder, url
+        verify: ssl.SSLContext | bool = True
+        if trust is not None:
+            try:
+                verify = ssl.create_default_context(cafile=str(trust))
+            except (OSError, ssl.SSLError) as error:
+                raise InputError(f"cannot be used: {error}", file=str(trust)) from None
+        self._http = httpx.AsyncClient(verify=verify, timeout=10.0, trust_env=False)
+        self._live: dict[str, tuple[float, dict[str, Any]]] = {}
+
+    @property
+    def url(self) -> str:
+        """Where it is; the service may have started again at another port.
+
+        Raises
+        ------
+        Gone
+            Where nothing says so.
+        """
+        if self._given is not None:
+            return self._given.rstrip("/")
+        try:
+            return (self._folder / "door").read_text(encoding="utf-8").strip()
+        except OSError:
+            raise Gone(f"the service has not told where its door is: {self._folder / 'door'} is not there") from None
+
+    async def close(self) -> None:
+        """Let go of its connections."""
+        await self._http.aclose()
+
+    async def asked(self, method: str, path: str, token: str | None, body: Any = None) -> Any:
+        """What the service answers.
+
+        Raises
+        ------
+        Refused, Gone
+        """
+        headers = {} if token is None else {"Authorization": f"Bearer {token}"}
+        content = None
+        if method in ("POST", "PUT"):
+            content = json.dumps({} if body is None else body).encode()
+            headers["Content-Type"] = "application/json"
+        try:
+            reply = await self._http.request(method, self.url + path, headers=headers, content=content)
+        except (httpx.HTTPError, httpx.InvalidURL) as error:
+            why = str(error) or type(error).__name__
+            raise Gone(f"the service does not answer: {why}") from None
+        try:
+            said = reply.json()
+        except ValueError:
+            said = None
+        if reply.is_success:
+            return said
+        detail = said.get("detail") if isinstance(said, dict) else None
+        raise Refused(
+            detail if isinstance(detail, str) else f"the service answers {reply.status_code}", reply.status_code
+        )
+
+    async def command(self, path: str, token: str, body: Any = None) -> Any:
+        """A command about a loop, such as `command("FIC101", "disable")` by `loop_path`."""
+        return await self.asked("POST", path, token, body)
+
+    async def live(self, loop: str, token: str) -> dict[str, Any]:
+        """The newest values of a loop; those who look at one loop at the same time ask once."""
+        at, values = self._live.get(loop, (0.0, {}))
+        if time.monotonic() - at < 0.2:
+            return values
+        found: dict[str, Any] = (await self.asked("GET", f"/live?loop={quote(loop, safe='')}", token))[loop]
+        if len(self._live) > 1000:
+            self._live.clear()
+        self._live[loop] = (time.monotonic(), found)
+        return found
+
+
+def loop_path(loop: str, what: str) -> str:
+    """Path of what concerns a loop.
+
+    >>> loop_path("a/b", "fit")
+    '/loops/a%2Fb/fit'
+    """
+    return f"/loops/{quote(loop, safe='')}/{what}"

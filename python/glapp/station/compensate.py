@@ -1,0 +1,181 @@
+"""What a compensation will do, told before it does it, and what it has done, told after."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..report.words import quantity
+from .parameters import NO_LIMIT
+
+__all__ = ["Calm", "Plan", "calm", "plan"]
+
+STANDINGS = {
+    "active": "It compensates.",
+    "not_enabled": "Nobody enabled it.",
+    "not_auto": "The controller is in manual: u_FF is 0.",
+    "bad_quality": "A signal is bad: u_FF is 0 until it is good again.",
+    "over_compensated": "Withdrawn: the loop swings as if too much was compensated.",
+    "too_many_reversals": "Withdrawn: the budget of reversals is spent.",
+    "too_much_travel": "Withdrawn: the budget of OP's travel is spent.",
+    "estimate_lost": "The estimate is gone: u_FF is 0.",
+    "at_limit": "OP is at a limit: u_FF is 0 until it is away from there.",
+    "too_small": "No width is left to compensate.",
+    "waiting": "It waits for OP to turn round.",
+    "worse": "Withdrawn: the loop is worse than before.",
+    "too_late": "u_FF comes too late for this loop.",
+    "not_followed": "Withdrawn: the plant does not follow u_FF.",
+    "no_estimate": "Withdrawn: there is no estimate that may be compensated by.",
+}
+"""Each standing of the core, for the person at the screen."""
+
+_FROM = {1: "which a person typed", 2: "the lower limit of the fit that was taken over", 3: "the on-line estimate"}
+_WAY = {1: "error", 2: "derivative", 3: "inverse"}
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """What will be done.
+
+    Attributes
+    ----------
+    size, delta : float or None
+        The width it goes by, and how far u_FF goes from side to side [OP unit]; None where nothing is known of it.
+    lines : tuple of str
+        The same, and how it ends, in sentences.
+    why_not : str
+        Why it cannot be enabled; empty where nothing stands against it here.
+    """
+
+    size: float | None
+    delta: float | None
+    lines: tuple[str, ...]
+    why_not: str
+
+
+def plan(parameters: Mapping[str, Any], unit: str) -> Plan:
+    """What enabling a loop's compensation would do, with its parameters as they are.
+
+    The width and the share are the core's rule: share·size, for the inverse less the band, which is a fifth of the size
+    where nobody says (`docs/compensation.md`). What is really done, the service shows afterwards.
+
+    Parameters
+    ----------
+    parameters : mapping
+        As the door gives them.
+    unit : str
+        Of OP.
+
+    Examples
+    --------
+    >>> empty = dict.fromkeys(("comp_fitted", "comp_source", "comp_band", "comp_travel", "comp_reversals"))
+    >>> given = {"comp_size": 2.0, "comp_share": 0.8, "comp_way": 3.0, "comp_limit": 5.0, "comp_rate": 0.5}
+    >>> round(plan({**empty, **given, "comp_release": 20.0, "comp_withdraw": 1.0}, "%").delta, 9)
+    1.2
+    """
+    if "comp_size" not in parameters:
+        return Plan(None, None, (), "This loop has no node for u_FF, or its controller is not known.")
+    fitted, typed = parameters["comp_fitted"], parameters["comp_size"]
+    source = int(parameters["comp_source"] or (2 if fitted is not None else 1 if typed else 0))
+    if source == 0:
+        return Plan(None, None, (), "No width is given: take over a fit, or type one.")
+    size = {1: typed, 2: fitted, 3: None}[source]
+    share, way = parameters["comp_share"], int(parameters["comp_way"])
+    lines = []
+    delta = None
+    if source == 3:
+        lines.append(f"It goes by {_FROM[3]}, as it is when it is enabled, and takes {100 * share:g} % of it.")
+    elif not size:
+        return Plan(size, None, (), "The width is 0: there is nothing to compensate.")
+    else:
+        band = parameters["comp_band"] if parameters["comp_band"] is not None else 0.2 * size
+        delta = max(share * size - (band if way == 3 else 0.0), 0.0)
+        lines.append(
+            f"The width is {quantity(size, unit)}, {_FROM[source]}. {100 * share:g} % of it is compensated"
+            + (f", less a band of {quantity(band, unit)}." if way == 3 else ".")
+        )
+        lines.append(
+            f"Whenever OP has turned round, u_FF goes to the other side: {quantity(delta, unit)} in all, between "
+            f"{quantity(-delta / 2, unit)} and {quantity(delta / 2, unit)}. "
+            f"About {quantity(size - delta, unit)} of the gap stays uncompensated."
+        )
+        if delta == 0.0:
+            return Plan(size, delta, tuple(lines), "Nothing is left of the width after the band.")
+    rate = parameters["comp_rate"]
+    lines.append(
+        f"Way: {_WAY.get(way, way)}. u_FF moves by {quantity(rate, f'{unit}/s')} at most; no width beyond "
+        f"{quantity(parameters['comp_limit'], unit)} is compensated."
+    )
+    release = parameters["comp_release"] if parameters["comp_release"] is not None else parameters["ti"]
+    ends = "manual sets u_FF to 0 at once; a bad value, a limit or a lost connection takes it back to 0"
+    lines.append(f"It ends by itself: {ends} in {quantity(release, 's')}, a service that dies by the plant's watchdog.")
+    if parameters["comp_withdraw"]:
+        lines.append("It is withdrawn where the loop swings from too much of it, or is worse than before.")
+    else:
+        lines.append("Attention: where the loop gets worse that is told, and it is not withdrawn (comp_withdraw is 0).")
+    budgets = [
+        f"{quantity(parameters[name], text)}"
+        for name, text in (("comp_travel", f"{unit} of travel in an hour"), ("comp_reversals", "reversals in an hour"))
+        if parameters[name] is not None and parameters[name] < NO_LIMIT
+    ]
+    if budgets:
+        lines.append(f"Budget: {' and '.join(budgets)}.")
+    return Plan(size, delta, tuple(lines), "")
+
+
+@dataclass(frozen=True, slots=True)
+class Calm:
+    """How far PV is from SP, before and since.
+
+    Attributes
+    ----------
+    before, since : float
+        Standard deviation of SP − PV [PV unit].
+    seconds : float
+        How long it has been in force [s].
+    """
+
+    before: float
+    since: float
+    seconds: float
+
+    @property
+    def factor(self) -> float:
+        """By how much PV is calmer; below 1: it is not."""
+        return self.before / self.since if self.since > 0 else float("inf")
+
+
+def calm(times: Sequence[float], sp: Sequence[Any], pv: Sequence[Any], begin: float, *, least: int = 60) -> Calm | None:
+    """How far PV is from SP before a moment and since.
+
+    Parameters
+    ----------
+    times : sequence of float
+        [s]
+    sp, pv : sequence of float or None
+        [PV unit]
+    begin : float
+        When the compensation was enabled [s].
+    least : int
+        So many samples are needed on either side.
+
+    Returns
+    -------
+    Calm or None
+        None with fewer samples.
+
+    Examples
+    --------
+    >>> found = calm(range(4), [0.0] * 4, [2.0, -2.0, 1.0, -1.0], 2, least=2)
+    >>> found.factor
+    2.0
+    """
+    t, e = np.asarray(times, float), np.asarray(sp, float) - np.asarray(pv, float)
+    t, e = t[np.isfinite(e)], e[np.isfinite(e)]
+    before, since = e[t < begin], e[t >= begin]
+    if len(before) < least or len(since) < least:
+        return None
+    return Calm(float(before.std()), float(since.std()), float(t[-1] - begin))

@@ -1,0 +1,270 @@
+"""The laboratory's page: a simulated loop that runs, its blocks, its variables, and a form to put another together."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import math
+import time
+from dataclasses import replace
+from typing import Any
+
+from nicegui import ui
+from starlette.requests import Request
+
+from ..errors import InputError
+from ..report.words import number
+from . import charts
+from .lab import FASTEST, KINDS, THESIS, Lab, Part, Project, drawn
+from .pages import Station, frame, heading, quiet
+
+__all__ = ["Bench", "lab_page"]
+
+TICK = 0.02
+"""The laboratories go on so often [s]."""
+
+LEFT = 60.0
+"""A laboratory at which nobody looks stands still after this time [s]."""
+
+MOST = 20
+"""So many laboratories run in a window at most; the one that was left longest ago goes first."""
+
+WINDOWS = {60: "1 min", 600: "10 min", 3600: "1 h"}
+
+
+class Bench:
+    """The laboratories of all who are logged in, one each."""
+
+    def __init__(self) -> None:
+        self._labs: dict[str, tuple[Lab, float]] = {}
+
+    def of(self, id: str) -> Lab:
+        """The laboratory of a session; begun with the loop of 6.5."""
+        lab = self._labs[id][0] if id in self._labs else Lab(THESIS)
+        self.put(id, lab)
+        return lab
+
+    def put(self, id: str, lab: Lab) -> None:
+        """A laboratory at which somebody looks now."""
+        self._labs[id] = (lab, time.monotonic())
+        while len(self._labs) > MOST:
+            del self._labs[min(self._labs, key=lambda one: self._labs[one][1])]
+
+    async def go_on(self) -> None:
+        """Run all of them, until cancelled."""
+        last = time.monotonic()
+        while True:
+            await asyncio.sleep(TICK)
+            now = time.monotonic()
+            for lab, looked in list(self._labs.values()):
+                if now - looked < LEFT:
+                    lab.advance(now - last)
+            last = now
+
+
+def lab_page(station: Station, bench: Bench, request: Request) -> None:
+    """A simulated loop: nothing here has a way to a plant."""
+    session = station.who(request)
+    with frame(station, session, "Laboratory", "/laboratory"):
+        _Page(bench, session.id, session.dark).build()
+
+
+class _Page:
+    def __init__(self, bench: Bench, id: str, dark: bool) -> None:
+        self.bench, self.id, self.dark = bench, id, dark
+        self.lab = bench.of(id)
+        self.window = 600
+        self.sent: dict[str, Any] = {}
+
+    def build(self) -> None:
+        with ui.element("div").classes("bar"):
+            heading("Laboratory")
+            ui.label("SIMULATION: no plant, no service").classes("mark")
+            self.state = ui.label().classes("muted grow").props('role="status"')
+        with ui.element("div").classes("bar"):
+            self.run = ui.button("Pause", on_click=self._pause).props("no-caps unelevated color=primary")
+            speed = ui.number("Speed [×]", value=self.lab.speed, min=0.1, max=FASTEST, on_change=self._speed)
+            speed.props('dense outlined aria-label="Speed"').style("width: 120px")
+            for x in (1, 10, 100, 1000):
+                quiet(f"{x} ×", lambda _, x=x: speed.set_value(x))
+            quiet("Begin anew", lambda: self._built(self.lab.project))
+            quiet("The loop of 6.5", lambda: self._built(THESIS))
+            quiet("Put a loop together", self._form)
+        with ui.element("div").classes("card").style("margin-bottom: 12px; overflow-x: auto"):
+            self.blocks = ui.html(drawn(self.lab.project), sanitize=False)
+        with ui.element("div").classes("lab"):
+            with ui.element("div").classes("card"):
+                with ui.element("div").classes("bar"):
+                    heading("Signals", 2)
+                    ui.element("span").classes("grow")
+                    ui.toggle(WINDOWS, value=self.window, on_change=lambda e: setattr(self, "window", e.value)).props(
+                        "no-caps dense unelevated"
+                    )
+                self.chosen = ui.select(
+                    list(self.lab.signals),
+                    value=list(self.lab.shown),
+                    multiple=True,
+                    label="drawn",
+                    on_change=self._chosen,
+                ).props("dense outlined use-chips")
+                self.chart = ui.echart(charts.lab(self.lab.drawn(self.window), dark=self.dark)).classes("chart")
+            with ui.element("div").classes("card"):
+                with ui.element("div").classes("bar"):
+                    heading("Variables", 2)
+                    search = ui.input(placeholder="Search").props('dense outlined clearable aria-label="Search"')
+                self.grid = ui.aggrid(
+                    {
+                        "columnDefs": [
+                            {"field": "path", "headerName": "Variable", "flex": 1, "minWidth": 150},
+                            {
+                                "field": "value",
+                                "headerName": "Value",
+                                "width": 130,
+                                ":editable": "p => p.data.editable",
+                                ":cellClass": "p => p.data.editable ? 'editable' : ''",
+                            },
+                        ],
+                        "rowData": self._rows(),
+                        ":getRowId": "p => p.data.path",
+                        "rowHeight": 30,
+                        "singleClickEdit": True,
+                        "animateRows": False,
+                        "stopEditingWhenCellsLoseFocus": True,
+                    },
+                    auto_size_columns=False,
+                ).classes("grid short")
+                self.grid.on("cellValueChanged", self._edited)
+                ui.label("What is underlined can be changed while it runs.").classes("small muted")
+                search.on_value_change(
+                    lambda: self.grid.run_grid_method("setGridOption", "quickFilterText", search.value or "")
+                )
+        ui.timer(0.5, self._tick)
+
+    def _rows(self) -> list[dict[str, Any]]:
+        return [
+            {"path": path, "value": self._value(path), "editable": path in self.lab.editable} for path in self.lab.paths
+        ]
+
+    def _value(self, path: str) -> str:
+        value = self.lab[path]
+        return number(None if value is not None and abs(value) > 1e300 else value, 5)  # as good as no limit
+
+    def _tick(self) -> None:
+        if self.bench.of(self.id) is not self.lab:  # another tab has put another loop together
+            self._show(self.bench.of(self.id))
+        lab = self.lab
+        self.run.set_text("Pause" if lab.running else "Run")
+        late = f"; {lab.late:.0f} s could not be kept up with" if lab.late else ""
+        self.state.set_text(f"t = {lab.t:.1f} s at {lab.speed:g} ×{late}")
+        series = [{"name": name, "data": points} for name, points in lab.drawn(self.window).items()]
+        ui.run_javascript(f"getElement({self.chart.id})?.chart?.setOption({json.dumps({'series': series})})")
+        rows = {row["path"]: row for row in self._rows()}
+        changes = [row for path, row in rows.items() if self.sent.get(path) != row]
+        self.sent = rows
+        if changes:
+            self.grid.run_grid_method("applyTransaction", {"update": changes})
+
+    def _pause(self) -> None:
+        self.lab.running = not self.lab.running
+
+    def _speed(self, event: Any) -> None:
+        if event.value is not None and math.isfinite(event.value):
+            self.lab.speed = min(max(float(event.value), 0.1), FASTEST)
+
+    def _chosen(self, event: Any) -> None:
+        self.lab.shown = tuple(event.value)
+        self._draw_anew()
+
+    def _draw_anew(self) -> None:
+        self.chart.options.clear()
+        self.chart.options.update(charts.lab(self.lab.drawn(self.window), dark=self.dark))
+        self.chart.update()
+
+    def _edited(self, event: Any) -> None:
+        path, typed = event.args["data"]["path"], event.args["newValue"]
+        text = str(typed if typed is not None else "").strip().replace("−", "-")
+        try:
+            value = None if text in ("", "–") else float(text)
+        except ValueError:
+            ui.notify(f"{path}: {text!r} is not a number", type="warning")
+        else:
+            try:
+                self.lab[path] = value
+            except (InputError, TypeError) as error:
+                ui.notify(f"{path}: {error}", type="warning", multi_line=True)
+        self.sent.pop(path, None)
+
+    def _built(self, project: Project) -> bool:
+        """Begin a project; the speed stays."""
+        try:
+            made = Lab(project)
+        except InputError as error:
+            ui.notify(str(error), type="warning", timeout=0, close_button="Close", multi_line=True)
+            return False
+        made.speed = self.lab.speed
+        self.bench.put(self.id, made)
+        self._show(made)
+        return True
+
+    def _show(self, lab: Lab) -> None:
+        self.lab = lab
+        self.blocks.set_content(drawn(lab.project))
+        self.chosen.set_options(list(lab.signals), value=list(lab.shown))
+        self.sent = {}
+        self.grid.run_grid_method("setGridOption", "rowData", self._rows())
+        self._draw_anew()
+
+    def _form(self) -> None:
+        """A loop put together from modules by name."""
+        project = self.lab.project
+        parts = list(project.parts)
+        with ui.dialog(value=True) as dialog, ui.card().classes("wide-dialog").style("align-items: stretch"):
+            dialog.on_value_change(lambda event: None if event.value else dialog.delete())
+            with ui.element("div").classes("bar"):
+                heading("A loop from modules", 2)
+                ui.element("span").classes("grow")
+                quiet("Close", dialog.close, flat=True)
+            scan = ui.number("scan time [s]", value=project.h, min=0.001).props("dense outlined").style("width: 160px")
+            rows = ui.element("div")
+
+            def listed() -> None:
+                rows.clear()
+                with rows:
+                    for i, part in enumerate(parts):
+                        with ui.element("div").classes("bar"):
+                            ui.input("name", value=part.name, on_change=lambda e, i=i: put(i, name=e.value)).props(
+                                "dense outlined"
+                            ).style("width: 120px")
+                            ui.select(
+                                list(KINDS),
+                                value=part.kind,
+                                label="module",
+                                on_change=lambda e, i=i: put(i, kind=e.value),
+                            ).props("dense outlined").style("width: 190px")
+                            ui.input(
+                                "parameters", value=part.settings, on_change=lambda e, i=i: put(i, settings=e.value)
+                            ).props("dense outlined").classes("grow")
+                            quiet("Remove", lambda _, i=i: remove(i), flat=True)
+
+            def put(i: int, **more: str) -> None:
+                parts[i] = replace(parts[i], **more)
+
+            def remove(i: int) -> None:
+                del parts[i]
+                listed()
+
+            def add() -> None:
+                parts.append(Part(f"new{len(parts)}", "Filter2P", "tf=1"))
+                listed()
+
+            listed()
+            quiet("Add a module", add).style("align-self: start")
+            wires = ui.textarea("wires, one a line: from output to input", value="\n".join(project.wires))
+            wires.props("outlined autogrow")
+
+            def build() -> None:
+                lines = tuple(line.strip() for line in (wires.value or "").splitlines() if line.strip())
+                if self._built(Project(scan.value or 0.0, tuple(parts), lines, project.shown)):
+                    dialog.close()
+
+            ui.button("Build", on_click=build).props("no-caps unelevated color=primary").style("align-self: start")

@@ -1,0 +1,345 @@
+"""What all pages have, and the two that show the whole plant: overview and events."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Awaitable, Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+from html import escape
+from typing import Any
+
+from nicegui import ui
+from starlette.requests import Request
+
+from ..errors import InputError
+from .client import Door, Gone, Refused
+from .sessions import Session, Sessions, Tries
+from .view import Row, View, age
+from .view import summary as summarised
+
+__all__ = ["Station", "all_events", "command", "events_page", "frame", "heading", "moment", "overview_page", "quiet"]
+
+PAGES = (("/", "Overview"), ("/events", "Events"), ("/laboratory", "Laboratory"))
+
+
+@dataclass
+class Station:
+    """What the pages stand on.
+
+    Attributes
+    ----------
+    view : View
+        The database.
+    door : Door
+        The service.
+    sessions : Sessions
+        Who is logged in.
+    tries : Tries
+        Logins by address.
+    rows : list of Row
+        The overview, as of the last look.
+    """
+
+    view: View
+    door: Door
+    sessions: Sessions = field(default_factory=Sessions)
+    tries: Tries = field(default_factory=Tries)
+    rows: list[Row] = field(default_factory=list)
+    _of: tuple[float | None, float] = (None, 0.0)
+
+    async def look(self) -> None:
+        """Look at the database again and again, for all pages together."""
+        while True:
+            await asyncio.to_thread(self._look)
+            await asyncio.sleep(1.0)
+
+    def _look(self) -> None:
+        self.view.refresh()
+        now = time.monotonic()
+        if self.view.at != self._of[0] or now - self._of[1] > 5.0:  # what is shown grows older, too
+            self._of = self.view.at, now
+            self.rows = self.view.rows()
+
+    def who(self, request: Request) -> Session:
+        """Whose page it is; nobody gets here without a session."""
+        session = self.sessions.of(request.headers.get("cookie"))
+        assert session is not None
+        return session
+
+
+def moment(at: float | None) -> str:
+    """A moment as this computer's clock has it."""
+    return "–" if at is None else time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(at))
+
+
+def heading(text: str, level: int = 1) -> None:
+    """A heading, whatever characters are in it."""
+    ui.html(f"<h{level}>{escape(text)}</h{level}>", sanitize=False)
+
+
+def quiet(text: str, what: Any = None, *, flat: bool = False) -> ui.button:
+    """A button in the ink of the page."""
+    return ui.button(text, on_click=what, color=None).props("flat no-caps" if flat else "outline no-caps")
+
+
+@contextmanager
+def frame(station: Station, session: Session, title: str, here: str) -> Iterator[None]:
+    """Everything around a page: where one can go, who one is, and how old it is what is shown."""
+    ui.page_title(f"{title} – glapp")
+    ui.dark_mode(session.dark)
+    ui.colors(primary="#41618a" if session.dark else "#3f4a54")
+    paper = "#161b20" if session.dark else "#eceef0"
+    ui.add_head_html(
+        f'<style>html{{background:{paper}}}</style><link rel="stylesheet" href="/static/station.css">'
+        '<script src="/static/station.js"></script>'
+    )
+    ui.link("To the content", "#content").classes("skip")
+    with ui.element("header").classes("top"):
+        ui.label("glapp station").classes("name")
+        with ui.element("nav").props('aria-label="Pages"'):
+            for path, name in PAGES:
+                ui.link(name, path).props('aria-current="page"' if path == here else "")
+        with ui.element("div").classes("right"):
+            state = ui.label().props('role="status"')
+            ui.label(f"{session.user}, {session.role}")
+            other = "Light" if session.dark else "Dark"
+            quiet(other, flat=True).on("click", js_handler="() => glapp.post('/theme', location.href)")
+            quiet("Log out", flat=True).on("click", js_handler="() => glapp.post('/logout', '/login')")
+    with ui.element("div").classes("content").props('id="content" tabindex="-1"'):
+        banner = ui.label().classes("banner").props('role="alert"')
+        yield
+
+    def tick() -> None:
+        if station.sessions.by_id(session.id) is None:
+            timer.cancel()
+            ui.navigate.to("/login?why=expired")
+            return
+        view = station.view
+        late = view.behind
+        since = "" if view.at is None else f"as of {moment(view.at)[11:]}"
+        state.set_text(f"Service: {since}" if late is None else f"Service: {since}, {age(late)} old")
+        state.classes(remove="late") if late is None else state.classes("late")
+        text = ""
+        if view.why is not None:
+            text = f"The database cannot be read: {view.why}"
+        elif late is not None:
+            text = (
+                f"The service has written nothing for {age(late)}: what you see is how it was at {moment(view.at)}. "
+                "No command is done until it is back."
+            )
+        elif view.shown.get("failing"):
+            text = f"The service cannot write: {view.shown['failing']}. What comes waits in its memory."
+        banner.set_text(text)
+        banner.set_visibility(bool(text))
+
+    timer = ui.timer(1.0, tick)
+
+
+async def command(station: Station, session: Session, asking: Callable[[], Awaitable[Any]], done: str) -> Any:
+    """A command in the person's name: what became of it is said in any case. None where it was not done."""
+    if station.sessions.by_id(session.id) is None:
+        ui.navigate.to("/login?why=expired")
+        return None
+    try:
+        found = await asking()
+    except Refused as refused:
+        if refused.status == 401:
+            station.sessions.end(session.id)
+            ui.navigate.to("/login?why=expired")
+        else:
+            ui.notify(f"Refused: {refused}", type="warning", timeout=0, close_button="Close", multi_line=True)
+        return None
+    except Gone as gone:
+        ui.notify(f"Not done: {gone}", type="negative", timeout=0, close_button="Close", multi_line=True)
+        return None
+    ui.notify(done, color="grey-9", position="bottom-right")
+    return {} if found is None else found
+
+
+_TO_LOOP = "location.href = '/loop?name=' + encodeURIComponent({})"
+_NAME = (
+    "p => { const a = document.createElement('a'); a.textContent = p.value; "
+    "a.href = '/loop?name=' + encodeURIComponent(p.value); return a; }"
+)
+
+
+_HEALTHS = "{'Maintenance required': 'health health-service', 'Check function': 'health health-check'}"
+
+
+def _overview_columns() -> list[dict[str, Any]]:
+    def column(name: str, title: str, width: int, **more: Any) -> dict[str, Any]:
+        return {"field": name, "headerName": title, "width": width, "tooltipField": name, **more}
+
+    return [
+        column("rank", "#", 64, sort="asc", filter=False),
+        column("loop", "Loop", 104, pinned="left", **{":cellRenderer": _NAME}),
+        column("soon", "How soon", 104, **{":cellClass": "p => 'soon-' + p.data.urgency"}),
+        column(
+            "width",
+            "Gap (95 %)",
+            166,
+            **{":comparator": "(a, b, m, n) => (m.data.percent ?? -1) - (n.data.percent ?? -1)"},
+        ),
+        column("verdict", "Verdict", 122),
+        column("trend", "Trend", 138, **{":valueFormatter": "p => p.value.replace(/ ± \\S+/, '').replace(/;.*/, '')"}),
+        column("health", "NE 107", 170, **{":cellClass": f"p => ({_HEALTHS})[p.value] || ''"}),
+        column("seen", "Seen", 74),
+        column("compensation", "Comp.", 82, headerTooltip="Compensation"),
+        column("todo", "What to do", 220, flex=1, minWidth=220),
+    ]
+
+
+def overview_page(station: Station, request: Request) -> None:
+    """Every loop of the plant, what maintenance should do first before all else."""
+    session = station.who(request)
+    with frame(station, session, "Overview", "/"):
+        with ui.element("div").classes("bar"):
+            heading("Overview")
+            summary = ui.label().classes("muted grow")
+            search = ui.input(placeholder="Search").props('dense outlined clearable aria-label="Search"')
+            some = ui.toggle({"all": "All", "some": "To do"}, value="all").props("no-caps dense unelevated")
+            ui.link("CSV", "/overview.csv").props("download")
+        rows = [asdict(row) for row in station.rows]
+        grid = ui.aggrid(
+            {
+                "columnDefs": _overview_columns(),
+                "defaultColDef": {
+                    "sortable": True,
+                    "filter": True,
+                    "resizable": True,
+                    "suppressHeaderMenuButton": True,
+                },
+                "rowData": rows,
+                ":getRowId": "p => p.data.loop",
+                "rowHeight": 34,
+                "enableCellTextSelection": True,
+                "ensureDomOrder": True,
+                "animateRows": False,
+                ":onCellKeyDown": f"e => {{ if (e.event.key === 'Enter') {_TO_LOOP.format('e.data.loop')}; }}",
+                ":onRowDoubleClicked": f"e => {{ {_TO_LOOP.format('e.data.loop')}; }}",
+                "overlayNoRowsTemplate": "No loop is here.",
+            },
+            auto_size_columns=False,
+        ).classes("grid")
+        sent = {row["loop"]: row for row in rows}
+
+        def filtered() -> None:
+            grid.run_grid_method("setGridOption", "quickFilterText", search.value or "")
+            model = (
+                None
+                if some.value == "all"
+                else {"soon": {"filterType": "text", "type": "notContains", "filter": "Not now"}}
+            )
+            grid.run_grid_method("setFilterModel", model)
+
+        search.on_value_change(filtered)
+        some.on_value_change(filtered)
+
+        def tick() -> None:
+            summary.set_text(summarised(station.rows))
+            now = {row.loop: asdict(row) for row in station.rows}
+            changes = {
+                "add": [row for name, row in now.items() if name not in sent],
+                "update": [row for name, row in now.items() if name in sent and sent[name] != row],
+                "remove": [{"loop": name} for name in sent if name not in now],
+            }
+            if any(changes.values()):
+                sent.clear()
+                sent.update(now)
+                grid.run_grid_method("applyTransaction", changes)
+
+        tick()
+        ui.timer(2.0, tick)
+
+
+def all_events(station: Station, most: int, loop: str | None = None) -> list[dict[str, Any]]:
+    """Events and commands together, the newest first.
+
+    Raises
+    ------
+    InputError
+        Where the database cannot be read.
+    """
+    from .parameters import told
+
+    found = [
+        {
+            "when": moment(row["time"]),
+            "at": row["time"],
+            "loop": row["loop"] or "",
+            "kind": row["kind"],
+            "who": "",
+            "text": row["text"],
+        }
+        for row in station.view.read(lambda reader: reader.events(loop, most))
+    ]
+    for row in station.view.read(lambda reader: reader.commands(loop, most)):
+        found.append(
+            {
+                "when": moment(row["time"]),
+                "at": row["time"],
+                "loop": row["loop"] or "",
+                "kind": row["command"],
+                "who": f"{row['person']} ({row['role']})" if row["role"] else row["person"],
+                "text": told(row),
+            }
+        )
+    found.sort(key=lambda one: -one["at"])
+    return found[:most]
+
+
+def events_page(station: Station, request: Request) -> None:
+    """Everything that happened, who asked for it, when and why."""
+    session = station.who(request)
+    with frame(station, session, "Events", "/events"):
+        with ui.element("div").classes("bar"):
+            heading("Events")
+            ui.label("The newest 5000 events and commands; the CSV has them all.").classes("muted grow")
+            search = ui.input(placeholder="Search").props('dense outlined clearable aria-label="Search"')
+            ui.link("CSV", "/events.csv").props("download")
+        grid = ui.aggrid(
+            {
+                "columnDefs": [
+                    {"field": "when", "headerName": "When", "width": 180},
+                    {"field": "loop", "headerName": "Loop", "width": 120},
+                    {"field": "kind", "headerName": "What", "width": 150},
+                    {"field": "who", "headerName": "Who", "width": 180},
+                    {
+                        "field": "text",
+                        "headerName": "Why, and what of it",
+                        "flex": 1,
+                        "minWidth": 300,
+                        "wrapText": True,
+                        "autoHeight": True,
+                        "tooltipField": "text",
+                    },
+                ],
+                "defaultColDef": {
+                    "sortable": True,
+                    "filter": True,
+                    "resizable": True,
+                    "suppressHeaderMenuButton": True,
+                },
+                "rowData": [],
+                "enableCellTextSelection": True,
+                "animateRows": False,
+            },
+            auto_size_columns=False,
+        ).classes("grid")
+        search.on_value_change(lambda: grid.run_grid_method("setGridOption", "quickFilterText", search.value or ""))
+        shown: list[tuple[Any, ...]] = []
+
+        async def tick() -> None:
+            try:
+                rows = await asyncio.to_thread(all_events, station, 5000)
+            except InputError:
+                return  # the frame says so
+            newest = [tuple(row.values()) for row in rows[:1]]
+            if newest != shown:
+                shown[:] = newest
+                grid.options["rowData"] = rows
+                grid.run_grid_method("setGridOption", "rowData", rows)
+
+        ui.timer(3.0, tick)

@@ -1,0 +1,101 @@
+"""A step test by hand (8.5), read while it goes on, or from what was recorded. A person moves OP; nothing here does."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from ..bump import Bump, bump
+from ..errors import InputError
+from ..loop import Loop
+from ..recording import AT_HIGH, AT_LOW, BAD, NOT_AUTO
+from ..report.words import number, quantity
+
+__all__ = ["advice", "read", "told"]
+
+
+def read(values: Mapping[str, Sequence[Any]], loop: Loop) -> Bump | None:
+    """What a test in samples of the service tells; None where the controller was in automatic all the time.
+
+    Parameters
+    ----------
+    values : mapping
+        Columns as the door gives them: `time`, `PV`, `OP`, `MODE`, `QUALITY`, `OP_LOW`, `OP_HIGH`.
+    loop : Loop
+        Settings that go with them.
+    """
+    flags = np.zeros(len(values["time"]), np.uint8)
+    for column, value, flag in (
+        ("MODE", "MAN", NOT_AUTO),
+        ("QUALITY", "bad", BAD),
+        ("OP_LOW", 1, AT_LOW),
+        ("OP_HIGH", 1, AT_HIGH),
+    ):
+        flags |= np.array([one == value for one in values[column]], bool).astype(np.uint8) * np.uint8(flag)
+    if not (flags & NOT_AUTO).any():
+        return None
+    numbers = {name: [math.nan if x is None else x for x in values[name]] for name in ("PV", "OP")}
+    try:
+        return bump(t=np.asarray(values["time"]), pv=numbers["PV"], op=numbers["OP"], flags=flags, loop=loop)
+    except InputError:
+        return None
+
+
+def advice(found: Bump | None, manual: bool, width: float | None, unit: str) -> str:
+    r"""What the person does next.
+
+    Parameters
+    ----------
+    found : Bump or None
+        What was read so far.
+    manual : bool
+        Whether the controller is in manual now.
+    width : float or None
+        How wide the gap may be, by what is known [OP unit].
+    unit : str
+        Of OP.
+
+    Examples
+    --------
+    >>> advice(None, False, 2.0, "%")
+    'Put the controller in manual while the load is calm, and wait until PV stands still.'
+    >>> advice(None, True, 2.0, "%")
+    'Step OP by more than the gap may be, 3\xa0% or more. Hold it until PV stands still, and as long again.'
+    """
+    held = [] if found is None else [one.op for one in found.holds]
+    moves = [b > a for a, b in pairwise(held)]
+    on = any(a == b for a, b in pairwise(moves))
+    if found is not None and found.reason is None:
+        return "The test can be read. One more step each way makes the interval narrower; then back to automatic."
+    if not manual:
+        return "Put the controller in manual while the load is calm, and wait until PV stands still."
+    if not moves:
+        size = "" if width is None else f", {quantity(1.5 * width, unit)} or more"
+        return f"Step OP by more than the gap may be{size}. Hold it until PV stands still, and as long again."
+    if not on:
+        return "Step on in the same direction, and hold as long."
+    return "Step back by clearly more than the gap, and hold as long."
+
+
+def told(found: Bump, unit: str) -> list[str]:
+    """What a test gives, in sentences: the gap, the process gain, what each move tells, or why it tells nothing."""
+    lines = []
+    if found.d is not None:
+        between = f"{number(found.low)} to {quantity(found.high, unit)}"
+        lines.append(f"The gap is {quantity(found.d, unit)} (95 %: {between}).")
+    if found.kp is not None:
+        name = "velocity gain" if found.integrating else "process gain Kp"
+        lines.append(f"The {name} is {number(found.kp)} (95 %: {number(found.kp_low)} to {number(found.kp_high)}).")
+    if found.reason is not None:
+        lines.append(found.reason[:1].upper() + found.reason[1:] + ".")
+    lines.extend(f"{note[:1].upper()}{note[1:]}." for note in found.notes)
+    for one in found.readings:
+        a, b = one.op
+        what = {"gain": "Kp", "gap": "gap"}.get(one.kind, "")
+        value = "" if one.value is None else f"{what} {number(one.value)} ({number(one.low)} to {number(one.high)}), "
+        lines.append(f"OP {number(a)} → {number(b)}: {value}{one.evidence}.")
+    return lines

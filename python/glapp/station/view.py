@@ -1,0 +1,502 @@
+"""What is shown of the plant: read from the service's database, which is never written here."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+import sqlite3
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from ..loop import Loop
+from ..report.words import NEXT, URGENCIES, VERDICTS, number
+from ..service.memory import Reader
+from ..service.watch import with_settings
+
+__all__ = ["Row", "Trend", "View", "age", "as_csv", "summary", "trend"]
+
+BEHIND = 20.0
+"""The service writes what is to be seen every 5 s; after this time it is behind [s]."""
+
+SILENT = 60.0
+"""A loop is silent where its connection has given no sign of life for so long [s], …"""
+
+STILL = 600.0
+"""… or where it has, and yet no value of PV came for so long [s], or for five of its sample times."""
+
+TREND_DAYS = 90
+"""A trend is that of the detections of so many days."""
+
+HEALTH = {
+    "NORMAL": "Good",
+    "MAINTENANCE_REQUIRED": "Maintenance required",
+    "CHECK_FUNCTION": "Check function",
+}
+"""NAMUR NE 107 in its own words; what `glapp.service.watch.Health` never says is not here."""
+
+
+@dataclass(frozen=True, slots=True)
+class Trend:
+    """How a width moves.
+
+    Attributes
+    ----------
+    slope : float
+        [OP unit per 30 days]
+    spread : float
+        Half of its 95 % interval [the same].
+    days : float
+        Over how many days it was seen.
+    """
+
+    slope: float
+    spread: float
+    days: float
+
+    @property
+    def moves(self) -> bool:
+        """Whether it is more than chance."""
+        return abs(self.slope) > self.spread
+
+
+def trend(days: Sequence[float], widths: Sequence[float]) -> Trend | None:
+    """The straight line through a width a day, by least squares.
+
+    Parameters
+    ----------
+    days : sequence of float
+        When [d].
+    widths : sequence of float
+        How wide [OP unit].
+
+    Returns
+    -------
+    Trend or None
+        None with fewer than seven days.
+
+    Examples
+    --------
+    >>> found = trend(range(10), [1.0 + 0.03 * day for day in range(10)])
+    >>> round(found.slope, 6), found.moves
+    (0.9, True)
+    >>> trend([0, 1, 2], [1.0, 2.0, 3.0]) is None
+    True
+    """
+    x, y = np.asarray(days, float), np.asarray(widths, float)
+    n = len(x)
+    if n < 7 or np.ptp(x) == 0.0:
+        return None
+    dx = x - x.mean()
+    sxx = float(dx @ dx)
+    slope = float(dx @ y) / sxx
+    left = y - y.mean() - slope * dx
+    # Student's 97.5 % point, within 2 % for 5 degrees of freedom and more.
+    t = 1.96 + 2.5 / (n - 2) + 3.0 / (n - 2) ** 2
+    spread = t * math.sqrt(float(left @ left) / (n - 2) / sxx)
+    return Trend(30.0 * slope, 30.0 * spread, float(np.ptp(x)))
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A loop in the overview.
+
+    Attributes
+    ----------
+    loop : str
+        Its name.
+    rank : int
+        Its place in the list: what maintenance should do first comes first.
+    width : str
+        The one answer in a line: width with interval in % of span where that is known, else with its unit.
+    percent : float or None
+        The width that lists rank by [% of span].
+    verdict : str
+        The one verdict.
+    urgency : str
+        How soon: "high", "medium", "low", "none".
+    soon : str
+        The same in words.
+    trend : str
+        How the width moves.
+    health : str
+        NE 107, in its own words.
+    seen : str
+        How old the newest PV is.
+    todo : str
+        What to do.
+    compensation : str
+        What the compensation does; empty where there is none.
+    """
+
+    loop: str
+    rank: int
+    width: str
+    percent: float | None
+    verdict: str
+    urgency: str
+    soon: str
+    trend: str
+    health: str
+    seen: str
+    todo: str
+    compensation: str
+
+
+class View:
+    """What the service has put down, as it is now.
+
+    Parameters
+    ----------
+    folder : Path
+        The data folder.
+    clock : callable
+        The time [s since 1970 UTC].
+    """
+
+    def __init__(self, folder: Path, clock: Callable[[], float] = time.time) -> None:
+        self.folder, self._clock = folder, clock
+        self._lock = threading.Lock()
+        self._reader: Reader | None = None
+        self._opened: tuple[int, int] | None = None
+        self.at: float | None = None
+        self.shown: dict[str, Any] = {"loops": {}}
+        self.loops: dict[str, Loop] = {}
+        self._given: dict[str, Loop] = {}
+        self._set: dict[str, dict[str, Any]] = {}
+        self.why: str | None = "the service has not written anything yet"
+        self._answers: dict[str, tuple[int, dict[str, Any], Trend | None]] = {}
+        self._trends: dict[str, Trend] = {}
+        self._trended = -math.inf
+
+    # Reading
+
+    def read(self, what: Callable[[Reader], Any]) -> Any:
+        """Something from the database, in the caller's thread.
+
+        Raises
+        ------
+        InputError
+            Where there is none, or it cannot be read.
+        """
+        with self._lock:
+            return self._read(what)
+
+    def _read(self, what: Callable[[Reader], Any]) -> Any:
+        path = self.folder / "glapp.db"
+        try:
+            stat = path.stat()
+            found = (stat.st_dev, stat.st_ino)
+        except OSError:
+            raise InputError("holds no glapp.db", file=str(self.folder), hint="start glapp watch on it") from None
+        if self._reader is None or found != self._opened:  # the service has set the old one aside
+            if self._reader is not None:
+                self._reader.close()
+            self._reader, self._opened = None, None
+            self._reader, self._opened = Reader(self.folder), found
+            self.loops.clear()
+            self._answers.clear()
+        try:
+            return what(self._reader)
+        except sqlite3.Error as error:
+            self._reader.close()
+            self._reader = None
+            raise InputError(f"cannot be read: {error}", file=str(path)) from None
+
+    def refresh(self) -> None:
+        """Read what the service shows; where that cannot be, what was read before stays, with its age."""
+        try:
+            self.read(self._take)
+            self.why = None
+        except InputError as error:
+            self.why = str(error)
+
+    def _take(self, reader: Reader) -> None:
+        written = reader.one("SELECT time FROM shown")
+        if written is not None and written["time"] == self.at and self.loops:
+            return
+        shown = reader.shown()
+        if shown is None:
+            raise InputError("the service has not written anything yet", file=str(self.folder))
+        self.at, self.shown = shown
+        names = self.shown["loops"].keys()
+        if not names <= self.loops.keys():
+            for row in reader.rows("SELECT name, settings FROM loops"):
+                self._given[row["name"]] = self.loops[row["name"]] = Loop(**json.loads(row["settings"]))
+            self._set.clear()
+        by_loop: dict[str, dict[str, Any]] = {}
+        for row in reader.rows(
+            "SELECT loops.name AS loop, settings.name, value FROM settings JOIN loops ON loops.id = settings.loop"
+        ):
+            by_loop.setdefault(row["loop"], {})[row["name"]] = json.loads(row["value"])
+        for name, settings in by_loop.items():
+            if name in self._given and self._set.get(name) != settings:
+                self._set[name] = settings
+                self.loops[name] = with_settings(self._given[name], settings)
+        ids = {name: loop["answer"]["id"] for name, loop in self.shown["loops"].items() if loop["answer"] is not None}
+        new = [id for name, id in ids.items() if name not in self._answers or self._answers[name][0] != id]
+        for i in range(0, len(new), 500):
+            some = new[i : i + 500]
+            for row in reader.rows(
+                "SELECT answers.id, name, "
+                "json_extract(document, '$.analysis.loops[0].answer') AS answer, "
+                "json_extract(document, '$.analysis.loops[0].fit.recordings') AS recordings FROM answers "
+                f"JOIN loops ON loops.id = answers.loop WHERE answers.id IN ({', '.join('?' * len(some))})",
+                *some,
+            ):
+                if row["answer"] is not None:
+                    self._answers[row["name"]] = (row["id"], json.loads(row["answer"]), _own(row["recordings"]))
+        if self._clock() - self._trended > 3600.0:
+            self._trended = self._clock()
+            self._trends = _trends(reader, self._clock())
+
+    def answer(self, loop: str) -> dict[str, Any] | None:
+        """The one answer of a loop, as `glapp analyze --json` has it; None before the first fit."""
+        found = self._answers.get(loop)
+        return None if found is None else found[1]
+
+    def trend(self, loop: str) -> Trend | None:
+        """How the width of a loop moves: from day to day within the last fit, from fit to fit, or by its detections."""
+        own = None if loop not in self._answers else self._answers[loop][2]
+        return own or self._trends.get(loop)
+
+    @property
+    def behind(self) -> float | None:
+        """How long the service has written nothing [s], where that is too long; None where it is not."""
+        if self.at is None:
+            return None
+        past = self._clock() - self.at
+        return past if past > BEHIND else None
+
+    def silent(self, loop: str) -> bool:
+        """Whether nothing comes of a loop any more, as the service saw it last."""
+        status = self.shown["loops"][loop]
+        if status["seen"] is None or status.get("lost"):
+            return True
+        now = self.at or self._clock()
+        sample = None if loop not in self.loops else self.loops[loop].sample_time
+        seldom = 5.0 * (sample or 0.0)
+        if now - max(status["seen"], status["heard"] or 0.0) > max(SILENT, seldom):
+            return True
+        return bool(now - status["seen"] > max(STILL, seldom))
+
+    def percent(self, loop: str, value: float | None) -> float | None:
+        """A width in % of span; None where the span is not known."""
+        span = None if loop not in self.loops else self.loops[loop].op_span
+        if value is None:
+            return None
+        if span is None:
+            return value if loop in self.loops and self.loops[loop].op_label == "%" else None
+        return value * 100.0 / (span[1] - span[0])
+
+    def unit(self, loop: str) -> str:
+        """Unit of OP."""
+        return self.loops[loop].op_label if loop in self.loops else "OP unit"
+
+    # What is shown
+
+    def rows(self) -> list[Row]:
+        """Every loop, what maintenance should do first before all else."""
+        now = self._clock()
+        found = []
+        for name, status in self.shown["loops"].items():
+            answer = self.answer(name)
+            silent = self.silent(name)
+            wrong = silent or status["good"] is False
+            urgency = "none" if answer is None else answer["urgency"]
+            width = self.percent(name, None if answer is None else answer["width"])
+            place = 1.0 if wrong else {"high": 0.0, "medium": 2.0, "low": 3.0}.get(urgency, 4.0)
+            valve = "" if answer is None else answer["valve"]
+            order = {"gap": 0, "unknown": 1, "": 2, "no_gap": 3, "refused": 4}.get(valve, 4)
+            found.append(((place, order, -(width or 0.0), name), name, status, answer, wrong, silent, urgency, width))
+        found.sort(key=lambda one: one[0])
+        rows = []
+        for rank, (_, name, status, answer, wrong, silent, urgency, width) in enumerate(found):
+            seen = "never" if status["seen"] is None else age(now - status["seen"])
+            if status["good"] is False:
+                seen += f", bad: {status['note']}"
+            rows.append(
+                Row(
+                    loop=name,
+                    rank=rank + 1,
+                    width=self.headline(name),
+                    percent=width,
+                    verdict=self.verdict(name),
+                    urgency="signal" if wrong else urgency,
+                    soon="Signal" if wrong else URGENCIES[urgency],
+                    trend=self.trend_text(name),
+                    health=HEALTH["CHECK_FUNCTION"] if silent else HEALTH.get(status["health"], status["health"]),
+                    seen=seen,
+                    todo=_todo(status, answer, silent),
+                    compensation=_compensation(status),
+                )
+            )
+        return rows
+
+    def headline(self, loop: str) -> str:
+        """The one answer in a line: width with its interval, or the one limit that is known."""
+        answer, status = self.answer(loop), self.shown["loops"].get(loop)
+        if answer is None:
+            estimate = None if status is None else status["estimate"]
+            percent = self.percent(loop, estimate)
+            if percent is not None:
+                return f"≈ {number(percent)} %"
+            return "" if estimate is None else f"≈ {number(estimate)} {self.unit(loop)}"
+        in_percent = self.percent(loop, 1.0) is not None
+        low, high, width = (
+            self.percent(loop, answer[key]) if in_percent else answer[key] for key in ("low", "high", "width")
+        )
+        unit = "%" if in_percent else self.unit(loop)
+        if answer["verdict"] == "at_least":
+            return f"> {number(low)} {unit}"
+        if answer["verdict"] == "sound":
+            return f"< {number(high)} {unit}"
+        if width is None:
+            return "" if low is None and high is None else f"{number(low)} to {number(high)} {unit}"
+        if low is None and high is None:
+            return f"≈ {number(width)} {unit}"
+        return f"{number(width)} {unit} ({number(low)} to {number(high)})"
+
+    def verdict(self, loop: str) -> str:
+        """The one verdict in words; before the first fit what the crossings allow."""
+        answer, status = self.answer(loop), self.shown["loops"].get(loop)
+        if answer is not None:
+            return VERDICTS.get(answer["verdict"], str(answer["verdict"]))
+        if status is None or status["why"] or status["estimate"] is None:
+            return "Not fitted yet"
+        few = loop in self.loops and status["detections"] < self.loops[loop].n
+        return "Provisional, by crossings" if few else "Estimate, by crossings"
+
+    def trend_text(self, loop: str) -> str:
+        """How the width moves, in a few words, and when it will have reached what is acceptable."""
+        found = self.trend(loop)
+        if found is None:
+            return "–"
+        if not found.moves:
+            return "→ steady"
+        slope, spread = (self.percent(loop, value) for value in (found.slope, found.spread))
+        unit = "%" if slope is not None else self.unit(loop)
+        slope, spread = (found.slope, found.spread) if slope is None or spread is None else (slope, spread)
+        arrow, sign = ("↗", "+") if slope > 0 else ("↘", "−")
+        text = f"{arrow} {sign}{number(abs(slope), 2)} ± {number(spread, 1)} {unit}/month"
+        answer, band = self.answer(loop), self.loops[loop].acceptable_dead_band if loop in self.loops else None
+        width = None if answer is None else self.percent(loop, answer["width"])
+        if band is not None and width is not None and slope > 0 and width < band:
+            text += f"; at {number(band)} % in {number((band - width) / slope * 30.0, 2)} d"
+        return text
+
+
+def summary(rows: Sequence[Row]) -> str:
+    """The plant in a line.
+
+    >>> summary([])
+    '0 loops: nothing to do now'
+    """
+    parts = [f"{n} {text}" for key, text in _SOON.items() if (n := sum(row.urgency == key for row in rows))]
+    return f"{len(rows)} loops: " + (", ".join(parts) if parts else "nothing to do now")
+
+
+_SOON = {"high": "to look at first", "signal": "with a bad or missing signal", "medium": "in the next round"}
+
+
+def _todo(status: Mapping[str, Any], answer: Mapping[str, Any] | None, silent: bool) -> str:
+    if silent:
+        return "Find out why no value comes: transmitter, tag, connection."
+    if status["good"] is False:
+        return "Look at the transmitter: PV is bad."
+    if status["fitting"]:
+        return "Is being fitted."
+    if answer is None:
+        return (
+            status["why"] + ": write them into loops.toml." if status["why"] else "Nothing yet: it is fitted tonight."
+        )
+    step = NEXT.get(answer["next"]["code"])
+    return str(answer["next"]["text"]) or ("" if step is None else step.text)
+
+
+def _compensation(status: Mapping[str, Any]) -> str:
+    made = status.get("compensation")
+    if made is None:
+        return ""
+    if not made["enabled"]:
+        return "off"
+    return "on" if made["standing"] == "active" else f"on, {made['standing'].replace('_', ' ')}"
+
+
+def _own(recordings: str | None) -> Trend | None:
+    """The trend within one answer: of the widths that its recordings gave each by itself, where they did."""
+    given = [
+        (datetime.fromisoformat(one["t0"]).timestamp() / 86400.0, one["d"])
+        for one in json.loads(recordings or "[]")
+        if one["t0"] is not None and one["left_out"] is None and one["verdict"] in ("backlash", "both")
+    ]
+    return trend([day for day, _ in given], [d for _, d in given])
+
+
+def _trends(reader: Reader, now: float) -> dict[str, Trend]:
+    """The trend of each loop, a mean a day: of the widths that the fits found, else of the detections.
+
+    Detections under compensation show what is left of the gap, and do not count.
+    """
+    found: dict[str, Trend] = {}
+    since = now - TREND_DAYS * 86400.0
+    for query in (
+        "SELECT name, CAST(t_end / 86400 AS INTEGER) AS day, AVG(d) AS d FROM half_periods JOIN loops ON "
+        "loops.id = half_periods.loop WHERE reason = 0 AND compensated = 0 AND t_end > ? GROUP BY name, day",
+        "SELECT name, CAST(time / 86400 AS INTEGER) AS day, AVG(d) AS d FROM answers JOIN loops ON "
+        "loops.id = answers.loop WHERE verdict IN ('backlash', 'both') AND time > ? GROUP BY name, day",
+    ):
+        by_loop: dict[str, tuple[list[float], list[float]]] = {}
+        for row in reader.rows(query, since):
+            days, widths = by_loop.setdefault(row["name"], ([], []))
+            days.append(row["day"])
+            widths.append(row["d"])
+        for name, (days, widths) in by_loop.items():
+            if (one := trend(days, widths)) is not None:
+                found[name] = one
+    return found
+
+
+def age(seconds: float) -> str:
+    """How long ago, as coarse as a person reads it.
+
+    >>> age(0.4), age(47), age(200), age(7500), age(400000)
+    ('now', '40 s', '3 min', '2 h', '4 d')
+    """
+    if seconds < 10.0:
+        return "now"
+    if seconds < 60.0:
+        return f"{seconds // 10 * 10:.0f} s"
+    for unit, size in (("d", 86400.0), ("h", 3600.0), ("min", 60.0)):
+        if seconds >= size * (1 if unit == "min" else 2):
+            return f"{seconds // size:.0f} {unit}"
+    return f"{seconds // 60:.0f} min"
+
+
+def as_csv(rows: Sequence[Row] | Sequence[Mapping[str, Any]]) -> str:
+    r"""A table as CSV; no text in it is a formula to a spreadsheet.
+
+    >>> as_csv([{"loop": "=1+1", "width": "−2"}])
+    "loop,width\r\n'=1+1,−2\r\n"
+    """
+    plain = [asdict(row) if isinstance(row, Row) else dict(row) for row in rows]
+    out = io.StringIO()
+    if plain:
+        writer = csv.DictWriter(out, list(plain[0]))
+        writer.writeheader()
+        for row in plain:
+            writer.writerow({key: _safe(value) for key, value in row.items()})
+    return out.getvalue()
+
+
+def _safe(value: Any) -> Any:
+    return f"'{value}" if isinstance(value, str) and value[:1] in ("=", "+", "-", "@", "\t", "\r") else value

@@ -1,0 +1,110 @@
+"""A service with three loops and the window on it, in a process of its own; a word on stdin makes something happen."""
+
+import asyncio
+import json
+import sys
+import time
+from pathlib import Path
+
+import service
+from argon2 import PasswordHasher
+from service import loops, values
+
+from glapp.service.door import Door as Server
+from glapp.service.door import app_of as service_app
+from glapp.service.memory import Memory
+from glapp.service.signal import Event
+from glapp.service.users import Users
+from glapp.service.watch import Bounds, Watch
+from glapp.station.app import app_of
+from glapp.station.client import Door
+from glapp.station.pages import Station
+from glapp.station.view import View
+
+PASSWORDS = {"vera": "viewer-password", "olaf": "operator-password", "eve": "engineer-password"}
+ROLES = {"vera": "viewer", "olaf": "operator", "eve": "engineer"}
+CHEAP = PasswordHasher(time_cost=1, memory_cost=8, parallelism=1)
+
+
+def answer(verdict: str, width: float | None, low: float | None, high: float | None, urgency: str) -> dict[str, object]:
+    """A row of `answers`, with as much of a document as is read."""
+    one = {
+        "verdict": verdict,
+        "valve": "gap" if verdict == "backlash" else "no_gap",
+        "width": width,
+        "low": low,
+        "high": high,
+        "urgency": urgency,
+        "next": {"code": "inspect", "of": "play", "text": "Look for play in linkage, keys and actuator."},
+    }
+    return {
+        "time": time.time(),
+        "asked_by": "the night",
+        "t_begin": 0.0,
+        "t_end": 1.0,
+        "verdict": verdict,
+        "d": width,
+        "low": low,
+        "high": high,
+        "unit": "%",
+        "reason": "",
+        "compensable": low,
+        "document": json.dumps({"learnt": {}, "analysis": {"loops": [{"answer": one}]}}),
+    }
+
+
+def made(folder: Path, count: int = 3) -> tuple[Watch, Users]:
+    """A watch over a folder whose first loop has detections until now, and two of which were fitted."""
+    begin = float(int(time.time()) - 400)
+    clock = service.Clock(begin)
+    memory = Memory(folder, begin)
+    memory.know(loops(count))
+    memory.answer("FIC0", answer("backlash", 2.4, 2.15, 3.11, "high"))
+    memory.answer("FIC1", answer("sound", 0.0, None, 0.4, "none"))
+    watch = Watch(loops(count), memory, bounds=Bounds(), clock=clock)
+    service.fed(watch, clock, values("FIC0", 400, begin=begin), pace=20.0)
+    watch.tell(Event(begin, "FIC0", "late", "<b>so</b> late"))
+    asyncio.run(watch.step())
+    watch._clock = time.time
+    users = Users(memory, CHEAP)
+    for name, role in ROLES.items():
+        users.put(name, role, PASSWORDS[name], begin)
+    memory.show(time.time(), json.dumps(watch.status()))
+    return watch, users
+
+
+async def main(folder: Path) -> None:
+    watch, users = await asyncio.to_thread(made, folder)
+    door = Server(service_app(watch, users), "127.0.0.1", 0)
+    (folder / "door").write_text(door.url, encoding="utf-8")
+    station = Station(View(folder), Door(folder))
+    window = Server(app_of(station, ("127.0.0.1",), secure=False), "127.0.0.1", 0)
+    opened = asyncio.ensure_future(door.open())
+    pages = asyncio.ensure_future(window.open())
+
+    async def shown() -> None:
+        while True:
+            watch.memory.show(time.time(), json.dumps(watch.status()))
+            await asyncio.sleep(1.0)
+
+    showing = asyncio.ensure_future(shown())
+    print(window.url, flush=True)
+    while word := (await asyncio.to_thread(sys.stdin.readline)).strip():
+        if word == "gone":
+            opened.cancel()
+            showing.cancel()
+            await asyncio.gather(opened, showing, return_exceptions=True)
+            watch.memory.show(time.time() - 120.0, json.dumps(watch.status()))
+        if word == "change":
+            await watch.change("FIC0", {"n": 5}, "olga", "engineer")
+        if word == "expire":
+            station.sessions._all.clear()
+        print(word, flush=True)
+    for task in (opened, showing, pages):
+        task.cancel()
+    await asyncio.gather(opened, showing, pages, return_exceptions=True)
+    watch.memory.close()
+
+
+if __name__ == "__main__":
+    asyncio.run(main(Path(sys.argv[1])))

@@ -1,0 +1,491 @@
+"""The operator's window without a browser: what is shown, what is asked of the service, who is kept out."""
+
+import asyncio
+import json
+import math
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("nicegui")
+pytest.importorskip("multipart")
+
+import httpx
+from fastapi import FastAPI
+from fastapi.testclient import TestClient
+from service import loops
+from station_child import PASSWORDS, answer, made
+
+from glapp.modules import BacklashDetection, Graph, Input, Output
+from glapp.service.door import app_of as service_app
+from glapp.service.memory import Memory
+from glapp.service.watch import Watch
+from glapp.station import charts, step_test
+from glapp.station.app import app_of
+from glapp.station.client import Door, Gone, Refused, loop_path
+from glapp.station.compensate import STANDINGS, plan
+from glapp.station.pages import Station, all_events
+from glapp.station.parameters import PARAMETERS, changed
+from glapp.station.sessions import COOKIE, LASTS, TRIES, Guard, Sessions
+from glapp.station.view import View, as_csv, trend
+
+CATALOGUE = json.loads((Path(__file__).parents[1] / "vectors" / "catalogue.json").read_text())
+
+
+@pytest.fixture(scope="module")
+def plant(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Watch, FastAPI]]:
+    """A service; nothing is stepped any more."""
+    watch, users = made(tmp_path_factory.mktemp("plant"))
+    yield watch, service_app(watch, users)
+    watch.memory.close()
+
+
+@pytest.fixture
+def view(plant: tuple[Watch, FastAPI]) -> View:
+    watch, _ = plant
+    watch.memory.show(time.time(), json.dumps(watch.status()))
+    found = View(watch.memory.folder)
+    found.refresh()
+    return found
+
+
+def door_to(app: FastAPI, folder: Path) -> Door:
+    """The station's way to a service that is in this process."""
+    door = Door(folder, "http://127.0.0.1")
+    door._http = httpx.AsyncClient(transport=httpx.ASGITransport(app=app))
+    return door
+
+
+# What is shown
+
+
+def test_what_maintenance_should_do_first_comes_first(view: View) -> None:
+    rows = view.rows()
+    assert [(row.loop, row.soon) for row in rows] == [("FIC0", "First"), ("FIC2", "Signal"), ("FIC1", "Signal")]
+    first = rows[0]
+    assert first.width == "2.40 % (2.15 to 3.11)" and first.percent == 2.4 and first.verdict == "Backlash"
+    assert first.todo.startswith("Look for play") and first.health == "Maintenance required"
+    assert rows[2].width == "< 0.400 %" and rows[2].seen == "never" and rows[2].health == "Check function"
+    assert "no value comes" in rows[1].todo
+
+
+def test_what_persons_have_set_counts(plant: tuple[Watch, FastAPI], view: View) -> None:
+    watch, _ = plant
+    asyncio.run(watch.change("FIC2", {"acceptable_dead_band": 1.5}, "eve", "engineer"))
+    watch.memory.show(time.time(), json.dumps(watch.status()))
+    view.refresh()
+    assert view.loops["FIC2"].acceptable_dead_band == 1.5 and view.loops["FIC1"].acceptable_dead_band is None
+
+
+def test_a_bad_pv_is_told(view: View) -> None:
+    loop = view.shown["loops"]["FIC0"]
+    loop |= {"good": False, "note": "BadSensorFailure", "health": "CHECK_FUNCTION"}
+    row = next(row for row in view.rows() if row.loop == "FIC0")
+    assert row.soon == "Signal" and "BadSensorFailure" in row.seen and row.health == "Check function"
+
+
+def test_a_loop_that_is_sampled_seldom_is_not_silent(view: View) -> None:
+    assert view.at is not None
+    loop = view.shown["loops"]["FIC0"]
+    for seen, heard, sample, silent in (
+        (30.0, None, None, False),
+        (90.0, None, None, True),
+        (90.0, 5.0, None, False),
+        (700.0, 5.0, None, True),
+        (900.0, 300.0, 200.0, False),
+        (1100.0, 5.0, 200.0, True),
+    ):
+        loop |= {"seen": view.at - seen, "heard": None if heard is None else view.at - heard}
+        view.loops["FIC0"] = loops()[0].model_copy(update={"sample_time": sample})
+        assert view.silent("FIC0") is silent, (seen, heard, sample)
+
+
+def test_before_the_first_fit_the_crossings_are_marked_as_such(view: View) -> None:
+    view._answers.clear()
+    assert view.headline("FIC0").startswith("≈ ") and "crossings" in view.verdict("FIC0")
+
+
+def test_width_is_in_percent_of_span_only_where_that_is_known(view: View) -> None:
+    view.loops["FIC0"] = loops()[0].model_copy(update={"op_span": (0.0, 200.0), "op_unit": "mA"})
+    assert view.headline("FIC0") == "1.20 % (1.07 to 1.55)"
+    view.loops["FIC0"] = loops()[0].model_copy(update={"op_span": None, "op_unit": "mA"})
+    assert view.headline("FIC0") == "2.40 mA (2.15 to 3.11)"
+
+
+def test_a_service_that_stopped_is_told_with_its_age(view: View) -> None:
+    assert view.behind is None
+    view._clock = lambda: time.time() + 130.0
+    assert view.behind is not None and 129.0 < view.behind < 140.0
+
+
+def test_no_database_is_told_and_taken_up_when_it_comes(tmp_path: Path) -> None:
+    view = View(tmp_path)
+    view.refresh()
+    assert view.why is not None and "holds no glapp.db" in view.why and view.rows() == []
+    memory = Memory(tmp_path)
+    memory.know(loops(1))
+    view.refresh()
+    assert "has not written anything yet" in (view.why or "")
+    status = {"now": 1.0, "loops": {}}
+    memory.show(1.0, json.dumps(status))
+    view.refresh()
+    assert view.why is None
+    memory.close()
+
+
+def test_a_database_that_was_put_in_its_place_is_read(tmp_path: Path) -> None:
+    """What the service sets aside is not what is shown."""
+    old, new = Memory(tmp_path / "old"), Memory(tmp_path / "new")
+    for memory, moment in ((old, 1.0), (new, 2.0)):
+        memory.show(moment, json.dumps({"now": moment, "loops": {}}))
+        memory.close()
+    view = View(tmp_path / "old")
+    view.refresh()
+    assert view.at == 1.0
+    (tmp_path / "new" / "glapp.db").replace(tmp_path / "old" / "glapp.db")
+    view.refresh()
+    assert view.at == 2.0
+
+
+def test_the_window_cannot_write_the_database(view: View) -> None:
+    from glapp.errors import InputError
+
+    with pytest.raises(InputError, match="readonly"):
+        view.read(lambda reader: reader.rows("DELETE FROM half_periods"))
+    view.refresh()
+    assert view.why is None and view.read(lambda reader: reader.half_periods("FIC0"))
+
+
+def test_five_thousand_loops(view: View) -> None:
+    one = view.shown["loops"]["FIC0"]
+    view.shown["loops"] = {f"FIC{i}": one for i in range(5000)}
+    began = time.perf_counter()
+    rows = view.rows()
+    assert len(rows) == 5000 and time.perf_counter() - began < 2.0
+
+
+def test_wear_is_seen_coming(view: View) -> None:
+    days = list(range(60))
+    widths = [1.0 + 0.03 * day + 0.1 * math.sin(7.0 * day) for day in days]
+    found = trend(days, widths)
+    assert found is not None and found.moves and abs(found.slope - 0.9) < 0.1 and found.spread < 0.1
+    flat = trend(days, [1.0 + 0.1 * math.sin(7.0 * day) for day in days])
+    assert flat is not None and not flat.moves
+    view._trends["FIC0"] = found
+    view.loops["FIC0"] = loops()[0].model_copy(update={"acceptable_dead_band": 3.0})
+    assert view.trend_text("FIC0") == "↗ +0.89 ± 0.03 %/month; at 3 % in 20 d"  # from 2.4 %
+
+
+def test_an_export_holds_no_formula(view: View) -> None:
+    rows = [{"loop": "=cmd()", "text": "a,b"}]
+    assert as_csv(rows) == 'loop,text\r\n\'=cmd(),"a,b"\r\n'
+    assert as_csv(view.rows()).count("\r\n") == 4
+
+
+def test_events_and_commands_are_one_list(plant: tuple[Watch, FastAPI], view: View) -> None:
+    watch, _ = plant
+    asyncio.run(watch.log("eve", "engineer", "change", "FIC0", {"kp": 2.0}, {"kp": 3.0}))
+    asyncio.run(watch.refused("olaf", "operator", "enable", "FIC0", None, "needs the role engineer"))
+    found = all_events(Station(view, Door(view.folder)), 100)
+    assert [one["at"] for one in found] == sorted((one["at"] for one in found), reverse=True)
+    texts = {(one["kind"], one["who"], one["text"]) for one in found}
+    assert ("change", "eve (engineer)", "kp 2 → 3") in texts
+    assert ("enable", "olaf (operator)", "refused: needs the role engineer") in texts
+    assert any(one["kind"] == "late" for one in found)
+
+
+def test_half_periods_are_shaded_by_their_verdict(view: View) -> None:
+    halves = view.read(lambda reader: reader.half_periods("FIC0", accepted=False))
+    areas = charts.shades(halves, 100.0, dark=False)
+    assert len(areas) == len(halves)
+    for half, (area, end) in zip(halves, areas, strict=True):
+        blue = area["itemStyle"]["color"] == charts.LIGHT["accepted"]
+        assert blue == (half["reason"] == 0) and end["xAxis"] == 1000.0 * half["t_end"]
+
+
+def test_detections_under_compensation_are_a_series_of_their_own(view: View) -> None:
+    halves = view.read(lambda reader: reader.half_periods("FIC0"))
+    halves[-1] = {**halves[-1], "compensated": 1}
+    options = charts.detections(halves, [answer("backlash", 2.0, 1.0, 3.0, "high")], "%", scale=0.5, dark=True)
+    before, after, _, fits = options["series"]
+    assert len(before["data"]) == len(halves) - 1 and len(after["data"]) == 1
+    assert after["data"][0][1] == pytest.approx(0.5 * halves[-1]["d"], rel=1e-4) and fits["data"][0][1] == 1.0
+
+
+@pytest.mark.parametrize("tone", [charts.LIGHT, charts.DARK])
+def test_colours_can_be_read(tone: dict[str, str]) -> None:
+    """WCAG 2: 4.5 for text on the cards of the page."""
+    card = "#f7f8f9" if tone is charts.LIGHT else "#1d242b"
+
+    def light(colour: str) -> float:
+        parts = (int(colour[i : i + 2], 16) / 255.0 for i in (1, 3, 5))
+        r, g, b = (x / 12.92 if x <= 0.04045 else ((x + 0.055) / 1.055) ** 2.4 for x in parts)
+        return 0.2126 * r + 0.7152 * g + 0.0722 * b
+
+    for name in ("ink", "muted", "pv", "op", "sp", "after"):
+        a, b = sorted((light(tone[name]), light(card)))
+        assert (b + 0.05) / (a + 0.05) >= 4.5, name
+
+
+# Parameters and compensation
+
+
+def test_units_and_bounds_of_parameters_are_the_cores() -> None:
+    compared = 0
+    for name, parameter in PARAMETERS.items():
+        if parameter.kept_as is None:
+            continue
+        table, key = parameter.kept_as
+        row = next(row for row in CATALOGUE["settings"][table] if row["name"] == key)
+        assert parameter.unit == row["unit"], name
+        if name != "comp_release":
+            assert parameter.bound == row["bound"].removesuffix(" a number"), name
+        compared += 1
+    assert compared >= 16
+
+
+def test_only_what_is_changed_is_asked_for() -> None:
+    seen = {"kp": 2.0, "tf": None, "n": 9}
+    assert changed(seen, {"kp": 2.0, "tf": None, "n": 9.0}) == {"values": {}, "seen": {}}
+    assert changed(seen, {"kp": None, "tf": 0.5, "n": 9}) == {
+        "values": {"kp": None, "tf": 0.5},
+        "seen": {"kp": 2.0, "tf": None},
+    }
+
+
+def test_every_standing_has_its_sentence() -> None:
+    assert set(STANDINGS) == set(CATALOGUE["standings"])
+
+
+SETTINGS: dict[str, Any] = {
+    "ti": 20.0,
+    "comp_size": 2.0,
+    "comp_fitted": None,
+    "comp_source": None,
+    "comp_way": 3.0,
+    "comp_share": 0.8,
+    "comp_band": None,
+    "comp_limit": 5.0,
+    "comp_rate": 0.5,
+    "comp_release": None,
+    "comp_watch": None,
+    "comp_withdraw": 1.0,
+    "comp_travel": None,
+    "comp_reversals": None,
+}
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        {},
+        {"comp_fitted": 1.5},
+        {"comp_band": 0.1},
+        {"comp_way": 1.0},
+        {"comp_share": 0.5, "comp_fitted": 1.0, "comp_source": 1},
+    ],
+)
+def test_what_is_told_before_is_what_the_block_does(more: dict[str, Any]) -> None:
+    settings = SETTINGS | more
+    told = plan(settings, "%")
+    given = {key: value for key, value in settings.items() if value is not None}
+    names = ("sp", "pv", "flags", "op", "u_ff")
+    block = BacklashDetection(k=1.0, op_low=0.0, op_high=100.0, **given)
+    graph = Graph(
+        1.0,
+        {**{name: Input() for name in names}, "watch": block, "ff": Output()},
+        [f"{name} -> watch.{name}" for name in names] + ["watch -> ff"],
+    )
+    graph["watch.compensate"] = 1.0
+    graph.scan(sp=0.0, pv=0.0, flags=0.0, op=50.0, u_ff=0.0)
+    assert told.why_not == "" and told.size == graph["watch.size"]
+    assert told.delta == pytest.approx(graph["watch.delta"], rel=1e-12)
+
+
+def test_what_cannot_be_compensated_is_told() -> None:
+    assert "no node" in plan({"k": 1.0}, "%").why_not
+    assert "No width" in plan(SETTINGS | {"comp_size": 0.0}, "%").why_not
+    assert "width is 0" in plan(SETTINGS | {"comp_fitted": 0.0}, "%").why_not
+    assert "Nothing is left" in plan(SETTINGS | {"comp_band": 1.9}, "%").why_not
+
+
+# A step test
+
+
+def test_a_step_test_is_read_as_it_goes_on() -> None:
+    import glapp
+
+    steps = [(0, 100, 50.0), (100, 200, 53.0), (200, 300, 56.0), (300, 400, 52.0)]
+    made = glapp.simulate.closed_loop(
+        ([0.8], [5, 1], 0), (0.5, 10), d=2.0, noise=0.05, h=1.0, t_end=400, manual=steps, setpoint=[(0, 40.0)]
+    )
+    table = made.to_arrow()
+    n = len(table)
+    values: dict[str, Any] = {
+        "time": [1.795e9 + k for k in range(n)],
+        "PV": table["PV"].to_pylist(),
+        "OP": table["OP"].to_pylist(),
+        "MODE": ["MAN"] * n,
+        "QUALITY": ["good"] * n,
+        "OP_LOW": [0] * n,
+        "OP_HIGH": [0] * n,
+    }
+    said = []
+    for end in (90, 195, 295, 400):
+        part = {name: column[:end] for name, column in values.items()}
+        said.append(step_test.advice(step_test.read(part, loops()[0]), True, 2.0, "%"))
+    assert [text.split()[0] for text in said] == ["Step", "Step", "Step", "The"]
+    assert "same direction" in said[1] and "back" in said[2] and "can be read" in said[3]
+    found = step_test.read(values, loops()[0])
+    assert found is not None and "The gap is 1.98" in " ".join(step_test.told(found, "%"))
+    assert step_test.read(values | {"MODE": ["AUTO"] * n}, loops()[0]) is None
+
+
+# The service's door
+
+
+def test_commands_go_by_the_door_in_the_persons_name(plant: tuple[Watch, FastAPI]) -> None:
+    watch, app = plant
+    path = loop_path("FIC0", "parameters")
+
+    async def go() -> None:
+        door = door_to(app, watch.memory.folder)
+        eve, vera = [
+            (await door.asked("POST", "/login", None, {"user": name, "password": PASSWORDS[name]}))["token"]
+            for name in ("eve", "vera")
+        ]
+        seen = await door.asked("GET", path, vera)
+        with pytest.raises(Refused, match="needs the role engineer"):
+            await door.command(path, vera, changed(seen, seen | {"kp": 3.0}))
+        assert (await door.command(path, eve, changed(seen, seen | {"kp": 3.0})))["kp"] == 3.0
+        with pytest.raises(Refused, match="somebody else has changed it"):
+            await door.command(path, eve, changed(seen, seen | {"kp": 4.0}))
+        with pytest.raises(Refused, match="must be odd"):
+            await door.command(path, eve, {"values": {"n": 4}})
+        assert (await door.live("FIC0", vera))["pv"]["good"]
+        await door.asked("POST", "/logout", eve)
+        with pytest.raises(Refused) as refused:
+            await door.asked("GET", "/status", eve)
+        assert refused.value.status == 401
+        await door.close()
+
+    asyncio.run(go())
+    assert watch.reader.commands("FIC0")[0]["person"] in ("eve", "vera")
+
+
+def test_a_service_that_is_gone_is_told(tmp_path: Path) -> None:
+    async def go() -> None:
+        door = Door(tmp_path)
+        with pytest.raises(Gone, match="door is not there"):
+            await door.asked("GET", "/status", "x")
+        (tmp_path / "door").write_text("http://127.0.0.1:9")
+        with pytest.raises(Gone, match="does not answer"):
+            await door.asked("GET", "/status", "x")
+        await door.close()
+
+    asyncio.run(go())
+
+
+# Who is kept out
+
+
+@pytest.fixture
+def guarded() -> tuple[TestClient, Sessions]:
+    inner = FastAPI()
+
+    @inner.get("/{path:path}")
+    async def page(path: str) -> str:
+        return path
+
+    @inner.post("/{path:path}")
+    async def change(path: str) -> str:
+        return path
+
+    sessions = Sessions()
+    app = Guard(inner, sessions, ("127.0.0.1",), secure=False)
+    return TestClient(app, base_url="http://127.0.0.1:8108", follow_redirects=False), sessions
+
+
+def test_without_a_session_there_is_the_login_page_and_nothing_else(guarded: tuple[TestClient, Sessions]) -> None:
+    client, sessions = guarded
+    for path in ("/", "/loop?name=FIC0", "/events.csv", "/laboratory"):
+        assert client.get(path).headers["location"] == "/login"
+    assert client.get("/_nicegui_ws/socket.io/?EIO=4&transport=polling").status_code == 401
+    assert client.get("/_nicegui/1/static/nicegui.js").status_code == 401
+    assert client.get("/login").status_code == 200
+    client.cookies.set(COOKIE, "guess")
+    assert client.get("/").status_code == 303
+    client.cookies.set(COOKIE, sessions.begin("t", "eve", "engineer", dark=False).id)
+    assert client.get("/").status_code == 200
+
+
+def test_a_page_elsewhere_changes_nothing(guarded: tuple[TestClient, Sessions]) -> None:
+    client, sessions = guarded
+    client.cookies.set(COOKIE, sessions.begin("t", "eve", "engineer", dark=False).id)
+    ours = {"Origin": "http://127.0.0.1:8108"}
+    assert client.post("/logout", headers=ours).status_code == 200
+    for origin in ("http://evil.example", "http://127.0.0.1:9999", "https://127.0.0.1:8108", "null"):
+        assert client.post("/logout", headers={"Origin": origin}).status_code == 403, origin
+        assert client.get("/", headers={"Origin": origin}).status_code == 403
+    assert client.post("/logout").status_code == 403  # nobody says where it comes from
+    assert client.get("/", headers={"Host": "evil.example"}).status_code == 400
+    with pytest.raises(Exception) as closed, client.websocket_connect("/_nicegui_ws/socket.io/"):
+        pass
+    assert getattr(closed.value, "code", None) == 1008
+
+
+def test_every_answer_says_that_nothing_comes_from_outside(guarded: tuple[TestClient, Sessions]) -> None:
+    client, _ = guarded
+    headers = client.get("/login").headers
+    assert "default-src 'self'" in headers["content-security-policy"] and headers["cache-control"] == "no-store"
+    assert "frame-ancestors 'none'" in headers["content-security-policy"]
+
+
+def test_a_session_ends() -> None:
+    now = 0.0
+    sessions = Sessions(lambda: now)
+    one = sessions.begin("t", "eve", "engineer", dark=False)
+    assert sessions.of(f"a=b; {COOKIE}={one.id}") is one and sessions.of("x") is None and sessions.of(None) is None
+    now = LASTS + 1.0
+    assert sessions.of(f"{COOKIE}={one.id}") is None
+
+
+@pytest.fixture(scope="module")
+def window(plant: tuple[Watch, FastAPI]) -> tuple[Station, FastAPI]:
+    watch, app = plant
+    station = Station(View(watch.memory.folder), door_to(app, watch.memory.folder))
+    return station, app_of(station, ("127.0.0.1",), secure=True)
+
+
+def test_login(window: tuple[Station, FastAPI]) -> None:
+    station, app = window
+    client = TestClient(app, base_url="https://127.0.0.1", follow_redirects=False)
+    ours = {"Origin": "https://127.0.0.1"}
+    wrong = client.post("/login", data={"user": "eve<b>", "password": "no"}, headers=ours)
+    assert wrong.status_code == 401 and "Wrong name or password" in wrong.text and "<b>" not in wrong.text
+    right = client.post("/login", data={"user": "eve", "password": PASSWORDS["eve"], "dark": "1"}, headers=ours)
+    cookie = right.headers["set-cookie"]
+    assert right.status_code == 303
+    for word in ("HttpOnly", "SameSite=strict", "Secure", "Path=/"):
+        assert word.lower() in cookie.lower()
+    session = station.sessions.of(cookie.partition(";")[0])
+    assert session is not None and session.role == "engineer" and session.dark and session.token not in cookie
+    assert client.post("/login", data={"user": "eve", "password": PASSWORDS["eve"]}).status_code == 403
+    assert client.get("/overview.csv").status_code == 200
+    out = client.post("/logout", headers=ours)
+    assert out.status_code == 303 and station.sessions.by_id(session.id) is None
+    assert client.get("/overview.csv").headers["location"] == "/login"
+
+
+def test_logins_are_limited_by_address(window: tuple[Station, FastAPI]) -> None:
+    station, app = window
+    client = TestClient(app, base_url="https://127.0.0.1", follow_redirects=False)
+    asked = [
+        client.post("/login", data={"user": f"u{i}", "password": "no"}, headers={"Origin": "https://127.0.0.1"}).text
+        for i in range(TRIES + 1)
+    ]
+    assert "Wrong name or password" in asked[0] and "Too many tries from this computer" in asked[-1]
+    station.tries._seen.clear()

@@ -16,10 +16,11 @@ pytest.importorskip("multipart")
 import httpx
 from fastapi import FastAPI
 from fastapi.testclient import TestClient
-from service import loops
+from service import loops, values
 from station_child import PASSWORDS, answer, made
 
 from glapp.modules import BacklashDetection, Graph, Input, Output
+from glapp.report.words import REASONS, failures
 from glapp.service.door import app_of as service_app
 from glapp.service.memory import Memory
 from glapp.service.watch import Watch
@@ -30,6 +31,7 @@ from glapp.station.compensate import STANDINGS, plan
 from glapp.station.pages import Station, all_events
 from glapp.station.parameters import PARAMETERS, changed
 from glapp.station.sessions import COOKIE, LASTS, TRIES, Guard, Sessions
+from glapp.station.under_way import UnderWay
 from glapp.station.view import View, as_csv, trend
 
 CATALOGUE = json.loads((Path(__file__).parents[1] / "vectors" / "catalogue.json").read_text())
@@ -310,6 +312,29 @@ def test_what_cannot_be_compensated_is_told() -> None:
     assert "No width" in plan(SETTINGS | {"comp_size": 0.0}, "%").why_not
     assert "width is 0" in plan(SETTINGS | {"comp_fitted": 0.0}, "%").why_not
     assert "Nothing is left" in plan(SETTINGS | {"comp_band": 1.9}, "%").why_not
+
+
+def test_the_half_period_under_way_is_that_of_the_detector() -> None:
+    """The same samples give the same half-periods as the service's detector."""
+    from glapp.estimate import Estimator
+
+    loop = loops()[0]
+    rows: dict[float, dict[str, float]] = {}
+    for value in values("FIC0", 300):
+        rows.setdefault(value.time, {})[str(value.signal)] = value.value
+    detector, shadow = Estimator(loop, 1.0), UnderWay(loop, 1.0)
+    compared = 0
+    for t, row in sorted(rows.items()):
+        before, failing = shadow.numbers, shadow.failing
+        half = detector.update(t, 50.0, row["pv"], row["op"], 0)
+        shadow.take(t, 50.0, row["pv"], row["op"], auto=True)
+        if half is not None and half.reason != 1:
+            assert before["delta_t"] == pytest.approx(half.delta_t, abs=1.0 + 1e-9)
+            assert before["delta_y"] == pytest.approx(half.delta_y, rel=0.05)
+            assert before["e_max"] == pytest.approx(half.e_max, rel=1e-9)
+            assert [REASONS[name].label for name in failures(half.mask)] == failing
+            compared += 1
+    assert compared >= 5
 
 
 # A step test

@@ -130,6 +130,30 @@ def test_laboratory(browser: Any, window: Window) -> None:
     assert page.wrong == []
 
 
+def test_a_tab_that_is_open_for_a_day_does_not_grow(browser: Any, window: Window) -> None:
+    """A day of values, faster than they come; and nine more tabs beside it."""
+    page = logged_in(browser, window, "vera")
+    page.goto(window.url + "/loop?name=FIC0")
+    page.wait_for_selector(".chart canvas")
+    others = [page.context.new_page() for _ in range(9)]
+    for other in others:
+        other.goto(window.url + "/loop?name=FIC0")
+    count = """() => {
+      const id = Number(document.querySelector('.chart').id.slice(1));
+      const begin = Date.now() + 1e6;
+      for (let k = 0; k < 86400; k += 300) {
+        const rows = [];
+        for (let i = 0; i < 300; i++) rows.push([begin + 1000 * (k + i), 50, 50, 50]);
+        glapp.append(id, rows, 900000);
+      }
+      return getElement(id).chart.getOption().series.map((one) => one.data.length);
+    }"""
+    assert page.evaluate(count) == [901, 901, 901]
+    for other in others:
+        other.get_by_text(re.compile("PV is ")).wait_for()
+        assert other.locator(".one").inner_text() == "2.40 %"
+
+
 def test_step_test(browser: Any, window: Window) -> None:
     page = logged_in(browser, window, "vera")
     page.goto(window.url + "/loop?name=FIC0")

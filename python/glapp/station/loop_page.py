@@ -22,6 +22,7 @@ from .compensate import STANDINGS, calm, plan
 from .pages import Station, command, frame, heading, moment, quiet
 from .parameters import PARAMETERS, changed, field, told
 from .sessions import Session
+from .under_way import UnderWay
 
 __all__ = ["loop_page"]
 
@@ -63,6 +64,7 @@ class _Page:
         self.window = next((window for window in WINDOWS if window >= 300.0 * sample), max(WINDOWS))
         self.last = -math.inf
         self.newest: tuple[Any, ...] | None = None
+        self.under_way: UnderWay | None = None
         loop = station.view.loops[name]
         self.pv_unit, self.op_unit = loop.pv_unit or "", loop.op_label
 
@@ -141,6 +143,7 @@ class _Page:
                 )
             ).classes("chart")
             self.chart.props('role="img" aria-label="SP, PV and OP over time"')
+            self.half = ui.label().classes("small")
 
     def _reasons(self) -> None:
         heading(f"Half-periods of the last {REASON_DAYS} days", 2)
@@ -165,6 +168,31 @@ class _Page:
         self.chart.options.clear()
         self.chart.options.update(options)
         self.chart.update()
+        self.under_way = await asyncio.to_thread(self._begun, values)
+        self._show_under_way()
+
+    def _begun(self, values: dict[str, Any]) -> UnderWay | None:
+        """A detector that has seen what is drawn; None where the controller is not known, or samples are left out."""
+        loop = self.station.view.loops[self.name]
+        times = values["time"]
+        if loop.controller is None or len(times) < 2 or values.get("every", 1) > 1:
+            return None
+        one = UnderWay(loop, loop.sample_time or float(np.median(np.diff(times))))
+        one.take_all(values)
+        return one
+
+    def _show_under_way(self) -> None:
+        if self.under_way is None:
+            self.half.set_text("")
+            return
+        found = self.under_way.numbers
+        pv = self.pv_unit
+        failing = ", ".join(self.under_way.failing)
+        self.half.set_text(
+            f"Half-period under way: Δt {quantity(found['delta_t'], 's')}, Δy {quantity(found['delta_y'], pv)}, "
+            f"e_max {quantity(found['e_max'], pv)}, Δysp {quantity(found['delta_sp'], pv)}. "
+            + (f"It would be rejected now: {failing}." if failing else "It would be a detection now.")
+        )
 
     async def often(self) -> None:
         """The newest values, from the service."""
@@ -192,6 +220,12 @@ class _Page:
         if pv["time"] > self.last:
             self.last = pv["time"]
             row = [1000.0 * pv["time"], *(self._number(values, key) for key in ("sp", "pv", "op"))]
+            if self.under_way is not None:
+                mode = values.get("mode")
+                auto = mode is None or mode["value"] == 1.0
+                sp, value, op = (self._number(values, key) for key in ("sp", "pv", "op"))
+                self.under_way.take(pv["time"], sp, value, op, auto=auto)
+                self._show_under_way()
             ui.run_javascript(f"glapp.append({self.chart.id}, {_js([row])}, {1000 * self.window})")
 
     def _number(self, values: dict[str, Any], key: str) -> float | None:

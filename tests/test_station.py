@@ -208,6 +208,14 @@ def test_half_periods_are_shaded_by_their_verdict(view: View) -> None:
         assert blue == (half["reason"] == 0) and end["xAxis"] == 1000.0 * half["t_end"]
 
 
+def test_no_line_is_drawn_where_nothing_came() -> None:
+    times = [*range(100), *range(160, 200)]
+    values = {"time": times, "SP": [50.0] * 140, "PV": [51.0] * 140, "OP": [None] * 140}
+    pv = charts.live(values, [], "bar", "%", dark=False)["series"][1]["data"]
+    assert [i for i, (_, x) in enumerate(pv) if x is None] == [100] and len(pv) == 141
+    assert charts.live({name: [] for name in values}, [], "", "%", dark=True)["series"][1]["data"] == []
+
+
 def test_detections_under_compensation_are_a_series_of_their_own(view: View) -> None:
     halves = view.read(lambda reader: reader.half_periods("FIC0"))
     halves[-1] = {**halves[-1], "compensated": 1}

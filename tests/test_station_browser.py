@@ -239,6 +239,10 @@ def test_a_service_that_is_gone(browser: Any, tmp_path: Path) -> None:
         page.get_by_text(re.compile("The service has written nothing for 2 min")).wait_for()
         page.get_by_role("button", name="Fit now").click()
         page.get_by_text(re.compile("Not done: the service does not answer")).wait_for()
+        window.say("no database")
+        page.get_by_text(re.compile("The database cannot be read: .* holds no glapp.db")).wait_for()
+        page.get_by_role("button", name="Graph").click()
+        page.get_by_text(re.compile("^(?!The database).*holds no glapp.db")).wait_for()
         assert page.locator(".one").inner_text() == "2.40 %"  # what is known is still there
         assert page.wrong == []
         with pytest.raises(OSError):

@@ -6,7 +6,7 @@ import asyncio
 import math
 import time
 from collections.abc import Awaitable, Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 import numpy as np
@@ -114,10 +114,21 @@ class _Page:
             self._button("Step test", self.step_test)
 
     def _button(self, text: str, what: Callable[[], Awaitable[None]], role: str = "viewer") -> ui.button:
-        button = quiet(text, what)
+        button = quiet(text, self._told(what))
         if not self.session.may(role):
             button.props("disable").tooltip(f"needs the role {role}")
         return button
+
+    def _told(self, what: Callable[[], Awaitable[None]]) -> Callable[[], Awaitable[None]]:
+        """What a button does; a database that cannot be read is told at the button."""
+
+        async def safely() -> None:
+            try:
+                await what()
+            except InputError as error:
+                ui.notify(str(error), type="warning", timeout=0, close_button="Close", multi_line=True)
+
+        return safely
 
     def _values(self) -> None:
         with ui.element("div").classes("card"):
@@ -151,7 +162,7 @@ class _Page:
 
     async def _window(self, event: Any) -> None:
         self.window = int(event.value)
-        await self.draw()
+        await self._told(self.draw)()
 
     # What goes on
 
@@ -246,15 +257,13 @@ class _Page:
             if made["enabled"]
             else f"Compensation is off: {made['why_off'] or 'nobody enabled it'}."
         )
-        try:
+        with suppress(InputError):  # the frame tells it
             newest = await asyncio.to_thread(self.read, lambda r: r.half_periods(self.name, accepted=False, most=1))
-        except InputError:
-            return
-        mark = tuple(row["number"] for row in newest)
-        if mark != self.newest:
-            self.newest = mark
-            await self.draw()
-            await self._count()
+            mark = tuple(row["number"] for row in newest)
+            if mark != self.newest:
+                await self.draw()
+                await self._count()
+                self.newest = mark
 
     def _unit(self) -> str:
         return "% of span" if self.station.view.percent(self.name, 1.0) is not None else self.op_unit

@@ -3,6 +3,8 @@
 import asyncio
 import json
 import math
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,7 +20,10 @@ from fastapi import FastAPI
 from fastapi.testclient import TestClient
 from service import loops, values
 from station_child import PASSWORDS, answer, made
+from typer.testing import CliRunner
 
+from glapp.cli import app as cli
+from glapp.errors import InputError
 from glapp.modules import BacklashDetection, Graph, Input, Output
 from glapp.report.words import REASONS, failures
 from glapp.service.door import app_of as service_app
@@ -153,8 +158,6 @@ def test_a_database_that_was_put_in_its_place_is_read(tmp_path: Path) -> None:
 
 
 def test_the_window_cannot_write_the_database(view: View) -> None:
-    from glapp.errors import InputError
-
     with pytest.raises(InputError, match="readonly"):
         view.read(lambda reader: reader.rows("DELETE FROM half_periods"))
     view.refresh()
@@ -522,3 +525,26 @@ def test_logins_are_limited_by_address(window: tuple[Station, FastAPI]) -> None:
     ]
     assert "Wrong name or password" in asked[0] and "Too many tries from this computer" in asked[-1]
     station.tries._seen.clear()
+
+
+# The command line
+
+
+def test_it_is_not_opened_to_others_without_tls(tmp_path: Path) -> None:
+    code = "from glapp.cli import main; main()"
+    words = ["station", "--data", str(tmp_path), "--host", "0.0.0.0", "--port", "0"]
+    done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, timeout=60)
+    said = " ".join(done.stderr.split())
+    assert done.returncode == 1 and "passwords would be readable on their way" in said and "Traceback" not in said
+
+
+def test_a_demo_takes_no_folder_of_a_service_that_runs(tmp_path: Path) -> None:
+    memory = Memory(tmp_path)
+    result = CliRunner().invoke(cli, ["station", "--demo", "--data", str(tmp_path)])
+    assert isinstance(result.exception, InputError) and "a folder of its own" in str(result.exception)
+    memory.close()
+
+
+def test_help_teaches() -> None:
+    text = CliRunner().invoke(cli, ["station", "--help"]).output
+    assert "glapp station --demo" in text and "docs/station.md" in text

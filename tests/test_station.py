@@ -32,7 +32,7 @@ from glapp.service.watch import Watch
 from glapp.station import charts, step_test
 from glapp.station.app import app_of
 from glapp.station.client import Door, Gone, Refused, loop_path
-from glapp.station.compensate import STANDINGS, plan
+from glapp.station.compensate import STANDINGS, calm, plan
 from glapp.station.pages import Station, all_events
 from glapp.station.parameters import PARAMETERS, changed
 from glapp.station.sessions import COOKIE, LASTS, TRIES, Guard, Sessions
@@ -378,6 +378,20 @@ def test_a_step_test_is_read_as_it_goes_on() -> None:
     found = step_test.read(values, loops()[0])
     assert found is not None and "The gap is 1.98" in " ".join(step_test.told(found, "%"))
     assert step_test.read(values | {"MODE": ["AUTO"] * n}, loops()[0]) is None
+
+
+def test_whether_pv_is_calmer_is_told_only_when_that_is_seen() -> None:
+    t = [float(k) for k in range(2000)]
+    pv = [50.0 + (1.0 if k < 1000 else 0.4) * math.sin(0.05 * k) for k in range(2000)]
+    u_ff = [0.0 if k < 1000 else 0.5 for k in range(2000)]
+    sp = [50.0] * 2000
+    found = calm(t, sp, pv, u_ff, 950.0, 900.0)
+    assert found is not None and found.factor == pytest.approx(2.5, rel=0.05) and found.word.startswith("calmer")
+    assert found.seconds == 999.0
+    assert calm(t, sp, pv, [0.0] * 2000, 950.0, 900.0) is None  # enabled, and it waits
+    assert calm(t[:1500], sp[:1500], pv[:1500], u_ff[:1500], 950.0, 900.0) is None
+    assert calm(t[500:], sp[500:], pv[500:], u_ff[500:], 950.0, 900.0) is None
+    assert calm([], [], [], [], 950.0, 900.0) is None
 
 
 # The service's door

@@ -14,7 +14,7 @@ from nicegui import ui
 from starlette.requests import Request
 
 from ..errors import InputError
-from ..report.words import MEANINGS, NAMES, duration, number, quantity, sentence
+from ..report.words import MEANINGS, NAMES, duration, quantity, sentence
 from ..service.recordings import Signals
 from . import charts, step_test
 from .client import Gone, Refused, loop_path
@@ -33,6 +33,9 @@ MOST = 3000
 """So many samples are drawn at most."""
 
 REASON_DAYS = 7
+
+CALM_AFTER = 20.0
+"""So many Ti must have been seen before and since to say whether PV is calmer."""
 
 
 async def signals(station: Station, session: Session, loop: str, begin: float, end: float) -> dict[str, Any]:
@@ -516,7 +519,7 @@ class _Page:
                 ui.label(found.why_not or "This loop has no node for u_FF, or its controller is not known.")
                 return
             if made["enabled"]:
-                await self._in_force(made)
+                await self._in_force(made, seen["ti"])
             elif made["why_off"]:
                 ui.label(f"It is off: {made['why_off']}.")
             heading("What it does" if made["enabled"] else "What it will do", 2)
@@ -572,7 +575,7 @@ class _Page:
             heading("Who did what, when", 2)
             self._log(log, lambda row: f"refused: {row['refused']}" if row["refused"] else "")
 
-    async def _in_force(self, made: dict[str, Any]) -> None:
+    async def _in_force(self, made: dict[str, Any], ti: float) -> None:
         unit = self.op_unit
         ui.label(STANDINGS.get(made["standing"], made["standing"])).style("font-weight: 600")
         if made["over"]:
@@ -586,16 +589,18 @@ class _Page:
         if begun is None:
             return
         now = time.time()
-        span = min(max(now - begun, 60.0), 86400.0)
-        values = await signals(self.station, self.session, self.name, begun - span, now)
-        found = calm(values["time"], _floats(values["SP"]), _floats(values["PV"]), begun)
+        least = CALM_AFTER * ti
+        span = min(max(now - begun, least), 7 * 86400.0)
+        values = await signals(self.station, self.session, self.name, begun - 1.1 * span, now)
+        sp, pv, u_ff = (_floats(values[name]) for name in ("SP", "PV", "U_FF"))
+        found = calm(values["time"], sp, pv, u_ff, begun, least)
         if found is None:
-            ui.label("It is too early to say whether PV is calmer.").classes("muted")
+            wait = f"that takes {duration(least)} before u_FF moved, and as long since"
+            ui.label(f"It is too early to say whether PV is calmer: {wait}.").classes("muted")
             return
-        word = f"calmer by a factor of {number(found.factor, 2)}" if found.factor > 1 else "not calmer"
         ui.label(
-            f"PV is {word}: SP − PV scatters by {quantity(found.since, self.pv_unit)} in the {duration(found.seconds)} "
-            f"since then, by {quantity(found.before, self.pv_unit)} before."
+            f"PV is {found.word}: SP − PV scatters by {quantity(found.since, self.pv_unit)} in the "
+            f"{duration(found.seconds)} since u_FF moves, by {quantity(found.before, self.pv_unit)} before."
         )
 
 

@@ -108,6 +108,7 @@ def test_a_loop_that_is_sampled_seldom_is_not_silent(view: View) -> None:
         loop |= {"seen": view.at - seen, "heard": None if heard is None else view.at - heard}
         view.loops["FIC0"] = loops()[0].model_copy(update={"sample_time": sample})
         assert view.silent("FIC0") is silent, (seen, heard, sample)
+    assert view.silent("not watched any more")
 
 
 def test_before_the_first_fit_the_crossings_are_marked_as_such(view: View) -> None:

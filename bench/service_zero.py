@@ -24,7 +24,6 @@ from typing import Any
 
 import httpx
 
-from glapp.service.memory import Reader
 from glapp.service.plant import SimPlant
 
 LOOP = "FIC101"
@@ -84,18 +83,11 @@ class _Service:
                 if "glapp watch drill" in reply.text and not drilled:
                     drilled = (await self.asked("drill")).is_success
             if time.monotonic() - began > LONGEST:
-                raise SystemExit(f"u_FF never came: {await self.status()} {self.told(0.0)}")
+                raise SystemExit(f"u_FF never came: {await self.status()}")
             if time.monotonic() - moved > 10.0:  # a setpoint that moves makes OP turn
                 moved, sp = time.monotonic(), 100.0 - sp
                 plant._loops[LOOP].graph["sp.value"] = sp
             await asyncio.sleep(0.1)
-
-    def told(self, since: float) -> str:
-        """The kinds of what was told of it since a moment."""
-        with Reader(self.data) as reader:
-            rows = [row for row in reader.events(most=100) if row["time"] >= since]
-        kinds = [row["kind"] for row in reversed(rows) if row["loop"] in (None, LOOP)]
-        return ", ".join(dict.fromkeys(kind for kind in kinds if kind not in ("enabled", "answer", "connected")))
 
 
 async def until(true: Callable[[], bool], why: str) -> None:
@@ -167,13 +159,13 @@ async def _all(only: str | None) -> None:
                 "the service is killed (-9)": sent(signal.SIGKILL),
                 "the service hangs (SIGSTOP)": sent(signal.SIGSTOP),
             }
-            print("| loss | u_FF then, % | begins to fall after, s | 0 after, s | greatest in 5 s after | told |")
+            heads = "u_FF then, %", "begins to fall after, s", "0 after, s", "greatest in 5 s after", "why, it says"
+            print(f"| loss | {' | '.join(heads)} |")
             print("|---|---|---|---|---|---|", flush=True)
             for what, lose in losses.items():
                 if only is not None and only not in what:
                     continue
                 await service.compensated(plant)
-                since = time.time()
                 left, fell, zero, after = await _measured(plant, lose)
                 for kind in ("manual", "bad", "silent"):
                     plant.fault(kind, LOOP, 0.0)
@@ -188,12 +180,11 @@ async def _all(only: str | None) -> None:
                         await service.begin()
                 await asyncio.sleep(5.0)
                 late = abs(plant.u_ff(LOOP))
-                told = service.told(since)
-                enabled = service.child.poll() is None and (await service.status())["compensation"]["enabled"]
-                more = "" if enabled == ("manual" in what or "bad" in what) else ", still enabled" * enabled
-                row = (what, f"{left:.2f}", f"{fell:.1f}", f"{zero:.1f}", f"{max(after, late):.2f}", told + more)
+                made = (await service.status())["compensation"] if service.child.poll() is None else None
+                why = "" if made is None else made["why_off"] or f"enabled, and {made['standing']}"
+                row = (what, f"{left:.2f}", f"{fell:.1f}", f"{zero:.1f}", f"{max(after, late):.2f}", why)
                 print("| " + " | ".join(row) + " |", flush=True)
-                if enabled:
+                if made is not None and made["enabled"]:
                     await service.asked("disable")
             if service.child is not None and service.child.poll() is None:
                 service.child.terminate()

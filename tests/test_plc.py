@@ -233,7 +233,15 @@ def test_unpacked_it_is_the_source_again(packages, tmp_path, unpack, build):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("test", "of"), [("vectors", ["real", "detector_real"]), ("control", ["vectors_real"])])
+@pytest.mark.parametrize(
+    ("test", "of"),
+    [
+        ("vectors", ["real", "detector_real"]),
+        ("control", ["vectors_real"]),
+        ("compensate", ["real"]),
+        ("detection", ["vectors_real"]),
+    ],
+)
 def test_pages_without_arrays_and_functions_give_the_same_numbers(packages, tmp_path, test, of):
     units = unpack_ac800m(packages)
     assert not any(re.search(r"\bARRAY\b|\bFUNCTION \w|\[", text) for text in units.values())

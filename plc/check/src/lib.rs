@@ -7,10 +7,12 @@ mod mutate;
 mod page;
 mod run;
 mod second;
+mod trace;
 mod tree;
 
 pub use library::{Build, Library, Value, Way, sources, trees};
 pub use mutate::{Mutant, Mutants};
 pub use page::pins;
 pub use run::Instance;
+pub use trace::{Trace, Trial};
 pub use tree::{Fault, Unit};

@@ -25,6 +25,19 @@ pub enum Value {
     Lreal(f64),
 }
 
+impl Value {
+    /// What it is in the memory: two of the same type are the same where these are.
+    pub(crate) fn bits(self) -> u64 {
+        match self {
+            Self::Bool(x) => x.into(),
+            Self::Int(x) => x as u64,
+            Self::Dint(x) => x as u64,
+            Self::Real(x) => x.to_bits().into(),
+            Self::Lreal(x) => x.to_bits(),
+        }
+    }
+}
+
 /// A type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[allow(missing_docs)]

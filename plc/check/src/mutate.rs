@@ -42,6 +42,19 @@ impl Mutants {
         Ok(Self { sources: sources.to_vec(), units })
     }
 
+    /// The library with another text in the place of a file's.
+    ///
+    /// # Errors
+    /// Where there is no such file, or it is refused.
+    pub fn with(&self, file: &str, text: &str) -> Result<Library, Fault> {
+        let Some(place) = self.sources.iter().position(|(name, _)| name == file) else {
+            return Err(Fault::new(file, 0, "no such file"));
+        };
+        let mut units = self.units.clone();
+        units[place] = read_unit(file, text)?;
+        Library::built(&units)
+    }
+
     /// Mutants of a file, those that both parsers read and whose names and types fit, in the order of the text; and the library with each.
     ///
     /// # Errors

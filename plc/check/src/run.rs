@@ -74,7 +74,7 @@ impl<'l> Instance<'l> {
         self.put(pin, at, ty, value)
     }
 
-    fn put(&mut self, pin: &str, at: usize, ty: Ty, value: f64) -> Result<(), Fault> {
+    pub(crate) fn put(&mut self, pin: &str, at: usize, ty: Ty, value: f64) -> Result<(), Fault> {
         let whole = |low: f64, high: f64| value >= low && value <= high && value % 1.0 == 0.0;
         self.memory.values[at] = match ty {
             Ty::Bool if value == 0.0 || value == 1.0 => Value::Bool(value == 1.0),
@@ -107,7 +107,7 @@ impl<'l> Instance<'l> {
         self.find(name).map(|(at, _, _)| self.shown(at))
     }
 
-    fn shown(&self, at: usize) -> f64 {
+    pub(crate) fn shown(&self, at: usize) -> f64 {
         match self.memory.values[at] {
             Value::Bool(x) => x.into(),
             Value::Int(x) => x.into(),
@@ -117,7 +117,7 @@ impl<'l> Instance<'l> {
         }
     }
 
-    fn find(&self, path: &str) -> Result<(usize, Ty, Class), Fault> {
+    pub(crate) fn find(&self, path: &str) -> Result<(usize, Ty, Class), Fault> {
         let (mut unit, mut at) = (self.unit, 0);
         let mut outer = None;
         let mut parts = path.split('.').peekable();
@@ -140,8 +140,15 @@ impl<'l> Instance<'l> {
     /// # Errors
     /// Where the run stops: a division by zero, a result that is no number, an index or an integer out of range, a WHILE without end.
     pub fn call(&mut self) -> Result<(), Fault> {
-        Run { library: self.library, memory: &mut self.memory, unit: &self.library.units[self.unit], frame: 0, line: 0 }
-            .body()
+        self.tried(None)
+    }
+
+    /// The same, and the changed units of a probe are tried wherever theirs is called.
+    pub(crate) fn tried(&mut self, probe: Option<&mut Probe<'_>>) -> Result<(), Fault> {
+        let unit = &self.library.units[self.unit];
+        Run { library: self.library, memory: &mut self.memory, probe, unit, frame: 0, line: 0 }
+            .enter(self.unit, 0)
+            .map_err(|fault| *fault)
     }
 
     /// The block's name.
@@ -160,25 +167,78 @@ impl<'l> Instance<'l> {
     }
 }
 
-struct Run<'r> {
+/// Changed units, tried on what the library's own are given, wherever these are called.
+pub(crate) struct Probe<'p> {
+    changed: &'p [Compiled],
+    /// For each unit the numbers of the changed ones that have done the same so far.
+    pub live: Vec<Vec<usize>>,
+    /// Those that have left another memory behind, or stopped.
+    pub differ: Vec<usize>,
+    memory: Memory,
+}
+
+impl<'p> Probe<'p> {
+    pub(crate) fn new(library: &Library, changed: &'p [Compiled]) -> Self {
+        let taken = vec![false; library.ways.len()];
+        let memory = Memory { values: vec![], functions: 0, operations: 0, taken };
+        Self { changed, live: vec![vec![]; library.units.len()], differ: vec![], memory }
+    }
+
+    fn compare(&mut self, library: &Library, number: usize, before: &[Value], after: &[Value]) {
+        let function = matches!(library.units[number].kind, Kind::Function { .. });
+        let shown = if function { 1 } else { before.len() };
+        let Self { changed, live, differ, memory } = self;
+        live[number].retain(|one| {
+            memory.values.clear();
+            memory.values.extend_from_slice(before);
+            memory.values.resize(before.len() + library.function_memory, Value::Bool(false));
+            memory.functions = before.len();
+            let run = Run { library, memory, probe: None, unit: &changed[*one], frame: 0, line: 0 }.body();
+            let same = run.is_ok() && memory.values[..shown].iter().zip(after).all(|(a, b)| a.bits() == b.bits());
+            if !same {
+                differ.push(*one);
+            }
+            same
+        });
+    }
+}
+
+/// A fault at some length: what a run gives back is short.
+type Stop = Box<Fault>;
+
+struct Run<'r, 'p> {
     library: &'r Library,
     memory: &'r mut Memory,
+    probe: Option<&'r mut Probe<'p>>,
     unit: &'r Compiled,
     frame: usize,
     line: usize,
 }
 
-impl<'r> Run<'r> {
-    fn body(&mut self) -> Result<(), Fault> {
+impl<'r> Run<'r, '_> {
+    fn body(&mut self) -> Result<(), Stop> {
         let unit = self.unit;
         self.steps(&unit.body)
     }
 
-    fn stop<T>(&self, what: impl Into<String>) -> Result<T, Fault> {
-        Err(Fault::new(&self.unit.name, self.line, what))
+    /// Runs a unit of the library where its memory begins.
+    fn enter(&mut self, number: usize, frame: usize) -> Result<(), Stop> {
+        let (library, unit) = (self.library, &self.library.units[number]);
+        let tried = self.probe.as_ref().is_some_and(|probe| !probe.live[number].is_empty());
+        let before = tried.then(|| self.memory.values[frame..frame + unit.image.len()].to_vec());
+        let probe = self.probe.as_deref_mut();
+        Run { library, memory: self.memory, probe, unit, frame, line: 0 }.body()?;
+        if let (Some(before), Some(probe)) = (before, self.probe.as_deref_mut()) {
+            probe.compare(library, number, &before, &self.memory.values[frame..]);
+        }
+        Ok(())
     }
 
-    fn steps(&mut self, steps: &'r [Step]) -> Result<(), Fault> {
+    fn stop<T>(&self, what: impl Into<String>) -> Result<T, Stop> {
+        Err(Box::new(Fault::new(&self.unit.name, self.line, what)))
+    }
+
+    fn steps(&mut self, steps: &'r [Step]) -> Result<(), Stop> {
         for step in steps {
             self.line = step.line;
             self.step(&step.kind)?;
@@ -186,14 +246,14 @@ impl<'r> Run<'r> {
         Ok(())
     }
 
-    fn condition(&mut self, code: &Code) -> Result<bool, Fault> {
+    fn condition(&mut self, code: &Code) -> Result<bool, Stop> {
         match self.value(code)? {
             Value::Bool(x) => Ok(x),
             other => self.stop(format!("{other:?} as a condition")),
         }
     }
 
-    fn step(&mut self, step: &'r StepKind) -> Result<(), Fault> {
+    fn step(&mut self, step: &'r StepKind) -> Result<(), Stop> {
         match step {
             StepKind::Set(place, code) => {
                 let value = self.value(code)?;
@@ -254,14 +314,13 @@ impl<'r> Run<'r> {
                     self.memory.values.copy_within(from..from + length, to);
                 }
                 self.memory.operations += 1;
-                let (library, frame) = (self.library, self.frame + at);
-                Run { library, memory: self.memory, unit: &library.units[*unit], frame, line: 0 }.body()?;
+                self.enter(*unit, self.frame + at)?;
             }
         }
         Ok(())
     }
 
-    fn at(&mut self, place: &Place) -> Result<usize, Fault> {
+    fn at(&mut self, place: &Place) -> Result<usize, Stop> {
         match place {
             Place::Fixed(at) => Ok(self.frame + at),
             Place::Indexed { at, low, high, index } => {
@@ -274,7 +333,7 @@ impl<'r> Run<'r> {
         }
     }
 
-    fn value(&mut self, code: &Code) -> Result<Value, Fault> {
+    fn value(&mut self, code: &Code) -> Result<Value, Stop> {
         match code {
             Code::Const(value) => Ok(*value),
             Code::Load(place) => {
@@ -340,13 +399,13 @@ impl<'r> Run<'r> {
                     self.memory.values[frame + at] = given;
                 }
                 self.memory.operations += 1 + inputs.len() as u64;
-                Run { library, memory: self.memory, unit, frame, line: 0 }.body()?;
+                self.enter(*number, frame)?;
                 Ok(self.memory.values[frame])
             }
         }
     }
 
-    fn binary(&self, op: Op, left: Value, right: Value) -> Result<Value, Fault> {
+    fn binary(&self, op: Op, left: Value, right: Value) -> Result<Value, Stop> {
         use std::cmp::Ordering;
         let ordering = match (left, right) {
             (Value::Bool(a), Value::Bool(b)) => {
@@ -376,7 +435,7 @@ impl<'r> Run<'r> {
     }
 
     /// Each operation is rounded once; nothing is fused.
-    fn arithmetic(&self, op: Op, left: Value, right: Value) -> Result<Value, Fault> {
+    fn arithmetic(&self, op: Op, left: Value, right: Value) -> Result<Value, Stop> {
         macro_rules! float {
             ($a:expr, $b:expr) => {
                 match op {
@@ -412,7 +471,7 @@ impl<'r> Run<'r> {
     }
 
     /// Also where an operand already was none: a controller may trap there.
-    fn number(&self, value: Value) -> Result<Value, Fault> {
+    fn number(&self, value: Value) -> Result<Value, Stop> {
         let finite = match value {
             Value::Real(x) => x.is_finite(),
             Value::Lreal(x) => x.is_finite(),
@@ -421,7 +480,7 @@ impl<'r> Run<'r> {
         if finite { Ok(value) } else { self.stop("a result that is no number") }
     }
 
-    fn whole(&self, value: Option<Value>) -> Result<Value, Fault> {
+    fn whole(&self, value: Option<Value>) -> Result<Value, Stop> {
         match value {
             Some(value) => Ok(value),
             None => self.stop("an integer out of range"),

@@ -558,6 +558,7 @@ fn random<R: Number>() {
             let mut draw = Draw::new(7000 + seed);
             let mut signals = Signals::new(twin, &mut draw);
             let (block, mut shown) = (Block::new::<R>(twin.pou), vec![]);
+            block.unheld();
             for _ in 0..60 {
                 let mut row = signals.next(&shown, &mut draw);
                 extreme(&mut row, &mut draw);
@@ -577,6 +578,7 @@ fn experiments<R: Number>(taken: &mut [bool]) {
     let twin = &TWINS[8];
     for case in cases(twin.name) {
         let block = Block::new::<R>(twin.pou);
+        block.unheld();
         for (h, x) in &case.input {
             scan(twin, &block, &of_vector(twin, &case, x, *h));
         }
@@ -595,6 +597,9 @@ fn experiments<R: Number>(taken: &mut [bool]) {
     ];
     for (number, (size, later, mean, amplitude, first, h, compared)) in ends.into_iter().enumerate() {
         let (mut reference, block) = (core::<R>(twin), Block::new::<R>(twin.pou));
+        if !compared {
+            block.unheld();
+        }
         let within = |pin: &str| format!("Used.{pin}");
         let mut row = Row::new(twin, &[("Take", 1.0), ("Starts", 1.0)]);
         let limits = [("PvLow", -1e12), ("PvHigh", 1e12), ("OpLow", -1e12), ("OpHigh", 1e12)];

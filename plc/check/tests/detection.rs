@@ -222,6 +222,7 @@ fn extremes<R: Number>(cover: &mut Cover) {
         let scales = (draw.of(&[1.0, 1e9, 3e9, 1e10, 1e-30]), draw.of(&[1.0, 1e9, 3e9, 1e-12, 1e-20, 1e-30]));
         let case = drawn("correction", &mut draw, scales);
         let (mut scan, block) = library::<R>("correction", &case);
+        block.unheld();
         for (h, x) in &case.input {
             scan(x, *h);
         }
@@ -269,6 +270,7 @@ fn endless<R: Number>(cover: &mut Cover) {
             (seed % 2 == 0).then(|| Foreign { delay: d.of(&[1, 32]), tolerance: Some(9e36), longest, back: Some(0.0) });
         let mut pins = Pins { detector, compensate: false, compensation: Some(compensation), cut: false, foreign };
         let block = Block::new::<R>(pins.name());
+        block.unheld();
         for i in 0..120 {
             let side = if (i / 6) % 2 == 0 { 1.0 } else { -1.0 };
             pins.compensate = i > 20;

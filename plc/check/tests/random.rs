@@ -211,6 +211,9 @@ fn extremes<R: Number>(taken: &mut [bool]) {
         }
         pins.conditions = Conditions { too_short: false, decaying: false, growing: false, ..pins.conditions };
         let (block, mut reference) = (Block::new::<R>("GlappDetector"), Reference::<R>::default());
+        if R::BUILD == Build::Lreal {
+            block.unheld();
+        }
         for i in 0..120 {
             let side = if (i / 6) % 2 == 0 { 1.0 } else { -1.0 };
             pins.pv = size * (side + draw.between(-0.1, 0.1));

@@ -11,13 +11,14 @@ pub mod detector;
 pub mod self_test;
 
 use glapp_core::{DetectorState, Real};
-use glapp_plc_check::{Build, Instance, Library, sources};
+use glapp_plc_check::{Build, Fault, Instance, Library, Trace, sources};
 use serde_json::Value;
 use std::cell::RefCell;
-use std::io::Write;
+use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::sync::OnceLock;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Where the library is: `GLAPP_PLC` names a changed one, of which the first difference ends the run.
 pub fn folder() -> PathBuf {
@@ -79,13 +80,96 @@ macro_rules! number {
 number!(f64, Build::Lreal, 5e-324);
 number!(f32, Build::Real, 1e-45);
 
+/// An instance, and where `GLAPP_TRACES` names a folder, a trace there of what a test does with it.
+pub struct Traced {
+    instance: Instance<'static>,
+    trace: Option<Trace>,
+    held: bool,
+}
+
+impl Traced {
+    pub fn new<R: Number>(name: &str) -> Result<Self, Fault> {
+        let instance = Instance::new(R::library(), name)?;
+        let trace = std::env::var_os("GLAPP_TRACES").map(|_| Trace::new(name, R::BUILD));
+        Ok(Self { instance, trace, held: true })
+    }
+
+    pub fn set(&mut self, pin: &str, value: f64) -> Result<(), Fault> {
+        if let Some(trace) = &mut self.trace {
+            trace.set(pin, value);
+        }
+        self.instance.set(pin, value)
+    }
+
+    pub fn spoil(&mut self, name: &str, value: f64) -> Result<(), Fault> {
+        if let Some(trace) = &mut self.trace {
+            trace.spoil(name, value);
+        }
+        self.instance.spoil(name, value)
+    }
+
+    pub fn call(&mut self) -> Result<(), Fault> {
+        if let Some(trace) = &mut self.trace {
+            trace.scan();
+        }
+        self.instance.call()
+    }
+
+    pub fn power_cut(&mut self) {
+        if let Some(trace) = &mut self.trace {
+            trace.power_cut();
+        }
+        self.instance.power_cut();
+    }
+
+    pub fn get(&mut self, pin: &str) -> Result<f64, Fault> {
+        let value = self.instance.get(pin)?;
+        if let (Some(trace), true) = (&mut self.trace, self.held) {
+            trace.read(pin, value);
+        }
+        Ok(value)
+    }
+
+    pub fn peek(&self, name: &str) -> Result<f64, Fault> {
+        self.instance.peek(name)
+    }
+
+    pub fn name(&self) -> &str {
+        self.instance.name()
+    }
+
+    pub fn operations(&self) -> u64 {
+        self.instance.operations()
+    }
+
+    pub fn taken(&self) -> &[bool] {
+        self.instance.taken()
+    }
+}
+
+impl Drop for Traced {
+    fn drop(&mut self) {
+        static NUMBER: AtomicUsize = AtomicUsize::new(0);
+        let (Some(trace), Some(folder)) = (&self.trace, std::env::var_os("GLAPP_TRACES")) else { return };
+        let number = NUMBER.fetch_add(1, Ordering::Relaxed);
+        let path = Path::new(&folder).join(format!("{}-{number}", std::process::id()));
+        let mut file = BufWriter::new(std::fs::File::create(path).expect("a file"));
+        trace.write(&mut file).expect("room for a trace");
+    }
+}
+
 /// An instance that panics with the reason where the run stops.
 #[derive(Clone)]
-pub struct Block(pub Rc<RefCell<Instance<'static>>>);
+pub struct Block(pub Rc<RefCell<Traced>>);
 
 impl Block {
     pub fn new<R: Number>(name: &str) -> Self {
-        Self(Rc::new(RefCell::new(Instance::new(R::library(), name).unwrap_or_else(|e| panic!("{e}")))))
+        Self(Rc::new(RefCell::new(Traced::new::<R>(name).unwrap_or_else(|e| panic!("{e}")))))
+    }
+
+    /// Of what it shows from here on only that the run does not stop is held to anything: a trace has nothing of it.
+    pub fn unheld(&self) {
+        self.0.borrow_mut().held = false;
     }
 
     pub fn set(&self, pin: &str, value: f64) {
@@ -111,7 +195,12 @@ impl Block {
     }
 
     pub fn get(&self, pin: &str) -> f64 {
-        self.0.borrow().get(pin).unwrap_or_else(|e| panic!("{e}"))
+        self.0.borrow_mut().get(pin).unwrap_or_else(|e| panic!("{e}"))
+    }
+
+    /// Any variable.
+    pub fn peek(&self, name: &str) -> f64 {
+        self.0.borrow().peek(name).unwrap_or_else(|e| panic!("{e}"))
     }
 
     pub fn all(&self, pins: &[&str]) -> Vec<f64> {

@@ -95,6 +95,8 @@ async def main(folder: Path) -> None:
             showing.cancel()
             await asyncio.gather(opened, showing, return_exceptions=True)
             watch.memory.show(time.time() - 120.0, json.dumps(watch.status()))
+        if word == "no database":
+            (folder / "glapp.db").rename(folder / "away.db")
         if word == "change":
             await watch.change("FIC0", {"n": 5}, "olga", "engineer")
         if word == "expire":

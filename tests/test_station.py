@@ -3,6 +3,8 @@
 import asyncio
 import json
 import math
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,20 +18,25 @@ pytest.importorskip("multipart")
 import httpx
 from fastapi import FastAPI
 from fastapi.testclient import TestClient
-from service import loops
+from service import loops, values
 from station_child import PASSWORDS, answer, made
+from typer.testing import CliRunner
 
+from glapp.cli import app as cli
+from glapp.errors import InputError
 from glapp.modules import BacklashDetection, Graph, Input, Output
+from glapp.report.words import REASONS, failures
 from glapp.service.door import app_of as service_app
 from glapp.service.memory import Memory
 from glapp.service.watch import Watch
 from glapp.station import charts, step_test
 from glapp.station.app import app_of
 from glapp.station.client import Door, Gone, Refused, loop_path
-from glapp.station.compensate import STANDINGS, plan
+from glapp.station.compensate import STANDINGS, calm, plan
 from glapp.station.pages import Station, all_events
 from glapp.station.parameters import PARAMETERS, changed
 from glapp.station.sessions import COOKIE, LASTS, TRIES, Guard, Sessions
+from glapp.station.under_way import UnderWay
 from glapp.station.view import View, as_csv, trend
 
 CATALOGUE = json.loads((Path(__file__).parents[1] / "vectors" / "catalogue.json").read_text())
@@ -101,6 +108,7 @@ def test_a_loop_that_is_sampled_seldom_is_not_silent(view: View) -> None:
         loop |= {"seen": view.at - seen, "heard": None if heard is None else view.at - heard}
         view.loops["FIC0"] = loops()[0].model_copy(update={"sample_time": sample})
         assert view.silent("FIC0") is silent, (seen, heard, sample)
+    assert view.silent("not watched any more")
 
 
 def test_before_the_first_fit_the_crossings_are_marked_as_such(view: View) -> None:
@@ -151,8 +159,6 @@ def test_a_database_that_was_put_in_its_place_is_read(tmp_path: Path) -> None:
 
 
 def test_the_window_cannot_write_the_database(view: View) -> None:
-    from glapp.errors import InputError
-
     with pytest.raises(InputError, match="readonly"):
         view.read(lambda reader: reader.rows("DELETE FROM half_periods"))
     view.refresh()
@@ -204,6 +210,14 @@ def test_half_periods_are_shaded_by_their_verdict(view: View) -> None:
     for half, (area, end) in zip(halves, areas, strict=True):
         blue = area["itemStyle"]["color"] == charts.LIGHT["accepted"]
         assert blue == (half["reason"] == 0) and end["xAxis"] == 1000.0 * half["t_end"]
+
+
+def test_no_line_is_drawn_where_nothing_came() -> None:
+    times = [*range(100), *range(160, 200)]
+    values = {"time": times, "SP": [50.0] * 140, "PV": [51.0] * 140, "OP": [None] * 140}
+    pv = charts.live(values, [], "bar", "%", dark=False)["series"][1]["data"]
+    assert [i for i, (_, x) in enumerate(pv) if x is None] == [100] and len(pv) == 141
+    assert charts.live({name: [] for name in values}, [], "", "%", dark=True)["series"][1]["data"] == []
 
 
 def test_detections_under_compensation_are_a_series_of_their_own(view: View) -> None:
@@ -312,6 +326,29 @@ def test_what_cannot_be_compensated_is_told() -> None:
     assert "Nothing is left" in plan(SETTINGS | {"comp_band": 1.9}, "%").why_not
 
 
+def test_the_half_period_under_way_is_that_of_the_detector() -> None:
+    """The same samples give the same half-periods as the service's detector."""
+    from glapp.estimate import Estimator
+
+    loop = loops()[0]
+    rows: dict[float, dict[str, float]] = {}
+    for value in values("FIC0", 300):
+        rows.setdefault(value.time, {})[str(value.signal)] = value.value
+    detector, shadow = Estimator(loop, 1.0), UnderWay(loop, 1.0)
+    compared = 0
+    for t, row in sorted(rows.items()):
+        before, failing = shadow.numbers, shadow.failing
+        half = detector.update(t, 50.0, row["pv"], row["op"], 0)
+        shadow.take(t, 50.0, row["pv"], row["op"], auto=True)
+        if half is not None and half.reason != 1:
+            assert before["delta_t"] == pytest.approx(half.delta_t, abs=1.0 + 1e-9)
+            assert before["delta_y"] == pytest.approx(half.delta_y, rel=0.05)
+            assert before["e_max"] == pytest.approx(half.e_max, rel=1e-9)
+            assert [REASONS[name].label for name in failures(half.mask)] == failing
+            compared += 1
+    assert compared >= 5
+
+
 # A step test
 
 
@@ -342,6 +379,20 @@ def test_a_step_test_is_read_as_it_goes_on() -> None:
     found = step_test.read(values, loops()[0])
     assert found is not None and "The gap is 1.98" in " ".join(step_test.told(found, "%"))
     assert step_test.read(values | {"MODE": ["AUTO"] * n}, loops()[0]) is None
+
+
+def test_whether_pv_is_calmer_is_told_only_when_that_is_seen() -> None:
+    t = [float(k) for k in range(2000)]
+    pv = [50.0 + (1.0 if k < 1000 else 0.4) * math.sin(0.05 * k) for k in range(2000)]
+    u_ff = [0.0 if k < 1000 else 0.5 for k in range(2000)]
+    sp = [50.0] * 2000
+    found = calm(t, sp, pv, u_ff, 950.0, 900.0)
+    assert found is not None and found.factor == pytest.approx(2.5, rel=0.05) and found.word.startswith("calmer")
+    assert found.seconds == 999.0
+    assert calm(t, sp, pv, [0.0] * 2000, 950.0, 900.0) is None  # enabled, and it waits
+    assert calm(t[:1500], sp[:1500], pv[:1500], u_ff[:1500], 950.0, 900.0) is None
+    assert calm(t[500:], sp[500:], pv[500:], u_ff[500:], 950.0, 900.0) is None
+    assert calm([], [], [], [], 950.0, 900.0) is None
 
 
 # The service's door
@@ -489,3 +540,26 @@ def test_logins_are_limited_by_address(window: tuple[Station, FastAPI]) -> None:
     ]
     assert "Wrong name or password" in asked[0] and "Too many tries from this computer" in asked[-1]
     station.tries._seen.clear()
+
+
+# The command line
+
+
+def test_it_is_not_opened_to_others_without_tls(tmp_path: Path) -> None:
+    code = "from glapp.cli import main; main()"
+    words = ["station", "--data", str(tmp_path), "--host", "0.0.0.0", "--port", "0"]
+    done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, timeout=60)
+    said = " ".join(done.stderr.split())
+    assert done.returncode == 1 and "passwords would be readable on their way" in said and "Traceback" not in said
+
+
+def test_a_demo_takes_no_folder_of_a_service_that_runs(tmp_path: Path) -> None:
+    memory = Memory(tmp_path)
+    result = CliRunner().invoke(cli, ["station", "--demo", "--data", str(tmp_path)])
+    assert isinstance(result.exception, InputError) and "a folder of its own" in str(result.exception)
+    memory.close()
+
+
+def test_help_teaches() -> None:
+    text = CliRunner().invoke(cli, ["station", "--help"]).output
+    assert "glapp station --demo" in text and "docs/station.md" in text

@@ -70,7 +70,7 @@ def logged_in(browser: Any, window: Window, name: str, **more: Any) -> Any:
     """A page of somebody, and what went wrong on it."""
     context = browser.new_context(viewport={"width": 1280, "height": 800}, **more)
     page = context.new_page()
-    page.set_default_timeout(10_000)
+    page.set_default_timeout(20_000)
     page.asked, page.wrong = [], []
     page.on("request", lambda request: page.asked.append(request.url))
     page.on("pageerror", lambda error: page.wrong.append(str(error)))
@@ -128,6 +128,30 @@ def test_laboratory(browser: Any, window: Window) -> None:
     page.get_by_role("button", name="Build").click()
     page.get_by_text("connect it").wait_for()
     assert page.wrong == []
+
+
+def test_a_tab_that_is_open_for_a_day_does_not_grow(browser: Any, window: Window) -> None:
+    """A day of values, faster than they come; and nine more tabs beside it."""
+    page = logged_in(browser, window, "vera")
+    page.goto(window.url + "/loop?name=FIC0")
+    page.wait_for_selector(".chart canvas")
+    others = [page.context.new_page() for _ in range(9)]
+    for other in others:
+        other.goto(window.url + "/loop?name=FIC0")
+    count = """() => {
+      const id = Number(document.querySelector('.chart').id.slice(1));
+      const begin = Date.now() + 1e6;
+      for (let k = 0; k < 86400; k += 300) {
+        const rows = [];
+        for (let i = 0; i < 300; i++) rows.push([begin + 1000 * (k + i), 50, 50, 50]);
+        glapp.append(id, rows, 900000);
+      }
+      return getElement(id).chart.getOption().series.map((one) => one.data.length);
+    }"""
+    assert page.evaluate(count) == [901, 901, 901]
+    for other in others:
+        other.get_by_text(re.compile("PV is ")).wait_for()
+        assert other.locator(".one").inner_text() == "2.40 %"
 
 
 def test_step_test(browser: Any, window: Window) -> None:
@@ -215,6 +239,10 @@ def test_a_service_that_is_gone(browser: Any, tmp_path: Path) -> None:
         page.get_by_text(re.compile("The service has written nothing for 2 min")).wait_for()
         page.get_by_role("button", name="Fit now").click()
         page.get_by_text(re.compile("Not done: the service does not answer")).wait_for()
+        window.say("no database")
+        page.get_by_text(re.compile("The database cannot be read: .* holds no glapp.db")).wait_for()
+        page.get_by_role("button", name="Graph").click()
+        page.locator(".q-notification__message", has_text="holds no glapp.db").wait_for()
         assert page.locator(".one").inner_text() == "2.40 %"  # what is known is still there
         assert page.wrong == []
         with pytest.raises(OSError):

@@ -1,6 +1,7 @@
 """The laboratory: simulated modules in real time and faster, every variable live."""
 
 import asyncio
+import math
 import time
 import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
@@ -174,3 +175,24 @@ def test_it_has_no_way_to_the_service() -> None:
         "print([name for name in sys.modules if name.startswith('glapp.service') or name in ('httpx', 'asyncua')])"
     )
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
+
+
+@pytest.mark.parametrize(("size", "calmer", "standing"), [(1.0, True, 0.0), (4.0, False, 11.0)])
+def test_compensation_calms_and_too_much_is_withdrawn(size: float, calmer: bool, standing: float) -> None:
+    """Half of the gap is compensated, or twice of it: 0 is active, 11 worse."""
+    lab = Lab(THESIS)
+    lab.speed = FASTEST
+
+    def spread(seconds: float) -> float:
+        for k in range(round(seconds / 200.0)):
+            lab["load.value"] = 5.0 * (k % 2)
+            lab.advance(0.2)
+        pv = [x - 50.0 for _, x in lab.drawn(1000.0, KEPT)["noise"]]
+        return math.sqrt(sum(x * x for x in pv) / len(pv))
+
+    before = spread(1400.0)
+    for path, value in (("watch.comp_limit", size), ("watch.comp_size", size), ("watch.compensate", 1.0)):
+        lab[path] = value
+    since = spread(2000.0)
+    assert lab["watch.standing"] == standing
+    assert (since < 0.9 * before) is calmer and (lab["watch.u_ff"] == 0.0) is not calmer

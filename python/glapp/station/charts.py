@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import Any
 
 from ..report.words import NAMES, REASONS, number
@@ -122,9 +123,17 @@ def live(
         On a dark page.
     """
     tone = _tone(dark)
+    steps = sorted(b - a for a, b in pairwise(values["time"]))
+    longest = max(15.0, 5.0 * steps[len(steps) // 2]) if steps else 15.0
 
     def line(name: str, axis: int, color: str, **more: Any) -> dict[str, Any]:
-        data = [[1000.0 * t, x] for t, x in zip(values["time"], values[name], strict=True)]
+        data: list[list[Any]] = []
+        last = 0.0
+        for t, x in zip(values["time"], values[name], strict=True):
+            if data and t - last > longest:
+                data.append([1000.0 * last + 1.0, None])  # nothing came: no line either
+            data.append([1000.0 * t, x])
+            last = t
         return {
             "name": name,
             "type": "line",

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..report.words import quantity
+from ..report.words import number, quantity
 from .parameters import NO_LIMIT
 
 __all__ = ["Calm", "Plan", "calm", "plan"]
@@ -135,7 +135,7 @@ class Calm:
     before, since : float
         Standard deviation of SP − PV [PV unit].
     seconds : float
-        How long it has been in force [s].
+        How long u_FF has moved [s].
     """
 
     before: float
@@ -147,35 +147,56 @@ class Calm:
         """By how much PV is calmer; below 1: it is not."""
         return self.before / self.since if self.since > 0 else float("inf")
 
+    @property
+    def word(self) -> str:
+        """The same in words; a tenth is not told.
 
-def calm(times: Sequence[float], sp: Sequence[Any], pv: Sequence[Any], begin: float, *, least: int = 60) -> Calm | None:
-    """How far PV is from SP before a moment and since.
+        >>> Calm(1.0, 0.5, 60.0).word, Calm(1.0, 0.95, 60.0).word, Calm(1.0, 2.0, 60.0).word
+        ('calmer by a factor of 2', 'as calm as before', 'less calm by a factor of 2')
+        """
+        if self.factor > 1.1:
+            return f"calmer by a factor of {number(self.factor, 2)}"
+        return (
+            "as calm as before" if self.factor > 1.0 / 1.1 else f"less calm by a factor of {number(1 / self.factor, 2)}"
+        )
+
+
+def calm(
+    times: Sequence[float], sp: Sequence[Any], pv: Sequence[Any], u_ff: Sequence[Any], enabled: float, least: float
+) -> Calm | None:
+    """How far PV is from SP before u_FF began to move, and since.
 
     Parameters
     ----------
     times : sequence of float
         [s]
-    sp, pv : sequence of float or None
-        [PV unit]
-    begin : float
-        When the compensation was enabled [s].
-    least : int
-        So many samples are needed on either side.
+    sp, pv : sequence of float
+        [PV unit]; NaN where they are bad.
+    u_ff : sequence of float
+        [OP unit]
+    enabled : float
+        When the compensation was enabled [s]: it begins with the first u_FF after that which is not 0.
+    least : float
+        So long it must have been watched on either side [s].
 
     Returns
     -------
     Calm or None
-        None with fewer samples.
+        None where it is too early.
 
     Examples
     --------
-    >>> found = calm(range(4), [0.0] * 4, [2.0, -2.0, 1.0, -1.0], 2, least=2)
-    >>> found.factor
-    2.0
+    >>> found = calm(range(5), [0.0] * 5, [2.0, -2.0, 0.0, 1.0, -1.0], [0.0, 0.0, 0.0, 0.5, 0.5], 2, 1.0)
+    >>> round(found.factor, 2)
+    1.63
     """
     t, e = np.asarray(times, float), np.asarray(sp, float) - np.asarray(pv, float)
-    t, e = t[np.isfinite(e)], e[np.isfinite(e)]
-    before, since = e[t < begin], e[t >= begin]
-    if len(before) < least or len(since) < least:
+    moved = np.flatnonzero((t >= enabled) & (np.nan_to_num(np.asarray(u_ff, float)) != 0.0))
+    if not len(moved):
         return None
-    return Calm(float(before.std()), float(since.std()), float(t[-1] - begin))
+    begin = t[moved[0]]
+    t, e = t[np.isfinite(e)], e[np.isfinite(e)]
+    earlier = t < begin
+    if not earlier.any() or earlier.all() or begin - t[0] < least or t[-1] - begin < least:
+        return None
+    return Calm(float(e[earlier].std()), float(e[~earlier].std()), float(t[-1] - begin))

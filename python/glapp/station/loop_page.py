@@ -6,7 +6,7 @@ import asyncio
 import math
 import time
 from collections.abc import Awaitable, Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from nicegui import ui
 from starlette.requests import Request
 
 from ..errors import InputError
-from ..report.words import MEANINGS, NAMES, duration, number, quantity, sentence
+from ..report.words import MEANINGS, NAMES, duration, quantity, sentence
 from ..service.recordings import Signals
 from . import charts, step_test
 from .client import Gone, Refused, loop_path
@@ -22,6 +22,7 @@ from .compensate import STANDINGS, calm, plan
 from .pages import Station, command, frame, heading, moment, quiet
 from .parameters import PARAMETERS, changed, field, told
 from .sessions import Session
+from .under_way import UnderWay
 
 __all__ = ["loop_page"]
 
@@ -32,6 +33,9 @@ MOST = 3000
 """So many samples are drawn at most."""
 
 REASON_DAYS = 7
+
+CALM_AFTER = 20.0
+"""So many Ti must have been seen before and since to say whether PV is calmer."""
 
 
 async def signals(station: Station, session: Session, loop: str, begin: float, end: float) -> dict[str, Any]:
@@ -63,6 +67,7 @@ class _Page:
         self.window = next((window for window in WINDOWS if window >= 300.0 * sample), max(WINDOWS))
         self.last = -math.inf
         self.newest: tuple[Any, ...] | None = None
+        self.under_way: UnderWay | None = None
         loop = station.view.loops[name]
         self.pv_unit, self.op_unit = loop.pv_unit or "", loop.op_label
 
@@ -112,10 +117,21 @@ class _Page:
             self._button("Step test", self.step_test)
 
     def _button(self, text: str, what: Callable[[], Awaitable[None]], role: str = "viewer") -> ui.button:
-        button = quiet(text, what)
+        button = quiet(text, self._told(what))
         if not self.session.may(role):
             button.props("disable").tooltip(f"needs the role {role}")
         return button
+
+    def _told(self, what: Callable[[], Awaitable[None]]) -> Callable[[], Awaitable[None]]:
+        """What a button does; a database that cannot be read is told at the button."""
+
+        async def safely() -> None:
+            try:
+                await what()
+            except InputError as error:
+                ui.notify(str(error), type="warning", timeout=0, close_button="Close", multi_line=True)
+
+        return safely
 
     def _values(self) -> None:
         with ui.element("div").classes("card"):
@@ -141,6 +157,7 @@ class _Page:
                 )
             ).classes("chart")
             self.chart.props('role="img" aria-label="SP, PV and OP over time"')
+            self.half = ui.label().classes("small")
 
     def _reasons(self) -> None:
         heading(f"Half-periods of the last {REASON_DAYS} days", 2)
@@ -148,7 +165,7 @@ class _Page:
 
     async def _window(self, event: Any) -> None:
         self.window = int(event.value)
-        await self.draw()
+        await self._told(self.draw)()
 
     # What goes on
 
@@ -165,6 +182,31 @@ class _Page:
         self.chart.options.clear()
         self.chart.options.update(options)
         self.chart.update()
+        self.under_way = await asyncio.to_thread(self._begun, values)
+        self._show_under_way()
+
+    def _begun(self, values: dict[str, Any]) -> UnderWay | None:
+        """A detector that has seen what is drawn; None where the controller is not known, or samples are left out."""
+        loop = self.station.view.loops[self.name]
+        times = values["time"]
+        if loop.controller is None or len(times) < 2 or values.get("every", 1) > 1:
+            return None
+        one = UnderWay(loop, loop.sample_time or float(np.median(np.diff(times))))
+        one.take_all(values)
+        return one
+
+    def _show_under_way(self) -> None:
+        if self.under_way is None:
+            self.half.set_text("")
+            return
+        found = self.under_way.numbers
+        pv = self.pv_unit
+        failing = ", ".join(self.under_way.failing)
+        self.half.set_text(
+            f"Half-period under way: Δt {quantity(found['delta_t'], 's')}, Δy {quantity(found['delta_y'], pv)}, "
+            f"e_max {quantity(found['e_max'], pv)}, Δysp {quantity(found['delta_sp'], pv)}. "
+            + (f"It would be rejected now: {failing}." if failing else "It would be a detection now.")
+        )
 
     async def often(self) -> None:
         """The newest values, from the service."""
@@ -192,6 +234,12 @@ class _Page:
         if pv["time"] > self.last:
             self.last = pv["time"]
             row = [1000.0 * pv["time"], *(self._number(values, key) for key in ("sp", "pv", "op"))]
+            if self.under_way is not None:
+                mode = values.get("mode")
+                auto = mode is None or mode["value"] == 1.0
+                sp, value, op = (self._number(values, key) for key in ("sp", "pv", "op"))
+                self.under_way.take(pv["time"], sp, value, op, auto=auto)
+                self._show_under_way()
             ui.run_javascript(f"glapp.append({self.chart.id}, {_js([row])}, {1000 * self.window})")
 
     def _number(self, values: dict[str, Any], key: str) -> float | None:
@@ -212,15 +260,13 @@ class _Page:
             if made["enabled"]
             else f"Compensation is off: {made['why_off'] or 'nobody enabled it'}."
         )
-        try:
+        with suppress(InputError):  # the frame tells it
             newest = await asyncio.to_thread(self.read, lambda r: r.half_periods(self.name, accepted=False, most=1))
-        except InputError:
-            return
-        mark = tuple(row["number"] for row in newest)
-        if mark != self.newest:
-            self.newest = mark
-            await self.draw()
-            await self._count()
+            mark = tuple(row["number"] for row in newest)
+            if mark != self.newest:
+                await self.draw()
+                await self._count()
+                self.newest = mark
 
     def _unit(self) -> str:
         return "% of span" if self.station.view.percent(self.name, 1.0) is not None else self.op_unit
@@ -473,7 +519,7 @@ class _Page:
                 ui.label(found.why_not or "This loop has no node for u_FF, or its controller is not known.")
                 return
             if made["enabled"]:
-                await self._in_force(made)
+                await self._in_force(made, seen["ti"])
             elif made["why_off"]:
                 ui.label(f"It is off: {made['why_off']}.")
             heading("What it does" if made["enabled"] else "What it will do", 2)
@@ -529,7 +575,7 @@ class _Page:
             heading("Who did what, when", 2)
             self._log(log, lambda row: f"refused: {row['refused']}" if row["refused"] else "")
 
-    async def _in_force(self, made: dict[str, Any]) -> None:
+    async def _in_force(self, made: dict[str, Any], ti: float) -> None:
         unit = self.op_unit
         ui.label(STANDINGS.get(made["standing"], made["standing"])).style("font-weight: 600")
         if made["over"]:
@@ -543,16 +589,18 @@ class _Page:
         if begun is None:
             return
         now = time.time()
-        span = min(max(now - begun, 60.0), 86400.0)
-        values = await signals(self.station, self.session, self.name, begun - span, now)
-        found = calm(values["time"], _floats(values["SP"]), _floats(values["PV"]), begun)
+        least = CALM_AFTER * ti
+        span = min(max(now - begun, least), 7 * 86400.0)
+        values = await signals(self.station, self.session, self.name, begun - 1.1 * span, now)
+        sp, pv, u_ff = (_floats(values[name]) for name in ("SP", "PV", "U_FF"))
+        found = calm(values["time"], sp, pv, u_ff, begun, least)
         if found is None:
-            ui.label("It is too early to say whether PV is calmer.").classes("muted")
+            wait = f"that takes {duration(least)} before u_FF moved, and as long since"
+            ui.label(f"It is too early to say whether PV is calmer: {wait}.").classes("muted")
             return
-        word = f"calmer by a factor of {number(found.factor, 2)}" if found.factor > 1 else "not calmer"
         ui.label(
-            f"PV is {word}: SP − PV scatters by {quantity(found.since, self.pv_unit)} in the {duration(found.seconds)} "
-            f"since then, by {quantity(found.before, self.pv_unit)} before."
+            f"PV is {found.word}: SP − PV scatters by {quantity(found.since, self.pv_unit)} in the "
+            f"{duration(found.seconds)} since u_FF moves, by {quantity(found.before, self.pv_unit)} before."
         )
 
 

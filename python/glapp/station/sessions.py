@@ -62,8 +62,8 @@ class Session:
         When it is over [s since 1970 UTC].
     """
 
-    id: str
-    token: str
+    id: str = field(repr=False)  # neither may stand in a log
+    token: str = field(repr=False)
     user: str
     role: str
     dark: bool

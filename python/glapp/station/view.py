@@ -279,8 +279,8 @@ class View:
 
     def silent(self, loop: str) -> bool:
         """Whether nothing comes of a loop any more, as the service saw it last."""
-        status = self.shown["loops"][loop]
-        if status["seen"] is None or status.get("lost"):
+        status = self.shown["loops"].get(loop)
+        if status is None or status["seen"] is None or status.get("lost"):
             return True
         now = self.at or self._clock()
         sample = None if loop not in self.loops else self.loops[loop].sample_time

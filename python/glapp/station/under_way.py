@@ -1,0 +1,103 @@
+"""The half-period under way: the block that ships, on the samples that are drawn.
+
+The service tells of half-periods when they are over. What is seen before that, a detector of the page's own makes of
+the same samples with the same settings. Its condition (5.1) goes by the detections in what is drawn alone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from ..estimate import op_range
+from ..loop import Loop
+from ..modules import BacklashDetection, Graph, Input, Output
+from ..recording import BAD, NOT_AUTO
+from ..report.words import NAMES, REASONS, failures
+
+__all__ = ["UnderWay"]
+
+_INPUTS = ("sp", "pv", "flags", "op", "u_ff")
+
+
+class UnderWay:
+    """A detector on the samples of one loop.
+
+    Parameters
+    ----------
+    loop : Loop
+        With a controller.
+    period : float
+        Usual time between samples, > 0 [s].
+
+    Examples
+    --------
+    >>> settings = {"controller": {"k": 0.5, "ti": 5}, "process": {"kp": 2}, "op_span": (0, 100), "tf": 0.001}
+    >>> loop = Loop(name="FIC101", **settings)
+    >>> one = UnderWay(loop, 1.0)
+    >>> for k in range(100):
+    ...     one.take(float(k), 50.0, 51.0 if k // 40 % 2 else 49.0, 50.0, auto=True)
+    >>> round(one.numbers["delta_y"], 2), one.failing
+    (1.0, ['too short'])
+    """
+
+    def __init__(self, loop: Loop, period: float) -> None:
+        ideal = loop.ideal()
+        assert ideal is not None
+        low, high = op_range(loop) or (None, None)
+        spans = [None if span is None else span[1] - span[0] for span in (loop.pv_span, loop.op_span)]
+        watch = BacklashDetection(
+            **ideal._asdict(),
+            kp=loop.kp(),
+            pv_span=spans[0],
+            op_span=spans[1],
+            integrating=loop.process.type == "integrating",
+            tf=loop.tf,
+            n=loop.n,
+            op_low=low,
+            op_high=high,
+        )
+        self._graph = Graph(
+            period,
+            {**{name: Input() for name in _INPUTS}, "watch": watch, "ff": Output()},
+            [f"{name} -> watch.{name}" for name in _INPUTS] + ["watch -> ff"],
+        )
+        self._last: float | None = None
+
+    def take(self, t: float, sp: float | None, pv: float | None, op: float | None, *, auto: bool) -> None:
+        """A sample; one that is not newer than the last is left out.
+
+        Parameters
+        ----------
+        t : float
+            [s]
+        sp, pv, op : float or None
+            None for a bad value.
+        auto : bool
+            Whether the controller is in automatic.
+        """
+        if self._last is not None and t <= self._last:
+            return
+        h = self._graph.h if self._last is None else t - self._last
+        self._last = t
+        values = {"sp": sp, "pv": pv, "op": op}
+        flags = (0 if auto else NOT_AUTO) | (BAD if sp is None or pv is None else 0)
+        numbers = {name: math.nan if x is None else x for name, x in values.items()}
+        self._graph.scan(h=h, flags=float(flags), u_ff=0.0, **numbers)
+
+    def take_all(self, values: Mapping[str, Sequence[Any]]) -> None:
+        """Samples as the door gives them."""
+        rows = zip(*(values[name] for name in ("time", "SP", "PV", "OP", "MODE", "QUALITY")), strict=True)
+        for t, sp, pv, op, mode, quality in rows:
+            self.take(t, sp, None if quality == "bad" else pv, op, auto=mode == "AUTO")
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        """Δt [s], Δy, e_max and Δysp [PV unit] so far."""
+        return {name: float(self._graph[f"watch.{name}"]) for name in ("delta_t", "delta_y", "e_max", "delta_sp")}
+
+    @property
+    def failing(self) -> list[str]:
+        """Labels of all conditions that it would fail if it ended now."""
+        return [REASONS[name].label for name in failures(int(self._graph["watch.mask"])) if name in NAMES]

@@ -1,7 +1,7 @@
 # make run   sets everything up and does the main job: recordings in, dead bands and a report out
 # make test  sets everything up and runs every test in every language
 # make check is what a developer runs all day: linters, the blocks, and every Python test that takes less than a second
-.PHONY: run test check setup lint bare bench catalogue gallery plc fuzz clean
+.PHONY: run test check setup lint bare interop bench catalogue gallery plc fuzz clean
 .DELETE_ON_ERROR:
 
 PYTHON ?= python3
@@ -31,7 +31,7 @@ $(VENV)/.installed: $(VENV)/.tools $(SOURCES)
 	$(BIN)/pip install --quiet --no-deps --editable thesis
 	touch $@
 
-test: setup lint bare
+test: setup lint bare interop
 	cargo test --workspace --quiet
 	$(BIN)/pytest --numprocesses auto --dist loadgroup
 
@@ -55,6 +55,25 @@ bare:
 			echo "skipped: glapp-core for $$target, which this toolchain lacks (rustup target add $$target)"; \
 		fi; \
 	done
+
+# Two OPC UA stacks of other makers, for the tests of the connection: from npm as the lock says, and from Maven.
+THEIRS := target/interop
+MILO := $(wildcard tests/interop/milo/src/main/java/*.java) tests/interop/milo/pom.xml
+interop:
+	@if command -v node >/dev/null && command -v npm >/dev/null; then $(MAKE) --no-print-directory $(THEIRS)/.node; \
+		else echo "skipped: the connection beside node-opcua, which needs node and npm"; fi
+	@if command -v java >/dev/null && command -v mvn >/dev/null; then $(MAKE) --no-print-directory $(THEIRS)/.milo; \
+		else echo "skipped: the connection beside Eclipse Milo, which needs java and mvn"; fi
+
+$(THEIRS)/.node: tests/interop/package.json tests/interop/package-lock.json
+	mkdir -p $(THEIRS)
+	cp $^ $(THEIRS)
+	npm ci --prefix $(THEIRS) --no-audit --no-fund --loglevel=error
+	touch $@
+
+$(THEIRS)/.milo: $(MILO)
+	mvn --quiet --batch-mode --file tests/interop/milo/pom.xml -Dout=$(abspath $(THEIRS))/milo compile
+	touch $@
 
 bench: setup $(VENV)/.bench
 	cargo bench --quiet -p glapp-core

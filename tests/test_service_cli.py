@@ -15,6 +15,7 @@ from service import BEGIN, Clock, fed, loops, values
 from typer.testing import CliRunner
 
 from glapp.cli import app
+from glapp.cli.screen import CommandError
 from glapp.errors import InputError
 from glapp.service.memory import Lock, Memory, Reader
 
@@ -96,6 +97,17 @@ def test_what_is_missing_is_said(tmp_path: Path) -> None:
     assert not (tmp_path / "data").exists(), "nothing is begun"
 
 
+def test_settings_of_our_own_server_that_do_not_fit_together(tmp_path: Path) -> None:
+    for words, said in (
+        (["--opcua-user", "dcs"], "--opcua-port: is needed"),
+        (["--opcua-port", "0", "--opcua-user", "dcs"], "are given together"),
+        (["--opcua-port", "0", "--opcua-user", "dcs", "--opcua-password-file", tmp_path / "none"], "cannot be read"),
+    ):
+        with pytest.raises((InputError, CommandError), match=said):
+            glapp("--demo", "--data", tmp_path / "data", *words)
+    assert not (tmp_path / "data").exists(), "nothing is begun"
+
+
 def test_without_a_service_or_a_login(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     monkeypatch.delenv("GLAPP_TOKEN", raising=False)
@@ -112,6 +124,7 @@ def test_the_demonstration_from_its_first_user_to_its_end(tmp_path: Path, monkey
     folder = tmp_path / "data"
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     words = ["watch", "--demo", "--loops", "2", "--scan", "0.5", "--data", str(folder), "--port", "0"]
+    words += ["--opcua-port", "0"]
     child = subprocess.Popen([sys.executable, str(HERE / "command_line.py"), *words], stdout=subprocess.PIPE, text=True)
     try:
         deadline = time.monotonic() + 60
@@ -147,7 +160,9 @@ def test_the_demonstration_from_its_first_user_to_its_end(tmp_path: Path, monkey
         child.send_signal(signal.SIGTERM)
         code = child.wait(90)
     assert code == 0
-    assert child.stdout is not None and "Watching 2 loops" in child.stdout.read()
+    assert child.stdout is not None
+    said = child.stdout.read()
+    assert "Watching 2 loops" in said and re.search(r"Answers and DeviceHealth at opc\.tcp://127\.0\.0\.1:\d+/", said)
     child.stdout.close()
     assert Lock.holder(folder) is None
     with Reader(folder) as reader:

@@ -1,6 +1,7 @@
-"""The connection beside a stack that is not ours, node-opcua: our client and its server, its client and our server.
+"""The connection beside two stacks that are not ours, node-opcua and Eclipse Milo: our client and their servers, their
+clients and our servers.
 
-`npm install` in tests/interop brings it; elsewhere name its folder by GLAPP_NODE_MODULES.
+`make interop` brings them, into target/interop.
 """
 
 import asyncio
@@ -13,6 +14,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
+import service
 
 pytest.importorskip("asyncua", reason="the extra [opcua] is not installed")
 
@@ -27,18 +29,23 @@ from glapp.service import opcua
 from glapp.service.connection import Connection
 from glapp.service.opcua import browse
 from glapp.service.plant import NAMESPACE, SimPlant, free_port
-from glapp.service.signal import Signal
+from glapp.service.server import NAMESPACE as OURS
+from glapp.service.server import AnswerServer
+from glapp.service.signal import Signal, Value
 from glapp.service.tags import loops_of
 
 HERE = Path(__file__).parent / "interop"
-MODULES = Path(os.environ.get("GLAPP_NODE_MODULES", HERE / "node_modules"))
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(
-        shutil.which("node") is None or not (MODULES / "node-opcua-server").is_dir(),
-        reason="node-opcua is not installed: npm install in tests/interop",
-    ),
-]
+THEIRS = Path(__file__).parents[1] / "target" / "interop"
+pytestmark = pytest.mark.slow
+NODE = pytest.mark.skipif(
+    shutil.which("node") is None or not (THEIRS / "node_modules" / "node-opcua-server").is_dir(),
+    reason="node-opcua is not installed: make interop",
+)
+MILO = pytest.mark.skipif(
+    shutil.which("java") is None or not (THEIRS / "milo" / "classes").is_dir(),
+    reason="Eclipse Milo is not installed: make interop",
+)
+STACKS = [pytest.param("node", marks=NODE, id="node-opcua"), pytest.param("milo", marks=MILO, id="milo")]
 
 
 @pytest.fixture(autouse=True)
@@ -47,18 +54,30 @@ def impatient(monkeypatch):
     monkeypatch.setattr(opcua, "_DENIED", 0.4)
 
 
-def node(script, *words):
-    command = ["node", str(HERE / script), *map(str, words)]
-    return subprocess.Popen(
-        command, env={**os.environ, "NODE_PATH": str(MODULES)}, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
-    )
+def theirs(stack, script, *words):
+    """A program of theirs: a script of node's, or a class of Milo's by the same name."""
+    if stack == "node":
+        command, more = ["node", str(HERE / f"{script}.js")], {"NODE_PATH": str(THEIRS / "node_modules")}
+    else:
+        of = {"server": "TheirServer", "answers": "TheirClient"}[script]
+        path = os.pathsep.join((str(THEIRS / "milo" / "classes"), str(THEIRS / "milo" / "lib" / "*")))
+        command, more = ["java", "-XX:TieredStopAtLevel=1", "-cp", path, of], {}
+    command += map(str, words)
+    return subprocess.Popen(command, env={**os.environ, **more}, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+
+
+async def said(stack, script, *words):
+    """What a program of theirs says at its end."""
+    child = await asyncio.to_thread(lambda: theirs(stack, script, *words))
+    out, _ = await asyncio.to_thread(child.communicate, timeout=90)
+    return json.loads(next(line for line in out.splitlines() if line.startswith(b"{")))
 
 
 @contextlib.contextmanager
-def their_server(*folder):
+def their_server(stack, *folder):
     """Where it listens, and what it says of itself."""
     port = free_port()
-    with node("server.js", port, *folder) as served:
+    with theirs(stack, "server", port, *folder) as served:
         try:
             for line in served.stdout:
                 if line.startswith(b"{"):
@@ -82,8 +101,9 @@ def watched(url, uri, **connection):
     return Watch(plant, loops=[loop], watchdog=f"nsu={uri};s=FIC101.Watchdog", **connection)
 
 
-def test_our_client_and_their_server():
-    """Values with their statuses, a break filled from the history, u_FF and watchdog."""
+@pytest.mark.parametrize("stack", STACKS)
+def test_our_client_and_their_server(stack):
+    """Values with their statuses, u_FF and watchdog; a break filled from the history, and a gap where there is none."""
 
     async def run(url, uri):
         found = await browse(Connection(url=url))
@@ -99,28 +119,25 @@ def test_our_client_and_their_server():
             back = await watch.source.read_back("FIC101")
             watch.source._link.end("ended on purpose")
             await asyncio.sleep(0.5)
-            await watch.until(lambda: watch.told("backfilled"))
+            await watch.until(lambda: watch.told("backfilled" if stack == "node" else "no_history"))
             await watch.heard("FIC101", 10)
         return loops, watch, back
 
-    with their_server() as (url, told):
+    with their_server(stack) as (url, told):
         loops, watch, back = asyncio.run(run(url, told["uri"]))
     assert set(loops["FIC101"]) == {"sp", "pv", "op", "mode"}
     values = watch.of("FIC101")
     bad = [v for v in values if not v.good]
-    assert ascending(values) and not gaps(values, 0.2) and len(values) > 40
+    assert ascending(values) and len(values) > 40 and (stack == "milo" or not gaps(values, 0.2))
     assert bad and all(math.isnan(v.value) and v.note == "BadSensorFailure" for v in bad)
     assert [v.value for v in watch.of("FIC101", Signal.SP)] == [50.0]
     assert [v.value for v in watch.of("FIC101", Signal.MODE)] == [1.0]
     assert back.good and back.value == pytest.approx(0.1) and back.value != 0.1, "the node holds a Float"
-    assert watch.told("withdrawn") and {e.kind for e in watch.events} <= {
-        "connected",
-        "lost",
-        "withdrawn",
-        "backfilled",
-    }
+    kinds = {e.kind for e in watch.events}
+    assert kinds == {"connected", "lost", "withdrawn", "backfilled" if stack == "node" else "no_history"}
 
 
+@NODE
 def test_our_client_and_their_server_encrypted(tmp_path):
     """With its certificate, carried here, and the right password; not with another password."""
     key, certificate = tmp_path / "ours.pem", tmp_path / "ours.der"
@@ -136,7 +153,7 @@ def test_our_client_and_their_server_encrypted(tmp_path):
             await watch.until(lambda: watch.told("lost") or len(watch.of("FIC101")) > 5)
         return watch
 
-    with their_server(tmp_path) as (url, told):
+    with their_server("node", tmp_path) as (url, told):
         server = Path(told["certificate"])
         if server.suffix == ".pem":
             lines = server.read_text().split("-----END CERTIFICATE-----")[0] + "-----END CERTIFICATE-----\n"
@@ -148,18 +165,53 @@ def test_our_client_and_their_server_encrypted(tmp_path):
     assert not wrong.values and "BadUserAccessDenied" in wrong.told("lost")[0]
 
 
-def test_their_client_and_our_server():
+@NODE
+def test_their_client_and_our_plant():
     """Values, history and u_FF; a setpoint is not to be written."""
 
     async def run():
         async with SimPlant(1, scan=0.1) as plant:
-            client = await asyncio.to_thread(lambda: node("client.js", plant.url, NAMESPACE))
-            out, _ = await asyncio.to_thread(client.communicate, timeout=60)
-            return json.loads(next(line for line in out.splitlines() if line.startswith(b"{")))
+            return await said("node", "client", plant.url, NAMESPACE)
 
-    said = asyncio.run(run())
-    good = [(t, value) for t, value, status in said["seen"] if status == "Good"]
+    told = asyncio.run(run())
+    good = [(t, value) for t, value, status in told["seen"] if status == "Good"]
     steps = [b - a for (a, _), (b, _) in itertools.pairwise(good)]
     assert len(good) > 20 and all(0.09 < step < 0.11 for step in steps)
-    assert 18 <= said["history"] <= 21
-    assert (said["refused"], said["written"], said["back"]) == ("BadUserAccessDenied", "Good", 0.5)
+    assert 18 <= told["history"] <= 21
+    assert (told["refused"], told["written"], told["back"]) == ("BadUserAccessDenied", "Good", 0.5)
+
+
+@pytest.mark.parametrize("stack", STACKS)
+def test_their_client_and_our_answers(stack, tmp_path):
+    """What we say of a loop, as it is and as it changes; none of it is to be written."""
+    clock = service.Clock()
+    watch = service.watch(tmp_path, service.loops(2), clock)
+    service.fed(watch, clock, service.values("FIC0", 200), pace=20.0)
+
+    async def run():
+        async with AnswerServer(watch.status, 0, step=0.1) as server:
+            serving = asyncio.create_task(server.run())
+            names = ("FIC0.Detections", "FIC0.DeviceHealth", "FIC1.DeviceHealth", "FIC0.Width", "FIC0.Standing")
+            asked = asyncio.create_task(said(stack, "answers", server.url, OURS, "FIC0.LastSeen", "FIC0.Width", *names))
+            second = 300
+            while not asked.done():  # the watch goes on meanwhile
+                watch.take([Value("FIC0", Signal.PV, service.BEGIN + second, 50.0, True)])
+                second += 1
+                await asyncio.sleep(0.1)
+            serving.cancel()
+            await asyncio.gather(serving, return_exceptions=True)
+            return asked.result()
+
+    told = asyncio.run(run())
+    watch.memory.close()
+    times = [time for time, _, status in told["seen"] if status == "Good"]
+    assert len(times) > 10 and times == sorted(set(times)) and times[0] >= service.BEGIN + 199
+    assert told["written"] in ("BadUserAccessDenied", "BadNotWritable")
+    read = {name: (value, status) for name, (_, value, status) in told["read"].items()}
+    assert read == {
+        "FIC0.Detections": (4, "Good"),
+        "FIC0.DeviceHealth": (0, "Good"),
+        "FIC1.DeviceHealth": (2, "Good"),
+        "FIC0.Width": (None, "BadWaitingForInitialData"),
+        "FIC0.Standing": (None, "BadNotSupported"),
+    }

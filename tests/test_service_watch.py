@@ -2,6 +2,7 @@
 
 import asyncio
 import math
+import multiprocessing
 import time
 from collections.abc import Awaitable, Callable, Sequence
 from pathlib import Path
@@ -32,6 +33,7 @@ class Swinging(Table):
     mode = 1.0
     good = True
     silent = False
+    lives = False  # whether the connection does, while it is silent
     told: Callable[[Event], None] = staticmethod(lambda event: None)
 
     async def run(self, take: Callable[[Sequence[Value]], None], tell: Callable[[Event], None]) -> None:
@@ -42,6 +44,8 @@ class Swinging(Table):
                 self.heard = time.time()
                 take(self.scan(k, self.heard))
                 k += 1
+            elif self.lives:
+                self.heard = time.time()
             await asyncio.sleep(PERIOD)
 
     def scan(self, k: int, t: float) -> list[Value]:
@@ -164,6 +168,24 @@ def test_it_is_0_out_of_automatic_and_in_bad_quality(tmp_path: Path, how: str) -
         assert shown(watch)["standing"] == {"manual": "not_auto", "bad": "bad_quality"}[how]
 
     beside(tmp_path, look)
+
+
+@pytest.mark.slow
+def test_a_pv_that_comes_no_more_ends_it_though_the_connection_lives(tmp_path: Path) -> None:
+    """It was held to stand still, and u_FF stood with it."""
+
+    async def look(watch: Watch, plant: Swinging) -> None:
+        await in_force(watch, plant)
+        plant.silent = plant.lives = True
+        await until(lambda: not shown(watch)["enabled"], "it is still enabled")
+        assert str(shown(watch)["why_off"]).startswith("no PV came for")
+        await until(lambda: plant.u_ff["FIC0"] == 0.0, "it was not taken away")
+        plant.silent = False
+        await asyncio.sleep(0.3)
+        assert plant.u_ff["FIC0"] == 0.0, "nobody pressed again"
+
+    watch = beside(tmp_path, look)
+    assert "withdrawn" in [event["kind"] for event in watch.reader.events("FIC0")]
 
 
 @pytest.mark.slow
@@ -458,9 +480,7 @@ def test_a_fit_of_what_is_kept_is_asked_for_and_taken_over(tmp_path: Path) -> No
         watch.ask_fit("P3", "olaf")
         watch.ask_fit("P3", "olaf")
         fits = asyncio.create_task(watch._fits())
-        for _ in range(600):
-            if watch.reader.answers("P3"):
-                break
+        while watch.status()["loops"]["P3"]["fitting"]:
             await asyncio.sleep(0.1)
         fits.cancel()
         await asyncio.gather(fits, return_exceptions=True)
@@ -476,3 +496,40 @@ def test_a_fit_of_what_is_kept_is_asked_for_and_taken_over(tmp_path: Path) -> No
     assert watch.status()["loops"]["P3"]["health"] == "MAINTENANCE_REQUIRED"
     direct = glapp.fit(t=sim.t, pv=sim.pv, op=sim.op, loop=loop)
     assert watch.reader.answers("P3")[0]["d"] == pytest.approx(direct.d, rel=0.02)
+
+
+@pytest.mark.slow
+def test_a_fit_that_takes_too_long_is_ended_and_the_next_one_begins(tmp_path: Path) -> None:
+    clock = Clock()
+    watch = Watch(loops(2), Memory(tmp_path), bounds=Bounds(fit_longest=1e-6), clock=clock)
+    fed(watch, clock, values("FIC0", 400), pace=20.0)
+
+    async def go() -> None:
+        fits = asyncio.create_task(watch._fits())
+        for name, longest in (("FIC0", 1e-6), ("FIC1", 600.0)):
+            watch.bounds = Bounds(fit_longest=longest)
+            watch.ask_fit(name, "olaf")
+            while watch.status()["loops"][name]["fitting"]:
+                await asyncio.sleep(0.05)
+        fits.cancel()
+        await asyncio.gather(fits, return_exceptions=True)
+        await watch.step()
+
+    asyncio.run(go())
+    told = {event["loop"]: event["text"] for event in watch.reader.events() if event["kind"] == "not_fitted"}
+    assert told["FIC0"] == "it took more than 1e-06 s, and was ended" and "has no recording to fit yet" in told["FIC1"]
+    assert watch.reader.answers("FIC0") == []
+    watch.memory.close()
+
+
+@pytest.mark.slow
+def test_a_fit_under_way_ends_with_the_service(tmp_path: Path) -> None:
+    """It was waited for, however long it took."""
+
+    async def look(watch: Watch, plant: Swinging) -> None:
+        watch.ask_fit("FIC0", "olaf")
+        while not multiprocessing.active_children():
+            await asyncio.sleep(0.01)
+
+    beside(tmp_path, look)
+    assert not multiprocessing.active_children()

@@ -10,7 +10,7 @@ import math
 import os
 import signal
 import time
-from collections.abc import Awaitable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from contextlib import AsyncExitStack, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -124,6 +124,7 @@ def run(
     keep: Annotated[int, typer.Option(metavar="DAYS", help="How long signals are kept.")] = 30,
     fit_days: Annotated[int, typer.Option(metavar="DAYS", help="How far a fit looks back.")] = 7,
     fit_hour: Annotated[int, typer.Option(metavar="H", help="Local hour at which the fits of the night begin.")] = 2,
+    fit_longest: Annotated[float, typer.Option(metavar="S", help="How long a fit may take; then it is ended.")] = 600.0,
     wait: Annotated[float, typer.Option(metavar="S", help="How long a sample waits for values that come late.")] = 2.0,
     opcua_port: Annotated[
         int | None,
@@ -158,6 +159,7 @@ def run(
         keep=max(keep, int(days) + 1),
         fit_days=fit_days,
         fit_hour=fit_hour,
+        fit_longest=fit_longest,
         wait=wait,
     )
     door = {"host": host, "port": port, "certificate": certificate, "key": key}
@@ -197,6 +199,7 @@ async def _serve(
 
     async with AsyncExitStack() as stack:
         connection: Connection | None
+        clock: Callable[[], float] = time.time
         if demo is not None:
             days = demo["days"]
             scan, speed = demo["scan"], 1.0 if days == 0 else _HURRY
@@ -207,6 +210,8 @@ async def _serve(
             data.mkdir(parents=True, exist_ok=True)
             text.write_text(plant.settings(), encoding="utf-8")
             connection = read_connection(text)
+            if days > 0:  # its days are over in seconds, and so are its nights
+                clock = lambda: plant.time  # noqa: E731
             if connection is not None and days > 0:  # a thousand values a second of each tag, while it hurries
                 connection = connection.model_copy(update={"samples": 10_000})
             elif connection is not None:  # told soon after it was measured: u_FF must not come late
@@ -222,7 +227,7 @@ async def _serve(
         if memory.found is not None:
             say_note(memory.found)
         first_user(memory, time.time())
-        one = Watch(known, memory, bounds=bounds, compensable=_compensable(known))
+        one = Watch(known, memory, bounds=bounds, compensable=_compensable(known), clock=clock)
         hosts = ("127.0.0.1", "localhost", "[::1]", door["host"])
         opened = Door(app_of(one, Users(memory), hosts=hosts), **door)
         source = OpcUa(connection, known, since=one.since())

@@ -113,10 +113,16 @@ class Compensator:
         self._write_time: float | None = None
         self._scanned: float | None = None
         self.fresh_pv = False
+        self.pv_at = -math.inf  # when a PV came, by the clock of `scan`
         self.read_back = False  # whether u_FF was read from the plant since the connection began
         self.written: float | None = None
         self.written_at = -math.inf
         self.why_off = "nobody enabled it since the start"
+
+    @property
+    def longest_still(self) -> float:
+        """So long a PV may stand still, which may also have died: then nothing is compensated any more [s]."""
+        return max(30.0 * self.period, 1.0)
 
     @property
     def enabled(self) -> bool:
@@ -184,6 +190,8 @@ class Compensator:
         alive : bool
             Whether the connection of the loop lives: where it does not, what was read is not believed.
         """
+        if self.fresh_pv:
+            self.pv_at = now
         h = self.period if self._scanned is None else now - self._scanned
         self._scanned, self.fresh_pv = now, False
         read = {signal: self._read(signal) if alive else math.nan for signal in Signal}
@@ -205,7 +213,9 @@ class Compensator:
             u_ff=read[Signal.U_FF],
             flags=float(flags),
         )
-        if was and self.standing in _FINAL:
+        if was and now - self.pv_at > self.longest_still:
+            self.disable(f"no PV came for {now - self.pv_at:.0f} s")
+        elif was and self.standing in _FINAL:
             self.disable(f"it was withdrawn: {self.standing}")
         return self.u_ff
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import faulthandler
 import json
 import math
+import os
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
@@ -14,26 +17,40 @@ from ..loop import Loop
 from ..many import analyze_recordings
 from .recordings import Signals
 
-__all__ = ["answered"]
+__all__ = ["answer"]
 
 
-def answered(folder: Path, settings: str, begin: float, end: float) -> dict[str, Any]:
-    """What all kept recordings of a loop say together, as a row of `answers`.
+def answer(to: Connection, folder: Path, settings: str, begin: float, end: float, longest: float) -> None:
+    """Send what all kept recordings of a loop say together, as a row of `answers`, or a text where they say nothing.
+
+    This process ends itself where that takes too long: nothing else stops a fit that is under way.
 
     Parameters
     ----------
+    to : Connection
+        Who waits for it.
     folder : Path
         The data folder.
     settings : str
         The loop, as JSON.
     begin, end : float
         From when to when [s since 1970 UTC].
-
-    Raises
-    ------
-    InputError
-        Where there is no recording, or it cannot be used.
+    longest : float
+        How long it may take, > 0 [s].
     """
+    with open(os.devnull, "w") as nowhere:  # noqa: PTH123 - only the number of an open file is used
+        faulthandler.dump_traceback_later(longest, exit=True, file=nowhere)
+        try:
+            to.send(_answered(folder, settings, begin, end))
+        except InputError as error:
+            to.send(str(error))
+        except Exception as error:  # it must not end the watch
+            to.send(f"{type(error).__name__}: {error}")
+        finally:
+            faulthandler.cancel_dump_traceback_later()
+
+
+def _answered(folder: Path, settings: str, begin: float, end: float) -> dict[str, Any]:
     loop = Loop(**json.loads(settings))
     recordings = Signals(folder).recordings(loop, begin, end)
     if not recordings:

@@ -12,8 +12,6 @@ import math
 import time
 from array import array
 from collections.abc import Callable, Coroutine, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
@@ -28,7 +26,7 @@ from ..errors import InputError
 from ..estimate import Estimator
 from ..loop import Loop
 from .compensation import SETTINGS, Compensator
-from .fits import answered
+from .fits import answer
 from .memory import COLUMNS, Entry, Half, Memory, MemoryFull, Reader
 from .recordings import Signals, table_of
 from .rows import ALIVE, CODES, LOST, OP, Rows
@@ -45,6 +43,7 @@ SEEN = "watchdog_seen"
 """The setting that holds when a drill of the loop was passed."""
 
 _FIELDS = 7
+_SPAWN = get_context("spawn")
 _KEEP = 60
 """A thing that happens again and again is told once in so many seconds, with how often it did."""
 
@@ -113,6 +112,8 @@ class Bounds:
         Days that a fit looks back, ≥ 1.
     fit_hour : int
         Local hour at which the fits of the night begin, 0..23.
+    fit_longest : float
+        How long a fit may take, > 0 [s]; then it is ended.
     backlog : int
         So many entries wait in memory for a disk that is full; then they are given up.
     drill : float
@@ -128,11 +129,12 @@ class Bounds:
     keep: int = 30
     fit_days: int = 7
     fit_hour: int = 2
+    fit_longest: float = 600.0
     backlog: int = 600
     drill: float = 300.0
 
     def __post_init__(self) -> None:
-        for name in ("period", "step", "save", "lost", "ahead", "drill"):
+        for name in ("period", "step", "save", "lost", "ahead", "fit_longest", "drill"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0):
                 raise InputError(f"is {value}, must be > 0 s", parameter=name, value=value, bound="> 0 s")
@@ -610,30 +612,42 @@ class Watch:
 
     async def _fits(self) -> None:
         night = asyncio.create_task(self._nights())
-        pool: ProcessPoolExecutor | None = None
         try:
             while True:
                 name, person = await self._asked.get()
-                pool = pool or _pool()
                 try:
                     with suppress(MemoryFull, OSError):
                         await self.save()
-                    end = self._clock()
-                    work = (self.memory.folder, self._loops[name].loop.model_dump_json(exclude_unset=True))
-                    begin = end - self.bounds.fit_days * 86400.0
-                    answer = await asyncio.get_running_loop().run_in_executor(pool, answered, *work, begin, end)
-                    await self._answered(name, person, answer)
-                except (InputError, MemoryFull) as error:
+                    said = await self._fitted(name)
+                    if isinstance(said, str):
+                        self._tell(Event(self._clock(), name, "not_fitted", said))
+                    else:
+                        await self._answered(name, person, said)
+                except MemoryFull as error:
                     self._tell(Event(self._clock(), name, "not_fitted", str(error)))
-                except BrokenProcessPool:
-                    pool = None
-                    self._tell(Event(self._clock(), name, "not_fitted", "the process that fitted it was ended"))
                 finally:
                     self._fitting.discard(name)
         finally:
             night.cancel()
-            if pool is not None:
-                pool.shutdown(wait=False, cancel_futures=True)
+
+    async def _fitted(self, name: str) -> dict[str, Any] | str:
+        """What a fit says, or why it says nothing: in a process of its own, which is ended with us."""
+        longest, end, began = self.bounds.fit_longest, self._clock(), time.monotonic()
+        settings = self._loops[name].loop.model_dump_json(exclude_unset=True)
+        receiver, sender = _SPAWN.Pipe(duplex=False)
+        asked = (sender, self.memory.folder, settings, end - self.bounds.fit_days * 86400.0, end, longest)
+        process = _SPAWN.Process(target=answer, args=asked, daemon=True)
+        process.start()
+        sender.close()
+        try:
+            said: dict[str, Any] | str = await asyncio.to_thread(receiver.recv)
+        except EOFError:
+            late = time.monotonic() - began >= longest
+            said = f"it took more than {longest:g} s, and was ended" if late else "its process was ended"
+        finally:
+            process.kill()
+            process.join()
+        return said
 
     async def _answered(self, name: str, person: str, answer: dict[str, Any]) -> None:
         row = {"time": self._clock(), "asked_by": person, **answer}
@@ -647,7 +661,8 @@ class Watch:
             begin = now.replace(hour=self.bounds.fit_hour, minute=0, second=0, microsecond=0)
             if begin <= now:
                 begin += timedelta(days=1)
-            await asyncio.sleep((begin - now).total_seconds())
+            while (left := begin.timestamp() - self._clock()) > 0:  # that clock may hurry, or be set
+                await asyncio.sleep(min(left, 1.0))
             # Who was answered longest ago comes first: what one night is too short for, the next begins with.
             ordered = sorted(self._loops.values(), key=lambda w: -math.inf if w.answer is None else w.answer["time"])
             for watched in ordered:
@@ -1148,8 +1163,3 @@ async def _asking(answer: Coroutine[Any, Any, T], within: float = 5.0) -> T:
         return task.result()
     finally:
         task.cancel()
-
-
-def _pool() -> ProcessPoolExecutor:
-    """One process beside this one: what it fits takes no time from the watch on the other processor."""
-    return ProcessPoolExecutor(1, mp_context=get_context("spawn"))

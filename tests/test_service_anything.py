@@ -1,0 +1,68 @@
+"""The door, asked anything that its own description allows and much that it does not: it answers, and never fails."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import service
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from service import BEGIN, Clock, fed, loops, values
+from test_service_door import CHEAP, PASSWORDS, ROLES
+
+schemathesis = pytest.importorskip("schemathesis")
+
+from fastapi.testclient import TestClient  # noqa: E402
+
+from glapp.service.door import app_of  # noqa: E402
+from glapp.service.users import Users  # noqa: E402
+
+EXAMPLES = 12
+
+
+def asked(operation: Any, headers: dict[str, str]) -> set[int]:
+    """Statuses of what a door answers to requests that are as described, and to others."""
+    statuses = set()
+    negative = operation.as_strategy(generation_mode=schemathesis.GenerationMode.NEGATIVE)
+
+    @settings(
+        max_examples=EXAMPLES, derandomize=True, database=None, deadline=None, suppress_health_check=[*HealthCheck]
+    )
+    @given(case=st.one_of(operation.as_strategy(), negative), there=st.booleans())
+    def ask(case: Any, there: bool) -> None:
+        if there and "name" in case.path_parameters:
+            case.path_parameters["name"] = "FIC0"
+        reply = case.call(headers=headers)
+        statuses.add(reply.status_code)
+        assert reply.status_code < 500 and b"Traceback" not in reply.content, (operation.label, reply.content)
+
+    ask()
+    return statuses
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("known", [True, False], ids=["engineer", "nobody"])
+def test_any_request_is_answered(tmp_path: Path, known: bool) -> None:
+    clock = Clock()
+    watch = service.watch(tmp_path, loops(2), clock)
+    fed(watch, clock, values("FIC0", 200), pace=20.0)
+    users = Users(watch.memory, CHEAP)
+    app = app_of(watch, users, hosts=["testserver"])
+    client = TestClient(app)
+    statuses = {}
+    for found in schemathesis.openapi.from_asgi("/openapi.json", app).get_all_operations():
+        operation = found.ok()
+        for name, role in ROLES.items():
+            users.put(name, role, PASSWORDS[name], BEGIN)
+        headers = {}
+        if known:
+            said = client.post("/login", json={"user": "eve", "password": PASSWORDS["eve"]}).json()
+            headers["Authorization"] = f"Bearer {said['token']}"
+        statuses[operation.label] = asked(operation, headers)
+    watch.memory.close()
+    let_in = {label for label, seen in statuses.items() if 200 in seen}
+    assert len(statuses) == 21, "every operation that is described"
+    if known:
+        assert len(let_in) >= 10, f"much of it is not refused: {statuses}"
+    else:
+        assert not let_in, "nothing without a token, from another computer"

@@ -183,6 +183,22 @@ def test_a_load_that_swings_is_no_gap(name: str) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("name", ["backlash/ramps/inside/68", "stiction/ramps/inside/12", "both/steps/outside/39"])
+def test_a_setpoint_that_moves_tells_an_even_swing_from_a_load_that_swings(name: str) -> None:
+    """The loop rings or slips after the setpoint; without that it might be a neighbour that swings."""
+    made = record(name)
+    assert made is not None
+    [batch] = made[0].recording.batches()
+    signals = {"t": batch.t, "pv": batch.pv, "op": batch.op, "loop": made[0].recording.loop}
+    without, led = glapp.fit(**signals), glapp.fit(sp=batch.sp, **signals)
+    assert (without.verdict, without.why) == ("cannot_tell", "swings")
+    assert led.found and led.low is not None and led.high is not None and led.low < made[1].d < led.high, led.reason
+    # One that hardly moves tells nothing.
+    still = glapp.fit(sp=50.0 + 0.01 * (batch.sp - 50.0), **signals)
+    assert still.why == "swings"
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["triangle slow/none/16", "random ramps/none/201", "slow ramps/none/12"])
 def test_a_load_along_lines_leaves_a_valve_sound(name: str) -> None:
     f = glapp.fit(confusing(name).recording(1500))

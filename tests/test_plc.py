@@ -238,7 +238,6 @@ def test_unpacked_it_is_the_source_again(packages, tmp_path, unpack, build):
     [
         ("vectors", ["real", "detector_real"]),
         ("control", ["vectors_real"]),
-        ("compensate", ["real"]),
         ("detection", ["vectors_real"]),
     ],
 )

@@ -762,11 +762,11 @@ def test_how_sure_it_is_is_what_the_benches_measured() -> None:
     told = " ".join(words.SURE)
     [records, *_] = re.findall(r"records of every kind, (\d+) in all", measured[measured.index("## Tables") :])
     assert f"On {records} simulated recordings" in words.SURE_OF_LIMITS
-    assert {round(percent(fit[2])), round(percent(fit[5]))} == {94} and "94 of 100 such intervals" in told
+    assert {round(percent(fit[2])), round(percent(fit[5]))} == {93, 96} and "93 to 96 of 100 such intervals" in told
     assert (
         f"in {round(10 * percent(fit[6]))} of 1000" in told and f"in {round(10 * percent(thesis[6]))} of 1000" in told
     )
-    assert {round(percent(fit[k])) for k in (0, 3)} == {24} and "24 in 100 got a width" in told
+    assert {round(percent(fit[k])) for k in (0, 3)} == {31} and "31 in 100 got a width" in told
     low, high = sorted(round(percent(thesis[k])) for k in (1, 4))
     assert f"{low} to {high} % too wide" in told
     without, claims, with_gap = int(loads[0]), int(loads[1]) + int(loads[2]), int(loads[3])

@@ -43,7 +43,7 @@ def test_arrays_get_the_answer_of_their_recording(worn: Simulation) -> None:
     recording = glapp.recording_from(worn.to_arrow().drop_columns("POSITION"), LOOP)
     flags = next(recording.batches()).flags
     signals: dict[str, Any] = {"t": worn.t, "pv": worn.pv, "op": worn.op, "flags": flags}
-    assert glapp.fit(**signals, loop=LOOP).to_dict() == glapp.fit(recording).to_dict()
+    assert glapp.fit(sp=worn.sp, **signals, loop=LOOP).to_dict() == glapp.fit(recording).to_dict()
     assert glapp.identify(sp=worn.sp, **signals, loop=LOOP) == glapp.identify(recording)
     one, other = glapp.estimate(sp=worn.sp, **signals, loop=LOOP), glapp.estimate(recording)
     assert (one.verdict, one.d_hat, one.reasons) == (other.verdict, other.d_hat, other.reasons)

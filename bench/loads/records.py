@@ -22,7 +22,7 @@ import glapp
 from glapp import tuning
 from glapp.controller import Controller
 from glapp.plant import Plant
-from glapp.scenario import Coloured, Gaussian, Samples, Scenario, Steps
+from glapp.scenario import Coloured, Gaussian, Piece, Samples, Scenario, Steps
 from glapp.simulate import Simulation, run
 
 from ..truth.design import log_uniform
@@ -119,8 +119,11 @@ class Record:
         return Truth(self.loop.name, samples, h, self.d, up, down, op_range, self.size, told)
 
 
-def record(name: str, samples: int = SAMPLES) -> Record:
-    """Make the record of that name; a longer one begins with the shorter one."""
+def record(name: str, samples: int = SAMPLES, moves: Callable[[float], Piece] | None = None) -> Record:
+    """Make the record of that name; a longer one begins with the shorter one.
+
+    `moves` makes its setpoint, in units of Kp·1 %, which else stands at 50.
+    """
     row, gap, number, *day = name.split("/")
     if gap not in ("none", "gap"):
         raise ValueError(f"{name}: the middle part is 'none' or 'gap'")
@@ -159,7 +162,7 @@ def record(name: str, samples: int = SAMPLES) -> Record:
         limits=(0.0, 100.0),
         d=d if gap == "gap" else 0.0,
         noise=tuple(noise),
-        setpoint=(Steps(steps=((0.0, 50.0 * kp),)),),
+        setpoint=(moves(kp) if moves else Steps(steps=((0.0, 50.0 * kp),)),),
         load=(Samples(values=LOADS.get(row, _ordinary)(of_load, size, samples)),),
         h=H,
         t_end=(samples - 1) * H,

@@ -275,6 +275,7 @@ def fit(
     recording: Recording | Sequence[Recording] | None = None,
     *,
     t: ArrayLike | None = None,
+    sp: ArrayLike | None = None,
     pv: ArrayLike | None = None,
     op: ArrayLike | None = None,
     position: ArrayLike | None = None,
@@ -285,9 +286,10 @@ def fit(
     """Fit the gap to a recording of OP and PV: OP → lost motion → dead time → lags → PV, under load and noise.
 
     The answer is the likelihood as a function of the width d, for several families of process and disturbance; the
-    interval holds those of all that predict PV about as well as the best. Mode and setpoint do not matter: any move
-    of OP tells. A process gain of known sign (from `loop.process.kp` or the controller's action) helps. Where the
-    valve's position is recorded it is fitted by itself, and if it tells, it settles the answer.
+    interval holds those of all that predict PV about as well as the best. The mode does not matter: any move of OP
+    tells. The setpoint may be missing; one that moves tells that no load makes OP swing. A process gain of known sign
+    (from `loop.process.kp` or the controller's action) helps. Where the valve's position is recorded it is fitted by
+    itself, and if it tells, it settles the answer.
 
     Parameters
     ----------
@@ -295,9 +297,9 @@ def fit(
         From `glapp.recording_from` or `glapp.open_recordings`, of any length. Of more than half a million rows a
         dozen windows are fitted at most, spread over the whole length, each the most telling of its epoch. Several are
         of one valve: they get one answer, with the width that they share. Or, in its place:
-    t, pv, op, position, flags : array[n]
-        Samples: time [s] or datetime64; process value [PV unit], controller output [OP unit], the valve's measured
-        position [%]; sum of 1 not in automatic, 2 bad, 4 OP at its low, 8 at its high limit. NaN is a bad value.
+    t, sp, pv, op, position, flags : array[n]
+        Samples: time [s] or datetime64; setpoint and process value [PV unit], controller output [OP unit], position
+        of the valve [%]; sum of 1 not in automatic, 2 bad, 4 OP at its low, 8 at its high limit. NaN is a bad value.
     loop : Loop
         Settings that go with samples.
     progress : callable, optional
@@ -328,14 +330,14 @@ def fit(
     ('backlash', True)
     """
     if isinstance(recording, Sequence):
-        signals = {"t": t, "pv": pv, "op": op, "position": position, "flags": flags}
+        signals = {"t": t, "sp": sp, "pv": pv, "op": op, "position": position, "flags": flags}
         every = [recording_of(one, loop, **signals) for one in recording]
         if not every:
             raise InputError("holds no recording", parameter="recording")
         if len(every) > 1:
             return fit_recordings(every, progress=progress)
         recording = every[0]
-    recording = recording_of(recording, loop, t=t, pv=pv, op=op, position=position, flags=flags)
+    recording = recording_of(recording, loop, t=t, sp=sp, pv=pv, op=op, position=position, flags=flags)
     sign = process_sign(recording.loop, recording.loop.ideal())
     batches, fitting = _read(recording, sign, progress)
     return fit_batches(batches, recording.loop, sign, progress=fitting)

@@ -119,7 +119,8 @@ impl Task {
 #[derive(Debug)]
 pub struct Analysis {
     task: Task,
-    beginning: Beginning,
+    /// The first rows of the recording.
+    beginning: Rows,
     /// Usual time between samples \[s\].
     h: f64,
     identification: Option<Identification>,
@@ -139,28 +140,6 @@ pub struct Analysis {
 struct Origins {
     law: Origin,
     b: Origin,
-}
-
-/// The first rows of a recording.
-#[derive(Clone, Debug)]
-struct Beginning {
-    rows: Rows,
-    sp: Option<Vec<f64>>,
-}
-
-impl Beginning {
-    fn of(rows: &Inspected<'_>, position: Option<&[f64]>) -> Self {
-        let owned = |column: Option<&[f64]>| column.map(<[f64]>::to_vec);
-        let Inspected { t, sp, pv, op, flags } = *rows;
-        let flags = flags.map(<[u8]>::to_vec);
-        let rows = Rows { t: t.to_vec(), pv: pv.to_vec(), op: owned(op), flags, position: owned(position) };
-        Self { rows, sp: owned(sp) }
-    }
-
-    fn inspected(&self) -> Inspected<'_> {
-        let Rows { t, pv, op, flags, .. } = &self.rows;
-        Inspected { t, sp: self.sp.as_deref(), pv, op: op.as_deref(), flags: flags.as_deref() }
-    }
 }
 
 /// What an analysis ends in.
@@ -213,7 +192,7 @@ impl Analysis {
         Ok(Self {
             counter: Counter::new(GAP_STEPS * h, task.op_limits())?,
             windows: long.then(|| Windows::of_history(&samples(&rows), sign)),
-            beginning: Beginning::of(&rows, position),
+            beginning: kept(&rows, position),
             task,
             h,
             identification: found,
@@ -247,7 +226,7 @@ impl Analysis {
         let op_limits = task.op_limits();
         let mut quality = if task.judge { self.inspected() } else { Vec::new() };
         progress(0.0);
-        let fitted = (task.judge && task.fit && self.beginning.rows.op.is_some()).then(|| self.fitted(&quality));
+        let fitted = (task.judge && task.fit && self.beginning.op.is_some()).then(|| self.fitted(&quality));
         let task = &self.task;
         progress(1.0);
         let (mut kp, mut kp_origin) = gain(task);
@@ -317,7 +296,7 @@ impl Analysis {
             td: self.controller.map(|controller| controller.td),
             law: self.identification.as_ref().map(Law::of),
         };
-        let mut found = inspect(&self.beginning.inspected(), &self.counter.census, &known);
+        let mut found = inspect(&inspected(&self.beginning), &self.counter.census, &known);
         found.sort_by_key(|finding| Reverse(finding.severity));
         found
     }
@@ -334,13 +313,13 @@ impl Analysis {
         let sinusoid = find(&|found| found.fault == Fault::Sinusoidal);
         let sign = self.task.sign(self.controller.as_ref());
         match &mut self.windows {
-            None => fitted(&[batch(&self.beginning.rows)], sign, sinusoid),
+            None => fitted(&[batch(&self.beginning)], sign, sinusoid),
             Some(windows) => fitted(&windows.best().map(batch).collect::<Vec<_>>(), sign, sinusoid),
         }
     }
 
     fn corrected(&self, detector: &Crossings, kp: Option<f64>, d_hat: Option<f64>) -> CorrectedAnswer {
-        let op = self.beginning.rows.op.as_deref().filter(|_| self.op);
+        let op = self.beginning.op.as_deref().filter(|_| self.op);
         let travel = if self.op { Travel::Op } else { Travel::Law };
         let beside = Beside { kp, travel, op_noise: op.and_then(noise_sigma), integrating: self.task.integrating };
         let (pairs, found) = detector.corrected(&beside);
@@ -406,12 +385,24 @@ pub fn within_percent(op: &[f64]) -> bool {
     !op.iter().any(|u| *u < 0.0 || *u > 100.0)
 }
 
+fn kept(rows: &Inspected<'_>, position: Option<&[f64]>) -> Rows {
+    let owned = |column: Option<&[f64]>| column.map(<[f64]>::to_vec);
+    let Inspected { t, sp, pv, op, flags } = *rows;
+    let flags = flags.map(<[u8]>::to_vec);
+    Rows { t: t.to_vec(), sp: owned(sp), pv: pv.to_vec(), op: owned(op), flags, position: owned(position) }
+}
+
+fn inspected(rows: &Rows) -> Inspected<'_> {
+    let Rows { t, sp, pv, op, flags, .. } = rows;
+    Inspected { t, sp: sp.as_deref(), pv, op: op.as_deref(), flags: flags.as_deref() }
+}
+
 fn samples<'a>(rows: &Inspected<'a>) -> Samples<'a> {
-    Samples { t: rows.t, pv: rows.pv, op: rows.op, flags: rows.flags }
+    Samples { t: rows.t, sp: rows.sp, pv: rows.pv, op: rows.op, flags: rows.flags }
 }
 
 fn batch(rows: &Rows) -> Batch<'_> {
-    let Rows { t, pv, op, flags, position } = rows;
-    let samples = Samples { t, pv, op: op.as_deref(), flags: flags.as_deref() };
+    let Rows { t, sp, pv, op, flags, position } = rows;
+    let samples = Samples { t, sp: sp.as_deref(), pv, op: op.as_deref(), flags: flags.as_deref() };
     Batch { samples, position: position.as_deref() }
 }

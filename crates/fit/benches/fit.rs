@@ -53,7 +53,10 @@ fn whole(c: &mut Criterion) {
     group.sample_size(10).warm_up_time(Duration::from_secs(1)).measurement_time(Duration::from_secs(20));
     for samples in [751, 30_000] {
         let (pv, op) = recorded(samples);
-        let record = Record { h: H, stretches: vec![Stretch { start: 0.0, pv: pv.into(), op: op.into() }] };
+        let record = Record {
+            h: H,
+            stretches: vec![Stretch { start: 0.0, sp: [].as_slice().into(), pv: pv.into(), op: op.into() }],
+        };
         let problem = Problem { records: vec![record], sign: 1.0, bootstrap: 0 };
         let answer = pool.install(|| fit(&problem)).expect("a record of this length is fitted");
         assert_ne!(answer.whole.verdict, Verdict::Sound, "a fit that misses the gap is no measure");

@@ -63,6 +63,7 @@ fn fitted(problem: &Problem) -> Result<(Vec<Curve>, Unit, Unit), Unfit> {
     let (op, pv) = (Unit::of(stretches().map(|s| &*s.op)), Unit::of(stretches().map(|s| &*s.pv)));
     let scaled = |s: &Stretch| Stretch {
         start: s.start,
+        sp: pv.scaled(&s.sp).into(),
         pv: without_spikes(pv.scaled(&s.pv)).into(),
         op: op.scaled(&s.op).into(),
     };
@@ -120,5 +121,5 @@ fn alone(record: &Record, cell: usize, problem: &Problem) -> Option<Fitted> {
     let cells = Cells::new(&signals, finest);
     let seeds: Vec<Theta> = seeds.iter().map(|theta| rescaled(theta, times)).collect();
     let bow = signals.iter().map(|(pv, _)| bow(pv)).fold(0.0, f64::max);
-    (cells.count >= FEWEST).then(|| fit_record(&cells, &seeds, record.h, bow, problem))
+    (cells.count >= FEWEST).then(|| fit_record(&cells, &seeds, record, bow, problem))
 }

@@ -24,8 +24,8 @@ pub(crate) fn columns<'a>(batches: &'a [Batch<'_>]) -> PyResult<Vec<glapp_fit::B
 
 impl Batch<'_> {
     fn columns(&self) -> PyResult<glapp_fit::Batch<'_>> {
-        let (Inspected { t, pv, op, flags, .. }, position) = self.rows()?;
-        Ok(glapp_fit::Batch { samples: Samples { t, pv, op, flags }, position })
+        let (Inspected { t, sp, pv, op, flags }, position) = self.rows()?;
+        Ok(glapp_fit::Batch { samples: Samples { t, sp, pv, op, flags }, position })
     }
 
     /// The columns, and the valve's position where it is recorded.
@@ -93,8 +93,8 @@ impl Windows {
         let array = |values: &Vec<f64>| PyArray1::from_slice(py, values);
         let of = |rows: &Rows| {
             let flags = rows.flags.as_ref().map(|flags| PyArray1::from_slice(py, flags));
-            let (op, position) = (rows.op.as_ref().map(array), rows.position.as_ref().map(array));
-            batch.call1((array(&rows.t), py.None(), array(&rows.pv), op, flags, position))
+            let [sp, op, position] = [&rows.sp, &rows.op, &rows.position].map(|column| column.as_ref().map(array));
+            batch.call1((array(&rows.t), sp, array(&rows.pv), op, flags, position))
         };
         self.windows.best().map(of).collect()
     }

@@ -524,6 +524,7 @@ fn random<R: Number>() {
         let mut draw = Draw::new(300_000 + seed);
         let mut signals = Loop::new(&mut draw);
         let block = Block::new::<R>("GlappPidAdvanced");
+        block.unheld();
         for _ in 0..60 {
             let mut row = signals.next(&block, &mut draw);
             extreme(&mut row, &mut draw);

@@ -14,7 +14,8 @@ const HOLDERS: [(&str, &str); 5] = [
     ("GlappBacklashDetectionSettings", "cdm"),
     ("GlappBacklashDetection", "cdms"),
 ];
-const OTHERS: [(&str, &str); 8] = [
+const OTHERS: [(&str, &str); 9] = [
+    ("GlappPidAdvanced", "bnmsp"),
     ("GlappForeignDetection", "cdmsf"),
     ("GlappCompensationSettings", "m"),
     ("GlappCompensation", "ms"),
@@ -62,11 +63,13 @@ fn open<R: Number>() {
         }
     }
     // Nothing known: no detection to compensate by, no pairs for a corrected width (numbers of the catalogue).
-    for name in ["GlappBacklashDetection", "GlappForeignDetection"] {
+    for name in ["GlappBacklashDetection", "GlappForeignDetection", "GlappPidAdvanced"] {
         assert_eq!(Block::new::<R>(name).all(&["Unsuited", "Doubt"]), [1.0, 9.0], "{name}");
     }
     assert_eq!(Block::new::<R>("GlappBacklashDetectionSettings").get("DelayScans"), 1.0);
-    assert_eq!(Block::new::<R>("GlappAutoTuner").get("Rule"), 1.0);
+    for name in ["GlappAutoTuner", "GlappPidAdvanced"] {
+        assert_eq!(Block::new::<R>(name).get("Rule"), 1.0, "{name}");
+    }
     assert_eq!(Block::new::<R>("GlappNoise").get("Seed"), 1.0);
     let ones = [("GlappCompensation", "UKnown"), ("GlappHalfPeriod", "SlopeFits"), ("GlappOverCompensation", "Take")];
     for (name, pin) in ones {

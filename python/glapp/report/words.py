@@ -209,7 +209,7 @@ METHODS: dict[str, tuple[str, ...]] = {
 }
 
 #: What a 95 % limit is.
-SURE_OF_LIMITS = "On 1104 simulated recordings of known truth 94 of 100 such intervals held the true width."
+SURE_OF_LIMITS = "On 1104 simulated recordings of known truth 93 to 96 of 100 such intervals held the true width."
 
 #: How sure the answers are, counted on the benches of docs/truth.md.
 SURE: tuple[str, ...] = (
@@ -218,7 +218,7 @@ SURE: tuple[str, ...] = (
     "Where there was no gap, the fit saw one in 4 of 1000 of the first and in 14 of 2400 of the second. Zero crossings "
     "alone would have sent somebody to the valve in 304 of 1000 of the first; their width read 39 to 74 % too wide in "
     "the middle of the records.",
-    "It is silent rather than wrong: of the gaps on the first bench that a recording could show at all, 24 in "
+    "It is silent rather than wrong: of the gaps on the first bench that a recording could show at all, 31 in "
     "100 got a width. Several recordings of one valve tell more.",
     "Evidence is strong where a model without a gap is as much worse as the fit asks for, very strong where it is more "
     "than twice that, weak where it is half of it or more.",

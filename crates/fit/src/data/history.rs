@@ -117,6 +117,8 @@ impl Windows {
 pub struct Rows {
     /// \[s\]
     pub t: Vec<f64>,
+    /// Setpoint [PV unit]
+    pub sp: Option<Vec<f64>>,
     /// [PV unit]
     pub pv: Vec<f64>,
     /// [OP unit]
@@ -129,10 +131,11 @@ pub struct Rows {
 
 impl Rows {
     fn extend(&mut self, batch: &Batch, rows: std::ops::Range<usize>) {
-        let Batch { samples: Samples { t, pv, op, flags }, position } = batch;
+        let Batch { samples: Samples { t, sp, pv, op, flags }, position } = batch;
         let before = self.t.len();
         self.t.extend_from_slice(&t[rows.clone()]);
         self.pv.extend_from_slice(&pv[rows.clone()]);
+        join(&mut self.sp, *sp, before, rows.clone(), f64::NAN);
         join(&mut self.op, *op, before, rows.clone(), f64::NAN);
         join(&mut self.flags, *flags, before, rows.clone(), 0);
         join(&mut self.position, *position, before, rows, f64::NAN);
@@ -180,7 +183,7 @@ mod tests {
     }
 
     fn batch<'a>(t: &'a [f64], op: Option<&'a [f64]>) -> Batch<'a> {
-        Batch { samples: Samples { t, pv: t, op, flags: None }, position: None }
+        Batch { samples: Samples { t, sp: None, pv: t, op, flags: None }, position: None }
     }
 
     fn fed(length: usize, hole: f64, t: &[f64], op: &[f64], at_once: usize) -> Windows {
@@ -256,7 +259,7 @@ mod tests {
     fn a_beginning_says_how_long_a_window_is() {
         let (t, _) = rows(2400);
         let op: Vec<f64> = t.iter().map(|t| (t / 9.0).sin()).collect();
-        let still = Samples { t: &t, pv: &t, op: Some(&[40.0; 2400]), flags: None };
+        let still = Samples { t: &t, sp: None, pv: &t, op: Some(&[40.0; 2400]), flags: None };
         let windows = Windows::of_history(&still, 0.0);
         assert_eq!((windows.length, windows.hole), (200, 50.0));
         let without = Windows::of_history(&Samples { op: None, ..still }, 0.0);

@@ -1,5 +1,6 @@
 //! A record at even steps, and its cut into windows.
 
+use crate::decide::thresholds::LED;
 use std::borrow::Cow;
 
 /// One unbroken stretch at even steps; NaN in PV is a sample that is missing, OP is without NaN.
@@ -7,6 +8,8 @@ use std::borrow::Cow;
 pub struct Stretch<'a> {
     /// When it starts [s].
     pub start: f64,
+    /// Setpoint, as many as of `pv` or, where it was not recorded, none [PV unit].
+    pub sp: Cow<'a, [f64]>,
     /// [PV unit]
     pub pv: Cow<'a, [f64]>,
     /// As many as of `pv` [OP unit].
@@ -35,6 +38,13 @@ impl Record<'_> {
         self.stretches.iter().map(|s| s.pv.len()).sum()
     }
 
+    /// Whether the setpoint moves PV, and not a load alone.
+    pub(crate) fn is_led(&self) -> bool {
+        let sp = self.stretches.iter().flat_map(|s| s.sp.iter().copied());
+        let pv = self.stretches.iter().flat_map(|s| s.pv.iter().copied());
+        spread(sp) > LED * spread(pv)
+    }
+
     /// When it begins and when its last step is [s].
     pub(crate) fn span(&self) -> (f64, f64) {
         let (first, last) = (&self.stretches[0], &self.stretches[self.stretches.len() - 1]);
@@ -49,7 +59,12 @@ impl Record<'_> {
     /// The same record, its signals not copied.
     fn borrowed(&self) -> Record<'_> {
         let stretches = self.stretches.iter();
-        let of = stretches.map(|s| Stretch { start: s.start, pv: Cow::Borrowed(&*s.pv), op: Cow::Borrowed(&*s.op) });
+        let of = stretches.map(|s| Stretch {
+            start: s.start,
+            sp: Cow::Borrowed(&*s.sp),
+            pv: Cow::Borrowed(&*s.pv),
+            op: Cow::Borrowed(&*s.op),
+        });
         Record { h: self.h, stretches: of.collect() }
     }
 
@@ -64,6 +79,7 @@ impl Record<'_> {
         let pieces = self.stretches.iter().flat_map(|stretch| {
             stretch.pv.chunks(size).zip(stretch.op.chunks(size)).enumerate().map(move |(i, (pv, op))| Stretch {
                 start: stretch.start + self.h * (i * size) as f64,
+                sp: Cow::Borrowed(stretch.sp.chunks(size).nth(i).unwrap_or_default()),
                 pv: Cow::Borrowed(pv),
                 op: Cow::Borrowed(op),
             })
@@ -85,6 +101,14 @@ impl Record<'_> {
         let best = |e: usize| epoch(e).iter().max_by(|a, b| turned(a).total_cmp(&turned(b))).cloned();
         (0..MOST_WINDOWS).filter_map(best).collect()
     }
+}
+
+/// Standard deviation of the values that are numbers, 0 of none.
+fn spread(values: impl Iterator<Item = f64> + Clone) -> f64 {
+    let values = values.filter(|x| x.is_finite());
+    let n = values.clone().count().max(1) as f64;
+    let mean = values.clone().sum::<f64>() / n;
+    (values.map(|x| (x - mean) * (x - mean)).sum::<f64>() / n).sqrt()
 }
 
 /// By how many times as many steps as a window holds a record is still fitted as one.
@@ -117,7 +141,10 @@ mod tests {
     fn record(windows: usize, of: usize) -> Record<'static> {
         let turn = |k: usize| if k % of < of / 2 { 1.0 + (k / of * 7 % 5) as f64 } else { 0.0 };
         let op: Vec<f64> = (0..windows * of).map(turn).collect();
-        Record { h: 2.0, stretches: vec![Stretch { start: 10.0, pv: op.clone().into(), op: op.into() }] }
+        Record {
+            h: 2.0,
+            stretches: vec![Stretch { start: 10.0, sp: [].as_slice().into(), pv: op.clone().into(), op: op.into() }],
+        }
     }
 
     #[test]
@@ -141,8 +168,24 @@ mod tests {
     }
 
     #[test]
+    fn the_setpoint_leads_where_it_moves_as_pv_does() {
+        let wave = |size: f64| (0..100).map(|k| size * (0.3 * f64::from(k)).sin()).collect::<Vec<_>>();
+        let led = |sp: Vec<f64>| {
+            let stretch = Stretch { start: 0.0, sp: sp.into(), pv: wave(1.0).into(), op: wave(2.0).into() };
+            Record { h: 1.0, stretches: vec![stretch] }.is_led()
+        };
+        assert!(led(wave(0.3)) && !led(wave(0.2)));
+        assert!(!led(Vec::new()) && !led(vec![50.0; 100]) && !led(vec![f64::NAN; 100]));
+    }
+
+    #[test]
     fn windows_hold_short_stretches_together_and_say_when_they_are() {
-        let piece = |start: f64| Stretch { start, pv: vec![0.0; 40].into(), op: vec![0.0; 40].into() };
+        let piece = |start: f64| Stretch {
+            start,
+            sp: [].as_slice().into(),
+            pv: vec![0.0; 40].into(),
+            op: vec![0.0; 40].into(),
+        };
         let whole = Record { h: 1.0, stretches: (0..4).map(|i| piece(1000.0 * f64::from(i))).collect() };
         let windows = whole.windows(80);
         let spans: Vec<(f64, f64)> = windows.iter().map(Record::span).collect();

@@ -68,7 +68,7 @@ mod tests {
     const N: usize = 60;
 
     fn recorded<'a>(pv: &'a [f64], op: &'a [f64], t: &'a [f64]) -> Recorded<'a> {
-        Recorded { since: 0.0, samples: vec![Samples { t, pv, op: Some(op), flags: None }] }
+        Recorded { since: 0.0, samples: vec![Samples { t, sp: None, pv, op: Some(op), flags: None }] }
     }
 
     fn signal(seed: f64) -> Vec<f64> {

@@ -22,6 +22,8 @@ pub struct Samples<'a> {
     pub t: &'a [f64],
     /// PV, or the valve's position; NaN where missing [its unit].
     pub pv: &'a [f64],
+    /// Setpoint, NaN where missing [PV unit]; None where it was not recorded.
+    pub sp: Option<&'a [f64]>,
     /// NaN where missing [OP unit]; None where it was not recorded.
     pub op: Option<&'a [f64]>,
     /// Sum of 2 where PV is bad, 4 and 8 where OP is at its low or high limit; None where all are 0.
@@ -147,6 +149,7 @@ impl Samples<'_> {
         let (start, end) = (self.t[rows[0]], self.t[rows[rows.len() - 1]]);
         let steps = ((end - start) / h + 1.5) as usize;
         let (mut pv, mut u) = (Vec::with_capacity(steps), Vec::with_capacity(steps));
+        let mut sp = Vec::with_capacity(if self.sp.is_some() { steps } else { 0 });
         let mut latest = 0;
         for step in 0..steps {
             let now = start + h * step as f64;
@@ -156,8 +159,9 @@ impl Samples<'_> {
             let row = rows[latest];
             pv.push(if now - self.t[row] < h { self.pv(row) } else { f64::NAN });
             u.push(op[row]);
+            sp.extend(self.sp.map(|sp| sp[row]));
         }
-        Stretch { start, pv: pv.into(), op: u.into() }
+        Stretch { start, sp: sp.into(), pv: pv.into(), op: u.into() }
     }
 }
 
@@ -194,7 +198,7 @@ mod tests {
     }
 
     fn record(t: &[f64], pv: &[f64], op: &[f64]) -> Result<Record<'static>, Unfit> {
-        Samples { t, pv, op: Some(op), flags: None }.record()
+        Samples { t, sp: None, pv, op: Some(op), flags: None }.record()
     }
 
     fn lengths(record: &Record) -> Vec<usize> {
@@ -241,7 +245,7 @@ mod tests {
         let (t, pv, op) = rows();
         let mut flags = vec![4; N];
         flags[30..40].fill(BAD);
-        let bad = Samples { t: &t, pv: &pv, op: Some(&op), flags: Some(&flags) }.record().unwrap();
+        let bad = Samples { t: &t, sp: None, pv: &pv, op: Some(&op), flags: Some(&flags) }.record().unwrap();
         let missing: Vec<usize> = (0..N).filter(|k| bad.stretches[0].pv[*k].is_nan()).collect();
         assert_eq!(missing, (30..40).collect::<Vec<_>>());
         // A row a little early or late stands at its step.
@@ -257,7 +261,7 @@ mod tests {
 
     #[test]
     fn the_step_is_the_median_of_those_forward() {
-        let step = |t: &[f64]| Samples { t, pv: t, op: None, flags: None }.step();
+        let step = |t: &[f64]| Samples { t, sp: None, pv: t, op: None, flags: None }.step();
         let mut t: Vec<f64> = (0..61).map(f64::from).collect();
         assert_eq!(step(&t), Some(1.0));
         t[60] = 62.5;
@@ -272,7 +276,7 @@ mod tests {
     fn what_cannot_be_fitted_says_why() {
         let (t, pv, op) = rows();
         let why = |pv: &[f64], op: &[f64]| record(&t, pv, op).unwrap_err();
-        assert_eq!(Samples { t: &t, pv: &pv, op: None, flags: None }.record().unwrap_err(), Unfit::NoOp);
+        assert_eq!(Samples { t: &t, sp: None, pv: &pv, op: None, flags: None }.record().unwrap_err(), Unfit::NoOp);
         assert_eq!(record(&t[..5], &pv[..5], &op[..5]).unwrap_err(), Unfit::FewRows(5));
         assert_eq!(why(&pv, &[f64::NAN; N]), Unfit::OpMissing);
         assert_eq!(why(&pv, &[40.0; N]), Unfit::OpStill(40.0));

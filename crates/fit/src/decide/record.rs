@@ -1,6 +1,7 @@
 //! What one record says: width, interval, and whether there is a gap at all.
 
 use crate::data::cells::{Cells, Positions};
+use crate::data::record::Record;
 use crate::data::signal::Unit;
 use crate::decide::bootstrap::bootstrap_threshold;
 use crate::decide::thresholds::*;
@@ -148,16 +149,16 @@ pub(crate) struct Fitted {
     pub(crate) cycle_known: bool,
     /// Lags of the process [steps], infinite where it integrates.
     pub(crate) lag: f64,
-    /// Whether PV stands still while OP goes through the gap.
-    pub(crate) dwells: bool,
+    /// Whether an even swing of OP is explained: PV stands still while OP goes through the gap, or the setpoint leads PV.
+    pub(crate) explained: bool,
     /// By how much more than 1 the ratios of records without a gap scatter.
     pub(crate) by_chance: f64,
     pub(crate) evidence: Evidence,
 }
 
-/// Answers for a record of one window, whose steps lie `h` [s] apart, and whose PV a historian may have bent by `bow` [PV unit].
-pub(crate) fn fit_record(record: &Cells, seeds: &[Theta], h: f64, bow: f64, problem: &Problem) -> Fitted {
-    let (view, without) = hypotheses(record, seeds, problem.sign);
+/// Answers for one window in cells, made of `rows`, whose PV a historian may have bent by `bow` [PV unit].
+pub(crate) fn fit_record(cells: &Cells, seeds: &[Theta], rows: &Record, bow: f64, problem: &Problem) -> Fitted {
+    let (view, without) = hypotheses(cells, seeds, problem.sign);
     let lr_no_answer = view.answers(problem.sign);
     let Hypothesis { record, mut profiles, dissent, mut sticking, sticks_in, cost, .. } = view;
     let lr_of_loads = without - cost;
@@ -238,6 +239,8 @@ pub(crate) fn fit_record(record: &Cells, seeds: &[Theta], h: f64, bow: f64, prob
         true => f64::INFINITY,
         false => search.structure.lag(&best.theta) * (record.cell as f64),
     };
+    // What leads PV may make OP swing as well.
+    let explained = dwells || rows.is_led();
     let evidence = Evidence {
         echo,
         d: best.lost.d,
@@ -260,14 +263,14 @@ pub(crate) fn fit_record(record: &Cells, seeds: &[Theta], h: f64, bow: f64, prob
         strays: trusted < STRAYS,
         dissent: dissent || !certain,
         periodic_load: repeats,
-        even_swing: lr_no_gap < GAP_IF_EVEN_SWING && !dwells && swings_evenly(&record, best.lost.d, lag_steps),
+        even_swing: lr_no_gap < GAP_IF_EVEN_SWING && !explained && swings_evenly(&record, best.lost.d, lag_steps),
         hidden: hidden(settles, search.structure.lag(&best.theta), record.count as f64, traversals, record.changes()),
         shaken: SHAKEN * record.travel(),
         drawn: DRAWN * bow / best.kp.abs().max(1e-300),
     };
     let (verdict, reason) = judge(&evidence);
     let told = evidence.limits(verdict, high.map(|high| high + MISSED_TURNS * record.resolution()));
-    let h = h * record.cell as f64;
+    let h = rows.h * record.cell as f64;
     let per_cell = if search.structure.integrating { 1.0 / h } else { 1.0 };
     let kp = best.kp * per_cell;
     let spread = 1.96 * kp.abs() / (lr_no_answer * trusted).max(1e-9).sqrt();
@@ -328,7 +331,7 @@ pub(crate) fn fit_record(record: &Cells, seeds: &[Theta], h: f64, bow: f64, prob
         without,
         cycle_known,
         lag: lag_steps,
-        dwells,
+        explained,
         by_chance,
         evidence,
     }

@@ -115,6 +115,9 @@ thresholds! {
     /// Spread of the times from one traversal to the next the same way, part of their mean, below which OP swings evenly.
     /// Loads: triangles and a neighbour's cycle (ADR 0012).
     EVEN_SWING: f64 = 0.3, "1";
+    /// Standard deviation of the setpoint, part of that of PV, from which on it leads PV, and an OP that swings evenly is no load's alone.
+    /// Truth, the first 24 records of every kind; judged by `bench.loads.led`, numbers 24 to 35 (ADR 0012).
+    LED: f64 = 0.25, "1";
     /// Fewest of these times. Loads.
     FEWEST_SWINGS: usize = 6, "swings";
     /// How much more than the bow of its lines a gap must make of a PV that a historian drew. Loads, swinging door.

@@ -523,6 +523,26 @@ def test_a_fit_that_takes_too_long_is_ended_and_the_next_one_begins(tmp_path: Pa
 
 
 @pytest.mark.slow
+def test_nights_go_by_the_clock_of_the_watch(tmp_path: Path) -> None:
+    """Of a plant that hurries a night is over in seconds: the clock on the wall was waited for."""
+    clock = Clock()
+    watch = service.watch(tmp_path, loops(2), clock)
+
+    async def go() -> list[str]:
+        nights = asyncio.create_task(watch._nights())
+        await asyncio.sleep(0.1)
+        assert watch._asked.empty()
+        clock.now += 86_400.0
+        found = [(await asyncio.wait_for(watch._asked.get(), 30))[0] for _ in range(2)]
+        nights.cancel()
+        await asyncio.gather(nights, return_exceptions=True)
+        return found
+
+    assert sorted(asyncio.run(go())) == ["FIC0", "FIC1"]
+    watch.memory.close()
+
+
+@pytest.mark.slow
 def test_a_fit_under_way_ends_with_the_service(tmp_path: Path) -> None:
     """It was waited for, however long it took."""
 

@@ -398,7 +398,31 @@ def pid_advanced(params: dict[str, float]) -> Callable[..., list[float]]:
         _set(graph, "pid", mode=mode, manual=manual, compensate=enable)
         _set(graph, "valve", flags=told)
         graph.scan(pv=pv, sp=sp, by=by, h=h)
-        return [graph[f"pid.{name}"] for name in ("out", "ysp", *SHOWN)]
+        # What the controller itself says of a bad value is not told there.
+        wrong_sign = float(int(graph["pid.error"]) & 256)
+        return [*(graph[f"pid.{name}"] for name in ("out", "ysp", *SHOWN[:-1])), wrong_sign]
+
+    return update
+
+
+def pid_settings(params: dict[str, float]) -> Callable[..., list[float]]:
+    named = {
+        **{name: modules.Input() for name in ("pv", "sp")},
+        "pid": modules.PidAdvanced(**params),
+        "valve": modules.Output(),
+    }
+    graph = modules.Graph(0.25, named, ["pv -> pid.pv", "sp -> pid.sp", "pid -> valve"])
+    numbers = read(VECTORS / "catalogue.json")["parameters"]
+    graph["pid.mode"] = modules.Mode.EXTERNAL
+
+    def update(pv: float, sp: float, sp_rate: float, rate: float, h: float) -> list[float]:
+        refused = 0
+        try:
+            graph["pid.sp_rate"], graph["pid.rate"] = sp_rate, rate
+        except ValueError as error:
+            refused = next(numbers[name] for name in re.findall(r"(\w+) = ", str(error)))
+        graph.scan(pv=pv, sp=sp, h=h)
+        return [graph["pid.out"], graph["pid.ysp"], refused, graph["pid.d_hat"], graph["pid.count"]]
 
     return update
 
@@ -476,6 +500,7 @@ MAKERS = {
     "pid": pid,
     "pid_advanced": pid_advanced,
     "pid_module": pid_module,
+    "pid_settings": pid_settings,
     "pid_tuner": pid_tuner,
     "process_sim": process_sim,
     "rate_limit": rate_limit,

@@ -2578,6 +2578,25 @@ def pid_advanced(params: Params, h: Sequence[float], samples: Sequence[Sequence[
     return outputs
 
 
+def pid_settings(params: Params, h: Sequence[float], samples: Sequence[Sequence[float]]) -> list[list[float]]:
+    """The same with settings that change on the way; those out of bounds do not act."""
+    controller = _Controller(params)
+    gains = params["k"], params["ti"], 0.0
+    detection = _Detection(params, *gains, tf=0.0)
+    at_most, outputs = MOST, []
+    for step, (pv, sp, sp_rate, rate) in zip(h, samples, strict=True):
+        refused = 0 if sp_rate > 0.0 else 36
+        if not refused:
+            refused = 0 if rate > 0.0 else 18
+        if not refused:
+            at_most, controller.rate = sp_rate, rate
+        mode = NAN if outputs else EXTERNAL
+        u = controller.scan(gains, at_most, step, pv, sp, 0.0, mode, NAN, NAN, *BACK)[0]
+        detection.learn(step, controller.ysp, controller.yf, pv, u, u, controller.flags, False)
+        outputs.append([u, controller.ysp, refused, *detection.shown])
+    return outputs
+
+
 def pid_tuner(params: Params, h: Sequence[float], samples: Sequence[Sequence[float]]) -> list[list[float]]:
     """The controller with the autotuner inside."""
     loop = _TunedPid(params)
@@ -2826,6 +2845,39 @@ def pid_advanced_cases() -> Iterator[dict[str, Any]]:
     spanned = {name: value for name, value in compensating.items() if name != "kp"} | {"pv_span": 80.0, "op_span": 60.0}
     yield case("Kp by default", ["KpDefault", "Compensation"], spanned | {"comp_size": 4.0}, late, h=0.25)
     yield case("Kp by default, K below 0", ["KpDefault", "Sign"], spanned | {"k": -0.5}, plain, h=0.25)
+    backward = {range(60, 70): 8.0, range(90, 95): 4.0, range(120, 126): 1.0}
+    told = [
+        [*row[:5], sum((flag for at, flag in backward.items() if i in at), 0.0), row[6]] for i, row in enumerate(plain)
+    ]
+    yield case(
+        "limits further on, and somebody else at the output", ["Told", "Compensation"], compensating, told, h=0.25
+    )
+    hand = {80: (MANUAL, 47.0), 90: (NAN, 53.0), 110: (EXTERNAL, NAN)}
+    by_hand = [[*row[:3], *(hand.get(i) or row[3:5]), *row[5:]] for i, row in enumerate(plain)]
+    yield case("by hand and back", ["Hand", "Compensation"], compensating, by_hand, h=0.25)
+    missing = [
+        [NAN if i in (40, 130) else row[0], NAN if i in (70, 71) else row[1], *row[2:]] for i, row in enumerate(plain)
+    ]
+    yield case("PV and SP missing for a scan or two", ["NotANumber"], compensating, missing, h=0.25)
+
+
+def pid_settings_cases() -> Iterator[dict[str, Any]]:
+    """Settings that change on the way, and some that are refused."""
+    inside = {"k": 0.5, "ti": 1.0, "kp": 2.0, "n": 3.0, "start": 50.0, "low": 0.0, "high": 100.0, "tf": 0.1}
+    pvs = _swinging(160, 24)
+
+    def rows(set_to: dict[int, tuple[float, float]]) -> list[list[float]]:
+        now, out = (0.5, 20.0), []
+        for i, pv in enumerate(pvs):
+            now = set_to.get(i, now)
+            out.append([pv, 50.0 if i < 60 else 53.0, *now])
+        return out
+
+    yield case(
+        "other rates on the way", ["Changed"], inside, rows({62: (0.2, 20.0), 70: (2.0, 1.0), 90: (9.0, 50.0)}), h=0.25
+    )
+    wrong = {2: (0.5, 0.0), 4: (0.5, 20.0), 63: (-1.0, 20.0), 66: (0.5, NAN), 68: (NAN, 20.0), 80: (0.5, 20.0)}
+    yield case("settings refused on the way", ["Refused"], inside, rows(wrong), h=0.25)
 
 
 BLOCKS: dict[
@@ -2954,6 +3006,21 @@ BLOCKS: dict[
             "OwnFilter": "PV filtered twice by the detector, or otherwise for u_FF; compensation by too long a filter",
             "KpDefault": "another Kp than 1.5 %/% with the sign of K, or compensation by it",
             "Sign": "a direction or a size that K does not turn",
+            "Told": "a limit, or somebody else at the output, that the detector is not told of",
+            "Hand": "a manual output that is not taken, or that a half-period is read across",
+            "NotANumber": "a bad value that poisons controller or detector",
+        },
+    ),
+    "pid_settings": (
+        pid_settings,
+        pid_settings_cases,
+        ["pv", "sp", "sp_rate", "rate"],
+        ["u", "ysp", "refused", "d_hat", "count"],
+        "The controller with the detection inside as in pid_advanced; sp_rate and rate are set before each scan; "
+        "refused: number of the parameter that is out of bounds then, the last good set stays.",
+        {
+            "Changed": "a setting that acts later, or a bump where it changes",
+            "Refused": "a setting out of bounds that acts, or that is not named",
         },
     ),
     "saturation": (
@@ -3354,7 +3421,13 @@ NULLS: dict[str, dict[str, str]] = {
     "noise_level": {"x": "not given"},
     "phase_lead": {"x": "no number"},
     "pid": {"ysp": "no number", "yf": "no number", "u_manual": "not given"},
-    "pid_advanced": {"by": "no number", "mode": "unchanged", "manual": "unchanged"},
+    "pid_advanced": {
+        "pv": "no number",
+        "sp": "no number",
+        "by": "no number",
+        "mode": "unchanged",
+        "manual": "unchanged",
+    },
     "pid_module": {
         "pv": "no number",
         "sp": "no number",
@@ -3364,6 +3437,7 @@ NULLS: dict[str, dict[str, str]] = {
         "manual": "unchanged",
         "tracking": "no number",
     },
+    "pid_settings": {"sp_rate": "no number", "rate": "no number"},
     "pid_tuner": {"pv": "no number", "mode": "unchanged", "tune": "unchanged"},
     "process_sim": {"x": "no number", "load": "no number"},
     "rate_limit": {"x": "no number"},

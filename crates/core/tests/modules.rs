@@ -612,6 +612,25 @@ fn a_schedule_is_linear_between_its_rows() {
     }
 }
 
+/// Just below the upper row the share is 1, and 1e9 + (1e-3 − 1e9) is 0 in 32 bits.
+#[test]
+fn rows_far_apart_have_an_integral_time_between_them() {
+    let mut schedule = [Gains::default(); SCHEDULE_ROWS];
+    schedule[0] = Gains { at: -1000.0, k: 1.0_f32, ti: 1e9, td: 0.0 };
+    schedule[1] = Gains { at: 0.0, k: 1.0, ti: 1e-3, td: 0.0 };
+    let pid = PidSettings::ideal(1.0, 5.0, 0.0);
+    let advanced =
+        PidAdvanced::new(PidAdvancedSettings { schedule, rows: 2, ..PidAdvancedSettings::new(pid) }).unwrap();
+    let mut s = PidAdvancedState::at(50.0);
+    s.pid.sp = 1.0;
+    let mut u = 0.0;
+    for _ in 0..9 {
+        u = advanced.forward(&mut s, 0.0.into(), 0.0.into(), 0.0.into(), (-1e-20).into(), 0.1).value;
+    }
+    // K·h/Ti·1 = 100 in every scan.
+    assert!((u - 950.0).abs() < 1.0, "{u}");
+}
+
 #[test]
 fn a_schedule_crossed_all_the_time_makes_no_bump() {
     let mut schedule = [Gains::default(); SCHEDULE_ROWS];

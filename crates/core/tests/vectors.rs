@@ -349,6 +349,34 @@ fn pid_advanced() {
 }
 
 #[test]
+fn pid_settings() {
+    for case in cases("pid_settings") {
+        let usual = PidAdvancedSettings {
+            kp: case.param("kp"),
+            n: case.given("n") as u32,
+            ..PidAdvancedSettings::new(case.controller())
+        };
+        let with = |sp_rate, rate| {
+            let mut settings = usual;
+            (settings.sp_rate, settings.pid.rate) = (sp_rate, rate);
+            PidAdvanced::new(settings)
+        };
+        let mut pid = with(1.0, 1.0).unwrap();
+        let mut s = PidAdvancedState::at(case.given("start"));
+        s.pid.mode = Mode::External;
+        case.check_all(|x, h| {
+            let &[pv, sp, sp_rate, rate] = x else { panic!("four inputs") };
+            let refused = with(sp_rate, rate).map(|new| pid = new);
+            let refused = refused.err().map_or(0, |error| error.number().unwrap());
+            let u = pid.forward(&mut s, pv.into(), sp.into(), 0.0.into(), 0.0.into(), h).value;
+            pid.backward(&mut s, Backward::default());
+            let shown = of_detection(&s.detection);
+            Some(vec![u, s.pid.ysp, refused.into(), shown[1], shown[2]])
+        });
+    }
+}
+
+#[test]
 fn pid_tuner() {
     for case in cases("pid_tuner") {
         let settings = case.controller();

@@ -119,7 +119,8 @@ fn main() -> ExitCode {
         }
         if build == Build::Real {
             // A file with a twin in `real/` is none of this build; what REAL refuses is noticed.
-            let apart = |mutant: &Mutant| !mutant.file.starts_with("real/") && ours.join("real").join(&mutant.file).exists();
+            let apart =
+                |mutant: &Mutant| !mutant.file.starts_with("real/") && ours.join("real").join(&mutant.file).exists();
             tried.retain(|mutant| {
                 if apart(mutant) {
                     left.push(mutant.clone());
@@ -154,6 +155,9 @@ fn main() -> ExitCode {
     }
     let (all, left) = (counts.values().map(|[all, _]| all).sum::<usize>(), left.len());
     let share = 100.0 * (all - left) as f64 / (all - equal) as f64;
-    eprintln!("{all} mutants, {} noticed, {equal} proved equal, {unlisted} not listed: {share:.1} % noticed", all - left);
+    eprintln!(
+        "{all} mutants, {} noticed, {equal} proved equal, {unlisted} not listed: {share:.1} % noticed",
+        all - left
+    );
     if unlisted == 0 && share >= 97.0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }

@@ -218,7 +218,8 @@ impl Trial {
     /// Where there is no such unit.
     pub fn add(&mut self, unit: &str, mut changed: Library) {
         let number = self.library.unit(unit).expect("a unit of the library");
-        let begins = |library: &Library, one: usize| library.units[one].image.iter().map(|x| x.bits()).collect::<Vec<_>>();
+        let begins =
+            |library: &Library, one: usize| library.units[one].image.iter().map(|x| x.bits()).collect::<Vec<_>>();
         if begins(&self.library, number) == begins(&changed, number) {
             self.places.push((self.count, number));
             self.units.push(changed.units.swap_remove(number));

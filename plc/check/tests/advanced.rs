@@ -79,13 +79,17 @@ fn of_detection(block: &Block) -> Vec<f64> {
 }
 
 fn vectors<R: Number>(with_vectors: bool) {
-    for (name, tuned) in [("pid_advanced", false), ("pid_tuner", true)] {
+    for name in ["pid_advanced", "pid_settings", "pid_tuner"] {
         for case in cases(name) {
             let mut pins = of_case(&case);
             let (block, mut reference) = (Block::new::<R>("GlappPidAdvanced"), Reference::<R>::default());
             for (i, (h, x)) in case.input.iter().enumerate() {
                 pins.set_all(&[("H", *h), ("Pv", x[0]), ("Sp", x[1])]);
-                if tuned {
+                if name == "pid_settings" {
+                    told(&mut pins, if i == 0 { 2.0 } else { f64::NAN }, f64::NAN, 0.0);
+                    pins.option("SpRate", Some(x[2]));
+                    pins.option("Rate", Some(x[3]));
+                } else if name == "pid_tuner" {
                     let &[_, _, mode, flags, tune, take] = &x[..] else { panic!("six inputs") };
                     told(&mut pins, mode, f64::NAN, flags);
                     if !tune.is_nan() {
@@ -110,7 +114,10 @@ fn vectors<R: Number>(with_vectors: bool) {
                     let of_vector = case.output.as_ref().unwrap()[i].as_array().unwrap();
                     let told: Vec<f64> = of_vector.iter().map(number).collect();
                     let mut shown = block.all(&["Output", "Ysp"]);
-                    if tuned {
+                    if name == "pid_settings" {
+                        shown.push(block.get("ErrorID"));
+                        shown.extend(&of_detection(&block)[1..3]);
+                    } else if name == "pid_tuner" {
                         shown.extend(block.all(&["Phase", "StopReason"]));
                         shown.extend(["Ku", "Tu"].map(|pin| block.given("HasFound", pin)));
                         shown.extend([block.given("HasFoundKp", "FoundKp"), block.given("HasKappa", "Kappa")]);
@@ -355,7 +362,7 @@ impl Loop {
             self.row.set(pin, f64::from(d.chance(rare)));
         }
         self.row.set("Cut", f64::from(d.chance(0.2 * self.wrong)));
-        let odd = d.of(&[0.0, -0.1, 5.0, f64::NAN, f64::INFINITY, 0.05, 1e-6]);
+        let odd = d.of(&[0.0, -0.1, 5.0, f64::NAN, f64::INFINITY, 0.05, 1e-3]);
         let h = if d.chance(rare) { odd } else { self.usual.get("H") };
         self.row.set("H", if self.scans < 3 && self.wrong > 0.01 { 0.0 } else { h });
         let tracking = d.between(0.0, 6.0);
@@ -414,7 +421,7 @@ impl Loop {
             _ => self.swing(block, d),
         };
         // One that is a number and no measurement stays in the controller's filter for long.
-        let far = if d.chance(0.1) { -1e32 } else { f64::NAN };
+        let far = if d.chance(0.1) { -2e30 } else { f64::NAN };
         let measured = if d.chance(rare) { d.of(&[f64::NAN, f64::INFINITY, far]) } else { measured };
         self.row.set("Pv", measured);
         self.row.clone()
@@ -526,6 +533,7 @@ fn random<R: Number>() {
     }
     power::<R>(&mut cover);
     refused_one_by_one::<R>(&mut cover);
+    far_apart::<R>(&mut cover);
     cover.holds(&["GlappPidAdvanced", "GlappGainSchedule"]);
     // The rest of both is taken where they are alone.
     cover.parts("GlappPid", &INSIDE.map(|line| if line == "IF HasUsed THEN" { "IF Forth THEN" } else { line }));
@@ -573,6 +581,19 @@ fn refused_one_by_one<R: Number>(cover: &mut Cover) {
     let others = [9, 10, 12, 33, 34, 38, 39, 40, 41, 42, 43];
     let all: Vec<i16> = (1..=78).filter(|number| !others.contains(number)).collect();
     assert_eq!(told.into_iter().filter(|number| *number != 0).collect::<Vec<_>>(), all);
+}
+
+/// Rows whose difference loses the smaller Ti: nothing is divided by 0.
+fn far_apart<R: Number>(cover: &mut Cover) {
+    let (block, mut reference) = (Block::new::<R>("GlappPidAdvanced"), Reference::<R>::default());
+    let mut pins = row(&[("K", 0.5), ("Ti", 1.0), ("H", 0.25), ("Start", 5.0), ("HasOwnSp", 1.0), ("Rows", 2.0)]);
+    pins.set_all(&[("At1", -1e3), ("K1", 0.5), ("Ti1", 1e20), ("K2", 0.5), ("Ti2", 1e-3)]);
+    for (i, by) in [-2e3, -5.0, -1e-20, -1e-20, 0.0, -1e-20, -1e-20].into_iter().enumerate() {
+        pins.set_all(&[("ScheduleBy", by), ("Pv", 0.1 * i as f64)]);
+        let (expected, got) = (reference.scan(&pins), scan(&block, &pins));
+        assert!(agree(&expected, &got), "{by}: {}", difference(&expected.row, &got.row, &pins, 0, i));
+    }
+    cover.collect(&block);
 }
 
 /// What is not the same, by its pin.

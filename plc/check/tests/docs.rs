@@ -102,3 +102,22 @@ fn the_example_of_the_detector_runs() {
         assert_eq!(one.get("Found").unwrap(), 1.0);
     }
 }
+
+/// A loop with a gap of 2 and a load, in noise.
+#[test]
+fn the_example_of_the_controller_finds_its_gap() {
+    let page = page();
+    let example = section(&page, "GlappPidAdvanced").split("```st\n").find(|part| part.starts_with("PROGRAM")).unwrap();
+    let example = example.split("```").next().unwrap();
+    for build in [Build::Lreal, Build::Real] {
+        let mut files = sources(&folder(), build).unwrap();
+        files.push(("Example.st".into(), example.into()));
+        let library = Library::of(files.iter().map(|(name, text)| (&**name, &**text)), build).unwrap();
+        let mut one = Instance::new(&library, "GlappExample").unwrap();
+        for _ in 0..6000 {
+            one.call().unwrap();
+        }
+        let width = one.get("Width").unwrap();
+        assert!(one.get("Found").unwrap() == 1.0 && (width - 2.0).abs() < 0.3, "{build:?}: {width}");
+    }
+}

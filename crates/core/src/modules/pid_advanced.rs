@@ -383,6 +383,8 @@ impl<R: Real> PidAdvanced<R> {
         let way = high.at - low.at;
         let share = if way > R::ZERO { (by - low.at) / way } else { R::ZERO };
         let between = |from: R, to: R| from + (to - from) * share;
-        [between(low.k, high.k), between(low.ti, high.ti), between(low.td, high.td)]
+        let ti = between(low.ti, high.ti);
+        // Of rows so far apart that their difference has lost the smaller one, that one: nothing is divided by 0.
+        [between(low.k, high.k), if ti > R::ZERO { ti } else { high.ti }, between(low.td, high.td)]
     }
 }

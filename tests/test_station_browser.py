@@ -66,6 +66,14 @@ def browser() -> Iterator[Any]:
         one.close()
 
 
+@pytest.fixture(autouse=True)
+def _closed(browser: Any) -> Iterator[None]:
+    """No tab of one test is open in the next."""
+    yield
+    for context in browser.contexts:
+        context.close()
+
+
 def logged_in(browser: Any, window: Window, name: str, **more: Any) -> Any:
     """A page of somebody, and what went wrong on it."""
     context = browser.new_context(viewport={"width": 1280, "height": 800}, **more)
@@ -137,7 +145,7 @@ def test_a_tab_that_is_open_for_a_day_does_not_grow(browser: Any, window: Window
     page.wait_for_selector(".chart canvas")
     others = [page.context.new_page() for _ in range(9)]
     for other in others:
-        other.goto(window.url + "/loop?name=FIC0")
+        other.goto(window.url + "/loop?name=FIC0", wait_until="commit")
     count = """() => {
       const id = Number(document.querySelector('.chart').id.slice(1));
       const begin = Date.now() + 1e6;

@@ -28,6 +28,7 @@ from glapp.modules import BacklashDetection, Graph, Input, Output
 from glapp.report.words import REASONS, failures
 from glapp.service.door import app_of as service_app
 from glapp.service.memory import Memory
+from glapp.service.users import LOGIN_LASTS
 from glapp.service.watch import Watch
 from glapp.station import charts, step_test
 from glapp.station.app import app_of
@@ -35,7 +36,7 @@ from glapp.station.client import Door, Gone, Refused, loop_path
 from glapp.station.compensate import STANDINGS, calm, plan
 from glapp.station.pages import Station, all_events
 from glapp.station.parameters import PARAMETERS, changed
-from glapp.station.sessions import COOKIE, LASTS, TRIES, Guard, Sessions
+from glapp.station.sessions import COOKIE, TRIES, Guard, Sessions
 from glapp.station.under_way import UnderWay
 from glapp.station.view import View, as_csv, trend
 
@@ -500,7 +501,7 @@ def test_a_session_ends() -> None:
     sessions = Sessions(lambda: now)
     one = sessions.begin("t", "eve", "engineer", dark=False)
     assert sessions.of(f"a=b; {COOKIE}={one.id}") is one and sessions.of("x") is None and sessions.of(None) is None
-    now = LASTS + 1.0
+    now = LOGIN_LASTS + 1.0
     assert sessions.of(f"{COOKIE}={one.id}") is None
 
 

@@ -21,7 +21,7 @@ from rich.progress import track
 
 from ..page import write
 from ..truth.score import markdown
-from .answer import WIDTHS, Answer, against, read
+from .answer import COUNTED, Answer, against, counted, read
 from .records import ROWS, SAMPLES, record
 
 OUT = Path(__file__).parents[2] / "out" / "loads.jsonl"
@@ -35,18 +35,16 @@ def ask(name: str) -> Answer:
 
 def table(answers: Sequence[Answer]) -> str:
     """A line a row."""
-    head = ["row", "no gap", "width", "bound", "gap", "right", "wrong", "silent", "identifiable", "right", "silent"]
+    head = ["row", *COUNTED, "identifiable", "right", "silent"]
     body = []
     for row in [*ROWS, "all"]:
         of = [answer for answer in answers if row in (answer.truth.row, "all")]
         if not of:
             continue
-        none, gap = ([a for a in of if (a.truth.d > 0) == there] for there in (False, True))
+        gap = [a for a in of if a.truth.d > 0]
         known = [a for a in gap if a.truth.identifiable]
         sided = [a for a in gap if a.sided]
-        numbers = [len(none), *(sum(a.verdict in claims for a in none) for claims in (WIDTHS, ("at_least",)))]
-        numbers += [len(gap), *(sum(a.told == told for a in gap) for told in ("right", "wrong", "silent"))]
-        numbers += [len(known), *(sum(a.told == told for a in known) for told in ("right", "silent"))]
+        numbers = [*counted(of), len(known), *(sum(a.told == told for a in known) for told in ("right", "silent"))]
         error = f"{100 * np.median([(a.d or 0.0) / a.truth.d - 1 for a in sided]):+.1f} %" if sided else ""
         body.append([row, *map(str, numbers), error, f"{sum(a.holds for a in sided)} of {len(sided)}"])
     return markdown([*head, "median error", "interval holds"], body)

@@ -125,6 +125,17 @@ class Answer:
         return json.dumps(asdict(self))
 
 
+COUNTED = ("no gap", "width", "bound", "gap", "right", "wrong", "silent")
+"""Heads of `counted`."""
+
+
+def counted(answers: Sequence[Answer]) -> list[int]:
+    """How many are about no gap, and a width or a bound to them; about a gap, and told rightly, wrongly or not."""
+    none, gap = ([a for a in answers if (a.truth.d > 0) == there] for there in (False, True))
+    numbers = [len(none), *(sum(a.verdict in claims for a in none) for claims in (WIDTHS, ("at_least",)))]
+    return [*numbers, len(gap), *(sum(a.told == told for a in gap) for told in ("right", "wrong", "silent"))]
+
+
 def read(path: Path) -> list[Answer]:
     """Answers from a file that has one a line."""
     lines = map(json.loads, path.read_text(encoding="utf-8").splitlines())

@@ -22,7 +22,7 @@ from glapp.scenario import Piece, Samples, Steps
 
 from ..truth.design import log_uniform
 from ..truth.score import markdown
-from .answer import WIDTHS, Answer
+from .answer import COUNTED, Answer, counted
 from .records import LOADS, SAMPLES, H, Record, record
 
 ROWS = [row for row in LOADS if row not in ("walk", "steps", "random ramps", "slow ramps")]
@@ -60,11 +60,8 @@ def table(answers: dict[str, Answer]) -> str:
     body = []
     for row in [*ROWS, "all"]:
         of = [answer for name, answer in answers.items() if row in ("all", name.split("/")[0])]
-        none, gap = ([a for a in of if (a.truth.d > 0) == there] for there in (False, True))
-        numbers = [len(none), *(sum(a.verdict in claims for a in none) for claims in (WIDTHS, ("at_least",)))]
-        numbers += [len(gap), *(sum(a.told == told for a in gap) for told in ("right", "wrong", "silent"))]
-        body.append([row, *map(str, numbers)])
-    return markdown(["load", "no gap", "width", "bound", "gap", "right", "wrong", "silent"], body)
+        body.append([row, *map(str, counted(of))])
+    return markdown(["load", *COUNTED], body)
 
 
 def main() -> None:

@@ -19,7 +19,7 @@ from rich.progress import track
 
 from ..truth.design import log_uniform
 from ..truth.score import markdown
-from .answer import WIDTHS, Answer
+from .answer import COUNTED, Answer, counted
 from .records import LOADS, Record, record
 
 SAMPLES = 1000
@@ -52,12 +52,9 @@ def table(answers: list[tuple[float, Answer]]) -> str:
     body, low = [], 0.0
     for high in BORDERS:
         of = [answer for lag, answer in answers if low <= lag < high]
-        none, gap = ([a for a in of if (a.truth.d > 0) == there] for there in (False, True))
-        numbers = [len(none), *(sum(a.verdict in claims for a in none) for claims in (WIDTHS, ("at_least",)))]
-        numbers += [len(gap), *(sum(a.told == told for a in gap) for told in ("right", "wrong", "silent"))]
-        body.append([f"{low:g} to {high:g}", *map(str, numbers)])
+        body.append([f"{low:g} to {high:g}", *map(str, counted(of))])
         low = high
-    return markdown(["samples in a lag", "no gap", "width", "bound", "gap", "right", "wrong", "silent"], body)
+    return markdown(["samples in a lag", *COUNTED], body)
 
 
 def main() -> None:

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import importlib
 import math
-import signal
 import subprocess
 import sys
 import time
@@ -19,6 +17,7 @@ import typer
 
 from ..errors import InputError
 from .screen import CommandError, out
+from .serving import Certificate, Key, PlantDays, PlantLoops, PlantScan, need, say_first_login, until_stopped
 
 __all__ = ["station"]
 
@@ -30,15 +29,13 @@ def station(
     demo: Annotated[
         bool, typer.Option("--demo", metavar="", help="Start a simulated plant and the service on it, too.")
     ] = False,
-    loops: Annotated[int, typer.Option(metavar="N", help="Loops of the simulated plant.")] = 5,
-    days: Annotated[
-        float, typer.Option(metavar="DAYS", help="How many days ago the simulated plant's time begins: it hurries.")
-    ] = 0.0,
-    scan: Annotated[float, typer.Option(metavar="S", help="Scan time of the simulated plant in s.")] = 1.0,
+    loops: PlantLoops = 5,
+    days: PlantDays = 0.0,
+    scan: PlantScan = 1.0,
     host: Annotated[str, typer.Option(metavar="ADDRESS", help="Address the window listens at.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(metavar="PORT", min=0, max=65535, help="Its port; 0: any free one.")] = 8108,
-    certificate: Annotated[Path | None, typer.Option(metavar="PEM", help="For TLS; needed beyond 127.0.0.1.")] = None,
-    key: Annotated[Path | None, typer.Option(metavar="PEM", help="Its key.")] = None,
+    certificate: Certificate = None,
+    key: Key = None,
     name: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME", help="A name browsers call it by, beside --host; may be repeated."),
@@ -54,22 +51,12 @@ def station(
 
     Everybody logs in with the name and password that the service knows. docs/station.md has all of it.
     """
-    _need("nicegui", "httpx", "fastapi", "uvicorn")
+    need("station", "station", "nicegui", "httpx", "fastapi", "uvicorn")
     given = {"host": host, "port": port, "certificate": certificate, "key": key}
     hosts = ("127.0.0.1", "localhost", "[::1]", host, *(name or ()))
     beside = _demo(data, loops, days, scan) if demo else contextlib.nullcontext()
     with suppress(KeyboardInterrupt), beside:
         asyncio.run(_serve(data, given, hosts, door, trust))
-
-
-def _need(*names: str) -> None:
-    for name in names:
-        try:
-            importlib.import_module(name)
-        except ModuleNotFoundError as error:
-            if error.name != name:
-                raise
-            raise InputError(f"glapp station needs {name}", hint="pip install 'glapp[station]'") from None
 
 
 async def _serve(
@@ -84,16 +71,8 @@ async def _serve(
     made = Station(View(data), Door(data, url, trust))
     opened = Server(app_of(made, hosts, secure=given["certificate"] is not None), **given)
     out.print(f"The window is at {opened.url}.", soft_wrap=True)
-    first = data / "first-login.txt"
-    if first.exists():
-        out.print(f"The first user's name and password stand in {first}.", soft_wrap=True)
-    serving = asyncio.ensure_future(opened.open())
-    loop = asyncio.get_running_loop()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        with suppress(NotImplementedError):  # Windows stops it by KeyboardInterrupt
-            loop.add_signal_handler(number, serving.cancel)
-    with suppress(asyncio.CancelledError):
-        await serving
+    say_first_login(data)
+    await until_stopped(opened.open())
 
 
 @contextlib.contextmanager

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-import importlib
 import json
 import logging
 import math
 import os
-import signal
 import time
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import AsyncExitStack, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -22,6 +20,7 @@ from typer.core import TyperGroup
 from ..errors import InputError
 from ..escape import one_line
 from .screen import CommandError, examples, key_values, out, say_note, styled
+from .serving import Certificate, Key, PlantDays, PlantLoops, PlantScan, need, say_first_login, until_stopped
 
 if TYPE_CHECKING:
     from ..loop import Loop
@@ -80,17 +79,6 @@ User = Annotated[
 ]
 
 
-def _need(*names: str) -> None:
-    """Say what to install where it is missing."""
-    for name in names:
-        try:
-            importlib.import_module(name)
-        except ModuleNotFoundError as error:
-            if error.name != name:
-                raise
-            raise InputError(f"glapp watch needs {name}", hint="pip install 'glapp[service]'") from None
-
-
 def _ours(text: str, metavar: str, low: int | None = None, high: int | None = None) -> Any:
     return typer.Option(metavar=metavar, help=text, min=low, max=high, rich_help_panel="Our own OPC UA server")
 
@@ -112,15 +100,13 @@ def run(
     demo: Annotated[
         bool, typer.Option("--demo", metavar="", help="Watch a simulated plant, which is started beside.")
     ] = False,
-    loops: Annotated[int, typer.Option(metavar="N", help="Loops of the simulated plant.")] = 5,
-    days: Annotated[
-        float, typer.Option(metavar="DAYS", help="How many days ago the simulated plant's time begins: it hurries.")
-    ] = 0.0,
-    scan: Annotated[float, typer.Option(metavar="S", help="Scan time of the simulated plant in s.")] = 1.0,
+    loops: PlantLoops = 5,
+    days: PlantDays = 0.0,
+    scan: PlantScan = 1.0,
     host: Annotated[str, typer.Option(metavar="ADDRESS", help="Address the door listens at.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(metavar="PORT", min=0, max=65535, help="Its port; 0: any free one.")] = 8107,
-    certificate: Annotated[Path | None, typer.Option(metavar="PEM", help="For TLS; needed beyond 127.0.0.1.")] = None,
-    key: Annotated[Path | None, typer.Option(metavar="PEM", help="Its key.")] = None,
+    certificate: Certificate = None,
+    key: Key = None,
     keep: Annotated[int, typer.Option(metavar="DAYS", help="How long signals are kept.")] = 30,
     fit_days: Annotated[int, typer.Option(metavar="DAYS", help="How far a fit looks back.")] = 7,
     fit_hour: Annotated[int, typer.Option(metavar="H", help="Local hour at which the fits of the night begin.")] = 2,
@@ -139,7 +125,7 @@ def run(
     opcua_password_file: Annotated[Path | None, _ours("File whose first line is the password.", "FILE")] = None,
 ) -> None:
     """Watch the loops of a loops.toml until it is stopped; this is what `glapp watch loops.toml` does."""
-    _need("argon2", "asyncua", "fastapi", "prometheus_client", "uvicorn")
+    need("watch", "service", "argon2", "asyncua", "fastapi", "prometheus_client", "uvicorn")
     logging.getLogger("asyncua").setLevel(logging.CRITICAL)  # what matters of it is told as an event
     from ..service.watch import Bounds
 
@@ -235,15 +221,13 @@ async def _serve(
         out.print(
             f"Watching {len(known)} loops at {connection.url}; data in {data}, door at {opened.url}.", soft_wrap=True
         )
-        first = data / "first-login.txt"
-        if first.exists():
-            out.print(f"The first user's name and password stand in {first}.", soft_wrap=True)
+        say_first_login(data)
         work = [one.run(source), opened.open()]
         if ours is not None:
             answers = await stack.enter_async_context(AnswerServer(one.status, **ours))
             out.print(f"Answers and DeviceHealth at {answers.url}, to be read only.", soft_wrap=True)
             work.append(answers.run())
-        await _until_stopped(*work)
+        await until_stopped(*work)
 
 
 def _compensable(loops: Sequence[Loop]) -> dict[str, tuple[float, float]]:
@@ -254,25 +238,6 @@ def _compensable(loops: Sequence[Loop]) -> dict[str, tuple[float, float]]:
         if tags.u_ff is not None and tags.u_ff_limit is not None and tags.u_ff_rate is not None:
             found[loop.name] = (tags.u_ff_limit, tags.u_ff_rate)
     return found
-
-
-async def _until_stopped(*work: Awaitable[None]) -> None:
-    """All of it, until one ends or fails, or the process is told to stop."""
-    tasks = [asyncio.ensure_future(one) for one in work]
-    stop = asyncio.Event()
-    loop = asyncio.get_running_loop()
-    for name in ("SIGTERM", "SIGINT"):
-        with suppress(NotImplementedError, AttributeError):  # Windows stops it by KeyboardInterrupt
-            loop.add_signal_handler(getattr(signal, name), stop.set)
-    stopped = asyncio.ensure_future(stop.wait())
-    try:
-        done, _ = await asyncio.wait([*tasks, stopped], return_when=asyncio.FIRST_COMPLETED)
-        for task in done:
-            task.result()
-    finally:
-        for task in (*tasks, stopped):
-            task.cancel()
-        await asyncio.gather(*tasks, stopped, return_exceptions=True)
 
 
 @watch.command(epilog=examples("glapp watch status --data plant", "glapp watch status --json"))
@@ -387,7 +352,7 @@ def login(
     door: Url = _DOOR,
 ) -> None:
     """Log in: the token is kept for twelve hours in a file that only you can read."""
-    _need("httpx")
+    need("watch", "service", "httpx")
     token = _token_of(door, user)
     path = _kept()
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -511,7 +476,7 @@ def _token_of(door: str, user: str) -> str:
 
 def _asked(door: str, user: str | None, method: str, path: str, body: Any = None) -> Any:
     """What the service answers."""
-    _need("httpx")
+    need("watch", "service", "httpx")
     if user is not None:
         token = _token_of(door, user)
     elif TOKEN in os.environ:

@@ -20,7 +20,7 @@ from ..modules import BacklashDetection, Graph, Input, Output, Source
 from ..recording import AT_HIGH, AT_LOW, BAD, NOT_AUTO
 from .signal import Signal, Value
 
-__all__ = ["SETTINGS", "Compensator"]
+__all__ = ["SETTINGS", "Compensator", "detection_beside"]
 
 SETTINGS = (
     "comp_size",
@@ -55,6 +55,48 @@ _FINAL = ("over_compensated", "too_many_reversals", "too_much_travel", "worse", 
 """Standings after which nothing is compensated until a person enables it anew."""
 
 
+def detection_beside(loop: Loop, period: float, **chosen: Any) -> Graph:
+    """A `BacklashDetection` beside a controller that is not ours, "watch", with its inputs sp, pv, flags, op and u_ff.
+
+    Parameters
+    ----------
+    loop : Loop
+        Whose settings it has.
+    period : float
+        Usual time between samples, > 0 [s].
+    chosen
+        More settings of `BacklashDetection`.
+
+    Raises
+    ------
+    InputError
+        Where the loop has no controller, or a setting is out of its bounds.
+    """
+    ideal = loop.ideal()
+    if ideal is None:
+        raise InputError("has no controller settings", loop=loop.name, parameter="controller", hint="give K and Ti")
+    low, high = op_range(loop) or (None, None)
+    spans = [None if span is None else span[1] - span[0] for span in (loop.pv_span, loop.op_span)]
+    watch = BacklashDetection(
+        **ideal._asdict(),
+        kp=loop.kp(),
+        pv_span=spans[0],
+        op_span=spans[1],
+        integrating=loop.process.type == "integrating",
+        tf=loop.tf,
+        n=loop.n,
+        op_low=low,
+        op_high=high,
+        **chosen,
+    )
+    names = ("sp", "pv", "flags", "op", "u_ff")
+    return Graph(
+        period,
+        {**{name: Input() for name in names}, "watch": watch, "ff": Output()},
+        [f"{name} -> watch.{name}" for name in names] + ["watch -> ff"],
+    )
+
+
 class Compensator:
     """The compensation of one loop.
 
@@ -80,31 +122,9 @@ class Compensator:
         self.loop, self.period = loop, period
         # The plant counts from write to write, and a write may come late and the next one in time.
         self._usual = {"comp_share": SHARE, "comp_limit": 2.0 * most, "comp_rate": 0.6 * fastest}
-        ideal = loop.ideal()
-        if ideal is None:
-            raise InputError("has no controller settings", loop=loop.name, parameter="controller", hint="give K and Ti")
-        low, high = op_range(loop) or (None, None)
         chosen: dict[str, Any] = {**self._usual, **{name: x for name, x in settings.items() if x is not None}}
-        spans = [None if span is None else span[1] - span[0] for span in (loop.pv_span, loop.op_span)]
-        watch = BacklashDetection(
-            **ideal._asdict(),
-            kp=loop.kp(),
-            pv_span=spans[0],
-            op_span=spans[1],
-            integrating=loop.process.type == "integrating",
-            tf=loop.tf,
-            n=loop.n,
-            op_low=low,
-            op_high=high,
-            **chosen,
-        )
-        names = ("sp", "pv", "flags", "op", "u_ff")
         try:
-            self._graph = Graph(
-                period,
-                {**{name: Input() for name in names}, "watch": watch, "ff": Output()},
-                [f"{name} -> watch.{name}" for name in names] + ["watch -> ff"],
-            )
+            self._graph = detection_beside(loop, period, **chosen)
         except InputError as error:
             error.loop = loop.name
             raise

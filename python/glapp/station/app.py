@@ -16,11 +16,12 @@ from nicegui import app as pages
 from nicegui import ui
 from starlette.requests import Request
 
+from ..service.users import LOGIN_LASTS
 from .client import Gone, Refused
 from .lab_page import Bench, lab_page
 from .loop_page import loop_page
 from .pages import Station, all_events, events_page, overview_page
-from .sessions import COOKIE, LASTS, Guard
+from .sessions import COOKIE, Guard
 from .view import as_csv
 
 __all__ = ["app_of"]
@@ -90,7 +91,7 @@ def app_of(station: Station, hosts: Sequence[str], *, secure: bool) -> FastAPI:
         session = station.sessions.begin(found["token"], found["user"], found["role"], dark=bool(dark))
         reply = RedirectResponse("/", 303)
         reply.set_cookie(
-            COOKIE, session.id, max_age=int(LASTS), httponly=True, samesite="strict", secure=secure, path="/"
+            COOKIE, session.id, max_age=int(LOGIN_LASTS), httponly=True, samesite="strict", secure=secure, path="/"
         )
         return reply
 

@@ -20,12 +20,11 @@ from starlette.datastructures import Headers
 from starlette.responses import PlainTextResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from ..service.users import LOGIN_LASTS, Role
+
 __all__ = ["COOKIE", "Guard", "Session", "Sessions", "Tries"]
 
 COOKIE = "glapp-station"
-
-LASTS = 12 * 3600.0
-"""As long as the service's token [s]."""
 
 TRIES = 10
 """So many logins may be tried from one address within `WITHIN`."""
@@ -75,8 +74,7 @@ class Session:
         >>> Session("", "", "olaf", "operator", False, 0.0).may("engineer")
         False
         """
-        order = ("viewer", "operator", "engineer")
-        return self.role in order and order.index(self.role) >= order.index(role)
+        return Role.named(self.role) >= Role.named(role)
 
 
 @dataclass
@@ -122,7 +120,7 @@ class Sessions:
         """A new session."""
         now = self._clock()
         self._all = {id: one for id, one in self._all.items() if one.until > now}
-        made = Session(secrets.token_urlsafe(32), token, user, role, dark, now + LASTS)
+        made = Session(secrets.token_urlsafe(32), token, user, role, dark, now + LOGIN_LASTS)
         self._all[made.id] = made
         return made
 

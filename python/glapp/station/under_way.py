@@ -10,15 +10,12 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ..estimate import op_range
 from ..loop import Loop
-from ..modules import BacklashDetection, Graph, Input, Output
 from ..recording import BAD, NOT_AUTO
 from ..report.words import NAMES, REASONS, failures
+from ..service.compensation import detection_beside
 
 __all__ = ["UnderWay"]
-
-_INPUTS = ("sp", "pv", "flags", "op", "u_ff")
 
 
 class UnderWay:
@@ -43,26 +40,7 @@ class UnderWay:
     """
 
     def __init__(self, loop: Loop, period: float) -> None:
-        ideal = loop.ideal()
-        assert ideal is not None
-        low, high = op_range(loop) or (None, None)
-        spans = [None if span is None else span[1] - span[0] for span in (loop.pv_span, loop.op_span)]
-        watch = BacklashDetection(
-            **ideal._asdict(),
-            kp=loop.kp(),
-            pv_span=spans[0],
-            op_span=spans[1],
-            integrating=loop.process.type == "integrating",
-            tf=loop.tf,
-            n=loop.n,
-            op_low=low,
-            op_high=high,
-        )
-        self._graph = Graph(
-            period,
-            {**{name: Input() for name in _INPUTS}, "watch": watch, "ff": Output()},
-            [f"{name} -> watch.{name}" for name in _INPUTS] + ["watch -> ff"],
-        )
+        self._graph = detection_beside(loop, period)
         self._last: float | None = None
 
     def take(self, t: float, sp: float | None, pv: float | None, op: float | None, *, auto: bool) -> None:

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
+from ..escape import for_spreadsheet
 from ..loop import Loop
 from ..report.words import NEXT, URGENCIES, VERDICTS, number
 from ..service.memory import Reader
@@ -494,9 +495,5 @@ def as_csv(rows: Sequence[Row] | Sequence[Mapping[str, Any]]) -> str:
         writer = csv.DictWriter(out, list(plain[0]))
         writer.writeheader()
         for row in plain:
-            writer.writerow({key: _safe(value) for key, value in row.items()})
+            writer.writerow({key: for_spreadsheet(x) if isinstance(x, str) else x for key, x in row.items()})
     return out.getvalue()
-
-
-def _safe(value: Any) -> Any:
-    return f"'{value}" if isinstance(value, str) and value[:1] in ("=", "+", "-", "@", "\t", "\r") else value

@@ -1,0 +1,63 @@
+"""What `glapp watch` and `glapp station` share: their options, what they need, and how they end."""
+
+from __future__ import annotations
+
+import asyncio
+import importlib
+import signal
+from collections.abc import Awaitable
+from contextlib import suppress
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..errors import InputError
+from .screen import out
+
+__all__ = ["Certificate", "Key", "PlantDays", "PlantLoops", "PlantScan", "need", "say_first_login", "until_stopped"]
+
+PlantLoops = Annotated[int, typer.Option(metavar="N", help="Loops of the simulated plant.")]
+PlantDays = Annotated[
+    float, typer.Option(metavar="DAYS", help="How many days ago the simulated plant's time begins: it hurries.")
+]
+PlantScan = Annotated[float, typer.Option(metavar="S", help="Scan time of the simulated plant in s.")]
+Certificate = Annotated[Path | None, typer.Option(metavar="PEM", help="For TLS; needed beyond 127.0.0.1.")]
+Key = Annotated[Path | None, typer.Option(metavar="PEM", help="Its key.")]
+
+
+def need(command: str, extra: str, *names: str) -> None:
+    """Say what to install for a command where it is missing."""
+    for name in names:
+        try:
+            importlib.import_module(name)
+        except ModuleNotFoundError as error:
+            if error.name != name:
+                raise
+            raise InputError(f"glapp {command} needs {name}", hint=f"pip install 'glapp[{extra}]'") from None
+
+
+def say_first_login(data: Path) -> None:
+    """Where the first user's password stands, as long as it does."""
+    first = data / "first-login.txt"
+    if first.exists():
+        out.print(f"The first user's name and password stand in {first}.", soft_wrap=True)
+
+
+async def until_stopped(*work: Awaitable[None]) -> None:
+    """All of it, until one ends or fails, or the process is told to stop."""
+    tasks = [asyncio.ensure_future(one) for one in work]
+    stop = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    for name in ("SIGTERM", "SIGINT"):
+        with suppress(NotImplementedError, AttributeError):  # Windows stops it by KeyboardInterrupt
+            loop.add_signal_handler(getattr(signal, name), stop.set)
+    stopped = asyncio.ensure_future(stop.wait())
+    try:
+        done, _ = await asyncio.wait([*tasks, stopped], return_when=asyncio.FIRST_COMPLETED)
+        for task in done:
+            task.result()
+    finally:
+        for task in (*tasks, stopped):
+            task.cancel()
+        await asyncio.gather(*tasks, stopped, return_exceptions=True)

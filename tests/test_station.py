@@ -36,7 +36,7 @@ from glapp.station.client import Door, Gone, Refused, loop_path
 from glapp.station.compensate import STANDINGS, calm, plan
 from glapp.station.pages import Station, all_events
 from glapp.station.parameters import PARAMETERS, changed
-from glapp.station.sessions import COOKIE, TRIES, Guard, Sessions
+from glapp.station.sessions import COOKIE, LARGEST, LARGEST_FILE, TRIES, Guard, Sessions
 from glapp.station.under_way import UnderWay
 from glapp.station.view import View, as_csv, trend
 
@@ -221,13 +221,10 @@ def test_no_line_is_drawn_where_nothing_came() -> None:
     assert charts.live({name: [] for name in values}, [], "", "%", dark=True)["series"][1]["data"] == []
 
 
-def test_detections_under_compensation_are_a_series_of_their_own(view: View) -> None:
-    halves = view.read(lambda reader: reader.half_periods("FIC0"))
-    halves[-1] = {**halves[-1], "compensated": 1}
-    options = charts.detections(halves, [answer("backlash", 2.0, 1.0, 3.0, "high")], "%", scale=0.5, dark=True)
-    before, after, _, fits = options["series"]
-    assert len(before["data"]) == len(halves) - 1 and len(after["data"]) == 1
-    assert after["data"][0][1] == pytest.approx(0.5 * halves[-1]["d"], rel=1e-4) and fits["data"][0][1] == 1.0
+def test_a_fit_stands_with_its_interval() -> None:
+    options = charts.detections([answer("backlash", 2.0, 1.0, 3.0, "high")], "%", scale=0.5, dark=True)
+    *_, fits = options["series"]
+    assert fits["data"][0][1] == 1.0 and [end["coord"][1] for end in fits["markLine"]["data"][0]] == [0.5, 1.5]
 
 
 @pytest.mark.parametrize("tone", [charts.LIGHT, charts.DARK])
@@ -503,6 +500,17 @@ def test_a_session_ends() -> None:
     assert sessions.of(f"a=b; {COOKIE}={one.id}") is one and sessions.of("x") is None and sessions.of(None) is None
     now = LOGIN_LASTS + 1.0
     assert sessions.of(f"{COOKIE}={one.id}") is None
+
+
+def test_no_request_is_longer_than_it_need_be(guarded: tuple[TestClient, Sessions]) -> None:
+    client, sessions = guarded
+    ours = {"Origin": "http://127.0.0.1:8108"}
+    assert client.post("/login", content=b"x" * LARGEST, headers=ours).status_code == 200
+    assert client.post("/login", content=b"x" * (LARGEST + 1), headers=ours).status_code == 413
+    assert client.post("/login", content=iter([b"x"]), headers=ours).status_code == 413  # nobody says how long
+    client.cookies.set(COOKIE, sessions.begin("t", "eve", "engineer", dark=False).id)
+    assert client.post("/a/file", content=b"x" * (LARGEST + 1), headers=ours).status_code == 200
+    assert client.post("/a/file", headers={**ours, "Content-Length": str(LARGEST_FILE + 1)}).status_code == 413
 
 
 @pytest.fixture(scope="module")

@@ -42,6 +42,9 @@ __all__ = ["Door", "app_of", "loopback"]
 LARGEST = 65_536
 """No request may be longer [bytes]."""
 
+LONGEST = 1.0
+"""So long a request waits for a newer value at most [s]."""
+
 Begin = Annotated[float, Query(description="From when on [s since 1970 UTC].")]
 End = Annotated[float, Query(description="Until when [s since 1970 UTC].")]
 Most = Annotated[int, Query(ge=1, le=100_000, description="No more than so many, the newest.")]
@@ -199,9 +202,21 @@ def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "
         return found
 
     @app.get("/live")
-    async def live(person: viewer, loop: Annotated[list[str] | None, Query(max_length=5000)] = None) -> dict[str, Any]:
+    async def live(
+        person: viewer,
+        loop: Annotated[list[str] | None, Query(max_length=5000)] = None,
+        after: Annotated[
+            float | None,
+            Query(description="Not before one of the loops that are named has a PV newer than this, or 1 s is over."),
+        ] = None,
+    ) -> dict[str, Any]:
         """The newest values of loops, of all where none is named."""
-        return {name: watch.live(known(name)) for name in loop or watch.names}
+        names = [known(name) for name in loop or watch.names]
+        if loop and after is not None:
+            until = time.monotonic() + LONGEST
+            while time.monotonic() < until and not any(watch.newer(name, after) for name in names):
+                await asyncio.sleep(0.02)
+        return {name: watch.live(name) for name in names}
 
     @app.get("/loops/{name}/half_periods")
     async def half_periods(

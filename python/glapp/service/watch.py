@@ -1029,6 +1029,11 @@ class Watch:
             for signal, value in self._loops[loop].latest.items()
         }
 
+    def newer(self, loop: str, than: float) -> bool:
+        """Whether the newest PV of a loop is newer than a moment [s since 1970 UTC]."""
+        pv = self._loops[loop].latest.get(Signal.PV)
+        return pv is not None and pv.time > than
+
     def status(self) -> dict[str, Any]:
         """What is shown of the service and of every loop."""
         return {

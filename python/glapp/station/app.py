@@ -17,6 +17,7 @@ from nicegui import ui
 from starlette.requests import Request
 
 from ..service.users import LOGIN_LASTS
+from .api import api_of
 from .client import Gone, Refused
 from .lab_page import Bench, lab_page
 from .loop_page import loop_page
@@ -66,6 +67,7 @@ def app_of(station: Station, hosts: Sequence[str], *, secure: bool) -> FastAPI:
     FastAPI
     """
     app = FastAPI(title="glapp station", docs_url=None, redoc_url=None, openapi_url=None)
+    app.mount("/api", api_of(station))
     app.mount("/static", StaticFiles(directory=HERE / "static"))
 
     @app.get("/login")
@@ -111,7 +113,7 @@ def app_of(station: Station, hosts: Sequence[str], *, secure: bool) -> FastAPI:
 
     @app.get("/overview.csv")
     async def overview_csv() -> Response:
-        return _csv(as_csv(station.rows), "overview.csv")
+        return _csv(as_csv(station.listed.rows), "overview.csv")
 
     @app.get("/events.csv")
     async def events_csv() -> Response:

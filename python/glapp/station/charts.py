@@ -69,11 +69,6 @@ def _base(tone: Mapping[str, str]) -> dict[str, Any]:
     }
 
 
-def _point(t: float, x: float) -> list[float]:
-    """A point as it goes to the browser: to the second, to five digits."""
-    return [1000 * round(t), float(f"{x:.5g}")]
-
-
 def shades(halves: Sequence[Mapping[str, Any]], span: float, *, dark: bool) -> list[list[dict[str, Any]]]:
     """Half-periods as areas by their verdict: detections blue, the others grey.
 
@@ -174,15 +169,13 @@ def live(
     }
 
 
-def detections(
-    halves: Sequence[Mapping[str, Any]], answers: Sequence[Mapping[str, Any]], unit: str, *, scale: float, dark: bool
-) -> dict[str, Any]:
+def detections(answers: Sequence[Mapping[str, Any]], unit: str, *, scale: float, dark: bool) -> dict[str, Any]:
     """Detections over time, those under compensation as a series of their own; the estimate, and what the fits said.
+
+    The first three series are empty: `glapp.detections` in the browser fills them.
 
     Parameters
     ----------
-    halves : sequence
-        Accepted half-periods.
     answers : sequence
         Rows of answers.
     unit : str
@@ -194,19 +187,17 @@ def detections(
     """
     tone = _tone(dark)
 
-    def dots(name: str, of: int, color: str, symbol: str) -> dict[str, Any]:
-        data = [_point(h["t_end"], h["d"] * scale) for h in halves if h["compensated"] == of and h["d"] is not None]
+    def dots(name: str, color: str, symbol: str) -> dict[str, Any]:
         return {
             "name": name,
             "type": "scatter",
-            "data": data,
+            "data": [],
             "symbolSize": 6,
             "symbol": symbol,
             "large": True,
             "itemStyle": {"color": color, "opacity": 0.75},
         }
 
-    means = [_point(h["t_end"], h["median_mean"] * scale) for h in halves if h["median_mean"] is not None]
     fits = [a for a in answers if a["d"] is not None]
     bars = [
         [{"coord": [1000.0 * a["time"], a["low"] * scale]}, {"coord": [1000.0 * a["time"], a["high"] * scale]}]
@@ -220,12 +211,12 @@ def detections(
         "yAxis": _axis(tone, type="value", name=f"width [{unit}]", min=0),
         "dataZoom": [{"type": "inside"}, {"type": "slider", "height": 18, "bottom": 8, "showDataShadow": False}],
         "series": [
-            dots("detections", 0, tone["pv"], "circle"),
-            dots("under compensation", 1, tone["after"], "triangle"),
+            dots("detections", tone["pv"], "circle"),
+            dots("under compensation", tone["after"], "triangle"),
             {
                 "name": "estimate",
                 "type": "line",
-                "data": means,
+                "data": [],
                 "showSymbol": False,
                 "sampling": "lttb",
                 "lineStyle": {"color": tone["muted"], "width": 1.5},

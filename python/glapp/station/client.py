@@ -6,9 +6,9 @@ sentence that the person is shown.
 
 from __future__ import annotations
 
+import asyncio
 import json
 import ssl
-import time
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -65,7 +65,7 @@ class Door:
             except (OSError, ssl.SSLError) as error:
                 raise InputError(f"cannot be used: {error}", file=str(trust)) from None
         self._http = httpx.AsyncClient(verify=verify, timeout=10.0, trust_env=False)
-        self._live: dict[str, tuple[float, dict[str, Any]]] = {}
+        self._live: dict[tuple[str, str], asyncio.Future[Any]] = {}
 
     @property
     def url(self) -> str:
@@ -119,15 +119,30 @@ class Door:
         """A command about a loop, such as `command("FIC101", "disable")` by `loop_path`."""
         return await self.asked("POST", path, token, body)
 
-    async def live(self, loop: str, token: str) -> dict[str, Any]:
-        """The newest values of a loop; those who look at one loop at the same time ask once."""
-        at, values = self._live.get(loop, (0.0, {}))
-        if time.monotonic() - at < 0.2:
-            return values
-        found: dict[str, Any] = (await self.asked("GET", f"/live?loop={quote(loop, safe='')}", token))[loop]
-        if len(self._live) > 1000:
-            self._live.clear()
-        self._live[loop] = (time.monotonic(), found)
+    async def live(self, loop: str, token: str, after: float | None = None) -> dict[str, Any]:
+        """The newest values of a loop; the tabs of one person that look at it at the same time ask once.
+
+        Parameters
+        ----------
+        loop : str
+            Which.
+        token : str
+            Whose.
+        after : float or None
+            Not before one with a PV newer than this is there [s since 1970 UTC], or a second has passed; None: at once.
+        """
+        wait = "" if after is None else f"&after={after!r}"
+        path = f"/live?loop={quote(loop, safe='')}{wait}"
+        asking = self._live.get((token, path))
+        if asking is None:
+            asking = self._live[token, path] = asyncio.ensure_future(self.asked("GET", path, token))
+
+            def answered(one: asyncio.Future[Any]) -> None:
+                del self._live[token, path]
+                one.cancelled() or one.exception()  # every tab that has asked may be closed by now
+
+            asking.add_done_callback(answered)
+        found: dict[str, Any] = (await asyncio.shield(asking))[loop]  # one tab that is closed ends it for no other
         return found
 
 

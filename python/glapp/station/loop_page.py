@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import math
 import time
 from collections.abc import Awaitable, Callable, Iterator
@@ -66,6 +67,7 @@ class _Page:
         sample = station.view.loops[name].sample_time or 1.0
         self.window = next((window for window in WINDOWS if window >= 300.0 * sample), max(WINDOWS))
         self.last = -math.inf
+        self.seen: float | None = None
         self.newest: tuple[Any, ...] | None = None
         self.under_way: UnderWay | None = None
         loop = station.view.loops[name]
@@ -211,10 +213,14 @@ class _Page:
     async def often(self) -> None:
         """The newest values, from the service."""
         try:
-            values = await self.station.door.live(self.name, self.session.token)
-        except (Gone, Refused):
+            values = await self.station.door.live(self.name, self.session.token, self.seen)
+        except (Gone, Refused) as error:
+            if isinstance(error, Refused) and error.status == 401:
+                self.station.sessions.end(self.session.id)  # the frame leads to the login
             self.fresh.set_text("The service does not answer: no live values.")
             self.fresh.classes(add="late")
+            self.seen = None  # what is newest is told at once when it is back
+            await asyncio.sleep(1.0)
             return
         for key, label in self.values.items():
             unit = self.pv_unit if key in ("sp", "pv") else self.op_unit
@@ -225,7 +231,9 @@ class _Page:
         pv = values.get("pv")
         if pv is None:
             self.fresh.set_text("No PV has come since the service began.")
+            await asyncio.sleep(1.0)
             return
+        self.seen = pv["time"]
         old = time.time() - pv["time"]
         self.fresh.set_text(f"PV is {old:.1f} s old." if old < 100 else f"PV is of {moment(pv['time'])}.")
         self.fresh.classes(add="late") if self.station.view.silent(self.name) or not pv["good"] else self.fresh.classes(
@@ -240,7 +248,7 @@ class _Page:
                 sp, value, op = (self._number(values, key) for key in ("sp", "pv", "op"))
                 self.under_way.take(pv["time"], sp, value, op, auto=auto)
                 self._show_under_way()
-            ui.run_javascript(f"glapp.append({self.chart.id}, {_js([row])}, {1000 * self.window})")
+            ui.run_javascript(f"glapp.append({self.chart.id}, {json.dumps([row])}, {1000 * self.window})")
 
     def _number(self, values: dict[str, Any], key: str) -> float | None:
         value = values.get(key)
@@ -333,24 +341,18 @@ class _Page:
 
     async def graph(self) -> None:
         """Detections over time, before and under compensation."""
-        halves = await asyncio.to_thread(
-            self.read,
-            lambda r: r.rows(
-                "SELECT t_end, d, median_mean, compensated FROM half_periods WHERE loop = "
-                "(SELECT id FROM loops WHERE name = ?) AND reason = 0 ORDER BY t_end",
-                self.name,
-            ),
-        )
+        any_ = await asyncio.to_thread(self.read, lambda r: r.half_periods(self.name, most=1))
         answers = await asyncio.to_thread(self.read, lambda r: r.answers(self.name, 400))
         scale = self.station.view.percent(self.name, 1.0)
         with self._dialog(f"{self.name}: detections"):
-            if not halves and not answers:
+            if not any_ and not answers:
                 ui.label("There is no detection yet.")
             else:
                 options = charts.detections(
-                    halves, answers, self._unit(), scale=1.0 if scale is None else scale, dark=self.session.dark
+                    answers, self._unit(), scale=1.0 if scale is None else scale, dark=self.session.dark
                 )
-                ui.echart(options).classes("chart").props('role="img" aria-label="Detections over time"')
+                chart = ui.echart(options).classes("chart").props('role="img" aria-label="Detections over time"')
+                ui.run_javascript(f"glapp.detections({chart.id}, {json.dumps(self.name)})")
             ui.label(
                 "Each dot is a half-period that passed every test. Triangles are those under compensation: they show "
                 "what is left of the gap. A fit stands with its 95 % interval."
@@ -608,12 +610,6 @@ def _floats(values: list[Any]) -> list[float]:
     return [math.nan if value is None else value for value in values]
 
 
-def _js(rows: list[list[float | None]]) -> str:
-    import json
-
-    return json.dumps(rows)
-
-
 async def loop_page(station: Station, request: Request, name: str) -> None:
     """One loop."""
     session = station.who(request)
@@ -626,5 +622,5 @@ async def loop_page(station: Station, request: Request, name: str) -> None:
         page = _Page(station, session, name)
         page.build()
         await page.seldom()
-        ui.timer(0.25, page.often)
+        ui.timer(0.02, page.often)
         ui.timer(2.0, page.seldom)

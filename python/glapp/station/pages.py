@@ -6,7 +6,7 @@ import asyncio
 import time
 from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from html import escape
 from typing import Any
 
@@ -15,8 +15,9 @@ from starlette.requests import Request
 
 from ..errors import InputError
 from .client import Door, Gone, Refused
+from .listed import Listed
 from .sessions import Session, Sessions, Tries
-from .view import Row, View, age
+from .view import View, age
 from .view import summary as summarised
 
 __all__ = ["Station", "all_events", "command", "events_page", "frame", "heading", "moment", "overview_page", "quiet"]
@@ -38,7 +39,7 @@ class Station:
         Who is logged in.
     tries : Tries
         Logins by address.
-    rows : list of Row
+    listed : Listed
         The overview, as of the last look.
     """
 
@@ -46,7 +47,7 @@ class Station:
     door: Door
     sessions: Sessions = field(default_factory=Sessions)
     tries: Tries = field(default_factory=Tries)
-    rows: list[Row] = field(default_factory=list)
+    listed: Listed = field(default_factory=Listed)
     _of: tuple[float | None, float] = (None, 0.0)
 
     async def look(self) -> None:
@@ -60,7 +61,7 @@ class Station:
         now = time.monotonic()
         if self.view.at != self._of[0] or now - self._of[1] > 5.0:  # what is shown grows older, too
             self._of = self.view.at, now
-            self.rows = self.view.rows()
+            self.listed = self.listed.after(self.view.rows())
 
     def who(self, request: Request) -> Session:
         """Whose page it is; nobody gets here without a session."""
@@ -201,7 +202,6 @@ def overview_page(station: Station, request: Request) -> None:
             search = ui.input(placeholder="Search").props('dense outlined clearable aria-label="Search"')
             some = ui.toggle({"all": "All", "some": "To do"}, value="all").props("no-caps dense unelevated")
             ui.link("CSV", "/overview.csv").props("download")
-        rows = [asdict(row) for row in station.rows]
         grid = ui.aggrid(
             {
                 "columnDefs": _overview_columns(),
@@ -211,7 +211,6 @@ def overview_page(station: Station, request: Request) -> None:
                     "resizable": True,
                     "suppressHeaderMenuButton": True,
                 },
-                "rowData": rows,
                 ":getRowId": "p => p.data.loop",
                 "rowHeight": 34,
                 "enableCellTextSelection": True,
@@ -219,11 +218,11 @@ def overview_page(station: Station, request: Request) -> None:
                 "animateRows": False,
                 ":onCellKeyDown": f"e => {{ if (e.event.key === 'Enter') {_TO_LOOP.format('e.data.loop')}; }}",
                 ":onRowDoubleClicked": f"e => {{ {_TO_LOOP.format('e.data.loop')}; }}",
+                ":onGridReady": "e => glapp.overview(e.api)",
                 "overlayNoRowsTemplate": "No loop is here.",
             },
             auto_size_columns=False,
         ).classes("grid")
-        sent = {row["loop"]: row for row in rows}
 
         def filtered() -> None:
             grid.run_grid_method("setGridOption", "quickFilterText", search.value or "")
@@ -238,17 +237,7 @@ def overview_page(station: Station, request: Request) -> None:
         some.on_value_change(filtered)
 
         def tick() -> None:
-            summary.set_text(summarised(station.rows))
-            now = {row.loop: asdict(row) for row in station.rows}
-            changes = {
-                "add": [row for name, row in now.items() if name not in sent],
-                "update": [row for name, row in now.items() if name in sent and sent[name] != row],
-                "remove": [{"loop": name} for name in sent if name not in now],
-            }
-            if any(changes.values()):
-                sent.clear()
-                sent.update(now)
-                grid.run_grid_method("applyTransaction", changes)
+            summary.set_text(summarised(station.listed.rows))
 
         tick()
         ui.timer(2.0, tick)

@@ -32,8 +32,17 @@ TRIES = 10
 WITHIN = 60.0
 """[s]"""
 
-OPEN = ("/login", "/static/")
-"""Paths for whoever comes."""
+OPEN = ("/login", "/static/", "/api/")
+"""Paths for whoever comes; what is under /api asks by itself who it is."""
+
+LARGEST = 65_536
+"""No request of somebody who is not logged in may be longer [bytes], …"""
+
+LARGEST_FILE = 64_000_000
+"""… and none at all: a recording that is to be read is the longest there is [bytes]."""
+
+FOR_PROGRAMS = "/api/login"
+"""What a program posts to: it sets no cookie, so that a page elsewhere has nothing of it."""
 
 POLICY = (
     "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; style-src 'self' 'unsafe-inline'; "
@@ -179,11 +188,16 @@ class Guard:
         host = headers.get("host", "")
         if _name(host) not in self._hosts:
             return PlainTextResponse("this window has another name", 400)
-        origin = headers.get("origin")
+        origin, path = headers.get("origin"), scope["path"]
         changes = scope["type"] == "websocket" or scope["method"] not in ("GET", "HEAD", "OPTIONS")
+        if scope["type"] == "http" and changes:
+            length = headers.get("content-length", "0" if "transfer-encoding" not in headers else "")
+            most = LARGEST if self._sessions.of(headers.get("cookie")) is None else LARGEST_FILE
+            if not length.isdigit() or int(length) > most:
+                return PlainTextResponse(f"a request has at most {most} bytes, and says how many", 413)
+        changes = changes and path != FOR_PROGRAMS
         if (changes or origin is not None) and origin != f"{'https' if self._secure else 'http'}://{host}":
             return PlainTextResponse("refused: this does not come from a page of this window", 403)
-        path: str = scope["path"]
         if any(path == one or (one.endswith("/") and path.startswith(one)) for one in OPEN):
             return None
         if self._sessions.of(headers.get("cookie")) is None:

@@ -12,6 +12,43 @@ window.glapp = {
     });
     chart.setOption({ series });
   },
+  // The overview asks by itself: at first for all rows, then for those that have changed.
+  overview(grid) {
+    let version = 0;
+    const look = async () => {
+      const reply = await fetch(`/api/overview?since=${version}`).catch(() => null);
+      if (reply?.ok) {
+        const told = await reply.json();
+        const there = (loop) => grid.getRowNode(loop) !== undefined;
+        if (told.whole) grid.setGridOption("rowData", told.loops);
+        else if (told.loops.length || told.gone.length)
+          grid.applyTransaction({
+            add: told.loops.filter((row) => !there(row.loop)),
+            update: told.loops.filter((row) => there(row.loop)),
+            remove: told.gone.filter(there).map((loop) => ({ loop })),
+          });
+        version = told.version;
+      }
+      if (!grid.isDestroyed()) setTimeout(look, 2000);
+    };
+    look();
+  },
+  // Detections go to the chart as they are: the page's library would look at each point by itself.
+  async detections(id, loop) {
+    const [told] = await Promise.all([
+      fetch(`/api/loops/${encodeURIComponent(loop)}/detections`).then((reply) => reply.json()),
+      (async () => {
+        while (!getElement(id)?.chart) await new Promise(requestAnimationFrame);
+      })(),
+    ]);
+    const scale = told.percent ?? 1;
+    const found = [[], [], []];
+    told.time.forEach((t, i) => {
+      if (told.width[i] !== null) found[told.compensated[i]].push([1000 * t, scale * told.width[i]]);
+      if (told.estimate[i] !== null) found[2].push([1000 * t, scale * told.estimate[i]]);
+    });
+    getElement(id).chart.setOption({ series: found.map((data) => ({ data })) });
+  },
   async post(path, then) {
     const reply = await fetch(path, { method: "POST" });
     if (reply.ok || reply.redirected) location.href = then;

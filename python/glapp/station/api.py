@@ -1,0 +1,255 @@
+"""What the window shows, for programs and for its own pages: HTTP that only reads.
+
+Whoever asks shows a token of the service (`Authorization: Bearer …`) or, as the pages do, the session of a person who
+is logged in. There is no request here that changes anything: commands go through the service's own door.
+"""
+
+# FastAPI reads the annotations as they are: no `from __future__ import annotations` here.
+import asyncio
+import json
+import time
+from typing import Annotated, Any
+
+from fastapi import Depends, FastAPI, HTTPException, Query, Request, Response
+from fastapi import Path as InPath
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import JSONResponse
+from pydantic import BaseModel, ConfigDict, Field
+from starlette.middleware.gzip import GZipMiddleware
+
+from .. import __version__
+from ..errors import InputError
+from .client import Gone, Refused
+from .pages import Station, all_events
+from .view import Row
+
+__all__ = ["api_of"]
+
+BELIEVED = 10.0
+"""So long a token is believed after the service has said that it is good [s]."""
+
+WHY_NOT = {
+    400: "A body that is no JSON",
+    401: "Nobody who is known to the service",
+    404: "No such loop",
+    422: "A value that cannot be",
+    429: "Too many tries to log in",
+    503: "Service or database cannot be reached",
+}
+"""What else is answered than what was asked for."""
+
+Name = Annotated[str, InPath(description="Name of the loop.", max_length=200)]
+Most = Annotated[int, Query(ge=1, le=100_000, description="No more than so many, the newest.")]
+
+
+class LogIn(BaseModel):
+    """Who asks for a token."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    user: Annotated[str, Field(max_length=64)]
+    password: Annotated[str, Field(max_length=1000)]
+
+
+class Token(BaseModel):
+    """Good for twelve hours."""
+
+    token: str
+    user: str
+    role: str
+
+
+class Why(BaseModel):
+    """Why there is no answer."""
+
+    detail: str
+
+
+class Overview(BaseModel):
+    """The overview, or what has changed in it."""
+
+    at: float | None = Field(description="When the service wrote it [s since 1970 UTC].")
+    behind: float | None = Field(description="How long the service has written nothing [s], where that is too long.")
+    why: str | None = Field(description="Why the database cannot be read; what was last known stays.")
+    version: int = Field(description="For `since` of the next request.")
+    whole: bool = Field(description="Whether these are all loops, and not only those that have changed.")
+    loops: list[Row]
+    gone: list[str] = Field(description="Loops that are not watched any more.")
+
+
+class Detections(BaseModel):
+    """Detections of a loop, in the order of time: columns of the same length."""
+
+    unit: str = Field(description="Unit of OP, in which the widths are.")
+    percent: float | None = Field(description="% of OP span per unit of OP; null where the span is not known.")
+    time: list[float] = Field(description="When the half-period ended [s since 1970 UTC].")
+    width: list[float | None] = Field(description="Width of the dead band that it shows [unit].")
+    estimate: list[float | None] = Field(description="The estimate by then: median and mean of the last [unit].")
+    compensated: list[int] = Field(description="1 where u_FF was made: then it is what is left of the gap.")
+
+
+class One(BaseModel):
+    """A loop."""
+
+    row: Row = Field(description="As in the overview.")
+    answer: dict[str, Any] | None = Field(description="The one answer of `glapp analyze --json`; null before a fit.")
+    slope: float | None = Field(description="How the width moves [OP unit per 30 days]; null where that is not known.")
+    spread: float | None = Field(description="Half of the slope's 95 % interval [the same].")
+
+
+class Happened(BaseModel):
+    """An event, or a command."""
+
+    when: str
+    at: float = Field(description="The same [s since 1970 UTC].")
+    loop: str
+    kind: str
+    who: str
+    text: str
+
+
+def api_of(station: Station) -> FastAPI:
+    """The interface of a station, to be mounted at `/api`.
+
+    Parameters
+    ----------
+    station : Station
+        What it tells of.
+
+    Returns
+    -------
+    FastAPI
+    """
+    app = FastAPI(
+        title="glapp station",
+        version=__version__,
+        docs_url=None,
+        redoc_url=None,
+        responses={status: {"model": Why, "description": text} for status, text in WHY_NOT.items()},
+    )
+    app.add_middleware(GZipMiddleware, minimum_size=10_000, compresslevel=1)
+    believed: dict[str, float] = {}
+
+    @app.exception_handler(InputError)
+    async def not_read(request: Request, error: InputError) -> JSONResponse:
+        return JSONResponse({"detail": str(error)}, 503)
+
+    @app.exception_handler(RequestValidationError)
+    async def not_understood(request: Request, error: RequestValidationError) -> JSONResponse:
+        first = error.errors()[0]
+        place = ".".join(str(part) for part in first["loc"])
+        return JSONResponse({"detail": f"{place}: {first['msg']}"}, 422)
+
+    async def known(request: Request) -> None:
+        """Nobody reads who is not known to the service."""
+        if station.sessions.of(request.headers.get("cookie")) is not None:
+            return
+        kind, _, token = request.headers.get("authorization", "").partition(" ")
+        if kind.lower() != "bearer" or not token.isascii() or not token.isprintable():
+            raise HTTPException(401, "show a token of the service", {"WWW-Authenticate": "Bearer"})
+        now = time.monotonic()
+        if believed.get(token, 0.0) > now:
+            return
+        await asked("GET", "/commands?most=1", token)
+        if len(believed) > 1000:
+            believed.clear()
+        believed[token] = now + BELIEVED
+
+    async def asked(method: str, path: str, token: str | None, body: Any = None) -> Any:
+        try:
+            return await station.door.asked(method, path, token, body)
+        except Refused as refused:
+            headers = {"WWW-Authenticate": "Bearer"} if refused.status == 401 else None
+            raise HTTPException(refused.status if refused.status < 500 else 503, str(refused), headers) from None
+        except Gone as gone:
+            raise HTTPException(503, str(gone)) from None
+
+    def watched(name: Name) -> str:
+        if name not in station.view.shown["loops"] or name not in station.view.loops:
+            raise HTTPException(404, "no such loop")
+        return name
+
+    Loop = Annotated[str, Depends(watched)]  # noqa: N806 - a type
+    reads = [Depends(known)]
+
+    @app.post("/login", response_model=Token)
+    async def log_in(request: Request, wanted: LogIn) -> Any:
+        """A token of the service for a user. It opens no page: this sets no cookie."""
+        address = request.client.host if request.client is not None else ""
+        wait = station.tries.wait(address, time.monotonic())
+        if wait > 0:
+            raise HTTPException(429, f"too many tries from this computer: wait {wait:.0f} s")
+        return await asked("POST", "/login", None, wanted.model_dump())
+
+    @app.get("/overview", response_model=Overview, dependencies=reads)
+    async def overview(
+        since: Annotated[int, Query(ge=0, le=2**53, description="Only what has changed since this version.")] = 0,
+    ) -> Response:
+        """Every loop with its one answer, what maintenance should do first before all else."""
+        return Response(await asyncio.to_thread(_overview, station, since), media_type="application/json")
+
+    @app.get("/loops/{name:path}/detections", response_model=Detections, dependencies=reads)
+    async def detections(
+        name: Loop,
+        begin: Annotated[float, Query(description="From when on [s since 1970 UTC].")] = -1e12,
+        most: Most = 100_000,
+    ) -> Response:
+        """Detections of a loop."""
+        body = await asyncio.to_thread(_detections, station, name, begin, most)
+        return Response(body, media_type="application/json")
+
+    @app.get("/loops/{name:path}", response_model=One, dependencies=reads)
+    async def loop(name: Loop) -> Any:
+        """One loop: its row, its answer, its trend."""
+        row = next((row for row in station.listed.rows if row.loop == name), None)
+        if row is None:
+            raise HTTPException(404, "no such loop")
+        trend = station.view.trend(name)
+        slope, spread = (None, None) if trend is None else (trend.slope, trend.spread)
+        return {"row": row, "answer": station.view.answer(name), "slope": slope, "spread": spread}
+
+    @app.get("/events", response_model=list[Happened], dependencies=reads)
+    async def events(
+        loop: Annotated[str | None, Query(max_length=200, description="Of one loop only.")] = None, most: Most = 200
+    ) -> Any:
+        """Everything that happened and that was asked for, the newest first."""
+        return await asyncio.to_thread(all_events, station, most, loop)
+
+    return app
+
+
+def _overview(station: Station, since: int) -> bytes:
+    listed, view = station.listed, station.view
+    whole, rows, gone = listed.changes(since)
+    head = {
+        "at": view.at,
+        "behind": view.behind,
+        "why": view.why,
+        "version": listed.version,
+        "whole": whole,
+        "gone": gone,
+    }
+    return f'{json.dumps(head)[:-1]}, "loops": [{", ".join(rows)}]}}'.encode()
+
+
+def _detections(station: Station, name: str, begin: float, most: int) -> bytes:
+    rows = station.view.read(
+        lambda reader: reader.rows(
+            "SELECT t_end, d, median_mean, compensated FROM half_periods WHERE loop = "
+            "(SELECT id FROM loops WHERE name = ?) AND reason = 0 AND t_end >= ? ORDER BY t_end DESC LIMIT ?",
+            *(name, begin, most),
+        )
+    )[::-1]
+    body = {
+        "unit": station.view.unit(name),
+        "percent": station.view.percent(name, 1.0),
+        "time": [round(row["t_end"], 3) for row in rows],
+        "width": [_short(row["d"]) for row in rows],
+        "estimate": [_short(row["median_mean"]) for row in rows],
+        "compensated": [row["compensated"] for row in rows],
+    }
+    return json.dumps(body).encode()
+
+
+def _short(value: float | None) -> float | None:
+    return None if value is None else float(f"{value:.6g}")

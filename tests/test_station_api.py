@@ -1,0 +1,181 @@
+"""The window's own HTTP interface: what a program reads, and that it only reads."""
+
+import json
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("nicegui")
+pytest.importorskip("multipart")
+
+import httpx
+from fastapi import FastAPI
+from fastapi.testclient import TestClient
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from station_child import PASSWORDS, made
+
+from glapp.service.door import app_of as service_app
+from glapp.service.watch import Watch
+from glapp.station.api import api_of
+from glapp.station.client import Door
+from glapp.station.pages import Station
+from glapp.station.sessions import COOKIE, TRIES, Guard
+from glapp.station.view import View
+
+HERE = "http://127.0.0.1"
+
+
+@pytest.fixture(scope="module")
+def plant(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Watch, Station, Any]]:
+    """A service, the window's interface on it, and the guard before that."""
+    watch, users = made(tmp_path_factory.mktemp("plant"))
+    watch.memory.show(time.time(), json.dumps(watch.status()))
+    door = Door(watch.memory.folder, HERE)
+    door._http = httpx.AsyncClient(transport=httpx.ASGITransport(app=service_app(watch, users)))
+    station = Station(View(watch.memory.folder), door)
+    station._look()
+    app = FastAPI()
+    app.mount("/api", api_of(station))
+    yield watch, station, Guard(app, station.sessions, ("127.0.0.1",), secure=False)
+    watch.memory.close()
+
+
+@pytest.fixture
+def client(plant: tuple[Watch, Station, Any]) -> TestClient:
+    plant[1].tries._seen.clear()
+    return TestClient(plant[2], base_url=HERE)
+
+
+def token(client: TestClient, name: str = "vera") -> dict[str, str]:
+    reply = client.post("/api/login", json={"user": name, "password": PASSWORDS[name]})
+    assert reply.status_code == 200 and "set-cookie" not in reply.headers
+    return {"Authorization": f"Bearer {reply.json()['token']}"}
+
+
+READS = ("/overview", "/loops/FIC0", "/loops/FIC0/detections", "/events")
+
+
+def test_a_program_reads_what_the_pages_show(client: TestClient, plant: tuple[Watch, Station, Any]) -> None:
+    watch, station, _ = plant
+    vera = token(client)
+    told = client.get("/api/overview", headers=vera).json()
+    assert [row["loop"] for row in told["loops"]] == [row.loop for row in station.listed.rows]
+    assert told["whole"] and told["loops"][0]["width"] == "2.40 % (2.15 to 3.11)" and told["behind"] is None
+    again = client.get(f"/api/overview?since={told['version']}", headers=vera).json()
+    assert not again["whole"] and again["loops"] == [] and again["gone"] == []
+    one = client.get("/api/loops/FIC0", headers=vera).json()
+    assert one["row"] == told["loops"][0] and one["answer"]["width"] == 2.4
+    found = client.get("/api/loops/FIC0/detections", headers=vera).json()
+    rows = watch.reader.half_periods("FIC0")
+    assert len(rows) > 3 and found["time"] == pytest.approx([row["t_end"] for row in rows], abs=1e-3)
+    assert found["width"] == pytest.approx([row["d"] for row in rows], rel=1e-5)
+    assert found["compensated"] == [0] * len(rows) and (found["unit"], found["percent"]) == ("%", 1.0)
+    newest = client.get("/api/loops/FIC0/detections?most=2", headers=vera).json()
+    assert newest["time"] == found["time"][-2:]
+    assert any("<b>so</b> late" in row["text"] for row in client.get("/api/events", headers=vera).json())
+
+
+def test_only_what_has_changed_is_told_again(client: TestClient, plant: tuple[Watch, Station, Any]) -> None:
+    _, station, _ = plant
+    vera = token(client)
+    before, rows = station.listed, list(station.listed.rows)
+    station.listed = before.after(rows[1:])
+    told = client.get(f"/api/overview?since={before.version}", headers=vera).json()
+    assert (told["whole"], told["loops"], told["gone"]) == (False, [], [rows[0].loop])
+    station.listed = station.listed.after(rows)
+    told = client.get(f"/api/overview?since={before.version}", headers=vera).json()
+    assert [row["loop"] for row in told["loops"]] == [rows[0].loop] and told["gone"] == []
+    for since in (1, told["version"] + 1):  # of a window that ran before, or of none
+        assert client.get(f"/api/overview?since={since}", headers=vera).json()["whole"]
+
+
+@pytest.mark.parametrize("shown", [None, "Bearer ", "Bearer guess", "Basic ZXZlOnB3", "Bearer \xe9", "Bearer a\tb"])
+def test_without_a_token_nothing_is_told(client: TestClient, shown: str | None) -> None:
+    for path in READS:
+        headers = {} if shown is None else {"Authorization": shown.encode("latin-1")}
+        assert client.get(f"/api{path}", headers=headers).status_code == 401, path
+
+
+def test_it_only_reads(client: TestClient) -> None:
+    eve = token(client, "eve")
+    for path in READS:
+        for method in ("POST", "PUT", "PATCH", "DELETE"):
+            assert client.request(method, f"/api{path}", headers=eve).status_code in (403, 405), (method, path)
+            ours = {**eve, "Origin": HERE}
+            assert client.request(method, f"/api{path}", headers=ours).status_code == 405, (method, path)
+    told = client.get("/api/openapi.json").json()
+    changing = {path for path, methods in told["paths"].items() if methods.keys() - {"get"}}
+    assert changing == {"/login"}
+
+
+def test_a_page_elsewhere_gets_nothing(client: TestClient, plant: tuple[Watch, Station, Any]) -> None:
+    _, station, _ = plant
+    evil = {"Origin": "http://evil.example"}
+    body = {"user": "eve", "password": PASSWORDS["eve"]}
+    assert client.post("/api/login", json=body, headers=evil).status_code == 403
+    client.cookies.set(COOKIE, station.sessions.begin("t", "eve", "engineer", dark=False).id)
+    assert client.get("/api/overview").status_code == 200  # as the pages ask
+    assert client.get("/api/overview", headers=evil).status_code == 403
+    assert "access-control-allow-origin" not in client.get("/api/overview").headers
+
+
+def test_logins_of_programs_count_with_those_of_persons(client: TestClient) -> None:
+    asked = [client.post("/api/login", json={"user": f"u{i}", "password": "no"}) for i in range(TRIES + 1)]
+    assert [reply.status_code for reply in asked] == [401] * TRIES + [429]
+    assert "wait 60 s" in asked[-1].json()["detail"]
+
+
+def test_what_stands_behind_it_may_be_gone(tmp_path: Path) -> None:
+    station = Station(View(tmp_path), Door(tmp_path))
+    client = TestClient(api_of(station), base_url=HERE)
+    said = client.get("/overview", headers={"Authorization": "Bearer x"})
+    assert said.status_code == 503 and "door is not there" in said.json()["detail"]
+    session = station.sessions.begin("t", "eve", "engineer", dark=False)
+    client.cookies.set(COOKIE, session.id)
+    station._look()
+    told = client.get("/overview").json()
+    assert told["loops"] == [] and "holds no glapp.db" in told["why"]
+    assert client.get("/events").status_code == 503
+    assert client.get("/loops/FIC0").status_code == 404
+
+
+def asked(operation: Any, headers: dict[str, str], station: Station, schemathesis: Any) -> set[int]:
+    """Statuses of what is answered to requests that are as described, and to others."""
+    seen: set[int] = set()
+    negative = operation.as_strategy(generation_mode=schemathesis.GenerationMode.NEGATIVE)
+    of = schemathesis.specs.openapi.checks
+    checks = [of.status_code_conformance, of.content_type_conformance, of.response_schema_conformance]
+
+    @settings(max_examples=20, derandomize=True, database=None, deadline=None, suppress_health_check=[*HealthCheck])
+    @given(case=st.one_of(operation.as_strategy(), negative), there=st.booleans())
+    def ask(case: Any, there: bool) -> None:
+        if there and "name" in case.path_parameters:
+            case.path_parameters["name"] = "FIC0"
+        station.tries._seen.clear()
+        reply = case.call(headers=headers)
+        seen.add(reply.status_code)
+        assert reply.status_code < 500, (case, reply.content)
+        if reply.status_code not in (403, 405):  # the guard's, and the routes'
+            case.validate_response(reply, checks=checks)
+
+    ask()
+    return seen
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("known", [True, False], ids=["viewer", "nobody"])
+def test_any_request_is_answered_as_it_is_described(
+    client: TestClient, plant: tuple[Watch, Station, Any], known: bool
+) -> None:
+    schemathesis = pytest.importorskip("schemathesis")
+    headers = {"Host": "127.0.0.1", **(token(client) if known else {})}
+    schema = schemathesis.openapi.from_asgi("/api/openapi.json", plant[2], headers=headers)
+    found = [one.ok() for one in schema.get_all_operations()]
+    statuses = {one.label: asked(one, headers, plant[1], schemathesis) for one in found}
+    assert len(statuses) == 5, "every operation that is described"
+    let_in = {label for label, seen in statuses.items() if 200 in seen}
+    assert len(let_in) == (4 if known else 0), statuses

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
+from ..bump import Bump
 from ..report.words import NAMES, REASONS, number
 
-__all__ = ["detections", "lab", "live", "phase", "shades"]
+__all__ = ["detections", "lab", "live", "phase", "shades", "step_test"]
+
+DRAWN = 2000
+"""So many points of a signal are drawn at most where it was read from a file."""
 
 LIGHT = {
     "ink": "#1f2933",
@@ -238,6 +243,68 @@ def detections(answers: Sequence[Mapping[str, Any]], unit: str, *, scale: float,
                 },
             },
         ],
+    }
+
+
+def step_test(found: Bump, *, dark: bool) -> dict[str, Any] | None:
+    """A test by hand: PV above, OP below; what was held is shaded, from when PV had settled more strongly.
+
+    Parameters
+    ----------
+    found : Bump
+        What was read.
+    dark : bool
+        On a dark page.
+
+    Returns
+    -------
+    dict or None
+        None where nothing was in manual.
+    """
+    rows = found.signals
+    if rows is None or rows.op is None or not len(rows):
+        return None
+    tone = _tone(dark)
+    # Samples of the service have their times, those of a file with dates begin at its first row, all others at 0.
+    begin = 0.0 if found.t0 is None else found.t0.timestamp()
+    dated = begin + float(rows.t[0]) > 1e8
+    scale = 1000.0 if dated else 1.0
+
+    def line(name: str, axis: int, values: Any, color: str) -> dict[str, Any]:
+        every = max(1, -(-len(rows) // DRAWN))
+        pairs = zip(rows.t[::every].tolist(), values[::every].tolist(), strict=True)
+        return {
+            "name": name,
+            "type": "line",
+            "data": [[scale * (begin + t), x if math.isfinite(x) else None] for t, x in pairs],
+            "xAxisIndex": axis,
+            "yAxisIndex": axis,
+            "showSymbol": False,
+            "lineStyle": {"color": color, "width": 1.5},
+            "itemStyle": {"color": color},
+        }
+
+    def area(start: float, end: float, color: str) -> list[dict[str, Any]]:
+        return [{"xAxis": scale * (begin + start), "itemStyle": {"color": color}}, {"xAxis": scale * (begin + end)}]
+
+    pv = line("PV", 0, rows.pv, tone["pv"])
+    held = [area(one.start, one.end if one.settled is None else one.settled, tone["rejected"]) for one in found.holds]
+    settled = [area(one.settled, one.end, tone["accepted"]) for one in found.holds if one.settled is not None]
+    pv["markArea"] = {"silent": True, "data": held + settled}
+    below = _time(tone, gridIndex=1) if dated else _axis(tone, type="value", scale=True, gridIndex=1, name="t [s]")
+    kind = "time" if dated else "value"
+    return {
+        **_base(tone),
+        "grid": [
+            {"left": 56, "right": 24, "top": 34, "height": "42%"},
+            {"left": 56, "right": 24, "bottom": 26, "height": "28%"},
+        ],
+        "xAxis": [_axis(tone, type=kind, scale=True, gridIndex=0, axisLabel={"show": False}), below],
+        "yAxis": [
+            _axis(tone, type="value", scale=True, gridIndex=0, name=f"PV [{found.pv_unit}]", splitNumber=4),
+            _axis(tone, type="value", scale=True, gridIndex=1, name=f"OP [{found.unit}]", splitNumber=3),
+        ],
+        "series": [pv, line("OP", 1, rows.op, tone["op"])],
     }
 
 

@@ -17,12 +17,13 @@ from starlette.requests import Request
 from ..errors import InputError
 from ..report.words import MEANINGS, NAMES, duration, quantity, sentence
 from ..service.recordings import Signals
-from . import charts, step_test
+from . import charts
 from .client import Gone, Refused, loop_path
 from .compensate import STANDINGS, calm, plan
 from .pages import Station, command, frame, heading, moment, quiet
 from .parameters import PARAMETERS, changed, field, told
 from .sessions import Session
+from .step_test_page import Wizard
 from .under_way import UnderWay
 
 __all__ = ["loop_page"]
@@ -371,38 +372,14 @@ class _Page:
         """A step test by hand: what to do next, and what it tells so far."""
         answer, status = self.station.view.answer(self.name), self.status
         width = status.get("estimate") if answer is None else (answer["high"] or answer["low"])
-        loop = self.station.view.loops[self.name]
-        window = {"seconds": self.window}
+
+        async def last(seconds: float) -> dict[str, Any]:
+            end = time.time()
+            return await signals(self.station, self.session, self.name, end - seconds, end)
+
         with self._dialog(f"{self.name}: step test by hand"):
-            ui.label(
-                "You move OP, in manual, at the control system: two steps one way and one back, each held until PV "
-                "stands still and as long again. Nothing is written from here."
-            ).classes("small muted")
-            with ui.element("div").classes("bar"):
-                ui.label("Read it from the last")
-                ui.toggle(WINDOWS, value=self.window, on_change=lambda e: window.update(seconds=int(e.value))).props(
-                    "no-caps dense unelevated"
-                )
-            heading("What to do next", 2)
-            doing = ui.label().props('role="status"')
-            heading("What it tells", 2)
-            lines = ui.element("div")
-
-            async def look() -> None:
-                end = time.time()
-                values = await signals(self.station, self.session, self.name, end - window["seconds"], end)
-                found = await asyncio.to_thread(step_test.read, values, loop)
-                manual = bool(values["MODE"]) and values["MODE"][-1] == "MAN"
-                doing.set_text(step_test.advice(found, manual, width, self.op_unit))
-                lines.clear()
-                with lines:
-                    if found is None:
-                        ui.label("The controller was in automatic all the time.").classes("muted")
-                    for line in [] if found is None else step_test.told(found, self.op_unit):
-                        ui.label(line)
-
-            await look()
-            ui.timer(5.0, look)
+            loop = self.station.view.loops[self.name]
+            await Wizard(loop, width, WINDOWS, self.window, last, self.session.dark).build()
 
     @contextmanager
     def _dialog(self, title: str) -> Iterator[ui.dialog]:

@@ -1,10 +1,11 @@
-"""A step test by hand (8.5), read while it goes on, or from what was recorded. A person moves OP; nothing here does."""
+"""A step test by hand (8.5): read while it goes on, from what was recorded here, or from a file. A person moves OP."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,10 +13,11 @@ import numpy as np
 from ..bump import Bump, bump
 from ..errors import InputError
 from ..loop import Loop
+from ..reading import open_each
 from ..recording import AT_HIGH, AT_LOW, BAD, NOT_AUTO
 from ..report.words import number, quantity
 
-__all__ = ["advice", "read", "told"]
+__all__ = ["place", "read", "read_file", "steps", "told"]
 
 
 def read(values: Mapping[str, Sequence[Any]], loop: Loop) -> Bump | None:
@@ -45,15 +47,41 @@ def read(values: Mapping[str, Sequence[Any]], loop: Loop) -> Bump | None:
         return None
 
 
-def advice(found: Bump | None, manual: bool, width: float | None, unit: str) -> str:
-    r"""What the person does next.
+def read_file(path: Path, loop: Loop, columns: Mapping[str, str | None], *, manual: bool) -> Bump:
+    """What a test in a recording of the person's own tells.
 
     Parameters
     ----------
-    found : Bump or None
-        What was read so far.
+    path : Path
+        CSV, Parquet, Arrow IPC or Feather.
+    loop : Loop
+        Settings that go with it; its name chooses among the loops of a file that holds several.
+    columns : mapping
+        Columns by role ("time", "pv", "op", "mode"), where the guess is wrong.
     manual : bool
-        Whether the controller is in manual now.
+        All of it was made in manual; for one without a mode column.
+
+    Raises
+    ------
+    InputError
+        Where it cannot be read; with the file's own name, and not where it lies meanwhile.
+    """
+    named = Loop(name=loop.name, columns={key: value for key, value in columns.items() if value})
+    try:
+        [opened] = open_each(path, [loop.model_copy(update={"columns": named.columns, "file": None, "files": ()})])
+        if isinstance(opened, InputError):
+            raise opened
+        return bump(opened, manual=manual)
+    except InputError as error:
+        error.file = path.name
+        raise
+
+
+def steps(width: float | None, unit: str) -> tuple[str, ...]:
+    r"""What the person does, one step after the other; the last is that it is done.
+
+    Parameters
+    ----------
     width : float or None
         How wide the gap may be, by what is known [OP unit].
     unit : str
@@ -61,24 +89,43 @@ def advice(found: Bump | None, manual: bool, width: float | None, unit: str) -> 
 
     Examples
     --------
-    >>> advice(None, False, 2.0, "%")
-    'Put the controller in manual while the load is calm, and wait until PV stands still.'
-    >>> advice(None, True, 2.0, "%")
+    >>> steps(2.0, "%")[1]
     'Step OP by more than the gap may be, 3\xa0% or more. Hold it until PV stands still, and as long again.'
     """
+    size = "" if width is None else f", {quantity(1.5 * width, unit)} or more"
+    return (
+        "Put the controller in manual while the load is calm, and wait until PV stands still.",
+        f"Step OP by more than the gap may be{size}. Hold it until PV stands still, and as long again.",
+        "Step on in the same direction, and hold as long.",
+        "Step back by clearly more than the gap, and hold as long.",
+        "The test can be read. One more step each way makes the interval narrower; then back to automatic.",
+    )
+
+
+def place(found: Bump | None, manual: bool) -> int:
+    """Which of the `steps` is the next.
+
+    Parameters
+    ----------
+    found : Bump or None
+        What was read so far.
+    manual : bool
+        Whether the controller is in manual now.
+
+    Examples
+    --------
+    >>> place(None, False), place(None, True)
+    (0, 1)
+    """
+    if found is not None and found.reason is None:
+        return 4
+    if not manual:
+        return 0
     held = [] if found is None else [one.op for one in found.holds]
     moves = [b > a for a, b in pairwise(held)]
-    on = any(a == b for a, b in pairwise(moves))
-    if found is not None and found.reason is None:
-        return "The test can be read. One more step each way makes the interval narrower; then back to automatic."
-    if not manual:
-        return "Put the controller in manual while the load is calm, and wait until PV stands still."
     if not moves:
-        size = "" if width is None else f", {quantity(1.5 * width, unit)} or more"
-        return f"Step OP by more than the gap may be{size}. Hold it until PV stands still, and as long again."
-    if not on:
-        return "Step on in the same direction, and hold as long."
-    return "Step back by clearly more than the gap, and hold as long."
+        return 1
+    return 3 if any(a == b for a, b in pairwise(moves)) else 2
 
 
 def told(found: Bump, unit: str) -> list[str]:

@@ -13,6 +13,8 @@ import fits
 import pytest
 from hypothesis import settings
 
+pytest_plugins = ["station_window"]
+
 settings.register_profile("without a clock", deadline=None)
 settings.load_profile("without a clock")
 

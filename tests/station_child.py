@@ -12,7 +12,7 @@ from service import loops, values
 
 from glapp.service.door import Door as Server
 from glapp.service.door import app_of as service_app
-from glapp.service.memory import Memory
+from glapp.service.memory import COLUMNS, Memory
 from glapp.service.signal import Event
 from glapp.service.users import Users
 from glapp.service.watch import Bounds, Watch
@@ -61,10 +61,13 @@ def made(folder: Path, count: int = 3) -> tuple[Watch, Users]:
     memory.know(loops(count))
     memory.answer("FIC0", answer("backlash", 2.4, 2.15, 3.11, "high"))
     memory.answer("FIC1", answer("sound", 0.0, None, 0.4, "none"))
-    watch = Watch(loops(count), memory, bounds=Bounds(), clock=clock)
+    watch = Watch(loops(count), memory, bounds=Bounds(), compensable={"FIC0": (3.0, 0.5)}, clock=clock)
     service.fed(watch, clock, values("FIC0", 400, begin=begin), pace=20.0)
     watch.tell(Event(begin, "FIC0", "late", "<b>so</b> late"))
     asyncio.run(watch.step())
+    half = dict.fromkeys(COLUMNS, 1.0) | {"reason": 0, "mask": 0}
+    times = [{"t_start": at - 10.0, "t_end": at} for at in (begin - 500.0, begin - 400.0)]
+    memory.add([], [(1, -2 + k, *(half | one).values(), 1) for k, one in enumerate(times)], [])
     watch._clock = time.time
     users = Users(memory, CHEAP)
     for name, role in ROLES.items():
@@ -73,12 +76,18 @@ def made(folder: Path, count: int = 3) -> tuple[Watch, Users]:
     return watch, users
 
 
-async def main(folder: Path) -> None:
-    watch, users = await asyncio.to_thread(made, folder)
+def again(folder: Path) -> tuple[Watch, Users]:
+    """The same after it was ended: what stands in its folder is what it knows."""
+    memory = Memory(folder)
+    return Watch(loops(3), memory, bounds=Bounds()), Users(memory, CHEAP)
+
+
+async def main(folder: Path, port: int) -> None:
+    watch, users = await asyncio.to_thread(again if (folder / "glapp.db").exists() else made, folder)
     door = Server(service_app(watch, users), "127.0.0.1", 0)
     (folder / "door").write_text(door.url, encoding="utf-8")
     station = Station(View(folder), Door(folder))
-    window = Server(app_of(station, ("127.0.0.1",), secure=False), "127.0.0.1", 0)
+    window = Server(app_of(station, ("127.0.0.1",), secure=False), "127.0.0.1", port)
     opened = asyncio.ensure_future(door.open())
     pages = asyncio.ensure_future(window.open())
 
@@ -99,6 +108,12 @@ async def main(folder: Path) -> None:
             (folder / "glapp.db").rename(folder / "away.db")
         if word == "change":
             await watch.change("FIC0", {"n": 5}, "olga", "engineer")
+        if word == "share":
+            await watch.change("FIC0", {"comp_share": 0.7}, "olga", "engineer")
+        if word == "one less":
+            station.view.rows = lambda: View.rows(station.view)[1:]
+        if word == "all":
+            del station.view.rows
         if word == "expire":
             station.sessions._all.clear()
         print(word, flush=True)
@@ -109,4 +124,4 @@ async def main(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    asyncio.run(main(Path(sys.argv[1])))
+    asyncio.run(main(Path(sys.argv[1]), int(sys.argv[2])))

@@ -73,7 +73,8 @@ def test_a_program_reads_what_the_pages_show(client: TestClient, plant: tuple[Wa
     rows = watch.reader.half_periods("FIC0")
     assert len(rows) > 3 and found["time"] == pytest.approx([row["t_end"] for row in rows], abs=1e-3)
     assert found["width"] == pytest.approx([row["d"] for row in rows], rel=1e-5)
-    assert found["compensated"] == [0] * len(rows) and (found["unit"], found["percent"]) == ("%", 1.0)
+    assert found["compensated"] == [row["compensated"] for row in rows] and sum(found["compensated"]) == 2
+    assert (found["unit"], found["percent"]) == ("%", 1.0)
     newest = client.get("/api/loops/FIC0/detections?most=2", headers=vera).json()
     assert newest["time"] == found["time"][-2:]
     assert any("<b>so</b> late" in row["text"] for row in client.get("/api/events", headers=vera).json())

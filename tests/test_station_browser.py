@@ -1,94 +1,20 @@
 """The operator's window as a person meets it, in Chromium."""
 
 import re
-import shutil
-import subprocess
-import sys
 import urllib.request
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-CHROMIUM = shutil.which("chromium")
-if CHROMIUM is None:
-    pytest.skip("chromium is not installed", allow_module_level=True)
 pytest.importorskip("nicegui")
-sync_api = pytest.importorskip("playwright.sync_api")
+pytest.importorskip("multipart")
 
-from station_child import PASSWORDS  # noqa: E402
+from station_child import PASSWORDS
+from station_window import Window, logged_in
+from test_station import by_hand
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("station in a browser")]
-HERE = Path(__file__).parent
-
-
-class Window:
-    """A window in a process of its own, to which words are said."""
-
-    def __init__(self, folder: Path) -> None:
-        self.process = subprocess.Popen(
-            [sys.executable, str(HERE / "station_child.py"), str(folder)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-        self.url = self.heard()
-
-    def heard(self) -> str:
-        assert self.process.stdout is not None
-        return self.process.stdout.readline().strip()
-
-    def say(self, word: str) -> None:
-        assert self.process.stdin is not None
-        self.process.stdin.write(word + "\n")
-        self.process.stdin.flush()
-        assert self.heard() == word
-
-    def end(self) -> None:
-        assert self.process.stdin is not None
-        self.process.stdin.close()
-        self.process.wait(20)
-
-
-@pytest.fixture(scope="module")
-def window(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Window]:
-    one = Window(tmp_path_factory.mktemp("window"))
-    yield one
-    one.end()
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with sync_api.sync_playwright() as playwright:
-        one = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        yield one
-        one.close()
-
-
-@pytest.fixture(autouse=True)
-def _closed(browser: Any) -> Iterator[None]:
-    """No tab of one test is open in the next."""
-    yield
-    for context in browser.contexts:
-        context.close()
-
-
-def logged_in(browser: Any, window: Window, name: str, **more: Any) -> Any:
-    """A page of somebody, and what went wrong on it."""
-    context = browser.new_context(viewport={"width": 1280, "height": 800}, **more)
-    page = context.new_page()
-    page.set_default_timeout(20_000)
-    page.asked, page.wrong = [], []
-    page.on("request", lambda request: page.asked.append(request.url))
-    page.on("pageerror", lambda error: page.wrong.append(str(error)))
-    page.on("console", lambda said: page.wrong.append(said.text) if said.type == "error" else None)
-    page.goto(window.url)
-    page.fill("#user", name)
-    page.fill("#password", PASSWORDS[name])
-    page.keyboard.press("Enter")
-    page.wait_for_selector(".ag-row")
-    return page
 
 
 def test_overview_loop_and_events(browser: Any, window: Window) -> None:
@@ -142,13 +68,19 @@ def test_a_tab_that_is_open_for_a_day_does_not_grow(browser: Any, window: Window
     """A day of values, faster than they come; and nine more tabs beside it."""
     page = logged_in(browser, window, "vera")
     page.goto(window.url + "/loop?name=FIC0")
-    page.wait_for_selector(".chart canvas")
+    page.get_by_text(re.compile("^Half-period under way")).wait_for()
     others = [page.context.new_page() for _ in range(9)]
     for other in others:
         other.goto(window.url + "/loop?name=FIC0", wait_until="commit")
-    count = """() => {
+    told = page.context.new_cdp_session(page)
+
+    def used() -> tuple[float, int, int]:
+        told.send("HeapProfiler.collectGarbage")
+        counted = told.send("Memory.getDOMCounters")
+        return told.send("Runtime.getHeapUsage")["usedSize"], counted["nodes"], counted["jsEventListeners"]
+
+    a_day = """(begin) => {
       const id = Number(document.querySelector('.chart').id.slice(1));
-      const begin = Date.now() + 1e6;
       for (let k = 0; k < 86400; k += 300) {
         const rows = [];
         for (let i = 0; i < 300; i++) rows.push([begin + 1000 * (k + i), 50, 50, 50]);
@@ -156,18 +88,61 @@ def test_a_tab_that_is_open_for_a_day_does_not_grow(browser: Any, window: Window
       }
       return getElement(id).chart.getOption().series.map((one) => one.data.length);
     }"""
-    assert page.evaluate(count) == [901, 901, 901]
+    begin = page.evaluate("Date.now() + 1e6")
+    assert page.evaluate(a_day, begin) == [901, 901, 901]
+    heap, nodes, listeners = used()
+    assert page.evaluate(a_day, begin + 86_400_000) == [901, 901, 901]
+    after = used()
+    assert after[0] - heap < 2e6 and after[1] - nodes < 500 and after[2] - listeners < 100, (heap, nodes, listeners)
     for other in others:
-        other.get_by_text(re.compile("PV is ")).wait_for()
+        other.get_by_text(re.compile("^PV of ")).wait_for()
         assert other.locator(".one").inner_text() == "2.40 %"
 
 
-def test_step_test(browser: Any, window: Window) -> None:
+def test_the_overview_takes_what_changes(browser: Any, window: Window) -> None:
+    page = logged_in(browser, window, "vera")
+    page.wait_for_function("document.querySelectorAll('.ag-center-cols-container .ag-row').length === 3")
+    window.say("one less")
+    page.wait_for_function("document.querySelectorAll('.ag-center-cols-container .ag-row').length === 2")
+    window.say("all")
+    page.wait_for_function("document.querySelectorAll('.ag-center-cols-container .ag-row').length === 3")
+    assert page.wrong == []
+
+
+def test_detections_are_drawn_before_and_under_compensation(browser: Any, window: Window) -> None:
+    page = logged_in(browser, window, "vera")
+    page.goto(window.url + "/loop?name=FIC0")
+    page.get_by_role("button", name="Graph").click()
+    page.wait_for_selector(".wide-dialog [data-drawn]")
+    told = page.evaluate("fetch('/api/loops/FIC0/detections').then((reply) => reply.json())")
+    under = sum(told["compensated"])
+    assert under == 2 and len(told["time"]) > 5
+    drawn = """() => getElement(Number(document.querySelector('.wide-dialog .chart').id.slice(1))).chart.getOption()
+      .series.map((one) => one.data.length)"""
+    n = len(told["time"])
+    assert page.evaluate(drawn)[:2] == [n - under, under] and page.wrong == []
+
+
+def test_step_test(browser: Any, window: Window, tmp_path: Path) -> None:
     page = logged_in(browser, window, "vera")
     page.goto(window.url + "/loop?name=FIC0")
     page.get_by_role("button", name="Step test").click()
-    page.get_by_text("Put the controller in manual while the load is calm").wait_for()
+    now = page.locator("li[aria-current=step]")
+    now.get_by_text("Put the controller in manual while the load is calm").wait_for()
     page.get_by_text("in automatic all the time").wait_for()
+    page.get_by_role("button", name="From a file").click()
+    page.get_by_label("column of PV").fill("flow")
+    page.get_by_label("column of OP").fill("valve")
+    path = tmp_path / "test.csv"
+    pv, op = by_hand()
+    path.write_text("s,flow,valve\n" + "".join(f"{k},{pv[k]},{op[k]}\n" for k in range(len(pv))))
+    page.set_input_files(".q-uploader input", path)
+    page.get_by_text("no column for time").or_(page.get_by_text("no mode column")).wait_for()
+    page.get_by_label("column of time").fill("s")
+    page.get_by_text("all of it was made in manual").click()
+    page.set_input_files(".q-uploader input", path)
+    page.get_by_text(re.compile(r"The gap is 1\.98")).wait_for()
+    assert page.locator(".wide-dialog canvas").count() == 1 and page.wrong == []
 
 
 def test_a_viewer_has_no_buttons_of_others(browser: Any, window: Window) -> None:
@@ -211,20 +186,22 @@ def test_compensation_is_told_before(browser: Any, window: Window) -> None:
     page = logged_in(browser, window, "eve")
     page.goto(window.url + "/loop?name=FIC0")
     page.get_by_role("button", name="Compensate").click()
+    enable = page.get_by_role("button", name="Enable compensation of FIC0")
+    enable.wait_for()
+    assert enable.is_disabled() and page.get_by_text("No width is given").is_visible()
+    page.keyboard.press("Escape")
+    page.get_by_role("button", name="Parameters").click()
+    page.get_by_label("comp_size", exact=True).fill("1")
+    page.get_by_role("button", name="Set what is changed").click()
+    page.get_by_text("Set: comp_size.").wait_for()
+    page.get_by_role("button", name="Compensate").click()
+    page.get_by_text("Whenever OP has turned round, u_FF goes to the other side: 0.600 % in all").wait_for()
+    window.say("share")  # somebody else sets comp_share
+    enable.click()
+    page.get_by_text(re.compile("Refused: .*comp_share.*somebody else has changed it")).wait_for()
+    page.goto(window.url + "/loop?name=FIC1")
+    page.get_by_role("button", name="Compensate").click()
     page.get_by_text("no node for u_FF").wait_for()
-
-
-def test_nothing_hangs_over(browser: Any, window: Window) -> None:
-    """13-inch laptop, tablet upright, and that laptop at 200 %."""
-    page = logged_in(browser, window, "vera")
-    for path in ("/", "/loop?name=FIC0", "/events", "/laboratory"):
-        page.goto(window.url + path)
-        page.wait_for_selector(".content h1, .content h2")
-        for width, height in ((1280, 800), (768, 1024), (640, 400)):
-            page.set_viewport_size({"width": width, "height": height})
-            # A chart is as wide as before until it has seen that its place is narrower.
-            fits = "document.documentElement.scrollWidth <= document.documentElement.clientWidth"
-            page.wait_for_function(fits)
 
 
 def test_a_login_that_is_over_leads_to_the_login_page(browser: Any, window: Window) -> None:
@@ -237,12 +214,56 @@ def test_a_login_that_is_over_leads_to_the_login_page(browser: Any, window: Wind
     assert page.url.endswith("/login")
 
 
+def test_a_slow_network(browser: Any, window: Window) -> None:
+    """400 ms there and back, 50 kB/s: all comes later, and nothing is lost or asked twice."""
+    page = logged_in(browser, window, "eve")
+    page.goto(window.url + "/loop?name=FIC0")
+    page.get_by_text(re.compile("^Half-period under way")).wait_for()
+    told = page.context.new_cdp_session(page)
+    told.send("Network.enable")
+    slow = {"offline": False, "latency": 400, "downloadThroughput": 50_000, "uploadThroughput": 50_000}
+    told.send("Network.emulateNetworkConditions", slow)
+    page.goto(window.url + "/")
+    page.wait_for_selector(".ag-row")
+    page.goto(window.url + "/loop?name=FIC0")
+    page.get_by_text(re.compile("^PV of ")).wait_for()
+    assert page.locator(".one").inner_text() == "2.40 %"
+    page.get_by_role("button", name="Fit now").click()
+    page.get_by_text("FIC0 is fitted as soon as").wait_for()
+    page.get_by_role("button", name="Graph").click()
+    page.wait_for_selector(".wide-dialog [data-drawn]")
+    page.goto(window.url + "/events")
+    page.locator(".ag-row", has_text="fit").first.wait_for()
+    assert page.locator(".ag-center-cols-container .ag-row", has_text=re.compile("FIC0.*fit")).count() == 1
+    assert page.wrong == []
+
+
+def test_a_window_that_is_started_again(browser: Any, tmp_path: Path) -> None:
+    """A tab that was open meanwhile tells so, and leads to the login; after it everything is there."""
+    window = Window(tmp_path)
+    try:
+        page = logged_in(browser, window, "eve")
+        page.goto(window.url + "/loop?name=FIC0")
+        page.get_by_text(re.compile("^PV of ")).wait_for()
+        window.end()
+        page.get_by_text("Connection lost").wait_for()
+        assert page.locator(".one").inner_text() == "2.40 %"  # what is known is still there
+        window.start_again()
+        page.get_by_text("Your login is over").wait_for()
+        page.fill("#user", "eve")
+        page.fill("#password", PASSWORDS["eve"])
+        page.keyboard.press("Enter")
+        page.locator(".ag-row", has_text="2.40 % (2.15 to 3.11)").first.wait_for()
+    finally:
+        window.end()
+
+
 def test_a_service_that_is_gone(browser: Any, tmp_path: Path) -> None:
     window = Window(tmp_path)
     try:
         page = logged_in(browser, window, "eve")
         page.goto(window.url + "/loop?name=FIC0")
-        page.get_by_text(re.compile(r"PV is \d")).wait_for()
+        page.get_by_text(re.compile("^PV of ")).wait_for()
         window.say("gone")
         page.get_by_text("The service does not answer: no live values.").wait_for()
         page.get_by_text(re.compile("The service has written nothing for 2 min")).wait_for()

@@ -16,7 +16,7 @@ from ..errors import InputError
 from ..report.words import number
 from . import charts
 from .lab import FASTEST, KINDS, THESIS, Lab, Part, Project, drawn
-from .pages import Station, frame, heading, quiet
+from .pages import ONE_STOP, Station, frame, heading, quiet
 
 __all__ = ["Bench", "lab_page"]
 
@@ -130,6 +130,7 @@ class _Page:
                         "singleClickEdit": True,
                         "animateRows": False,
                         "stopEditingWhenCellsLoseFocus": True,
+                        **ONE_STOP,
                     },
                     auto_size_columns=False,
                 ).classes("grid short")

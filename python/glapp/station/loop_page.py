@@ -236,7 +236,8 @@ class _Page:
             return
         self.seen = pv["time"]
         old = time.time() - pv["time"]
-        self.fresh.set_text(f"PV is {old:.1f} s old." if old < 100 else f"PV is of {moment(pv['time'])}.")
+        at = moment(pv["time"])
+        self.fresh.set_text(f"PV of {at[11:]}, {old:.1f} s old." if old < 100 else f"PV of {at}.")
         self.fresh.classes(add="late") if self.station.view.silent(self.name) or not pv["good"] else self.fresh.classes(
             remove="late"
         )

@@ -20,7 +20,18 @@ from .sessions import Session, Sessions, Tries
 from .view import View, age
 from .view import summary as summarised
 
-__all__ = ["Station", "all_events", "command", "events_page", "frame", "heading", "moment", "overview_page", "quiet"]
+__all__ = [
+    "ONE_STOP",
+    "Station",
+    "all_events",
+    "command",
+    "events_page",
+    "frame",
+    "heading",
+    "moment",
+    "overview_page",
+    "quiet",
+]
 
 PAGES = (("/", "Overview"), ("/events", "Events"), ("/laboratory", "Laboratory"))
 
@@ -160,11 +171,14 @@ async def command(station: Station, session: Session, asking: Callable[[], Await
 
 
 _TO_LOOP = "location.href = '/loop?name=' + encodeURIComponent({})"
-_NAME = (
-    "p => { const a = document.createElement('a'); a.textContent = p.value; "
+_NAME = (  # by keyboard Enter on the row does the same, and Tab has no stop at each row
+    "p => { const a = document.createElement('a'); a.textContent = p.value; a.tabIndex = -1; "
     "a.href = '/loop?name=' + encodeURIComponent(p.value); return a; }"
 )
 
+
+ONE_STOP = {":tabToNextCell": "() => false", ":tabToNextHeader": "() => false"}
+"""A list is one stop of Tab; within it one goes by arrows, and is not held by thousands of cells."""
 
 _HEALTHS = "{'Maintenance required': 'health health-service', 'Check function': 'health health-check'}"
 
@@ -220,6 +234,7 @@ def overview_page(station: Station, request: Request) -> None:
                 ":onRowDoubleClicked": f"e => {{ {_TO_LOOP.format('e.data.loop')}; }}",
                 ":onGridReady": "e => glapp.overview(e.api)",
                 "overlayNoRowsTemplate": "No loop is here.",
+                **ONE_STOP,
             },
             auto_size_columns=False,
         ).classes("grid")
@@ -314,6 +329,7 @@ def events_page(station: Station, request: Request) -> None:
                 "rowData": [],
                 "enableCellTextSelection": True,
                 "animateRows": False,
+                **ONE_STOP,
             },
             auto_size_columns=False,
         ).classes("grid")

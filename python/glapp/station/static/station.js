@@ -48,6 +48,7 @@ window.glapp = {
       if (told.estimate[i] !== null) found[2].push([1000 * t, scale * told.estimate[i]]);
     });
     getElement(id).chart.setOption({ series: found.map((data) => ({ data })) });
+    getElement(id).$el.dataset.drawn = told.time.length;
   },
   async post(path, then) {
     const reply = await fetch(path, { method: "POST" });

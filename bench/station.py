@@ -1,8 +1,9 @@
-"""How fast the window is, in Chromium: `python -m bench.station [overview | live]`.
+"""How fast the window is, in Chromium: `python -m bench.station [overview | live | lab]`.
 
 overview: a folder with 5000 loops, and a year of detections of one of them; how long the overview and that graph
 take. live: a simulated plant of 1000 loops at 1 Hz, `glapp watch` on it over OPC UA, and one loop's page; how old a PV
-is when it is drawn. Browser, window, service and plant share this computer and its clock.
+is when it is drawn. lab: how late a scan of the laboratory is in real time, with its page open. Browser, window,
+service and plant share this computer and its clock.
 """
 
 from __future__ import annotations
@@ -24,8 +25,10 @@ from glapp import Loop
 from glapp.service.door import Door as Server
 from glapp.service.door import app_of as service_app
 from glapp.service.memory import COLUMNS, Memory
+from glapp.service.plant import free_port
 from glapp.service.users import Users
 from glapp.service.watch import Watch
+from glapp.station.lab import Lab
 
 LOOPS = 5000
 A_DAY = 24
@@ -56,13 +59,12 @@ async def _serve(folder: Path) -> None:
 
 
 def _started(*words: str) -> tuple[subprocess.Popen[str], str]:
-    """A `glapp station`, and where it is."""
+    """A command of glapp, and the address that it says first."""
     code = "from glapp.cli import main; main()"
-    command = [sys.executable, "-c", code, "station", "--port", "0", *words]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen([sys.executable, "-c", code, *words], stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
     line = process.stdout.readline()
-    return process, line.removeprefix("The window is at ").strip().rstrip(".")
+    return process, line.strip().rstrip(".").rpartition(" ")[2]
 
 
 def _logged_in(page: Page, url: str, user: str, password: str) -> None:
@@ -85,8 +87,7 @@ def _overview(page: Page) -> None:
         service = subprocess.Popen([sys.executable, "-m", "bench.station", "serve", name])
         while not (Path(name) / "door").exists():
             time.sleep(0.5)
-        time.sleep(5.0)
-        window, url = _started("--data", name)
+        window, url = _started("station", "--port", "0", "--data", name)
         try:
             _logged_in(page, url, "eve", PASSWORD)
             opened, drawn = [], []
@@ -97,12 +98,12 @@ def _overview(page: Page) -> None:
                 opened.append(time.monotonic() - began)
             for _ in range(5):
                 page.goto(url + "/loop?name=FIC0")
+                page.wait_for_selector(".half:not(:empty)")
                 button = page.get_by_role("button", name="Graph")
-                button.wait_for()
-                time.sleep(3.0)
                 began = time.monotonic()
                 button.click()
-                page.wait_for_selector(".wide-dialog canvas")
+                page.wait_for_selector(f".wide-dialog [data-drawn='{365 * A_DAY}']")
+                page.evaluate(_PAINTED)
                 drawn.append(time.monotonic() - began)
             _times(f"overview of {LOOPS} loops", opened)
             _times(f"graph of {365 * A_DAY} detections", drawn)
@@ -116,28 +117,86 @@ _HEAR = """
 window.ages = []; const append = glapp.append;
 glapp.append = (id, points, keep) => {
   append(id, points, keep);
-  requestAnimationFrame(() => window.ages.push(Date.now() - points[points.length - 1][0]));
+  requestAnimationFrame(() => setTimeout(() => window.ages.push(Date.now() - points[points.length - 1][0])));
 };
 """
+
+_PAINTED = "new Promise((done) => requestAnimationFrame(() => setTimeout(done)))"
 
 
 def _live(page: Page) -> None:
     with TemporaryDirectory() as name:
-        window, url = _started("--data", name, "--demo", "--loops", "1000")
+        folder = Path(name)
+        settings = folder / "plant.toml"
+        words = ("--loops", "1000", "--port", str(free_port()), "--history", "0", "--settings", str(settings))
+        running = [_started("plant", *words)[0]]
+        text = settings.read_text(encoding="utf-8")
+        settings.write_text(text.replace("[opcua]", "[opcua]\ninterval = 0.5"), encoding="utf-8")
         try:
-            password = (Path(name) / "first-login.txt").read_text(encoding="utf-8").split("password ")[1].strip()
-            time.sleep(30.0)
+            running.append(_started("watch", "run", str(settings), "--data", name, "--port", "0")[0])
+            window, url = _started("station", "--port", "0", "--data", name)
+            running.append(window)
+            password = (folder / "first-login.txt").read_text(encoding="utf-8").split("password ")[1].strip()
             _logged_in(page, url, "engineer", password)
             page.goto(url + "/loop?name=FIC101")
-            page.get_by_role("button", name="Graph").wait_for()
-            time.sleep(5.0)
+            page.wait_for_selector(".half:not(:empty)")
             page.evaluate(_HEAR)
             time.sleep(60.0)
             ages: list[Any] = page.evaluate("window.ages")
             _times("age of a PV when it is drawn", [age / 1000.0 for age in ages])
         finally:
-            window.terminate()
-            window.wait(120)
+            for process in reversed(running):
+                process.terminate()
+                process.wait(120)
+
+
+async def _lab_window(folder: Path) -> None:
+    """A window whose laboratory notes when each scan is made, until its stdin is closed."""
+    from glapp.station.app import app_of
+    from glapp.station.client import Door
+    from glapp.station.pages import Station
+    from glapp.station.view import View
+
+    made: list[float] = []
+    advance = Lab.advance
+
+    def noted(self: Lab, elapsed: float) -> None:
+        before = round(self.t / self.project.h)
+        advance(self, elapsed)
+        now = time.monotonic()
+        made.extend(now - k * self.project.h for k in range(before, round(self.t / self.project.h)))
+
+    Lab.advance = noted  # type: ignore[method-assign]
+    serving = asyncio.ensure_future(_serve(folder))
+    while not (folder / "door").exists():
+        await asyncio.sleep(0.1)
+    window = Server(app_of(Station(View(folder), Door(folder)), ("127.0.0.1",), secure=False), "127.0.0.1", 0)
+    opened = asyncio.ensure_future(window.open())
+    print(f"The window is at {window.url}.", flush=True)
+    await asyncio.to_thread(sys.stdin.readline)
+    begin = min(made)  # the scan that was late by least
+    print(json.dumps([one - begin for one in made]), flush=True)
+    for task in (opened, serving):
+        task.cancel()
+    await asyncio.gather(opened, serving, return_exceptions=True)
+
+
+def _lab(page: Page) -> None:
+    with TemporaryDirectory() as name:
+        command = [sys.executable, "-m", "bench.station", "laboratory", name]
+        window = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        assert window.stdout is not None and window.stdin is not None
+        url = window.stdout.readline().strip().rstrip(".").rpartition(" ")[2]
+        _logged_in(page, url, "eve", PASSWORD)
+        page.goto(url + "/laboratory")
+        page.wait_for_selector(".ag-row")
+        time.sleep(60.0)
+        window.stdin.write("enough\n")
+        window.stdin.flush()
+        late = json.loads(window.stdout.readline())
+        _times("a scan of the laboratory at 1 × is late by", late)
+        print(f"  the latest {max(late):.3f} s")
+        window.wait(60)
 
 
 def main(what: str) -> None:
@@ -145,13 +204,15 @@ def main(what: str) -> None:
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
         page = browser.new_page(viewport={"width": 1280, "height": 800})
-        {"overview": _overview, "live": _live}[what](page)
+        {"overview": _overview, "live": _live, "lab": _lab}[what](page)
         browser.close()
 
 
 if __name__ == "__main__":
     if sys.argv[1:2] == ["serve"]:
         asyncio.run(_serve(Path(sys.argv[2])))
+    elif sys.argv[1:2] == ["laboratory"]:
+        asyncio.run(_lab_window(Path(sys.argv[2])))
     else:
-        for one in sys.argv[1:] or ["overview", "live"]:
+        for one in sys.argv[1:] or ["overview", "live", "lab"]:
             main(one)

@@ -3,9 +3,11 @@
 import asyncio
 import json
 import re
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import httpx
 import pytest
 import service
 from argon2 import PasswordHasher
@@ -15,6 +17,7 @@ from service import BEGIN, Clock, fed, loops, values
 from glapp.errors import InputError
 from glapp.service.door import Door, app_of
 from glapp.service.memory import Memory, Reader
+from glapp.service.signal import Signal, Value
 from glapp.service.users import SHORTEST, Refused, Users, first_user
 from glapp.service.watch import Watch
 
@@ -95,6 +98,44 @@ def test_a_viewer_sees_everything(client: TestClient) -> None:
     for path in LOOKS:
         reply = client.get(path, headers=vera)
         assert reply.status_code == 200 and reply.headers["cache-control"] == "no-store", path
+
+
+def test_a_loop_may_have_any_name(tmp_path: Path) -> None:
+    """A slash in a name was part of the path, and nothing was found."""
+    clock = Clock()
+    [plain] = loops(1)
+    one = service.watch(tmp_path, [plain.model_copy(update={"name": "Area 1/FIC0"})], clock)
+    fed(one, clock, values("Area 1/FIC0", 100), pace=20.0)
+    users = Users(one.memory, CHEAP)
+    users.put("eve", "engineer", PASSWORDS["eve"], BEGIN)
+    client = TestClient(app_of(one, users), base_url="http://127.0.0.1")
+    eve = header(client, "eve")
+    assert client.get("/loops/Area%201%2FFIC0/parameters", headers=eve).json()["kp"] == 2.0
+    assert client.post("/loops/Area%201%2FFIC0/fit", headers=eve).json() == {"asked": "Area 1/FIC0"}
+    one.memory.close()
+
+
+def test_live_values_may_be_waited_for(client: TestClient, watch: Watch, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("glapp.service.door.LONGEST", 0.1)
+    vera = header(client, "vera")
+    pv = client.get("/live?loop=FIC0", headers=vera).json()["FIC0"]["pv"]["time"]
+    assert watch.newer("FIC0", pv - 1.0) and not watch.newer("FIC0", pv) and not watch.newer("FIC1", 0.0)
+    began = time.monotonic()
+    assert client.get(f"/live?loop=FIC0&after={pv}", headers=vera).json()["FIC0"]["pv"]["time"] == pv
+    assert time.monotonic() - began >= 0.1  # nothing newer came
+    assert client.get(f"/live?after={pv}", headers=vera).status_code == 200  # who names no loop does not wait
+
+    monkeypatch.setattr("glapp.service.door.LONGEST", 60.0)
+
+    async def comes() -> float:
+        transport = httpx.ASGITransport(app=client.app)
+        async with httpx.AsyncClient(transport=transport, base_url="http://127.0.0.1", headers=vera) as asking:
+            told = asyncio.ensure_future(asking.get(f"/live?loop=FIC0&loop=FIC1&after={pv}"))
+            await asyncio.sleep(0)
+            watch.take([Value("FIC0", Signal.PV, pv + 1.0, 51.0, True)])
+            return (await told).json()["FIC0"]["pv"]["time"]
+
+    assert asyncio.run(comes()) == pv + 1.0
 
 
 def test_signals_are_there_whether_they_are_saved_or_not(client: TestClient, watch: Watch) -> None:

@@ -3,6 +3,7 @@
 import asyncio
 import json
 import math
+import ssl
 import subprocess
 import sys
 import time
@@ -584,6 +585,53 @@ def test_it_is_not_opened_to_others_without_tls(tmp_path: Path) -> None:
     done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, timeout=60)
     said = " ".join(done.stderr.split())
     assert done.returncode == 1 and "passwords would be readable on their way" in said and "Traceback" not in said
+
+
+@pytest.fixture
+def certificate(tmp_path: Path) -> tuple[Path, Path]:
+    """A certificate of 127.0.0.1 that signs itself, and its key."""
+    import datetime
+    import ipaddress
+
+    from cryptography import x509
+    from cryptography.hazmat.primitives import hashes, serialization
+    from cryptography.hazmat.primitives.asymmetric import ec
+
+    key, name = ec.generate_private_key(ec.SECP256R1()), x509.Name([])
+    now = datetime.datetime.now(datetime.UTC)
+    made = (
+        x509.CertificateBuilder(name, name, key.public_key(), 1, now, now + datetime.timedelta(days=1))
+        .add_extension(x509.SubjectAlternativeName([x509.IPAddress(ipaddress.ip_address("127.0.0.1"))]), critical=True)
+        .sign(key, hashes.SHA256())
+    )
+    (tmp_path / "own.pem").write_bytes(made.public_bytes(serialization.Encoding.PEM))
+    form = (serialization.PrivateFormat.PKCS8, serialization.NoEncryption())
+    (tmp_path / "own.key").write_bytes(key.private_bytes(serialization.Encoding.PEM, *form))
+    return tmp_path / "own.pem", tmp_path / "own.key"
+
+
+@pytest.mark.slow
+def test_with_a_certificate_it_speaks_tls_and_nothing_else(tmp_path: Path, certificate: tuple[Path, Path]) -> None:
+    own, key = certificate
+    code = "from glapp.cli import main; main()"
+    words = ["--data", str(tmp_path / "data"), "--port", "0", "--certificate", str(own), "--key", str(key)]
+    process = subprocess.Popen([sys.executable, "-c", code, "station", *words], stdout=subprocess.PIPE, text=True)
+    try:
+        assert process.stdout is not None
+        url = process.stdout.readline().removeprefix("The window is at ").strip().rstrip(".")
+        assert url.startswith("https://127.0.0.1:")
+        with httpx.Client(verify=ssl.create_default_context(cafile=str(own)), timeout=60.0) as client:
+            assert client.get(f"{url}/login").status_code == 200
+            assert client.post(f"{url}/login", headers={"Origin": url.replace("https", "http")}).status_code == 403
+            told = client.post(f"{url}/login", headers={"Origin": url}, data={"user": "eve", "password": "x"})
+            assert told.status_code == 401 and "The service has not told where its door is" in told.text
+            with pytest.raises(httpx.HTTPError):
+                client.get(f"{url.replace('https', 'http')}/login")
+        with pytest.raises(httpx.ConnectError, match="CERTIFICATE_VERIFY_FAILED"):
+            httpx.get(f"{url}/login", timeout=60.0)  # who does not know the certificate says nothing
+    finally:
+        process.terminate()
+        process.communicate(timeout=60)
 
 
 def test_a_demo_takes_no_folder_of_a_service_that_runs(tmp_path: Path) -> None:

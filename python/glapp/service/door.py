@@ -218,7 +218,7 @@ def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "
                 await asyncio.sleep(0.02)
         return {name: watch.live(name) for name in names}
 
-    @app.get("/loops/{name}/half_periods")
+    @app.get("/loops/{name:path}/half_periods")
     async def half_periods(
         person: viewer,
         name: Name,
@@ -231,7 +231,7 @@ def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "
         found = await asyncio.to_thread(reader.half_periods, known(name), begin, end, accepted=accepted, most=most)
         return found
 
-    @app.get("/loops/{name}/signals")
+    @app.get("/loops/{name:path}/signals")
     async def signals(person: viewer, name: Name, begin: Begin, end: End, most: Most = 10_000) -> dict[str, Any]:
         """Samples of a loop as they are kept, every so many of them where there are more than asked for."""
         if not end - begin <= 32 * 86400.0:
@@ -242,13 +242,13 @@ def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "
         found["time"] = [at.timestamp() for at in found["time"]]
         return {"every": every, **_plain(found)}
 
-    @app.get("/loops/{name}/parameters")
+    @app.get("/loops/{name:path}/parameters")
     async def parameters(person: viewer, name: Name) -> dict[str, Any]:
         """What may be set of a loop, as it is in force."""
         found: dict[str, Any] = _plain(watch.settings(known(name)))
         return found
 
-    @app.get("/loops/{name}/answers")
+    @app.get("/loops/{name:path}/answers")
     async def answers(person: viewer, name: Name, most: Most = 100) -> list[dict[str, Any]]:
         """What the fits of a loop said, the newest first."""
         return await asyncio.to_thread(reader.answers, known(name), most)
@@ -277,7 +277,7 @@ def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "
         found: list[dict[str, Any]] = _plain(await asyncio.to_thread(reader.commands, loop, most))
         return found
 
-    @app.post("/loops/{name}/parameters")
+    @app.post("/loops/{name:path}/parameters")
     async def change(person: engineer, name: Name, asked: Change) -> dict[str, Any]:
         """Set parameters of a loop's detector or compensation, all of them or none."""
 
@@ -288,7 +288,7 @@ def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "
         found: dict[str, Any] = await done(person, "change", known(name), asked.model_dump(), go())
         return found
 
-    @app.post("/loops/{name}/enable")
+    @app.post("/loops/{name:path}/enable")
     async def enable(person: engineer, name: Name, asked: Seen | None = None) -> dict[str, Any]:
         """Let a loop be compensated, by the name of who asks."""
 
@@ -299,26 +299,26 @@ def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "
         found: dict[str, Any] = await done(person, "enable", known(name), None, go())
         return found
 
-    @app.post("/loops/{name}/drill")
+    @app.post("/loops/{name:path}/drill")
     async def drill(person: engineer, name: Name) -> dict[str, Any]:
         """Try whether the plant takes u_FF away when its watchdog stands still; the events tell how it ended."""
         await done(person, "drill", name, None, watch.drill(known(name), *_who(person)))
         return {"asked": name}
 
-    @app.post("/loops/{name}/disable")
+    @app.post("/loops/{name:path}/disable")
     async def disable(person: operator, name: Name) -> dict[str, Any]:
         """End the compensation of a loop."""
         going = watch.disable(known(name), *_who(person))
         found: dict[str, Any] = await done(person, "disable", name, None, going)
         return found
 
-    @app.post("/loops/{name}/fit")
+    @app.post("/loops/{name:path}/fit")
     async def fit(person: operator, name: Name) -> dict[str, Any]:
         """Have a loop fitted as soon as the one before it is done."""
         await watch.asked_fit(known(name), *_who(person))
         return {"asked": name}
 
-    @app.post("/loops/{name}/take_over")
+    @app.post("/loops/{name:path}/take_over")
     async def take_over(person: engineer, name: Name, asked: TakeOver) -> dict[str, Any]:
         """Take over what a fit found."""
 

@@ -36,6 +36,9 @@ MOST = 3000
 
 REASON_DAYS = 7
 
+COUNTED_EVERY = 10.0
+"""The reasons of a week are counted anew after this time at the earliest [s]."""
+
 CALM_AFTER = 20.0
 """So many Ti must have been seen before and since to say whether PV is calmer."""
 
@@ -70,6 +73,7 @@ class _Page:
         self.last = -math.inf
         self.seen: float | None = None
         self.newest: tuple[Any, ...] | None = None
+        self.counted = -math.inf
         self.under_way: UnderWay | None = None
         loop = station.view.loops[name]
         self.pv_unit, self.op_unit = loop.pv_unit or "", loop.op_label
@@ -160,7 +164,7 @@ class _Page:
                 )
             ).classes("chart")
             self.chart.props('role="img" aria-label="SP, PV and OP over time"')
-            self.half = ui.label().classes("small")
+            self.half = ui.label().classes("small half")
 
     def _reasons(self) -> None:
         heading(f"Half-periods of the last {REASON_DAYS} days", 2)
@@ -176,10 +180,7 @@ class _Page:
         """The signals of the window, all of them anew."""
         end = time.time()
         values = await signals(self.station, self.session, self.name, end - self.window, end)
-        begin = end - self.window
-        halves = await asyncio.to_thread(
-            self.read, lambda r: r.half_periods(self.name, begin, 1e12, accepted=False, most=400)
-        )
+        halves = await self._halves(end - self.window)
         self.last = max(values["time"], default=-math.inf)
         options = charts.live(values, halves, self.pv_unit, self.op_unit, dark=self.session.dark)
         self.chart.options.clear()
@@ -187,6 +188,17 @@ class _Page:
         self.chart.update()
         self.under_way = await asyncio.to_thread(self._begun, values)
         self._show_under_way()
+
+    async def _halves(self, begin: float) -> list[dict[str, Any]]:
+        found: list[dict[str, Any]] = await asyncio.to_thread(
+            self.read, lambda r: r.half_periods(self.name, begin, 1e12, accepted=False, most=400)
+        )
+        return found
+
+    async def shade(self) -> None:
+        """The half-periods of the window anew; the signals are there."""
+        areas = charts.shades(await self._halves(time.time() - self.window), self.window, dark=self.session.dark)
+        ui.run_javascript(f"glapp.shade({self.chart.id}, {json.dumps(areas)})")
 
     def _begun(self, values: dict[str, Any]) -> UnderWay | None:
         """A detector that has seen what is drawn; None where the controller is not known, or samples are left out."""
@@ -274,9 +286,11 @@ class _Page:
             newest = await asyncio.to_thread(self.read, lambda r: r.half_periods(self.name, accepted=False, most=1))
             mark = tuple(row["number"] for row in newest)
             if mark != self.newest:
-                await self.draw()
-                await self._count()
+                await (self.draw() if self.newest is None else self.shade())
                 self.newest = mark
+                if time.monotonic() - self.counted > COUNTED_EVERY:
+                    self.counted = time.monotonic()
+                    await self._count()
 
     def _unit(self) -> str:
         return "% of span" if self.station.view.percent(self.name, 1.0) is not None else self.op_unit

@@ -188,7 +188,7 @@ def _overview_columns() -> list[dict[str, Any]]:
         return {"field": name, "headerName": title, "width": width, "tooltipField": name, **more}
 
     return [
-        column("rank", "#", 64, sort="asc", filter=False),
+        column("rank", "#", 60, sort="asc", filter=False),
         column("loop", "Loop", 104, pinned="left", **{":cellRenderer": _NAME}),
         column("soon", "How soon", 104, **{":cellClass": "p => 'soon-' + p.data.urgency"}),
         column(
@@ -197,7 +197,7 @@ def _overview_columns() -> list[dict[str, Any]]:
             166,
             **{":comparator": "(a, b, m, n) => (m.data.percent ?? -1) - (n.data.percent ?? -1)"},
         ),
-        column("verdict", "Verdict", 122),
+        column("verdict", "Verdict", 126, **{":valueFormatter": "p => p.value.replace(', by crossings', '')"}),
         column("trend", "Trend", 138, **{":valueFormatter": "p => p.value.replace(/ ± \\S+/, '').replace(/;.*/, '')"}),
         column("health", "NE 107", 170, **{":cellClass": f"p => ({_HEALTHS})[p.value] || ''"}),
         column("seen", "Seen", 74),

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..bump import Bump, bump
 from ..errors import InputError
-from ..loop import Loop
+from ..loop import Columns, Loop
 from ..reading import open_each
 from ..recording import AT_HIGH, AT_LOW, BAD, NOT_AUTO
 from ..report.words import number, quantity
@@ -66,9 +66,9 @@ def read_file(path: Path, loop: Loop, columns: Mapping[str, str | None], *, manu
     InputError
         Where it cannot be read; with the file's own name, and not where it lies meanwhile.
     """
-    named = Loop(name=loop.name, columns={key: value for key, value in columns.items() if value})
+    named = Columns(**{key: value for key, value in columns.items() if value})
     try:
-        [opened] = open_each(path, [loop.model_copy(update={"columns": named.columns, "file": None, "files": ()})])
+        [opened] = open_each(path, [loop.model_copy(update={"columns": named, "file": None, "files": ()})])
         if isinstance(opened, InputError):
             raise opened
         return bump(opened, manual=manual)

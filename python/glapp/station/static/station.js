@@ -12,6 +12,10 @@ window.glapp = {
     });
     chart.setOption({ series });
   },
+  // Half-periods behind PV, the second line.
+  shade(id, areas) {
+    getElement(id)?.chart?.setOption({ series: [{}, { markArea: { data: areas } }] });
+  },
   // The overview asks by itself: at first for all rows, then for those that have changed.
   overview(grid) {
     let version = 0;

@@ -137,7 +137,7 @@ def test_step_test(browser: Any, window: Window, tmp_path: Path) -> None:
     pv, op = by_hand()
     path.write_text("s,flow,valve\n" + "".join(f"{k},{pv[k]},{op[k]}\n" for k in range(len(pv))))
     page.set_input_files(".q-uploader input", path)
-    page.get_by_text("no column for time").or_(page.get_by_text("no mode column")).wait_for()
+    page.get_by_text("no time column among: s, flow, valve").wait_for()
     page.get_by_label("column of time").fill("s")
     page.get_by_text("all of it was made in manual").click()
     page.set_input_files(".q-uploader input", path)

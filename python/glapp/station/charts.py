@@ -91,7 +91,11 @@ def shades(halves: Sequence[Mapping[str, Any]], span: float, *, dark: bool) -> l
                 {
                     "xAxis": 1000.0 * half["t_start"],
                     "name": label if half["t_end"] - half["t_start"] > span / 12.0 else "",
-                    "itemStyle": {"color": tone["accepted" if reason == 0 else "rejected"]},
+                    "itemStyle": {
+                        "color": tone["accepted" if reason == 0 else "rejected"],
+                        "borderColor": tone["faint"],  # two of the same verdict are still two
+                        "borderWidth": 1,
+                    },
                     "label": {
                         "color": tone["muted"],
                         "fontSize": 10,

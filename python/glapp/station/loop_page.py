@@ -273,7 +273,7 @@ class _Page:
         view, status = self.station.view, self.status
         answer = view.answer(self.name)
         self._show_answer(answer, status)
-        self.place.set_text(f"Gap of the valve in {self._unit()}; last half-period {status.get('half_periods', 0)}")
+        self.place.set_text(f"Gap of the valve in {self._unit()}; half-periods so far: {status.get('half_periods', 0)}")
         made = status.get("compensation")
         self.compensation.set_text(
             ""

@@ -136,7 +136,9 @@ class Wizard:
         self._tell(found, "The controller was in automatic all the time.")
 
     async def _came(self, event: UploadEventArguments) -> None:
+        assert isinstance(event.sender, ui.upload)
         columns = {role: one.value for role, one in self.columns.items()}
+        event.sender.reset()  # the same file may come again, with other columns
         try:
             with TemporaryDirectory() as folder:
                 path = Path(folder) / Path(event.file.name).name

@@ -20,6 +20,7 @@ class Window:
 
     def __init__(self, folder: Path, port: int = 0) -> None:
         self.folder = folder
+        self.known: dict[object, Any] = {}
         self._start(port)
 
     def _start(self, port: int) -> None:
@@ -81,7 +82,9 @@ def logged_in(browser: Any, window: Window, name: str, **more: Any) -> Any:
     """A page of somebody, and what went wrong on it."""
     from station_child import PASSWORDS
 
-    context = browser.new_context(viewport={"width": 1280, "height": 800}, **more)
+    key = (name, *more.items())
+    state = window.known.get(key)
+    context = browser.new_context(viewport={"width": 1280, "height": 800}, storage_state=state, **more)
     context.set_default_timeout(LONGEST)
     page = context.new_page()
     page.asked, page.wrong = [], []
@@ -89,8 +92,10 @@ def logged_in(browser: Any, window: Window, name: str, **more: Any) -> Any:
     page.on("pageerror", lambda error: page.wrong.append(str(error)))
     page.on("console", lambda said: page.wrong.append(said.text) if said.type == "error" else None)
     page.goto(window.url)
-    page.fill("#user", name)
-    page.fill("#password", PASSWORDS[name])
-    page.keyboard.press("Enter")
+    if page.locator("#user").count():  # once, and again where a test has ended the session
+        page.fill("#user", name)
+        page.fill("#password", PASSWORDS[name])
+        page.keyboard.press("Enter")
     page.wait_for_selector(".ag-row")
+    window.known[key] = context.storage_state()
     return page

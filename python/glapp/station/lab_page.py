@@ -16,7 +16,7 @@ from ..errors import InputError
 from ..report.words import number
 from . import charts
 from .lab import FASTEST, KINDS, THESIS, Lab, Part, Project, drawn
-from .pages import ONE_STOP, Station, frame, heading, quiet
+from .pages import ONE_STOP, Station, dialog_of, frame, heading, quiet
 
 __all__ = ["Bench", "lab_page"]
 
@@ -219,12 +219,7 @@ class _Page:
         """A loop put together from modules by name."""
         project = self.lab.project
         parts = list(project.parts)
-        with ui.dialog(value=True) as dialog, ui.card().classes("wide-dialog").style("align-items: stretch"):
-            dialog.on_value_change(lambda event: None if event.value else dialog.delete())
-            with ui.element("div").classes("bar"):
-                heading("A loop from modules", 2)
-                ui.element("span").classes("grow")
-                quiet("Close", dialog.close, flat=True)
+        with dialog_of("A loop from modules") as dialog:
             scan = ui.number("scan time [s]", value=project.h, min=0.001).props("dense outlined").style("width: 160px")
             rows = ui.element("div")
 

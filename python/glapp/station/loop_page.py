@@ -6,8 +6,8 @@ import asyncio
 import json
 import math
 import time
-from collections.abc import Awaitable, Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Awaitable, Callable
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ from ..service.recordings import Signals
 from . import charts
 from .client import Gone, Refused, loop_path
 from .compensate import STANDINGS, calm, plan
-from .pages import Station, command, frame, heading, moment, quiet
+from .pages import Station, command, dialog_of, frame, heading, moment, quiet
 from .parameters import PARAMETERS, changed, field, told
 from .sessions import Session
 from .step_test_page import Wizard
@@ -360,7 +360,7 @@ class _Page:
         any_ = await asyncio.to_thread(self.read, lambda r: r.half_periods(self.name, most=1))
         answers = await asyncio.to_thread(self.read, lambda r: r.answers(self.name, 400))
         scale = self.station.view.percent(self.name, 1.0)
-        with self._dialog(f"{self.name}: detections"):
+        with dialog_of(f"{self.name}: detections"):
             if not any_ and not answers:
                 ui.label("There is no detection yet.")
             else:
@@ -378,7 +378,7 @@ class _Page:
         """PV over OP."""
         end = time.time()
         values = await signals(self.station, self.session, self.name, end - self.window, end)
-        with self._dialog(f"{self.name}: PV over OP, last {WINDOWS[self.window]}"):
+        with dialog_of(f"{self.name}: PV over OP, last {WINDOWS[self.window]}"):
             options = charts.phase(values["OP"], values["PV"], self.pv_unit, self.op_unit, dark=self.session.dark)
             ui.echart(options).classes("chart").props('role="img" aria-label="PV over OP"')
             ui.label("A gap draws two flanks that lie its width apart in OP.").classes("small muted")
@@ -392,19 +392,9 @@ class _Page:
             end = time.time()
             return await signals(self.station, self.session, self.name, end - seconds, end)
 
-        with self._dialog(f"{self.name}: step test by hand"):
+        with dialog_of(f"{self.name}: step test by hand"):
             loop = self.station.view.loops[self.name]
             await Wizard(loop, width, WINDOWS, self.window, last, self.session.dark).build()
-
-    @contextmanager
-    def _dialog(self, title: str) -> Iterator[ui.dialog]:
-        with ui.dialog(value=True) as dialog, ui.card().classes("wide-dialog").style("align-items: stretch"):
-            dialog.on_value_change(lambda event: None if event.value else dialog.delete())
-            with ui.element("div").classes("bar"):
-                heading(title, 2)
-                ui.element("span").classes("grow")
-                quiet("Close", dialog.close, flat=True)
-            yield dialog
 
     async def _ask(self, path: str) -> Any:
         """Something from the door; None where it does not say."""
@@ -423,7 +413,7 @@ class _Page:
         log = [row for row in log if row["command"] in ("change", "take_over")]
         may = self.session.may("engineer")
         fields: dict[str, ui.number] = {}
-        with self._dialog(f"{self.name}: parameters") as dialog:
+        with dialog_of(f"{self.name}: parameters") as dialog:
             ui.label(
                 "These are of the detector and the compensation. The plant's own controller is not changed here. "
                 "A change of the detector's begins its estimate anew. An empty field is the default."
@@ -508,7 +498,7 @@ class _Page:
         found = plan(seen, self.op_unit)
         engineer, operator = self.session.may("engineer"), self.session.may("operator")
         token = self.session.token
-        with self._dialog(f"{self.name}: compensation") as dialog:
+        with dialog_of(f"{self.name}: compensation") as dialog:
             if made is None:
                 ui.label(found.why_not or "This loop has no node for u_FF, or its controller is not known.")
                 return

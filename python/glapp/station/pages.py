@@ -149,6 +149,18 @@ def frame(station: Station, session: Session, title: str, here: str) -> Iterator
     timer = ui.timer(1.0, tick)
 
 
+@contextmanager
+def dialog_of(title: str) -> Iterator[ui.dialog]:
+    """A dialog over the page, there at once; Escape closes it, and it is built anew each time."""
+    with ui.dialog(value=True).props("transition-duration=0") as dialog, ui.card().classes("wide-dialog"):
+        dialog.on_value_change(lambda event: None if event.value else dialog.delete())
+        with ui.element("div").classes("bar"):
+            heading(title, 2)
+            ui.element("span").classes("grow")
+            quiet("Close", dialog.close, flat=True)
+        yield dialog
+
+
 async def command(station: Station, session: Session, asking: Callable[[], Awaitable[Any]], done: str) -> Any:
     """A command in the person's name: what became of it is said in any case. None where it was not done."""
     if station.sessions.by_id(session.id) is None:

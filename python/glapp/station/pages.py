@@ -153,7 +153,7 @@ def frame(station: Station, session: Session, title: str, here: str) -> Iterator
 def dialog_of(title: str) -> Iterator[ui.dialog]:
     """A dialog over the page, there at once; Escape closes it, and it is built anew each time."""
     with ui.dialog(value=True).props("transition-duration=0") as dialog, ui.card().classes("wide-dialog"):
-        dialog.on_value_change(lambda event: None if event.value else dialog.delete())
+        dialog.on("hide", dialog.delete)  # by then the button that opened it has the focus again
         with ui.element("div").classes("bar"):
             heading(title, 2)
             ui.element("span").classes("grow")
@@ -189,7 +189,7 @@ _NAME = (  # by keyboard Enter on the row does the same, and Tab has no stop at 
 )
 
 
-ONE_STOP = {":tabToNextCell": "() => false", ":tabToNextHeader": "() => false"}
+ONE_STOP = {":tabToNextCell": "glapp.leave", ":tabToNextHeader": "glapp.leave"}
 """A list is one stop of Tab; within it one goes by arrows, and is not held by thousands of cells."""
 
 _HEALTHS = "{'Maintenance required': 'health health-service', 'Check function': 'health health-check'}"

@@ -54,6 +54,17 @@ window.glapp = {
     getElement(id).chart.setOption({ series: found.map((data) => ({ data })) });
     getElement(id).$el.dataset.drawn = told.time.length;
   },
+  // Tab goes on from a list to what comes after it, or before it, and at the end to the beginning of the page.
+  leave({ backwards }) {
+    const list = document.activeElement.closest(".ag-root-wrapper");
+    const all = document.querySelectorAll("a[href], button, input, select, textarea, [tabindex='0']");
+    const others = [...all].filter((e) => !e.disabled && e.getClientRects().length && !list.contains(e));
+    if (backwards) others.reverse();
+    const side = backwards ? Node.DOCUMENT_POSITION_PRECEDING : Node.DOCUMENT_POSITION_FOLLOWING;
+    const next = others.find((e) => list.compareDocumentPosition(e) & side) ?? others[0];
+    setTimeout(() => next?.focus());
+    return true;
+  },
   async post(path, then) {
     const reply = await fetch(path, { method: "POST" });
     if (reply.ok || reply.redirected) location.href = then;

@@ -68,6 +68,26 @@ CUT = """() => {
 }"""
 
 
+RATIO = """(selector) => {
+  const parts = (text) => {
+    const found = text.match(/[\\d.]+/g).map(Number);
+    return text.startsWith('color(srgb') ? found.map((x, i) => (i < 3 ? 255 * x : x)) : found;
+  };
+  const over = (a, b) => [0, 1, 2].map((i) => (a[3] ?? 1) * a[i] + (1 - (a[3] ?? 1)) * b[i]);
+  const light = (c) => {
+    const [r, g, b] = c.map((x) => x / 255).map((x) => (x <= 0.04045 ? x / 12.92 : ((x + 0.055) / 1.055) ** 2.4));
+    return 0.2126 * r + 0.7152 * g + 0.0722 * b;
+  };
+  const e = document.querySelector(selector);
+  const layers = [];
+  for (let p = e; p; p = p.parentElement) layers.unshift(parts(getComputedStyle(p).backgroundColor));
+  const back = layers.reduce((below, one) => over(one, below), [255, 255, 255]);
+  const [a, b] = [light(over(parts(getComputedStyle(e).color), back)), light(back)].sort((x, y) => x - y);
+  return (b + 0.05) / (a + 0.05);
+}"""
+"""Contrast of a text with what is behind it, by WCAG 2."""
+
+
 def opened(page: Any, window: Window, name: str) -> None:
     page.goto(window.url + PAGES[name])
     page.wait_for_selector(".content h1")
@@ -182,7 +202,10 @@ def test_contrast_and_names_by_axe(browser: Any, window: Window, scheme: str) ->
     """WCAG 2.1 A and AA by axe-core: contrast of at least 4.5, of large text 3; names and roles of all controls."""
     axe = pytest.importorskip("axe_playwright_python.sync_playwright").Axe()
     page = logged_in(browser, window, "eve", color_scheme=scheme)
-    rules = {"runOnly": ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa"], "resultTypes": ["violations", "passes"]}
+    rules = {
+        "runOnly": ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa"],
+        "resultTypes": ["violations", "passes", "incomplete"],
+    }
     compared = 0
 
     def look(name: str, scope: str) -> None:
@@ -195,6 +218,10 @@ def test_contrast_and_names_by_axe(browser: Any, window: Window, scheme: str) ->
         ]
         assert wrong == [], name
         compared += sum(len(one["nodes"]) for one in found.response["passes"] if one["id"] == "color-contrast")
+        for one in found.response["incomplete"]:
+            for node in one["nodes"] if one["id"] == "color-contrast" else []:  # where axe is not sure what is behind
+                assert page.evaluate(RATIO, node["target"][0]) >= 4.5, (name, node["target"])
+                compared += 1
 
     each_state(page, window, look)
     page.context.clear_cookies()

@@ -8,7 +8,7 @@ window.glapp = {
       const data = one.data || [];
       const last = data.length ? data[data.length - 1][0] : -Infinity;
       const more = points.filter((p) => p[0] > last && p[i + 1] !== null).map((p) => [p[0], p[i + 1]]);
-      return { data: data.filter((p) => p[0] >= from).concat(more) };
+      return { data: data.concat(more).filter((p) => p[0] >= from) };
     });
     chart.setOption({ series });
   },

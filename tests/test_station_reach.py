@@ -211,17 +211,18 @@ def test_contrast_and_names_by_axe(browser: Any, window: Window, scheme: str) ->
     def look(name: str, scope: str) -> None:
         nonlocal compared
         found = axe.run(page, context=scope, options=rules)
-        wrong = [
-            (one["id"], node["target"], node.get("failureSummary"))
-            for one in found.response["violations"]
-            for node in one["nodes"]
-        ]
+        wrong = []
+        for kind in ("violations", "incomplete", "passes"):
+            for one in found.response[kind]:
+                for node in one["nodes"]:
+                    if one["id"] == "color-contrast":
+                        compared += 1
+                        # Where axe is not sure what is behind, or takes a dialog's toggle for one behind its backdrop.
+                        if kind != "passes" and page.evaluate(RATIO, node["target"][0]) < 4.5:
+                            wrong.append((node["target"], node.get("failureSummary")))
+                    elif kind == "violations":
+                        wrong.append((one["id"], node["target"], node.get("failureSummary")))
         assert wrong == [], name
-        compared += sum(len(one["nodes"]) for one in found.response["passes"] if one["id"] == "color-contrast")
-        for one in found.response["incomplete"]:
-            for node in one["nodes"] if one["id"] == "color-contrast" else []:  # where axe is not sure what is behind
-                assert page.evaluate(RATIO, node["target"][0]) >= 4.5, (name, node["target"])
-                compared += 1
 
     each_state(page, window, look)
     page.context.clear_cookies()

@@ -99,7 +99,7 @@ def _overview(page: Page) -> None:
                 opened.append(time.monotonic() - began)
             for _ in range(5):
                 page.goto(url + "/loop?name=FIC0")
-                page.wait_for_selector(".half:not(:empty)")
+                page.wait_for_selector("table.plain")  # the last of the page that comes by itself
                 button = page.get_by_role("button", name="Graph")
                 began = time.monotonic()
                 button.click()

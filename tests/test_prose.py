@@ -11,7 +11,19 @@ PAGES = sorted(
 )
 MOST, MEAN = 30, 17
 """Words in a sentence, and in those of a page on average."""
-BANNED = ("aforementioned", "hitherto", "in order to", "leverage", "thereof", "utilise", "utilize", "whilst")
+BANNED = (
+    "aforementioned",
+    "feign",
+    "feigned",
+    "feigns",
+    "hitherto",
+    "in order to",
+    "leverage",
+    "thereof",
+    "utilise",
+    "utilize",
+    "whilst",
+)
 
 
 def sentences(text: str) -> list[str]:

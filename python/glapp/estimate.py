@@ -475,8 +475,8 @@ class Estimator:
 
     Notes
     -----
-    `estimate` is None where what the detections say is below the noise limit, that is, below `noise_floor`: 3σ/Kp, with σ of
-    PV's fast noise when the last detection was made, or 3σ·2K where Kp is not known. `median_mean` is what they say all
+    `estimate` is None where what the detections say is below the noise limit `noise_floor`: 3σ/Kp, with σ of PV's
+    fast noise when the last detection was made, or 3σ·2K where Kp is not known. `median_mean` is what they say all
     the same. Two more things that `analyze` asks of an estimate a stream does not: that a third of the detections
     agree, and the quality of the whole recording.
 

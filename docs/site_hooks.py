@@ -6,11 +6,19 @@ that the theme would load from elsewhere, by which pages in a folder can be sear
 
 import re
 import shutil
+import tomllib
 from pathlib import Path
 from typing import Any
 
 SHIM = re.compile(r"https://[^\"']*/iframe-worker/shim")
 LINK = re.compile(r"(?<=\]\()([^)#:\s]+)(#[^)\s]*)?(?=\))")
+
+
+def on_config(config: Any) -> Any:
+    """Take the place of the sources from where it stands once."""
+    project = tomllib.loads((Path(config.docs_dir).parent / "pyproject.toml").read_text())["project"]
+    config.repo_url = project["urls"]["Source"] + "/"
+    return config
 
 
 def on_page_markdown(markdown: str, *, page: Any, config: Any, files: Any) -> str:

@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -565,8 +566,9 @@ def test_login(window: tuple[Station, FastAPI]) -> None:
     assert client.get("/overview.csv").headers["location"] == "/login"
 
 
-def test_logins_are_limited_by_address(window: tuple[Station, FastAPI]) -> None:
+def test_logins_are_limited_by_address(window: tuple[Station, FastAPI], monkeypatch: pytest.MonkeyPatch) -> None:
     station, app = window
+    monkeypatch.setattr("glapp.station.app.time", SimpleNamespace(monotonic=lambda: 1000.0))
     client = TestClient(app, base_url="https://127.0.0.1", follow_redirects=False)
     asked = [
         client.post("/login", data={"user": f"u{i}", "password": "no"}, headers={"Origin": "https://127.0.0.1"}).text

@@ -4,6 +4,7 @@ import json
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -124,7 +125,8 @@ def test_a_page_elsewhere_gets_nothing(client: TestClient, plant: tuple[Watch, S
     assert "access-control-allow-origin" not in client.get("/api/overview").headers
 
 
-def test_logins_of_programs_count_with_those_of_persons(client: TestClient) -> None:
+def test_logins_of_programs_count_with_those_of_persons(client: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("glapp.station.api.time", SimpleNamespace(monotonic=lambda: 1000.0))
     asked = [client.post("/api/login", json={"user": f"u{i}", "password": "no"}) for i in range(TRIES + 1)]
     assert [reply.status_code for reply in asked] == [401] * TRIES + [429]
     assert "wait 60 s" in asked[-1].json()["detail"]

@@ -69,7 +69,7 @@ def _base(tone: Mapping[str, str]) -> dict[str, Any]:
         "backgroundColor": "transparent",
         "textStyle": {"color": tone["ink"], "fontFamily": "system-ui, sans-serif"},
         "tooltip": {"trigger": "axis", "confine": True, "order": "seriesAsc"},
-        "legend": {"textStyle": {"color": tone["ink"]}, "top": 0, "itemHeight": 8},
+        "legend": {"textStyle": {"color": tone["ink"]}, "top": 0, "itemHeight": 10, "itemWidth": 16},
         "aria": {"enabled": True},
     }
 
@@ -93,7 +93,7 @@ def shades(halves: Sequence[Mapping[str, Any]], span: float, *, dark: bool) -> l
                     "name": label if half["t_end"] - half["t_start"] > span / 12.0 else "",
                     "itemStyle": {
                         "color": tone["accepted" if reason == 0 else "rejected"],
-                        "borderColor": tone["faint"],  # two of the same verdict are still two
+                        "borderColor": tone["muted"] + "66",  # two of the same verdict are still two
                         "borderWidth": 1,
                     },
                     "label": {
@@ -215,7 +215,7 @@ def detections(answers: Sequence[Mapping[str, Any]], unit: str, *, scale: float,
     ]
     return {
         **_base(tone),
-        "grid": {"left": 56, "right": 16, "top": 40, "bottom": 64},
+        "grid": {"left": 56, "right": 16, "top": 62, "bottom": 64},
         "xAxis": _time(tone),
         "yAxis": _axis(tone, type="value", name=f"width [{unit}]", min=0),
         "dataZoom": [{"type": "inside"}, {"type": "slider", "height": 18, "bottom": 8, "showDataShadow": False}],

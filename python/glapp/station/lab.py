@@ -329,13 +329,14 @@ def drawn(project: Project) -> str:
     width = 12 + 166 * (max(columns.values(), default=0) + 1)
     lowest = 14 + 92 * max(rows.values(), default=0)
     entries = {name: [edge for edge in edges if edge[1] == name] for name in names}
-    lines, depth = [], 0
+    lines, labels, depth = [], [], 0
     for edge in edges:
         a, b, place = edge
         (x0, y0), (x1, y1) = at[a], at[b]
         x0, y0 = x0 + 116, y0 + 29
         y1 += 58 * (entries[b].index(edge) + 1) // (len(entries[b]) + 1)
-        label = f'<text x="{x1 - 9}" y="{y1 - 4}" text-anchor="end" class="s">{escape(place)}</text>' if place else ""
+        if place:  # over all lines
+            labels.append(f'<text x="{x1 - 9}" y="{y1 - 4}" text-anchor="end" class="s">{escape(place)}</text>')
         if columns[b] == columns[a] + 1:
             middle = (x0 + x1) / 2
             path = f"M{x0},{y0} C{middle},{y0} {middle},{y1} {x1},{y1}"
@@ -343,7 +344,7 @@ def drawn(project: Project) -> str:
             depth += 1  # back, or past others: in a lane of its own below all blocks
             low = lowest + 12 * depth
             path = f"M{x0},{y0} h{6 + 6 * depth} V{low} H{x1 - 22 - 6 * depth} V{y1} H{x1}"
-        lines.append(f'<path d="{path}" fill="none" marker-end="url(#end)"/>{label}')
+        lines.append(f'<path d="{path}" fill="none" marker-end="url(#end)"/>')
     boxes = [
         f'<rect x="{at[part.name][0]}" y="{at[part.name][1]}" width="116" height="58" rx="5"/>'
         f'<text x="{at[part.name][0] + 58}" y="{at[part.name][1] + 26}" text-anchor="middle">{escape(part.name)}</text>'
@@ -355,5 +356,5 @@ def drawn(project: Project) -> str:
     return (
         f'<svg class="blocks" viewBox="0 0 {width} {height}" role="img" aria-label="The loop as blocks">'
         '<defs><marker id="end" viewBox="0 0 8 8" refX="8" refY="4" markerWidth="7" markerHeight="7" orient="auto">'
-        f'<path d="M0,0 L8,4 L0,8 z" class="tip"/></marker></defs>{"".join(lines)}{"".join(boxes)}</svg>'
+        f'<path d="M0,0 L8,4 L0,8 z" class="tip"/></marker></defs>{"".join(lines + labels + boxes)}</svg>'
     )

@@ -53,9 +53,13 @@ async def _serve(folder: Path) -> None:
     door = Server(service_app(watch, Users(memory)), "127.0.0.1", 0)
     (folder / "door").write_text(door.url, encoding="utf-8")
     opened = asyncio.ensure_future(door.open())
-    while not opened.done():
-        await asyncio.to_thread(memory.show, time.time(), json.dumps(watch.status()))
-        await asyncio.sleep(5.0)
+    try:
+        while not opened.done():
+            await asyncio.to_thread(memory.show, time.time(), json.dumps(watch.status()))
+            await asyncio.sleep(5.0)
+    finally:
+        opened.cancel()
+        await asyncio.gather(opened, return_exceptions=True)
 
 
 def started(*words: str) -> tuple[subprocess.Popen[str], str]:

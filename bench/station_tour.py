@@ -1,7 +1,7 @@
 """A tour of `glapp station --demo` in Chromium: `python -m bench.station_tour FOLDER [pages | compensation | wear]`.
 
 pages: every page and dialog as a picture, light and dark, on a laptop and on a tablet held upright; in the laboratory
-the loop of 6.5, and every variable of it changed while it runs. compensation: a level with a gap, a scan each 0.3 s,
+the loop of 6.5, and every variable of it changed while it runs. compensation: a level with a gap, a scan each 0.2 s,
 compensated by half of its gap, and then by far too much; what the window says of both. wear: forty days behind the
 plant, of a valve that wears. FOLDER gets the pictures; what the window says is printed.
 """
@@ -125,11 +125,12 @@ def _said(page: Page) -> list[str]:
 
 
 def _compensation(browser: Browser, out: Path) -> None:
-    with _window(browser, "--scan", "0.3") as (page, url):
+    with _window(browser, "--scan", "0.2") as (page, url):
 
         def button(name: str) -> None:
             while True:
                 page.goto(f"{url}/loop?name={LEVEL}")
+                page.wait_for_selector(".half:not(:empty)")
                 page.get_by_role("button", name=name, exact=True).click()
                 page.locator(".wide-dialog").or_(page.locator(".q-notification")).first.wait_for()
                 if page.locator(".wide-dialog").count():
@@ -173,7 +174,7 @@ def _compensation(browser: Browser, out: Path) -> None:
         page.get_by_role("button", name="Drill the watchdog").click()
         page.goto(url + "/events")
         page.get_by_text(re.compile("took u_FF of|drill_failed")).first.wait_for(timeout=300_000)
-        time.sleep(20 * 100 * 0.3 + 20)  # how calm PV was before must have been seen for 20 Ti
+        time.sleep(20 * 100 * 0.2 + 20)  # how calm PV was before must have been seen for 20 Ti
         enable("compensation")
         until("PV is ", 900.0)
         page.screenshot(path=out / "compensation-calmer.png")

@@ -133,8 +133,8 @@ def app_of(station: Station, hosts: Sequence[str], *, secure: bool) -> FastAPI:
         events_page(station, request)
 
     @ui.page("/loop")
-    async def _loop(request: Request, name: str = "") -> None:
-        await loop_page(station, request, name)
+    def _loop(request: Request, name: str = "") -> None:
+        loop_page(station, request, name)
 
     bench = Bench()
 

@@ -268,11 +268,10 @@ class _Page:
         value = values.get(key)
         return value["value"] if value is not None and value["good"] else None
 
-    async def seldom(self) -> None:
-        """What the database has: the answer, and new half-periods."""
-        view, status = self.station.view, self.status
-        answer = view.answer(self.name)
-        self._show_answer(answer, status)
+    def show(self) -> None:
+        """What is known without asking."""
+        status = self.status
+        self._show_answer(self.station.view.answer(self.name), status)
         self.place.set_text(f"Gap of the valve in {self._unit()}; half-periods so far: {status.get('half_periods', 0)}")
         made = status.get("compensation")
         self.compensation.set_text(
@@ -282,6 +281,10 @@ class _Page:
             if made["enabled"]
             else f"Compensation is off: {made['why_off'] or 'nobody enabled it'}."
         )
+
+    async def seldom(self) -> None:
+        """What the database has: the answer, and new half-periods."""
+        self.show()
         with suppress(InputError):  # the frame tells it
             newest = await asyncio.to_thread(self.read, lambda r: r.half_periods(self.name, accepted=False, most=1))
             mark = tuple(row["number"] for row in newest)
@@ -592,7 +595,7 @@ def _floats(values: list[Any]) -> list[float]:
     return [math.nan if value is None else value for value in values]
 
 
-async def loop_page(station: Station, request: Request, name: str) -> None:
+def loop_page(station: Station, request: Request, name: str) -> None:
     """One loop."""
     session = station.who(request)
     with frame(station, session, name, ""):
@@ -603,6 +606,6 @@ async def loop_page(station: Station, request: Request, name: str) -> None:
             return
         page = _Page(station, session, name)
         page.build()
-        await page.seldom()
-        ui.timer(0.02, page.often)
+        page.show()
+        ui.timer(0.02, page.often)  # what the service is asked for comes when the page is there, however slow it is
         ui.timer(2.0, page.seldom)

@@ -59,13 +59,13 @@ NEARER = (0.5, 0.65, 0.8, 0.9, 1.0)
 FOLLOWED = 2
 """Of so many of them, the nearest, the process is sought."""
 
-PLACES = 1000
+PLACES = 600
 """Places at most that a step or bend of the load is sought at."""
 
 MOST_CHANGES = {"steps": 120, "ramps": 240}
 """Steps of a load, or bends of one that ramps, at most: as many as the densest load of `design` has."""
 
-STARTS = ((0.0, 0.0, 0.0), (0.3, 0.3, 0.1), (0.0, 0.0, 0.3), (0.0, 0.0, -0.2))
+STARTS = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.3), (0.0, 0.0, -0.2))
 """Changes of the process, as in `Process`, from which the best is sought."""
 
 ROUNDS = 2
@@ -276,31 +276,36 @@ def refitted(record: Record, move: Floats, cost: Cost, variance: float) -> float
         columns = record.unknown(now)
         if changes.size:
             columns = np.column_stack([columns, record.load_answers(now, changes)])
-        q = basis(record.white(columns))
-        v, y = record.white(now.answer(move)[record.kept]), record.pv_white
-        return v - q @ (q.T @ v), y - q @ (q.T @ y)
+        columns = record.white(columns)
+        columns /= np.linalg.norm(columns, axis=0)
+        both = np.column_stack([record.white(now.answer(move)[record.kept]), record.pv_white])
+        gram = columns.T @ columns
+        gram[np.diag_indices_from(gram)] += 1e-9
+        v, y = (both - columns @ linalg.solve(gram, columns.T @ both, assume_a="pos")).T
+        return v, y
 
     def left(x: Floats, changes: Places) -> Floats:
         v, y = parts(process(x), changes)
         rest: Floats = y - v * (float(v @ y) / max(float(v @ v), 1e-300))
         return rest
 
-    best = cost.cost
-    for start in STARTS:
-        x, last = np.array(start)[free], cost
-        for turn in range(ROUNDS if record.kind != "walk" else 1):
-            x = optimize.least_squares(
-                left, x, bounds=(-1.5, 1.5), args=(last.changes,), diff_step=1e-3, x_scale=0.1, max_nfev=15
-            ).x
-            now = process(x)
-            v, y = parts(now, last.changes)
-            gain = float(v @ y) / max(float(v @ v), 1e-300)
-            (found,) = sought(record, now, [gain * move], variance)
-            if turn > 0 and found.cost > last.cost - 1:
-                break
-            last = found
-            best = min(best, found.cost)
-    return best
+    def descended(x: Floats, changes: Places) -> tuple[float, Floats]:
+        found = optimize.least_squares(
+            left, x, bounds=(-1.5, 1.5), args=(changes,), diff_step=1e-3, x_scale=0.1, max_nfev=10
+        )
+        return float(found.cost), found.x
+
+    best = cost
+    starts = [np.array(start)[free] for start in STARTS]
+    for _ in range(ROUNDS):
+        _, x = min((descended(start, best.changes) for start in starts), key=lambda found: found[0])
+        now = process(x)
+        v, y = parts(now, best.changes)
+        (found,) = sought(record, now, [float(v @ y) / max(float(v @ v), 1e-300) * move], variance)
+        if found.cost > best.cost - 1:
+            break
+        best, starts = found, [x]
+    return best.cost
 
 
 def _pursued(gram: Floats, toward: Floats, taken: list[int], most: int) -> tuple[float, list[int]]:

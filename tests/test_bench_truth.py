@@ -4,13 +4,14 @@ papers show.
 
 import math
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from bench.truth.answer import Answer
 from bench.truth.design import CELLS, Cell, draw
-from bench.truth.ladder import RUNGS, Rungs, definitions, known, leaving, sought
+from bench.truth.ladder import RUNGS, Rungs, asked_for_less, causes, definitions, known, leaving, sought
 from bench.truth.ladder import Record as Known
 from bench.truth.ladder import tables as rungs_in_tables
 from bench.truth.methods import METHODS
@@ -306,6 +307,16 @@ class TestLadder:
         assert "| steps | 2 | 100% | 50% | 50% | 50% | 50% |" in text
         assert "| a true width | 1 | 0 | 0 | 0 | 0 | 1 |" in text
         assert "| silent | 1 | 0 | 1 | 0 | 0 | 0 |" in text
+        limits = {"d": d, "low": 0.5 * d, "high": 2 * d, "asked": 10.0, "why": "may_be_a_gap"}
+        gaps = [(truths[0], Rungs("", [], [], ratio=ratio, **limits)) for ratio in (11.0, 5.0, 1.0)]
+        gaps.append((truths[0], Rungs("", [], [], ratio=5.0, **limits | {"d": 3 * d, "low": 2 * d, "high": 4 * d})))
+        text = asked_for_less(gaps, gaps[:2])
+        assert "| 1 | 1 | 0 | 3 | 1 |" in text and "| 0.4 | 2 | 1 | 1 | 2 |" in text
+        sticks = replace(truths[0], cause="stiction", cause_told=True)
+        named = [rows[0]._replace(truth=sticks, verdict=verdict) for verdict in ("stiction", "backlash")]
+        jumps = [Rungs("", [], [99.0, 30.0, 19.0, 30.0]), Rungs("", [], [19.0] * 4)]
+        text = causes(list(zip(named, jumps, strict=True)))
+        assert "| steps | 2 | 50% | 50% | 0% | 0% | 50% |" in text
         apart = {truths[0].name: d / 7, truths[1].name: truths[1].d}
         text = definitions(rows, apart, {truths[1].name})
         assert "| h ≤ T/5, as the records were chosen | 2 | 50% | +0.0 % | 1 of 1 |" in text

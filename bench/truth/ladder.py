@@ -33,7 +33,8 @@ import numpy.typing as npt
 from rich.progress import track
 from scipy import linalg, optimize, signal
 
-from glapp import modules
+import glapp
+from glapp import _glapp, modules
 from glapp.scenario import Coloured, Ramp, Scenario, Steps, Walk
 from glapp.simulate import Simulation, run
 
@@ -41,7 +42,8 @@ from ..page import write
 from .__main__ import OUT as TRUTH
 from .__main__ import read
 from .design import CELLS, FAMILIES, LOADS, Drawn, draw
-from .records import Floats, chosen, compressed
+from .records import Floats, Truth, chosen, compressed
+from .records import record as made_record
 from .score import FAULTY, LACKING, Scored, markdown
 
 Places = npt.NDArray[np.int64]
@@ -362,6 +364,13 @@ def _gain(gram: Floats, toward: Floats, taken: list[int]) -> float:
     return fitted - float(sizes) - 2 * places
 
 
+PARTS = (1.0, 0.8, 0.6, 0.4, 0.2, 0.0)
+"""Parts of the likelihood ratio that the fit asks for."""
+
+LEAST_LOW, JUMP = (_glapp.fit_thresholds()[name][0] for name in ("LEAST_LOW", "JUMP"))
+"""A lower limit that is a smaller part of the width is none; what a jump's likelihood ratio must exceed."""
+
+
 @dataclass(frozen=True)
 class Rungs:
     """What the oracle sees of a record.
@@ -374,11 +383,33 @@ class Rungs:
         without a gap against the best of `WIDTHS`. Below 0 no gap explains the record better.
     lr_no_jump : list of float
         The same of the best mere gap against the true valve that sticks; empty where it does not stick.
+    d, low, high : float or None
+        Most likely width and its limits by the fit, told or not [% of OP].
+    ratio, asked : float or None
+        Likelihood ratio of no gap by the fit, and what it must exceed.
+    why : str or None
+        Why the fit says what it says, `glapp.Fit.why`.
     """
 
     name: str
     lr_no_gap: list[float]
     lr_no_jump: list[float]
+    d: float | None = None
+    low: float | None = None
+    high: float | None = None
+    ratio: float | None = None
+    asked: float | None = None
+    why: str | None = None
+
+    def holds(self, truth: Truth, part: float) -> bool | None:
+        """Whether the width would be true if the fit asked for so large a part of what it asks, and for nothing else.
+
+        None where it would still tell none: the ratio is less, or there are no two limits, the lower no trifle.
+        """
+        if None in (self.d, self.low, self.high, self.ratio, self.asked):
+            return None
+        told = self.ratio > part * self.asked and self.low >= LEAST_LOW * self.d > 0  # type: ignore[operator]
+        return self.low <= truth.d <= self.high if told else None  # type: ignore[operator]
 
     @classmethod
     def of(cls, name: str) -> Self:
@@ -410,7 +441,12 @@ class Rungs:
             last[i] = refitted(record, seen[i], rungs[-1][i], variance)
         told = [ratios(rung) for rung in (*costs, last)]
         jumps = [jump for _, jump in told] if sticks else []
-        return cls(name, [gap for gap, _ in told], jumps)
+        made = made_record(name)
+        assert made is not None
+        fit = glapp.fit(made[0].recording)
+        return cls(
+            name, [gap for gap, _ in told], jumps, fit.d, fit.low, fit.high, fit.lr_no_gap, fit.lr_needed, fit.why
+        )
 
 
 def leaving(op: Floats, position: Floats, kept: Places) -> float:
@@ -464,6 +500,30 @@ def tables(gaps: Sequence[tuple[Scored, Rungs]], sound: Sequence[Rungs]) -> str:
         body.append([what, str(len(of)), *map(str, lost)])
     parts.append(markdown(["the fit says", "records", *(f"lost: {rung}" for rung in RUNGS), "seen to the end"], body))
     return "\n\n".join(parts)
+
+
+def causes(gaps: Sequence[tuple[Scored, Rungs]]) -> str:
+    """In how many valves that stick the jump is told from a mere gap on each rung, and by the fit."""
+    body = []
+    for load in (*LOADS, "all"):
+        of = [(row, r.lr_no_jump) for row, r in gaps if row.truth.cause_told and load in (row.truth.load, "all")]
+        if of:
+            above = [[all(x > JUMP for x in ratios[: i + 1]) for _, ratios in of] for i in range(len(RUNGS))]
+            right = np.mean([row.verdict == row.truth.cause for row, _ in of])
+            body.append([load, str(len(of)), *(f"{np.mean(rung):.0%}" for rung in above), f"{right:.0%}"])
+    return markdown(["load", "valves that stick", *RUNGS, "the fit: the right cause"], body)
+
+
+def asked_for_less(gaps: Sequence[tuple[Truth, Rungs]], sound: Sequence[tuple[Truth, Rungs]]) -> str:
+    """What widths the fit would give if it asked for less of its own likelihood ratio, and for nothing else."""
+    body = []
+    for part in PARTS:
+        found = [rungs.holds(truth, part) for truth, rungs in gaps]
+        claims = sum(rungs.holds(truth, part) is not None for truth, rungs in sound)
+        numbers = (found.count(True), found.count(False), found.count(None), claims)
+        body.append([f"{part:g}", *map(str, numbers)])
+    head = ["part of what is asked", "true widths", "false widths", "none", f"widths in {len(sound)} without a gap"]
+    return markdown(head, body)
 
 
 SLOWLY = 6.0
@@ -534,10 +594,14 @@ def main() -> None:
         faulty = [t.name for t in truths if t.cause in FAULTY]
         leavings = dict(zip(faulty, pool.map(leaving_of, faulty, chunksize=8), strict=True))
     gaps = [(answers[t.name], done[t.name]) for t in truths if t.identifiable]
-    sound = [done[t.name] for t in truths if t.cause == "none"]
+    none = [(t, done[t.name]) for t in truths if t.cause == "none"]
+    sound = [rungs for _, rungs in none]
     least = thresholds(sound)
     held = {r.name for _, r in gaps if all(ratio > x for ratio, x in zip(r.lr_no_gap, least, strict=True))}
-    text = f"{tables(gaps, sound)}\n\n{definitions([answers[name] for name in faulty], leavings, held)}"
+    less = asked_for_less([(row.truth, rungs) for row, rungs in gaps], none)
+    text = "\n\n".join(
+        [tables(gaps, sound), causes(gaps), less, definitions([answers[name] for name in faulty], leavings, held)]
+    )
     print(text)
     if given.docs:
         write("truth.md", text, "ladder")

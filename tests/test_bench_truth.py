@@ -300,11 +300,12 @@ class TestLadder:
         d = truths[0].d
         said = [("backlash", d, 0.9 * d, 1.1 * d), ("cannot_tell", None, None, None)]
         rows = [Scored(t, "fit", v, x, a, b, None, "", 0.1) for t, (v, x, a, b) in zip(truths[:2], said, strict=True)]
-        sound = [Rungs("none/steps/inside/0", [5.0, 8.0, 9.0, 7.0], []), Rungs("none/steps/inside/1", [-3.0] * 4, [])]
+        none, walk = replace(truths[2], cause="none"), replace(truths[3], cause="none", load="walk")
+        sound = [(none, Rungs("", [5.0, 8.0, 9.0, 7.0], [])), (none, Rungs("", [-3.0] * 4, []))]
+        sound.append((walk, Rungs("", [999.0] * 4, [])))
         told = [Rungs("", [99.0, 50.0, 20.0, 7.5], []), Rungs("", [99.0, 7.0, 20.0, 7.5], [])]
         text = rungs_in_tables(list(zip(rows, told, strict=True)), sound)
-        assert "| *asked: more than* | 2 | 5 | 8 | 9 | 7 |" in text
-        assert "| steps | 2 | 100% | 50% | 50% | 50% | 50% |" in text
+        assert "| steps | 2 | 100% (> 5) | 50% (> 8) | 50% (> 9) | 50% (> 7) | 50% |" in text
         assert "| a true width | 1 | 0 | 0 | 0 | 0 | 1 |" in text
         assert "| silent | 1 | 0 | 1 | 0 | 0 | 0 |" in text
         limits = {"d": d, "low": 0.5 * d, "high": 2 * d, "asked": 10.0, "why": "may_be_a_gap"}

@@ -256,13 +256,16 @@ def sought(record: Record, process: Process, moves: Iterable[Floats], variance: 
     answers = record.white(record.load_answers(process, at))
     answers -= q @ (q.T @ answers)
     gram = answers.T @ answers / variance
-    found = []
-    for x in left:
-        toward = answers.T @ x / variance
-        begun: tuple[list[int], ...] = ([], list(range(record.changes.size)))
-        gain, taken = max(_pursued(gram, toward, start, MOST_CHANGES[record.kind]) for start in begun)
-        found.append(Cost(float(x @ x) / variance - gain, at[taken], float(x @ x) / x.size))
-    return found
+    most, towards = MOST_CHANGES[record.kind], [answers.T @ x / variance for x in left]
+    begun: list[list[int]] = [[], list(range(record.changes.size))]
+    best = [max(_pursued(gram, toward, start, most) for start in begun) for toward in towards]
+    # What one of them found helps the others as much.
+    for again in {tuple(sorted(taken)) for _, taken in best}:
+        best = [max(pair, _pursued(gram, y, list(again), most)) for pair, y in zip(best, towards, strict=True)]
+    return [
+        Cost(float(x @ x) / variance - gain, at[taken], float(x @ x) / x.size)
+        for x, (gain, taken) in zip(left, best, strict=True)
+    ]
 
 
 def refitted(record: Record, move: Floats, cost: Cost, variance: float) -> float:
@@ -279,7 +282,7 @@ def refitted(record: Record, move: Floats, cost: Cost, variance: float) -> float
         if changes.size:
             columns = np.column_stack([columns, record.load_answers(now, changes)])
         columns = record.white(columns)
-        columns /= np.linalg.norm(columns, axis=0)
+        columns /= np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
         both = np.column_stack([record.white(now.answer(move)[record.kept]), record.pv_white])
         gram = columns.T @ columns
         gram[np.diag_indices_from(gram)] += 1e-9
@@ -457,9 +460,19 @@ def leaving(op: Floats, position: Floats, kept: Places) -> float:
     return float(np.median(np.abs(np.diff(op[kept])[turned]))) if turned.size else math.nan
 
 
-def thresholds(sound: Sequence[Rungs]) -> list[float]:
-    """What no gap reaches on each rung in any record without one."""
-    return [max(0.0, *(rungs.lr_no_gap[i] for rungs in sound)) for i in range(len(RUNGS))]
+def thresholds(sound: Sequence[tuple[Truth, Rungs]]) -> dict[str, list[float]]:
+    """What no gap reaches on each rung in any record without one, under a load of each kind."""
+
+    def greatest(load: str, i: int) -> float:
+        return max((rungs.lr_no_gap[i] for truth, rungs in sound if truth.load == load), default=0.0)
+
+    return {load: [max(0.0, greatest(load, i)) for i in range(len(RUNGS))] for load in LOADS}
+
+
+def seen(rungs: Rungs, least: Sequence[float]) -> list[bool]:
+    """On which rungs, and on all above them, a gap can be told."""
+    above = [ratio > x for ratio, x in zip(rungs.lr_no_gap, least, strict=True)]
+    return [all(above[: i + 1]) for i in range(len(RUNGS))]
 
 
 def ask(name: str) -> Rungs:
@@ -467,25 +480,18 @@ def ask(name: str) -> Rungs:
     return Rungs.of(name)
 
 
-def tables(gaps: Sequence[tuple[Scored, Rungs]], sound: Sequence[Rungs]) -> str:
+def tables(gaps: Sequence[tuple[Scored, Rungs]], sound: Sequence[tuple[Truth, Rungs]]) -> str:
     """How many gaps can be told on each rung, and on which those are lost that the fit does not tell."""
     asked = thresholds(sound)
-
-    def seen(rungs: Rungs) -> list[bool]:
-        above = [ratio > least for ratio, least in zip(rungs.lr_no_gap, asked, strict=True)]
-        return [all(above[: i + 1]) for i in range(len(RUNGS))]
-
-    def share(of: Sequence[bool]) -> str:
-        return f"{np.mean(of):.0%}"
-
-    head = ["load", "records", *RUNGS, "the fit: a true width"]
-    body = [["*asked: more than*", str(len(sound)), *(f"{least:.0f}" for least in asked), ""]]
+    body = []
     for load in (*LOADS, "all"):
-        pairs = [(row, seen(rungs)) for row, rungs in gaps if load in (row.truth.load, "all")]
-        if pairs:
-            shares = [share([rung[i] for _, rung in pairs]) for i in range(len(RUNGS))]
-            body.append([load, str(len(pairs)), *shares, share([row.covered is True for row, _ in pairs])])
-    parts = [markdown(head, body)]
+        of = [(row, seen(rungs, asked[row.truth.load])) for row, rungs in gaps if load in (row.truth.load, "all")]
+        if not of:
+            continue
+        least = [f" (> {x:.0f})" for x in asked[load]] if load in asked else [""] * len(RUNGS)
+        shares = [f"{np.mean([rung[i] for _, rung in of]):.0%}{least[i]}" for i in range(len(RUNGS))]
+        body.append([load, str(len(of)), *shares, f"{np.mean([row.covered is True for row, _ in of]):.0%}"])
+    parts = [markdown(["load", "records", *RUNGS, "the fit: a true width"], body)]
     body = []
     said: dict[str, Callable[[Scored], bool]] = {
         "a true width": lambda row: row.covered is True,
@@ -495,9 +501,9 @@ def tables(gaps: Sequence[tuple[Scored, Rungs]], sound: Sequence[Rungs]) -> str:
         "silent": lambda row: row.d is None and row.verdict != "sound" and not row.alarm,
     }
     for what, holds in said.items():
-        of = [seen(rungs) for row, rungs in gaps if holds(row)]
-        lost = [sum(sum(rung) == i for rung in of) for i in range(len(RUNGS) + 1)]
-        body.append([what, str(len(of)), *map(str, lost)])
+        rungs_of = [seen(rungs, asked[row.truth.load]) for row, rungs in gaps if holds(row)]
+        lost = [sum(sum(rung) == i for rung in rungs_of) for i in range(len(RUNGS) + 1)]
+        body.append([what, str(len(rungs_of)), *map(str, lost)])
     parts.append(markdown(["the fit says", "records", *(f"lost: {rung}" for rung in RUNGS), "seen to the end"], body))
     return "\n\n".join(parts)
 
@@ -595,12 +601,11 @@ def main() -> None:
         leavings = dict(zip(faulty, pool.map(leaving_of, faulty, chunksize=8), strict=True))
     gaps = [(answers[t.name], done[t.name]) for t in truths if t.identifiable]
     none = [(t, done[t.name]) for t in truths if t.cause == "none"]
-    sound = [rungs for _, rungs in none]
-    least = thresholds(sound)
-    held = {r.name for _, r in gaps if all(ratio > x for ratio, x in zip(r.lr_no_gap, least, strict=True))}
+    least = thresholds(none)
+    held = {rungs.name for row, rungs in gaps if seen(rungs, least[row.truth.load])[-1]}
     less = asked_for_less([(row.truth, rungs) for row, rungs in gaps], none)
     text = "\n\n".join(
-        [tables(gaps, sound), causes(gaps), less, definitions([answers[name] for name in faulty], leavings, held)]
+        [tables(gaps, none), causes(gaps), less, definitions([answers[name] for name in faulty], leavings, held)]
     )
     print(text)
     if given.docs:

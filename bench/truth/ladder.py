@@ -259,9 +259,10 @@ def sought(record: Record, process: Process, moves: Iterable[Floats], variance: 
     most, towards = MOST_CHANGES[record.kind], [answers.T @ x / variance for x in left]
     begun: list[list[int]] = [[], list(range(record.changes.size))]
     best = [max(_pursued(gram, toward, start, most) for start in begun) for toward in towards]
-    # What one of them found helps the others as much.
-    for again in {tuple(sorted(taken)) for _, taken in best}:
-        best = [max(pair, _pursued(gram, y, list(again), most)) for pair, y in zip(best, towards, strict=True)]
+    # What the best of them found helps the others as much.
+    cost = [float(x @ x) / variance - gain for x, (gain, _) in zip(left, best, strict=True)]
+    again = best[int(np.argmin(cost))][1]
+    best = [max(pair, _pursued(gram, y, again, most)) for pair, y in zip(best, towards, strict=True)]
     return [
         Cost(float(x @ x) / variance - gain, at[taken], float(x @ x) / x.size)
         for x, (gain, taken) in zip(left, best, strict=True)

@@ -41,8 +41,8 @@ from glapp.simulate import Simulation, run
 from ..page import write
 from .__main__ import OUT as TRUTH
 from .__main__ import read
-from .design import CELLS, FAMILIES, LOADS, Drawn, draw
-from .records import Floats, Truth, chosen, compressed
+from .design import FAMILIES, LOADS, Cell, Drawn, draw
+from .records import Floats, Truth, compressed
 from .records import record as made_record
 from .score import FAULTY, LACKING, Scored, markdown
 
@@ -279,15 +279,18 @@ def refitted(record: Record, move: Floats, cost: Cost, variance: float) -> float
         return Process(record.scenario, change.tolist())
 
     def parts(now: Process, changes: Places) -> tuple[Floats, Floats]:
-        columns = record.unknown(now)
+        white = record.white(np.column_stack([now.answer(move)[record.kept], record.unknown(now)]))
+        q = basis(white[:, 1:])
+        both = np.column_stack([white[:, 0], record.pv_white])
+        both -= q @ (q.T @ both)
         if changes.size:
-            columns = np.column_stack([columns, record.load_answers(now, changes)])
-        columns = record.white(columns)
-        columns /= np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-        both = np.column_stack([record.white(now.answer(move)[record.kept]), record.pv_white])
-        gram = columns.T @ columns
-        gram[np.diag_indices_from(gram)] += 1e-9
-        v, y = (both - columns @ linalg.solve(gram, columns.T @ both, assume_a="pos")).T
+            load = record.white(record.load_answers(now, changes))
+            load -= q @ (q.T @ load)
+            load /= np.maximum(np.linalg.norm(load, axis=0), 1e-300)
+            gram = load.T @ load
+            gram[np.diag_indices_from(gram)] += 1e-9
+            both -= load @ linalg.solve(gram, load.T @ both, assume_a="pos")
+        v, y = both.T
         return v, y
 
     def left(x: Floats, changes: Places) -> Floats:
@@ -555,12 +558,9 @@ def definitions(scored: Sequence[Scored], leavings: dict[str, float], held: set[
     body = []
     for what, holds in said.items():
         of = [row for row in scored if holds(row)]
-        told, errors = (
-            [row for row in of if row.covered is not None],
-            [row.error for row in of if row.covered is not None],
-        )
+        told = [row for row in of if row.covered is not None]
         right = sum(bool(row.covered) for row in told)
-        bias = f"{100 * np.median(errors):+.1f} %" if errors else ""
+        bias = f"{100 * np.median([row.error for row in told]):+.1f} %" if told else ""
         body.append([what, str(len(of)), f"{len(told) / max(len(of), 1):.0%}", bias, f"{right} of {len(told)}"])
     return markdown(["identifiable", "records", "answered", "bias", "interval holds"], body)
 
@@ -574,43 +574,52 @@ def leaving_of(name: str) -> float:
 
 
 def main() -> None:
-    """Ask about all identifiable gaps of the bench, `each` of a kind, and as many records without one."""
+    """Ask about the identifiable gaps that the bench asked the fit about, and about as many records without one."""
     parser = argparse.ArgumentParser(prog="python -m bench.truth.ladder", description=__doc__.split("\n\n")[0])
-    parser.add_argument("each", type=int, nargs="?", default=10, help="so many of every kind")
+    parser.add_argument(
+        "each", type=int, nargs="?", default=10, help="the first so many of every kind in out/truth.csv"
+    )
     parser.add_argument("--family", choices=FAMILIES, default="inside")
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes")
     parser.add_argument("--resume", action="store_true", help="go on with out/ladder.jsonl")
     parser.add_argument("--docs", action="store_true", help="write the tables into docs/truth.md")
     given = parser.parse_args()
-    answers = {row.truth.name: row for row in read(TRUTH) if row.method == "fit"}
+    if not TRUTH.exists():
+        parser.error(f"there is no {TRUTH}: run python -m bench.truth first")
     if not given.resume:
         OUT.unlink(missing_ok=True)
     done = {r.name: r for r in map(_read, OUT.read_text("utf-8").splitlines())} if OUT.exists() else {}
+    every = [row for row in read(TRUTH) if row.method == "fit" and row.truth.family == given.family]
+    faulty = [row for row in every if row.truth.cause in FAULTY]
+    gaps = first(given.each, [row for row in faulty if row.truth.identifiable])
+    none = first(given.each, [row for row in every if row.truth.cause == "none"])
     with ProcessPoolExecutor(given.jobs) as pool, OUT.open("a", encoding="utf-8") as file:
-        cells = [c for c in CELLS if c.family == given.family and c.cause in ("none", *FAULTY)]
-        truths = [truth for cell in cells for truth in chosen(cell, given.each, pool)]
-        if missing := [t.name for t in truths if t.name not in answers]:
-            parser.error(
-                f"{TRUTH} has no answer of the fit to {missing[0]} and {len(missing) - 1} more: run bench.truth"
-            )
-        asked = [t.name for t in truths if t.identifiable or t.cause == "none"]
-        left = [name for name in asked if name not in done]
+        left = [row.truth.name for row in (*gaps, *none) if row.truth.name not in done]
         for rungs in track(pool.map(ask, left), "asking", len(left), disable=not sys.stderr.isatty()):
             done[rungs.name] = rungs
             print(json.dumps(asdict(rungs)), file=file, flush=True)
-        faulty = [t.name for t in truths if t.cause in FAULTY]
-        leavings = dict(zip(faulty, pool.map(leaving_of, faulty, chunksize=8), strict=True))
-    gaps = [(answers[t.name], done[t.name]) for t in truths if t.identifiable]
-    none = [(t, done[t.name]) for t in truths if t.cause == "none"]
-    least = thresholds(none)
-    held = {rungs.name for row, rungs in gaps if seen(rungs, least[row.truth.load])[-1]}
-    less = asked_for_less([(row.truth, rungs) for row, rungs in gaps], none)
-    text = "\n\n".join(
-        [tables(gaps, none), causes(gaps), less, definitions([answers[name] for name in faulty], leavings, held)]
-    )
+        names = [row.truth.name for row in faulty]
+        leavings = dict(zip(names, pool.map(leaving_of, names, chunksize=8), strict=True))
+    told = [(row, done[row.truth.name]) for row in gaps]
+    sound = [(row.truth, done[row.truth.name]) for row in none]
+    least = thresholds(sound)
+    held = {rungs.name for row, rungs in told if seen(rungs, least[row.truth.load])[-1]}
+    less = asked_for_less([(row.truth, rungs) for row, rungs in told], sound)
+    text = "\n\n".join([tables(told, sound), causes(told), less, definitions(faulty, leavings, held)])
+    text = f"The first {given.each} of every kind {given.family} the family.\n\n{text}"
     print(text)
     if given.docs:
         write("truth.md", text, "ladder")
+
+
+def first(each: int, rows: Sequence[Scored]) -> list[Scored]:
+    """The first so many of every cell, the first of all cells first."""
+    places: dict[Cell, int] = {}
+    placed = []
+    for row in rows:
+        place = places[row.truth.cell] = places.get(row.truth.cell, -1) + 1
+        placed.append((place, row))
+    return [row for place, row in sorted(placed, key=lambda pair: pair[0]) if place < each]
 
 
 def _read(line: str) -> Rungs:

@@ -283,7 +283,7 @@ class TestLadder:
         # The process can be told apart from the gap by who knows it only.
         assert clear.lr_no_gap[2] > 200 and 20 < clear.lr_no_gap[3] < 0.5 * clear.lr_no_gap[2]
         assert max(hidden.lr_no_gap) < 12
-        none = Rungs.of("none/walk/inside/7")
+        none = Rungs.of("none/walk/inside/28")
         assert max(none.lr_no_gap) < 12 and not none.lr_no_jump
 
     def test_what_op_moves_as_the_valve_leaves_its_gap(self) -> None:

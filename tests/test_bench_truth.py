@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from bench.truth.answer import Answer
 from bench.truth.design import CELLS, Cell, draw
-from bench.truth.ladder import RUNGS, Rungs, asked_for_less, causes, definitions, known, leaving, sought
+from bench.truth.ladder import RUNGS, Rungs, asked_for_less, causes, definitions, known, leaving, sought, unseen
 from bench.truth.ladder import Record as Known
 from bench.truth.ladder import tables as rungs_in_tables
 from bench.truth.methods import METHODS
@@ -308,7 +308,13 @@ class TestLadder:
         assert "| steps | 2 | 100% (> 5) | 50% (> 8) | 50% (> 9) | 50% (> 7) | 50% |" in text
         assert "| a true width | 1 | 0 | 0 | 0 | 0 | 1 |" in text
         assert "| silent | 1 | 0 | 1 | 0 | 0 | 0 |" in text
-        limits = {"d": d, "low": 0.5 * d, "high": 2 * d, "asked": 10.0, "why": "may_be_a_gap"}
+        lost = [
+            (rows[1], Rungs("", [9.0] * 4, [], ratio=x, asked=5.0, marks=n)) for x, n in ((6.0, 0), (4.0, 2), (4.0, 0))
+        ]
+        lost.append((rows[0], lost[0][1]))
+        assert "| steps | 3 | 1 | 1 | 1 |" in unseen(lost, [])
+        assert "| steps | 0 | 0 | 0 | 0 |" in unseen(lost, sound)
+        limits = {"d": d, "low": 0.5 * d, "high": 2 * d, "asked": 10.0}
         gaps = [(truths[0], Rungs("", [], [], ratio=ratio, **limits)) for ratio in (11.0, 5.0, 1.0)]
         gaps.append((truths[0], Rungs("", [], [], ratio=5.0, **limits | {"d": 3 * d, "low": 2 * d, "high": 4 * d})))
         text = asked_for_less(gaps, gaps[:2])

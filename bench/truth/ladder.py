@@ -394,8 +394,8 @@ class Rungs:
         Most likely width and its limits by the fit, told or not [% of OP].
     ratio, asked : float or None
         Likelihood ratio of no gap by the fit, and what it must exceed.
-    why : str or None
-        Why the fit says what it says, `glapp.Fit.why`.
+    marks : int or None
+        Steps and bends of the load that the fit believes in.
     """
 
     name: str
@@ -406,7 +406,7 @@ class Rungs:
     high: float | None = None
     ratio: float | None = None
     asked: float | None = None
-    why: str | None = None
+    marks: int | None = None
 
     def holds(self, truth: Truth, part: float) -> bool | None:
         """Whether the width would be true if the fit asked for so large a part of what it asks, and for nothing else.
@@ -512,6 +512,18 @@ def tables(gaps: Sequence[tuple[Scored, Rungs]], sound: Sequence[tuple[Truth, Ru
     return "\n\n".join(parts)
 
 
+def unseen(gaps: Sequence[tuple[Scored, Rungs]], sound: Sequence[tuple[Truth, Rungs]]) -> str:
+    """What the fit lacks in the records that are seen on all rungs, and of which it tells no width."""
+    asked, body = thresholds(sound), []
+    for load in LOADS:
+        of = [r for row, r in gaps if row.d is None and row.truth.load == load and seen(r, asked[load])[-1]]
+        above = sum((r.ratio or 0.0) > (r.asked or 0.0) for r in of)
+        found = sum((r.ratio or 0.0) <= (r.asked or 0.0) and bool(r.marks) for r in of)
+        body.append([load, str(len(of)), str(above), str(found), str(len(of) - above - found)])
+    head = ["load", "seen on all rungs, no width", "the fit's ratio is as large as it asks"]
+    return markdown([*head, "smaller, with steps or bends marked", "smaller, with none"], body)
+
+
 def causes(gaps: Sequence[tuple[Scored, Rungs]]) -> str:
     """In how many valves that stick the jump is told from a mere gap on each rung, and by the fit."""
     body = []
@@ -606,7 +618,9 @@ def main() -> None:
     least = thresholds(sound)
     held = {rungs.name for row, rungs in told if seen(rungs, least[row.truth.load])[-1]}
     less = asked_for_less([(row.truth, rungs) for row, rungs in told], sound)
-    text = "\n\n".join([tables(told, sound), causes(told), less, definitions(faulty, leavings, held)])
+    text = "\n\n".join(
+        [tables(told, sound), unseen(told, sound), causes(told), less, definitions(faulty, leavings, held)]
+    )
     text = f"The first {given.each} of every kind {given.family} the family.\n\n{text}"
     print(text)
     if given.docs:

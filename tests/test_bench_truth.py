@@ -301,19 +301,19 @@ class TestLadder:
         said = [("backlash", d, 0.9 * d, 1.1 * d), ("cannot_tell", None, None, None)]
         rows = [Scored(t, "fit", v, x, a, b, None, "", 0.1) for t, (v, x, a, b) in zip(truths[:2], said, strict=True)]
         none, walk = replace(truths[2], cause="none"), replace(truths[3], cause="none", load="walk")
-        sound = [(none, Rungs("", [5.0, 8.0, 9.0, 7.0], [])), (none, Rungs("", [-3.0] * 4, []))]
+        sound = [(none, Rungs("", [5.0, 18.0, 19.0, 17.0], [])), (none, Rungs("", [-3.0] * 4, []))]
         sound.append((walk, Rungs("", [999.0] * 4, [])))
-        told = [Rungs("", [99.0, 50.0, 20.0, 7.5], []), Rungs("", [99.0, 7.0, 20.0, 7.5], [])]
+        told = [Rungs("", [99.0, 50.0, 20.0, 17.5], []), Rungs("", [99.0, 7.0, 20.0, 17.5], [])]
         text = rungs_in_tables(list(zip(rows, told, strict=True)), sound)
-        assert "| steps | 2 | 100% (> 5) | 50% (> 8) | 50% (> 9) | 50% (> 7) | 50% |" in text
+        assert "| steps | 2 | 100% (> 15) | 50% (> 18) | 50% (> 19) | 50% (> 17) | 50% |" in text
         assert "| a true width | 1 | 0 | 0 | 0 | 0 | 1 |" in text
         assert "| silent | 1 | 0 | 1 | 0 | 0 | 0 |" in text
         lost = [
-            (rows[1], Rungs("", [9.0] * 4, [], ratio=x, asked=5.0, marks=n)) for x, n in ((6.0, 0), (4.0, 2), (4.0, 0))
+            (rows[1], Rungs("", [28.0] * 4, [], ratio=x, asked=5.0, marks=n)) for x, n in ((6.0, 0), (4.0, 2), (4.0, 0))
         ]
-        lost.append((rows[0], lost[0][1]))
-        assert "| steps | 3 | 1 | 1 | 1 |" in unseen(lost, [])
-        assert "| steps | 0 | 0 | 0 | 0 |" in unseen(lost, sound)
+        often = replace(lost[2][1], changes=truths[1].samples // 39 + 1)
+        text = unseen([*lost, (rows[1], often), (rows[0], lost[0][1])], sound)
+        assert "| steps | 4 | 1 | 1 | 2 | 1 |" in text
         limits = {"d": d, "low": 0.5 * d, "high": 2 * d, "asked": 10.0}
         gaps = [(truths[0], Rungs("", [], [], ratio=ratio, **limits)) for ratio in (11.0, 5.0, 1.0)]
         gaps.append((truths[0], Rungs("", [], [], ratio=5.0, **limits | {"d": 3 * d, "low": 2 * d, "high": 4 * d})))

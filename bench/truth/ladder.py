@@ -42,6 +42,7 @@ from ..page import write
 from .__main__ import OUT as TRUTH
 from .__main__ import read
 from .design import FAMILIES, LOADS, Cell, Drawn, draw
+from .oracle import NO_GAP, NO_JUMP
 from .records import Floats, Truth, compressed
 from .records import record as made_record
 from .score import FAULTY, LACKING, Scored, markdown
@@ -374,8 +375,8 @@ def _gain(gram: Floats, toward: Floats, taken: list[int]) -> float:
 PARTS = (1.0, 0.8, 0.6, 0.4, 0.2, 0.0)
 """Parts of the likelihood ratio that the fit asks for."""
 
-LEAST_LOW, JUMP = (_glapp.fit_thresholds()[name][0] for name in ("LEAST_LOW", "JUMP"))
-"""A lower limit that is a smaller part of the width is none; what a jump's likelihood ratio must exceed."""
+LEAST_LOW, DENSE = (_glapp.fit_thresholds()[name][0] for name in ("LEAST_LOW", "CELLS_A_CHANGE"))
+"""A lower limit that is a smaller part of the width is none; steps and bends denser than that are not believed."""
 
 
 @dataclass(frozen=True)
@@ -396,6 +397,8 @@ class Rungs:
         Likelihood ratio of no gap by the fit, and what it must exceed.
     marks : int or None
         Steps and bends of the load that the fit believes in.
+    changes : int
+        How many there are.
     """
 
     name: str
@@ -407,6 +410,7 @@ class Rungs:
     ratio: float | None = None
     asked: float | None = None
     marks: int | None = None
+    changes: int = 0
 
     def holds(self, truth: Truth, part: float) -> bool | None:
         """Whether the width would be true if the fit asked for so large a part of what it asks, and for nothing else.
@@ -465,12 +469,12 @@ def leaving(op: Floats, position: Floats, kept: Places) -> float:
 
 
 def thresholds(sound: Sequence[tuple[Truth, Rungs]]) -> dict[str, list[float]]:
-    """What no gap reaches on each rung in any record without one, under a load of each kind."""
+    """What no gap reaches on each rung in any record without one, for each kind of load; no less than the fit asks."""
 
     def greatest(load: str, i: int) -> float:
         return max((rungs.lr_no_gap[i] for truth, rungs in sound if truth.load == load), default=0.0)
 
-    return {load: [max(0.0, greatest(load, i)) for i in range(len(RUNGS))] for load in LOADS}
+    return {load: [max(NO_GAP, greatest(load, i)) for i in range(len(RUNGS))] for load in LOADS}
 
 
 def seen(rungs: Rungs, least: Sequence[float]) -> list[bool]:
@@ -516,12 +520,15 @@ def unseen(gaps: Sequence[tuple[Scored, Rungs]], sound: Sequence[tuple[Truth, Ru
     """What the fit lacks in the records that are seen on all rungs, and of which it tells no width."""
     asked, body = thresholds(sound), []
     for load in LOADS:
-        of = [r for row, r in gaps if row.d is None and row.truth.load == load and seen(r, asked[load])[-1]]
-        above = sum((r.ratio or 0.0) > (r.asked or 0.0) for r in of)
-        found = sum((r.ratio or 0.0) <= (r.asked or 0.0) and bool(r.marks) for r in of)
-        body.append([load, str(len(of)), str(above), str(found), str(len(of) - above - found)])
-    head = ["load", "seen on all rungs, no width", "the fit's ratio is as large as it asks"]
-    return markdown([*head, "smaller, with steps or bends marked", "smaller, with none"], body)
+        of = [
+            (row.truth, r) for row, r in gaps if row.d is None and row.truth.load == load and seen(r, asked[load])[-1]
+        ]
+        less = [(truth, r) for truth, r in of if (r.ratio or 0.0) <= (r.asked or 0.0)]
+        unmarked = [truth.samples < DENSE * r.changes for truth, r in less if not r.marks]
+        numbers = (len(of), len(of) - len(less), len(less) - len(unmarked), len(unmarked), sum(unmarked))
+        body.append([load, *map(str, numbers)])
+    head = ["load", "seen on all rungs, no width", "the fit's ratio is as large as it asks", "smaller, with marks"]
+    return markdown([*head, "smaller, without", f"of these more than a change in {DENSE:.0f} samples"], body)
 
 
 def causes(gaps: Sequence[tuple[Scored, Rungs]]) -> str:
@@ -530,7 +537,7 @@ def causes(gaps: Sequence[tuple[Scored, Rungs]]) -> str:
     for load in (*LOADS, "all"):
         of = [(row, r.lr_no_jump) for row, r in gaps if row.truth.cause_told and load in (row.truth.load, "all")]
         if of:
-            above = [[all(x > JUMP for x in ratios[: i + 1]) for _, ratios in of] for i in range(len(RUNGS))]
+            above = [[all(x > NO_JUMP for x in ratios[: i + 1]) for _, ratios in of] for i in range(len(RUNGS))]
             right = np.mean([row.verdict == row.truth.cause for row, _ in of])
             body.append([load, str(len(of)), *(f"{np.mean(rung):.0%}" for rung in above), f"{right:.0%}"])
     return markdown(["load", "valves that stick", *RUNGS, "the fit: the right cause"], body)

@@ -4,12 +4,16 @@ papers show.
 
 import math
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from bench.truth.answer import Answer
 from bench.truth.design import CELLS, Cell, draw
+from bench.truth.ladder import RUNGS, Rungs, asked_for_less, causes, definitions, known, leaving, sought, unseen
+from bench.truth.ladder import Record as Known
+from bench.truth.ladder import tables as rungs_in_tables
 from bench.truth.methods import METHODS
 from bench.truth.methods.ellipse import ellipse_width
 from bench.truth.oracle import told
@@ -247,3 +251,81 @@ class TestOracle:
 
     def test_it_tells_a_jump_from_a_gap(self) -> None:
         assert told("both/steps/inside/1").lr_no_jump > 1000
+
+
+@pytest.fixture(scope="module")
+def stuck() -> Known:
+    """A record with a gap and friction under 28 steps of the load."""
+    return Known("both/steps/inside/8")
+
+
+class TestLadder:
+    def test_it_knows_how_the_valve_moves(self, stuck: Known) -> None:
+        assert np.array_equal(stuck.valve(stuck.simulation.op), stuck.simulation.position)
+        assert not np.allclose(stuck.valve(stuck.simulation.op, stuck.drawn.d), stuck.simulation.position)
+        gone = np.array([0.0, 1.0, 2.0, 1.0, 0.0, -1.0])
+        stood = stuck.rest
+        assert list(stuck.valve(stood + gone, 2.0) - stood) == [0.0, 0.0, 1.0, 1.0, 1.0, 0.0]
+
+    def test_steps_that_are_sought_are_found_where_they_are(self, stuck: Known) -> None:
+        move = stuck.simulation.position - stuck.rest
+        (told,), (found,) = known(stuck, stuck.true, [move]), sought(stuck, stuck.true, [move], 1.0)
+        # Half of the steps are as large as this at least, and each of these has one where it was found.
+        far = [np.abs(found.changes - at).min() / stuck.drawn.every for at in stuck.changes]
+        assert np.median(far) <= 1
+        # Places and sizes are paid for, and PV is explained as well but for that.
+        assert told.cost < found.cost < told.cost + 40 * len(found.changes)
+
+    @pytest.mark.slow
+    def test_who_knows_less_sees_less(self) -> None:
+        clear, hidden = Rungs.of("both/walk/inside/129"), Rungs.of("backlash/walk/inside/1")
+        assert len(clear.lr_no_gap) == len(RUNGS)
+        # The process can be told apart from the gap by who knows it only.
+        assert clear.lr_no_gap[2] > 200 and 20 < clear.lr_no_gap[3] < 0.5 * clear.lr_no_gap[2]
+        assert max(hidden.lr_no_gap) < 12
+        none = Rungs.of("none/walk/inside/28")
+        assert max(none.lr_no_gap) < 12 and not none.lr_no_jump
+
+    def test_what_op_moves_as_the_valve_leaves_its_gap(self) -> None:
+        op = np.array([0.0, 1.0, 2.0, 1.5, 0.5, -1.5, -2.0, 0.5])
+        position = np.array([0.0, 1.0, 2.0, 2.0, 1.5, -0.5, -1.0, -0.5])
+        # It turns down while OP goes 1.5 to 0.5, and up while OP goes −2 to 0.5.
+        assert leaving(op, position, np.arange(8)) == pytest.approx(1.75)
+        assert math.isnan(leaving(op, np.zeros(8), np.arange(8)))
+
+    def test_tables_count_what_is_lost_where(self) -> None:
+        with ThreadPoolExecutor(1) as pool:
+            truths = list(chosen(Cell("backlash", "steps", "inside"), 2, pool))
+        truths.sort(key=lambda truth: not truth.identifiable)
+        d = truths[0].d
+        said = [("backlash", d, 0.9 * d, 1.1 * d), ("cannot_tell", None, None, None)]
+        rows = [Scored(t, "fit", v, x, a, b, None, "", 0.1) for t, (v, x, a, b) in zip(truths[:2], said, strict=True)]
+        none, walk = replace(truths[2], cause="none"), replace(truths[3], cause="none", load="walk")
+        sound = [(none, Rungs("", [5.0, 18.0, 19.0, 17.0], [])), (none, Rungs("", [-3.0] * 4, []))]
+        sound.append((walk, Rungs("", [999.0] * 4, [])))
+        told = [Rungs("", [99.0, 50.0, 20.0, 17.5], []), Rungs("", [99.0, 7.0, 20.0, 17.5], [])]
+        text = rungs_in_tables(list(zip(rows, told, strict=True)), sound)
+        assert "| steps | 2 | 100% (> 15) | 50% (> 18) | 50% (> 19) | 50% (> 17) | 50% |" in text
+        assert "| a true width | 1 | 0 | 0 | 0 | 0 | 1 |" in text
+        assert "| silent | 1 | 0 | 1 | 0 | 0 | 0 |" in text
+        lost = [
+            (rows[1], Rungs("", [28.0] * 4, [], ratio=x, asked=5.0, marks=n)) for x, n in ((6.0, 0), (4.0, 2), (4.0, 0))
+        ]
+        often = replace(lost[2][1], changes=truths[1].samples // 39 + 1)
+        text = unseen([*lost, (rows[1], often), (rows[0], lost[0][1])], sound)
+        assert "| steps | 4 | 1 | 1 | 2 | 1 |" in text
+        limits = {"d": d, "low": 0.5 * d, "high": 2 * d, "asked": 10.0}
+        gaps = [(truths[0], Rungs("", [], [], ratio=ratio, **limits)) for ratio in (11.0, 5.0, 1.0)]
+        gaps.append((truths[0], Rungs("", [], [], ratio=5.0, **limits | {"d": 3 * d, "low": 2 * d, "high": 4 * d})))
+        text = asked_for_less(gaps, gaps[:2])
+        assert "| 1 | 1 | 0 | 3 | 1 |" in text and "| 0.4 | 2 | 1 | 1 | 2 |" in text
+        sticks = replace(truths[0], cause="stiction", cause_told=True)
+        named = [rows[0]._replace(truth=sticks, verdict=verdict) for verdict in ("stiction", "backlash")]
+        jumps = [Rungs("", [], [99.0, 30.0, 19.0, 30.0]), Rungs("", [], [19.0] * 4)]
+        text = causes(list(zip(named, jumps, strict=True)))
+        assert "| steps | 2 | 50% | 50% | 0% | 0% | 50% |" in text
+        apart = {truths[0].name: d / 7, truths[1].name: truths[1].d}
+        text = definitions(rows, apart, {truths[1].name})
+        assert "| h ≤ T/5, as the records were chosen | 2 | 50% | +0.0 % | 1 of 1 |" in text
+        assert "| d ≥ 6e as well | 1 | 100% | +0.0 % | 1 of 1 |" in text
+        assert "| h ≤ T/5, and seen on all rungs | 1 | 0% |  | 0 of 0 |" in text

@@ -22,12 +22,12 @@ from typing import Any, NoReturn
 
 from asyncua import Client, ua
 from asyncua.crypto import security_policies, uacrypto
-from cryptography import x509
 
 from ..errors import InputError
 from ..loop import Loop
 from ..reading.values import mode_flag, text_of
 from .connection import Connection, check_tags
+from .security import uri_of
 from .signal import Event, Signal, Take, Tell, Value, WriteRefused
 
 __all__ = ["Found", "OpcUa", "browse", "reason"]
@@ -975,7 +975,7 @@ async def _client(connection: Connection) -> Client:
         for path in (own, key, server):
             if not path.is_file():
                 raise InputError("there is no such file", file=str(path))
-        client.application_uri = _uri_of(await uacrypto.load_certificate(own)) or client.application_uri
+        client.application_uri = uri_of(await uacrypto.load_certificate(own)) or client.application_uri
         policy = getattr(security_policies, f"SecurityPolicy{connection.security}")
         mode = ua.MessageSecurityMode[connection.mode]
         await client.set_security(policy, own, key, server_certificate=server, mode=mode)
@@ -989,14 +989,6 @@ async def _disconnect(client: Client, connection: Connection) -> None:
     with contextlib.suppress(Exception):
         async with asyncio.timeout(connection.timeout):
             await client.disconnect()
-
-
-def _uri_of(certificate: x509.Certificate) -> str | None:
-    """The application's URI, which a server compares with what we say."""
-    with contextlib.suppress(x509.ExtensionNotFound):
-        names = certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
-        return next(iter(names.get_values_for_type(x509.UniformResourceIdentifier)), None)
-    return None
 
 
 # --------------------------------------------------------------------- browsing

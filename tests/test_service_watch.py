@@ -117,7 +117,7 @@ async def until(true: Callable[[], bool], why: str) -> None:
 
 async def in_force(watch: Watch, plant: Swinging) -> None:
     """Enabled by name, and u_FF is not 0."""
-    await watch.change("FIC0", {"comp_size": WIDTH, "comp_release": 1.0}, "eve", "engineer")
+    await watch.change("FIC0", {"comp_size": WIDTH, "comp_release": 0.5}, "eve", "engineer")
     shown = await watch.enable("FIC0", "eve", "engineer")
     assert shown["enabled"]
     await until(lambda: abs(plant.u_ff.get("FIC0", 0.0)) > 0.3, f"u_FF never came: {watch.status()}")

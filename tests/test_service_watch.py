@@ -13,12 +13,14 @@ from service import BEGIN, Clock, Table, fed, loops, values
 
 from glapp import Loop
 from glapp.errors import InputError
+from glapp.service import watch as of_watch
 from glapp.service.memory import Memory, backup, restore
 from glapp.service.signal import Event, Signal, Value
 from glapp.service.watch import SEEN, Bounds, Watch, with_settings
 
 PERIOD = 0.02
 WIDTH = 1.5
+SIZED = {"comp_size": WIDTH, "comp_release": 0.5}
 MOST = (3.0, 50.0)
 
 
@@ -117,7 +119,7 @@ async def until(true: Callable[[], bool], why: str) -> None:
 
 async def in_force(watch: Watch, plant: Swinging) -> None:
     """Enabled by name, and u_FF is not 0."""
-    await watch.change("FIC0", {"comp_size": WIDTH, "comp_release": 0.5}, "eve", "engineer")
+    await watch.change("FIC0", SIZED, "eve", "engineer")
     shown = await watch.enable("FIC0", "eve", "engineer")
     assert shown["enabled"]
     await until(lambda: abs(plant.u_ff.get("FIC0", 0.0)) > 0.3, f"u_FF never came: {watch.status()}")
@@ -132,8 +134,8 @@ def test_nothing_is_written_until_it_is_enabled_by_name(tmp_path: Path) -> None:
     async def look(watch: Watch, plant: Swinging) -> None:
         with pytest.raises(InputError, match="no width is given"):
             await watch.enable("FIC0", "eve", "engineer")
-        await watch.change("FIC0", {"comp_size": WIDTH}, "eve", "engineer")
-        await asyncio.sleep(0.5)
+        await watch.change("FIC0", SIZED, "eve", "engineer")
+        await asyncio.sleep(0.2)
         assert all(u_ff == 0.0 for _, u_ff in plant.writes) and not plant.may
         await watch.enable("FIC0", "eve", "engineer")
         await until(lambda: abs(plant.u_ff["FIC0"]) > 0.3, "u_FF never came")
@@ -292,8 +294,9 @@ def test_another_writer_withdraws_it(tmp_path: Path) -> None:
     beside(tmp_path, look)
 
 
-@pytest.mark.slow
-def test_the_watchdog_hears_of_us_only_while_u_ff_is_fresh(tmp_path: Path) -> None:
+def test_the_watchdog_hears_of_us_only_while_u_ff_is_fresh(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(of_watch, "_BEAT", 0.05)
+
     async def look(watch: Watch, plant: Swinging) -> None:
         await until(lambda: plant.beats >= 1, "no beat without compensation")
         await in_force(watch, plant)
@@ -301,10 +304,11 @@ def test_the_watchdog_hears_of_us_only_while_u_ff_is_fresh(tmp_path: Path) -> No
         await until(lambda: plant.beats > before, "no beat with it")
         await until(lambda: abs(plant.u_ff["FIC0"]) > 0.3, "u_FF never came")
         plant.refuse = "not_connected"  # u_FF stands in the plant, and cannot be taken away
-        await asyncio.sleep(1.2)
+        await asyncio.sleep(0.3)
         before = plant.beats
-        await asyncio.sleep(2.2)
+        await asyncio.sleep(0.5)
         assert plant.beats == before, "the plant has to take it away by itself"
+        plant.refuse = None
 
     beside(tmp_path, look)
 
@@ -316,7 +320,7 @@ def test_enabling_is_refused_where_u_ff_comes_too_late(tmp_path: Path) -> None:
             await super().write(loop, u_ff)
 
     async def look(watch: Watch, plant: Swinging) -> None:
-        await watch.change("FIC0", {"comp_size": WIDTH}, "eve", "engineer")
+        await watch.change("FIC0", SIZED, "eve", "engineer")
         with pytest.raises(
             InputError, match=r"u_FF comes \d\.\d+ s late, (\d+ scans .*)?more than (the core|32 scans)"
         ):
@@ -334,7 +338,7 @@ def test_a_plant_without_a_watchdog_is_not_compensated(tmp_path: Path) -> None:
             raise WriteRefused("not_named", "no watchdog is named")
 
     async def look(watch: Watch, plant: Swinging) -> None:
-        await watch.change("FIC0", {"comp_size": WIDTH}, "eve", "engineer")
+        await watch.change("FIC0", SIZED, "eve", "engineer")
         with pytest.raises(InputError, match="no watchdog is named"):
             await watch.enable("FIC0", "eve", "engineer")
         assert not plant.may
@@ -363,7 +367,7 @@ class Wired(Swinging):
 @pytest.mark.slow
 def test_no_loop_is_enabled_before_its_plant_was_seen_to_take_u_ff_away(tmp_path: Path) -> None:
     async def look(watch: Watch, plant: Swinging) -> None:
-        await watch.change("FIC0", {"comp_size": WIDTH}, "eve", "engineer")
+        await watch.change("FIC0", SIZED, "eve", "engineer")
         with pytest.raises(InputError, match=r"never seen .* glapp watch drill FIC0"):
             await watch.enable("FIC0", "eve", "engineer")
         await watch.drill("FIC0", "eve", "engineer")
@@ -384,7 +388,7 @@ def test_no_loop_is_enabled_before_its_plant_was_seen_to_take_u_ff_away(tmp_path
 @pytest.mark.slow
 def test_a_drill_that_fails(tmp_path: Path) -> None:
     async def look(watch: Watch, plant: Swinging) -> None:
-        await watch.change("FIC0", {"comp_size": WIDTH}, "eve", "engineer")
+        await watch.change("FIC0", SIZED, "eve", "engineer")
         await watch.drill("FIC0", "eve", "engineer")
         await until(lambda: not watch._drilling(), "it does not end")
         assert plant.u_ff["FIC0"] == 0.0, "we took it away ourselves"

@@ -202,7 +202,7 @@ async def _serve(
                 begin=demo["days"],
                 speed=_HURRY if hurries else 1.0,
                 watchdog=5.0,
-                ramp=10.0,
+                ramp=3.0,
                 repair=demo["repair"],
             )
             await stack.enter_async_context(plant)

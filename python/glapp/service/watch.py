@@ -44,6 +44,9 @@ SEEN = "watchdog_seen"
 
 _FIELDS = 7
 _SPAWN = get_context("spawn")
+_BEAT = 1.0
+"""Time between two counts of the plant's watchdog [s]."""
+
 _FOLLOWED = 2.0
 """So long a plant that hurries waits for one scan at most [s]."""
 
@@ -775,7 +778,7 @@ class Watch:
                     # Without one nothing can be enabled, and without a connection nothing is.
                     if refused.reason not in ("not_named", "not_connected"):
                         self._tell(Event(self._clock(), None, "no_beat", f"the watchdog was not counted up: {refused}"))
-            await asyncio.sleep(1.0)
+            await asyncio.sleep(_BEAT)
 
     # What persons ask for
 

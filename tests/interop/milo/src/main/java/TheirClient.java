@@ -32,13 +32,13 @@ import org.eclipse.milo.opcua.stack.core.util.validation.ValidationCheck;
  */
 public final class TheirClient {
   public static void main(String[] words) throws Exception {
-    var refused = new StringJoiner(", ");
+    var denied = new StringJoiner(", ");
     OpcUaClient client;
     if (System.getenv("PKI") == null) {
       client = OpcUaClient.create(words[0]);
     } else {
-      refused.add("\"password\": \"" + refused(secured(words[0], "server", "a guess of ten")) + "\"");
-      refused.add("\"certificate\": \"" + refused(secured(words[0], "stranger", "long enough")) + "\"");
+      denied.add("\"password\": \"" + refused(secured(words[0], "server", "a guess of ten")) + "\"");
+      denied.add("\"certificate\": \"" + refused(secured(words[0], "stranger", "long enough")) + "\"");
       client = secured(words[0], "server", "long enough");
     }
     client.connect();
@@ -70,7 +70,7 @@ public final class TheirClient {
     }
     System.out.println(
         "{\"seen\": [" + String.join(", ", seen) + "], \"written\": \"" + name(written) + "\", \"read\": {" + read
-            + "}, \"refused\": {" + refused + "}}");
+            + "}, \"refused\": {" + denied + "}}");
     subscription.delete();
     client.disconnect();
     System.exit(0);

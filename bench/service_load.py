@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import logging
 import os
 import resource
 import subprocess
@@ -101,6 +102,7 @@ async def _watch(settings: Path, folder: Path, seconds: float, plant: int) -> No
 
 def main() -> None:
     """Watch a simulated plant."""
+    logging.getLogger("asyncua").setLevel(logging.CRITICAL)
     numbers = [float(word) for word in sys.argv[1:]]
     loops, seconds = int(numbers[0]) if numbers else 1000, numbers[1] if len(numbers) > 1 else 120.0
     with TemporaryDirectory() as name:

@@ -953,6 +953,8 @@ def reason(error: BaseException) -> str:
         return "no answer in time"
     if isinstance(error, ConnectionRefusedError):
         return "nobody listens there"
+    if isinstance(error, AssertionError):  # asyncua's, where a server refuses the channel that it asks for
+        return "the server's answer cannot be read; it may not trust our certificate"
     text = str(error)
     return text if isinstance(error, _LostError | InputError) else f"{type(error).__name__}: {text}"
 

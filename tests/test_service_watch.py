@@ -290,6 +290,7 @@ def test_another_writer_withdraws_it(tmp_path: Path) -> None:
         plant.refuse = "other_writer"
         await until(lambda: not shown(watch)["enabled"], "it goes on")
         assert "other_writer" in str(shown(watch)["why_off"])
+        plant.refuse = None
 
     beside(tmp_path, look)
 
@@ -402,8 +403,11 @@ def test_a_drill_that_fails(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_an_answer_that_is_cancelled_with_its_connection_ends_nothing(tmp_path: Path) -> None:
+def test_an_answer_that_is_cancelled_with_its_connection_ends_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A client that loses its connection cancels all that waits for an answer: that is not meant for us."""
+    monkeypatch.setattr(of_watch, "_BEAT", 0.05)
 
     class Broken(Swinging):
         runs = 0

@@ -1,6 +1,11 @@
 """For all tests: hypothesis must not look at the clock, no more than we do; and each fit is made once."""
 
+import gc
 import os
+
+# The OPC UA servers of the tests are a hundred thousand objects each: half of the time that one took to begin, the
+# collector looked through them.
+gc.set_threshold(50_000, 10, 10)
 
 if "PYTEST_XDIST_WORKER" in os.environ:
     # Each worker has its processor: threads of its own would only wait for the others, and burn time as they do.

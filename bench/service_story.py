@@ -1,19 +1,22 @@
 """Ninety days of a valve, as the service saw them: `python -m bench.service_story`, about a quarter of an hour.
 
-`glapp watch --demo --days 90 --scan 60 --loops 2 --repair 46` runs as a process of its own. An engineer asks through
+`glapp watch --demo --days 90 --scan 60 --loops 2 --repair 42` runs as a process of its own. An engineer asks through
 its door, as `glapp watch drill`, `take-over`, `set` and `enable` do: a drill on day 20; the first fit after day 30 is
-taken over; five days later compensation is enabled, and again a day after it was withdrawn. On day 46 the valve is
-repaired, and nobody tells the compensation. u_FF is looked at in the plant's own node, by a client of its own.
+taken over; four days later compensation is enabled, and again a day after it was withdrawn. On day 42 the valve is
+repaired, and nobody tells the compensation. u_FF is looked at in the plant's own node, by a client of its own. Ended
+by SIGTERM it tells what was until then.
 """
 
 from __future__ import annotations
 
 import argparse
 import asyncio
+import contextlib
 import itertools
 import json
 import logging
 import math
+import signal
 import tempfile
 import time
 from datetime import UTC
@@ -29,8 +32,8 @@ from glapp.service.memory import Reader
 from glapp.service.plant import NAMESPACE
 from glapp.service.recordings import Signals
 
-DAYS, SCAN, REPAIR = 90.0, 60.0, 46.0
-DRILL, TAKE_OVER, BEFORE = 20.0, 30.0, 5.0
+DAYS, SCAN, REPAIR = 90.0, 60.0, 42.0
+DRILL, TAKE_OVER, BEFORE = 20.0, 30.0, 4.2
 WATCH = 1500 * 6 * SCAN
 """`comp_watch` [s]: 1500 Ti, within which the setpoint moves five times."""
 
@@ -154,7 +157,10 @@ async def _run(keep: Path | None) -> None:
                 subscription = await client.create_subscription(20, node)
                 tag = client.get_node(ua.NodeId(f"{LOOP}.U_FF", index))
                 await subscription.subscribe_data_change(tag, queuesize=1000, sampling_interval=10)
-                await _told(told, begin, service)
+                telling = asyncio.create_task(_told(told, begin, service))
+                asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, telling.cancel)
+                with contextlib.suppress(asyncio.CancelledError):
+                    await telling
         finally:
             service.child.terminate()
             await asyncio.to_thread(service.child.wait)

@@ -3,10 +3,6 @@
 import gc
 import os
 
-# The OPC UA servers of the tests are a hundred thousand objects each: half of the time that one took to begin, the
-# collector looked through them.
-gc.set_threshold(50_000, 10, 10)
-
 if "PYTEST_XDIST_WORKER" in os.environ:
     # Each worker has its processor: threads of its own would only wait for the others, and burn time as they do.
     # NumPy and the fit read this when they are imported, so it stands before them.
@@ -20,6 +16,10 @@ from hypothesis import settings
 
 settings.register_profile("without a clock", deadline=None)
 settings.load_profile("without a clock")
+
+# The OPC UA servers of the tests are a hundred thousand objects each: half of the time that one took to begin, the
+# collector looked through them.
+gc.set_threshold(50_000, 10, 10)
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -84,7 +84,8 @@ def test_what_was_right_is_too_much_after_a_repair_and_is_warned_of_and_withdraw
 @pytest.mark.slow
 def test_a_plant_that_hurries_waits_for_every_u_ff(tmp_path: Path) -> None:
     """By OPC UA: without waiting it would be hundreds of scans ahead when u_FF is there, and enabling be refused."""
-    found: list[tuple[float, float, bool]] = []
+    found: list[tuple[float, float, str]] = []
+    written: list[float] = []
 
     async def run() -> None:
         async with SimPlant(1, scan=SCAN, begin=30.0, speed=20_000.0, watchdog=2.0, ramp=0.5) as plant:
@@ -97,7 +98,10 @@ def test_a_plant_that_hurries_waits_for_every_u_ff(tmp_path: Path) -> None:
 
             async def follow(moment: float) -> None:
                 await watch.caught_up(moment)
-                found.append((moment, one.made, one.compensator is not None and one.compensator.enabled))
+                made = one.compensator
+                assert made is not None
+                found.append((moment, one.made, made.standing if made.enabled else ""))
+                written.append(plant.u_ff("FIC101"))
 
             plant.follow = follow
             task = asyncio.create_task(watch.run(OpcUa(Connection(url=plant.url, **given), known)))
@@ -111,7 +115,8 @@ def test_a_plant_that_hurries_waits_for_every_u_ff(tmp_path: Path) -> None:
                         await asyncio.sleep(0.01)
                     shown = await watch.enable("FIC101", "eve", "engineer")
                     assert shown["delay"] < SCAN
-                    while sum(enabled for _, _, enabled in found) < 100:
+                    plant._loops["FIC101"].graph["sp.value"] = 60.0  # so that OP turns
+                    while sum(bool(standing) for _, _, standing in found) < 150:
                         await asyncio.sleep(0.01)
             finally:
                 task.cancel()
@@ -120,5 +125,9 @@ def test_a_plant_that_hurries_waits_for_every_u_ff(tmp_path: Path) -> None:
 
     asyncio.run(run())
     assert all(made == -math.inf for _, made, _ in found[:50])
-    in_force = [(moment, made) for moment, made, enabled in found if enabled]
-    assert len(in_force) >= 100 and all(moment == made for moment, made in in_force)
+    in_force = [(moment, made) for moment, made, standing in found if standing]
+    assert len(in_force) >= 150 and all(moment == made for moment, made in in_force)
+    assert {standing for _, _, standing in found} <= {"", "waiting", "active"}, "by its own clock all is fresh"
+    assert max(map(abs, written)) == pytest.approx(0.6), (
+        "and u_FF stands in the plant: 0.8 of 2 %, less the band, half of it"
+    )

@@ -91,7 +91,7 @@ def _ours(text: str, metavar: str, low: int | None = None, high: int | None = No
         "glapp watch loops.toml --data plant",
         "glapp watch loops.toml --data plant --host 0.0.0.0 --certificate door.pem --key door.key",
         "glapp watch --demo",
-        "glapp watch --demo --days 90 --scan 60 --loops 2 --repair 46",
+        "glapp watch --demo --days 90 --scan 60 --loops 2 --repair 42",
         "glapp watch --demo --opcua-port 4841",
     )
 )

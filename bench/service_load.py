@@ -15,6 +15,7 @@ import resource
 import subprocess
 import sys
 import time
+from collections import Counter
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -69,6 +70,7 @@ def _used(process: int) -> float:
 async def _watch(settings: Path, folder: Path, seconds: float, plant: int) -> None:
     connection, loops = read_connection(settings), read_settings(settings)
     assert connection is not None
+    connection = connection.model_copy(update={"timeout": 30.0})  # a plant without a processor answers late
     watch = _Measured(loops, Memory(folder), bounds=Bounds(save=60.0))
     task = asyncio.create_task(watch.run(OpcUa(connection, loops)))
     while not watch.count and not task.done():
@@ -93,8 +95,8 @@ async def _watch(settings: Path, folder: Path, seconds: float, plant: int) -> No
     task.cancel()
     with contextlib.suppress(asyncio.CancelledError):
         await task
-    for event in watch.reader.events():
-        print(f"  {event['kind']}: {event['text']}")
+    told = Counter(event["kind"] for event in watch.reader.events(most=1_000_000))
+    print("told:", ", ".join(f"{kind} {count} times" for kind, count in told.items()))
     size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
     print(f"{size / 2**20:.1f} MB on disk")
     watch.memory.close()

@@ -22,6 +22,11 @@ settings.load_profile("without a clock")
 gc.set_threshold(50_000, 10, 10)
 
 
+def pytest_xdist_auto_num_workers() -> int:
+    """One more than there are processors: a good part of the tests waits, for a clock or for another process."""
+    return len(os.sched_getaffinity(0)) + 1
+
+
 def pytest_configure(config: pytest.Config) -> None:
     if fits.FOLDER not in os.environ:  # a worker has the folder of the process that started it
         folder = TemporaryDirectory(prefix="glapp-fits-")

@@ -234,7 +234,8 @@ async def _serve(
         hosts = ("127.0.0.1", "localhost", "[::1]", door["host"])
         opened = Door(app_of(one, Users(memory), hosts=hosts), **door)
         source = OpcUa(connection, known, since=one.since())
-        (data / "door").write_text(opened.url, encoding="utf-8")
+        (data / "door.part").write_text(opened.url, encoding="utf-8")
+        (data / "door.part").replace(data / "door")  # who waits for it reads the whole of it
         out.print(
             f"Watching {len(known)} loops at {connection.url}; data in {data}, door at {opened.url}.", soft_wrap=True
         )

@@ -6,6 +6,10 @@ stopped. Half of the kills
 wait until it writes, so that enough of them fall within a transaction.
 
     python -m bench.service_kill --kills 100
+
+With `--without-history` nothing can be read afterwards: what the killed one has must then be a part of what the other
+has, with breaks where it was killed, and no half-period may have been accepted across one that a detector does not
+bridge.
 """
 
 from __future__ import annotations
@@ -13,6 +17,7 @@ from __future__ import annotations
 import argparse
 import asyncio
 import contextlib
+import itertools
 import random
 import shutil
 import signal
@@ -20,6 +25,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +34,10 @@ from glapp.service.connection import Connection
 from glapp.service.memory import COLUMNS, Memory, Reader
 from glapp.service.recordings import Signals
 from glapp.service.watch import Bounds, Watch
+
+SCAN = 0.5
+GAP = 3.0 * SCAN
+"""More than that between two samples no half-period goes on across [s]."""
 
 
 class _Telling(Memory):
@@ -90,12 +100,12 @@ def _stop(child: subprocess.Popen[bytes]) -> None:
         raise SystemExit(f"a watch ended with {child.returncode}")
 
 
-async def _kills(count: int, loops: int, seed: int) -> None:
+async def _kills(count: int, loops: int, seed: int, history: float) -> None:
     from glapp.service.plant import SimPlant
 
     with tempfile.TemporaryDirectory() as name:
         root, chance = Path(name), random.Random(seed)
-        async with SimPlant(loops, scan=0.5, history=7200.0) as plant:
+        async with SimPlant(loops, scan=SCAN, history=history) as plant:
             straight, killed = root / "straight", root / "killed"
             straight.mkdir()
             (straight / "loops.toml").write_text(plant.settings())
@@ -106,6 +116,7 @@ async def _kills(count: int, loops: int, seed: int) -> None:
             began = plant.time
             beside = _start(straight, plant.url)
             within = done = 0
+            kills = []
             while done < count:
                 child = _start(killed, plant.url)
                 await _writes(killed, 3)  # what comes then is the history since the last kill
@@ -113,6 +124,7 @@ async def _kills(count: int, loops: int, seed: int) -> None:
                 if chance.random() < 0.5:
                     _while_it_writes(killed)
                 child.kill()
+                kills.append(plant.time)
                 child.wait()
                 done += 1
                 within += (killed / "said").read_bytes()[-1:] == b"w"
@@ -122,7 +134,42 @@ async def _kills(count: int, loops: int, seed: int) -> None:
             ended = plant.time - 10.0
             await asyncio.gather(asyncio.to_thread(_stop, child), asyncio.to_thread(_stop, beside))
         print(f"\nplant's time {ended - began:.0f} s, {loops} loops")
-        _compare(straight, killed, began, ended)
+        if history:
+            _compare(straight, killed, began, ended)
+        else:
+            _breaks(straight, killed, began, ended, kills)
+
+
+def _breaks(straight: Path, killed: Path, began: float, ended: float, kills: Sequence[float]) -> None:
+    """What is missing of what was killed, and whether anything goes across it."""
+    breaks = known = missing = other = across = unexplained = 0
+    with Reader(killed) as reader:
+        for name in reader.loops():
+            whole, part = (
+                Signals(folder).read(name, began, ended).drop_columns(["U_FF"]).to_pydict()
+                for folder in (straight, killed)
+            )
+            rows = [
+                dict(zip(map(_seconds, table["time"]), zip(*list(table.values())[1:], strict=True), strict=True))
+                for table in (whole, part)
+            ]
+            assert len(rows[1]) == len(part["time"]), f"{name}: a sample is there twice"
+            known += len(rows[1])
+            missing += len(rows[0].keys() - rows[1].keys())
+            other += sum(repr(rows[0].get(at)) != repr(row) for at, row in rows[1].items())
+            times = sorted(rows[1])
+            found = [(a, b) for a, b in itertools.pairwise(times) if b - a > GAP]
+            breaks += len(found)
+            unexplained += sum(not any(a - 10.0 <= at <= b for at in kills) for a, b in found)
+            halves = reader.half_periods(name, began, ended, accepted=True)
+            across += sum(row["t_start"] < b and row["t_end"] > a for row in halves for a, b in found)
+    print(f"{known} samples of the killed one, {other} other than those beside; {missing} missing, in {breaks} breaks,")
+    print(f"{unexplained} of them without a kill; {across} half-periods accepted across a break")
+
+
+def _seconds(at: Any) -> float:
+    moment: float = at.timestamp()
+    return moment
 
 
 def _compare(straight: Path, killed: Path, began: float, ended: float) -> None:
@@ -157,12 +204,13 @@ def main() -> None:
     parser.add_argument("--kills", type=int, default=100)
     parser.add_argument("--loops", type=int, default=20)
     parser.add_argument("--seed", type=int, default=int(time.time()))
+    parser.add_argument("--without-history", action="store_true", help="the server has none")
     parser.add_argument("--child", nargs=2, metavar=("DIR", "URL"), help=argparse.SUPPRESS)
     asked = parser.parse_args()
     if asked.child:
         asyncio.run(_child(Path(asked.child[0]), asked.child[1]))
     else:
-        asyncio.run(_kills(asked.kills, asked.loops, asked.seed))
+        asyncio.run(_kills(asked.kills, asked.loops, asked.seed, 0.0 if asked.without_history else 7200.0))
 
 
 if __name__ == "__main__":

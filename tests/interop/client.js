@@ -1,5 +1,6 @@
 // A client of somebody else's, for our server: node client.js URL NAMESPACE
-// Listens to FIC101.PV for three seconds, reads two seconds of its history, tries to write SP, writes U_FF and reads it.
+// Listens to FIC101.PV until it has changed 25 times, reads the history from the third of these to the 23rd, tries to write
+// SP, writes U_FF and reads it.
 const { OPCUAClient, AttributeIds, TimestampsToReturn } = require("node-opcua-client");
 const { DataType } = require("node-opcua-variant");
 
@@ -17,15 +18,16 @@ async function main() {
   });
   const asked = { samplingInterval: 100, queueSize: 100, discardOldest: true };
   const item = await subscription.monitor(value("PV"), asked, TimestampsToReturn.Both);
-  item.on("changed", (v) => seen.push([v.sourceTimestamp.getTime() / 1000, v.value.value, v.statusCode.name]));
-  await new Promise((resolve) => setTimeout(resolve, 3000));
-  const end = new Date();
-  const history = await session.readHistoryValue(value("PV"), new Date(end.getTime() - 2000), end);
+  const shown = (v) => [v.sourceTimestamp.getTime() / 1000, v.value.value, v.statusCode.name];
+  item.on("changed", (v) => seen.push(shown(v)));
+  for (let i = 0; i < 600 && seen.length < 25; i++) await new Promise((resolve) => setTimeout(resolve, 100));
+  const [begin, end] = [seen[2], seen[22]].map(([time]) => new Date(Math.round(1000 * time)));
+  const history = await session.readHistoryValue(value("PV"), begin, end);
   const refused = await session.write({ ...value("SP"), ...double(1) });
   const written = await session.write({ ...value("U_FF"), ...double(0.5) });
   const back = await session.read(value("U_FF"));
   console.log(JSON.stringify({
-    seen, history: history.historyData.dataValues.length, refused: refused.name, written: written.name,
+    seen, history: history.historyData.dataValues.map(shown), refused: refused.name, written: written.name,
     back: back.value.value,
   }));
   await session.close();

@@ -1,25 +1,23 @@
 // A plant of somebody else's, for our client: node server.js PORT [FOLDER]
 // Tags FIC101.PV (a sine every 100 ms, each fiftieth bad), SP, OP, MODE with a history, U_FF and Watchdog to be written.
-// With a folder it speaks Basic256Sha256 only, to the user glapp with the password secret; its certificate is there.
-const path = require("path");
+// With a folder it is the server of theirs.der, speaks Basic256Sha256 only, with who shows ours.der, to the user glapp with
+// the password secret.
 const { OPCUAServer } = require("node-opcua-server");
-const { OPCUACertificateManager } = require("node-opcua-certificate-manager");
 const { MessageSecurityMode, SecurityPolicy } = require("node-opcua-secure-channel");
 const { DataType } = require("node-opcua-variant");
 const { StatusCodes } = require("node-opcua-status-code");
+const { known } = require("./pki");
 
 const [port, folder] = process.argv.slice(2);
 
 async function main() {
   const options = { port: Number(port), resourcePath: "/plant", allowAnonymous: !folder };
   if (folder) {
-    const certificates = new OPCUACertificateManager({
-      rootFolder: path.join(folder, "theirs"), automaticallyAcceptUnknownCertificate: true,
-    });
-    await certificates.initialize();
-    Object.assign(options, {
-      serverCertificateManager: certificates,
-      userCertificateManager: certificates,
+    const { manager, ...own } = await known(folder, "theirs", "ours");
+    Object.assign(options, own, {
+      serverInfo: { applicationUri: "urn:glapp:theirs" },
+      serverCertificateManager: manager,
+      userCertificateManager: manager,
       securityModes: [MessageSecurityMode.SignAndEncrypt, MessageSecurityMode.Sign],
       securityPolicies: [SecurityPolicy.Basic256Sha256],
       userManager: { isValidUser: (name, password) => name === "glapp" && password === "secret" },
@@ -53,7 +51,7 @@ async function main() {
     set("OP", "Float", 40 + (n % 3));
   }, 100);
   await server.start();
-  console.log(JSON.stringify({ uri: own.namespaceUri, certificate: server.certificateFile }));
+  console.log(JSON.stringify({ uri: own.namespaceUri }));
 }
 
 main().catch((error) => {

@@ -78,6 +78,9 @@ def plant(
         float, typer.Option(metavar="X", help="Seconds of the plant per second, until it is at the present.")
     ] = 1.0,
     days: Annotated[float, typer.Option(metavar="DAYS", help="How many days ago its time begins.")] = 0.0,
+    repair: Annotated[
+        float | None, typer.Option(metavar="DAY", help="On which of these days the valves that wear are repaired.")
+    ] = None,
     history: Annotated[float, typer.Option(metavar="HOURS", help="History that can be read; 0 for none.")] = 1.0,
     watchdog: Annotated[
         float, typer.Option(metavar="S", help="How long its watchdog may stand still until u_FF goes to 0.")
@@ -125,6 +128,7 @@ def plant(
         fresh=fresh,
         watchdog=watchdog,
         ramp=ramp,
+        repair=repair,
     )
     for one in wanted:
         if one.loop is not None:

@@ -32,6 +32,9 @@ __all__ = ["watch"]
 _HURRY = 20_000.0
 """Seconds of a simulated plant per second, until it has caught up with the clock on the wall."""
 
+_SOON = 0.01
+"""How often such a plant tells its values [s]: it waits for each u_FF."""
+
 TOKEN = "GLAPP_TOKEN"
 """The environment's variable that may hold a token of the door."""
 
@@ -88,7 +91,7 @@ def _ours(text: str, metavar: str, low: int | None = None, high: int | None = No
         "glapp watch loops.toml --data plant",
         "glapp watch loops.toml --data plant --host 0.0.0.0 --certificate door.pem --key door.key",
         "glapp watch --demo",
-        "glapp watch --demo --days 90 --scan 60 --loops 2",
+        "glapp watch --demo --days 90 --scan 60 --loops 2 --repair 42",
         "glapp watch --demo --opcua-port 4841",
     )
 )
@@ -103,6 +106,10 @@ def run(
     loops: PlantLoops = 5,
     days: PlantDays = 0.0,
     scan: PlantScan = 1.0,
+    repair: Annotated[
+        float | None,
+        typer.Option(metavar="DAY", help="On which of these days the simulated plant's worn valves are repaired."),
+    ] = None,
     host: Annotated[str, typer.Option(metavar="ADDRESS", help="Address the door listens at.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(metavar="PORT", min=0, max=65535, help="Its port; 0: any free one.")] = 8107,
     certificate: Certificate = None,
@@ -149,7 +156,7 @@ def run(
         wait=wait,
     )
     door = {"host": host, "port": port, "certificate": certificate, "key": key}
-    plant = {"loops": loops, "days": days, "scan": scan} if demo else None
+    plant = {"loops": loops, "days": days, "scan": scan, "repair": repair} if demo else None
     with suppress(KeyboardInterrupt):
         asyncio.run(_serve(settings, data, bounds, door, plant, ours))
 
@@ -186,20 +193,28 @@ async def _serve(
     async with AsyncExitStack() as stack:
         connection: Connection | None
         clock: Callable[[], float] = time.time
+        hurries = False
         if demo is not None:
-            days = demo["days"]
-            scan, speed = demo["scan"], 1.0 if days == 0 else _HURRY
-            plant = SimPlant(demo["loops"], scan=scan, begin=days, speed=speed, watchdog=5.0, ramp=10.0)
+            hurries, scan = demo["days"] > 0, demo["scan"]
+            plant = SimPlant(
+                demo["loops"],
+                scan=scan,
+                begin=demo["days"],
+                speed=_HURRY if hurries else 1.0,
+                watchdog=5.0,
+                ramp=3.0,
+                repair=demo["repair"],
+            )
             await stack.enter_async_context(plant)
             known = parse_settings(plant.settings(), "the simulated plant", Path())
             text = data / "demo.toml"
             data.mkdir(parents=True, exist_ok=True)
             text.write_text(plant.settings(), encoding="utf-8")
             connection = read_connection(text)
-            if days > 0:  # its days are over in seconds, and so are its nights
+            if hurries:  # its days are over in seconds, and so are its nights
                 clock = lambda: plant.time  # noqa: E731
-            if connection is not None and days > 0:  # a thousand values a second of each tag, while it hurries
-                connection = connection.model_copy(update={"samples": 10_000})
+            if connection is not None and hurries:  # a thousand values a second of each tag, while it hurries
+                connection = connection.model_copy(update={"samples": 10_000, "interval": _SOON})
             elif connection is not None:  # told soon after it was measured: u_FF must not come late
                 connection = connection.model_copy(update={"interval": min(1.0, scan / 2.0)})
         else:
@@ -213,11 +228,14 @@ async def _serve(
         if memory.found is not None:
             say_note(memory.found)
         first_user(memory, time.time())
-        one = Watch(known, memory, bounds=bounds, compensable=_compensable(known), clock=clock)
+        one = Watch(known, memory, bounds=bounds, compensable=_compensable(known), clock=clock, hurries=hurries)
+        if hurries:
+            plant.follow = one.caught_up
         hosts = ("127.0.0.1", "localhost", "[::1]", door["host"])
         opened = Door(app_of(one, Users(memory), hosts=hosts), **door)
         source = OpcUa(connection, known, since=one.since())
-        (data / "door").write_text(opened.url, encoding="utf-8")
+        (data / "door.part").write_text(opened.url, encoding="utf-8")
+        (data / "door.part").replace(data / "door")  # who waits for it reads the whole of it
         out.print(
             f"Watching {len(known)} loops at {connection.url}; data in {data}, door at {opened.url}.", soft_wrap=True
         )

@@ -150,6 +150,11 @@ class Compensator:
         return bool(self._graph["watch.compensate"])
 
     @property
+    def sized(self) -> bool:
+        """Whether there is a width to compensate."""
+        return bool(self._graph["watch.source"])
+
+    @property
     def standing(self) -> str:
         """Whether it compensates ("active"), and else why not."""
         return STANDINGS[int(self._graph["watch.standing"])]
@@ -256,7 +261,7 @@ class Compensator:
         for signal in (Signal.MODE, Signal.OP, Signal.U_FF):
             if signal not in self._held:
                 raise InputError(f"{signal} was never read: nothing is compensated without it", loop=name)
-        if self._graph["watch.source"] == 0:
+        if not self.sized:
             raise InputError(
                 "no width is given to compensate", loop=name, parameter="comp_size", hint="take over a fit, or type one"
             )

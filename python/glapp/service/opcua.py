@@ -22,12 +22,12 @@ from typing import Any, NoReturn
 
 from asyncua import Client, ua
 from asyncua.crypto import security_policies, uacrypto
-from cryptography import x509
 
 from ..errors import InputError
 from ..loop import Loop
 from ..reading.values import mode_flag, text_of
 from .connection import Connection, check_tags
+from .security import uri_of
 from .signal import Event, Signal, Take, Tell, Value, WriteRefused
 
 __all__ = ["Found", "OpcUa", "browse", "reason"]
@@ -39,6 +39,7 @@ _DENIED = 300.0  # after a refused password: an account is locked easily
 _KEEP_ALIVE = 3  # intervals without a value until the server says that it is there
 _ITEMS = 500  # tags in one request
 _SLICE = 3600.0  # of the history in one request [s]
+_VALUES = 25_000  # of the history in one request, as far as the interval tells
 _STATUS = 0.001  # a status that changes without a new time stamp counts from so much later [s]
 _MARGIN = 10.0  # what the history is asked for before the last value: not all of it may have been told
 _LITTLE = 5.0  # a pass over the history shorter than this leaves little to catch up [s]
@@ -56,6 +57,7 @@ _NO_FILTER = {
 _LIMITS = {
     ua.ObjectIds.Server_ServerCapabilities_OperationLimits_MaxMonitoredItemsPerCall: "items",
     ua.ObjectIds.Server_ServerCapabilities_OperationLimits_MaxNodesPerHistoryReadData: "histories",
+    ua.ObjectIds.Server_ServerCapabilities_OperationLimits_MaxNodesPerRead: "reads",
 }
 _OVERFLOW = 0x480  # info type DataValue, and its bit Overflow
 _NUMBERS = (int, float)
@@ -434,21 +436,24 @@ class OpcUa:
 
     async def _types(self, link: _Link) -> None:
         """A u_FF that is no real number or cannot be written is not named at all."""
-        for loop, feed in self._feeds.items():
-            if feed.node is None:
-                continue
-            [seen] = await link.client.uaclient.read_attributes([feed.node], ua.AttributeIds.Value)
-            [access] = await link.client.uaclient.read_attributes([feed.node], ua.AttributeIds.UserAccessLevel)
-            kind = None if seen.Value is None else seen.Value.VariantType
-            bits = 0 if access.Value is None or access.Value.Value is None else int(access.Value.Value)
-            if kind not in (ua.VariantType.Double, ua.VariantType.Float):
-                self._event("tag_missing", loop, f"{loop} U_FF: {feed.path} is no Double or Float; nothing is written")
-                feed.node = None
-            elif not bits & 1 << ua.AccessLevel.CurrentWrite.value:
-                self._event("not_writable", loop, f"{loop} U_FF: the server does not let us write {feed.path}")
-                feed.node = None
-            else:
-                feed.kind = kind
+        named = [(loop, feed) for loop, feed in self._feeds.items() if feed.node is not None]
+        for first in range(0, len(named), link.reads):
+            some = named[first : first + link.reads]
+            nodes = [feed.node for _, feed in some]
+            values = await link.client.uaclient.read_attributes(nodes, ua.AttributeIds.Value)
+            levels = await link.client.uaclient.read_attributes(nodes, ua.AttributeIds.UserAccessLevel)
+            for (loop, feed), seen, access in zip(some, values, levels, strict=True):
+                kind = None if seen.Value is None else seen.Value.VariantType
+                bits = 0 if access.Value is None or access.Value.Value is None else int(access.Value.Value)
+                if kind not in (ua.VariantType.Double, ua.VariantType.Float):
+                    text = f"{loop} U_FF: {feed.path} is no Double or Float; nothing is written"
+                    self._event("tag_missing", loop, text)
+                    feed.node = None
+                elif not bits & 1 << ua.AccessLevel.CurrentWrite.value:
+                    self._event("not_writable", loop, f"{loop} U_FF: the server does not let us write {feed.path}")
+                    feed.node = None
+                else:
+                    feed.kind = kind
 
     def _node(self, path: str, uris: Sequence[str], about: _Tag | None, what: str | None) -> ua.NodeId | None:
         """The node in this connection; None, and told where `what` names it, where its namespace is not there."""
@@ -655,36 +660,54 @@ class OpcUa:
             before = took
 
     async def _backfill(self, link: _Link, take: Take, until: float) -> None:
-        """Hand on what the history has after the last values, up to `until`, loop by loop and in the order of time."""
+        """Hand on what the history has after the last values, up to `until`, in the order of time.
+
+        Of a short break many loops are asked together: a server that answers slowly is asked less often.
+        """
         if link.no_history or not self._connection.history:
             return
+        interval = self._connection.interval
         loops: dict[str, list[int]] = {}
         for handle in link.nodes:
-            loops.setdefault(self._tags[handle].loop, []).append(handle)
-        for loop, handles in loops.items():
+            if handle not in link.without:
+                loops.setdefault(self._tags[handle].loop, []).append(handle)
+        begins: dict[str, float] = {}
+        for loop in loops:
             newest = self._newest[loop]
             if newest == -math.inf:
                 continue
-            begin = max(newest - _MARGIN - 2.0 * self._connection.interval, until - self._connection.history)
-            if begin > newest:
+            begins[loop] = max(newest - _MARGIN - 2.0 * interval, until - self._connection.history)
+            if begins[loop] > newest:
                 text = f"{loop}: the break is longer than the {self._connection.history:g} s that are read"
                 self._say("not_backfilled", _Told(loop, text))
-            while begin < until and not link.no_history:
-                end = min(begin + _SLICE, until)
-                values = await self._history(link, handles, begin, end)
-                if values:
-                    fresh = [value for value in values if value.time > newest + 1e-6]
-                    link.filled += len(fresh)
-                    if fresh:
-                        link.filled_from = min(link.filled_from, fresh[0].time)
-                        link.filled_to = max(link.filled_to, fresh[-1].time)
-                    _hand(take, values)
-                begin = end
-                if link.lost is not None:
-                    raise _LostError(link.lost)
+        waiting = deque(sorted(begins, key=lambda loop: begins[loop]))
+        while waiting and not link.no_history:
+            begin = begins[waiting[0]]
+            most = min(_VALUES * interval / min(max(until - begin, interval), _SLICE), link.histories)
+            asked = loops[waiting.popleft()]
+            while waiting and len(asked) + len(loops[waiting[0]]) <= most:
+                asked = asked + loops[waiting.popleft()]
+            await self._read(link, take, asked, begin, until)
+
+    async def _read(self, link: _Link, take: Take, handles: Sequence[int], begin: float, until: float) -> None:
+        """Hand on what the history has of some tags, slice by slice."""
+        newest = {self._tags[handle].loop: self._newest[self._tags[handle].loop] for handle in handles}
+        while begin < until and not link.no_history:
+            end = min(begin + _SLICE, until)
+            values = await self._history(link, handles, begin, end)
+            if values:
+                fresh = [value for value in values if value.time > newest[value.loop] + 1e-6]
+                link.filled += len(fresh)
+                if fresh:
+                    link.filled_from = min(link.filled_from, fresh[0].time)
+                    link.filled_to = max(link.filled_to, fresh[-1].time)
+                _hand(take, values)
+            begin = end
+            if link.lost is not None:
+                raise _LostError(link.lost)
 
     async def _history(self, link: _Link, handles: Sequence[int], begin: float, end: float) -> list[Value]:
-        """Values of one loop's tags from `begin` to `end`."""
+        """Values of some tags from `begin` to `end`."""
         details = ua.ReadRawModifiedDetails()
         details.IsReadModified, details.ReturnBounds, details.NumValuesPerNode = False, False, 0
         details.StartTime, details.EndTime = datetime.fromtimestamp(begin, UTC), datetime.fromtimestamp(end, UTC)
@@ -798,7 +821,7 @@ class _Link:
     def __init__(self, client: Client, connection: Connection) -> None:
         self.client = client
         self.nodes: dict[int, ua.NodeId] = {}
-        self.items, self.histories = _ITEMS, _ITEMS
+        self.items = self.histories = self.reads = _ITEMS
         self.missing: set[int] = set()
         self.without: set[int] = set()
         self.retried = time.monotonic()
@@ -953,6 +976,8 @@ def reason(error: BaseException) -> str:
         return "no answer in time"
     if isinstance(error, ConnectionRefusedError):
         return "nobody listens there"
+    if isinstance(error, AssertionError):  # asyncua's, where a server refuses the channel that it asks for
+        return "the server's answer cannot be read; it may not trust our certificate"
     text = str(error)
     return text if isinstance(error, _LostError | InputError) else f"{type(error).__name__}: {text}"
 
@@ -975,7 +1000,7 @@ async def _client(connection: Connection) -> Client:
         for path in (own, key, server):
             if not path.is_file():
                 raise InputError("there is no such file", file=str(path))
-        client.application_uri = _uri_of(await uacrypto.load_certificate(own)) or client.application_uri
+        client.application_uri = uri_of(await uacrypto.load_certificate(own)) or client.application_uri
         policy = getattr(security_policies, f"SecurityPolicy{connection.security}")
         mode = ua.MessageSecurityMode[connection.mode]
         await client.set_security(policy, own, key, server_certificate=server, mode=mode)
@@ -989,14 +1014,6 @@ async def _disconnect(client: Client, connection: Connection) -> None:
     with contextlib.suppress(Exception):
         async with asyncio.timeout(connection.timeout):
             await client.disconnect()
-
-
-def _uri_of(certificate: x509.Certificate) -> str | None:
-    """The application's URI, which a server compares with what we say."""
-    with contextlib.suppress(x509.ExtensionNotFound):
-        names = certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
-        return next(iter(names.get_values_for_type(x509.UniformResourceIdentifier)), None)
-    return None
 
 
 # --------------------------------------------------------------------- browsing

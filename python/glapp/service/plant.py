@@ -16,13 +16,14 @@ import random
 import socket
 import time
 from array import array
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Awaitable, Callable, Mapping
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from types import TracebackType
 from typing import Any, Self
 
 from asyncua import Server, ua, uamethod
+from asyncua.common.callback import CallbackType
 from asyncua.crypto.permission_rules import User, UserRole
 from asyncua.server.history import HistoryManager, HistoryStorageInterface
 
@@ -291,6 +292,14 @@ class SimPlant:
         Certificates and users.
     most : int
         Values in one answer of HistoryRead.
+    repair : float, optional
+        After how many days of the plant's time the valves that wear are repaired, > 0: their gap is that of the
+        beginning, and wears on from there.
+
+    Attributes
+    ----------
+    follow : callable or None
+        Awaited after every scan, with the plant's time: there a plant that hurries waits for who must keep up with it.
 
     Examples
     --------
@@ -315,10 +324,12 @@ class SimPlant:
         ramp: float = 30.0,
         security: Security | None = None,
         most: int = 10_000,
+        repair: float | None = None,
     ) -> None:
-        for name, value, least in (("scan", scan, 0.0), ("speed", speed, 0.0), ("watchdog", watchdog, 0.0)):
-            if not (math.isfinite(value) and value > least):
-                raise InputError(f"is {value}, must be > {least:g}", parameter=name, value=value, bound=f"> {least:g}")
+        positive = {"scan": scan, "speed": speed, "watchdog": watchdog, "repair": 1.0 if repair is None else repair}
+        for name, value in positive.items():
+            if not (math.isfinite(value) and value > 0.0):
+                raise InputError(f"is {value}, must be > 0", parameter=name, value=value, bound="> 0")
         for name, value in (("begin", begin), ("history", history), ("ramp", ramp)):
             if not (math.isfinite(value) and value >= 0.0):
                 raise InputError(f"is {value}, must be ≥ 0", parameter=name, value=value, bound="≥ 0")
@@ -335,6 +346,8 @@ class SimPlant:
         self._begin = math.floor((time.time() - begin * _DAY) / scan) * scan
         self._scans = 0
         self._most = most
+        self._repair = math.inf if repair is None else repair
+        self.follow: Callable[[float], Awaitable[None]] | None = None
         self._records: dict[tuple[str, Signal], _Record] = {}
         self._last = {(name, Signal.U_FF): (self._begin, 0.0) for name in self._loops}  # time and value of each tag
         self._recent: dict[str, list[tuple[float, float]]] = {}
@@ -383,7 +396,7 @@ class SimPlant:
             lines += ["", f"[loops.{name}.opcua]"]
             tags = [s for s in Signal if s is not Signal.POSITION]
             lines += [f'{signal} = "{_text(f"{name}.{_NAMES[signal]}")}"' for signal in tags]
-            lines += ["u_ff_limit = 3.0", "u_ff_rate = 0.5", ""]
+            lines += ["u_ff_limit = 3.0", f"u_ff_rate = {0.5 * self._speed:g}", ""]  # per second on the wall
         return "\n".join(lines)
 
     def fault(self, kind: str, loop: str | None = None, seconds: float = math.inf) -> None:
@@ -449,6 +462,7 @@ class SimPlant:
         server.iserver.history_manager = _Histories(server.iserver)
         server.iserver.history_manager.set_storage(history)
         await self._tags(server, index, history)
+        server.subscribe_server_callback(CallbackType.PreWrite, self._stamp)
         await server.start()
         self._server = server
         for key, (t, value) in self._last.items():
@@ -459,6 +473,13 @@ class SimPlant:
         server, self._server = self._server, None
         if server is not None:
             await server.stop()
+
+    def _stamp(self, written: Any, _: Any) -> None:
+        """What others write has the time of a plant that hurries, too: after the last scan, and before the next one."""
+        if written.is_external and time.time() - self.time > 2.0 * self._scan:
+            at = datetime.fromtimestamp(self.time + 0.5 * self._scan, UTC)
+            for one in written.request_params.NodesToWrite:
+                one.Value = replace(one.Value, SourceTimestamp=at)
 
     async def _tags(self, server: Server, index: int, history: _History) -> None:
         self._ids = {}
@@ -500,20 +521,27 @@ class SimPlant:
         )
 
     async def _run(self) -> None:
-        begun = time.monotonic()
+        begun, waited = time.monotonic(), 0.0
         behind = time.time() - self._begin
         ahead = behind if self._now else 0.0
         while True:
             passed = time.monotonic() - begun
-            due = min(self._speed * passed + ahead, behind + passed)  # the plant's time since it began
+            due = min(self._speed * (passed - waited) + ahead, behind + passed)  # the plant's time since it began
             while (self._scans + 1) * self._scan <= due:
                 await self._one()
+                if self.follow is not None:
+                    scanned = time.monotonic()
+                    await self.follow(self.time)
+                    waited += time.monotonic() - scanned
             await asyncio.sleep(min(max(self._scan / self._speed, 0.001), 0.05))
 
     async def _one(self) -> None:
         """One scan of every loop."""
         self._scans += 1
         t, now = self.time, time.monotonic()
+        days = (t - self._begin) / _DAY
+        if days >= self._repair:
+            days -= self._repair
         alive = self._alive(now)
         for i, loop in enumerate(self._loops.values()):
             if i % _SLICE == 0:
@@ -521,7 +549,7 @@ class SimPlant:
             for kind in [kind for kind, until in loop.faults.items() if now >= until]:
                 del loop.faults[kind]
             await self._feed_forward(loop, alive, t)
-            values = loop.scan((t - self._begin) / _DAY, self._u_ff[loop.name])
+            values = loop.scan(days, self._u_ff[loop.name])
             if "silent" not in loop.faults:
                 await self._tell(loop, values, t)
 

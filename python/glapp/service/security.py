@@ -6,13 +6,15 @@ Needs the extra `glapp[opcua]`.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from asyncua import Server, ua
+from cryptography import x509
 
-__all__ = ["Security", "secure"]
+__all__ = ["Security", "secure", "uri_of"]
 
 _POLICIES = (
     ua.SecurityPolicyType.Basic256Sha256_SignAndEncrypt,
@@ -55,7 +57,17 @@ async def secure(server: Server, security: Security, ruleset: Any = None) -> Non
     if security.certificate is not None and security.private_key is not None:
         await server.load_certificate(security.certificate)
         await server.load_private_key(security.private_key)
+        if (uri := uri_of(server.iserver.certificate)) is not None:  # clients compare it with what the server says
+            await server.set_application_uri(uri)
         policies = list(_POLICIES)
     server.set_security_policy(policies, ruleset)
     # Never both: with asyncua's own manager of users the name "admin" may do everything, without a password.
     server.set_identity_tokens([ua.UserNameIdentityToken if security.users else ua.AnonymousIdentityToken])
+
+
+def uri_of(certificate: x509.Certificate) -> str | None:
+    """The application's URI in a certificate: the other side compares it with what the application says of itself."""
+    with suppress(x509.ExtensionNotFound):
+        names = certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
+        return next(iter(names.get_values_for_type(x509.UniformResourceIdentifier)), None)
+    return None

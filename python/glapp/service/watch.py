@@ -44,6 +44,12 @@ SEEN = "watchdog_seen"
 
 _FIELDS = 7
 _SPAWN = get_context("spawn")
+_BEAT = 1.0
+"""Time between two counts of the plant's watchdog [s]."""
+
+_FOLLOWED = 2.0
+"""So long a plant that hurries waits for one scan at most [s]."""
+
 _KEEP = 60
 """A thing that happens again and again is told once in so many seconds, with how often it did."""
 
@@ -167,6 +173,7 @@ class _Watched:
     marked: float = -math.inf
     compensator: Compensator | None = None
     due: asyncio.Event = field(default_factory=asyncio.Event)
+    made: float = -math.inf  # source time of the PV that u_FF was last made of
     answer: dict[str, Any] | None = None
 
 
@@ -186,6 +193,9 @@ class Watch:
         [OP unit, OP unit per s].
     clock : callable
         The time [s since 1970 UTC].
+    hurries : bool
+        Whether that is the time of a simulated plant that hurries, so that u_FF is made by it, too, and not by our own.
+        Such a plant has to wait for `caught_up` after every scan.
 
     Raises
     ------
@@ -201,6 +211,7 @@ class Watch:
         bounds: Bounds | None = None,
         compensable: Mapping[str, tuple[float, float]] | None = None,
         clock: Callable[[], float] = time.time,
+        hurries: bool = False,
     ) -> None:
         self.memory, self.bounds = memory, bounds or Bounds()
         self.source: Plant | None = None
@@ -208,7 +219,9 @@ class Watch:
         self.signals = Signals(memory.folder)
         self.begun = clock()
         self.failing: str | None = None
-        self._clock = clock
+        self._clock, self._hurries = clock, hurries
+        self._ticks = clock if hurries else time.monotonic  # the time by which u_FF is made [s]
+        self._made = asyncio.Event()
         self._values: list[Value] = []
         self._events: list[Event] = []
         self._repeated: dict[tuple[str | None, str], tuple[float, int]] = {}
@@ -681,14 +694,16 @@ class Watch:
                     await watched.due.wait()
             watched.due.clear()
             compensator = watched.compensator or compensator
+            if self._hurries and not self._followed(watched):
+                continue  # of many scans it would see the last
             if (latest := source.alive(name)) != heard:
-                heard, heard_at = latest, time.monotonic()
+                heard, heard_at = latest, self._ticks()
             if not compensator.read_back:
                 with suppress(WriteRefused):
                     compensator.take(await _asking(source.read_back(name)), self._clock())
                     compensator.read_back = True
-            was = compensator.enabled
-            u_ff = compensator.scan(time.monotonic(), time.monotonic() - heard_at <= 5.0 * max(watched.period, 1.0))
+            was, pv = compensator.enabled, watched.latest.get(Signal.PV)
+            u_ff = compensator.scan(self._ticks(), self._ticks() - heard_at <= 5.0 * max(watched.period, 1.0))
             if was and not compensator.enabled:
                 self._no_more(name)
                 self._tell(Event(self._clock(), name, "withdrawn", compensator.why_off))
@@ -696,6 +711,27 @@ class Watch:
                 continue  # what stands there is for the plant to take away
             if compensator.at_work or (compensator.written is not None and compensator.written != u_ff):
                 await self._hand_over(watched, source, u_ff)
+            if pv is not None:
+                watched.made = pv.time
+                self._made.set()
+
+    def _followed(self, watched: _Watched) -> bool:
+        """Whether a plant that hurries waits for this loop's u_FF: there is a width, or something to take away."""
+        compensator = watched.compensator
+        if compensator is None or self._drilling(watched.loop.name):
+            return False
+        return compensator.at_work or compensator.sized
+
+    async def caught_up(self, moment: float) -> None:
+        """Wait until u_FF of every loop that may be compensated was made of a PV of this moment or later, and written.
+
+        For a simulated plant that hurries. It waits two seconds at most, so that it goes on where no PV comes.
+        """
+        with suppress(TimeoutError):
+            async with asyncio.timeout(_FOLLOWED):
+                while any(one.made < moment for one in self._loops.values() if self._followed(one)):
+                    self._made.clear()
+                    await self._made.wait()
 
     async def _hand_over(self, watched: _Watched, source: Plant, u_ff: float) -> None:
         name, compensator = watched.loop.name, watched.compensator
@@ -712,7 +748,7 @@ class Watch:
             if not compensator.enabled:
                 self._tell(Event(self._clock(), name, "not_written", f"u_FF {u_ff:g}: {refused}"))
         else:
-            compensator.wrote(u_ff, time.monotonic(), time.monotonic() - began)
+            compensator.wrote(u_ff, self._ticks(), time.monotonic() - began)
             compensator.take(found, self._clock())
 
     def _switch_off(self, watched: _Watched, why: str) -> None:
@@ -732,7 +768,7 @@ class Watch:
     async def _beats(self, source: Plant) -> None:
         """The plant's watchdog hears of us only while u_FF of every loop that is compensated is fresh."""
         while True:
-            now = time.monotonic()
+            now = self._ticks()
             working = [w for w in self._loops.values() if w.compensator is not None and w.compensator.at_work]
             fresh = all(w.compensator is not None and now - w.compensator.written_at <= 3.0 * w.period for w in working)
             if fresh:
@@ -742,7 +778,7 @@ class Watch:
                     # Without one nothing can be enabled, and without a connection nothing is.
                     if refused.reason not in ("not_named", "not_connected"):
                         self._tell(Event(self._clock(), None, "no_beat", f"the watchdog was not counted up: {refused}"))
-            await asyncio.sleep(1.0)
+            await asyncio.sleep(_BEAT)
 
     # What persons ask for
 
@@ -857,7 +893,7 @@ class Watch:
             if not found.good:
                 raise InputError(f"u_FF cannot be read back: {found.note}", loop=loop)
             await _asking(source.write(loop, found.value))
-            compensator.wrote(found.value, time.monotonic(), time.monotonic() - began)
+            compensator.wrote(found.value, self._ticks(), time.monotonic() - began)
             compensator.enable()
             await self.log(person, role, "enable", loop, before, compensator.status())
         except BaseException as error:
@@ -910,7 +946,8 @@ class Watch:
         assert watched.most is not None
         size = min(0.1 * watched.most[0], 0.25 * watched.most[1] * watched.period)
         try:
-            await asyncio.sleep(max(2.0 * watched.period, 1.0))  # the plant counts the rate from when it was enabled
+            # The rate is counted from when it was enabled, on the wall.
+            await asyncio.sleep(1.0 if self._hurries else max(2.0 * watched.period, 1.0))
             began = time.monotonic()
             await _asking(source.write(loop, size))
             while (found := await _asking(source.read_back(loop))).value != 0.0 or not found.good:

@@ -1,3 +1,6 @@
+import java.nio.file.Path;
+import java.security.KeyPair;
+import java.security.cert.X509Certificate;
 import java.util.LinkedHashMap;
 import java.util.List;
 import java.util.Map;
@@ -10,6 +13,8 @@ import org.eclipse.milo.opcua.sdk.server.EndpointConfig;
 import org.eclipse.milo.opcua.sdk.server.ManagedNamespaceWithLifecycle;
 import org.eclipse.milo.opcua.sdk.server.OpcUaServer;
 import org.eclipse.milo.opcua.sdk.server.OpcUaServerConfig;
+import org.eclipse.milo.opcua.sdk.server.identity.AnonymousIdentityValidator;
+import org.eclipse.milo.opcua.sdk.server.identity.UsernameIdentityValidator;
 import org.eclipse.milo.opcua.sdk.server.items.DataItem;
 import org.eclipse.milo.opcua.sdk.server.items.MonitoredItem;
 import org.eclipse.milo.opcua.sdk.server.nodes.UaFolderNode;
@@ -17,8 +22,13 @@ import org.eclipse.milo.opcua.sdk.server.nodes.UaVariableNode;
 import org.eclipse.milo.opcua.sdk.server.util.SubscriptionModel;
 import org.eclipse.milo.opcua.stack.core.NodeIds;
 import org.eclipse.milo.opcua.stack.core.StatusCodes;
+import org.eclipse.milo.opcua.stack.core.security.CertificateStore;
+import org.eclipse.milo.opcua.stack.core.security.DefaultApplicationGroup;
 import org.eclipse.milo.opcua.stack.core.security.DefaultCertificateManager;
+import org.eclipse.milo.opcua.stack.core.security.DefaultServerCertificateValidator;
 import org.eclipse.milo.opcua.stack.core.security.MemoryCertificateQuarantine;
+import org.eclipse.milo.opcua.stack.core.security.MemoryCertificateStore;
+import org.eclipse.milo.opcua.stack.core.security.RsaSha256CertificateFactory;
 import org.eclipse.milo.opcua.stack.core.security.SecurityPolicy;
 import org.eclipse.milo.opcua.stack.core.types.builtin.DataValue;
 import org.eclipse.milo.opcua.stack.core.types.builtin.DateTime;
@@ -32,10 +42,11 @@ import org.eclipse.milo.opcua.stack.transport.server.tcp.OpcTcpServerTransport;
 import org.eclipse.milo.opcua.stack.transport.server.tcp.OpcTcpServerTransportConfig;
 
 /**
- * A plant of somebody else's, for our client: TheirServer PORT.
+ * A plant of somebody else's, for our client: TheirServer PORT [FOLDER].
  *
  * <p>Tags FIC101.PV (a sine every 100 ms, each fiftieth bad), SP, OP and MODE, all without a history, U_FF and Watchdog
- * to be written.
+ * to be written. With a folder it is the server of theirs.der, speaks Basic256Sha256 only, with who shows ours.der, to
+ * the user glapp with the password secret.
  */
 public final class TheirServer {
   private static final String URI = "urn:milo:plant";
@@ -46,22 +57,37 @@ public final class TheirServer {
             .setBindAddress("127.0.0.1")
             .setHostname("127.0.0.1")
             .setBindPort(Integer.parseInt(words[0]))
-            .setPath("/plant")
-            .setSecurityPolicy(SecurityPolicy.None)
-            .setSecurityMode(MessageSecurityMode.None)
-            .addTokenPolicy(OpcUaServerConfig.USER_TOKEN_POLICY_ANONYMOUS)
-            .build();
+            .setPath("/plant");
     var config =
         OpcUaServerConfig.builder()
-            .setApplicationUri("urn:milo:server")
+            .setApplicationUri("urn:glapp:theirs")
             .setApplicationName(LocalizedText.english("plant"))
-            .setProductUri("urn:milo")
-            .setCertificateManager(new DefaultCertificateManager(new MemoryCertificateQuarantine()))
-            .setEndpoints(Set.of(endpoint))
-            .build();
+            .setProductUri("urn:milo");
+    if (words.length == 1) {
+      endpoint
+          .setSecurityPolicy(SecurityPolicy.None)
+          .setSecurityMode(MessageSecurityMode.None)
+          .addTokenPolicy(OpcUaServerConfig.USER_TOKEN_POLICY_ANONYMOUS);
+      config
+          .setCertificateManager(new DefaultCertificateManager(new MemoryCertificateQuarantine()))
+          .setIdentityValidator(AnonymousIdentityValidator.INSTANCE);
+    } else {
+      var pki = new Pki(Path.of(words[1]));
+      endpoint
+          .setSecurityPolicy(SecurityPolicy.Basic256Sha256)
+          .setSecurityMode(MessageSecurityMode.SignAndEncrypt)
+          .setCertificate(pki.certificate("theirs"))
+          .addTokenPolicy(OpcUaServerConfig.USER_TOKEN_POLICY_USERNAME);
+      config
+          .setCertificateManager(known(pki))
+          .setIdentityValidator(
+              new UsernameIdentityValidator(
+                  who -> who.getUsername().equals("glapp") && who.getPassword().equals("secret")));
+    }
     var server =
         new OpcUaServer(
-            config, profile -> new OpcTcpServerTransport(OpcTcpServerTransportConfig.newBuilder().build()));
+            config.setEndpoints(Set.of(endpoint.build())).build(),
+            profile -> new OpcTcpServerTransport(OpcTcpServerTransportConfig.newBuilder().build()));
     var tags = new Tags(server);
     tags.startup();
     server.startup().get(20, TimeUnit.SECONDS);
@@ -69,6 +95,28 @@ public final class TheirServer {
         .scheduleAtFixedRate(tags::scan, 0, 100, TimeUnit.MILLISECONDS);
     System.out.println("{\"uri\": \"" + URI + "\"}");
     Thread.currentThread().join();
+  }
+
+  /** It shows theirs.der, and trusts ours.der alone. */
+  private static DefaultCertificateManager known(Pki pki) throws Exception {
+    var trusted = pki.trusting("ours");
+    var quarantine = new MemoryCertificateQuarantine();
+    var store = new MemoryCertificateStore();
+    var chain = new X509Certificate[] {pki.certificate("theirs")};
+    store.set(
+        NodeIds.RsaSha256ApplicationCertificateType,
+        new CertificateStore.Entry(pki.keys("theirs").getPrivate(), chain));
+    var none =
+        new RsaSha256CertificateFactory() {
+          @Override
+          protected X509Certificate[] createRsaSha256CertificateChain(KeyPair keys) {
+            throw new IllegalStateException("the store has one");
+          }
+        };
+    return new DefaultCertificateManager(
+        quarantine,
+        DefaultApplicationGroup.createAndInitialize(
+            trusted, store, none, new DefaultServerCertificateValidator(trusted, quarantine)));
   }
 
   private static final class Tags extends ManagedNamespaceWithLifecycle {

@@ -1,0 +1,133 @@
+"""A plant that hurries, so that a day of it is over in seconds: compensation in its time, seen through to its end."""
+
+import asyncio
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+from service import Clock, Table
+
+from glapp import Loop
+from glapp.reading.settings import parse_settings
+from glapp.service.connection import Connection
+from glapp.service.memory import Memory
+from glapp.service.opcua import OpcUa
+from glapp.service.plant import NAMESPACE, SimPlant
+from glapp.service.plant import _kinds as kinds
+from glapp.service.plant import _Loop as SimLoop
+from glapp.service.signal import Event, Signal, Value
+from glapp.service.watch import SEEN, Bounds, Watch
+
+SCAN = 60.0
+WIDTH, ENABLED, REPAIRED = 50, 70, 500
+BOUNDS = Bounds(period=SCAN, lost=10.0 * SCAN, wait=0.0)
+
+
+async def seen(watch: Watch, loop: str, **settings: float) -> None:
+    """As after a drill, and a width that is typed."""
+    await watch.log("eve", "engineer", "drilled", loop, None, None, settings={SEEN: {}})
+    await watch.change(loop, settings, "eve", "engineer")
+
+
+class Worn(Table):
+    """The flow of `glapp plant` with a gap of 1.5 %: one person enables compensation, another repairs the valve."""
+
+    def __init__(self, clock: Clock) -> None:
+        super().__init__(clock=clock)
+        self.time = clock
+        self.sim = SimLoop(0, kinds(SCAN)[0], SCAN, seed=1)
+        self.watch: Watch
+        self.found: list[dict[str, Any]] = []
+
+    async def run(self, take: Callable[[Sequence[Value]], None], tell: Callable[[Event], None]) -> None:
+        for scan in range(700):
+            if scan == WIDTH:
+                await seen(self.watch, "FIC101", comp_size=1.5, comp_share=1.0)
+            if scan == ENABLED:
+                await self.watch.enable("FIC101", "eve", "engineer")
+            self.time.now += SCAN
+            told = self.sim.scan(40.0 if scan < REPAIRED else 0.0, self.u_ff.get("FIC101", 0.0))
+            told[Signal.U_FF] = self.u_ff.get("FIC101", 0.0)
+            self.heard = self.time.now
+            take([Value("FIC101", signal, self.time.now, float(x), True) for signal, x in told.items()])
+            await self.watch.caught_up(self.time.now)
+            self.found.append({**self.watch.status()["loops"]["FIC101"]["compensation"], "made": self._made()})
+
+    def _made(self) -> bool:
+        return self.watch._loops["FIC101"].made == self.time.now
+
+
+def test_what_was_right_is_too_much_after_a_repair_and_is_warned_of_and_withdrawn(tmp_path: Path) -> None:
+    clock = Clock()
+    plant = Worn(clock)
+    loop = Loop(name="FIC101", controller={"k": 0.6, "ti": 6 * SCAN}, process={"kp": 1}, op_span=(0, 100))
+    most = {"FIC101": (3.0, 10_000.0)}
+    watch = plant.watch = Watch([loop], Memory(tmp_path), bounds=BOUNDS, compensable=most, clock=clock, hurries=True)
+    asyncio.run(watch.run(plant))
+    watch.memory.close()
+    assert not any(one["made"] for one in plant.found[:WIDTH]), "before there is a width nothing waits"
+    assert all(one["made"] for one in plant.found[WIDTH + 1 :]), "then every scan has the u_FF that was made of it"
+    worn, repaired = plant.found[ENABLED + 1 : REPAIRED], plant.found[REPAIRED:]
+    assert all(one["enabled"] for one in worn)
+    assert any(abs(one["u_ff"]) > 0.59 for one in worn)
+    off = next(k for k, one in enumerate(repaired) if not one["enabled"])
+    assert {round(one["u_ff"], 6) for one in repaired[:off]} >= {-0.6, 0.6}, "the valve is driven to and fro"
+    assert repaired[off]["why_off"] == "it was withdrawn: over_compensated"
+    assert [one["u_ff"] for one in repaired[off + 10 :]] == [0.0] * len(repaired[off + 10 :])
+    assert plant.u_ff["FIC101"] == 0.0, "and so it stands in the plant"
+    [event] = [event for event in watch.reader.events("FIC101") if event["kind"] == "withdrawn"]
+    assert event["text"] == "it was withdrawn: over_compensated"
+
+
+@pytest.mark.slow
+def test_a_plant_that_hurries_waits_for_every_u_ff(tmp_path: Path) -> None:
+    """By OPC UA: without waiting it would be hundreds of scans ahead when u_FF is there, and enabling be refused."""
+    found: list[tuple[float, float, str]] = []
+    written: list[float] = []
+
+    async def run() -> None:
+        async with SimPlant(1, scan=SCAN, begin=30.0, speed=20_000.0, watchdog=2.0, ramp=0.5) as plant:
+            known = parse_settings(plant.settings(), "loops.toml", tmp_path)
+            given = {"interval": 0.01, "samples": 10_000, "watchdog": f"nsu={NAMESPACE};s=Watchdog"}
+            most = {"FIC101": (3.0, 10_000.0)}
+            now = {"clock": lambda: plant.time, "hurries": True}
+            watch = Watch(known, Memory(tmp_path), bounds=BOUNDS, compensable=most, **now)
+            one = watch._loops["FIC101"]
+
+            async def follow(moment: float) -> None:
+                await watch.caught_up(moment)
+                made = one.compensator
+                assert made is not None
+                found.append((moment, one.made, made.standing if made.enabled else ""))
+                written.append(plant.u_ff("FIC101"))
+
+            plant.follow = follow
+            task = asyncio.create_task(watch.run(OpcUa(Connection(url=plant.url, **given), known)))
+            try:
+                async with asyncio.timeout(120):
+                    while Signal.PV not in one.latest or len(found) < 50:
+                        await asyncio.sleep(0.01)
+                    await seen(watch, "FIC101", comp_size=2.0)
+                    begin = len(found)
+                    while len(found) < begin + 20:
+                        await asyncio.sleep(0.01)
+                    shown = await watch.enable("FIC101", "eve", "engineer")
+                    assert shown["delay"] < SCAN
+                    plant._loops["FIC101"].graph["sp.value"] = 60.0  # so that OP turns
+                    while sum(bool(standing) for _, _, standing in found) < 150:
+                        await asyncio.sleep(0.01)
+            finally:
+                task.cancel()
+                await asyncio.gather(task, return_exceptions=True)
+                watch.memory.close()
+
+    asyncio.run(run())
+    assert all(made == -math.inf for _, made, _ in found[:50])
+    in_force = [(moment, made) for moment, made, standing in found if standing]
+    assert len(in_force) >= 150 and all(moment == made for moment, made in in_force)
+    assert {standing for _, _, standing in found} <= {"", "waiting", "active"}, "by its own clock all is fresh"
+    assert max(map(abs, written)) == pytest.approx(0.6), (
+        "and u_FF stands in the plant: 0.8 of 2 %, less the band, half of it"
+    )

@@ -36,21 +36,33 @@ const axis = (label, more = {}) => ({
   ...more,
 });
 
+/** Times at an axis: hours of 24, and the day below the first and where it changes. */
+function clock_of(plot, splits, _, __, step) {
+  let day = "";
+  return splits.map((s) => {
+    const [date, time] = new Date(1000 * s).toISOString().split("T");
+    const shown = step >= 86_400 ? "" : time.slice(0, step < 60 ? 8 : 5);
+    const told = date === day ? shown : `${shown}\n${date}`;
+    day = date;
+    return told.trimStart();
+  });
+}
+
 /**
  * A chart of lines over x. `lines`: label, colour's name, width, dash. `bands`: drawn behind, as [from, to, colour].
  * `live`: the same, asked at each drawing. `t0`: ms of x = 0 where x is a time; null: seconds; undefined: x is `x`.
  */
-function chart(place, data, lines, { y, t0, x, height, bands, live, sync, limits }) {
+function chart(place, data, lines, { y, t0, x, height, bands, live, sync, limits, legend = true }) {
   const dated = t0 !== undefined && t0 !== null;
   const options = {
     width: place.clientWidth || 600,
     height,
-    legend: { live: false },
+    legend: { show: legend, live: false },
     cursor: { drag: { x: true, y: false }, ...(sync ? { sync: { key: sync } } : {}) },
     // Times of the recording are told as its own clock told them, wherever the page is read.
     ...(dated ? { tzDate: (s) => uPlot.tzDate(new Date(s * 1000), "Etc/UTC") } : {}),
     scales: { x: { time: dated }, y: limits ? { range: limits } : {} },
-    axes: [axis(dated ? null : t0 === null ? "time [s]" : x, dated ? { labelSize: 0 } : {}), axis(y, { size: 62 })],
+    axes: [axis(dated ? null : t0 === null ? "time [s]" : x, dated ? { labelSize: 0, values: clock_of } : {}), axis(y, { size: 62 })],
     series: [
       { label: dated ? "time" : "x" },
       ...lines.map(({ label, stroke, width = 1.4, dash, points = false }) => ({

@@ -266,7 +266,7 @@ function fit(said, unit, pv_unit, place) {
   ].map(([label, [value, low, high], of]) => [label, quantity(value, of), limits(low, high)]);
   return h("section", {}, h("h3", {}, "The gap from OP and PV"), h("p", {}, sentence(reason_of_fit(said, unit))), facts(rows),
     said.pv ? place("likelihood", "likelihood over the width") : null,
-    said.pv ? h("p", { class: "note" }, "The lower a line, the better that width explains PV. The shaded band is the 95 % interval.") : null,
+    said.pv ? h("p", { class: "note" }, "A line is a family of models, the thick one the best. The lower it is, the better that width explains PV. The shaded band is the 95 % interval.") : null,
     process.length ? table("The process between valve and PV, from the same fit.", ["Process", "Value", "95 % interval"], process) : null);
 }
 
@@ -400,7 +400,7 @@ function parallelogram({ pv, answer: { fit: found, answer } }, op, [from, to], o
 
 function likelihood(pv, found, answer, op_unit) {
   const widths = [...new Set(pv.candidates.flatMap((family) => family.d))].sort((a, b) => a - b);
-  const lines = pv.candidates.map((family, i) => ({ label: i ? "another family" : "best family", stroke: i ? "muted" : "signal", width: i ? 1 : 2.4 }));
+  const lines = pv.candidates.map((_, i) => ({ label: `family ${i + 1}`, stroke: i ? "muted" : "signal", width: i ? 1 : 2.4 }));
   const drawn = pv.candidates.map((family) => widths.map((d) => {
     const at = family.d.indexOf(d);
     return at < 0 ? undefined : family.rise[at] + family.behind;
@@ -408,7 +408,7 @@ function likelihood(pv, found, answer, op_unit) {
   const sorted = [...pv.candidates[0].rise].sort((a, b) => a - b);
   const top = Math.max(sorted[Math.floor(0.6 * (sorted.length - 1))], found.lr_needed ?? 0, 12);
   const bands = found.low === null || answer.evidence === null ? null : [[found.low, found.high ?? pv.range, "estimate"]];
-  chart($("likelihood"), [widths, ...drawn], lines, { y: "rise of −2·ln L", x: `width of the gap [${op_unit}]`, height: 280, bands, limits: [-0.05 * top, 1.3 * top] });
+  chart($("likelihood"), [widths, ...drawn], lines, { y: "rise of −2·ln L", x: `width of the gap [${op_unit}]`, height: 280, bands, legend: false, limits: [-0.05 * top, 1.3 * top] });
 }
 
 // --- the report, a file of its own

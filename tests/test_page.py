@@ -11,6 +11,7 @@ import pytest
 import glapp
 from glapp import demo
 from glapp.reading import open_recordings
+from glapp.report import words
 
 CHROMIUM = shutil.which("chromium")
 if CHROMIUM is None:
@@ -31,29 +32,43 @@ def browser() -> Iterator[Any]:
         one.close()
 
 
-@pytest.fixture
-def page(browser: Any) -> Iterator[Any]:
+def opened(browser: Any) -> Any:
     """The page from the disk, what it asked for and what went wrong on it."""
-    context = browser.new_context(viewport={"width": 1280, "height": 800}, offline=True)
-    one = context.new_page()
-    one.set_default_timeout(60_000)
+    one = browser.new_context(viewport={"width": 1280, "height": 800}, offline=True).new_page()
+    one.set_default_timeout(120_000)
     one.asked, one.wrong = [], []
     one.on("request", lambda request: one.asked.append(request.url))
     one.on("pageerror", lambda error: one.wrong.append(str(error)))
     one.on("console", lambda said: one.wrong.append(said.text) if said.type == "error" else None)
     one.goto(PAGE.as_uri())
+    return one
+
+
+@pytest.fixture
+def page(browser: Any) -> Iterator[Any]:
+    """The page, new."""
+    one = opened(browser)
     yield one
-    context.close()
+    one.context.close()
 
 
 @pytest.fixture(scope="module")
 def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The demonstration's recordings, the first 3000 rows of each."""
+    """The demonstration's recordings, the first 1500 rows of each."""
     folder = tmp_path_factory.mktemp("demo")
     demo.write_recordings(folder)
     for path in folder.glob("*.csv"):
-        path.write_text("".join(path.read_text(encoding="utf-8").splitlines(keepends=True)[:3001]), encoding="utf-8")
+        path.write_text("".join(path.read_text(encoding="utf-8").splitlines(keepends=True)[:1501]), encoding="utf-8")
     return folder
+
+
+@pytest.fixture(scope="module")
+def analysed(browser: Any, recordings: Path) -> Iterator[Any]:
+    """The page with an answer on it."""
+    one = opened(browser)
+    answered(one, recordings / "FIC201.csv")
+    yield one
+    one.context.close()
 
 
 def answered(page: Any, path: Path) -> dict[str, Any]:
@@ -66,7 +81,7 @@ def answered(page: Any, path: Path) -> dict[str, Any]:
 
 
 def near(ours: Any, theirs: Any, at: str = "") -> None:
-    """Equal names, and numbers to within 1e-6 of themselves: sines and logarithms of the browser differ in last digits."""
+    """Equal names, and numbers to 1e-5: the last digits of logarithms differ, and with them the search."""
     if isinstance(ours, dict):
         assert ours.keys() == theirs.keys(), at
         for key in ours:
@@ -76,41 +91,49 @@ def near(ours: Any, theirs: Any, at: str = "") -> None:
         for i, pair in enumerate(zip(ours, theirs, strict=True)):
             near(*pair, f"{at}[{i}]")
     elif isinstance(ours, float):
-        assert theirs == pytest.approx(ours, rel=1e-6, abs=1e-12), at
+        assert theirs == pytest.approx(ours, rel=1e-5, abs=1e-12), at
     else:
         assert ours == theirs, at
 
 
-@pytest.mark.parametrize("name", ["FIC201", "LIC110", "FIC402"])
-def test_the_answers_of_the_command_line(page: Any, recordings: Path, name: str) -> None:
-    path = recordings / f"{name}.csv"
-    found = answered(page, path)
+def same(page: Any, path: Path) -> None:
+    """The page says what the command line says of the same file, in numbers and in words."""
+    found = page.evaluate("() => shown.answer")
     [recording] = open_recordings(path)
     result = glapp.analyze(recording)
     told = json.loads(json.dumps(result.to_dict()))
-    assert found["answer"]["verdict"] == told["answer"]["verdict"]
-    for key in ("width", "low", "high", "urgency", "valve", "evidence"):
+    for key in ("verdict", "width", "low", "high", "urgency", "valve", "evidence"):
         near(told["answer"][key], found["answer"][key], key)
-    for key in ("crossings", "d_hat", "detections", "half_periods", "noise_floor"):
+    for key in ("crossings", "d_hat", "detections", "half_periods", "noise_floor", "reasons"):
         near(told[key], found[key], key)
     for ours, theirs in zip(told["quality"], found["quality"], strict=True):
         near(ours["evidence"], {key: theirs["evidence"][key] for key in ours["evidence"]}, ours["code"])
-    # The same sentences.
     said = page.locator("#result").inner_text()
-    from glapp.report import words
-
-    for text in (words.lead(result), words.next_step(result), *(words.sentence(one.text) for one in result.quality)):
-        assert text in said, text
+    sentences = [words.lead(result), words.next_step(result), *(words.sentence(one.text) for one in result.quality)]
     if result.fit is not None:
-        assert words.sentence(result.fit.reason) in said, result.fit.reason
-    assert page.locator("#result canvas").count() >= 2
+        sentences.append(words.sentence(result.fit.reason))
+    for sentence in sentences:
+        assert sentence in said, sentence
     assert page.wrong == []
 
 
-def test_nothing_is_asked_of_anybody(page: Any, recordings: Path) -> None:
-    answered(page, recordings / "FIC201.csv")
+def test_the_answer_of_the_command_line(analysed: Any, recordings: Path) -> None:
+    same(analysed, recordings / "FIC201.csv")
+    assert analysed.locator("#result canvas").count() == 3  # OP and PV over time, the likelihood
+    assert analysed.locator(".gap-picture .fitted").count() == 1
+
+
+def test_the_answer_for_a_sound_valve(page: Any, recordings: Path) -> None:
+    answered(page, recordings / "LIC110.csv")
+    same(page, recordings / "LIC110.csv")
+
+
+def test_nothing_is_asked_of_anybody(analysed: Any) -> None:
+    page = analysed
     page.click("#go-laboratory")
     page.wait_for_function("() => Number(document.getElementById('laboratory').dataset.t) > 1")
+    page.click("#lab-run")
+    page.click("#go-recording")
     assert {url.split(":")[0] for url in page.asked} <= {"file", "blob", "data"}
     assert [url for url in page.asked if url.startswith("file")] == [PAGE.as_uri()]
     assert page.wrong == []
@@ -146,16 +169,13 @@ def test_it_is_ended_when_asked(page: Any, recordings: Path) -> None:
     page.set_input_files("#file", str(recordings / "FIC201.csv"))
     page.wait_for_selector("#working:not([hidden])")
     page.click("#cancel")
-    page.wait_for_selector("#working", state="hidden")
-    assert page.locator("#result .loop").count() == 0
-    page.click("#again button[type=submit]")
-    page.wait_for_selector("#result .loop")
+    page.wait_for_selector("#settings[open]")
+    assert page.locator("#result .loop").count() == 0 and not page.locator("#working").is_visible()
 
 
-def test_the_report_is_a_file_of_its_own(page: Any, browser: Any, recordings: Path, tmp_path: Path) -> None:
-    answered(page, recordings / "FIC201.csv")
-    with page.expect_download() as download:
-        page.click("#save")
+def test_the_report_is_a_file_of_its_own(analysed: Any, browser: Any, tmp_path: Path) -> None:
+    with analysed.expect_download() as download:
+        analysed.click("#save")
     path = tmp_path / "report.html"
     download.value.save_as(path)
     text = path.read_text(encoding="utf-8")
@@ -169,14 +189,18 @@ def test_the_report_is_a_file_of_its_own(page: Any, browser: Any, recordings: Pa
 
 def test_the_laboratory(page: Any) -> None:
     page.click("#go-laboratory")
+    page.click("[data-speed='100']")
+    page.wait_for_function("() => Number(document.getElementById('laboratory').dataset.t) > 150")
+    page.click("#lab-run")
+    page.click("#lab-fit")
+    page.get_by_text("the gap is 2\N{NO-BREAK SPACE}%OP").wait_for()
+    page.click("#lab-run")
     page.click("[data-speed='1000']")
-    page.wait_for_function("() => Number(document.getElementById('laboratory').dataset.t) > 1500")
+    page.wait_for_function("() => Number(document.getElementById('laboratory').dataset.t) > 1000")
     page.click("#lab-run")
     estimate = page.locator("#lab-facts div", has_text="Estimate").locator("dd").inner_text()
     assert 1.6 < float(estimate.split("\N{NO-BREAK SPACE}")[0]) < 2.2  # a gap of 2.0 %: thesis 6.5 shows 1.8 %
-    assert page.locator("#lab-halves tr").count() > 3
-    page.click("#lab-fit")
-    page.get_by_text("the gap is 2\N{NO-BREAK SPACE}%OP").wait_for()
+    assert page.locator("#lab-halves tr").count() == 6
     # Every variable is there, and what may be set can be, within its bounds.
     page.locator("#lab-all summary").click()
     page.fill("#lab-search", "gap.")
@@ -187,10 +211,8 @@ def test_the_laboratory(page: Any) -> None:
     page.locator("[aria-label='gap.d']").press("Enter")
     page.wait_for_selector("#lab-wrong:not([hidden])")
     assert "d = -3" in page.locator("#lab-wrong").inner_text()
-    # Compensation ends the cycle, or makes it smaller.
+    # Compensation comes into force.
     page.check("#lab-compensate")
     page.click("#lab-run")
-    page.wait_for_function(
-        "() => ![...document.querySelectorAll('#lab-facts dd')].some((one) => one.textContent === 'off')"
-    )
+    page.wait_for_function("() => !/not enabled/.test(document.getElementById('lab-facts').textContent)")
     assert page.wrong == []

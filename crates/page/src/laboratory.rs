@@ -32,10 +32,8 @@ impl Laboratory {
         let mut graph = Graph::new(project.h, modules, &wires).map_err(|error| error.to_string())?;
         let paths = graph.names();
         // Asked before the first scan, of the value that it has.
-        let editable: Vec<bool> = paths
-            .iter()
-            .map(|path| graph.known(path).is_ok_and(|value| graph.set(path, value).is_ok()))
-            .collect();
+        let editable: Vec<bool> =
+            paths.iter().map(|path| graph.known(path).is_ok_and(|value| graph.set(path, value).is_ok())).collect();
         let begun = json!({ "paths": paths, "editable": editable });
         Ok((Self { graph, paths }, begun))
     }

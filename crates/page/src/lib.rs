@@ -100,11 +100,12 @@ impl Memory {
 /// assert!(wrong.starts_with(r#"{"error":"in: there is no 'size' here"#));
 /// ```
 pub fn answer(request: &str) -> String {
-    MEMORY.with_borrow_mut(|memory| match memory.answer(request) {
-        Ok(found) => json!({ "ok": found }),
-        Err(wrong) => json!({ "error": wrong }),
-    })
-    .to_string()
+    MEMORY
+        .with_borrow_mut(|memory| match memory.answer(request) {
+            Ok(found) => json!({ "ok": found }),
+            Err(wrong) => json!({ "error": wrong }),
+        })
+        .to_string()
 }
 
 thread_local! {

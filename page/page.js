@@ -278,7 +278,7 @@ function crossings({ answer: doc }, unit) {
     ["Half-periods", String(total)], ["Detections", String(doc.detections)]];
   if (doc.repeatability && doc.detections > 1) rows.push(["Repeatability", `${number(doc.repeatability[0])} to ${quantity(doc.repeatability[1], unit)}`]);
   if (doc.corrected?.d) rows.push(["Bias taken out", quantity(doc.corrected.d, unit)]);
-  if (doc.noise_floor !== null) rows.push(["Noise can feign", quantity(doc.noise_floor, unit)]);
+  if (doc.noise_floor !== null) rows.push(["Noise limit", quantity(doc.noise_floor, unit)]);
   return h("section", {}, h("h3", {}, "What a PLC would show, from zero crossings"), facts(rows),
     total ? table("The first reason that applied to each half-period.", ["Verdict", "Count", "Share", "Meaning"],
       counts.map(([name, n]) => [swatch(name), String(n), `${number((100 * n) / total, 2)} %`, words.reasons[name].meaning]))

@@ -350,7 +350,7 @@ WHY = {
     "disagree": "the detections do not agree: {kept} of the last {count} lie within 20 % of their median",
     "gain_too_low": _GAIN_TOO_LOW.format("Kp is set too low"),
     "gain_too_low assumed": _GAIN_TOO_LOW.format("the assumed Kp of 1.5 %/% does not fit"),
-    "noise": "the detections give {d:.3g} {unit}, less than the {floor:.3g} {unit} that noise can feign",
+    "noise": "the detections give {d:.3g} {unit}, below the noise limit of {floor:.3g} {unit}",
     "few": "{detections} of the {n} detections that an estimate needs",
 }
 """Why the crossings say no more, by the core's word."""
@@ -476,8 +476,8 @@ class Estimator:
 
     Notes
     -----
-    `estimate` is None where noise can feign what the detections say, that is, below `noise_floor`: 3σ/Kp, with σ of
-    PV's fast noise when the last detection was made, or 3σ·2K where Kp is not known. `median_mean` is what they say all
+    `estimate` is None where what the detections say is below the noise limit `noise_floor`: 3σ/Kp, with σ of PV's
+    fast noise when the last detection was made, or 3σ·2K where Kp is not known. `median_mean` is what they say all
     the same. Two more things that `analyze` asks of an estimate a stream does not: that a third of the detections
     agree, and the quality of the whole recording.
 
@@ -561,18 +561,18 @@ class Estimator:
     def estimate(self) -> tuple[float, float, float, int, int] | None:
         """(value, smallest, largest [OP unit], how many agree, how many there are) of the last N detections.
 
-        None before the first detection, and where noise can feign it.
+        None before the first detection, and where it is below the noise limit.
         """
         return self._detector.estimate
 
     @property
     def median_mean(self) -> tuple[float, float, float, int, int] | None:
-        """The same, whether noise can feign it or not."""
+        """The same, whether above the noise limit or not."""
         return self._detector.median_mean
 
     @property
     def noise_floor(self) -> float | None:
-        """What noise can feign [OP unit], by its level at the last detection; None where it is not known."""
+        """The noise limit [OP unit], by its level at the last detection; None where it is not known."""
         return self._detector.noise_floor
 
     def save(self) -> str:

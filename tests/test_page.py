@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 
 import glapp
-from glapp import demo
 from glapp.reading import open_recordings
 from glapp.report import words
+from glapp.simulate import closed_loop
 
 CHROMIUM = shutil.which("chromium")
 if CHROMIUM is None:
@@ -35,7 +35,7 @@ def browser() -> Iterator[Any]:
 def opened(browser: Any) -> Any:
     """The page from the disk, what it asked for and what went wrong on it."""
     one = browser.new_context(viewport={"width": 1280, "height": 800}, offline=True).new_page()
-    one.set_default_timeout(120_000)
+    one.set_default_timeout(600_000)  # a fit may wait long for its processor
     one.asked, one.wrong = [], []
     one.on("request", lambda request: one.asked.append(request.url))
     one.on("pageerror", lambda error: one.wrong.append(str(error)))
@@ -54,11 +54,12 @@ def page(browser: Any) -> Iterator[Any]:
 
 @pytest.fixture(scope="module")
 def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The demonstration's recordings, the first 1500 rows of each."""
-    folder = tmp_path_factory.mktemp("demo")
-    demo.write_recordings(folder)
-    for path in folder.glob("*.csv"):
-        path.write_text("".join(path.read_text(encoding="utf-8").splitlines(keepends=True)[:1501]), encoding="utf-8")
+    """A worn and a sound valve, quick enough for a fit of few rows."""
+    folder = tmp_path_factory.mktemp("loops")
+    for name, d in (("worn", 0.05), ("sound", 0.0)):
+        acting = {"setpoint": [(1, 1.0)], "load": [(20, 0.3), (40, -0.2)]}
+        sim = closed_loop("P3", (0.48, 0.3117), d=d, noise=0.005, h=0.1, t_end=70, seed=1, **acting)
+        sim.write_csv(folder / f"{name}.csv")
     return folder
 
 
@@ -66,7 +67,7 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def analysed(browser: Any, recordings: Path) -> Iterator[Any]:
     """The page with an answer on it."""
     one = opened(browser)
-    answered(one, recordings / "FIC201.csv")
+    answered(one, recordings / "worn.csv")
     yield one
     one.context.close()
 
@@ -81,7 +82,7 @@ def answered(page: Any, path: Path) -> dict[str, Any]:
 
 
 def near(ours: Any, theirs: Any, at: str = "") -> None:
-    """Equal names, and numbers to 1e-5: the last digits of logarithms differ, and with them the search."""
+    """Equal names, and numbers to 1e-4: the last digits of logarithms differ, and so where a search ends."""
     if isinstance(ours, dict):
         assert ours.keys() == theirs.keys(), at
         for key in ours:
@@ -91,7 +92,7 @@ def near(ours: Any, theirs: Any, at: str = "") -> None:
         for i, pair in enumerate(zip(ours, theirs, strict=True)):
             near(*pair, f"{at}[{i}]")
     elif isinstance(ours, float):
-        assert theirs == pytest.approx(ours, rel=1e-5, abs=1e-12), at
+        assert theirs == pytest.approx(ours, rel=1e-4, abs=1e-12), at
     else:
         assert ours == theirs, at
 
@@ -118,14 +119,14 @@ def same(page: Any, path: Path) -> None:
 
 
 def test_the_answer_of_the_command_line(analysed: Any, recordings: Path) -> None:
-    same(analysed, recordings / "FIC201.csv")
+    same(analysed, recordings / "worn.csv")
     assert analysed.locator("#result canvas").count() == 3  # OP and PV over time, the likelihood
     assert analysed.locator(".gap-picture .fitted").count() == 1
 
 
 def test_the_answer_for_a_sound_valve(page: Any, recordings: Path) -> None:
-    answered(page, recordings / "LIC110.csv")
-    same(page, recordings / "LIC110.csv")
+    answered(page, recordings / "sound.csv")
+    same(page, recordings / "sound.csv")
 
 
 def test_nothing_is_asked_of_anybody(analysed: Any) -> None:
@@ -166,7 +167,7 @@ def test_a_file_that_cannot_be_read_says_why(page: Any, tmp_path: Path) -> None:
 
 
 def test_it_is_ended_when_asked(page: Any, recordings: Path) -> None:
-    page.set_input_files("#file", str(recordings / "FIC201.csv"))
+    page.set_input_files("#file", str(recordings / "worn.csv"))
     page.wait_for_selector("#working:not([hidden])")
     page.click("#cancel")
     page.wait_for_selector("#settings[open]")

@@ -1,7 +1,7 @@
 # make run   sets everything up and does the main job: recordings in, dead bands and a report out
 # make test  sets everything up and runs every test in every language
 # make check is what a developer runs all day: linters, the blocks, and every Python test that takes less than a second
-.PHONY: run test check setup lint bare interop site bench catalogue gallery plc fuzz clean
+.PHONY: run test check setup lint bare interop page site bench catalogue gallery plc fuzz clean
 .DELETE_ON_ERROR:
 
 PYTHON ?= python3
@@ -31,7 +31,7 @@ $(VENV)/.installed: $(VENV)/.tools $(SOURCES)
 	$(BIN)/pip install --quiet --no-deps --editable thesis
 	touch $@
 
-test: setup lint bare interop site
+test: setup lint bare interop page site
 	cargo test --workspace --quiet
 	$(BIN)/pytest --numprocesses auto --dist loadgroup
 
@@ -42,8 +42,8 @@ check: setup lint
 lint: setup
 	cargo fmt --check
 	cargo clippy --workspace --all-targets --quiet -- --deny warnings
-	$(BIN)/ruff format --check python thesis tests examples bench vectors fuzz plc docs
-	$(BIN)/ruff check python thesis tests examples bench vectors fuzz plc docs
+	$(BIN)/ruff format --check python thesis tests examples bench vectors fuzz plc docs page
+	$(BIN)/ruff check python thesis tests examples bench vectors fuzz plc docs page
 	$(BIN)/mypy
 
 # The core where there is no operating system: a microcontroller, and a page in the browser.
@@ -74,6 +74,12 @@ $(THEIRS)/.node: tests/interop/package.json tests/interop/package-lock.json
 $(THEIRS)/.milo: $(MILO)
 	mvn --quiet --batch-mode --file tests/interop/milo/pom.xml -Dout=$(abspath $(THEIRS))/milo compile
 	touch $@
+
+# The page in the browser: dist/page/index.html, which works from the disk.
+page: setup dist/page/index.html
+
+dist/page/index.html: $(SOURCES) $(shell find page python/glapp -type f -not -name '*.pyc' -not -name '*.so')
+	$(BIN)/python page/build.py dist/page
 
 bench: setup $(VENV)/.bench
 	cargo bench --quiet -p glapp-core

@@ -326,33 +326,34 @@ def _why(answer: dict[str, Any], loop: Loop, found: list[Finding], identificatio
             return None
         case {"code": "place"}:
             return _refusal(loop)
-        case {"code": "no_sp"}:
-            return NO_SP
         case {"code": "finding", "of": int(i)}:
             return found[i].text
-        case {"code": "no_law"}:
-            what = "K and Ti are not given, and without an OP column they cannot be identified"
-            return f"{what}: name the column (--op, columns.op), or give the controller"
-        case {"code": "not_identified"}:
-            assert identification is not None
-            return f"K and Ti are not given and could not be identified: {identification.reason}"
         case {"code": "nothing_accepted"}:
             return _nothing_accepted(answer["reasons"])
-        case {"code": "coarse", "of": n}:
-            return (
-                f"the accepted half-periods have {n['samples']:.0f} samples (median), and 10 are needed: between them "
-                "the error is unknown. Record faster"
-            )
-        case {"code": "disagree", "of": n}:
-            return f"the detections do not agree: {n['kept']} of the last {n['count']} lie within 20 % of their median"
-        case {"code": "gain_too_low"}:
-            assumed = answer["controller"]["origins"]["kp"] == "assumed"
-            what = "the assumed Kp of 1.5 %/% does not fit" if assumed else "Kp is set too low"
-            return f"Δy/Kp is larger than OP's travel: {what}, check kp and the span of PV"
-        case {"code": "noise", "of": n}:
-            unit = loop.op_label
-            return f"the detections give {n['d']:.3g} {unit}, below the noise limit of {n['floor']:.3g} {unit}"
-    return f"{answer['detections']} of the {loop.n} detections that an estimate needs"
+        case {"code": "gain_too_low"} if answer["controller"]["origins"]["kp"] == "assumed":
+            return WHY["gain_too_low assumed"]
+        case why:
+            numbers = {"unit": loop.op_label, "detections": answer["detections"], "n": loop.n}
+            numbers |= {} if identification is None else {"reason": identification.reason}
+            return WHY[why["code"]].format_map((why.get("of") or {}) | numbers)
+
+
+_GAIN_TOO_LOW = "Δy/Kp is larger than OP's travel: {}, check kp and the span of PV"
+
+WHY = {
+    "no_sp": NO_SP,
+    "no_law": "K and Ti are not given, and without an OP column they cannot be identified: name the column (--op, "
+    "columns.op), or give the controller",
+    "not_identified": "K and Ti are not given and could not be identified: {reason}",
+    "coarse": "the accepted half-periods have {samples:.0f} samples (median), and 10 are needed: between them the "
+    "error is unknown. Record faster",
+    "disagree": "the detections do not agree: {kept} of the last {count} lie within 20 % of their median",
+    "gain_too_low": _GAIN_TOO_LOW.format("Kp is set too low"),
+    "gain_too_low assumed": _GAIN_TOO_LOW.format("the assumed Kp of 1.5 %/% does not fit"),
+    "noise": "the detections give {d:.3g} {unit}, below the noise limit of {floor:.3g} {unit}",
+    "few": "{detections} of the {n} detections that an estimate needs",
+}
+"""Why the crossings say no more, by the core's word."""
 
 
 def _corrected(c: dict[str, Any], unit: str) -> Corrected:

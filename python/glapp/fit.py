@@ -618,148 +618,105 @@ def process_sign(loop: Loop, ideal: Ideal | None) -> float:
     return 0.0 if ideal is None else float(np.sign(ideal.k))
 
 
+UNFIT = {
+    "no_op": "there is no OP: the width cannot be fitted without it",
+    "few_rows": "{number:.0f} rows are too few: a fit needs 50 samples at least",
+    "op_missing": "OP is missing in nearly all rows",
+    "op_still": "OP stands still at {number:.4g} all the time: only an OP that moves shows a gap",
+    "same": "OP and {name} are the same signal: check which columns were taken",
+    "pv_still": "{name} stands still at {number:.4g} all the time",
+    "coarse": "OP takes only {number:.0f} values: it is recorded too coarsely",
+    "broken": "no 20 samples stand together without a hole",
+    "copy": COPY,
+    "few": "fewer than 50 samples stand together, or OP does not move in them",
+    "few positions": "fewer than 50 rows have a position",
+}
+"""Why nothing could be fitted, by the core's word; `name`: that of PV, or of what stood in its place."""
+
+
 def _unfit(unfit: tuple[str, float], name: str) -> str:
-    """Why nothing could be fitted, in one sentence; `name`: that of PV, or of what stood in its place."""
     why, number = unfit
-    match why:
-        case "no_op":
-            return "there is no OP: the width cannot be fitted without it"
-        case "few_rows":
-            return f"{number:.0f} rows are too few: a fit needs 50 samples at least"
-        case "op_missing":
-            return "OP is missing in nearly all rows"
-        case "op_still":
-            return f"OP stands still at {number:.4g} all the time: only an OP that moves shows a gap"
-        case "same":
-            return f"OP and {name} are the same signal: check which columns were taken"
-        case "pv_still":
-            return f"{name} stands still at {number:.4g} all the time"
-        case "coarse":
-            return f"OP takes only {number:.0f} values: it is recorded too coarsely"
-        case "broken":
-            return "no 20 samples stand together without a hole"
-        case "copy":
-            return COPY
-        case _ if name == "PV":
-            return "fewer than 50 samples stand together, or OP does not move in them"
-        case _:
-            return "fewer than 50 rows have a position"
+    known = why if why in UNFIT else "few" if name == "PV" else "few positions"
+    return UNFIT[known].format(number=number, name=name)
 
 
-GAP_AND_MORE = "; where the valve turns, PV strays from what a gap alone makes of it"
+_EVIDENCE = "no gap is {lr_no_gap:.0f} units of 2·ln L worse, where {lr_needed:.0f} are needed"
+_WOULD = "a gap of {d:.3g} {unit} would fit"
+_OFTEN = "OP went through it {up} up and {down} down"
+_GAP = f"a gap of {{d:.3g}} {{unit}}: {_EVIDENCE}; {_OFTEN}"
+_AT_LEAST = f"at least {{low:.3g}} {{unit}} are lost: {_EVIDENCE}; {_OFTEN}"
+_DISAGREE = ": was the valve serviced between them, or are they of more than one valve?"
+
+REASONS = {
+    "backlash": _GAP,
+    "backlash gap_and_more": f"{_GAP}; where the valve turns, PV strays from what a gap alone makes of it",
+    "stiction": f"the valve sticks and jumps by {{jump:.3g}} {{unit}}, no gap beside it: {_EVIDENCE}; {_OFTEN}",
+    "both": f"lost motion of {{d:.3g}} {{unit}} with jumps of {{jump:.3g}} {{unit}} in it: {_EVIDENCE}, and no jump "
+    f"{{lr_no_jump:.0f}} worse; {_OFTEN}",
+    "at_least": f"{_AT_LEAST}, too seldom to tell how much more it is. Record while OP moves further",
+    "at_least noisy": f"{_AT_LEAST}, but PV's noise hides how much more it is. "
+    "Record with a finer PV, or while OP moves further",
+    "sound": "no gap wider than {high:.3g} {unit} (95 %): PV answers each turn of OP",
+    "misfit": "no model fits: what it does not foresee of PV is alike from one sample to the next (correlation "
+    "{echo:.2f}). Is PV what this OP moves, and recorded as it was measured?",
+    "coarse": f"{_WOULD}, but between samples {{h:.3g}} s apart OP does what none of them shows: the process "
+    f"lags by {{settles:.3g}} s, and {SAMPLES_IN_LAG:.0f} samples are needed in that. Record faster",
+    "windows_disagree": f"{_WOULD} all of the recording best, but its parts disagree "
+    "{dispersion:.0f} times more than chance allows: fit a time in which nothing was changed",
+    "windows_silent": f"{_WOULD} all of the recording best, but too few of its parts show one by themselves: what the "
+    "model lacks in each of them explains as much. Make a bump test, or record the valve's position",
+    "recordings_disagree": f"{_WOULD}, but the recordings disagree{_DISAGREE}",
+    "recordings_disagree shared": f"{_WOULD}, but the recordings disagree {{dispersion:.0f}} times more than chance "
+    f"allows{_DISAGREE}",
+    "still": f"{_WOULD}, but in it the valve hardly moves: one step of PV at a time and of a size that are free "
+    "explains as much. Record while OP moves further",
+    "once": f"{_WOULD}, but OP goes through it one way only, once: record for longer, or while OP moves further",
+    "repeats": f"{_WOULD}, but so would a load that repeats itself with the cycle of this loop: find what swings there "
+    "or record while the setpoint moves, on calmer days, or with the valve's position",
+    "swings": f"{_WOULD}, but OP swings to and fro in almost even time, which no gap makes of this process: a load "
+    "that swings so explains as much. Record while the setpoint moves or on calmer days, make a bump test "
+    "or record the valve's position",
+    "lined": f"{_WOULD}, but a historian kept only corners of PV and drew lines between them, which bend by as much. "
+    "Record without compression",
+    "hidden_by_samples": "no gap shows, but the process settles in {settles:.3g} s, and samples {h:.3g} s apart would "
+    f"not show one: {SAMPLES_IF_SOUND:.0f} are needed in that. Record faster, and PV before any filter",
+    "hidden_by_lag": "no gap shows, but only if the process lags by {lag:.3g} s, longer than what was recorded: "
+    "record for longer",
+    "hidden_by_changes": "no gap shows beside {load_steps} steps or bends of the load, but OP turned no oftener than "
+    "the load, and they may hide one. Record while the setpoint moves, or on calmer days",
+    "no_answer": "PV does not answer OP: a process that stands still explains PV as well ({lr_no_answer:.0f} units of "
+    "2·ln L). Record while OP moves",
+    "may_be": "{most} would fit, most likely {d:.3g} {unit}, but {against}: record for longer, or while OP moves "
+    "further",
+}
+"""A verdict with its evidence in one sentence, by its name and the core's word; where nothing is told, by the word."""
+
+MAY_BE = {
+    "any": "any width",
+    "up to": "a gap of up to {high:.3g} {unit}",
+    "as well": "next to none would as well",
+    "less likely": "none is {lr_no_gap:.0f} units of 2·ln L less likely ({lr_needed:.0f} are needed)",
+}
+"""What `REASONS` leaves open of a gap that may be one: how wide, and what is against it."""
+
+TIMES = ("never", "once", "twice")
 
 
 def _times(n: int) -> str:
-    return {0: "never", 1: "once", 2: "twice"}.get(n, f"{n} times")
+    return TIMES[n] if n < len(TIMES) else f"{n} times"
 
 
 def _reason(answer: dict[str, Any], unit: str, best: dict[str, Any]) -> str:
     """The verdict and its evidence in one sentence: `answer` is that of all windows, `best` that of the one shown."""
-    verdict, d, low, high, reason = (answer[key] for key in ("verdict", "d", "low", "high", "reason"))
-    up, down = answer["traversals"]
-    evidence = f"no gap is {answer['lr_no_gap']:.0f} units of 2·ln L worse, where {answer['lr_needed']:.0f} are needed"
-    would = f"a gap of {d:.3g} {unit} would fit"
-    often = f"OP went through it {_times(up)} up and {_times(down)} down"
-    match verdict:
-        case "backlash":
-            return f"a gap of {d:.3g} {unit}: {evidence}; {often}{GAP_AND_MORE if reason == 'gap_and_more' else ''}"
-        case "stiction":
-            return f"the valve sticks and jumps by {best['jump']:.3g} {unit}, no gap beside it: {evidence}; {often}"
-        case "both":
-            return (
-                f"lost motion of {d:.3g} {unit} with jumps of {best['jump']:.3g} {unit} in it: {evidence}, and no jump "
-                f"{best['lr_no_jump']:.0f} worse; {often}"
-            )
-        case "at_least" if reason == "noisy":
-            return (
-                f"at least {low:.3g} {unit} are lost: {evidence}; {often}, but PV's noise hides how much more it is. "
-                "Record with a finer PV, or while OP moves further"
-            )
-        case "at_least":
-            return (
-                f"at least {low:.3g} {unit} are lost: {evidence}; {often}, too seldom to tell how much more it is. "
-                "Record while OP moves further"
-            )
-        case "sound":
-            return f"no gap wider than {high:.3g} {unit} (95 %): PV answers each turn of OP"
-        case _ if reason == "misfit":
-            return (
-                f"no model fits: what it does not foresee of PV is alike from one sample to the next (correlation "
-                f"{best['echo']:.2f}). Is PV what this OP moves, and recorded as it was measured?"
-            )
-        case _ if reason == "coarse":
-            return (
-                f"{would}, but between samples {best['h']:.3g} s apart OP does what none of them shows: the process "
-                f"lags by {best['settles']:.3g} s, and {SAMPLES_IN_LAG:.0f} samples are needed in that. Record faster"
-            )
-        case _ if reason == "windows_disagree":
-            return (
-                f"a gap of {d:.3g} {unit} would fit all of the recording best, but its parts disagree "
-                f"{answer['dispersion']:.0f} times more than chance allows: fit a time in which nothing was changed"
-            )
-        case _ if reason == "windows_silent":
-            return (
-                f"{would} all of the recording best, but too few of its parts show one by themselves: what the model "
-                "lacks in each of them explains as much. Make a bump test, or record the valve's position"
-            )
-        case _ if reason == "recordings_disagree":
-            more = f" {answer['dispersion']:.0f} times more than chance allows" if answer["shared"] else ""
-            return (
-                f"{would}, but the recordings disagree{more}: was the valve serviced between them, or are they of more "
-                "than one valve?"
-            )
-        case _ if reason == "still":
-            return (
-                f"{would}, but in it the valve hardly moves: one step of PV at a time and of a size that are free "
-                "explains as much. Record while OP moves further"
-            )
-        case _ if reason == "once":
-            return f"{would}, but OP goes through it one way only, once: record for longer, or while OP moves further"
-        case _ if reason == "repeats":
-            return (
-                f"{would}, but so would a load that repeats itself with the cycle of this loop: find what swings there "
-                "or record while the setpoint moves, on calmer days, or with the valve's position"
-            )
-        case _ if reason == "swings":
-            return (
-                f"{would}, but OP swings to and fro in almost even time, which no gap makes of this process: a load "
-                "that swings so explains as much. Record while the setpoint moves or on calmer days, make a bump test "
-                "or record the valve's position"
-            )
-        case _ if reason == "lined":
-            return (
-                f"{would}, but a historian kept only corners of PV and drew lines between them, which bend by as much. "
-                "Record without compression"
-            )
-        case _ if reason == "hidden_by_samples":
-            return (
-                f"no gap shows, but the process settles in {best['settles']:.3g} s, and samples {best['h']:.3g} s "
-                f"apart would not show one: {SAMPLES_IF_SOUND:.0f} are needed in that. Record faster, and PV before "
-                "any filter"
-            )
-        case _ if reason == "hidden_by_lag":
-            return (
-                f"no gap shows, but only if the process lags by {best['lag']:.3g} s, longer than what was recorded: "
-                "record for longer"
-            )
-        case _ if reason == "hidden_by_changes":
-            return (
-                f"no gap shows beside {best['load_steps']} steps or bends of the load, but OP turned no oftener than "
-                "the load, and they may hide one. Record while the setpoint moves, or on calmer days"
-            )
-        case _ if reason == "no_answer":
-            return (
-                f"PV does not answer OP: a process that stands still explains PV as well ({best['lr_no_answer']:.0f} "
-                "units of 2·ln L). Record while OP moves"
-            )
-        case _:
-            most = "any width" if high is None else f"a gap of up to {high:.3g} {unit}"
-            if low <= 0 or reason == "families_disagree":
-                against = "next to none would as well"
-            else:
-                lr, needed = answer["lr_no_gap"], answer["lr_needed"]
-                against = f"none is {lr:.0f} units of 2·ln L less likely ({needed:.0f} are needed)"
-            return (
-                f"{most} would fit, most likely {d:.3g} {unit}, but {against}: "
-                "record for longer, or while OP moves further"
-            )
+    verdict, reason = answer["verdict"], answer["reason"]
+    shared = "shared" if answer.get("shared") else reason
+    up, down = map(_times, answer["traversals"])
+    numbers = best | answer | {"unit": unit, "up": up, "down": down}
+    if verdict == "cannot_tell":
+        names = (f"{reason} {shared}", reason, "may_be")
+        width = MAY_BE["any" if answer["high"] is None else "up to"]
+        against = MAY_BE["as well" if answer["low"] <= 0 or reason == "families_disagree" else "less likely"]
+        numbers |= {"most": width.format_map(numbers), "against": against.format_map(numbers)}
+    else:
+        names = (f"{verdict} {reason}", verdict, verdict)
+    return REASONS[next(name for name in names if name in REASONS)].format_map(numbers)

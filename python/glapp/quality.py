@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
+from string import Formatter
 from typing import Any, Literal
 
 import numpy as np
@@ -289,8 +290,11 @@ def noise_sigma(pv: Floats) -> float | None:
 
 
 @dataclass(frozen=True, slots=True)
-class _Reader:
-    """The person who reads the sentences: units, calendar and row numbers."""
+class _Reader(Formatter):
+    """The person who reads the sentences: units, calendar and row numbers.
+
+    Beside the usual formats of numbers there are `seconds`, `share`, `row` and `size` (without its sign, three digits).
+    """
 
     pv_unit: str = "PV units"
     op_unit: str = "OP units"
@@ -304,11 +308,28 @@ class _Reader:
         code, severity, evidence = found["code"], found["severity"], found["evidence"]
         if code == "time_reversed":
             evidence = evidence | {name: self.time(float(evidence[name])) for name in ("from", "to")}
-        numbers = {**evidence, **found["numbers"], "severity": severity}
-        return Finding(code, severity, _SENTENCES[code](numbers, self), evidence)
+        numbers = {**evidence, **found["numbers"], "severity": severity, "days": self.days}
+        numbers |= {"pv_unit": self.pv_unit, "op_unit": self.op_unit}
+        numbers |= _more(code, numbers)
+        variant = _VARIANTS[code](numbers) if code in _VARIANTS else ""
+        sentence = SENTENCES.get(f"{code} {variant}") or SENTENCES[code]
+        return Finding(code, severity, self.vformat(sentence, (), numbers), evidence)
 
-    def row(self, row: int) -> str:
-        return f"row {row + self.first_row}"
+    def format_field(self, value: Any, format_spec: str) -> str:
+        match format_spec:
+            case "seconds":
+                return _seconds(value)
+            case "share":
+                return _percent(value)
+            case "size":
+                return f"{abs(value):.3g}"
+            case "row":
+                return f"row {int(value) + self.first_row}"
+            case "rows":
+                return ", ".join(f"row {int(row) + self.first_row}" for row in value.split())
+            case "and":
+                return str(value).replace(",", " and ")
+        return str(super().format_field(value, format_spec))
 
     def time(self, t: float) -> str:
         try:
@@ -325,255 +346,110 @@ def _percent(share: float) -> str:
     return f"{share:.0%}" if share >= 0.095 or share == 0 else f"{100 * share:.2g} %".replace(" %", "%")
 
 
+def _more(code: str, n: Numbers) -> dict[str, str]:
+    """What a sentence tells beyond the numbers of its finding."""
+    match code:
+        case "time_assumed":
+            return {"steps": f"steps by {n['step']:.6g}" if n["step"] else "does not step"}
+        case "spikes":
+            return {"more": " and more" if n["count"] > len(n["rows"].split()) else ""}
+    return {}
+
+
 Numbers = Mapping[str, Any]
 
+_GAIN = "{op_unit} per {pv_unit}"
+_BEGINS = "column '{column}' begins at {first} and {steps}: read as "
+_REVERSED = "time runs backwards in {count} of {of} rows, first at {first_row:row}, from {from} to {to}: "
+_REPEATED = "{count} of {of} rows repeat the time before them, first {first_row:row}: "
+_STAND_ALONE = (
+    "alone, off those before and after ({rows:rows}{more}): the fit leaves them out, but the controller answers them, "
+    "so look at the transmitter"
+)
+_WINDS = (
+    " SP for {lasted_s:seconds} while OP winds from {op_from:.3g} to {op_to:.3g} {op_unit}, so PV does not answer OP "
+    "and nothing can be estimated: take a time in which the loop controls"
+)
 
-def _time_assumed(n: Numbers, reader: _Reader) -> str:
-    steps = f"steps by {n['step']:.6g}" if n["step"] else "does not step"
-    begins = f"column '{n['column']}' begins at {n['first']} and {steps}"
-    if n["severity"] == "info":
-        return f"{begins}: read as {reader.days}; if it counts seconds, write time_format = 'seconds'"
-    return f"{begins}: read as seconds; if these are {reader.days}, write time_format = '{n['calendar']}'"
-
-
-def _too_few_rows(n: Numbers, _: _Reader) -> str:
-    return f"the recording has {n['rows']} rows, from which nothing can be told: take hours, not moments"
-
-
-def _time_missing(n: Numbers, _: _Reader) -> str:
-    return f"{n['rows']} of {n['of']} rows have no time and are not used: check the time column"
-
-
-def _time_reversed(n: Numbers, reader: _Reader) -> str:
-    hint = {
-        "newest_first": "the newest row comes first; sort the rows by time, the oldest first",
-        "clock_set_back": "the clock seems to have been set back an hour: export in UTC or name the time zone",
-        "unsorted": "sort the rows by time, or export in UTC if this is the end of summer time",
-    }[n["looks_like"]]
-    return (
-        f"time runs backwards in {n['count']} of {n['of']} rows, first at {reader.row(n['first_row'])}, from "
-        f"{n['from']} to {n['to']}: {hint}"
-    )
-
-
-def _time_repeated(n: Numbers, reader: _Reader) -> str:
-    useless = n["severity"] == "refuse"
-    hint = "every time is the same; check the time column" if useless else "remove the doubles if they are many"
-    return f"{n['count']} of {n['of']} rows repeat the time before them, first {reader.row(n['first_row'])}: {hint}"
-
-
-def _gaps(n: Numbers, reader: _Reader) -> str:
-    return (
-        f"gaps longer than {_seconds(n['threshold_s'])}: {n['count']}, {_seconds(n['total_s'])} in all, the longest "
-        f"{_seconds(n['longest_s'])}, the first before {reader.row(n['first_row'])}; no half-period is taken across "
-        "one: ask for raw values if they are many"
-    )
-
-
-def _not_a_number(n: Numbers, reader: _Reader) -> str:
-    if n["rows"] == n["of"]:
-        return f"{n['signal']} is not a number in any of {n['of']} rows: check the column or tag"
-    return (
-        f"{n['signal']} is not a number in {n['rows']} of {n['of']} rows ({_percent(n['share'])}), first "
-        f"{reader.row(n['first_row'])}: each ends a half-period; ask the historian for good values"
-    )
-
-
-def _bad_quality(n: Numbers, _: _Reader) -> str:
-    return (
-        f"the quality is not good in {_percent(n['share'])} of the rows, which are not used: mend the signal, "
-        "or check which quality codes mean good"
-    )
-
-
-def _not_auto(n: Numbers, _: _Reader) -> str:
-    return (
-        f"the loop is not in auto in {_percent(n['share'])} of the rows, which are not used: "
-        "take a time in auto, or check which mode values mean auto"
-    )
-
-
-def _at_limit(n: Numbers, _: _Reader) -> str:
-    return (
-        f"OP is at its low limit in {_percent(n['at_low'])} and at its high limit in {_percent(n['at_high'])} of the "
-        "rows, which are not used: take a time in which the valve has room to move"
-    )
-
-
-def _no_op(_: Numbers, __: _Reader) -> str:
-    return "OP is not recorded, so K and Ti must be given, and saturation is seen only through limit flags: add OP"
-
-
-def _op_constant(n: Numbers, reader: _Reader) -> str:
-    return (
-        f"OP stays at {n['op']:.4g} {reader.op_unit} over the whole recording: "
-        "take a time in which the controller works, or check the OP column"
-    )
-
-
-def _pv_constant(n: Numbers, reader: _Reader) -> str:
-    return (
-        f"PV stays at {n['pv']:.4g} {reader.pv_unit} over the whole recording: check the PV column and the transmitter"
-    )
-
-
-def _same_signal(n: Numbers, _: _Reader) -> str:
-    return f"{n['signals'].replace(',', ' and')} are the same signal: check which columns or tags were taken"
-
-
-def _winding_up(n: Numbers, reader: _Reader) -> str:
-    side = "below" if n["error"] > 0 else "above"
-    return (
-        f"PV stays {abs(n['error']):.3g} {reader.pv_unit} {side} SP for {_seconds(n['lasted_s'])} while OP winds from "
-        f"{n['op_from']:.3g} to {n['op_to']:.3g} {reader.op_unit}, so PV does not answer OP and nothing can be "
-        "estimated: take a time in which the loop controls"
-    )
-
-
-def _cascade_slave(n: Numbers, _: _Reader) -> str:
-    return (
-        f"SP moves at {_percent(n['share'])} of the samples, as in a cascade slave: the method works in a slave, but "
-        "half-periods in which SP moves more than PV are rejected (5.5); few may be left"
-    )
-
-
-def _sampling(n: Numbers, _: _Reader) -> str:
-    step, ti = _seconds(n["h_s"]), _seconds(n["ti_s"])
-    told = (
-        f"a sample every {step} is slower than Ti {ti}, so the error between the samples is unknown"
-        if n["ratio"] > 1.0
-        else f"a sample every {step} is coarse against Ti {ti}, so widths are rough"
-    )
-    return f"{told}: record at least every {_seconds(n['enough_s'])}"
-
-
-def _spikes(n: Numbers, reader: _Reader) -> str:
-    named = [reader.row(int(row)) for row in n["rows"].split()]
-    rows, more = ", ".join(named), " and more" if n["count"] > len(named) else ""
-    samples = "1 sample of PV stands" if n["count"] == 1 else f"{n['count']} samples of PV stand"
-    return (
-        f"{samples} alone, off those before and after ({rows}{more}): the fit leaves them out, but "
-        "the controller answers them, so look at the transmitter"
-    )
-
-
-def _exchanged(n: Numbers, _: _Reader) -> str:
-    return (
-        f"OP and PV seem to be exchanged: PV moves with OP as the output of a PI or PID controller with Ti "
-        f"{_seconds(n['ti_s'])} does ({_percent(n['r2_exchanged'])} explained), OP with PV as that of none: check "
-        "which columns were taken (--pv and --op, columns.pv and columns.op)"
-    )
-
-
-def _frozen(n: Numbers, _: _Reader) -> str:
-    return (
-        f"in {_percent(n['share'])} of the recording SP, PV and OP all repeat their last value although PV is off SP, "
-        "so the historian stood still, not the loop: export raw values, or another time"
-    )
-
-
-def _compressed_pv(n: Numbers, _: _Reader) -> str:
-    if n["looks_like"] == "held":
-        return (
-            f"PV repeats its last value in {_percent(n['held'])} of the recording while OP moves on, as a historian's "
-            "compression leaves it: export uncompressed values"
-        )
-    return (
-        f"{_percent(n['straight'])} of PV's samples lie on exact straight lines, as interpolation between a "
-        "historian's compressed values leaves them: export raw values"
-    )
-
-
-def _quantised_pv(n: Numbers, reader: _Reader) -> str:
-    return (
-        f"PV comes in steps of {n['step']:.3g} {reader.pv_unit}, {n['levels']} within its range, so small errors and "
-        "crossings are lost: record with more digits"
-    )
-
-
-def _quantised_op(n: Numbers, reader: _Reader) -> str:
-    return (
-        f"OP comes in steps of {n['step']:.3g} {reader.op_unit}, {n['levels']} within its range, so no width below a "
-        "few steps can be told: record with more digits"
-    )
-
-
-def _sign(n: Numbers, reader: _Reader) -> str:
-    gain = f"{reader.op_unit} per {reader.pv_unit}"
-    return (
-        f"the settings say K {n['k_given']:.3g} {gain} but OP moves as with K {n['k_seen']:.3g} {gain}: "
-        "check the action, direct (K < 0) or reverse (K > 0), or the columns"
-    )
-
-
-def _settings(n: Numbers, reader: _Reader) -> str:
-    unit = f"{reader.op_unit} per {reader.pv_unit}" if n["parameter"] == "K" else "s"
-    return (
-        f"the settings say {n['parameter']} {n['given']:.3g} {unit} but OP moves as with {n['seen']:.3g} {unit} "
-        f"({n['low']:.3g} to {n['high']:.3g} {unit}): check the controller's form and units"
-    )
-
-
-def _error_gap(n: Numbers, reader: _Reader) -> str:
-    return (
-        f"OP rests while PV is within {n['gap']:.3g} {reader.pv_unit} of SP and moves beyond, so the controller has an "
-        "error gap, whose cycle looks like backlash: write error_gap in the settings, or record with it set to 0"
-    )
-
-
-def _output_dead_band(n: Numbers, reader: _Reader) -> str:
-    return (
-        f"OP rests in {_percent(n['rests'])} of the steps and otherwise jumps by at least {n['jump']:.3g} "
-        f"{reader.op_unit}, so the controller has an output dead band, which adds to the valve's: write "
-        "output_dead_band in the settings"
-    )
-
-
-def _sinusoidal(n: Numbers, _: _Reader) -> str:
-    return (
-        f"the error is a clean sinusoid of period {_seconds(n['period_s'])} ({_percent(n['spectral_share'])} of its "
-        f"power at one frequency, peak to mean {n['peak_to_mean']:.2f} against {math.pi / 2:.2f}; half-periods of "
-        f"{_seconds(n['half_s'])}, shorter than 5 Ti, {_seconds(n['limit_s'])}): "
-        "a linear oscillation, not backlash, makes the loop swing, and a gap beside it does not show; look at the "
-        "tuning or for a disturbance from elsewhere"
-    )
-
-
-def _kp_assumed(n: Numbers, reader: _Reader) -> str:
-    return (
-        f"Kp is not given and taken as 1.5 %/%, that is {abs(n['kp']):.3g} {reader.pv_unit} per {reader.op_unit}: it "
-        f"takes {n['kp_part']:.3g} {reader.op_unit} off a width of {n['free']:.3g} {reader.op_unit}; give kp"
-    )
-
-
-_SENTENCES: dict[str, Callable[[Numbers, _Reader], str]] = {
-    "time_assumed": _time_assumed,
-    "too_few_rows": _too_few_rows,
-    "time_missing": _time_missing,
-    "time_reversed": _time_reversed,
-    "time_repeated": _time_repeated,
-    "gaps": _gaps,
-    "not_a_number": _not_a_number,
-    "bad_quality": _bad_quality,
-    "not_auto": _not_auto,
-    "at_limit": _at_limit,
-    "no_op": _no_op,
-    "op_constant": _op_constant,
-    "pv_constant": _pv_constant,
-    "same_signal": _same_signal,
-    "winding_up": _winding_up,
-    "cascade_slave": _cascade_slave,
-    "sampling": _sampling,
-    "frozen": _frozen,
-    "compressed_pv": _compressed_pv,
-    "spikes": _spikes,
-    "quantised_pv": _quantised_pv,
-    "quantised_op": _quantised_op,
-    "sign": _sign,
-    "settings": _settings,
-    "exchanged": _exchanged,
-    "error_gap": _error_gap,
-    "output_dead_band": _output_dead_band,
-    "sinusoidal": _sinusoidal,
-    "kp_assumed": _kp_assumed,
+SENTENCES: dict[str, str] = {
+    "time_assumed info": _BEGINS + "{days}; if it counts seconds, write time_format = 'seconds'",
+    "time_assumed": _BEGINS + "seconds; if these are {days}, write time_format = '{calendar}'",
+    "too_few_rows": "the recording has {rows} rows, from which nothing can be told: take hours, not moments",
+    "time_missing": "{rows} of {of} rows have no time and are not used: check the time column",
+    "time_reversed newest_first": _REVERSED + "the newest row comes first; sort the rows by time, the oldest first",
+    "time_reversed clock_set_back": _REVERSED
+    + "the clock seems to have been set back an hour: export in UTC or name the time zone",
+    "time_reversed unsorted": _REVERSED + "sort the rows by time, or export in UTC if this is the end of summer time",
+    "time_repeated refuse": _REPEATED + "every time is the same; check the time column",
+    "time_repeated": _REPEATED + "remove the doubles if they are many",
+    "gaps": "gaps longer than {threshold_s:seconds}: {count}, {total_s:seconds} in all, the longest "
+    "{longest_s:seconds}, the first before {first_row:row}; no half-period is taken across one: ask for raw values if "
+    "they are many",
+    "not_a_number all": "{signal} is not a number in any of {of} rows: check the column or tag",
+    "not_a_number": "{signal} is not a number in {rows} of {of} rows ({share:share}), first {first_row:row}: each "
+    "ends a half-period; ask the historian for good values",
+    "bad_quality": "the quality is not good in {share:share} of the rows, which are not used: mend the signal, or "
+    "check which quality codes mean good",
+    "not_auto": "the loop is not in auto in {share:share} of the rows, which are not used: take a time in auto, or "
+    "check which mode values mean auto",
+    "at_limit": "OP is at its low limit in {at_low:share} and at its high limit in {at_high:share} of the rows, which "
+    "are not used: take a time in which the valve has room to move",
+    "no_op": "OP is not recorded, so K and Ti must be given, and saturation is seen only through limit flags: add OP",
+    "op_constant": "OP stays at {op:.4g} {op_unit} over the whole recording: take a time in which the controller "
+    "works, or check the OP column",
+    "pv_constant": "PV stays at {pv:.4g} {pv_unit} over the whole recording: check the PV column and the transmitter",
+    "same_signal": "{signals:and} are the same signal: check which columns or tags were taken",
+    "winding_up below": "PV stays {error:size} {pv_unit} below" + _WINDS,
+    "winding_up": "PV stays {error:size} {pv_unit} above" + _WINDS,
+    "cascade_slave": "SP moves at {share:share} of the samples, as in a cascade slave: the method works in a slave, "
+    "but half-periods in which SP moves more than PV are rejected (5.5); few may be left",
+    "sampling slow": "a sample every {h_s:seconds} is slower than Ti {ti_s:seconds}, so the error between the samples "
+    "is unknown: record at least every {enough_s:seconds}",
+    "sampling": "a sample every {h_s:seconds} is coarse against Ti {ti_s:seconds}, so widths are rough: record at "
+    "least every {enough_s:seconds}",
+    "frozen": "in {share:share} of the recording SP, PV and OP all repeat their last value although PV is off SP, so "
+    "the historian stood still, not the loop: export raw values, or another time",
+    "compressed_pv held": "PV repeats its last value in {held:share} of the recording while OP moves on, as a "
+    "historian's compression leaves it: export uncompressed values",
+    "compressed_pv": "{straight:share} of PV's samples lie on exact straight lines, as interpolation between a "
+    "historian's compressed values leaves them: export raw values",
+    "spikes one": "1 sample of PV stands " + _STAND_ALONE,
+    "spikes": "{count} samples of PV stand " + _STAND_ALONE,
+    "quantised_pv": "PV comes in steps of {step:.3g} {pv_unit}, {levels} within its range, so small errors and "
+    "crossings are lost: record with more digits",
+    "quantised_op": "OP comes in steps of {step:.3g} {op_unit}, {levels} within its range, so no width below a few "
+    "steps can be told: record with more digits",
+    "sign": f"the settings say K {{k_given:.3g}} {_GAIN} but OP moves as with K {{k_seen:.3g}} {_GAIN}: check the "
+    "action, direct (K < 0) or reverse (K > 0), or the columns",
+    "settings K": f"the settings say {{parameter}} {{given:.3g}} {_GAIN} but OP moves as with {{seen:.3g}} {_GAIN} "
+    f"({{low:.3g}} to {{high:.3g}} {_GAIN}): check the controller's form and units",
+    "settings": "the settings say {parameter} {given:.3g} s but OP moves as with {seen:.3g} s ({low:.3g} to "
+    "{high:.3g} s): check the controller's form and units",
+    "exchanged": "OP and PV seem to be exchanged: PV moves with OP as the output of a PI or PID controller with Ti "
+    "{ti_s:seconds} does ({r2_exchanged:share} explained), OP with PV as that of none: check which columns were taken "
+    "(--pv and --op, columns.pv and columns.op)",
+    "error_gap": "OP rests while PV is within {gap:.3g} {pv_unit} of SP and moves beyond, so the controller has an "
+    "error gap, whose cycle looks like backlash: write error_gap in the settings, or record with it set to 0",
+    "output_dead_band": "OP rests in {rests:share} of the steps and otherwise jumps by at least {jump:.3g} {op_unit}, "
+    "so the controller has an output dead band, which adds to the valve's: write output_dead_band in the settings",
+    "sinusoidal": "the error is a clean sinusoid of period {period_s:seconds} ({spectral_share:share} of its power at "
+    f"one frequency, peak to mean {{peak_to_mean:.2f}} against {math.pi / 2:.2f}; half-periods of {{half_s:seconds}}, "
+    "shorter than 5 Ti, {limit_s:seconds}): a linear oscillation, not backlash, makes the loop swing, and a gap "
+    "beside it does not show; look at the tuning or for a disturbance from elsewhere",
+    "kp_assumed": "Kp is not given and taken as 1.5 %/%, that is {kp:size} {pv_unit} per {op_unit}: it takes "
+    "{kp_part:.3g} {op_unit} off a width of {free:.3g} {op_unit}; give kp",
 }
+"""A finding in one sentence, by its code and, where it has several, its variant; formats as `_Reader` knows them."""
+
+_VARIANTS: dict[str, Callable[[Numbers], str]] = {
+    "time_assumed": lambda n: n["severity"],
+    "time_reversed": lambda n: n["looks_like"],
+    "time_repeated": lambda n: n["severity"],
+    "not_a_number": lambda n: "all" if n["rows"] == n["of"] else "",
+    "winding_up": lambda n: "below" if n["error"] > 0 else "",
+    "sampling": lambda n: "slow" if n["ratio"] > 1.0 else "",
+    "compressed_pv": lambda n: n["looks_like"],
+    "spikes": lambda n: "one" if n["count"] == 1 else "",
+    "settings": lambda n: n["parameter"],
+}
+"""Which variant of a sentence its numbers ask for; one that has no sentence of its own has the plain one."""

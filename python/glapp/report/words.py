@@ -185,6 +185,18 @@ MEANINGS: dict[str, str] = {
     "refused": "data or settings do not allow an analysis. The reason is named.",
 }
 
+#: The one answer in a sentence, where the fit gives it.
+LEADS: dict[str, str] = {
+    "backlash": "The valve of {name} has a gap of {width}{span}, {interval}.",
+    "stiction": "The valve of {name} sticks, then jumps by {jump}.",
+    "both": "The valve of {name} loses {width}{span} at each reversal, {interval}, and jumps by {jump} when it breaks "
+    "loose.",
+    "at_least": "The valve of {name} loses at least {low} at each reversal.",
+    "sound": "The valve of {name} shows no gap wider than {high}.",
+    "oscillation": "{name} swings in a clean sinusoid: not for its valve. A gap beside it does not show.",
+    "cannot_tell": "OP and PV of {name} do not tell whether there is a gap.",
+}
+
 #: What each method is and is not.
 METHODS: dict[str, tuple[str, ...]] = {
     "The gap from OP and PV": (
@@ -412,27 +424,17 @@ def lead(result: Result) -> str:
     if answer.width_percent_span is not None and unit != "%OP":
         span = f", {quantity(answer.width_percent_span, '% of span')}"
     interval = f"between {number(answer.low)} and {quantity(answer.high, unit)} with 95 % confidence"
-    jump = quantity(None if result.fit is None else result.fit.jump, unit)
-    match answer.verdict:
-        case "backlash":
-            text = f"The valve of {name} has a gap of {quantity(answer.width, unit)}{span}, {interval}."
-        case "stiction":
-            text = f"The valve of {name} sticks, then jumps by {jump}."
-        case "both":
-            text = (
-                f"The valve of {name} loses {quantity(answer.width, unit)}{span} at each reversal, {interval}, and "
-                f"jumps by {jump} when it breaks loose."
-            )
-        case "at_least":
-            text = f"The valve of {name} loses at least {quantity(answer.low, unit)} at each reversal."
-        case "sound":
-            text = f"The valve of {name} shows no gap wider than {quantity(answer.high, unit)}."
-        case "oscillation":
-            text = f"{name} swings in a clean sinusoid: not for its valve. A gap beside it does not show."
-        case "cannot_tell":
-            text = f"OP and PV of {name} do not tell whether there is a gap."
-        case _:
-            return verdict(result)[0]
+    if answer.verdict not in LEADS:
+        return verdict(result)[0]
+    text = LEADS[answer.verdict].format(
+        name=name,
+        width=quantity(answer.width, unit),
+        span=span,
+        interval=interval,
+        jump=quantity(None if result.fit is None else result.fit.jump, unit),
+        low=quantity(answer.low, unit),
+        high=quantity(answer.high, unit),
+    )
     f = result.fit
     if f is not None and f.trend is not None and f.trend.changes:
         now = "has grown to this" if f.trend.slope > 0 else "has shrunk to this"

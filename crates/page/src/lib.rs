@@ -1,0 +1,159 @@
+//! The face of glapp for a page in the browser.
+//!
+//! JavaScript puts numbers into memory that [`room`] gives it, and asks by [`ask`]: a request in JSON, an answer in JSON.
+//! What can be asked is in [`Request`]. `page/engine.js` is the other side.
+
+mod laboratory;
+mod recording;
+
+use laboratory::Laboratory;
+use recording::Recording;
+use serde::Deserialize;
+use serde_json::{Value, json};
+use std::cell::RefCell;
+use std::collections::HashMap;
+
+/// What can be asked.
+#[derive(Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+enum Request {
+    /// Begins the analysis of the recording whose columns are in memory.
+    Begin {
+        /// What is known of its loop.
+        task: glapp_analysis::Task,
+    },
+    /// Goes on with so many rows.
+    Rows {
+        /// First row.
+        from: usize,
+        /// The row after the last.
+        to: usize,
+    },
+    /// Fits, and gives the answer.
+    Finish,
+    /// Begins a laboratory.
+    Laboratory(laboratory::Project),
+    /// Makes scans, and gives what is recorded in each.
+    Run {
+        /// How many.
+        scans: usize,
+        /// `module.name` of what is recorded.
+        record: Vec<String>,
+    },
+    /// The value of every variable of the laboratory, in the order of their names.
+    Values,
+    /// Sets a variable of the laboratory.
+    Set {
+        /// `module.name`.
+        path: String,
+        /// Its value; none: as where it is not given.
+        value: Option<f64>,
+    },
+}
+
+/// All that is remembered from one request to the next.
+#[derive(Default)]
+struct Memory {
+    /// Columns of numbers that JavaScript has filled, by their names.
+    columns: HashMap<String, Vec<f64>>,
+    recording: Option<Recording>,
+    laboratory: Option<Laboratory>,
+}
+
+impl Memory {
+    fn answer(&mut self, request: &str) -> Result<Value, String> {
+        match serde_json::from_str(request).map_err(|error| error.to_string())? {
+            Request::Begin { task } => {
+                let recording = Recording::begin(task, std::mem::take(&mut self.columns))?;
+                self.recording = Some(recording);
+                Ok(Value::Null)
+            }
+            Request::Rows { from, to } => {
+                self.recording.as_mut().ok_or("no recording was begun")?.rows(from..to).map(|()| Value::Null)
+            }
+            Request::Finish => Ok(self.recording.take().ok_or("no recording was begun")?.finish()),
+            Request::Laboratory(project) => {
+                let (laboratory, begun) = Laboratory::new(&project)?;
+                self.laboratory = Some(laboratory);
+                Ok(begun)
+            }
+            Request::Run { scans, record } => self.laboratory()?.run(scans, &record),
+            Request::Values => self.laboratory()?.values(),
+            Request::Set { path, value } => self.laboratory()?.set(&path, value),
+        }
+    }
+
+    fn laboratory(&mut self) -> Result<&mut Laboratory, String> {
+        self.laboratory.as_mut().ok_or_else(|| "no laboratory was begun".into())
+    }
+}
+
+/// The same for a caller in Rust: a request in JSON, an answer in JSON, either `{"ok": ...}` or `{"error": "..."}`.
+///
+/// ```
+/// let asked = r#"{"laboratory": {"h": 0.1, "modules": [["in", "Input", {"value": 2}], ["out", "Output", {}]],
+///     "wires": ["in -> out"]}}"#;
+/// assert!(glapp_page::answer(asked).starts_with(r#"{"ok":"#));
+/// let run = glapp_page::answer(r#"{"run": {"scans": 2, "record": ["in.out"]}}"#);
+/// assert_eq!(run, r#"{"ok":[[2.0,2.0]]}"#);
+/// let wrong = glapp_page::answer(r#"{"set": {"path": "in.size", "value": 1}}"#);
+/// assert!(wrong.starts_with(r#"{"error":"in: there is no 'size' here"#));
+/// ```
+pub fn answer(request: &str) -> String {
+    MEMORY
+        .with_borrow_mut(|memory| match memory.answer(request) {
+            Ok(found) => json!({ "ok": found }),
+            Err(wrong) => json!({ "error": wrong }),
+        })
+        .to_string()
+}
+
+thread_local! {
+    static MEMORY: RefCell<Memory> = RefCell::default();
+    /// What is handed over: a request, a name, an answer.
+    static TEXT: RefCell<Vec<u8>> = const { RefCell::new(Vec::new()) };
+}
+
+/// The doors for JavaScript. Memory is reached by its address, and everything behind stays within the lengths given here.
+#[allow(unsafe_code)]
+mod doors {
+    use super::{MEMORY, TEXT, answer};
+
+    /// Room for a text of so many bytes, to be filled; gives its address.
+    #[unsafe(no_mangle)]
+    pub extern "C" fn text(bytes: usize) -> *mut u8 {
+        TEXT.with_borrow_mut(|text| {
+            text.clear();
+            text.resize(bytes, 0);
+            text.as_mut_ptr()
+        })
+    }
+
+    /// Room for a column of so many numbers, to be filled, under the name that [`text`] has; gives its address.
+    #[unsafe(no_mangle)]
+    pub extern "C" fn room(numbers: usize) -> *mut f64 {
+        let name = TEXT.with_borrow(|text| String::from_utf8_lossy(text).into_owned());
+        MEMORY.with_borrow_mut(|memory| {
+            let column = memory.columns.entry(name).or_default();
+            *column = vec![f64::NAN; numbers];
+            column.as_mut_ptr()
+        })
+    }
+
+    /// Answers the request that [`text`] has; gives the bytes of the answer, which begins at [`answered`].
+    #[unsafe(no_mangle)]
+    pub extern "C" fn ask() -> usize {
+        let request = TEXT.with_borrow(|text| String::from_utf8_lossy(text).into_owned());
+        let said = answer(&request).into_bytes();
+        TEXT.with_borrow_mut(|text| {
+            *text = said;
+            text.len()
+        })
+    }
+
+    /// Where the answer begins.
+    #[unsafe(no_mangle)]
+    pub extern "C" fn answered() -> *const u8 {
+        TEXT.with_borrow(|text| text.as_ptr())
+    }
+}

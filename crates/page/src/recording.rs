@@ -1,0 +1,152 @@
+//! A recording on its way to an answer.
+
+use glapp_analysis::crossings::Row;
+use glapp_analysis::{Analysis, Crossings, Done, INSPECTED_ROWS, Inspected, Task};
+use glapp_fit::{Answer, JointAnswer, Noise, PositionAnswer, RecordAnswer};
+use serde_json::{Map, Value, json};
+use std::collections::HashMap;
+use std::ops::Range;
+
+/// Its columns as the page has read them, and its analysis.
+pub(crate) struct Recording {
+    columns: Columns,
+    analysis: Analysis,
+}
+
+struct Columns {
+    t: Vec<f64>,
+    sp: Option<Vec<f64>>,
+    pv: Vec<f64>,
+    op: Option<Vec<f64>>,
+    position: Option<Vec<f64>>,
+    flags: Option<Vec<u8>>,
+}
+
+impl Columns {
+    fn rows(&self, rows: Range<usize>) -> (Inspected<'_>, Option<&[f64]>) {
+        let inspected = Inspected {
+            t: &self.t[rows.clone()],
+            sp: part(&self.sp, &rows),
+            pv: &self.pv[rows.clone()],
+            op: part(&self.op, &rows),
+            flags: self.flags.as_deref().map(|flags| &flags[rows.clone()]),
+        };
+        (inspected, part(&self.position, &rows))
+    }
+}
+
+fn part<'a>(column: &'a Option<Vec<f64>>, rows: &Range<usize>) -> Option<&'a [f64]> {
+    column.as_deref().map(|column| &column[rows.clone()])
+}
+
+impl Recording {
+    pub(crate) fn begin(task: Task, mut columns: HashMap<String, Vec<f64>>) -> Result<Self, String> {
+        let mut column = |name: &str| columns.remove(name);
+        let (t, pv) = (column("t").ok_or("no column t")?, column("pv").ok_or("no column pv")?);
+        let [sp, op, position] = ["sp", "op", "position"].map(&mut column);
+        let flags = column("flags").map(|flags| flags.into_iter().map(|flag| flag as u8).collect());
+        let columns = Columns { t, sp, pv, op, position, flags };
+        let same = [Some(&columns.pv), columns.sp.as_ref(), columns.op.as_ref(), columns.position.as_ref()];
+        let flags: Option<usize> = columns.flags.as_ref().map(Vec::len);
+        if same.into_iter().flatten().map(Vec::len).chain(flags).any(|length| length != columns.t.len()) {
+            return Err("the columns are not of the same length".into());
+        }
+        let (beginning, position) = columns.rows(0..columns.t.len().min(INSPECTED_ROWS));
+        let analysis = Analysis::new(task, &beginning, position).map_err(|error| error.to_string())?;
+        Ok(Self { columns, analysis })
+    }
+
+    pub(crate) fn rows(&mut self, rows: Range<usize>) -> Result<(), String> {
+        if rows.start > rows.end || rows.end > self.columns.t.len() {
+            return Err(format!("rows {} to {} of {}", rows.start, rows.end, self.columns.t.len()));
+        }
+        let (rows, position) = self.columns.rows(rows);
+        self.analysis.take(&rows, position);
+        Ok(())
+    }
+
+    pub(crate) fn finish(self) -> Value {
+        let Done { answer, crossings, fitted, op } = self.analysis.finish(&mut |_| ());
+        let (pv, position) = fitted.map_or((None, None), |fitted| (fitted.pv, fitted.position));
+        let shown = position.and_then(Result::ok).map(of_position);
+        json!({
+            "answer": answer,
+            "op": op,
+            "half_periods": crossings.map(|(_, crossings)| half_periods(&crossings)),
+            "pv": pv.and_then(Result::ok).map(of_pv),
+            "position": shown,
+        })
+    }
+}
+
+/// The table of half-periods, a list a column.
+fn half_periods(crossings: &Crossings) -> Value {
+    let rows = crossings.rows();
+    let column = |of: &dyn Fn(&Row) -> f64| rows.iter().map(of).collect::<Vec<_>>();
+    json!({
+        "t_start": column(&|row| row.span.start),
+        "t_end": column(&|row| row.span.end),
+        "d": column(&|row| row.record.parts.d),
+        "reason": rows.iter().map(|row| row.record.reason() as u8).collect::<Vec<_>>(),
+    })
+}
+
+/// What PV said, with the record that shows it best.
+fn of_pv(joint: JointAnswer) -> Value {
+    let JointAnswer { whole, mut records, shown } = joint;
+    let RecordAnswer { starts, h, answer, .. } = records.swap_remove(shown);
+    let Answer { predictions, candidates, .. } = &answer;
+    let of = |value: fn(&glapp_fit::Prediction) -> f64| predictions.iter().map(value).collect::<Vec<_>>();
+    let t: Vec<f64> = predictions.iter().map(|cell| starts[cell.part] + h * cell.step as f64).collect();
+    let candidates: Vec<Value> = candidates
+        .iter()
+        .map(|family| {
+            let (d, rise): (Vec<f64>, Vec<f64>) = family.profile.iter().copied().unzip();
+            let noise = match family.structure.noise {
+                Noise::Still => "still",
+                Noise::Input => "input",
+                Noise::Output => "output",
+                Noise::Slope => "slope",
+                Noise::Lines | Noise::Bends => "lines",
+                Noise::Both => "both",
+            };
+            json!({ "lags": family.structure.lags, "integrating": family.structure.integrating, "noise": noise,
+                "behind": family.behind, "d": d, "rise": rise })
+        })
+        .collect();
+    let mut said = Map::new();
+    for (name, value) in [
+        ("h", h),
+        ("kp", answer.kp),
+        ("jump", answer.jump),
+        ("rise", answer.rise),
+        ("range", answer.range),
+        ("settles", answer.settles),
+        ("lag", answer.lag),
+        ("echo", answer.echo),
+        ("lr_no_jump", answer.lr_no_jump),
+        ("lr_no_answer", answer.lr_no_answer),
+        ("dispersion", whole.dispersion),
+    ] {
+        said.insert(name.into(), json!(value));
+    }
+    said.insert("integrating".into(), json!(answer.integrating));
+    said.insert("load_steps".into(), json!(answer.load_steps));
+    said.insert("traversals".into(), json!(whole.traversals));
+    said.insert("reason".into(), json!(whole.reason));
+    said.insert("candidates".into(), json!(candidates));
+    said.insert("t".into(), json!(t));
+    said.insert("pv".into(), json!(of(|cell| cell.pv)));
+    said.insert("foreseen".into(), json!(of(|cell| cell.foreseen)));
+    said.insert("valve".into(), json!(of(|cell| cell.position)));
+    Value::Object(said)
+}
+
+/// What the valve's own position said, with the record that shows it best.
+fn of_position(joint: PositionAnswer) -> Value {
+    let PositionAnswer { mut records, shown, .. } = joint;
+    let RecordAnswer { starts, h, answer, .. } = records.swap_remove(shown);
+    let of = |value: fn(&glapp_fit::Shown) -> f64| answer.shown.iter().map(value).collect::<Vec<_>>();
+    let t: Vec<f64> = answer.shown.iter().map(|row| starts[row.part] + h * row.row as f64).collect();
+    json!({ "t": t, "recorded": of(|row| row.recorded), "foreseen": of(|row| row.foreseen), "valve": of(|row| row.valve) })
+}

@@ -1,0 +1,260 @@
+"""Make the page: one folder, no server, nothing to load from anywhere.
+
+Words, names and patterns are those of the Python package, taken from it here; charts and the reading of comma-separated
+text are npm's, as `package-lock.json` says; analysis, fit and simulator are `crates/page` for WebAssembly.
+
+    python page/build.py OUT
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
+
+import glapp
+from glapp import demo, quality
+from glapp.reading import columns, times, values
+from glapp.report import figures, words
+from glapp.simulate import STANDINGS
+from glapp.station import lab
+
+HERE = Path(__file__).parent
+ROOT = HERE.parent
+TARGET = "wasm32-unknown-unknown"
+BUILT = ROOT / "target" / "page"
+
+#: Debian's compiler and the source of its standard library, where the first compiler has none for WebAssembly.
+DEBIAN = Path("/usr/bin/rustc")
+
+
+# The modules, whose names in the package are those of their functions.
+estimate, fit, identify = (import_module(f"glapp.{name}") for name in ("estimate", "fit", "identify"))
+
+
+class Missing(Exception):  # noqa: N818 (it is told, and the page is skipped)
+    """What this machine lacks to make the page."""
+
+
+def toolchain() -> tuple[list[str], dict[str, str]]:
+    """Arguments of cargo and its environment: a compiler with WebAssembly's standard library, or with its source."""
+
+    def asked(rustc: str, *what: str) -> Path:
+        return Path(
+            subprocess.run([rustc, "--print", *what], capture_output=True, text=True, check=True).stdout.strip()
+        )
+
+    ours = os.environ.get("RUSTC", "rustc")
+    if asked(ours, "target-libdir", "--target", TARGET).is_dir():
+        return [], {}
+    for rustc in (ours, str(DEBIAN)):
+        if shutil.which(rustc) and (asked(rustc, "sysroot") / "lib/rustlib/src/rust/library/Cargo.lock").is_file():
+            # The linker of the first compiler, which every toolchain of rustup has.
+            linker = next(asked("rustc", "sysroot").glob("lib/rustlib/*/bin/rust-lld"), None) or shutil.which("wasm-ld")
+            if linker is None:
+                raise Missing("rust-lld or wasm-ld")
+            more = {"RUSTC": rustc, "RUSTC_BOOTSTRAP": "1", "CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_LINKER": str(linker)}
+            return ["-Zbuild-std=std,panic_abort"], more
+    raise Missing(
+        f"a standard library for {TARGET}: rustup target add {TARGET}, or on Debian apt-get install rustc-web "
+        f"rust-web-src"
+    )
+
+
+def wasm() -> bytes:
+    """`crates/page` for WebAssembly; the same bits as elsewhere: nothing is fused there."""
+    more, environment = toolchain()
+    # A folder of its own: another compiler would make all in the usual one anew.
+    command = ["cargo", "build", "--quiet", "--release", "--package", "glapp-page", "--target", TARGET, *more]
+    command += ["--target-dir", str(BUILT)]
+    environment |= {"RUSTFLAGS": "-C target-feature=+simd128 -C panic=abort -C strip=symbols"}
+    subprocess.run(command, cwd=ROOT, env=os.environ | environment, check=True)
+    return (BUILT / TARGET / "release" / "glapp_page.wasm").read_bytes()
+
+
+def loaded() -> Path:
+    """What comes from npm."""
+    if not shutil.which("npm"):
+        raise Missing("npm")
+    BUILT.mkdir(parents=True, exist_ok=True)
+    for name in ("package.json", "package-lock.json"):
+        shutil.copy(HERE / name, BUILT)
+    command = ["npm", "ci", "--no-audit", "--no-fund", "--loglevel=error"]
+    subprocess.run(command, cwd=BUILT, stdout=subprocess.DEVNULL, check=True)
+    return BUILT / "node_modules"
+
+
+def of_reading() -> dict[str, Any]:
+    """What the reader of text knows: names of columns, words, layouts of times."""
+    pattern = times._LAYOUT.pattern.replace("(?P<", "(?<").replace("(?P=s1)", r"\k<s1>").replace("(?P=s2)", r"\k<s2>")
+    return {
+        "columns": {
+            "labels": columns.LABELS,
+            "words": columns._WORDS,
+            "whole": columns._WHOLE,
+            "current": sorted(columns._CURRENT),
+            "limits": sorted(columns._LIMITS),
+            "separators": columns._SEPARATORS,
+            "joined": columns._JOINED.pattern,
+            "token": columns._TOKEN.pattern,
+            "unit": columns._UNIT.pattern,
+        },
+        "values": {
+            "bad": sorted(values._BAD_SET),
+            "auto": sorted(values._AUTO),
+            "not_auto": sorted(values._NOT_AUTO),
+            "good": sorted(values._GOOD_WORDS),
+            "poor": sorted(values._POOR_WORDS),
+        },
+        "times": {
+            "layout": pattern,
+            "months": times._MONTHS,
+            "units": times._UNITS,
+            "elapsed": times._ELAPSED,
+            "calendars": times._TO_1970,
+            "years": times._YEARS,
+            "dated": sorted(times._DATED),
+            "usual": times._USUAL,
+        },
+    }
+
+
+def of_words() -> dict[str, Any]:
+    """Verdicts, reasons and next steps in words."""
+    return {
+        "names": words.NAMES,
+        "reasons": {name: reason._asdict() for name, reason in words.REASONS.items()},
+        "verdicts": words.VERDICTS,
+        "evidence": words.EVIDENCE,
+        "meanings": words.MEANINGS,
+        "next": {name: {"text": step.text} for name, step in words.NEXT.items()},
+        "more": words.MORE,
+        "leads": words.LEADS,
+        "findings": quality.SENTENCES,
+        "reasons_of_fit": fit.REASONS,
+        "may_be": fit.MAY_BE,
+        "times": fit.TIMES,
+        "unfit": fit.UNFIT,
+        "why": estimate.WHY,
+        "identification": identify._REASONS,
+    }
+
+
+#: The loop of 6.5 with friction beside its gap, which the station's has not.
+PROJECT = lab.Project(
+    lab.THESIS.h,
+    (*lab.THESIS.parts, lab.Part("stick", "Friction", "s=0, j=0")),
+    ("pid -> gap -> stick -> process -> noise -> filter -> pid.pv", *lab.THESIS.wires[1:]),
+    (),
+)
+
+#: What is changed at once: label, variables, lowest and highest value, step.
+KNOBS = (
+    ("Setpoint [%]", ("sp.value",), 20, 80, 0.5),
+    ("Load [%]", ("load.value",), -20, 20, 0.5),
+    ("Noise [%]", ("noise.amplitude",), 0, 1, 0.01),
+    ("Gap [%]", ("gap.d",), 0, 8, 0.1),
+    ("Stiction S [%]", ("stick.s",), 0, 4, 0.1),
+    ("Slip jump J [%]", ("stick.j",), 0, 4, 0.1),
+    ("Gain K", ("pid.k", "watch.k"), 0.2, 6, 0.1),
+    ("TI [s]", ("pid.ti", "watch.ti"), 0.5, 20, 0.1),
+)
+
+
+def of_laboratory() -> dict[str, Any]:
+    """The loop that runs in the laboratory."""
+    modules = [
+        (part.name, part.kind, {key: value for key, value in _parameters(part) if value is not None})
+        for part in PROJECT.parts
+    ]
+    return {
+        "project": {"h": PROJECT.h, "modules": modules, "wires": PROJECT.wires},
+        "knobs": [dict(zip(("label", "paths", "low", "high", "step"), knob, strict=True)) for knob in KNOBS],
+        "fastest": lab.FASTEST,
+        "most_at_once": 2000,
+        "kept": lab.KEPT,
+        "standings": [name.replace("_", " ") for name in STANDINGS],
+    }
+
+
+def _parameters(part: lab.Part) -> list[tuple[str, float]]:
+    given = (one.partition("=") for one in part.settings.split(",") if one.strip())
+    return [(key.strip(), float(value)) for key, _, value in given]
+
+
+def example() -> str:
+    """The first hours of a recording of the demonstration."""
+    with tempfile.TemporaryDirectory() as folder:
+        demo.write_recordings(folder)
+        lines = (Path(folder) / "FIC201.csv").read_text(encoding="utf-8").splitlines()
+    return "\n".join(lines[:4001])
+
+
+def in_script(text: str) -> Markup:
+    """Text within a script element, which it must not end."""
+    return Markup(text.replace("</", "<\\/"))
+
+
+def in_json(value: Any) -> Markup:
+    """JSON within a script element."""
+    return Markup(json.dumps(value, ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c"))
+
+
+def build(out: Path) -> None:
+    """Write the page."""
+    module, npm = wasm(), loaded()
+    style = [(ROOT / "python/glapp/report/report.css"), npm / "uplot/dist/uPlot.min.css", HERE / "style.css"]
+    reasons = zip(words.NAMES, figures.REASON_COLOURS, strict=True)
+    colours = "".join(f":root{{--r-{name}:{c}}}.r-{name}{{background:{c}}}" for name, c in reasons)
+    kept = {"papaparse": npm / "papaparse/papaparse.min.js"} | {
+        name: HERE / f"{name}.js" for name in ("read", "engine", "worker")
+    }
+    run = [
+        npm / "uplot/dist/uPlot.iife.min.js",
+        *(HERE / f"{n}.js" for n in ("engine", "words", "draw", "page", "lab")),
+    ]
+    scripts = [in_script(path.read_text(encoding="utf-8")) for path in run]
+    # One script of them all: what each declares the next one sees.
+    whole = Markup("\n").join(scripts)
+    digest = base64.b64encode(hashlib.sha256(whole.encode()).digest()).decode()
+    environment = Environment(
+        loader=FileSystemLoader(HERE), undefined=StrictUndefined, autoescape=True, trim_blocks=True, lstrip_blocks=True
+    )
+    laboratory = environment.get_template("laboratory.html").render(
+        fastest=f"{lab.FASTEST:g}", blocks=Markup(lab.drawn(PROJECT))
+    )
+    text = environment.get_template("index.html").render(
+        hashes=Markup(f"'sha256-{digest}'"),
+        style=Markup("\n".join(path.read_text(encoding="utf-8") for path in style) + colours),
+        laboratory=Markup(laboratory),
+        version=glapp.__version__,
+        data=in_json({"reading": of_reading(), "words": of_words(), "laboratory": of_laboratory()}),
+        example=in_script(example()),
+        wasm=Markup(base64.b64encode(module).decode()),
+        kept=[(name, in_script(path.read_text(encoding="utf-8"))) for name, path in kept.items()],
+        scripts=[whole],
+    )
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "index.html").write_text(text, encoding="utf-8")
+    licences = {"uPlot": npm / "uplot/LICENSE", "Papa Parse": npm / "papaparse/LICENSE"}
+    told = [f"{name}\n\n{path.read_text(encoding='utf-8')}" for name, path in licences.items()]
+    (out / "LICENSES.txt").write_text("\n\n".join(told), encoding="utf-8")
+    print(f"{out}/index.html: {len(text.encode()) / 1e6:.2f} MB, of them {len(module) / 1e6:.2f} MB WebAssembly")
+
+
+if __name__ == "__main__":
+    try:
+        build(Path(sys.argv[1]))
+    except Missing as lacking:
+        print(f"skipped: the page in the browser, which needs {lacking}")

@@ -1,0 +1,34 @@
+// The other side of crates/page: numbers into its memory, requests and answers as JSON.
+"use strict";
+
+class Engine {
+  constructor(instance) {
+    this.doors = instance.exports;
+  }
+
+  static async of(module) {
+    return new Engine(await WebAssembly.instantiate(module, {}));
+  }
+
+  #say(text) {
+    const bytes = new TextEncoder().encode(text);
+    const at = this.doors.text(bytes.length);
+    new Uint8Array(this.doors.memory.buffer, at, bytes.length).set(bytes);
+  }
+
+  /** Hands over a column of numbers by its name. */
+  column(name, numbers) {
+    this.#say(name);
+    const at = this.doors.room(numbers.length);
+    new Float64Array(this.doors.memory.buffer, at, numbers.length).set(numbers);
+  }
+
+  /** Asks; throws what is wrong in the words of the core. */
+  ask(what, more = null) {
+    this.#say(JSON.stringify({ [what]: more }));
+    const length = this.doors.ask();
+    const said = JSON.parse(new TextDecoder().decode(new Uint8Array(this.doors.memory.buffer, this.doors.answered(), length)));
+    if (said.error !== undefined) throw new Error(said.error);
+    return said.ok;
+  }
+}

@@ -1,0 +1,459 @@
+// A recording: dropped, read and analysed in the worker, and shown.
+"use strict";
+
+const read_json = (id) => JSON.parse(document.getElementById(id).textContent);
+const data = read_json("data");
+const words = data.words;
+const $ = (id) => document.getElementById(id);
+
+/** An element: attributes, and what is in it, text or other elements; null is left out. */
+function h(name, attributes = {}, ...children) {
+  const node = document.createElement(name);
+  for (const [key, value] of Object.entries(attributes)) {
+    if (key.startsWith("on")) node.addEventListener(key.slice(2), value);
+    else if (value === true) node.setAttribute(key, "");
+    else if (value !== null && value !== false) node.setAttribute(key, value);
+  }
+  node.append(...children.flat().filter((child) => child !== null && child !== undefined && child !== ""));
+  return node;
+}
+
+const module_ready = (async () => {
+  const text = atob($("wasm").textContent);
+  return WebAssembly.compile(Uint8Array.from(text, (c) => c.charCodeAt(0)));
+})();
+const worker_address = URL.createObjectURL(
+  new Blob(["papaparse", "read", "engine", "worker"].map((id) => $(`script-${id}`).textContent + "\n"), { type: "text/javascript" }),
+);
+
+// --- the worker
+
+let worker = null;
+let file = null; // { name, bytes }: read anew where the worker was ended
+
+async function begin() {
+  worker?.terminate();
+  const mine = new Worker(worker_address);
+  worker = mine;
+  mine.onmessage = ({ data: said }) => mine === worker && hears[said.kind](said);
+  mine.postMessage({ kind: "begin", module: await module_ready, data: data.reading });
+}
+
+const hears = {
+  ready() {},
+  progress({ stage, share }) {
+    $("stage").textContent = `${stage} …`;
+    $("share").value = share;
+    $("working").hidden = false;
+  },
+  opened(said) {
+    file.opened = said;
+    file.columns = {};
+    offer();
+    analyse();
+  },
+  answered(said) {
+    $("working").hidden = true;
+    show(said);
+  },
+  wrong({ text }) {
+    $("working").hidden = true;
+    $("wrong").textContent = `${file.name}: ${text}`;
+    $("wrong").hidden = false;
+    if (file.opened) $("settings").open = true;
+  },
+};
+
+async function take(name, bytes) {
+  $("wrong").hidden = true;
+  $("result").replaceChildren();
+  $("settings").hidden = true;
+  file = { name, bytes };
+  await begin();
+  worker.postMessage({ kind: "open", bytes });
+}
+
+function analyse() {
+  $("wrong").hidden = true;
+  $("result").replaceChildren();
+  try {
+    const columns = Object.fromEntries(Object.entries(file.columns).filter(([, at]) => at !== null));
+    const options = { columns, loop: file.loop ?? undefined, sample_time: typed("sample_time") };
+    worker.postMessage({ kind: "analyse", options, task: task() });
+  } catch (wrong) {
+    hears.wrong({ text: wrong.message });
+  }
+}
+
+$("cancel").addEventListener("click", async () => {
+  $("working").hidden = true;
+  const { name, bytes, opened, columns, loop } = file;
+  await begin();
+  worker.postMessage({ kind: "open", bytes });
+  const usual = hears.opened;
+  hears.opened = () => { // only read again: nothing is analysed unasked
+    hears.opened = usual;
+    file = { name, bytes, opened, columns, loop };
+    $("working").hidden = true;
+    $("settings").open = true;
+  };
+});
+
+// --- what is known of the loop
+
+const typed = (id) => {
+  const text = $(id).value.trim().replace(",", ".");
+  if (text === "") return null;
+  const value = Number(text);
+  if (!Number.isFinite(value)) throw new Error(`${$(id).labels[0].textContent}: '${text}' is not a number`);
+  return value;
+};
+
+function span(of) {
+  const [low, high] = [typed(`${of}_low`), typed(`${of}_high`)];
+  if (low === null && high === null) return null;
+  if (low === null || high === null || low >= high) throw new Error(`span of ${of.toUpperCase()}: needs a lower and a higher end`);
+  return [low, high];
+}
+
+/** What the core is told, as glapp.estimate tells it. */
+function task() {
+  const [k, ti, td, b] = ["k", "ti", "td", "b"].map(typed);
+  if ((k === null) !== (ti === null)) throw new Error("K and TI: give both, or neither");
+  return {
+    controller: k === null ? null : { k, ti, td: td ?? 0, b: b ?? 1 },
+    setpoint_weight: b,
+    kp: typed("kp"),
+    integrating: $("integrating").checked,
+    pv_span: span("pv"),
+    op_span: span("op"),
+    op_unit: $("op_unit").value.trim() || null,
+    acceptable: typed("acceptable"),
+  };
+}
+
+/** Columns and settings, to be corrected. */
+function offer() {
+  const { names, loops } = file.opened;
+  file.loop = loops[0] ?? null;
+  const choice = (role) => h("label", {}, data.reading.columns.labels[role],
+    h("select", { onchange: (event) => { file.columns[role] = event.target.value === "" ? null : Number(event.target.value); } },
+      h("option", { value: "" }, "by its name"), h("option", { value: "-1" }, "none"),
+      ...names.map((name, i) => h("option", { value: i }, name || "(no name)"))));
+  const several = loops.length < 2 ? null : h("label", {}, "Loop",
+    h("select", { id: "loop", onchange: (event) => { file.loop = event.target.value; } }, ...loops.map((loop) => h("option", { value: loop }, loop || "(no prefix)"))));
+  $("columns").replaceChildren(...[several, ...["time", "sp", "pv", "op", "mode", "quality", "position"].map(choice)].filter(Boolean));
+  $("settings").hidden = false;
+}
+
+$("again").addEventListener("submit", (event) => {
+  event.preventDefault();
+  analyse();
+});
+
+// --- the answer
+
+const facts = (rows) => h("dl", { class: "facts" }, rows.map(([label, text]) => h("div", {}, h("dt", {}, label), h("dd", {}, text))));
+
+const table = (caption, heads, rows) => h("table", { class: "cards" }, h("caption", {}, caption),
+  h("thead", {}, h("tr", {}, heads.map((head) => h("th", { scope: "col" }, head)))),
+  h("tbody", {}, rows.map((row) => h("tr", {}, row.map((cell, i) => (i ? h("td", { "data-label": heads[i] }, cell) : h("th", { scope: "row" }, cell)))))));
+
+const limits = (low, high) => (low === null || high === null ? DASH : `${number(low)} to ${number(high)}`);
+
+/** The one width with its interval; empty where nothing is known of it. */
+function headline({ verdict, width, low, high }, unit) {
+  if (low === null && high === null) return width === null ? "" : quantity(width, unit);
+  if (verdict === "at_least") return `> ${quantity(low, unit)}`;
+  if (verdict === "sound") return `< ${quantity(high, unit)}`;
+  if (width === null) return `${number(low)} to ${quantity(high, unit)}`;
+  return `${quantity(width, unit)} (${number(low)} to ${number(high)})`;
+}
+
+function lead(said, name, unit) {
+  const { answer } = said.answer;
+  const jump = quantity(said.answer.fit?.jump, unit);
+  const span = answer.width_percent_span !== null && unit !== "%OP" ? `, ${quantity(answer.width_percent_span, "% of span")}` : "";
+  const interval = `between ${number(answer.low)} and ${quantity(answer.high, unit)} with 95 % confidence`;
+  const told = words.leads[answer.verdict];
+  if (!told) return answer.width === null ? `No dead band could be estimated for ${name}.` : `The valve of ${name} appears to lose ${quantity(answer.width, unit)} at each reversal.`;
+  return filled(told, { name, width: quantity(answer.width, unit), span, interval, jump, low: quantity(answer.low, unit), high: quantity(answer.high, unit) });
+}
+
+function next({ next: { code, of }, low, acceptable }, limit) {
+  const step = code === "remedy" ? words.reasons[of].remedy : words.next[of === null ? code : `${code} ${of}`].text;
+  if (low === null || acceptable === null || acceptable === "open") return step;
+  const within = `what is acceptable here, ${number(limit)} % of span`;
+  return acceptable === "within" ? `Nothing now: all of it is within ${within}. Analyse again at the next review.` : `It is more than ${within}. ${step}`;
+}
+
+const EXPLAINED = { refuse: "refused", warning: "warning", info: "note" };
+
+/** The answer that is shown. */
+let shown = null;
+
+function show(said) {
+  shown = said;
+  const { answer: doc, read, unit } = said;
+  const { answer } = doc;
+  const [op_unit, pv_unit] = [ofOp(unit), read.units.pv ?? "PV unit"];
+  const name = read.loop || file.name.replace(/\.[^.]+$/, "");
+  const { t } = read.columns;
+  const span = t.at(-1) - t[0];
+  const limit = typed("acceptable");
+  const place = (id, label) => h("div", { class: "plot", id, role: "img", "aria-label": `${name}: ${label}` });
+  const fitted = answer.evidence !== null;
+  const section = h("section", { class: "loop", "aria-live": "polite" },
+    h("div", { class: "head" }, h("h2", {}, name), h("span", { class: "width" }, headline(answer, op_unit)),
+      h("span", { class: `badge ${answer.valve}` }, words.verdicts[answer.verdict])),
+    h("div", { class: "verdict" }, h("p", { class: "lead" }, lead(said, name, op_unit)), h("p", {}, why(said, op_unit)),
+      h("p", { class: "action" }, h("b", {}, "What to do"), next(answer, limit))),
+    h("div", { class: "pictures" }, h("div", {}, place("op-picture", "OP over time"), place("pv-picture", "PV and SP over time")),
+      h("div", { id: "gap-place" })),
+    h("p", { class: "note screen" }, "Drag to zoom, double-click for all of it."),
+    facts([["File", file.name],
+      ["Recording", `${moment(read.t0, t[0])} to ${moment(read.t0, t.at(-1))}, ${duration(span)}, ${count(t.length, "row")}`],
+      ["Columns", Object.entries(read.chosen).map(([role, at]) => `${data.reading.columns.labels[role]}: ${file.opened.names[at]}`).join(", ")],
+      ["Not used", unused(read) || "nothing"],
+      ["Analysed in", `${number(said.took.all / 1000, 2)} s`]]),
+    h("details", { class: "engineer", open: true }, h("summary", {}, h("h3", {}, "The evidence, for the engineer")),
+      fitted ? fit(said, op_unit, pv_unit, place) : null,
+      crossings(said, op_unit),
+      quality(said),
+      settings(said, op_unit, pv_unit)),
+    h("p", { class: "screen" }, h("button", { type: "button", id: "save", onclick: save }, "Save the report"), " ",
+      h("button", { type: "button", onclick: () => print() }, "Print")));
+  $("result").replaceChildren(section);
+  draw(said, op_unit, pv_unit);
+}
+
+const unused = (read) => {
+  const used = new Set(Object.values(read.chosen));
+  return file.opened.names.filter((_, i) => !used.has(i)).join(", ");
+};
+
+const units_of = ({ read, unit }) => ({ pv_unit: read.units.pv ?? "PV unit", op_unit: unit, unit, t0: read.t0 });
+
+/** What the answer stands on. */
+function why(said, unit) {
+  const { answer, fit: found } = said.answer;
+  const units = units_of(said);
+  if (found === null || answer.evidence === null) return sentence(why_crossings(said.answer, units));
+  if (["backlash", "stiction", "both", "at_least"].includes(found.verdict)) {
+    return `Evidence for a gap: ${words.evidence[answer.evidence]}.${found.why.of === "gap_and_more" ? ` ${words.more}` : ""}`;
+  }
+  return sentence(reason_of_fit(said, unit));
+}
+
+/** What the fit says, in one sentence. */
+function reason_of_fit(said, unit) {
+  const { fit: found, quality: all } = said.answer;
+  if (found.why.code === "finding") return finding(all[found.why.of], units_of(said));
+  return fitted(found.verdict, found, said.pv, unit);
+}
+
+function fit(said, unit, pv_unit, place) {
+  const { fit: found } = said.answer;
+  const rows = [["Width", quantity(found.d, unit)], ["95 % interval", limits(found.low, found.high)]];
+  if (found.lr_no_gap !== null) {
+    rows.push(["No gap is worse by", `${number(found.lr_no_gap)} units of 2·ln L, ${number(found.lr_needed)} are needed`]);
+  }
+  if (said.pv) rows.push(["OP went through it", `${said.pv.traversals[0]} times up, ${said.pv.traversals[1]} down`]);
+  const process = found.process === null ? [] : [
+    [found.process.integrating ? "Velocity gain" : "Process gain Kp", found.process.kp, `${pv_unit} per ${unit}${found.process.integrating ? " and s" : ""}`],
+    ["Dead time", found.process.dead_time, "s"],
+    ["Lags together", found.process.lag, "s"],
+  ].map(([label, [value, low, high], of]) => [label, quantity(value, of), limits(low, high)]);
+  return h("section", {}, h("h3", {}, "The gap from OP and PV"), h("p", {}, sentence(reason_of_fit(said, unit))), facts(rows),
+    said.pv ? place("likelihood", "likelihood over the width") : null,
+    said.pv ? h("p", { class: "note" }, "A line is a family of models, the thick one the best. The lower it is, the better that width explains PV. The shaded band is the 95 % interval.") : null,
+    process.length ? table("The process between valve and PV, from the same fit.", ["Process", "Value", "95 % interval"], process) : null);
+}
+
+function crossings({ answer: doc }, unit) {
+  const reasons = Object.entries(doc.reasons).filter(([, n]) => n).sort((a, b) => b[1] - a[1]);
+  const counts = [["accepted", doc.detections], ...reasons].filter(([, n]) => n);
+  const total = doc.half_periods;
+  const rows = [["A PLC would show", quantity(doc.d_hat, unit) + (doc.answer.struck ? ", struck" : "")],
+    ["Half-periods", String(total)], ["Detections", String(doc.detections)]];
+  if (doc.repeatability && doc.detections > 1) rows.push(["Repeatability", `${number(doc.repeatability[0])} to ${quantity(doc.repeatability[1], unit)}`]);
+  if (doc.corrected?.d) rows.push(["Bias taken out", quantity(doc.corrected.d, unit)]);
+  if (doc.noise_floor !== null) rows.push(["Noise limit", quantity(doc.noise_floor, unit)]);
+  return h("section", {}, h("h3", {}, "What a PLC would show, from zero crossings"), facts(rows),
+    total ? table("The first reason that applied to each half-period.", ["Verdict", "Count", "Share", "Meaning"],
+      counts.map(([name, n]) => [swatch(name), String(n), `${number((100 * n) / total, 2)} %`, words.reasons[name].meaning]))
+      : h("p", {}, "There are no half-periods: PV did not cross SP and come back."));
+}
+
+const swatch = (name) => h("span", {}, h("i", { class: `swatch r-${name}` }), words.reasons[name].label);
+
+function quality(said) {
+  const { answer: doc } = said;
+  const units = units_of(said);
+  const found = doc.quality.map((one) => [
+    h("span", { class: `severity ${one.severity}` }, EXPLAINED[one.severity]),
+    h("div", {}, sentence(finding(one, units)),
+      h("span", { class: "evidence" }, Object.entries(one.evidence).map(([key, value]) => `${key.replaceAll("_", " ")} ${typeof value === "number" ? number(value, 4) : value}`).join(", "))),
+  ]);
+  return h("section", {}, h("h3", {}, "Data quality"),
+    found.length ? table("Findings on the recording, with evidence.", ["Weight", "Finding"], found) : h("p", {}, "Nothing to remark."));
+}
+
+function settings({ answer: doc }, unit, pv_unit) {
+  const s = doc.controller;
+  if (s.k === null) return null;
+  const gain = `${unit} per ${pv_unit}`;
+  const rows = [["Gain K", quantity(s.k, gain), "k"], ["Integral time TI", quantity(s.ti, "s"), "ti"], ["Derivative time TD", quantity(s.td, "s"), "td"],
+    ["Setpoint weight b", number(s.setpoint_weight), "b"], ["Filter of the detector TF", quantity(s.tf, "s"), "tf"],
+    ["Process gain Kp", s.kp_process === null ? "not used" : quantity(s.kp_process, `${pv_unit} per ${unit}`), "kp"]];
+  return h("section", {}, h("h3", {}, "Settings"),
+    table("As used: ideal form, seconds, units of the signals.", ["Setting", "As used", "Where from"], rows.map(([label, value, of]) => [label, value, s.origins[of] ?? ""])));
+}
+
+// --- pictures
+
+const TURNS = 8; // turns of the valve that a picture shows: as in python/glapp/report/fit_figure.py
+
+/** The stretch in which the valve turns so often and OP travels least; all where it turns less often. */
+function stretch(valve, op) {
+  const turns = [];
+  let last = 0;
+  for (let i = 1; i < valve.length; i += 1) {
+    const way = Math.sign(valve[i] - valve[i - 1]);
+    if (way && last && way !== last) turns.push(i - 1);
+    if (way) last = way;
+  }
+  if (turns.length <= TURNS) return [0, valve.length - 1];
+  const travel = turns.slice(0, -TURNS).map((from, i) => {
+    const part = op.slice(from, turns[i + TURNS]);
+    return Math.max(...part) - Math.min(...part);
+  });
+  const first = travel.indexOf(Math.min(...travel));
+  return [turns[first], turns[first + TURNS]];
+}
+
+function interpolated(at, t, x) {
+  let k = 0;
+  return at.map((time) => {
+    while (k < t.length - 2 && t[k + 1] <= time) k += 1;
+    const share = (time - t[k]) / (t[k + 1] - t[k]);
+    return x[k] + (Number.isFinite(share) ? share * (x[k + 1] - x[k]) : 0);
+  });
+}
+
+function draw(said, op_unit, pv_unit) {
+  const { columns, t0 } = said.read;
+  const { fit: found, answer } = said.answer;
+  const zoomed = [];
+  const bands = said.half_periods
+    ? said.half_periods.t_start.slice(0, 20_000).map((from, i) => [from + (t0 ?? 0) / 1000, said.half_periods.t_end[i] + (t0 ?? 0) / 1000, `r-${words.names[said.half_periods.reason[i]]}`])
+    : null;
+  if (columns.op) {
+    const lines = [{ label: "OP", stroke: "output" }];
+    const drawn = [columns.op];
+    if (said.pv) {
+      lines.push({ label: "valve, as the model has it", stroke: "position", width: 2 });
+      drawn.push(interpolated(Array.from(columns.t), said.pv.t, said.pv.valve));
+    }
+    zoomed.push(chart($("op-picture"), thinned(columns.t, drawn), lines, { y: `OP [${op_unit}]`, t0, height: 230, sync: "recording" }));
+  }
+  const lines = [{ label: "PV", stroke: "signal" }];
+  const drawn = [columns.pv];
+  if (columns.sp) {
+    lines.push({ label: "SP", stroke: "ink", dash: [6, 3] });
+    drawn.push(columns.sp);
+  }
+  zoomed.push(chart($("pv-picture"), thinned(columns.t, drawn), lines, { y: `PV [${pv_unit}]`, t0, height: 230, sync: "recording", bands }));
+  if (!said.pv || !columns.op) return;
+  const { pv } = said;
+  const op = interpolated(pv.t, Array.from(columns.t), Array.from(columns.op));
+  const [from, to] = ["backlash", "stiction", "both", "at_least"].includes(found.verdict) ? stretch(pv.valve, op) : [0, pv.t.length - 1];
+  const [begin, end] = [pv.t[from], pv.t[to]].map((t) => t + (t0 ?? 0) / 1000);
+  for (const plot of zoomed) plot.setScale("x", { min: begin, max: end });
+  $("gap-place").append(...parallelogram(said, op.slice(from, to + 1), [from, to + 1], op_unit, pv_unit));
+  if ($("likelihood")) likelihood(pv, found, answer, op_unit);
+}
+
+function parallelogram({ pv, answer: { fit: found, answer } }, op, [from, to], op_unit, pv_unit) {
+  const valve = pv.valve.slice(from, to);
+  const gain = pv.integrating ? 1 : pv.kp;
+  const seen = pv.integrating ? valve : pv.pv.slice(from, to);
+  const quantile = (values, q) => values.sort((a, b) => a - b)[Math.round(q * (values.length - 1))];
+  const middle = quantile(seen.map((y, i) => y - gain * valve[i]), 0.5);
+  const ends = [0.05, 0.95].map((q) => (quantile([...seen], q) - middle) / gain).sort((a, b) => a - b);
+  const shape = (width, kind) => {
+    const half = width / 2;
+    const corners = [[ends[0], half], [ends[1], half], [ends[1], -half], [ends[0], -half], [ends[0], half]];
+    return { kind, points: corners.map(([v, side]) => [v + side, middle + gain * v]) };
+  };
+  const shapes = [];
+  if (answer.width !== null) shapes.push(shape(answer.width, "fitted"));
+  for (const bound of [answer.low, answer.high]) {
+    if (bound !== null && bound !== answer.width && answer.evidence !== "none") shapes.push(shape(bound, "limit"));
+  }
+  const every = Math.ceil(op.length / 4000);
+  const few = (values) => values.filter((_, i) => i % every === 0);
+  return [gapPicture(few(op), few(seen), shapes, { x: `OP [${op_unit}]`, y: `${pv.integrating ? "valve, as the model has it" : "PV"} [${pv.integrating ? op_unit : pv_unit}]`, label: "PV against OP, with the fitted gap" }),
+    h("p", { class: "note" }, answer.width === null ? "PV against OP. A gap shows as a parallelogram: at each turn PV stays while OP crosses it."
+      : "PV against OP. The parallelogram is what the fitted gap makes of a slow cycle, dotted with its 95 % limits.")];
+}
+
+function likelihood(pv, found, answer, op_unit) {
+  const widths = [...new Set(pv.candidates.flatMap((family) => family.d))].sort((a, b) => a - b);
+  const lines = pv.candidates.map((_, i) => ({ label: `family ${i + 1}`, stroke: i ? "muted" : "signal", width: i ? 1 : 2.4 }));
+  const drawn = pv.candidates.map((family) => widths.map((d) => {
+    const at = family.d.indexOf(d);
+    return at < 0 ? undefined : family.rise[at] + family.behind;
+  }));
+  const sorted = [...pv.candidates[0].rise].sort((a, b) => a - b);
+  const top = Math.max(sorted[Math.floor(0.6 * (sorted.length - 1))], found.lr_needed ?? 0, 12);
+  const bands = found.low === null || answer.evidence === null ? null : [[found.low, found.high ?? pv.range, "estimate"]];
+  chart($("likelihood"), [widths, ...drawn], lines, { y: "rise of −2·ln L", x: `width of the gap [${op_unit}]`, height: 280, bands, legend: false, limits: [-0.05 * top, 1.3 * top] });
+}
+
+// --- the report, a file of its own
+
+/** The same page without scripts: canvases as images. */
+function save() {
+  const copy = $("result").cloneNode(true);
+  const drawn = $("result").querySelectorAll("canvas");
+  copy.querySelectorAll("canvas").forEach((canvas, i) => {
+    const image = h("img", { src: drawn[i].toDataURL("image/png"), style: "width:100%" });
+    (canvas.closest(".plot") ?? canvas).replaceChildren(image);
+  });
+  copy.querySelectorAll(".screen").forEach((node) => node.remove());
+  const policy = "default-src 'none'; style-src 'unsafe-inline'; img-src data:";
+  const style = [...document.querySelectorAll("style")].map((node) => node.textContent).join("\n");
+  const text = `<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><meta http-equiv="Content-Security-Policy" content="${policy}">`
+    + `<meta name="viewport" content="width=device-width, initial-scale=1"><title></title><style>${style}</style></head><body><main>${copy.innerHTML}</main></body></html>`;
+  const address = URL.createObjectURL(new Blob([text], { type: "text/html" }));
+  h("a", { href: address, download: `${file.name.replace(/\.[^.]+$/, "")}.report.html` }).click();
+  setTimeout(() => URL.revokeObjectURL(address), 60_000);
+}
+
+// --- dropping
+
+const bytes_of = async (one) => take(one.name, new Uint8Array(await one.arrayBuffer()));
+addEventListener("dragover", (event) => event.preventDefault());
+addEventListener("drop", (event) => {
+  event.preventDefault();
+  const [one] = event.dataTransfer.files;
+  if (one) {
+    go("recording");
+    bytes_of(one);
+  }
+});
+$("file").addEventListener("change", (event) => event.target.files[0] && bytes_of(event.target.files[0]));
+$("example").addEventListener("click", () => take("FIC201.csv", new TextEncoder().encode($("example-data").textContent)));
+
+// --- the two halves of the page
+
+function go(name) {
+  for (const one of ["recording", "laboratory"]) {
+    $(one).hidden = one !== name;
+    $(`go-${one}`).setAttribute("aria-selected", String(one === name));
+  }
+  dispatchEvent(new CustomEvent("gone", { detail: name }));
+  redraw();
+}
+for (const one of ["recording", "laboratory"]) $(`go-${one}`).addEventListener("click", () => go(one));

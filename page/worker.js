@@ -1,0 +1,67 @@
+// Reads and analyses beside the page, so that the page stays awake and can end it.
+"use strict";
+
+const AT_ONCE = 65_536; // rows handed on at once, as the command line does
+
+let engine = null;
+let reading = null;
+let file = null;
+
+const tell = (kind, more = {}) => postMessage({ kind, ...more });
+
+const does = {
+  async begin({ module, data }) {
+    engine = await Engine.of(module);
+    reading = Reading(data);
+    tell("ready");
+  },
+
+  open({ bytes }) {
+    tell("progress", { stage: "Reading", share: 0 });
+    file = reading.open(new Uint8Array(bytes));
+    const { names, units, loops, body } = file;
+    tell("opened", { names, units, loops, rows: body.length });
+  },
+
+  analyse({ options, task }) {
+    const began = performance.now();
+    const read = reading.recording(file, options);
+    const { columns } = read;
+    const n = columns.t.length;
+    for (const [name, numbers] of Object.entries(columns)) engine.column(name, numbers);
+    tell("progress", { stage: "Looking at quality and controller", share: 0.1 });
+    const { op_unit: typed, ...known } = task;
+    // As the command line: OP is a percentage where neither unit nor span says otherwise and no value contradicts it.
+    const span = known.op_span;
+    const contradicted = span === null && columns.op?.some((u) => u < 0 || u > 100);
+    const usual = (span === null || (span[0] === 0 && span[1] === 100)) && !contradicted ? "%" : "OP unit";
+    const unit = typed || read.units.op || usual;
+    known.op_percent = unit === "%";
+    engine.ask("begin", { task: known });
+    for (let from = 0; from < n; from += AT_ONCE) {
+      engine.ask("rows", { from, to: Math.min(n, from + AT_ONCE) });
+      tell("progress", { stage: "Counting half-periods", share: 0.1 + (0.2 * from) / n });
+    }
+    const read_in = performance.now() - began;
+    tell("progress", { stage: "Fitting the gap", share: 0.3 });
+    const done = engine.ask("finish");
+    tell("answered", { ...done, read, unit, took: { reading: read_in, all: performance.now() - began } });
+  },
+
+  /** Columns that are there already, from the laboratory. */
+  fit({ columns, task }) {
+    for (const [name, numbers] of Object.entries(columns)) engine.column(name, numbers);
+    engine.ask("begin", { task });
+    engine.ask("rows", { from: 0, to: columns.t.length });
+    tell("answered", engine.ask("finish"));
+  },
+};
+
+onmessage = async ({ data: { kind, ...more } }) => {
+  try {
+    await does[kind](more);
+  } catch (wrong) {
+    const told = wrong instanceof InputError || !(wrong instanceof WebAssembly.RuntimeError);
+    tell("wrong", { text: told ? wrong.message : `the analysis broke off (${wrong.message}): please report it with the recording` });
+  }
+};

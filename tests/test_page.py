@@ -1,0 +1,219 @@
+"""The page in the browser: the answers of the command line, without a server and without a network."""
+
+import json
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import glapp
+from glapp.reading import open_recordings
+from glapp.report import words
+from glapp.simulate import closed_loop
+
+CHROMIUM = shutil.which("chromium")
+if CHROMIUM is None:
+    pytest.skip("chromium is not installed", allow_module_level=True)
+sync_api = pytest.importorskip("playwright.sync_api")
+PAGE = Path(__file__).parents[1] / "dist" / "page" / "index.html"
+if not PAGE.is_file():
+    pytest.skip("the page is not made: make page tells what that needs", allow_module_level=True)
+
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("page in the browser")]
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with sync_api.sync_playwright() as playwright:
+        one = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield one
+        one.close()
+
+
+def opened(browser: Any) -> Any:
+    """The page from the disk, what it asked for and what went wrong on it."""
+    one = browser.new_context(viewport={"width": 1280, "height": 800}, offline=True).new_page()
+    one.set_default_timeout(600_000)  # a fit may wait long for its processor
+    one.asked, one.wrong = [], []
+    one.on("request", lambda request: one.asked.append(request.url))
+    one.on("pageerror", lambda error: one.wrong.append(str(error)))
+    one.on("console", lambda said: one.wrong.append(said.text) if said.type == "error" else None)
+    one.goto(PAGE.as_uri())
+    return one
+
+
+@pytest.fixture
+def page(browser: Any) -> Iterator[Any]:
+    """The page, new."""
+    one = opened(browser)
+    yield one
+    one.context.close()
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A worn and a sound valve, quick enough for a fit of few rows."""
+    folder = tmp_path_factory.mktemp("loops")
+    for name, d in (("worn", 0.05), ("sound", 0.0)):
+        acting = {"setpoint": [(1, 1.0)], "load": [(20, 0.3), (40, -0.2)]}
+        sim = closed_loop("P3", (0.48, 0.3117), d=d, noise=0.005, h=0.1, t_end=70, seed=1, **acting)
+        sim.write_csv(folder / f"{name}.csv")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def analysed(browser: Any, recordings: Path) -> Iterator[Any]:
+    """The page with an answer on it."""
+    one = opened(browser)
+    answered(one, recordings / "worn.csv")
+    yield one
+    one.context.close()
+
+
+def answered(page: Any, path: Path) -> dict[str, Any]:
+    """What the page makes of a file."""
+    page.set_input_files("#file", str(path))
+    page.wait_for_selector("#result .loop, #wrong:not([hidden])")
+    assert not page.locator("#wrong").is_visible(), page.locator("#wrong").inner_text()
+    found: dict[str, Any] = page.evaluate("() => shown.answer")
+    return found
+
+
+def near(ours: Any, theirs: Any, at: str = "") -> None:
+    """Equal names, and numbers to 1e-4: the last digits of logarithms differ, and so where a search ends."""
+    if isinstance(ours, dict):
+        assert ours.keys() == theirs.keys(), at
+        for key in ours:
+            near(ours[key], theirs[key], f"{at}.{key}")
+    elif isinstance(ours, list):
+        assert len(ours) == len(theirs), at
+        for i, pair in enumerate(zip(ours, theirs, strict=True)):
+            near(*pair, f"{at}[{i}]")
+    elif isinstance(ours, float):
+        assert theirs == pytest.approx(ours, rel=1e-4, abs=1e-12), at
+    else:
+        assert ours == theirs, at
+
+
+def same(page: Any, path: Path) -> None:
+    """The page says what the command line says of the same file, in numbers and in words."""
+    found = page.evaluate("() => shown.answer")
+    [recording] = open_recordings(path)
+    result = glapp.analyze(recording)
+    told = json.loads(json.dumps(result.to_dict()))
+    for key in ("verdict", "width", "low", "high", "urgency", "valve", "evidence"):
+        near(told["answer"][key], found["answer"][key], key)
+    for key in ("crossings", "d_hat", "detections", "half_periods", "noise_floor", "reasons"):
+        near(told[key], found[key], key)
+    for ours, theirs in zip(told["quality"], found["quality"], strict=True):
+        near(ours["evidence"], {key: theirs["evidence"][key] for key in ours["evidence"]}, ours["code"])
+    said = page.locator("#result").inner_text()
+    sentences = [words.lead(result), words.next_step(result), *(words.sentence(one.text) for one in result.quality)]
+    if result.fit is not None:
+        sentences.append(words.sentence(result.fit.reason))
+    for sentence in sentences:
+        assert sentence in said, sentence
+    assert page.wrong == []
+
+
+def test_the_answer_of_the_command_line(analysed: Any, recordings: Path) -> None:
+    same(analysed, recordings / "worn.csv")
+    assert analysed.locator("#result canvas").count() == 3  # OP and PV over time, the likelihood
+    assert analysed.locator(".gap-picture .fitted").count() == 1
+
+
+def test_the_answer_for_a_sound_valve(page: Any, recordings: Path) -> None:
+    answered(page, recordings / "sound.csv")
+    same(page, recordings / "sound.csv")
+
+
+def test_nothing_is_asked_of_anybody(analysed: Any) -> None:
+    page = analysed
+    page.click("#go-laboratory")
+    page.wait_for_function("() => Number(document.getElementById('laboratory').dataset.t) > 1")
+    page.click("#lab-run")
+    page.click("#go-recording")
+    assert {url.split(":")[0] for url in page.asked} <= {"file", "blob", "data"}
+    assert [url for url in page.asked if url.startswith("file")] == [PAGE.as_uri()]
+    assert page.wrong == []
+    # Whatever came into the page could not send anything either.
+    blocked = page.evaluate("""async () => {
+        const told = [];
+        document.addEventListener("securitypolicyviolation", (event) => told.push(event.effectiveDirective));
+        await fetch("http://127.0.0.1:9/").catch(() => null);
+        new Image().src = "http://127.0.0.1:9/x.png";
+        navigator.sendBeacon("http://127.0.0.1:9/", "x");
+        try { new WebSocket("ws://127.0.0.1:9/"); } catch {}
+        for (let k = 0; k < 100 && told.length < 4; k += 1) await new Promise(requestAnimationFrame);
+        return told;
+    }""")
+    assert set(blocked) == {"connect-src", "img-src"} and blocked.count("connect-src") >= 3
+
+
+def test_a_file_that_cannot_be_read_says_why(page: Any, tmp_path: Path) -> None:
+    (tmp_path / "odd.csv").write_text(
+        "t,A,B\n" + "".join(f"{k},{k % 7},{k % 5}\n" for k in range(200)), encoding="utf-8"
+    )
+    page.set_input_files("#file", str(tmp_path / "odd.csv"))
+    page.wait_for_selector("#wrong:not([hidden])")
+    assert page.locator("#wrong").inner_text() == ("odd.csv: no column for SP and PV among: t, A, B: choose it below")
+    # And it is mended there.
+    page.locator("#columns label", has_text="PV").locator("select").select_option("1")
+    page.locator("#columns label", has_text="OP").first.locator("select").select_option("2")
+    page.click("#again button[type=submit]")
+    page.wait_for_selector("#result .loop")
+
+
+def test_it_is_ended_when_asked(page: Any, recordings: Path) -> None:
+    page.set_input_files("#file", str(recordings / "worn.csv"))
+    page.wait_for_selector("#working:not([hidden])")
+    page.click("#cancel")
+    page.wait_for_selector("#settings[open]")
+    assert page.locator("#result .loop").count() == 0 and not page.locator("#working").is_visible()
+
+
+def test_the_report_is_a_file_of_its_own(analysed: Any, browser: Any, tmp_path: Path) -> None:
+    with analysed.expect_download() as download:
+        analysed.click("#save")
+    path = tmp_path / "report.html"
+    download.value.save_as(path)
+    text = path.read_text(encoding="utf-8")
+    assert "<script" not in text and "default-src 'none'" in text
+    other = browser.new_context().new_page()
+    other.goto(path.as_uri())
+    assert "has a gap of" in other.locator(".lead").inner_text()
+    assert other.evaluate("() => [...document.images].every((one) => one.naturalWidth > 100)")
+    other.context.close()
+
+
+def test_the_laboratory(page: Any) -> None:
+    page.click("#go-laboratory")
+    page.click("[data-speed='100']")
+    page.wait_for_function("() => Number(document.getElementById('laboratory').dataset.t) > 150")
+    page.click("#lab-run")
+    page.click("#lab-fit")
+    page.get_by_text("the gap is 2\N{NO-BREAK SPACE}%OP").wait_for()
+    page.click("#lab-run")
+    page.click("[data-speed='1000']")
+    page.wait_for_function("() => Number(document.getElementById('laboratory').dataset.t) > 1000")
+    page.click("#lab-run")
+    estimate = page.locator("#lab-facts div", has_text="Estimate").locator("dd").inner_text()
+    assert 1.6 < float(estimate.split("\N{NO-BREAK SPACE}")[0]) < 2.2  # a gap of 2.0 %: thesis 6.5 shows 1.8 %
+    assert page.locator("#lab-halves tr").count() == 6
+    # Every variable is there, and what may be set can be, within its bounds.
+    page.locator("#lab-all summary").click()
+    page.fill("#lab-search", "gap.")
+    page.locator("[aria-label='gap.d']").fill("3")
+    page.locator("[aria-label='gap.d']").press("Enter")
+    page.wait_for_function("() => document.querySelector(\"[aria-label='gap.d']\").value === '3'")
+    page.locator("[aria-label='gap.d']").fill("-3")
+    page.locator("[aria-label='gap.d']").press("Enter")
+    page.wait_for_selector("#lab-wrong:not([hidden])")
+    assert "d = -3" in page.locator("#lab-wrong").inner_text()
+    # Compensation comes into force.
+    page.check("#lab-compensate")
+    page.click("#lab-run")
+    page.wait_for_function("() => !/not enabled/.test(document.getElementById('lab-facts').textContent)")
+    assert page.wrong == []

@@ -1,0 +1,167 @@
+"""The page's reader of text tables, held to the one of the package on the same files; it runs in node."""
+
+import json
+import shutil
+import subprocess
+from datetime import UTC
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from glapp.errors import InputError
+from glapp.reading import open_recordings
+from glapp.report import words
+from page import build
+
+ROOT = Path(__file__).parents[1]
+PAPA = ROOT / "target" / "page" / "node_modules" / "papaparse" / "papaparse.min.js"
+if shutil.which("node") is None or not PAPA.is_file():
+    pytest.skip("node and what the page has from npm are not there: make page", allow_module_level=True)
+
+
+def rows(times: list[str], separator: str = ",", point: str = ".") -> list[str]:
+    values = [(50 + 0.125 * (k % 7), 40.5 - 0.25 * (k % 5)) for k in range(len(times))]
+    cells = ([t, "50", *(f"{v}".replace(".", point) for v in pair)] for t, pair in zip(times, values, strict=True))
+    return [separator.join(row) for row in cells]
+
+
+SECONDS = [str(k) for k in range(24)]
+ISO = [f"2024-01-31 23:59:{k:02d}" for k in range(36, 60)] + ["2024-02-01 00:00:00"]
+READ: dict[str, str | bytes] = {
+    "plain": "\n".join(["t,SP,PV,OP", *rows(SECONDS)]),
+    "no end of line, and windows' own": "\r\n".join(["t,SP,PV,OP", *rows(SECONDS)]) + "\r\n",
+    "decimal comma": "\n".join(["Zeit;Sollwert;Istwert;Stellgröße", *rows(SECONDS, ";", ",")]),
+    "windows-1252": "\n".join(["Zeit;Sollwert;Istwert;Stellgröße", *rows(SECONDS, ";", ",")]).encode("cp1252"),
+    "utf-16": "\n".join(["t\tSP\tPV\tOP", *rows(SECONDS, "\t")]).encode("utf-16"),
+    "a mark of utf-8": "\n".join(["t,SP,PV,OP", *rows(SECONDS)]).encode("utf-8-sig"),
+    "ISO": "\n".join(["Timestamp,FIC101.SP,FIC101.PV,FIC101.OP", *rows(ISO)]),
+    "ISO with fractions": "\n".join(["time,SP,PV,OP", *rows([f"2024-01-31T10:00:{k / 10:06.3f}" for k in range(24)])]),
+    "ISO with zones": "\n".join(["time,SP,PV,OP", *rows([f"2024-01-31T10:00:{k:02d}+01:00" for k in range(24)])]),
+    "day first by dots": "\n".join(["Datum;SP;PV;OP", *rows([f"01.02.2024 10:00:{k:02d}" for k in range(24)], ";")]),
+    "day first by the data": "\n".join(["Date;SP;PV;OP", *rows([f"31/01/24 10:00:{k:02d}" for k in range(24)], ";")]),
+    "month first, a.m. and p.m.": "\n".join(
+        [
+            "Date;SP;PV;OP",
+            *rows(
+                [f"1/31/2024 {11 + k // 12 or 12}:{5 * (k % 12):02d}:00 {'AM' if k < 12 else 'PM'}" for k in range(24)],
+                ";",
+            ),
+        ]
+    ),
+    "names of months": "\n".join(["Date;SP;PV;OP", *rows([f"31-Jan-24 10:00:{k:02d}" for k in range(24)], ";")]),
+    "epoch in ms": "\n".join(["ts,SP,PV,OP", *rows([str(1_700_000_000_000 + 500 * k) for k in range(24)])]),
+    "epoch in s with fractions": "\n".join(
+        ["ts,SP,PV,OP", *rows([f"{1_700_000_000.1 + 0.1 * k:.1f}" for k in range(24)])]
+    ),
+    "a spreadsheet's days": "\n".join(["Date,SP,PV,OP", *rows([f"{45_000 + k / 86_400:.9f}" for k in range(24)])]),
+    "minutes by a unit": "\n".join(["time [min],SP,PV,OP", *rows([f"{k / 10}" for k in range(24)])]),
+    "a title and a row of units": "\n".join(["Export of unit 3", "t,SP,PV [bar],OP", "s,bar,bar,%", *rows(SECONDS)]),
+    "bad values": "\n".join(
+        ["t,SP,PV,OP", *rows(SECONDS[:20]), "20,50,Bad,40", "21,50,#N/A,40", "22,50,,40", "23,50,1e400,40"]
+    ),
+    "a mode": "\n".join(
+        ["t,SP,PV,OP,MODE", *(f"{row},{'MAN' if k < 5 else 'AUTO'}" for k, row in enumerate(rows(SECONDS)))]
+    ),
+    "qualities of OPC DA": "\n".join(
+        ["t,SP,PV,OP,Quality", *(f"{row},{0 if k == 7 else 192}" for k, row in enumerate(rows(SECONDS)))]
+    ),
+    "qualities of OPC UA": "\n".join(
+        ["t,SP,PV,OP,Quality", *(f"{row},{2**31 if k == 7 else 0}" for k, row in enumerate(rows(SECONDS)))]
+    ),
+    "qualities in words": "\n".join(
+        ["t,SP,PV,OP,PV.Status", *(f"{row},{'Uncertain' if k == 7 else 'Good'}" for k, row in enumerate(rows(SECONDS)))]
+    ),
+    "values that say current": "\n".join(
+        ["time|FIC101/PID1/SP.CV|FIC101/PID1/PV.CV|FIC101/PID1/OUT.CV", *rows(SECONDS, "|")]
+    ),
+    "limits are no signals": "\n".join(["t,SP,PV,OP,PV_HI_LIM", *(f"{row},99" for row in rows(SECONDS))]),
+    "names joined": "\n".join(["t,FIC101SP,FIC101PV,FIC101OP", *rows(SECONDS)]),
+    "quoted cells": "\n".join(
+        ['"t","SP","PV","OP"', *(",".join(f'"{c}"' for c in row.split(",")) for row in rows(SECONDS))]
+    ),
+    "an empty row at the end": "\n".join(["t,SP,PV,OP", *rows(SECONDS), ",,,", ""]),
+    "no setpoint": "\n".join(["t,PV,OP", *(f"{k},{50 + k % 3},{40 + k % 4}" for k in range(24))]),
+    "a position": "\n".join(["t,SP,PV,OP,Valve Position", *(f"{row},{k % 5}" for k, row in enumerate(rows(SECONDS)))]),
+}
+REFUSED: dict[str, str | bytes] = {
+    "nothing": "",
+    "one column": "PV\n1\n2\n3\n",
+    "no header": "0,1,2,3\n1,1,2,3\n2,1,2,3\n",
+    "a header alone": "t,SP,PV,OP\n",
+    "a word": "\n".join(["t,SP,PV,OP", *rows(SECONDS[:20]), "20,50,full,40"]),
+    "a ragged row": "\n".join(["t,SP,PV,OP", *rows(SECONDS[:20]), "20,50,40", "21,50,40,40"]),
+    "a mode nobody knows": "\n".join(["t,SP,PV,OP,MODE", *(f"{row},FUZZY" for row in rows(SECONDS))]),
+    "two that could be PV": "\n".join(["t,SP,PV,PV,OP", *(f"{k},1,2,3,4" for k in range(24))]),
+    "no PV": "\n".join(["t,SP,OP", *(f"{k},1,2" for k in range(24))]),
+    "no time": "\n".join(["SP,PV,OP", *(f"{k},1,2" for k in range(24))]),
+    "no such day": "\n".join(["Date;SP;PV;OP", *rows(["31.02.2024 10:00:00"] * 3, ";")]),
+    "either order": "\n".join(["Date;SP;PV;OP", *rows([f"01/02/2024 10:00:{k:02d}" for k in range(24)], ";")]),
+    "no number in PV": "\n".join(["t,SP,PV,OP", *(f"{k},1,Bad,2" for k in range(24))]),
+    "two ways to write numbers": "\n".join(["t;SP;PV;OP", "0;1,5;2.5;3", "1;1,5;2.5;3"]),
+}
+
+
+@pytest.fixture(scope="module")
+def read(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Any]]:
+    """What the page's reader makes of each text, and where that is."""
+    folder = tmp_path_factory.mktemp("page")
+    (folder / "data.json").write_text(json.dumps(build.of_reading()), encoding="utf-8")
+    scripts = json.dumps([str(PAPA), str(ROOT / "page" / "read.js")])
+    files = {}
+    for i, (name, text) in enumerate((READ | REFUSED).items()):
+        files[name] = folder / f"{i}.csv"
+        files[name].write_bytes(text if isinstance(text, bytes) else text.encode())
+    command = ["node", str(Path(__file__).parent / "page_reading.mjs"), scripts, str(folder / "data.json")]
+    said = subprocess.run([*command, *map(str, files.values())], capture_output=True, text=True, check=True)
+    told = [json.loads(line) for line in said.stdout.splitlines()]
+    return {name: {"file": path, **one} for (name, path), one in zip(files.items(), told, strict=True)}
+
+
+@pytest.mark.parametrize("name", READ)
+def test_reads_the_same_numbers(read: dict[str, dict[str, Any]], name: str) -> None:
+    found = read[name]
+    assert "wrong" not in found, found
+    [recording] = open_recordings(found["file"])
+    batch = recording.beginning(10**6)
+    for column in ("t", "sp", "pv", "op", "position", "flags"):
+        ours, theirs = getattr(batch, column), found["columns"].get(column)
+        assert (ours is None) == (theirs is None), column
+        if ours is not None:
+            np.testing.assert_array_equal(ours.astype(float), np.array(theirs, float), err_msg=column)
+    labels = build.of_reading()["columns"]["labels"]
+    assert {labels[role]: column for role, column in found["chosen"].items()} == recording.columns
+    assert {key: unit for key, unit in found["units"].items() if unit} == {
+        key: unit for key, label in (("pv", "PV"), ("op", "OP")) if (unit := recording.units.get(label))
+    }
+    if recording.t0 is None:
+        assert found["t0"] is None
+    else:
+        assert found["t0"] == pytest.approx(recording.t0.replace(tzinfo=recording.t0.tzinfo or UTC).timestamp() * 1000)
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_refuses_the_same_files(read: dict[str, dict[str, Any]], name: str) -> None:
+    with pytest.raises(InputError):
+        [one] = open_recordings(read[name]["file"])
+        list(one.batches())
+    assert "wrong" in read[name]
+
+
+def test_numbers_are_written_alike(tmp_path: Path) -> None:
+    random = np.random.default_rng(1)
+    values = [0.0, 1.0, -2.5, 1e-5, 123456.0, 1234567.0, 0.0001, 99.95, 0.00009999]
+    values += (random.normal(size=60) * 10.0 ** random.integers(-7, 9, size=60)).tolist()
+    asked = [
+        ["formatted", value, spec] for value in values for spec in (".3g", ".4g", ".2g", ".0f", ".2f", ".0%", ".6g")
+    ]
+    asked += [["number", value] for value in values] + [["number", value, 4] for value in values]
+    asked += [["duration", abs(value)] for value in values if abs(value) < 1e7]
+    asked += [["sentence", text] for text in ("no gap: x", "Δt is short", "FIC101 is. Read it!", "a 1", "x")]
+    (tmp_path / "asked.json").write_text(json.dumps(asked), encoding="utf-8")
+    command = ["node", str(Path(__file__).parent / "page_words.mjs"), str(ROOT / "page" / "words.js")]
+    said = subprocess.run([*command, str(tmp_path / "asked.json")], capture_output=True, text=True, check=True)
+    ours = {"formatted": format, "number": words.number, "duration": words.duration, "sentence": words.sentence}
+    for (name, *given), line in zip(asked, said.stdout.splitlines(), strict=True):
+        assert json.loads(line) == ours[name](*given), (name, given)

@@ -257,6 +257,24 @@ def assumed_time(column: str, first: str, step: float | None, calendar: str, day
     return _Reader(days=days).finding(_glapp.assumed_time(column, first, step, calendar, sure))
 
 
+def own_times(held: str, pv_rows: int, rows: int) -> Finding:
+    """Say how signals that were recorded each at times of its own were brought to common rows.
+
+    Parameters
+    ----------
+    held : str
+        Those that keep their last value until the next.
+    pv_rows, rows : int
+        Values of PV, and the rows that came of them: where there are more, PV is interpolated.
+
+    Examples
+    --------
+    >>> own_times("SP, OP", 100, 100).text
+    'each signal has times of its own: the rows are those of PV, and SP, OP keep the last value until the next'
+    """
+    return _Reader().finding(_glapp.own_times(held, pv_rows, rows))
+
+
 def noise_sigma(pv: Floats) -> float | None:
     """Estimate the standard deviation of PV's fast noise [PV unit].
 
@@ -336,6 +354,16 @@ def _time_assumed(n: Numbers, reader: _Reader) -> str:
     return f"{begins}: read as seconds; if these are {reader.days}, write time_format = '{n['calendar']}'"
 
 
+def _own_times(n: Numbers, _: _Reader) -> str:
+    held = f"{n['held']} keep the last value until the next"
+    if n["rows"] == n["pv_rows"]:
+        return f"each signal has times of its own: the rows are those of PV, and {held}"
+    return (
+        f"each signal has times of its own, and OP many more than PV: {held}, and {n['pv_rows']} values of PV are "
+        f"joined by straight lines over {n['rows']} rows; record PV as often as OP"
+    )
+
+
 def _too_few_rows(n: Numbers, _: _Reader) -> str:
     return f"the recording has {n['rows']} rows, from which nothing can be told: take hours, not moments"
 
@@ -402,6 +430,13 @@ def _at_limit(n: Numbers, _: _Reader) -> str:
 
 def _no_op(_: Numbers, __: _Reader) -> str:
     return "OP is not recorded, so K and Ti must be given, and saturation is seen only through limit flags: add OP"
+
+
+def _no_sp(n: Numbers, _: _Reader) -> str:
+    return (
+        "SP is not recorded: the gap is fitted from OP and PV, and a test by hand can be read; zero crossings, the "
+        "controller's K and Ti and the width that a PLC would show need SP"
+    )
 
 
 def _op_constant(n: Numbers, reader: _Reader) -> str:
@@ -548,6 +583,7 @@ def _kp_assumed(n: Numbers, reader: _Reader) -> str:
 
 _SENTENCES: dict[str, Callable[[Numbers, _Reader], str]] = {
     "time_assumed": _time_assumed,
+    "own_times": _own_times,
     "too_few_rows": _too_few_rows,
     "time_missing": _time_missing,
     "time_reversed": _time_reversed,
@@ -557,6 +593,7 @@ _SENTENCES: dict[str, Callable[[Numbers, _Reader], str]] = {
     "bad_quality": _bad_quality,
     "not_auto": _not_auto,
     "at_limit": _at_limit,
+    "no_sp": _no_sp,
     "no_op": _no_op,
     "op_constant": _op_constant,
     "pv_constant": _pv_constant,

@@ -430,8 +430,8 @@ HALF_P2 = Plant([1.0], [1.0, 2.0, 1.0])
 INNER_MIGO = (1.39, 1.79)
 """PI, M = 1.4, by `glapp.tuning.migo`, rounded."""
 
-SLOW: dict[str, Any] = {"controller": (0.1, 4.0), "tf": 1.0}
-FAST: dict[str, Any] = {"controller": MIGO_PID}
+SLOW: dict[str, Any] = {"controller": (0.1, 4.0, 0.0, 0.0), "tf": 1.0}
+FAST: dict[str, Any] = {"controller": (*MIGO_PID, 0.0)[:4], "tf": MIGO_PID[2] / 5}
 """Outer loops of two cascades: far slower than the inner one; as fast as P2 allows."""
 
 

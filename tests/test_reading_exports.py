@@ -1,6 +1,9 @@
 """Exports in every form that is known, each read to the values, times and units that were written."""
 
+import io
 import sys
+import zipfile
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -85,6 +88,37 @@ def test_workbooks_that_cannot_be_used(tmp_path, content, line):
     with pytest.raises(InputError) as caught:
         open_recordings(path)
     assert str(caught.value).startswith(str(path)) and line in str(caught.value)
+
+
+def test_damaged_workbooks_are_read_or_refused(tmp_path):
+    """The zip is whole, and what is in it is not: a character changed, a piece cut out, the rest cut off."""
+    rng = np.random.default_rng(5)
+    with zipfile.ZipFile(io.BytesIO(workbook(("Trend", typed())))) as whole:
+        parts = {name: whole.read(name) for name in whole.namelist()}
+    path = tmp_path / "plant.xlsx"
+    ends = Counter()
+    for i in range(80):
+        name = [*(["xl/worksheets/sheet1.xml"] * 4), *parts][i % (4 + len(parts))]
+        text = bytearray(parts[name])
+        at = int(rng.integers(len(text)))
+        match i % 3:
+            case 0:
+                text[at] = int(rng.integers(256))
+            case 1:
+                del text[at : at + int(rng.integers(1, 30))]
+            case 2:
+                del text[at:]
+        with zipfile.ZipFile(path, "w") as damaged:
+            for other, content in parts.items():
+                damaged.writestr(other, bytes(text) if other == name else content)
+        try:
+            for recording in open_recordings(path):
+                joined(list(recording.batches()))
+            ends["read"] += 1
+        except InputError as error:
+            assert str(error).startswith(str(path)) and "\n" not in str(error)
+            ends["refused"] += 1
+    assert ends["read"] > 5 and ends["refused"] > 5, ends
 
 
 def test_a_fault_in_a_column_with_times_of_its_own_has_its_row(tmp_path):

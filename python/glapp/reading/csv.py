@@ -27,7 +27,7 @@ import pyarrow.csv as pc
 
 from ..errors import InputError
 from .columns import understand
-from .heads import body_end, head_of, is_data
+from .heads import begins_with_data, body_end, head_of, is_data
 from .source import Source
 from .values import digits_of, null_spellings
 
@@ -80,9 +80,9 @@ class CsvSource(Source):
         except csv.Error as error:
             raise InputError(f"is not a table of text: {error}", file=label) from None
         width = Counter(len(cells) for _, cells in rows).most_common(1)[0][0]
-        self._width = width
+        self._width, self._timed = width, begins_with_data(rows, width)
         if whole:
-            rows = rows[: max(body_end(rows, width), 1)]
+            rows = rows[: max(body_end(rows, width, self._timed), 1)]
         start = next(i for i, (_, cells) in enumerate(rows) if len(cells) == width)
         if any(len(cells) > width for _, cells in rows[:start]):
             start = 0  # not a title above the table, but a header with more names than cells: reported as a ragged row
@@ -173,28 +173,34 @@ class CsvSource(Source):
 
     def _blocks(self) -> Iterator[tuple[bytes, float]]:
         """The file's rows in pieces that end with a line, with the fraction read; without what stands below them."""
-        last: tuple[bytes, float] | None = None
-        for block, fraction in self._pieces():
-            if last is not None:
-                yield last
-            last = block, fraction
-        if last is not None:
-            yield self._without_footer(last[0]), last[1]
+        held: deque[tuple[bytes, float]] = deque()
+        size, whole = 0, True  # what is held, and whether that is all of the file
+        for piece in self._pieces():
+            held.append(piece)
+            size += len(piece[0])
+            while size - len(held[0][0]) > _SAMPLE:
+                size, whole = size - len(held[0][0]), False
+                yield held.popleft()
+        rest = size - self._footer(b"".join(block for block, _ in held), whole)
+        for block, fraction in held:
+            if rest > 0:
+                yield block[:rest], fraction
+            rest -= len(block)
 
-    def _without_footer(self, block: bytes) -> bytes:
-        """The last rows of the file without the remarks and totals below them."""
-        lines = block[-_SAMPLE:].splitlines(keepends=True)
-        if len(block) > _SAMPLE:
+    def _footer(self, end: bytes, whole: bool) -> int:
+        """Bytes of the remarks and totals at the end of the file."""
+        lines = end[-_SAMPLE:].splitlines(keepends=True)
+        if not whole or len(end) > _SAMPLE:
             lines = lines[1:]  # it is cut
         try:
             records = list(csv.reader((line.decode("utf-8", "replace") for line in lines), delimiter=self._delimiter))
         except csv.Error:  # told where it is read
-            return block
+            return 0
         rows = [(i, cells) for i, cells in enumerate(records) if cells]
-        end = body_end(rows, self._width)
-        if end == len(rows) or len(records) != len(lines):  # no footer, or records broken into lines
-            return block
-        return block[: len(block) - sum(map(len, lines[rows[end][0] :]))]
+        last = body_end(rows, self._width, self._timed)
+        if last == len(rows) or len(records) != len(lines):  # no footer, or records broken into lines
+            return 0
+        return sum(map(len, lines[rows[last][0] :]))
 
     def _pieces(self) -> Iterator[tuple[bytes, float]]:
         with pa.OSFile(self._path) as file:

@@ -16,7 +16,7 @@ import pyarrow as pa
 
 from ..errors import InputError
 from .columns import understand
-from .heads import body_end, head_of, is_data
+from .heads import begins_with_data, body_end, head_of, is_data
 from .source import Source
 from .values import digits_of
 
@@ -106,7 +106,7 @@ class SheetSource(Source):
         ends = [(i, [_text(cell) for cell in row]) for i, row in enumerate(rows[head.rows :])]
         while ends and not any(ends[-1][1]):
             ends.pop()
-        body = rows[head.rows : head.rows + body_end(ends, width)]
+        body = rows[head.rows : head.rows + body_end(ends, width, begins_with_data(ends, width))]
         if not body:
             raise InputError("has a header but no rows", file=label)
         self._first = first + head.rows + 1

@@ -15,7 +15,7 @@ from .columns import understand
 from .names import FOOTER, UNITS, folded
 from .times import looks_like_moment
 
-__all__ = ["Head", "body_end", "head_of", "is_data"]
+__all__ = ["Head", "begins_with_data", "body_end", "head_of", "is_data"]
 
 _NUMBER = re.compile(r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?|[+-]?\d{1,3}(?:[.,'’   ]\d{3})+(?:[.,]\d*)?")
 _LINES = 40
@@ -89,13 +89,17 @@ def head_of(rows: Sequence[Row], start: int, width: int) -> Head:
     return Head(names, units, rows[named][0], last + 1)
 
 
-def body_end(rows: Sequence[Row], width: int) -> int:
+def begins_with_data(rows: Sequence[Row], width: int) -> bool:
+    """Whether the rows begin with a number or a time: what does not is then no row."""
+    firsts = [is_data(cells[0]) for _, cells in rows[:_LINES] if len(cells) == width]
+    return sum(firsts) * 2 > len(firsts)
+
+
+def body_end(rows: Sequence[Row], width: int, timed: bool) -> int:
     """Number of records before the remarks and totals below the last row.
 
-    A row that is cut off in its middle, or has text for its time, is none of them.
+    A row that is cut off in its middle, or has text for its time, is none of them. `timed`: see `begins_with_data`.
     """
-    firsts = [is_data(cells[0]) for _, cells in rows[:_LINES] if len(cells) == width]
-    timed = sum(firsts) * 2 > len(firsts)
     end = len(rows)
     while end and _is_footer(rows[end - 1][1], width, timed):
         end -= 1
@@ -103,7 +107,6 @@ def body_end(rows: Sequence[Row], width: int) -> int:
 
 
 def _is_footer(cells: Sequence[str], width: int, timed: bool) -> bool:
-    """`timed` where rows begin with a number or a time: what does not is no row."""
     filled = [i for i, cell in enumerate(cells) if cell.strip()]
     if not filled:
         return True

@@ -42,7 +42,7 @@ class Case:
         load -= 52.0 * (self.den[-1] == 0)  # a tank's outflow
         simulation = closed_loop(
             ([self.kp], list(self.den), 0.0),
-            (0.5, 10.0),
+            (0.5, 10.0, 0, 0),
             d=self.d,
             noise=Coloured(sigma=self.noise, tau=self.tau) if self.tau else Gaussian(sigma=self.noise),
             h=1.0,
@@ -51,6 +51,7 @@ class Case:
             load=load,
             setpoint=[(0.0, 40.0)],
             seed=seed,
+            filter_in_loop=True,
         )
         loop = glapp.Loop(name=self.name, process={"type": "integrating"} if self.den[-1] == 0 else {})
         return glapp.bump(glapp.recording_from(simulation.to_arrow().drop_columns(["POSITION"]), loop))

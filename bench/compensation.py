@@ -77,8 +77,10 @@ def reversals(x: Floats, band: float) -> int:
 
 
 def scenario(**fields: Any) -> Scenario:
-    """A scenario from the short forms of its fields."""
-    return Scenario(**fields)
+    """A scenario from the short forms of its fields, with b = 0 (4.1) and the filter (2.1) in the loop."""
+    if isinstance(fields["controller"], tuple):
+        fields["controller"] = (*fields["controller"], 0.0, 0.0)[:4]
+    return Scenario(**fields, filter_in_loop=True)
 
 
 # --- What it brings -------------------------------------------------------------------------------------------------

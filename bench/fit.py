@@ -33,13 +33,14 @@ def loop(samples: int) -> Simulation:
     """P2 under a load that walks: what both models are made for but for the process' order."""
     return closed_loop(
         "P2",
-        (0.775, 2.05),
+        (0.775, 2.05, 0, 0),
         d=D,
         noise=0.005,
         load=random_walk(6 * samples + 1, H / 6, 0.006, 2),
         h=H / 6,
         t_end=samples * H,
         seed=1,
+        filter_in_loop=True,
     )
 
 

@@ -20,7 +20,7 @@ def record(plant: str, c: Ideal, d: float, seed: int) -> Simulation:
     """A loop under steps of its load."""
     load = [(100 * c.ti * k, 0.3 * (k % 2)) for k in range(1, 10)]
     settings = {"noise": 0.005, "h": c.ti / 20, "t_end": 1000 * c.ti, "seed": seed, "setpoint": [(0, 1.0)]}
-    return closed_loop(plant, (c.k, c.ti, c.td) if c.td else (c.k, c.ti), d=d, load=load, **settings)
+    return closed_loop(plant, (c.k, c.ti, c.td, 0.0), d=d, load=load, **settings, filter_in_loop=True)
 
 
 def main(seeds: int = 2) -> None:

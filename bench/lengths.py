@@ -119,6 +119,7 @@ def made(name: str, samples: int) -> Record:
         h=h / every,
         t_end=t[-1],
         seed=random.randrange(2**32),
+        filter_in_loop=True,
     )
     loop = glapp.Loop(
         name=name,
@@ -151,7 +152,7 @@ def _levels(name: str, samples: int) -> Record:
     d = 1.5 if gap == "gap" else 0.0
     simulation = closed_loop(
         ([1.5], [30, 13, 1], 2.0),
-        (0.6, 12.0),
+        (0.6, 12.0, 0, 0),
         d=d,
         noise=0.1,
         h=1.0,
@@ -159,6 +160,7 @@ def _levels(name: str, samples: int) -> Record:
         t_end=samples - 1.0,
         setpoint=[(0, 50.0)],
         load=[(HALF_HOUR * k, 5.0 * (k % 3)) for k in range(200)],
+        filter_in_loop=True,
     )
     loop = glapp.Loop(name=name, pv_span=(0, 100), op_span=(0, 100))
     return _kept(simulation, 1, loop, d=d, size=10.0, gain=1.5, lag=13.0, sigma=0.1 / math.sqrt(3))

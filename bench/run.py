@@ -220,7 +220,7 @@ def public(folder: Path) -> Iterator[Row]:
     recordings: list[tuple[Path, str]] = []
     for name, d in (("worn valve", 2.0), ("sound valve", 0.0)):
         simulated = glapp.simulate.closed_loop(
-            "P3", (0.48, 0.3117), d=d, noise=0.02, h=0.05, t_end=400, load=[(100, 20.0)]
+            "P3", (0.48, 0.3117, 0, 0), d=d, noise=0.02, h=0.05, t_end=400, load=[(100, 20.0)], filter_in_loop=True
         )
         path = folder / f"{name}.csv"
         simulated.write_csv(path)

@@ -43,7 +43,7 @@ def scenario(steps: int, seed: int = 0) -> Scenario:
     """The loop."""
     return Scenario(
         plant="P2",
-        controller=(K, TI),
+        controller=(K, TI, 0, 0),
         d=D,
         noise=AMPLITUDE,
         h=H,
@@ -51,6 +51,7 @@ def scenario(steps: int, seed: int = 0) -> Scenario:
         setpoint=[(1, 1.0)],
         load=[(100, -0.5)],
         seed=seed,
+        filter_in_loop=True,
     )
 
 

@@ -4,7 +4,15 @@ import glapp
 
 load = [(150.0 * k, 20.0 * (k % 2)) for k in range(20)]  # the valve must travel for its gap to show
 sim = glapp.simulate.closed_loop(
-    "P3", (0.48, 0.3117), d=5.0, noise=0.1, t_end=600, setpoint=[(0, 50.0)], load=load, seed=1
+    "P3",
+    (0.48, 0.3117, 0, 0),
+    d=5.0,
+    noise=0.1,
+    t_end=600,
+    setpoint=[(0, 50.0)],
+    load=load,
+    seed=1,
+    filter_in_loop=True,
 )
 loop = glapp.Loop(name="FIC101", controller={"k": 0.48, "ti": 0.3117, "setpoint_weight": 0}, process={"kp": 1.0})
 

@@ -111,7 +111,7 @@ def looped(plant: Any, controller: tuple[float, ...], every: int = 5, **changes:
         "t_end": 600,
         "setpoint": [(0, 50.0)],
     } | changes
-    s = closed_loop(plant, controller, **settings)
+    s = closed_loop(plant, (*controller, 0.0, 0.0)[:4], **settings, filter_in_loop=True)
     rows = np.arange(s.t.size // 3, s.t.size, every)
     table = s.to_arrow().select(["t", "SP", "PV", "OP", "OP_LOW", "OP_HIGH"]).take(rows)
     integrating = plant[1][-1] == 0 if isinstance(plant, tuple) else plant == "P1"

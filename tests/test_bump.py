@@ -36,7 +36,7 @@ def steps(*levels, hold=100):
 def recorded(moves, *, plant=([0.8], [5.0, 1.0], 0.0), d=2.0, noise=0.05, position=False, **more):
     simulation = closed_loop(
         plant,
-        (0.5, 10.0),
+        (0.5, 10.0, 0, 0),
         d=d,
         noise=Gaussian(sigma=noise) if isinstance(noise, float) else noise,
         h=1.0,
@@ -44,6 +44,7 @@ def recorded(moves, *, plant=([0.8], [5.0, 1.0], 0.0), d=2.0, noise=0.05, positi
         manual=moves,
         setpoint=[(0.0, 40.0)],
         **more,
+        filter_in_loop=True,
     )
     table = simulation.to_arrow()
     return table if position else table.drop_columns(["POSITION"])
@@ -212,7 +213,10 @@ def without(table, *columns):
 
 
 REFUSED = {
-    "never in manual": (lambda: closed_loop("P2", (0.4, 2.4), h=0.5, t_end=200).to_arrow(), "never in manual"),
+    "never in manual": (
+        lambda: closed_loop("P2", (0.4, 2.4, 0, 0), h=0.5, t_end=200, filter_in_loop=True).to_arrow(),
+        "never in manual",
+    ),
     "no mode column": (lambda: without(recorded(UP_UP_BACK), "MODE"), "no mode column tells"),
     "no OP": (lambda: without(recorded(UP_UP_BACK), "OP"), "OP was not recorded"),
     "one value": (lambda: recorded(steps(50)), "OP was held at one value"),

@@ -15,8 +15,10 @@ from zoneinfo import ZoneInfo
 import jsonschema
 import numpy as np
 import pytest
+from rich.cells import cell_len
 
 import glapp.cli.work
+from glapp.cli import screen
 from glapp.cli.explain import _seconds
 from glapp.cli.screen import CommandError
 from glapp.document import to_schema
@@ -111,7 +113,14 @@ def by_hand():
     """A manual test of a valve with a gap of 2 %OP on a process of Kp = 0.8, as text with a mode column."""
     moves = [(0, 100, 50.0), (100, 200, 53.0), (200, 300, 56.0), (300, 400, 52.0)]
     s = glapp.simulate.closed_loop(
-        ([0.8], [5, 1], 0), (0.5, 10), d=2.0, h=1.0, t_end=400, manual=moves, setpoint=[(0, 40.0)]
+        ([0.8], [5, 1], 0),
+        (0.5, 10, 0, 0),
+        d=2.0,
+        h=1.0,
+        t_end=400,
+        manual=moves,
+        setpoint=[(0, 40.0)],
+        filter_in_loop=True,
     )
     return "t,SP,PV,OP,MODE\n" + "".join(f"{k},40,{s.pv[k]:.3f},{s.op[k]:g},MAN\n" for k in range(400))
 
@@ -153,6 +162,70 @@ def test_bump_refuses_with_the_reason_and_what_to_do(run, by_hand):
 def test_help_tells_the_exit_codes(run):
     text = run("--help")[1]
     assert all(part in text for part in ("Exit codes", "0 every", "1 at least", "2 the command"))
+
+
+def test_bump_takes_many_files(run, by_hand):
+    for name in ("north.csv", "south.csv"):
+        write(name, by_hand)
+    write("short.csv", "\n".join(by_hand.splitlines()[:301]) + "\n")
+    code, out, err = run("bump", "north.csv", "south.csv", "short.csv", "none.csv", "--plot", "tests.html")
+    assert code == 1
+    assert [line for line in out.splitlines() if line.endswith(".csv)")] == [
+        f"{name}  ({name}.csv)" for name in ("north", "south", "short")
+    ]
+    assert err.splitlines()[0] == "error: none.csv: no such file" and "short.csv, loop short: OP never" in err
+    assert Path("tests.html").read_text().count("PV after a reversal") == 2
+    code, out, _ = run("bump", "north.csv", "south.csv", "--json")
+    assert code == 0 and [test["name"] for test in json.loads(out)["tests"]] == ["north", "south"]
+
+
+@pytest.mark.parametrize("columns", [60, 80, 120])
+def test_no_header_is_left_out_on_any_screen(run, monkeypatch, columns, by_hand):
+    """It was that a narrow table had only some of them."""
+    write("FIC101.csv", rows())
+    write("a_recording_with_a_name_that_is_long.csv", rows())
+    write("test.csv", by_hand)
+    monkeypatch.setattr(screen.out, "width", columns)
+    tables = {
+        ("analyze", "FIC101.csv", "a_recording_with_a_name_that_is_long.csv"): (
+            "gap (95 %)|valve|to do|crossings|d̂|det./|half-p.|rejected as|quality"
+        ),
+        ("analyze", "--no-fit", "FIC101.csv"): "d̂|% of|span|verdict|to do|det./|half-p.|rejected as|quality",
+        ("explain", "FIC101.csv"): "From|Δt [s]|Δy [PV unit]|d [%]|d̂ after [%]|Verdict",
+        ("bump", "test.csv"): "Held until|OP [%OP]|PV [PV unit]|reads|95 %|from",
+    }
+    for command, headers in tables.items():
+        _, out, _ = run(*command)
+        words = " ".join(out.split())
+        assert [header for header in headers.split("|") if header not in words] == [], command
+        assert "…" not in out
+        assert max(cell_len(line) for line in out.split("\n\n")[0].splitlines()) <= columns
+
+
+def test_python_m_glapp_is_the_command():
+    done = subprocess.run([sys.executable, "-m", "glapp", "--version"], capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (0, f"glapp {glapp.__version__}\n")
+
+
+@pytest.mark.slow
+def test_mypy_finds_the_types_from_outside(tmp_path):
+    """It found none: a package without `py.typed` has the type Any for everything."""
+    (tmp_path / "mine.py").write_text(
+        "import glapp\n"
+        "loop = glapp.Loop(name='FIC101')\n"
+        "reveal_type(glapp.simulate.closed_loop('P2', (0.4, 2.4)).pv)\n"
+        "x: int = loop.name\n"
+    )
+    path = {"MYPYPATH": "", "PYTHONPATH": str(Path(glapp.__file__).parents[1])}
+    done = subprocess.run(
+        [sys.executable, "-m", "mypy", "--config-file=", f"--cache-dir={tmp_path / 'cache'}", "mine.py"],
+        cwd=tmp_path,
+        env=os.environ | path,
+        capture_output=True,
+        text=True,
+    )
+    assert "ndarray" in done.stdout and 'expression has type "str", variable has type "int"' in done.stdout, done.stdout
+    assert "py.typed" not in done.stdout
 
 
 def test_version(run):
@@ -201,7 +274,7 @@ WRONG = {
     "empty": ("", "empty.csv: is empty"),
     "header": ("t,SP,PV,OP\n", "header.csv: has a header but no rows"),
     "onerow": ("t,SP,PV,OP\n0,1,2,3\n", "onerow.csv: has only one row"),
-    "columns": ("a,b\n1,2\n3,4\n", "columns.csv: no column for SP and PV among: a, b"),
+    "columns": ("a,b\n1,2\n3,4\n", "columns.csv: no column for SP and PV among those left: a, b"),
     "text": (rows(pv=lambda k, y: "abc" if k == 18 else y), "text.csv, row 20, column PV: 'abc' is not a number"),
     "nan": (rows(pv=lambda k, y: "NaN"), "nan.csv, column PV: holds no number"),
     "zones": (
@@ -455,6 +528,30 @@ def test_identify_tells_a_direct_acting_controller(run):
     assert read_settings("loops.toml")[0].ideal().k == pytest.approx(-0.8, rel=0.02)
 
 
+def test_identify_takes_many_files(run):
+    write("north.csv", rows())
+    write("south.csv", rows())
+    write("no_op.csv", "\n".join(line.rsplit(",", 1)[0] for line in rows().splitlines()))
+    code, out, err = run("identify", "north.csv", "no_op.csv", "south.csv")
+    assert code == 1 and err.count("\n") == 1
+    assert "no_op.csv" in err and "no OP" in err
+    write("loops.toml", out.split("For a loops.toml:")[1])
+    assert [loop.name for loop in read_settings("loops.toml")] == ["north", "south"]
+
+
+def test_init_takes_many_files(run):
+    write("north.csv", rows())
+    write("south.csv", rows())
+    code, text, err = run("init", "north.csv", "none.csv", "south.csv")
+    assert (code, err) == (1, "error: none.csv: no such file\n")
+    write("loops.toml", text)
+    assert [(loop.name, loop.file.name) for loop in read_settings("loops.toml")] == [
+        ("north", "north.csv"),
+        ("south", "south.csv"),
+    ]
+    assert run("init", "loops.toml")[0] == 2
+
+
 def test_identify_without_op(run):
     write("no_op.csv", "\n".join(line.rsplit(",", 1)[0] for line in rows().splitlines()))
     code, _, err = run("identify", "no_op.csv")
@@ -533,7 +630,7 @@ def test_a_name_is_shown_as_it_is(run):
     write("good.csv", rows())
     write("loops.toml", '[loops."[red]x[/] :smile:"]\nfile = "good.csv"\n')
     _, out, _ = run("analyze", "loops.toml", "--no-fit")
-    assert out.count("[red]x[/] :smile:") == 2
+    assert out.count("[red]x[/] :smile:") == 3  # in each part of the table, and in the note
 
 
 @pytest.mark.slow
@@ -684,7 +781,9 @@ def test_thesis_without_what_it_needs(tmp_path, missing):
 def test_a_loop_that_the_fit_answers_is_no_refusal(run):
     """A valve ranked first was once badged "refused", with exit code 1, because SP was not recorded."""
     acting = {"setpoint": [(1, 1.0)], "load": [(50, 0.3), (120, -0.2), (180, 0.1)]}
-    s = glapp.simulate.closed_loop("P3", (0.48, 0.3117), d=0.05, noise=0.005, h=0.1, t_end=250, seed=1, **acting)
+    s = glapp.simulate.closed_loop(
+        "P3", (0.48, 0.3117, 0, 0), d=0.05, noise=0.005, h=0.1, t_end=250, seed=1, **acting, filter_in_loop=True
+    )
     lines = [f"{t},{pv},{op}" for t, pv, op in zip(s.t, s.pv, s.op, strict=True)]
     write("plant.csv", "\n".join(["t,PV,OP", *lines]) + "\n")
     code, out, _ = run("analyze", "plant.csv", "--json")

@@ -22,7 +22,7 @@ def loop(**changes: Any) -> Scenario:
     """P1 with its limit cycle."""
     fields: dict[str, Any] = {
         "plant": "P1",
-        "controller": (0.363, 7.06),
+        "controller": (0.363, 7.06, 0, 0),
         "d": 0.05,
         "noise": 0.002,
         "h": 0.05,
@@ -30,7 +30,7 @@ def loop(**changes: Any) -> Scenario:
         "setpoint": [(1, 1.0)],
         "load": [(100, 0.3)],
     }
-    return Scenario(**fields | changes)
+    return Scenario(**fields | changes, filter_in_loop=True)
 
 
 def compensated(way: Any = "inverse", **changes: Any) -> Compensation:
@@ -130,7 +130,7 @@ def test_comes_in_with_a_reversal() -> None:
 
 def test_a_loop_whose_valve_is_worn_out_is_left_alone() -> None:
     """sign(e) in noise makes PV better, at eight times the reversals; a smaller size of the inverse stays."""
-    noisy: dict[str, Any] = {"plant": "P2", "controller": (0.775, 2.05), "noise": 0.005, "t_end": 2000.0}
+    noisy: dict[str, Any] = {"plant": "P2", "controller": (0.775, 2.05, 0, 0), "noise": 0.005, "t_end": 2000.0}
     noisy["load"] = [Walk(rate=0.002)]
     for way, share, name in (("error", 1.0, "worse"), ("inverse", 0.6, "active")):
         s = run(loop(**noisy, compensation=compensated(way, share=share, begin=600.0, withdraw=True)))
@@ -199,7 +199,7 @@ def test_the_online_estimate_may_lower_the_size_and_never_raises_it(
     size: float, in_force: tuple[float, float], filtered: bool
 ) -> None:
     """P3 with a gap of 0.05, for which somebody typed half of it, all of it, twice as much."""
-    swinging: dict[str, Any] = {"plant": "P3", "controller": (0.48, 0.3117), "h": 0.02, "t_end": 900}
+    swinging: dict[str, Any] = {"plant": "P3", "controller": (0.48, 0.3117, 0, 0), "h": 0.02, "t_end": 900}
     swinging |= {"filter_in_loop": filtered, "load": [Walk(rate=0.002)]}
     given = {"size": size, "band": 0.0, "begin": 300.0}
     known, blind = (run(loop(**swinging, compensation=compensated(**given, estimate=on))) for on in (True, False))
@@ -264,8 +264,8 @@ def test_beside_a_controller_that_is_not_ours() -> None:
 
 
 def test_in_a_cascade() -> None:
-    outer = {"plant": ([1.0], [30.0, 1.0], 0.0), "controller": (2.0, 30.0)}
-    s = run(loop(plant="P2", controller=(0.775, 2.05), outer=outer, compensation=compensated()))
+    outer = {"plant": ([1.0], [30.0, 1.0], 0.0), "controller": (2.0, 30.0, 0, 0), "tf": 3.0}
+    s = run(loop(plant="P2", controller=(0.775, 2.05, 0, 0), outer=outer, compensation=compensated()))
     assert s.outer_pv is not None and abs(s.outer_pv[-1] - 1.0) < 0.1 and ff(s).any()
 
 

@@ -90,7 +90,9 @@ def told(model: type[BaseModel], answer: dict[str, Any], at: str = "") -> tuple[
 
 
 def worn(kp: float = 1.0) -> glapp.Recording:
-    s = closed_loop("P3", (0.48, 0.3117), d=0.05, noise=0.005, h=0.1, t_end=250, seed=1, **ACTING)
+    s = closed_loop(
+        "P3", (0.48, 0.3117, 0, 0), d=0.05, noise=0.005, h=0.1, t_end=250, seed=1, **ACTING, filter_in_loop=True
+    )
     pv = s.pv.copy()
     pv[300] = np.nan
     loop = glapp.Loop(name="P3", controller={"k": 0.48, "ti": 0.3117, "setpoint_weight": 0}, process={"kp": kp}, n=3)
@@ -122,7 +124,9 @@ def test_what_is_written_is_what_the_core_answered() -> None:
 
 
 def test_reasons_and_the_law_that_was_read_stand_there_for_programs() -> None:
-    s = closed_loop("P3", (0.48, 0.3117), d=0.05, noise=0.005, h=0.1, t_end=250, seed=1, **ACTING)
+    s = closed_loop(
+        "P3", (0.48, 0.3117, 0, 0), d=0.05, noise=0.005, h=0.1, t_end=250, seed=1, **ACTING, filter_in_loop=True
+    )
     signals = {"t": s.t, "sp": s.sp, "pv": s.pv, "op": s.op}
     unknown = glapp.analyze(**signals, fit=False).to_dict()
     k, low, high = unknown["identified"]["k"]

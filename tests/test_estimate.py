@@ -22,7 +22,16 @@ PI = {"k": 0.48, "ti": 0.3117, "setpoint_weight": 0}
 
 @pytest.fixture(scope="module")
 def worn() -> Simulation:
-    return closed_loop("P3", (0.48, 0.3117), d=0.05, noise=0.002, t_end=800, setpoint=[(1, 1.0)], load=[(100, 0.3)])
+    return closed_loop(
+        "P3",
+        (0.48, 0.3117, 0, 0),
+        d=0.05,
+        noise=0.002,
+        t_end=800,
+        setpoint=[(1, 1.0)],
+        load=[(100, 0.3)],
+        filter_in_loop=True,
+    )
 
 
 def loop(**changes: Any) -> Loop:
@@ -286,7 +295,16 @@ def feed(s: Simulation, **changes: Any) -> Estimator:
 @pytest.fixture(scope="module")
 def noisy() -> Simulation:
     """No gap: noise alone makes hundreds of half-periods, and dozens of them look like backlash."""
-    return closed_loop("P3", (0.48, 0.3117), d=0.0, noise=0.002, t_end=3000, setpoint=[(1, 1.0)], load=[(100, 0.3)])
+    return closed_loop(
+        "P3",
+        (0.48, 0.3117, 0, 0),
+        d=0.0,
+        noise=0.002,
+        t_end=3000,
+        setpoint=[(1, 1.0)],
+        load=[(100, 0.3)],
+        filter_in_loop=True,
+    )
 
 
 def test_a_stream_shows_no_width_below_the_noise_limit(noisy: Simulation) -> None:

@@ -194,7 +194,12 @@ def test_pv_recorded_before_the_filter_of_the_controller(filters: int, tf: float
 
 def simulated(plant: str, controller: tuple[float, ...], every: int = 1, **more: Any) -> tuple[np.ndarray, ...]:
     """Every so many samples of a loop of the test batch, whose controller has the thesis' filter before it."""
-    s = closed_loop(plant, controller, **{"noise": 0.02, "d": 0.5, "load": Walk(rate=0.1), "seed": 4} | more)
+    s = closed_loop(
+        plant,
+        (*controller, 0.0, 0.0)[:4],
+        **{"noise": 0.02, "d": 0.5, "load": Walk(rate=0.1), "seed": 4} | more,
+        filter_in_loop=True,
+    )
     return tuple(x[::every] for x in (s.t, s.sp, s.pv, s.op))
 
 

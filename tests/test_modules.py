@@ -745,7 +745,7 @@ def test_a_worn_valve_and_a_noisy_transmitter() -> None:
     seen = Graph(H, modules, wires).run(2001 * H, record=["steps", "op", "stem"], n=noise)
     worn = Scenario(
         plant="P2",
-        controller=(0.775, 2.05),
+        controller=(0.775, 2.05, 0, 0),
         d=0.05,
         friction=Stem(model="he", s=0.03, j=0.01),
         rate=0.5,
@@ -754,6 +754,7 @@ def test_a_worn_valve_and_a_noisy_transmitter() -> None:
         op_resolution=0.01,
         setpoint=[(0, 1.0)],
         t_end=100.0,
+        filter_in_loop=True,
     )
     expected = run(worn)
     for name, column in (("steps", expected.pv), ("op", expected.op), ("stem", expected.position)):

@@ -72,7 +72,7 @@ class TestDescribingFunctions:
             (lambda: backlash_cycles(PLANTS["P2"], 0.0), "d"),
             (lambda: relay_cycles(PLANTS["P2"], -1.0), "level"),
             (lambda: small_gain(Plant([1], [1, -1])), "loop"),
-            (lambda: circle_criterion("P2"), "loop"),  # type: ignore[arg-type]
+            (lambda: circle_criterion("P9"), "loop"),
             (lambda: phase_lead(PLANTS["P2"], 1.0), "margin"),
             (lambda: over_compensation("P2", -1.0, 0.1), "compensation"),
             (lambda: nyquist_figure(PLANTS["P2"], window=0), "window"),
@@ -231,3 +231,5 @@ def test_figure_has_the_curves_of_the_thesis() -> None:
     assert complex(met.x[0], met.y[0]) == pytest.approx(complex(t.loop.response(cycle.w)))
     assert len(figure.layout.shapes) == 2
     assert [trace.name for trace in nyquist_figure(t.loop, backlash=False).data] == ["L(iω)", "−1"]
+    assert [trace.name for trace in nyquist_figure([t.loop], backlash=False).data] == ["L(iω)", "−1"]
+    assert [trace.name for trace in nyquist_figure([t, t.loop], backlash=False).data] == ["L1(iω)", "L2(iω)", "−1"]

@@ -46,8 +46,10 @@ def test_wrong_processes_are_refused_in_one_line(process: Any, message: str) -> 
 
 
 def test_the_simulator_takes_its_three_parts() -> None:
-    ours = simulate.closed_loop(tuple(PLANTS["P2"]), (0.4, 2.4), t_end=20, setpoint=[(0, 1.0)])
-    named = simulate.closed_loop("P2", (0.4, 2.4), t_end=20, setpoint=[(0, 1.0)])
+    ours = simulate.closed_loop(
+        tuple(PLANTS["P2"]), (0.4, 2.4, 0, 0), t_end=20, setpoint=[(0, 1.0)], filter_in_loop=True
+    )
+    named = simulate.closed_loop("P2", (0.4, 2.4, 0, 0), t_end=20, setpoint=[(0, 1.0)], filter_in_loop=True)
     np.testing.assert_array_equal(ours.pv, named.pv)
 
 
@@ -127,3 +129,32 @@ def test_grid_finds_resonances_and_dead_time() -> None:
     assert np.abs(sharp.response(sharp.frequencies())).max() > 0.99 / 2e-4
     w = PLANTS["P8"].frequencies()
     assert np.diff(np.unwrap(np.angle(PLANTS["P8"].response(w[w < 20])))).min() > -0.5
+
+
+@pytest.mark.parametrize("name", ["P1", "P2", "P3", "P5", "P7"])
+def test_any_linear_system_is_a_process(name: str) -> None:
+    """python-control's and SciPy's forms of a process of the batch give back its coefficients."""
+    want = PLANTS[name]
+    tf = scipy.signal.TransferFunction(want.num, want.den)
+    ours = control.tf(list(want.num), list(want.den))
+    systems = [tf, tf.to_ss(), tf.to_zpk(), ours, control.ss(ours), control.zpk(ours.zeros(), ours.poles(), 1.0)]
+    for system in systems[:5]:
+        found = Plant.of(system)
+        scale = found.den[0] / want.den[0]
+        assert len(found.num) == len(want.num) and len(found.den) == len(want.den), type(system)
+        np.testing.assert_allclose(found.num, np.multiply(want.num, scale), rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(found.den, np.multiply(want.den, scale), rtol=1e-9, atol=1e-12)
+    assert Plant.of(systems[5]).order == want.order
+    assert simulate.closed_loop(control.ss(ours), (0.2, 5), t_end=5).pv.shape == (101,)
+
+
+def test_systems_that_are_no_process_are_refused() -> None:
+    two = scipy.signal.StateSpace([[-1.0]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]])
+    sampled = control.ss([[0.5]], [[1.0]], [[1.0]], [[0.0]], 0.1)
+    for system, line in ((two, "must have one input and one output"), (sampled, "is sampled, must be continuous")):
+        with pytest.raises(InputError, match=line):
+            Plant.of(system)
+
+
+def test_a_static_gain_in_state_space() -> None:
+    assert Plant.of(control.ss([], [], [], [[3.0]])) == Plant([3], [1])

@@ -46,7 +46,9 @@ RECORDERS: dict[str, Any] = {
 
 def at_valve(plant: str, controller: Any, d: float, recorder: str, h: float = 0.05) -> Fit:
     """What the position of a simulated loop says by itself."""
-    s = closed_loop(plant, controller, d=d, noise=0.005, h=h, t_end=250, seed=1, **LOADS)
+    s = closed_loop(
+        plant, (*controller, 0.0, 0.0)[:4], d=d, noise=0.005, h=h, t_end=250, seed=1, **LOADS, filter_in_loop=True
+    )
     return by_position([Batch(s.t, s.sp, s.pv, s.op, None, RECORDERS[recorder](s.position))])
 
 
@@ -81,14 +83,18 @@ def test_without_a_gap_none_is_claimed(recorder: str) -> None:
 @pytest.mark.slow
 def test_a_position_that_is_op_tells_nothing_and_pv_answers() -> None:
     """It once was "at least 0.773" for no gap."""
-    s = closed_loop("P3", (0.482, 0.313), d=0.0, noise=0.005, h=0.1, t_end=120, seed=1, **LOADS)
+    s = closed_loop(
+        "P3", (0.482, 0.313, 0, 0), d=0.0, noise=0.005, h=0.1, t_end=120, seed=1, **LOADS, filter_in_loop=True
+    )
     f = glapp.fit(glapp.recording_from(s.to_arrow(), LOOP))
     assert not f.found, f.reason
     assert "equals OP in every row" in f.reason and f.to_dict()["signal"] == "PV"
 
 
 def test_a_position_of_another_valve_tells_nothing() -> None:
-    s = closed_loop("P3", (0.482, 0.313), d=0.0, noise=0.005, h=0.1, t_end=120, seed=1, **LOADS)
+    s = closed_loop(
+        "P3", (0.482, 0.313, 0, 0), d=0.0, noise=0.005, h=0.1, t_end=120, seed=1, **LOADS, filter_in_loop=True
+    )
     other = np.random.default_rng(4).standard_normal(len(s.t))
     f = by_position([Batch(s.t, s.sp, s.pv, s.op, None, other)])
     assert f.verdict == "cannot_tell" and "does not follow OP" in f.reason
@@ -134,7 +140,9 @@ def test_where_they_agree_the_position_settles_it() -> None:
 def test_a_history_of_windows_gives_one_answer_with_its_trend() -> None:
     batches = []
     for i in range(4):
-        s = closed_loop("P3", (0.482, 0.313), d=0.05, noise=0.005, h=0.1, t_end=120, seed=i, **LOADS)
+        s = closed_loop(
+            "P3", (0.482, 0.313, 0, 0), d=0.05, noise=0.005, h=0.1, t_end=120, seed=i, **LOADS, filter_in_loop=True
+        )
         position = RECORDERS["noisy"](s.position)
         batches.append(Batch(s.t + 1e5 * i, s.sp, s.pv, s.op, None, position))
     f = by_position(batches)
@@ -144,7 +152,9 @@ def test_a_history_of_windows_gives_one_answer_with_its_trend() -> None:
 
 @pytest.mark.slow
 def test_the_report_draws_it() -> None:
-    s = closed_loop("P3", (0.482, 0.313), d=0.05, noise=0.005, h=0.1, t_end=120, seed=1, **LOADS)
+    s = closed_loop(
+        "P3", (0.482, 0.313, 0, 0), d=0.05, noise=0.005, h=0.1, t_end=120, seed=1, **LOADS, filter_in_loop=True
+    )
     table = {"time": s.t, "SP": s.sp, "PV": s.pv, "OP": s.op, "POSITION": RECORDERS["noisy"](s.position)}
     result = glapp.analyze(glapp.recording_from(table, LOOP))
     assert result.fit is not None and result.fit.to_dict()["signal"] == "position"

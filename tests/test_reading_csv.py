@@ -89,7 +89,7 @@ def dialects(draw):
         "stamp": stamp,
         "encoding": draw(st.sampled_from(["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "cp1252"])),
         "newline": draw(st.sampled_from(["\n", "\r\n", "\r"])),
-        "bad": draw(st.sampled_from(["", "Bad", "I/O Timeout", "NaN", "#N/A", " no data ", "NULL"])),
+        "bad": draw(st.sampled_from(["Bad", "I/O Timeout", "NaN", "#N/A", " no data ", "NULL"])),
         "last_newline": draw(st.booleans()),
         "units": draw(st.booleans()),
         "gzip": draw(st.booleans()),
@@ -322,7 +322,14 @@ WRONG = {
     "one column": ("PV\n1\n2\n", ": has only one column"),
     "text in numbers": ("t,SP,PV\n0,1,2\n1,1,abc\n", ", row 3, column PV: 'abc' is not a number; write bad values as"),
     "all NaN": ("t,SP,PV\n0,1,NaN\n1,1,Bad\n", ", column PV: holds no number in 2 rows"),
-    "no pv": ("t,SP,OP\n0,1,2\n1,1,2\n", ": no column for PV among: t, SP, OP; name it in loops.toml"),
+    "no pv": (
+        "t,SP,OP\n0,1,2\n1,1,2\n",
+        ": no column for PV: all are taken (time is t, SP is SP, OP is OP); name it: --pv NAME, or in loops.toml",
+    ),
+    "unknown pv": (
+        "t,SP,Flow,Valve\n0,1,2,3\n1,1,2,3\n",
+        ": no column for PV among those left: Flow, Valve (time is t, SP is SP); name it: --pv NAME",
+    ),
     "no header": ("0,1,2\n1,1,2\n", ", row 1: has no header: the first row holds data"),
     "ragged": ("t,SP,PV\n0,1,2\n1,1\n2,1,2\n", ", row 3: has 2 cells where the header has 3"),
     "cut off": (
@@ -365,7 +372,14 @@ WRONG = {
         "t;SP;PV\n0;1,5;2\n1;1.5;2\n",
         ": '1,5' and others have a decimal comma, others a decimal point",
     ),
-    "thousands": ("t;SP;PV\n0;1;2\n1;1.234,5;2\n", ", row 3, column SP: '1.234,5' is not a number"),
+    "thousands or a point": (
+        "t;SP;PV\n" + "0;1;2,5\n" * 20_000 + "1;1.234;2,5\n" + "2;1;2,5\n" * 20_000,
+        ", row 20002, column SP: '1.234' may be with a decimal point, or thousands: other numbers have a decimal comma",
+    ),
+    "two kinds of thousands": (
+        "t;SP;PV\n0;1;2\n1;1.234,5;1,234.5\n",
+        ": '1.234,5' and others have a decimal comma, others a decimal point",
+    ),
 }
 
 

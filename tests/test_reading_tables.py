@@ -111,7 +111,7 @@ def test_files(table, kind, tmp_path):
 @pytest.mark.parametrize(
     ("data", "line"),
     [
-        ({"t": [0, 1], "SP": [1, 2]}, "memory: no column for PV among: t, SP"),
+        ({"t": [0, 1], "SP": [1, 2]}, "memory: no column for PV: all are taken (time is t, SP is SP)"),
         ({"t": [0], "SP": [1], "PV": [1]}, "memory: has only one row"),
         ({"t": [], "SP": [], "PV": []}, "memory: has no rows"),
         ({"t": [0, 1], "SP": [1, 2], "PV": [1]}, "memory: cannot be read as a table"),

@@ -229,7 +229,7 @@ def run(worn: Result) -> list[Result]:
         worn,
         replace(worn, name="FIC 102", d_hat_percent_span=None, unit="mA", loop=a_loop(op_span=None, pv_unit=None)),
         replace(worn, name="FIC103", crossings="provisional", detections=3, reason="3 of 9 detections needed", t0=None),
-        analysed(closed_loop(0.0, seconds=3000, noise=0.2), name="LIC104"),
+        analysed(closed_loop(0.0, seconds=3000, noise=0.2, filter_in_loop=True), name="LIC104"),
         replace(
             refused(), name="silent", crossings="no_estimate", reason="there are no half-periods", trace=worn.trace
         ),
@@ -698,7 +698,7 @@ def test_a_step_test_in_the_recording_is_used_and_not_advised() -> None:
     steps = [(0, 100, 50.0), (100, 200, 53.0), (200, 300, 56.0), (300, 400, 52.0)]
     run_of = {"d": 2.0, "noise": 0.05, "h": 1.0, "t_end": 400, "setpoint": [(0, 40.0)]}
     plant = ([0.8], [5, 1], 0)
-    by_hand = glapp.simulate.closed_loop(plant, (0.5, 10), manual=steps, **run_of)
+    by_hand = glapp.simulate.closed_loop(plant, (0.5, 10, 0, 0), manual=steps, **run_of, filter_in_loop=True)
     result = glapp.analyze(glapp.recording_from(by_hand.to_arrow()), fit=False)
     assert result.step_test is not None and result.step_test.d == pytest.approx(2.0, abs=0.1)
     used = re.compile(
@@ -714,7 +714,7 @@ def test_a_step_test_in_the_recording_is_used_and_not_advised() -> None:
         assert words.todo(found) == ("inspect" if verdict in ("backlash", "both") else "read test")
     within = replace(found, loop=a_loop(acceptable_dead_band=9.0), fit=Fit("backlash", "a gap", "%", 2.0, 1.5, 2.5))
     assert words.next_step(within).startswith("Nothing now") and not used.search(words.next_step(within))
-    in_auto = glapp.simulate.closed_loop(plant, (0.5, 10), **run_of)
+    in_auto = glapp.simulate.closed_loop(plant, (0.5, 10, 0, 0), **run_of, filter_in_loop=True)
     assert glapp.analyze(glapp.recording_from(in_auto.to_arrow()), fit=False).step_test is None
 
 

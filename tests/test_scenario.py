@@ -40,6 +40,7 @@ from glapp.simulate import (
     run,
     run_many,
 )
+from glapp.tuning import amigo_step, assess
 
 P2_PI = (0.775, 2.05)
 P3_PI = (0.48, 0.3117)
@@ -63,7 +64,9 @@ EVERYTHING: dict[str, Any] = {
     "setpoint": [Steps(steps=((1, 1.0), (50, 2.0))), Sine(amplitude=0.1, period=30.0, t=5)],
     "load": [Ramp(t=20, by=0.5, over=10), Walk(rate=0.01)],
     "manual": [(30, 35), (60, 65, 1.5)],
-    "outer": Outer(plant=HALF_P2, controller=(0.2, 6.0), limits=(-9, 9), d=0.01, noise=0.002, load=[(70, 0.1)]),
+    "outer": Outer(
+        plant=HALF_P2, controller=(0.2, 6.0, 0, 0), tf=0.6, limits=(-9, 9), d=0.01, noise=0.002, load=[(70, 0.1)]
+    ),
     "jitter": 0.01,
     "lost": 0.1,
     "h": 0.05,
@@ -88,7 +91,7 @@ def test_open_loop_against_lsim(name: str) -> None:
     s = run(
         Scenario(
             plant=name,
-            controller=P2_PI,
+            controller=(*P2_PI, 0, 0),
             load=[
                 Sine(amplitude=0.5, period=7.0),
                 Ramp(t=3, by=1.0, over=20),
@@ -99,6 +102,7 @@ def test_open_loop_against_lsim(name: str) -> None:
             h=h,
             t_end=(n - 1) * h,
             seed=3,
+            filter_in_loop=True,
         )
     )
     _, y, _ = signal.lsim(signal.lti(PLANTS[name].num, PLANTS[name].den), s.op + s.load, s.t, interp=False)
@@ -133,7 +137,9 @@ def test_linear_closed_loop_against_python_control(name: str, controller: tuple[
     integral = control.ss(control.tf([k * h / ti, 0], [1, -1], h))
     disturbed = control.feedback(plant, (k + integral) * lag * lag)
     closed = disturbed * integral
-    s = closed_loop(name, (k, ti), d=0, noise=0, h=h, t_end=(n - 1) * h, tf=tf, setpoint=[(1, 1.0)], load=[(10, -0.5)])
+    s = closed_loop(
+        name, (k, ti, 0, 0), d=0, noise=0, h=h, t_end=(n - 1) * h, tf=tf, setpoint=[(1, 1.0)], load=[(10, -0.5)]
+    )
     y = control.forced_response(closed, s.t, s.sp).outputs + control.forced_response(disturbed, s.t, s.load).outputs
     assert np.abs(y - s.pv).max() < 1e-9
 
@@ -171,11 +177,12 @@ def test_friction_is_the_published_model(model: str, published: Any) -> None:
     s = run(
         Scenario(
             plant="P1",
-            controller=(0.363, 7.06),
+            controller=(0.363, 7.06, 0, 0),
             friction={"model": model, "s": 0.3, "j": 0.1},
             noise=0.001,
             load=[(5, 0.2), (300, -0.2)],
             t_end=600,
+            filter_in_loop=True,
         )
     )
     from_rest = published(np.concatenate([[0.0], s.op]), 0.3, 0.1)
@@ -184,9 +191,9 @@ def test_friction_is_the_published_model(model: str, published: Any) -> None:
 
 def test_friction_makes_a_flow_loop_cycle_where_backlash_does_not() -> None:
     """A slip jump keeps a self-regulating process cycling under PI; a gap of the same width comes to rest."""
-    common: dict[str, Any] = {"plant": "P2", "controller": P2_PI, "setpoint": [(1, 1.0)], "t_end": 4000}
-    sticks = run(Scenario(**common, friction=Friction(model="kano", s=0.1, j=0.05)))
-    plays = run(Scenario(**common, d=0.1))
+    common: dict[str, Any] = {"plant": "P2", "controller": (*P2_PI, 0, 0), "setpoint": [(1, 1.0)], "t_end": 4000}
+    sticks = run(Scenario(**common, friction=Friction(model="kano", s=0.1, j=0.05), filter_in_loop=True))
+    plays = run(Scenario(**common, d=0.1, filter_in_loop=True))
     late = sticks.t > 3000
     assert np.ptp(sticks.pv[late]) > 0.02
     assert np.ptp(plays.pv[late]) < 0.001
@@ -196,7 +203,7 @@ def test_rate_gap_and_resolution_against_the_blocks() -> None:
     s = run(
         Scenario(
             plant="P2",
-            controller=P2_PI,
+            controller=(*P2_PI, 0, 0),
             d=0.04,
             rate=0.1,
             op_resolution=0.05,
@@ -204,6 +211,7 @@ def test_rate_gap_and_resolution_against_the_blocks() -> None:
             noise=0.01,
             setpoint=[(1, 1.0)],
             t_end=100,
+            filter_in_loop=True,
         )
     )
     assert np.abs(s.op / 0.05 - np.round(s.op / 0.05)).max() < 1e-9
@@ -214,12 +222,28 @@ def test_rate_gap_and_resolution_against_the_blocks() -> None:
 
 
 def test_filter_out_of_the_loop_is_a_controller_without_one() -> None:
-    common: dict[str, Any] = {"plant": "P2", "controller": P2_PI, "noise": 0.01, "setpoint": [(1, 1.0)], "t_end": 50}
+    common: dict[str, Any] = {
+        "plant": "P2",
+        "controller": (*P2_PI, 0, 0),
+        "noise": 0.01,
+        "setpoint": [(1, 1.0)],
+        "t_end": 50,
+    }
     assert same(run(Scenario(**common, tf=0.4, filter_in_loop=False)), run(Scenario(**common, tf=0)))
 
 
 def test_limits_flag_the_output_and_manual_flags_the_mode() -> None:
-    s = run(Scenario(plant="P2", controller=P2_PI, limits=(-1, 0.5), setpoint=[(1, 1.0)], manual=[(30, 35)], t_end=60))
+    s = run(
+        Scenario(
+            plant="P2",
+            controller=(*P2_PI, 0, 0),
+            limits=(-1, 0.5),
+            setpoint=[(1, 1.0)],
+            manual=[(30, 35)],
+            t_end=60,
+            filter_in_loop=True,
+        )
+    )
     assert np.array_equal((s.flags & AT_HIGH) != 0, s.op == 0.5)
     assert np.array_equal((s.flags & NOT_AUTO) != 0, (s.t >= 30) & (s.t < 35))
 
@@ -232,11 +256,12 @@ def test_cascade_against_the_blocks_and_lsim() -> None:
             plant=HALF_P2,
             controller=(2.0, 1.5, 0.0, 1.0),
             d=0.05,
-            outer=Outer(plant=HALF_P2, controller=controller, tf=0.1, load=[(60, 0.2)]),
+            outer=Outer(plant=HALF_P2, controller=(*controller, 0, 0), tf=0.1, load=[(60, 0.2)]),
             setpoint=[(1, 1.0)],
             load=[(100, -0.5)],
             h=h,
             t_end=200,
+            filter_in_loop=True,
         )
     )
     assert s.outer_sp is not None and s.outer_pv is not None
@@ -254,15 +279,18 @@ def test_gap_in_the_inner_process_is_found_and_one_in_the_outer_is_not() -> None
     """Thesis 8.3.1 and 8.3.2: the inner loop's signals tell of a gap that its own output drives."""
     inner: dict[str, Any] = {
         "plant": ([9.0], [1.0, 3.0, 11.0, 9.0], 0.0),
-        "controller": P3_PI,
+        "controller": (*P3_PI, 0, 0),
         "noise": 0.001,
         "setpoint": [(1, 1.0)],
         "load": [(100, 0.3)],
         "t_end": 3000,
     }
-    slow: dict[str, Any] = {"plant": ([1.0], [400.0, 40.0, 1.0], 0.0), "controller": (0.5, 60.0)}
+    slow: dict[str, Any] = {"plant": ([1.0], [400.0, 40.0, 1.0], 0.0), "controller": (0.5, 60.0, 0, 0), "tf": 6.0}
     table = run_many(
-        [Scenario(**inner, d=0.05, outer=Outer(**slow)), Scenario(**inner, outer=Outer(**slow, d=0.05))],
+        [
+            Scenario(**inner, d=0.05, outer=Outer(**slow), filter_in_loop=True),
+            Scenario(**inner, outer=Outer(**slow, d=0.05), filter_in_loop=True),
+        ],
         keep="estimate",
         progress=False,
     )
@@ -284,7 +312,7 @@ def test_toml_there_and_back() -> None:
     assert Scenario.from_toml(text) == scenario
     assert Scenario.from_toml(text).to_toml() == text
     assert same(run(Scenario.from_toml(text)), run(scenario))
-    array = Scenario(plant="P2", controller=P2_PI, load=np.zeros(20001))
+    array = Scenario(plant="P2", controller=(*P2_PI, 0, 0), load=np.zeros(20001), filter_in_loop=True)
     with pytest.raises(InputError, match="an array has no form in TOML; write it to a file"):
         array.to_toml()
 
@@ -306,7 +334,14 @@ def test_signal_from_a_file_beside_the_scenario(tmp_path: Path, suffix: str) -> 
     (tmp_path / "loop.toml").write_text("\n".join(lines), encoding="utf-8")
     assert np.array_equal(run(read_scenario(tmp_path / "loop.toml")).load, walk)
     with pytest.raises(InputError, match=r"missing\.csv, column LOAD"):
-        run(Scenario(plant="P2", controller=P2_PI, load=File(path=tmp_path / "missing.csv", column="LOAD")))
+        run(
+            Scenario(
+                plant="P2",
+                controller=(*P2_PI, 0, 0),
+                load=File(path=tmp_path / "missing.csv", column="LOAD"),
+                filter_in_loop=True,
+            )
+        )
     with pytest.raises(InputError, match=r"none\.toml: "):
         read_scenario(tmp_path / "none.toml")
     (tmp_path / "wrong.toml").write_text('plant = "P2"\ncontroler = { k = 1, ti = 1 }')
@@ -315,14 +350,20 @@ def test_signal_from_a_file_beside_the_scenario(tmp_path: Path, suffix: str) -> 
 
 
 def test_jitter_and_losses_are_of_the_recording_alone() -> None:
-    common: dict[str, Any] = {"plant": "P3", "controller": P3_PI, "d": 0.05, "noise": 0.005, "setpoint": [(1, 1.0)]}
-    whole = run(Scenario(**common))
-    shaken = run(Scenario(**common, jitter=0.02))
+    common: dict[str, Any] = {
+        "plant": "P3",
+        "controller": (*P3_PI, 0, 0),
+        "d": 0.05,
+        "noise": 0.005,
+        "setpoint": [(1, 1.0)],
+    }
+    whole = run(Scenario(**common, filter_in_loop=True))
+    shaken = run(Scenario(**common, jitter=0.02, filter_in_loop=True))
     off = shaken.t - whole.t
     assert np.array_equal(shaken.pv, whole.pv)
     assert np.abs(off).max() <= 0.02 and off.std() == pytest.approx(0.02 / 3**0.5, rel=0.02)
     assert np.all(np.diff(shaken.t) > 0)
-    thin = run(Scenario(**common, lost=0.3))
+    thin = run(Scenario(**common, lost=0.3, filter_in_loop=True))
     kept = np.isin(whole.t, thin.t)
     assert len(thin.t) == pytest.approx(0.7 * len(whole.t), rel=0.02)
     assert all(np.array_equal(x, y[kept]) for x, y in zip(columns(thin), columns(whole), strict=True))
@@ -346,6 +387,7 @@ def variety() -> list[Scenario]:
                 lost=0.05 * (i % 11 == 0),
                 t_end=400 if i % 9 else 250,
                 seed=i,
+                filter_in_loop=True,
             )
         )
     return many
@@ -372,7 +414,15 @@ def test_the_estimate_kept_is_that_of_the_detector_over_the_signals() -> None:
 
 
 def test_an_unstable_loop_among_many() -> None:
-    good = Scenario(plant="P3", controller=P3_PI, d=0.05, noise=0.002, setpoint=[(1, 1.0)], load=[(100, 0.3)])
+    good = Scenario(
+        plant="P3",
+        controller=(*P3_PI, 0, 0),
+        d=0.05,
+        noise=0.002,
+        setpoint=[(1, 1.0)],
+        load=[(100, 0.3)],
+        filter_in_loop=True,
+    )
     wild = good.model_copy(update={"controller": Controller(k=5, ti=0.3, setpoint_weight=0)})
     many = [*[good.model_copy(update={"seed": seed}) for seed in range(20)], wild]
     errors = run_many(many, keep="estimate", progress=False)["error"].to_pylist()
@@ -386,11 +436,16 @@ def test_an_unstable_loop_among_many() -> None:
 
 
 def test_plants_of_other_packages() -> None:
-    by_name = closed_loop("P4", P2_PI, t_end=50, setpoint=[(1, 1.0)])
+    by_name = closed_loop("P4", (*P2_PI, 0, 0), t_end=50, setpoint=[(1, 1.0)], filter_in_loop=True)
     thing = SimpleNamespace(num=np.array([1.0]), den=np.array([2.0, 1.0]), dead_time=4.0)
-    assert same(closed_loop(thing, P2_PI, t_end=50, setpoint=[(1, 1.0)]), by_name)
-    without_delay = closed_loop(control.tf([1.0], [2.0, 1.0]), P2_PI, t_end=50, setpoint=[(1, 1.0)])
-    assert same(without_delay, closed_loop(Plant([1], [2, 1]), P2_PI, t_end=50, setpoint=[(1, 1.0)]))
+    assert same(closed_loop(thing, (*P2_PI, 0, 0), t_end=50, setpoint=[(1, 1.0)], filter_in_loop=True), by_name)
+    without_delay = closed_loop(
+        control.tf([1.0], [2.0, 1.0]), (*P2_PI, 0, 0), t_end=50, setpoint=[(1, 1.0)], filter_in_loop=True
+    )
+    assert same(
+        without_delay,
+        closed_loop(Plant([1], [2, 1]), (*P2_PI, 0, 0), t_end=50, setpoint=[(1, 1.0)], filter_in_loop=True),
+    )
 
 
 @pytest.mark.parametrize(
@@ -421,10 +476,16 @@ def test_short_forms() -> None:
         controller=Controller(k=0.5, ti=3, action="direct", setpoint_weight=0),
         noise=(Uniform(amplitude=0.1),),
         manual=(Manual(begin=1, end=2), Manual(begin=3, end=4, op=5)),
+        filter_in_loop=True,
     )
-    short = Scenario(plant=([1], [1, 1], 0), controller=(-0.5, 3), noise=0.1, manual=[(1, 2), (3, 4, 5)])
+    short = Scenario(
+        plant=([1], [1, 1], 0), controller=(-0.5, 3, 0, 0), noise=0.1, manual=[(1, 2), (3, 4, 5)], filter_in_loop=True
+    )
     assert long == short
-    loads = [Scenario(plant="P2", controller=P2_PI, load=np.full(3, x)) for x in (0.0, 0.0, 1.0)]
+    loads = [
+        Scenario(plant="P2", controller=(*P2_PI, 0, 0), load=np.full(3, x), filter_in_loop=True)
+        for x in (0.0, 0.0, 1.0)
+    ]
     assert loads[0] == loads[1] and loads[0] != loads[2]
 
 
@@ -456,5 +517,33 @@ def test_short_forms() -> None:
 )
 def test_wrong_scenarios_are_refused_in_one_line(wrong: dict[str, Any], line: str) -> None:
     with pytest.raises(InputError) as refusal:
-        run(Scenario(**{"plant": "P2", "controller": P2_PI} | wrong))
+        run(Scenario(**{"plant": "P2", "controller": P2_PI} | wrong, filter_in_loop=True))
     assert line in str(refusal.value) and "\n" not in str(refusal.value)
+
+
+def test_a_short_controller_is_a_plain_pi_controller() -> None:
+    """b = 1 and no filter in the loop: OP's first move is K times the step of the setpoint."""
+    s = closed_loop("P2", (0.4, 2.4), d=0, noise=0, t_end=5, setpoint=[(1, 1.0)])
+    assert np.diff(s.op).max() == pytest.approx(0.4 * (1 + 0.05 / 2.4), rel=1e-9)
+    told = {"d": 0, "noise": 0.01, "t_end": 50, "setpoint": [(1, 1.0)]}
+    plain = closed_loop("P2", (0.4, 2.4), **told)
+    assert same(plain, closed_loop("P2", (0.4, 2.4, 0, 1), tf=0, **told))
+    assert same(closed_loop("P2", (0.4, 2.4), tf=0.3, **told), closed_loop("P2", (0.4, 2.4, 0, 1), tf=0.3, **told))
+    assert not same(plain, closed_loop("P2", (0.4, 2.4), filter_in_loop=True, **told))
+
+
+def test_a_tuning_is_a_controller() -> None:
+    told = {"d": 0.05, "t_end": 50, "setpoint": [(1, 1.0)]}
+    tuning = amigo_step("P2", "PI")
+    assert same(closed_loop("P2", tuning, **told), closed_loop("P2", tuning.controller, tf=0, **told))
+    filtered = assess("P2", tuning, tf=0.2)
+    assert same(closed_loop("P2", filtered, **told), closed_loop("P2", tuning.controller, tf=0.2, **told))
+    assert same(closed_loop("P2", filtered, tf=0, **told), closed_loop("P2", tuning, **told))
+
+
+def test_a_simulation_is_drawn_and_is_a_data_frame() -> None:
+    s = closed_loop("P2", (0.4, 2.4), d=0.05, t_end=20, setpoint=[(1, 1.0)], load=[(10, 0.3)])
+    assert [trace.name for trace in s.plot().data] == ["SP", "PV", "OP", "position", "load"]
+    frame = s.to_pandas()
+    assert list(frame.columns) == s.to_arrow().column_names
+    np.testing.assert_array_equal(frame["PV"].to_numpy(), s.pv)

@@ -501,7 +501,9 @@ def test_a_fit_of_what_is_kept_is_asked_for_and_taken_over(tmp_path: Path) -> No
     import glapp
 
     acting = {"setpoint": [(1, 1.0)], "load": [(50, 0.3), (100, -0.2)]}
-    sim = glapp.simulate.closed_loop("P3", (0.48, 0.3117), d=0.05, noise=0.005, h=0.1, t_end=200, seed=1, **acting)
+    sim = glapp.simulate.closed_loop(
+        "P3", (0.48, 0.3117, 0, 0), d=0.05, noise=0.005, h=0.1, t_end=200, seed=1, **acting, filter_in_loop=True
+    )
     loop = Loop(name="P3", controller={"k": 0.48, "ti": 0.3117}, process={"kp": 1}, op_unit="%", sample_time=0.1)
     clock = Clock()
     watch = Watch([loop], Memory(tmp_path), bounds=Bounds(wait=0.0), clock=clock, compensable={"P3": (1.0, 1.0)})

@@ -356,7 +356,15 @@ def by_hand() -> tuple[list[float], list[float]]:
 
     steps = [(0, 100, 50.0), (100, 200, 53.0), (200, 300, 56.0), (300, 400, 52.0)]
     made = glapp.simulate.closed_loop(
-        ([0.8], [5, 1], 0), (0.5, 10), d=2.0, noise=0.05, h=1.0, t_end=400, manual=steps, setpoint=[(0, 40.0)]
+        ([0.8], [5, 1], 0),
+        (0.5, 10, 0, 0),
+        d=2.0,
+        noise=0.05,
+        h=1.0,
+        t_end=400,
+        manual=steps,
+        setpoint=[(0, 40.0)],
+        filter_in_loop=True,
     ).to_arrow()
     return made["PV"].to_pylist(), made["OP"].to_pylist()
 

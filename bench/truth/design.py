@@ -270,6 +270,7 @@ def draw(name: str) -> Drawn | None:
         h=h / every,
         t_end=t_end,
         seed=random.randrange(2**32),
+        filter_in_loop=True,
     )
     return Drawn(
         scenario=scenario,

@@ -84,7 +84,7 @@ def run(case: tuple[str, str, float, int]) -> Run:
     random = Random(f"{loop} {disturbance} {seed}")
     s = closed_loop(
         plant,
-        controller,
+        (*controller, 0.0, 0.0)[:4],
         d=d,
         noise=NOISE,
         h=H,
@@ -93,6 +93,7 @@ def run(case: tuple[str, str, float, int]) -> Run:
         load=acting.load(random),
         limits=acting.limits,
         seed=random.randrange(2**32),
+        filter_in_loop=True,
     )
     k, ti, td = [*controller, 0.0][:3]
     settings = {"k": k, "ti": ti, "td": td, "setpoint_weight": 0, "gain_unit": "OP/PV"}

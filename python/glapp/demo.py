@@ -198,6 +198,7 @@ def _sound(controller: Ideal) -> Simulation:
         load=-inflow,
         limits=(0.0, 100.0),
         seed=1,
+        filter_in_loop=True,
     )
 
 
@@ -217,6 +218,7 @@ def _in_manual(controller: Ideal) -> Simulation:
         limits=(0.0, 100.0),
         manual=moves,
         seed=4,
+        filter_in_loop=True,
     )
 
 

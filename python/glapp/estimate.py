@@ -98,7 +98,7 @@ def estimate(
     --------
     >>> import glapp
     >>> sim = glapp.simulate.closed_loop("P3", (0.48, 0.3117), d=0.05, noise=0.001, t_end=400, load=[(100, 0.5)])
-    >>> loop = glapp.Loop(name="P3", controller={"k": 0.48, "ti": 0.3117, "setpoint_weight": 0}, process={"kp": 1})
+    >>> loop = glapp.Loop(name="P3", controller={"k": 0.48, "ti": 0.3117}, process={"kp": 1})
     >>> result = glapp.estimate(glapp.recording_from(sim.to_arrow(), loop))
     >>> result.verdict, 0.045 < result.d_hat < 0.055
     ('estimate', True)
@@ -163,7 +163,7 @@ def analyze(
     --------
     >>> import glapp
     >>> sim = glapp.simulate.closed_loop("P3", (0.48, 0.3117), d=0.05, noise=0.001, t_end=400, load=[(100, 0.5)])
-    >>> loop = glapp.Loop(name="P3", controller={"k": 0.48, "ti": 0.3117, "setpoint_weight": 0}, process={"kp": 1})
+    >>> loop = glapp.Loop(name="P3", controller={"k": 0.48, "ti": 0.3117}, process={"kp": 1})
     >>> result = glapp.analyze(glapp.recording_from(sim.to_arrow(), loop))
     >>> result.verdict, result.crossings
     ('backlash', 'estimate')

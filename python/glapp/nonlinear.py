@@ -11,16 +11,16 @@ in docs/nonlinear.md against simulation.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from .errors import InputError
 from .plant import Plant
-from .tuning import open_loop
+from .tuning import Tuning, open_loop
 from .tuning.process import Process
 
 if TYPE_CHECKING:
@@ -219,7 +219,7 @@ class Criterion:
     w: float
 
 
-def small_gain(loop: Plant) -> Criterion:
+def small_gain(loop: Process) -> Criterion:
     """Small gain theorem (1.1): a gap passes velocities with a gain ≤ 1, so |L(iω)| < 1 for all ω is enough.
 
     A loop with integral action never meets it.
@@ -240,7 +240,7 @@ def small_gain(loop: Plant) -> Criterion:
     return _criterion(loop, lambda value: -np.abs(value))
 
 
-def circle_criterion(loop: Plant) -> Criterion:
+def circle_criterion(loop: Process) -> Criterion:
     """Circle criterion (1.1): Re L(iω) > −1 for all ω is enough.
 
     Never met with two integrators in the loop, as with a PI controller on an integrating process.
@@ -309,7 +309,7 @@ class LimitCycle:
         return 2 * math.pi / self.w
 
 
-def backlash_cycles(loop: Plant, d: float) -> list[LimitCycle]:
+def backlash_cycles(loop: Process, d: float) -> list[LimitCycle]:
     """All limit cycles predicted for a gap: L(iω) = −1/N(A) (thesis 1.2).
 
     Solved as N(x) = −1/L(iω) over x = 1 − d/A, where d does not occur: frequencies do not depend on it, and amplitudes
@@ -378,7 +378,7 @@ def backlash_cycles(loop: Plant, d: float) -> list[LimitCycle]:
     return sorted(cycles, key=lambda cycle: cycle.w)
 
 
-def relay_cycles(loop: Plant, level: float) -> list[LimitCycle]:
+def relay_cycles(loop: Process, level: float) -> list[LimitCycle]:
     """All limit cycles predicted for an ideal relay of ± level in the loop: where L(iω) meets the negative real axis.
 
     Parameters
@@ -454,7 +454,7 @@ def over_compensation(plant: Process, compensation: float, d: float, *, tf: floa
 # --- Keeping clear of the curve -------------------------------------------------------------------------------------
 
 
-def backlash_margin(loop: Plant) -> tuple[float, float]:
+def backlash_margin(loop: Process) -> tuple[float, float]:
     """Factor that the loop gain may grow by before L(iω) meets −1/N(A) of a gap, and the frequency where it does.
 
     Along every direction between −90° and −180° the distance of −1/N from 0 is compared with that of L. At −180° that
@@ -528,7 +528,7 @@ class PhaseLead:
     loop: Plant
 
 
-def phase_lead(loop: Plant, margin: float) -> PhaseLead:
+def phase_lead(loop: Process, margin: float) -> PhaseLead:
     """Phase-lead compensator with the least ratio lead/lag that keeps L(iω) clear of −1/N(A) (thesis 2.2).
 
     Static gain 1, so integral gain and accuracy stay; where the loop keeps clear already, lead = lag.
@@ -608,7 +608,7 @@ _GREATEST_RATIO = 20.0
 
 
 def nyquist_figure(
-    loops: Mapping[str, Plant] | Plant,
+    loops: Mapping[str, Any] | Sequence[Any] | Any,
     *,
     backlash: bool = True,
     relay: bool = False,
@@ -619,8 +619,8 @@ def nyquist_figure(
 
     Parameters
     ----------
-    loops : mapping of name to Plant, or Plant
-        Open loops.
+    loops : open loop, sequence of them, or mapping of name to open loop
+        Each a `Plant`, a `glapp.tuning.Tuning`, or a linear system of python-control or `scipy.signal`.
     backlash, relay : bool
         Draw −1/N(A) of a gap, of a relay; predicted limit cycles of a gap are marked.
     criteria : bool
@@ -646,7 +646,12 @@ def nyquist_figure(
 
     if not window > 0:
         raise InputError(f"is {window}, must be greater than 0", parameter="window", value=window, bound="> 0")
-    named = {"L(iω)": loops} if isinstance(loops, Plant) else dict(loops)
+    if isinstance(loops, Mapping):
+        named = dict(loops)
+    elif isinstance(loops, list | tuple):
+        named = {f"L{i}(iω)": loop for i, loop in enumerate(loops, start=1)} if len(loops) > 1 else {"L(iω)": loops[0]}
+    else:
+        named = {"L(iω)": loops}
     figure = go.Figure()
     if criteria:
         figure.add_shape(
@@ -656,7 +661,8 @@ def nyquist_figure(
     colours = (paper.SIGNAL, paper.POSITION, paper.POINT, paper.OUTPUT)
     met: list[complex] = []
     for i, (name, loop) in enumerate(named.items()):
-        w = _checked(loop).frequencies(per_decade=200)
+        loop = _checked(loop)
+        w = loop.frequencies(per_decade=200)
         value = loop.response(w)
         seen = np.abs(value) < 4 * window
         figure.add_scatter(
@@ -709,17 +715,16 @@ def nyquist_figure(
 # --- Reading arguments ----------------------------------------------------------------------------------------------
 
 
-def _checked(loop: Plant) -> Plant:
-    if not isinstance(loop, Plant):
-        raise InputError(
-            f"is {type(loop).__name__}, must be a Plant",
-            parameter="loop",
-            value=loop,
-            hint=f"make it with glapp.tuning.{open_loop.__name__}(plant, controller)",
-        )
-    if np.any(loop.poles.real[loop.poles != 0] >= 0):
+def _checked(loop: Any) -> Plant:
+    """The open loop, of whatever tells one."""
+    try:
+        plant = loop.loop if isinstance(loop, Tuning) else Plant.of(loop)
+    except InputError as error:
+        hint = f"make it with glapp.tuning.{open_loop.__name__}(plant, controller)"
+        raise InputError(error.what, parameter="loop", value=loop, hint=hint) from None
+    if np.any(plant.poles.real[plant.poles != 0] >= 0):
         raise InputError("has poles in the right half plane", parameter="loop", value=loop, bound="stable")
-    return loop
+    return plant
 
 
 def _at_least_zero(name: str, value: float) -> float:

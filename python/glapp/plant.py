@@ -96,9 +96,9 @@ class Plant:
         ----------
         process : Plant, str, (num, den), (num, den, dead_time), mapping, list of these, or a transfer function object
             A name of the test batch, "P1" to "P8"; coefficients; a mapping with the keys num, den and dead_time, as
-            TOML has it; a list of names, mappings and plants, which is their series; or an object with one input and
-            one output that has `num`, `den` and no sample time, such as `control.TransferFunction` or
-            `scipy.signal.TransferFunction` (these have no dead time: write ``Plant.of(tf).delayed(L)``).
+            TOML has it; a list of names, mappings and plants, which is their series; or any linear system of
+            python-control or `scipy.signal` with one input and one output in continuous time: a transfer function, a
+            state space, zeros, poles and gain (these have no dead time: write ``Plant.of(tf).delayed(L)``).
 
         Raises
         ------
@@ -112,6 +112,9 @@ class Plant:
         >>> from scipy.signal import TransferFunction
         >>> Plant.of(TransferFunction([1], [1, 2])).delayed(4)
         Plant(num=(1.0,), den=(1.0, 2.0), dead_time=4.0)
+        >>> from scipy.signal import StateSpace
+        >>> Plant.of(StateSpace([[-2.0]], [[1.0]], [[3.0]], [[0.0]]))
+        Plant(num=(3.0,), den=(1.0, 2.0), dead_time=0.0)
         >>> Plant.of(["P4", {"num": [3], "den": [1, 0]}])
         Plant(num=(3.0,), den=(2.0, 1.0, 0.0), dead_time=4.0)
         >>> Plant.of("P9")
@@ -126,12 +129,12 @@ class Plant:
             return cls._of_table(process)
         if isinstance(process, list) and process and all(isinstance(part, str | Mapping | cls) for part in process):
             return math.prod((cls.of(part) for part in process), start=cls([1], [1]))
-        if hasattr(process, "num") and hasattr(process, "den"):
+        if (rational := _rational(process)) is not None:
             if getattr(process, "dt", None) not in (None, 0):
                 raise InputError(
                     "is sampled, must be continuous in time", parameter="plant", value=process, bound="continuous"
                 )
-            return cls(_single(process.num), _single(process.den), float(getattr(process, "dead_time", 0.0)))
+            return cls(*rational, float(getattr(process, "dead_time", 0.0)))
         if not isinstance(process, str):
             try:
                 num, den, *rest = process
@@ -378,6 +381,37 @@ def _coefficients(name: str, values: Any) -> tuple[float, ...]:
     if first is None:
         raise InputError(f"is {values!r}, must have a coefficient other than 0", parameter=name, value=values)
     return tuple(numbers[first:])
+
+
+def _rational(process: Any) -> tuple[Any, Any] | None:
+    """Numerator and denominator of a linear system, whatever it is told by; None for anything else."""
+
+    def has(*names: str) -> bool:
+        return all(hasattr(process, name) for name in names)
+
+    if has("num", "den"):
+        return _single(process.num), _single(process.den)
+    if has("A", "B", "C", "D"):
+        return _of_states(*(np.atleast_2d(np.asarray(getattr(process, name), np.float64)) for name in "ABCD"))
+    if has("zeros", "poles", "gain") and not callable(process.zeros):
+        num, den = np.poly(_single(process.zeros)), np.poly(_single(process.poles))
+        return np.real(process.gain * num), np.real(den)
+    return None
+
+
+def _of_states(a: Any, b: Any, c: Any, d: Any) -> tuple[Any, Any]:
+    """C·(s·1 − A)⁻¹·B + D = (det(s·1 − A + B·C) + (D − 1)·det(s·1 − A))/det(s·1 − A), for one input and one output.
+
+    A coefficient that is nothing but what rounding left of a difference is 0: it would be a zero of the process.
+    """
+    if d.shape != (1, 1):
+        raise InputError("must have one input and one output", parameter="plant", value=d.shape, bound="1 × 1")
+    if not a.size:
+        return d[0], [1.0]
+    with_feedback, den = np.poly(a - b @ c), np.poly(a)
+    num = with_feedback + (d[0, 0] - 1) * den
+    rounding = 1e3 * np.finfo(np.float64).eps * np.maximum(np.abs(with_feedback), np.abs(den))
+    return np.where(np.abs(num) > rounding, num, 0.0), den
 
 
 def _single(polynomial: Any) -> Any:

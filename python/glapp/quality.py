@@ -258,6 +258,24 @@ def assumed_time(column: str, first: str, step: float | None, calendar: str, day
     return _Reader(days=days).finding(_glapp.assumed_time(column, first, step, calendar, sure))
 
 
+def own_times(held: str, pv_rows: int, rows: int) -> Finding:
+    """Say how signals that were recorded each at times of its own were brought to common rows.
+
+    Parameters
+    ----------
+    held : str
+        Those that keep their last value until the next.
+    pv_rows, rows : int
+        Values of PV, and the rows that came of them: where there are more, PV is interpolated.
+
+    Examples
+    --------
+    >>> own_times("SP, OP", 100, 100).text
+    'each signal has times of its own: the rows are those of PV, and SP, OP keep the last value until the next'
+    """
+    return _Reader().finding(_glapp.own_times(held, pv_rows, rows))
+
+
 def noise_sigma(pv: Floats) -> float | None:
     """Estimate the standard deviation of PV's fast noise [PV unit].
 
@@ -394,6 +412,12 @@ SENTENCES: dict[str, str] = {
     "check which mode values mean auto",
     "at_limit": "OP is at its low limit in {at_low:share} and at its high limit in {at_high:share} of the rows, which "
     "are not used: take a time in which the valve has room to move",
+    "no_sp": "SP is not recorded: the gap is fitted from OP and PV, and a test by hand can be read; zero crossings, the "
+    "controller's K and Ti and the width that a PLC would show need SP",
+    "own_times joined": "each signal has times of its own, and OP many more than PV: {held} keep the last value until "
+    "the next, and {pv_rows} values of PV are joined by straight lines over {rows} rows; record PV as often as OP",
+    "own_times": "each signal has times of its own: the rows are those of PV, and {held} keep the last value until the "
+    "next",
     "no_op": "OP is not recorded, so K and Ti must be given, and saturation is seen only through limit flags: add OP",
     "op_constant": "OP stays at {op:.4g} {op_unit} over the whole recording: take a time in which the controller "
     "works, or check the OP column",
@@ -443,6 +467,7 @@ SENTENCES: dict[str, str] = {
 
 _VARIANTS: dict[str, Callable[[Numbers], str]] = {
     "time_assumed": lambda n: n["severity"],
+    "own_times": lambda n: "" if n["rows"] == n["pv_rows"] else "joined",
     "time_reversed": lambda n: n["looks_like"],
     "time_repeated": lambda n: n["severity"],
     "not_a_number": lambda n: "all" if n["rows"] == n["of"] else "",

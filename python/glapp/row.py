@@ -108,7 +108,7 @@ def to_arrow(results: Sequence[Result]) -> pa.Table:
     --------
     >>> import glapp
     >>> sim = glapp.simulate.closed_loop("P3", (0.48, 0.3117), d=0.05, noise=0.001, t_end=400, load=[(100, 0.5)])
-    >>> loop = glapp.Loop(name="P3", controller={"k": 0.48, "ti": 0.3117, "setpoint_weight": 0}, process={"kp": 1})
+    >>> loop = glapp.Loop(name="P3", controller={"k": 0.48, "ti": 0.3117}, process={"kp": 1})
     >>> table = glapp.to_arrow([glapp.estimate(glapp.recording_from(sim.to_arrow(), loop))])
     >>> table.select(["loop", "answer_verdict", "detections"]).to_pylist()
     [{'loop': 'P3', 'answer_verdict': 'estimate', 'detections': 11}]

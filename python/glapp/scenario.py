@@ -16,13 +16,14 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow.csv
 import pyarrow.parquet
-from pydantic import BeforeValidator, ConfigDict, Field, PlainValidator
+from pydantic import BeforeValidator, ConfigDict, Field, PlainValidator, model_validator
 
 from . import _glapp
 from .checked import Checked
 from .controller import Controller, Ideal, NotNegative, Positive, Span
 from .errors import InputError
 from .plant import PLANTS, Plant
+from .tuning.assess import Tuning
 
 __all__ = [
     "Coloured",
@@ -232,15 +233,20 @@ def _noise(given: Any) -> Any:
 
 
 def _controller(given: Any) -> Any:
-    """Short form (k, ti[, td[, b]]): ideal, seconds, k negative for direct action, b = 0 where it is not given."""
+    """Short form (k, ti[, td[, b]]): ideal, seconds, k negative for direct action, b = 1 where it is not given."""
     if isinstance(given, Controller | Mapping):
         return given
+    if isinstance(given, Tuning):
+        given = given.controller
     try:
         if not 2 <= len(given) <= 4:
             raise TypeError
-        k, ti, td, b = [float(x) for x in (*given, 0.0, 0.0)[:4]]
+        k, ti, *rest = [float(x) for x in given]
     except (TypeError, ValueError):
-        raise InputError("write (k, ti), (k, ti, td) or (k, ti, td, b), or a Controller", value=given) from None
+        raise InputError(
+            "write (k, ti), (k, ti, td) or (k, ti, td, b), or give a Controller or a Tuning", value=given
+        ) from None
+    td, b = (*rest, *(0.0, 1.0)[len(rest) :])
     return Controller(k=abs(k), ti=ti, td=td, setpoint_weight=b, action="direct" if k < 0 else "reverse")
 
 
@@ -364,8 +370,10 @@ class Outer(Checked):
 
     Parameters
     ----------
-    plant, controller, tf, limits, noise
+    plant, controller, limits, noise
         As in `Scenario`; the outer process is driven by the inner process value.
+    tf : float, optional
+        Time constant of the filter before the outer controller [s]; none where not given.
     d : float
         Width of a gap before the outer process [unit of the inner pv], ≥ 0 (8.3.2).
     load : Signal
@@ -389,16 +397,18 @@ class Scenario(Checked):
     plant : Plant, or what `Plant.of` makes one of
         "P1" to "P8", (num, den, dead_time), `control.TransferFunction`, a list of plants in series ...; of order 1 to
         10, num of lower degree than den and not ending in 0.
-    controller : Controller or (k, ti), (k, ti, td), (k, ti, td, b)
+    controller : Controller, (k, ti), (k, ti, td), (k, ti, td, b) or glapp.tuning.Tuning
         In any maker's form; or the ideal form (4.1): gain k ≠ 0, negative where more output lowers the process value;
-        ti > 0 [s]; td ≥ 0 [s]; setpoint weight b in 0..1, 0 where not given, as in the thesis.
+        ti > 0 [s]; td ≥ 0 [s]; setpoint weight b in 0..1, 1 where not given. The thesis has b = 0. A `Tuning` brings
+        its own b and filter time.
     pv_span, op_span : (low, high), optional
         Needed for a gain in %/%.
     tf : float, optional
-        Time constant of the second-order filter [s], 0 for none. Where not given, the thesis' own (2.1): td/5, and
-        ti/10 for a PI controller.
-    filter_in_loop : bool
-        Whether the filter stands before the controller, as in the thesis, or before the detector alone.
+        Time constant of the second-order filter [s], 0 for none. Where not given, that of a `Tuning`, else the thesis'
+        own (2.1): td/5, and ti/10 for a PI controller.
+    filter_in_loop : bool, optional
+        Whether the filter stands before the controller, as in the thesis, or before the detector alone. Where not
+        given, it stands before the controller if `tf` is given.
     limits : (low, high), optional
         Limits of the output, with anti-windup.
     d : float
@@ -445,7 +455,7 @@ class Scenario(Checked):
     >>> s = Scenario(plant="P2", controller=(0.775, 2.05), d=0.05, setpoint=[(1, 1.0)], load=Walk(rate=0.002))
     >>> print(s.to_toml(), end="")
     plant = "P2"
-    controller = { k = 0.775, ti = 2.05, setpoint_weight = 0.0 }
+    controller = { k = 0.775, ti = 2.05 }
     d = 0.05
     setpoint = [
       { kind = "steps", steps = [[1.0, 1.0]] },
@@ -463,7 +473,7 @@ class Scenario(Checked):
     pv_span: Span | None = None
     op_span: Span | None = None
     tf: NotNegative | None = None
-    filter_in_loop: bool = True
+    filter_in_loop: bool | None = None
     limits: Limits | None = None
     d: NotNegative = 0.0
     friction: Friction | None = None
@@ -482,6 +492,13 @@ class Scenario(Checked):
     h: Positive = 0.05
     t_end: NotNegative = 1000.0
     seed: Annotated[int, Field(ge=0, lt=2**64)] = 0
+
+    @model_validator(mode="before")
+    @classmethod
+    def _filter_of_tuning(cls, given: Any) -> Any:
+        if isinstance(given, dict) and isinstance(tuning := given.get("controller"), Tuning) and tuning.tf:
+            return {"tf": tuning.tf, **{name: value for name, value in given.items() if (name, value) != ("tf", None)}}
+        return given
 
     def ideal(self) -> Ideal:
         """The controller in ideal form, in the units of the signals."""
@@ -527,7 +544,8 @@ class Scenario(Checked):
     def for_rust(self) -> dict[str, Any]:
         """The scenario as the extension takes it."""
         friction, outer = self.friction, self.outer
-        tf = self.filter_time() if self.filter_in_loop else 0.0
+        in_loop = self.tf is not None if self.filter_in_loop is None else self.filter_in_loop
+        tf = self.filter_time() if in_loop else 0.0
         return {
             "plant": tuple(self.plant),
             "controller": (*self.ideal(), tf, self.limits),
@@ -599,7 +617,7 @@ def _outer(outer: Outer) -> dict[str, Any]:
     ideal = outer.controller.ideal()
     return {
         "plant": tuple(outer.plant),
-        "controller": (*ideal, _filter_time(outer.tf, ideal), outer.limits),
+        "controller": (*ideal, outer.tf or 0.0, outer.limits),
         "d": outer.d,
         "noise": _pieces(outer.noise),
         "load": _pieces(outer.load),

@@ -21,7 +21,7 @@ from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, TypeVar, overload
+from typing import TYPE_CHECKING, Any, Literal, TypeVar, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -50,6 +50,10 @@ from .scenario import (
     Walk,
     read_scenario,
 )
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import plotly.graph_objects as go
 
 __all__ = [
     "Coloured",
@@ -143,6 +147,32 @@ class Simulation:
             columns["U_FF"] = self.u_ff
         return pa.table(columns)
 
+    def to_pandas(self) -> pd.DataFrame:
+        """The columns of `to_arrow` as a data frame of pandas, which must be installed.
+
+        Raises
+        ------
+        InputError
+            Where pandas is missing.
+        """
+        try:
+            frame: pd.DataFrame = self.to_arrow().to_pandas()
+        except ImportError:
+            raise InputError("pandas is not installed", hint="pip install pandas, or use to_arrow()") from None
+        return frame
+
+    def plot(self) -> go.Figure:
+        """A zoomable figure: SP and PV above, OP and the valve's position below, and the load where there is any.
+
+        Examples
+        --------
+        >>> [trace.name for trace in closed_loop("P2", (0.775, 2.05), t_end=50, setpoint=[(1, 1.0)]).plot().data]
+        ['SP', 'PV', 'OP', 'position']
+        """
+        from .report.figures import simulation_figure
+
+        return simulation_figure(self)
+
     def write_csv(self, path: str | Path) -> None:
         """Write the columns of `to_arrow` as CSV, every number with all its digits."""
         table = self.to_arrow()
@@ -172,7 +202,7 @@ def run(scenario: Scenario) -> Simulation:
     ...                  load=[(5, 0.2)], t_end=600))
     >>> jumps = np.abs(np.diff(s.position))
     >>> f"{jumps[s.t[1:] > 300].max():.3f}"
-    '0.104'
+    '0.102'
     """
     (simulation,) = _simulations([_checked(scenario)], [scenario])
     if isinstance(simulation, str):
@@ -222,7 +252,7 @@ def run_many(
     ...                       load=[(100, 0.3)], seed=seed) for seed in range(3)]
     >>> table = run_many(scenarios, keep="estimate", progress=False)
     >>> [round(d, 3) for d in table["d_hat"].to_pylist()]
-    [0.053, 0.052, 0.053]
+    [0.049, 0.051, 0.05]
     """
     given = list(scenarios)
     if keep not in ("signals", "estimate"):
@@ -282,6 +312,9 @@ def closed_loop(
 ) -> Simulation:
     """Run a scenario, in one line: with the gap and the noise of the thesis where nothing else is said.
 
+    `(k, ti)` is a plain PI controller: setpoint weight b = 1, and no filter unless `tf` is given, as elsewhere. The
+    thesis has b = 0 and the filter (2.1) in the loop: write ``(k, ti, 0, 0)`` and ``filter_in_loop=True``.
+
     Parameters
     ----------
     plant, controller, d, noise, h, t_end, setpoint, load, limits, manual, tf, seed, **more
@@ -303,7 +336,7 @@ def closed_loop(
     >>> s = closed_loop("P3", (0.48, 0.3117), d=0.05, t_end=1000, setpoint=[(1, 1.0)])
     >>> late = s.t > 500
     >>> f"{np.ptp(s.op[late]):.3f} of which the valve sees {np.ptp(s.position[late]):.3f}"
-    '0.059 of which the valve sees 0.009'
+    '0.057 of which the valve sees 0.007'
     >>> closed_loop("P3", (5.0, 0.3117), t_end=400, setpoint=[(1, 1.0)])  # doctest: +ELLIPSIS
     Traceback (most recent call last):
     glapp.errors.InputError: unstable closed loop: ...

@@ -16,7 +16,7 @@ from collections.abc import Callable
 
 from glapp.errors import InputError
 
-from . import chapter1, chapter2, chapter4, chapter5, chapter7, chapter8
+from . import chapter1, chapter2, chapter4, chapter5, chapter6, chapter7, chapter8
 from .figure import Number, Shown
 
 __all__ = ["FIGURES", "Number", "Shown", "find", "show"]
@@ -26,6 +26,7 @@ FIGURES: dict[str, Callable[[], Shown]] = {
     **chapter2.FIGURES,
     **chapter4.FIGURES,
     **chapter5.FIGURES,
+    **chapter6.FIGURES,
     **chapter7.FIGURES,
     **chapter8.FIGURES,
 }

@@ -171,26 +171,38 @@ def figure_5_4() -> Shown:
 
     def draw() -> Figure:
         figure, (top, bottom) = style.panels(2, height=5.0)
-        _detections(top, after)
-        top.set_ylim(-5, 150)
-        bottom.plot(after.t, estimate, color=style.MUTED, linewidth=1.0, drawstyle="steps-post", label="(5.1) alone")
-        bottom.plot(after.t[~hidden], estimate[~hidden], "o", color=style.DETECTION, markersize=5, label="shown")
+        lost = before.accepted & ~np.isin(before.half_periods.t_end, after.t)
+        for axes, seen, told in ((top, before, "without (5.1), as in figure 5.1"), (bottom, after, "with (5.1)")):
+            of_gap = abs(seen.d - 5) <= 1
+            axes.plot(seen.t[of_gap], seen.d[of_gap], "o", color=style.DETECTION, markersize=5, label="of the gap")
+            axes.plot(seen.t[~of_gap], seen.d[~of_gap], "x", color=style.WRONG, markersize=5, label="other")
+            axes.axhline(5, color=style.TRUE, linewidth=1.0, label="the gap")
+            axes.axvline(550, color=style.MUTED, linewidth=0.8, linestyle=":")
+            axes.annotate(told, (540, 60), color=style.INK, ha="right")
+            axes.set(ylabel="detected width [%]", yscale="log", ylim=(0.01, 250))
         bottom.plot(
-            after.t[hidden], estimate[hidden], "x", color=style.WRONG, markersize=5, label="below the noise floor"
+            before.half_periods.t_end[lost],
+            PERCENT * before.half_periods.d[lost],
+            "x",
+            color=style.MUTED,
+            alpha=0.4,
+            markersize=4,
+            zorder=1,
+            label="discarded",
         )
         bottom.plot(after.t, floor, **style.NARROW, label="noise floor")
-        bottom.set(xlabel="time [s]", ylabel="estimate [%]", yscale="log", ylim=(0.015, 200))
-        style.legend(bottom)
+        bottom.set(xlabel="time [s]")
+        style.legend(top)
+        style.legend(bottom, columns=5)
         return figure
 
     return Shown(
         number="5.4",
         title="Detections with (5.1) added, and what the noise floor hides",
         section="5.2",
-        sentence="Above: (5.1) takes away what noise added, a half-period being too short for half the width known so "
-        "far, and leaves the true detections; alone it lets some noise back in from 776 s on. Below: the estimate "
-        "after each detection. Below the noise floor glapp shows none; what noise brings above it the other conditions "
-        "of this chapter take away.",
+        sentence="From about 550 s on only noise crosses the setpoint, and (5.1) discards its detections, while those "
+        "of the gap stay as they were. From 776 s on glapp's (5.1) lets some of them in again; they lie at the noise "
+        "floor, below which no width is shown, and the other conditions of this chapter take away the rest.",
         numbers=(
             Number("detections of noise without (5.1)", "", None, float(_noise(before).sum())),
             Number("left by (5.1) with the width known at 550 s", "", 0.0, float(kept.sum())),

@@ -411,13 +411,26 @@ def figure_7_7() -> Shown:
     )
 
 
+HIGHEST = 14.0
+"""Width up to which the filters of detections are drawn [%]."""
+
+
 def _detections(axes: Axes, seen: Sequence, x: Floats) -> None:
     axes.plot(x, seen.d, ".", color=style.MUTED, markersize=5, label="detection")
     axes.step(x, seen.true, color=style.TRUE, linewidth=1.0, label="the gap")
     axes.set(ylabel="detected width [%]", ylim=(0, 30))
 
 
-def _filtered(number: str, title: str, sentence: str, shown: Floats, delay: str | float, difference: str) -> Shown:
+def _filtered(
+    number: str,
+    title: str,
+    sentence: str,
+    shown: Floats,
+    delay: str | float,
+    difference: str,
+    beside: tuple[str, Floats] | None = None,
+) -> Shown:
+    """What a filter shows after each detection; `beside` is another one, with its name."""
     seen = sequence()
     after = shown[seen.change :]
     settled = abs(after / AFTER - 1) <= 0.1
@@ -430,8 +443,13 @@ def _filtered(number: str, title: str, sentence: str, shown: Floats, delay: str 
         x = np.arange(1, len(seen.d) + 1, dtype=float)
         _detections(axes, seen, x)
         axes.plot(x, shown, color=style.FILTERED, linewidth=1.6, label="shown")
-        axes.set(xlabel="number of the detection")
-        style.legend(axes)
+        if beside is not None:
+            name, values = beside
+            axes.plot(x, values, color=style.POSITION, linewidth=1.6, label=name)
+        high = seen.d > HIGHEST
+        axes.plot(x[high], np.full(high.sum(), HIGHEST - 0.25), "^", color=style.MUTED, markersize=5, label="higher")
+        axes.set(xlabel="number of the detection", ylim=(0, HIGHEST))
+        style.legend(axes, columns=5)
         return figure
 
     return Shown(
@@ -445,6 +463,7 @@ def _filtered(number: str, title: str, sentence: str, shown: Floats, delay: str 
             Number("shown at the end; the gap is 8 %", "%", None, float(shown[-1])),
             Number("mean move from one detection to the next before the change", "%", None, float(steady.mean())),
             Number("share of detections within 20 % of the gap", "%", None, 100 * float(right.mean())),
+            *([] if beside is None else [Number(f"{beside[0]}, at the end", "%", None, float(beside[1][-1]))]),
         ),
         difference=difference,
         draw=draw,
@@ -453,16 +472,18 @@ def _filtered(number: str, title: str, sentence: str, shown: Floats, delay: str 
 
 def figure_7_8() -> Shown:
     """The mean of all detections."""
-    d = sequence().d
+    seen = sequence()
+    d, right = seen.d, abs(seen.d / seen.true - 1) <= 0.2
     return _filtered(
         "7.8",
         "The mean of all detections",
-        "The mean of all detections so far moves slowly after the gap has grown, and every erroneous detection stays "
-        "in it for good.",
+        "The mean of all detections so far moves slowly after the gap has grown: that of the right ones alone is still "
+        "more than 1 % short of it at the end. Every erroneous detection stays in it for good.",
         np.cumsum(d) / np.arange(1, len(d) + 1),
         "slow",
         "The erroneous detections here are too high, so that the mean stands above the old gap already and seems to "
-        "reach the new one sooner than it would.",
+        "reach the new one sooner than it would. The mean of the right ones alone shows how slow it is.",
+        ("mean of the right ones", np.cumsum(d * right) / np.maximum(np.cumsum(right), 1)),
     )
 
 
@@ -563,7 +584,14 @@ def figure_7_11() -> Shown:
     signals = run(scenario)
 
     def draw() -> Figure:
-        figure, (top, bottom) = style.panels(2, height=5.4, share=False)
+        figure, (diagram, top, bottom) = style.panels(3, height=7.4, share=False, ratios=(0.8, 1.5, 2))
+        style.blocks(
+            diagram,
+            ("linear PID", "compensation\nby sign(e)", "gap", "process"),
+            (style.OP, style.WRONG, style.POSITION, style.FILTERED),
+            back="PV",
+        )
+        diagram.annotate("more than the gap: together a relay", (1.5, 0.29), ha="center", color=style.WRONG, fontsize=9)
         top.plot(signals.t, PERCENT * signals.pv, color=style.PV, linewidth=0.8, label="PV")
         top.plot(signals.t, PERCENT * signals.sp, **style.NARROW, label="SP")
         top.axvline(300.0, color=style.MUTED, linewidth=0.8, linestyle=":")
@@ -653,7 +681,12 @@ def figure_7_12() -> Shown:
     predicted = {name: over_compensation(name, COMPENSATION, GAP) for name in PLANTS}
 
     def draw() -> Figure:
-        figure, (left, right) = style.panels(1, 2, height=4.6, share=False)
+        figure, (above, equal, left, right) = style.panels(2, 2, height=5.8, share=False, ratios=(0.9, 4))
+        amplitudes = PERCENT * COMPENSATION / 2, PERCENT * (COMPENSATION - GAP) / 2
+        names = (f"relay\n± {amplitudes[0]:g} %", f"gap\n{PERCENT * GAP:g} %", "process")
+        style.blocks(above, names, (style.WRONG, style.POSITION, style.FILTERED))
+        style.blocks(equal, (f"relay\n± {amplitudes[1]:g} %", "process"), (style.WRONG, style.FILTERED))
+        above.annotate("is", (2.75, 0), ha="center", va="center", color=style.INK)
         curve = negative_inverse(n_relay(np.linspace(0.001, 3.0, 50), (COMPENSATION - GAP) / 2))
         left.plot(curve.real, curve.imag, color=style.INK, linewidth=1.2, dashes=(5, 2), label="−1/N(A) of the relay")
         for i, (name, found) in enumerate(sorted(predicted.items(), key=lambda item: item[1][0].amplitude)):
@@ -662,8 +695,14 @@ def figure_7_12() -> Shown:
             left.plot(value.real, value.imag, color=style.FILTERED, linewidth=1.0)
             at = complex(plant.response(found[0].w))
             left.plot(at.real, at.imag, "o", color=style.WRONG, markersize=5)
-            left.annotate(name, (at.real, 0), (0, 10 + 13 * (i % 3)), textcoords="offset points", ha="center")
-        left.set(xlim=(-1.2, 1.05), ylim=(-1.1, 0.4), xlabel="Re P(iω)", ylabel="Im P(iω)")
+            left.annotate(
+                name,
+                (at.real, 0.02),
+                (-1.13 + 0.2 * (len(predicted) - 1 - i), 0.57),
+                ha="center",
+                arrowprops={"arrowstyle": "-", "color": style.MUTED, "linewidth": 0.6},
+            )
+        left.set(xlim=(-1.2, 1.05), ylim=(-1.1, 0.65), xlabel="Re P(iω)", ylabel="Im P(iω)")
         style.legend(left)
         places = np.arange(len(cycles))
         for column, (label, colour) in enumerate(

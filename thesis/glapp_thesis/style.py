@@ -14,6 +14,7 @@ from glapp.writing import write_file
 try:
     import matplotlib as mpl
     from matplotlib.figure import Figure
+    from matplotlib.patches import Rectangle
     from PIL import Image
 except ImportError:
     raise InputError("the figures of the thesis need matplotlib", hint="pip install 'glapp[thesis]'") from None
@@ -35,6 +36,7 @@ __all__ = [
     "SP",
     "TRUE",
     "WRONG",
+    "blocks",
     "legend",
     "panels",
     "save",
@@ -80,6 +82,45 @@ def panels(
         figure = Figure(figsize=(WIDTH, height), layout="constrained")
         axes = figure.subplots(rows, columns, sharex="col" if share else False, squeeze=False, height_ratios=ratios)
     return figure, list(axes.flat)
+
+
+def blocks(
+    axes: Axes, names: Sequence[str], colours: Sequence[str], *, back: str | None = None, beside: str | None = None
+) -> None:
+    """A chain of boxes from left to right with arrows between them; `back` names the arrow from the last to the first.
+
+    Names may have several lines; a box gets the colour at its place. `beside` is one more, which hears what comes back
+    and feeds the first.
+    """
+    pitch, width, height = 1.0, 0.78, 0.5
+    ends = len(names) - 1
+    for i, (name, colour) in enumerate(zip(names, colours, strict=True)):
+        box = Rectangle((i * pitch - width / 2, -height / 2), width, height, facecolor="white", edgecolor=colour)
+        box.set_linewidth(1.5)
+        axes.add_patch(box)
+        axes.annotate(name, (i * pitch, 0), ha="center", va="center", fontsize=8, color=INK)
+    arrow: dict[str, Any] = {"arrowstyle": "-|>", "color": MUTED, "shrinkA": 0, "shrinkB": 0}
+    spans = [(i * pitch + width / 2, (i + 1) * pitch - width / 2) for i in range(ends)]
+    for begin, end in spans:
+        axes.annotate("", (end, 0), (begin, 0), arrowprops=arrow)
+    if back is not None:
+        low, first, last = -0.62, -width / 2 - 0.2, ends * pitch + width / 2 + 0.2
+        axes.plot([last - 0.2, last, last, first, first], [0, 0, low, low, 0], color=MUTED, linewidth=1.0)
+        axes.annotate("", (-width / 2, 0), (first, 0), arrowprops=arrow)
+        axes.annotate(back, ((first + last) / 2, low), ha="center", va="bottom", fontsize=9, color=INK)
+    if beside is not None:
+        middle, low = ends * pitch / 2, -1.05
+        box = Rectangle((middle - width, low - 0.16), 2 * width, 0.32, facecolor="white", edgecolor=WRONG)
+        box.set_linewidth(1.5)
+        axes.add_patch(box)
+        axes.annotate(beside, (middle, low), ha="center", va="center", fontsize=8, color=INK)
+        axes.annotate("", (middle, low + 0.16), (middle, -0.62), arrowprops=arrow)
+        axes.plot([middle - width, 0, 0], [low, low, -0.3], color=MUTED, linewidth=1.0)
+        axes.annotate("", (0, -height / 2), (0, -0.35), arrowprops=arrow)
+        axes.annotate("u_FF", (0.05, low + 0.03), va="bottom", fontsize=8, color=INK)
+    lowest = -1.3 if beside else -0.75 if back else -0.4
+    axes.set(xlim=(-0.75, ends * pitch + 0.75), ylim=(lowest, 0.4))
+    axes.set_axis_off()
 
 
 def legend(axes: Axes, columns: int = 4) -> None:

@@ -18,7 +18,7 @@ mod times;
 pub(crate) use finding::InOrder;
 pub use finding::{Fault, Finding, Severity, Value};
 pub use settings::assumed_gain;
-pub use times::assumed_time;
+pub use times::{assumed_time, own_times};
 
 use crate::identify::{self, Identification, Settings, Values};
 use crate::{Census, Inspected};

@@ -83,7 +83,7 @@ mod _glapp {
     #[pymodule_export]
     use crate::pid::Pid;
     #[pymodule_export]
-    use crate::quality::{assumed_time, inspect, noise_sigma, within_percent};
+    use crate::quality::{assumed_time, inspect, noise_sigma, own_times, within_percent};
     #[pymodule_export]
     use crate::rate_limit::RateLimit;
     #[pymodule_export]

@@ -73,6 +73,12 @@ pub fn assumed_time<'py>(
     plain(py, &glapp_analysis::quality::assumed_time(column, first, step, calendar, sure))
 }
 
+/// How signals with times of their own were brought to common rows.
+#[pyfunction]
+pub fn own_times<'py>(py: Python<'py>, held: &str, pv_rows: u64, rows: u64) -> PyResult<Bound<'py, PyAny>> {
+    plain(py, &glapp_analysis::quality::own_times(held, pv_rows, rows))
+}
+
 /// Standard deviation of PV's fast noise. See `glapp.quality.noise_sigma`.
 #[pyfunction]
 pub fn noise_sigma(py: Python<'_>, pv: Signal<'_>) -> PyResult<Option<f64>> {

@@ -6,11 +6,9 @@ import csv
 import io
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated
 
 import typer
-from rich.cells import cell_len
-from rich.measure import Measurement
 from rich.table import Table
 from rich.text import Text
 
@@ -22,7 +20,7 @@ from ..writing import write_file
 from .inputs import Refused, open_files, read_by
 from .options import Options, with_options
 from .outputs import PAGE, TABLE, check_output, fault_of
-from .screen import CommandError, out, say_error, styled
+from .screen import Column, CommandError, out, say_error, show_table, styled
 from .work import analyze_all
 
 __all__ = ["analyze"]
@@ -96,12 +94,10 @@ def _rows(results: Sequence[Result]) -> str:
 def _show(answers: Sequence[Result | Refused]) -> None:
     """The table, widest first, then the reasons of loops without an estimate and the warnings of those with one."""
     results = words.ranked([a.result() if isinstance(a, Refused) else a for a in answers])
-    for layout in _LAYOUTS:
-        table = _table(results, layout)
-        if Measurement.get(out, out.options.update(max_width=1000), table).maximum <= out.width:
-            break
-    out.print(table)
+    show_table(_columns(results))
     notes = Table.grid(padding=(0, 2))
+    notes.add_column(overflow="fold", max_width=max(24, out.width // 3))
+    notes.add_column(overflow="fold")
     for result in results:
         if result.trace is None:  # an error has a line of its own
             continue
@@ -129,53 +125,27 @@ def _told(result: Result) -> list[str]:
     return [why, *filter(None, [words.struck(result)])]
 
 
-class _Layout(NamedTuple):
-    """What stands between two entries of one cell, and how much is told of what came about how."""
-
-    between: str
-    told: Literal["all", "brief", "least"]
-
-
-_LAYOUTS = (_Layout(", ", "all"), _Layout("\n", "all"), _Layout("\n", "brief"), _Layout("\n", "least"))
-"""From a wide terminal to a narrow one: the first that fits, else the last."""
-
-
-def _table(results: Sequence[Result], layout: _Layout) -> Table:
-    """A row per loop. A `brief` table leaves out how it came about, the `least` all but the loop and its widths."""
-    table = Table(box=None, padding=(0, 1 if layout.between == "\n" else 2, 0, 0), header_style="bold", pad_edge=False)
+def _columns(results: Sequence[Result]) -> list[Column]:
+    """A row per loop: the one answer first, and after it what came about how."""
     fitted = any(result.fit is not None for result in results)
     corrected = any(result.corrected is not None and result.corrected.d is not None for result in results)
-    whole, least = layout.told == "all", layout.told == "least"
-    columns: list[tuple[str, bool, list[str | Text]]] = []  # header, whether it is a number, cells
-    columns.append(("loop", False, [one_line(_name(result)) for result in results]))
+    columns = [Column("loop", [one_line(_name(result)) for result in results])]
     if fitted:
-        columns.append(("gap (95 %)", True, [words.headline(result) or "–" for result in results]))
+        columns.append(Column("gap (95 %)", [words.headline(result) or "–" for result in results], True))
     else:
-        columns.append(("d̂", True, [words.quantity(r.d_hat, words.op_unit(r)) for r in results]))
-        columns.append(("% of\nspan", True, [words.number(result.d_hat_percent_span) for result in results]))
-    columns.append(("valve" if fitted else "verdict", False, [_verdict(r, layout.between) for r in results]))
-    if whole:
-        columns.append(("to do", False, [words.todo(result) for result in results]))
-    if fitted and not least:
-        columns.append(("crossings\nd̂", True, [_crossing(result) for result in results]))
-    cells = [_cells(result, layout.between) for result in results]
-    counts, reasons, quality = (list(column) for column in zip(*cells, strict=True))
-    if corrected and not (least and fitted):
+        columns.append(Column("d̂", [words.quantity(r.d_hat, words.op_unit(r)) for r in results], True))
+        columns.append(Column("% of\nspan", [words.number(result.d_hat_percent_span) for result in results], True))
+    columns.append(Column("valve" if fitted else "verdict", [_verdict(result) for result in results]))
+    columns.append(Column("to do", [words.todo(result) for result in results]))
+    if fitted:
+        columns.append(Column("crossings\nd̂", [_crossing(result) for result in results], True))
+    if corrected:
         of = [None if result.corrected is None else result.corrected.d for result in results]
-        shown: list[str | Text] = [words.quantity(d, words.op_unit(r)) for d, r in zip(of, results, strict=True)]
-        columns.append(("corrected", True, shown))
-    if not least:
-        columns.append(("det./\nhalf-p.", True, counts))
-    if whole:
-        columns += [("rejected as", False, reasons), ("quality", False, quality)]
-    for header, number, column in columns:
-        # Numbers are never cut; names fold, all else wraps.
-        width = max(cell_len(str(cell)) for cell in column) if number else None
-        justify: Literal["left", "right"] = "right" if number else "left"
-        table.add_column(header, justify=justify, no_wrap=number, min_width=width, overflow="fold")
-    for row in zip(*(column for _, _, column in columns), strict=True):
-        table.add_row(*row)
-    return table
+        shown = [words.quantity(d, words.op_unit(r)) for d, r in zip(of, results, strict=True)]
+        columns.append(Column("corrected", shown, True))
+    counts, reasons, quality = (list(column) for column in zip(*map(_cells, results), strict=True))
+    columns.append(Column("det./\nhalf-p.", counts, True))
+    return [*columns, Column("rejected as", reasons), Column("quality", quality)]
 
 
 def _name(result: Result) -> str:
@@ -184,13 +154,13 @@ def _name(result: Result) -> str:
     return f"{result.name} ({len(several)} recordings)" if several else result.name
 
 
-def _verdict(result: Result, between: str) -> Text:
+def _verdict(result: Result) -> Text:
     """The one verdict, and of crossings alone whether their width is acceptable."""
     answer = result.answer
     told = [words.VERDICTS[answer.verdict].lower()]
     if answer.acceptable is not None and answer.acceptable != "open":
         told.append("too wide" if answer.acceptable == "beyond" else "acceptable")
-    return styled(between.join(told), style=_STYLES[answer.valve])
+    return styled(", ".join(told), style=_STYLES[answer.valve])
 
 
 def _crossing(result: Result) -> Text:
@@ -199,14 +169,14 @@ def _crossing(result: Result) -> Text:
     return styled(text, style="dim") if result.answer.struck is None else styled(f"({text})", style="dim strike")
 
 
-def _cells(result: Result, between: str) -> list[str | Text]:
+def _cells(result: Result) -> list[str]:
     """What the zero crossings gave: counts, reasons, quality."""
     worst = [f.code.replace("_", " ") for f in result.quality if f.severity != "info"]
     reasons = [f"{name.replace('_', ' ')} {n}" for name, n in words.ranked_reasons(result)[:2]]
     return [
         f"{result.detections}/{result.total_half_periods}" if result.trace else "–",
-        between.join(reasons) or "–",
-        between.join(worst[:2]) or ("good" if result.trace else "–"),
+        ", ".join(reasons) or "–",
+        ", ".join(worst[:2]) or ("good" if result.trace else "–"),
     ]
 
 

@@ -3,27 +3,28 @@
 from __future__ import annotations
 
 import json as json_format
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.table import Table
 
-from ..bump import Bump
+from ..bump import Bump, Reading
 from ..bump import bump as read_bump
+from ..errors import InputError
 from ..escape import in_quotes, one_line
 from ..writing import GENERATOR
-from .inputs import open_one, read_by
+from .inputs import Valve, open_files, read_by, recording_of
 from .options import Options, with_options
 from .outputs import PAGE, check_output, save
-from .screen import key_values, out, say_error, styled
+from .screen import Column, key_values, out, say_error, show_table, styled
 
 __all__ = ["bump"]
 
 
 @with_options
 def bump(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="Recording, or a loops.toml with --loop.")],
+    files: Annotated[list[Path], typer.Argument(metavar="FILES...", help="Recordings, loops.toml files, or both.")],
     options: Options,
     manual: Annotated[
         bool,
@@ -44,23 +45,47 @@ further steps, two one way and two back, make the answer sharper.
 back moves OP, and PV does not follow, is the gap: d = |ΔOP| − |ΔPV|/Kp.
     """
     if plot is not None:
-        check_output("--plot", plot, read_by([file]), PAGE)
-    found = read_bump(open_one(file, options), manual=manual)
+        check_output("--plot", plot, read_by(files), PAGE)
+    found: list[Bump] = []
+    faults: list[InputError] = []
+    for entry in open_files(files, options):
+        for recording in entry.recordings if isinstance(entry, Valve) else [entry]:
+            try:
+                found.append(read_bump(recording_of(recording), manual=manual))
+            except InputError as error:
+                faults.append(error)
     if json:
-        text = json_format.dumps(found.to_dict(), indent=2, ensure_ascii=False, allow_nan=False)
+        answers = [one.to_dict() for one in found]
+        answer = answers[0] if len(answers) == 1 and not faults else {"tests": answers}
+        text = json_format.dumps(answer, indent=2, ensure_ascii=False, allow_nan=False)
         typer.echo(in_quotes(text).encode())
     else:
-        _show(found)
-    if plot is not None:
-        from ..report.figures import CONFIG
-
-        page = found.plot().to_html(config=CONFIG)
-        save(plot, page.replace("<head>", f"<head>{GENERATOR}", 1))
+        for i, one in enumerate(found):
+            if i:
+                out.print()
+            _show(one)
+    if plot is not None and found:
+        save(plot, _page(found))
         if not json:
             out.print(f"\nPicture: {plot}", soft_wrap=True)
-    if found.reason is not None:
-        say_error(f"{found.source}, loop {found.name}: {found.reason}")
+    for fault in faults:
+        say_error(fault)
+    for one in found:
+        if one.reason is not None:
+            say_error(f"{one.source}, loop {one.name}: {one.reason}")
+    if faults or any(one.reason is not None for one in found):
         raise typer.Exit(1)
+
+
+def _page(found: Sequence[Bump]) -> str:
+    """The pictures of all tests in one page."""
+    from ..report.figures import CONFIG
+
+    page: str = found[0].plot().to_html(config=CONFIG)
+    others = "".join(one.plot().to_html(config=CONFIG, full_html=False, include_plotlyjs=False) for one in found[1:])
+    head, body = page.replace("<head>", f"<head>{GENERATOR}", 1), "</body>"
+    at = head.rindex(body)
+    return head[:at] + others + head[at:]
 
 
 def _show(found: Bump) -> None:
@@ -91,22 +116,33 @@ def _show(found: Bump) -> None:
     if not found.readings:
         return
     out.print()
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    table.add_column("Held until", no_wrap=True)
-    for header in (f"OP [{op}]", f"PV [{found.pv_unit}{'/s' if found.integrating else ''}]", "reads", "95 %"):
-        table.add_column(header, justify="right", no_wrap=True)
-    table.add_column("from")
-    for reading in found.readings:
-        value, interval = "–", "–"
-        if reading.value is not None:
-            value = f"{'d' if reading.kind == 'gap' else 'Kp'} {number(reading.value)}"
-            interval = f"{number(reading.low)} to {number(reading.high)}"
-        table.add_row(
-            clock(found.t0, reading.start),
-            " → ".join(number(x) for x in reading.op),
-            " → ".join(number(x, 4) for x in reading.pv),
-            value,
-            interval,
-            styled(reading.evidence, style="" if reading.value is not None else "dim"),
-        )
-    out.print(table)
+    op_header, pv_header = f"OP [{op}]", f"PV [{found.pv_unit}{'/s' if found.integrating else ''}]"
+    read = [reading.value is not None for reading in found.readings]
+    show_table(
+        [
+            Column("Held until", [clock(found.t0, one.start) for one in found.readings]),
+            Column(op_header, [" → ".join(number(x) for x in one.op) for one in found.readings], True),
+            Column(pv_header, [" → ".join(number(x, 4) for x in one.pv) for one in found.readings], True),
+            Column("reads", [_value(one) for one in found.readings], True),
+            Column("95 %", [_interval(one) for one in found.readings], True),
+            Column(
+                "from",
+                [
+                    styled(one.evidence, style="" if seen else "dim")
+                    for one, seen in zip(found.readings, read, strict=True)
+                ],
+            ),
+        ]
+    )
+
+
+def _value(reading: Reading) -> str:
+    from ..report.words import number
+
+    return "–" if reading.value is None else f"{'d' if reading.kind == 'gap' else 'Kp'} {number(reading.value)}"
+
+
+def _interval(reading: Reading) -> str:
+    from ..report.words import number
+
+    return "–" if reading.value is None else f"{number(reading.low)} to {number(reading.high)}"

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import numpy as np
 import typer
-from rich.table import Table
+from rich.text import Text
 
 from ..errors import InputError
 from ..escape import one_line
@@ -17,7 +17,7 @@ from ..reading.values import CellFault
 from ..result import REASONS, Result
 from .inputs import Refused, open_one
 from .options import Options, with_options
-from .screen import CommandError, key_values, out, styled
+from .screen import Column, CommandError, key_values, out, show_table, styled
 from .work import analyze_all
 
 __all__ = ["explain"]
@@ -100,22 +100,28 @@ def _list(result: Result) -> None:
 
     h = result.half_periods
     pv, op = result.loop.pv_unit or "PV unit", result.unit
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for header in ("From", "Δt [s]", f"Δy [{pv}]", f"d [{op}]", f"d̂ after [{op}]"):
-        table.add_column(header, justify="left" if header == "From" else "right", no_wrap=True)
-    table.add_column("Verdict")
-    for i in range(h.count):
-        table.add_row(
-            clock(result.t0, h.t_start[i]),
-            number(h.delta_t[i]),
-            number(h.delta_y[i]),
-            number(h.d[i]),
-            number(h.d_hat[i]),
-            styled(WORDS[REASONS[h.reason[i]]].label, style="bold" if h.reason[i] == 0 else ""),
-        )
-    out.print(table)
+    each = range(h.count)
+    show_table(
+        [
+            Column("From", [clock(result.t0, h.t_start[i]) for i in each]),
+            *(
+                Column(header, [number(values[i]) for i in each], True)
+                for header, values in (
+                    ("Δt [s]", h.delta_t),
+                    (f"Δy [{pv}]", h.delta_y),
+                    (f"d [{op}]", h.d),
+                    (f"d̂ after [{op}]", h.d_hat),
+                )
+            ),
+            Column("Verdict", [_reason(WORDS[REASONS[h.reason[i]]].label, h.reason[i] == 0) for i in each]),
+        ]
+    )
     if (left := result.total_half_periods - h.count) > 0:
         out.print(f"\nand {left} more that are shorter than 5·Ti")
+
+
+def _reason(label: str, accepted: bool) -> Text:
+    return styled(label, style="bold" if accepted else "")
 
 
 def _show(result: Result, i: int) -> None:

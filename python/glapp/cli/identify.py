@@ -8,13 +8,14 @@ from typing import Annotated, Any
 import typer
 
 from ..controller import Controller
+from ..errors import InputError
 from ..escape import one_line
 from ..estimate import identify as read_off
 from ..identify import R2_USABLE, Identification
 from ..loop import Loop
 from ..reading.settings import write_settings
 from ..recording import Recording
-from .inputs import open_one
+from .inputs import Valve, open_files, recording_of
 from .options import Options, with_options
 from .screen import key_values, out, say_error
 
@@ -23,18 +24,45 @@ __all__ = ["identify"]
 
 @with_options
 def identify(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="Recording, or a loops.toml with --loop.")],
+    files: Annotated[list[Path], typer.Argument(metavar="FILES...", help="Recordings, loops.toml files, or both.")],
     options: Options,
 ) -> None:
     """Find K, Ti and Td of the controller from OP's moves, with their intervals, ready for a loops.toml."""
-    recording = open_one(file, options)
-    found = read_off(recording)
-    out.print(one_line(f"{recording.name}  ({recording.source})"), style="bold", soft_wrap=True)
-    out.print(key_values(_rows(recording, found)))
-    if not found.usable:
-        go_on = "or, knowing that, glapp analyze --trust" if found.k and found.ti else "see docs/identify.md"
-        say_error(f"not usable: {found.reason}; {go_on}")
+    loops: list[Loop] = []
+    faults: list[InputError | str] = []
+    recordings = [
+        one
+        for entry in open_files(files, options)
+        for one in (entry.recordings if isinstance(entry, Valve) else [entry])
+    ]
+    for i, entry in enumerate(recordings):
+        try:
+            recording = recording_of(entry)
+            found = read_off(recording)
+        except InputError as error:
+            faults.append(error)
+            continue
+        if i:
+            out.print()
+        out.print(one_line(f"{recording.name}  ({recording.source})"), style="bold", soft_wrap=True)
+        out.print(key_values(_rows(recording, found)))
+        if found.usable:
+            loops.append(_settings(recording, found))
+        else:
+            go_on = "or, knowing that, glapp analyze --trust" if found.k and found.ti else "see docs/identify.md"
+            where = f"{recording.source}, loop {recording.name}: " if len(recordings) > 1 else ""
+            faults.append(f"{where}not usable: {found.reason}; {go_on}")
+    if loops:
+        out.print("\nFor a loops.toml:\n")
+        out.print(write_settings(loops), end="", soft_wrap=True)
+    for fault in faults:
+        say_error(fault)
+    if faults:
         raise typer.Exit(1)
+
+
+def _settings(recording: Recording, found: Identification) -> Loop:
+    """The loop with what was found, as a loops.toml has it."""
     assert found.k is not None and found.ti is not None
     controller: dict[str, Any] = {"k": _rounded(abs(found.k)), "gain_unit": "OP/PV", "ti": _rounded(found.ti)}
     if found.td:
@@ -43,9 +71,7 @@ def identify(
         controller["action"] = "direct"
     if found.setpoint_weight is not None:
         controller["setpoint_weight"] = round(found.setpoint_weight, 2)
-    loop = Loop(name=recording.name, file=Path(recording.source), controller=Controller(**controller))
-    out.print("\nFor a loops.toml:\n")
-    out.print(write_settings([loop]), end="", soft_wrap=True)
+    return Loop(name=recording.name, file=Path(recording.source), controller=Controller(**controller))
 
 
 def _rows(recording: Recording, found: Identification) -> list[tuple[str, str]]:

@@ -9,29 +9,45 @@ from typing import Annotated
 import typer
 
 from ..errors import InputError
-from ..reading.init import first_settings
+from ..reading.init import settings_of
+from ..recording import Recording
+from .inputs import Refused, open_files
+from .options import Options
 from .outputs import check_output, save
-from .screen import err
+from .screen import CommandError, err, say_error
 
 __all__ = ["init"]
 
 
 def init(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="Recording: CSV, Parquet or Arrow.")],
+    files: Annotated[list[Path], typer.Argument(metavar="FILES...", help="Recordings: CSV, Excel, Parquet or Arrow.")],
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="TOML", help="File to write; else standard output.")
     ] = None,
     force: Annotated[bool, typer.Option("--force", metavar="", help="Overwrite the file if it exists.")] = False,
 ) -> None:
-    """Write a first settings file for the loops of a recording, to be completed by hand."""
+    """Write a first settings file for the loops of recordings, to be completed by hand."""
+    if toml := next((file for file in files if file.suffix.lower() == ".toml"), None):
+        raise CommandError(f"init takes recordings, and {toml} holds settings")
     if output is not None:
-        check_output("--output", output, [file], None)
+        check_output("--output", output, files, None)
         if output.exists() and not force:
             raise InputError("exists already", file=str(output), hint="choose another name, or add --force")
-    text = first_settings(file, "." if output is None else output.parent)
-    if output is None:
-        typer.echo(text, nl=False)
-        return
-    save(output, text)
-    err.print(f"Wrote {output}. Fill in spans and controller, then:", soft_wrap=True)
-    err.print(f"  glapp analyze {shlex.quote(str(output))} --report report.html", soft_wrap=True)
+    recordings, faults = [], []
+    for entry in open_files(files, Options()):
+        if isinstance(entry, Refused):
+            faults.append(entry.error)
+        elif isinstance(entry, Recording):
+            recordings.append(entry)
+    if recordings:
+        text = settings_of(recordings, "." if output is None else output.parent)
+        if output is None:
+            typer.echo(text, nl=False)
+        else:
+            save(output, text)
+            err.print(f"Wrote {output}. Fill in spans and controller, then:", soft_wrap=True)
+            err.print(f"  glapp analyze {shlex.quote(str(output))} --report report.html", soft_wrap=True)
+    for error in faults:
+        say_error(error)
+    if faults:
+        raise typer.Exit(1)

@@ -17,7 +17,7 @@ from ..result import Result
 from .options import Options
 from .screen import CommandError, say_note
 
-__all__ = ["Refused", "Valve", "open_files", "open_one", "read_by"]
+__all__ = ["Refused", "Valve", "open_files", "open_one", "read_by", "recording_of"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,11 +92,22 @@ def open_one(file: Path, options: Options) -> Recording:
         names = ", ".join(entry.name for entry in opened)
         raise CommandError(f"{file} holds {len(opened)} loops; add --loop NAME with one of: {names}")
     [one] = opened
-    if isinstance(one, Refused):
-        raise one.error
     if isinstance(one, Valve):
         raise CommandError(f"{one.name} has {len(one.recordings)} recordings; give one of them: {one.source}")
-    return one
+    return recording_of(one)
+
+
+def recording_of(entry: Recording | Refused) -> Recording:
+    """The recording.
+
+    Raises
+    ------
+    InputError
+        Where it was refused.
+    """
+    if isinstance(entry, Refused):
+        raise entry.error
+    return entry
 
 
 def _as_loop(files: Sequence[Path], options: Options, name: str) -> list[Recording | Valve | Refused]:

@@ -6,15 +6,28 @@ them instead.
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, Literal, NamedTuple
 
+from rich.cells import cell_len
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from ..escape import escaped, one_line
 
-__all__ = ["CommandError", "err", "examples", "key_values", "out", "say_error", "say_note", "styled"]
+__all__ = [
+    "Column",
+    "CommandError",
+    "err",
+    "examples",
+    "key_values",
+    "out",
+    "say_error",
+    "say_note",
+    "show_table",
+    "styled",
+]
 
 
 def styled(text: str, style: str = "") -> Text:
@@ -59,6 +72,78 @@ def key_values(rows: list[tuple[str, str]]) -> Table:
     for row in rows:
         grid.add_row(*row)
     return grid
+
+
+class Column(NamedTuple):
+    """One column of a table of results."""
+
+    header: str
+    cells: Sequence[str | Text]
+    number: bool = False
+    """Numbers stand to the right and are never broken."""
+
+
+_GAP = 2
+_SHORTEST = 8
+"""Characters that are left of a name on the narrowest screen."""
+_READABLE = 12
+"""Characters of a column of words, below which they break line after line."""
+_LONGEST = 24
+"""Characters of a word that is not broken, where the screen has room for them."""
+
+
+def show_table(columns: Sequence[Column]) -> None:
+    """A table of results, with all its headers however narrow the screen is.
+
+    What does not fit beside the first column goes below, in a table of its own that begins with that column too.
+    """
+    first, *others = columns
+    table = [first]
+    for column in others:
+        least = _name_width(first) + sum(map(_least, [*table[1:], column])) + _GAP * len(table)
+        if len(table) > 1 and least > out.width:
+            _print(table)
+            out.print()
+            table = [first]
+        table.append(column)
+    _print(table)
+
+
+def _print(columns: Sequence[Column]) -> None:
+    table = Table(box=None, padding=(0, _GAP, 0, 0), header_style="bold", pad_edge=False)
+    first, *others = columns
+    widths = [_name_width(first), *map(_least, others)]
+    room = out.width - sum(widths) - _GAP * len(others)
+    widths[0] = max(_SHORTEST, widths[0] + min(room, 0))
+    for i in (*range(1, len(columns)), 0):  # names get what room is left
+        more = max(0, min(room, _most(columns[i]) - widths[i]))
+        widths[i] += more
+        room -= more
+    for column, width in zip(columns, widths, strict=True):
+        justify: Literal["left", "right"] = "right" if column.number else "left"
+        table.add_column(column.header, width=width, justify=justify, no_wrap=column.number, overflow="fold")
+    for row in zip(*(column.cells for column in columns), strict=True):
+        table.add_row(*row)
+    out.print(table)
+
+
+def _most(column: Column) -> int:
+    """Width of a column of which no cell is broken."""
+    lines = [line for cell in (column.header, *map(str, column.cells)) for line in cell.split("\n")]
+    return max(map(cell_len, lines), default=0)
+
+
+def _name_width(column: Column) -> int:
+    """Width of the first column: names are broken where they would take more than a third of the screen."""
+    return min(_most(column), max(_LONGEST, out.width // 3))
+
+
+def _least(column: Column) -> int:
+    """Width below which a column cannot be read."""
+    if column.number:
+        return _most(column)
+    words = [word for cell in (column.header, *map(str, column.cells)) for word in cell.split()]
+    return min(_most(column), max(_READABLE, min(_LONGEST, max(map(cell_len, words), default=0))))
 
 
 def examples(*lines: str) -> str:

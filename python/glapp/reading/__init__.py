@@ -12,10 +12,12 @@ from ..recording import Recording
 from .columns import Signals, choose, is_long
 from .csv import CsvSource
 from .each import all_or_none, each
+from .excel import sheets
 from .files import check_file, name_of
 from .long import long_recordings
 from .parquet import IpcSource, ParquetSource
 from .passes import Passes
+from .shape import shaped
 from .source import Source
 from .tables import TableSource, to_table
 from .wide import WideRecording
@@ -26,10 +28,11 @@ __all__ = ["open_each", "open_recordings", "recording_from"]
 def open_recordings(
     path: str | Path, loops: Sequence[Loop] | None = None, defaults: Mapping[str, Any] | None = None
 ) -> list[Recording]:
-    r"""Open a CSV, Parquet, Arrow IPC or Feather file and say which loops it holds; nothing is read but its beginning.
+    r"""Open a CSV, Excel, Parquet, Arrow IPC or Feather file and say which loops it holds, from its beginning alone.
 
     A *wide* file has a column per signal, of one loop (t, SP, PV, OP) or of several (FIC101.SP, FIC101.PV ...).
-    A *long* file has a row per tag and time: `glapp.reading.long` says how its tags are joined.
+    A *long* file has a row per tag and time: `glapp.reading.long` says how its tags are joined. What is a bit of both,
+    with a time column for each tag or with tags on alternate rows, is brought to a long one (`glapp.reading.shape`).
 
     Parameters
     ----------
@@ -72,7 +75,23 @@ def open_each(
     InputError
         Where the file cannot be used.
     """
-    return _recordings(_open(Path(path), str(path)), name_of(path), loops, defaults)
+    sources = _open(Path(path), str(path))
+    if len(sources) == 1:
+        return _recordings(sources[0], name_of(path), loops, defaults)
+    if loops is None:
+        return [
+            one
+            for source in sources
+            for one in _recordings(source, getattr(source, "sheet", name_of(path)), None, defaults)
+        ]
+    return [_of_any(sources, loop) for loop in loops]
+
+
+def _of_any(sources: Sequence[Source], loop: Loop) -> Recording | InputError:
+    """The loop from the first sheet that holds it; a sheet of its name goes first."""
+    named = sorted(sources, key=lambda source: getattr(source, "sheet", "") != loop.name)
+    found = [_recordings(source, loop.name, [loop], None)[0] for source in named]
+    return next((one for one in found if isinstance(one, Recording)), found[0])
 
 
 def recording_from(data: Any, loop: Loop | None = None) -> Recording:
@@ -109,7 +128,7 @@ def recording_from(data: Any, loop: Loop | None = None) -> Recording:
     return found[0]
 
 
-def _open(path: Path, label: str) -> Source:
+def _open(path: Path, label: str) -> list[Source]:
     check_file(path, label)
     try:
         with path.open("rb") as file:
@@ -117,18 +136,23 @@ def _open(path: Path, label: str) -> Source:
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror or error}", file=label) from None
     if magic.startswith(b"PAR1"):
-        return ParquetSource(str(path), label)
+        return [ParquetSource(str(path), label)]
     if magic.startswith((b"ARROW1", b"\xff\xff\xff\xff")):
-        return IpcSource(str(path), label)
-    return CsvSource(str(path), label)
+        return [IpcSource(str(path), label)]
+    if magic.startswith(b"PK\x03\x04"):
+        return sheets(str(path), label)
+    if magic.startswith(b"\xd0\xcf\x11\xe0"):
+        raise InputError("is an old or a locked Office file", file=label, hint="save it as .xlsx or CSV, unlocked")
+    return [CsvSource(str(path), label)]
 
 
 def _recordings(
     source: Source, stem: str, loops: Sequence[Loop] | None, defaults: Mapping[str, Any] | None
 ) -> list[Recording | InputError]:
+    source = shaped(source, loops or ())
     if is_long(source.names) or any(loop.columns.tag for loop in loops or ()):
         return long_recordings(source, stem, loops, defaults)
-    signals = Signals(source.names)
+    signals = Signals(source.names, source.time)
     found: dict[str, str] = {}
     if loops is None:
         found = signals.loops(stem)

@@ -1,11 +1,13 @@
 """Which column, or which tag, is which signal of which loop.
 
-Names are split at the usual separators and compared, whatever the case, with the words that control systems use::
+Names are split at the usual separators and compared, whatever case and accents, with the words that control systems
+use (`glapp.reading.names`)::
 
-    FIC101.PV    FIC101/PID1/PV.CV    101_PV    PV_FIC101    FIC101PV    Set Point [m3/h]
+    FIC101.PV    FIC101/PID1/PV.CV    101_PV    PV_FIC101    FIC101PV    Set Point [m3/h]    FIC101 Sollwert
 
-MV is the *manipulated* variable, hence OP. CV alone is not guessed: it is the output in some systems, the controlled
-variable in others; after another word (PV.CV) it only says "current value".
+MV is the *manipulated* variable, hence OP. Some words are another signal in another plant: CV is the output beside a
+PV, and the controlled variable beside an MV; Y is the output beside X, and PV beside U. They are taken for the first of
+their signals that no other column of the loop is. After another word (PV.CV) CV only says "current value".
 """
 
 from __future__ import annotations
@@ -13,10 +15,12 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 from ..checked import nearest
 from ..errors import InputError
 from ..loop import Loop
+from .names import CURRENT, LIMITS, SIGNALS, WEAK, WHOLE, folded
 
 __all__ = ["LABELS", "Signals", "choose", "is_long", "understand"]
 
@@ -35,55 +39,36 @@ LABELS = {
 }
 """Role to the word that people see."""
 
-_WORDS: dict[str, str] = {
-    word: role
-    for role, words in {
-        "sp": "sp sv spt setpoint setpt setp wsp sollwert",
-        "pv": "pv meas measurement processvalue processvariable processvar istwert",
-        "op": "op mv out output co controlleroutput controloutput outputvalue manipulatedvariable "
-        "stellgrösse stellgröße",
-        "mode": "mode md modeactual actualmode controlmode controllermode automan",
-        "quality": "quality qual status pvquality pvstatus qualitycode statuscode",
-        "position": "position pos posn valveposition valvepos actualposition travel",
-    }.items()
-    for word in words.split()
-}
-_WHOLE: dict[str, str] = {
-    word: role
-    for role, words in {
-        "time": "time t ts timestamp date datetime datetimeutc timeutc utctime timestamputc localtime timelocal "
-        "sampletime epoch zeit zeitstempel datum datumzeit tid tidpunkt",
-        "tag": "tag tagname point pointname pointid item itemid signal signalname variable name nodeid",
-        "value": "value val reading wert värde",
-    }.items()
-    for word in words.split()
-}
-_CURRENT = {"cv", "value", "val", "act", "actual", "eu", "current"}  # PV.CV, SP_VALUE: says nothing more
 _JOINED = re.compile(r"(.*\d)(sp|sv|pv|op|mv|out|co|mode)", re.IGNORECASE)  # FIC101PV
 _TOKEN = re.compile(r"[^./_\-:\s|\\#,!]+")
 _UNIT = re.compile(r"\s*[\[(]([^\[\]()]*)[\])]\s*$")
 _SEPARATORS = "./_-:|\\#,! \t"
-_LIMITS = {"hi", "lo", "hihi", "lolo", "hh", "ll", "high", "low", "lim", "limit", "max", "min", "alarm", "alm", "scale"}
+_MOST_WORDS = 4  # "position de la vanne"
+_INSIDE = 6  # letters of a word that is a signal's in the middle of a name too
 
 
 @dataclass(frozen=True, slots=True)
 class Meaning:
-    """What a column's name says: role, loop ("" where the name has no more to it) and unit."""
+    """What a column's name says: role, loop ("" where the name has no more to it), unit, and a word of `WEAK`."""
 
     role: str | None
     loop: str = ""
     unit: str | None = None
+    weak: str | None = None
 
 
+@lru_cache(maxsize=1 << 16)
 def understand(name: str) -> Meaning:
     """Read a column's name.
 
     Examples
     --------
     >>> understand("FIC101/PID1/PV.CV")
-    Meaning(role='pv', loop='FIC101/PID1', unit=None)
-    >>> understand("Set Point [m3/h]")
-    Meaning(role='sp', loop='', unit='m3/h')
+    Meaning(role='pv', loop='FIC101/PID1', unit=None, weak=None)
+    >>> understand("FIC101 Börvärde [m3/h]")
+    Meaning(role='sp', loop='FIC101', unit='m3/h', weak=None)
+    >>> understand("FIC101.CV")
+    Meaning(role=None, loop='FIC101', unit=None, weak='cv')
     >>> understand("PV_HI_LIM").role is None
     True
     """
@@ -91,35 +76,55 @@ def understand(name: str) -> Meaning:
     if found := _UNIT.search(text):
         text, unit = text[: found.start()], found.group(1).strip() or None
     tokens = list(_TOKEN.finditer(text))
-    words = [t.group().lower() for t in tokens]
+    words = [folded(t.group()) for t in tokens]
     if not words:
         return Meaning(None)
     whole = "".join(words)
-    if whole in _WHOLE:
-        return Meaning(_WHOLE[whole], "", unit)
-    if whole in _WORDS:
-        return Meaning(_WORDS[whole], "", unit)
-    while len(words) > 1 and words[-1] in _CURRENT:
+    weak = whole if whole in WEAK else None
+    if (role := WHOLE.get(whole) or SIGNALS.get(whole)) or weak:
+        return Meaning(role, "", unit, weak)
+    head, comma, _ = text.partition(",")
+    if comma and (of := understand(head)).role is not None:  # FIC101:PV,Log-1s
+        return Meaning(of.role, of.loop, unit)
+    last = words[-1]
+    while len(words) > 1 and words[-1] in CURRENT and not _two_words(words):
         tokens.pop(), words.pop()
-    if _LIMITS.intersection(words):
+    if LIMITS.intersection(words):
         return Meaning(None)
-    for count in (2, 1):  # "set point" before "point"
-        if len(words) < count:
-            continue
-        if role := _WORDS.get("".join(words[-count:])):
+    for count in range(min(_MOST_WORDS, len(words)), 0, -1):  # "set point" before "point"
+        if role := SIGNALS.get("".join(words[-count:])):
             rest = text[: tokens[-count].start()].rstrip(_SEPARATORS)
-        elif role := _WORDS.get("".join(words[:count])):
+        elif role := SIGNALS.get("".join(words[:count])):
             rest = text[tokens[count - 1].end() :].strip(_SEPARATORS)
         else:
             continue
-        if role == "quality" and rest:  # FIC101.PV.STATUS is the quality of PV, FIC101.SP.STATUS is of no use
-            of = understand(rest)
-            if of.role is not None:
-                return Meaning("quality", of.loop) if of.role == "pv" else Meaning(None)
-        return Meaning(role, rest, unit)
+        of = understand(rest) if rest else Meaning(None)
+        if role == "quality" and of.role is not None:  # FIC101.PV.STATUS is PV's, FIC101.SP.STATUS of no use
+            return Meaning("quality", of.loop) if of.role == "pv" else Meaning(None)
+        return Meaning(role, of.loop if of.role == role else rest, unit)  # FIC101.SP Sollwert
     if joined := _JOINED.fullmatch(text[: tokens[-1].end()]):
-        return Meaning(_WORDS[joined.group(2).lower()], joined.group(1), unit)
+        return Meaning(SIGNALS[joined.group(2).lower()], joined.group(1), unit)
+    if last in WEAK:
+        rest = text[: text.rindex(list(_TOKEN.finditer(text))[-1].group())].rstrip(_SEPARATORS)
+        return Meaning(None, rest, unit, last)
+    inside = [i for i, word in enumerate(words) if _inside(word)]
+    if len(inside) == 1:  # FIC101 PV reflux
+        [i] = inside
+        before, after = text[: tokens[i].start()].rstrip(_SEPARATORS), text[tokens[i].end() :].strip(_SEPARATORS)
+        return Meaning(SIGNALS[words[i]], f"{before} {after}", unit)
     return Meaning(None)
+
+
+def _two_words(words: Sequence[str]) -> bool:
+    """Whether the last words are a signal together: a Process Value is more than a Process."""
+    if words[-2] in SIGNALS:
+        return False
+    return any("".join(words[-count:]) in SIGNALS for count in range(2, _MOST_WORDS + 1))
+
+
+def _inside(word: str) -> bool:
+    """Whether a word is a signal's wherever in a name it stands."""
+    return SIGNALS.get(word) in ("sp", "pv", "op") and (len(word) >= _INSIDE or word in ("sp", "sv", "pv", "op", "mv"))
 
 
 def is_long(names: Sequence[str]) -> bool:
@@ -141,6 +146,8 @@ class Signals:
     ----------
     names : iterable of str
         In the order in which they appear; they may repeat.
+    time : str, optional
+        Name of the column that holds times, where its name does not say so.
 
     Attributes
     ----------
@@ -156,22 +163,30 @@ class Signals:
     ['FIC101', 'FIC102']
     """
 
-    def __init__(self, names: Iterable[str]) -> None:
+    def __init__(self, names: Iterable[str], time: str | None = None) -> None:
         self.names = list(names)
         self._meant: dict[tuple[str, str], list[str]] = {}
-        self._times: list[str] = []
+        self._times: list[str] = [] if time is None else [time]
         self._folded: dict[str, list[str]] = {}
         roles: dict[str, set[str]] = {}
+        weak: dict[str, dict[str, list[str]]] = {}
         for name in self.names:
             self._folded.setdefault(name.strip().lower(), []).append(name)
             meaning = understand(name)
+            if meaning.weak is not None:
+                weak.setdefault(meaning.loop, {}).setdefault(meaning.weak, []).append(name)
             if meaning.role is None:
                 continue
             self._meant.setdefault((meaning.role, meaning.loop), []).append(name)
-            if meaning.role == "time":
+            if meaning.role == "time" and time is None:
                 self._times.append(name)
             elif meaning.role in ("sp", "pv", "op"):
                 roles.setdefault(meaning.loop, set()).add(meaning.role)
+        for loop, words in weak.items():
+            have = roles.setdefault(loop, set())
+            have |= {"position"} & {role for role, of in self._meant if of == loop}
+            for role, same in _settled(words, have):
+                self._meant.setdefault((role, loop), []).extend(same)
         # A transmitter has an output as well: where there are setpoints, what has none is no loop.
         kinds = ({"sp", "pv"}, {"pv", "op"})
         having = ([loop for loop, have in roles.items() if kind <= have] for kind in kinds)
@@ -215,7 +230,30 @@ class Signals:
         return self._meant.get((role, ""), [])  # a MODE or OP beside FIC101.PV belongs to the only loop there is
 
 
-def choose(signals: Signals, loop: Loop, group: str | None, label: str, *, tags: bool = False) -> dict[str, str]:
+def _settled(words: Mapping[str, list[str]], have: set[str]) -> list[tuple[str, list[str]]]:
+    """Roles of one loop's columns whose words depend on the others; `have` are those that are sure, and gets these.
+
+    A word that only one role is left for goes first; a lone X or CV is no loop.
+    """
+    settled: list[tuple[str, list[str]]] = []
+    open_ = dict(words)
+    if not have and len(open_) < 3:
+        return settled
+    while open_:
+        left = {word: [role for role in WEAK[word] if role not in have] for word in open_}
+        sure = [word for word, roles in left.items() if len(roles) == 1]
+        first = next((word for word, roles in left.items() if roles), None)
+        if first is None:
+            break
+        for word in sure or [first]:
+            settled.append((left[word][0], open_.pop(word)))
+            have.add(left[word][0])
+    return settled
+
+
+def choose(
+    signals: Signals, loop: Loop, group: str | None, label: str, *, tags: bool = False, kind: str = "column"
+) -> dict[str, str]:
     """Column (or tag) for every role of one loop that has one: named by the user, or guessed within `group`.
 
     Parameters
@@ -230,13 +268,14 @@ def choose(signals: Signals, loop: Loop, group: str | None, label: str, *, tags:
         File as the user wrote it, for messages.
     tags : bool
         Whether `signals` are the tags of a long table.
+    kind : str
+        What a person calls them.
 
     Raises
     ------
     InputError
         For a named column that is not there, two columns that fit one role, and where PV is missing, or SP and OP are.
     """
-    kind = "tag" if tags else "column"
     wanted: Mapping[str, str | None] = loop.columns.model_dump()
     chosen: dict[str, str] = {}
     for role in LABELS:
@@ -248,14 +287,17 @@ def choose(signals: Signals, loop: Loop, group: str | None, label: str, *, tags:
                 chosen[role] = _named(signals, named, role, loop, label, kind)
         elif guessed := _guess(signals, role, group, label, kind):
             chosen[role] = guessed
-    missing = [LABELS[role] for role in ("sp", "pv") if role not in chosen]
+    missing = [role for role in ("sp", "pv") if role not in chosen]
     if "pv" not in chosen or not chosen.keys() & {"sp", "op"}:
+        taken = ", ".join(f"{LABELS[role]} is {name}" for role, name in chosen.items())
+        unused = [name for name in signals.names if name not in chosen.values()]
+        key = missing[-1]
+        left = f" among those left: {_listed(unused)}" if unused else ": all are taken"
         raise InputError(
-            f"no {kind} for {' and '.join(missing)} among: {_listed(signals.names)}",
+            f"no {kind} for {' and '.join(LABELS[role] for role in missing)}{left}" + (f" ({taken})" if taken else ""),
             file=label,
             loop=loop.name if group is None else None,
-            column=None,
-            hint=f'name it in loops.toml: columns = {{ {missing[0].lower()} = "..." }}',
+            hint=f'name it: --{key} NAME, or in loops.toml columns = {{ {key} = "NAME" }}',
         )
     return chosen
 

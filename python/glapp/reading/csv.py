@@ -1,8 +1,9 @@
 """Text tables: what they look like, and streaming them.
 
 The first 64 KiB, or 20 lines where they are longer, (and the last, where they can be had) tell encoding, separator,
-decimal comma, header and a row of units. Arrow parses the blocks, numbers and ISO times natively; a column that it
-cannot convert so is read as text, which knows all spellings and finds the faulty cell.
+decimal comma, thousands, header and a row of units; the last block tells what stands below the rows. Arrow parses the
+blocks, numbers and ISO times natively; a column that it cannot convert so is read as text, which knows all spellings
+and finds the faulty cell.
 """
 
 from __future__ import annotations
@@ -26,9 +27,9 @@ import pyarrow.csv as pc
 
 from ..errors import InputError
 from .columns import understand
+from .heads import begins_with_data, body_end, head_of, is_data
 from .source import Source
-from .times import looks_like_stamp
-from .values import null_spellings
+from .values import digits_of, null_spellings
 
 __all__ = ["CsvSource"]
 
@@ -37,8 +38,6 @@ _LINES = 20
 _LARGEST_SAMPLE = 1 << 24
 _BLOCK = 1 << 22
 _THREADS = min(os.cpu_count() or 1, 4)
-_NUMBER = re.compile(r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?")
-_DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 _IN_COLUMN = re.compile(r"In CSV column #(\d+)")
 _FAULTS = 4  # columns of a block found not to be numbers one by one, before all of them are read as text
 _COMPRESSED = {".gz": "gzip", ".bz2": "bz2", ".zst": "zstd", ".lz4": "lz4"}
@@ -81,26 +80,24 @@ class CsvSource(Source):
         except csv.Error as error:
             raise InputError(f"is not a table of text: {error}", file=label) from None
         width = Counter(len(cells) for _, cells in rows).most_common(1)[0][0]
+        self._width, self._timed = width, begins_with_data(rows, width)
+        if whole:
+            rows = rows[: max(body_end(rows, width, self._timed), 1)]
         start = next(i for i, (_, cells) in enumerate(rows) if len(cells) == width)
-        line, header = rows[start]
         if any(len(cells) > width for _, cells in rows[:start]):
             start = 0  # not a title above the table, but a header with more names than cells: reported as a ragged row
-            line, header = rows[0]
-            width = len(header)
-        self.names = [" ".join(cell.split()) for cell in header]  # a quoted name may be broken into lines
-        if any(_is_data(cell) for cell in header) and not any(understand(n).role for n in self.names):
+            self._width = width = len(rows[0][1])
+        head = head_of(rows, start, width)
+        self.names, self.units = head.names, head.units
+        if any(is_data(name) for name in self.names) and not any(understand(n).role for n in self.names):
             raise InputError(
                 "has no header: the first row holds data",
                 file=label,
-                row=line,
+                row=head.line,
                 hint="write the columns' names in the first row, for instance t,SP,PV,OP,MODE",
             )
-        self.units = [understand(name).unit for name in self.names]
-        body = rows[start + 1 :]
-        self._skip = line
-        while body and _is_unit_row(body[0][1], width):
-            self._skip, cells = body.pop(0)
-            self.units = [cell.strip(" []()") or None for cell in cells]
+        self._skip = rows[head.rows - 1][0]
+        body = rows[head.rows :]
         if not body:
             raise InputError("has a header but no rows", file=label)
         body_cells = [cells for _, cells in body if len(cells) == width]
@@ -108,19 +105,7 @@ class CsvSource(Source):
             raise self._ragged(None)
         self._head = body_cells
         self._tail = [cells for cells in tail if len(cells) == width]
-        cells = [cell.strip() for row in body_cells + tail for cell in row]
-        commas = any(_DECIMAL_COMMA.fullmatch(cell) for cell in cells)
-        points = any("." in cell and _NUMBER.fullmatch(cell) for cell in cells)
-        if commas and points:
-            cell = next(cell for cell in cells if _DECIMAL_COMMA.fullmatch(cell))
-            raise InputError(
-                f"'{cell}' and others have a decimal comma, others a decimal point",
-                file=label,
-                value=cell,
-                hint="write all numbers alike, without separators between thousands",
-            )
-        self._decimal = "," if commas else "."
-        self.comma = not points  # whether text may still turn out to have a decimal comma
+        self.digits = digits_of([cell.strip() for row in body_cells + tail for cell in row], label)
 
     def head(self, columns: Sequence[int]) -> list[pa.Array]:
         """First rows of the columns, as text."""
@@ -149,7 +134,7 @@ class CsvSource(Source):
                     include_columns=[str(i) for i in types],
                     null_values=nulls,
                     strings_can_be_null=False,
-                    decimal_point=self._decimal,
+                    decimal_point=self.digits.decimal or ".",
                 ),
             )
 
@@ -187,7 +172,37 @@ class CsvSource(Source):
                     future.cancel()
 
     def _blocks(self) -> Iterator[tuple[bytes, float]]:
-        """The file's text in pieces that end with a line, with the fraction read."""
+        """The file's rows in pieces that end with a line, with the fraction read; without what stands below them."""
+        held: deque[tuple[bytes, float]] = deque()
+        size, whole = 0, True  # what is held, and whether that is all of the file
+        for piece in self._pieces():
+            held.append(piece)
+            size += len(piece[0])
+            while size - len(held[0][0]) > _SAMPLE:
+                size, whole = size - len(held[0][0]), False
+                yield held.popleft()
+        rest = size - self._footer(b"".join(block for block, _ in held), whole)
+        for block, fraction in held:
+            if rest > 0:
+                yield block[:rest], fraction
+            rest -= len(block)
+
+    def _footer(self, end: bytes, whole: bool) -> int:
+        """Bytes of the remarks and totals at the end of the file."""
+        lines = end[-_SAMPLE:].splitlines(keepends=True)
+        if not whole or len(end) > _SAMPLE:
+            lines = lines[1:]  # it is cut
+        try:
+            records = list(csv.reader((line.decode("utf-8", "replace") for line in lines), delimiter=self._delimiter))
+        except csv.Error:  # told where it is read
+            return 0
+        rows = [(i, cells) for i, cells in enumerate(records) if cells]
+        last = body_end(rows, self._width, self._timed)
+        if last == len(rows) or len(records) != len(lines):  # no footer, or records broken into lines
+            return 0
+        return sum(map(len, lines[rows[last][0] :]))
+
+    def _pieces(self) -> Iterator[tuple[bytes, float]]:
         with pa.OSFile(self._path) as file:
             stream, rest = self._text(file), b""
             while data := stream.read(_BLOCK):
@@ -341,15 +356,6 @@ def _separate(lines: list[str], label: str) -> tuple[str, list[tuple[int, list[s
             raise fault
         raise InputError("has only one column", file=label, hint="separate the columns by comma, semicolon, tab or '|'")
     return best[1], best[2]
-
-
-def _is_data(cell: str) -> bool:
-    return bool(_NUMBER.fullmatch(cell.strip())) or looks_like_stamp(cell)
-
-
-def _is_unit_row(cells: list[str], width: int) -> bool:
-    """A row of units holds words and no number or time at all."""
-    return len(cells) == width and any(c.strip() for c in cells) and not any(_is_data(c) for c in cells)
 
 
 def _column(rows: list[list[str]], column: int) -> pa.Array:

@@ -10,7 +10,7 @@ from ..errors import InputError
 __all__ = ["check_file", "name_of"]
 
 _TEXT = frozenset((".csv", ".tsv", ".tab", ".txt", ".asc", ".prn", ".dat", ".data", ".log"))
-_TABLES = frozenset((".parquet", ".pq", ".arrow", ".arrows", ".ipc", ".feather"))
+_TABLES = frozenset((".xlsx", ".xlsm", ".parquet", ".pq", ".arrow", ".arrows", ".ipc", ".feather"))
 _COMPRESSED = frozenset((".gz", ".bz2", ".zst", ".lz4"))
 
 

@@ -13,7 +13,7 @@ from ..recording import Recording
 from . import open_recordings
 from .settings import _key, _value
 
-__all__ = ["first_settings"]
+__all__ = ["first_settings", "settings_of"]
 
 _HEAD = """\
 # What glapp knows about the loops in {file}. Remove the '#' in front of what you know and correct the value;
@@ -63,9 +63,18 @@ def first_settings(path: str | Path, directory: str | Path = ".") -> str:
     InputError
         Where the file or its columns cannot be used.
     """
-    recordings = open_recordings(path)
-    file = Path(path) if Path(path).is_absolute() else Path(os.path.relpath(path, directory))
-    return _HEAD.format(file=one_line(file.name)) + "".join(_loop(file, recording) for recording in recordings)
+    return settings_of(open_recordings(path), directory)
+
+
+def settings_of(recordings: Sequence[Recording], directory: str | Path = ".") -> str:
+    """As `first_settings`, of recordings that are open, from one file or several."""
+    files = list(dict.fromkeys(Path(recording.source) for recording in recordings))
+    head = _HEAD.format(file=", ".join(one_line(file.name) for file in files))
+    return head + "".join(_loop(_relative(Path(recording.source), directory), recording) for recording in recordings)
+
+
+def _relative(file: Path, directory: str | Path) -> Path:
+    return file if file.is_absolute() else Path(os.path.relpath(file, directory))
 
 
 def _loop(file: Path, recording: Recording) -> str:

@@ -1,8 +1,12 @@
 """A table with a row per tag and time: how its tags become the columns of a recording.
 
-The rows of a recording are the samples of PV, in the file's order: no PV value is invented, and times that repeat or
-run backwards stay visible. Every other tag is *sample and hold*: at the time of a PV sample it has the value of its own
-last sample at or before that time, and none before its first. How old a held value may be is not judged here.
+The rows of a recording are the samples of PV, in the file's order: times that repeat or run backwards stay visible.
+Every other tag is *sample and hold*: at the time of a row it has the value of its own last sample at or before that
+time, and none before its first. How old a held value may be is not judged here.
+
+Where OP has more than twice as many samples as PV, rows of PV alone would hide its moves: then the times of OP's
+samples between the first and the last of PV are rows too, and there PV lies on the straight line between its samples,
+which is what a historian shows. A finding, `own_times`, says which was done.
 
 A sample of PV or SP whose quality is not good makes the row `BAD`; a bad sample of another tag counts as missing.
 
@@ -27,6 +31,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..loop import Loop
+from ..quality import Finding, own_times
 from ..recording import BAD, Batch, Recording, finished
 from .columns import LABELS, Signals, choose, understand
 from .each import each
@@ -38,6 +43,10 @@ from .wide import Reader, with_units
 __all__ = ["LongRecording", "long_recordings"]
 
 _WORDS = ("mode", "op_low_flag", "op_high_flag")
+_COMMON = 0.5
+"""A signal that has a sample at less than this share of PV's has times of its own."""
+_MORE = 2
+"""So many times as many samples of OP as of PV, and OP's times are rows as well."""
 
 
 @dataclass
@@ -56,7 +65,9 @@ class _Store:
         self.source = source
         self.fraction: float | None = None
         # Columns and the way of writing times belong to the file: the first loop that says something wins.
-        self.at = {role: self._column(role, loops) for role in ("time", "tag", "value", "quality")}
+        roles = ("time", "tag", "value", "quality")
+        alone = source.tags is not None
+        self.at = {role: i if alone else self._column(role, loops) for i, role in enumerate(roles)}
         if self.at["time"] is None:
             raise InputError(f"no time column among: {', '.join(source.names[:20])}", file=source.label)
         time = self.at["time"]
@@ -76,7 +87,7 @@ class _Store:
             first = [] if at is None else words(source.head([at])[0]).to_pylist()
         except CellFault as fault:
             raise self.fault(fault, "quality", 0) from None
-        self._quality = Quality(map(text_of, first), words_for_bad(()))
+        self._quality = Quality(map(text_of, first), words_for_bad(()), "" if at is None else source.names[at])
         self._tags: dict[str, _Tag] | InputError | None = None
         self._faults: dict[str, InputError] = {}
         self._reading = Lock()
@@ -102,6 +113,8 @@ class _Store:
 
     def names(self) -> list[str]:
         """All tags there are, in the order in which they first appear: one pass over the tag column."""
+        if self.source.tags is not None:
+            return self.source.tags
         seen: dict[str, None] = {}
         at = self.at["tag"]
         assert at is not None
@@ -190,11 +203,14 @@ class _Store:
     def fault(self, fault: CellFault, role: str, done: int, tag: str | None = None) -> InputError:
         """Where a cell is."""
         at = self.at[role]
+        column = None if at is None else self.source.names[at]
+        if tag is not None and self.source.tags is not None:
+            column, tag = tag, None
         return InputError(
             fault.what,
             file=self.source.label,
             row=self.source.row_number(done + fault.index),
-            column=None if at is None else self.source.names[at],
+            column=column,
             tag=tag,
             value=fault.value,
             hint=fault.hint,
@@ -209,12 +225,22 @@ class LongRecording(Recording):
         self._store, self._chosen = store, chosen
         self.columns = {LABELS[role]: tag for role, tag in chosen.items()}
         time = store.at["time"]
-        self.columns["time"] = store.source.names[time] if time is not None else ""
-        self.units = {LABELS[role]: unit for role, tag in chosen.items() if (unit := understand(tag).unit)}
+        assert time is not None
+        if store.source.tags is None or store.source.time is not None:
+            self.columns["time"] = store.source.names[time]
+        known = store.source.tag_units
+        self.units = {
+            LABELS[role]: unit for role, tag in chosen.items() if (unit := known.get(tag) or understand(tag).unit)
+        }
         self.loop = with_units(loop, self.units)
         self.t0: datetime | None = store.clock.t0
         self.zone = store.clock.zone
-        self.found = store.clock.found
+        self._told: list[Finding] = []
+
+    @property
+    def found(self) -> Sequence[Finding]:  # type: ignore[override]
+        """What was noticed when it was opened and read."""
+        return [*self._store.clock.found, *self._told]
 
     def fraction_read(self) -> float | None:
         """Share of the file that is read; the file is read once for all its loops."""
@@ -231,6 +257,7 @@ class LongRecording(Recording):
         if not np.isfinite(np.where(pv.bad, np.nan, pv.value)).any():
             raise InputError(f"holds no number in {len(pv.t)} rows", file=self.source, tag=self._chosen["pv"])
         sorted_tags = {role: _in_order(tag) for role, tag in tags.items() if role != "pv"}
+        pv, self._told = _rows(pv, sorted_tags)
         for start in range(0, len(pv.t), rows):
             part = slice(start, start + rows)
             t = pv.t[part]
@@ -246,6 +273,30 @@ class LongRecording(Recording):
                 else:
                     values[role] = np.where(none, np.nan, tag.value[at])
             yield finished(t, values, flags)
+
+
+def _rows(pv: _Tag, others: Mapping[str, _Tag]) -> tuple[_Tag, list[Finding]]:
+    """The rows, as samples of PV, and what was done where the signals have times of their own."""
+    signals = [role for role in ("sp", "op") if role in others]
+    own = any(np.isin(pv.t, others[role].t).mean() < _COMMON for role in signals)
+    op, count = others.get("op"), len(pv.t)
+    if op is not None and (pv.t[1:] > pv.t[:-1]).all():
+        between = op.t[(op.t > pv.t[0]) & (op.t < pv.t[-1])]
+        if len(between) > _MORE * count:
+            pv, own = _joined(pv, between), True
+    held = ", ".join(LABELS[role] for role in signals)
+    return pv, [own_times(held, count, len(pv.t))] if own else []
+
+
+def _joined(pv: _Tag, times: NDArray[np.float64]) -> _Tag:
+    """PV at its own times and at these, on the straight line between two samples; missing beside a missing one."""
+    t = np.union1d(pv.t, times)
+    value = np.where(pv.bad, np.nan, pv.value)
+    after = np.searchsorted(pv.t, t, side="left")
+    before = np.where(pv.t[after] == t, after, after - 1)
+    share = (t - pv.t[before]) / np.where(after > before, pv.t[after] - pv.t[before], 1.0)
+    line = np.where(after > before, value[before] + share * (value[after] - value[before]), value[after])
+    return _Tag(t, line, np.isnan(line))
 
 
 def _in_order(tag: _Tag) -> _Tag:
@@ -274,8 +325,9 @@ def long_recordings(
 
     def make(loop: Loop) -> Recording:
         group = found[loop.name] if found else signals.group_of(loop)
-        chosen = choose(signals, loop, group, source.label, tags=True)
-        reader = Reader(loop, None, source.comma, Quality((), words_for_bad(loop.bad_values)))
+        kind = "tag" if source.tags is None else "column"
+        chosen = choose(signals, loop, group, source.label, tags=True, kind=kind)
+        reader = Reader(loop, None, source.digits, Quality((), words_for_bad(loop.bad_values)))
         for role, tag in chosen.items():
             store.readers[tag] = (role, reader)
         return LongRecording(store, loop, chosen)

@@ -79,8 +79,9 @@ class ParquetSource(Source):
         self.label = label
         self._path = path
         with _refused("is not a readable Parquet file", label), self._open() as file:
-            self.names = _names(file.schema_arrow)
+            self._stored = _names(file.schema_arrow)
             self.rows = file.metadata.num_rows
+        self.names = list(self._stored)
         self.units = [None] * len(self.names)
         self._head = _Head(self._first)
 
@@ -90,7 +91,7 @@ class ParquetSource(Source):
 
     def _first(self, i: int) -> pa.Array:
         with _refused("is damaged", self.label), self._open() as file:
-            name = self.names[i]
+            name = self._stored[i]
             batch = next(file.iter_batches(_HEAD, columns=[name]), None)
             return pa.nulls(0, file.schema_arrow.field(i).type) if batch is None else _checked(batch).column(name)
 
@@ -102,7 +103,7 @@ class ParquetSource(Source):
         self, types: Mapping[int, pa.DataType], bad_words: frozenset[str]
     ) -> Iterator[tuple[list[pa.Array], float]]:
         """Pass over the needed columns."""
-        names = [self.names[i] for i in types]
+        names = [self._stored[i] for i in types]
         done = 0
         with _refused("is damaged", self.label), self._open() as file:
             batches = file.iter_batches(65536, columns=list(dict.fromkeys(names)), use_threads=True)

@@ -7,11 +7,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from queue import Empty, Full, Queue
 from threading import Event, Thread
+from types import MappingProxyType
 from typing import TypeVar
 
 import pyarrow as pa
 
 from .columns import understand
+from .values import Digits
 
 __all__ = ["Source", "ahead"]
 
@@ -29,6 +31,14 @@ class Source(ABC):
         Column names in order (they may repeat), and units found below them.
     rows : int or None
         Number of rows where known.
+    digits : Digits
+        How text in it writes numbers.
+    time : str or None
+        Name of the column of times, where its name does not say so.
+    tags : list of str or None
+        All tags there are, where the source is no table of a row per tag and time but is read as one.
+    tag_units : dict
+        Their units where known.
     one_fault : bool
         Whether a fault of the file stops all its loops, whichever columns are read.
     """
@@ -37,7 +47,10 @@ class Source(ABC):
     names: list[str]
     units: list[str | None]
     rows: int | None
-    comma: bool = False
+    digits: Digits = Digits()
+    time: str | None = None
+    tags: list[str] | None = None
+    tag_units: Mapping[str, str] = MappingProxyType({})
     one_fault: bool = False
 
     @cached_property

@@ -21,12 +21,18 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from ..quality import Finding, assumed_time
+from .names import MONTHS
 from .values import CellFault, is_text, plain
 
-__all__ = ["Clock", "looks_like_stamp", "moment"]
+__all__ = ["Clock", "is_date", "is_time_of_day", "looks_like_moment", "looks_like_stamp", "moment"]
 
 _ISO = re.compile(r"\d{4}-\d\d-\d\d(?:[ T]\d\d:\d\d(?::\d\d(?:\.\d{1,9})?)?)?")
 _ISO_ZONED = re.compile(r"\d{4}-\d\d-\d\d[ T]\d\d:\d\d(?::\d\d(?:\.\d{1,9})?)?(?:Z|[+-]\d\d(?::?\d\d)?)")
+_OF_DAY = re.compile(
+    r"(?:[01]?\d|2[0-3])(?::[0-5]\d(?::[0-5]\d(?:[.,:]\d{1,9})?)?|\.[0-5]\d\.[0-5]\d(?:[.,]\d{1,9})?)"
+    r"(?: ?[AP]\.?M\.?)?",
+    re.IGNORECASE,
+)
 _NUMERIC = re.compile(r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?")
 
 # In a layout every digit is written 0.
@@ -36,18 +42,11 @@ _LAYOUT = re.compile(
     r"|(?P<d3>00?)[- /](?P<n3>[A-Za-z]{3,9})[- /](?P<y3>0000|00)"  # 31-Jan-24
     r"|(?P<n4>[A-Za-z]{3,9}) (?P<d4>00?),? (?P<y4>0000)"  # Jan 31, 2024
     r"|(?P<y5>0000)(?P<m5>00)(?P<d5>00)(?=T))"  # 20240131T...
-    r"(?:(?:T|,? +)(?P<H>00?)(?::(?P<M>00)(?::(?P<S>00)(?:[.,](?P<F>0{1,9}))?)?|(?P<M2>00)(?P<S2>00))"
+    r"(?:(?:T|,? +)(?P<H>00?)(?:(?P<c>[:.])(?P<M>00)(?:(?P=c)(?P<S>00)(?:[.,:](?P<F>0{1,9}))?)?|(?P<M2>00)(?P<S2>00))"
     r"(?: ?(?P<half>[AP])\.?M\.?)?"
     r"(?: ?(?P<zone>Z|UTC|GMT|(?:UTC|GMT)?(?P<sign>[+-])(?P<zh>00):?(?P<zm>00)?))?)?",
     re.IGNORECASE,
 )
-_MONTHS = {
-    name: month
-    for month, names in enumerate(
-        ("jan", "feb", "mar", "apr", "may mai maj", "jun", "jul", "aug", "sep", "oct okt", "nov", "dec dez"), start=1
-    )
-    for name in names.split()
-}
 _ELAPSED = {"milliseconds": 1e-3, "seconds": 1.0, "minutes": 60.0, "hours": 3600.0, "days": 86400.0}
 _UNITS = {
     unit: form
@@ -95,6 +94,34 @@ def looks_like_stamp(text: str) -> bool:
     return _plan(re.sub(r"[0-9]", "0", text.strip())) is not None
 
 
+def is_date(text: str) -> bool:
+    """Whether a cell holds a day and no time of it.
+
+    Examples
+    --------
+    >>> is_date("31.01.2024"), is_date("31.01.2024 10:00")
+    (True, False)
+    """
+    plan = _plan(re.sub(r"[0-9]", "0", text.strip()))
+    return plan is not None and "H" not in plan.parts
+
+
+def is_time_of_day(text: str) -> bool:
+    """Whether a cell holds the time of a day and no date.
+
+    Examples
+    --------
+    >>> is_time_of_day("10:00:05"), is_time_of_day("10.00.05"), is_time_of_day("10.5")
+    (True, True, False)
+    """
+    return bool(_OF_DAY.fullmatch(text.strip()))
+
+
+def looks_like_moment(text: str) -> bool:
+    """Whether a cell holds a date, a time of day, or both."""
+    return looks_like_stamp(text) or is_time_of_day(text)
+
+
 def moment(text: str, time_format: str | None) -> datetime | None:
     """A moment as a person writes it, in any form that a time column may have; aware where it names a zone.
 
@@ -117,7 +144,7 @@ def _plan(layout: str) -> Plan | None:
     if found is None:
         return None
     name = found["n3"] or found["n4"]
-    month = _MONTHS.get(name[:3].lower()) if name else None
+    month = MONTHS.get(name[:3].lower()) if name else None
     if name and month is None:
         return None
     parts = {k.rstrip("12345"): found.span(k) for k in found.groupdict() if found[k] and k[0] in "ymdabHMSFz"}

@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
+from ..errors import InputError
 from ..recording import BAD, NOT_AUTO
+from . import names
 
 __all__ = [
     "CellFault",
+    "Digits",
     "Quality",
+    "digits_of",
     "limit_flag",
     "mode_flag",
     "null_spellings",
@@ -24,18 +29,24 @@ __all__ = [
     "words_for_bad",
 ]
 
-_BAD_WORDS = """
-bad|bad input|bad value|bad data|bad quality|bad_quality|i/o timeout|io timeout|timeout|no data|nodata|no value
-no sample|no result|#n/a|n/a|na|#value!|#ref!|#div/0!|#num!|nan|-nan|1.#qnan|-1.#ind|null|<null>|none|nil
-comm fail|comm failure
-not connected|disconnected|pt created|point created|shutdown|intf shut|scan off|scan timeout|out of serv|out of service
-under range|over range|underrange|overrange|invalid|failed|fail|error|err|calc failed|unreliable|configure|offline
-arc off-line|-|--|---|?|??|???|*
-"""
-_BAD_SET = frozenset({"", *(w for line in _BAD_WORDS.split("\n") for w in line.split("|"))})
-
 _NUMBER = r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$|^[+-]?(inf|infinity)$"
 _WHOLE = re.compile(r"\d+\.0*")
+_PLAIN = re.compile(r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?")
+_DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
+# Separators between thousands: a space of any kind and an apostrophe part nothing else.
+_SPACES = " \u00a0\u2009\u202f'\u2019"
+_SPACED = rf"^[+-]?[0-9]{{1,3}}([{_SPACES}][0-9]{{3}})+([.,][0-9]*)?$"
+
+
+def _thousands(group: str, decimal: str) -> str:
+    """Cells that only a separator of thousands explains: 9.700,00 and 1.234.567."""
+    g, d = re.escape(group), re.escape(decimal)
+    return rf"^[+-]?[0-9]{{1,3}}(({g}[0-9]{{3}})+{d}[0-9]*|({g}[0-9]{{3}}){{2,}})$"
+
+
+def _grouped(group: str) -> str:
+    """Cells that may have one: 9.700."""
+    return rf"^[+-]?[0-9]{{1,3}}({re.escape(group)}[0-9]{{3}})+$"
 
 
 class CellFault(Exception):  # noqa: N818 (it never leaves the package: InputError does)
@@ -46,9 +57,61 @@ class CellFault(Exception):  # noqa: N818 (it never leaves the package: InputErr
         self.index, self.what, self.hint, self.value = index, what, hint, value
 
 
+@dataclass(frozen=True, slots=True)
+class Digits:
+    """How a text writes its numbers.
+
+    Attributes
+    ----------
+    decimal : {".", ",", ""}
+        What parts whole from decimal digits; "" where no cell that was seen tells.
+    group : {"", ".", ","}
+        What parts the thousands, where some cell shows it; a space or an apostrophe is always understood.
+    """
+
+    decimal: str = "."
+    group: str = ""
+
+
+def digits_of(cells: Sequence[str], label: str) -> Digits:
+    """How the cells of a table write numbers.
+
+    Raises
+    ------
+    InputError
+        Where some have a decimal comma and others a decimal point.
+
+    Examples
+    --------
+    >>> digits_of(["9.700,00", "812,50"], "a.csv")
+    Digits(decimal=',', group='.')
+    """
+    shown: dict[Digits, str] = {}  # cells that only a separator of thousands explains
+    for digits in (Digits(",", "."), Digits(".", ",")):
+        sure = re.compile(_thousands(digits.group, digits.decimal))
+        if (cell := next((cell for cell in cells if sure.match(cell)), None)) is not None:
+            shown[digits] = cell
+    rest = list(cells)
+    for digits in shown:
+        grouped = re.compile(rf"{_thousands(digits.group, digits.decimal)}|{_grouped(digits.group)}")
+        rest = [cell for cell in rest if not grouped.match(cell)]
+    comma = next((cell for digits, cell in shown.items() if digits.decimal == ","), None)
+    point = next((cell for digits, cell in shown.items() if digits.decimal == "."), None)
+    comma = comma or next((cell for cell in rest if _DECIMAL_COMMA.fullmatch(cell)), None)
+    point = point or next((cell for cell in rest if "." in cell and _PLAIN.fullmatch(cell)), None)
+    if comma is not None and point is not None:
+        raise InputError(
+            f"'{comma}' and others have a decimal comma, others a decimal point",
+            file=label,
+            value=comma,
+            hint="write all numbers alike",
+        )
+    return next(iter(shown), Digits("," if comma is not None else "." if point is not None else ""))
+
+
 def words_for_bad(extra: Iterable[str | float]) -> frozenset[str]:
     """All words that stand for a missing value, in lower case."""
-    return _BAD_SET | {w.strip().lower() for w in extra if isinstance(w, str)}
+    return names.MISSING | {w.strip().lower() for w in extra if isinstance(w, str)}
 
 
 def null_spellings(words: Iterable[str]) -> list[str]:
@@ -91,7 +154,7 @@ def words(column: pa.Array) -> pa.Array:
     return column
 
 
-def numbers(column: pa.Array, bad_words: frozenset[str], comma: bool = False) -> NDArray[np.float64]:
+def numbers(column: pa.Array, bad_words: frozenset[str], digits: Digits = Digits()) -> NDArray[np.float64]:
     """Numbers of a column, NaN where missing or not finite.
 
     Parameters
@@ -100,8 +163,8 @@ def numbers(column: pa.Array, bad_words: frozenset[str], comma: bool = False) ->
         Numbers, booleans or text.
     bad_words : frozenset of str
         Words that mean "missing", lower case.
-    comma : bool
-        Whether text may have a decimal comma.
+    digits : Digits
+        How text writes numbers.
 
     Raises
     ------
@@ -110,7 +173,7 @@ def numbers(column: pa.Array, bad_words: frozenset[str], comma: bool = False) ->
     """
     column = plain(column)
     if is_text(column.type):
-        column = _parse(column, bad_words, comma)
+        column = _parse(column, bad_words, digits)
     elif not pa.types.is_float64(column.type):
         if pa.types.is_null(column.type):
             return np.full(len(column), np.nan)
@@ -128,12 +191,23 @@ def numbers(column: pa.Array, bad_words: frozenset[str], comma: bool = False) ->
     return np.where(np.isfinite(x), x, np.nan)
 
 
-def _parse(column: pa.Array, bad_words: frozenset[str], comma: bool) -> pa.Array:
+def _parse(column: pa.Array, bad_words: frozenset[str], digits: Digits) -> pa.Array:
     column = pc.utf8_trim_whitespace(column)
     missing = pc.is_in(pc.utf8_lower(column), value_set=pa.array(bad_words, pa.string()))
     column = pc.if_else(missing, pa.scalar(None, pa.string()), column)
     written = column
-    if comma:
+    column = _without(column, _SPACED, f"[{_SPACES}]")
+    if digits.decimal == ".":
+        column = _without(column, _thousands(",", "."), ",")
+    else:
+        column = _without(column, _thousands(".", ","), "[.]")
+    if digits.group:
+        column = _without(column, _grouped(digits.group), f"[{digits.group}]")
+    elif digits.decimal == "," and pc.any(doubtful := pc.match_substring_regex(column, _grouped("."))).as_py():
+        at = pc.index(doubtful, True).as_py()
+        what = f"'{written[at].as_py()}' may be with a decimal point, or thousands: other numbers have a decimal comma"
+        raise CellFault(at, what, "write all numbers alike", written[at].as_py())
+    if digits.decimal != ".":
         column = pc.replace_substring(column, ",", ".")
     good = pc.match_substring_regex(column, _NUMBER, ignore_case=True)
     if pc.min(good).as_py() is False:
@@ -142,6 +216,14 @@ def _parse(column: pa.Array, bad_words: frozenset[str], comma: bool) -> pa.Array
         hint = "write bad values as empty, NaN or Bad, or name them in bad_values"
         raise CellFault(at, f"'{value}' is not a number", hint, value)
     return pc.cast(pc.utf8_ltrim(column, "+"), pa.float64())
+
+
+def _without(column: pa.Array, cells: str, what: str) -> pa.Array:
+    """The column without `what` in those of its cells."""
+    having = pc.fill_null(pc.match_substring_regex(column, cells), False)
+    if not pc.any(having).as_py():
+        return column
+    return pc.if_else(having, pc.replace_substring_regex(column, what, ""), column)
 
 
 def text_of(value: object) -> str:
@@ -188,12 +270,6 @@ def flags_of(column: pa.Array, bit_of: Callable[[str], int]) -> NDArray[np.uint8
     return found if n == 1 else np.full(n, found[0])
 
 
-_AUTO = frozenset("auto|aut|a|automatic|cas|cascade|csc|c|rcas|rca|bcas|1|true|remote cascade".split("|"))  # noqa: SIM905
-_NOT_AUTO = frozenset(
-    "man|m|manual|iman|lo|oos|o/s|track|trk|tracking|rout|prd|0|false|out of service|local override".split("|")  # noqa: SIM905
-)
-
-
 def mode_flag(auto_values: Iterable[str | float] | None, bad_words: frozenset[str]) -> Callable[[str], int]:
     """How to read the mode column; an empty cell or a word for "missing" is not known to be automatic."""
     named = None if auto_values is None else {text_of(v) for v in auto_values}
@@ -201,17 +277,13 @@ def mode_flag(auto_values: Iterable[str | float] | None, bad_words: frozenset[st
     def decide(word: str) -> int:
         if named is not None:
             return 0 if word in named else NOT_AUTO
-        if word in _AUTO:
+        if word in names.AUTO:
             return 0
-        if word in _NOT_AUTO or word in bad_words:
+        if word in names.NOT_AUTO or word in bad_words:
             return NOT_AUTO
         raise ValueError("is not a mode known here", 'write the words that mean automatic: auto_values = ["AUTO", ...]')
 
     return decide
-
-
-_GOOD_WORDS = frozenset({"g", "ok", "valid", "true", "good"})
-_POOR_WORDS = frozenset({"b", "u", "false", "questionable", "doubtful", "suspect", "stale", "substituted"})
 
 
 class Quality:
@@ -227,10 +299,13 @@ class Quality:
         Normalised words from the start of the column.
     bad_words : frozenset of str
         Words for missing.
+    column : str
+        Its name: where that says *validity*, 1 is good and every other number is not.
     """
 
-    def __init__(self, first: Iterable[str], bad_words: frozenset[str]) -> None:
+    def __init__(self, first: Iterable[str], bad_words: frozenset[str], column: str = "") -> None:
         seen = {int(w) for w in first if w.isdecimal()}
+        self._valid = names.folded(column) in names.VALIDITY
         self._da = any(q < 65536 and q & 0xC0 == 0xC0 for q in seen)
         self._bad_words = bad_words
 
@@ -238,6 +313,8 @@ class Quality:
         """Flag for one word; ValueError for one that is not known."""
         if word.isdecimal():
             code = int(word)
+            if self._valid:
+                return 0 if code == 1 else BAD
             if self._da and code < 65536:
                 return 0 if code & 0xC0 == 0xC0 else BAD
             if not self._da and (code == 0 or code >= 1 << 16):
@@ -246,9 +323,9 @@ class Quality:
                 "is neither an OPC UA nor, as the first rows go, an OPC DA quality",
                 'write Good and Bad, or leave the column out: columns = { quality = "" }',
             )
-        if word in _GOOD_WORDS or word.startswith("good"):
+        if word in names.GOOD or word.startswith("good"):
             return 0
-        if word in _POOR_WORDS or word.startswith(("bad", "uncertain")) or word in self._bad_words:
+        if word in names.POOR or word.startswith(("bad", "uncertain")) or word in self._bad_words:
             return BAD
         raise ValueError(
             "is not a quality known here", 'write Good and Bad, or leave the column out: columns = { quality = "" }'

@@ -18,7 +18,19 @@ from .columns import LABELS
 from .passes import Passes
 from .source import ahead
 from .times import Clock
-from .values import CellFault, Quality, flags_of, limit_flag, mode_flag, numbers, plain, text_of, words, words_for_bad
+from .values import (
+    CellFault,
+    Digits,
+    Quality,
+    flags_of,
+    limit_flag,
+    mode_flag,
+    numbers,
+    plain,
+    text_of,
+    words,
+    words_for_bad,
+)
 
 __all__ = ["Reader", "WideRecording"]
 
@@ -31,12 +43,12 @@ class Reader:
 
     loop: Loop
     clock: Clock | None
-    comma: bool
+    digits: Digits
     quality: Quality
 
     def number(self, column: pa.Array) -> NDArray[np.float64]:
         """Numbers, with NaN for everything that stands for missing."""
-        x = numbers(column, words_for_bad(self.loop.bad_values), self.comma)
+        x = numbers(column, words_for_bad(self.loop.bad_values), self.digits)
         for bad in self.loop.bad_values:
             if not isinstance(bad, str):
                 x = np.where(x == bad, np.nan, x)
@@ -114,7 +126,9 @@ class WideRecording(Recording):
         except CellFault as fault:
             raise self._fault(fault, "quality", 0) from None
         bad_words = words_for_bad(loop.bad_values)
-        self._reader = Reader(loop, clock, source.comma, Quality(map(text_of, first), bad_words))
+        self._reader = Reader(
+            loop, clock, source.digits, Quality(map(text_of, first), bad_words, chosen.get("quality", ""))
+        )
         self.t0: datetime | None = clock.t0 if clock else None
         self.zone = clock.zone if clock else None
         self.found = clock.found if clock else ()

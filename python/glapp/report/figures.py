@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
     from ..bump import Bump, Reading
     from ..result import Result
+    from ..simulate import Simulation
     from ..trace import Trace
 
 FONT = 'system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif'
@@ -144,6 +145,26 @@ def loop_figure(result: Result) -> go.Figure:
             "title": {"text": "half-periods  "},
         },
     )
+    return figure
+
+
+def simulation_figure(simulation: Simulation) -> go.Figure:
+    """Draw a simulated loop over time: SP and PV; OP and the valve's position; the load, where there is any."""
+    loaded = bool(np.any(simulation.load != 0))
+    rows = 3 if loaded else 2
+    figure = make_subplots(rows=rows, cols=1, shared_xaxes=True, vertical_spacing=0.05, figure=_figure())
+    drawn = [
+        (1, "SP", simulation.sp, INK),
+        (1, "PV", simulation.pv, SIGNAL),
+        (2, "OP", simulation.op, OUTPUT),
+        (2, "position", simulation.position, POSITION),
+        *([(3, "load", simulation.load, MUTED)] if loaded else []),
+    ]
+    for row, name, values, colour in drawn:
+        t, y = _drawn(simulation.t, values)
+        figure.add_scatter(x=t, y=y, name=name, mode="lines", line={"color": colour, "width": 1.5}, row=row, col=1)
+    figure.update_xaxes(title="time [s]", row=rows, col=1)
+    figure.update_layout(height=200 * rows + 80, showlegend=True)
     return figure
 
 

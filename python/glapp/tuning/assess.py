@@ -69,13 +69,13 @@ class Tuning:
         )
 
 
-def open_loop(plant: Process, controller: Sequence[float], tf: float = 0.0) -> Plant:
+def open_loop(plant: Process, controller: Sequence[float] | Tuning, tf: float = 0.0) -> Plant:
     """Open loop of a process, a controller in ideal form and the filter 1/(1 + s·tf)², as one transfer function.
 
     Parameters
     ----------
     plant : process
-    controller : (k, ti), (k, ti, td) or (k, ti, td, b)
+    controller : (k, ti), (k, ti, td), (k, ti, td, b) or Tuning
         k ≠ 0, ti > 0 [s], td ≥ 0 [s]; b is of no influence.
     tf : float
         Time constant of the filter [s], ≥ 0.
@@ -109,7 +109,7 @@ def open_loop(plant: Process, controller: Sequence[float], tf: float = 0.0) -> P
 
 
 def assess(
-    plant: Process, controller: Sequence[float], *, tf: float = 0.0, rule: str = "as given", source: str = ""
+    plant: Process, controller: Sequence[float] | Tuning, *, tf: float = 0.0, rule: str = "as given", source: str = ""
 ) -> Tuning:
     """Robustness and load rejection of a loop, dead time exact.
 
@@ -117,7 +117,7 @@ def assess(
     ----------
     plant : process
         Stable but for integrators.
-    controller : (k, ti), (k, ti, td) or (k, ti, td, b)
+    controller : (k, ti), (k, ti, td), (k, ti, td, b) or Tuning
         Ideal form; k negative for a process of negative gain.
     tf : float
         Time constant of the second-order measurement filter [s], 0: none.
@@ -237,8 +237,10 @@ def plant_of(process: Process) -> Plant:
     return process.plant if isinstance(process, Fotd | Integrating) else Plant.of(process)
 
 
-def ideal_of(controller: Sequence[float]) -> Ideal:
+def ideal_of(controller: Sequence[float] | Tuning) -> Ideal:
     """A controller in ideal form, refused where it is none."""
+    if isinstance(controller, Tuning):
+        return controller.controller
     if not 2 <= len(controller) <= 4:
         raise InputError("write (k, ti), (k, ti, td) or (k, ti, td, b)", parameter="controller", value=controller)
     ideal = Ideal(*(float(x) for x in [*controller, 0.0, 0.0][:4]))

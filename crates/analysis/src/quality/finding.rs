@@ -54,6 +54,8 @@ macro_rules! faults {
 faults! {
     /// What the numbers of a time column were taken for was not plain.
     TimeAssumed = "time_assumed": Info Warning;
+    /// Signals were recorded each at times of its own, and were brought to common rows.
+    OwnTimes = "own_times": Info;
     /// From so few rows nothing can be told.
     TooFewRows = "too_few_rows": Refuse;
     /// Rows whose time is not a number.
@@ -72,6 +74,8 @@ faults! {
     NotAuto = "not_auto": Info Warning Refuse;
     /// OP is at a limit.
     AtLimit = "at_limit": Info Warning Refuse;
+    /// SP is not recorded.
+    NoSp = "no_sp": Info;
     /// OP is not recorded.
     NoOp = "no_op": Info;
     /// OP has one value only.

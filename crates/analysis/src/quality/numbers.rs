@@ -47,6 +47,9 @@ fn many(share: f64) -> Severity {
 
 pub(super) fn constants(look: &Look<'_>, found: &mut Vec<Finding>) {
     let c = look.census;
+    if look.rows.sp.is_none() {
+        found.push(Finding::new(Fault::NoSp, Severity::Info));
+    }
     if look.rows.op.is_none() {
         found.push(Finding::new(Fault::NoOp, Severity::Info));
     }

@@ -82,6 +82,17 @@ pub(super) fn sampling(look: &Look<'_>, found: &mut Vec<Finding>) {
     );
 }
 
+/// Says how signals that were recorded each at times of its own were brought to common rows.
+///
+/// `held` names those that keep their last value until the next; `rows` is how many rows came of `pv_rows` values of PV:
+/// where there are more, PV lies between its values on a straight line.
+pub fn own_times(held: &str, pv_rows: u64, rows: u64) -> Finding {
+    Finding::new(Fault::OwnTimes, Severity::Info)
+        .with("held", held.to_owned())
+        .with("pv_rows", pv_rows)
+        .with("rows", rows)
+}
+
 /// Says what the numbers of a time column were taken for, where that was not plain.
 ///
 /// `column` and `first` are its name and its first value as it is written, `step` the ordinary step between its numbers,

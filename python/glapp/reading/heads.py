@@ -1,0 +1,166 @@
+"""Where a table of text begins and ends: titles, names of columns, units, first row, and the lines below the last.
+
+Above the rows stand titles and what an export tells of itself. Of the lines of words alone just above the rows the one
+with the most names that are understood has the names. A line of tags above a line that says "time" and "value" goes
+with it. Below the rows stand remarks, totals and empty lines.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from .columns import understand
+from .names import FOOTER, UNITS, folded
+from .times import looks_like_moment
+
+__all__ = ["Head", "begins_with_data", "body_end", "head_of", "is_data"]
+
+_NUMBER = re.compile(r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?|[+-]?\d{1,3}(?:[.,'’   ]\d{3})+(?:[.,]\d*)?")
+_LINES = 40
+"""A head ends within so many lines of the first that is as wide as the table."""
+_SHORT = 12
+"""Characters of a unit that is not known here."""
+_AHEAD = 10
+"""What an export tells of itself may hold numbers, if the names come within so many lines."""
+
+Row = tuple[int, Sequence[str]]
+"""Last line of a record, and its cells."""
+
+
+@dataclass(frozen=True)
+class Head:
+    """What stands above the rows.
+
+    Attributes
+    ----------
+    names, units : list
+        Of the columns.
+    line : int
+        Line of the names.
+    rows : int
+        Records before the first row.
+    """
+
+    names: list[str]
+    units: list[str | None]
+    line: int
+    rows: int
+
+
+def is_data(cell: str) -> bool:
+    """Whether a cell is a number, a date or a time.
+
+    Examples
+    --------
+    >>> is_data("9.700,00"), is_data("10:00:05"), is_data("FIC101")
+    (True, True, False)
+    """
+    return bool(_NUMBER.fullmatch(cell.strip())) or looks_like_moment(cell)
+
+
+def head_of(rows: Sequence[Row], start: int, width: int) -> Head:
+    """Names and units of a table whose first line of `width` cells is the record `start`."""
+    lines: list[int] = []
+    i = start
+    while i < min(len(rows), start + _LINES):
+        cells = rows[i][1]
+        if _words_alone(cells, width):
+            lines.append(i)
+        elif not (_label(cells) and _names_follow(rows, i, width)):
+            break
+        i += 1
+    if not lines:  # the first line is all there is, and may hold years or numbers of columns
+        lines = [start]
+    last = lines[-1]
+    lines = [i for i in lines if all(j in lines for j in range(i, last))]  # those that stand together, above the rows
+    named = max(lines, key=lambda i: (_understood(rows[i][1]), _filled(rows[i][1]), -i))
+    names = [" ".join(cell.split()) for cell in rows[named][1]]  # a quoted name may be broken into lines
+    units = [understand(name).unit for name in names]
+    below = [i for i in lines if i > named]
+    if below and _says_value(rows[below[0]][1]):
+        names = _under(names, rows[below.pop(0)][1])
+    elif named - 1 in lines and _says_value(rows[named][1]):
+        names = _under([" ".join(cell.split()) for cell in rows[named - 1][1]], rows[named][1])
+    told = [i for i in below if _are_units(rows[i][1])] or [i for i in below if _are_short(rows[i][1])]
+    if told:
+        units = [cell.strip(" []()") or None for cell in rows[told[-1]][1]]
+    return Head(names, units, rows[named][0], last + 1)
+
+
+def begins_with_data(rows: Sequence[Row], width: int) -> bool:
+    """Whether the rows begin with a number or a time: what does not is then no row."""
+    firsts = [is_data(cells[0]) for _, cells in rows[:_LINES] if len(cells) == width]
+    return sum(firsts) * 2 > len(firsts)
+
+
+def body_end(rows: Sequence[Row], width: int, timed: bool) -> int:
+    """Number of records before the remarks and totals below the last row.
+
+    A row that is cut off in its middle, or has text for its time, is none of them. `timed`: see `begins_with_data`.
+    """
+    end = len(rows)
+    while end and _is_footer(rows[end - 1][1], width, timed):
+        end -= 1
+    return end
+
+
+def _is_footer(cells: Sequence[str], width: int, timed: bool) -> bool:
+    filled = [i for i, cell in enumerate(cells) if cell.strip()]
+    if not filled:
+        return True
+    first = cells[filled[0]]
+    if is_data(first):
+        return False
+    if folded(first.strip(" :=")) in FOOTER:
+        return True
+    return timed and filled[0] == 0 and (len(cells) != width or (width > 1 and len(filled) == 1))
+
+
+def _words_alone(cells: Sequence[str], width: int) -> bool:
+    return len(cells) == width and any(c.strip() for c in cells) and not any(is_data(c) for c in cells if c.strip())
+
+
+def _label(cells: Sequence[str]) -> bool:
+    """Whether a line tells one thing of the export: words first, few cells."""
+    filled = [cell for cell in cells if cell.strip()]
+    return not filled or (len(filled) <= 3 and not is_data(filled[0]))
+
+
+def _names_follow(rows: Sequence[Row], at: int, width: int) -> bool:
+    return any(_words_alone(cells, width) and _understood(cells) > 1 for _, cells in rows[at + 1 : at + 1 + _AHEAD])
+
+
+def _understood(cells: Sequence[str]) -> int:
+    meanings = [understand(cell) for cell in cells]
+    return sum(m.role is not None or m.weak is not None for m in meanings)
+
+
+def _says_value(cells: Sequence[str]) -> bool:
+    """Whether a line says of its columns only which is the time and which the value."""
+    roles = [understand(cell).role for cell in cells if cell.strip()]
+    return roles.count("value") > 1 and set(roles) <= {"time", "value", "quality"}
+
+
+def _under(above: Sequence[str], below: Sequence[str]) -> list[str]:
+    """Names of two lines: a tag stands above the first of its columns."""
+    names, tag = [], ""
+    for top, cell in zip(above, below, strict=False):
+        tag = top or tag
+        word = " ".join(cell.split())
+        names.append(tag if understand(word).role == "value" else f"{tag} {word}".strip())
+    return names
+
+
+def _filled(cells: Sequence[str]) -> int:
+    return sum(bool(cell.strip()) for cell in cells)
+
+
+def _are_short(cells: Sequence[str]) -> bool:
+    return all(len(cell.strip()) <= _SHORT for cell in cells)
+
+
+def _are_units(cells: Sequence[str]) -> bool:
+    filled = [folded(cell.strip(" []()")) for cell in cells if cell.strip()]
+    return sum(cell in UNITS for cell in filled) * 2 >= len(filled)

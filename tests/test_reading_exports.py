@@ -1,0 +1,168 @@
+"""Exports in every form that is known, each read to the values, times and units that were written."""
+
+import io
+import sys
+import zipfile
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+from exports import FORMS, PV, guide, typed, workbook
+
+from glapp import analyze, estimate, simulate
+from glapp.errors import InputError
+from glapp.loop import Loop
+from glapp.reading import open_recordings, recording_from
+from glapp.recording import NOT_AUTO, joined
+from glapp.result import REASONS
+
+DOCS = Path(__file__).parents[1] / "docs"
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_every_form_is_read_right(tmp_path, name):
+    _, make = FORMS[name]
+    want = make()
+    path = tmp_path / f"{name}{want.ending}"
+    path.write_bytes(want.content)
+    loops = [Loop(name="FIC101", **want.settings)] if want.settings else None
+    [recording] = open_recordings(path, loops)
+    got = joined(list(recording.batches()))
+    assert recording.name == (want.loop or name)
+    assert (recording.t0 and recording.t0.replace(tzinfo=None)) == want.t0
+    np.testing.assert_allclose(got.t, want.t, atol=1e-6)
+    for signal in ("sp", "pv", "op"):
+        values, told = getattr(got, signal), getattr(want, signal)
+        assert (values is None) == (told is None)
+        if told is not None:
+            np.testing.assert_allclose(values, told, rtol=1e-12)
+    flags = np.zeros(len(got), np.uint8) if got.flags is None else got.flags
+    assert np.flatnonzero(flags & NOT_AUTO).tolist() == list(want.manual)
+    assert recording.units == want.units
+    assert [finding.code for finding in recording.found] == ([] if want.told is None else [want.told])
+
+
+def as_workbook(tmp_path, *sheets):
+    path = tmp_path / "plant.xlsx"
+    path.write_bytes(workbook(*sheets))
+    return path
+
+
+def test_a_workbook_without_its_package_says_what_to_install(tmp_path, monkeypatch):
+    path = as_workbook(tmp_path, ("Trend", typed()))
+    monkeypatch.setitem(sys.modules, "python_calamine", None)
+    with pytest.raises(InputError, match=r"is not installed; pip install 'glapp\[excel\]', or save the sheet as CSV"):
+        open_recordings(path)
+
+
+def test_each_sheet_with_a_table_is_a_loop(tmp_path):
+    plain = [["Time", "SP", "PV", "OP"], *typed()[1:]]
+    path = as_workbook(tmp_path, ("North", plain), ("Notes", [["a", "b"], ["c", "d"]]), ("South", plain))
+    assert [recording.name for recording in open_recordings(path)] == ["North", "South"]
+    [south] = open_recordings(path, [Loop(name="South")])
+    np.testing.assert_array_equal(joined(list(south.batches())).pv, PV)
+
+
+def test_a_fault_in_a_workbook_has_excels_row(tmp_path):
+    rows = typed()
+    rows[5][2] = "abc"
+    path = as_workbook(tmp_path, ("Trend", [["Trend export"], [], *rows]))
+    with pytest.raises(InputError, match=r"plant.xlsx, row 8, column FIC101.PV: 'abc' is not a number"):
+        list(open_recordings(path)[0].batches())
+
+
+@pytest.mark.parametrize(
+    ("content", "line"),
+    [
+        (b"PK\x03\x04" + bytes(100), "is not a readable Excel workbook"),
+        (b"\xd0\xcf\x11\xe0" + bytes(100), "is an old or a locked Office file; save it as .xlsx or CSV, unlocked"),
+        (workbook(("Trend", [])), "has no sheet with a table"),
+        (workbook(("Trend", [["t", "SP", "PV"]])), "has a header but no rows"),
+        (workbook(("Trend", [[1.0, 2.0, 3.0], [2.0, 3.0, 4.0]])), "has no header"),
+    ],
+)
+def test_workbooks_that_cannot_be_used(tmp_path, content, line):
+    path = tmp_path / "plant.xlsx"
+    path.write_bytes(content)
+    with pytest.raises(InputError) as caught:
+        open_recordings(path)
+    assert str(caught.value).startswith(str(path)) and line in str(caught.value)
+
+
+def test_damaged_workbooks_are_read_or_refused(tmp_path):
+    """The zip is whole, and what is in it is not: a character changed, a piece cut out, the rest cut off."""
+    rng = np.random.default_rng(5)
+    with zipfile.ZipFile(io.BytesIO(workbook(("Trend", typed())))) as whole:
+        parts = {name: whole.read(name) for name in whole.namelist()}
+    path = tmp_path / "plant.xlsx"
+    ends = Counter()
+    for i in range(80):
+        name = [*(["xl/worksheets/sheet1.xml"] * 4), *parts][i % (4 + len(parts))]
+        text = bytearray(parts[name])
+        at = int(rng.integers(len(text)))
+        match i % 3:
+            case 0:
+                text[at] = int(rng.integers(256))
+            case 1:
+                del text[at : at + int(rng.integers(1, 30))]
+            case 2:
+                del text[at:]
+        with zipfile.ZipFile(path, "w") as damaged:
+            for other, content in parts.items():
+                damaged.writestr(other, bytes(text) if other == name else content)
+        try:
+            for recording in open_recordings(path):
+                joined(list(recording.batches()))
+            ends["read"] += 1
+        except InputError as error:
+            assert str(error).startswith(str(path)) and "\n" not in str(error)
+            ends["refused"] += 1
+    assert ends["read"] > 5 and ends["refused"] > 5, ends
+
+
+def test_a_fault_in_a_column_with_times_of_its_own_has_its_row(tmp_path):
+    path = tmp_path / "plant.csv"
+    lines = FORMS["times_for_each"][1]().content.decode().splitlines()
+    cells = lines[7].split(",")
+    cells[3] = "abc"
+    lines[7] = ",".join(cells)
+    path.write_text("\n".join(lines) + "\n")
+    with pytest.raises(InputError, match=r"plant.csv, row 8, column FIC101.PV: 'abc' is not a number"):
+        list(open_recordings(path)[0].batches())
+
+
+def test_bad_cells_cost_their_own_half_periods_and_no_other():
+    """2 % of the cells in ten stretches: the half-periods beside them are what they were."""
+    made = simulate.closed_loop(
+        "P3", (0.48, 0.3117, 0, 0), d=0.05, noise=0.002, t_end=400, load=[(100, 0.5)], filter_in_loop=True
+    )
+    settings = {"controller": {"k": 0.48, "ti": 0.3117, "setpoint_weight": 0}, "tf": 0.03, "process": {"kp": 1}}
+    table = {"t": made.t, "SP": made.sp, "PV": [f"{x:.6f}" for x in made.pv], "OP": made.op}
+    whole = estimate(recording_from(table, Loop(name="x", **settings))).half_periods
+    words = ["Bad", "No Data", "I/O Timeout", "Ungültig"]
+    hit = np.zeros(len(made.t), bool)
+    for k in range(10):
+        hit[700 * k + 300 : 700 * k + 316] = True
+    assert 0.019 < hit.mean() < 0.021
+    table["PV"] = [words[i % 4] if bad else text for i, (text, bad) in enumerate(zip(table["PV"], hit, strict=True))]
+    found = estimate(recording_from(table, Loop(name="x", **settings))).half_periods
+    times = made.t[hit]
+    near = [((times >= a - 1) & (times <= b + 1)).any() for a, b in zip(whole.t_start, whole.t_end, strict=True)]
+    untouched = {float(t) for t, n in zip(whole.t_end, near, strict=True) if not n}
+    assert len(untouched) > 50
+    assert untouched <= {float(t) for t in found.t_end}
+    bad = [a for a, b, r in zip(found.t_start, found.t_end, found.reason, strict=True) if REASONS[r] == "bad_quality"]
+    assert 0 < len(bad) <= 20  # a stretch ends one half-period, and the next begins in it
+
+
+def test_without_sp_what_is_lost_is_told():
+    made = simulate.closed_loop("P3", (0.48, 0.3117), d=0.05, t_end=60, load=[(30, 0.5)])
+    result = analyze(recording_from({"t": made.t, "PV": made.pv, "OP": made.op}), fit=False)
+    [told] = [finding for finding in result.quality if finding.code == "no_sp"]
+    assert told.severity == "info" and "the gap is fitted from OP and PV" in told.text
+
+
+def test_the_guide_lists_every_form():
+    assert guide() in (DOCS / "exports.md").read_text(encoding="utf-8"), "run: python tests/exports.py"
+    assert len(FORMS) >= 60

@@ -2,8 +2,8 @@
 
 Makes the demonstration lake and judges it with 1, 7 and 30 days of history, the last ones each time: how many of the
 valves called too wide are so, how many of the bad ones are found, how many sound ones stand among the first twenty, and
-whether every planted problem is found. `--kills N` kills a run N times with SIGKILL at random moments, lets it go on, and
-compares its tables, bit for bit, with those of a run that nobody stopped. `--docs` writes docs/fleet.md.
+whether every planted problem is found. `--kills N` kills a run N times with SIGKILL at random moments, lets it go on,
+and compares its tables, bit for bit, with those of a run that nobody stopped. `--docs` writes docs/fleet.md.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ import subprocess
 import sys
 import time
 from datetime import timedelta
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +36,12 @@ BAD = 1.0
 """A valve is bad from this dead band on [%]; it is sound where it has none at all."""
 
 
-_RUN = "import sys; from glapp.cli import main; sys.argv = ['glapp', 'fleet', 'analyze', sys.argv[1], '--out', sys.argv[2], '--fits', '2']; main()"
+_RUN = """
+import sys
+from glapp import fleet
+if __name__ == "__main__":
+    fleet.analyze(sys.argv[1], sys.argv[2], fits=2)
+"""
 
 
 def main() -> None:
@@ -129,7 +135,7 @@ def judged(lake: Path, days: int, longest: int) -> dict[str, Any]:
         "wear_all": sum(row["kind"] == "wear" and row["record"] == "good" for row in truth.values()),
         "wear_false": sum(row["changes"] and truth[row["loop"]]["kind"] != "wear" for row in loops),
         "seconds": made["seconds"],
-        "parts": [b - a for a, b in zip(ends, ends[1:], strict=False)],
+        "parts": [b - a for a, b in pairwise(ends)],
         "rows": sum(days_rows["rows"].to_pylist()),
         "windows": made["tables"]["windows"]["rows"],
         "memory": resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024,
@@ -158,7 +164,8 @@ def _page(rows: list[dict[str, Any]], loops: int, longest: int, size: int) -> st
     last = rows[-1]
     lines = [
         f"`python -m bench.fleet --loops {loops}`: {loops} loops, {longest} days at {STEP} s, {size / 1e6:.0f} MB, "
-        f"{last['bad']} valves with a dead band of {BAD:.0f} % or more, {last['bad_shown']} of them in recordings that can show it.",
+        f"{last['bad']} valves with a dead band of {BAD:.0f} % or more, {last['bad_shown']} of them in recordings "
+        "that can show it.",
         "",
         "| days of history | " + " | ".join(str(row["days"]) for row in rows) + " |",
         "|---|" + "---|" * len(rows),
@@ -186,8 +193,8 @@ def _page(rows: list[dict[str, Any]], loops: int, longest: int, size: int) -> st
     for row in rows:
         if row["sound_scored"] or row["no_gap_bad"]:
             lines.append(
-                f"{row['days']} days: sound in the list {', '.join(row['sound_scored']) or 'none'}; bad and called without a gap "
-                f"{', '.join(row['no_gap_bad']) or 'none'}."
+                f"{row['days']} days: sound in the list {', '.join(row['sound_scored']) or 'none'}; bad and called "
+                f"without a gap {', '.join(row['no_gap_bad']) or 'none'}."
             )
     return "\n".join([*lines, "", f"The largest process took {last['memory']:.0f} MB."])
 
@@ -205,8 +212,10 @@ def kills(lake: Path, times: int) -> None:
     wanted = fleet.analyze(lake, whole, fits=2)
     took = time.monotonic() - begun
     dice, killed = random.Random(1), 0
+    script = OUT / "run.py"  # a file: processes that are spawned read it once more
+    script.write_text(_RUN)
     for i in range(times):
-        run = subprocess.Popen([sys.executable, "-c", _RUN, str(lake), str(broken)])
+        run = subprocess.Popen([sys.executable, str(script), str(lake), str(broken)])
         try:
             run.wait(dice.uniform(0.5, 2.5 * took / times + 2))
         except subprocess.TimeoutExpired:

@@ -37,11 +37,12 @@ def signals(days: int = 1, d: float = 2.0) -> dict[str, Any]:
     """A worn valve's loop, recorded at 5 s for two hours a day."""
     made: dict[str, list[Any]] = {"time": [], "SP": [], "PV": [], "OP": []}
     for day in range(days):
-        load = [(600.0 * i, 3.0 * (-1) ** i) for i in range(1, 12)]
+        moves = {
+            "setpoint": [(0, 50.0), (700, 53.0), (1900, 48.0), (2600, 52.0), (4100, 48.0), (4900, 51.0), (6300, 47.0)]
+        }
+        moves["load"] = [(1300, 2.0), (3400, -1.5), (5500, 1.0)]
         plant = ([1.0], [60.0 * 30, 90.0, 1.0], 10.0)
-        s = closed_loop(
-            plant, (1.0, 60.0), d=d, noise=0.05, h=1.0, t_end=5 * N - 1, setpoint=[(0, 50.0)], load=load, seed=day
-        )
+        s = closed_loop(plant, (1.0, 60.0), d=d, noise=0.05, h=1.0, t_end=5 * N - 1, seed=day, **moves)
         k = np.arange(0, 5 * N, 5)
         made["time"].append(FIRST + day * DAY + k * 1_000_000)
         for name, x in (("SP", s.sp), ("PV", s.pv), ("OP", s.op)):
@@ -142,7 +143,7 @@ def test_the_hour_in_which_clocks_change_is_left_out_and_told(tmp_path: Path) ->
     found, problems = rows(planned(tmp_path / "a", zone="Europe/Stockholm"))
     times = {t for day in found.values() for _, t, _, _ in day}
     assert len(times) == n - 6  # 02:00 to 02:50 come twice
-    assert codes(problems) == {"clock_change"} and problems[0].count == 6
+    assert codes(problems) == {"clock_change"} and problems[0].rows == 6
     assert min(times) == int(datetime(2025, 10, 25, 23, tzinfo=UTC).timestamp()) * 1_000_000
     _, problems = rows(planned(tmp_path / "a"))
     assert codes(problems) == {"no_zone"}
@@ -156,7 +157,7 @@ def test_a_damaged_group_of_rows_costs_its_rows_and_no_others(tmp_path: Path) ->
         file.write(b"\x00" * 64)
     found, [problem] = rows(planned(tmp_path))
     assert len(found["FIC1", FIRST // DAY]) == 3 * (N - 500)
-    assert (problem.code, problem.file, problem.row, problem.count) == ("damaged", "FIC1.parquet", 501, 500)
+    assert (problem.code, problem.file, problem.row, problem.rows) == ("damaged", "FIC1.parquet", 501, 500)
 
 
 def test_what_cannot_be_used_is_told_with_its_place(tmp_path: Path) -> None:
@@ -183,7 +184,7 @@ def test_what_cannot_be_used_is_told_with_its_place(tmp_path: Path) -> None:
         ("no_tags", "FIC4"),
         ("settings", "loops.toml"),
     }
-    assert told["unit", "day=2/text.parquet"].tag == "FIC2.SP" and told["unit", "day=2/text.parquet"].count == 50
+    assert told["unit", "day=2/text.parquet"].tag == "FIC2.SP" and told["unit", "day=2/text.parquet"].rows == 50
     assert {name for name, _ in found} == {"FIC1", "FIC2"} and {s for s, *_ in found["FIC2", FIRST // DAY]} == {0, 2}
 
 
@@ -257,11 +258,11 @@ def test_settings_from_a_table(tmp_path: Path) -> None:
     path = tmp_path / "loops.csv"
     path.write_text(
         "loop,area,pv_span.low,pv_span.high,op_span.low,op_span.high,controller.k,controller.ti,positioner.type,columns.pv\n"
-        "FIC1,Boiler,0,50,0,100,1.5,30,digital,F1.X\nFIC2,,,,,,,,,\nFIC3,,0,,,,,,,\nFIC4,,,,,,1,-3,,\nFIC2,,,,,,,,,\n"
+        "FIC1,Boiler,0,100,0,100,1.5,30,digital,F1.X\nFIC2,,,,,,,,,\nFIC3,,0,,,,,,,\nFIC4,,,,,,1,-3,,\nFIC2,,,,,,,,,\n"
     )
     loops, problems = read_loops(path)
     [loop] = loops
-    assert loop.pv_span == (0.0, 50.0) and loop.controller is not None and loop.controller.ti == 30.0
+    assert loop.pv_span == (0.0, 100.0) and loop.controller is not None and loop.controller.ti == 30.0
     assert loop.positioner is not None and loop.positioner.type == "digital" and loop.columns.pv == "F1.X"
     assert sorted((p.loop, p.row) for p in problems if p.row) == [("FIC3", 4), ("FIC4", 5)]
     assert [p.loop for p in problems if not p.row] == ["FIC2"]
@@ -288,25 +289,13 @@ def test_what_is_no_lake_and_what_are_no_results(tmp_path: Path) -> None:
         fleet.read(tmp_path / "out", "answers")
 
 
-# --- whole runs, on one small demonstration lake
-
-DAYS_OF_DEMO = 3
-
-
-@pytest.fixture(scope="module")
-def lake(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return fleet.make_demo(tmp_path_factory.mktemp("fleet") / "lake", loops=12, days=DAYS_OF_DEMO)
-
-
-@pytest.fixture(scope="module")
-def results(lake: Path) -> Path:
-    fleet.analyze(lake, lake.with_name("results"), fits=1)
-    return lake.with_name("results")
+# --- whole runs
 
 
 @pytest.mark.slow
-@pytest.mark.xdist_group("fleet")
-def test_every_planted_problem_is_found_and_none_is_fatal(lake: Path, results: Path) -> None:
+def test_every_planted_problem_is_found_and_none_is_fatal(tmp_path: Path) -> None:
+    lake, results = fleet.make_demo(tmp_path / "lake", loops=10, days=3, seed=SEED), tmp_path / "results"
+    fleet.analyze(lake, results, fits=1)
     found = fleet.read(results, "problems").to_pylist()
     planted = pq.read_table(lake / "_truth" / "problems.parquet").to_pylist()
     assert {one["code"] for one in planted} >= {
@@ -316,13 +305,36 @@ def test_every_planted_problem_is_found_and_none_is_fatal(lake: Path, results: P
     for one in planted:
         same = [row for row in found if row["code"] == one["code"]]
         assert any(all(one[k] in ("", row[k]) for k in ("file", "loop", "day")) for row in same), (one, same)
-    truth = pq.read_table(lake / "_truth" / "loops.parquet").to_pylist()
+    truth = {row["loop"]: row for row in pq.read_table(lake / "_truth" / "loops.parquet").to_pylist()}
     loops = fleet.read(results).to_pylist()
-    assert {row["loop"] for row in loops} == {row["loop"] for row in truth}
-    bad = {row["loop"]: row["dead_band"] for row in truth}
-    assert all(bad[row["loop"]] > 0 for row in loops if row["score"] is not None)
-    scores = [row["score"] for row in loops if row["score"] is not None]
-    assert scores and scores == sorted(scores, reverse=True)
+    assert {row["loop"] for row in loops} == set(truth)
+    scored = [row for row in loops if row["score"] is not None]
+    assert scored and all(truth[row["loop"]]["dead_band"] > 0 for row in scored)
+    assert [row["score"] for row in scored] == sorted((row["score"] for row in scored), reverse=True)
+    assert loops[: len(scored)] == scored
+
+
+SEED = 9
+"""A mill whose ten loops lie in all three layouts."""
+
+
+@pytest.fixture(scope="module")
+def lake(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Four loops of two short days each."""
+    lake = tmp_path_factory.mktemp("fleet") / "lake"
+    for i in range(4):
+        x = signals(days=2, d=0.7 * i)
+        for day in range(2):
+            part = {name: values[day * N : day * N + 700] for name, values in x.items()}
+            put(lake, f"loop=FIC{i}/day={day}/x.parquet", wide(part))
+    put(lake, "notes.parquet", pa.table({"note": ["-"]}))
+    return lake
+
+
+@pytest.fixture(scope="module")
+def results(lake: Path) -> Path:
+    fleet.analyze(lake, lake.with_name("results"), fits=1)
+    return lake.with_name("results")
 
 
 @pytest.mark.slow
@@ -387,18 +399,17 @@ def test_a_run_that_is_killed_goes_on_and_ends_in_the_same_tables(lake: Path, re
 def test_a_later_run_reads_only_what_is_new(lake: Path, results: Path, tmp_path: Path) -> None:
     part, out = tmp_path / "lake", tmp_path / "results"
     shutil.copytree(lake, part, copy_function=os.link)
-    last = max(path.name for path in (part / "historian").iterdir())
-    late = [path for path in part.rglob("*.parquet") if last.removeprefix("day=") in str(path)]
+    late = list(part.rglob("day=1/x.parquet"))
     for path in late:
         path.rename(path.with_suffix(".late"))
     fleet.analyze(part, out, fits=1)
     days = {path for path in pieces(out) if path.parent.name == "days"}
-    assert len(days) == DAYS_OF_DEMO - 1
+    assert len(days) == 1
     for path in late:
         path.with_suffix(".late").rename(path)
     made = fleet.analyze(part, out, fits=1)
     assert made["folder"] == fleet.manifest(results)["folder"]
-    assert days < pieces(out) and len([p for p in pieces(out) if p.parent.name == "days"]) == DAYS_OF_DEMO
+    assert days < pieces(out) and len([p for p in pieces(out) if p.parent.name == "days"]) == 2
     again = {path: path.stat().st_mtime_ns for path in pieces(out)}
     assert fleet.analyze(part, out, fits=1)["folder"] == made["folder"]
     assert again == {path: path.stat().st_mtime_ns for path in pieces(out)}
@@ -411,7 +422,7 @@ def test_on_the_command_line(lake: Path, results: Path, capsys: pytest.CaptureFi
     with pytest.raises(SystemExit) as end:
         app(["fleet", "analyze", str(lake), "--out", str(results), "--fits", "1"])
     told = capsys.readouterr()
-    assert end.value.code == 0 and "12 loops:" in told.out and "report.html" in told.out and "problems" in told.err
+    assert end.value.code == 0 and "4 loops:" in told.out and "report.html" in told.out and "1 problems" in told.err
 
 
 @pytest.mark.slow

@@ -126,8 +126,8 @@ def analyze(
     counts = {name: sum(row["valve"] == name for row in table.to_pylist()) for name in ("gap", "no_gap", "unknown")}
     rest = table.num_rows - sum(counts.values())
     out.print(
-        f"{table.num_rows} loops: {counts['gap']} with a gap, {counts['no_gap']} without, {counts['unknown']} cannot be "
-        f"judged, {rest} refused. {made['seconds']:.0f} s.",
+        f"{table.num_rows} loops: {counts['gap']} with a gap, {counts['no_gap']} without, {counts['unknown']} "
+        f"cannot be judged, {rest} refused. {made['seconds']:.0f} s.",
         soft_wrap=True,
     )
     out.print(f"The report is {results / 'report.html'}, the tables are in {results / made['folder']}.", soft_wrap=True)

@@ -9,8 +9,8 @@
     LAKE/_truth/loops.parquet                      what is true of every valve; no reader looks here
     LAKE/_truth/problems.parquet                   what is wrong with the lake, by the code that has to be found
 
-Every day of a loop is a run of `glapp.simulate` that begins at rest at midnight UTC; the gap of a valve that wears is that
-of its day. The same arguments give the same files, but for the times that the file system gives them.
+Every day of a loop is a run of `glapp.simulate` that begins at rest at midnight UTC; the gap of a valve that wears is
+that of its day. The same arguments give the same files, but for the times that the file system gives them.
 """
 
 from __future__ import annotations
@@ -32,9 +32,11 @@ import pyarrow.csv
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from ..controller import Controller
 from ..errors import InputError
+from ..plant import Plant
 from ..recording import NOT_AUTO
-from ..scenario import Friction, Scenario, Sine, Steps, Uniform, Walk
+from ..scenario import Friction, Manual, Scenario, Sine, Steps, Uniform, Walk
 from ..simulate import Simulation, run_many
 from ..writing import write_file
 
@@ -123,15 +125,15 @@ class _Loop:
         balance = Steps(steps=((0.0, (0.0 if self.integrating else self.sp / self.kp) - self.op),))
         return Scenario(
             name=self.name,
-            plant=([self.kp], [float(c) for c in den], self.dead_time),
-            controller=(self.k, self.ti),
+            plant=Plant([self.kp], [float(c) for c in den], self.dead_time),
+            controller=Controller(k=self.k, ti=self.ti),
             d=self.gap(day, days),
             friction=Friction(model="kano", s=self.friction[0], j=self.friction[1]) if self.friction[0] else None,
             noise=(Uniform(amplitude=self.noise),),
             setpoint=(Steps(steps=tuple(setpoint)),),
             load=(balance, *load),
             limits=(0.0, 100.0),
-            manual=((0.0, float(_SECONDS)),) if self.record == "manual" else (),
+            manual=(Manual(begin=0.0, end=float(_SECONDS)),) if self.record == "manual" else (),
             h=1.0,
             t_end=float(_SECONDS - 1),
             seed=random.getrandbits(32),
@@ -219,14 +221,17 @@ def _drawn(i: int, seed: int) -> _Loop:
     site: Site = random.choices(("historian", "opc", "platform"), (60, 25, 15))[0]
     record: Record = random.choices(("good", "no_op", "compressed", "coarse", "manual"), (88, 4, 3, 3, 2))[0]
     wide = between(1.3, 5.0)
-    d = {"gap": (wide, wide), "both": (0.6 * wide, 0.6 * wide), "wear": (between(0.2, 0.6), between(2.0, 5.0))}.get(
-        kind, (0.0, 0.0)
-    )
-    if kind == "small":
-        d = (small := between(0.25, 0.8), small)
+    worn = (between(0.2, 0.6), between(2.0, 5.0))
+    small = between(0.25, 0.8) if kind == "small" else 0.0
+    gaps: dict[Kind, tuple[float, float]] = {
+        "gap": (wide, wide),
+        "small": (small, small),
+        "both": (0.6 * wide, 0.6 * wide),
+        "wear": worn,
+    }
     stick = {"sticking": wide, "both": 0.4 * wide}.get(kind, 0.0)
     lag = between(40, 250)
-    lags = (lag, lag * random.uniform(0.1, 0.6)) if not integrating else (0.3 * lag,)
+    lags: tuple[float, ...] = (lag, lag * random.uniform(0.1, 0.6)) if not integrating else (0.3 * lag,)
     dead_time = float(round(lag * random.uniform(0.1, 0.4)))
     kp = between(0.5, 1.6)
     if integrating:
@@ -247,7 +252,7 @@ def _drawn(i: int, seed: int) -> _Loop:
         kind=kind,
         site=site,
         record=record,
-        d=d,
+        d=gaps.get(kind, (0.0, 0.0)),
         friction=(stick, stick * random.uniform(0.3, 1.0)),
         kp=kp,
         lags=lags,
@@ -360,7 +365,8 @@ def _long(loops: Sequence[_Loop], made: Sequence[Simulation], day: int, seed: in
             times.append(kept.k[here])
             values.append(x[here])
             bad.append((kept.bad if name == "PV" else np.zeros(len(every), np.bool_))[here])
-    tag, at, value, wrong = pa.concat_arrays(tags), *map(np.concatenate, (times, values, bad))
+    tag, at, value = pa.concat_arrays(tags), np.concatenate(times), np.concatenate(values)
+    wrong = np.concatenate(bad)
     if site == "historian":
         words = pa.array(["Good", "Bad"]).take(pa.array(wrong.astype(np.int64)))
         return pa.table([tag, _utc(day, at), pa.array(value), words], schema=_LONG)
@@ -381,7 +387,8 @@ def _wide(loop: _Loop, simulation: Simulation, day: int, seed: int) -> pa.Table:
 
 
 def _changes(x: NDArray[Any]) -> NDArray[np.bool_]:
-    return np.r_[True, x[1:] != x[:-1]]
+    changed: NDArray[np.bool_] = np.r_[True, x[1:] != x[:-1]]
+    return changed
 
 
 def _utc(day: int, seconds: NDArray[np.int64]) -> pa.Array:

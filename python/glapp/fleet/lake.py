@@ -1,12 +1,12 @@
 """A lake: Parquet files as historians and platforms write them, and the rows of one day of some loops in them.
 
-A file is *long* (a row per tag and time: tag, time, value, and quality and unit where there are) or *wide* (a column per
-signal, of one loop or of several). Names of folders such as `day=2026-03-01` or `tag=FIC101.PV` are columns, as
+A file is *long* (a row per tag and time: tag, time, value, and quality and unit where there are) or *wide* (a column
+per signal, of one loop or of several). Names of folders such as `day=2026-03-01` or `tag=FIC101.PV` are columns, as
 everywhere where Hive's convention is known; names that begin with `_` or `.` are not looked at. Files may overlap, and
 their rows may stand in any order: what is made of them hangs on the rows alone.
 
-Every file is looked at once (`index_file`): its columns, and of each group of rows the first and the last moment and the
-tags. So only groups are read that a question can touch, one at a time.
+Every file is looked at once (`index_file`): its columns, and of each group of rows the first and the last moment and
+the tags. So only groups are read that a question can touch, one at a time.
 """
 
 from __future__ import annotations
@@ -28,8 +28,18 @@ from ..errors import InputError
 from ..loop import Loop
 from ..reading.columns import LABELS, Signals, choose, is_long, understand
 from ..reading.times import Clock
-from ..reading.values import CellFault, Quality, flags_of, limit_flag, mode_flag, numbers, plain, text_of, words
-from ..reading.values import words_for_bad
+from ..reading.values import (
+    CellFault,
+    Quality,
+    flags_of,
+    limit_flag,
+    mode_flag,
+    numbers,
+    plain,
+    text_of,
+    words,
+    words_for_bad,
+)
 from .problems import Problem
 
 __all__ = ["DAY", "SIGNALS", "File", "Group", "Places", "day_name", "files_of", "index_file", "places", "rows_of"]
@@ -38,8 +48,10 @@ SIGNALS = ("pv", "sp", "op", "mode", "op_low_flag", "op_high_flag", "position")
 """Names of the signals by their numbers in the column `signal`."""
 
 ROWS = pa.schema([("signal", pa.int8()), ("t", pa.int64()), ("value", pa.float64()), ("bad", pa.bool_())])
-"""Rows of a loop, whatever file they came from: signal (place in `SIGNALS`), microseconds since 1970 UTC, value (NaN where
-missing; of a mode 1 where it is not automatic, of a limit flag 1 where it is at the limit), whether it is of bad quality."""
+"""Rows of a loop, whatever file they came from.
+
+The place of the signal in `SIGNALS`, microseconds since 1970 UTC, the value (NaN where missing; of a mode 1 where it is
+not automatic, of a limit flag 1 where it is at the limit), whether it is of bad quality."""
 
 DAY = 86_400_000_000
 """[µs]."""
@@ -205,7 +217,7 @@ def index_file(lake: Path, name: str, zone: str | None) -> tuple[File | None, li
 def _damaged(name: str, group: int, rows: Sequence[int], error: Exception) -> Problem:
     what = f"row group {group} is damaged, {rows[group]} rows are left out: {_line(error)}"
     return Problem(
-        "damaged", what, "copy the file anew from where it came", name, sum(rows[:group]) + 1, count=rows[group]
+        "damaged", what, "copy the file anew from where it came", name, sum(rows[:group]) + 1, rows=rows[group]
     )
 
 
@@ -233,8 +245,8 @@ def _looked(file: File, path: Path, i: int, rows: int) -> tuple[Group, list[str]
     if not len(t):
         raise CellFault(0, "no row has a time")
     tags: tuple[str, ...] = ()
-    if file.long and tag in file.folders:
-        tags = (file.folders[tag],)
+    if file.long and tag is not None and tag in file.folders:
+        tags = (file.folders[str(tag)],)
     elif file.long:
         tags = tuple(sorted(_distinct(_whole(table, str(tag)))))
     seen = _distinct(_whole(table, quality)) if quality in wanted else []
@@ -256,8 +268,10 @@ def _naive(path: Path, file: File) -> bool:
 
 
 def _micros(column: pa.Array, file: File) -> tuple[NDArray[np.int64], NDArray[np.bool_], int]:
-    """Microseconds since 1970 UTC, which of them are a time, and how many stand in an hour that the clocks' change makes
-    doubtful: it comes twice, or not at all."""
+    """Microseconds since 1970 UTC, which of them are a time, and how many the clocks' change makes doubtful.
+
+    These stand in an hour that comes twice, or not at all.
+    """
     column = plain(column)
     kind = column.type
     if pa.types.is_timestamp(kind) and (kind.tz is not None or file.zone is None):
@@ -347,11 +361,11 @@ def places(
             continue
         signals = Signals(file.columns)
         for name, group in signals.loops(file.stem).items():
-            loop = loops.get(name) if given is not None else loops.setdefault(name, Loop(**{**defaults, "name": name}))
-            if loop is None:
+            known = loops.get(name) if given is not None else loops.setdefault(name, Loop(**{**defaults, "name": name}))
+            if known is None:
                 what = f"has signals of {name}, which no settings name"
                 problems.append(Problem("no_settings", what, "add the loop to the settings", file=file.name, loop=name))
-            elif chosen := of(signals, loop, group, file.name, long=False):
+            elif chosen := of(signals, known, group, file.name, long=False):
                 columns.setdefault(file.name, {})[name] = chosen
     if given is not None:
         for group in sorted(set(tags.groups) - set(found)):
@@ -435,7 +449,7 @@ def _parts(
                 what = error.what if isinstance(error, CellFault) else f"row group {i} is damaged: {_line(error)}"
                 row = done + 1 + (error.index if isinstance(error, CellFault) else 0)
                 todo = "copy the file anew from where it came"
-                yield None, [Problem("damaged", what, todo, file.name, row, count=group.rows)]
+                yield None, [Problem("damaged", what, todo, file.name, row, rows=group.rows)]
         done += group.rows
 
 
@@ -455,7 +469,7 @@ def _in_day(
     t, good, doubtful = _micros(_whole(table, str(file.column("time"))), file)
     if doubtful:
         what = f"{doubtful} rows stand in the hour in which the clocks of {file.zone} change, and are left out"
-        problems.append(Problem("clock_change", what, "export with times in UTC", file.name, row, count=doubtful))
+        problems.append(Problem("clock_change", what, "export with times in UTC", file.name, row, rows=doubtful))
     return t, good & (t >= day * DAY) & (t < (day + 1) * DAY)
 
 
@@ -550,7 +564,7 @@ def _values(
             n, tag = pc.sum(wrong).as_py(), names[int(codes[fault.index])]
             todo = fault.hint or "name it in bad_values"
             problems.append(
-                Problem("value", fault.what, todo, file.name, int(rows[fault.index]) + 1, tag, loop.name, count=n)
+                Problem("value", fault.what, todo, file.name, int(rows[fault.index]) + 1, tag, loop.name, rows=n)
             )
             cells = pc.if_else(wrong, pa.scalar("MAN" if role == "mode" else "", pa.string()), plain(cells))
     return np.full(len(cells), missing)
@@ -613,9 +627,7 @@ def _units(
 
 def _unit_problem(file: File, tag: str, loop: str, told: str, wants: str, n: int, row: int) -> Problem:
     what = f"{n} rows are in {told}, and the loop's settings say {wants}: they are left out"
-    return Problem(
-        "unit", what, "convert them, or correct the unit in the settings", file.name, row, tag, loop, count=n
-    )
+    return Problem("unit", what, "convert them, or correct the unit in the settings", file.name, row, tag, loop, rows=n)
 
 
 def _unit_of(loop: Loop, signal: int) -> str | None:

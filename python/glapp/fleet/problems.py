@@ -25,7 +25,7 @@ class Problem(NamedTuple):
         First row that is touched, counted from 1.
     tag, loop, day : str
         Tag or column, loop and day (ISO, UTC); empty where it is of none.
-    count : int
+    rows : int
         Rows that are touched; 0 where it is not of rows.
     """
 
@@ -37,12 +37,12 @@ class Problem(NamedTuple):
     tag: str = ""
     loop: str = ""
     day: str = ""
-    count: int = 0
+    rows: int = 0
 
 
 PROBLEMS = pa.schema(
     [
-        pa.field(name, pa.int64() if name in ("row", "count") else pa.string(), nullable=name == "row")
+        pa.field(name, pa.int64() if name in ("row", "rows") else pa.string(), nullable=name == "row")
         for name in Problem._fields
     ]
 )
@@ -58,7 +58,7 @@ def problem_table(problems: Iterable[Problem]) -> pa.Table:
     >>> problem_table(twice).num_rows
     1
     """
-    rows = sorted(set(problems), key=lambda p: (p.code, p.file, p.loop, p.tag, p.day, p.row or 0, p.what, p.count))
+    rows = sorted(set(problems), key=lambda p: (p.code, p.file, p.loop, p.tag, p.day, p.row or 0, p.what, p.rows))
     return pa.Table.from_pylist([p._asdict() for p in rows], schema=PROBLEMS)
 
 

@@ -7,8 +7,6 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from markupsafe import Markup
-
 from ..report import words
 from ..report.html import templates
 from ..writing import write_file

@@ -2,7 +2,7 @@
 
 ::
 
-    RESULTS/manifest.json        which folder holds the tables, their rows and checksums, version, settings; written last
+    RESULTS/manifest.json        the folder of the tables, their rows and checksums, version, settings; written last
     RESULTS/tables-<checksum>/   loops, windows, days, problems, inputs .parquet
     RESULTS/report.html          for the person who plans the maintenance
     RESULTS/work/                what was made so far: an interrupted run goes on from here, the next one begins here

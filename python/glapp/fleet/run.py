@@ -1,4 +1,4 @@
-"""A lake from beginning to end on one machine: in pieces, each of which is made once, on all cores and in bounded memory.
+"""A lake from beginning to end: in pieces, each made once, on all cores of this machine and in bounded memory.
 
 ::
 
@@ -6,8 +6,9 @@
     unit ──look──→ rows of DAYS ──choose──→ windows ──cut──→ their samples ──judge──→ rows of WINDOWS and LOOPS
 
 A piece is a file in `RESULTS/work` whose name is the checksum of all that it is made of: version, settings, and name,
-size and time of change of the files. What is there already is not made again, so an interrupted run goes on where it was,
-and a later one makes only what a new or changed file touches. The tables are the same to the bit either way.
+size and time of change of the files. What is there already is not made again, so an interrupted run goes on
+where it was, and a later one makes only what a new or changed file touches. The tables are the same to the bit either
+way.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor, 
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from importlib.metadata import version
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -34,7 +36,7 @@ from ..errors import InputError
 from ..loop import Loop
 from ..service.memory import Lock
 from ..writing import write_file
-from .lake import DAY, File, Places, day_name, files_of, index_file, places, rows_of, touched
+from .lake import DAY, File, Places, files_of, index_file, places, rows_of, touched
 from .problems import Problem, problem_table
 from .results import INPUTS, digest, publish, read_piece, write_piece
 from .settings import NAMES, read_loops
@@ -262,7 +264,7 @@ def _units(files: Sequence[File], known: Places) -> list[Unit]:
         )
         pieces = min(max(-(-rows // AT_ONCE), 1), max(len(known.loops), 1))
         ends = [round(i * len(known.loops) / pieces) for i in range(pieces + 1)]
-        for begin, end in zip(ends, ends[1:], strict=False):
+        for begin, end in pairwise(ends):
             loops = range(begin, end)
             of = tuple(file for file in here if any(touched(file, g, known, loops, day) for g in file.groups))
             if of:

@@ -5,8 +5,8 @@
     units ──mapInArrow──→ rows (loop, day, …) ──groupBy(loop, day).applyInArrow(look)──→ days
     units with chosen windows ──mapInArrow──→ samples ──cogroup(days by loop).applyInArrow(judge)──→ loops, windows
 
-Workers need glapp and the lake under the same path. A unit that is lost with its executor is read again by Spark. What a
-group answers travels as the bytes of an Arrow table, which no conversion touches; the driver writes the results, once.
+Workers need glapp and the lake under the same path. A unit that is lost with its executor is read again by Spark. What
+a group answers travels as the bytes of an Arrow table, which no conversion touches; the driver writes the results.
 """
 
 from __future__ import annotations

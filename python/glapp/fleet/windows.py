@@ -505,9 +505,9 @@ def _shares(
 ) -> tuple[float | None, float | None]:
     """Harm of the gap to the loop: the share of PV's variance and of OP's travel that would not be there without it.
 
-    A gap in a linear loop acts as a load of its own: it keeps OP less the valve's position from the process. What the loop
-    makes of that load, through the fitted gain, dead time and lags under the controller's K and Ti, is taken from PV. What
-    of OP's travel, cell by cell, the valve does not make is the second share.
+    A gap in a linear loop acts as a load of its own: it keeps OP less the valve's position from the process. What the
+    loop makes of that load, through the fitted gain, dead time and lags under the controller's K and Ti, is taken from
+    PV. What of OP's travel, cell by cell, the valve does not make is the second share.
     """
     best, p = fit.best, fit.process
     if p is None or op is None or best.get("signal") != "PV" or len(best["t"]) < 10:
@@ -528,7 +528,7 @@ def _shares(
 
 
 def _made_of(load: Floats, cells: Floats, k: float, ti: float, process: Process) -> Floats | None:
-    """What a loop under PI makes of a load at the process input; None where the fitted process would not stand K and Ti."""
+    """What a loop under PI makes of a load at the process input; None where the fitted process runs away under it."""
     h = float(np.median(np.diff(cells)))
     (kp, *_), (late, *_), (lag, *_) = process.kp, process.dead_time, process.lag
     shift, a = round(late / h), h / (max(lag, 0.0) + h)
@@ -738,17 +738,17 @@ def _problems(loop: Loop, looks: list[dict[str, Any]]) -> list[Problem]:
     """What a loop's days tell that is wrong with the lake and not with the loop."""
     found = []
     for day in looks:
-        when = {"loop": loop.name, "day": _moment(int(day["day"]) * 86_400_000_000).date().isoformat()}
+        when: dict[str, Any] = {"loop": loop.name, "day": _moment(int(day["day"]) * 86_400_000_000).date().isoformat()}
         if day["doubled"]:
             what = f"{day['doubled']} rows stand there more than once, and count once"
             found.append(
-                Problem("doubled", what, "nothing; or take out what was exported twice", **when, count=day["doubled"])
+                Problem("doubled", what, "nothing; or take out what was exported twice", **when, rows=day["doubled"])
             )
         if day["contradicting"]:
             what = f"{day['contradicting']} rows say something else of a moment than others: these moments count as bad"
             todo = "find out which export is right, and take out the other"
-            found.append(Problem("contradicting", what, todo, **when, count=day["contradicting"]))
+            found.append(Problem("contradicting", what, todo, **when, rows=day["contradicting"]))
         if day["unfit_code"] in ("outside_span", "unusable", "fault"):
             todo = "check unit and span in the settings" if day["unfit_code"] == "outside_span" else "check the export"
-            found.append(Problem(day["unfit_code"], day["unfit_reason"], todo, **when, count=day["rows"]))
+            found.append(Problem(day["unfit_code"], day["unfit_reason"], todo, **when, rows=day["rows"]))
     return found

@@ -90,6 +90,7 @@ def judged(lake: Path, days: int, longest: int) -> dict[str, Any]:
     """Judge the last days, and hold the answers against the truth."""
     of = last_days(lake, days, longest)
     out = OUT / f"results-{of.name}"
+    fresh = not out.exists()  # of a run that went on no time is told
     parts: dict[str, float] = {}
     begun = time.monotonic()
 
@@ -134,6 +135,7 @@ def judged(lake: Path, days: int, longest: int) -> dict[str, Any]:
         "wear": sum(row["changes"] and truth[row["loop"]]["kind"] == "wear" for row in loops),
         "wear_all": sum(row["kind"] == "wear" and row["record"] == "good" for row in truth.values()),
         "wear_false": sum(row["changes"] and truth[row["loop"]]["kind"] != "wear" for row in loops),
+        "fresh": fresh,
         "seconds": made["seconds"],
         "parts": [b - a for a, b in pairwise(ends)],
         "rows": sum(days_rows["rows"].to_pylist()),
@@ -184,8 +186,11 @@ def _page(rows: list[dict[str, Any]], loops: int, longest: int, size: int) -> st
         line("wear seen where there is none", lambda r: r["wear_false"]),
         line("samples of PV", lambda r: f"{r['rows'] / 1e6:.1f} M"),
         line("windows fitted", lambda r: r["windows"]),
-        line("time: all", lambda r: f"{r['seconds']:.0f} s"),
-        line("files, days, windows, loops", lambda r: ", ".join(f"{part:.0f} s" for part in r["parts"])),
+        line("time: all", lambda r: f"{r['seconds']:.0f} s" if r["fresh"] else "–"),
+        line(
+            "files, days, windows, loops",
+            lambda r: ", ".join(f"{part:.0f} s" for part in r["parts"]) if r["fresh"] else "–",
+        ),
     ]
     if last["problems"] is not None:
         found, all_of_them, missing = last["problems"]

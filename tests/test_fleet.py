@@ -294,7 +294,7 @@ def test_what_is_no_lake_and_what_are_no_results(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_every_planted_problem_is_found_and_none_is_fatal(tmp_path: Path) -> None:
-    lake, results = fleet.make_demo(tmp_path / "lake", loops=10, days=3, seed=SEED), tmp_path / "results"
+    lake, results = fleet.make_demo(tmp_path / "lake", loops=10, days=5, seed=SEED), tmp_path / "results"
     fleet.analyze(lake, results, fits=1)
     found = fleet.read(results, "problems").to_pylist()
     planted = pq.read_table(lake / "_truth" / "problems.parquet").to_pylist()

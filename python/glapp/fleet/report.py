@@ -114,6 +114,7 @@ def write_report(out: str | Path) -> Path:
         ],
         "worn": _worn(loops, read(out, "windows").to_pylist()),
         "unjudged": _unjudged(loops),
+        "sound": sorted((row for row in loops if row["valve"] == "no_gap"), key=lambda row: str(row["loop"])),
         "others": [row for row in loops if row["score"] is None and row["valve"] == "gap"],
         "problems": _problems(read(out, "problems").to_pylist()),
         "span": _span(loops),

@@ -12,6 +12,8 @@ a group answers travels as the bytes of an Arrow table, which no conversion touc
 from __future__ import annotations
 
 import json
+import os
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -44,6 +46,7 @@ def run(plan: Plan, out: Path, stage: Stage) -> tuple[pa.Table, pa.Table, pa.Tab
         from pyspark.sql import SparkSession
     except ImportError:
         raise InputError("needs PySpark", parameter="engine", hint="pip install 'glapp[spark]', and Java 17") from None
+    os.environ.setdefault("PYSPARK_PYTHON", sys.executable)  # a worker of this machine has what we have
     spark = SparkSession.builder.appName("glapp fleet").getOrCreate()
     count = len(plan.units)
     stage("days", count, 0)

@@ -439,8 +439,8 @@ def test_spark_gives_the_same_tables(lake: Path, results: Path, tmp_path: Path) 
         ".config('spark.sql.shuffle.partitions', 2).getOrCreate()\n"
         "fleet.analyze(sys.argv[1], sys.argv[2], fits=1, engine='spark')\nspark.stop()\n"
     )
-    run = subprocess.run(
-        [sys.executable, str(script), str(lake), str(tmp_path / "out")], capture_output=True, text=True
-    )
+    command = [sys.executable, str(script), str(lake), str(tmp_path / "out")]
+    known = {**os.environ, "PYSPARK_PYTHON": sys.executable}
+    run = subprocess.run(command, capture_output=True, text=True, env=known)
     assert run.returncode == 0, run.stderr[-2000:]
     assert fleet.manifest(tmp_path / "out")["folder"] == fleet.manifest(results)["folder"]

@@ -473,7 +473,9 @@ def _window(loop: Loop, recording: Samples, said: Any, day: dict[str, Any]) -> d
     fit: Fit = said.fit
     whole = recording.beginning(recording.rows or 0)
     law = (day["k"], day["ti"])
-    pv_share, op_share = _shares(fit, law, whole.t, whole.sp, whole.op) if fit.found else (None, None)
+    pv_share, op_share = (
+        _shares(fit, law, whole.t, whole.sp, whole.op) if fit.d and said.left_out is None else (None, None)
+    )
     p = fit.process
     assert recording.t0 is not None
     first = round(recording.t0.timestamp() * 1e6)
@@ -581,7 +583,7 @@ def _loop_row(
         result = replace(result, loop=loop.model_copy(update={"acceptable_dead_band": ACCEPTABLE}))
     answer = result.answer
     percent = None if result.span is None else 100.0 / result.span
-    counted = [w for w in windows if w["pv_share"] is not None and w["left_out"] is None]
+    counted = windows if answer.valve == "gap" else []
     shares = {name: _mean([w[name] for w in counted if w[name] is not None]) for name in ("pv_share", "op_share")}
     harm = max((share for share in shares.values() if share is not None), default=None)
     sure = answer.low if answer.valve == "gap" and answer.evidence is not None else None
@@ -715,9 +717,8 @@ HINDRANCES: dict[str, tuple[str, ...]] = {
             "same_signal",
             "same",
             "copy",
-            "misfit",
         ),
-        *("op_missing", "no_answer"),
+        "op_missing",
     ),
 }
 """What stands in the way of an answer, by the codes that tell it; `no_op` and `evidence` beside these."""

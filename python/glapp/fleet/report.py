@@ -94,7 +94,8 @@ def write_report(out: str | Path) -> Path:
     out = Path(out)
     made = manifest(out)
     loops = read(out, "loops").to_pylist()
-    ranked = [row for row in loops if row["score"] is not None]
+    scored = [row for row in loops if row["score"] is not None]
+    ranked = [row for row in scored if row["acceptable"] != "within"]
     judged = [row for row in loops if row["valve"] in ("gap", "no_gap")]
     page = templates().get_template("fleet.html")
     known = {
@@ -115,6 +116,7 @@ def write_report(out: str | Path) -> Path:
         "worn": _worn(loops, read(out, "windows").to_pylist()),
         "unjudged": _unjudged(loops),
         "sound": sorted((row for row in loops if row["valve"] == "no_gap"), key=lambda row: str(row["loop"])),
+        "within": [row for row in scored if row["acceptable"] == "within"],
         "others": [row for row in loops if row["score"] is None and row["valve"] == "gap"],
         "problems": _problems(read(out, "problems").to_pylist()),
         "span": _span(loops),

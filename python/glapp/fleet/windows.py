@@ -697,42 +697,21 @@ HINDRANCES: dict[str, tuple[str, ...]] = {
     "manual": ("not_auto",),
     "op_rests": ("op_rests", "op_still", "op_constant", "still", "once", "hidden_by_lag", "few", "few_rows"),
     "load": ("swings", "repeats", "hidden_by_changes", "sinusoidal", "recordings_disagree", "windows_disagree"),
-    "data": (
-        *(
-            "outside_span",
-            "unusable",
-            "fault",
-            "too_few_rows",
-            "time_missing",
-            "time_reversed",
-            "time_repeated",
-            "broken",
-        ),
-        *(
-            "not_a_number",
-            "bad_quality",
-            "pv_constant",
-            "pv_still",
-            "exchanged",
-            "same_signal",
-            "same",
-            "copy",
-        ),
-        "op_missing",
-    ),
+    "evidence": ("may_be_a_gap", "families_disagree", "misfit", "no_answer", "windows_silent", "disagree", "noise"),
 }
-"""What stands in the way of an answer, by the codes that tell it; `no_op` and `evidence` beside these."""
+"""What stands in the way of an answer, by the codes that tell it; `no_op` and `data` beside these."""
 
 
 def _hindrance(looks: list[dict[str, Any]], code: str | None, findings: Sequence[str]) -> str:
-    """What would have to change for an answer: OP is not recorded; the reason; what lasts; else more evidence."""
+    """What would have to change for an answer.
+
+    OP is not recorded; the reason that was told; where that is too little evidence, a finding that lasts; else the data.
+    """
     if not any(day["op"] for day in looks):
         return "no_op"
-    for told in ([code], findings):
-        for name, codes in HINDRANCES.items():
-            if any(one in codes for one in told):
-                return name
-    return "evidence"
+    of = {one: name for name, codes in HINDRANCES.items() for one in codes}
+    told = of.get(code or "", "data")
+    return told if told != "evidence" else next((of[one] for one in findings if one in of), told)
 
 
 def _problems(loop: Loop, looks: list[dict[str, Any]]) -> list[Problem]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 import signal
@@ -23,6 +24,7 @@ from glapp.cli import app
 from glapp.errors import InputError
 from glapp.fleet.lake import DAY, SIGNALS, files_of, rows_of
 from glapp.fleet.problems import Problem
+from glapp.fleet.results import write_piece
 from glapp.fleet.run import Plan, plan_of
 from glapp.fleet.settings import read_loops
 from glapp.fleet.windows import choose, cut, judge, look
@@ -252,6 +254,33 @@ def test_a_worn_valve_is_found_in_its_windows_with_what_it_does_to_the_loop() ->
     assert answer["score"] == pytest.approx(answer["low"] / 1.0 * max(answer["op_share"], answer["pv_share"]))
     same, others, _ = judge(pa.concat_tables(parts), days.take(pa.array([2, 0, 1])), loop)
     assert same == row and others == windows
+
+
+@pytest.mark.slow
+def test_a_day_that_is_replayed_under_another_date_counts_once() -> None:
+    x, loop = signals(), Loop(name="FIC1", pv_span=(0, 100), op_span=(0, 100))
+    part = {name: values[:700] for name, values in x.items()}
+    both = [part, part | {"time": part["time"] + DAY}]
+    days = pa.concat_tables([look(table_of(one), loop, FIRST // DAY + i) for i, one in enumerate(both)])
+    samples = [cut(table_of(one), loop, choose(days)) for one in both]
+    _, windows, problems = judge(pa.concat_tables(samples), days, loop)
+    assert codes(problems) == {"replayed"} and problems[0].day == "2026-03-03"
+    assert [share > 0.5 for share in windows["repeated"].to_pylist()] == [False, True]
+
+
+def test_a_full_disk_is_told_and_leaves_nothing_half_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    table = pa.table({"x": [1.0]})
+    path = tmp_path / "days" / "x.parquet"
+    write_piece(path, [table], table.schema)
+    whole = path.read_bytes()
+
+    def full(handle: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(InputError, match="No space left on device; make room"):
+        write_piece(path, [pa.table({"x": [2.0]})], table.schema)
+    assert path.read_bytes() == whole and list(path.parent.iterdir()) == [path]
 
 
 def test_settings_from_a_table(tmp_path: Path) -> None:

@@ -142,10 +142,29 @@ def publish(out: Path, tables: Mapping[str, pa.Table], about: Mapping[str, Any])
 def manifest(out: str | Path) -> dict[str, Any]:
     """What is known of the results in a folder: version, settings, when they were written, rows and checksums.
 
+    Parameters
+    ----------
+    out : str or Path
+        The folder that was given as `out`.
+
+    Returns
+    -------
+    dict
+        `folder` of the tables, `tables` (rows and checksum of each), `provenance`, `lake`, `written`, `engine` and
+        `seconds`.
+
     Raises
     ------
     InputError
         Where there are none, as while the first run is under way.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     manifest(folder)  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    glapp.errors.InputError: ...: holds no results; ...
     """
     path = Path(out) / _MANIFEST
     try:

@@ -705,7 +705,7 @@ HINDRANCES: dict[str, tuple[str, ...]] = {
 def _hindrance(looks: list[dict[str, Any]], code: str | None, findings: Sequence[str]) -> str:
     """What would have to change for an answer.
 
-    OP is not recorded; the reason that was told; where that is too little evidence, a finding that lasts; else the data.
+    OP is not recorded; the reason that was told; where that is too little evidence, a finding that lasts.
     """
     if not any(day["op"] for day in looks):
         return "no_op"

@@ -175,6 +175,7 @@ def test_what_cannot_be_used_is_told_with_its_place(tmp_path: Path) -> None:
     (tmp_path / "_secret" / "x.parquet").write_bytes(b"not looked at")
     span = 'pv_unit = "bar"\npv_span = [0, 100]\n'
     settings = "".join(f"[loops.FIC{i}]\n{span}" for i in (1, 2, 4)) + "[loops.FIC5]\npv_span = [1, 0]\n"
+    settings += '[loops.FIC6.columns]\npv = "FIC1.PW"\n'
     found, problems = rows(planned(tmp_path, settings))
     told = {(p.code, p.file or p.loop): p for p in problems}
     assert set(told) == {
@@ -184,8 +185,11 @@ def test_what_cannot_be_used_is_told_with_its_place(tmp_path: Path) -> None:
         ("unit", "day=2/text.parquet"),
         ("no_settings", "FIC3"),
         ("no_tags", "FIC4"),
+        ("no_tags", "FIC6"),
+        ("loop_tags", "FIC6"),
         ("settings", "loops.toml"),
     }
+    assert "did you mean 'FIC1.PV'" in told["loop_tags", "FIC6"].what
     assert told["unit", "day=2/text.parquet"].tag == "FIC2.SP" and told["unit", "day=2/text.parquet"].rows == 50
     assert {name for name, _ in found} == {"FIC1", "FIC2"} and {s for s, *_ in found["FIC2", FIRST // DAY]} == {0, 2}
 

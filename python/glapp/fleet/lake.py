@@ -341,7 +341,7 @@ def places(
                 role: name for role, name in choose(signals, loop, group, label, tags=long).items() if role in SIGNALS
             }
         except InputError as error:
-            if group is not None and given is not None:
+            if given is not None:
                 todo = error.hint or "name its tags in the settings: columns"
                 problems.append(Problem("loop_tags", error.what, todo, file="" if long else label, loop=loop.name))
             return None

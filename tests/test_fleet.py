@@ -189,7 +189,7 @@ def test_what_cannot_be_used_is_told_with_its_place(tmp_path: Path) -> None:
         ("loop_tags", "FIC6"),
         ("settings", "loops.toml"),
     }
-    assert "did you mean 'FIC1.PV'" in told["loop_tags", "FIC6"].what
+    assert "did you mean 'FIC1." in told["loop_tags", "FIC6"].what
     assert told["unit", "day=2/text.parquet"].tag == "FIC2.SP" and told["unit", "day=2/text.parquet"].rows == 50
     assert {name for name, _ in found} == {"FIC1", "FIC2"} and {s for s, *_ in found["FIC2", FIRST // DAY]} == {0, 2}
 

@@ -169,3 +169,13 @@ def test_op_that_only_moves_after_the_beginning_is_found() -> None:
 def test_wrong_windows_are_refused(wrong: Any, told: str) -> None:
     with pytest.raises(ValueError, match=told):
         wrong(np.arange(20.0))
+
+
+def test_scores_are_those_of_the_windows_and_tell_more_where_op_turns_further() -> None:
+    t = np.arange(4000.0)
+    op = np.where(t < 2000, 1.0, 5.0) * turning(t)
+    windows = Windows(2000, 1e9)
+    windows.add(batch(t, op))
+    scores = windows.scores()
+    assert [(begin, end) for begin, end, _ in scores] == [(w.t[0], w.t[-1]) for w in windows.best()]
+    assert scores[1][2] == pytest.approx(5 * scores[0][2])

@@ -24,7 +24,7 @@ from .recording import Batch, Recording
 from .result import Answer, Corrected, HalfPeriods, Result, Settings
 
 if TYPE_CHECKING:
-    from . import blocks, modules, nonlinear, plant, simulate, tuning
+    from . import blocks, fleet, modules, nonlinear, plant, simulate, tuning
     from .reading import open_recordings, recording_from
     from .row import to_arrow
 
@@ -53,6 +53,7 @@ __all__ = [
     "bump",
     "estimate",
     "fit",
+    "fleet",
     "identify",
     "modules",
     "nonlinear",
@@ -64,12 +65,12 @@ __all__ = [
     "tuning",
 ]
 
-_LABORATORY = ("blocks", "modules", "nonlinear", "plant", "simulate", "tuning")
+_LABORATORY = ("blocks", "fleet", "modules", "nonlinear", "plant", "simulate", "tuning")
 _READING = ("open_recordings", "recording_from")
 
 
 def __getattr__(name: str) -> Any:
-    """Load the laboratory, and what reads tables, when they are first asked for: both stand on large libraries."""
+    """Load the laboratory, the fleet, and what reads tables, when first asked for: they stand on large libraries."""
     if name in _LABORATORY:
         return _import_module(f".{name}", __name__)
     if name in _READING:

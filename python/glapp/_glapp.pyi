@@ -479,6 +479,8 @@ class Windows:
     def add(self, batch: Batch) -> None: ...
     def best(self) -> list[Batch]:
         """The best window of each epoch, in the order of time; the window under way ends here."""
+    def scores(self) -> list[tuple[float, float, float]]:
+        """Of the same windows the times of the first and last row [s], and what each may tell [OP unit]."""
 
 R2_USABLE: float
 WIDEST: float

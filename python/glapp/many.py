@@ -12,7 +12,7 @@ from .recording import Recording
 from .result import Result
 from .valve import in_order, one_valve
 
-__all__ = ["analyze_recordings"]
+__all__ = ["analyze_recordings", "unfit"]
 
 
 def analyze_recordings(
@@ -45,12 +45,12 @@ def analyze_recordings(
     source = ", ".join(recording.source for recording in recordings)
     if not fit or all("OP" not in recording.columns for recording in recordings):
         return replace(max(each, key=lambda result: result.detections), source=source)
-    answer = fit_recordings(recordings, unfit=[_unfit(result) for result in each], progress=fitting)
+    answer = fit_recordings(recordings, unfit=[unfit(result) for result in each], progress=fitting)
     best = each[next((i for i, one in enumerate(answer.recordings) if one.shown), 0)]
     return replace(best, source=source, fit=answer)
 
 
-def _unfit(result: Result) -> tuple[Verdict, str, str] | None:
+def unfit(result: Result) -> tuple[Verdict, str, str] | None:
     """What is known of the recording before it is fitted, with the reason's word and sentence."""
     loop = result.loop
     primary = loop.cascade is not None and loop.cascade.role == "primary"

@@ -16,6 +16,7 @@ from .analyze import analyze
 from .bump import bump
 from .demo import demo
 from .explain import explain
+from .fleet import fleet
 from .identify import identify
 from .init import init
 from .plant import plant, tags
@@ -80,6 +81,7 @@ app.command(
 app.command(epilog=examples("glapp thesis 5.1", "glapp thesis 1.2 'Table 8.1' --out figures"))(thesis)
 
 app.add_typer(watch, name="watch")
+app.add_typer(fleet, name="fleet")
 
 
 def _version(asked: bool) -> None:

@@ -71,7 +71,7 @@ def write_report(
     """
     path = Path(path)
     order = words.ranked(results)
-    pages = _templates()
+    pages = templates()
 
     def part(name: str, **known: Any) -> Markup:
         return Markup(pages.get_template(f"{name}.html").render(known))
@@ -109,7 +109,7 @@ def write_report(
     return [path, *files]
 
 
-def _templates() -> Environment:
+def templates() -> Environment:
     """The templates, with what all of them use."""
     pages = Environment(
         loader=FileSystemLoader(_ASSETS / "templates"),

@@ -81,8 +81,14 @@ impl Windows {
 
     /// The best window of each epoch, in the order of time; those in which OP rests are left out. The window under way ends here.
     pub fn best(&mut self) -> impl Iterator<Item = &Rows> {
+        self.scored().map(|(_, rows)| rows)
+    }
+
+    /// The same, each with what it may tell, by which windows of several histories of one valve can be chosen: OP's travel in
+    /// a coarse look times the share of rows that can be used [OP unit].
+    pub fn scored(&mut self) -> impl Iterator<Item = &(f64, Rows)> {
         self.end();
-        self.epochs.iter().flatten().filter(|(score, _)| *score > 0.0).map(|(_, rows)| rows)
+        self.epochs.iter().flatten().filter(|(score, _)| *score > 0.0)
     }
 
     /// The window under way is whole, or will not become longer.

@@ -1,0 +1,15 @@
+"""The fleet: all loops of a lake of Parquet files, judged overnight, the valves to repair first at the top.
+
+::
+
+    glapp fleet make-demo lake
+    glapp fleet analyze lake --out results
+
+`docs/fleet.md` tells the layouts of a lake, every column of the results, and how far they can be believed.
+"""
+
+from .demo import make_demo
+from .results import manifest, read
+from .run import analyze
+
+__all__ = ["analyze", "make_demo", "manifest", "read"]

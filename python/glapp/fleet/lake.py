@@ -1,0 +1,642 @@
+"""A lake: Parquet files as historians and platforms write them, and the rows of one day of some loops in them.
+
+A file is *long* (a row per tag and time: tag, time, value, and quality and unit where there are) or *wide* (a column
+per signal, of one loop or of several). Names of folders such as `day=2026-03-01` or `tag=FIC101.PV` are columns, as
+everywhere where Hive's convention is known; names that begin with `_` or `.` are not looked at. Files may overlap, and
+their rows may stand in any order: what is made of them hangs on the rows alone.
+
+Every file is looked at once (`index_file`): its columns, and of each group of rows the first and the last moment and
+the tags. So only groups are read that a question can touch, one at a time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, date, datetime
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from ..errors import InputError
+from ..loop import Loop
+from ..reading.columns import LABELS, Signals, choose, is_long, understand
+from ..reading.times import Clock
+from ..reading.values import (
+    CellFault,
+    Quality,
+    flags_of,
+    limit_flag,
+    mode_flag,
+    numbers,
+    plain,
+    text_of,
+    words,
+    words_for_bad,
+)
+from .problems import Problem
+
+__all__ = ["DAY", "SIGNALS", "File", "Group", "Places", "day_name", "files_of", "index_file", "places", "rows_of"]
+
+SIGNALS = ("pv", "sp", "op", "mode", "op_low_flag", "op_high_flag", "position")
+"""Names of the signals by their numbers in the column `signal`."""
+
+ROWS = pa.schema([("signal", pa.int8()), ("t", pa.int64()), ("value", pa.float64()), ("bad", pa.bool_())])
+"""Rows of a loop, whatever file they came from.
+
+The place of the signal in `SIGNALS`, microseconds since 1970 UTC, the value (NaN where missing; of a mode 1 where it is
+not automatic, of a limit flag 1 where it is at the limit), whether it is of bad quality."""
+
+DAY = 86_400_000_000
+"""[µs]."""
+
+_WORDS = ("mode", "op_low_flag", "op_high_flag")
+_UNITS = {"unit", "units", "uom", "eu", "engunit", "engunits", "engineeringunit", "engineeringunits"}
+_MOST_WORDS = 1000
+"""Different words of quality in a file that are looked at."""
+_YEARS = tuple(int(datetime(year, 1, 1, tzinfo=UTC).timestamp()) * 1_000_000 for year in (1971, 2101))
+"""What is older or younger is no time of a sample [µs since 1970]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """A group of rows of a file: its rows, first and last moment [µs since 1970 UTC], and the tags of a long file."""
+
+    rows: int
+    first: int
+    last: int
+    tags: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class File:
+    """What is known of a file after a look.
+
+    Attributes
+    ----------
+    name : str
+        Relative to the lake, with `/`.
+    size, mtime_ns : int
+        By which a changed file is told [B, ns].
+    long : bool
+        Whether it has a row per tag and time.
+    stem : str
+        Name of its loop where a wide file's columns have no prefix: that of its folder `loop=...`, else its own.
+    columns : tuple of str
+        Its columns, those of its folders included.
+    folders : mapping
+        Columns that its folders tell.
+    groups : tuple of Group
+        Its groups of rows, in their order; one that could not be looked at has no rows.
+    qualities : tuple of str
+        The words of its quality column.
+    zone : str or None
+        Zone of its times where they have none of their own.
+    """
+
+    name: str
+    size: int
+    mtime_ns: int
+    long: bool
+    stem: str
+    columns: tuple[str, ...]
+    folders: Mapping[str, str]
+    groups: tuple[Group, ...]
+    qualities: tuple[str, ...]
+    zone: str | None
+
+    @classmethod
+    def of(cls, known: Mapping[str, Any]) -> File:
+        """The same from plain types."""
+        groups = tuple(Group(**{**group, "tags": tuple(group["tags"])}) for group in known["groups"])
+        lists = {name: tuple(known[name]) for name in ("columns", "qualities")}
+        return cls(**{**known, **lists, "groups": groups})
+
+    def column(self, role: str) -> str | None:
+        """Its column of this role: time, tag, value or quality."""
+        return next((name for name in self.columns if understand(name).role == role), None)
+
+    @property
+    def unit_column(self) -> str | None:
+        """The column of units of a long file."""
+        if not self.long:
+            return None
+        return next((c for c in self.columns if "".join(filter(str.isalnum, c.lower())) in _UNITS), None)
+
+    @property
+    def tags(self) -> set[str]:
+        """All tags of a long file."""
+        return {tag for group in self.groups for tag in group.tags}
+
+
+def day_name(day: int) -> str:
+    """A day by its number since 1970, as in ISO 8601.
+
+    Examples
+    --------
+    >>> day_name(0)
+    '1970-01-01'
+    """
+    return date.fromordinal(719163 + day).isoformat()
+
+
+def files_of(lake: Path) -> list[str]:
+    """The Parquet files of a lake, by name; folders and files that begin with `_` or `.` are left out.
+
+    Raises
+    ------
+    InputError
+        Where there is no such folder, or no Parquet file in it.
+    """
+    if not lake.is_dir():
+        raise InputError("is no folder", file=str(lake), hint="name the folder of a lake of Parquet files")
+    found = []
+    for path in lake.rglob("*.parquet"):
+        parts = path.relative_to(lake).parts
+        if path.is_file() and not any(part.startswith(("_", ".")) for part in parts):
+            found.append("/".join(parts))
+    if not found:
+        raise InputError("holds no .parquet file", file=str(lake), hint="glapp fleet make-demo writes a lake to try")
+    return sorted(found)
+
+
+def index_file(lake: Path, name: str, zone: str | None) -> tuple[File | None, list[Problem]]:
+    """Look at a file: its columns, and of each group of rows its time and tags. None where it cannot be used at all."""
+    path = lake / name
+    state = path.stat()
+    try:
+        with pq.ParquetFile(path) as file:
+            columns = [str(field.name) for field in file.schema_arrow if str(field.type)]
+            rows = [file.metadata.row_group(i).num_rows for i in range(file.metadata.num_row_groups)]
+    except Exception as error:  # the library has no one kind for a damaged file
+        what = f"is not a readable Parquet file: {_line(error)}"
+        return None, [Problem("unreadable", what, "copy it anew from where it came", file=name)]
+    folders = _folders(name)
+    every = (*columns, *(key for key in folders if key not in columns))
+    long = is_long(every)
+    stem = folders.get("loop") or Path(name).stem
+    bare = File(name, state.st_size, state.st_mtime_ns, long, stem, every, folders, (), (), zone)
+    what = f"its columns are {', '.join(every[:12]) or 'none'}"
+    if bare.column("time") is None:
+        what += "; no time is among them"
+        return None, [Problem("schema", what, "a file has time, tag and value, or time and PV of a loop", file=name)]
+    if not long and not Signals(every).groups:
+        what += "; neither tag and value nor a PV with SP or OP is among them"
+        return None, [Problem("schema", what, "name columns in loops.toml, or leave the file out", file=name)]
+    if not sum(rows):
+        return None, [Problem("empty", "has no rows", "nothing, where nothing was recorded", file=name)]
+    problems: list[Problem] = []
+    groups: list[Group] = []
+    qualities: dict[str, None] = {}
+    for i, n in enumerate(rows):
+        try:
+            group, seen = _looked(bare, path, i, n)
+            groups.append(group)
+            qualities.update(dict.fromkeys(seen[:_MOST_WORDS]))
+        except CellFault as fault:
+            groups.append(Group(0, 0, 0))
+            what = f"its times cannot be read: {fault.what}"
+            problems.append(Problem("time", what, fault.hint or "write them as timestamps", name, sum(rows[:i]) + 1))
+        except Exception as error:
+            groups.append(Group(0, 0, 0))
+            problems.append(_damaged(name, i, rows, error))
+    if not any(group.rows for group in groups):
+        return None, problems
+    if zone is None and _naive(path, bare):
+        what = "its times have no zone, and are taken for UTC"
+        problems.append(Problem("no_zone", what, "name it: --time-zone, or time_zone in [defaults]", file=name))
+    return replace(bare, groups=tuple(groups), qualities=tuple(qualities)[:_MOST_WORDS]), problems
+
+
+def _damaged(name: str, group: int, rows: Sequence[int], error: Exception) -> Problem:
+    what = f"row group {group} is damaged, {rows[group]} rows are left out: {_line(error)}"
+    return Problem(
+        "damaged", what, "copy the file anew from where it came", name, sum(rows[:group]) + 1, rows=rows[group]
+    )
+
+
+def _line(error: Exception) -> str:
+    return " ".join(str(error).split())[:200] or type(error).__name__
+
+
+def _folders(name: str) -> dict[str, str]:
+    """What the folders `key=value` of a path tell."""
+    pairs = (part.partition("=") for part in name.split("/")[:-1] if "=" in part)
+    return {key: unquote(value) for key, _, value in pairs if value != "__HIVE_DEFAULT_PARTITION__"}
+
+
+def _looked(file: File, path: Path, i: int, rows: int) -> tuple[Group, list[str]]:
+    """Time and tags of a group of rows, and the words of its quality."""
+    time, tag, quality = file.column("time"), file.column("tag"), file.column("quality")
+    wanted = [c for c in (time, tag if file.long else None, quality) if c is not None and c not in file.folders]
+    words_of = [c for c in (tag, quality) if c in wanted]
+    with pq.ParquetFile(path, read_dictionary=words_of) as parquet:
+        table = parquet.read_row_group(i, columns=wanted, use_threads=False)
+    table.validate(full=True)
+    assert time is not None
+    t, good = _micros(_whole(table, time), file)[:2]
+    t = t[good]
+    if not len(t):
+        raise CellFault(0, "no row has a time")
+    tags: tuple[str, ...] = ()
+    if file.long and tag is not None and tag in file.folders:
+        tags = (file.folders[str(tag)],)
+    elif file.long:
+        tags = tuple(sorted(_distinct(_whole(table, str(tag)))))
+    seen = _distinct(_whole(table, quality)) if quality in wanted else []
+    return Group(rows, int(t.min()), int(t.max()), tags), sorted(map(text_of, seen))
+
+
+def _distinct(column: pa.Array) -> list[str]:
+    return [str(value) for value in pc.unique(words(column)).to_pylist() if value is not None]
+
+
+def _whole(table: pa.Table, column: str) -> pa.Array:
+    joined = table.column(column).combine_chunks()
+    return joined if isinstance(joined, pa.Array) else pa.concat_arrays(joined.chunks)
+
+
+def _naive(path: Path, file: File) -> bool:
+    kind = pq.read_schema(path).field(str(file.column("time"))).type
+    return bool(pa.types.is_timestamp(kind) and kind.tz is None)
+
+
+def _micros(column: pa.Array, file: File) -> tuple[NDArray[np.int64], NDArray[np.bool_], int]:
+    """Microseconds since 1970 UTC, which of them are a time, and how many the clocks' change makes doubtful.
+
+    These stand in an hour that comes twice, or not at all.
+    """
+    column = plain(column)
+    kind = column.type
+    if pa.types.is_timestamp(kind) and (kind.tz is not None or file.zone is None):
+        ticks = column.cast(pa.timestamp("us", kind.tz), safe=False)
+        return _known(ticks, 0)
+    if pa.types.is_timestamp(kind):
+        ticks = column.cast(pa.timestamp("us"), safe=False)
+        early, late = (
+            pc.assume_timezone(ticks, file.zone, ambiguous=end, nonexistent=end) for end in ("earliest", "latest")
+        )
+        plainly = pc.equal(early, late)
+        doubtful = len(column) - column.null_count - (pc.sum(plainly).as_py() or 0)
+        return _known(pc.if_else(plainly, early, None), doubtful)
+    clock = Clock(column.slice(0, 1000), None, None, file.zone)
+    if clock.t0 is None:
+        raise CellFault(0, "they are plain numbers, and no date")
+    start = clock.t0 if clock.t0.tzinfo is not None else clock.t0.replace(tzinfo=UTC)
+    seconds = clock.reader()(column)
+    good = np.isfinite(seconds)
+    begin = round(start.timestamp() * 1e6)
+    return begin + np.rint(np.where(good, seconds, 0.0) * 1e6).astype(np.int64), good, 0
+
+
+def _known(ticks: pa.Array, doubtful: int) -> tuple[NDArray[np.int64], NDArray[np.bool_], int]:
+    t: NDArray[np.int64] = ticks.cast(pa.int64()).fill_null(0).to_numpy(zero_copy_only=False)
+    good: NDArray[np.bool_] = ticks.is_valid().to_numpy(zero_copy_only=False)
+    return t, good & (t > _YEARS[0]) & (t < _YEARS[1]), doubtful
+
+
+@dataclass(frozen=True, slots=True)
+class Places:
+    """Where the loops' signals are.
+
+    Attributes
+    ----------
+    loops : tuple of Loop
+        The loops that have a PV and an SP or OP somewhere, by name.
+    long : mapping
+        Tag to (place of its loop in `loops`, place of its signal in `SIGNALS`).
+    wide : mapping
+        File name to the same of its columns.
+    """
+
+    loops: tuple[Loop, ...]
+    long: Mapping[str, tuple[int, int]]
+    wide: Mapping[str, Mapping[str, tuple[int, int]]]
+
+    def of(self, file: File) -> Mapping[str, tuple[int, int]]:
+        """Tags or columns of a file that are signals of loops."""
+        return self.long if file.long else self.wide.get(file.name, {})
+
+
+def places(
+    files: Sequence[File], given: Sequence[Loop] | None, defaults: Mapping[str, Any]
+) -> tuple[Places, list[Problem]]:
+    """Which tag and which column is which signal of which loop; without settings, the loops that the names show."""
+    tags = Signals(sorted(set().union(*(file.tags for file in files if file.long))))
+    problems: list[Problem] = []
+    found: dict[str, dict[str, str]] = {}  # loop to role to tag
+    columns: dict[str, dict[str, dict[str, str]]] = {}  # file to loop to role to column
+    loops = {loop.name: loop for loop in given or ()}
+    used: set[str] = set()
+
+    def of(signals: Signals, loop: Loop, group: str | None, label: str, *, long: bool) -> dict[str, str] | None:
+        try:
+            return {
+                role: name for role, name in choose(signals, loop, group, label, tags=long).items() if role in SIGNALS
+            }
+        except InputError as error:
+            if given is not None:
+                todo = error.hint or "name its tags in the settings: columns"
+                problems.append(Problem("loop_tags", error.what, todo, file="" if long else label, loop=loop.name))
+            return None
+
+    if tags.names:
+        names = loops if given is not None else {name: Loop(**{**defaults, "name": name}) for name in tags.groups}
+        for name, loop in names.items():
+            # A lone loop in a lake is no reason to take its tags for those of a loop of another name.
+            group = tags.group_of(loop) if name.lower() in {g.lower() for g in tags.groups} else None
+            own = any(getattr(loop.columns, role) for role in ("pv", "sp", "op"))
+            if (group is not None or own) and (chosen := of(tags, loop, group, "the lake", long=True)):
+                loops.setdefault(name, loop)
+                found[name] = chosen
+                used |= set(chosen.values())
+    for file in files:
+        if file.long:
+            continue
+        signals = Signals(file.columns)
+        for name, group in signals.loops(file.stem).items():
+            known = loops.get(name) if given is not None else loops.setdefault(name, Loop(**{**defaults, "name": name}))
+            if known is None:
+                what = f"has signals of {name}, which no settings name"
+                problems.append(Problem("no_settings", what, "add the loop to the settings", file=file.name, loop=name))
+            elif chosen := of(signals, known, group, file.name, long=False):
+                columns.setdefault(file.name, {})[name] = chosen
+    if given is not None:
+        for group in sorted(set(tags.groups) - set(found)):
+            if not any(tags.meant(role, group) and set(tags.meant(role, group)) <= used for role in ("pv",)):
+                what = f"the lake holds the tags of {group}, which no settings name"
+                problems.append(Problem("no_settings", what, "add the loop to the settings", loop=group))
+    having = sorted(set(found) | {name for file in columns.values() for name in file})
+    for name in sorted(set(loops) - set(having)):
+        what = "its settings are there, and none of its tags"
+        problems.append(Problem("no_tags", what, "check the names of the tags, and the export", loop=name))
+    place = {name: i for i, name in enumerate(having)}
+
+    def numbered(chosen: Mapping[str, Mapping[str, str]]) -> dict[str, tuple[int, int]]:
+        return {
+            name: (place[loop], SIGNALS.index(role)) for loop, roles in chosen.items() for role, name in roles.items()
+        }
+
+    wide = {file: numbered(chosen) for file, chosen in columns.items()}
+    return Places(tuple(loops[name] for name in having), numbered(found), wide), problems
+
+
+@dataclass
+class _Part:
+    """Rows of some loops: place of the loop and the columns of `ROWS`."""
+
+    loop: NDArray[np.int32]
+    signal: NDArray[np.int8]
+    t: NDArray[np.int64]
+    value: NDArray[np.float64]
+    bad: NDArray[np.bool_]
+
+
+def rows_of(
+    lake: Path, files: Iterable[File], known: Places, wanted: range, day: int
+) -> tuple[dict[int, pa.Table], list[Problem]]:
+    """The rows of one day (UTC) of some loops, a table of `ROWS` a loop, whatever files they lie in.
+
+    A group of rows that is damaged is left out, told with its place, and the others are read.
+    """
+    parts: list[_Part] = []
+    problems: list[Problem] = []
+    for file in files:
+        for part, wrong in _parts(lake, file, known, wanted, day):
+            problems += wrong
+            if part is not None and len(part.t):
+                parts.append(part)
+    if not parts:
+        return {}, problems
+    loop, *columns = (np.concatenate([getattr(p, name) for p in parts]) for name in ("loop", *ROWS.names))
+    parts.clear()
+    order = np.argsort(loop, kind="stable")
+    cuts = np.flatnonzero(np.diff(loop[order])) + 1
+    tables = {}
+    for rows in np.split(order, cuts):
+        tables[int(loop[rows[0]])] = pa.table([pa.array(column[rows]) for column in columns], schema=ROWS)
+    return tables, problems
+
+
+def touched(file: File, group: Group, known: Places, wanted: range, day: int) -> bool:
+    """Whether a group of rows may hold something of these loops on this day."""
+    if not group.rows or group.last < day * DAY or group.first >= (day + 1) * DAY:
+        return False
+    at = known.of(file)
+    names = group.tags if file.long else at
+    return any(name in at and at[name][0] in wanted for name in names)
+
+
+def _parts(
+    lake: Path, file: File, known: Places, wanted: range, day: int
+) -> Iterator[tuple[_Part | None, list[Problem]]]:
+    at = known.of(file)
+    done = 0
+    for i, group in enumerate(file.groups):
+        if touched(file, group, known, wanted, day):
+            problems: list[Problem] = []
+            names = [name for name in (group.tags if file.long else at) if name in at and at[name][0] in wanted]
+            read = _long if file.long else _wide
+            try:
+                yield read(lake, file, i, names, known, day, done, problems), problems
+            except (CellFault, Exception) as error:
+                what = error.what if isinstance(error, CellFault) else f"row group {i} is damaged: {_line(error)}"
+                row = done + 1 + (error.index if isinstance(error, CellFault) else 0)
+                todo = "copy the file anew from where it came"
+                yield None, [Problem("damaged", what, todo, file.name, row, rows=group.rows)]
+        done += group.rows
+
+
+def _table(
+    lake: Path, file: File, group: int, columns: Sequence[str | None], dictionary: Sequence[str | None]
+) -> pa.Table:
+    names = list(dict.fromkeys(c for c in columns if c is not None and c not in file.folders))
+    with pq.ParquetFile(lake / file.name, read_dictionary=[c for c in dictionary if c in names]) as parquet:
+        table = parquet.read_row_group(group, columns=names, use_threads=False)
+    table.validate(full=True)
+    return table
+
+
+def _in_day(
+    table: pa.Table, file: File, day: int, row: int, problems: list[Problem]
+) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    t, good, doubtful = _micros(_whole(table, str(file.column("time"))), file)
+    if doubtful:
+        what = f"{doubtful} rows stand in the hour in which the clocks of {file.zone} change, and are left out"
+        problems.append(Problem("clock_change", what, "export with times in UTC", file.name, row, rows=doubtful))
+    return t, good & (t >= day * DAY) & (t < (day + 1) * DAY)
+
+
+def _long(
+    lake: Path, file: File, i: int, names: Sequence[str], known: Places, day: int, done: int, problems: list[Problem]
+) -> _Part:
+    tag, value, quality, unit = file.column("tag"), file.column("value"), file.column("quality"), file.unit_column
+    table = _table(lake, file, i, (file.column("time"), tag, value, quality, unit), (tag, quality, unit))
+    t, keep = _in_day(table, file, day, done + 1, problems)
+    if tag in file.folders:
+        codes = np.zeros(len(t), np.int64)
+        names = [file.folders[str(tag)]]
+    else:
+        codes = pc.index_in(words(_whole(table, str(tag))), pa.array(names, pa.string())).fill_null(-1).to_numpy()
+    keep = keep & (codes >= 0)
+    rows = np.flatnonzero(keep)
+    codes, t = codes[rows], t[rows]
+    if unit is not None:
+        fits = _units(codes, _whole(table, unit).take(pa.array(rows)), names, known, file, done, problems)
+        rows, codes, t = rows[fits], codes[fits], t[fits]
+    taken = pa.array(rows)
+    where = np.array([known.long[name] for name in names], np.int32).reshape(-1, 2)
+    loop, signal = where[codes, 0].astype(np.int32), where[codes, 1].astype(np.int8)
+    bad = _bad(file, None if quality is None else _whole(table, quality).take(taken), done, problems, rows)
+    cells = _whole(table, str(value)).take(taken)
+    values = np.full(len(rows), np.nan)
+    is_word = signal >= SIGNALS.index("mode")
+    is_word &= signal <= SIGNALS.index("op_high_flag")
+    for word in np.unique(np.where(is_word, codes, -1)):
+        mine = np.flatnonzero(~is_word if word < 0 else codes == word)
+        of, which = known.loops[loop[mine[0]]] if len(mine) else None, int(word)
+        if of is None:
+            continue
+        role = SIGNALS[signal[mine[0]]] if which >= 0 else "value"
+        values[mine] = _values(
+            cells.take(pa.array(mine)), role, of, file, names, codes[mine], rows[mine] + done, problems
+        )
+    return _Part(loop, signal, t, values, bad)
+
+
+def _wide(
+    lake: Path, file: File, i: int, names: Sequence[str], known: Places, day: int, done: int, problems: list[Problem]
+) -> _Part:
+    quality, at = file.column("quality"), known.of(file)
+    table = _table(lake, file, i, (file.column("time"), quality, *names), (quality,))
+    t, keep = _in_day(table, file, day, done + 1, problems)
+    rows = np.flatnonzero(keep)
+    taken = pa.array(rows)
+    bad = _bad(file, None if quality is None else _whole(table, quality).take(taken), done, problems, rows)
+    parts = []
+    for name in names:
+        loop, signal = at[name]
+        told, wants = understand(name).unit, _unit_of(known.loops[loop], signal)
+        if told and wants and _alike(told) != _alike(wants):
+            problems.append(_unit_problem(file, name, known.loops[loop].name, told, wants, len(rows), done + 1))
+            continue
+        role = SIGNALS[signal] if SIGNALS[signal] in _WORDS else "value"
+        cells = _whole(table, name).take(taken)
+        x = _values(cells, role, known.loops[loop], file, [name], np.zeros(len(rows), np.int64), rows + done, problems)
+        parts.append(_Part(np.full(len(t[rows]), loop, np.int32), np.full(len(rows), signal, np.int8), t[rows], x, bad))
+    if not parts:
+        return _Part(*(np.empty(0, kind) for kind in (np.int32, np.int8, np.int64, np.float64, np.bool_)))  # type: ignore[arg-type]
+    return _Part(*(np.concatenate([getattr(p, name) for p in parts]) for name in ("loop", *ROWS.names)))
+
+
+def _values(
+    cells: pa.Array,
+    role: str,
+    loop: Loop,
+    file: File,
+    names: Sequence[str],
+    codes: NDArray[np.int64],
+    rows: NDArray[np.int64],
+    problems: list[Problem],
+) -> NDArray[np.float64]:
+    """Numbers of cells; a word that is none is missing, and told once a file and tag."""
+    bad_words = words_for_bad(loop.bad_values)
+    decide: Callable[[str], int] | None = None
+    if role == "mode":
+        decide = mode_flag(loop.auto_values, bad_words)
+    elif role in _WORDS:
+        decide = limit_flag(1)
+    missing: float = 1.0 if role == "mode" else 0.0 if decide is not None else np.nan
+    for _ in range(_MOST_WORDS):
+        try:
+            return flags_of(cells, decide).astype(np.float64) if decide else numbers(cells, bad_words)
+        except CellFault as fault:
+            if fault.value is None or not _is_text(cells):
+                problems.append(Problem("value", fault.what, "export numbers", file.name, int(rows[0]) + 1, names[0]))
+                return np.full(len(cells), missing)
+            wrong = pc.equal(plain(cells), fault.value).fill_null(False)
+            n, tag = pc.sum(wrong).as_py(), names[int(codes[fault.index])]
+            todo = fault.hint or "name it in bad_values"
+            problems.append(
+                Problem("value", fault.what, todo, file.name, int(rows[fault.index]) + 1, tag, loop.name, rows=n)
+            )
+            cells = pc.if_else(wrong, pa.scalar("MAN" if role == "mode" else "", pa.string()), plain(cells))
+    return np.full(len(cells), missing)
+
+
+def _is_text(cells: pa.Array) -> bool:
+    return bool(pa.types.is_string(plain(cells).type))
+
+
+def _bad(
+    file: File, cells: pa.Array | None, done: int, problems: list[Problem], rows: NDArray[np.int64]
+) -> NDArray[np.bool_]:
+    """Which rows are of bad quality, whichever of the three ways of telling it a file has; an unknown word is bad."""
+    if cells is None or not len(cells):
+        return np.zeros(len(rows), np.bool_)
+    decide = Quality(file.qualities, words_for_bad(()))
+    unknown: dict[str, None] = {}
+
+    def bit(word: str) -> int:
+        try:
+            return decide(word)
+        except ValueError:
+            unknown[word] = None
+            return 1
+
+    found: NDArray[np.bool_] = flags_of(cells, bit) != 0
+    for word in unknown:
+        what = f"the quality {word!r} is not known, its rows count as bad"
+        todo = "export qualities as Good and Bad, or as codes of OPC"
+        problems.append(Problem("quality", what, todo, file.name, done + 1))
+    return found
+
+
+def _units(
+    codes: NDArray[np.int64],
+    cells: pa.Array,
+    names: Sequence[str],
+    known: Places,
+    file: File,
+    done: int,
+    problems: list[Problem],
+) -> NDArray[np.bool_]:
+    """Which rows are in the unit that the loop's settings tell; where they tell none, all are."""
+    fits = np.ones(len(codes), np.bool_)
+    told = plain(cells).cast(pa.string())
+    each = told.dictionary_encode(null_encoding="encode")
+    units, of = each.dictionary.to_pylist(), each.indices.to_numpy(zero_copy_only=False)
+    for code in np.unique(codes):
+        loop, signal = known.long[names[code]]
+        wants = _unit_of(known.loops[loop], signal)
+        for i, unit in enumerate(units):
+            if not unit or not wants or _alike(unit) == _alike(wants):
+                continue
+            wrong = (codes == code) & (of == i)
+            if n := int(wrong.sum()):
+                fits &= ~wrong
+                problems.append(_unit_problem(file, names[code], known.loops[loop].name, unit, wants, n, done + 1))
+    return fits
+
+
+def _unit_problem(file: File, tag: str, loop: str, told: str, wants: str, n: int, row: int) -> Problem:
+    what = f"{n} rows are in {told}, and the loop's settings say {wants}: they are left out"
+    return Problem("unit", what, "convert them, or correct the unit in the settings", file.name, row, tag, loop, rows=n)
+
+
+def _unit_of(loop: Loop, signal: int) -> str | None:
+    name = SIGNALS[signal]
+    return loop.pv_unit if name in ("pv", "sp") else loop.op_unit if name == "op" else None
+
+
+def _alike(unit: str) -> str:
+    return unit.strip().lower().replace("³", "3").replace("²", "2")
+
+
+assert set(SIGNALS) <= set(LABELS)

@@ -1,0 +1,67 @@
+"""What is wrong with a lake: each fault is a row with its place, and the run goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import pyarrow as pa
+
+__all__ = ["PROBLEMS", "Problem", "problem_table", "problems_of"]
+
+
+class Problem(NamedTuple):
+    """One fault, and where it is.
+
+    Attributes
+    ----------
+    code : str
+        A word that stays the same, see `docs/fleet.md`.
+    what, todo : str
+        The fault with its value, and what to do about it.
+    file : str
+        File, relative to the lake; empty where it is of no one file.
+    row : int or None
+        First row that is touched, counted from 1.
+    tag, loop, day : str
+        Tag or column, loop and day (ISO, UTC); empty where it is of none.
+    rows : int
+        Rows that are touched; 0 where it is not of rows.
+    """
+
+    code: str
+    what: str
+    todo: str
+    file: str = ""
+    row: int | None = None
+    tag: str = ""
+    loop: str = ""
+    day: str = ""
+    rows: int = 0
+
+
+PROBLEMS = pa.schema(
+    [
+        pa.field(name, pa.int64() if name in ("row", "rows") else pa.string(), nullable=name == "row")
+        for name in Problem._fields
+    ]
+)
+"""Schema of `problems.parquet`."""
+
+
+def problem_table(problems: Iterable[Problem]) -> pa.Table:
+    """A row a problem, each once, in an order that does not hang on who found it first.
+
+    Examples
+    --------
+    >>> twice = [Problem("damaged", "is damaged", "copy it again", file="a.parquet", row=1)] * 2
+    >>> problem_table(twice).num_rows
+    1
+    """
+    rows = sorted(set(problems), key=lambda p: (p.code, p.file, p.loop, p.tag, p.day, p.row or 0, p.what, p.rows))
+    return pa.Table.from_pylist([p._asdict() for p in rows], schema=PROBLEMS)
+
+
+def problems_of(table: pa.Table) -> list[Problem]:
+    """The problems of such a table."""
+    return [Problem(**row) for row in table.to_pylist()]

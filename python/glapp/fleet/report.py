@@ -1,0 +1,222 @@
+"""The report of a fleet: one page that needs nothing else, read from the top by whoever plans the next stop."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from datetime import datetime
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ..report import words
+from ..report.html import templates
+from ..writing import write_file
+from .results import manifest, read
+
+__all__ = ["write_report"]
+
+FIRST = 50
+"""Valves in the first list; the table `loops` has all."""
+
+GROUPS = 12
+"""Bars of a Pareto at most."""
+
+PLACES = 3
+"""Places that are named of a kind of problem."""
+
+HELP: dict[str, tuple[str, str]] = {
+    "no_op": ("OP is not recorded", "Record OP beside PV: without it nothing but a step test tells of the valve."),
+    "compression": (
+        "The historian compresses PV or OP",
+        "Switch compression and exception reporting off for these tags, or set their band to the last digit.",
+    ),
+    "sampling": ("Samples lie too far apart", "Record faster: five samples at least while PV answers OP."),
+    "resolution": (
+        "PV or OP is recorded too coarsely",
+        "Record with more digits, and narrow the collector's dead band.",
+    ),
+    "manual": ("The loop is not in automatic", "Make a step test, or ask why it is in manual."),
+    "op_rests": ("OP hardly moves", "Keep a day with setpoint changes, or make a step test."),
+    "load": (
+        "The load swings or steps as a gap would make it",
+        "Keep calmer days or days with setpoint changes, make a step test, or record the valve's position.",
+    ),
+    "data": (
+        "The data cannot be used",
+        "See the problems of the lake, and the reason of each loop in the table loops.",
+    ),
+    "evidence": (
+        "A gap and none explain the data alike",
+        "Keep more days; a step test in manual settles it.",
+    ),
+}
+"""What stands in the way, and what would help, by the column `hindrance`."""
+
+
+class Group(NamedTuple):
+    """Valves of one area, type or positioner."""
+
+    name: str
+    loops: int
+    judged: int
+    gaps: int
+    beyond: int
+    share: float
+    cumulative: float
+
+
+class Worn(NamedTuple):
+    """A valve whose gap changes, with its windows for a small picture."""
+
+    loop: dict[str, Any]
+    points: list[tuple[float, float, float, float]]  # x, low, d, high, all 0..1
+    line: tuple[float, float, float, float]
+    top: float
+
+
+def write_report(out: str | Path) -> Path:
+    """Write `report.html` beside the results that it shows.
+
+    Parameters
+    ----------
+    out : str or Path
+        The folder of the results.
+
+    Returns
+    -------
+    Path
+        The page.
+
+    Raises
+    ------
+    InputError
+        Where there are no results, or the page cannot be written.
+    """
+    out = Path(out)
+    made = manifest(out)
+    loops = read(out, "loops").to_pylist()
+    scored = [row for row in loops if row["score"] is not None]
+    ranked = [row for row in scored if row["acceptable"] != "within"]
+    judged = [row for row in loops if row["valve"] in ("gap", "no_gap")]
+    page = templates().get_template("fleet.html")
+    known = {
+        "title": "Valves of the fleet",
+        "made": made,
+        "words": words,
+        "loops": loops,
+        "ranked": ranked,
+        "first": ranked[:FIRST],
+        "judged": judged,
+        "scale": _scale(ranked[:FIRST]),
+        "short": _in_short(loops, ranked, judged),
+        "paretos": [
+            (title, groups)
+            for title, name in (("area", "area"), ("type of valve", "valve_type"), ("positioner", "positioner"))
+            if len(groups := _groups(loops, name)) > 1
+        ],
+        "worn": _worn(loops, read(out, "windows").to_pylist()),
+        "unjudged": _unjudged(loops),
+        "sound": sorted((row for row in loops if row["valve"] == "no_gap"), key=lambda row: str(row["loop"])),
+        "within": [row for row in scored if row["acceptable"] == "within"],
+        "others": [row for row in loops if row["score"] is None and row["valve"] == "gap"],
+        "problems": _problems(read(out, "problems").to_pylist()),
+        "span": _span(loops),
+    }
+    path = out / "report.html"
+    write_file(path, page.render(known))
+    return path
+
+
+def _in_short(loops: Sequence[Any], ranked: Sequence[Any], judged: Sequence[Any]) -> str:
+    beyond = [row for row in ranked if row["acceptable"] == "beyond"]
+    gaps = sum(row["valve"] == "gap" for row in loops)
+    worn = sum(bool(row["changes"]) and (row["trend"] or 0) > 0 for row in loops)
+    told = [f"{gaps} of {words.count(len(loops), 'valve')} show a gap" if gaps != 1 else "One valve shows a gap"]
+    told[0] += f", {len(beyond)} of them plainly more than is acceptable."
+    told.append(f"{len(judged) - gaps} show none, {len(loops) - len(judged)} cannot be judged.")
+    if beyond:
+        most = ", ".join(row["loop"] for row in beyond[:3])
+        told.append(f"First: {most}.")
+    if worn:
+        told.append(f"{words.count(worn, 'gap')} plainly {'grows' if worn == 1 else 'grow'}.")
+    return " ".join(told)
+
+
+def _scale(rows: Sequence[dict[str, Any]]) -> float:
+    """Right end of the bars [% of span]: the widest gap, whatever its upper limit."""
+    ends = [max(row["width_percent"] or 0.0, row["acceptable_percent"]) for row in rows]
+    return 1.25 * max(ends, default=1.0)
+
+
+def _groups(loops: Sequence[dict[str, Any]], column: str) -> list[Group]:
+    """The valves by a column, those with most of the urgency first."""
+    total = sum(row["score"] or 0.0 for row in loops)
+    named = [row for row in loops if row[column]]
+    found = []
+    for name in sorted({row[column] for row in named}):
+        of = [row for row in named if row[column] == name]
+        gaps = [row for row in of if row["valve"] == "gap"]
+        share = sum(row["score"] or 0.0 for row in of) / total if total else 0.0
+        judged = sum(row["valve"] in ("gap", "no_gap") for row in of)
+        beyond = sum(row["acceptable"] == "beyond" for row in gaps)
+        found.append(Group(name, len(of), judged, len(gaps), beyond, share, 0.0))
+    found.sort(key=lambda group: (-group.share, group.name))
+    sums, groups = 0.0, []
+    for group in found[:GROUPS]:
+        sums += group.share
+        groups.append(group._replace(cumulative=sums))
+    return groups
+
+
+def _worn(loops: Iterable[dict[str, Any]], windows: Sequence[dict[str, Any]]) -> list[Worn]:
+    """The valves whose gap plainly changes, the fastest first."""
+    changing = [row for row in loops if row["changes"]]
+    changing.sort(key=lambda row: -(row["trend"] or 0.0))
+    found = []
+    for row in changing[:FIRST]:
+        of = [
+            w
+            for w in windows
+            if w["loop"] == row["loop"] and w["verdict"] in ("backlash", "stiction", "both") and w["high"]
+        ]
+        first, last = row["first"].timestamp(), row["last"].timestamp()
+        length = max(last - first, 1.0)
+        top = 1.1 * max([*(min(w["high"], 2 * w["d"]) for w in of), row["trend_d_last"], row["trend_d_first"]])
+        points = [
+            ((w["first"].timestamp() - first) / length, w["low"] / top, w["d"] / top, min(w["high"] / top, 1.0))
+            for w in of
+        ]
+        ends = [(row[f"trend_{end}"].timestamp() - first) / length for end in ("first", "last")]
+        found.append(Worn(row, points, (ends[0], row["trend_d_first"] / top, ends[1], row["trend_d_last"] / top), top))
+    return found
+
+
+def _unjudged(loops: Sequence[dict[str, Any]]) -> list[tuple[str, str, list[dict[str, Any]]]]:
+    """The loops that cannot be judged, by what stands in the way: the most frequent first."""
+    of: dict[str, list[dict[str, Any]]] = {}
+    for row in loops:
+        if row["hindrance"] is not None:
+            of.setdefault(row["hindrance"], []).append(row)
+    order = sorted(of, key=lambda name: (-len(of[name]), name))
+    return [(*HELP[name], sorted(of[name], key=lambda row: str(row["loop"]))) for name in order]
+
+
+def _problems(rows: Sequence[dict[str, Any]]) -> list[tuple[str, int, list[str], str]]:
+    """The problems by their kind: how many, the first places, what to do."""
+    of: dict[str, list[dict[str, Any]]] = {}
+    for row in rows:
+        of.setdefault(row["code"], []).append(row)
+    return [
+        (code, len(found), [_place(row) for row in found[:PLACES]], found[0]["todo"])
+        for code, found in sorted(of.items())
+    ]
+
+
+def _place(row: dict[str, Any]) -> str:
+    at = [row["file"], f"row {row['row']}" if row["row"] else "", row["tag"] or row["loop"], row["day"]]
+    return f"{', '.join(part for part in at if part)}: {row['what']}"
+
+
+def _span(loops: Sequence[dict[str, Any]]) -> str:
+    first: list[datetime] = [row["first"] for row in loops if row["first"] is not None]
+    last: list[datetime] = [row["last"] for row in loops if row["last"] is not None]
+    return f"{min(first):%Y-%m-%d} to {max(last):%Y-%m-%d}" if first else "no time"

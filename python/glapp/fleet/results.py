@@ -1,0 +1,214 @@
+"""Results of a run: Parquet tables that are whole or not there, and what they were made of.
+
+::
+
+    RESULTS/manifest.json        the folder of the tables, their rows and checksums, version, settings; written last
+    RESULTS/tables-<checksum>/   loops, windows, days, problems, inputs .parquet
+    RESULTS/report.html          for the person who plans the maintenance
+    RESULTS/work/                what was made so far: an interrupted run goes on from here, the next one begins here
+
+The folder of tables has the checksum of what is in it as its name, so the same input gives the same name.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from ..errors import InputError
+from ..writing import write_file
+from .problems import Problem
+
+__all__ = ["INPUTS", "TABLES", "digest", "manifest", "publish", "read", "read_piece", "write_piece"]
+
+TABLES = ("loops", "windows", "days", "problems", "inputs")
+"""Names of the tables."""
+
+INPUTS = pa.schema(
+    [
+        ("file", pa.string()),
+        ("size", pa.int64()),
+        ("mtime_ns", pa.int64()),
+        ("layout", pa.string()),
+        ("rows", pa.int64()),
+        ("first", pa.timestamp("us", tz="UTC")),
+        ("last", pa.timestamp("us", tz="UTC")),
+    ]
+)
+"""A row a file of the lake that was read."""
+
+_MANIFEST = "manifest.json"
+_PROBLEMS = b"glapp.problems"
+
+
+def digest(*parts: Any) -> str:
+    """Checksum of plain values, the same in every run.
+
+    Examples
+    --------
+    >>> digest("a", 1) == digest("a", 1), digest("a", 1) == digest("a", 2)
+    (True, False)
+    """
+    text = json.dumps(parts, sort_keys=True, default=str, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()[:24]
+
+
+def write_piece(path: Path, tables: Iterable[pa.Table], schema: pa.Schema, problems: Iterable[Problem] = ()) -> None:
+    """A Parquet file that is whole, or not there; a group of rows a table.
+
+    Raises
+    ------
+    InputError
+        Where it cannot be written, as on a full disk.
+    """
+    told = json.dumps([list(problem) for problem in problems], ensure_ascii=False)
+    schema = schema.with_metadata({**(schema.metadata or {}), **({_PROBLEMS: told.encode()} if told != "[]" else {})})
+    part: Path | None = None
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(prefix=".", suffix=".part", dir=path.parent)
+        part = Path(name)
+        with os.fdopen(handle, "wb") as file:
+            with pq.ParquetWriter(file, schema, compression="zstd") as writer:
+                for table in tables:
+                    writer.write_table(table.cast(schema))
+            file.flush()
+            os.fsync(file.fileno())
+        part.replace(path)
+    except OSError as error:
+        _forget(part)
+        raise InputError(
+            f"cannot be written: {error.strerror or error}",
+            file=str(path),
+            hint="make room, then run it again: it goes on where it stopped",
+        ) from None
+    except BaseException:
+        _forget(part)
+        raise
+
+
+def _forget(part: Path | None) -> None:
+    if part is not None:
+        part.unlink(missing_ok=True)
+
+
+def read_piece(path: Path, **how: Any) -> tuple[pa.Table, list[Problem]]:
+    """A piece, and the problems that were met in making it."""
+    table = pq.read_table(path, use_threads=False, partitioning=None, **how)
+    told = json.loads((table.schema.metadata or {}).get(_PROBLEMS, b"[]"))
+    return table.replace_schema_metadata(), [Problem(*problem) for problem in told]
+
+
+def publish(out: Path, tables: Mapping[str, pa.Table], about: Mapping[str, Any]) -> dict[str, Any]:
+    """Write the tables of a run and then, last, the manifest that makes them the results; the tables before go.
+
+    What `about` tells stands in the manifest, and `about["provenance"]` in every table's metadata too.
+    """
+    provenance = json.dumps(about["provenance"], sort_keys=True).encode()
+    making = Path(tempfile.mkdtemp(prefix=".tables-", dir=out))
+    try:
+        files = {}
+        for name in TABLES:
+            schema = tables[name].schema.with_metadata({b"glapp": provenance})
+            path = making / f"{name}.parquet"
+            write_piece(path, [tables[name]], schema)
+            files[name] = {"rows": tables[name].num_rows, "sha256": hashlib.sha256(path.read_bytes()).hexdigest()}
+        folder = out / f"tables-{digest(files)}"
+        if folder.exists():
+            shutil.rmtree(making)
+        else:
+            making.chmod(0o755)
+            making.replace(folder)
+    except BaseException:
+        shutil.rmtree(making, ignore_errors=True)
+        raise
+    made = {**about, "folder": folder.name, "tables": files}
+    write_file(out / _MANIFEST, json.dumps(made, indent=1, sort_keys=True) + "\n")
+    for old in (*out.glob("tables-*"), *out.glob(".tables-*")):
+        if old != folder:
+            shutil.rmtree(old, ignore_errors=True)
+    return made
+
+
+def manifest(out: str | Path) -> dict[str, Any]:
+    """What is known of the results in a folder: version, settings, when they were written, rows and checksums.
+
+    Parameters
+    ----------
+    out : str or Path
+        The folder that was given as `out`.
+
+    Returns
+    -------
+    dict
+        `folder` of the tables, `tables` (rows and checksum of each), `provenance`, `lake`, `written`, `engine` and
+        `seconds`.
+
+    Raises
+    ------
+    InputError
+        Where there are none, as while the first run is under way.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     manifest(folder)  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    glapp.errors.InputError: ...: holds no results; ...
+    """
+    path = Path(out) / _MANIFEST
+    try:
+        found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        hint = "glapp fleet analyze LAKE --out RESULTS writes them, and goes on where it was stopped"
+        raise InputError("holds no results", file=str(out), hint=hint) from None
+    return found
+
+
+def read(out: str | Path, table: str = "loops") -> pa.Table:
+    """A table of the results in a folder.
+
+    Parameters
+    ----------
+    out : str or Path
+        The folder that was given as `out`.
+    table : str
+        *loops*, *windows*, *days*, *problems* or *inputs*.
+
+    Returns
+    -------
+    pyarrow.Table
+        Its columns are told in `docs/fleet.md`.
+
+    Raises
+    ------
+    InputError
+        Where there are no results, a table is not that which the manifest tells, or there is none of that name.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from glapp import fleet
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     fleet.read(folder)  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    glapp.errors.InputError: ...: holds no results; ...
+    """
+    if table not in TABLES:
+        raise InputError(f"is {table!r}, must be one of {', '.join(TABLES)}", parameter="table", value=table)
+    known = manifest(out)
+    path = Path(out) / known["folder"] / f"{table}.parquet"
+    data = path.read_bytes() if path.exists() else b""
+    if hashlib.sha256(data).hexdigest() != known["tables"][table]["sha256"]:
+        raise InputError("is not what the manifest tells", file=str(path), hint="run glapp fleet analyze once more")
+    return pq.read_table(pa.BufferReader(data))

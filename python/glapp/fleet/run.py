@@ -1,0 +1,489 @@
+"""A lake from beginning to end: in pieces, each made once, on all cores of this machine and in bounded memory.
+
+::
+
+    files ──index──→ groups of rows ──plan──→ units: a day (UTC) of some loops
+    unit ──look──→ rows of DAYS ──choose──→ windows ──cut──→ their samples ──judge──→ rows of WINDOWS and LOOPS
+
+A piece is a file in `RESULTS/work` whose name is the checksum of all that it is made of: version, settings, and name,
+size and time of change of the files. What is there already is not made again, so an interrupted run goes on
+where it was, and a later one makes only what a new or changed file touches. The tables are the same to the bit either
+way.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import multiprocessing
+import os
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from importlib.metadata import version
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, Protocol
+
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from ..errors import InputError
+from ..loop import Loop
+from ..service.memory import Lock
+from ..writing import write_file
+from .lake import DAY, File, Places, files_of, index_file, places, rows_of, touched
+from .problems import Problem, problem_table
+from .results import INPUTS, digest, publish, read_piece, write_piece
+from .settings import NAMES, read_loops
+from .windows import DAYS, FITS, LOOPS, SAMPLES, WINDOWS, choose, cut, judge, look
+
+__all__ = ["AT_ONCE", "Engine", "Plan", "Stage", "Unit", "analyze", "chosen_of", "plan_of"]
+
+AT_ONCE = 4_000_000
+"""Rows of a unit at most, where more than one loop is in it: some 0.5 GB of memory a process."""
+
+_FORM = 1
+"""Form of the pieces: a later one makes all of them anew."""
+
+
+class Stage(Protocol):
+    """Told how far a part of the run is: its name, how many pieces it has, how many are there."""
+
+    def __call__(self, name: str, total: int, done: int) -> None:
+        """Take the news."""
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """One day of some loops: places in `Plan.places.loops`, the files that may hold their rows, and its checksum."""
+
+    day: int
+    loops: range
+    files: tuple[File, ...]
+    key: str
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """What is to be done, before any signal was read."""
+
+    lake: Path
+    places: Places
+    units: tuple[Unit, ...]
+    files: tuple[File, ...]
+    problems: tuple[Problem, ...]
+    fits: int
+    settings: str
+
+
+class Engine(Protocol):
+    """Who does the work: it gives rows of DAYS, WINDOWS and LOOPS and the problems that it met."""
+
+    def __call__(self, plan: Plan, out: Path, stage: Stage) -> tuple[pa.Table, pa.Table, pa.Table, list[Problem]]:
+        """Do all of it."""
+
+
+def analyze(
+    lake: str | Path,
+    out: str | Path,
+    *,
+    loops: str | Path | None = None,
+    time_zone: str | None = None,
+    fits: int = FITS,
+    engine: str = "local",
+    workers: int | None = None,
+    stage: Stage | None = None,
+) -> dict[str, Any]:
+    """Judge the valves of a lake, and write the results; what was made before is not made again.
+
+    Parameters
+    ----------
+    lake : str or Path
+        Folder of Parquet files, long or wide, in any folders below it.
+    out : str or Path
+        Folder of the results, made where it is missing; not within the lake.
+    loops : str or Path, optional
+        Settings: a loops.toml, or a CSV or Parquet table with a row a loop. By default the lake's own `loops.toml`,
+        `loops.parquet` or `loops.csv`; where there is none, the loops that the names of tags show.
+    time_zone : str, optional
+        IANA name of the zone of times without one; by default the one that all loops' settings name.
+    fits : int
+        Windows that are fitted of a loop at most, 1 to 64: each takes about a second of one core.
+    engine : {"local", "spark"}
+        This machine's cores, or Spark (extra `spark`).
+    workers : int, optional
+        Processes; by default one a core.
+    stage : callable, optional
+        Told the name of each part of the run, how many pieces it has, and how many are there.
+
+    Returns
+    -------
+    dict
+        The manifest of the results.
+
+    Raises
+    ------
+    InputError
+        Where lake or settings cannot be used at all, results cannot be written, or another process writes them. All
+        else that is wrong is a row in the table `problems`.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from glapp import fleet
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     fleet.analyze(folder, folder + "/results")  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    glapp.errors.InputError: ...: holds no .parquet file; glapp fleet make-demo writes a lake to try
+    """
+    lake, out = Path(lake), Path(out)
+    if not 1 <= fits <= 64:
+        raise InputError(f"is {fits}, must be 1 to 64", parameter="fits", value=fits, bound="1 to 64")
+    if engine not in ("local", "spark"):
+        raise InputError(f"is {engine!r}, must be 'local' or 'spark'", parameter="engine", value=engine)
+    if out.resolve().is_relative_to(lake.resolve()) and not out.name.startswith(("_", ".")):
+        hint = "name a folder beside the lake: what is in it would be read as part of the lake"
+        files_of(lake)
+        raise InputError("lies within the lake", file=str(out), parameter="out", hint=hint)
+    tell: Stage = stage if stage is not None else lambda name, total, done: None
+    names = files_of(lake)
+    out.mkdir(parents=True, exist_ok=True)
+    lock = Lock(out / "work")
+    begun = time.monotonic()
+    try:
+        if engine == "spark":
+            from .spark import run as run_on
+
+            work: Engine = run_on
+        else:
+            work = _Local(workers or os.cpu_count() or 1)
+        plan = plan_of(lake, names, out, loops, time_zone, fits, tell, workers or os.cpu_count() or 1)
+        days, windows, judged, problems = work(plan, out, tell)
+        tables = {
+            "days": days.sort_by([("loop", "ascending"), ("day", "ascending")]),
+            "windows": windows.sort_by([("loop", "ascending"), ("first", "ascending")]),
+            "loops": _ranked(judged, plan),
+            "problems": problem_table([*plan.problems, *problems]),
+            "inputs": _inputs(plan.files),
+        }
+        about = {
+            "provenance": {"glapp": version("glapp"), "settings": plan.settings, "fits": fits},
+            "lake": str(lake),
+            "written": datetime.now(UTC).isoformat(timespec="seconds"),
+            "engine": engine,
+            "seconds": round(time.monotonic() - begun, 3),
+        }
+        made = publish(out, tables, about)
+        from .report import write_report
+
+        write_report(out)
+        return made
+    except OSError as error:
+        hint = "make room, then run it again: it goes on where it stopped"
+        raise InputError(f"cannot be written: {error.strerror or error}", file=str(out), hint=hint) from None
+    finally:
+        lock.release()
+
+
+def plan_of(
+    lake: Path,
+    names: Sequence[str],
+    out: Path,
+    settings: str | Path | None,
+    time_zone: str | None,
+    fits: int,
+    stage: Stage,
+    workers: int,
+) -> Plan:
+    """Look at every file, and say which loops there are and in which units their days are read."""
+    path = Path(settings) if settings is not None else next((lake / n for n in NAMES if (lake / n).is_file()), None)
+    given, problems = (None, []) if path is None else read_loops(path)
+    zones = {loop.time_zone for loop in given or ()}
+    zone = time_zone or (zones.pop() if len(zones) == 1 else None)
+    checked = Loop(name="lake", time_zone=zone).time_zone  # an unknown one is refused here, before anything is read
+    files: list[File] = []
+    stage("files", len(names), 0)
+    for i, (file, wrong) in enumerate(_indexed(lake, names, out / "work" / "files", checked, workers), start=1):
+        problems += wrong
+        files += [] if file is None else [file]
+        stage("files", len(names), i)
+    if not files:
+        raise InputError("holds no file that can be read", file=str(lake), hint=problems[0].what if problems else None)
+    known, wrong = places(files, given, {})
+    told = digest(
+        version("glapp"), _FORM, [loop.model_dump(mode="json", exclude={"file", "files"}) for loop in known.loops]
+    )
+    units = _units(files, known)
+    return Plan(lake, known, tuple(units), tuple(files), (*problems, *wrong), fits, told)
+
+
+def _indexed(
+    lake: Path, names: Sequence[str], folder: Path, zone: str | None, workers: int
+) -> Iterable[tuple[File | None, list[Problem]]]:
+    """The look at every file, from the last run where it has not changed."""
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = {}
+    for name in names:
+        state = (lake / name).stat()
+        paths[name] = folder / digest(version("glapp"), _FORM, name, state.st_size, state.st_mtime_ns, zone)
+    for old in set(folder.iterdir()) - set(paths.values()):
+        old.unlink()
+
+    def one(name: str) -> tuple[File | None, list[Problem]]:
+        path = paths[name]
+        if path.exists():
+            known, told = json.loads(path.read_text(encoding="utf-8"))
+            return None if known is None else File.of(known), [Problem(*problem) for problem in told]
+        file, wrong = index_file(lake, name, zone)
+        write_file(path, json.dumps([None if file is None else asdict(file), [list(one) for one in wrong]]))
+        return file, wrong
+
+    with ThreadPoolExecutor(workers) as pool:  # Arrow decodes without the interpreter's lock
+        yield from pool.map(one, names)
+
+
+def _units(files: Sequence[File], known: Places) -> list[Unit]:
+    """Days of as many loops as `AT_ONCE` allows; a file takes part where a group of its rows may hold some of them."""
+    settings = [loop.model_dump(mode="json", exclude={"file", "files"}) for loop in known.loops]
+    by_day: dict[int, list[File]] = {}
+    for file in files:
+        for day in sorted({d for g in file.groups if g.rows for d in range(g.first // DAY, g.last // DAY + 1)}):
+            by_day.setdefault(day, []).append(file)
+    units = []
+    for day, here in sorted(by_day.items()):
+        rows = sum(
+            group.rows * (1 if file.long else max(len(known.of(file)), 1))
+            for file in here
+            for group in file.groups
+            if touched(file, group, known, range(len(known.loops)), day)
+        )
+        pieces = min(max(-(-rows // AT_ONCE), 1), max(len(known.loops), 1))
+        ends = [round(i * len(known.loops) / pieces) for i in range(pieces + 1)]
+        for begin, end in pairwise(ends):
+            loops = range(begin, end)
+            of = tuple(file for file in here if any(touched(file, g, known, loops, day) for g in file.groups))
+            if of:
+                made_of = [(file.name, file.size, file.mtime_ns, file.zone) for file in of]
+                key = digest(version("glapp"), _FORM, day, settings[begin:end], made_of, _columns(of, known, loops))
+                units.append(Unit(day, loops, of, key))
+    return units
+
+
+def _columns(files: Sequence[File], known: Places, loops: range) -> list[Any]:
+    """What the settings make of the names in files: they may change while the files do not."""
+    wide = [sorted(name for name, (i, _) in known.of(file).items() if i in loops) for file in files if not file.long]
+    return [wide, sorted(name for name, (i, _) in known.long.items() if i in loops)]
+
+
+def _inputs(files: Sequence[File]) -> pa.Table:
+    rows = []
+    for file in files:
+        groups = [group for group in file.groups if group.rows]
+        rows.append(
+            {
+                "file": file.name,
+                "size": file.size,
+                "mtime_ns": file.mtime_ns,
+                "layout": "long" if file.long else "wide",
+                "rows": sum(group.rows for group in groups),
+                "first": min(group.first for group in groups),
+                "last": max(group.last for group in groups),
+            }
+        )
+    return pa.Table.from_pylist(rows, schema=INPUTS)
+
+
+_URGENCIES = ("high", "medium", "low", "none")
+
+
+def _ranked(loops: pa.Table, plan: Plan) -> pa.Table:
+    """In the order in which they are to be repaired: by score; then the others, the most urgent first."""
+
+    def key(row: dict[str, Any]) -> tuple[Any, ...]:
+        score = row["score"]
+        return (score is None, -(score or 0.0), _URGENCIES.index(row["urgency"]), row["valve"], row["loop"])
+
+    return pa.Table.from_pylist(sorted(loops.to_pylist(), key=key), schema=LOOPS)
+
+
+# --- this machine
+
+
+class _Local:
+    """All cores of this machine."""
+
+    def __init__(self, workers: int) -> None:
+        self.workers = workers
+
+    def __call__(self, plan: Plan, out: Path, stage: Stage) -> tuple[pa.Table, pa.Table, pa.Table, list[Problem]]:
+        """See `Engine`."""
+        work = out / "work"
+        problems: list[Problem] = []
+        with ProcessPoolExecutor(
+            self.workers,
+            mp_context=multiprocessing.get_context("spawn"),
+            initializer=_begin,
+            initargs=(os.getpid(), plan, work),
+        ) as pool:
+            try:
+                looks = [work / "days" / f"{unit.key}.parquet" for unit in plan.units]
+                _all(
+                    pool, _look, [(i,) for i, path in enumerate(looks) if not path.exists()], "days", len(looks), stage
+                )
+                days = _together(looks, DAYS, problems)
+                chosen = chosen_of(days, plan)
+                cuts, asked = [], []
+                for i, unit in enumerate(plan.units):
+                    here = {k: w for k in unit.loops if (w := chosen.get((k, unit.day)))}
+                    if here:
+                        path = work / "samples" / f"{digest(unit.key, sorted(here.items()))}.parquet"
+                        cuts.append((unit, path))
+                        asked += [] if path.exists() else [(i, here, path)]
+                _all(pool, _cut, asked, "windows", len(cuts), stage)
+                by_loop: dict[int, list[Path]] = {}
+                for unit, path in cuts:
+                    for k in unit.loops:
+                        if (k, unit.day) in chosen:
+                            by_loop.setdefault(k, []).append(path)
+                having = Counter(days.column("loop").to_pylist())
+                order = [k for k, loop in enumerate(plan.places.loops) if having[loop.name]]
+                keys = _all(
+                    pool,
+                    _judge,
+                    [
+                        (k, days.filter(pc.equal(days["loop"], plan.places.loops[k].name)), by_loop.get(k, []))
+                        for k in order
+                    ],
+                    "loops",
+                    len(order),
+                    stage,
+                )
+            except BaseException:
+                pool.shutdown(wait=False, cancel_futures=True)
+                raise
+        pieces = [work / "loops" / f"{key}.parquet" for key in keys]
+        loops = _together(pieces, LOOPS, problems)
+        windows = _together([work / "of_loops" / f"{key}.parquet" for key in keys], WINDOWS, [])
+        _tidy(work, {*looks, *(path for _, path in cuts), *pieces, *(work / "of_loops" / p.name for p in pieces)})
+        return days, windows, loops, problems
+
+
+def chosen_of(days: pa.Table, plan: Plan) -> dict[tuple[int, int], list[tuple[int, int]]]:
+    """The windows that are fitted, by the place of their loop and their day."""
+    found: dict[tuple[int, int], list[tuple[int, int]]] = {}
+    for k, loop in enumerate(plan.places.loops):
+        of = days.filter(pc.equal(days["loop"], loop.name))
+        for first, last in choose(of, plan.fits) if len(of) else ():
+            found.setdefault((k, first // DAY), []).append((first, last))
+    return found
+
+
+def _together(paths: Iterable[Path], schema: pa.Schema, problems: list[Problem]) -> pa.Table:
+    tables = []
+    for path in paths:
+        table, wrong = read_piece(path)
+        tables.append(table)
+        problems += wrong
+    return pa.concat_tables(tables).cast(schema) if tables else schema.empty_table()
+
+
+def _all(
+    pool: ProcessPoolExecutor, work: Callable[..., Any], tasks: Sequence[Any], name: str, total: int, stage: Stage
+) -> list[Any]:
+    """Have all tasks done; what they gave, in their order."""
+    done = total - len(tasks)
+    stage(name, total, done)
+    futures: list[Future[Any]] = [pool.submit(work, *task) for task in tasks]
+    left = set(futures)
+    while left:
+        ready, left = wait(left, timeout=0.2, return_when="FIRST_COMPLETED")
+        for future in ready:
+            future.result()
+        stage(name, total, total - len(left))
+    return [future.result() for future in futures]
+
+
+def _tidy(work: Path, used: set[Path]) -> None:
+    """Take out pieces that are no longer part of the results, and what a stopped run left of one."""
+    for folder in ("days", "samples", "loops", "of_loops"):
+        for path in (work / folder).glob("*"):
+            if path not in used:
+                path.unlink(missing_ok=True)
+        for path in (work / folder).glob(".*.part"):
+            path.unlink(missing_ok=True)
+
+
+_here: tuple[Plan, Path] | None = None
+
+
+def _begin(parent: int, plan: Plan, work: Path) -> None:
+    """A process: one core, the plan at hand, and an end when the one that began it ends, however that ends."""
+    global _here
+    os.environ["RAYON_NUM_THREADS"] = "1"
+    pa.set_cpu_count(1)
+    pa.set_io_thread_count(1)
+    _here = plan, work
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(0.5)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+def _plan() -> tuple[Plan, Path]:
+    assert _here is not None
+    return _here
+
+
+def _look(i: int) -> None:
+    plan, work = _plan()
+    unit = plan.units[i]
+    tables, problems = looked(plan, unit)
+    write_piece(work / "days" / f"{unit.key}.parquet", [pa.concat_tables(tables)] if tables else [], DAYS, problems)
+
+
+def looked(plan: Plan, unit: Unit) -> tuple[list[pa.Table], list[Problem]]:
+    """The look at every loop of a unit, in their order."""
+    rows, problems = rows_of(plan.lake, unit.files, plan.places, unit.loops, unit.day)
+    return [look(table, plan.places.loops[k], unit.day) for k, table in sorted(rows.items())], problems
+
+
+def _cut(i: int, chosen: dict[int, list[tuple[int, int]]], path: Path) -> None:
+    plan, _ = _plan()
+    unit = plan.units[i]
+    rows, _ = rows_of(plan.lake, unit.files, plan.places, unit.loops, unit.day)
+    write_piece(path, (cut(rows[k], plan.places.loops[k], w) for k, w in sorted(chosen.items()) if k in rows), SAMPLES)
+
+
+def _judge(k: int, days: pa.Table, paths: Sequence[Path]) -> str:
+    """Judge a loop, or find that the same days and samples were judged before; the name of its pieces."""
+    plan, work = _plan()
+    loop = plan.places.loops[k]
+    tables = [read_piece(path, filters=pc.field("loop") == loop.name)[0].cast(SAMPLES) for path in paths]
+    samples = pa.concat_tables(tables) if tables else SAMPLES.empty_table()
+    samples = samples.sort_by([("window", "ascending"), ("t", "ascending")])
+    settings = loop.model_dump(mode="json", exclude={"file", "files"})
+    key = digest(version("glapp"), _FORM, settings, _content(samples), _content(days.sort_by("day")))
+    path = work / "loops" / f"{key}.parquet"
+    if not path.exists():
+        row, windows, problems = judge(samples, days, loop)
+        write_piece(work / "of_loops" / path.name, [windows], WINDOWS)
+        write_piece(path, [row], LOOPS, problems)
+    return key
+
+
+def _content(table: pa.Table) -> str:
+    """Checksum of a table's values."""
+    made = hashlib.sha256()
+    sink = pa.BufferOutputStream()
+    with pa.ipc.new_stream(sink, table.schema) as writer:
+        writer.write_table(table.combine_chunks())
+    made.update(sink.getvalue())
+    return made.hexdigest()

@@ -1,0 +1,734 @@
+"""What is asked of one loop: pure functions from Arrow tables to Arrow tables, the same for every engine.
+
+::
+
+    rows of a loop and a day ──look──→ a row: quality, law of the controller, crossings, windows and what they may tell
+    rows of `look` of a loop ──choose─→ the windows worth fitting, at most so many
+    rows of a loop and a day ──cut───→ the samples of the windows that were chosen
+    these samples ───────────judge──→ a row a window, a row a loop: the joint answer of the valve, its trend, its harm
+
+None of them knows a file, a clock or another loop; the order of the rows that go in does not matter.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from .. import _glapp
+from ..errors import InputError, unforeseen
+from ..estimate import analyze
+from ..fit import Fit, Process, fit_recordings
+from ..loop import Loop
+from ..many import unfit
+from ..recording import AT_HIGH, AT_LOW, BAD, NOT_AUTO
+from ..report import words
+from ..result import HalfPeriods, Result, Settings
+from ..samples import Samples
+from .lake import SIGNALS
+from .problems import Problem
+
+__all__ = ["DAYS", "FITS", "LOOPS", "ROWS_OF_WINDOW", "SAMPLES", "WINDOWS", "choose", "cut", "judge", "look"]
+
+Floats = NDArray[np.float64]
+
+ROWS_OF_WINDOW = 3000
+"""Rows of a window: as many cells as a fit takes at most, so no row is averaged away."""
+
+FITS = 8
+"""Windows of a loop that are fitted at most, however long its history is."""
+
+OF_A_DAY = 4
+"""Windows of a day that are kept in mind."""
+
+OUTSIDE = 0.1
+"""PV is outside its span where it is beyond it by more than this share of it."""
+
+MOSTLY = 0.5
+"""Where more than this share of a day's PV is outside its span, the day is in another unit."""
+
+ACCEPTABLE = 1.0
+"""Dead band that a loop is held to where its settings name none [% of OP span]: what is usual with a positioner."""
+
+US = pa.timestamp("us", tz="UTC")
+
+DAYS = pa.schema(
+    [
+        ("loop", pa.string()),
+        ("day", pa.int32()),
+        ("first", US),
+        ("last", US),
+        ("rows", pa.int64()),
+        ("usable", pa.float64()),
+        ("step", pa.float64()),
+        ("op", pa.bool_()),
+        ("doubled", pa.int64()),
+        ("contradicting", pa.int64()),
+        ("unfit", pa.string()),
+        ("unfit_code", pa.string()),
+        ("unfit_reason", pa.string()),
+        ("crossings", pa.string()),
+        ("crossings_code", pa.string()),
+        ("crossings_reason", pa.string()),
+        ("d_hat", pa.float64()),
+        ("detections", pa.int64()),
+        ("half_periods", pa.int64()),
+        ("rejected", pa.string()),
+        ("k", pa.float64()),
+        ("ti", pa.float64()),
+        ("td", pa.float64()),
+        ("tf", pa.float64()),
+        ("origins", pa.string()),
+        ("quality", pa.string()),
+        ("window_first", pa.list_(US)),
+        ("window_last", pa.list_(US)),
+        ("window_score", pa.list_(pa.float64())),
+    ]
+)
+"""A row a loop and day; `docs/fleet.md` tells every column."""
+
+SAMPLES = pa.schema(
+    [
+        ("loop", pa.string()),
+        ("window", pa.int64()),
+        ("t", pa.int64()),
+        *((name, pa.float64()) for name in ("sp", "pv", "op", "position")),
+        ("flags", pa.uint8()),
+    ]
+)
+"""Samples of windows: window and t in microseconds since 1970 UTC, a signal that is not there null."""
+
+WINDOWS = pa.schema(
+    [
+        ("loop", pa.string()),
+        ("first", US),
+        ("last", US),
+        ("rows", pa.int64()),
+        ("verdict", pa.string()),
+        ("reason_code", pa.string()),
+        ("d", pa.float64()),
+        ("low", pa.float64()),
+        ("high", pa.float64()),
+        ("unit", pa.string()),
+        ("lr_no_gap", pa.float64()),
+        ("lr_needed", pa.float64()),
+        ("kp", pa.float64()),
+        ("dead_time", pa.float64()),
+        ("lag", pa.float64()),
+        ("repeated", pa.float64()),
+        ("left_out", pa.string()),
+        ("adds", pa.float64()),
+        ("pv_share", pa.float64()),
+        ("op_share", pa.float64()),
+        ("k", pa.float64()),
+        ("ti", pa.float64()),
+        ("td", pa.float64()),
+        ("origins", pa.string()),
+    ]
+)
+"""A row a loop and fitted window."""
+
+LOOPS = pa.schema(
+    [
+        ("loop", pa.string()),
+        ("area", pa.string()),
+        ("valve_type", pa.string()),
+        ("positioner", pa.string()),
+        ("days", pa.int64()),
+        ("first", US),
+        ("last", US),
+        ("rows", pa.int64()),
+        ("windows", pa.int64()),
+        ("verdict", pa.string()),
+        ("valve", pa.string()),
+        ("width", pa.float64()),
+        ("low", pa.float64()),
+        ("high", pa.float64()),
+        ("unit", pa.string()),
+        ("width_percent", pa.float64()),
+        ("low_percent", pa.float64()),
+        ("high_percent", pa.float64()),
+        ("acceptable_percent", pa.float64()),
+        ("evidence", pa.string()),
+        ("acceptable", pa.string()),
+        ("urgency", pa.string()),
+        ("pv_share", pa.float64()),
+        ("op_share", pa.float64()),
+        ("harm", pa.float64()),
+        ("score", pa.float64()),
+        ("next", pa.string()),
+        ("next_text", pa.string()),
+        ("reason_code", pa.string()),
+        ("reason", pa.string()),
+        ("hindrance", pa.string()),
+        ("findings", pa.string()),
+        ("lr_no_gap", pa.float64()),
+        ("lr_needed", pa.float64()),
+        ("trend", pa.float64()),
+        ("trend_error", pa.float64()),
+        ("trend_first", US),
+        ("trend_last", US),
+        ("trend_d_first", pa.float64()),
+        ("trend_d_last", pa.float64()),
+        ("changes", pa.bool_()),
+        ("crossings", pa.string()),
+        ("d_hat", pa.float64()),
+        ("detections", pa.int64()),
+        ("usable", pa.float64()),
+        ("step", pa.float64()),
+    ]
+)
+"""A row a loop."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Day:
+    """The rows of a day on the times of PV's samples."""
+
+    t: NDArray[np.int64]
+    signals: dict[str, Floats]
+    flags: NDArray[np.uint8] | None
+    doubled: int
+    contradicting: int
+
+    def samples(self, loop: Loop, part: slice = slice(None)) -> Samples:
+        """Rows of it as a recording."""
+        named: dict[str, Any] = {name: x[part] for name, x in self.signals.items()}
+        if self.flags is not None:
+            named["flags"] = self.flags[part]
+        return _samples(loop, self.t[part], named)
+
+
+def _samples(loop: Loop, t: NDArray[np.int64], signals: dict[str, Any]) -> Samples:
+    made = Samples(loop, {"t": t.astype("datetime64[us]"), **signals})
+    made.source = f"{loop.name} of {_moment(t[0]):%Y-%m-%d %H:%M}"
+    made.t0, made.zone = _moment(t[0]), "UTC"
+    return made
+
+
+def _moment(micros: Any) -> datetime:
+    return datetime.fromtimestamp(int(micros) / 1e6, UTC)
+
+
+def _aligned(rows: pa.Table, loop: Loop) -> _Day | None:
+    """Rows in the order of time, each once, every other signal held from its last sample to the next of PV's.
+
+    Two rows of one signal and moment that differ contradict each other: neither can be believed, and the sample is bad.
+    None where there is no PV.
+    """
+    signal, t, value, bad = (rows.column(name).to_numpy() for name in ("signal", "t", "value", "bad"))
+    numbers = [x for x in loop.bad_values if isinstance(x, float)]
+    value = np.where(np.isin(value, numbers), np.nan, value) if numbers else value
+    found: dict[str, tuple[NDArray[np.int64], Floats, NDArray[np.bool_]]] = {}
+    doubled = contradicting = 0
+    for number in np.unique(signal):
+        mine = np.flatnonzero(signal == number)
+        order = mine[np.lexsort((bad[mine], value[mine], t[mine]))]
+        ts, xs, wrong = t[order], value[order], bad[order]
+        same = np.diff(ts) == 0
+        if same.any():
+            alike = same & ((np.diff(xs) == 0) | (np.isnan(xs[1:]) & np.isnan(xs[:-1]))) & (wrong[1:] == wrong[:-1])
+            against = same & ~alike
+            doubled, contradicting = doubled + int(alike.sum()), contradicting + int(against.sum())
+            first = np.r_[True, ~same]
+            group = np.cumsum(first) - 1
+            doubtful = np.zeros(int(group[-1]) + 1, np.bool_)
+            doubtful[group[1:][against]] = True
+            ts, xs, wrong = ts[first], xs[first], wrong[first] | doubtful
+        found[SIGNALS[number]] = ts, xs, wrong
+    if "pv" not in found:
+        return None
+    t, pv, wrong = found.pop("pv")
+    flags = (wrong * np.uint8(BAD)).astype(np.uint8)
+    signals: dict[str, Floats] = {"pv": pv}
+    for name, (ts, xs, lost) in found.items():
+        at = np.searchsorted(ts, t, side="right") - 1
+        none = (at < 0) | lost[at]
+        if name in _FLAGS:
+            unknown = name == "mode"  # an unknown mode is not automatic, an unknown limit flag is clear
+            flags |= np.where(none, unknown, xs[at] != 0).astype(np.uint8) * np.uint8(_FLAGS[name])
+        else:
+            signals[name] = np.where(none, np.nan, xs[at])
+    return _Day(t, signals, flags if flags.any() else None, doubled, contradicting)
+
+
+_FLAGS = {"mode": NOT_AUTO, "op_low_flag": AT_LOW, "op_high_flag": AT_HIGH}
+
+
+def look(rows: pa.Table, loop: Loop, day: int) -> pa.Table:
+    """A row of `DAYS`: what one day of a loop holds, and its windows with what each may tell.
+
+    Parameters
+    ----------
+    rows : pyarrow.Table
+        Columns signal, t, value and bad of that loop and day, in any order.
+    loop : Loop
+        Its settings.
+    day : int
+        Days since 1970, UTC.
+    """
+    out: dict[str, Any] = dict.fromkeys(DAYS.names)
+    out |= {"loop": loop.name, "day": day, "rows": 0, "doubled": 0, "contradicting": 0, "op": False, "detections": 0}
+    out |= {"half_periods": 0, "crossings": "refused", "window_first": [], "window_last": [], "window_score": []}
+    here = _aligned(rows, loop)
+    try:
+        if here is None:
+            raise InputError("has no sample", tag="PV", hint="check the export")
+        out |= {"rows": len(here.t), "first": int(here.t[0]), "last": int(here.t[-1]), "op": "op" in here.signals}
+        out |= {"doubled": here.doubled, "contradicting": here.contradicting}
+        recording = here.samples(loop)
+        whole = recording.beginning(len(here.t))
+        good = whole.flags is None or (whole.flags & BAD == 0)
+        out |= {"usable": float(np.mean(good)), "step": float(np.median(np.diff(whole.t)))}
+        if (share := _outside(loop, whole.pv)) > MOSTLY:
+            what = f"{100 * share:.0f} % of PV lies outside its span {loop.pv_span}: is it in another unit?"
+            out |= {"unfit": "cannot_tell", "unfit_code": "outside_span", "unfit_reason": what}
+            return _row(out, DAYS)
+        result = analyze(recording, fit=False)
+        out |= _judged(result)
+        why = unfit(result)
+        if why is not None:
+            out |= dict(zip(("unfit", "unfit_code", "unfit_reason"), why, strict=True))
+        if whole.op is not None and (why is None or why[0] == "oscillation"):
+            windows = _glapp.Windows(ROWS_OF_WINDOW, 0.25 * ROWS_OF_WINDOW * max(out["step"], 1e-6))
+            windows.add(whole)
+            best = sorted(windows.scores(), key=lambda w: (-w[2], w[0]))[:OF_A_DAY]
+            begin = int(here.t[0])
+            for i, name in enumerate(("window_first", "window_last")):
+                out[name] = [begin + round(window[i] * 1e6) for window in sorted(best)]
+            out["window_score"] = [score for _, _, score in sorted(best)]
+    except InputError as error:
+        out |= {"unfit": "cannot_tell", "unfit_code": "unusable", "unfit_reason": str(error)}
+    except Exception as error:  # not to lose all other loops
+        out |= {"unfit": "cannot_tell", "unfit_code": "fault", "unfit_reason": str(unforeseen(error, None, loop.name))}
+    return _row(out, DAYS)
+
+
+def _row(values: dict[str, Any], schema: pa.Schema) -> pa.Table:
+    return pa.Table.from_pylist([values], schema=schema)
+
+
+def _outside(loop: Loop, pv: Floats) -> float:
+    """Share of PV that lies well outside its span."""
+    if loop.pv_span is None:
+        return 0.0
+    low, high = loop.pv_span
+    beyond = OUTSIDE * (high - low)
+    known = pv[np.isfinite(pv)]
+    return float(np.mean((known < low - beyond) | (known > high + beyond))) if len(known) else 0.0
+
+
+def _judged(result: Result) -> dict[str, Any]:
+    """What a day's analysis says, but for the fit."""
+    s = result.settings
+    return {
+        "crossings": result.crossings,
+        "crossings_code": result.why,
+        "crossings_reason": result.reason,
+        "d_hat": result.d_hat,
+        "detections": result.detections,
+        "half_periods": result.total_half_periods,
+        "rejected": max(result.reasons, key=lambda name: result.reasons[name], default=None),
+        **{name: getattr(s, name) for name in ("k", "ti", "td", "tf")},
+        "origins": json.dumps(s.origins, sort_keys=True),
+        "quality": " ".join(f"{f.code}:{f.severity}" for f in result.quality),
+    }
+
+
+def choose(days: pa.Table, fits: int = FITS) -> list[tuple[int, int]]:
+    """The windows of a loop that are worth fitting: first and last moment [µs since 1970 UTC], in the order of time.
+
+    The history is divided into `fits` equal epochs, and of each the window is taken that may tell most; where an epoch
+    has none, the best of what is left is taken in its place.
+
+    Parameters
+    ----------
+    days : pyarrow.Table
+        Rows of `DAYS` of one loop, in any order.
+    fits : int
+        So many at most.
+
+    Examples
+    --------
+    >>> found = {"window_first": [[0, 10, 80]], "window_last": [[9, 19, 89]], "window_score": [[1.0, 2.0, 0.5]]}
+    >>> choose(pa.table(found), fits=2)
+    [(10, 19), (80, 89)]
+    """
+
+    def column(name: str) -> list[Any]:
+        nested = days.column(name).combine_chunks()
+        flat = nested.flatten() if isinstance(nested, pa.ListArray) else pa.concat_arrays(nested.chunks).flatten()
+        flat = flat if pa.types.is_floating(flat.type) else flat.cast(pa.int64())
+        return list(flat.to_pylist())
+
+    found = list(zip(column("window_score"), column("window_first"), column("window_last"), strict=True))
+    if not found:
+        return []
+    begin, end = min(w[1] for w in found), max(w[2] for w in found) + 1
+    best = sorted(found, key=lambda w: (-w[0], w[1]))
+    taken: dict[int, tuple[int, int]] = {}
+    left = []
+    for _, first, last in best:
+        epoch = fits * (first - begin) // (end - begin)
+        if epoch in taken:
+            left.append((first, last))
+        else:
+            taken[epoch] = (first, last)
+    return sorted([*taken.values(), *left[: fits - len(taken)]])
+
+
+def cut(rows: pa.Table, loop: Loop, windows: Sequence[tuple[int, int]]) -> pa.Table:
+    """The samples of windows of one day, a table of `SAMPLES`; `rows` are those that `look` had."""
+    here = _aligned(rows, loop)
+    parts = []
+    for first, last in windows if here is not None else ():
+        assert here is not None
+        part = slice(int(np.searchsorted(here.t, first)), int(np.searchsorted(here.t, last, side="right")))
+        n = part.stop - part.start
+        columns: dict[str, Any] = {
+            "loop": pa.array([loop.name] * n, pa.string()),
+            "window": np.full(n, first),
+            "t": here.t[part],
+            "flags": np.zeros(n, np.uint8) if here.flags is None else here.flags[part],
+        }
+        for name in ("sp", "pv", "op", "position"):
+            columns[name] = here.signals[name][part] if name in here.signals else pa.nulls(n, pa.float64())
+        parts.append(pa.table([columns[name] for name in SAMPLES.names], schema=SAMPLES))
+    return pa.concat_tables(parts) if parts else SAMPLES.empty_table()
+
+
+def judge(samples: pa.Table, days: pa.Table, loop: Loop) -> tuple[pa.Table, pa.Table, list[Problem]]:
+    """The answer of a loop: a row of `LOOPS`, rows of `WINDOWS`, and what was wrong with its rows.
+
+    Parameters
+    ----------
+    samples : pyarrow.Table
+        Rows of `SAMPLES`: all windows that were chosen, in any order.
+    days : pyarrow.Table
+        Rows of `DAYS` of the loop, in any order.
+    loop : Loop
+        Its settings.
+    """
+    looks = sorted(days.to_pylist(), key=lambda day: int(day["day"]))
+    problems = _problems(loop, looks)
+    by_day = {int(day["day"]): day for day in looks}
+    fit: Fit | None = None
+    windows: list[dict[str, Any]] = []
+    try:
+        recordings = _recordings(samples, loop)
+        if recordings:
+            known = [_known(by_day[_day_of(one)]) for one in recordings]
+            fit = fit_recordings(recordings, unfit=known)
+            for one, said in zip(recordings, fit.recordings, strict=True):
+                windows.append(_window(loop, one, said, by_day[_day_of(one)]))
+                if said.repeated > MOSTLY:
+                    what = f"{100 * said.repeated:.0f} % of the window's PV stands in an earlier one: it counts there"
+                    day = windows[-1]["first"]
+                    problems.append(
+                        Problem(
+                            "replayed", what, "check the export", loop=loop.name, day=_moment(day).date().isoformat()
+                        )
+                    )
+    except Exception as error:  # not to lose all other loops
+        told = error if isinstance(error, InputError) else unforeseen(error, None, loop.name)
+        problems.append(Problem("fault", str(told), "report it", loop=loop.name))
+    row = _row(_loop_row(loop, looks, fit, windows), LOOPS)
+    return row, pa.Table.from_pylist(windows, schema=WINDOWS), problems
+
+
+def _day_of(recording: Samples) -> int:
+    assert recording.t0 is not None
+    return int(recording.t0.timestamp() // 86_400)
+
+
+def _recordings(samples: pa.Table, loop: Loop) -> list[Samples]:
+    """A recording a window, in the order of time; what has too few rows to be one is left out."""
+    window, t = samples.column("window").to_numpy(), samples.column("t").to_numpy()
+    order = np.lexsort((t, window))
+    cuts = np.flatnonzero(np.diff(window[order])) + 1
+    found = []
+    for rows in np.split(order, cuts):
+        part = samples.take(pa.array(rows))
+        columns = {name: part.column(name).to_numpy() for name in ("sp", "pv", "op", "position", "flags")}
+        signals = {name: x for name, x in columns.items() if name in ("pv", "flags") or not np.isnan(x).all()}
+        if len(rows) > 1 and np.isfinite(columns["pv"]).any():
+            found.append(_samples(loop, part.column("t").to_numpy(), signals))
+    return found
+
+
+def _known(day: dict[str, Any]) -> Any:
+    """What a look at the day found that the fit need not ask."""
+    return None if day["unfit"] is None else (day["unfit"], day["unfit_code"], day["unfit_reason"])
+
+
+def _window(loop: Loop, recording: Samples, said: Any, day: dict[str, Any]) -> dict[str, Any]:
+    """A row of `WINDOWS`."""
+    fit: Fit = said.fit
+    whole = recording.beginning(recording.rows or 0)
+    law = (day["k"], day["ti"])
+    pv_share, op_share = (
+        _shares(fit, law, whole.t, whole.sp, whole.op) if fit.d and said.left_out is None else (None, None)
+    )
+    p = fit.process
+    assert recording.t0 is not None
+    first = round(recording.t0.timestamp() * 1e6)
+    return {
+        "loop": loop.name,
+        "first": first,
+        "last": first + round(whole.t[-1] * 1e6),
+        "rows": len(whole.t),
+        "verdict": fit.verdict,
+        "reason_code": fit.why,
+        "d": fit.d,
+        "low": fit.low,
+        "high": fit.high,
+        "unit": fit.unit,
+        "lr_no_gap": fit.lr_no_gap,
+        "lr_needed": fit.lr_needed,
+        **({} if p is None else {"kp": p.kp[0], "dead_time": p.dead_time[0], "lag": p.lag[0]}),
+        "repeated": said.repeated,
+        "left_out": said.left_out,
+        "adds": said.adds,
+        "pv_share": pv_share,
+        "op_share": op_share,
+        **{name: day[name] for name in ("k", "ti", "td", "origins")},
+    }
+
+
+def _shares(
+    fit: Fit, law: tuple[float | None, float | None], t: Floats, sp: Floats | None, op: Floats | None
+) -> tuple[float | None, float | None]:
+    """Harm of the gap to the loop: the share of PV's variance and of OP's travel that would not be there without it.
+
+    A gap in a linear loop acts as a load of its own: it keeps OP less the valve's position from the process. What the
+    loop makes of that load, through the fitted gain, dead time and lags under the controller's K and Ti, is taken from
+    PV. What of OP's travel, cell by cell, the valve does not make is the second share.
+    """
+    best, p = fit.best, fit.process
+    if p is None or op is None or best.get("signal") != "PV" or len(best["t"]) < 10:
+        return None, None
+    cells, pv, position = (np.asarray(best[name], float) for name in ("t", "pv", "position"))
+    known = np.isfinite(op)
+    u = np.interp(cells, t[known], op[known])
+    travel = float(np.abs(np.diff(u)).sum())
+    op_share = None if travel == 0 else float(np.clip(1 - np.abs(np.diff(position)).sum() / travel, 0.0, 1.0))
+    k, ti = law
+    lost = u - position
+    made = None if k is None or ti is None else _made_of(lost - lost.mean(), cells, k, ti, p)
+    e = pv if sp is None or not np.isfinite(sp).any() else pv - _held(cells, t, sp)
+    good = np.isfinite(e)
+    if made is None or not good.any() or not (power := float(np.var(e[good]))):
+        return None, op_share
+    return float(np.clip(1 - np.var((e + made)[good]) / power, 0.0, 1.0)), op_share
+
+
+def _made_of(load: Floats, cells: Floats, k: float, ti: float, process: Process) -> Floats | None:
+    """What a loop under PI makes of a load at the process input; None where the fitted process runs away under it."""
+    h = float(np.median(np.diff(cells)))
+    (kp, *_), (late, *_), (lag, *_) = process.kp, process.dead_time, process.lag
+    shift, a = round(late / h), h / (max(lag, 0.0) + h)
+    made, into = np.zeros(len(load)), np.zeros(len(load) + shift + 1)
+    y = x = integral = 0.0
+    for i, w in enumerate(load):
+        made[i] = y
+        integral += k * h / ti * y
+        into[i + shift] = w - k * y - integral
+        x += (kp * into[i] - x) * a
+        y = y + x * h if process.integrating else x
+        if not abs(y) < 1e6 * (1.0 + abs(kp)):
+            return None
+    return made
+
+
+def _held(at: Floats, t: Floats, x: Floats) -> Floats:
+    held: Floats = x[np.clip(np.searchsorted(t, at, side="right") - 1, 0, len(x) - 1)]
+    return held
+
+
+def _loop_row(
+    loop: Loop, looks: list[dict[str, Any]], fit: Fit | None, windows: list[dict[str, Any]]
+) -> dict[str, Any]:
+    """A row of `LOOPS`."""
+    best = max(looks, key=lambda day: (day["detections"], day["day"]))
+    if fit is None and (none := _not_fitted(looks, loop)) is not None:
+        fit = none
+    result = Result(
+        name=loop.name,
+        source="lake",
+        loop=loop,
+        t0=None,
+        crossings=best["crossings"],
+        why=best["crossings_code"] or (best["unfit_code"] if best["crossings"] == "refused" else None),
+        reason=best["crossings_reason"] or best["unfit_reason"],
+        d_hat=best["d_hat"],
+        unit=loop.op_label,
+        d_hat_percent_span=None,
+        repeatability=None,
+        noise_floor=None,
+        detections=best["detections"],
+        half_periods=HalfPeriods.empty(),
+        reasons={} if best["rejected"] is None else {best["rejected"]: best["half_periods"] - best["detections"]},
+        settings=Settings(best["k"], best["ti"], best["td"], None, best["tf"], None, loop.n, None, {}, {}),
+        fit=fit,
+    )
+    limit = loop.acceptable_dead_band
+    if limit is None:
+        result = replace(result, loop=loop.model_copy(update={"acceptable_dead_band": ACCEPTABLE}))
+    answer = result.answer
+    percent = None if result.span is None else 100.0 / result.span
+    counted = windows if answer.valve == "gap" else []
+    shares = {name: _mean([w[name] for w in counted if w[name] is not None]) for name in ("pv_share", "op_share")}
+    harm = max((share for share in shares.values() if share is not None), default=None)
+    sure = answer.low if answer.valve == "gap" and answer.evidence is not None else None
+    score = None
+    if sure is not None and percent is not None:
+        score = percent * sure / (limit or ACCEPTABLE) * (0.5 if harm is None else harm)
+    trend = None if fit is None else fit.trend
+    start = None if not windows else windows[0]["first"]
+    rows = sum(day["rows"] for day in looks)
+    findings = _lasting(looks)
+    code = (_why(fit) if fit is not None else result.why) or None
+    swings = fit is not None and fit.verdict == "oscillation"  # of windows that were not fitted, which no width has
+    dated = [day for day in looks if day["first"] is not None]
+    return {
+        "loop": loop.name,
+        "area": loop.area,
+        "valve_type": loop.valve,
+        "positioner": None if loop.positioner is None else loop.positioner.type,
+        "days": len(dated),
+        "first": min((day["first"] for day in dated), default=None),
+        "last": max((day["last"] for day in dated), default=None),
+        "rows": rows,
+        "windows": sum(w["reason_code"] is not None for w in windows),
+        "verdict": "oscillation" if swings else answer.verdict,
+        "valve": answer.valve,
+        "width": answer.width,
+        "low": answer.low,
+        "high": answer.high,
+        "unit": result.unit,
+        **{
+            f"{name}_percent": None if x is None or percent is None else percent * x
+            for name, x in (("width", answer.width), ("low", answer.low), ("high", answer.high))
+        },
+        "acceptable_percent": limit or ACCEPTABLE,
+        "evidence": answer.evidence,
+        "acceptable": answer.acceptable,
+        "urgency": answer.urgency,
+        **shares,
+        "harm": harm,
+        "score": score,
+        "next": "tuning" if swings else answer.next.code,
+        "next_text": words.NEXT["tuning"].text if swings else words.next_step(result),
+        "reason_code": code,
+        "reason": fit.reason if fit is not None else result.reason,
+        "hindrance": None if answer.valve in ("gap", "no_gap") else _hindrance(looks, code, findings),
+        "findings": " ".join(findings),
+        "lr_no_gap": None if fit is None else fit.lr_no_gap,
+        "lr_needed": None if fit is None else fit.lr_needed,
+        **({} if trend is None or start is None else _trend(trend, start)),
+        "changes": trend is not None and trend.changes,
+        "crossings": result.crossings,
+        "d_hat": result.d_hat,
+        "detections": result.detections,
+        "usable": sum(day["rows"] * (day["usable"] or 0.0) for day in looks) / rows if rows else None,
+        "step": _mean([day["step"] for day in looks if day["step"] is not None]),
+    }
+
+
+def _why(fit: Fit) -> str:
+    """The word for what decided; where no window could be fitted, that of most of them."""
+    words = [one.fit.why for one in fit.recordings]
+    return fit.why or (max(sorted(set(words)), key=words.count) if words else "")
+
+
+def _trend(trend: Any, start: int) -> dict[str, Any]:
+    first, last = (start + round(t * 1e6) for t in trend.t)
+    return {
+        "trend": trend.slope,
+        "trend_error": trend.error,
+        "trend_first": first,
+        "trend_last": last,
+        "trend_d_first": trend.d[0],
+        "trend_d_last": trend.d[1],
+    }
+
+
+def _mean(values: Sequence[float]) -> float | None:
+    return None if not values else float(np.mean(values))
+
+
+def _not_fitted(looks: list[dict[str, Any]], loop: Loop) -> Fit | None:
+    """Why nothing of a loop was fitted, where its days say so: what most of them say."""
+    said = [(day["unfit"], day["unfit_code"], day["unfit_reason"]) for day in looks if day["unfit"] is not None]
+    if 2 * len(said) > len(looks):
+        codes = [code for _, code, _ in said]
+        most = max(sorted(set(codes)), key=codes.count)
+        verdict, code, reason = next(one for one in said if one[1] == most)
+        return Fit(verdict, reason, loop.op_label, why=code)
+    if not any(day["op"] for day in looks):
+        return None  # the crossings answer
+    return Fit(
+        "cannot_tell", "OP stands still all the time: only an OP that moves shows a gap", loop.op_label, why="op_rests"
+    )
+
+
+def _lasting(looks: list[dict[str, Any]]) -> list[str]:
+    """Findings of quality, but for mere remarks, that more than half of the days have."""
+    codes = [
+        code
+        for day in looks
+        for code, _, severity in (one.partition(":") for one in (day["quality"] or "").split())
+        if severity != "info"
+    ]
+    return [code for code in sorted(set(codes)) if 2 * codes.count(code) > len(looks)]
+
+
+HINDRANCES: dict[str, tuple[str, ...]] = {
+    "compression": ("lined", "compressed_pv", "frozen"),
+    "sampling": ("coarse", "hidden_by_samples", "sampling"),
+    "resolution": ("quantised_pv", "quantised_op", "noisy"),
+    "manual": ("not_auto",),
+    "op_rests": ("op_rests", "op_still", "op_constant", "still", "once", "hidden_by_lag", "few", "few_rows"),
+    "load": ("swings", "repeats", "hidden_by_changes", "sinusoidal", "recordings_disagree", "windows_disagree"),
+    "evidence": ("may_be_a_gap", "families_disagree", "misfit", "no_answer", "windows_silent", "disagree", "noise"),
+}
+"""What stands in the way of an answer, by the codes that tell it; `no_op` and `data` beside these."""
+
+
+def _hindrance(looks: list[dict[str, Any]], code: str | None, findings: Sequence[str]) -> str:
+    """What would have to change for an answer.
+
+    OP is not recorded; the reason that was told; where that is too little evidence, a finding that lasts.
+    """
+    if not any(day["op"] for day in looks):
+        return "no_op"
+    of = {one: name for name, codes in HINDRANCES.items() for one in codes}
+    told = of.get(code or "", "data")
+    return told if told != "evidence" else next((of[one] for one in findings if one in of), told)
+
+
+def _problems(loop: Loop, looks: list[dict[str, Any]]) -> list[Problem]:
+    """What a loop's days tell that is wrong with the lake and not with the loop."""
+    found = []
+    for day in looks:
+        when: dict[str, Any] = {"loop": loop.name, "day": _moment(int(day["day"]) * 86_400_000_000).date().isoformat()}
+        if day["doubled"]:
+            what = f"{day['doubled']} rows stand there more than once, and count once"
+            found.append(
+                Problem("doubled", what, "nothing; or take out what was exported twice", **when, rows=day["doubled"])
+            )
+        if day["contradicting"]:
+            what = f"{day['contradicting']} rows say something else of a moment than others: these moments count as bad"
+            todo = "find out which export is right, and take out the other"
+            found.append(Problem("contradicting", what, todo, **when, rows=day["contradicting"]))
+        if day["unfit_code"] in ("outside_span", "unusable", "fault"):
+            todo = "check unit and span in the settings" if day["unfit_code"] == "outside_span" else "check the export"
+            found.append(Problem(day["unfit_code"], day["unfit_reason"], todo, **when, rows=day["rows"]))
+    return found

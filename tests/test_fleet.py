@@ -1,0 +1,479 @@
+"""The fleet: layouts of a lake, everything that can be wrong with one, runs that are stopped, and the answers."""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+import glapp
+from glapp import fleet
+from glapp.cli import app
+from glapp.errors import InputError
+from glapp.fleet.lake import DAY, SIGNALS, files_of, rows_of
+from glapp.fleet.problems import Problem
+from glapp.fleet.results import write_piece
+from glapp.fleet.run import Plan, plan_of
+from glapp.fleet.settings import read_loops
+from glapp.fleet.windows import choose, cut, judge, look
+from glapp.loop import Loop
+from glapp.simulate import closed_loop
+
+FIRST = int(datetime(2026, 3, 2, tzinfo=UTC).timestamp()) * 1_000_000
+N = 1500
+
+
+def signals(days: int = 1, d: float = 2.0) -> dict[str, Any]:
+    """A worn valve's loop, recorded at 5 s for two hours a day."""
+    made: dict[str, list[Any]] = {"time": [], "SP": [], "PV": [], "OP": []}
+    for day in range(days):
+        moves = {
+            "setpoint": [(0, 50.0), (700, 53.0), (1900, 48.0), (2600, 52.0), (4100, 48.0), (4900, 51.0), (6300, 47.0)]
+        }
+        moves["load"] = [(1300, 2.0), (3400, -1.5), (5500, 1.0)]
+        plant = ([1.0], [60.0 * 30, 90.0, 1.0], 10.0)
+        s = closed_loop(plant, (1.0, 60.0), d=d, noise=0.05, h=1.0, t_end=5 * N - 1, seed=day, **moves)
+        k = np.arange(0, 5 * N, 5)
+        made["time"].append(FIRST + day * DAY + k * 1_000_000)
+        for name, x in (("SP", s.sp), ("PV", s.pv), ("OP", s.op)):
+            made[name].append(np.round(x[k], 3))
+    return {name: np.concatenate(parts) for name, parts in made.items()}
+
+
+def wide(x: dict[str, Any], **more: Any) -> pa.Table:
+    time = pa.array(x["time"]).cast(pa.timestamp("us", tz="UTC"))
+    return pa.table({"time": time, "SP": x["SP"], "PV": x["PV"], "OP": x["OP"], **more})
+
+
+def long(x: dict[str, Any], loop: str = "FIC1") -> pa.Table:
+    n = len(x["time"])
+    return pa.table(
+        {
+            "tag": np.repeat([f"{loop}.{name}" for name in ("PV", "OP", "SP")], n),
+            "time": pa.array(np.tile(x["time"], 3)).cast(pa.timestamp("us", tz="UTC")),
+            "value": np.concatenate([x["PV"], x["OP"], x["SP"]]),
+            "quality": ["Good"] * 3 * n,
+        }
+    )
+
+
+def put(lake: Path, name: str, table: pa.Table, **how: Any) -> Path:
+    path = lake / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    pq.write_table(table, path, **how)
+    return path
+
+
+def planned(lake: Path, loops: str | None = None, zone: str | None = None) -> Plan:
+    settings = None
+    if loops is not None:
+        settings = lake / "loops.toml"
+        settings.write_text(loops)
+    out = lake.with_name(f"{lake.name}-out")
+    return plan_of(lake, files_of(lake), out, settings, zone, 8, lambda name, total, done: None, 1)
+
+
+def rows(plan: Plan) -> tuple[dict[tuple[str, int], list[Any]], list[Problem]]:
+    """All rows of all loops, sorted, and what was found wrong."""
+    found: dict[tuple[str, int], list[Any]] = {}
+    problems = list(plan.problems)
+    for unit in plan.units:
+        tables, wrong = rows_of(plan.lake, unit.files, plan.places, unit.loops, unit.day)
+        problems += wrong
+        for k, table in tables.items():
+            name = plan.places.loops[k].name
+            found[name, unit.day] = sorted(zip(*(table.column(c).to_pylist() for c in table.column_names), strict=True))
+    return found, problems
+
+
+def codes(problems: list[Problem]) -> set[str]:
+    return {problem.code for problem in problems}
+
+
+def test_every_layout_gives_the_same_rows(tmp_path: Path) -> None:
+    x = signals(days=2)
+    whole = long(x)
+    put(tmp_path / "a", "all.parquet", whole.take(np.random.default_rng(1).permutation(len(whole))), row_group_size=700)
+    for tag in ("PV", "OP", "SP"):
+        of = whole.filter(pa.compute.equal(whole["tag"], f"FIC1.{tag}")).drop_columns(["tag"])
+        put(tmp_path / "b", f"tag=FIC1.{tag}/x.parquet", of)
+    put(tmp_path / "c", "loop=FIC1/x.parquet", wide(x), row_group_size=400)
+    put(tmp_path / "d", "x.parquet", wide(x).rename_columns(["time", "FIC1.SP", "FIC1.PV", "FIC1.OP"]))
+    found = [rows(planned(tmp_path / name)) for name in "abcd"]
+    days = (FIRST // DAY, FIRST // DAY + 1)
+    assert list(found[0][0]) == [("FIC1", day) for day in days]
+    assert all(len(found[0][0]["FIC1", day]) == 3 * N for day in days)
+    assert all(one[0] == found[0][0] for one in found[1:])
+    assert [one[1] for one in found] == [[], [], [], []]
+
+
+def test_three_vendors_of_quality_are_told_apart_and_an_unknown_word_is_bad(tmp_path: Path) -> None:
+    x = {name: values[:6] for name, values in signals().items()}
+    vendors = {
+        "words": ["Good", "Bad", "Uncertain", "Questionable", "Good, annotated", "Good"],
+        "da": np.array([192, 24, 64, 0, 216, 192], np.int32),
+        "ua": np.array([0, 0x80000000, 0x40000000, 0x80AB0000, 0x00960000, 0], np.int64),
+        "own": ["Good", "Wobbly", "Bad", "Wobbly", "Good", "Good"],
+    }
+    for name, quality in vendors.items():
+        put(tmp_path, f"loop={name}/x.parquet", wide(x, quality=quality))
+    found, problems = rows(planned(tmp_path))
+    for name in vendors:
+        bad = [wrong for signal, _, _, wrong in found[name, FIRST // DAY] if signal == 0]
+        assert bad == [False, True, True, True, False, False], name
+    [problem] = problems
+    assert problem.code == "quality" and "wobbly" in problem.what and problem.file == "loop=own/x.parquet"
+
+
+def test_the_hour_in_which_clocks_change_is_left_out_and_told(tmp_path: Path) -> None:
+    local = pa.array(np.arange("2025-10-26T01:00", "2025-10-26T05:00", 600, dtype="datetime64[s]"))
+    n = len(local)
+    table = pa.table({"time": local, "SP": np.ones(n), "PV": np.arange(float(n)), "OP": np.ones(n)})
+    put(tmp_path / "a", "FIC1.parquet", table)
+    found, problems = rows(planned(tmp_path / "a", zone="Europe/Stockholm"))
+    times = {t for day in found.values() for _, t, _, _ in day}
+    assert len(times) == n - 6  # 02:00 to 02:50 come twice
+    assert codes(problems) == {"clock_change"} and problems[0].rows == 6
+    assert min(times) == int(datetime(2025, 10, 25, 23, tzinfo=UTC).timestamp()) * 1_000_000
+    _, problems = rows(planned(tmp_path / "a"))
+    assert codes(problems) == {"no_zone"}
+
+
+def test_a_damaged_group_of_rows_costs_its_rows_and_no_others(tmp_path: Path) -> None:
+    path = put(tmp_path, "FIC1.parquet", wide(signals()), row_group_size=500, use_dictionary=False, compression="zstd")
+    chunk = pq.read_metadata(path).row_group(1).column(2)
+    with path.open("r+b") as file:
+        file.seek(chunk.data_page_offset + chunk.total_compressed_size // 2)
+        file.write(b"\x00" * 64)
+    found, [problem] = rows(planned(tmp_path))
+    assert len(found["FIC1", FIRST // DAY]) == 3 * (N - 500)
+    assert (problem.code, problem.file, problem.row, problem.rows) == ("damaged", "FIC1.parquet", 501, 500)
+
+
+def test_what_cannot_be_used_is_told_with_its_place(tmp_path: Path) -> None:
+    x = {name: values[:50] for name, values in signals().items()}
+    put(tmp_path, "day=1/a.parquet", long(x))
+    put(tmp_path, "day=1/notes.parquet", pa.table({"shift": ["A"], "note": ["-"]}))
+    put(tmp_path, "day=1/counters.parquet", pa.table({"tag": ["F.PV"], "time": [1.0], "value": [2.0]}))
+    (tmp_path / "day=1" / "cut.parquet").write_bytes((tmp_path / "day=1" / "a.parquet").read_bytes()[:500])
+    other = long(x, "FIC2").set_column(2, "value", pa.array(["1.5"] * 149 + ["Tag not found"]))
+    put(tmp_path, "day=2/text.parquet", other.append_column("uom", pa.array(["bar"] * 50 + ["%"] * 50 + ["psi"] * 50)))
+    put(tmp_path, "day=2/new.parquet", long(x, "FIC3"))
+    (tmp_path / "_secret").mkdir()
+    (tmp_path / "_secret" / "x.parquet").write_bytes(b"not looked at")
+    span = 'pv_unit = "bar"\npv_span = [0, 100]\n'
+    settings = "".join(f"[loops.FIC{i}]\n{span}" for i in (1, 2, 4)) + "[loops.FIC5]\npv_span = [1, 0]\n"
+    settings += '[loops.FIC6.columns]\npv = "FIC1.PW"\n'
+    found, problems = rows(planned(tmp_path, settings))
+    told = {(p.code, p.file or p.loop): p for p in problems}
+    assert set(told) == {
+        ("schema", "day=1/notes.parquet"),
+        ("time", "day=1/counters.parquet"),
+        ("unreadable", "day=1/cut.parquet"),
+        ("unit", "day=2/text.parquet"),
+        ("no_settings", "FIC3"),
+        ("no_tags", "FIC4"),
+        ("no_tags", "FIC6"),
+        ("loop_tags", "FIC6"),
+        ("settings", "loops.toml"),
+    }
+    assert "did you mean 'FIC1." in told["loop_tags", "FIC6"].what
+    assert told["unit", "day=2/text.parquet"].tag == "FIC2.SP" and told["unit", "day=2/text.parquet"].rows == 50
+    assert {name for name, _ in found} == {"FIC1", "FIC2"} and {s for s, *_ in found["FIC2", FIRST // DAY]} == {0, 2}
+
+
+def table_of(x: dict[str, Any], order: Any = slice(None)) -> pa.Table:
+    """Rows as `look` takes them."""
+    n = len(x["time"])
+    columns = [np.repeat([SIGNALS.index(s) for s in ("pv", "op", "sp")], n).astype(np.int8), np.tile(x["time"], 3)]
+    columns += [np.concatenate([x["PV"], x["OP"], x["SP"]]), np.zeros(3 * n, np.bool_)]
+    return pa.table([column[order] for column in columns], names=["signal", "t", "value", "bad"])
+
+
+def test_the_order_of_rows_and_rows_that_come_twice_change_nothing() -> None:
+    x, loop = signals(), Loop(name="FIC1", pv_span=(0, 100), op_span=(0, 100))
+    once = look(table_of(x), loop, FIRST // DAY)
+    twice = np.random.default_rng(2).permutation(np.r_[0 : 3 * N, 0:400])
+    shuffled = look(table_of(x, twice), loop, FIRST // DAY)
+    assert shuffled["doubled"].to_pylist() == [400]
+    assert shuffled.drop_columns(["doubled"]) == once.drop_columns(["doubled"])
+    assert len(once["window_first"][0]) >= 1
+
+
+def test_rows_that_contradict_each_other_are_bad_and_another_unit_is_seen() -> None:
+    x, loop = signals(), Loop(name="FIC1", pv_span=(0, 100), op_span=(0, 100))
+    more = table_of({name: values[:300] for name, values in x.items()} | {"PV": np.full(300, 1.0)})
+    mixed = look(pa.concat_tables([table_of(x), more]), loop, FIRST // DAY)
+    assert mixed["contradicting"].to_pylist() == [300] and mixed["doubled"].to_pylist() == [600]
+    assert mixed["usable"][0].as_py() == pytest.approx(1 - 300 / N)
+    psi = look(table_of(x | {"PV": 14.5 * x["PV"]}), loop, FIRST // DAY)
+    assert psi["unfit_code"].to_pylist() == ["outside_span"] and psi["window_first"].to_pylist() == [[]]
+    _, windows, problems = judge(cut(table_of(x), loop, []), psi, loop)
+    assert windows.num_rows == 0 and codes(problems) == {"outside_span"}
+
+
+def test_windows_are_chosen_from_the_whole_history_and_are_never_more_than_asked() -> None:
+    first = [[1000 * day + 10 * i for i in range(4)] for day in range(30)]
+    days = pa.table(
+        {
+            "window_first": first,
+            "window_last": [[t + 9 for t in of] for of in first],
+            "window_score": [[float(t * 7919 % 101) for t in of] for of in first],
+        }
+    )
+    chosen = choose(days, 6)
+    assert len(chosen) == 6 and chosen == sorted(chosen)
+    assert [t // 5000 for t, _ in chosen] == [0, 1, 2, 3, 4, 5]  # a window of every five days
+    assert choose(days.slice(0, 1), 6) == [(0, 9), (10, 19), (20, 29), (30, 39)]
+    assert choose(days.take(pa.array([5, 3, 9])), 8) == choose(days.take(pa.array([9, 5, 3])), 8)
+
+
+@pytest.mark.slow
+def test_a_worn_valve_is_found_in_its_windows_with_what_it_does_to_the_loop() -> None:
+    x, loop = signals(days=3), Loop(name="FIC1", pv_span=(0, 100), op_span=(0, 100), area="Boiler")
+    by_day = [{name: values[i * N : (i + 1) * N] for name, values in x.items()} for i in range(3)]
+    days = pa.concat_tables([look(table_of(one), loop, FIRST // DAY + i) for i, one in enumerate(by_day)])
+    parts = [
+        cut(table_of(one), loop, [w for w in choose(days) if w[0] // DAY == FIRST // DAY + i])
+        for i, one in enumerate(by_day)
+    ]
+    row, windows, problems = judge(pa.concat_tables(parts[::-1]), days, loop)
+    [answer] = row.to_pylist()
+    assert windows.num_rows == answer["windows"] == 3 and problems == []
+    assert answer["verdict"] == "backlash" and answer["low"] < 2.0 < answer["high"]
+    assert answer["area"] == "Boiler" and answer["acceptable"] == "beyond"
+    assert 0.0 < answer["op_share"] <= 1.0 and 0.0 <= answer["pv_share"] <= 1.0
+    assert answer["score"] == pytest.approx(answer["low"] / 1.0 * max(answer["op_share"], answer["pv_share"]))
+    same, others, _ = judge(pa.concat_tables(parts), days.take(pa.array([2, 0, 1])), loop)
+    assert same == row and others == windows
+
+
+@pytest.mark.slow
+def test_a_day_that_is_replayed_under_another_date_counts_once() -> None:
+    x, loop = signals(), Loop(name="FIC1", pv_span=(0, 100), op_span=(0, 100))
+    part = {name: values[:700] for name, values in x.items()}
+    both = [part, part | {"time": part["time"] + DAY}]
+    days = pa.concat_tables([look(table_of(one), loop, FIRST // DAY + i) for i, one in enumerate(both)])
+    samples = [cut(table_of(one), loop, choose(days)) for one in both]
+    _, windows, problems = judge(pa.concat_tables(samples), days, loop)
+    assert codes(problems) == {"replayed"} and problems[0].day == "2026-03-03"
+    assert [share > 0.5 for share in windows["repeated"].to_pylist()] == [False, True]
+
+
+def test_a_full_disk_is_told_and_leaves_nothing_half_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    table = pa.table({"x": [1.0]})
+    path = tmp_path / "days" / "x.parquet"
+    write_piece(path, [table], table.schema)
+    whole = path.read_bytes()
+
+    def full(handle: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(InputError, match="No space left on device; make room"):
+        write_piece(path, [pa.table({"x": [2.0]})], table.schema)
+    assert path.read_bytes() == whole and list(path.parent.iterdir()) == [path]
+
+
+def test_settings_from_a_table(tmp_path: Path) -> None:
+    path = tmp_path / "loops.csv"
+    path.write_text(
+        "loop,area,pv_span.low,pv_span.high,op_span.low,op_span.high,controller.k,controller.ti,positioner.type,columns.pv\n"
+        "FIC1,Boiler,0,100,0,100,1.5,30,digital,F1.X\nFIC2,,,,,,,,,\nFIC3,,0,,,,,,,\nFIC4,,,,,,1,-3,,\nFIC2,,,,,,,,,\n"
+    )
+    loops, problems = read_loops(path)
+    [loop] = loops
+    assert loop.pv_span == (0.0, 100.0) and loop.controller is not None and loop.controller.ti == 30.0
+    assert loop.positioner is not None and loop.positioner.type == "digital" and loop.columns.pv == "F1.X"
+    assert sorted((p.loop, p.row) for p in problems if p.row) == [("FIC3", 4), ("FIC4", 5)]
+    assert [p.loop for p in problems if not p.row] == ["FIC2"]
+    path.write_text("name,area\nFIC1,Boiler\n")
+    with pytest.raises(InputError, match="loop: is empty"):
+        read_loops(path)
+
+
+def test_what_is_no_lake_and_what_are_no_results(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="is no folder"):
+        fleet.analyze(tmp_path / "nowhere", tmp_path / "out")
+    put(tmp_path / "lake", "notes.parquet", pa.table({"note": ["-"]}))
+    with pytest.raises(InputError, match="lies within the lake"):
+        fleet.analyze(tmp_path / "lake", tmp_path / "lake" / "out")
+    with pytest.raises(InputError, match="no file that can be read"):
+        fleet.analyze(tmp_path / "lake", tmp_path / "out")
+    with pytest.raises(InputError, match="fits: is 0, must be 1 to 64"):
+        fleet.analyze(tmp_path / "lake", tmp_path / "out", fits=0)
+    with pytest.raises(InputError, match="time_zone"):
+        fleet.analyze(tmp_path / "lake", tmp_path / "out", time_zone="Nowhere/City")
+    with pytest.raises(InputError, match="holds no results"):
+        fleet.read(tmp_path / "out")
+    with pytest.raises(InputError, match="one of loops, windows"):
+        fleet.read(tmp_path / "out", "answers")
+
+
+# --- whole runs
+
+
+@pytest.mark.slow
+def test_every_planted_problem_is_found_and_none_is_fatal(tmp_path: Path) -> None:
+    lake, results = fleet.make_demo(tmp_path / "lake", loops=10, days=5, seed=SEED), tmp_path / "results"
+    fleet.analyze(lake, results, fits=1)
+    found = fleet.read(results, "problems").to_pylist()
+    planted = pq.read_table(lake / "_truth" / "problems.parquet").to_pylist()
+    assert {one["code"] for one in planted} >= {
+        *("no_tags", "settings", "schema", "time", "no_settings", "contradicting", "quality", "outside_span"),
+        *("doubled", "value", "unreadable", "unit", "damaged"),
+    }
+    for one in planted:
+        same = [row for row in found if row["code"] == one["code"]]
+        assert any(all(one[k] in ("", row[k]) for k in ("file", "loop", "day")) for row in same), (one, same)
+    truth = {row["loop"]: row for row in pq.read_table(lake / "_truth" / "loops.parquet").to_pylist()}
+    loops = fleet.read(results).to_pylist()
+    assert {row["loop"] for row in loops} == set(truth)
+    scored = [row for row in loops if row["score"] is not None]
+    assert scored and all(truth[row["loop"]]["dead_band"] > 0 for row in scored)
+    assert [row["score"] for row in scored] == sorted((row["score"] for row in scored), reverse=True)
+    assert loops[: len(scored)] == scored
+
+
+SEED = 9
+"""A mill whose ten loops lie in all three layouts."""
+
+
+@pytest.fixture(scope="module")
+def lake(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Four loops of two short days each."""
+    lake = tmp_path_factory.mktemp("fleet") / "lake"
+    for i in range(4):
+        x = signals(days=2, d=0.7 * i)
+        for day in range(2):
+            part = {name: values[day * N : day * N + 700] for name, values in x.items()}
+            put(lake, f"loop=FIC{i}/day={day}/x.parquet", wide(part))
+    put(lake, "notes.parquet", pa.table({"note": ["-"]}))
+    return lake
+
+
+@pytest.fixture(scope="module")
+def results(lake: Path) -> Path:
+    fleet.analyze(lake, lake.with_name("results"), fits=1)
+    return lake.with_name("results")
+
+
+@pytest.mark.slow
+@pytest.mark.xdist_group("fleet")
+def test_results_carry_where_they_come_from(lake: Path, results: Path) -> None:
+    known = fleet.manifest(results)
+    assert known["provenance"]["glapp"] == glapp.__version__ and known["provenance"]["fits"] == 1
+    for name, told in known["tables"].items():
+        assert fleet.read(results, name).num_rows == told["rows"]
+        assert b"glapp" in pq.read_schema(results / known["folder"] / f"{name}.parquet").metadata
+    inputs = {row["file"]: row for row in fleet.read(results, "inputs").to_pylist()}
+    for name, row in inputs.items():
+        state = (lake / name).stat()
+        assert (row["size"], row["mtime_ns"]) == (state.st_size, state.st_mtime_ns)
+    page = (results / "report.html").read_text()
+    assert all(row["loop"] in page.replace("<wbr>", "") for row in fleet.read(results).to_pylist())
+    assert "http" not in page.replace("http-equiv", "") and "<script" not in page
+    path = results / known["folder"] / "loops.parquet"
+    whole = path.read_bytes()
+    try:
+        path.write_bytes(whole[:-1])
+        with pytest.raises(InputError, match="not what the manifest tells"):
+            fleet.read(results)
+    finally:
+        path.write_bytes(whole)
+
+
+RUN = "import sys; from glapp import fleet; fleet.analyze(sys.argv[1], sys.argv[2], fits=1, workers=2)"
+
+
+def pieces(out: Path) -> set[Path]:
+    return {
+        path
+        for path in (out / "work").rglob("*")
+        if path.is_file() and not path.name.startswith(".") and path.name != "lock"
+    }
+
+
+@pytest.mark.slow
+@pytest.mark.xdist_group("fleet")
+def test_a_run_that_is_killed_goes_on_and_ends_in_the_same_tables(lake: Path, results: Path, tmp_path: Path) -> None:
+    out = tmp_path / "results"
+    script = tmp_path / "run.py"
+    script.write_text(f"if __name__ == '__main__':\n    {RUN}\n")
+    for wanted in ("files", "days", "loops"):
+        run = subprocess.Popen([sys.executable, str(script), str(lake), str(out)], start_new_session=True)
+        while not any(path.parent.name == wanted for path in pieces(out)):
+            assert run.poll() is None
+            time.sleep(0.005)
+        run.send_signal(signal.SIGKILL)
+        run.wait()
+        with pytest.raises(InputError, match="holds no results"):
+            fleet.read(out)
+    before = {path: path.stat().st_mtime_ns for path in pieces(out)}
+    made = fleet.analyze(lake, out, fits=1)
+    assert made["folder"] == fleet.manifest(results)["folder"]
+    assert all(path.stat().st_mtime_ns == at for path, at in before.items() if path.exists())
+
+
+@pytest.mark.slow
+@pytest.mark.xdist_group("fleet")
+def test_a_later_run_reads_only_what_is_new(lake: Path, results: Path, tmp_path: Path) -> None:
+    part, out = tmp_path / "lake", tmp_path / "results"
+    shutil.copytree(lake, part, copy_function=os.link)
+    late = list(part.rglob("day=1/x.parquet"))
+    for path in late:
+        path.rename(path.with_suffix(".late"))
+    fleet.analyze(part, out, fits=1)
+    days = {path for path in pieces(out) if path.parent.name == "days"}
+    assert len(days) == 1
+    for path in late:
+        path.with_suffix(".late").rename(path)
+    made = fleet.analyze(part, out, fits=1)
+    assert made["folder"] == fleet.manifest(results)["folder"]
+    assert days < pieces(out) and len([p for p in pieces(out) if p.parent.name == "days"]) == 2
+    again = {path: path.stat().st_mtime_ns for path in pieces(out)}
+    assert fleet.analyze(part, out, fits=1)["folder"] == made["folder"]
+    assert again == {path: path.stat().st_mtime_ns for path in pieces(out)}
+    assert len(list(out.glob("tables-*"))) == 1
+
+
+@pytest.mark.slow
+@pytest.mark.xdist_group("fleet")
+def test_on_the_command_line(lake: Path, results: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as end:
+        app(["fleet", "analyze", str(lake), "--out", str(results), "--fits", "1"])
+    told = capsys.readouterr()
+    assert end.value.code == 0 and "4 loops:" in told.out and "report.html" in told.out and "1 problems" in told.err
+
+
+@pytest.mark.slow
+@pytest.mark.xdist_group("fleet")
+def test_spark_gives_the_same_tables(lake: Path, results: Path, tmp_path: Path) -> None:
+    pytest.importorskip("pyspark", reason="PySpark is not installed: pip install 'glapp[spark]'")
+    if shutil.which("java") is None:
+        pytest.skip("java is not installed, and Spark needs it")
+    script = tmp_path / "run.py"
+    script.write_text(
+        "import sys\nfrom pyspark.sql import SparkSession\nfrom glapp import fleet\n"
+        "spark = SparkSession.builder.master('local[2]').config('spark.ui.enabled', False)"
+        ".config('spark.driver.bindAddress', '127.0.0.1').config('spark.driver.host', '127.0.0.1')"
+        ".config('spark.sql.shuffle.partitions', 2).getOrCreate()\n"
+        "fleet.analyze(sys.argv[1], sys.argv[2], fits=1, engine='spark')\nspark.stop()\n"
+    )
+    command = [sys.executable, str(script), str(lake), str(tmp_path / "out")]
+    known = {**os.environ, "PYSPARK_PYTHON": sys.executable}
+    run = subprocess.run(command, capture_output=True, text=True, env=known)
+    assert run.returncode == 0, run.stderr[-2000:]
+    assert fleet.manifest(tmp_path / "out")["folder"] == fleet.manifest(results)["folder"]

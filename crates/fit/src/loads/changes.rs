@@ -57,6 +57,8 @@ const ANSWER: usize = 100;
 /// Beginnings with bends that are looked at nearer, and followed, with a lost motion and without.
 const LOOKED_AT: usize = 6;
 const FOLLOWED: usize = 2;
+/// Cells that are looked at together for a step: as many sums as the registers of a processor hold.
+const TOGETHER: usize = 32;
 /// Rounds in which steps are marked; in each all that lie well apart are taken.
 const ROUNDS: usize = 25;
 
@@ -449,7 +451,7 @@ fn relocate(search: &Search, point: &Point) -> Cells {
 /// Without the steps that do not pay.
 fn prune(search: &Search, point: &Point) -> Cells {
     let mut record = search.record.clone();
-    let mut cost = point.cost + search.price_of_changes(point);
+    let mut cost = point.cost + search.price_at(point);
     let positions = record.positions(&point.lost);
     while record.changes() > 0 {
         // Step by step: what the record costs without it.
@@ -462,7 +464,7 @@ fn prune(search: &Search, point: &Point) -> Cells {
             let mut fewer = record.clone();
             fewer.stretches[i].changes.pop();
             let search = Search { record: &fewer, ..*search };
-            let price_of_changes = search.price_of_changes(point);
+            let price_of_changes = search.price_at(point);
             for first in (0..changes.len()).step_by(LANES) {
                 let tried: [Vec<f64>; LANES] = std::array::from_fn(|l| {
                     let j = (first + l).min(changes.len() - 1);
@@ -492,7 +494,7 @@ fn prune(search: &Search, point: &Point) -> Cells {
             record.stretches[i].changes.remove(j);
         }
         let search = Search { record: &record, ..*search };
-        cost = search.cost(search.at(&point.theta, &positions).sum[0]) + search.price_of_changes(point);
+        cost = search.cost(search.at(&point.theta, &positions).sum[0]) + search.price_at(point);
     }
     record
 }
@@ -554,15 +556,18 @@ fn step_statistic(left: &[f64], changes: &[f64], answer: &[f64]) -> Vec<f64> {
     let mut statistic = vec![0.0; left.len()];
     let mut from = 0;
     for end in ends {
-        let padded = [&left[from..end], &vec![0.0; answer.len()]].concat();
+        let padded = [&left[from..end], &vec![0.0; answer.len() + TOGETHER]].concat();
         let statistic = &mut statistic[from..end];
         pulp::Arch::new().dispatch(move || {
-            for (later, answer) in answer.iter().enumerate() {
-                for (statistic, left) in statistic.iter_mut().zip(&padded[later..]) {
-                    *statistic += answer * left;
+            for (i, statistic) in statistic.chunks_mut(TOGETHER).enumerate() {
+                let mut sums = [0.0; TOGETHER];
+                for (left, answer) in padded[i * TOGETHER..].windows(TOGETHER).zip(answer) {
+                    for (sum, left) in sums.iter_mut().zip(left) {
+                        *sum += answer * left;
+                    }
                 }
+                statistic.iter_mut().zip(sums).for_each(|(statistic, sum)| *statistic = sum * sum);
             }
-            statistic.iter_mut().for_each(|statistic| *statistic *= *statistic);
         });
         from = end;
     }

@@ -66,11 +66,35 @@ struct Workspace {
     shifted: Vec<f64>,
     /// Jumps of each stretch.
     changes: Vec<Vec<LoadChange>>,
-    white: Whitened,
-    /// What the gains in `white` are of, where they are of all the record.
-    known: Option<Known>,
+    /// Where a descent begins, and where it has come to: the next often begins at one of them.
+    kept: [Kept; 2],
+    /// Which of them the last pass has left.
+    last: usize,
     found: Innovations,
 }
+
+/// What a pass has left.
+#[derive(Default)]
+struct Kept {
+    white: Whitened,
+    /// What its gains are of, where they are of the record's own changes.
+    known: Option<Known>,
+}
+
+impl Workspace {
+    fn white(&self) -> &Whitened {
+        &self.kept[self.last].white
+    }
+
+    /// Where the gains of these models are kept.
+    fn place_of(&self, search: &Search, thetas: &[Theta; LANES]) -> Option<usize> {
+        self.kept.iter().position(|kept| kept.known.as_ref().is_some_and(|known| known.holds(search, thetas)))
+    }
+}
+
+/// Where a pass leaves what no pass before has left.
+const BEGUN: usize = 0;
+const DESCENDED: usize = 1;
 
 /// What the gains of a pass and the innovations of PV hang on: PV, the changes of the load, and the models but for their dead time,
 /// which is the answer's alone.
@@ -87,8 +111,8 @@ impl Known {
         Self { structure: search.structure, thetas: *thetas, stretches }
     }
 
-    /// Whether the first models are these.
-    fn holds(&self, search: &Search, thetas: &[Theta]) -> bool {
+    /// Whether the models are these.
+    fn holds(&self, search: &Search, thetas: &[Theta; LANES]) -> bool {
         let Search { record, structure, .. } = search;
         let dead = structure.dead_time_at();
         let alike = |(a, b): (&Theta, &Theta)| (0..MOST).all(|i| i == dead || a[i] == b[i]);
@@ -167,12 +191,14 @@ struct Pass<'r, 's> {
     /// The changes of the load for a lane in a stretch, where they are not the record's own.
     changes: Option<&'s dyn Fn(usize, usize) -> &'s Vec<f64>>,
     wanted: Wanted,
+    /// [`BEGUN`] or [`DESCENDED`].
+    place: usize,
 }
 
 impl Work for Pass<'_, '_> {
     #[inline(always)]
     fn run<S: Simd, const R: usize>(self, simd: S) {
-        let Self { search, workspace, thetas, positions, changes, wanted } = self;
+        let Self { search, workspace, thetas, positions, changes, wanted, place } = self;
         let Search { record, structure, .. } = search;
         let stretches = 0..record.stretches.len();
         let delay = Lanes::each(|l| search.delay(&thetas[l]));
@@ -209,12 +235,13 @@ impl Work for Pass<'_, '_> {
                 Delayed::Each(v)
             }
         });
-        let known = workspace.known.take().filter(|known| changes.is_none() && known.holds(search, thetas));
-        if known.is_some() {
-            workspace.known = known;
-            workspace.white.forget_answer();
+        let held = if changes.is_none() { workspace.place_of(search, thetas) } else { None };
+        workspace.last = held.unwrap_or(place);
+        let Kept { white, known } = &mut workspace.kept[workspace.last];
+        if held.is_some() {
+            white.forget_answer();
             let inputs = delayed.zip(&record.stretches).map(|(v, s)| (s.y.len(), v));
-            structure.answer::<S, R, false>(simd, 0, inputs, &mut workspace.white);
+            structure.answer::<S, R, false>(simd, 0, inputs, white);
         } else {
             workspace.changes.clear();
             for i in stretches {
@@ -222,13 +249,14 @@ impl Work for Pass<'_, '_> {
                 let of = |l: usize| changes.map_or(own, |changes| changes(l, i)).as_slice();
                 workspace.changes.push(LoadChange::gathered(of));
             }
-            workspace.white.clear();
+            *known = None;
+            white.clear();
             let inputs = delayed.zip(&record.stretches).zip(&workspace.changes);
             let inputs = inputs.map(|((v, stretch), changes)| (&*stretch.y, changes.as_slice(), v));
-            structure.whiten::<S, R>(simd, thetas, inputs, &mut workspace.white);
-            workspace.known = changes.is_none().then(|| Known::new(search, thetas));
+            structure.whiten::<S, R>(simd, thetas, inputs, white);
+            *known = changes.is_none().then(|| Known::new(search, thetas));
         }
-        search.gain_and_residuals::<S, R>(simd, &workspace.white, &mut workspace.found, wanted);
+        search.gain_and_residuals::<S, R>(simd, white, &mut workspace.found, wanted);
     }
 }
 
@@ -277,7 +305,7 @@ impl Search<'_> {
         wanted: Wanted,
         then: impl FnOnce(&Innovations) -> T,
     ) -> T {
-        self.pass(thetas, &|_, i| &positions[i], None, wanted, |workspace| then(&workspace.found))
+        self.pass(thetas, &|_, i| &positions[i], None, wanted, BEGUN, |workspace| then(&workspace.found))
     }
 
     /// Σ r² with eight other sets of changes in one of the stretches, each as large as the record's own.
@@ -289,7 +317,9 @@ impl Search<'_> {
         changes: &[Vec<f64>; LANES],
     ) -> Lanes {
         let of = |l: usize, i: usize| if i == stretch { &changes[l] } else { &self.record.stretches[i].changes };
-        self.pass(&[*theta; LANES], &|_, i| &positions[i], Some(&of), Wanted::Least, |workspace| workspace.found.sum)
+        self.pass(&[*theta; LANES], &|_, i| &positions[i], Some(&of), Wanted::Least, DESCENDED, |workspace| {
+            workspace.found.sum
+        })
     }
 
     /// How late the answer is [cells]. PV's mean over a cell lies half a cell behind its first step, OP's mean acts from the first
@@ -306,10 +336,11 @@ impl Search<'_> {
         positions: &'s dyn Fn(usize, usize) -> &'s [f64],
         changes: Option<&'s dyn Fn(usize, usize) -> &'s Vec<f64>>,
         wanted: Wanted,
+        place: usize,
         then: impl FnOnce(&Workspace) -> T,
     ) -> T {
         WORKSPACE.with_borrow_mut(|workspace| {
-            widest(Pass { search: self, workspace, thetas, positions, changes, wanted });
+            widest(Pass { search: self, workspace, thetas, positions, changes, wanted, place });
             then(workspace)
         })
     }
@@ -448,8 +479,8 @@ impl Search<'_> {
         let (mut of_y, mut answers) = (Vec::new(), Vec::new());
         for eight in inputs.chunks(LANES) {
             let of = |l: usize, i: usize| eight[l.min(eight.len() - 1)][i].as_slice();
-            self.pass(&[*theta; LANES], &of, None, Wanted::Sums, |workspace| {
-                let white = &workspace.white;
+            self.pass(&[*theta; LANES], &of, None, Wanted::Sums, BEGUN, |workspace| {
+                let white = workspace.white();
                 of_y = white.of_y().iter().map(|y| y[0]).collect();
                 answers.extend((0..eight.len()).map(|l| white.of_v().iter().map(|v| v[l]).collect::<Vec<f64>>()));
             });
@@ -483,11 +514,11 @@ impl Search<'_> {
         })
     }
 
-    /// θ with slope and curvature, in one pass.
-    fn local(&self, theta: Theta, positions: &Positions) -> Local {
+    /// θ with slope and curvature, in one pass; `place` as in [`Pass`].
+    fn local(&self, theta: Theta, positions: &Positions, place: usize) -> Local {
         let (thetas, by) = self.perturbed(&theta);
         let k = self.structure.parameters();
-        self.innovations(&thetas, positions, Wanted::Products, |found| {
+        self.pass(&thetas, &|_, i| &positions[i], None, Wanted::Products, place, |Workspace { found, .. }| {
             let (mut normal, mut down) = ([[0.0; MOST]; MOST], [0.0; MOST]);
             for i in 0..k {
                 for j in 0..k {
@@ -545,7 +576,7 @@ impl Search<'_> {
     pub(crate) fn descend(&self, theta: Theta, lost: &LostMotion, rounds: usize, enough: f64, unless: f64) -> Point {
         let n = self.record.count as f64;
         let positions = self.record.positions(lost);
-        let mut here = self.local(self.structure.bounded(theta, n), &positions);
+        let mut here = self.local(self.structure.bounded(theta, n), &positions, BEGUN);
         let mut damping = 1e-2;
         for _ in 0..rounds {
             let (there, less) = self.step(&here, damping);
@@ -553,7 +584,7 @@ impl Search<'_> {
             if foreseen < enough || self.cost(here.sum) - 3.0 * foreseen > unless {
                 break;
             }
-            let next = self.local(there, &positions);
+            let next = self.local(there, &positions, DESCENDED);
             let before = here.sum;
             if next.sum < before {
                 here = next;
@@ -562,12 +593,13 @@ impl Search<'_> {
                 // Too far: eight shorter steps at once.
                 let dampings = Lanes::each(|l| damping * 10f64.powi(l as i32 + 1));
                 let thetas = dampings.map(|damping| self.step(&here, damping).0);
-                let sums = self.innovations(&thetas, &positions, Wanted::Least, |found| found.sum);
+                let sums =
+                    self.pass(&thetas, &|_, i| &positions[i], None, Wanted::Least, DESCENDED, |pass| pass.found.sum);
                 let best = (0..LANES).min_by(|a, b| sums[*a].total_cmp(&sums[*b])).expect("eight lanes");
                 if sums[best] >= before {
                     break;
                 }
-                here = self.local(thetas[best], &positions);
+                here = self.local(thetas[best], &positions, DESCENDED);
                 damping = dampings[best];
             }
             if self.cost(before) - self.cost(here.sum) < enough {
@@ -615,13 +647,16 @@ impl Search<'_> {
 
     /// Sums over the beginning of one stretch, each lane with positions of its own.
     fn beginnings(&self, point: &Point, stretch: usize, positions: &[Lanes]) -> Sums {
-        let known = WORKSPACE
-            .with_borrow(|workspace| workspace.known.as_ref().is_some_and(|known| known.holds(self, &[point.theta])));
-        if !known {
-            self.innovations(&[point.theta; LANES], &self.record.positions(&point.lost), Wanted::Sums, |_| ());
-        }
-        WORKSPACE.with_borrow_mut(|Workspace { white, .. }| {
-            widest(Beginning { search: self, white: &mut *white, theta: &point.theta, stretch, positions });
+        // The gains with which the point was found, so that they do not hang on what else was passed before.
+        let (thetas, _) = self.perturbed(&point.theta);
+        let held = || WORKSPACE.with_borrow(|workspace| workspace.place_of(self, &thetas));
+        let held = held().unwrap_or_else(|| {
+            self.innovations(&thetas, &self.record.positions(&point.lost), Wanted::Sums, |_| ());
+            BEGUN
+        });
+        WORKSPACE.with_borrow_mut(|workspace| {
+            let white = &mut workspace.kept[held].white;
+            widest(Beginning { search: self, white, theta: &point.theta, stretch, positions });
             white.sums
         })
     }
@@ -718,6 +753,7 @@ mod tests {
             positions: &|_, i| positions[i].as_slice(),
             changes: None,
             wanted: Wanted::Products,
+            place: BEGUN,
         };
         pass.run::<S, R>(simd);
         std::array::from_fn(|i| {
@@ -747,7 +783,7 @@ mod tests {
             };
             let anew = of(0.2, true);
             of(0.1, true);
-            assert!(WORKSPACE.with_borrow(|w| w.known.as_ref().is_some_and(|known| known.holds(&search, &thetas))));
+            assert!(WORKSPACE.with_borrow(|workspace| workspace.place_of(&search, &thetas).is_some()));
             assert!(of(0.2, false) == anew, "{structure:?}");
         }
     }
@@ -757,13 +793,13 @@ mod tests {
         let (y, u) = ([1.0, 2.0, 1.5, 0.5].repeat(20), [0.0, 1.0, 1.0, 0.0].repeat(20));
         let record = Cells::new(&[(&y, &u)], 1);
         let structure = of_two_lags(Noise::Input);
-        let of = |record| Search { record, structure, sign: 1.0 };
         let theta = structure.beginning(8.0, 2.4);
         let (mut slower, mut later) = (theta, theta);
         slower[0] += 0.1;
         later[structure.dead_time_at()] += 1.0;
-        let kept = Known::new(&of(&record), &[theta; LANES]);
-        let holds = |record: &Cells, theta: Theta| kept.holds(&of(record), &[theta; LANES]);
+        let kept = Known::new(&Search { record: &record, structure, sign: 1.0 }, &[theta; LANES]);
+        let holds =
+            |record: &Cells, theta: Theta| kept.holds(&Search { record, structure, sign: 1.0 }, &[theta; LANES]);
         assert!(holds(&record, theta) && holds(&record.clone(), later), "the dead time is the answer's alone");
         assert!(!holds(&record, slower));
         assert!(!holds(&record.with_changes(vec![vec![40.0]]), theta));

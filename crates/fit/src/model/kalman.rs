@@ -40,6 +40,25 @@ pub(crate) struct LoadChange {
 }
 
 impl LoadChange {
+    /// Changes of all the models at these times [cells], in the order of their cells; of two in one cell the later one given.
+    pub(crate) fn alike(times: &[f64]) -> Vec<Self> {
+        let change = |time: &f64| Self {
+            cell: time.ceil() as usize,
+            variance: Lanes::all(UNKNOWN),
+            before: Lanes::all(time.ceil() - time),
+        };
+        let mut all: Vec<Self> = times.iter().map(change).collect();
+        all.sort_by_key(|change| change.cell);
+        all.dedup_by(|later, kept| {
+            let same = later.cell == kept.cell;
+            if same {
+                kept.before = later.before;
+            }
+            same
+        });
+        all
+    }
+
     /// The changes of all the models in the order of their cells, each given by its times [cells].
     pub(crate) fn gathered<'t>(times: impl Fn(usize) -> &'t [f64]) -> Vec<Self> {
         let mut all: Vec<Self> = Vec::new();
@@ -477,7 +496,7 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
         let mut seen = 0;
         // The load and the drift are told by as many samples as the process.
         let told = 2 * (Self::ORDER + 2);
-        let all = LoadChange::gathered(|_| changes);
+        let all = LoadChange::alike(changes);
         for (k, (&y, &v)) in y.iter().zip(kp_v).enumerate() {
             let mut unforeseen = None;
             if y.is_nan() {

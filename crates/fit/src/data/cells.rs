@@ -2,14 +2,16 @@
 
 use crate::decide::thresholds::FEWEST_SWINGS;
 use crate::model::kalman::START;
+use crate::model::lanes::{LANES, Lanes};
 use crate::model::lost_motion::LostMotion;
-use glapp_core::{Backlash, BacklashState, Friction, FrictionState};
+use glapp_core::{Backlash, BacklashState, Friction, FrictionState, Real};
+use std::sync::Arc;
 
 /// One unbroken stretch: OP at every step, PV as the mean of each cell of `cell` steps, NaN where there is none.
 #[derive(Clone, Debug)]
 pub(crate) struct Strip {
-    pub(crate) y: Vec<f64>,
-    u: Vec<f64>,
+    pub(crate) y: Arc<[f64]>,
+    u: Arc<[f64]>,
     /// When the load changed [cells].
     pub(crate) changes: Vec<f64>,
     /// A load that is known, a mean for each cell [OP unit]; empty for none.
@@ -55,7 +57,7 @@ impl Cells {
                 };
                 Strip {
                     y: y[..cells * cell].chunks(cell).map(mean).collect(),
-                    u: u[..cells * cell].to_vec(),
+                    u: u[..cells * cell].into(),
                     changes: Vec::new(),
                     load: Vec::new(),
                     since: before[part],
@@ -64,7 +66,7 @@ impl Cells {
             })
             .filter(|s| s.y.iter().filter(|y| !y.is_nan()).count() > 20)
             .collect();
-        let count = stretches.iter().flat_map(|s| &s.y).filter(|y| !y.is_nan()).count();
+        let count = stretches.iter().flat_map(|s| &*s.y).filter(|y| !y.is_nan()).count();
         let range = stretches.iter().map(|s| span(&s.u)).fold(0.0, f64::max);
         let of_pv = |s: &Strip| span(&s.y.iter().copied().filter(|y| !y.is_nan()).collect::<Vec<_>>());
         let span = stretches.iter().map(of_pv).fold(0.0, f64::max);
@@ -122,7 +124,7 @@ impl Cells {
 
     /// The same record with other PV.
     pub(crate) fn with(&self, ys: Vec<Vec<f64>>) -> Self {
-        let stretches = self.stretches.iter().zip(ys).map(|(s, y)| Strip { y, ..s.clone() }).collect();
+        let stretches = self.stretches.iter().zip(ys).map(|(s, y)| Strip { y: y.into(), ..s.clone() }).collect();
         Self { stretches, ..*self }
     }
 
@@ -179,22 +181,66 @@ impl Strip {
     /// The same for the first `cells` of one stretch, whose start in the gap is `start`.
     pub(crate) fn positions(&self, lost: &LostMotion, start: f64, cell: usize, cells: usize) -> Vec<f64> {
         let (d, jump) = (lost.d, lost.jump());
-        let per_cell = 1.0 / cell as f64;
         // The start is told by where the lower end of the gap lies.
         let first = self.u[0] + (start - 0.5) * d;
-        let u = &self.u[..cells * cell];
-        let load = self.load.iter().copied().chain(std::iter::repeat(0.0));
-        let mean = |path: &mut dyn FnMut(&[f64]) -> f64| {
-            u.chunks(cell).zip(load).map(|(u, load)| path(u) * per_cell + load).collect()
-        };
         if jump > 0.0 {
             let friction = Friction::new(lost.model, d, jump).expect("0 ≤ jump ≤ d");
             let mut state = FrictionState::at(first);
-            mean(&mut |u| u.iter().map(|&u| friction.update(&mut state, u)).sum())
+            self.means(cell, cells, |u| friction.update(&mut state, u))
         } else {
             let gap = Backlash::new(d).expect("d ≥ 0");
             let mut state = BacklashState::at(first);
-            mean(&mut |u| u.iter().map(|&u| gap.update(&mut state, u)).sum())
+            self.means(cell, cells, |u| gap.update(&mut state, u))
+        }
+    }
+
+    /// The mean of a path over each cell, the known load with it.
+    fn means(&self, cell: usize, cells: usize, mut path: impl FnMut(f64) -> f64) -> Vec<f64> {
+        let (u, per_cell) = (&self.u[..cells * cell], 1.0 / cell as f64);
+        let mut means: Vec<f64> = if cell == 1 {
+            u.iter().map(|&u| path(u)).collect()
+        } else {
+            u.chunks_exact(cell).map(|u| u.iter().map(|&u| path(u)).sum::<f64>() * per_cell).collect()
+        };
+        means.iter_mut().zip(&self.load).for_each(|(mean, load)| *mean += load);
+        means
+    }
+
+    /// The same from any eight starts at once.
+    pub(crate) fn positions_from(&self, lost: &LostMotion, cell: usize, cells: usize) -> impl Fn(&Lanes) -> Vec<Lanes> {
+        let (mut low, mut high) = (Vec::new(), Vec::new());
+        if lost.jump() == 0.0 {
+            // A gap holds what it is given between two limits, and so does one sample after the other: between the paths from its
+            // lower and its upper end.
+            let gap = Backlash::new(lost.d).expect("d ≥ 0");
+            let path = |start: f64| -> Vec<f64> {
+                let mut state = BacklashState::at(self.u[0] + (start - 0.5) * lost.d);
+                self.u[..cells * cell].iter().map(|&u| gap.update(&mut state, u)).collect()
+            };
+            (low, high) = (path(0.0), path(1.0));
+        }
+        move |starts| {
+            let mut all = vec![Lanes::default(); cells];
+            if lost.jump() > 0.0 {
+                for (l, start) in starts.iter().enumerate() {
+                    let of_lane = self.positions(lost, *start, cell, cells);
+                    all.iter_mut().zip(of_lane).for_each(|(all, v)| all[l] = v);
+                }
+                return all;
+            }
+            let (first, per_cell) = (Lanes::each(|l| self.u[0] + (starts[l] - 0.5) * lost.d), 1.0 / cell as f64);
+            let load = self.load.iter().copied().chain(std::iter::repeat(0.0));
+            for (((all, low), high), load) in all.iter_mut().zip(low.chunks(cell)).zip(high.chunks(cell)).zip(load) {
+                for (low, high) in low.iter().zip(high) {
+                    for l in 0..LANES {
+                        all[l] += first[l].greater(*low).lesser(*high);
+                    }
+                }
+                for l in 0..LANES {
+                    all[l] = all[l] * per_cell + load;
+                }
+            }
+            all
         }
     }
 
@@ -235,4 +281,28 @@ impl Strip {
 
 fn span(u: &[f64]) -> f64 {
     u.iter().fold(f64::MIN, |a, &b| a.max(b)) - u.iter().fold(f64::MAX, |a, &b| a.min(b))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glapp_core::Model;
+
+    #[test]
+    fn eight_starts_at_once_are_each_what_one_is() {
+        let u: Vec<f64> = (0..120).map(|k| (f64::from(k) * 0.37).sin() + 0.01 * f64::from(k)).collect();
+        let record = Cells::new(&[(&u, &u)], 3).with_load(vec![vec![0.25; 40]]);
+        let stretch = &record.stretches[0];
+        let places = Lanes::each(|l| l as f64 / 7.0);
+        for (d, share) in [(0.0, 0.0), (0.3, 0.0), (1.7, 0.0), (5.0, 0.0), (0.4, 0.5)] {
+            let lost = LostMotion { d, share, model: Model::Kano, start: vec![0.5] };
+            let all = stretch.positions_from(&lost, 3, 40)(&places);
+            for (l, place) in places.iter().enumerate() {
+                let alone = stretch.positions(&lost, *place, 3, 40);
+                let bits = |v: &[f64]| v.iter().map(|v| v.to_bits()).collect::<Vec<u64>>();
+                let lane: Vec<f64> = all.iter().map(|all| all[l]).collect();
+                assert_eq!(bits(&lane), bits(&alone), "d {d}, start {place}");
+            }
+        }
+    }
 }

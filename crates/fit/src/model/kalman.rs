@@ -40,6 +40,25 @@ pub(crate) struct LoadChange {
 }
 
 impl LoadChange {
+    /// Changes of all the models at these times [cells], in the order of their cells; of two in one cell the later one given.
+    pub(crate) fn alike(times: &[f64]) -> Vec<Self> {
+        let change = |time: &f64| Self {
+            cell: time.ceil() as usize,
+            variance: Lanes::all(UNKNOWN),
+            before: Lanes::all(time.ceil() - time),
+        };
+        let mut all: Vec<Self> = times.iter().map(change).collect();
+        all.sort_by_key(|change| change.cell);
+        all.dedup_by(|later, kept| {
+            let same = later.cell == kept.cell;
+            if same {
+                kept.before = later.before;
+            }
+            same
+        });
+        all
+    }
+
     /// The changes of all the models in the order of their cells, each given by its times [cells].
     pub(crate) fn gathered<'t>(times: impl Fn(usize) -> &'t [f64]) -> Vec<Self> {
         let mut all: Vec<Self> = Vec::new();
@@ -70,6 +89,8 @@ pub(crate) enum Delayed<'d> {
     Each(&'d [Lanes]),
     /// The same positions with a cell before the first, a part of a cell late: as many whole cells late in all models.
     Same { shifted: &'d [f64], part: Lanes },
+    /// Of each model its own, all as late: before their beginning what they were there, and at the end what they are there.
+    Late { positions: &'d [Lanes], delay: f64 },
 }
 
 impl Delayed<'_> {
@@ -82,25 +103,143 @@ impl Delayed<'_> {
                 let (part, one) = (Wide::load(simd, part), Wide::all(simd, 1.0));
                 (one - part) * Wide::all(simd, shifted[k + 1]) + part * Wide::all(simd, shifted[k])
             }
+            Self::Late { positions, delay } => {
+                let whole = delay.floor();
+                let (part, at) = (Wide::all(simd, delay - whole), k as isize - whole as isize);
+                let held = |at: isize| Wide::load(simd, &positions[at.clamp(0, positions.len() as isize - 1) as usize]);
+                (Wide::all(simd, 1.0) - part) * held(at) + part * held(at - 1)
+            }
         }
     }
 }
 
 /// What a pass over a record leaves: innovations divided by their standard deviations, of PV and of the model's answer
-/// with gain 1, and Σ ln S.
+/// with gain 1, and Σ ln S. Its room is kept from one pass to the next.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Whitened {
-    pub(crate) of_y: Vec<Lanes>,
-    pub(crate) of_v: Vec<Lanes>,
+    of_y: Vec<Lanes>,
+    of_v: Vec<Lanes>,
+    /// Innovations that count of both.
+    count: usize,
     pub(crate) log_s: Lanes,
+    pub(crate) sums: Sums,
+    /// What the gains were, for the same models with another answer: for a cell in which they move, and for a run of cells in
+    /// which they stand still, what an innovation does to each of the states, and what it is worth.
+    gains: Vec<Lanes>,
+    gains_kept: usize,
+    runs: Vec<Run>,
+    stretches: Vec<Place>,
+    /// The transition of the process, row by row, and the pole.
+    process: Vec<Lanes>,
+}
+
+/// Sums of squares and products of the innovations of PV and of the answer.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Sums {
+    pub(crate) yy: Lanes,
+    pub(crate) yv: Lanes,
+    pub(crate) vv: Lanes,
+}
+
+/// Cells on end of one kind.
+#[derive(Clone, Copy, Debug)]
+struct Run {
+    kind: Kind,
+    cells: usize,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Kind {
+    /// The gain moves.
+    Moves,
+    /// It stands still.
+    Still,
+    /// PV is missing.
+    Missing,
+}
+
+/// Where a stretch begins among innovations, gains and runs.
+#[derive(Clone, Copy, Debug)]
+struct Place {
+    count: usize,
+    gains: usize,
+    runs: usize,
 }
 
 impl Whitened {
     /// Empty again, its room kept.
     pub(crate) fn clear(&mut self) {
-        self.of_y.clear();
-        self.of_v.clear();
-        self.log_s = Lanes::all(0.0);
+        (self.count, self.gains_kept) = (0, 0);
+        self.runs.clear();
+        self.stretches.clear();
+        (self.log_s, self.sums) = (Lanes::all(0.0), Sums::default());
+    }
+
+    /// Ready for another answer of the same models.
+    pub(crate) fn forget_answer(&mut self) {
+        (self.sums.yv, self.sums.vv) = (Lanes::all(0.0), Lanes::all(0.0));
+    }
+
+    /// Innovations of PV.
+    pub(crate) fn of_y(&self) -> &[Lanes] {
+        &self.of_y[..self.count]
+    }
+
+    /// Innovations of the answer.
+    pub(crate) fn of_v(&self) -> &[Lanes] {
+        &self.of_v[..self.count]
+    }
+
+    /// Notes where a stretch of so many cells begins, and makes room for it with models of so many states.
+    fn begin(&mut self, cells: usize, states: usize) {
+        self.stretches.push(Place { count: self.count, gains: self.gains_kept, runs: self.runs.len() });
+        let (count, gains) = (self.count + cells, self.gains_kept + cells * (states + 1));
+        if self.of_y.len() < count {
+            self.of_y.resize(count, Lanes::default());
+            self.of_v.resize(count, Lanes::default());
+        }
+        if self.gains.len() < gains {
+            self.gains.resize(gains, Lanes::default());
+        }
+    }
+}
+
+impl Whitened {
+    /// Room for the next innovations of both.
+    #[inline(always)]
+    fn next(&mut self, cells: usize) -> (&mut [Lanes], &mut [Lanes]) {
+        let from = self.count;
+        self.count += cells;
+        (&mut self.of_y[from..self.count], &mut self.of_v[from..self.count])
+    }
+
+    /// Keeps what an innovation does to the states, and what it is worth.
+    #[inline(always)]
+    fn keep<S: Simd, const R: usize, const N: usize>(&mut self, l: &[Wide<S, R>; N], worth: Wide<S, R>) {
+        let room = &mut self.gains[self.gains_kept..self.gains_kept + N + 1];
+        for (room, gain) in room.iter_mut().zip(l.iter().chain([&worth])) {
+            *room = gain.lanes();
+        }
+        self.gains_kept += N + 1;
+    }
+
+    /// Cells of one kind go on, or begin.
+    #[inline(always)]
+    fn run(&mut self, kind: Kind, cells: usize) {
+        let first = self.stretches.last().map_or(0, |stretch| stretch.runs);
+        match self.runs[first..].last_mut() {
+            Some(run) if run.kind == kind && kind != Kind::Still => run.cells += cells,
+            _ => self.runs.push(Run { kind, cells }),
+        }
+    }
+
+    /// Keeps a process for [`Models::kept`].
+    pub(crate) fn keep_process<S: Simd, const R: usize, const N: usize, const MORE: usize>(
+        &mut self,
+        models: &Models<S, R, N, MORE>,
+    ) {
+        self.process.clear();
+        self.process.extend(models.transition.iter().flatten().chain([&models.pole]).map(|x| x.lanes()));
     }
 }
 
@@ -151,6 +290,39 @@ impl<S: Simd, const R: usize, const N: usize> Gain<S, R, N> {
     }
 }
 
+/// [`Sums`] while they grow.
+struct Adding<S: Simd, const R: usize> {
+    yy: Wide<S, R>,
+    yv: Wide<S, R>,
+    vv: Wide<S, R>,
+}
+
+impl<S: Simd, const R: usize> Adding<S, R> {
+    #[inline(always)]
+    fn of(simd: S, sums: &Sums) -> Self {
+        let load = |lanes| Wide::load(simd, lanes);
+        Self { yy: load(&sums.yy), yv: load(&sums.yv), vv: load(&sums.vv) }
+    }
+
+    #[inline(always)]
+    fn add(&mut self, y: Wide<S, R>, v: Wide<S, R>) {
+        self.yy += y * y;
+        self.answer(y, v);
+    }
+
+    /// PV is the same as before.
+    #[inline(always)]
+    fn answer(&mut self, y: Wide<S, R>, v: Wide<S, R>) {
+        self.yv += y * v;
+        self.vv += v * v;
+    }
+
+    #[inline(always)]
+    fn lanes(self) -> Sums {
+        Sums { yy: self.yy.lanes(), yv: self.yv.lanes(), vv: self.vv.lanes() }
+    }
+}
+
 impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N, MORE> {
     /// States of the process, behind which the load stands, and last the drift.
     const ORDER: usize = N - 1 - (MORE > 0) as usize;
@@ -168,8 +340,8 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
         let (mut of_y, mut of_v) = ([all(0.0); N], [all(0.0); N]);
         let mut seen = 0;
         let mut changes = changes.iter().peekable();
-        white.of_y.reserve(y.len());
-        white.of_v.reserve(y.len());
+        white.begin(y.len(), N);
+        let mut sums = Adding::of(self.simd, &white.sums);
         // Σ ln S: a product while S moves, a count once it stands still.
         let (mut log_s, mut product, mut gathered) = (all(0.0), all(1.0), 0);
         let mut k = 0;
@@ -177,16 +349,22 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
             // The gain stands still up to the next change or hole.
             if gain.frozen {
                 let end = changes.peek().map_or(y.len(), |change| (change.cell - 1).min(y.len()));
-                let from = k;
-                while k < end && !y[k].is_nan() {
-                    let (e_y, e_v) = (self.unforeseen(&of_y, y[k]), self.unforeseen(&of_v, 0.0));
-                    white.of_y.push((gain.scale * e_y).lanes());
-                    white.of_v.push((all(-1.0) * gain.scale * e_v).lanes());
+                let still = y[k..end.max(k)].iter().position(|y| y.is_nan()).unwrap_or(end.max(k) - k);
+                if still > 0 {
+                    white.keep(&gain.l, gain.scale);
+                    white.run(Kind::Still, still);
+                }
+                let (out_y, out_v) = white.next(still);
+                for ((y, out_y), out_v) in y[k..k + still].iter().zip(out_y).zip(out_v) {
+                    let (e_y, e_v) = (self.unforeseen(&of_y, *y), self.unforeseen(&of_v, 0.0));
+                    let (w_y, w_v) = (gain.scale * e_y, all(-1.0) * gain.scale * e_v);
+                    sums.add(w_y, w_v);
+                    (*out_y, *out_v) = (w_y.lanes(), w_v.lanes());
                     self.step(&mut of_y, &gain.l, e_y, None);
                     self.step(&mut of_v, &gain.l, e_v, Some(v.at(self.simd, k)));
                     k += 1;
                 }
-                log_s += all((k - from) as f64) * gain.s.each(f64::ln);
+                log_s += all(still as f64) * gain.s.each(f64::ln);
                 if k == y.len() {
                     break;
                 }
@@ -198,13 +376,16 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
                 self.advance(&mut gain, true, change);
                 self.pass(&mut of_y, None);
                 self.pass(&mut of_v, Some(v.at(self.simd, k)));
+                white.run(Kind::Missing, 1);
             } else {
                 let (e_y, e_v) = (self.unforeseen(&of_y, y[k]), self.unforeseen(&of_v, 0.0));
                 let worth = if seen < START { all(0.0) } else { gain.scale };
                 seen += 1;
-                white.of_y.push((worth * e_y).lanes());
                 // The model's own answer enters with the other sign: y − kp·answer.
-                white.of_v.push((all(-1.0) * worth * e_v).lanes());
+                let (w_y, w_v) = (worth * e_y, all(-1.0) * worth * e_v);
+                sums.add(w_y, w_v);
+                let (out_y, out_v) = white.next(1);
+                (out_y[0], out_v[0]) = (w_y.lanes(), w_v.lanes());
                 if seen > START {
                     product *= gain.s;
                     gathered += 1;
@@ -214,6 +395,8 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
                     }
                 }
                 self.advance(&mut gain, false, change);
+                white.keep(&gain.l, worth);
+                white.run(Kind::Moves, 1);
                 self.step(&mut of_y, &gain.l, e_y, None);
                 self.step(&mut of_v, &gain.l, e_v, Some(v.at(self.simd, k)));
             }
@@ -221,10 +404,85 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
         }
         log_s += product.each(f64::ln);
         white.log_s = (Wide::load(self.simd, &white.log_s) + log_s).lanes();
+        white.sums = sums.lanes();
+    }
+
+    /// The innovations of the answer to other positions `v` in the stretch of that number, whose gains a pass of the same models
+    /// has left. With `ONE` all the models are the first one's; then the innovations are only summed up.
+    #[inline(always)]
+    pub(crate) fn answer<const ONE: bool>(&self, stretch: usize, cells: usize, v: &Delayed, white: &mut Whitened) {
+        let load = |lanes: &Lanes| if ONE { Wide::all(self.simd, lanes[0]) } else { Wide::load(self.simd, lanes) };
+        let minus = Wide::all(self.simd, -1.0);
+        let mut x = [Wide::all(self.simd, 0.0); N];
+        let Place { count, gains, runs } = white.stretches[stretch];
+        let last = white.stretches.get(stretch + 1).map_or(white.runs.len(), |next| next.runs);
+        let mut sums = Adding::of(self.simd, &white.sums);
+        let (mut k, mut count, mut gains) = (0, count, gains);
+        for run in &white.runs[runs..last] {
+            let end = (k + run.cells).min(cells);
+            let more = end - k;
+            match run.kind {
+                Kind::Missing => {
+                    for k in k..end {
+                        self.pass(&mut x, Some(v.at(self.simd, k)));
+                    }
+                }
+                Kind::Still => {
+                    let of = &white.gains[gains..gains + N + 1];
+                    let (l, worth): ([_; N], _) = (array::from_fn(|i| load(&of[i])), load(&of[N]));
+                    let out = white.of_y[count..count + more].iter().zip(&mut white.of_v[count..count + more]);
+                    for (k, (of_y, of_v)) in (k..end).zip(out) {
+                        let unforeseen = self.unforeseen(&x, 0.0);
+                        let w_v = minus * worth * unforeseen;
+                        sums.answer(load(of_y), w_v);
+                        if !ONE {
+                            *of_v = w_v.lanes();
+                        }
+                        self.step(&mut x, &l, unforeseen, Some(v.at(self.simd, k)));
+                    }
+                    (count, gains) = (count + more, gains + N + 1);
+                }
+                Kind::Moves => {
+                    let out = white.of_y[count..count + more].iter().zip(&mut white.of_v[count..count + more]);
+                    let of = white.gains[gains..gains + more * (N + 1)].chunks_exact(N + 1);
+                    for ((k, (of_y, of_v)), of) in (k..end).zip(out).zip(of) {
+                        let (l, worth): ([_; N], _) = (array::from_fn(|i| load(&of[i])), load(&of[N]));
+                        let unforeseen = self.unforeseen(&x, 0.0);
+                        let w_v = minus * worth * unforeseen;
+                        sums.answer(load(of_y), w_v);
+                        if !ONE {
+                            *of_v = w_v.lanes();
+                        }
+                        self.step(&mut x, &l, unforeseen, Some(v.at(self.simd, k)));
+                    }
+                    (count, gains) = (count + more, gains + more * (N + 1));
+                }
+            }
+            k = end;
+            if k == cells {
+                break;
+            }
+        }
+        white.sums = sums.lanes();
+    }
+
+    /// The models whose process was kept; they answer, and know nothing of variances.
+    #[inline(always)]
+    pub(crate) fn kept<const ONE: bool>(simd: S, white: &Whitened) -> Self {
+        let load = |lanes: &Lanes| if ONE { Wide::all(simd, lanes[0]) } else { Wide::load(simd, lanes) };
+        let nothing = Wide::all(simd, 0.0);
+        Self {
+            simd,
+            transition: array::from_fn(|i| array::from_fn(|j| load(&white.process[i * N + j]))),
+            q_load: nothing,
+            q_more: nothing,
+            pole: load(&white.process[N * N]),
+        }
     }
 
     /// A record that the first model itself could have made: `y` up to the sample at which the start is forgotten, from
     /// there on the model's foresight plus `draw()` standard deviations.
+    #[inline(always)]
     pub(crate) fn simulate(
         &self,
         y: &[f64],
@@ -238,7 +496,7 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
         let mut seen = 0;
         // The load and the drift are told by as many samples as the process.
         let told = 2 * (Self::ORDER + 2);
-        let all = LoadChange::gathered(|_| changes);
+        let all = LoadChange::alike(changes);
         for (k, (&y, &v)) in y.iter().zip(kp_v).enumerate() {
             let mut unforeseen = None;
             if y.is_nan() {

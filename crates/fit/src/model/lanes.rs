@@ -56,6 +56,13 @@ impl<S: Simd, const R: usize> Wide<S, R> {
         Self { simd, registers: [simd.splat_f64s(x); R] }
     }
 
+    /// The first eight of these numbers.
+    #[inline(always)]
+    pub(crate) fn begin(simd: S, numbers: &[f64]) -> Self {
+        let (registers, _) = S::as_simd_f64s(&numbers[..LANES]);
+        Self { simd, registers: array::from_fn(|r| registers[r]) }
+    }
+
     #[inline(always)]
     pub(crate) fn load(simd: S, lanes: &Lanes) -> Self {
         let (registers, _) = S::as_simd_f64s(&lanes.0);

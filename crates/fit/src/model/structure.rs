@@ -1,8 +1,8 @@
 //! The families of models that are tried: lags, an integrator or none, and where the disturbance enters.
 
 use crate::model::kalman::{DRIFT, Delayed, LINES, LoadChange, Models, SLOPE, Whitened};
-use crate::model::lanes::{LANES, Lanes, Wide};
-use pulp::{Scalar, Simd};
+use crate::model::lanes::{LANES, Lanes, Wide, Work, widest};
+use pulp::Simd;
 use std::array;
 
 /// Where the disturbance comes from.
@@ -233,8 +233,38 @@ impl Structure {
         macro_rules! with {
             ($states:literal, $more:expr) => {{
                 let models = self.models::<S, R, $states, { $more }>(simd, thetas);
+                white.keep_process(&models);
                 for (y, changes, v) in stretches {
                     models.whiten(y, changes, &v, white);
+                }
+            }};
+        }
+        match (self.order(), self.noise) {
+            (2, Noise::Still | Noise::Input) => with!(3, 0),
+            (2, Noise::Slope) => with!(4, SLOPE),
+            (2, Noise::Lines | Noise::Bends) => with!(4, LINES),
+            (2, _) => with!(4, DRIFT),
+            (_, Noise::Still | Noise::Input) => with!(4, 0),
+            (_, Noise::Slope) => with!(5, SLOPE),
+            (_, Noise::Lines | Noise::Bends) => with!(5, LINES),
+            (_, _) => with!(5, DRIFT),
+        }
+    }
+
+    /// See [`Models::answer`]: of each of the stretches from `first` on its cells and its positions.
+    #[inline(always)]
+    pub(crate) fn answer<'a, S: Simd, const R: usize, const ONE: bool>(
+        self,
+        simd: S,
+        first: usize,
+        stretches: impl Iterator<Item = (usize, Delayed<'a>)>,
+        white: &mut Whitened,
+    ) {
+        macro_rules! with {
+            ($states:literal, $more:expr) => {{
+                let models = Models::<S, R, $states, { $more }>::kept::<ONE>(simd, white);
+                for (stretch, (cells, v)) in (first..).zip(stretches) {
+                    models.answer::<ONE>(stretch, cells, &v, white);
                 }
             }};
         }
@@ -264,13 +294,34 @@ impl Structure {
         kp_v: &[f64],
         draw: &mut impl FnMut() -> f64,
     ) -> Vec<f64> {
+        let mut made = Vec::new();
+        widest(Simulation { structure: self, theta, y, changes, kp_v, draw, made: &mut made });
+        made
+    }
+}
+
+/// See [`Models::simulate`].
+struct Simulation<'s, D> {
+    structure: Structure,
+    theta: &'s Theta,
+    y: &'s [f64],
+    changes: &'s [f64],
+    kp_v: &'s [f64],
+    draw: &'s mut D,
+    made: &'s mut Vec<f64>,
+}
+
+impl<D: FnMut() -> f64> Work for Simulation<'_, D> {
+    #[inline(always)]
+    fn run<S: Simd, const R: usize>(self, simd: S) {
+        let Self { structure, theta, y, changes, kp_v, draw, made } = self;
         macro_rules! with {
-            ($states:literal, $more:expr) => {
-                self.models::<Scalar, LANES, $states, { $more }>(Scalar::new(), &[*theta; LANES])
-                    .simulate(y, changes, kp_v, draw)
-            };
+            ($states:literal, $more:expr) => {{
+                let models = structure.models::<S, R, $states, { $more }>(simd, &[*theta; LANES]);
+                *made = models.simulate(y, changes, kp_v, draw);
+            }};
         }
-        match (self.order(), self.noise) {
+        match (structure.order(), structure.noise) {
             (2, Noise::Still | Noise::Input) => with!(3, 0),
             (2, Noise::Slope) => with!(4, SLOPE),
             (2, Noise::Lines | Noise::Bends) => with!(4, LINES),
@@ -333,6 +384,7 @@ fn product<S: Simd, const R: usize, const N: usize>(
 mod tests {
     use super::*;
     use glapp_sim::Matrix;
+    use pulp::Scalar;
 
     #[test]
     fn eight_exponentials_are_each_what_one_is() {

@@ -1,14 +1,14 @@
 //! The likelihood of one family and its maximum for a given lost motion.
 
-use crate::data::cells::{Cells, Positions};
-use crate::model::kalman::{Delayed, LoadChange, UNKNOWN, Whitened};
+use crate::data::cells::{Cells, Positions, Strip};
+use crate::model::kalman::{Delayed, LoadChange, Sums, UNKNOWN, Whitened};
 use crate::model::lanes::{LANES, Lanes, Wide, Work, widest};
 use crate::model::lost_motion::LostMotion;
 use crate::model::structure::{MOST, Noise, Structure, Theta};
 use pulp::Simd;
 use std::cell::RefCell;
 use std::f64::consts::PI;
-use std::ops::Range;
+use std::sync::Arc;
 
 /// A point of the search: the family's parameters and what they are worth.
 #[derive(Clone, Debug)]
@@ -19,6 +19,8 @@ pub(crate) struct Point {
     /// Static gain (of an integrating process: velocity gain a cell) [PV unit / OP unit].
     pub(crate) kp: f64,
     pub(crate) lost: LostMotion,
+    /// Variance of the white noise on PV [PV unit²].
+    noise: f64,
     /// Σ ε_y·ε_v/S and Σ ε_v²/S, of which the gain is the ratio.
     products: (f64, f64),
 }
@@ -44,14 +46,6 @@ impl Innovations {
     }
 }
 
-/// Sums of squares and products of the innovations of PV and of the answer.
-#[derive(Clone, Copy, Debug, Default)]
-struct Sums {
-    yy: Lanes,
-    yv: Lanes,
-    vv: Lanes,
-}
-
 /// What a pass is made for.
 #[derive(Clone, Copy, PartialEq)]
 enum Wanted {
@@ -72,8 +66,62 @@ struct Workspace {
     shifted: Vec<f64>,
     /// Jumps of each stretch.
     changes: Vec<Vec<LoadChange>>,
-    white: Whitened,
+    /// Where a descent begins, and where it has come to: the next often begins at one of them.
+    kept: [Kept; 2],
+    /// Which of them the last pass has left.
+    last: usize,
     found: Innovations,
+}
+
+/// What a pass has left.
+#[derive(Default)]
+struct Kept {
+    white: Whitened,
+    /// What its gains are of, where they are of the record's own changes.
+    known: Option<Known>,
+}
+
+impl Workspace {
+    fn white(&self) -> &Whitened {
+        &self.kept[self.last].white
+    }
+
+    /// Where the gains of these models are kept.
+    fn place_of(&self, search: &Search, thetas: &[Theta; LANES]) -> Option<usize> {
+        self.kept.iter().position(|kept| kept.known.as_ref().is_some_and(|known| known.holds(search, thetas)))
+    }
+}
+
+/// Where a pass leaves what no pass before has left.
+const BEGUN: usize = 0;
+const DESCENDED: usize = 1;
+
+/// What the gains of a pass and the innovations of PV hang on: PV, the changes of the load, and the models but for their dead time,
+/// which is the answer's alone.
+struct Known {
+    structure: Structure,
+    thetas: [Theta; LANES],
+    /// Of each stretch its PV, which is the same only as itself, and its changes.
+    stretches: Vec<(Arc<[f64]>, Vec<f64>)>,
+}
+
+impl Known {
+    fn new(search: &Search, thetas: &[Theta; LANES]) -> Self {
+        let stretches = search.record.stretches.iter().map(|s| (s.y.clone(), s.changes.clone())).collect();
+        Self { structure: search.structure, thetas: *thetas, stretches }
+    }
+
+    /// Whether the models are these.
+    fn holds(&self, search: &Search, thetas: &[Theta; LANES]) -> bool {
+        let Search { record, structure, .. } = search;
+        let dead = structure.dead_time_at();
+        let alike = |(a, b): (&Theta, &Theta)| (0..MOST).all(|i| i == dead || a[i] == b[i]);
+        let same = |((y, changes), s): (&(Arc<[f64]>, Vec<f64>), &Strip)| Arc::ptr_eq(y, &s.y) && *changes == s.changes;
+        self.structure == *structure
+            && self.thetas.iter().zip(thetas).all(alike)
+            && self.stretches.len() == record.stretches.len()
+            && self.stretches.iter().zip(&record.stretches).all(same)
+    }
 }
 
 /// Cells in which a slope of the load may go through OP's range.
@@ -100,10 +148,32 @@ fn gain(yv: f64, vv: f64, sign: f64) -> f64 {
     if kp * sign < 0.0 { 0.0 } else { kp }
 }
 
+/// Σ r² of each lane, and the first rows of [`Innovations::products`].
+#[inline(always)]
+fn products<S: Simd, const R: usize, const ROWS: usize>(
+    simd: S,
+    residuals: impl Iterator<Item = Wide<S, R>>,
+    sum: &mut Wide<S, R>,
+    products: &mut [Lanes; LANES],
+) {
+    let mut rows = [Wide::all(simd, 0.0); ROWS];
+    let first = Wide::load(simd, &Lanes::each(|l| if l == 0 { 0.0 } else { 1.0 }));
+    for r in residuals {
+        *sum += r * r;
+        let more = r - first * Wide::all(simd, r.lanes()[0]);
+        let each = more.lanes();
+        for (row, of) in rows.iter_mut().zip(each.iter()) {
+            *row += Wide::all(simd, *of) * more;
+        }
+    }
+    products.iter_mut().zip(rows).for_each(|(product, row)| *product = row.lanes());
+}
+
 /// A point with the slope and the curvature of the likelihood there.
 struct Local {
     theta: Theta,
     kp: f64,
+    noise: f64,
     products: (f64, f64),
     sum: f64,
     /// JᵀJ and −Jᵀr.
@@ -111,28 +181,27 @@ struct Local {
     down: Theta,
 }
 
-/// A pass over some of the stretches of a record: eight sets of parameters at once.
+/// A pass over a record: eight sets of parameters at once.
 struct Pass<'r, 's> {
     search: &'s Search<'s>,
     workspace: &'r mut Workspace,
     thetas: &'s [Theta; LANES],
-    stretches: Range<usize>,
-    /// The positions for a lane in a stretch, as far as they are wanted.
+    /// The positions for a lane in a stretch.
     positions: &'s dyn Fn(usize, usize) -> &'s [f64],
-    /// The changes of the load for a lane in a stretch.
-    changes: &'s dyn Fn(usize, usize) -> &'s Vec<f64>,
+    /// The changes of the load for a lane in a stretch, where they are not the record's own.
+    changes: Option<&'s dyn Fn(usize, usize) -> &'s Vec<f64>>,
     wanted: Wanted,
+    /// [`BEGUN`] or [`DESCENDED`].
+    place: usize,
 }
 
 impl Work for Pass<'_, '_> {
     #[inline(always)]
     fn run<S: Simd, const R: usize>(self, simd: S) {
-        let Self { search, workspace, thetas, stretches, positions, changes, wanted } = self;
+        let Self { search, workspace, thetas, positions, changes, wanted, place } = self;
         let Search { record, structure, .. } = search;
-        // PV's mean over a cell lies half a cell behind its first step, OP's mean acts from the first step on. OP never acts on
-        // the PV of its own step: it is the controller's answer to that PV, and would explain it all too well.
-        let cell = record.cell as f64;
-        let delay = Lanes::each(|l| thetas[l][structure.dead_time_at()] - (cell - 1.0) / (2.0 * cell));
+        let stretches = 0..record.stretches.len();
+        let delay = Lanes::each(|l| search.delay(&thetas[l]));
         // Most lanes differ in something else.
         let same = |i: usize| (1..LANES).all(|l| std::ptr::eq(positions(l, i), positions(0, i)));
         let together = delay.iter().all(|d| d.floor() == delay[0].floor()) && stretches.clone().all(same);
@@ -153,15 +222,10 @@ impl Work for Pass<'_, '_> {
                 workspace.delayed[from..].iter_mut().zip(of_lane).for_each(|(delayed, v)| delayed[l] = v);
             }
         }
-        workspace.changes.clear();
-        for i in stretches.clone() {
-            workspace.changes.push(LoadChange::gathered(|l| changes(l, i).as_slice()));
-        }
-        workspace.white.clear();
         let (mut each, mut shifted) = (workspace.delayed.as_slice(), workspace.shifted.as_slice());
-        let inputs = stretches.zip(&workspace.changes).map(|(i, changes)| {
+        let delayed = stretches.clone().map(|i| {
             let cells = positions(0, i).len();
-            let v = if together {
+            if together {
                 let (v, after) = shifted.split_at(cells + 1);
                 shifted = after;
                 Delayed::Same { shifted: v, part }
@@ -169,18 +233,61 @@ impl Work for Pass<'_, '_> {
                 let (v, after) = each.split_at(cells);
                 each = after;
                 Delayed::Each(v)
-            };
-            (&record.stretches[i].y[..cells], changes.as_slice(), v)
+            }
         });
-        structure.whiten::<S, R>(simd, thetas, inputs, &mut workspace.white);
-        search.gain_and_residuals::<S, R>(simd, &workspace.white, &mut workspace.found, wanted);
+        let held = if changes.is_none() { workspace.place_of(search, thetas) } else { None };
+        workspace.last = held.unwrap_or(place);
+        let Kept { white, known } = &mut workspace.kept[workspace.last];
+        if held.is_some() {
+            white.forget_answer();
+            let inputs = delayed.zip(&record.stretches).map(|(v, s)| (s.y.len(), v));
+            structure.answer::<S, R, false>(simd, 0, inputs, white);
+        } else {
+            workspace.changes.clear();
+            for i in stretches {
+                workspace.changes.push(match changes {
+                    Some(changes) => LoadChange::gathered(|l| changes(l, i).as_slice()),
+                    None => LoadChange::alike(&record.stretches[i].changes),
+                });
+            }
+            *known = None;
+            white.clear();
+            let inputs = delayed.zip(&record.stretches).zip(&workspace.changes);
+            let inputs = inputs.map(|((v, stretch), changes)| (&*stretch.y, changes.as_slice(), v));
+            structure.whiten::<S, R>(simd, thetas, inputs, white);
+            *known = changes.is_none().then(|| Known::new(search, thetas));
+        }
+        let own = record.changes();
+        let marks: [usize; LANES] = std::array::from_fn(|l| {
+            changes.map_or(own, |changes| (0..record.stretches.len()).map(|i| changes(l, i).len()).sum())
+        });
+        search.gain_and_residuals::<S, R>(simd, white, marks, &mut workspace.found, wanted);
     }
 }
 
-/// The response of a process to positions alone.
+/// The sums of the answers of the first model to eight starts in one stretch, whose gains a pass has left.
+struct Beginning<'r, 's> {
+    search: &'s Search<'s>,
+    white: &'r mut Whitened,
+    theta: &'s Theta,
+    stretch: usize,
+    positions: &'s [Lanes],
+}
+
+impl Work for Beginning<'_, '_> {
+    #[inline(always)]
+    fn run<S: Simd, const R: usize>(self, simd: S) {
+        let Self { search, white, theta, stretch, positions } = self;
+        white.forget_answer();
+        let v = Delayed::Late { positions, delay: search.delay(theta) };
+        search.structure.answer::<S, R, true>(simd, stretch, std::iter::once((positions.len(), v)), white);
+    }
+}
+
+/// The response of eight processes to positions alone.
 struct Response<'s> {
     structure: Structure,
-    theta: &'s Theta,
+    thetas: &'s [Theta; LANES],
     positions: &'s [Lanes],
     white: &'s mut Whitened,
 }
@@ -190,7 +297,7 @@ impl Work for Response<'_> {
     fn run<S: Simd, const R: usize>(self, simd: S) {
         let nothing = vec![0.0; self.positions.len()];
         let alone = [(nothing.as_slice(), [].as_slice(), Delayed::Each(self.positions))];
-        self.structure.whiten::<S, R>(simd, &[*self.theta; LANES], alone.into_iter(), self.white);
+        self.structure.whiten::<S, R>(simd, self.thetas, alone.into_iter(), self.white);
     }
 }
 
@@ -203,9 +310,22 @@ impl Search<'_> {
         wanted: Wanted,
         then: impl FnOnce(&Innovations) -> T,
     ) -> T {
-        let all = 0..self.record.stretches.len();
-        let changes = |_, i: usize| &self.record.stretches[i].changes;
-        self.pass(thetas, all, &|_, i| &positions[i], &changes, wanted, |workspace| then(&workspace.found))
+        self.pass(thetas, &|_, i| &positions[i], None, wanted, BEGUN, |workspace| then(&workspace.found))
+    }
+
+    /// Residuals and their scale of up to eight processes, each with its own positions and changes in each stretch.
+    pub(crate) fn residuals(
+        &self,
+        thetas: &[Theta; LANES],
+        positions: &[Positions],
+        changes: &[Vec<Vec<f64>>],
+    ) -> (Vec<Lanes>, Lanes) {
+        let last = positions.len() - 1;
+        let at = |l: usize, i: usize| positions[l.min(last)][i].as_slice();
+        let of = |l: usize, i: usize| &changes[l.min(last)][i];
+        self.pass(thetas, &at, Some(&of), Wanted::Residuals, DESCENDED, |Workspace { found, .. }| {
+            (found.residual.clone(), found.scale)
+        })
     }
 
     /// Σ r² with eight other sets of changes in one of the stretches, each as large as the record's own.
@@ -216,78 +336,83 @@ impl Search<'_> {
         stretch: usize,
         changes: &[Vec<f64>; LANES],
     ) -> Lanes {
-        let all = 0..self.record.stretches.len();
         let of = |l: usize, i: usize| if i == stretch { &changes[l] } else { &self.record.stretches[i].changes };
-        self.pass(&[*theta; LANES], all, &|_, i| &positions[i], &of, Wanted::Least, |workspace| workspace.found.sum)
+        self.pass(&[*theta; LANES], &|_, i| &positions[i], Some(&of), Wanted::Least, DESCENDED, |workspace| {
+            workspace.found.sum
+        })
+    }
+
+    /// How late the answer is [cells]. PV's mean over a cell lies half a cell behind its first step, OP's mean acts from the first
+    /// step on. OP never acts on the PV of its own step: it is the controller's answer to that PV, and would explain it all too well.
+    fn delay(&self, theta: &Theta) -> f64 {
+        let cell = self.record.cell as f64;
+        theta[self.structure.dead_time_at()] - (cell - 1.0) / (2.0 * cell)
     }
 
     /// See [`Pass`].
     fn pass<'s, T>(
         &'s self,
         thetas: &'s [Theta; LANES],
-        stretches: Range<usize>,
         positions: &'s dyn Fn(usize, usize) -> &'s [f64],
-        changes: &'s dyn Fn(usize, usize) -> &'s Vec<f64>,
+        changes: Option<&'s dyn Fn(usize, usize) -> &'s Vec<f64>>,
         wanted: Wanted,
+        place: usize,
         then: impl FnOnce(&Workspace) -> T,
     ) -> T {
         WORKSPACE.with_borrow_mut(|workspace| {
-            widest(Pass { search: self, workspace, thetas, stretches, positions, changes, wanted });
+            widest(Pass { search: self, workspace, thetas, positions, changes, wanted, place });
             then(workspace)
         })
     }
 
-    /// Gain and residuals from what a pass left.
+    /// Gain and residuals from what a pass left with so many changes of the load in each lane.
     #[inline(always)]
     fn gain_and_residuals<S: Simd, const R: usize>(
         &self,
         simd: S,
         white: &Whitened,
+        marks: [usize; LANES],
         found: &mut Innovations,
         wanted: Wanted,
     ) {
         let load = |lanes: &Lanes| Wide::<S, R>::load(simd, lanes);
         let nothing = Wide::<S, R>::all(simd, 0.0);
-        let (mut yy, mut yv, mut vv) = (nothing, nothing, nothing);
-        for (y, v) in white.of_y.iter().zip(&white.of_v) {
-            let (y, v) = (load(y), load(v));
-            yy += y * y;
-            yv += y * v;
-            vv += v * v;
-        }
-        found.sums = Sums { yy: yy.lanes(), yv: yv.lanes(), vv: vv.lanes() };
+        found.sums = white.sums;
         found.residual.clear();
         if wanted == Wanted::Sums {
             return;
         }
         let sums = found.sums;
         found.kp = Lanes::each(|l| gain(sums.yv[l], sums.vv[l], self.sign));
-        let freedom = self.record.freedom();
         // A change's size is free: it costs nothing here, and Search::price_of_changes what it is worth.
-        let free = self.record.changes() as f64 * UNKNOWN.ln();
-        found.scale = Lanes::each(|l| ((white.log_s[l] - free) / (2.0 * freedom)).exp());
+        let freedom = |l: usize| self.record.freedom() + self.record.changes() as f64 - marks[l] as f64;
+        let free = |l: usize| marks[l] as f64 * UNKNOWN.ln();
+        found.scale = Lanes::each(|l| ((white.log_s[l] - free(l)) / (2.0 * freedom(l))).exp());
         found.sum_without = Lanes::each(|l| sums.yy[l] * found.scale[l] * found.scale[l]);
         let (kp, scale) = (load(&found.kp), load(&found.scale));
+        let innovations = white.of_y().iter().zip(white.of_v());
+        let residuals = innovations.map(|(y, v)| (load(y) - kp * load(v)) * scale);
         let mut sum = nothing;
-        let mut products = [nothing; LANES];
-        let first = load(&Lanes::each(|l| if l == 0 { 0.0 } else { 1.0 }));
-        for (y, v) in white.of_y.iter().zip(&white.of_v) {
-            let r = (load(y) - kp * load(v)) * scale;
-            sum += r * r;
-            match wanted {
-                Wanted::Sums | Wanted::Least => {}
-                Wanted::Residuals => found.residual.push(r.lanes()),
-                Wanted::Products => {
-                    let more = r - first * Wide::all(simd, r.lanes()[0]);
-                    let each = more.lanes();
-                    for l in 0..LANES {
-                        products[l] += Wide::all(simd, each[l]) * more;
-                    }
+        match wanted {
+            Wanted::Sums | Wanted::Least => residuals.for_each(|r| sum += r * r),
+            Wanted::Residuals => residuals.for_each(|r| {
+                sum += r * r;
+                found.residual.push(r.lanes());
+            }),
+            Wanted::Products => {
+                // As many rows as there are parameters to move, and the residuals themselves.
+                macro_rules! rows {
+                    ($($rows:literal)*) => {
+                        match self.structure.parameters() + 1 {
+                            $($rows => products::<S, R, $rows>(simd, residuals, &mut sum, &mut found.products),)*
+                            rows => unreachable!("{rows} rows"),
+                        }
+                    };
                 }
+                rows!(3 4 5 6 7 8);
             }
         }
         found.sum = sum.lanes();
-        found.products = products.map(Wide::lanes);
     }
 
     /// θ with the variance of its first disturbance that explains most: how restless a load is spans many powers of ten.
@@ -313,19 +438,34 @@ impl Search<'_> {
         freedom * ((sum.max(1e-300) / freedom).ln() + 1.0 + (2.0 * PI).ln())
     }
 
-    /// What the changes of the load that are marked cost at `point` [−2·ln L]: each may lie at any cell, and be as large as OP's
-    /// range, that of a slope as large as that in a hundred cells.
+    /// What the changes of the load that are marked cost at `point`, which was found with them [−2·ln L]: each may lie at any cell, and
+    /// be as large as OP's range, that of a slope as large as that in a hundred cells.
     pub(crate) fn price_of_changes(&self, point: &Point) -> f64 {
+        self.price(point.kp, || point.noise)
+    }
+
+    /// The same with the changes of this record at a point of another.
+    pub(crate) fn price_at(&self, point: &Point) -> f64 {
+        let noise = || {
+            let positions = self.record.positions(&point.lost);
+            self.innovations(&[point.theta; LANES], &positions, Wanted::Least, |found| self.noise(found))
+        };
+        self.price(point.kp, noise)
+    }
+
+    /// Variance of the white noise on PV in the first lane.
+    fn noise(&self, found: &Innovations) -> f64 {
+        let scale = found.scale[0];
+        found.sum[0] / (scale * scale) / self.record.freedom()
+    }
+
+    fn price(&self, kp: f64, noise: impl FnOnce() -> f64) -> f64 {
         if self.record.changes() == 0 {
             return 0.0;
         }
-        let positions = self.record.positions(&point.lost);
-        let (sum, scale) =
-            self.innovations(&[point.theta; LANES], &positions, Wanted::Least, |found| (found.sum[0], found.scale[0]));
-        let white = sum / (scale * scale) / self.record.freedom();
         // What OP could do, or what PV did: a process that hardly answers OP pays no less for its changes.
         let seen = if self.structure.integrating { 0.0 } else { self.record.span };
-        let mut size = (point.kp * self.record.range).abs().max(seen).powi(2) / white;
+        let mut size = (kp * self.record.range).abs().max(seen).powi(2) / noise();
         if matches!(self.structure.noise, Noise::Lines | Noise::Bends) {
             size /= LONG * LONG;
         }
@@ -337,7 +477,7 @@ impl Search<'_> {
 
     /// What a unit step of the load (of its slope, where that is what changes), with gain 1, leaves in the innovations over the
     /// `cells` after it, once the filter has settled.
-    pub(crate) fn answer(&self, theta: &Theta, cells: usize) -> Vec<f64> {
+    pub(crate) fn answer(&self, thetas: &[Theta; LANES], cells: usize) -> Vec<Lanes> {
         let before = 400;
         let lines = matches!(self.structure.noise, Noise::Lines | Noise::Bends);
         let load = |k: usize| {
@@ -351,21 +491,19 @@ impl Search<'_> {
         };
         let step: Vec<Lanes> = (0..before + cells).map(|k| Lanes::all(load(k))).collect();
         let mut white = Whitened::default();
-        widest(Response { structure: self.structure, theta, positions: &step, white: &mut white });
-        white.of_v[before..].iter().map(|v| v[0]).collect()
+        widest(Response { structure: self.structure, thetas, positions: &step, white: &mut white });
+        white.of_v()[before..].to_vec()
     }
 
     /// Whitened PV, and what a unit of each of the inputs makes of it.
     pub(crate) fn answers(&self, theta: &Theta, inputs: &[&Positions]) -> (Vec<f64>, Vec<Vec<f64>>) {
-        let all = 0..self.record.stretches.len();
         let (mut of_y, mut answers) = (Vec::new(), Vec::new());
         for eight in inputs.chunks(LANES) {
             let of = |l: usize, i: usize| eight[l.min(eight.len() - 1)][i].as_slice();
-            let changes = |_, i: usize| &self.record.stretches[i].changes;
-            self.pass(&[*theta; LANES], all.clone(), &of, &changes, Wanted::Sums, |workspace| {
-                of_y = workspace.white.of_y.iter().map(|y| y[0]).collect();
-                answers
-                    .extend((0..eight.len()).map(|l| workspace.white.of_v.iter().map(|v| v[l]).collect::<Vec<f64>>()));
+            self.pass(&[*theta; LANES], &of, None, Wanted::Sums, BEGUN, |workspace| {
+                let white = workspace.white();
+                of_y = white.of_y().iter().map(|y| y[0]).collect();
+                answers.extend((0..eight.len()).map(|l| white.of_v().iter().map(|v| v[l]).collect::<Vec<f64>>()));
             });
         }
         (of_y, answers)
@@ -397,11 +535,11 @@ impl Search<'_> {
         })
     }
 
-    /// θ with slope and curvature, in one pass.
-    fn local(&self, theta: Theta, positions: &Positions) -> Local {
+    /// θ with slope and curvature, in one pass; `place` as in [`Pass`].
+    fn local(&self, theta: Theta, positions: &Positions, place: usize) -> Local {
         let (thetas, by) = self.perturbed(&theta);
         let k = self.structure.parameters();
-        self.innovations(&thetas, positions, Wanted::Products, |found| {
+        self.pass(&thetas, &|_, i| &positions[i], None, Wanted::Products, place, |Workspace { found, .. }| {
             let (mut normal, mut down) = ([[0.0; MOST]; MOST], [0.0; MOST]);
             for i in 0..k {
                 for j in 0..k {
@@ -410,7 +548,7 @@ impl Search<'_> {
                 down[i] = -found.products[0][i + 1] / by[i];
             }
             let products = (found.sums.yv[0], found.sums.vv[0]);
-            Local { theta, kp: found.kp[0], products, sum: found.sum[0], normal, down }
+            Local { theta, kp: found.kp[0], noise: self.noise(found), products, sum: found.sum[0], normal, down }
         })
     }
 
@@ -459,7 +597,7 @@ impl Search<'_> {
     pub(crate) fn descend(&self, theta: Theta, lost: &LostMotion, rounds: usize, enough: f64, unless: f64) -> Point {
         let n = self.record.count as f64;
         let positions = self.record.positions(lost);
-        let mut here = self.local(self.structure.bounded(theta, n), &positions);
+        let mut here = self.local(self.structure.bounded(theta, n), &positions, BEGUN);
         let mut damping = 1e-2;
         for _ in 0..rounds {
             let (there, less) = self.step(&here, damping);
@@ -467,7 +605,7 @@ impl Search<'_> {
             if foreseen < enough || self.cost(here.sum) - 3.0 * foreseen > unless {
                 break;
             }
-            let next = self.local(there, &positions);
+            let next = self.local(there, &positions, DESCENDED);
             let before = here.sum;
             if next.sum < before {
                 here = next;
@@ -476,20 +614,21 @@ impl Search<'_> {
                 // Too far: eight shorter steps at once.
                 let dampings = Lanes::each(|l| damping * 10f64.powi(l as i32 + 1));
                 let thetas = dampings.map(|damping| self.step(&here, damping).0);
-                let sums = self.innovations(&thetas, &positions, Wanted::Least, |found| found.sum);
+                let sums =
+                    self.pass(&thetas, &|_, i| &positions[i], None, Wanted::Least, DESCENDED, |pass| pass.found.sum);
                 let best = (0..LANES).min_by(|a, b| sums[*a].total_cmp(&sums[*b])).expect("eight lanes");
                 if sums[best] >= before {
                     break;
                 }
-                here = self.local(thetas[best], &positions);
+                here = self.local(thetas[best], &positions, DESCENDED);
                 damping = dampings[best];
             }
             if self.cost(before) - self.cost(here.sum) < enough {
                 break;
             }
         }
-        let Local { theta, kp, products, sum, .. } = here;
-        Point { theta, cost: self.cost(sum), kp, lost: lost.clone(), products }
+        let Local { theta, kp, noise, products, sum, .. } = here;
+        Point { theta, cost: self.cost(sum), kp, lost: lost.clone(), noise, products }
     }
 
     /// The best start of each stretch within the gap at a point, to a few hundredths of the gap; the gain follows.
@@ -504,9 +643,8 @@ impl Search<'_> {
             }
             // From there on the start shows no longer.
             let cells = (2 * open + SETTLED).min(stretch.y.len());
-            let tried = |places: Lanes| {
-                self.beginnings(point, i, &places.map(|place| stretch.positions(lost, place, self.record.cell, cells)))
-            };
+            let positions = stretch.positions_from(lost, self.record.cell, cells);
+            let tried = |places: Lanes| self.beginnings(point, i, &positions(&places));
             let better = |sums: &Sums, rest: (f64, f64)| {
                 let bought = |l: usize| {
                     let (yv, vv) = (rest.0 + sums.yv[l], rest.1 + sums.vv[l]);
@@ -529,11 +667,18 @@ impl Search<'_> {
     }
 
     /// Sums over the beginning of one stretch, each lane with positions of its own.
-    fn beginnings(&self, point: &Point, stretch: usize, positions: &[Vec<f64>; LANES]) -> Sums {
-        let changes = &self.record.stretches[stretch].changes;
-        let of = |l: usize, _| positions[l].as_slice();
-        self.pass(&[point.theta; LANES], stretch..stretch + 1, &of, &|_, _| changes, Wanted::Sums, |workspace| {
-            workspace.found.sums
+    fn beginnings(&self, point: &Point, stretch: usize, positions: &[Lanes]) -> Sums {
+        // The gains with which the point was found, so that they do not hang on what else was passed before.
+        let (thetas, _) = self.perturbed(&point.theta);
+        let held = || WORKSPACE.with_borrow(|workspace| workspace.place_of(self, &thetas));
+        let held = held().unwrap_or_else(|| {
+            self.innovations(&thetas, &self.record.positions(&point.lost), Wanted::Sums, |_| ());
+            BEGUN
+        });
+        WORKSPACE.with_borrow_mut(|workspace| {
+            let white = &mut workspace.kept[held].white;
+            widest(Beginning { search: self, white, theta: &point.theta, stretch, positions });
+            white.sums
         })
     }
 
@@ -626,15 +771,84 @@ mod tests {
             search: &search,
             workspace: &mut workspace,
             thetas: &thetas,
-            stretches: 0..1,
             positions: &|_, i| positions[i].as_slice(),
-            changes: &|_, i| &record.stretches[i].changes,
+            changes: None,
             wanted: Wanted::Products,
+            place: BEGUN,
         };
         pass.run::<S, R>(simd);
         std::array::from_fn(|i| {
             if i < LANES { workspace.found.sum[i] } else { workspace.found.products[1][i - LANES] }.to_bits()
         })
+    }
+
+    #[test]
+    fn gains_that_are_kept_give_the_bits_of_a_new_pass() {
+        let u: Vec<f64> = (0..300).map(|k| (f64::from(k) * 0.1).sin()).collect();
+        let mut y: Vec<f64> = u.iter().zip(0..).map(|(u, k)| u + 0.01 * f64::from(k * 7919 % 13)).collect();
+        y[70..75].fill(f64::NAN);
+        let parts = [(&y[..180], &u[..180]), (&y[180..], &u[180..])];
+        let record = Cells::new(&parts, 1).with_changes(vec![vec![120.3, 40.0], vec![60.5]]);
+        for structure in [Noise::Still, Noise::Input, Noise::Both, Noise::Slope, Noise::Bends].map(of_two_lags) {
+            let search = Search { record: &record, structure, sign: 1.0 };
+            let (thetas, _) = search.perturbed(&structure.beginning(8.0, 2.4));
+            let of = |d: f64, forget: bool| {
+                if forget {
+                    WORKSPACE.take();
+                }
+                let positions = record.positions(&LostMotion::gap(d, 2));
+                search.innovations(&thetas, &positions, Wanted::Residuals, |found| {
+                    let of_all = found.residual.iter().flat_map(|r| r.map(f64::to_bits));
+                    of_all.chain(found.sums.yv.map(f64::to_bits)).collect::<Vec<u64>>()
+                })
+            };
+            let anew = of(0.2, true);
+            of(0.1, true);
+            assert!(WORKSPACE.with_borrow(|workspace| workspace.place_of(&search, &thetas).is_some()));
+            assert!(of(0.2, false) == anew, "{structure:?}");
+        }
+    }
+
+    #[test]
+    fn kept_gains_are_of_one_record_and_one_process() {
+        let (y, u) = ([1.0, 2.0, 1.5, 0.5].repeat(20), [0.0, 1.0, 1.0, 0.0].repeat(20));
+        let record = Cells::new(&[(&y, &u)], 1);
+        let structure = of_two_lags(Noise::Input);
+        let theta = structure.beginning(8.0, 2.4);
+        let (mut slower, mut later) = (theta, theta);
+        slower[0] += 0.1;
+        later[structure.dead_time_at()] += 1.0;
+        let kept = Known::new(&Search { record: &record, structure, sign: 1.0 }, &[theta; LANES]);
+        let holds =
+            |record: &Cells, theta: Theta| kept.holds(&Search { record, structure, sign: 1.0 }, &[theta; LANES]);
+        assert!(holds(&record, theta) && holds(&record.clone(), later), "the dead time is the answer's alone");
+        assert!(!holds(&record, slower));
+        assert!(!holds(&record.with_changes(vec![vec![40.0]]), theta));
+        assert!(!holds(&record.with(vec![y.clone()]), theta), "other PV, though its numbers are the same");
+    }
+
+    #[test]
+    fn beginnings_are_summed_up_as_passes_would() {
+        let u: Vec<f64> = (0..150).map(|k| (f64::from(k) * 0.05).sin()).collect();
+        let y: Vec<f64> = u.iter().zip(0..).map(|(u, k)| u + 0.01 * f64::from(k * 7919 % 13)).collect();
+        let record = Cells::new(&[(&y, &u)], 1);
+        let structure = of_two_lags(Noise::Input);
+        let search = Search { record: &record, structure, sign: 1.0 };
+        let theta = structure.beginning(8.0, 2.4);
+        let point = search.descend(theta, &LostMotion::gap(0.5, 1), 0, 0.1, f64::INFINITY);
+        let places = Lanes::each(|l| l as f64 / 7.0);
+        let stretch = &record.stretches[0];
+        let sums = search.beginnings(&point, 0, &stretch.positions_from(&point.lost, 1, 150)(&places));
+        for l in 0..LANES {
+            let lost = LostMotion { start: vec![places[l]], ..point.lost.clone() };
+            let of_one = |found: &Innovations| (found.sums.yv[0], found.sums.vv[0]);
+            let (yv, vv) = search.innovations(&[point.theta; LANES], &record.positions(&lost), Wanted::Sums, of_one);
+            assert!((yv - sums.yv[l]).abs() < 1e-6 * yv.abs() && (vv - sums.vv[l]).abs() < 1e-6 * vv, "start {l}");
+        }
+    }
+
+    fn of_two_lags(noise: Noise) -> Structure {
+        Structure { lags: 2, integrating: false, noise }
     }
 
     #[test]

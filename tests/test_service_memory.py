@@ -88,6 +88,22 @@ def test_begun_anew_in_the_middle_it_goes_on_with_the_same_bits(tmp_path: Path, 
     assert last.status()["loops"]["FIC0"]["estimate"] == straight.status()["loops"]["FIC0"]["estimate"] is not None
 
 
+def test_a_break_that_no_history_fills_is_a_gap_however_short(tmp_path: Path) -> None:
+    """Ten seconds after a kill somebody listens again: PV was held to have stood still meanwhile."""
+    clock = Clock()
+    given = values("FIC0", 120)
+    first = service.watch(tmp_path, loops(), clock)
+    fed(first, clock, [value for value in given if value.time < BEGIN + 60], pace=1.0)
+    first.memory.close()
+    again = service.watch(tmp_path, loops(), clock)
+    fed(again, clock, [value for value in given if value.time >= BEGIN + 70], pace=1.0)
+    asyncio.run(again.save())
+    times = [at.timestamp() - BEGIN for at in Signals(tmp_path).read("FIC0", BEGIN, BEGIN + 1e6)["time"].to_pylist()]
+    assert times == [*range(60), *range(70, 118)]
+    ended = [row for row in detections(tmp_path, "FIC0") if row[1] < BEGIN + 60 <= row[2] + 10]
+    assert [row[of_memory.COLUMNS.index("mask") + 1] & 1 for row in ended] == [1], "it ended as a gap"
+
+
 @pytest.mark.slow
 def test_killed_at_random_moments(tmp_path: Path) -> None:
     """kill -9 while it takes in, writes and saves; what the memory has not is handed over again, as a history does."""

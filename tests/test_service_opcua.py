@@ -355,6 +355,33 @@ def test_a_watch_that_was_interrupted_has_what_one_that_was_not_has():
             assert mine == theirs
 
 
+@served
+def test_a_short_break_is_read_for_many_loops_at_once(shared, monkeypatch):
+    """Asked loop by loop, a server of a thousand loops that answered slowly was not caught up with."""
+    asked, read = [], OpcUa._history
+
+    async def counted(self, link, handles, begin, end):
+        asked.append(len(handles))
+        return await read(self, link, handles, begin, end)
+
+    monkeypatch.setattr(OpcUa, "_history", counted)
+
+    async def run(plant):
+        await asyncio.sleep(max(0.0, plant._begin + 3.0 - plant.time))
+        since = {(name, Signal.PV): plant.time - 2.0 for name in plant.names}
+        async with Watch(plant, since) as watch:
+            await watch.until(lambda: watch.told("backfilled"))
+            await watch.heard("LIC109", 3)
+        return plant.names, since, watch
+
+    names, since, watch = shared(run)
+    assert asked[0] == 7 * len(names), "all tags of all loops"
+    for name in names:
+        values = watch.of(name)
+        assert ascending(values) and not gaps(values, 0.1)
+        assert since[name, Signal.PV] < values[0].time < since[name, Signal.PV] + 0.15
+
+
 @pytest.mark.slow
 def test_a_history_that_gives_more_than_was_asked(monkeypatch):
     """Values outside of the range, in the wrong order and twice: none of them is handed on."""
@@ -483,6 +510,18 @@ def message(n, number, when=None):
 
 def link(**connection):
     return opcua._Link(None, Connection(url="opc.tcp://x:1", **connection))
+
+
+def test_the_server_is_asked_to_hold_nothing_back():
+    """A dead band in the connection would hide the moves that tell a valve's gap."""
+    made = link()
+    made.nodes = {0: ua.NodeId(1), 1: ua.NodeId(2)}
+    items = Fed().source._items(made, [0, 1], filtered=True).ItemsToCreate
+    for asked in (item.RequestedParameters for item in items):
+        assert (asked.Filter.DeadbandType, asked.Filter.DeadbandValue) == (0, 0.0)
+        assert asked.Filter.Trigger == ua.DataChangeTrigger.StatusValueTimestamp
+        assert (asked.QueueSize, asked.SamplingInterval) == (100, 1000.0)
+    assert len(items) == 2
 
 
 def test_an_overflow_of_the_queue_ends_the_connection_so_that_the_history_fills_it():

@@ -29,7 +29,7 @@ from .compensation import SETTINGS, Compensator
 from .fits import answer
 from .memory import COLUMNS, Entry, Half, Memory, MemoryFull, Reader
 from .recordings import Signals, table_of
-from .rows import ALIVE, CODES, LOST, OP, Rows
+from .rows import ALIVE, CODES, LOST, OP, PV, Rows
 from .signal import Event, Signal, Source, Value, WriteRefused
 
 __all__ = ["DETECTOR", "Bounds", "Health", "Plant", "Watch"]
@@ -249,6 +249,8 @@ class Watch:
         if memory.found is not None:
             self._tell(Event(self.begun, None, "database_damaged", memory.found))
         self._replay()
+        # Nobody listened since: where no history fills that, it is a gap, and no PV that stood still.
+        self._lost = {watched.id for watched in self._loops.values() if watched.rows.known(PV)}
 
     # Beginning
 

@@ -40,7 +40,7 @@ _RUN = """
 import sys
 from glapp import fleet
 if __name__ == "__main__":
-    fleet.analyze(sys.argv[1], sys.argv[2], fits=2)
+    fleet.analyze(sys.argv[1], sys.argv[2], fits=1)
 """
 
 
@@ -209,32 +209,37 @@ def _share(some: int, of: int) -> str:
 
 
 def kills(lake: Path, times: int) -> None:
-    """Kill a run again and again, and compare what it ends in with a run that nobody kills."""
+    """Kill a run again and again, and compare what it ends in with a run that nobody kills.
+
+    Of four kills three wait until a piece or two are there, so that they fall within the work and not before it.
+    """
     whole, broken = OUT / "whole", OUT / "broken"
     for folder in (whole, broken):
         shutil.rmtree(folder, ignore_errors=True)
-    begun = time.monotonic()
-    wanted = fleet.analyze(lake, whole, fits=2)
-    took = time.monotonic() - begun
-    dice, killed = random.Random(1), 0
+    wanted = fleet.analyze(lake, whole, fits=1)
+    dice, killed, ended = random.Random(1), 0, 0
     script = OUT / "run.py"  # a file: processes that are spawned read it once more
     script.write_text(_RUN)
-    for i in range(times):
+    while killed < times:
         run = subprocess.Popen([sys.executable, str(script), str(lake), str(broken)])
-        try:
-            run.wait(dice.uniform(0.5, 2.5 * took / times + 2))
-        except subprocess.TimeoutExpired:
-            run.send_signal(signal.SIGKILL)
-            run.wait()
+        until = _pieces(broken) + dice.choice((0, 1, 1, 2))
+        while _pieces(broken) < until and run.poll() is None:
+            time.sleep(0.01)
+        time.sleep(dice.uniform(0.0, 1.0))
+        run.send_signal(signal.SIGKILL)
+        if run.wait() == -signal.SIGKILL:
             killed += 1
         if (broken / "manifest.json").exists():
-            assert fleet.manifest(broken)["folder"] == wanted["folder"], f"other results after kill {i + 1}"
-            shutil.rmtree(broken)  # whole before it could be killed: from the beginning
-    made = fleet.analyze(lake, broken, fits=2)
-    print(
-        f"{killed} kills, a run takes {took:.0f} s: the tables are",
-        "the same" if made["folder"] == wanted["folder"] else "OTHER",
-    )
+            ended += 1
+            if fleet.manifest(broken)["folder"] != wanted["folder"]:
+                raise SystemExit(f"other tables after kill {killed}")
+            shutil.rmtree(broken)  # the kills that are left begin anew
+    same = fleet.analyze(lake, broken, fits=1)["folder"] == wanted["folder"]
+    print(f"{killed} kills, {ended + 1} runs brought to their end: the tables are {'the same' if same else 'OTHER'}")
+
+
+def _pieces(out: Path) -> int:
+    return sum(path.suffix == ".parquet" for path in (out / "work").rglob("*"))
 
 
 if __name__ == "__main__":

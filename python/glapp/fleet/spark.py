@@ -50,7 +50,7 @@ def run(plan: Plan, out: Path, stage: Stage) -> tuple[pa.Table, pa.Table, pa.Tab
     spark = SparkSession.builder.appName("glapp fleet").getOrCreate()
     count = len(plan.units)
     stage("days", count, 0)
-    units = spark.range(count).repartition(count)
+    units = spark.range(count).repartition(max(count, 1))
     rows = units.mapInArrow(_reader(plan), _ROWS)
     days = rows.groupBy("loop", "day").applyInArrow(_looker(plan), _DAYS).persist()
     problems: list[Problem] = []

@@ -254,6 +254,7 @@ function why(said, unit) {
 function reason_of_fit(said, unit) {
   const { fit: found, quality: all } = said.answer;
   if (found.why.code === "finding") return finding(all[found.why.of], units_of(said));
+  if (found.signal === "position") return `read from the valve's position: ${words.meanings[found.verdict]}`;
   return fitted(found.verdict, found, said.pv, unit);
 }
 

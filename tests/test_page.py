@@ -59,7 +59,9 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name, d in (("worn", 0.05), ("sound", 0.0)):
         acting = {"setpoint": [(1, 1.0)], "load": [(20, 0.3), (40, -0.2)]}
         sim = closed_loop("P3", (0.48, 0.3117), d=d, noise=0.005, h=0.1, t_end=70, seed=1, **acting)
-        sim.write_csv(folder / f"{name}.csv")
+        rows = zip(sim.t, sim.sp, sim.pv, sim.op, strict=True)
+        text = "\n".join(["t,SP,PV,OP", *(",".join(map(repr, map(float, row))) for row in rows)])
+        (folder / f"{name}.csv").write_text(text, encoding="utf-8")
     return folder
 
 

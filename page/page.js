@@ -52,6 +52,10 @@ const hears = {
     offer();
     analyse();
   },
+  first({ answer: { answer, detections }, unit }) {
+    const width = answer.width === null ? "no width" : quantity(answer.width, ofOp(unit));
+    $("first").textContent = `Zero crossings alone: ${width} from ${count(detections, "detection")}. The fit of OP and PV settles it.`;
+  },
   answered(said) {
     $("working").hidden = true;
     show(said);
@@ -75,6 +79,7 @@ async function take(name, bytes) {
 
 function analyse() {
   $("wrong").hidden = true;
+  $("first").textContent = "";
   $("result").replaceChildren();
   try {
     const columns = Object.fromEntries(Object.entries(file.columns).filter(([, at]) => at !== null));
@@ -249,6 +254,7 @@ function why(said, unit) {
 function reason_of_fit(said, unit) {
   const { fit: found, quality: all } = said.answer;
   if (found.why.code === "finding") return finding(all[found.why.of], units_of(said));
+  if (found.signal === "position") return `read from the valve's position: ${words.meanings[found.verdict]}`;
   return fitted(found.verdict, found, said.pv, unit);
 }
 

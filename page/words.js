@@ -80,7 +80,7 @@ const OWN = {
   size: (x) => formatted(Math.abs(x), ".3g"),
   row: (row) => `row ${row + FIRST_ROW}`,
   rows: (rows) => rows.split(" ").filter(Boolean).map((row) => `row ${Number(row) + FIRST_ROW}`).join(", "),
-  and: (text) => text.replaceAll(",", " and "),
+  and: (text) => text.replaceAll(",", " and"),
 };
 
 /** A number by one of Python's formats g, f, e, d and %. */

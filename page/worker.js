@@ -28,7 +28,6 @@ const does = {
     const read = reading.recording(file, options);
     const { columns } = read;
     const n = columns.t.length;
-    for (const [name, numbers] of Object.entries(columns)) engine.column(name, numbers);
     tell("progress", { stage: "Looking at quality and controller", share: 0.1 });
     const { op_unit: typed, ...known } = task;
     // As the command line: OP is a percentage where neither unit nor span says otherwise and no value contradicts it.
@@ -37,11 +36,17 @@ const does = {
     const usual = (span === null || (span[0] === 0 && span[1] === 100)) && !contradicted ? "%" : "OP unit";
     const unit = typed || read.units.op || usual;
     known.op_percent = unit === "%";
-    engine.ask("begin", { task: known });
-    for (let from = 0; from < n; from += AT_ONCE) {
-      engine.ask("rows", { from, to: Math.min(n, from + AT_ONCE) });
-      tell("progress", { stage: "Counting half-periods", share: 0.1 + (0.2 * from) / n });
+    const crossings = (fit) => {
+      for (const [name, numbers] of Object.entries(columns)) engine.column(name, numbers);
+      engine.ask("begin", { task: { ...known, fit } });
+      for (let from = 0; from < n; from += AT_ONCE) engine.ask("rows", { from, to: Math.min(n, from + AT_ONCE) });
+    };
+    // The fit takes long: what the crossings say by themselves is told before it.
+    if (columns.op && n <= AT_ONCE) {
+      crossings(false);
+      tell("first", { ...engine.ask("finish"), unit });
     }
+    crossings(true);
     const read_in = performance.now() - began;
     tell("progress", { stage: "Fitting the gap", share: 0.3 });
     const done = engine.ask("finish");

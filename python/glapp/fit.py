@@ -636,8 +636,9 @@ UNFIT = {
 
 def _unfit(unfit: tuple[str, float], name: str) -> str:
     why, number = unfit
-    known = why if why in UNFIT else "few" if name == "PV" else "few positions"
-    return UNFIT[known].format(number=number, name=name)
+    few = "few" if name == "PV" else "few positions"
+    known = few if why == "few" else why
+    return UNFIT.get(known, UNFIT[few]).format(number=number, name=name)
 
 
 _EVIDENCE = "no gap is {lr_no_gap:.0f} units of 2·ln L worse, where {lr_needed:.0f} are needed"

@@ -346,8 +346,8 @@ class _Reader(Formatter):
             case "rows":
                 return ", ".join(f"row {int(row) + self.first_row}" for row in value.split())
             case "and":
-                return str(value).replace(",", " and ")
-        return str(super().format_field(value, format_spec))
+                return str(value).replace(",", " and")
+        return format(value, format_spec)
 
     def time(self, t: float) -> str:
         try:

@@ -271,7 +271,10 @@ def sought(record: Record, process: Process, moves: Iterable[Floats], variance: 
 
 
 def refitted(record: Record, move: Floats, cost: Cost, variance: float) -> float:
-    """What a movement of the valve costs with the process that goes with it best: gain, lags and dead time are free."""
+    """What a movement of the valve costs with the process that goes with it best: gain, lags and dead time are free.
+
+    A load that walks is taken to walk through the true process all the same.
+    """
     free = [0, 1, 2] if record.true.has_others else [0, 2]
 
     def process(x: Floats) -> Process:

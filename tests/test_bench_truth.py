@@ -305,7 +305,7 @@ class TestLadder:
         sound.append((walk, Rungs("", [999.0] * 4, [])))
         told = [Rungs("", [99.0, 50.0, 20.0, 17.5], []), Rungs("", [99.0, 7.0, 20.0, 17.5], [])]
         text = rungs_in_tables(list(zip(rows, told, strict=True)), sound)
-        assert "| steps | 2 | 100% (> 15) | 50% (> 18) | 50% (> 19) | 50% (> 17) | 50% |" in text
+        assert "| steps | 2 | 100 % (> 15) | 50 % (> 18) | 50 % (> 19) | 50 % (> 17) | 50 % |" in text
         assert "| a true width | 1 | 0 | 0 | 0 | 0 | 1 |" in text
         assert "| silent | 1 | 0 | 1 | 0 | 0 | 0 |" in text
         lost = [
@@ -323,9 +323,9 @@ class TestLadder:
         named = [rows[0]._replace(truth=sticks, verdict=verdict) for verdict in ("stiction", "backlash")]
         jumps = [Rungs("", [], [99.0, 30.0, 19.0, 30.0]), Rungs("", [], [19.0] * 4)]
         text = causes(list(zip(named, jumps, strict=True)))
-        assert "| steps | 2 | 50% | 50% | 0% | 0% | 50% |" in text
+        assert "| steps | 2 | 50 % | 50 % | 0 % | 0 % | 50 % |" in text
         apart = {truths[0].name: d / 7, truths[1].name: truths[1].d}
         text = definitions(rows, apart, {truths[1].name})
-        assert "| h ≤ T/5, as the records were chosen | 2 | 50% | +0.0 % | 1 of 1 |" in text
-        assert "| d ≥ 6e as well | 1 | 100% | +0.0 % | 1 of 1 |" in text
-        assert "| h ≤ T/5, and seen on all rungs | 1 | 0% |  | 0 of 0 |" in text
+        assert "| h ≤ T/5, as the records were chosen | 2 | 50 % | +0.0 % | 1 of 1 |" in text
+        assert "| d ≥ 6e as well | 1 | 100 % | +0.0 % | 1 of 1 |" in text
+        assert "| h ≤ T/5, and seen on all rungs | 1 | 0 % |  | 0 of 0 |" in text

@@ -271,7 +271,10 @@ def sought(record: Record, process: Process, moves: Iterable[Floats], variance: 
 
 
 def refitted(record: Record, move: Floats, cost: Cost, variance: float) -> float:
-    """What a movement of the valve costs with the process that goes with it best: gain, lags and dead time are free."""
+    """What a movement of the valve costs with the process that goes with it best: gain, lags and dead time are free.
+
+    A load that walks is taken to walk through the true process all the same.
+    """
     free = [0, 1, 2] if record.true.has_others else [0, 2]
 
     def process(x: Floats) -> Process:
@@ -488,6 +491,11 @@ def ask(name: str) -> Rungs:
     return Rungs.of(name)
 
 
+def percent(part: float | np.floating) -> str:
+    """A share as the other tables have it."""
+    return f"{100 * part:.0f} %"
+
+
 def tables(gaps: Sequence[tuple[Scored, Rungs]], sound: Sequence[tuple[Truth, Rungs]]) -> str:
     """How many gaps can be told on each rung, and on which those are lost that the fit does not tell."""
     asked = thresholds(sound)
@@ -497,8 +505,8 @@ def tables(gaps: Sequence[tuple[Scored, Rungs]], sound: Sequence[tuple[Truth, Ru
         if not of:
             continue
         least = [f" (> {x:.0f})" for x in asked[load]] if load in asked else [""] * len(RUNGS)
-        shares = [f"{np.mean([rung[i] for _, rung in of]):.0%}{least[i]}" for i in range(len(RUNGS))]
-        body.append([load, str(len(of)), *shares, f"{np.mean([row.covered is True for row, _ in of]):.0%}"])
+        shares = [f"{percent(np.mean([rung[i] for _, rung in of]))}{least[i]}" for i in range(len(RUNGS))]
+        body.append([load, str(len(of)), *shares, percent(np.mean([row.covered is True for row, _ in of]))])
     parts = [markdown(["load", "records", *RUNGS, "the fit: a true width"], body)]
     body = []
     said: dict[str, Callable[[Scored], bool]] = {
@@ -539,7 +547,7 @@ def causes(gaps: Sequence[tuple[Scored, Rungs]]) -> str:
         if of:
             above = [[all(x > NO_JUMP for x in ratios[: i + 1]) for _, ratios in of] for i in range(len(RUNGS))]
             right = np.mean([row.verdict == row.truth.cause for row, _ in of])
-            body.append([load, str(len(of)), *(f"{np.mean(rung):.0%}" for rung in above), f"{right:.0%}"])
+            body.append([load, str(len(of)), *(percent(np.mean(rung)) for rung in above), percent(right)])
     return markdown(["load", "valves that stick", *RUNGS, "the fit: the right cause"], body)
 
 
@@ -580,7 +588,7 @@ def definitions(scored: Sequence[Scored], leavings: dict[str, float], held: set[
         told = [row for row in of if row.covered is not None]
         right = sum(bool(row.covered) for row in told)
         bias = f"{100 * np.median([row.error for row in told]):+.1f} %" if told else ""
-        body.append([what, str(len(of)), f"{len(told) / max(len(of), 1):.0%}", bias, f"{right} of {len(told)}"])
+        body.append([what, str(len(of)), percent(len(told) / max(len(of), 1)), bias, f"{right} of {len(told)}"])
     return markdown(["identifiable", "records", "answered", "bias", "interval holds"], body)
 
 

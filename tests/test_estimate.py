@@ -307,7 +307,7 @@ def noisy() -> Simulation:
     )
 
 
-def test_a_stream_shows_no_width_that_noise_can_feign(noisy: Simulation) -> None:
+def test_a_stream_shows_no_width_below_the_noise_limit(noisy: Simulation) -> None:
     """It showed the width of a gap that is not there, from nine detections."""
     estimator = feed(noisy, tf=FILTER)
     said, floor = estimator.median_mean, estimator.noise_floor

@@ -305,7 +305,7 @@ fn real() {
     all::<f32>();
 }
 
-/// The floor that noise feigns with a gain of nearly 0 is told as the largest number there is, without computing it.
+/// The noise limit with a gain of nearly 0 is told as the largest number there is, without computing it.
 #[test]
 fn a_noise_floor_without_end() {
     let block = "FUNCTION_BLOCK GlappTry VAR_INPUT Sigma : LREAL; K : LREAL; HasKp : BOOL; Kp : LREAL; END_VAR

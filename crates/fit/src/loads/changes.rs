@@ -1,7 +1,7 @@
 //! Steps of the load, and bends where it goes along lines: each costs what a new level, or slope, at any time of the record is
 //! worth, and is kept where it pays.
 
-use crate::data::cells::{Cells, Positions, Strip};
+use crate::data::cells::{Cells, Strip};
 use crate::decide::thresholds::*;
 use crate::model::lanes::{LANES, Wide, Work, widest};
 use crate::model::lost_motion::LostMotion;
@@ -10,7 +10,6 @@ use crate::search::likelihood::{Point, Search};
 use crate::search::screen::{PILOT, theta_for};
 use pulp::Simd;
 use rayon::prelude::*;
-use std::array;
 
 /// What a load does between its marks.
 #[derive(Clone, Copy, PartialEq)]
@@ -92,8 +91,7 @@ pub(crate) fn with_large_steps(search: &Search, point: &Point) -> Marked {
     };
     let plain = search.record.unmarked();
     let least_size = WIDER_THAN_GAP * point.lost.d * point.kp;
-    let begun = [(point.theta, &point.lost)];
-    let record = mark(&Search { record: &plain, ..*search }, &begun, LARGE_STEP, least_size).remove(0);
+    let record = mark(&Search { record: &plain, ..*search }, &point.theta, &point.lost, LARGE_STEP, least_size);
     if record.changes() == 0 { ended(plain) } else { cheapest([ended(plain), ended(record)]) }
 }
 
@@ -110,6 +108,7 @@ pub(crate) fn detect_changes(
     let n = record.count as f64;
     let lost =
         |part: f64, share: f64| LostMotion { share, ..LostMotion::gap(part * record.range, record.stretches.len()) };
+    let from = |theta: Theta, part: f64, share: f64| detect(record, pilot, sign, theta, &lost(part, share));
     let grid = [(4.0, 0.5), (10.0, 2.0), (20.0, 2.0), (20.0, 8.0), (40.0, 10.0)];
     let grid = grid.into_iter().filter(|(t, dead)| *t < n / 8.0 && *dead < n / 12.0);
     let grid = grid.map(|(t, dead)| PILOT.beginning(t, dead)).chain(seeds.iter().copied());
@@ -125,8 +124,7 @@ pub(crate) fn detect_changes(
         Marked::new(hint.clone(), still, sign, point)
     };
     let near: Vec<_> = hints.iter().flat_map(|hint| begun.iter().map(move |begun| (hint, *begun))).collect();
-    let begun: Vec<_> = begun.into_iter().map(|(theta, part, share)| (theta, lost(part, share))).collect();
-    let mut begun = detect_each(record, pilot, sign, &begun);
+    let mut begun: Vec<Marked> = begun.into_par_iter().map(|(theta, part, share)| from(theta, part, share)).collect();
     begun.par_extend(near.into_par_iter().map(hinted));
     let begun = if load == Load::Lines { shortlist(pilot, sign, begun) } else { begun };
     let known = begun.iter().find(|m| load == Load::Lines && m.point.lost.d == 0.0).cloned();
@@ -140,8 +138,8 @@ pub(crate) fn detect_changes(
     let kinds = widths.into_iter().flat_map(|part| [0.0, 0.4, 1.0].map(|share| (part, share)));
     let sticks = |part: f64| load == Load::Levels && part > 0.0 && often(part);
     let kinds: Vec<_> = kinds.filter(|(part, share)| *share == 0.0 || sticks(*part)).collect();
-    let kinds: Vec<_> = kinds.into_iter().map(|(part, share)| (begun.point.theta, lost(part, share))).collect();
-    let mut tried = detect_each(record, pilot, sign, &kinds);
+    let mut tried: Vec<Marked> =
+        kinds.into_par_iter().map(|(part, share)| from(begun.point.theta, part, share)).collect();
     let none = tried[0].clone();
     tried.push(begun);
     tried.sort_by(|a, b| a.cost.total_cmp(&b.cost));
@@ -178,8 +176,13 @@ pub(crate) fn marked_anew(record: &Cells, structure: Structure, sign: f64, point
     let family = Structure { noise: walks, ..structure };
     let theta = in_family(family, &point.theta);
     let beside = [0.6, 0.7, 0.8, 0.87, 0.94, 1.06, 1.15, 1.25, 1.4, 1.6];
-    let beside = beside.map(|part| (theta, LostMotion { d: part * point.lost.d, ..point.lost.clone() }));
-    let mut tried = detect_each(record, family, sign, &beside);
+    let mut tried: Vec<Marked> = beside
+        .into_par_iter()
+        .map(|part| {
+            let lost = LostMotion { d: part * point.lost.d, ..point.lost.clone() };
+            detect(record, family, sign, theta, &lost)
+        })
+        .collect();
     tried.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     tried.truncate(3);
     let followed = tried.into_par_iter().map(|marked| {
@@ -302,8 +305,7 @@ fn pushes(marked: &Marked, structure: Structure, sign: f64) -> (Vec<Push>, [f64;
     let calm = Structure { noise: Load::of(structure).noises()[1], ..structure };
     let theta = calm_theta(structure, &point.theta);
     let positions = record.positions(&point.lost);
-    let answer = Search { record, structure: calm, sign }.answer(&[theta; LANES], ANSWER);
-    let answer: Vec<f64> = answer.iter().map(|a| a[0]).collect();
+    let answer = Search { record, structure: calm, sign }.answer(&theta, ANSWER);
     let back = (structure.lag(&theta) + theta[structure.dead_time_at()]).clamp(3.0, 30.0) as usize;
     let all = Search { record, structure: calm, sign }.at(&theta, &positions);
     let mut pushes = Vec::new();
@@ -338,46 +340,27 @@ fn calm_theta(structure: Structure, theta: &Theta) -> Theta {
 
 /// From a beginning to a process whose load stands still between steps: steps and process in turns.
 fn detect(record: &Cells, structure: Structure, sign: f64, theta: Theta, lost: &LostMotion) -> Marked {
-    detect_each(record, structure, sign, &[(theta, lost.clone())]).remove(0)
-}
-
-/// The same from many beginnings.
-fn detect_each(record: &Cells, structure: Structure, sign: f64, begun: &[(Theta, LostMotion)]) -> Vec<Marked> {
     let plain = record.unmarked();
     let [still, walks] = Load::of(structure).noises().map(|noise| Structure { noise, ..structure });
     let watch = Search { record: &plain, structure: walks, sign };
-    let turn = |begun: &[(Theta, &LostMotion)]| -> Vec<Marked> {
-        let calm: Vec<_> = begun.iter().map(|(theta, lost)| (calm_theta(structure, theta), *lost)).collect();
-        let process = |(record, (theta, lost)): (Cells, &(Theta, &LostMotion))| {
-            let rounds = if too_many(&record) { 1 } else { 8 };
-            let search = Search { record: &record, structure: still, sign };
-            let point = search.descend(*theta, lost, rounds, 0.1, f64::INFINITY);
-            Marked::new(record, still, sign, point)
-        };
-        mark(&watch, &calm, CLEAR_CHANGE, 0.0).into_par_iter().zip(begun).map(process).collect()
+    let turn = |theta: Theta| {
+        let record = mark(&watch, &calm_theta(structure, &theta), lost, CLEAR_CHANGE, 0.0);
+        let rounds = if too_many(&record) { 1 } else { 8 };
+        let point = Search { record: &record, structure: still, sign }.descend(theta, lost, rounds, 0.1, f64::INFINITY);
+        Marked::new(record, still, sign, point)
     };
-    let of_eight = |begun: &[(Theta, LostMotion)]| {
-        let mut best = turn(&begun.iter().map(|(theta, lost)| (*theta, lost)).collect::<Vec<_>>());
-        let mut going: Vec<usize> = (0..best.len()).collect();
-        for _ in 1..3 {
-            going.retain(|i| !too_many(&best[*i].record));
-            if going.is_empty() {
-                break;
-            }
-            let again: Vec<_> = going.iter().map(|i| (best[*i].point.theta, &begun[*i].1)).collect();
-            let mut next = turn(&again).into_iter();
-            going.retain(|i| {
-                let next = next.next().expect("one for each that goes on");
-                let better = next.cost <= best[*i].cost - 1.0;
-                if better {
-                    best[*i] = next;
-                }
-                better
-            });
+    let mut best = turn(theta);
+    for _ in 1..3 {
+        if too_many(&best.record) {
+            break;
         }
-        best
-    };
-    begun.par_chunks(LANES).flat_map_iter(of_eight).collect()
+        let next = turn(best.point.theta);
+        if next.cost > best.cost - 1.0 {
+            break;
+        }
+        best = next;
+    }
+    best
 }
 
 /// Steps that do not pay taken out, the others moved to where they pay most, and a load that may walk between them.
@@ -516,60 +499,52 @@ fn prune(search: &Search, point: &Point) -> Cells {
 }
 
 /// The record with the steps that the innovations at θ tell, largest first: of a likelihood ratio above `clear`, larger than
-/// `least` [PV unit]. One for each of up to eight beginnings, which are looked at side by side.
-fn mark(search: &Search, begun: &[(Theta, &LostMotion)], clear: f64, least: f64) -> Vec<Cells> {
+/// `least` [PV unit].
+fn mark(search: &Search, theta: &Theta, lost: &LostMotion, clear: f64, least: f64) -> Cells {
+    let mut record = search.record.clone();
     let [apart, _] = Load::of(search.structure).apart();
-    let thetas: [Theta; LANES] = array::from_fn(|l| begun[l.min(begun.len() - 1)].0);
-    let answers = search.answer(&thetas, ANSWER);
-    let answers: Vec<Vec<f64>> = (0..begun.len()).map(|l| answers.iter().map(|a| a[l]).collect()).collect();
-    let energies: Vec<f64> = answers.iter().map(|answer| answer.iter().map(|a| a * a).sum()).collect();
-    let positions: Vec<Positions> = begun.iter().map(|(_, lost)| search.record.positions(lost)).collect();
-    let own: Vec<Vec<f64>> = search.record.stretches.iter().map(|s| s.changes.clone()).collect();
-    let mut changes = vec![own; begun.len()];
-    let mut looked_at: Vec<usize> = (0..begun.len()).filter(|l| energies[*l] >= 1e-12).collect();
+    let answer = search.answer(theta, ANSWER);
+    let energy: f64 = answer.iter().map(|a| a * a).sum();
+    if energy < 1e-12 {
+        return record;
+    }
+    let positions = record.positions(lost);
     for _ in 0..ROUNDS {
-        if looked_at.is_empty() {
+        let here = Search { record: &record, ..*search }.at(theta, &positions);
+        let residual = here.lane(0);
+        // Spread of the innovations by their median, which steps do not move.
+        let mut sizes: Vec<f64> = residual.iter().map(|r| r.abs()).collect();
+        let middle = sizes.len() / 2;
+        let spread = *sizes.select_nth_unstable_by(middle, f64::total_cmp).1 / 0.6745;
+        let clear = (clear * energy * spread * spread).max((least * here.scale[0] * energy).powi(2));
+        let known = record.changes();
+        let all_left = record.by_stretch(&residual);
+        for (stretch, left) in record.stretches.iter_mut().zip(all_left) {
+            let free = |k: &usize| stretch.changes.iter().all(|j| (j - *k as f64).abs() > apart);
+            let statistic = step_statistic(&left, &stretch.changes, &answer);
+            let mut sizes: Vec<(usize, f64)> = (10..left.len().saturating_sub(5))
+                .map(|k| (k, statistic[k]))
+                .filter(|(k, s)| *s > clear && free(k))
+                .collect();
+            sizes.sort_by(|a, b| b.1.total_cmp(&a.1));
+            let mut found: Vec<f64> = Vec::new();
+            for (k, here) in sizes {
+                let most = MARKED_AT_MOST * left.len() / CELLS_A_CHANGE;
+                let apart = found.iter().all(|j| (j - k as f64).abs() > ANSWER as f64);
+                if apart && stretch.changes.len() + found.len() < most {
+                    // A step out of its place by half a cell would draw others around it.
+                    let (before, after) = (statistic[k - 1], statistic[k + 1]);
+                    let off = 0.5 * (after - before) / (2.0 * here - before - after).max(here * 1e-9);
+                    found.push(k as f64 + off.clamp(-0.5, 0.5));
+                }
+            }
+            stretch.changes.extend(found);
+        }
+        if record.changes() == known {
             break;
         }
-        let (residuals, scale) = search.residuals(&thetas, &positions, &changes);
-        looked_at.retain(|&l| {
-            let residual: Vec<f64> = residuals.iter().map(|r| r[l]).collect();
-            // Spread of the innovations by their median, which steps do not move.
-            let mut sizes: Vec<f64> = residual.iter().map(|r| r.abs()).collect();
-            let middle = sizes.len() / 2;
-            let spread = *sizes.select_nth_unstable_by(middle, f64::total_cmp).1 / 0.6745;
-            let clear = (clear * energies[l] * spread * spread).max((least * scale[l] * energies[l]).powi(2));
-            let mut more = false;
-            for (changes, left) in changes[l].iter_mut().zip(search.record.by_stretch(&residual)) {
-                let found = clear_steps(&left, changes, &answers[l], clear, apart);
-                more |= !found.is_empty();
-                changes.extend(found);
-            }
-            more
-        });
     }
-    changes.into_iter().map(|changes| search.record.with_changes(changes)).collect()
-}
-
-/// The steps beside those that are known that what is `left` tells, so clear and so far apart.
-fn clear_steps(left: &[f64], changes: &[f64], answer: &[f64], clear: f64, apart: f64) -> Vec<f64> {
-    let free = |k: &usize| changes.iter().all(|j| (j - *k as f64).abs() > apart);
-    let statistic = step_statistic(left, changes, answer);
-    let mut sizes: Vec<(usize, f64)> =
-        (10..left.len().saturating_sub(5)).map(|k| (k, statistic[k])).filter(|(k, s)| *s > clear && free(k)).collect();
-    sizes.sort_by(|a, b| b.1.total_cmp(&a.1));
-    let mut found: Vec<f64> = Vec::new();
-    for (k, here) in sizes {
-        let most = MARKED_AT_MOST * left.len() / CELLS_A_CHANGE;
-        let apart = found.iter().all(|j| (j - k as f64).abs() > ANSWER as f64);
-        if apart && changes.len() + found.len() < most {
-            // A step out of its place by half a cell would draw others around it.
-            let (before, after) = (statistic[k - 1], statistic[k + 1]);
-            let off = 0.5 * (after - before) / (2.0 * here - before - after).max(here * 1e-9);
-            found.push(k as f64 + off.clamp(-0.5, 0.5));
-        }
-    }
-    found
+    record
 }
 
 /// What the innovations tell of a step before each cell: the square of their product with the answer to it, which ends where
@@ -660,6 +635,26 @@ mod tests {
 
     fn still(record: &Cells) -> Search<'_> {
         Search { record, structure: Structure { noise: Noise::Still, ..PILOT }, sign: 1.0 }
+    }
+
+    #[test]
+    fn what_tells_of_a_step_is_summed_up_in_order() {
+        let left: Vec<f64> = (0..150).map(|k| f64::from(k * 7919 % 13) - 6.1).collect();
+        let answer: Vec<f64> = (0..ANSWER).map(|k| 0.93_f64.powi(k as i32)).collect();
+        let found = step_statistic(&left, &[97.5, 33.0], &answer);
+        let sum = |k: usize| {
+            let end = if k < 33 {
+                33
+            } else if k < 98 {
+                98
+            } else {
+                150
+            };
+            let sum = left[k..end].iter().zip(&answer).fold(0.0, |sum, (left, answer)| sum + answer * left);
+            sum * sum
+        };
+        let plain: Vec<f64> = (0..150).map(sum).collect();
+        assert_eq!(found, plain);
     }
 
     #[test]

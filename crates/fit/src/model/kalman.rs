@@ -692,3 +692,18 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
         gain.look();
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn changes_of_all_models_are_those_of_each() {
+        let times = [120.3, 40.0, 119.6, 7.5, 120.9];
+        let bits = |changes: Vec<LoadChange>| {
+            let of = |c: &LoadChange| (c.cell, c.variance.map(f64::to_bits), c.before.map(f64::to_bits));
+            changes.iter().map(of).collect::<Vec<_>>()
+        };
+        assert_eq!(bits(LoadChange::alike(&times)), bits(LoadChange::gathered(|_| &times)));
+    }
+}

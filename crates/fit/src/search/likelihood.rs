@@ -257,11 +257,7 @@ impl Work for Pass<'_, '_> {
             structure.whiten::<S, R>(simd, thetas, inputs, white);
             *known = changes.is_none().then(|| Known::new(search, thetas));
         }
-        let own = record.changes();
-        let marks: [usize; LANES] = std::array::from_fn(|l| {
-            changes.map_or(own, |changes| (0..record.stretches.len()).map(|i| changes(l, i).len()).sum())
-        });
-        search.gain_and_residuals::<S, R>(simd, white, marks, &mut workspace.found, wanted);
+        search.gain_and_residuals::<S, R>(simd, white, &mut workspace.found, wanted);
     }
 }
 
@@ -284,10 +280,10 @@ impl Work for Beginning<'_, '_> {
     }
 }
 
-/// The response of eight processes to positions alone.
+/// The response of a process to positions alone.
 struct Response<'s> {
     structure: Structure,
-    thetas: &'s [Theta; LANES],
+    theta: &'s Theta,
     positions: &'s [Lanes],
     white: &'s mut Whitened,
 }
@@ -297,7 +293,7 @@ impl Work for Response<'_> {
     fn run<S: Simd, const R: usize>(self, simd: S) {
         let nothing = vec![0.0; self.positions.len()];
         let alone = [(nothing.as_slice(), [].as_slice(), Delayed::Each(self.positions))];
-        self.structure.whiten::<S, R>(simd, self.thetas, alone.into_iter(), self.white);
+        self.structure.whiten::<S, R>(simd, &[*self.theta; LANES], alone.into_iter(), self.white);
     }
 }
 
@@ -311,21 +307,6 @@ impl Search<'_> {
         then: impl FnOnce(&Innovations) -> T,
     ) -> T {
         self.pass(thetas, &|_, i| &positions[i], None, wanted, BEGUN, |workspace| then(&workspace.found))
-    }
-
-    /// Residuals and their scale of up to eight processes, each with its own positions and changes in each stretch.
-    pub(crate) fn residuals(
-        &self,
-        thetas: &[Theta; LANES],
-        positions: &[Positions],
-        changes: &[Vec<Vec<f64>>],
-    ) -> (Vec<Lanes>, Lanes) {
-        let last = positions.len() - 1;
-        let at = |l: usize, i: usize| positions[l.min(last)][i].as_slice();
-        let of = |l: usize, i: usize| &changes[l.min(last)][i];
-        self.pass(thetas, &at, Some(&of), Wanted::Residuals, DESCENDED, |Workspace { found, .. }| {
-            (found.residual.clone(), found.scale)
-        })
     }
 
     /// Σ r² with eight other sets of changes in one of the stretches, each as large as the record's own.
@@ -365,13 +346,12 @@ impl Search<'_> {
         })
     }
 
-    /// Gain and residuals from what a pass left with so many changes of the load in each lane.
+    /// Gain and residuals from what a pass left.
     #[inline(always)]
     fn gain_and_residuals<S: Simd, const R: usize>(
         &self,
         simd: S,
         white: &Whitened,
-        marks: [usize; LANES],
         found: &mut Innovations,
         wanted: Wanted,
     ) {
@@ -384,10 +364,10 @@ impl Search<'_> {
         }
         let sums = found.sums;
         found.kp = Lanes::each(|l| gain(sums.yv[l], sums.vv[l], self.sign));
+        let freedom = self.record.freedom();
         // A change's size is free: it costs nothing here, and Search::price_of_changes what it is worth.
-        let freedom = |l: usize| self.record.freedom() + self.record.changes() as f64 - marks[l] as f64;
-        let free = |l: usize| marks[l] as f64 * UNKNOWN.ln();
-        found.scale = Lanes::each(|l| ((white.log_s[l] - free(l)) / (2.0 * freedom(l))).exp());
+        let free = self.record.changes() as f64 * UNKNOWN.ln();
+        found.scale = Lanes::each(|l| ((white.log_s[l] - free) / (2.0 * freedom)).exp());
         found.sum_without = Lanes::each(|l| sums.yy[l] * found.scale[l] * found.scale[l]);
         let (kp, scale) = (load(&found.kp), load(&found.scale));
         let innovations = white.of_y().iter().zip(white.of_v());
@@ -477,7 +457,7 @@ impl Search<'_> {
 
     /// What a unit step of the load (of its slope, where that is what changes), with gain 1, leaves in the innovations over the
     /// `cells` after it, once the filter has settled.
-    pub(crate) fn answer(&self, thetas: &[Theta; LANES], cells: usize) -> Vec<Lanes> {
+    pub(crate) fn answer(&self, theta: &Theta, cells: usize) -> Vec<f64> {
         let before = 400;
         let lines = matches!(self.structure.noise, Noise::Lines | Noise::Bends);
         let load = |k: usize| {
@@ -491,8 +471,8 @@ impl Search<'_> {
         };
         let step: Vec<Lanes> = (0..before + cells).map(|k| Lanes::all(load(k))).collect();
         let mut white = Whitened::default();
-        widest(Response { structure: self.structure, thetas, positions: &step, white: &mut white });
-        white.of_v()[before..].to_vec()
+        widest(Response { structure: self.structure, theta, positions: &step, white: &mut white });
+        white.of_v()[before..].iter().map(|v| v[0]).collect()
     }
 
     /// Whitened PV, and what a unit of each of the inputs makes of it.

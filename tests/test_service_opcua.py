@@ -512,6 +512,19 @@ def link(**connection):
     return opcua._Link(None, Connection(url="opc.tcp://x:1", **connection))
 
 
+def test_nothing_stands_still_while_values_wait_to_be_handed_on():
+    """After a break they wait for the history: until then PV was held to stand still, and what waited came too late."""
+    fed = Fed()
+    made = fed.source._link
+    fed(10.0)
+    made.heard = fed.begin + 50.0
+    assert fed.source.alive("L0") == fed.begin + 10.0, "the history is still read"
+    made.caught_up = True
+    assert fed.source.alive("L0") == fed.begin + 50.0
+    made.published(message(1, 1))
+    assert fed.source.alive("L0") == fed.begin + 10.0
+
+
 def test_the_server_is_asked_to_hold_nothing_back():
     """A dead band in the connection would hide the moves that tell a valve's gap."""
     made = link()

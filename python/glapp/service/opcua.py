@@ -277,10 +277,11 @@ class OpcUa:
 
         A server that has nothing new says so; what it told last then holds until that moment. None: never heard of.
         """
-        newest = self._newest[loop]
+        newest, link = self._newest[loop], self._link
         if newest == -math.inf:
             return None
-        return max(newest, self._link.heard) if self._link is not None else newest
+        # While values wait to be handed on, nothing is known to have stood still.
+        return newest if link is None or link.waiting or not link.caught_up else max(newest, link.heard)
 
     async def beat(self) -> None:
         """Count the plant's watchdog up.
@@ -387,6 +388,7 @@ class OpcUa:
             self._event("connected", None, f"{connection.url}: connected, {len(link.nodes)} tags")
             await self._backfill(link, take, self._clock.now())
             self._summary(link)
+            link.caught_up = True
             self._quiet = time.monotonic() + _AGAIN
             await self._hand_on(link, take)
         finally:
@@ -835,7 +837,7 @@ class _Link:
         self.last, self.longest, self.silent = time.monotonic(), math.inf, 0
         self.heard, self._behind = -math.inf, math.inf
         self._sequence: int | None = None
-        self.no_history = False
+        self.no_history = self.caught_up = False
         self.filled, self.filled_from, self.filled_to = 0, math.inf, -math.inf
 
     async def on_lost(self, error: Exception) -> None:

@@ -130,7 +130,7 @@ def _compensation(browser: Browser, out: Path) -> None:
         def button(name: str) -> None:
             while True:
                 page.goto(f"{url}/loop?name={LEVEL}")
-                page.wait_for_selector(".half:not(:empty)")
+                page.get_by_text(re.compile("^PV of ")).wait_for()
                 page.get_by_role("button", name=name, exact=True).click()
                 page.locator(".wide-dialog").or_(page.locator(".q-notification")).first.wait_for()
                 if page.locator(".wide-dialog").count():

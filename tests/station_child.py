@@ -109,6 +109,9 @@ async def main(folder: Path, port: int) -> None:
             (folder / "glapp.db").rename(folder / "away.db")
         if word == "change":
             await watch.change("FIC0", {"n": 5}, "olga", "engineer")
+        if word == "samples":
+            watch.take(values("FIC1", 100, begin=time.time() - 120.0))
+            await watch.step()
         if word == "share":
             await watch.change("FIC0", {"comp_share": 0.7}, "olga", "engineer")
         if word == "one less":

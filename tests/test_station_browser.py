@@ -90,6 +90,16 @@ def test_a_tab_that_is_open_for_a_day_does_not_grow(browser: Any, window: Window
     assert page.wrong == []
 
 
+def test_a_page_that_is_open_before_the_first_samples(browser: Any, window: Window) -> None:
+    """It had drawn nothing, and went on from that: no half-period under way was ever shown."""
+    page = logged_in(browser, window, "vera")
+    page.goto(window.url + "/loop?name=FIC1")
+    page.get_by_text("No PV has come since the service began.").wait_for()
+    window.say("samples")
+    page.get_by_text(re.compile("^Half-period under way")).wait_for()
+    assert page.wrong == []
+
+
 def test_ten_tabs(browser: Any, window: Window) -> None:
     page = logged_in(browser, window, "vera")
     tabs = [page, *(page.context.new_page() for _ in range(9))]

@@ -72,8 +72,9 @@ class _Page:
         self.window = next((window for window in WINDOWS if window >= 300.0 * sample), max(WINDOWS))
         self.last = -math.inf
         self.seen: float | None = None
+        self.drawn = 0
         self.newest: tuple[Any, ...] | None = None
-        self.counted = -math.inf
+        self.stale, self.counted = True, -math.inf
         self.under_way: UnderWay | None = None
         loop = station.view.loops[name]
         self.pv_unit, self.op_unit = loop.pv_unit or "", loop.op_label
@@ -181,7 +182,7 @@ class _Page:
         end = time.time()
         values = await signals(self.station, self.session, self.name, end - self.window, end)
         halves = await self._halves(end - self.window)
-        self.last = max(values["time"], default=-math.inf)
+        self.last, self.drawn = max(values["time"], default=-math.inf), len(values["time"])
         options = charts.live(values, halves, self.pv_unit, self.op_unit, dark=self.session.dark)
         self.chart.options.clear()
         self.chart.options.update(options)
@@ -288,12 +289,13 @@ class _Page:
         with suppress(InputError):  # the frame tells it
             newest = await asyncio.to_thread(self.read, lambda r: r.half_periods(self.name, accepted=False, most=1))
             mark = tuple(row["number"] for row in newest)
-            if mark != self.newest:
-                await (self.draw() if self.newest is None else self.shade())
-                self.newest = mark
-                if time.monotonic() - self.counted > COUNTED_EVERY:
-                    self.counted = time.monotonic()
-                    await self._count()
+            if mark != self.newest or self.drawn < 2:
+                # A page that is there before the first samples are has nothing to go on from.
+                await (self.draw() if self.drawn < 2 else self.shade())
+                self.newest, self.stale = mark, True
+            if self.stale and time.monotonic() - self.counted > COUNTED_EVERY:
+                self.counted, self.stale = time.monotonic(), False
+                await self._count()
 
     def _unit(self) -> str:
         return "% of span" if self.station.view.percent(self.name, 1.0) is not None else self.op_unit

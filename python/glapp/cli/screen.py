@@ -100,7 +100,7 @@ def show_table(columns: Sequence[Column]) -> None:
     first, *others = columns
     table = [first]
     for column in others:
-        least = _name_width(first) + sum(map(_least, [*table[1:], column])) + _GAP * len(table)
+        least = _name_width(first) + sum(map(_least, [*table[1:], column])) + _GAP * (len(table) + 1)
         if len(table) > 1 and least > out.width:
             _print(table)
             out.print()
@@ -113,7 +113,7 @@ def _print(columns: Sequence[Column]) -> None:
     table = Table(box=None, padding=(0, _GAP, 0, 0), header_style="bold", pad_edge=False)
     first, *others = columns
     widths = [_name_width(first), *map(_least, others)]
-    room = out.width - sum(widths) - _GAP * len(others)
+    room = out.width - sum(widths) - _GAP * len(columns)  # Rich counts a gap behind the last as well
     widths[0] = max(_SHORTEST, widths[0] + min(room, 0))
     for i in (*range(1, len(columns)), 0):  # names get what room is left
         more = max(0, min(room, _most(columns[i]) - widths[i]))

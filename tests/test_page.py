@@ -83,14 +83,14 @@ def answered(page: Any, path: Path) -> dict[str, Any]:
     return found
 
 
-def near(ours: Any, theirs: Any, at: str, within: float) -> None:
-    """Equal names, and numbers alike to a share: a search ends where the last digits of logarithms send it."""
+def near(ours: Any, theirs: Any, at: str) -> None:
+    """Equal names, and numbers to 1e-3: a search ends where the last digits of logarithms send it."""
     if isinstance(ours, dict):
         assert ours.keys() == theirs.keys(), at
         for key in ours:
-            near(ours[key], theirs[key], f"{at}.{key}", within)
+            near(ours[key], theirs[key], f"{at}.{key}")
     elif isinstance(ours, float):
-        assert theirs == pytest.approx(ours, rel=within, abs=1e-12), at
+        assert theirs == pytest.approx(ours, rel=1e-3, abs=1e-12), at
     else:
         assert ours == theirs, at
 
@@ -102,11 +102,11 @@ def same(page: Any, path: Path) -> None:
     result = glapp.analyze(recording)
     told = json.loads(json.dumps(result.to_dict()))
     for key in ("verdict", "width", "low", "high", "urgency", "valve", "evidence"):
-        near(told["answer"][key], found["answer"][key], key, 1e-5)
+        near(told["answer"][key], found["answer"][key], key)
     for key in ("crossings", "d_hat", "detections", "half_periods", "noise_floor", "reasons"):
-        near(told[key], found[key], key, 1e-3)  # Kp of the fit is in it
+        near(told[key], found[key], key)
     for ours, theirs in zip(told["quality"], found["quality"], strict=True):
-        near(ours["evidence"], {key: theirs["evidence"][key] for key in ours["evidence"]}, ours["code"], 1e-3)
+        near(ours["evidence"], {key: theirs["evidence"][key] for key in ours["evidence"]}, ours["code"])
     said = page.locator("#result").inner_text()
     sentences = [words.lead(result), words.next_step(result), *(words.sentence(one.text) for one in result.quality)]
     if result.fit is not None:

@@ -1,24 +1,25 @@
 //! Whether the tests beside the core notice each mutant: `cargo run --release -p glapp-plc-check --example mutants [FILE.st ...]`;
-//! `mutants.tsv` as an argument: those alone that a list has; a number: every so manieth of each file.
+//! a number as an argument: so many of all files, drawn, 20 of each file at least; another number: the seed.
 //!
 //! Each operator, literal and name (to another of its type) is changed one at a time. The tests beside the core run once, on the library as
 //! it stands, and leave a trace of every block: what its pins held, and what they showed, which was the core's to the bit. A mutant is noticed
-//! where a trace of a block that has the changed file in it shows another bit, or does not run to its end. `mutants.tsv` lists every mutant that
+//! where a trace of a block that has the changed file in it shows another bit, or does not run to its end. `GLAPP_TRACES` names a folder in
+//! which traces stay, and are taken where there are some. `mutants.tsv` lists every mutant that
 //! is left, with its reason: `equal: ...` where nothing can tell it from the source.
 
-use glapp_plc_check::{Build, Library, Mutant, Mutants, Trace, Trial, sources};
+use glapp_plc_check::{Build, Fate, Library, Mutant, Mutants, Trace, Trial, sources};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Stdio};
 
 /// Tests that do not run the library beside the core.
 const OTHERS: [&str; 6] = ["docs", "subset", "lint_samples", "self_test", "demo", "must_show"];
-/// Programs: they have tests of their own.
-const PROGRAMS: [&str; 3] = ["SelfTest.st", "SelfCheck.st", "Demo.st"];
+/// Programs, which have tests of their own, and the tests' block.
+const PROGRAMS: [&str; 3] = ["SelfTest.st", "Demo.st", "TryFunctions.st"];
 
 fn tests() -> Vec<PathBuf> {
     let built = Command::new(env!("CARGO"))
-        .args(["test", "--release", "-p", "glapp-plc-check", "--no-run", "--message-format=json"])
+        .args(["test", "-p", "glapp-plc-check", "--no-run", "--message-format=json"])
         .stderr(Stdio::inherit())
         .output()
         .expect("cargo");
@@ -34,54 +35,69 @@ fn tests() -> Vec<PathBuf> {
     executables.map(PathBuf::from).filter(|path| !OTHERS.contains(&&*name(path))).collect()
 }
 
-/// What the tests do with the library as it stands.
-fn traces() -> Vec<Trace> {
-    let folder = std::env::temp_dir().join(format!("glapp-traces-{}", std::process::id()));
-    std::fs::create_dir_all(&folder).expect("a folder");
-    let tests = tests();
-    assert!(!tests.is_empty(), "no tests");
+fn trace(path: &Path) -> Trace {
+    Trace::of(&mut std::fs::File::open(path).expect("a file")).expect("a trace")
+}
+
+/// What the tests do with the library as it stands, in a folder: the shortest trace of each block, then the next of each, and so on.
+fn traces(folder: &Path) -> Vec<(Build, PathBuf)> {
+    std::fs::create_dir_all(folder).expect("a folder");
+    let there = std::fs::read_dir(folder).expect("a folder").next().is_some();
+    let tests = if there { vec![] } else { tests() };
+    assert!(there || !tests.is_empty(), "no tests");
     for test in tests {
         let mut run = Command::new(&test);
-        run.env("GLAPP_TRACES", &folder).current_dir(env!("CARGO_MANIFEST_DIR"));
+        run.env("GLAPP_TRACES", folder).current_dir(env!("CARGO_MANIFEST_DIR"));
         let status = run.stdout(Stdio::null()).status().expect("a test");
         assert!(status.success(), "{}: the library as it stands does not pass", test.display());
     }
-    let files = std::fs::read_dir(&folder).expect("a folder").map(|file| file.expect("a file").path());
-    let read = |path: PathBuf| Trace::of(&mut std::fs::File::open(path).expect("a file")).expect("a trace");
-    let mut all: Vec<Trace> = files.map(read).collect();
-    let _ = std::fs::remove_dir_all(&folder);
-    // The shortest of each block, then the next of each, and so on.
-    all.sort_by_key(|trace| (trace.unit().to_owned(), trace.events()));
+    let files = std::fs::read_dir(folder).expect("a folder").map(|file| file.expect("a file").path());
+    let told = |path: PathBuf| {
+        let trace = trace(&path);
+        (trace.unit().to_owned(), trace.build() == Build::Real, trace.events(), path)
+    };
+    let mut all: Vec<_> = files.map(told).collect();
+    eprintln!("{} traces, {} events", all.len(), all.iter().map(|(.., events, _)| events).sum::<usize>());
+    all.sort();
     let mut counts = BTreeMap::new();
-    let mut ranked: Vec<(usize, Trace)> = vec![];
-    for trace in all {
-        let count = counts.entry((trace.unit().to_owned(), trace.build() == Build::Real)).or_insert(0);
-        ranked.push((*count, trace));
+    let mut ranked = vec![];
+    for (unit, real, _, path) in all {
+        let count = counts.entry((unit, real)).or_insert(0);
         *count += 1;
+        ranked.push((*count, if real { Build::Real } else { Build::Lreal }, path));
     }
-    ranked.sort_by_key(|(rank, _)| *rank);
-    ranked.into_iter().map(|(_, trace)| trace).collect()
+    ranked.sort_by_key(|(rank, ..)| *rank);
+    ranked.into_iter().map(|(_, build, path)| (build, path)).collect()
 }
 
-/// A mutant as `mutants.tsv` has it: file, the line as it was, as it is.
+/// A mutant as `mutants.tsv` has it: file, the line as it was, as it is; of lines that are the same, which.
 fn told(mutant: &Mutant) -> String {
-    format!("{}\t{}\t{}", mutant.file, mutant.line.0, mutant.line.1)
+    let which = if mutant.which > 1 { format!(" {}", mutant.which) } else { String::new() };
+    format!("{}{which}\t{}\t{}", mutant.file, mutant.line.0, mutant.line.1)
 }
 
 fn main() -> ExitCode {
-    let (again, wanted): (Vec<String>, Vec<String>) = std::env::args().skip(1).partition(|name| name.ends_with(".tsv"));
-    let (every, wanted): (Vec<String>, Vec<String>) =
-        wanted.into_iter().partition(|name| name.parse::<usize>().is_ok());
-    let every = every.first().map_or(1, |number| number.parse().expect("a number"));
-    let again: Vec<String> = again.iter().map(|list| std::fs::read_to_string(list).expect("a list")).collect();
+    let (numbers, wanted): (Vec<String>, Vec<String>) =
+        std::env::args().skip(1).partition(|name| name.parse::<u64>().is_ok());
+    let numbers: Vec<u64> = numbers.iter().map(|number| number.parse().expect("a number")).collect();
+    let (drawn, seed) = (numbers.first().copied(), numbers.get(1).copied().unwrap_or(1));
     let home = Path::new(env!("CARGO_MANIFEST_DIR"));
     let ours = home.join("..");
     let listed = std::fs::read_to_string(home.join("mutants.tsv")).unwrap_or_default();
     let reasons: BTreeMap<_, _> = listed.lines().filter_map(|line| line.rsplit_once('\t')).collect();
-    let traces = traces();
-    eprintln!("{} traces, {} events", traces.len(), traces.iter().map(Trace::events).sum::<usize>());
+    let kept = std::env::var_os("GLAPP_TRACES").map(PathBuf::from);
+    let folder =
+        kept.clone().unwrap_or_else(|| std::env::temp_dir().join(format!("glapp-traces-{}", std::process::id())));
+    let traces = traces(&folder);
 
-    let sources = |build| sources(&ours, build).expect("the library");
+    // The functions stand on the pins of a block of the tests.
+    let text = std::fs::read_to_string(home.join("tests/tries/TryFunctions.st")).expect("a file");
+    let tries = ("TryFunctions.st".to_owned(), text);
+    let sources = |build| {
+        let mut files = sources(&ours, build).expect("the library");
+        files.push(tries.clone());
+        files
+    };
     let (long, short) = (sources(Build::Lreal), sources(Build::Real));
     let read = |files: &[(String, String)]| Mutants::new(files).expect("the library");
     let real = |text: &str| text.replace("LREAL", "REAL");
@@ -91,62 +107,77 @@ fn main() -> ExitCode {
         let file = mutant.file.trim_start_matches("real/");
         (file.to_owned(), format!("Glapp{}", file.trim_end_matches(".st")))
     };
-    let of = |build| traces.iter().filter(|trace| trace.build() == build).collect::<Vec<_>>();
+    let twin = |file: &str| ours.join("real").join(file).exists();
     // In LREAL first; what is left of it in REAL, and what stands in `real/`.
-    let (mut counts, mut left) = (BTreeMap::new(), vec![]);
+    let (mut counts, mut left) = (BTreeMap::new(), Vec::<(Mutant, Option<Fate>)>::new());
     for (build, files) in [(Build::Lreal, &long), (Build::Real, &short)] {
         let library = read(files);
-        let mut trial = Trial::new(Library::read(&ours, build).expect("the library"));
-        let mut tried = if build == Build::Real { std::mem::take(&mut left) } else { vec![] };
-        for (file, _) in files {
-            let named = wanted.is_empty() || wanted.contains(file);
-            let twin = ours.join("real").join(file).exists();
-            if !named || (build == Build::Real && !twin) || PROGRAMS.contains(&&**file) {
+        let named = files.iter().map(|(name, text)| (&**name, &**text));
+        let mut trial = Trial::new(Library::of(named, build).expect("the library"));
+        let mut tried: Vec<(Mutant, Option<Fate>)> = vec![];
+        for (mutant, fate) in std::mem::take(&mut left) {
+            // A file with a twin in `real/` is none of this build.
+            if twin(&mutant.file) {
+                left.push((mutant, fate));
                 continue;
             }
-            for (mutant, changed) in library.of(file).expect("a file").step_by(every) {
-                let place = if build == Build::Real { format!("real/{file}") } else { file.clone() };
-                let mutant = Mutant { file: place, ..mutant };
-                if !again.is_empty() && !again.iter().any(|list| list.contains(&told(&mutant))) {
-                    continue;
-                }
-                counts.entry(mutant.file.clone()).or_insert([0, 0])[0] += 1;
-                if build == Build::Lreal {
-                    trial.add(&unit(&mutant).1, changed);
-                }
-                tried.push(mutant);
+            // What REAL refuses is noticed.
+            let (file, unit) = unit(&mutant);
+            if let Ok(changed) = reals.with(&file, &real(&mutant.text)) {
+                trial.add(&unit, &changed);
+                tried.push((mutant, fate));
             }
         }
-        if build == Build::Real {
-            // A file with a twin in `real/` is none of this build; what REAL refuses is noticed.
-            let apart =
-                |mutant: &Mutant| !mutant.file.starts_with("real/") && ours.join("real").join(&mutant.file).exists();
-            tried.retain(|mutant| {
-                if apart(mutant) {
-                    left.push(mutant.clone());
-                    return false;
+        let named = |file: &String| {
+            let here = build == Build::Lreal || twin(file);
+            (wanted.is_empty() || wanted.contains(file)) && here && !PROGRAMS.contains(&&**file)
+        };
+        let files: Vec<&String> = files.iter().map(|(file, _)| file).filter(|file| named(file)).collect();
+        let places = |file: &str| library.places(file).expect("a file");
+        let blocks = long.iter().map(|(file, _)| &**file).filter(|file| !PROGRAMS.contains(file));
+        let all = if drawn.is_some() { blocks.map(places).sum::<usize>() } else { 0 };
+        for file in files {
+            let of_file = drawn.map_or(usize::MAX, |drawn| (drawn as usize * places(file)).div_ceil(all).max(20));
+            let mutants: Box<dyn Iterator<Item = _>> = match drawn {
+                Some(_) => Box::new(library.drawn(file, seed, of_file).expect("a file")),
+                None => Box::new(library.of(file).expect("a file")),
+            };
+            for (mutant, changed) in mutants {
+                let place = if build == Build::Real { format!("real/{file}") } else { file.clone() };
+                let mutant = Mutant { file: place, ..mutant };
+                counts.entry(mutant.file.clone()).or_insert([0, 0])[0] += 1;
+                if build == Build::Lreal {
+                    trial.add(&unit(&mutant).1, &changed);
+                } else {
+                    let (file, unit) = unit(&mutant);
+                    let Ok(changed) = reals.with(&file, &real(&mutant.text)) else { continue };
+                    trial.add(&unit, &changed);
                 }
-                let (file, unit) = unit(mutant);
-                reals.with(&file, &real(&mutant.text)).is_ok_and(|changed| {
-                    trial.add(&unit, changed);
-                    true
-                })
-            });
+                tried.push((mutant, None));
+            }
         }
         eprintln!("{build:?}: {} to try", tried.len());
-        let noticed = trial.noticed(&of(build));
-        left.extend(tried.into_iter().zip(noticed).filter(|(_, noticed)| !noticed).map(|(mutant, _)| mutant));
+        let of_build = traces.iter().filter(|(of, _)| *of == build).map(|(_, path)| trace(path));
+        let fates = trial.fates(of_build).into_iter();
+        let both = |((mutant, before), now): ((Mutant, Option<Fate>), Fate)| {
+            (now != Fate::Noticed).then_some((mutant, before.max(Some(now))))
+        };
+        left.extend(tried.into_iter().zip(fates).filter_map(both));
         eprintln!("{build:?}: {} left", left.len());
     }
+    if kept.is_none() {
+        let _ = std::fs::remove_dir_all(&folder);
+    }
     let (mut equal, mut unlisted) = (0, 0);
-    for mutant in &left {
+    for (mutant, fate) in &left {
         counts.get_mut(&mutant.file).expect("counted")[1] += 1;
-        let told = told(mutant);
+        let (told, fate) = (told(mutant), fate.expect("tried"));
         match reasons.get(&*told) {
             Some(reason) => equal += usize::from(reason.starts_with("equal: ")),
+            None if fate == Fate::Same => equal += 1,
             None => {
                 unlisted += 1;
-                println!("{told}");
+                println!("{told}\t{fate:?}");
             }
         }
     }

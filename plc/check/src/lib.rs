@@ -1,6 +1,7 @@
 #![doc = include_str!("../README.md")]
 
 mod first;
+mod flow;
 mod library;
 mod lint;
 mod mutate;
@@ -9,10 +10,12 @@ mod run;
 mod second;
 mod trace;
 mod tree;
+mod trial;
 
 pub use library::{Build, Library, Value, Way, sources, trees};
 pub use mutate::{Mutant, Mutants};
 pub use page::pins;
 pub use run::Instance;
-pub use trace::{Trace, Trial};
+pub use trace::Trace;
 pub use tree::{Fault, Unit};
+pub use trial::{Fate, Trial};

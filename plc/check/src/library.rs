@@ -1,7 +1,9 @@
 //! From trees to something that runs: names resolved, types checked, every variable at its place in one memory.
 
+use crate::flow::Flow;
 use crate::tree::{Argument, Class, Expr, Fault, Op, Pou, Stmt, StmtKind, Type, Unit, Var};
 use crate::{first, lint, second};
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::path::Path;
 
@@ -117,6 +119,20 @@ pub(crate) struct Compiled {
     pub retained: Vec<bool>,
     pub kind: Kind,
     pub body: Vec<Step>,
+    /// What its memory of the scan before is to it.
+    pub flow: Flow,
+}
+
+impl Compiled {
+    /// All but variables of its own that it writes before it reads them.
+    fn kept(&self) -> Vec<bool> {
+        let mut kept = vec![true; self.image.len()];
+        for (number, slot) in self.slots.iter().enumerate().filter(|(_, slot)| slot.class == Class::Local) {
+            let end = self.slots.get(number + 1).map_or(self.image.len(), |next| next.at);
+            (slot.at..end).for_each(|at| kept[at] = self.flow.read.get(at).copied().unwrap_or(true));
+        }
+        kept
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -131,14 +147,14 @@ pub(crate) enum Kind {
 }
 
 /// A place relative to the instance.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Place {
     Fixed(usize),
     Indexed { at: usize, low: i64, high: i64, index: Box<Code> },
 }
 
 /// A typed expression.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Code {
     Const(Value),
     Load(Place),
@@ -150,13 +166,15 @@ pub(crate) enum Code {
     Call(usize, Vec<(usize, Code)>),
 }
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Step {
     pub line: usize,
+    /// Its place in the unit's text, from 0.
+    pub number: usize,
     pub kind: StepKind,
 }
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) enum StepKind {
     Set(Place, Code),
     Copy {
@@ -207,6 +225,8 @@ pub struct Library {
     pub(crate) units: Vec<Compiled>,
     by_name: HashMap<String, usize>,
     pub(crate) function_memory: usize,
+    /// By unit, what of its memory the next call, or who calls it, may read.
+    pub(crate) kept: Vec<Vec<bool>>,
     /// All ways through it.
     pub ways: Vec<Way>,
 }
@@ -365,8 +385,9 @@ impl<'u> Builder<'u> {
         for number in 0..self.sources.len() {
             self.compile(number)?;
         }
-        let units = self.done.into_iter().flatten().collect();
-        Ok(Library { units, by_name: self.by_name, function_memory: self.function_memory, ways: self.ways })
+        let units: Vec<Compiled> = self.done.into_iter().flatten().collect();
+        let kept = units.iter().map(Compiled::kept).collect();
+        Ok(Library { units, by_name: self.by_name, function_memory: self.function_memory, kept, ways: self.ways })
     }
 
     /// What it is made of comes first; nothing contains or calls itself.
@@ -380,8 +401,15 @@ impl<'u> Builder<'u> {
         }
         self.under_way[number] = true;
         let name = unit.name().to_owned();
-        let mut compiled =
-            Compiled { name, slots: vec![], image: vec![], retained: vec![], kind: Kind::Struct, body: vec![] };
+        let mut compiled = Compiled {
+            name,
+            slots: vec![],
+            image: vec![],
+            retained: vec![],
+            kind: Kind::Struct,
+            body: vec![],
+            flow: Flow::default(),
+        };
         match unit {
             Unit::Struct { fields, .. } => {
                 for field in fields {
@@ -458,7 +486,10 @@ impl<'u> Builder<'u> {
             compiled.kind = Kind::Function { frame: self.function_memory, returns: compiled.slots[0].ty };
             self.function_memory += compiled.image.len();
         }
-        compiled.body = Scope { builder: self, unit: compiled, line: 0 }.body(&pou.body)?;
+        compiled.body = Scope { builder: self, unit: compiled, line: 0, steps: 0 }.body(&pou.body)?;
+        compiled.flow = Flow::of(&compiled.body, compiled.image.len(), &|unit, _| {
+            Cow::Borrowed(&self.done[unit].as_ref().expect("compiled before what calls it").flow)
+        });
         Ok(())
     }
 }
@@ -480,6 +511,7 @@ struct Scope<'a, 'u> {
     builder: &'a mut Builder<'u>,
     unit: &'a Compiled,
     line: usize,
+    steps: usize,
 }
 
 impl Scope<'_, '_> {
@@ -649,7 +681,9 @@ impl Scope<'_, '_> {
         body.iter()
             .map(|stmt| {
                 self.line = stmt.line;
-                Ok(Step { line: stmt.line, kind: self.step(&stmt.kind)? })
+                let number = self.steps;
+                self.steps += 1;
+                Ok(Step { line: stmt.line, number, kind: self.step(&stmt.kind)? })
             })
             .collect()
     }
@@ -697,16 +731,17 @@ impl Scope<'_, '_> {
             StmtKind::Call(name, args) => {
                 let slot = self.slot(name)?;
                 let Ty::Unit(unit) = slot.ty else { return self.fault(format!("{name} cannot be called")) };
-                let block = self.compiled(unit)?.clone();
-                if block.kind != Kind::Block {
+                let block = self.compiled(unit)?;
+                let (kind, of, slots) = (block.kind, block.name.clone(), block.slots.clone());
+                if kind != Kind::Block {
                     return self.fault(format!("{name} cannot be called"));
                 }
                 let (mut inputs, mut copies): (Vec<(usize, Code)>, Vec<_>) = (vec![], vec![]);
                 let mut given: Vec<&str> = vec![];
                 for (pin, value) in args {
                     let pin = pin.as_deref().unwrap_or("");
-                    let found = block.slots.iter().find(|slot| slot.name == pin && slot.class == Class::Input);
-                    let Some(input) = found else { return self.fault(format!("{} has no input {pin}", block.name)) };
+                    let found = slots.iter().find(|slot| slot.name == pin && slot.class == Class::Input);
+                    let Some(input) = found else { return self.fault(format!("{of} has no input {pin}")) };
                     if given.contains(&pin) {
                         return self.fault(format!("{pin} is given twice"));
                     }

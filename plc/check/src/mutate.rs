@@ -11,6 +11,8 @@ pub struct Mutant {
     pub file: String,
     /// The line as it was and as it is, without the spaces before it.
     pub line: (String, String),
+    /// Which of the lines of the file that are the same, from 1.
+    pub which: usize,
     /// The whole file as it is.
     pub text: String,
 }
@@ -60,30 +62,92 @@ impl Mutants {
     /// # Errors
     /// Where there is no such file.
     pub fn of(&self, file: &str) -> Result<impl Iterator<Item = (Mutant, Library)> + use<>, Fault> {
-        let Some(place) = self.sources.iter().position(|(name, _)| name == file) else {
+        let mut text = Text::of(self, file)?;
+        Ok((0..text.tokens.len()).filter_map(move |at| text.changed(at)))
+    }
+
+    /// So many of them, drawn by a seed; all where there are fewer.
+    ///
+    /// # Errors
+    /// As [`of`](Self::of).
+    pub fn drawn(
+        &self,
+        file: &str,
+        seed: u64,
+        count: usize,
+    ) -> Result<impl Iterator<Item = (Mutant, Library)> + use<>, Fault> {
+        let mut text = Text::of(self, file)?;
+        let mut places = text.places();
+        // Fisher and Yates, with the numbers of Marsaglia's xorshift.
+        let mut number = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
+        for last in (1..places.len()).rev() {
+            number ^= number << 13;
+            number ^= number >> 7;
+            number ^= number << 17;
+            places.swap(last, (number >> 11) as usize % (last + 1));
+        }
+        Ok(places.into_iter().filter_map(move |at| text.changed(at)).take(count))
+    }
+
+    /// How many operators, literals and names of a file there are to change; a few of them have no change that fits.
+    ///
+    /// # Errors
+    /// As [`of`](Self::of).
+    pub fn places(&self, file: &str) -> Result<usize, Fault> {
+        Ok(Text::of(self, file)?.places().len())
+    }
+}
+
+/// A file, and what of it can be changed.
+struct Text {
+    file: String,
+    text: String,
+    plain: String,
+    tokens: Vec<(usize, usize)>,
+    body: usize,
+    names: Names,
+    units: Vec<Unit>,
+    place: usize,
+}
+
+impl Text {
+    fn of(all: &Mutants, file: &str) -> Result<Self, Fault> {
+        let Some(place) = all.sources.iter().position(|(name, _)| name == file) else {
             return Err(Fault::new(file, 0, "no such file"));
         };
-        let (text, mut units) = (self.sources[place].1.clone(), self.units.clone());
-        let names = Names::of(&self.sources, &text);
+        let text = all.sources[place].1.clone();
+        let names = Names::of(&all.sources, &text);
         let plain = blanked(&text);
-        let (tokens, body, file) = (tokens(&plain), body(&plain), file.to_owned());
-        Ok((0..tokens.len()).filter_map(move |at| {
-            let (from, to) = tokens[at];
-            for instead in changes(&plain, &tokens, at, from >= body, &names) {
-                let changed = format!("{}{instead}{}", &text[..from], &text[to..]);
-                let Ok(unit) = read_unit(&file, &changed) else { continue };
-                let before = std::mem::replace(&mut units[place], unit);
-                let library = Library::built(&units);
-                units[place] = before;
-                if let Ok(library) = library {
-                    let number = text[..from].matches('\n').count();
-                    let shown = |text: &str| text.lines().nth(number).unwrap_or("").trim().to_owned();
-                    let line = (shown(&text), shown(&changed));
-                    return Some((Mutant { file: file.clone(), line, text: changed }, library));
-                }
+        let (tokens, body) = (tokens(&plain), body(&plain));
+        Ok(Self { file: file.to_owned(), text, plain, tokens, body, names, units: all.units.clone(), place })
+    }
+
+    fn changes(&self, at: usize) -> Vec<String> {
+        changes(&self.plain, &self.tokens, at, self.tokens[at].0 >= self.body, &self.names)
+    }
+
+    fn places(&self) -> Vec<usize> {
+        (0..self.tokens.len()).filter(|at| !self.changes(*at).is_empty()).collect()
+    }
+
+    /// With the first change of a token that fits.
+    fn changed(&mut self, at: usize) -> Option<(Mutant, Library)> {
+        let (from, to) = self.tokens[at];
+        for instead in self.changes(at) {
+            let changed = format!("{}{instead}{}", &self.text[..from], &self.text[to..]);
+            let Ok(unit) = read_unit(&self.file, &changed) else { continue };
+            let before = std::mem::replace(&mut self.units[self.place], unit);
+            let library = Library::built(&self.units);
+            self.units[self.place] = before;
+            if let Ok(library) = library {
+                let number = self.text[..from].matches('\n').count();
+                let shown = |text: &str| text.lines().nth(number).unwrap_or("").trim().to_owned();
+                let line = (shown(&self.text), shown(&changed));
+                let which = self.text.lines().take(number + 1).filter(|one| one.trim() == line.0).count();
+                return Some((Mutant { file: self.file.clone(), line, which, text: changed }, library));
             }
-            None
-        }))
+        }
+        None
     }
 }
 

@@ -1,5 +1,6 @@
 //! Runs the library, strictly: what one controller may do and another may not stops the run.
 
+use crate::flow::{is_total, unread};
 use crate::library::{Code, Compiled, Kind, Library, Place, Step, StepKind, Ty, Value};
 use crate::tree::{Class, Fault, Op};
 
@@ -140,15 +141,42 @@ impl<'l> Instance<'l> {
     /// # Errors
     /// Where the run stops: a division by zero, a result that is no number, an index or an integer out of range, a WHILE without end.
     pub fn call(&mut self) -> Result<(), Fault> {
-        self.tried(None)
+        self.run(None, None)
     }
 
-    /// The same, and the changed units of a probe are tried wherever theirs is called.
-    pub(crate) fn tried(&mut self, probe: Option<&mut Probe<'_>>) -> Result<(), Fault> {
-        let unit = &self.library.units[self.unit];
-        Run { library: self.library, memory: &mut self.memory, probe, unit, frame: 0, line: 0 }
+    /// The same with a change of the library; and the changes of a probe are tried wherever their units are called.
+    pub(crate) fn run(&mut self, change: Option<&Change>, probe: Option<&mut Probe<'_>>) -> Result<(), Fault> {
+        Run::new(self.library, &mut self.memory, change, probe, self.unit, 0)
             .enter(self.unit, 0)
             .map_err(|fault| *fault)
+    }
+
+    /// The same block with another memory.
+    pub(crate) fn with(&self, values: Vec<Value>) -> Self {
+        let taken = vec![false; self.library.ways.len()];
+        let memory = Memory { values, functions: self.memory.functions, operations: 0, taken };
+        Self { library: self.library, unit: self.unit, memory }
+    }
+
+    /// All variables.
+    pub(crate) fn values(&self) -> &[Value] {
+        &self.memory.values
+    }
+
+    /// Puts in what begins with another value in a changed library: all of it, or what a power cut takes.
+    pub(crate) fn begin(&mut self, change: &Change, all: bool) {
+        for (at, value) in change.begins(self.unit) {
+            if all || !self.library.units[self.unit].retained[*at] {
+                self.memory.values[*at] = *value;
+            }
+        }
+    }
+
+    /// Whether both show the same from now on, given the same; `strictly`: nothing is left out because the block writes it before it reads it.
+    pub(crate) fn stands_as(&self, other: &Self, strictly: bool) -> bool {
+        let kept = &self.library.kept[self.unit];
+        let pairs = self.memory.values.iter().zip(&other.memory.values).zip(kept);
+        pairs.into_iter().all(|((a, b), kept)| !(strictly || *kept) || a.bits() == b.bits())
     }
 
     /// The block's name.
@@ -167,40 +195,223 @@ impl<'l> Instance<'l> {
     }
 }
 
-/// Changed units, tried on what the library's own are given, wherever these are called.
+/// Changes, each tried where its unit is called on what this is given there.
+///
+/// A change is tried at its step alone first: the unit runs with it only where its step does something else.
 pub(crate) struct Probe<'p> {
-    changed: &'p [Compiled],
-    /// For each unit the numbers of the changed ones that have done the same so far.
-    pub live: Vec<Vec<usize>>,
+    changes: &'p [Change],
+    /// By unit and step, the changes that have done the same so far.
+    live: Vec<Vec<Vec<usize>>>,
+    /// Of functions that begin with another value.
+    always: Vec<Vec<usize>>,
+    /// How many of both.
+    count: Vec<usize>,
     /// Those that have left another memory behind, or stopped.
     pub differ: Vec<usize>,
+    /// By change: its step was reached; it was another there; what the runs with it cost.
+    pub reached: Vec<bool>,
+    pub other: Vec<bool>,
+    pub spent: Vec<u64>,
+    /// The call in which its step was another at last.
+    seen: Vec<u64>,
+    calls: u64,
+    marked: Vec<usize>,
     memory: Memory,
 }
 
 impl<'p> Probe<'p> {
-    pub(crate) fn new(library: &Library, changed: &'p [Compiled]) -> Self {
+    pub(crate) fn new(library: &Library, changes: &'p [Change]) -> Self {
         let taken = vec![false; library.ways.len()];
-        let memory = Memory { values: vec![], functions: 0, operations: 0, taken };
-        Self { changed, live: vec![vec![]; library.units.len()], differ: vec![], memory }
+        Self {
+            changes,
+            live: vec![vec![]; library.units.len()],
+            always: vec![vec![]; library.units.len()],
+            count: vec![0; library.units.len()],
+            differ: vec![],
+            reached: vec![false; changes.len()],
+            other: vec![false; changes.len()],
+            spent: vec![0; changes.len()],
+            seen: vec![0; changes.len()],
+            calls: 0,
+            marked: vec![],
+            memory: Memory { values: vec![], functions: 0, operations: 0, taken },
+        }
     }
 
-    fn compare(&mut self, library: &Library, number: usize, before: &[Value], after: &[Value]) {
-        let function = matches!(library.units[number].kind, Kind::Function { .. });
-        let shown = if function { 1 } else { before.len() };
-        let Self { changed, live, differ, memory } = self;
-        live[number].retain(|one| {
-            memory.values.clear();
-            memory.values.extend_from_slice(before);
-            memory.values.resize(before.len() + library.function_memory, Value::Bool(false));
-            memory.functions = before.len();
-            let run = Run { library, memory, probe: None, unit: &changed[*one], frame: 0, line: 0 }.body();
-            let same = run.is_ok() && memory.values[..shown].iter().zip(after).all(|(a, b)| a.bits() == b.bits());
-            if !same {
-                differ.push(*one);
+    /// Tries a change from here on.
+    pub(crate) fn add(&mut self, library: &Library, one: usize) {
+        let change = &self.changes[one];
+        let function = matches!(library.units[change.unit].kind, Kind::Function { .. });
+        if let Some(step) = &change.step {
+            let live = &mut self.live[change.unit];
+            if live.len() <= step.number {
+                live.resize(step.number + 1, vec![]);
             }
-            same
-        });
+            live[step.number].push(one);
+        } else if function && change.begins(change.unit).next().is_some() {
+            self.always[change.unit].push(one);
+        } else {
+            return;
+        }
+        self.count[change.unit] += 1;
     }
+
+    /// No longer.
+    pub(crate) fn remove(&mut self, one: usize) {
+        let change = &self.changes[one];
+        let live = match &change.step {
+            Some(step) => &mut self.live[change.unit][step.number],
+            None => &mut self.always[change.unit],
+        };
+        let before = live.len();
+        live.retain(|other| *other != one);
+        self.count[change.unit] -= before - live.len();
+    }
+
+    fn mark(&mut self, one: usize, call: u64) {
+        if self.seen[one] != call {
+            (self.seen[one], self.other[one]) = (call, true);
+            self.marked.push(one);
+        }
+    }
+
+    /// Runs the unit with a change on what it was given, where its step was another.
+    fn compare(&mut self, library: &Library, unit: usize, one: usize, before: &[Value], after: &[Value]) {
+        let changes = self.changes;
+        let (change, memory) = (&changes[one], &mut self.memory);
+        memory.values.clear();
+        memory.values.extend_from_slice(before);
+        memory.values.resize(before.len() + library.function_memory, Value::Bool(false));
+        (memory.functions, memory.operations) = (before.len(), 0);
+        let function = matches!(library.units[unit].kind, Kind::Function { .. });
+        if function {
+            let inputs = |at: usize| {
+                let slots = &library.units[unit].slots;
+                slots.iter().any(|slot| slot.at == at && slot.class == Class::Input)
+            };
+            change.begins(unit).filter(|(at, _)| !inputs(*at)).for_each(|(at, value)| memory.values[*at] = *value);
+        }
+        let ran = Run::new(library, memory, Some(change), None, unit, 0).body();
+        let kept = |at: usize| if function { at == 0 } else { change.strict || library.kept[unit][at] };
+        let pairs = self.memory.values.iter().zip(after).take(before.len()).enumerate();
+        let same = ran.is_ok() && pairs.into_iter().all(|(at, (a, b))| !kept(at) || a.bits() == b.bits());
+        self.spent[one] += self.memory.operations;
+        if !same {
+            self.remove(one);
+            self.differ.push(one);
+        }
+    }
+}
+
+/// What is another in a changed library.
+#[derive(Clone, Debug)]
+pub(crate) struct Change {
+    unit: usize,
+    step: Option<Step>,
+    /// Where it is one expression of the step: which, and what it is.
+    part: Option<(usize, Code)>,
+    /// By unit, what begins with another value.
+    begins: Vec<(usize, Vec<(usize, Value)>)>,
+    /// It may read what the unit as it stands writes before it reads it.
+    pub strict: bool,
+}
+
+impl Change {
+    /// Of a library of which the body of a unit is another, or what its memory begins with.
+    pub(crate) fn between(library: &Library, changed: &Library, unit: usize) -> Self {
+        let differing = |number: usize| -> Vec<(usize, Value)> {
+            let (as_it_is, other) = (&library.units[number].image, &changed.units[number].image);
+            let pairs = as_it_is.iter().zip(other).enumerate();
+            pairs.filter(|(_, (a, b))| a.bits() != b.bits()).map(|(at, (_, b))| (at, *b)).collect()
+        };
+        let begins = (0..library.units.len()).map(|number| (number, differing(number)));
+        let found = other_step(&library.units[unit].body, &changed.units[unit].body);
+        let (step, part) = found.map_or((None, None), |(step, part)| (Some(step.clone()), part));
+        let reads = |of: &Library| of.units[unit].flow.read.clone();
+        let strict = reads(changed).iter().zip(reads(library)).any(|(a, b)| *a && !b);
+        Self { unit, step, part, begins: begins.filter(|(_, all)| !all.is_empty()).collect(), strict }
+    }
+
+    /// It is the same program.
+    pub(crate) fn is_none(&self) -> bool {
+        self.step.is_none() && self.begins.is_empty()
+    }
+
+    /// Nothing reads what is another by it.
+    pub(crate) fn is_unread(&self, library: &Library) -> bool {
+        let Some(changed) = &self.step else {
+            let places: Vec<usize> = self.begins(self.unit).map(|(at, _)| *at).collect();
+            return unread(&library.units, self.unit, None, &places);
+        };
+        if !self.begins.is_empty() {
+            return false;
+        }
+        let Some(step) = find(&library.units[self.unit].body, changed.number) else { return false };
+        let places = match (&step.kind, &changed.kind) {
+            (StepKind::Set(Place::Fixed(to), _), StepKind::Set(Place::Fixed(at), code)) if is_total(code) => {
+                vec![*to, *at]
+            }
+            (
+                StepKind::Call { at: one, inputs: a, copies: c, .. },
+                StepKind::Call { at: other, inputs: b, copies: d, .. },
+            ) if one == other && c == d && b.iter().all(|input| a.contains(input) || is_total(&input.1)) => {
+                let apart = |from: &[(usize, Code)], to: &[(usize, Code)]| -> Vec<usize> {
+                    from.iter().filter(|input| !to.contains(input)).map(|(at, _)| *at).collect()
+                };
+                [apart(a, b), apart(b, a)].concat()
+            }
+            _ => return false,
+        };
+        unread(&library.units, self.unit, Some(changed.number), &places)
+    }
+
+    /// What begins with another value in a unit.
+    pub(crate) fn begins(&self, unit: usize) -> impl Iterator<Item = &(usize, Value)> {
+        self.begins.iter().filter(move |(number, _)| *number == unit).flat_map(|(_, all)| all)
+    }
+}
+
+/// The step of a number.
+fn find(all: &[Step], number: usize) -> Option<&Step> {
+    all.iter().find_map(|step| match &step.kind {
+        _ if step.number == number => Some(step),
+        StepKind::If { branches, otherwise, .. } => {
+            branches.iter().find_map(|(_, body)| find(body, number)).or_else(|| find(otherwise, number))
+        }
+        StepKind::For { body, .. } | StepKind::While { body, .. } => find(body, number),
+        _ => None,
+    })
+}
+
+/// The first step that is another, and which of its expressions, where it is one.
+fn other_step<'s>(all: &[Step], changed: &'s [Step]) -> Option<(&'s Step, Option<(usize, Code)>)> {
+    use StepKind::{Call, For, If, Set, While};
+    let first = |codes: &mut dyn Iterator<Item = (&Code, &Code)>| {
+        codes.enumerate().find(|(_, (a, b))| a != b).map(|(part, (_, b))| (part, b.clone()))
+    };
+    for (a, b) in all.iter().zip(changed) {
+        if a == b {
+            continue;
+        }
+        let (part, within) = match (&a.kind, &b.kind) {
+            (If { branches: a, otherwise: c, .. }, If { branches: b, otherwise: d, .. }) => {
+                let part = first(&mut a.iter().zip(b).map(|((a, _), (b, _))| (a, b)));
+                let bodies = a.iter().zip(b).find_map(|((_, a), (_, b))| other_step(a, b));
+                (part, bodies.or_else(|| other_step(c, d)))
+            }
+            (While { condition: a, body: c, .. }, While { condition: b, body: d, .. }) => {
+                (first(&mut std::iter::once((a, b))), other_step(c, d))
+            }
+            (For { body: c, .. }, For { body: d, .. }) => (None, other_step(c, d)),
+            (Set(to, a), Set(at, b)) if to == at => (first(&mut std::iter::once((a, b))), None),
+            (Call { inputs: a, .. }, Call { inputs: b, .. }) if a.iter().zip(b).all(|((a, _), (b, _))| a == b) => {
+                (first(&mut a.iter().zip(b).map(|((_, a), (_, b))| (a, b))), None)
+            }
+            _ => (None, None),
+        };
+        return if part.is_none() && within.is_some() { within } else { Some((b, part)) };
+    }
+    None
 }
 
 /// A fault at some length: what a run gives back is short.
@@ -209,13 +420,40 @@ type Stop = Box<Fault>;
 struct Run<'r, 'p> {
     library: &'r Library,
     memory: &'r mut Memory,
+    change: Option<&'r Change>,
     probe: Option<&'r mut Probe<'p>>,
     unit: &'r Compiled,
+    number: usize,
     frame: usize,
     line: usize,
+    /// Of this call among all, and whether changes of this unit are tried in it.
+    call: u64,
+    tried: bool,
 }
 
-impl<'r> Run<'r, '_> {
+impl<'r, 'p> Run<'r, 'p> {
+    fn new(
+        library: &'r Library,
+        memory: &'r mut Memory,
+        change: Option<&'r Change>,
+        probe: Option<&'r mut Probe<'p>>,
+        number: usize,
+        frame: usize,
+    ) -> Self {
+        Self {
+            library,
+            memory,
+            change,
+            probe,
+            unit: &library.units[number],
+            number,
+            frame,
+            line: 0,
+            call: 0,
+            tried: false,
+        }
+    }
+
     fn body(&mut self) -> Result<(), Stop> {
         let unit = self.unit;
         self.steps(&unit.body)
@@ -223,15 +461,58 @@ impl<'r> Run<'r, '_> {
 
     /// Runs a unit of the library where its memory begins.
     fn enter(&mut self, number: usize, frame: usize) -> Result<(), Stop> {
-        let (library, unit) = (self.library, &self.library.units[number]);
-        let tried = self.probe.as_ref().is_some_and(|probe| !probe.live[number].is_empty());
-        let before = tried.then(|| self.memory.values[frame..frame + unit.image.len()].to_vec());
+        let length = self.library.units[number].image.len();
+        let tried = self.probe.as_ref().is_some_and(|probe| probe.count[number] > 0);
+        let before = tried.then(|| self.memory.values[frame..frame + length].to_vec());
+        let (mut call, mut from) = (0, 0);
+        if let (true, Some(probe)) = (tried, self.probe.as_deref_mut()) {
+            probe.calls += 1;
+            (call, from) = (probe.calls, probe.marked.len());
+            for one in probe.always[number].clone() {
+                probe.reached[one] = true;
+                probe.mark(one, call);
+            }
+        }
         let probe = self.probe.as_deref_mut();
-        Run { library, memory: self.memory, probe, unit, frame, line: 0 }.body()?;
+        Run { call, tried, ..Run::new(self.library, self.memory, self.change, probe, number, frame) }.body()?;
         if let (Some(before), Some(probe)) = (before, self.probe.as_deref_mut()) {
-            probe.compare(library, number, &before, &self.memory.values[frame..]);
+            for one in probe.marked.split_off(from) {
+                probe.compare(self.library, number, one, &before, &self.memory.values[frame..]);
+            }
         }
         Ok(())
+    }
+
+    /// An expression of a step has a value: what have the changes of it?
+    fn tries(&mut self, number: usize, part: usize, value: Value) {
+        let Some(probe) = self.probe.as_deref_mut().filter(|_| self.tried) else { return };
+        let Some(live) = probe.live[self.number].get(number).filter(|live| !live.is_empty()) else { return };
+        let changes = probe.changes;
+        let mut others = vec![];
+        for one in live {
+            let Some((_, code)) = changes[*one].part.as_ref().filter(|(place, _)| *place == part) else { continue };
+            probe.reached[*one] = true;
+            if probe.seen[*one] == self.call {
+                continue;
+            }
+            let mut run = Run::new(self.library, self.memory, None, None, self.number, self.frame);
+            if !run.value(code).is_ok_and(|other| other.bits() == value.bits()) {
+                others.push(*one);
+            }
+        }
+        let call = self.call;
+        others.into_iter().for_each(|one| probe.mark(one, call));
+    }
+
+    /// A step is reached of which not an expression is another, but where it reads or writes.
+    fn tries_whole(&mut self, number: usize) {
+        let Some(probe) = self.probe.as_deref_mut().filter(|_| self.tried) else { return };
+        let Some(live) = probe.live[self.number].get(number) else { return };
+        let whole: Vec<usize> = live.iter().copied().filter(|one| probe.changes[*one].part.is_none()).collect();
+        for one in whole {
+            probe.reached[one] = true;
+            probe.mark(one, self.call);
+        }
     }
 
     fn stop<T>(&self, what: impl Into<String>) -> Result<T, Stop> {
@@ -240,8 +521,12 @@ impl<'r> Run<'r, '_> {
 
     fn steps(&mut self, steps: &'r [Step]) -> Result<(), Stop> {
         for step in steps {
+            let changed =
+                self.change.filter(|change| change.unit == self.number).and_then(|change| change.step.as_ref());
+            let step = changed.filter(|changed| changed.number == step.number).unwrap_or(step);
             self.line = step.line;
-            self.step(&step.kind)?;
+            self.tries_whole(step.number);
+            self.step(step.number, &step.kind)?;
         }
         Ok(())
     }
@@ -253,10 +538,18 @@ impl<'r> Run<'r, '_> {
         }
     }
 
-    fn step(&mut self, step: &'r StepKind) -> Result<(), Stop> {
+    /// A condition of a step, which changes are tried on.
+    fn decision(&mut self, number: usize, part: usize, code: &Code) -> Result<bool, Stop> {
+        let holds = self.condition(code)?;
+        self.tries(number, part, Value::Bool(holds));
+        Ok(holds)
+    }
+
+    fn step(&mut self, number: usize, step: &'r StepKind) -> Result<(), Stop> {
         match step {
             StepKind::Set(place, code) => {
                 let value = self.value(code)?;
+                self.tries(number, 0, value);
                 let at = self.at(place)?;
                 self.memory.operations += 1;
                 self.memory.values[at] = value;
@@ -267,9 +560,9 @@ impl<'r> Run<'r, '_> {
                 self.memory.values.copy_within(from..from + length, to);
             }
             StepKind::If { branches, otherwise, first_way } => {
-                for (number, (condition, body)) in branches.iter().enumerate() {
-                    if self.condition(condition)? {
-                        self.memory.taken[first_way + number] = true;
+                for (branch, (condition, body)) in branches.iter().enumerate() {
+                    if self.decision(number, branch, condition)? {
+                        self.memory.taken[first_way + branch] = true;
                         return self.steps(body);
                     }
                 }
@@ -294,7 +587,7 @@ impl<'r> Run<'r, '_> {
             }
             StepKind::While { condition, body, way } => {
                 for _ in 0..ROUNDS {
-                    if !self.condition(condition)? {
+                    if !self.decision(number, 0, condition)? {
                         return Ok(());
                     }
                     self.memory.taken[*way] = true;
@@ -303,8 +596,9 @@ impl<'r> Run<'r, '_> {
                 return self.stop("a WHILE without end");
             }
             StepKind::Call { at, unit, inputs, copies } => {
-                for (to, code) in inputs {
+                for (part, (to, code)) in inputs.iter().enumerate() {
                     let value = self.value(code)?;
+                    self.tries(number, part, value);
                     self.memory.operations += 1;
                     self.memory.values[self.frame + to] = value;
                 }
@@ -395,6 +689,9 @@ impl<'r> Run<'r, '_> {
                     *given = self.value(code)?;
                 }
                 self.memory.values[frame..frame + unit.image.len()].copy_from_slice(&unit.image);
+                if let Some(change) = self.change {
+                    change.begins(*number).for_each(|(at, value)| self.memory.values[frame + at] = *value);
+                }
                 for ((at, _), given) in inputs.iter().zip(given) {
                     self.memory.values[frame + at] = given;
                 }
@@ -488,7 +785,7 @@ impl<'r> Run<'r, '_> {
     }
 }
 
-fn whole(value: Value) -> i64 {
+pub(crate) fn whole(value: Value) -> i64 {
     match value {
         Value::Int(x) => x.into(),
         Value::Dint(x) => x.into(),

@@ -1,12 +1,11 @@
 //! What a test did with a block, and what it read there: played again on a changed library, the first other bit ends it.
 
-use crate::library::{Build, Compiled, Kind, Library};
-use crate::run::{Instance, Probe};
+use crate::library::Build;
 use std::collections::HashMap;
 use std::io::{self, Read, Write};
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Event {
+pub(crate) enum Event {
     Set(u16, f64),
     Read(u16, f64),
     Scan,
@@ -18,8 +17,8 @@ enum Event {
 pub struct Trace {
     unit: String,
     build: Build,
-    pins: Vec<String>,
-    events: Vec<Event>,
+    pub(crate) pins: Vec<String>,
+    pub(crate) events: Vec<Event>,
     numbers: HashMap<String, u16>,
     /// What stands at a pin already, and what was read since something happened: neither is noted again.
     stands: HashMap<u16, u64>,
@@ -103,31 +102,6 @@ impl Trace {
         self.stands.clear();
     }
 
-    /// Whether the library still does all of it, to the bit.
-    pub fn holds(&self, library: &Library) -> bool {
-        self.plays(library, None)
-    }
-
-    fn plays(&self, library: &Library, mut probe: Option<&mut Probe<'_>>) -> bool {
-        let Ok(mut one) = Instance::new(library, &self.unit) else { return false };
-        let Ok(places) = self.pins.iter().map(|pin| one.find(pin)).collect::<Result<Vec<_>, _>>() else { return false };
-        self.events.iter().all(|event| match *event {
-            Event::Set(pin, value) => {
-                let (at, ty, _) = places[usize::from(pin)];
-                one.put("", at, ty, value).is_ok()
-            }
-            Event::Read(pin, value) => {
-                let shown = one.shown(places[usize::from(pin)].0);
-                shown.to_bits() == value.to_bits() || (shown.is_nan() && value.is_nan())
-            }
-            Event::Scan => one.tried(probe.as_deref_mut()).is_ok(),
-            Event::PowerCut => {
-                one.power_cut();
-                true
-            }
-        })
-    }
-
     /// Puts it into a file.
     ///
     /// # Errors
@@ -187,131 +161,5 @@ impl Trace {
             });
         }
         Ok(trace)
-    }
-}
-
-/// How much of the traces one mutant is played alone on, in events, before it is given up.
-const PATIENCE: usize = 500_000;
-
-/// Mutants of a library, tried on traces all at once: a mutant is played alone only on a trace in which its unit, given what the library's
-/// own is given there, leaves another memory behind; on half a million events at most.
-#[derive(Debug)]
-pub struct Trial {
-    library: Library,
-    units: Vec<Compiled>,
-    /// Number of the mutant and its unit.
-    places: Vec<(usize, usize)>,
-    /// Those that begin with another memory: they are played whole.
-    others: Vec<(usize, usize, Library)>,
-    count: usize,
-}
-
-impl Trial {
-    /// Of a library as it stands.
-    pub fn new(library: Library) -> Self {
-        Self { library, units: vec![], places: vec![], others: vec![], count: 0 }
-    }
-
-    /// Adds a library of which the named unit is changed.
-    ///
-    /// # Panics
-    /// Where there is no such unit.
-    pub fn add(&mut self, unit: &str, mut changed: Library) {
-        let number = self.library.unit(unit).expect("a unit of the library");
-        let begins =
-            |library: &Library, one: usize| library.units[one].image.iter().map(|x| x.bits()).collect::<Vec<_>>();
-        if begins(&self.library, number) == begins(&changed, number) {
-            self.places.push((self.count, number));
-            self.units.push(changed.units.swap_remove(number));
-        } else {
-            self.others.push((self.count, number, changed));
-        }
-        self.count += 1;
-    }
-
-    /// Which of them the traces notice, by the order in which they were added.
-    ///
-    /// # Panics
-    /// Where a trace does not hold on the library as it stands.
-    pub fn noticed(mut self, traces: &[&Trace]) -> Vec<bool> {
-        let mut noticed = vec![false; self.count];
-        let mut whole = self.library.clone();
-        let mut probe = Probe::new(&self.library, &self.units);
-        let mut played = vec![0; self.count];
-        for (place, (_, unit)) in self.places.iter().enumerate() {
-            probe.live[*unit].push(place);
-        }
-        for trace in traces {
-            assert!(trace.plays(&self.library, Some(&mut probe)), "a trace of {} does not hold", trace.unit);
-            for place in std::mem::take(&mut probe.differ) {
-                let (number, unit) = self.places[place];
-                let own = std::mem::replace(&mut whole.units[unit], self.units[place].clone());
-                noticed[number] = !trace.holds(&whole);
-                whole.units[unit] = own;
-                played[number] += trace.events();
-                if !noticed[number] && played[number] < PATIENCE {
-                    probe.live[unit].push(place);
-                }
-            }
-            self.others.retain(|(number, changed, library)| {
-                let unit = library.unit(&trace.unit).expect("a unit of the library");
-                let inside = library.units[unit].image != self.library.units[unit].image;
-                let function = matches!(library.units[*changed].kind, Kind::Function { .. });
-                if inside || function {
-                    noticed[*number] = !trace.holds(library);
-                    played[*number] += trace.events();
-                }
-                !noticed[*number] && played[*number] < PATIENCE
-            });
-        }
-        noticed
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn library(sign: &str) -> Library {
-        let text = format!(
-            "FUNCTION_BLOCK GlappTry\nVAR_INPUT\n    A : LREAL;\nEND_VAR\nVAR_OUTPUT\n    Y : LREAL;\nEND_VAR\n\
-             VAR RETAIN\n    Sum : LREAL;\nEND_VAR\n    Sum := Sum {sign} A;\n    Y := Sum;\nEND_FUNCTION_BLOCK\n"
-        );
-        Library::of_unruled([("Try.st", text.as_str())].into_iter(), Build::Lreal).unwrap()
-    }
-
-    #[test]
-    fn a_trace_holds_on_the_source_and_not_on_a_mutant() {
-        let library_now = library("+");
-        let mut one = Instance::new(&library_now, "GlappTry").unwrap();
-        let mut trace = Trace::new("GlappTry", Build::Lreal);
-        for a in [0.0, 0.0, 2.0, f64::NAN] {
-            if a == 2.0 {
-                one.power_cut();
-                trace.power_cut();
-            }
-            if a.is_nan() {
-                one.spoil("Sum", 8.0).unwrap();
-                trace.spoil("Sum", 8.0);
-            } else {
-                one.set("A", a).unwrap();
-                trace.set("A", a);
-            }
-            one.call().unwrap();
-            trace.scan();
-            trace.read("Y", one.get("Y").unwrap());
-        }
-        let mut file = vec![];
-        trace.write(&mut file).unwrap();
-        let again = Trace::of(&mut &file[..]).unwrap();
-        assert_eq!((again.unit(), again.build(), &again.events), ("GlappTry", Build::Lreal, &trace.events));
-        assert!(again.holds(&library_now) && !again.holds(&library("-")));
-        let mut trial = Trial::new(library_now.clone());
-        for sign in ["-", "+"] {
-            trial.add("GlappTry", library(sign));
-        }
-        assert_eq!(trial.noticed(&[&again]), [true, false]);
-        assert!(Trace::of(&mut &file[..file.len() - 1]).is_err());
-        assert!(Trace::of(&mut &b"nothing"[..]).is_err());
     }
 }

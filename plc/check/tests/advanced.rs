@@ -284,7 +284,7 @@ impl Loop {
         }
         let noise = d.of(&[0.0, 0.02]);
         let slowest = if usual.on("Rows") { 1.5 * ti } else { ti };
-        let length = (5.0 * slowest.min(1.5) / 0.25) as usize + d.of(&[2, 4, 6]);
+        let length = (5.0 * slowest.min(1.5) / 0.25) as usize + d.of(&[0, 2, 4, 6]);
         Self {
             row: usual.clone(),
             usual,
@@ -564,13 +564,15 @@ fn refused_one_by_one<R: Number>(cover: &mut Cover) {
     let rest = ["Ramp", "Travel", "Reversals", "Watch", "Longest"];
     let mut told = std::collections::BTreeSet::new();
     for pin in SETTINGS.into_iter().chain(rows).chain(rest) {
-        let none: &[f64] = if WHOLE.contains(&pin) { &[-1.0, 0.0, 4.0, 9.0, 40.0] } else { &NONE };
-        for value in none.iter().chain(&[-1.0, 0.0, 1e33]) {
+        // Bounds themselves among them, some by what the others are.
+        let bounds = [-1.0, 0.0, 1.0, 1.125, 1.875, 2.0, 4.0, 9.0, 10.0, 1e33, 1e37, -1e37];
+        let whole = [-1.0, 0.0, 1.0, 2.0, 3.0, 4.0, 8.0, 9.0, 31.0, 32.0, 33.0];
+        let values = if WHOLE.contains(&pin) { whole.to_vec() } else { [&NONE[..], &bounds].concat() };
+        for value in &values {
             let (block, mut reference) = (Block::new::<R>("GlappPidAdvanced"), Reference::<R>::default());
             let mut pins = usual.clone();
             for spoilt in [false, true, true, false] {
-                let wrong = if WHOLE.contains(&pin) && *value > 1e30 { 3.0 } else { *value };
-                pins.set(pin, if spoilt { wrong } else { usual.get(pin) });
+                pins.set(pin, if spoilt { *value } else { usual.get(pin) });
                 let (expected, got) = (reference.scan(&pins), scan(&block, &pins));
                 assert!(agree(&expected, &got), "{pin} {value}: {}", difference(&expected.row, &got.row, &pins, 0, 0));
                 told.insert(block.get("ErrorID") as i16);

@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::compensate::{BLOCKS, Pins, Reference, Swings, core, library, scan};
+use common::compensate::{BLOCKS, Pins, REMEMBERED, Reference, Swings, core, library, scan};
 use common::cover::{Cost, Cover, sequences};
 use common::{Block, Case, Draw, Number, cases, compare, same};
 use glapp_plc_check::Build;
@@ -139,6 +139,9 @@ fn random<R: Number>() {
                 same(&expected, &got),
                 "sequence {seed}, scan {i}:\n{got:?} instead of\n{expected:?}\nfor {pins:?}"
             );
+            if i % 8 == 7 {
+                block.remembers(&reference.state, &REMEMBERED);
+            }
             standings[block.get("Standing") as usize] += 1;
             refused += u64::from(block.on("Error"));
         }

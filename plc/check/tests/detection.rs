@@ -350,6 +350,7 @@ fn random<R: Number>() {
             accepted += block.get("Accepted");
             cover.collect(&block);
         }
+        assert!(standings[4] > 0, "nothing is withdrawn for a relay: {standings:?}");
         println!(
             "standings {standings:?}, {refused} scans refused, {accepted} accepted, {corrected} with a corrected width"
         );

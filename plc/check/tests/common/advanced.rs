@@ -272,16 +272,11 @@ fn block<R: Number>(row: &Row) -> Result<PidAdvanced<R>, f64> {
         rule: Rule::ALL.into_iter().find(|rule| f64::from(*rule as u8) == row.get("Rule")).unwrap_or_default(),
         ..PidAdvancedSettings::new(pid)
     };
-    // The defaults of a compensation go by the row with the longest Ti.
-    let (mut k, mut ti) = (row.get("K"), row.get("Ti"));
-    for (i, (to, [at_pin, k_pin, ti_pin, td_pin])) in settings.schedule.iter_mut().zip(ROWS).enumerate() {
-        *to = Gains { at: of(at_pin), k: of(k_pin), ti: of(ti_pin), td: of(td_pin) };
-        if i < settings.rows {
-            let first = i == 0;
-            ti = if first { row.get(ti_pin) } else { ti.max(row.get(ti_pin)) };
-            k = if first || row.get(k_pin).abs() > k.abs() { row.get(k_pin) } else { k };
-        }
+    for (to, [at, k, ti, td]) in settings.schedule.iter_mut().zip(ROWS) {
+        *to = Gains { at: of(at), k: of(k), ti: of(ti), td: of(td) };
     }
+    // By these a compensation has its defaults.
+    let [k, ti, _] = settings.slowest().map(R::as_f64);
     if row.on("HasTuner") {
         settings.tuner = Some(AutoTunerSettings {
             amplitude: of("Amplitude"),

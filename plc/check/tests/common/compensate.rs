@@ -2,7 +2,7 @@
 #![allow(dead_code, missing_docs)]
 
 use super::blocks::{FLAGS, maybe};
-use super::{Block, Case, Draw, Number, Scan};
+use super::{Block, Case, Draw, Number, Scan, remembered};
 use glapp_core::status::{AT_HIGH, AT_LOW, BAD, NOT_AUTO, Status};
 use glapp_core::{
     Compensation, CompensationSample, CompensationSettings, CompensationState, Correction, CorrectionState, HalfPeriod,
@@ -11,6 +11,37 @@ use glapp_core::{
 };
 
 pub const BLOCKS: [&str; 3] = ["over_compensation", "wrong_sign", "compensation"];
+
+/// What they remember, in the core and here.
+const OVER: ([&str; 4], [&str; 3]) =
+    (["/at", "/count", "/compensating", "/before"], ["Place", "Count", "Compensating"]);
+const WRONG_SIGN: ([&str; 5], [&str; 5]) =
+    (["/sign", "/op", "/begin", "/early", "/farthest"], ["Sign", "LastOp", "Start", "Early", "Farthest"]);
+/// Since OP stands at its limit.
+const AT_LIMIT: ([&str; 5], [&str; 5]) =
+    (["/time", "/e", "/pv", "/far", "/away"], ["Time0.Value", "ELimit", "PvLimit", "Far", "Away.Value"]);
+
+/// Of a compensation.
+pub const REMEMBERED: [(&str, &str); 18] = [
+    ("/side", "Side"),
+    ("/in_force", "InForce"),
+    ("/whole", "Whole"),
+    ("/d_hat", "Least"),
+    ("/pressed", "Pressed"),
+    ("/unfit", "Unfit"),
+    ("/harm/in_force", "Watched.WasInForce"),
+    ("/harm/reversals", "Watched.Reversals"),
+    ("/harm/before/count", "Watched.BeforeCount"),
+    ("/harm/before/e/value", "Watched.BeforeE.Value"),
+    ("/harm/before/e/variance", "Watched.BeforeE.Variance"),
+    ("/harm/before/reversals/value", "Watched.BeforeReversals.Value"),
+    ("/harm/before/reversals/variance", "Watched.BeforeReversals.Variance"),
+    ("/harm/since/count", "Watched.SinceCount"),
+    ("/harm/since/e/value", "Watched.SinceE.Value"),
+    ("/harm/since/e/variance", "Watched.SinceE.Variance"),
+    ("/harm/since/reversals/value", "Watched.SinceReversals.Value"),
+    ("/harm/since/reversals/variance", "Watched.SinceReversals.Variance"),
+];
 
 fn on(x: bool) -> f64 {
     f64::from(u8::from(x))
@@ -73,14 +104,19 @@ pub fn core<R: Number>(block: &str, case: &Case) -> Scan {
                     ..HalfPeriod::default()
                 };
                 let warning = block.update(&mut state, &half, r(h), r(x[4]));
-                Some(vec![on(warning.even), on(warning.relay)])
+                Some([vec![on(warning.even), on(warning.relay)], remembered(&state, &OVER.0)].concat())
             })
         }
         "wrong_sign" => {
             let limits = Saturation::new(r(case.given("low")), r(case.given("high"))).unwrap();
             let block = WrongSign::new(r(case.given("k")), r(case.given("ti")), limits).unwrap();
             let mut state = WrongSignState::default();
-            Box::new(move |x, h| Some(vec![on(block.update(&mut state, r(x[0]), r(x[1]), r(x[2]), r(h), x[3] as u16))]))
+            Box::new(move |x, h| {
+                let found = block.update(&mut state, r(x[0]), r(x[1]), r(x[2]), r(h), x[3] as u16);
+                let at_limit = remembered(&state, &AT_LIMIT.0);
+                let at_limit = if at_limit[0] == 0.0 { vec![f64::NAN; at_limit.len()] } else { at_limit };
+                Some([vec![on(found)], remembered(&state, &WRONG_SIGN.0), at_limit].concat())
+            })
         }
         "compensation" => {
             let block = Compensation::new(settings::<R>(case)).unwrap();
@@ -165,7 +201,11 @@ pub fn library<R: Number>(block: &str, case: &Case) -> (Scan, Block) {
                     b.set(&format!("Half.{name}"), on(x[3] as u16 & flag != 0));
                 }
                 b.call();
-                Some(b.all(&["Even", "Relay"]))
+                let before = b.look(&["HasBefore", "Before"]);
+                let before = if before[0] == 0.0 { f64::NAN } else { before[1] };
+                let mut row = [b.all(&["Even", "Relay"]), b.look(&OVER.1)].concat();
+                row.push(before);
+                Some(row)
             })
         }
         "wrong_sign" => {
@@ -178,7 +218,9 @@ pub fn library<R: Number>(block: &str, case: &Case) -> (Scan, Block) {
                     b.set(name, on(x[3] as u16 & flag != 0));
                 }
                 b.call();
-                Some(b.all(&["Found"]))
+                let at_limit = b.look(&AT_LIMIT.1);
+                let at_limit = if at_limit[0] == 0.0 { vec![f64::NAN; at_limit.len()] } else { at_limit };
+                Some([b.all(&["Found"]), b.look(&WRONG_SIGN.1), at_limit].concat())
             })
         }
         "compensation" => {
@@ -457,7 +499,7 @@ pub fn is_withdrawn<R: Number>(state: &CompensationState<R>) -> bool {
 /// What the block of the field is held to.
 #[derive(Default)]
 pub struct Reference<R: Number> {
-    state: CompensationState<R>,
+    pub state: CompensationState<R>,
     good: Option<Compensation<R>>,
     seen_h: bool,
     armed: bool,

@@ -325,6 +325,8 @@ pub struct Loop {
     count: usize,
     asked: usize,
     relay: bool,
+    /// A width far beyond the gap: once it is in force, the loop swings evenly, and OP's own travel is small beside it.
+    driven: bool,
 }
 
 impl Loop {
@@ -345,6 +347,9 @@ impl Loop {
             back: draw.chance(0.6).then_some(draw.of(&[0.0, 0.0, 0.8])),
         });
         let wrong = draw.of(&[0.0, 0.0, 0.005, 0.02]);
+        let (driven, way) = (draw.chance(0.05), draw.of(&[1, 3]));
+        let far = Settings { way, size: 2.0, band: Some(0.0), ..Settings::default() };
+        let (compensation, wrong) = if driven { (Some(far), 0.0) } else { (compensation, wrong) };
         let pins = Pins {
             detector: signals.pins.clone(),
             compensate: false,
@@ -363,6 +368,7 @@ impl Loop {
             count: 0,
             asked,
             relay: draw.chance(0.1),
+            driven,
         }
     }
 
@@ -381,6 +387,10 @@ impl Loop {
         d.op = d.op.map(|op| if op.abs() < 100.0 { op + there } else { op });
         if self.relay && p.compensate {
             d.op = d.op.map(|_| there);
+        }
+        if self.driven && p.compensate {
+            let side = if (self.count / 5).is_multiple_of(2) { 1.0 } else { -1.0 };
+            (d.h, d.sp, d.pv, d.op, d.flags) = (0.25, 0.0, -0.05 * side, Some(there + 0.02 * side), 0);
         }
         if self.foreign.is_none() && d.op.is_none() {
             d.flags &= BAD;

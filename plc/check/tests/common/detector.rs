@@ -273,7 +273,7 @@ impl Loop {
             conditions: conditions(draw),
             ..Pins::default()
         };
-        let length = (5.0 * ti / 0.25) as usize + draw.of(&[2, 4, 6]);
+        let length = (5.0 * ti / 0.25) as usize + draw.of(&[0, 2, 4, 6]);
         let noise = draw.of(&[0.0, 0.01, 0.03, 0.3]);
         let wrong = draw.of(&[0.0, 0.0, 0.01, 0.05]);
         Self {

@@ -1,0 +1,235 @@
+//! Mutants of a library, tried on traces all at once.
+
+use crate::library::Library;
+use crate::run::{Change, Instance, Probe};
+use crate::trace::{Event, Trace};
+
+/// What one mutant may cost, in operations, on one trace and on all, before it is given up there.
+const PATIENCE: [u64; 2] = [5_000_000, 400_000_000];
+
+/// What became of a mutant.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Fate {
+    /// A trace shows another bit, or stops.
+    Noticed,
+    /// It is the same program once names are resolved.
+    Same,
+    /// Nothing reads what is another by it.
+    Unread,
+    /// No trace reaches the changed step.
+    Unreached,
+    /// The changed step always did the same.
+    Alike,
+    /// It did something else, and its unit left the same memory behind.
+    Absorbed,
+    /// Another memory was left behind, and nothing showed it.
+    Hidden,
+    /// The same, and it was given up before the traces came to their end.
+    GivenUp,
+}
+
+/// Mutants of a library. A mutant runs beside the library only from where it leaves another memory behind until it stands as the library
+/// does again.
+#[derive(Debug)]
+pub struct Trial {
+    library: Library,
+    changes: Vec<Change>,
+}
+
+/// A mutant that stands otherwise.
+struct Fork<'l> {
+    number: usize,
+    one: Instance<'l>,
+}
+
+impl Trial {
+    /// Of a library as it stands.
+    pub fn new(library: Library) -> Self {
+        Self { library, changes: vec![] }
+    }
+
+    /// Adds a library of which the named unit is changed.
+    ///
+    /// # Panics
+    /// Where there is no such unit.
+    pub fn add(&mut self, unit: &str, changed: &Library) {
+        let number = self.library.unit(unit).expect("a unit of the library");
+        self.changes.push(Change::between(&self.library, changed, number));
+    }
+
+    /// What becomes of them on the traces, by the order in which they were added.
+    ///
+    /// # Panics
+    /// Where a trace does not hold on the library as it stands.
+    pub fn fates(&self, traces: impl Iterator<Item = Trace>) -> Vec<Fate> {
+        let mut probe = Probe::new(&self.library, &self.changes);
+        let proved = |change: &Change| match () {
+            () if change.is_none() => Some(Fate::Same),
+            () if change.is_unread(&self.library) => Some(Fate::Unread),
+            () => None,
+        };
+        let mut fates: Vec<Option<Fate>> = self.changes.iter().map(proved).collect();
+        let mut hidden = vec![false; self.changes.len()];
+        for number in 0..self.changes.len() {
+            if fates[number].is_none() {
+                probe.add(&self.library, number);
+            }
+        }
+        for trace in traces {
+            self.plays(&trace, &mut probe, &mut fates, &mut hidden);
+            for (number, fate) in fates.iter_mut().enumerate() {
+                if fate.is_none() && probe.spent[number] > PATIENCE[1] {
+                    *fate = Some(Fate::GivenUp);
+                    probe.remove(number);
+                }
+            }
+        }
+        let left = |number: usize| match () {
+            () if hidden[number] => Fate::Hidden,
+            () if probe.other[number] => Fate::Absorbed,
+            () if probe.reached[number] => Fate::Alike,
+            () => Fate::Unreached,
+        };
+        fates.iter().enumerate().map(|(number, fate)| fate.unwrap_or_else(|| left(number))).collect()
+    }
+
+    fn plays(&self, trace: &Trace, probe: &mut Probe<'_>, fates: &mut [Option<Fate>], hidden: &mut [bool]) {
+        let wrong = |what: &str| -> ! { panic!("a trace of {} does not hold: {what}", trace.unit()) };
+        let Ok(mut one) = Instance::new(&self.library, trace.unit()) else { wrong("no such block") };
+        let unit = self.library.unit(trace.unit()).expect("found above");
+        let places: Vec<_> = trace.pins.iter().map(|pin| one.find(pin).unwrap_or_else(|_| wrong(pin))).collect();
+        let mut begin: Vec<usize> = (0..self.changes.len()).collect();
+        begin.retain(|number| fates[*number].is_none() && self.changes[*number].begins(unit).next().is_some());
+        let mut forks: Vec<Fork<'_>> = vec![];
+        let mut back: Vec<usize> = vec![];
+        for &number in &begin {
+            let mut other = one.with(one.values().to_vec());
+            other.begin(&self.changes[number], true);
+            (probe.reached[number], probe.other[number]) = (true, true);
+            forks.push(Fork { number, one: other });
+        }
+        let strict = |number: usize| self.changes[number].strict;
+        for event in &trace.events {
+            match *event {
+                Event::Set(pin, value) => {
+                    let (at, ty, _) = places[usize::from(pin)];
+                    if one.put("", at, ty, value).is_err() {
+                        wrong(&trace.pins[usize::from(pin)]);
+                    }
+                    forks.iter_mut().for_each(|fork| fork.one.put("", at, ty, value).expect("put above"));
+                }
+                Event::Read(pin, value) => {
+                    let at = places[usize::from(pin)].0;
+                    let same = |shown: f64| shown.to_bits() == value.to_bits() || (shown.is_nan() && value.is_nan());
+                    if !same(one.shown(at)) {
+                        wrong(&trace.pins[usize::from(pin)]);
+                    }
+                    forks.retain(|fork| {
+                        let same = same(fork.one.shown(at));
+                        if !same {
+                            fates[fork.number] = Some(Fate::Noticed);
+                        }
+                        same
+                    });
+                }
+                Event::Scan => {
+                    let before = one.values().to_vec();
+                    if let Err(fault) = one.run(None, Some(&mut *probe)) {
+                        wrong(&fault.to_string());
+                    }
+                    let mut fresh: Vec<Fork<'_>> = vec![];
+                    for number in std::mem::take(&mut probe.differ) {
+                        hidden[number] = true;
+                        fresh.push(Fork { number, one: one.with(before.clone()) });
+                    }
+                    forks.append(&mut fresh);
+                    forks.retain_mut(|fork| {
+                        if fork.one.run(Some(&self.changes[fork.number]), None).is_err() {
+                            fates[fork.number] = Some(Fate::Noticed);
+                            return false;
+                        }
+                        let spent = fork.one.operations();
+                        if fork.one.stands_as(&one, strict(fork.number)) {
+                            probe.spent[fork.number] += spent;
+                            probe.add(&self.library, fork.number);
+                            return false;
+                        }
+                        if spent > PATIENCE[0] {
+                            probe.spent[fork.number] += spent;
+                            back.push(fork.number);
+                            return false;
+                        }
+                        true
+                    });
+                }
+                Event::PowerCut => {
+                    let before = one.values().to_vec();
+                    one.power_cut();
+                    let gone: Vec<usize> = forks.iter().map(|fork| fork.number).collect();
+                    let again =
+                        |number: &&usize| fates[**number].is_none() && !gone.contains(number) && !back.contains(number);
+                    for &number in begin.iter().filter(again) {
+                        forks.push(Fork { number, one: one.with(before.clone()) });
+                    }
+                    for fork in &mut forks {
+                        fork.one.power_cut();
+                        fork.one.begin(&self.changes[fork.number], false);
+                    }
+                }
+            }
+        }
+        for fork in forks {
+            probe.spent[fork.number] += fork.one.operations();
+            back.push(fork.number);
+        }
+        back.into_iter().filter(|number| fates[*number].is_none()).for_each(|number| probe.add(&self.library, number));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::library::Build;
+
+    fn library(sign: &str) -> Library {
+        let text = format!(
+            "FUNCTION_BLOCK GlappTry\nVAR_INPUT\n    A : LREAL;\nEND_VAR\nVAR_OUTPUT\n    Y : LREAL;\nEND_VAR\n\
+             VAR RETAIN\n    Sum : LREAL;\nEND_VAR\n    Sum := Sum {sign} A;\n    Y := Sum;\nEND_FUNCTION_BLOCK\n"
+        );
+        Library::of_unruled([("Try.st", text.as_str())].into_iter(), Build::Lreal).unwrap()
+    }
+
+    #[test]
+    fn a_trace_holds_on_the_source_and_not_on_a_mutant() {
+        let library_now = library("+");
+        let mut one = Instance::new(&library_now, "GlappTry").unwrap();
+        let mut trace = Trace::new("GlappTry", Build::Lreal);
+        for a in [0.0, 0.0, 2.0, f64::NAN] {
+            if a == 2.0 {
+                one.power_cut();
+                trace.power_cut();
+            }
+            if a.is_nan() {
+                one.spoil("Sum", 8.0).unwrap();
+                trace.spoil("Sum", 8.0);
+            } else {
+                one.set("A", a).unwrap();
+                trace.set("A", a);
+            }
+            one.call().unwrap();
+            trace.scan();
+            trace.read("Y", one.get("Y").unwrap());
+        }
+        let mut file = vec![];
+        trace.write(&mut file).unwrap();
+        let again = Trace::of(&mut &file[..]).unwrap();
+        assert_eq!((again.unit(), again.build(), &again.events), ("GlappTry", Build::Lreal, &trace.events));
+        let mut trial = Trial::new(library_now.clone());
+        for sign in ["-", "+"] {
+            trial.add("GlappTry", &library(sign));
+        }
+        assert_eq!(trial.fates(std::iter::once(again)), [Fate::Noticed, Fate::Same]);
+        assert!(Trace::of(&mut &file[..file.len() - 1]).is_err());
+        assert!(Trace::of(&mut &b"nothing"[..]).is_err());
+    }
+}

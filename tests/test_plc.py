@@ -202,9 +202,11 @@ def unpack_ac800m(folder: Path) -> dict[str, str]:
                 "END_VAR",
             ]
         inner = one.rows("Variables")
-        constants = [row for row in inner if row["Attributes"] == "constant"]
-        text += ["VAR CONSTANT", *lines(constants), "END_VAR"] if constants else []
-        text += ["VAR", *lines(r for r in inner if r not in constants), *lines(one.rows("Function Blocks")), "END_VAR"]
+        for attribute in ("constant", "retain"):
+            such = [row for row in inner if row["Attributes"] == attribute]
+            text += [f"VAR {attribute.upper()}", *lines(such), "END_VAR"] if such else []
+        others = [row for row in inner if not row["Attributes"]]
+        text += ["VAR", *lines(others), *lines(one.rows("Function Blocks")), "END_VAR"]
         units[name] = "\n".join([*text, one.parts["Code"][0][0], "END_FUNCTION_BLOCK"])
     return units
 
@@ -238,6 +240,7 @@ def test_unpacked_it_is_the_source_again(packages, tmp_path, unpack, build):
     [
         ("vectors", ["real", "detector_real"]),
         ("control", ["vectors_real"]),
+        ("compensate", ["real"]),
         ("detection", ["vectors_real"]),
     ],
 )

@@ -1,5 +1,6 @@
 //! Loops of modules: the same bits as the simulator, checked when made, open while they run.
 
+use glapp_core::modules::Gains;
 use glapp_core::status::{AT_HIGH, AT_LOW, NOT_AUTO};
 use glapp_sim::{Controller, Graph, GraphError, Module, Piece, Plant, Scenario};
 
@@ -422,6 +423,22 @@ fn a_delay_is_whole_scans_and_may_close_a_circle() {
         let error = new(scans).err().unwrap().to_string();
         assert!(error.starts_with("late: scans = ") && error.contains("a whole number"), "{error}");
     }
+}
+
+/// As in `GlappPidAdvanced`: of a table whose rows differ, none is in a hurry.
+#[test]
+fn under_a_schedule_a_compensation_goes_by_the_longest_ti() {
+    let with = |rows: &[(f64, f64)]| {
+        let rows: Vec<Gains<f64>> = rows.iter().map(|&(at, ti)| Gains { at, k: 1.0, ti, td: 0.0 }).collect();
+        let parameters = [("k", 1.0), ("ti", 5.0), ("comp_size", 2.0)];
+        let pid = Module::scheduled(&parameters, &rows).unwrap();
+        let modules = vec![("pv", module("Input", &[])), ("pid", pid), ("valve", module("Output", &[]))];
+        let graph = Graph::new(0.5, modules, &["pv -> pid.pv", "pid -> valve"]).unwrap();
+        ["rate", "release", "watch"].map(|name| graph.get(&format!("pid.comp_{name}")).unwrap())
+    };
+    assert_eq!(with(&[]), [4.0, 5.0, 1500.0]);
+    assert_eq!(with(&[(0.0, 8.0), (1.0, 20.0), (2.0, 2.0)]), [1.0, 20.0, 6000.0]);
+    assert_eq!(with(&[(0.0, 2.0)]), [10.0, 2.0, 600.0]);
 }
 
 #[test]

@@ -65,7 +65,8 @@ pub struct PidAdvancedSettings<R> {
     pub schedule: [Gains<R>; SCHEDULE_ROWS],
     /// Number of rows, at most [`SCHEDULE_ROWS`].
     pub rows: usize,
-    /// Compensation, where there is one. Its `k` and `limits` are the controller's, and it takes at most half of the rate.
+    /// Compensation, where there is one. Its `k` and `limits` are the controller's, and it takes at most half of the rate. Its defaults
+    /// ([`CompensationSettings::new`]) go by the K and Ti of [`slowest`](Self::slowest).
     pub compensation: Option<CompensationSettings<R>>,
     /// The autotuner, where there is one. Its `op` and `max_h` are the controller's, which must have limits.
     pub tuner: Option<AutoTunerSettings<R>>,
@@ -92,6 +93,17 @@ impl<R: Real> PidAdvancedSettings<R> {
             tuner: None,
             rule: Rule::default(),
         }
+    }
+
+    /// K, Ti and Td by which the detector goes, and a compensation has its defaults: the controller's own, under a schedule the K that is
+    /// farthest from 0, the longest Ti and the longest Td of the rows.
+    pub fn slowest(&self) -> [R; 3] {
+        let PidSettings { k, ti, td, .. } = self.pid;
+        let rows = &self.schedule[..self.rows.min(SCHEDULE_ROWS)];
+        let slower = |[k, ti, td]: [R; 3], row: &Gains<R>| {
+            [if row.k.magnitude() > k.magnitude() { row.k } else { k }, ti.greater(row.ti), td.greater(row.td)]
+        };
+        rows.first().map_or([k, ti, td], |first| rows[1..].iter().fold([first.k, first.ti, first.td], slower))
     }
 }
 
@@ -178,7 +190,6 @@ impl<R: Real> PidAdvanced<R> {
         }
         require("sp_rate", sp_rate, sp_rate > R::ZERO, "greater than 0 per second")?;
         require("rows", R::of(rows as f64), rows <= SCHEDULE_ROWS, "at most 8")?;
-        let mut slowest = pid;
         for (i, (row, [at, k, ti, td])) in schedule[..rows].iter().zip(NAMES).enumerate() {
             let ascending = i == 0 || row.at > schedule[i - 1].at;
             require(at, row.at, ascending, "a number greater than in the row before")?;
@@ -187,13 +198,10 @@ impl<R: Real> PidAdvanced<R> {
             require(k, row.k, alike, "of the sign of the controller's own k, and not 0")?;
             require(ti, row.ti, row.ti > R::ZERO, "greater than 0 s")?;
             require(td, row.td, row.td >= R::ZERO, "0 s or greater")?;
-            let first = i == 0;
-            slowest.ti = if first { row.ti } else { slowest.ti.greater(row.ti) };
-            slowest.td = if first { row.td } else { slowest.td.greater(row.td) };
-            slowest.k = if first || row.k.magnitude() > slowest.k.magnitude() { row.k } else { slowest.k };
         }
         let filtered = pid.tf > R::ZERO;
-        let usual_tf = DetectorSettings::filter_time(slowest.ti, slowest.td);
+        let [k, ti, td] = settings.slowest();
+        let usual_tf = DetectorSettings::filter_time(ti, td);
         let limited = pid.low > -R::LARGEST && pid.high < R::LARGEST;
         let detection = BacklashDetectionSettings {
             detector: DetectorSettings {
@@ -207,7 +215,7 @@ impl<R: Real> PidAdvanced<R> {
                 n,
                 op_limits: limited.then_some((pid.low, pid.high)),
                 max_h: pid.max_h.lesser(R::of(1e9)),
-                ..DetectorSettings::new(slowest.k, slowest.ti, slowest.td, pid.max_h)
+                ..DetectorSettings::new(k, ti, td, pid.max_h)
             },
             compensation: compensation.map(|given| {
                 // What is no number stays, to be refused.

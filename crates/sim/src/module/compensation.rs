@@ -53,6 +53,11 @@ pub(super) const INNER: &[&str] = &{
 };
 
 pub(super) fn settings(m: &Module) -> Result<Option<CompensationSettings<f64>>, ParameterError> {
+    settings_by(m, m.value("k"), m.value("ti"))
+}
+
+/// With the defaults of a controller with gain `k` and integral time `ti` \[s\].
+pub(super) fn settings_by(m: &Module, k: f64, ti: f64) -> Result<Option<CompensationSettings<f64>>, ParameterError> {
     let (typed, fitted) = (m.value("comp_size"), m.known("comp_fitted"));
     let sources = Source::ALL.map(|source| (f64::from(source as u8), source));
     let named = || m.one_of("comp_source", &sources, "1 (typed), 2 (fitted) or 3 (estimate)");
@@ -70,7 +75,7 @@ pub(super) fn settings(m: &Module) -> Result<Option<CompensationSettings<f64>>, 
     };
     let ways = Way::ALL.map(|way| (f64::from(way as u8), way));
     let way = m.one_of("comp_way", &ways, "1 (error), 2 (derivative) or 3 (inverse)")?;
-    let (k, ti, share) = (m.value("k"), m.value("ti"), m.value("comp_share"));
+    let share = m.value("comp_share");
     let usual = match source {
         Source::Estimate => CompensationSettings::by_estimate(way, k, ti, share),
         _ => CompensationSettings::new(way, k, ti, size, share),

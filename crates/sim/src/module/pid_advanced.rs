@@ -102,7 +102,7 @@ fn settings(m: &Module) -> Result<PidAdvancedSettings<f64>, ParameterError> {
     let rules = Rule::ALL.map(|rule| (f64::from(rule as u8), rule));
     let mut schedule = [Gains::default(); SCHEDULE_ROWS];
     schedule.iter_mut().zip(&m.schedule).for_each(|(to, row)| *to = *row);
-    Ok(PidAdvancedSettings {
+    let settings = PidAdvancedSettings {
         pid: pid::settings(m),
         kp: m.known("kp"),
         pv_span: m.known("pv_span"),
@@ -113,10 +113,12 @@ fn settings(m: &Module) -> Result<PidAdvancedSettings<f64>, ParameterError> {
         sp_rate: m.value("sp_rate"),
         schedule,
         rows: m.schedule.len(),
-        compensation: compensation::settings(m)?,
+        compensation: None,
         tuner: tuner(m),
         rule: m.one_of("tune_rule", &rules, "1 (point placement), 2 (AMIGO PI) or 3 (AMIGO PID)")?,
-    })
+    };
+    let [k, ti, _] = settings.slowest();
+    Ok(PidAdvancedSettings { compensation: compensation::settings_by(m, k, ti)?, ..settings })
 }
 
 impl Work for PidAdvanced {

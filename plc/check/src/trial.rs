@@ -70,10 +70,8 @@ impl Trial {
         };
         let mut fates: Vec<Option<Fate>> = self.changes.iter().map(proved).collect();
         let mut hidden = vec![false; self.changes.len()];
-        for number in 0..self.changes.len() {
-            if fates[number].is_none() {
-                probe.add(&self.library, number);
-            }
+        for (number, _) in fates.iter().enumerate().filter(|(_, fate)| fate.is_none()) {
+            probe.add(&self.library, number);
         }
         for trace in traces {
             self.plays(&trace, &mut probe, &mut fates, &mut hidden);

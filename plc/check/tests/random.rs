@@ -46,9 +46,8 @@ fn drawn(block: &str, draw: &mut Draw) -> Case {
         "width" | "safety_net" => {
             let mut params =
                 json!({ "k": d.of(&[0.5, -0.5, 3.0, 1e-3]), "ti": d.between(0.1, 5.0), "b": d.of(&[0.0, 0.3, 1.0]) });
-            for (name, value) in
-                [("td", 0.0), ("td", d.between(0.0, 2.0)), ("kp", d.between(-2.0, 2.0)), ("op_span", 5.0)]
-            {
+            let kp = d.of(&[1.0, -1.0]) * d.between(0.125, 2.0);
+            for (name, value) in [("td", 0.0), ("td", d.between(0.0, 2.0)), ("kp", kp), ("op_span", 5.0)] {
                 if d.chance(0.4) {
                     params[name] = value.into();
                 }

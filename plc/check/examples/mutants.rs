@@ -157,7 +157,13 @@ fn main() -> ExitCode {
             }
         }
         eprintln!("{build:?}: {} to try", tried.len());
-        let of_build = traces.iter().filter(|(of, _)| *of == build).map(|(_, path)| trace(path));
+        let of_build: Vec<&PathBuf> = traces.iter().filter(|(of, _)| *of == build).map(|(_, path)| path).collect();
+        let of_build = of_build.iter().enumerate().map(|(number, path)| {
+            if number % 1000 == 999 {
+                eprintln!("{} of {} traces", number + 1, of_build.len());
+            }
+            trace(path)
+        });
         let fates = trial.fates(of_build).into_iter();
         let both = |((mutant, before), now): ((Mutant, Option<Fate>), Fate)| {
             (now != Fate::Noticed).then_some((mutant, before.max(Some(now))))

@@ -1,7 +1,7 @@
 # make run   sets everything up and does the main job: recordings in, dead bands and a report out
 # make test  sets everything up and runs every test in every language
 # make check is what a developer runs all day: linters, the blocks, and every Python test that takes less than a second
-.PHONY: run test check setup lint bare interop bench catalogue gallery plc fuzz clean
+.PHONY: run test check setup lint bare interop site bench catalogue gallery plc fuzz clean
 .DELETE_ON_ERROR:
 
 PYTHON ?= python3
@@ -31,7 +31,7 @@ $(VENV)/.installed: $(VENV)/.tools $(SOURCES)
 	$(BIN)/pip install --quiet --no-deps --editable thesis
 	touch $@
 
-test: setup lint bare interop
+test: setup lint bare interop site
 	cargo test --workspace --quiet
 	$(BIN)/pytest --numprocesses auto --dist loadgroup
 
@@ -42,8 +42,8 @@ check: setup lint
 lint: setup
 	cargo fmt --check
 	cargo clippy --workspace --all-targets --quiet -- --deny warnings
-	$(BIN)/ruff format --check python thesis tests examples bench vectors fuzz plc
-	$(BIN)/ruff check python thesis tests examples bench vectors fuzz plc
+	$(BIN)/ruff format --check python thesis tests examples bench vectors fuzz plc docs
+	$(BIN)/ruff check python thesis tests examples bench vectors fuzz plc docs
 	$(BIN)/mypy
 
 # The core where there is no operating system: a microcontroller, and a page in the browser.
@@ -87,6 +87,21 @@ bench: setup $(VENV)/.bench
 
 $(VENV)/.bench: pyproject.toml $(VENV)/.tools
 	$(BIN)/pip install --quiet --group bench
+	touch $@
+
+# The documentation in dist/site, to be read without a server; a link that leads nowhere ends it.
+site: setup $(VENV)/.docs
+	@if command -v npm >/dev/null; then \
+		$(MAKE) --no-print-directory target/site/.npm && NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict; \
+		else echo "skipped: the site of the documentation, which needs npm"; fi
+
+$(VENV)/.docs: pyproject.toml $(VENV)/.tools
+	$(BIN)/pip install --quiet --group docs
+	touch $@
+
+# By this the pages of a folder can be searched.
+target/site/.npm:
+	npm install --prefix target/site --no-audit --no-fund --loglevel=error iframe-worker@1.0.4
 	touch $@
 
 # Names, numbers, units, bounds and defaults, from the crates into docs/catalogue.md.

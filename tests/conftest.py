@@ -17,6 +17,11 @@ settings.register_profile("without a clock", deadline=None)
 settings.load_profile("without a clock")
 
 
+def pytest_xdist_auto_num_workers() -> int:
+    """One more than there are processors: a good part of the tests waits, for a clock or for another process."""
+    return len(os.sched_getaffinity(0)) + 1
+
+
 def pytest_configure(config: pytest.Config) -> None:
     if fits.FOLDER not in os.environ:  # a worker has the folder of the process that started it
         folder = TemporaryDirectory(prefix="glapp-fits-")

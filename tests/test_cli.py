@@ -67,12 +67,13 @@ def demo(tmp_path_factory):
 
 
 def documented_commands(run):
-    """Every command line in the help and in docs/cli.md."""
+    """Every command line in the help, in docs/cli.md and in docs/start.md."""
     helps = "".join(
         run(*command, "--help")[1]
         for command in ([], ["analyze"], ["init"], ["identify"], ["explain"], ["bump"], ["demo"], ["thesis"])
     )
-    blocks = "".join(re.findall(r"^```\n(.*?)^```", (ROOT / "docs/cli.md").read_text(), re.DOTALL | re.MULTILINE))
+    pages = "".join((ROOT / page).read_text() for page in ("docs/cli.md", "docs/start.md"))
+    blocks = "".join(re.findall(r"^```\n(.*?)^```", pages, re.DOTALL | re.MULTILINE))
     return list(dict.fromkeys(line.strip() for line in re.findall(r"^ ?(glapp .*)$", helps + blocks, re.MULTILINE)))
 
 

@@ -289,7 +289,7 @@ def noisy() -> Simulation:
     return closed_loop("P3", (0.48, 0.3117), d=0.0, noise=0.002, t_end=3000, setpoint=[(1, 1.0)], load=[(100, 0.3)])
 
 
-def test_a_stream_shows_no_width_that_noise_can_feign(noisy: Simulation) -> None:
+def test_a_stream_shows_no_width_below_the_noise_limit(noisy: Simulation) -> None:
     """It showed the width of a gap that is not there, from nine detections."""
     estimator = feed(noisy, tf=FILTER)
     said, floor = estimator.median_mean, estimator.noise_floor

@@ -79,7 +79,7 @@ def test_steps_that_make_up_for_a_wrong_width_are_marked_anew(h: float, seed: in
 
 
 @pytest.mark.parametrize("number", [0, 1])
-def test_small_steps_of_the_load_feign_no_gap(number: int) -> None:
+def test_small_steps_of_the_load_show_no_gap(number: int) -> None:
     made = record(f"none/steps/inside/{number}")
     assert made is not None
     f = glapp.fit(made[0].recording)
@@ -96,7 +96,7 @@ def test_small_steps_of_the_load_feign_no_gap(number: int) -> None:
         ("backlash/ramps/outside/56", "80 are needed"),
     ],
 )
-def test_samples_too_far_apart_or_a_single_move_of_op_feign_no_gap(name: str, told: str) -> None:
+def test_samples_too_far_apart_or_a_single_move_of_op_show_no_gap(name: str, told: str) -> None:
     """Each of these once had a width that was not there, or a bound above the truth."""
     made = record(name)
     assert made is not None
@@ -117,7 +117,7 @@ def walk(rate: float, h: float, t_end: float, seed: int) -> Any:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [3, 4])
-def test_a_load_that_walks_feigns_no_gap(seed: int) -> None:
+def test_a_load_that_walks_shows_no_gap(seed: int) -> None:
     """The zero-crossing estimate shows confident false widths here."""
     h, t_end = 0.3, 900.0
     f = simulated("P2", (0.775, 2.05), 0.0, h=h, t_end=t_end, load=walk(0.006, h, t_end, seed), seed=seed)
@@ -339,7 +339,7 @@ def test_what_cannot_be_fitted_is_refused_with_its_reason(columns: Any, told: st
 
 @pytest.mark.slow
 def test_two_moves_one_way_give_neither_width_nor_bound() -> None:
-    """Where in its gap the valve stood decides how far it moved first: taken too coarsely, it feigned a width."""
+    """Where in its gap the valve stood decides how far it moved first: taken too coarsely, it made a width."""
     t = np.arange(0.0, 1200.0)
     op = np.where(t < 400, 45.0, np.where(t < 800, 41.0, 38.0)) + 0.01 * np.sin(t)
     gap = glapp.blocks.Backlash(1.5, 44.25)

@@ -555,7 +555,7 @@ def test_the_online_estimate_is_a_source_only_when_it_may_be(inside: bool) -> No
     assert np.max(np.abs(late[f"{name}.u_ff"])) == pytest.approx(delta[0] / 2)
 
 
-def test_an_estimate_that_noise_can_feign_or_a_fit_contradicts_is_no_source() -> None:
+def test_an_estimate_below_the_noise_limit_or_a_fit_contradicts_is_no_source() -> None:
     for more, kp, unfit in (({}, 0.02, Unfit.NOISE), ({"comp_fitted": 0.0}, 1.0, Unfit.STRUCK)):
         loop = system_of_6_5(1, 0.2, True, comp_source=Source.ESTIMATE, **more)
         loop["pid.kp"] = kp
@@ -890,7 +890,7 @@ def test_sample_by_sample_beside_a_plant_whose_sensor_fails() -> None:
 
 
 @pytest.mark.parametrize("inside", [True, False], ids=["PidAdvanced", "BacklashDetection"])
-def test_no_width_is_shown_that_noise_can_feign(inside: bool) -> None:
+def test_no_width_is_shown_below_the_noise_limit(inside: bool) -> None:
     """Without a gap nine detections of a tenth of a per cent were shown; the noise is that of PV before the filter."""
     shown = {}
     for d in (0.0, 0.05):

@@ -663,6 +663,7 @@ def test_writing(shared):
             source._link.end("lost on purpose")
             await watch.until(lambda: watch.told("withdrawn", "FIC101"))
             await watch.until(lambda: len(watch.told("connected")) == 2)
+            await watch.until(lambda: plant.u_ff("FIC101") == 0.0)  # nobody beat: the plant has ramped it out
             await watch.heard("FIC101", 5)
             assert not source.enabled("FIC101")
 

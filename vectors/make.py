@@ -1557,7 +1557,7 @@ class _Memory:
         return [*head, *parts, previous, d_hat_before, mask, reason, *shown]
 
     def _hear(self, sigma: float) -> None:
-        """What noise can feign, 3σ/Kp; Kp not known: 1/2K."""
+        """The noise limit, 3σ/Kp; Kp not known: 1/2K."""
         kp = self.params.get("kp")
         self.noise_floor = 3.0 * sigma * (2.0 * abs(self.params["k"])) if kp is None else 3.0 * sigma / abs(kp)
 
@@ -1617,8 +1617,8 @@ def detector_cases() -> Iterator[dict[str, Any]]:
     yield case("a gap that has become smaller", ["LockOut"], pi, smaller, h=h)
     rarely = _cycle([16.0] * 5 + [5.5, 3.5, 3.5, 3.5] * 31)
     noisy = _cycle([8.0] * 8, noise=0.2)
-    yield case("noise can feign it", ["Noise"], pi | {"k": 1.0, "kp": 0.14}, noisy, h=h)
-    yield case("noise can feign it, Kp not known", ["Noise", "Op"], loose | {"k": 6.0}, noisy, h=h)
+    yield case("below the noise limit", ["Noise"], pi | {"k": 1.0, "kp": 0.14}, noisy, h=h)
+    yield case("below the noise limit, Kp not known", ["Noise", "Op"], loose | {"k": 6.0}, noisy, h=h)
     yield case("smaller ones now and then: believed after ten times N", ["LockOut"], pi, rarely, h=h)
 
 
@@ -2796,10 +2796,8 @@ def foreign_detection_cases() -> Iterator[dict[str, Any]]:
     yield case("the estimate", ["Source"], estimate, theirs(estimate, 2, lambda i: float(i >= 140)), h=0.25)
     early = theirs(estimate, 2, lambda i: float(i >= 70))
     yield case("an estimate of too few detections", ["Source"], estimate, early, h=0.25)
-    feigned = estimate | {"kp": 0.3}
-    yield case(
-        "an estimate that noise can feign", ["Source"], feigned, theirs(feigned, 2, lambda i: float(i >= 140)), h=0.25
-    )
+    low = estimate | {"kp": 0.3}
+    yield case("an estimate below the noise limit", ["Source"], low, theirs(low, 2, lambda i: float(i >= 140)), h=0.25)
     gap = [9.0 if i == 120 else 0.0 if i == 130 else 0.25 for i in range(200)]
     rows = theirs(back, 3, from_30, gap, back={i: 0.3 for i in range(120, 124)})
     yield case("a gap in time, and u_FF is another", ["Start"], back, rows, h=gap)
@@ -2827,8 +2825,8 @@ def pid_advanced_cases() -> Iterator[dict[str, Any]]:
     scheduled = [[pv, sp, wander[i], *rest] for i, (pv, sp, _, *rest) in enumerate(plain)]
     scheduled[50][2] = NAN
     yield case("a schedule", ["Schedule"], limited | schedule, scheduled, h=0.25)
-    feigned = limited | {"tf": 0.5, "kp": 0.37}
-    yield case("noise can feign it, which the filtered PV does not show", ["Noise"], feigned, plain, h=0.25)
+    low = limited | {"tf": 0.5, "kp": 0.37}
+    yield case("below the noise limit, which the filtered PV does not show", ["Noise"], low, plain, h=0.25)
     # The gap's cycle, then PV runs away downward as OP opens.
     away = [[pv - 0.01 * 1.4 ** max(min(i - 165, 24), 0), *rest] for i, (pv, *rest) in enumerate(plain)]
     strong = compensating | {"k": 2.0}
@@ -3001,7 +2999,7 @@ BLOCKS: dict[
             "FilterTime": "a filter of the detector that does not follow the derivative time",
             "Ramp": "a setpoint that the detector sees before it is in effect",
             "Rate": "a rate that limits and is not told, or that u_FF takes up alone",
-            "Noise": "a width shown that noise can feign, or noise heard in PV that comes filtered",
+            "Noise": "a width shown below the noise limit, or noise heard in PV that comes filtered",
             "Schedule": "a row taken too early or too late, or a bump between two",
             "OwnFilter": "PV filtered twice by the detector, or otherwise for u_FF; compensation by too long a filter",
             "KpDefault": "another Kp than 1.5 %/% with the sign of K, or compensation by it",
@@ -3304,7 +3302,7 @@ BLOCKS: dict[
             "Derivative": "the derivative part left out",
             "IrregularStep": "a step length taken once and kept",
             "Setpoint": "a setpoint that moves taken for a gap",
-            "Noise": "a width shown that noise can feign",
+            "Noise": "a width shown below the noise limit",
             "Flags": "a flag lost on the way from sample to reason",
             "Bad": "a bad value that reaches the filter, or a break that is not one",
             "Start": "a first half-period that is not called a gap",

@@ -1,5 +1,7 @@
 """glapp finds, measures and explains backlash (dead band) in control loops from routine data.
 
+Examples
+--------
 >>> import glapp
 >>> loop = glapp.Loop(name="FIC101", pv_span=(0, 50), op_span=(0, 100), controller={"pb": 200, "ti": 30})
 >>> loop.ideal().ti

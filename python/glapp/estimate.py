@@ -351,9 +351,7 @@ def _why(answer: dict[str, Any], loop: Loop, found: list[Finding], identificatio
             return f"Δy/Kp is larger than OP's travel: {what}, check kp and the span of PV"
         case {"code": "noise", "of": n}:
             unit = loop.op_label
-            return (
-                f"the detections give {n['d']:.3g} {unit}, less than the {n['floor']:.3g} {unit} that noise can feign"
-            )
+            return f"the detections give {n['d']:.3g} {unit}, below the noise limit of {n['floor']:.3g} {unit}"
     return f"{answer['detections']} of the {loop.n} detections that an estimate needs"
 
 
@@ -477,8 +475,8 @@ class Estimator:
 
     Notes
     -----
-    `estimate` is None where noise can feign what the detections say, that is, below `noise_floor`: 3σ/Kp, with σ of
-    PV's fast noise when the last detection was made, or 3σ·2K where Kp is not known. `median_mean` is what they say all
+    `estimate` is None where what the detections say is below the noise limit `noise_floor`: 3σ/Kp, with σ of PV's
+    fast noise when the last detection was made, or 3σ·2K where Kp is not known. `median_mean` is what they say all
     the same. Two more things that `analyze` asks of an estimate a stream does not: that a third of the detections
     agree, and the quality of the whole recording.
 
@@ -562,18 +560,18 @@ class Estimator:
     def estimate(self) -> tuple[float, float, float, int, int] | None:
         """(value, smallest, largest [OP unit], how many agree, how many there are) of the last N detections.
 
-        None before the first detection, and where noise can feign it.
+        None before the first detection, and where it is below the noise limit.
         """
         return self._detector.estimate
 
     @property
     def median_mean(self) -> tuple[float, float, float, int, int] | None:
-        """The same, whether noise can feign it or not."""
+        """The same, whether above the noise limit or not."""
         return self._detector.median_mean
 
     @property
     def noise_floor(self) -> float | None:
-        """What noise can feign [OP unit], by its level at the last detection; None where it is not known."""
+        """The noise limit [OP unit], by its level at the last detection; None where it is not known."""
         return self._detector.noise_floor
 
     def save(self) -> str:

@@ -151,7 +151,7 @@ class Unfit(enum.IntEnum):
     PROVISIONAL
         There are fewer than `n` detections.
     NOISE
-        It is below what noise can feign.
+        It is below the noise limit.
     CRUDE
         It was worked out with a Kp that is a default, or behind a filter of PV longer than Ti/2.
     """
@@ -604,7 +604,7 @@ class PidAdvanced(_Compensating, Pid):
 
     The detector takes the controller's settings and sees what it sees: setpoint in effect, filtered process value,
     limits and mode. Where `tf` is 0 the detector filters, with Td/5, or Ti/10 without D. Read `d_hat`, `count`
-    (detections behind it), `noise_floor` (what noise can feign: below it `d_hat` and `whole` are NaN, and `count` is
+    (detections behind it), `noise_floor` (the noise limit: below it `d_hat` and `whole` are NaN, and `count` is
     0), `detections` (in all), and of the last half-period `d` and `reason` (0: accepted). `error` says too that k has
     the wrong sign for the process, where `low` and `high` are given. `corrected_d` is the width with the bias of (2.4)
     taken out, NaN where `corrected_doubt` says why not. `docs/modules.md` explains these and all inner variables.
@@ -718,7 +718,7 @@ class BacklashDetection(_Compensating):
     compensates, else why not), `source` (the `Source` of the width; 0: none), `unfit` (why the estimate is none),
     `size`, the width that it goes by, `delta`, what is left of its share after the noise band, `left`, what stays
     uncompensated of `size`, `over` (1: code block 7.1 warns, 2: the relay), `whole`, the estimate of the whole gap
-    while `d_hat` shows what is left, `noise_floor`, what noise can feign (below it `d_hat` and `whole` are NaN, and
+    while `d_hat` shows what is left, `noise_floor`, the noise limit (below it `d_hat` and `whole` are NaN, and
     `count` is 0), and `error` (`Flag.WRONG_SIGN`). Connect `pv` before any filter: noise that is filtered off is not
     heard.
 

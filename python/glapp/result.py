@@ -80,11 +80,11 @@ class HalfPeriods:
     reason : uint8[n]
         First of them: a code of `REASONS`, 0 = accepted.
     d_hat : float64[n]
-        Estimate after the half-period [OP unit], NaN while there is none or noise can feign it.
+        Estimate after the half-period [OP unit], NaN while there is none or it is below the noise limit.
     median_mean : float64[n]
-        What the detections say, whether noise can feign it or not [OP unit], NaN while there are none.
+        What the detections say, whether above the noise limit or not [OP unit], NaN while there are none.
     noise_floor : float64[n]
-        What noise can feign, by its level at the last detection [OP unit], NaN where it is not known.
+        The noise limit, by its level at the last detection [OP unit], NaN where it is not known.
     detections : uint8[n]
         Detections in the filter's window after the half-period.
     """

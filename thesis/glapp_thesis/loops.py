@@ -72,7 +72,7 @@ class Detected:
 
     @property
     def d_hat(self) -> float | None:
-        """Estimate at the end, whether noise can feign it or not [%]."""
+        """Estimate at the end, whether above the noise limit or not [%]."""
         last = self.half_periods.median_mean[-1:]
         return PERCENT * float(last[0]) if np.isfinite(last).any() else None
 

@@ -26,7 +26,7 @@ pub struct Answer {
     pub d_hat_percent_span: Option<f64>,
     /// Smallest and largest detection behind it [OP unit]: repeatability, not an interval of confidence.
     pub repeatability: Option<(f64, f64)>,
-    /// What noise alone could feign [OP unit].
+    /// The noise limit [OP unit].
     pub noise_floor: Option<f64>,
     /// The width with its known bias taken out; none without detections.
     pub corrected: Option<CorrectedAnswer>,

@@ -8,7 +8,7 @@
 //!
 //! Neither a process nor a load lies between, so that no filter is needed: for given d, J, delay and lag the rest is a straight
 //! line, and its squares are summed in one pass, eight sets of parameters at once. What lies between instead is the recorder, which
-//! can feign a gap by itself: a position that is kept until it has moved by a band lags behind on both ways as one in a gap does.
+//! can look like a gap by itself: a position that is kept until it has moved by a band lags behind on both ways as one in a gap does.
 //! So the recorder is looked at first. Only rows in which a position kept so was written anew count, for there it is true;
 //! spikes do not count; and what rounding, OP's own moves between two rows and the band may hide widens the interval.
 
@@ -240,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn a_position_kept_until_it_has_moved_by_a_band_feigns_no_gap() {
+    fn a_position_kept_until_it_has_moved_by_a_band_shows_no_gap() {
         let (u, mut noise) = output(3000, 11);
         let z: Vec<f64> = u.iter().map(|u| u + 0.01 * noise()).collect();
         let a = asked(&kept(&z, 0.5), &u);
@@ -255,7 +255,7 @@ mod tests {
 
     #[test]
     fn a_position_that_was_written_anew_a_few_times_tells_nothing() {
-        // Nine new values: how they were kept does not show, and all rows between them would feign a gap as wide as the band.
+        // Nine new values: how they were kept does not show, and all rows between them would look like a gap as wide as the band.
         let (u, mut noise) = output(3000, 11);
         let u: Vec<f64> = u[..800].iter().map(|u| 50.0 + 0.17 * (u - 50.0)).collect();
         let z: Vec<f64> = valve(&u, 0.2, 0.0).iter().map(|v| v + 0.001 * noise()).collect();

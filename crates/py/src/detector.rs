@@ -160,11 +160,11 @@ attributes! {
     mask: u16 = |_span, record, _swing| record.mask;
     /// First reason of rejection, 0 = accepted.
     reason: u8 = |_span, record, _swing| record.reason() as u8;
-    /// Estimate after this half-period [OP unit], NaN while there is none or noise can feign it.
+    /// Estimate after this half-period [OP unit], NaN while there is none or it is below the noise limit.
     d_hat: f64 = |_span, record, _swing| record.shown().map_or(f64::NAN, |e| e.value);
-    /// What the detections say, whether noise can feign it or not [OP unit], NaN while there are none.
+    /// What the detections say, whether above the noise limit or not [OP unit], NaN while there are none.
     median_mean: f64 = |_span, record, _swing| record.estimate.map_or(f64::NAN, |e| e.value);
-    /// What noise can feign [OP unit], NaN where it is not known.
+    /// The noise limit [OP unit], NaN where it is not known.
     noise_floor: f64 = |_span, record, _swing| record.noise_floor.unwrap_or(f64::NAN);
     /// Detections in the window after this half-period.
     detections: u8 = |_span, record, _swing| record.estimate.map_or(0, |e| e.count);
@@ -229,19 +229,19 @@ impl PyDetector {
         self.crossings.reasons().to_vec()
     }
 
-    /// (value, low, high, kept, count) of the median/mean filter; None before the first detection, and where noise can feign it.
+    /// (value, low, high, kept, count) of the median/mean filter; None before the first detection, and where it is below the noise limit.
     #[getter]
     fn estimate(&self) -> Option<EstimateParts> {
         self.crossings.state().shown().map(parts)
     }
 
-    /// The same, whether noise can feign it or not.
+    /// The same, whether above the noise limit or not.
     #[getter]
     fn median_mean(&self) -> Option<EstimateParts> {
         self.crossings.state().estimate().map(parts)
     }
 
-    /// What noise can feign [OP unit], from the level of the noise at the last detection; None where it is not known.
+    /// The noise limit [OP unit], from the level of the noise at the last detection; None where it is not known.
     #[getter]
     fn noise_floor(&self) -> Option<f64> {
         self.crossings.state().noise_floor()

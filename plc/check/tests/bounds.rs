@@ -45,7 +45,7 @@ fn at_the_bounds<R: Number>() {
     ] {
         assert_eq!(of(a, b, "Quotient"), fits, "{a} / {b}");
     }
-    // The floor that noise feigns with a gain of nearly 0 is told as the largest number there is, without computing it.
+    // The noise limit with a gain of nearly 0 is told as the largest number there is, without computing it.
     let without_end = if real { f64::from(1e37_f32) } else { 1e37 };
     for (sigma, k, kp, floor) in [
         (2.0, 1.0, Some(-4.0), 1.5),

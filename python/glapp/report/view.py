@@ -170,7 +170,7 @@ class LoopView:
         if r.corrected is not None and r.corrected.d is not None:
             rows.append(("Bias taken out", words.quantity(r.corrected.d, unit)))
         if r.noise_floor is not None:
-            rows.append(("Noise can feign", words.quantity(r.noise_floor, unit)))
+            rows.append(("Noise limit", words.quantity(r.noise_floor, unit)))
         return rows
 
     @property

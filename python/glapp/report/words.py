@@ -566,7 +566,7 @@ def verdict(result: Result) -> list[str]:
         if result.corrected is not None:
             basis.append(corrected(result))
         if result.noise_floor is not None:
-            basis.append(f"Noise alone could feign up to {quantity(result.noise_floor, op_unit(result))}.")
+            basis.append(f"The noise limit is {quantity(result.noise_floor, op_unit(result))}.")
         wide = exceeds(result)
         if wide is not None:
             limit = quantity(result.loop.acceptable_dead_band, "%")

@@ -94,7 +94,7 @@ impl Crossings {
         &self.detector
     }
 
-    /// What the detector remembers: the estimate, and what noise can feign.
+    /// What the detector remembers: the estimate, and the noise limit.
     pub fn state(&self) -> &DetectorState<f64> {
         &self.state
     }

@@ -81,11 +81,11 @@ pub enum Why {
     },
     /// Δy/Kp is larger than OP's travel.
     GainTooLow,
-    /// Noise can feign what the detections say.
+    /// What the detections say is below the noise limit.
     Noise {
         /// What they say [OP unit].
         d: f64,
-        /// What noise can feign [OP unit].
+        /// The noise limit [OP unit].
         floor: f64,
     },
     /// Fewer detections than the N of the settings.

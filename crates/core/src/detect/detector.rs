@@ -41,7 +41,7 @@ pub struct Record<R> {
     pub d_hat_before: Option<R>,
     /// What the detections say after this half-period, where there are any.
     pub estimate: Option<Estimate<R>>,
-    /// What noise can feign, from the level of the noise at the last detection [OP unit]; none where it is not known.
+    /// The noise limit, from the level of the noise at the last detection [OP unit]; none where it is not known.
     pub noise_floor: Option<R>,
     /// σ of PV's fast noise at its end, where nothing but (5.1) speaks against it and the noise is known [PV unit].
     pub sigma: Option<R>,
@@ -51,7 +51,7 @@ pub struct Record<R> {
 }
 
 impl<R: Real> Record<R> {
-    /// The estimate after this half-period, if it is more than noise can feign.
+    /// The estimate after this half-period, if it is above the noise limit.
     pub fn shown(&self) -> Option<Estimate<R>> {
         shown(self.estimate, self.noise_floor)
     }
@@ -94,7 +94,7 @@ impl<R: Real> Record<R> {
 /// Where Kp becomes known, or is no longer, the detections are forgotten with the next half-period: those made with a default
 /// ([`DetectorSettings::gain`](crate::DetectorSettings::gain)) and the others make no estimate together.
 ///
-/// An estimate is *shown* where it is at least what noise can feign: 3σ/|Kp| ([`Width::noise_floor`]), with σ of PV as measured, by
+/// An estimate is *shown* where it is at least the noise limit: 3σ/|Kp| ([`Width::noise_floor`]), with σ of PV as measured, by
 /// [`NoiseLevel`], at the last detection. (5.1) goes by what the detections say, shown or not.
 ///
 /// ```
@@ -196,12 +196,12 @@ impl<R: Real> DetectorState<R> {
         self.memory.estimate
     }
 
-    /// What noise can feign, from the level of the noise at the last detection [OP unit]; none where it is not known.
+    /// The noise limit, from the level of the noise at the last detection [OP unit]; none where it is not known.
     pub fn noise_floor(&self) -> Option<R> {
         self.memory.noise_floor
     }
 
-    /// The estimate, if it is more than noise can feign.
+    /// The estimate, if it is above the noise limit.
     pub fn shown(&self) -> Option<Estimate<R>> {
         shown(self.memory.estimate, self.memory.noise_floor)
     }
@@ -533,7 +533,7 @@ pub(crate) fn checked<R: Real>(op_limits: Option<(R, R)>) -> Result<Option<(R, R
     Ok(op_limits)
 }
 
-/// The estimate, if noise cannot feign it.
+/// The estimate, if it is not below the noise limit.
 fn shown<R: Real>(estimate: Option<Estimate<R>>, noise_floor: Option<R>) -> Option<Estimate<R>> {
     estimate.filter(|estimate| noise_floor.is_none_or(|floor| estimate.value >= floor))
 }

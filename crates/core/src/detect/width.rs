@@ -112,14 +112,14 @@ impl<R: Real> Width<R> {
         self.ti
     }
 
-    /// The width that noise of standard deviation `sigma` in PV can feign, 3σ/|Kp| \[OP unit\]; where Kp is not known 3σ·2|K|, since
+    /// The noise limit for noise of standard deviation `sigma` in PV, 3σ/|Kp| \[OP unit\]; where Kp is not known 3σ·2|K|, since
     /// a well-tuned loop has 1/(K·Kp) below 2 (7.4).
     #[inline(always)]
     pub fn noise_floor(&self, sigma: R) -> R {
-        let feigned = R::of(3.0) * sigma;
+        let floor = R::of(3.0) * sigma;
         match self.kp_abs {
-            Some(kp) => feigned / kp,
-            None => feigned * (R::of(2.0) * self.k_abs),
+            Some(kp) => floor / kp,
+            None => floor * (R::of(2.0) * self.k_abs),
         }
     }
 

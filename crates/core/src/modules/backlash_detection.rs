@@ -32,7 +32,7 @@ pub enum Unfit {
     Struck = 2,
     /// There are fewer detections than the filter is long.
     Provisional = 3,
-    /// It is below what noise can feign.
+    /// It is below the noise limit.
     Noise = 4,
     /// It was worked out with a Kp that is a default, or behind a filter of PV longer than Ti/2.
     Crude = 5,
@@ -195,7 +195,7 @@ impl<R: Real> BacklashDetectionState<R> {
         self.cut = true;
     }
 
-    /// The whole gap, if it is more than noise can feign.
+    /// The whole gap, if it is above the noise limit.
     pub fn shown(&self) -> Option<Estimate<R>> {
         self.whole.filter(|whole| self.detector.noise_floor().is_none_or(|floor| whole.value >= floor))
     }

@@ -1,4 +1,4 @@
-//! How a position was recorded, which can feign a gap by itself.
+//! How a position was recorded, which can look like a gap by itself.
 
 use crate::data::record::Signals;
 

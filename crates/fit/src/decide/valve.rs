@@ -1,7 +1,7 @@
 //! One answer of several recordings of one valve: the width is shared, everything else is free in each.
 //!
 //! Windows of one recording answer in [`joint`]. Recordings of other days differ in more. A record that alone would be refused
-//! because a load or a recorder may have feigned its gap ([`Member::refused`]) says nothing here either, neither for a gap nor
+//! because a load or a recorder may have looked like its gap ([`Member::refused`]) says nothing here either, neither for a gap nor
 //! against one: its model is not to be believed, and ten of its kind would be sure of something wrong. What is merely too little
 //! alone, few moves of OP or a likelihood ratio below what is asked, adds up; and a gap has to show without any one recording.
 //!

@@ -17,3 +17,8 @@ window.glapp = {
     if (reply.ok || reply.redirected) location.href = then;
   },
 };
+// The service tells a page by its socket that the login is over; a page that has none at that moment asks.
+setInterval(async () => {
+  const reply = await fetch("/who", { redirect: "manual" }).catch(() => null);
+  if (reply?.type === "opaqueredirect") location.href = "/login?why=expired";
+}, 2000);

@@ -1,0 +1,57 @@
+"""For the site: what leads out of it.
+
+Links that leave the documentation lead to the sources, and must point at something that is there. The one script
+that the theme would load from elsewhere, by which pages in a folder can be searched, is taken along.
+"""
+
+import re
+import shutil
+import tomllib
+from pathlib import Path
+from typing import Any
+
+SHIM = re.compile(r"https://[^\"']*/iframe-worker/shim")
+LINK = re.compile(r"(?<=\]\()([^)#:\s]+)(#[^)\s]*)?(?=\))")
+
+
+def on_config(config: Any) -> Any:
+    """Take the place of the sources from where it stands once."""
+    project = tomllib.loads((Path(config.docs_dir).parent / "pyproject.toml").read_text())["project"]
+    config.repo_url = project["urls"]["Source"] + "/"
+    return config
+
+
+def on_page_markdown(markdown: str, *, page: Any, config: Any, files: Any) -> str:
+    """Rewrite what points out of the folder of the documentation.
+
+    Raises
+    ------
+    FileNotFoundError
+        If a link points nowhere.
+    """
+    docs = Path(config.docs_dir).resolve()
+    here = docs / Path(page.file.src_uri).parent
+
+    def led(link: re.Match[str]) -> str:
+        to = (here / link[1]).resolve()
+        if to.is_relative_to(docs) and not to.is_dir():
+            return link[0]  # the site's own check has it
+        if not to.exists():
+            raise FileNotFoundError(f"{page.file.src_uri}: the link {link[0]} leads nowhere")
+        kind = "tree" if to.is_dir() else "blob"
+        return f"{config.repo_url}{kind}/main/{to.relative_to(docs.parent)}{link[2] or ''}"
+
+    return LINK.sub(led, markdown)
+
+
+def on_post_page(output: str, *, page: Any, config: Any) -> str:
+    """Take the script from the site itself."""
+    up = "../" * page.url.count("/")
+    return SHIM.sub(f"{up}assets/shim.js", output)
+
+
+def on_post_build(*, config: Any) -> None:
+    """Put that script into the site, and take out what only a server shows."""
+    found = Path(config.docs_dir).parent / "target/site/node_modules/iframe-worker/shim/index.js"
+    shutil.copyfile(found, Path(config.site_dir) / "assets/shim.js")
+    (Path(config.site_dir) / "404.html").unlink()

@@ -1,0 +1,34 @@
+"""The documentation as a site: read from a folder, in Chromium, with nothing asked of elsewhere."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+SITE = Path(__file__).parent.parent / "dist/site"
+CHROMIUM = shutil.which("chromium")
+if CHROMIUM is None:
+    pytest.skip("chromium is not installed", allow_module_level=True)
+sync_api = pytest.importorskip("playwright.sync_api")
+if not (SITE / "index.html").exists():
+    pytest.skip("the site is not built: make site", allow_module_level=True)
+
+
+@pytest.mark.slow
+def test_a_folder_is_read_and_searched_without_a_network() -> None:
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        page = browser.new_page(viewport={"width": 375, "height": 700})
+        page.set_default_timeout(60_000)
+        asked: list[str] = []
+        page.on("request", lambda request: asked.append(request.url))
+        page.goto((SITE / "fit.html").as_uri())
+        assert page.evaluate("document.documentElement.scrollWidth") <= 375
+        page.set_viewport_size({"width": 1280, "height": 800})
+        page.goto((SITE / "index.html").as_uri())
+        page.locator("[data-md-component=search-query]").fill("stiction")
+        page.locator(".md-search-result__item", has_text="Read the answer").first.wait_for()
+        page.locator(".md-search-result__item a", has_text="Read the answer").first.click()
+        page.wait_for_url("**/answer.html*")
+        browser.close()
+    assert [url for url in asked if not url.startswith(("file:", "data:", "blob:"))] == []

@@ -53,11 +53,16 @@ fn traces(folder: &Path) -> Vec<(Build, PathBuf)> {
     }
     let files = std::fs::read_dir(folder).expect("a folder").map(|file| file.expect("a file").path());
     let told = |path: PathBuf| {
-        let trace = trace(&path);
-        (trace.unit().to_owned(), trace.build() == Build::Real, trace.events(), path)
+        let mut file = std::io::BufReader::new(std::fs::File::open(&path).expect("a file"));
+        let mut head = String::new();
+        std::io::BufRead::read_line(&mut file, &mut head).expect("a trace");
+        let mut words = head.split_whitespace().map(str::to_owned);
+        let (unit, build) = (words.next().expect("a block"), words.next().expect("a build"));
+        let length = file.get_ref().metadata().expect("a file").len();
+        (unit, build == "REAL", length, path)
     };
     let mut all: Vec<_> = files.map(told).collect();
-    eprintln!("{} traces, {} events", all.len(), all.iter().map(|(.., events, _)| events).sum::<usize>());
+    eprintln!("{} traces, {} bytes", all.len(), all.iter().map(|(.., length, _)| length).sum::<u64>());
     all.sort();
     let mut counts = BTreeMap::new();
     let mut ranked = vec![];
@@ -159,7 +164,7 @@ fn main() -> ExitCode {
         eprintln!("{build:?}: {} to try", tried.len());
         let of_build: Vec<&PathBuf> = traces.iter().filter(|(of, _)| *of == build).map(|(_, path)| path).collect();
         let of_build = of_build.iter().enumerate().map(|(number, path)| {
-            if number % 1000 == 999 {
+            if number % 200 == 199 {
                 eprintln!("{} of {} traces", number + 1, of_build.len());
             }
             trace(path)
@@ -169,6 +174,7 @@ fn main() -> ExitCode {
             (now != Fate::Noticed).then_some((mutant, before.max(Some(now))))
         };
         left.extend(tried.into_iter().zip(fates).filter_map(both));
+        left.iter().for_each(|(mutant, fate)| eprintln!("left in {build:?}\t{}\t{fate:?}", told(mutant)));
         eprintln!("{build:?}: {} left", left.len());
     }
     if kept.is_none() {

@@ -49,11 +49,6 @@ impl Trace {
         self.build
     }
 
-    /// How long it is.
-    pub fn events(&self) -> usize {
-        self.events.len()
-    }
-
     fn number(&mut self, pin: &str) -> u16 {
         if let Some(number) = self.numbers.get(pin) {
             return *number;

@@ -5,7 +5,7 @@ use crate::run::{Change, Instance, Probe};
 use crate::trace::{Event, Trace};
 
 /// What one mutant may cost, in operations, on one trace and on all, before it is given up there.
-const PATIENCE: [u64; 2] = [1_000_000, 30_000_000];
+const PATIENCE: [u64; 2] = [300_000, 8_000_000];
 
 /// What became of a mutant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -63,12 +63,8 @@ impl Trial {
     /// Where a trace does not hold on the library as it stands.
     pub fn fates(&self, traces: impl Iterator<Item = Trace>) -> Vec<Fate> {
         let mut probe = Probe::new(&self.library, &self.changes);
-        let proved = |change: &Change| match () {
-            () if change.is_none() => Some(Fate::Same),
-            () if change.is_unread(&self.library) => Some(Fate::Unread),
-            () => None,
-        };
-        let mut fates: Vec<Option<Fate>> = self.changes.iter().map(proved).collect();
+        let mut fates: Vec<Option<Fate>> =
+            self.changes.iter().map(|change| change.is_none().then_some(Fate::Same)).collect();
         let mut hidden = vec![false; self.changes.len()];
         for (number, _) in fates.iter().enumerate().filter(|(_, fate)| fate.is_none()) {
             probe.add(&self.library, number);
@@ -82,13 +78,16 @@ impl Trial {
                 }
             }
         }
-        let left = |number: usize| match () {
-            () if hidden[number] => Fate::Hidden,
-            () if probe.other[number] => Fate::Absorbed,
-            () if probe.reached[number] => Fate::Alike,
-            () => Fate::Unreached,
+        let left = |number: usize, fate: Option<Fate>| match fate {
+            Some(proved @ (Fate::Noticed | Fate::Same)) => proved,
+            _ if self.changes[number].is_unread(&self.library) => Fate::Unread,
+            Some(given_up) => given_up,
+            None if hidden[number] => Fate::Hidden,
+            None if probe.other[number] => Fate::Absorbed,
+            None if probe.reached[number] => Fate::Alike,
+            None => Fate::Unreached,
         };
-        fates.iter().enumerate().map(|(number, fate)| fate.unwrap_or_else(|| left(number))).collect()
+        fates.iter().enumerate().map(|(number, fate)| left(number, *fate)).collect()
     }
 
     fn plays(&self, trace: &Trace, probe: &mut Probe<'_>, fates: &mut [Option<Fate>], hidden: &mut [bool]) {

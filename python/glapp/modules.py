@@ -639,8 +639,8 @@ class PidAdvanced(_Compensating, Pid):
         Gains by the signal connected to `by`, linear between the rows; at most 8, `at` ascending, k of one sign. The
         width is then taken from the output's own travel. `Graph.set_schedule` edits it while it runs.
     comp_size, comp_fitted, comp_source, comp_way, comp_share, comp_limit, comp_band, comp_tf : float
-        Compensation, as in `BacklashDetection`; it takes at most half of `rate`. Under a schedule the Ti of its
-        defaults is the longest of the rows.
+        Compensation, as in `BacklashDetection`; it takes at most half of `rate`. Under a schedule its defaults go
+        by the longest Ti of the rows.
     comp_rate, comp_release, comp_watch, comp_travel, comp_reversals, comp_withdraw, comp_estimate : float, optional
         Likewise.
     tune_amplitude : float

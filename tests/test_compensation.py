@@ -29,8 +29,9 @@ def loop(**changes: Any) -> Scenario:
         "t_end": 600,
         "setpoint": [(1, 1.0)],
         "load": [(100, 0.3)],
+        "filter_in_loop": True,
     }
-    return Scenario(**fields | changes, filter_in_loop=True)
+    return Scenario(**fields | changes)
 
 
 def compensated(way: Any = "inverse", **changes: Any) -> Compensation:

@@ -259,5 +259,6 @@ class TestCommandLine:
         Path("loops.toml").write_text('[loops.FIC1]\nfiles = ["mon.csv", "tue.csv"]\n')
         code, out = self.run(capsys, monkeypatch, "analyze", "loops.toml", "--as-loop", "FIC1")
         assert code == 2 and "--as-loop takes recordings" in " ".join(out.split())
+        # What is asked of each recording by itself answers for each.
         code, out = self.run(capsys, monkeypatch, "identify", "loops.toml")
-        assert code == 2 and "FIC1 has 2 recordings; give one of them: mon.csv, tue.csv" in " ".join(out.split())
+        assert code == 0 and "(mon.csv)" in out and "(tue.csv)" in out

@@ -229,7 +229,7 @@ def run(worn: Result) -> list[Result]:
         worn,
         replace(worn, name="FIC 102", d_hat_percent_span=None, unit="mA", loop=a_loop(op_span=None, pv_unit=None)),
         replace(worn, name="FIC103", crossings="provisional", detections=3, reason="3 of 9 detections needed", t0=None),
-        analysed(closed_loop(0.0, seconds=3000, noise=0.2, filter_in_loop=True), name="LIC104"),
+        analysed(closed_loop(0.0, seconds=3000, noise=0.2), name="LIC104"),
         replace(
             refused(), name="silent", crossings="no_estimate", reason="there are no half-periods", trace=worn.trace
         ),

@@ -392,6 +392,11 @@ _WINDS = (
 SENTENCES: dict[str, str] = {
     "time_assumed info": _BEGINS + "{days}; if it counts seconds, write time_format = 'seconds'",
     "time_assumed": _BEGINS + "seconds; if these are {days}, write time_format = '{calendar}'",
+    "own_times joined": "each signal has times of its own, and OP many more than PV: {held} keep the last value "
+    "until the next, and {pv_rows} values of PV are joined by straight lines over {rows} rows; record PV as often as "
+    "OP",
+    "own_times": "each signal has times of its own: the rows are those of PV, and {held} keep the last value until "
+    "the next",
     "too_few_rows": "the recording has {rows} rows, from which nothing can be told: take hours, not moments",
     "time_missing": "{rows} of {of} rows have no time and are not used: check the time column",
     "time_reversed newest_first": _REVERSED + "the newest row comes first; sort the rows by time, the oldest first",
@@ -414,11 +419,6 @@ SENTENCES: dict[str, str] = {
     "are not used: take a time in which the valve has room to move",
     "no_sp": "SP is not recorded: the gap is fitted from OP and PV, and a test by hand can be read; zero crossings, "
     "the controller's K and Ti and the width that a PLC would show need SP",
-    "own_times joined": "each signal has times of its own, and OP many more than PV: {held} keep the last value "
-    "until the next, and {pv_rows} values of PV are joined by straight lines over {rows} rows; record PV as often as "
-    "OP",
-    "own_times": "each signal has times of its own: the rows are those of PV, and {held} keep the last value until "
-    "the next",
     "no_op": "OP is not recorded, so K and Ti must be given, and saturation is seen only through limit flags: add OP",
     "op_constant": "OP stays at {op:.4g} {op_unit} over the whole recording: take a time in which the controller "
     "works, or check the OP column",

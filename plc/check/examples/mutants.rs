@@ -186,7 +186,7 @@ fn main() -> ExitCode {
         let (told, fate) = (told(mutant), fate.expect("tried"));
         match reasons.get(&*told) {
             Some(reason) => equal += usize::from(reason.starts_with("equal: ")),
-            None if fate == Fate::Same => equal += 1,
+            None if matches!(fate, Fate::Same | Fate::Unread) => equal += 1,
             None => {
                 unlisted += 1;
                 println!("{told}\t{fate:?}");

@@ -5,7 +5,7 @@ use crate::run::{Change, Instance, Probe};
 use crate::trace::{Event, Trace};
 
 /// What one mutant may cost, in operations, on one trace and on all, before it is given up there.
-const PATIENCE: [u64; 2] = [300_000, 8_000_000];
+const PATIENCE: [u64; 2] = [5_000_000, 200_000_000];
 
 /// What became of a mutant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

@@ -186,7 +186,7 @@ function lead(said, name, unit) {
 }
 
 function next({ next: { code, of }, low, acceptable }, limit) {
-  const step = code === "remedy" ? words.reasons[of].remedy : words.next[of === null ? code : `${code} ${of}`].text;
+  const step = code === "remedy" ? words.reasons[of].remedy : words.next[of === undefined || of === null ? code : `${code} ${of}`].text;
   if (low === null || acceptable === null || acceptable === "open") return step;
   const within = `what is acceptable here, ${number(limit)} % of span`;
   return acceptable === "within" ? `Nothing now: all of it is within ${within}. Analyse again at the next review.` : `It is more than ${within}. ${step}`;

@@ -12,6 +12,7 @@ import base64
 import hashlib
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -25,7 +26,7 @@ from markupsafe import Markup
 
 import glapp
 from glapp import demo, quality
-from glapp.reading import columns, times, values
+from glapp.reading import columns, names, times
 from glapp.report import figures, words
 from glapp.simulate import STANDINGS
 from glapp.station import lab
@@ -97,29 +98,30 @@ def loaded() -> Path:
 
 def of_reading() -> dict[str, Any]:
     """What the reader of text knows: names of columns, words, layouts of times."""
-    pattern = times._LAYOUT.pattern.replace("(?P<", "(?<").replace("(?P=s1)", r"\k<s1>").replace("(?P=s2)", r"\k<s2>")
+    pattern = re.sub(r"\(\?P=(\w+)\)", r"\\k<\1>", times._LAYOUT.pattern.replace("(?P<", "(?<"))
     return {
         "columns": {
             "labels": columns.LABELS,
-            "words": columns._WORDS,
-            "whole": columns._WHOLE,
-            "current": sorted(columns._CURRENT),
-            "limits": sorted(columns._LIMITS),
+            "words": names.SIGNALS,
+            "whole": names.WHOLE,
+            "weak": names.WEAK,
+            "current": sorted(names.CURRENT),
+            "limits": sorted(names.LIMITS),
             "separators": columns._SEPARATORS,
             "joined": columns._JOINED.pattern,
             "token": columns._TOKEN.pattern,
             "unit": columns._UNIT.pattern,
         },
         "values": {
-            "bad": sorted(values._BAD_SET),
-            "auto": sorted(values._AUTO),
-            "not_auto": sorted(values._NOT_AUTO),
-            "good": sorted(values._GOOD_WORDS),
-            "poor": sorted(values._POOR_WORDS),
+            "bad": sorted(names.MISSING),
+            "auto": sorted(names.AUTO),
+            "not_auto": sorted(names.NOT_AUTO),
+            "good": sorted(names.GOOD),
+            "poor": sorted(names.POOR),
         },
         "times": {
             "layout": pattern,
-            "months": times._MONTHS,
+            "months": names.MONTHS,
             "units": times._UNITS,
             "elapsed": times._ELAPSED,
             "calendars": times._TO_1970,

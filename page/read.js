@@ -19,6 +19,8 @@ class CellFault extends Error {
 }
 
 const Reading = (data) => {
+  const MOST_WORDS = 4; // "position de la vanne"
+  const INSIDE = 6; // letters of a word that is a signal's in the middle of a name too
   const NOT_AUTO = 1;
   const BAD = 2;
   const NUMBERS = ["sp", "pv", "op", "position"];
@@ -36,9 +38,23 @@ const Reading = (data) => {
 
   // --- columns
 
-  /** What a column's name says: role, loop ("" where the name has no more to it) and unit. */
+  /** The text without case, accents and spaces. */
+  const folded = (text) =>
+    text.toLowerCase().replaceAll("ß", "ss").normalize("NFKD").replace(/[\p{M}\s]/gu, "");
+
+  const signal = (word) => (Object.hasOwn(data.columns.words, word) ? data.columns.words[word] : undefined);
+
+  /** Whether the last words are a signal together: a Process Value is more than a Process. */
+  const twoWords = (words) =>
+    !signal(words.at(-2)) && [2, 3, MOST_WORDS].some((count) => signal(words.slice(-count).join("")));
+
+  /** Whether a word is a signal's wherever in a name it stands. */
+  const inside = (word) =>
+    ["sp", "pv", "op"].includes(signal(word)) && (word.length >= INSIDE || ["sp", "sv", "pv", "op", "mv"].includes(word));
+
+  /** What a column's name says: role, loop ("" where the name has no more to it), unit, and a word that is not sure. */
   function understand(name) {
-    const none = { role: null, loop: "", unit: null };
+    const none = { role: null, loop: "", unit: null, weak: null };
     let text = name.trim();
     let unit = null;
     const found = UNIT.exec(text);
@@ -47,35 +63,75 @@ const Reading = (data) => {
       unit = found[1].trim() || null;
     }
     const tokens = [...text.matchAll(TOKEN)];
-    const words = tokens.map((token) => token[0].toLowerCase());
+    const words = tokens.map((token) => folded(token[0]));
     if (!words.length) return none;
     const joined = words.join("");
-    for (const known of [data.columns.whole, data.columns.words]) {
-      if (Object.hasOwn(known, joined)) return { role: known[joined], loop: "", unit };
+    const weak = Object.hasOwn(data.columns.weak, joined) ? joined : null;
+    const known = Object.hasOwn(data.columns.whole, joined) ? data.columns.whole[joined] : signal(joined);
+    if (known || weak) return { role: known ?? null, loop: "", unit, weak };
+    if (text.includes(",")) {
+      const of = understand(text.slice(0, text.indexOf(",")));
+      if (of.role !== null) return { ...none, role: of.role, loop: of.loop, unit };
     }
-    while (words.length > 1 && CURRENT.has(words.at(-1))) {
+    const last = words.at(-1);
+    const end = tokens.at(-1);
+    while (words.length > 1 && CURRENT.has(words.at(-1)) && !twoWords(words)) {
       tokens.pop();
       words.pop();
     }
     if (words.some((word) => LIMITS.has(word))) return none;
-    for (const count of [2, 1]) {
-      if (words.length < count) continue;
-      const last = data.columns.words[words.slice(-count).join("")];
-      const first = data.columns.words[words.slice(0, count).join("")];
+    for (let count = Math.min(MOST_WORDS, words.length); count > 0; count -= 1) {
+      let role = signal(words.slice(-count).join(""));
       let rest;
-      if (last) rest = strip(text.slice(0, tokens.at(-count).index), false);
-      else if (first) rest = strip(text.slice(tokens[count - 1].index + tokens[count - 1][0].length), true);
-      else continue;
-      const role = last ?? first;
-      if (role === "quality" && rest) {
-        const of = understand(rest);
-        if (of.role !== null) return of.role === "pv" ? { role: "quality", loop: of.loop, unit: null } : none;
+      if (role) rest = strip(text.slice(0, tokens.at(-count).index), false);
+      else if ((role = signal(words.slice(0, count).join("")))) {
+        rest = strip(text.slice(tokens[count - 1].index + tokens[count - 1][0].length), true);
+      } else continue;
+      const of = rest ? understand(rest) : none;
+      if (role === "quality" && of.role !== null) {
+        return of.role === "pv" ? { ...none, role: "quality", loop: of.loop } : none;
       }
-      return { role, loop: rest, unit };
+      return { ...none, role, loop: of.role === role ? of.loop : rest, unit };
     }
-    const end = tokens.at(-1);
-    const one = JOINED.exec(text.slice(0, end.index + end[0].length));
-    return one ? { role: data.columns.words[one[2].toLowerCase()], loop: one[1], unit } : none;
+    const to = tokens.at(-1);
+    const one = JOINED.exec(text.slice(0, to.index + to[0].length));
+    if (one) return { ...none, role: signal(one[2].toLowerCase()), loop: one[1], unit };
+    if (Object.hasOwn(data.columns.weak, last)) return { ...none, loop: strip(text.slice(0, end.index), false), unit, weak: last };
+    const places = words.flatMap((word, i) => (inside(word) ? [i] : []));
+    if (places.length === 1) {
+      const [i] = places;
+      const before = strip(text.slice(0, tokens[i].index), false);
+      const after = strip(text.slice(tokens[i].index + tokens[i][0].length), true);
+      return { ...none, role: signal(words[i]), loop: `${before} ${after}`, unit };
+    }
+    return none;
+  }
+
+  /** The words that are not sure get the first of their roles that no other column of their loop has. */
+  function settle(meanings) {
+    const roles = new Map();
+    const open = new Map();
+    for (const { role, loop, weak } of meanings) {
+      if (!roles.has(loop)) roles.set(loop, new Set());
+      if (["sp", "pv", "op", "position"].includes(role)) roles.get(loop).add(role);
+      if (weak) open.set(loop, (open.get(loop) ?? new Set()).add(weak));
+    }
+    for (const [loop, words] of open) {
+      const have = roles.get(loop);
+      if (!have.size && words.size < 3) continue;
+      while (words.size) {
+        const left = [...words].map((word) => [word, data.columns.weak[word].filter((role) => !have.has(role))]);
+        const first = left.find(([, of]) => of.length);
+        if (!first) break;
+        const sure = left.filter(([, of]) => of.length === 1);
+        for (const [word, of] of sure.length ? sure : [first]) {
+          for (const one of meanings) if (one.loop === loop && one.weak === word && one.role === null) one.role = of[0];
+          words.delete(word);
+          have.add(of[0]);
+        }
+      }
+    }
+    return meanings;
   }
 
   function strip(text, both) {
@@ -194,7 +250,7 @@ const Reading = (data) => {
     let start = head.findIndex((row) => row.cells.length === width);
     if (head.slice(0, start).some((row) => row.cells.length > width)) start = 0;
     const names = rows[start].cells.map((cell) => cell.split(/\s+/).filter(Boolean).join(" "));
-    const meanings = names.map(understand);
+    const meanings = settle(names.map(understand));
     if (rows[start].cells.some(isData) && !meanings.some((meaning) => meaning.role)) {
       const hint = "write the columns' names in the first row, for instance t,SP,PV,OP,MODE";
       throw new InputError("has no header: the first row holds data", { row: rows[start].line, hint });

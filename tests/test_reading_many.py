@@ -99,7 +99,8 @@ def test_names_are_understood_once_however_many_loops_there_are(monkeypatch, tmp
         asked.clear()
         open_recordings(write(table(loops, 5), tmp_path / f"{loops}.parquet"))
         counts[loops] = asked.total() / loops
-    assert counts[40] <= counts[10]  # it was 18 times the number of columns, for each loop
+    # A file has some of its own. It was 18 times the number of columns, for each loop.
+    assert counts[40] <= 1.1 * counts[10]
 
 
 @pytest.mark.slow

@@ -157,7 +157,8 @@ def _alternate(source: Source, at: Mapping[str, int]) -> bool:
         heads = source.head([*at.values()])
     except InputError:  # told of the loop whose column it is
         return False
-    filled = {role: ~_empty(head) for role, head in zip(at, heads, strict=True)}
+    rows = min(map(len, heads))  # a column of words may show fewer first rows than the others
+    filled = {role: ~_empty(head.slice(0, rows)) for role, head in zip(at, heads, strict=True)}
     any_ = np.logical_or.reduce(list(filled.values()))
     if any_.sum() < _ROWS:
         return False

@@ -24,6 +24,11 @@ settings.load_profile("without a clock")
 gc.set_threshold(50_000, 10, 10)
 
 
+BY_THE_CLOCK = ("test_service_", "test_station_")
+"""Tests beside real clocks, sockets and browsers. A machine may stand still for seconds, so one more try is theirs; the
+summary tells each."""
+
+
 def pytest_xdist_auto_num_workers() -> int:
     """One more than there are processors: a good part of the tests waits, for a clock or for another process."""
     return len(os.sched_getaffinity(0)) + 1
@@ -40,3 +45,6 @@ def pytest_configure(config: pytest.Config) -> None:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """What takes long begins first, so that at the end no worker waits long for another."""
     items.sort(key=lambda item: isinstance(item, pytest.Function) and item.get_closest_marker("slow") is None)
+    for item in items:
+        if item.path.name.startswith(BY_THE_CLOCK):
+            item.add_marker(pytest.mark.flaky(reruns=1, reruns_delay=2))

@@ -2,7 +2,7 @@
 
 use glapp_analysis::crossings::Row;
 use glapp_analysis::{Analysis, Crossings, Done, INSPECTED_ROWS, Inspected, Task};
-use glapp_fit::{Answer, JointAnswer, Noise, PositionAnswer, RecordAnswer};
+use glapp_fit::{Answer, JointAnswer, PositionAnswer, RecordAnswer};
 use serde_json::{Map, Value, json};
 use std::collections::HashMap;
 use std::ops::Range;
@@ -102,15 +102,7 @@ fn of_pv(joint: JointAnswer) -> Value {
         .iter()
         .map(|family| {
             let (d, rise): (Vec<f64>, Vec<f64>) = family.profile.iter().copied().unzip();
-            let noise = match family.structure.noise {
-                Noise::Still => "still",
-                Noise::Input => "input",
-                Noise::Output => "output",
-                Noise::Slope => "slope",
-                Noise::Lines | Noise::Bends => "lines",
-                Noise::Both => "both",
-            };
-            json!({ "lags": family.structure.lags, "integrating": family.structure.integrating, "noise": noise,
+            json!({ "lags": family.structure.lags, "integrating": family.structure.integrating, "noise": family.structure.noise.name(),
                 "behind": family.behind, "d": d, "rise": rise })
         })
         .collect();

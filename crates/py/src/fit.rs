@@ -5,8 +5,8 @@ use crate::position;
 use crate::windows::{Batch, columns};
 use glapp_analysis::{Fitted, FittedValve, LostMotion, fitted, fitted_valve};
 use glapp_fit::{
-    Answer, JointAnswer, Noise, PositionAnswer, Prediction, RecordAnswer, THRESHOLDS, Together, Trend, Unfit,
-    ValveAnswer, Verdict,
+    Answer, JointAnswer, PositionAnswer, Prediction, RecordAnswer, THRESHOLDS, Together, Trend, Unfit, ValveAnswer,
+    Verdict,
 };
 use numpy::PyArray1;
 use pyo3::prelude::*;
@@ -203,15 +203,7 @@ fn answered<'py>(py: Python<'py>, record: RecordAnswer<Answer>) -> PyResult<Boun
         let one = PyDict::new(py);
         one.set_item("lags", candidate.structure.lags)?;
         one.set_item("integrating", candidate.structure.integrating)?;
-        let noise = match candidate.structure.noise {
-            Noise::Still => "still",
-            Noise::Input => "input",
-            Noise::Output => "output",
-            Noise::Slope => "slope",
-            Noise::Lines | Noise::Bends => "lines",
-            Noise::Both => "both",
-        };
-        one.set_item("noise", noise)?;
+        one.set_item("noise", candidate.structure.noise.name())?;
         one.set_item("behind", candidate.behind)?;
         one.set_item("d", candidate.d)?;
         one.set_item("lr_no_gap", candidate.lr_no_gap)?;

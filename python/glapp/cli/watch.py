@@ -19,6 +19,7 @@ from typer.core import TyperGroup
 
 from ..errors import InputError
 from ..escape import one_line
+from ..writing import write_file
 from .screen import CommandError, examples, key_values, out, say_note, styled
 from .serving import Certificate, Key, PlantDays, PlantLoops, PlantScan, need, say_first_login, until_stopped
 
@@ -234,8 +235,7 @@ async def _serve(
         hosts = ("127.0.0.1", "localhost", "[::1]", door["host"])
         opened = Door(app_of(one, Users(memory), hosts=hosts), **door)
         source = OpcUa(connection, known, since=one.since())
-        (data / "door.part").write_text(opened.url, encoding="utf-8")
-        (data / "door.part").replace(data / "door")  # who waits for it reads the whole of it
+        write_file(data / "door", opened.url)  # who waits for it reads the whole of it
         out.print(
             f"Watching {len(known)} loops at {connection.url}; data in {data}, door at {opened.url}.", soft_wrap=True
         )

@@ -24,6 +24,20 @@ pub enum Noise {
     Both,
 }
 
+impl Noise {
+    /// Its name for who reads an answer: marks at which a slope changes, or also walks between, are lines alike.
+    pub fn name(self) -> &'static str {
+        match self {
+            Noise::Still => "still",
+            Noise::Input => "input",
+            Noise::Output => "output",
+            Noise::Slope => "slope",
+            Noise::Lines | Noise::Bends => "lines",
+            Noise::Both => "both",
+        }
+    }
+}
+
 /// One family: `lags` first-order lags (two of them may oscillate), perhaps an integrator, dead time, disturbance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Structure {
@@ -33,6 +47,22 @@ pub struct Structure {
     pub integrating: bool,
     /// Where the disturbance enters.
     pub noise: Noise,
+}
+
+/// The macro `$with`, given how many states the process and its disturbance have together, and which the disturbance is.
+macro_rules! by_states {
+    ($structure:expr, $with:ident) => {
+        match ($structure.order(), $structure.noise) {
+            (2, Noise::Still | Noise::Input) => $with!(3, 0),
+            (2, Noise::Slope) => $with!(4, SLOPE),
+            (2, Noise::Lines | Noise::Bends) => $with!(4, LINES),
+            (2, _) => $with!(4, DRIFT),
+            (_, Noise::Still | Noise::Input) => $with!(4, 0),
+            (_, Noise::Slope) => $with!(5, SLOPE),
+            (_, Noise::Lines | Noise::Bends) => $with!(5, LINES),
+            (_, _) => $with!(5, DRIFT),
+        }
+    };
 }
 
 /// Variance by which a load that stands still may yet walk in a cell: nothing, but for the rounding of the filter.
@@ -239,16 +269,7 @@ impl Structure {
                 }
             }};
         }
-        match (self.order(), self.noise) {
-            (2, Noise::Still | Noise::Input) => with!(3, 0),
-            (2, Noise::Slope) => with!(4, SLOPE),
-            (2, Noise::Lines | Noise::Bends) => with!(4, LINES),
-            (2, _) => with!(4, DRIFT),
-            (_, Noise::Still | Noise::Input) => with!(4, 0),
-            (_, Noise::Slope) => with!(5, SLOPE),
-            (_, Noise::Lines | Noise::Bends) => with!(5, LINES),
-            (_, _) => with!(5, DRIFT),
-        }
+        by_states!(self, with);
     }
 
     /// See [`Models::answer`]: of each of the stretches from `first` on its cells and its positions.
@@ -268,16 +289,7 @@ impl Structure {
                 }
             }};
         }
-        match (self.order(), self.noise) {
-            (2, Noise::Still | Noise::Input) => with!(3, 0),
-            (2, Noise::Slope) => with!(4, SLOPE),
-            (2, Noise::Lines | Noise::Bends) => with!(4, LINES),
-            (2, _) => with!(4, DRIFT),
-            (_, Noise::Still | Noise::Input) => with!(4, 0),
-            (_, Noise::Slope) => with!(5, SLOPE),
-            (_, Noise::Lines | Noise::Bends) => with!(5, LINES),
-            (_, _) => with!(5, DRIFT),
-        }
+        by_states!(self, with);
     }
 
     /// States of the process.
@@ -321,16 +333,7 @@ impl<D: FnMut() -> f64> Work for Simulation<'_, D> {
                 *made = models.simulate(y, changes, kp_v, draw);
             }};
         }
-        match (structure.order(), structure.noise) {
-            (2, Noise::Still | Noise::Input) => with!(3, 0),
-            (2, Noise::Slope) => with!(4, SLOPE),
-            (2, Noise::Lines | Noise::Bends) => with!(4, LINES),
-            (2, _) => with!(4, DRIFT),
-            (_, Noise::Still | Noise::Input) => with!(4, 0),
-            (_, Noise::Slope) => with!(5, SLOPE),
-            (_, Noise::Lines | Noise::Bends) => with!(5, LINES),
-            (_, _) => with!(5, DRIFT),
-        }
+        by_states!(structure, with);
     }
 }
 

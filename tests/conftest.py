@@ -25,7 +25,7 @@ gc.set_threshold(50_000, 10, 10)
 
 
 BY_THE_CLOCK = ("test_service_", "test_station_")
-"""Tests beside real clocks, sockets and browsers. A machine may stand still for seconds, so one more try is theirs; the
+"""Tests beside real clocks, sockets and browsers. A machine may stand still for seconds, so two more tries are theirs; the
 summary tells each."""
 
 
@@ -47,4 +47,4 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: isinstance(item, pytest.Function) and item.get_closest_marker("slow") is None)
     for item in items:
         if item.path.name.startswith(BY_THE_CLOCK):
-            item.add_marker(pytest.mark.flaky(reruns=1, reruns_delay=2))
+            item.add_marker(pytest.mark.flaky(reruns=2, reruns_delay=2))

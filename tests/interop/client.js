@@ -21,7 +21,8 @@ async function main() {
   const shown = (v) => [v.sourceTimestamp.getTime() / 1000, v.value.value, v.statusCode.name];
   item.on("changed", (v) => seen.push(shown(v)));
   for (let i = 0; i < 600 && seen.length < 25; i++) await new Promise((resolve) => setTimeout(resolve, 100));
-  const [begin, end] = [seen[2], seen[22]].map(([time]) => new Date(Math.round(1000 * time)));
+  // A Date holds whole milliseconds and the plant's times are finer, so half a scan more is asked on each side.
+  const [begin, end] = [seen[2][0] - 0.05, seen[22][0] + 0.05].map((time) => new Date(Math.round(1000 * time)));
   const history = await session.readHistoryValue(value("PV"), begin, end);
   const refused = await session.write({ ...value("SP"), ...double(1) });
   const written = await session.write({ ...value("U_FF"), ...double(0.5) });

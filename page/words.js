@@ -121,7 +121,7 @@ function finding(one, { pv_unit, op_unit, t0 }) {
   if (one.code === "time_reversed") {
     for (const name of ["from", "to"]) numbers[name] = t0 === null ? `${formatted(one.evidence[name], ".10g")} s` : moment(t0, one.evidence[name]);
   }
-  if (one.code === "spikes") numbers.more = numbers.count > numbers.rows.split(" ").length ? " and more" : "";
+  if (["spikes", "shifts"].includes(one.code)) numbers.more = numbers.count > numbers.rows.split(" ").length ? " and more" : "";
   const { findings } = data.words;
   return filled(findings[`${one.code} ${VARIANT[one.code]?.(numbers)}`] ?? findings[one.code], numbers);
 }

@@ -323,6 +323,16 @@ def test_spikes_of_pv_are_left_out(number: int) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("number", ["transmitter shifts/gap/2", "recorder shifts/gap/5"])
+def test_a_gap_is_told_though_pv_is_shifted(number: str) -> None:
+    """Each had "cannot tell" as long as the model had to explain the shifts."""
+    made = confusing(number)
+    f = glapp.fit(made.recording(1500))
+    assert f.verdict == "backlash", f.reason
+    assert f.low is not None and f.high is not None and f.low < made.d < f.high
+
+
+@pytest.mark.slow
 def test_the_same_recording_gets_the_same_answer(monkeypatch: pytest.MonkeyPatch) -> None:
     once = simulated(d=0.02, **LOADS).to_dict()
     monkeypatch.setattr("glapp._glapp.fit", made_anew)

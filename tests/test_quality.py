@@ -122,6 +122,28 @@ def test_samples_that_stand_alone_are_told_by_their_rows() -> None:
     assert "row 702, row 1002, row 1082, row 1162 and more" in many.text
 
 
+def test_levels_that_pv_goes_to_at_once_are_told_by_their_rows() -> None:
+    t, sp, pv, op = loop(n=2500)
+    pv[900:] += 8 * np.ptp(pv)
+    found = look(t, sp, pv, op)["shifts"]
+    assert (found.severity, found.evidence["count"], found.evidence["rows"]) == ("warning", 1, "900")
+    assert found.text.startswith("PV goes to another level from one row to the next (row 902), as no process does")
+    # A jump of OP right before it is its cause, and three that go with OP are slips.
+    led = op.copy()
+    led[898:] += 8 * np.ptp(op)
+    assert "shifts" not in look(t, sp, pv, led)
+    square = np.sign(np.sin(t / 40.0))
+    assert "shifts" not in look(t, sp, sp + square + 1e-3 * (pv - sp), 50 - np.cumsum(square) / 10)
+    assert "shifts" in look(t, sp, sp + square + 1e-3 * (pv - sp), op)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("tag", ["FIC46005_0614", "FIC46005_0902"])
+def test_slips_of_a_sticking_valve_are_no_shifts(tag: str) -> None:
+    sample = refinery(tag)
+    assert "shifts" not in look(*sample)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("controller", [{}, {"k": 0.5, "ti": 60.0}])
 def test_op_and_pv_under_each_others_name(controller: dict[str, float]) -> None:

@@ -139,6 +139,8 @@ def record(name: str, samples: int = SAMPLES, moves: Callable[[float], Piece] | 
     filtered = 0.0
     if row == "outliers":
         noise.append(Samples(values=_outliers(of_recorder, log_uniform(of_recorder, 4.0, 25.0), samples)))
+    elif row == "transmitter shifts":
+        noise.append(Samples(values=_shifts(of_recorder, samples)))
     elif row == "PV filtered":
         filtered = log_uniform(of_recorder, 1.0, 10.0)
         if of_recorder.random() < 0.5:
@@ -314,6 +316,8 @@ ROWS = (
     "outliers",
     "swinging door",
     "PV filtered",
+    "transmitter shifts",
+    "recorder shifts",
     "position",
     "walk",
     "steps",
@@ -348,6 +352,15 @@ def _outliers(random: Random, size: float, samples: int) -> Floats:
     return off
 
 
+def _shifts(random: Random, samples: int) -> Floats:
+    """What a transmitter that is set anew, or a recorder's new scale, adds: steps of 2 to 20, 150 to 900 s apart."""
+    shifts, at = np.zeros(samples), random.uniform(50.0, 500.0)
+    while at < samples * H:
+        shifts[round(at / H) :] += random.choice((-1.0, 1.0)) * log_uniform(random, 2.0, 20.0)
+        at += random.uniform(150.0, 900.0)
+    return shifts
+
+
 def swinging_door(x: Floats, band: float) -> Floats:
     """What a historian gives back that kept only the corners of x, at even steps, and draws lines between them.
 
@@ -376,6 +389,8 @@ def _recorded(row: str, random: Random, simulation: Simulation, filtered: float)
         pv = swinging_door(pv, log_uniform(random, 0.05, 1.0))
         if random.random() < 0.5:
             op = swinging_door(op, log_uniform(random, 0.05, 0.25))
+    elif row == "recorder shifts":
+        pv = pv + _shifts(random, pv.size)
     elif row == "position":
         position = simulation.position.copy()
         if random.random() < 0.75:

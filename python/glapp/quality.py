@@ -369,7 +369,7 @@ def _more(code: str, n: Numbers) -> dict[str, str]:
     match code:
         case "time_assumed":
             return {"steps": f"steps by {n['step']:.6g}" if n["step"] else "does not step"}
-        case "spikes":
+        case "spikes" | "shifts":
             return {"more": " and more" if n["count"] > len(n["rows"].split()) else ""}
     return {}
 
@@ -440,6 +440,8 @@ SENTENCES: dict[str, str] = {
     "historian's compressed values leaves them: export raw values",
     "spikes one": "1 sample of PV stands " + _STAND_ALONE,
     "spikes": "{count} samples of PV stand " + _STAND_ALONE,
+    "shifts": "PV goes to another level from one row to the next ({rows:rows}{more}), as no process does: a "
+    "transmitter was set anew or the recorder's scale was changed; the fit begins anew there, the zero crossings do not",
     "quantised_pv": "PV comes in steps of {step:.3g} {pv_unit}, {levels} within its range, so small errors and "
     "crossings are lost: record with more digits",
     "quantised_op": "OP comes in steps of {step:.3g} {op_unit}, {levels} within its range, so no width below a few "

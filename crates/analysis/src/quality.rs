@@ -94,7 +94,7 @@ pub struct Interval {
 }
 
 /// Everything that is looked for, in the order of [`Fault::ALL`].
-const TESTS: [fn(&Look<'_>, &mut Vec<Finding>); 15] = [
+const TESTS: [fn(&Look<'_>, &mut Vec<Finding>); 16] = [
     times::rows,
     times::times,
     numbers::numbers,
@@ -105,6 +105,7 @@ const TESTS: [fn(&Look<'_>, &mut Vec<Finding>); 15] = [
     times::sampling,
     historian::historian,
     historian::spikes,
+    historian::shifts,
     grids::grids,
     settings::settings,
     settings::exchanged,

@@ -21,7 +21,7 @@ pub use data::history::{Batch, LONG_HISTORY, MOST_EPOCHS, Rows, Windows};
 pub use data::record::{Record, Stretch};
 pub use data::recorder::Recorder;
 pub use data::samples::{Samples, Unfit};
-pub use data::signal::spikes;
+pub use data::signal::{shifts, spikes};
 pub use decide::joint::{JointAnswer, RecordAnswer, Together};
 pub use decide::record::{Answer, Candidate, Prediction};
 pub use decide::thresholds::THRESHOLDS;

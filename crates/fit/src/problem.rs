@@ -3,8 +3,8 @@
 use crate::data::cells::Cells;
 use crate::data::record::{Record, Signals, Stretch};
 use crate::data::repeated::{Once, once};
-use crate::data::samples::{Samples, Unfit};
-use crate::data::signal::{Unit, bow, without_spikes};
+use crate::data::samples::{SHORTEST, Samples, Unfit};
+use crate::data::signal::{Unit, bow, shifts, without_spikes};
 use crate::decide::joint::{Curve, JointAnswer, joint};
 use crate::decide::record::{Fitted, fit_record};
 use crate::decide::valve::{Recording, ValveAnswer, valve};
@@ -70,13 +70,31 @@ fn fitted(problem: &Problem) -> Result<(Vec<Curve>, Unit, Unit), Unfit> {
     let scaled: Vec<Record> = problem
         .records
         .iter()
-        .map(|record| Record { h: record.h, stretches: record.stretches.iter().map(scaled).collect() })
+        .map(|record| Record {
+            h: record.h,
+            stretches: record.stretches.iter().flat_map(|s| between_shifts(scaled(s), record.h)).collect(),
+        })
         .collect();
     let signals: Vec<Signals> = scaled.iter().flat_map(Record::signals).collect();
     let cell = cell(&signals, problem.sign).ok_or(Unfit::Few)?;
     let records = if let [one] = scaled.as_slice() { one.windows(cell * MOST_CELLS) } else { scaled };
     let of = |record: &Record| Some(Curve::new(record, alone(record, cell, problem)?, problem.sign));
     Ok((records.par_iter().filter_map(of).collect(), op, pv))
+}
+
+/// A stretch, ended where PV is shifted: what PV was before tells nothing of what it is then.
+fn between_shifts<'a>(stretch: Stretch<'a>, h: f64) -> Vec<Stretch<'a>> {
+    let shifts = shifts(&stretch.pv, &stretch.op);
+    if shifts.is_empty() {
+        return vec![stretch];
+    }
+    let ends: Vec<usize> = [0].into_iter().chain(shifts).chain([stretch.pv.len()]).collect();
+    let piece = |ends: &[usize]| {
+        let of = |x: &[f64]| x.get(ends[0]..ends[1]).unwrap_or_default().to_vec().into();
+        let start = stretch.start + h * ends[0] as f64;
+        Stretch { start, sp: of(&stretch.sp), pv: of(&stretch.pv), op: of(&stretch.op) }
+    };
+    ends.windows(2).filter(|ends| ends[1] - ends[0] >= SHORTEST).map(piece).collect()
 }
 
 /// One recording of a valve: its rows, or those of its windows.

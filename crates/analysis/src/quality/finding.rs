@@ -96,6 +96,8 @@ faults! {
     CompressedPv = "compressed_pv": Warning;
     /// Samples of PV that stand alone.
     Spikes = "spikes": Info Warning;
+    /// PV goes to another level from one row to the next.
+    Shifts = "shifts": Warning;
     /// PV lies on a coarse grid.
     QuantisedPv = "quantised_pv": Info Warning;
     /// OP lies on a coarse grid.

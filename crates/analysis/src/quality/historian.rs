@@ -1,4 +1,4 @@
-//! What a historian or transmitter did to the signals: frozen, held or interpolated; spikes.
+//! What a historian or transmitter did to the signals: frozen, held or interpolated; spikes and shifts.
 
 use super::Finding;
 use super::finding::{Fault, Severity};
@@ -31,14 +31,31 @@ pub(super) fn spikes(look: &Look<'_>, found: &mut Vec<Finding>) {
     let Some(first) = spikes.first() else { return };
     let share = spikes.len() as f64 / look.rows.pv.len() as f64;
     let severity = if share > SPIKES { Severity::Warning } else { Severity::Info };
-    let named: Vec<String> = spikes.iter().take(NAMED).map(|row| row.to_string()).collect();
     found.push(
         Finding::new(Fault::Spikes, severity)
             .with("count", spikes.len() as u64)
             .with("share", share)
             .with("first_row", *first as u64)
-            .with("rows", named.join(" ")),
+            .with("rows", named(&spikes)),
     );
+}
+
+/// Rows from which PV stands on another level; the fit begins anew there, the crossings do not.
+pub(super) fn shifts(look: &Look<'_>, found: &mut Vec<Finding>) {
+    let Some(op) = look.rows.op else { return };
+    let shifts = glapp_fit::shifts(look.rows.pv, op);
+    let Some(first) = shifts.first() else { return };
+    found.push(
+        Finding::new(Fault::Shifts, Severity::Warning)
+            .with("count", shifts.len() as u64)
+            .with("first_row", *first as u64)
+            .with("rows", named(&shifts)),
+    );
+}
+
+/// The first of these rows.
+fn named(rows: &[usize]) -> String {
+    rows.iter().take(NAMED).map(usize::to_string).collect::<Vec<_>>().join(" ")
 }
 
 pub(super) fn historian(look: &Look<'_>, found: &mut Vec<Finding>) {

@@ -11,7 +11,7 @@ const HOLE: f64 = 5.0;
 /// Fewest rows with a later time than the one before, and fewest with an OP.
 const FEWEST: usize = 50;
 /// Fewest rows of a stretch.
-const SHORTEST: usize = 20;
+pub(crate) const SHORTEST: usize = 20;
 /// Fewest values that OP takes.
 const LEVELS: usize = 6;
 

@@ -1,4 +1,4 @@
-//! What is done to a signal before it is fitted: its scale, its spikes, and whether it was drawn as lines.
+//! What is done to a signal before it is fitted: its scale, its spikes and shifts, and whether it was drawn as lines.
 
 use crate::decide::thresholds::CORNERS;
 
@@ -39,12 +39,7 @@ const SPIKE: f64 = 12.0;
 /// assert_eq!(glapp_fit::spikes(&pv), [60]);
 /// ```
 pub fn spikes(pv: &[f64]) -> Vec<usize> {
-    let mut steps: Vec<f64> = pv.windows(2).map(|w| (w[1] - w[0]).abs()).filter(|step| *step > 0.0).collect();
-    if steps.is_empty() {
-        return Vec::new();
-    }
-    let middle = steps.len() / 2;
-    let usual = *steps.select_nth_unstable_by(middle, f64::total_cmp).1;
+    let Some(usual) = usual_step(pv) else { return Vec::new() };
     let alone = |w: &[f64]| {
         let beside = [w[0], w[1], w[3], w[4]];
         let (low, high) = beside.iter().fold((f64::MAX, f64::MIN), |(low, high), x| (low.min(*x), high.max(*x)));
@@ -53,6 +48,57 @@ pub fn spikes(pv: &[f64]) -> Vec<usize> {
         w.iter().all(|x| !x.is_nan()) && out > SPIKE * usual && out > high - low
     };
     pv.windows(5).enumerate().filter(|(_, w)| alone(w)).map(|(k, _)| k + 2).collect()
+}
+
+/// The median move of a signal that moves.
+fn usual_step(signal: &[f64]) -> Option<f64> {
+    let mut steps: Vec<f64> = signal.windows(2).map(|w| (w[1] - w[0]).abs()).filter(|step| *step > 0.0).collect();
+    let middle = steps.len() / 2;
+    (!steps.is_empty()).then(|| *steps.select_nth_unstable_by(middle, f64::total_cmp).1)
+}
+
+/// Rows before a shift of whose range it leads out, and in which OP is looked at.
+const BEFORE: usize = 30;
+/// Rows on both sides of a shift in which PV stays where it is, but for this share of the shift.
+const LEVEL: (usize, f64) = (3, 0.25);
+/// Shifts, and the share of them that go one way with OP: more are slips of a valve that sticks.
+const SLIPS: (usize, f64) = (3, 0.8);
+
+/// Rows from which PV stands on another level than in the row before: a transmitter that was set anew, or another scale of
+/// the recorder. A process is on its way for longer.
+///
+/// They are larger than twelve of PV's usual steps (median), lead out of the range of the last 30 rows by half their size,
+/// and come after no such step of OP in these rows. Nor do they go the way that OP has gone, as slips of a valve do.
+///
+/// ```
+/// let wave = |k: i32| (f64::from(k) / 7.0).sin();
+/// let op: Vec<f64> = (0..200).map(wave).collect();
+/// let pv: Vec<f64> = (0..200).map(|k| wave(k - 3) + if k < 120 { 0.0 } else { 5.0 }).collect();
+/// assert_eq!(glapp_fit::shifts(&pv, &op), [120]);
+/// ```
+pub fn shifts(pv: &[f64], op: &[f64]) -> Vec<usize> {
+    let pv = without_spikes(pv.to_vec());
+    let Some(usual) = usual_step(&pv) else { return Vec::new() };
+    let op_step = usual_step(op).unwrap_or(0.0);
+    let (level, still) = LEVEL;
+    let range = |x: &[f64]| x.iter().fold((f64::MAX, f64::MIN), |(low, high), x| (low.min(*x), high.max(*x)));
+    let shift = |k: &usize| {
+        let size = (pv[*k] - pv[k - 1]).abs();
+        let [before, after] = [&pv[k - level..*k], &pv[*k..k + level]];
+        let rests = |x: &[f64]| range(x).1 - range(x).0 <= still * size && x.iter().all(|x| !x.is_nan());
+        let beyond = || {
+            let (low, high) = range(&pv[k - BEFORE..*k]);
+            (range(after).0 - high).max(low - range(after).1)
+        };
+        let led = || op[k - BEFORE..*k].windows(2).any(|w| (w[1] - w[0]).abs() > SPIKE * op_step);
+        size > SPIKE * usual && rests(before) && rests(after) && beyond() > 0.5 * size && !led()
+    };
+    let found: Vec<usize> = (BEFORE..(pv.len() + 1).saturating_sub(level)).filter(shift).collect();
+    let with_op = |k: &usize| (pv[*k] - pv[k - 1]) * (op[k - 1] - op[k - BEFORE]);
+    let way = |sign: f64| found.iter().filter(|k| sign * with_op(k) > 0.0).count();
+    let (fewest, most) = SLIPS;
+    let slips = found.len() >= fewest && way(1.0).max(way(-1.0)) as f64 > most * found.len() as f64;
+    if slips { Vec::new() } else { found }
 }
 
 /// The signal without its [`spikes`], which OP answers as if they were real.

@@ -113,9 +113,9 @@ impl Curve {
         let Fitted { record, profiles, sticking, sticks_in, .. } = &mut self.fitted;
         let of = |structure| Search { record, structure, sign: self.sign };
         let last = |p: &Profile| p.points.last().map_or(0.0, |p| p.lost.d);
-        let gaps = profiles.iter_mut().map(|p| p.insert(&of(p.structure), d.min(last(p)), ROUNDS));
+        let gaps = profiles.par_iter_mut().map(|p| p.insert(&of(p.structure), d.min(last(p)), ROUNDS));
         let mut costs: Vec<f64> = gaps.collect();
-        costs.extend(sticking.iter_mut().map(|p| {
+        costs.par_extend(sticking.par_iter_mut().map(|p| {
             let there = (p.points[0].lost.d..=last(p)).contains(&d);
             if there { p.insert(&of(*sticks_in), d, ROUNDS) } else { f64::INFINITY }
         }));

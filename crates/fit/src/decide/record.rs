@@ -13,6 +13,7 @@ use crate::model::structure::{MOST, Structure, Theta};
 use crate::problem::Problem;
 use crate::search::likelihood::{Search, dot, solve};
 use crate::search::profile::{Profile, trust};
+use rayon::prelude::*;
 
 /// One family's view.
 #[derive(Clone, Debug)]
@@ -205,20 +206,20 @@ pub(crate) fn fit_record(cells: &Cells, seeds: &[Theta], rows: &Record, bow: f64
     };
     let fine = 0.001 * record.range;
     let wider = if asked_of_changes > 0.0 { RISE_BESIDE_CHANGES } else { 1.0 } / trusted;
-    let mut spread = Vec::new();
+    let mut spread: Vec<(f64, Option<f64>)> = Vec::new();
     if !slips {
-        for profile in &mut profiles {
+        spread.par_extend(profiles.par_iter_mut().filter_map(|profile| {
             let from = profile.least();
-            spread.extend(profile.within(&of(profile.structure), from, RISE * wider, fine));
-        }
+            profile.within(&of(profile.structure), from, RISE * wider, fine)
+        }));
     }
     let certain = spread.iter().all(|s| s.0 <= 0.0);
     // A valve with another slip jump has another width, and may be as likely.
-    for profile in &mut sticking {
+    spread.par_extend(sticking.par_iter_mut().filter_map(|profile| {
         let beyond = profile.points.last().map(|p| p.lost.d);
         let limits = profile.within(&of(sticks_in), as_likely, RISE_OF_STICKING * wider, fine);
-        spread.extend(limits.map(|(low, high)| (low, high.or(beyond))));
-    }
+        limits.map(|(low, high)| (low, high.or(beyond)))
+    }));
     let sticks_only = |p: &&Profile| p.points[p.best].lost.share >= 1.0;
     let slips_wholly = sticking.iter().filter(sticks_only).any(|p| p.least() < as_likely + JUMP_PRICE);
     let low = (spread.iter().map(|s| s.0).fold(f64::INFINITY, f64::min) - record.resolution()).max(0.0);

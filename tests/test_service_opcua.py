@@ -1005,6 +1005,21 @@ def test_a_valve_that_is_repaired_wears_on_from_there():
     assert found[4 * 24 - 1] == pytest.approx(0.3) and found[-1] == pytest.approx(0.3 + 0.03 * 2)
 
 
+def test_a_repair_on_request_leaves_a_tenth_of_the_gap():
+    plant = SimPlant(5, scan=3600.0, history=0.0)
+
+    async def widths():
+        found = []
+        for seconds in (None, 1e9, 0.0):
+            if seconds is not None:
+                plant.fault("repaired", "LIC104", seconds)
+            await plant._one()
+            found.append((plant.width("LIC104"), plant.width("TIC103")))
+        return found
+
+    assert asyncio.run(widths()) == [(2.0, 2.0), (0.2, 2.0), (2.0, 2.0)]
+
+
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [

@@ -1,6 +1,6 @@
 """A tour of `glapp station --demo` in Chromium: `python -m bench.station_tour FOLDER [story | laboratory | wear]`.
 
-story: an engineer at a plant ten times as fast as usual (`--scan 0.1`). The level cycles by its gap. Its width is
+story: an engineer at a plant five times as fast as usual (`--scan 0.2`). The level cycles by its gap. Its width is
 typed, the watchdog drilled, Compensate pressed; what the window says of how calm PV is then. After that the valve is
 repaired, which nobody tells the compensation, until it is withdrawn. Then every page and dialog as a picture: laptop,
 tablet held upright, laptop at 200 %, light and dark. laboratory: the loop of 6.5, and every variable of it changed
@@ -149,10 +149,10 @@ def _lines(said: str, *words: str) -> str:
 
 
 def _story(browser: Browser, out: Path) -> None:
-    with _window(browser, "--scan", "0.1") as (page, url, data):
+    with _window(browser, "--scan", "0.2") as (page, url, data):
         eve = _Engineer(page, url, out, LEVEL)
         eve.note("logged in")
-        time.sleep(100.0)  # 25 Ti: how calm PV was before must have been seen
+        time.sleep(200.0)  # 25 Ti: how calm PV was before must have been seen
         eve.opened("Parameters")
         page.get_by_label("comp_size", exact=True).fill("2")
         eve.pressed("Set what is changed", "Set: ")

@@ -399,8 +399,7 @@ class SimPlant:
             lines += ["", f"[loops.{name}.opcua]"]
             tags = [s for s in Signal if s is not Signal.POSITION]
             lines += [f'{signal} = "{_text(f"{name}.{_NAMES[signal]}")}"' for signal in tags]
-            rate = 0.5 * self._speed / min(self._scan, 1.0)  # per second on the wall
-            lines += ["u_ff_limit = 3.0", f"u_ff_rate = {rate:g}", ""]
+            lines += ["u_ff_limit = 3.0", f"u_ff_rate = {0.5 * self._speed:g}", ""]  # per second on the wall
         return "\n".join(lines)
 
     def fault(self, kind: str, loop: str | None = None, seconds: float = math.inf) -> None:

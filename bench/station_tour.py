@@ -37,7 +37,7 @@ SIZES = {"laptop": (1280, 800), "tablet": (768, 1024), "laptop-200": (640, 400)}
 PAGES = {"overview": "/", "loop": "/loop?name=LIC104", "events": "/events", "laboratory": "/laboratory"}
 DIALOGS = ("Graph", "Parameters", "Compensate", "Phase plot", "Step test")
 LEVEL = "LIC104"
-CALM = "half of the time it is within"
+CALM = "of SP half of the time"
 TOO_MUCH = [f"It is off. {STANDINGS[why]}" for why in ("over_compensated", "worse")]
 LONGEST = 900.0
 """So long anything may take on a machine that is busy [s]."""

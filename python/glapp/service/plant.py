@@ -387,7 +387,7 @@ class SimPlant:
 
     def settings(self) -> str:
         """Text of a loops.toml for it."""
-        lines = ["[defaults]", "pv_span = [0, 100]", "op_span = [0, 100]", "auto_values = [1]", ""]
+        lines = ["[defaults]", "pv_span = [0, 100]", 'pv_unit = "%"', "op_span = [0, 100]", "auto_values = [1]", ""]
         lines += ["[opcua]", f'url = "{self.url}"', f'watchdog = "{_text("Watchdog")}"', ""]
         for loop in self._loops.values():
             kind, name = loop.kind, loop.name

@@ -560,10 +560,11 @@ class _Page:
                     drill.props("" if engineer else "disable")
             if not engineer:
                 ui.label("Enabling it needs the role engineer; switching it off, operator.").classes("small muted")
-            ui.label(
-                "Before the first time, the drill shows that the plant takes u_FF away by itself when nobody counts "
-                "its watchdog up. Nothing is enabled before that was seen."
-            ).classes("small muted")
+            if not made["enabled"]:
+                ui.label(
+                    "Before the first time, the drill shows that the plant takes u_FF away by itself when nobody "
+                    "counts its watchdog up. Nothing is enabled before that was seen."
+                ).classes("small muted")
             log = await asyncio.to_thread(self.read, lambda r: r.commands(self.name, 200))
             log = [row for row in log if row["command"] in ("enable", "disable", "drill", "drilled", "take_over")]
             heading("Who did what, when", 2)
@@ -593,8 +594,9 @@ class _Page:
             ui.label(f"It is too early to say whether PV is calmer: {wait}.").classes("muted")
             return
         ui.label(
-            f"PV is {found.word}: half of the time it is within {quantity(found.since, self.pv_unit)} of SP, "
-            f"{duration(found.seconds)} since u_FF moves; before, within {quantity(found.before, self.pv_unit)}."
+            f"PV is {found.word}: in the {duration(found.seconds)} since u_FF moves it is within "
+            f"{quantity(found.since, self.pv_unit)} of SP half of the time; before, within "
+            f"{quantity(found.before, self.pv_unit)}."
         )
 
 

@@ -1,15 +1,20 @@
-"""A watch beside a plant, killed again and again; its half-periods beside those of one that nobody kills.
+"""A watch beside a plant, killed again and again: what it has is what a watch has that nobody kills.
 
-Both begin from the same folder. The plant's server has history. After the last kill the killed one is let run until it
-has caught up, and everything that both have is compared bit for bit, up to the moment at which the first of them was
-stopped. Half of the kills
-wait until it writes, so that enough of them fall within a transaction.
+Whatever it took in is kept beside by the database itself, in the transaction in which it was put down. After the last
+kill all of that is handed to one watch more, cut into other pieces, which runs through and is never ended: both must
+have the same half-periods, samples and answers, bit for bit. Half of the kills wait until it writes, so that enough of
+them fall within a transaction.
 
     python -m bench.service_kill --kills 100
 
-With `--without-history` nothing can be read afterwards: what the killed one has must then be a part of what the other
-has, with breaks where it was killed, and no half-period may have been accepted across one that a detector does not
-bridge.
+The plant's server has history. So another watch stands beside, from the same folder on, which nobody kills: it must
+have the same, too, up to the moment at which the first of the two was stopped.
+
+    python -m bench.service_kill --without-history --kills 20
+
+Nothing can be read afterwards: what was told in a break is missing. So what was taken in is held against what the
+plant told: no other value, none twice, and none missing but between a kill, or a connection that was lost, and the
+first value after it. That one watch more is then the uninterrupted one with this signal and these gaps.
 """
 
 from __future__ import annotations
@@ -18,6 +23,8 @@ import argparse
 import asyncio
 import contextlib
 import itertools
+import json
+import math
 import random
 import shutil
 import signal
@@ -25,23 +32,48 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from glapp.errors import InputError
+from glapp.loop import Loop
 from glapp.reading.settings import parse_settings
 from glapp.service.connection import Connection
-from glapp.service.memory import COLUMNS, Memory, Reader
+from glapp.service.fits import answered
+from glapp.service.memory import COLUMNS, Entry, Memory, Reader
+from glapp.service.plant import SimPlant
 from glapp.service.recordings import Signals
+from glapp.service.rows import CODES, LOST
+from glapp.service.signal import Signal
 from glapp.service.watch import Bounds, Watch
 
 SCAN = 0.5
 GAP = 3.0 * SCAN
 """More than that between two samples no half-period goes on across [s]."""
 
+LONGEST = 600.0
+"""So long a machine that is busy may take until a watch has begun, or ended [s]."""
+
+FITTED = 5
+"""So many loops are fitted, one of each kind."""
+
+PIECES = 20_000
+"""So many values at most the watch that runs through takes at once."""
+
+_KEPT = """CREATE TABLE IF NOT EXISTS taken (id INTEGER PRIMARY KEY, now REAL, body BLOB);
+CREATE TRIGGER IF NOT EXISTS take AFTER INSERT ON entries
+BEGIN INSERT INTO taken VALUES (new.id, new.now, new.body); END;"""
+
 
 class _Telling(Memory):
-    """A memory that says when it writes and when it has written."""
+    """A memory that keeps what was taken in, and says when it writes and when it has written."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__(folder)
+        self._db.executescript(_KEPT)
 
     def _writing(self) -> Any:
         return _told(super()._writing())
@@ -77,11 +109,11 @@ def _start(folder: Path, url: str) -> subprocess.Popen[bytes]:
 
 async def _writes(folder: Path, count: int) -> None:
     """Wait until a watch has written so often."""
-    for _ in range(600):
-        if (folder / "said").read_bytes().count(b".") >= count:
-            return
+    until = time.monotonic() + LONGEST
+    while (folder / "said").read_bytes().count(b".") < count:
+        if time.monotonic() > until:
+            raise SystemExit(f"the watch has not begun in {LONGEST:g} s")
         await asyncio.sleep(0.05)
-    raise SystemExit("the watch has not begun in 30 s")
 
 
 def _while_it_writes(folder: Path) -> None:
@@ -96,89 +128,147 @@ def _while_it_writes(folder: Path) -> None:
 
 def _stop(child: subprocess.Popen[bytes]) -> None:
     child.terminate()
-    if child.wait(60) != 0:
+    if child.wait(LONGEST) != 0:
         raise SystemExit(f"a watch ended with {child.returncode}")
 
 
-async def _kills(count: int, loops: int, seed: int, history: float) -> None:
-    from glapp.service.plant import SimPlant
+class _Told(SimPlant):
+    """A plant that remembers what it told of each tag: time and value."""
 
-    with tempfile.TemporaryDirectory() as name:
-        root, chance = Path(name), random.Random(seed)
-        async with SimPlant(loops, scan=SCAN, history=history) as plant:
-            straight, killed = root / "straight", root / "killed"
-            straight.mkdir()
-            (straight / "loops.toml").write_text(plant.settings())
-            child = _start(straight, plant.url)
-            await _writes(straight, 30)
-            await asyncio.to_thread(_stop, child)
-            shutil.copytree(straight, killed)
-            began = plant.time
-            beside = _start(straight, plant.url)
-            within = done = 0
-            kills = []
-            while done < count:
-                child = _start(killed, plant.url)
-                await _writes(killed, 3)  # what comes then is the history since the last kill
-                await asyncio.sleep(chance.uniform(0.0, 4.0))
-                if chance.random() < 0.5:
-                    _while_it_writes(killed)
-                child.kill()
-                kills.append(plant.time)
-                child.wait()
-                done += 1
-                within += (killed / "said").read_bytes()[-1:] == b"w"
-                print(f"\r{done} kills, {within} within a write", end="", flush=True)
+    def __init__(self, loops: int, history: float) -> None:
+        super().__init__(loops, scan=SCAN, history=history)
+        self.told: dict[tuple[str, Signal], dict[float, float]] = {}
+
+    async def _write(self, key: tuple[str, Signal], t: float, value: float, *more: Any) -> None:
+        self.told.setdefault(key, {})[t] = value
+        await super()._write(key, t, value, *more)
+
+
+async def _killed(root: Path, plant: _Told, count: int, chance: random.Random, *, beside: bool) -> float:
+    """Kill a watch so often in `root/killed`; gives the plant's time up to which one beside can have everything."""
+    straight, killed = root / "straight", root / "killed"
+    async with plant:
+        straight.mkdir()
+        (straight / "loops.toml").write_text(plant.settings())
+        child = _start(straight, plant.url)
+        await _writes(straight, 30)
+        await asyncio.to_thread(_stop, child)
+        shutil.copytree(straight, killed)
+        began = plant.time
+        others = [_start(straight, plant.url)] if beside else []
+        within = 0
+        for kill in range(count):
             child = _start(killed, plant.url)
-            await _writes(killed, 50)
-            ended = plant.time - 10.0
-            await asyncio.gather(asyncio.to_thread(_stop, child), asyncio.to_thread(_stop, beside))
-        print(f"\nplant's time {ended - began:.0f} s, {loops} loops")
+            await _writes(killed, 3)  # what comes then is the history since the last kill
+            await asyncio.sleep(chance.uniform(0.0, 4.0))
+            if chance.random() < 0.5:
+                _while_it_writes(killed)
+            child.kill()
+            child.wait()
+            within += (killed / "said").read_bytes()[-1:] == b"w"
+            print(f"\r{kill + 1} kills, {within} within a write", end="", flush=True)
+        child = _start(killed, plant.url)
+        await _writes(killed, 50)
+        ended = plant.time - 10.0
+        await asyncio.gather(*(asyncio.to_thread(_stop, one) for one in (child, *others)))
+    print(f"\nplant's time {ended - began:.0f} s")
+    return ended
+
+
+def _kills(count: int, loops: int, seed: int, history: float) -> None:
+    with tempfile.TemporaryDirectory() as name:
+        root, chance, plant = Path(name), random.Random(seed), _Told(loops, history)
+        ended = asyncio.run(_killed(root, plant, count, chance, beside=history > 0.0))
+        known = parse_settings(plant.settings(), "loops.toml", root)
         if history:
-            _compare(straight, killed, began, ended)
+            print("beside the one that nobody killed:")
+            _compare(known, root / "straight", root / "killed", ended)
         else:
-            _breaks(straight, killed, began, ended, kills)
+            _breaks(root / "killed", plant.told, count)
+        print("beside one that ran through with what was taken in:")
+        _run_through(known, root / "killed", root / "through", chance)
+        _compare(known, root / "through", root / "killed", math.inf)
 
 
-def _breaks(straight: Path, killed: Path, began: float, ended: float, kills: Sequence[float]) -> None:
-    """What is missing of what was killed, and whether anything goes across it."""
-    breaks = known = missing = other = across = unexplained = 0
+def _taken(folder: Path) -> list[Entry]:
+    """Everything that a watch took in and put down, in its order."""
+    with Reader(folder) as reader:
+        return [Entry.unpacked(*row.values()) for row in reader.rows("SELECT id, now, body FROM taken ORDER BY id")]
+
+
+def _breaks(killed: Path, told: dict[tuple[str, Signal], dict[float, float]], kills: int) -> None:
+    """What was taken in beside what the plant told: what is missing, and whether anything goes across it."""
     with Reader(killed) as reader:
-        for name in reader.loops():
-            whole, part = (
-                Signals(folder).read(name, began, ended).drop_columns(["U_FF"]).to_pydict()
-                for folder in (straight, killed)
-            )
-            rows = [
-                dict(zip(map(_seconds, table["time"]), zip(*list(table.values())[1:], strict=True), strict=True))
-                for table in (whole, part)
-            ]
-            assert len(rows[1]) == len(part["time"]), f"{name}: a sample is there twice"
-            known += len(rows[1])
-            missing += len(rows[0].keys() - rows[1].keys())
-            other += sum(repr(rows[0].get(at)) != repr(row) for at, row in rows[1].items())
-            times = sorted(rows[1])
-            found = [(a, b) for a, b in itertools.pairwise(times) if b - a > GAP]
-            breaks += len(found)
-            unexplained += sum(not any(a - 10.0 <= at <= b for at in kills) for a, b in found)
-            halves = reader.half_periods(name, began, ended, accepted=True)
-            across += sum(row["t_start"] < b and row["t_end"] > a for row in halves for a, b in found)
-    print(f"{known} samples of the killed one, {other} other than those beside; {missing} missing, in {breaks} breaks,")
-    print(f"{unexplained} of them without a kill; {across} half-periods accepted across a break")
+        names = {id: name for name, id in reader.loops().items()}
+        lost = sum(event["kind"] == "lost" for event in reader.events(most=1_000_000))
+        signals = {code: signal for signal, code in CODES.items()}
+        taken: dict[tuple[str, Signal], dict[float, float]] = {}
+        parts: dict[str, list[list[float]]] = {name: [[]] for name in names.values()}  # of PV, between the breaks
+        other = 0
+        for entry in _taken(killed):
+            columns = (entry.loop, entry.signal, entry.time, entry.value)
+            for id, code, t, value in zip(*(column.tolist() for column in columns), strict=True):
+                name = names[id]
+                if code == LOST:
+                    parts[name].append([])
+                elif code in signals:
+                    key = name, signals[code]
+                    other += told[key].get(t) != value or t in taken.setdefault(key, {})
+                    taken.setdefault(key, {})[t] = value
+                    if key[1] is Signal.PV:
+                        parts[name][-1].append(t)
+        breaks = missing = unexplained = invented = across = 0
+        for name, pieces in parts.items():
+            some = [piece for piece in pieces if piece]
+            gaps = [(a[-1], b[0]) for a, b in itertools.pairwise(some)]
+            of_pv = taken[name, Signal.PV]
+            gone = [t for t in told[name, Signal.PV] if min(of_pv) < t < max(of_pv) and t not in of_pv]
+            breaks, missing = breaks + len(gaps), missing + len(gone)
+            unexplained += sum(not any(a < t < b for a, b in gaps) for t in gone)
+            samples = Signals(killed).read(name, 0.0, math.inf)["time"].to_pylist()
+            invented += sum(at.timestamp() not in of_pv for at in samples)
+            halves = reader.half_periods(name)
+            across += sum(row["t_start"] < b and row["t_end"] > a for row in halves for a, b in gaps if b - a > GAP)
+    most = (kills + 1 + lost) * len(names)
+    print(f"{sum(map(len, taken.values()))} values taken in, {other} of them twice or other than the plant told;")
+    print(f"{missing} of PV missing in {breaks} breaks, where {kills} kills, a stop and {lost} lost connections make")
+    print(f"{most} at most in {len(names)} loops; {unexplained} missing elsewhere; {invented} samples of no value;")
+    print(f"{across} half-periods accepted across a gap")
 
 
-def _seconds(at: Any) -> float:
-    moment: float = at.timestamp()
-    return moment
+def _pieces(entries: list[Entry], chance: random.Random) -> Iterator[Entry]:
+    """The same values in the same order, cut elsewhere; what was lost begins a piece, as it began an entry."""
+    columns = [
+        np.concatenate([getattr(e, name) for e in entries]) for name in ("loop", "signal", "good", "time", "value")
+    ]
+    now = np.concatenate([np.full(len(entry.loop), entry.now) for entry in entries])
+    ends = np.flatnonzero(np.diff((columns[1] == LOST).astype(int)) == 1) + 1
+    at = number = 0
+    while at < len(now):
+        to = min([at + chance.choice((1, 7, 40, 300, PIECES)), *ends[ends > at][:1].tolist()])
+        number += 1
+        yield Entry(number, float(now[at:to].max()), *(column[at:to] for column in columns))
+        at = to
 
 
-def _compare(straight: Path, killed: Path, began: float, ended: float) -> None:
+def _run_through(known: list[Loop], killed: Path, folder: Path, chance: random.Random) -> None:
+    """One watch, begun once and never ended, with what the killed one took in."""
+    watch = Watch(known, Memory(folder))
+    for piece in _pieces(_taken(killed), chance):
+        watch.memory.add([], watch._work(piece, tell=False), [])
+        watch._position = piece.id
+    asyncio.run(watch.save())
+    watch.memory.close()
+
+
+def _compare(known: list[Loop], straight: Path, killed: Path, ended: float) -> None:
+    """Half-periods, samples and answers of both, bit for bit."""
     with Reader(straight) as one, Reader(killed) as other:
-        halves = differ = 0
+        halves = differ = samples = other_samples = 0
         for name in one.loops():
             a, b = (
                 [tuple(row[key] for key in ("number", *COLUMNS)) for row in rows]
-                for rows in (r.half_periods(name, -1e300, ended, accepted=False) for r in (one, other))
+                for rows in (r.half_periods(name, -1e300, min(ended, 1e300), accepted=False) for r in (one, other))
             )
             halves += len(a)
             if a != b:
@@ -186,16 +276,27 @@ def _compare(straight: Path, killed: Path, began: float, ended: float) -> None:
                 at = next((i for i, (x, y) in enumerate(zip(a, b, strict=False)) if x != y), min(len(a), len(b)))
                 print(f"{name} differs: {len(a)} and {len(b)} half-periods, from number {at + 1} on")
                 print("  ", a[at : at + 1], b[at : at + 1], sep="\n  ")
-        samples = other_samples = 0
-        for name in one.loops():
-            tables = [Signals(folder).read(name, began - 20.0, ended) for folder in (straight, killed)]
+            tables = [Signals(folder).read(name, 0.0, ended).drop_columns(["U_FF"]) for folder in (straight, killed)]
             samples += len(tables[0])
-            other_samples += not tables[0].drop_columns(["U_FF"]).equals(tables[1].drop_columns(["U_FF"]))
+            other_samples += not tables[0].equals(tables[1])
         print(f"{halves} half-periods, {differ} loops differ; {samples} samples, {other_samples} loops differ")
-        for row in reversed(other.events(most=400)):
+        for row in reversed(other.events(most=100_000)):
             if row["kind"] in ("database_damaged", "given_up", "not_backfilled"):
                 print(row)
         print("whole:", one.one("PRAGMA quick_check"), other.one("PRAGMA quick_check"))
+    said = [[_said(folder, loop, ended) for loop in known[:FITTED]] for folder in (straight, killed)]
+    same = sum(a == b for a, b in zip(*said, strict=True))
+    verdicts = ", ".join(f"{loop.name} {one}" for loop, (one, _) in zip(known, said[1], strict=False))
+    print(f"{same} of {len(said[0])} answers are the same: {verdicts}", flush=True)
+
+
+def _said(folder: Path, loop: Loop, ended: float) -> tuple[str, str]:
+    """The verdict of a fit of all that is kept of a loop, and the whole of its answer."""
+    try:
+        found = answered(folder, loop.model_dump_json(exclude_unset=True), 0.0, ended)
+    except InputError as error:
+        return "refused", str(error)
+    return found["verdict"], json.dumps(found, sort_keys=True)
 
 
 def main() -> None:
@@ -210,7 +311,7 @@ def main() -> None:
     if asked.child:
         asyncio.run(_child(Path(asked.child[0]), asked.child[1]))
     else:
-        asyncio.run(_kills(asked.kills, asked.loops, asked.seed, 0.0 if asked.without_history else 7200.0))
+        _kills(asked.kills, asked.loops, asked.seed, 0.0 if asked.without_history else 7200.0)
 
 
 if __name__ == "__main__":

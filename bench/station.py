@@ -62,7 +62,7 @@ async def _serve(folder: Path) -> None:
         await asyncio.gather(opened, return_exceptions=True)
 
 
-def _started(*words: str) -> tuple[subprocess.Popen[str], str]:
+def started(*words: str) -> tuple[subprocess.Popen[str], str]:
     """A command of glapp, and the address that it says first."""
     code = "from glapp.cli import main; main()"
     process = subprocess.Popen([sys.executable, "-c", code, *words], stdout=subprocess.PIPE, text=True)
@@ -71,7 +71,7 @@ def _started(*words: str) -> tuple[subprocess.Popen[str], str]:
     return process, line.strip().rstrip(".").rpartition(" ")[2]
 
 
-def _logged_in(page: Page, url: str, user: str, password: str) -> None:
+def logged_in(page: Page, url: str, user: str, password: str) -> None:
     """Log in, and wait for the overview."""
     page.set_default_timeout(60_000)
     page.goto(url)
@@ -92,9 +92,9 @@ def _overview(page: Page) -> None:
         service = subprocess.Popen([sys.executable, "-m", "bench.station", "serve", name])
         while not (Path(name) / "door").exists():
             time.sleep(0.5)
-        window, url = _started("station", "--port", "0", "--data", name)
+        window, url = started("station", "--port", "0", "--data", name)
         try:
-            _logged_in(page, url, "eve", PASSWORD)
+            logged_in(page, url, "eve", PASSWORD)
             opened, drawn = [], []
             for _ in range(5):
                 began = time.monotonic()
@@ -134,15 +134,15 @@ def _live(page: Page) -> None:
         folder = Path(name)
         settings = folder / "plant.toml"
         words = ("--loops", "1000", "--port", str(free_port()), "--history", "0", "--settings", str(settings))
-        running = [_started("plant", *words)[0]]
+        running = [started("plant", *words)[0]]
         text = settings.read_text(encoding="utf-8")
         settings.write_text(text.replace("[opcua]", "[opcua]\ninterval = 0.5"), encoding="utf-8")
         try:
-            running.append(_started("watch", "run", str(settings), "--data", name, "--port", "0")[0])
-            window, url = _started("station", "--port", "0", "--data", name)
+            running.append(started("watch", "run", str(settings), "--data", name, "--port", "0")[0])
+            window, url = started("station", "--port", "0", "--data", name)
             running.append(window)
             password = (folder / "first-login.txt").read_text(encoding="utf-8").split("password ")[1].strip()
-            _logged_in(page, url, "engineer", password)
+            logged_in(page, url, "engineer", password)
             page.goto(url + "/loop?name=FIC101")
             page.wait_for_selector(".half:not(:empty)")
             page.evaluate(_HEAR)
@@ -192,7 +192,7 @@ def _lab(page: Page) -> None:
         window = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
         assert window.stdout is not None and window.stdin is not None
         url = window.stdout.readline().strip().rstrip(".").rpartition(" ")[2]
-        _logged_in(page, url, "eve", PASSWORD)
+        logged_in(page, url, "eve", PASSWORD)
         page.goto(url + "/laboratory")
         page.wait_for_selector(".ag-row")
         time.sleep(60.0)

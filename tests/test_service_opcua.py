@@ -639,6 +639,92 @@ def test_what_goes_on_is_counted(monkeypatch):
     assert fed.events[1].text.endswith("(29 values in all)")
 
 
+def test_without_a_source_time_stamp_the_servers_is_taken():
+    fed = Fed()
+    at = datetime.fromtimestamp(fed.begin, UTC)
+    seen = ua.DataValue(ua.Variant(1.0), ServerTimestamp=at)
+    [one] = fed.source._values([ua.MonitoredItemNotification(ClientHandle=1, Value=seen)], live=True)
+    assert one.time == fed.begin and one.good
+    assert [e.kind for e in fed.events] == ["no_time"]
+
+
+def test_a_history_that_is_shorter_than_the_break_or_is_not_there():
+    """A day is read and no more; a PV without a history is told, and once for all where no tag has one."""
+    fed = Fed(2)
+    for tag in fed.source._tags:
+        tag.last = fed.source._newest[tag.loop] = fed.begin - 2 * 86_400.0
+    begins = []
+
+    def answers(*without):
+        async def history_read(asked):
+            begins.append(asked.HistoryReadDetails.StartTime.timestamp())
+            unsupported = ua.StatusCode(ua.StatusCodes.BadHistoryOperationUnsupported)
+            right = ua.HistoryReadResult(HistoryData=ua.HistoryData())
+            wrong = ua.HistoryReadResult(StatusCode=unsupported)
+            return [wrong if node.NodeId.Identifier in without else right for node in asked.NodesToRead]
+
+        one = link()
+        one.client = SimpleNamespace(uaclient=SimpleNamespace(history_read=history_read))
+        one.nodes = {handle: ua.NodeId(handle, 1) for handle in range(4)}
+        asyncio.run(fed.source._backfill(one, lambda values: None, fed.begin))
+        told = [(e.kind, e.loop) for e in fed.events]
+        fed.events.clear()
+        return told
+
+    longer = [("not_backfilled", "L0"), ("not_backfilled", "L1")]
+    assert answers() == longer and min(begins) == fed.begin - 86_400.0
+    assert answers(1) == [*longer, ("no_history", "L0")], "of one PV"
+    assert answers(0, 1, 2, 3) == [*longer, ("no_history", None)]
+
+
+def test_a_server_that_takes_no_filter_and_is_slower():
+    fed, asked = Fed(), []
+
+    async def create_subscription(wanted, published):
+        return SimpleNamespace(SubscriptionId=1, RevisedPublishingInterval=1000.0, RevisedMaxKeepAliveCount=3)
+
+    async def create_monitored_items(items):
+        asked.append([isinstance(item.RequestedParameters.Filter, ua.DataChangeFilter) for item in items.ItemsToCreate])
+        refused = ua.StatusCodes.BadMonitoredItemFilterUnsupported if len(asked) == 1 else ua.StatusCodes.Good
+        return [
+            ua.MonitoredItemCreateResult(StatusCode=ua.StatusCode(refused), RevisedSamplingInterval=5000.0)
+            for _ in items.ItemsToCreate
+        ]
+
+    one = link()
+    session = SimpleNamespace(create_subscription=create_subscription, create_monitored_items=create_monitored_items)
+    one.client = SimpleNamespace(uaclient=SimpleNamespace(session=session))
+    one.nodes = {handle: ua.NodeId(handle, 1) for handle in range(2)}
+    asyncio.run(fed.source._subscribe(one, range(2)))
+    assert asked == [[True, True], [False, False]] and not one.missing
+    assert [e.kind for e in fed.events] == ["no_filter", "slower"]
+    assert "every 5 s at best, not every 1 s" in fed.events[1].text
+
+
+@pytest.mark.parametrize(
+    ("kind", "access", "told"),
+    [
+        (ua.VariantType.Double, 3, []),
+        (ua.VariantType.Double, 1, ["not_writable"]),
+        (ua.VariantType.Int32, 3, ["tag_missing"]),
+    ],
+)
+def test_a_node_of_u_ff_that_cannot_be_written_is_told(kind, access, told):
+    tags = {"pv": "s=pv", "sp": "s=sp", "u_ff": "s=u_ff", "u_ff_limit": 1.0, "u_ff_rate": 1.0}
+    source, events = OpcUa(Connection(url="opc.tcp://p:1"), [Loop(name="L", opcua=tags)]), []
+    source._tell_to = events.append
+
+    async def read_attributes(nodes, attribute):
+        value = ua.Variant(0, kind) if attribute is ua.AttributeIds.Value else ua.Variant(access, ua.VariantType.Byte)
+        return [ua.DataValue(value)]
+
+    one = link()
+    one.client = SimpleNamespace(uaclient=SimpleNamespace(read_attributes=read_attributes))
+    source._feeds["L"].node = ua.NodeId("u_ff", 0)
+    asyncio.run(source._types(one))
+    assert [e.kind for e in events] == told and (source._feeds["L"].node is None) == bool(told)
+
+
 @pytest.mark.parametrize("steps", range(5))
 def test_a_cancellation_is_not_lost_where_a_message_comes_with_it(steps):
     """With wait_for of Python 3.11 the service went on listening after it was told to end."""
@@ -1003,6 +1089,21 @@ def test_a_valve_that_is_repaired_wears_on_from_there():
     found = asyncio.run(widths())
     assert found[4 * 24 - 2] == pytest.approx(0.3 + 0.03 * (4 - 1 / 24))
     assert found[4 * 24 - 1] == pytest.approx(0.3) and found[-1] == pytest.approx(0.3 + 0.03 * 2)
+
+
+def test_a_repair_on_request_leaves_a_tenth_of_the_gap():
+    plant = SimPlant(5, scan=3600.0, history=0.0)
+
+    async def widths():
+        found = []
+        for seconds in (None, 1e9, 0.0):
+            if seconds is not None:
+                plant.fault("repaired", "LIC104", seconds)
+            await plant._one()
+            found.append((plant.width("LIC104"), plant.width("TIC103")))
+        return found
+
+    assert asyncio.run(widths()) == [(2.0, 2.0), (0.2, 2.0), (2.0, 2.0)]
 
 
 @pytest.mark.parametrize(

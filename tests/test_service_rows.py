@@ -60,6 +60,24 @@ def test_the_same_samples_however_they_come(batch: int, seed: int) -> None:
     assert rows.dropped == len(twice) - len(moved) and not rows.told
 
 
+@pytest.mark.parametrize(
+    "told_first", [[], [(ALIVE, 19.0, 0.0)], [(SP, 22.0, 51.0)], [(ALIVE, 19.0, 0.0), (SP, 22.0, 51.0)]]
+)
+def test_what_a_loss_is_followed_by_fills_no_break(told_first: list[Given]) -> None:
+    """That all was well until the last value, or that SP was moved in the break: PV was held to have stood still."""
+    rows = Rows(1.0, wait=2.0, lost=15.0)
+    out = run([(SP, 0.0, 50.0), *((PV, float(k), 49.0 + k % 5) for k in range(20))], rows=rows)
+    out += run([(LOST, 27.5, 0.0), *told_first, *((PV, float(k), 49.0) for k in range(28, 40))], rows=rows)
+    assert [sample.t for sample in out] == [*map(float, range(20)), *map(float, range(28, 38))]
+
+
+def test_after_a_loss_a_still_pv_is_known_from_its_own_first_value_on() -> None:
+    rows = Rows(1.0, wait=2.0, lost=15.0)
+    out = run([(SP, 0.0, 50.0), *((PV, float(k), 49.0) for k in range(10))], rows=rows)
+    out += run([(LOST, 27.5, 0.0), (PV, 20.0, 49.5), (SP, 24.0, 51.0), (ALIVE, 30.0, 0.0)], rows=rows)
+    assert [sample.t for sample in out] == [*map(float, range(10)), *map(float, range(20, 28))]
+
+
 def test_saved_and_loaded_at_any_moment() -> None:
     straight = run(stream(), batch=1)
     rows, out = Rows(1.0, wait=3.0), []

@@ -421,6 +421,9 @@ def test_whether_pv_is_calmer_is_told_only_when_that_is_seen() -> None:
     found = calm(t, sp, pv, u_ff, 950.0, 900.0)
     assert found is not None and found.factor == pytest.approx(2.5, rel=0.05) and found.word.startswith("calmer")
     assert found.seconds == 999.0
+    stepped = [y + (30.0 if 1200 <= k < 1400 else 0.0) for k, y in enumerate(pv)]
+    other = calm(t, sp, stepped, u_ff, 950.0, 900.0)
+    assert other is not None and other.factor == pytest.approx(2.0, rel=0.1), "a load that steps does not hide it"
     assert calm(t, sp, pv, [0.0] * 2000, 950.0, 900.0) is None  # enabled, and it waits
     assert calm(t[:1500], sp[:1500], pv[:1500], u_ff[:1500], 950.0, 900.0) is None
     assert calm(t[500:], sp[500:], pv[500:], u_ff[500:], 950.0, 900.0) is None

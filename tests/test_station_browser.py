@@ -70,7 +70,7 @@ def test_a_tab_that_is_open_for_a_day_does_not_grow(browser: Any, window: Window
     page.goto(window.url + "/loop?name=FIC0")
     page.get_by_text(re.compile("^Half-period under way")).wait_for()
     told = page.context.new_cdp_session(page)
-    begin = page.evaluate("Date.now() + 1e6")
+    begin = page.evaluate("glapp.every = 0, Date.now() + 1e6")
     some = """(begin) => {
       const id = Number(document.querySelector('.chart').id.slice(1));
       glapp.append(id, Array.from({ length: 3600 }, (_, i) => [begin + 1000 * i, 50, 50, 50]), 900000);
@@ -87,6 +87,25 @@ def test_a_tab_that_is_open_for_a_day_does_not_grow(browser: Any, window: Window
     first, second = used(0), used(1)
     more = [b - a for a, b in zip(first, second, strict=True)]
     assert more[0] < 2e6 and more[1] < 500 and more[2] < 100, (first, second)
+    assert page.wrong == []
+
+
+def test_values_that_come_fast_are_drawn_together_and_none_is_left_out(browser: Any, window: Window) -> None:
+    page = logged_in(browser, window, "vera")
+    page.goto(window.url + "/loop?name=FIC0")
+    page.get_by_text(re.compile("^Half-period under way")).wait_for()
+    drawn = page.evaluate("""async () => {
+      const [id, begin] = [Number(document.querySelector('.chart').id.slice(1)), Date.now() + 1e6];
+      const chart = getElement(id).chart;
+      const set = chart.setOption.bind(chart);
+      let times = 0;
+      chart.setOption = (...given) => (times++, set(...given));
+      for (let i = 0; i < 100; i++) glapp.append(id, [[begin + i, 50, 50, 50]], 900000);
+      while (glapp.waiting[id].points.length) await new Promise((done) => setTimeout(done, 10));
+      const since = chart.getOption().series[1].data.filter((point) => point[0] >= begin).length;
+      return [since, times];
+    }""")
+    assert drawn[0] == 100 and drawn[1] < 50, drawn
     assert page.wrong == []
 
 

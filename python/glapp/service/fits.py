@@ -17,7 +17,7 @@ from ..loop import Loop
 from ..many import analyze_recordings
 from .recordings import Signals
 
-__all__ = ["answer"]
+__all__ = ["answer", "answered"]
 
 
 def answer(to: Connection, folder: Path, settings: str, begin: float, end: float, longest: float) -> None:
@@ -41,7 +41,7 @@ def answer(to: Connection, folder: Path, settings: str, begin: float, end: float
     with open(os.devnull, "w") as nowhere:  # noqa: PTH123 - only the number of an open file is used
         faulthandler.dump_traceback_later(longest, exit=True, file=nowhere)
         try:
-            to.send(_answered(folder, settings, begin, end))
+            to.send(answered(folder, settings, begin, end))
         except InputError as error:
             to.send(str(error))
         except Exception as error:  # it must not end the watch
@@ -50,7 +50,23 @@ def answer(to: Connection, folder: Path, settings: str, begin: float, end: float
             faulthandler.cancel_dump_traceback_later()
 
 
-def _answered(folder: Path, settings: str, begin: float, end: float) -> dict[str, Any]:
+def answered(folder: Path, settings: str, begin: float, end: float) -> dict[str, Any]:
+    """What all kept recordings of a loop say together, as a row of `answers`.
+
+    Parameters
+    ----------
+    folder : Path
+        The data folder.
+    settings : str
+        The loop, as JSON.
+    begin, end : float
+        From when to when [s since 1970 UTC].
+
+    Raises
+    ------
+    InputError
+        Where there is no recording, or it cannot be read.
+    """
     loop = Loop(**json.loads(settings))
     recordings = Signals(folder).recordings(loop, begin, end)
     if not recordings:

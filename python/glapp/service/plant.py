@@ -47,6 +47,7 @@ FAULTS = {
     "type": "PV is a String",
     "back": "time stamps are an hour behind what they were",
     "manual": "the controller is in manual",
+    "repaired": "the gap is a tenth of what it was",
     "writer": "somebody else writes u_FF, 1 % above what stands there",
 }
 """Name of each fault that a loop can have, and what it is."""
@@ -68,6 +69,7 @@ class _Kind:
     wear: float  # what is added to it in a day
     noise: float
     step: float  # size of the load's steps
+    often: float = 30.0  # and so many Ti between two of them, on average
 
 
 def _kinds(h: float) -> list[_Kind]:
@@ -79,7 +81,8 @@ def _kinds(h: float) -> list[_Kind]:
         _Kind("FIC", 0.6, 6.0, lags(1.0, 4.0, 1.0, 1.0), 0.3, 0.03, 0.05, 4.0),
         _Kind("PIC", 2.0, 20.0, lags(0.8, 20.0, 4.0, 2.0), 0.0, 0.0, 0.05, 5.0),
         _Kind("TIC", 1.5, 60.0, lags(1.2, 60.0, 15.0, 8.0), 2.0, 0.0, 0.05, 8.0),
-        _Kind("LIC", 5.0, 100.0, level, 1.0, 0.0, 0.02, 3.0),
+        # Tuned tightly, and always moved a little: the one loop here that cycles by its gap.
+        _Kind("LIC", 8.0, 40.0, level, 2.0, 0.0, 0.01, 3.0, often=8.0),
         _Kind("FIC", 0.6, 6.0, lags(1.0, 4.0, 1.0, 1.0), 0.0, 0.0, 0.1, 4.0),
     ]
 
@@ -111,7 +114,7 @@ class _Loop:
         )
         self._random = random.Random(seed * 10_007 + number)
         self._scan = 0
-        self._next_load, self._next_sp = self._wait(30), self._wait(300)
+        self._next_load, self._next_sp = self._wait(kind.often), self._wait(300)
         self.faults: dict[str, float] = {}
 
     def _wait(self, times: float) -> int:
@@ -123,12 +126,12 @@ class _Loop:
         graph, kind = self.graph, self.kind
         if self._scan >= self._next_load:
             graph["load.value"] = self._rest + self._random.uniform(-kind.step, kind.step)
-            self._next_load = self._wait(30)
+            self._next_load = self._wait(kind.often)
         if self._scan >= self._next_sp:
             graph["sp.value"] = 50.0 + self._random.uniform(-3.0, 3.0)
             self._next_sp = self._wait(300)
-        if kind.wear:
-            graph["gap.d"] = kind.d + kind.wear * days
+        if kind.d:
+            graph["gap.d"] = (kind.d + kind.wear * days) * (0.1 if "repaired" in self.faults else 1.0)
         graph["pid.mode"] = Mode.MANUAL if "manual" in self.faults else Mode.EXTERNAL
         graph["ff.value"] = u_ff
         graph.scan()
@@ -384,7 +387,7 @@ class SimPlant:
 
     def settings(self) -> str:
         """Text of a loops.toml for it."""
-        lines = ["[defaults]", "pv_span = [0, 100]", "op_span = [0, 100]", "auto_values = [1]", ""]
+        lines = ["[defaults]", "pv_span = [0, 100]", 'pv_unit = "%"', "op_span = [0, 100]", "auto_values = [1]", ""]
         lines += ["[opcua]", f'url = "{self.url}"', f'watchdog = "{_text("Watchdog")}"', ""]
         for loop in self._loops.values():
             kind, name = loop.kind, loop.name

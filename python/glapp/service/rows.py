@@ -131,7 +131,7 @@ class Rows:
             When it came, by our clock [s since 1970 UTC].
         """
         if signal == ALIVE:
-            if time <= now + self.ahead:
+            if self.newest < time <= now + self.ahead:  # of what is known already it says nothing
                 self._lives(time)
             return
         if signal == LOST:
@@ -152,15 +152,17 @@ class Rows:
             self._late.clear()
         self._there.add((signal, time))
         self._pending.append((time, signal, value, good))
-        self._lives(time)
+        # After a loss PV is known from its own first value on, and not since another signal changed in the break.
+        if signal == PV or self._lives_to > -math.inf:
+            self._lives(time)
+        self.newest = max(self.newest, time)
 
     def _lives(self, time: float) -> None:
         if time > self._lives_to:
             if time - self._lives_to > self.lost:
                 self._lives_from = time
             self._lives_to = time
-        if time > self.newest:
-            self.newest = time
+        self.newest = max(self.newest, time)
 
     def _came_twice(self, signal: int, time: float, value: float, good: bool) -> None:
         self.dropped += 1

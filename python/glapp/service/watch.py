@@ -414,6 +414,7 @@ class Watch:
             rows, detector = watched.rows, watched.detector
             known = rows.known(OP)
             for sample in rows.release():
+                known = known or sample.op == sample.op  # with the first values of all it may be in this same entry
                 watched.made_by.append(entry.id)
                 watched.samples.extend(sample)
                 if detector is None:

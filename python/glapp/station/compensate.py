@@ -11,7 +11,7 @@ import numpy as np
 from ..report.words import number, quantity
 from .parameters import NO_LIMIT
 
-__all__ = ["Calm", "Plan", "calm", "plan"]
+__all__ = ["Calm", "Plan", "calm", "plan", "why_off"]
 
 STANDINGS = {
     "active": "It compensates.",
@@ -31,6 +31,17 @@ STANDINGS = {
     "no_estimate": "Withdrawn: there is no estimate that may be compensated by.",
 }
 """Each standing of the core, for the person at the screen."""
+
+
+def why_off(why: str) -> str:
+    """Why it is off, in words: a standing after which it was withdrawn is the core's word.
+
+    >>> why_off("it was withdrawn: worse"), why_off("eve disabled it")
+    ('It is off. Withdrawn: the loop is worse than before.', 'It is off: eve disabled it.')
+    """
+    standing = why.removeprefix("it was withdrawn: ")
+    return f"It is off. {STANDINGS[standing]}" if standing in STANDINGS else f"It is off: {why}."
+
 
 _FROM = {1: "which a person typed", 2: "the lower limit of the fit that was taken over", 3: "the on-line estimate"}
 _WAY = {1: "error", 2: "derivative", 3: "inverse"}
@@ -128,12 +139,15 @@ def plan(parameters: Mapping[str, Any], unit: str) -> Plan:
 
 @dataclass(frozen=True, slots=True)
 class Calm:
-    """How far PV is from SP, before and since.
+    """How far PV is from SP half of the time, before and since.
+
+    The median and not the standard deviation: a load that steps takes PV away for some Ti, compensated or not, and
+    most of the scatter of an hour may be of that one step. The cycle that a gap keeps up is there all the time.
 
     Attributes
     ----------
     before, since : float
-        Standard deviation of SP − PV [PV unit].
+        Median of |SP − PV| [PV unit].
     seconds : float
         How long u_FF has moved [s].
     """
@@ -187,8 +201,8 @@ def calm(
     Examples
     --------
     >>> found = calm(range(5), [0.0] * 5, [2.0, -2.0, 0.0, 1.0, -1.0], [0.0, 0.0, 0.0, 0.5, 0.5], 2, 1.0)
-    >>> round(found.factor, 2)
-    1.63
+    >>> found.before, found.since, found.factor
+    (2.0, 1.0, 2.0)
     """
     t, e = np.asarray(times, float), np.asarray(sp, float) - np.asarray(pv, float)
     moved = np.flatnonzero((t >= enabled) & (np.nan_to_num(np.asarray(u_ff, float)) != 0.0))
@@ -199,4 +213,5 @@ def calm(
     earlier = t < begin
     if not earlier.any() or earlier.all() or begin - t[0] < least or t[-1] - begin < least:
         return None
-    return Calm(float(e[earlier].std()), float(e[~earlier].std()), float(t[-1] - begin))
+    before, since = (float(np.median(np.abs(some))) for some in (e[earlier], e[~earlier]))
+    return Calm(before, since, float(t[-1] - begin))

@@ -19,7 +19,7 @@ from ..report.words import MEANINGS, NAMES, duration, quantity, sentence
 from ..service.recordings import Signals
 from . import charts
 from .client import Gone, Refused, loop_path
-from .compensate import STANDINGS, calm, plan
+from .compensate import STANDINGS, calm, plan, why_off
 from .pages import Station, command, dialog_of, frame, heading, moment, quiet
 from .parameters import PARAMETERS, changed, field, told
 from .sessions import Session
@@ -38,6 +38,9 @@ REASON_DAYS = 7
 
 COUNTED_EVERY = 10.0
 """The reasons of a week are counted anew after this time at the earliest [s]."""
+
+BRIDGED = 5.0
+"""Where more than that lies between two live values, what came in between is drawn as it was recorded [s]."""
 
 CALM_AFTER = 20.0
 """So many Ti must have been seen before and since to say whether PV is calmer."""
@@ -254,6 +257,8 @@ class _Page:
         self.fresh.classes(add="late") if self.station.view.silent(self.name) or not pv["good"] else self.fresh.classes(
             remove="late"
         )
+        if pv["time"] > self.last + BRIDGED and self.drawn:
+            await self.draw()
         if pv["time"] > self.last:
             self.last = pv["time"]
             row = [1000.0 * pv["time"], *(self._number(values, key) for key in ("sp", "pv", "op"))]
@@ -280,7 +285,7 @@ class _Page:
             if made is None
             else f"Compensation: {STANDINGS.get(made['standing'], made['standing'])}"
             if made["enabled"]
-            else f"Compensation is off: {made['why_off'] or 'nobody enabled it'}."
+            else f"Compensation: {why_off(made['why_off'] or 'nobody enabled it')}"
         )
 
     async def seldom(self) -> None:
@@ -510,7 +515,7 @@ class _Page:
             if made["enabled"]:
                 await self._in_force(made, seen["ti"])
             elif made["why_off"]:
-                ui.label(f"It is off: {made['why_off']}.")
+                ui.label(why_off(made["why_off"]))
             heading("What it does" if made["enabled"] else "What it will do", 2)
             with ui.element("ul"):
                 for line in found.lines:
@@ -555,10 +560,11 @@ class _Page:
                     drill.props("" if engineer else "disable")
             if not engineer:
                 ui.label("Enabling it needs the role engineer; switching it off, operator.").classes("small muted")
-            ui.label(
-                "Before the first time, the drill shows that the plant takes u_FF away by itself when nobody counts "
-                "its watchdog up. Nothing is enabled before that was seen."
-            ).classes("small muted")
+            if not made["enabled"]:
+                ui.label(
+                    "Before the first time, the drill shows that the plant takes u_FF away by itself when nobody "
+                    "counts its watchdog up. Nothing is enabled before that was seen."
+                ).classes("small muted")
             log = await asyncio.to_thread(self.read, lambda r: r.commands(self.name, 200))
             log = [row for row in log if row["command"] in ("enable", "disable", "drill", "drilled", "take_over")]
             heading("Who did what, when", 2)
@@ -588,8 +594,9 @@ class _Page:
             ui.label(f"It is too early to say whether PV is calmer: {wait}.").classes("muted")
             return
         ui.label(
-            f"PV is {found.word}: SP − PV scatters by {quantity(found.since, self.pv_unit)} in the "
-            f"{duration(found.seconds)} since u_FF moves, by {quantity(found.before, self.pv_unit)} before."
+            f"PV is {found.word}: in the {duration(found.seconds)} since u_FF moves it is within "
+            f"{quantity(found.since, self.pv_unit)} of SP half of the time; before, within "
+            f"{quantity(found.before, self.pv_unit)}."
         )
 
 

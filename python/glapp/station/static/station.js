@@ -1,6 +1,20 @@
 // New points at the end of a chart's lines, old ones off its beginning: no more goes over the network than is new.
+// A chart is drawn a few times a second at most, however fast they come: else the page has no time for the person.
 window.glapp = {
+  every: 200,
+  waiting: {},
   append(id, points, keep) {
+    const one = (glapp.waiting[id] ??= { points: [], drawn: -Infinity });
+    one.points.push(...points);
+    const rest = one.drawn + glapp.every - performance.now();
+    if (rest <= 0) glapp.draw(id, keep);
+    else one.timer ??= setTimeout(() => glapp.draw(id, keep), rest);
+  },
+  draw(id, keep) {
+    const one = glapp.waiting[id];
+    const points = one.points.splice(0);
+    clearTimeout(one.timer);
+    [one.timer, one.drawn] = [undefined, performance.now()];
     const chart = getElement(id)?.chart;
     if (!chart || !points.length) return;
     const from = points[points.length - 1][0] - keep;

@@ -1,0 +1,300 @@
+"""A tour of `glapp station --demo` in Chromium: `python -m bench.station_tour FOLDER [story | laboratory | wear]`.
+
+story: an engineer at a plant five times as fast as usual (`--scan 0.2`). The level cycles by its gap. Its width is
+typed, the watchdog drilled, Compensate pressed; what the window says of how calm PV is then. After that the valve is
+repaired, which nobody tells the compensation, until it is withdrawn. Then every page and dialog as a picture: laptop,
+tablet held upright, laptop at 200 %, light and dark. laboratory: the loop of 6.5, and every variable of it changed
+while it runs. wear: forty days behind the plant, of a valve that wears. FOLDER gets the pictures; what the window
+says is printed.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import re
+import shutil
+import sys
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from asyncua import Client, ua
+from playwright.sync_api import Browser, Page, TimeoutError, sync_playwright
+
+from glapp.service.connection import read_connection
+from glapp.service.plant import NAMESPACE
+from glapp.station.compensate import STANDINGS
+
+from .station import logged_in, started
+
+SIZES = {"laptop": (1280, 800), "tablet": (768, 1024), "laptop-200": (640, 400)}
+"""A laptop at 200 % has half as many points each way."""
+
+PAGES = {"overview": "/", "loop": "/loop?name=LIC104", "events": "/events", "laboratory": "/laboratory"}
+DIALOGS = ("Graph", "Parameters", "Compensate", "Phase plot", "Step test")
+LEVEL = "LIC104"
+CALM = "of SP half of the time"
+TOO_MUCH = [f"It is off. {STANDINGS[why]}" for why in ("over_compensated", "worse")]
+LONGEST = 900.0
+"""So long anything may take on a machine that is busy [s]."""
+
+
+@contextmanager
+def _window(browser: Browser, *words: str) -> Iterator[tuple[Page, str, Path]]:
+    """A demo, and a page of it on which the engineer is logged in."""
+    with TemporaryDirectory() as name:
+        window, url = started("station", "--demo", "--port", "0", "--data", name, *words)
+        try:
+            password = (Path(name) / "first-login.txt").read_text(encoding="utf-8").split("password ")[1].strip()
+            page = browser.new_page(viewport={"width": 1280, "height": 800})
+            logged_in(page, url, "engineer", password)
+            page.set_default_timeout(1000.0 * LONGEST)
+            yield page, url, Path(name)
+        finally:
+            window.terminate()
+            window.wait(LONGEST)
+
+
+def _settle(page: Page) -> None:
+    """Until what comes after the first picture is there: the library says nowhere when that is."""
+    page.wait_for_load_state("networkidle")
+    time.sleep(1.5)
+
+
+def _repaired(data: Path, loop: str) -> None:
+    """Have the plant's valve repaired, by the plant's own method."""
+
+    async def call() -> None:
+        connection = read_connection(data / "demo.toml")
+        assert connection is not None
+        async with Client(connection.url) as client:
+            index = await client.get_namespace_index(NAMESPACE)
+            method = client.get_node(ua.NodeId("Fault", index))
+            said = await client.nodes.objects.call_method(method, "repaired", loop, 1e9)
+            assert said == "", said
+
+    with ThreadPoolExecutor(1) as one:  # the browser's own loop runs in this thread
+        one.submit(asyncio.run, call()).result()
+
+
+class _Engineer:
+    """Who presses the buttons of one loop, and writes down when and what was said."""
+
+    def __init__(self, page: Page, url: str, out: Path, loop: str) -> None:
+        self.page, self.url, self.out, self.loop = page, url, out, loop
+        self.begun = time.monotonic()
+
+    def note(self, text: str) -> None:
+        print(f"  {time.monotonic() - self.begun:4.0f} s  {text}", flush=True)
+
+    def opened(self, button: str) -> None:
+        """The loop's page anew, and a dialog of it; once more where a machine that is busy did not hear the button."""
+        while True:
+            self.page.goto(f"{self.url}/loop?name={self.loop}")
+            self.page.get_by_text(re.compile("^PV of ")).wait_for()
+            try:
+                self.page.get_by_role("button", name=button, exact=True).click(timeout=30_000)
+                self.page.locator(".wide-dialog").wait_for(timeout=30_000)
+            except TimeoutError:
+                self.note(f"{button}: no dialog in 30 s")
+            else:
+                return
+
+    def pressed(self, button: str, *said: str) -> str:
+        """A button of the dialog; gives which of these is said then."""
+        self.page.get_by_role("button", name=button).click()
+        answers = self.page.get_by_text(said[0])
+        for one in said[1:]:
+            answers = answers.or_(self.page.get_by_text(one))
+        answers.first.wait_for()
+        text = answers.first.inner_text().splitlines()[0]
+        self.note(f"{button}: {text}")
+        return text
+
+    def enabled(self) -> None:
+        """Press Compensate until it is done: what stands against it is told."""
+        self.opened("Compensate")
+        while "Refused" in self.pressed("Enable compensation", f"{self.loop} is compensated.", "Refused: "):
+            time.sleep(5.0)
+            self.opened("Compensate")
+
+    def until(self, *texts: str) -> str:
+        """Look into the dialog of the compensation until one of these is there; gives what it says.
+
+        A plant that was kept waiting by a machine that is busy has not followed u_FF: then it is enabled again.
+        """
+        began = time.monotonic()
+        while time.monotonic() - began < LONGEST:
+            self.opened("Compensate")
+            said: str = self.page.inner_text(".wide-dialog")
+            if any(text in said for text in texts):
+                return said
+            if "It is off" in said:
+                self.note(_lines(said, "It is off"))
+                self.enabled()
+            time.sleep(2.0)
+        raise SystemExit(f"after {LONGEST:g} s the window has not said any of {texts}")
+
+    def picture(self, name: str) -> None:
+        _settle(self.page)
+        self.page.screenshot(path=self.out / f"{name}.png")
+
+
+def _lines(said: str, *words: str) -> str:
+    return " ".join(line for line in said.splitlines() if any(word in line for word in words))
+
+
+def _story(browser: Browser, out: Path) -> None:
+    with _window(browser, "--scan", "0.2") as (page, url, data):
+        eve = _Engineer(page, url, out, LEVEL)
+        eve.note("logged in")
+        time.sleep(200.0)  # 25 Ti: how calm PV was before must have been seen
+        eve.opened("Parameters")
+        page.get_by_label("comp_size", exact=True).fill("2")
+        eve.pressed("Set what is changed", "Set: ")
+        eve.opened("Compensate")
+        eve.picture("compensate-before")
+        page.get_by_role("button", name="Close").click()
+        eve.opened("Compensate")
+        eve.pressed("Drill the watchdog", "The drill is under way")
+        page.goto(f"{url}/events")
+        page.get_by_text(re.compile("took u_FF of|drill_failed")).first.wait_for()
+        eve.note(page.get_by_text(re.compile("took u_FF of|drill_failed")).first.inner_text())
+        eve.enabled()
+        said = eve.until(CALM)
+        eve.note(_lines(said, CALM, "u_FF is"))
+        eve.picture("compensate-calmer")
+        page.get_by_role("button", name="Close").click()
+        eve.picture("loop-calmer")
+        _repaired(data, LEVEL)
+        eve.note("the valve is repaired")
+        said = eve.until("Warning: ", *TOO_MUCH)
+        if "Warning: " in said:
+            eve.note(_lines(said, "Warning: ", CALM))
+            eve.picture("compensate-warned")
+            said = eve.until(*TOO_MUCH)
+        eve.note(_lines(said, "It is off"))
+        eve.picture("compensate-withdrawn")
+        page.goto(f"{url}/events")
+        page.get_by_label("Search").fill(LEVEL)
+        eve.picture("events-story")
+        for row in page.locator(".ag-center-cols-container .ag-row").all()[:10]:
+            print("  event:", " | ".join(row.inner_text().splitlines()))
+        _pages(page, url, out)
+
+
+def _pages(page: Page, url: str, out: Path) -> None:
+    """Every page and dialog, in every size, light and dark."""
+    for dark in ("light", "dark"):
+        for kind, (width, height) in SIZES.items():
+            page.set_viewport_size({"width": width, "height": height})
+            for name, path in PAGES.items():
+                page.goto(url + path)
+                _settle(page)
+                page.screenshot(path=out / f"{name}-{kind}-{dark}.png", full_page=True)
+            for button in DIALOGS:
+                page.goto(f"{url}/loop?name={LEVEL}")
+                page.get_by_role("button", name=button, exact=True).click()
+                page.wait_for_selector(".wide-dialog")
+                _settle(page)
+                page.screenshot(path=out / f"{button.lower().replace(' ', '-')}-{kind}-{dark}.png")
+        page.get_by_role("button", name="Close").click()
+        page.get_by_role("button", name="Dark" if dark == "light" else "Light").click()
+        page.wait_for_load_state()
+    page.set_viewport_size({"width": 1280, "height": 800})
+    page.get_by_role("button", name="Log out").click()
+    page.wait_for_selector("#user")
+    page.screenshot(path=out / "login.png")
+
+
+def _laboratory(browser: Browser, out: Path) -> None:
+    with _window(browser) as (page, url, _):
+        page.goto(url + "/laboratory")
+        page.get_by_role("button", name="1000 ×", exact=True).click()
+        page.get_by_label("Search").fill("watch.d_hat")
+        first = page.locator(".ag-cell[col-id=value]").first
+        page.wait_for_function("parseFloat(document.querySelector('.ag-cell[col-id=value]')?.innerText) > 1.5")
+        time.sleep(5.0)
+        print(f"  gap.d is 2, watch.d_hat {first.inner_text()} at {page.inner_text('.content .muted.grow')}")
+        page.screenshot(path=out / "laboratory-gap.png", full_page=True)
+        page.get_by_role("button", name="1 ×", exact=True).click()
+        paths = page.evaluate(
+            """() => {
+              const found = [];
+              const id = Number(document.querySelector('.nicegui-aggrid').id.slice(1));
+              getElement(id).api.forEachNode((node) => node.data.editable && found.push(node.data.path));
+              return found;
+            }"""
+        )
+        stays = []
+        for path in paths:
+            page.get_by_label("Search").fill(path)
+            page.wait_for_function(
+                "(path) => document.querySelector('.ag-cell[col-id=path]')?.innerText === path", arg=path
+            )
+            before = first.inner_text()
+            for typed in _others(before):
+                first.dblclick()
+                page.keyboard.press("Control+A")
+                page.keyboard.type(typed)
+                page.keyboard.press("Enter")
+                time.sleep(0.7)
+                if first.inner_text() != before:
+                    break
+            else:
+                stays.append(f"{path}: {before}")
+        print(f"  variables that may be set: {len(paths)}; changed while it runs: {len(paths) - len(stays)}")
+        for one in stays:
+            print(f"  stays: {one}")
+
+
+def _others(before: str) -> list[str]:
+    """What to type for another value than the one there: a tenth more or less, a whole number more or less."""
+    text = before.replace("−", "-").replace(" ", "")
+    if not re.match(r"-?[\d.]", text):
+        return ["1", "0"]
+    number = float(text)
+    tries = (1.1 * number, 0.9 * number, number + 1.0, number - 1.0, 0.1)
+    return [f"{one:.4g}" for one in tries if f"{one:.4g}" != f"{number:.4g}"]
+
+
+def _wear(browser: Browser, out: Path) -> None:
+    with _window(browser, "--days", "40", "--scan", "60") as (page, url, _):
+        page.goto(f"{url}/loop?name=FIC101")
+        page.get_by_text(re.compile(r"^PV of .* old")).wait_for()  # the plant is at the present
+        page.get_by_role("button", name="Fit now").click()
+        page.get_by_text(re.compile("Fit of .*, asked by engineer")).wait_for()
+        page.goto(url)
+        page.get_by_text("month").first.wait_for()
+        for row in page.locator(".ag-center-cols-container .ag-row").all():
+            print("  ", " | ".join(row.inner_text().splitlines()))
+        page.screenshot(path=out / "wear-overview.png")
+        page.goto(f"{url}/loop?name=FIC101")
+        page.get_by_text(re.compile("Trend: ")).wait_for()
+        _settle(page)
+        page.screenshot(path=out / "wear-loop.png", full_page=True)
+        print("  ", " ".join(page.inner_text(".card").split()))
+        page.get_by_role("button", name="Graph").click()
+        page.wait_for_selector("[data-drawn]")
+        _settle(page)
+        page.screenshot(path=out / "wear-graph.png")
+
+
+def main(out: Path, parts: list[str]) -> None:
+    """Make the tour."""
+    out.mkdir(parents=True, exist_ok=True)
+    tours: dict[str, Any] = {"story": _story, "laboratory": _laboratory, "wear": _wear}
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
+        for part in parts or tours:
+            print(f"{part}:", flush=True)
+            tours[part](browser, out)
+        browser.close()
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), sys.argv[2:])

@@ -164,5 +164,5 @@ def test_without_sp_what_is_lost_is_told():
 
 
 def test_the_guide_lists_every_form():
-    assert guide() in (DOCS / "exports.md").read_text(encoding="utf-8"), "run: python tests/exports.py"
+    assert guide() in (DOCS / "file-forms.md").read_text(encoding="utf-8"), "run: python tests/exports.py"
     assert len(FORMS) >= 60

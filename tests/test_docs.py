@@ -1,0 +1,123 @@
+"""What the documentation tells to type exists.
+
+Examples with `>>>` are doctests. `test_cli.py` runs the commands of `docs/cli.md` and `docs/start.md`.
+`test_settings.py`, `test_scenario.py` and `test_service_opcua.py` read the settings. `plc/check` runs the Structured
+Text, and `test_c.py` compiles the C.
+Here stands what is left: every command of every page, with its options, and the programs that are no doctest.
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+import typer
+from typer.main import get_command
+
+import glapp
+from glapp import fleet
+from glapp.cli import app
+
+ROOT = Path(__file__).parents[1]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+
+def typed(page: Path) -> list[str]:
+    """Every line of a program and every piece of code in a sentence."""
+    text = page.read_text(encoding="utf-8")
+    blocks = re.findall(r"^```\w*\n(.*?)^```", text, flags=re.DOTALL | re.MULTILINE)
+    rest = re.sub(r"^```.*?^```", "", text, flags=re.DOTALL | re.MULTILINE)
+    lines = [line for block in blocks for line in block.splitlines()]
+    return [one.strip() for one in [*lines, *re.findall(r"`([^`\n]+)`", rest)]]
+
+
+def commands() -> list[tuple[str, str]]:
+    """Page and command line of each `glapp …` with more than a name."""
+    found = []
+    for page in PAGES:
+        for line in typed(page):
+            command = re.match(r"(?:\.venv/bin/|uv run )?(glapp [a-z-].*)", line)
+            # A sentence of a fence, or what a command prints.
+            if command and not re.match(r"glapp (is|reads|finds|thesis$)", command[1]):
+                found.append((page.name, re.split(r"\s#|\s[>|]\s", command[1].replace("\\|", "|"))[0].strip()))
+    return list(dict.fromkeys(found))
+
+
+def parsed(line: str) -> None:
+    """Parse a command line as the program does, and do nothing."""
+    words = [word for word in shlex.split(line)[1:] if word not in ("…", "...")]
+    command = get_command(app)
+    context = command.make_context("glapp", words)
+    while hasattr(command, "resolve_command") and (rest := [*context._protected_args, *context.args]):
+        name, command, rest = command.resolve_command(context, rest)
+        context = command.make_context(name, rest, parent=context)
+
+
+def test_every_command_in_the_docs_can_be_typed() -> None:
+    lines = commands()
+    assert len(lines) > 60
+    wrong = []
+    for page, line in lines:
+        try:
+            parsed(line)
+        except typer.Exit:  # it has shown its help
+            pass
+        except Exception as error:
+            # In a sentence a command is often named without what it works on.
+            if type(error).__name__ not in ("MissingParameter", "NoArgsIsHelpError"):
+                wrong.append(f"{page}: {line}: {error}")
+    assert not wrong, "\n".join(wrong)
+
+
+def test_every_target_and_bench_in_the_docs_is_there() -> None:
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    targets = set(re.findall(r"^([a-z]+):", makefile, flags=re.MULTILINE))
+    lines = [line for page in PAGES for line in typed(page)]
+    asked = {found[1] for line in lines if (found := re.match(r"make ([a-z]+)", line))}
+    assert len(asked) > 8
+    assert asked <= targets
+    benches = {found[1] for line in lines if (found := re.match(r"python -m (bench[\w.]*)", line))}
+    missing = {name for name in benches if not (ROOT / f"{name.replace('.', '/')}.py").exists()}
+    missing -= {name for name in missing if (ROOT / name.replace(".", "/") / "__main__.py").exists()}
+    assert len(benches) > 5
+    assert not missing
+
+
+def python_without_doctests(page: Path) -> list[str]:
+    blocks = re.findall(r"^```python\n(.*?)^```", page.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
+    return [block for block in blocks if ">>>" not in block]
+
+
+def test_no_program_escapes() -> None:
+    """What is no doctest is looked at below; a new one needs its test, or `>>>`."""
+    assert {page.name: len(found) for page in PAGES if (found := python_without_doctests(page))} == {
+        "README.md": 1,
+        "fleet.md": 1,
+    }
+
+
+@pytest.mark.slow
+def test_the_program_of_the_readme_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    import pandas as pd
+    import plotly.graph_objects as go
+
+    shown = []
+    monkeypatch.setattr(go.Figure, "show", lambda figure, *_, **__: shown.append(figure))
+    sim = glapp.simulate.closed_loop(
+        "P3", (0.48, 0.3117), d=5.0, noise=0.1, h=0.1, t_end=120, setpoint=[(1, 50.0)], seed=1
+    )
+    names = {"t": sim.t, "sp": sim.sp, "pv": sim.pv, "op": sim.op}
+    frame = pd.DataFrame({"t [s]": sim.t, "SP": sim.sp, "PV": sim.pv, "OP": sim.op})
+    [program] = python_without_doctests(ROOT / "README.md")
+    exec(program, {**names, "dataframe": frame, "np": np})
+    assert len(shown) == 1
+
+
+def test_the_program_of_the_fleet_has_functions_that_are_there() -> None:
+    """What they do `test_fleet.py` tries: a lake takes longer than this."""
+    [program] = python_without_doctests(ROOT / "docs/fleet.md")
+    called = re.findall(r"fleet\.(\w+)\(", program)
+    assert called and all(callable(getattr(fleet, name)) for name in called)

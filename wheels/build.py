@@ -1,0 +1,183 @@
+"""Wheels for every desk: `make wheels`, or `python wheels/build.py FOLDER [PLATFORM ...]`.
+
+One wheel a platform, for Python 3.11 and every later one (abi3), and the source package. A wheel that this machine can
+run is installed into an empty environment. There it analyses the demonstration, and its answers are compared with those
+of the package beside this file. What cannot be built or run here is named, with what a machine needs that can.
+
+Zig is the linker, mingw for Windows. The standard library is that of rustup, or is built from its source, which Debian
+has (`rust-web-src`).
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import shutil
+import subprocess
+import sys
+import sysconfig
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+BUILT = ROOT / "target" / "wheels"
+#: Debian's compiler, whose standard library can be built for any platform.
+DEBIAN = Path("/usr/bin/rustc")
+
+
+@dataclass(frozen=True)
+class Platform:
+    """A platform for which there is a wheel."""
+
+    triple: str
+    """Its name in Rust."""
+    rules: str
+    """The rules that its wheel keeps, as the name of the file tells them."""
+    runs_on: tuple[str, str] | None = None
+    """System and processor, as Python names them, that run it."""
+    linker: str | None = None
+    """Its linker; None: Zig."""
+
+
+PLATFORMS = {
+    "linux-x86_64": Platform("x86_64-unknown-linux-gnu", "manylinux_2_17", ("Linux", "x86_64")),
+    "linux-aarch64": Platform("aarch64-unknown-linux-gnu", "manylinux_2_17", ("Linux", "aarch64")),
+    "musl-x86_64": Platform("x86_64-unknown-linux-musl", "musllinux_1_2"),
+    "musl-aarch64": Platform("aarch64-unknown-linux-musl", "musllinux_1_2"),
+    "windows-x86_64": Platform("x86_64-pc-windows-gnu", "pypi", ("Windows", "AMD64"), "x86_64-w64-mingw32-gcc"),
+    "macos-arm64": Platform("aarch64-apple-darwin", "pypi", ("Darwin", "arm64")),
+    "macos-x86_64": Platform("x86_64-apple-darwin", "pypi", ("Darwin", "x86_64")),
+}
+
+
+class Missing(Exception):  # noqa: N818 (it is told, and the platform is skipped)
+    """What this machine lacks."""
+
+
+def standard_library(triple: str) -> dict[str, str]:
+    """What tells cargo where the standard library of a platform comes from."""
+
+    def asked(rustc: str, *what: str) -> Path:
+        done = subprocess.run([rustc, "--print", *what], capture_output=True, text=True, check=True)
+        return Path(done.stdout.strip())
+
+    ours = os.environ.get("RUSTC", "rustc")
+    if asked(ours, "target-libdir", "--target", triple).is_dir():
+        return {}
+    for rustc in (ours, str(DEBIAN)):
+        if shutil.which(rustc) and (asked(rustc, "sysroot") / "lib/rustlib/src/rust/library/Cargo.lock").is_file():
+            return {"RUSTC": rustc, "RUSTC_BOOTSTRAP": "1", "CARGO_UNSTABLE_BUILD_STD": "std,panic_unwind"}
+    raise Missing(
+        f"the standard library: rustup target add {triple}, or on Debian apt-get install rustc-web rust-web-src"
+    )
+
+
+def built(of: Platform, folder: Path) -> Path:
+    """The wheel of a platform.
+
+    Raises
+    ------
+    Missing
+        Where this machine lacks what it takes.
+    """
+    environment = os.environ | standard_library(of.triple) | {"CARGO_TARGET_DIR": str(BUILT)}
+    command = [sys.executable, "-m", "maturin", "build", "--release", "--quiet", "--target", of.triple]
+    command += ["--compatibility", of.rules, "--interpreter", "python3.11", "--out", str(folder)]
+    if of.linker is not None and shutil.which(of.linker) is None:
+        raise Missing(f"the linker {of.linker}: apt-get install gcc-mingw-w64-x86-64")
+    subprocess.run([*command, *([] if of.linker else ["--zig"])], cwd=ROOT, env=environment, check=True)
+    return max(folder.glob("*.whl"), key=lambda path: path.stat().st_mtime)
+
+
+def answers(python: Path, folder: Path) -> list[tuple[str, str, float | None]]:
+    """Loop, verdict and width of the demonstration, as this Python's glapp has them."""
+    run = [str(python), "-m", "glapp"]
+    subprocess.run([*run, "demo", "demo", "--force"], cwd=folder, check=True, capture_output=True)
+    done = subprocess.run([*run, "analyze", "demo/loops.toml", "--json"], cwd=folder, check=True, capture_output=True)
+    return [(one["loop"], one["answer"]["verdict"], one["answer"]["width"]) for one in json.loads(done.stdout)["loops"]]
+
+
+def tried(wheel: Path) -> str:
+    """What was tried of a wheel in an empty environment.
+
+    Raises
+    ------
+    AssertionError
+        Where it answers otherwise than the package beside this file.
+    """
+    with tempfile.TemporaryDirectory() as room:
+        folder = Path(room)
+        subprocess.run([sys.executable, "-m", "venv", folder / "empty"], check=True)
+        python = next(
+            path for path in (folder / "empty/bin/python", folder / "empty/Scripts/python.exe") if path.exists()
+        )
+        install = [python, "-m", "pip", "install", "--quiet", wheel, "pytest<9.2", "jsonschema"]
+        subprocess.run(install, check=True)
+        told = answers(python, folder)
+        assert told == answers(Path(sys.executable), folder), told
+        vectors = [
+            python,
+            "-m",
+            "pytest",
+            "--quiet",
+            "--noconftest",
+            "-p",
+            "no:cacheprovider",
+            ROOT / "tests/test_vectors.py",
+        ]
+        done = subprocess.run(vectors, cwd=folder, capture_output=True, text=True)
+        assert done.returncode == 0, done.stdout
+    return f"{len(told)} loops of the demonstration; vectors: {done.stdout.splitlines()[-1]}"
+
+
+def source(folder: Path) -> Path:
+    """The source package, which every platform with Rust can build."""
+    command = [sys.executable, "-m", "maturin", "sdist", "--quiet", "--out", str(folder)]
+    subprocess.run(command, cwd=ROOT, check=True)
+    return max(folder.glob("*.tar.gz"), key=lambda path: path.stat().st_mtime)
+
+
+def main() -> int:
+    """Build, try and tell; 1 where a wheel does not do what it should."""
+    parser = argparse.ArgumentParser(description="Wheels for every platform.")
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("platforms", nargs="*", choices=[[], *PLATFORMS], metavar="PLATFORM", help=", ".join(PLATFORMS))
+    given = parser.parse_args()
+    folder = given.folder.absolute()
+    folder.mkdir(parents=True, exist_ok=True)
+    here = (platform.system(), platform.machine())
+    wrong = 0
+    for name in given.platforms or PLATFORMS:
+        of = PLATFORMS[name]
+        try:
+            wheel = built(of, folder)
+        except Missing as lacks:
+            print(f"{name}: skipped, this machine lacks {lacks}")
+            continue
+        except subprocess.CalledProcessError as error:
+            wrong = 1
+            print(f"{name}: could not be built, maturin ended with {error.returncode}")
+            continue
+        said = "not tried: it runs on another machine"
+        if of.runs_on == here and not on_musl():
+            try:
+                said = tried(wheel)
+            except (AssertionError, subprocess.CalledProcessError) as error:
+                wrong, said = 1, f"WRONG: {error}"
+        print(f"{name}: {wheel.name}, {wheel.stat().st_size / 1e6:.1f} MB; {said}", flush=True)
+    if not given.platforms:
+        package = source(folder)
+        print(f"source: {package.name}, {package.stat().st_size / 1e6:.1f} MB")
+    return wrong
+
+
+def on_musl() -> bool:
+    """Whether this Python runs on musl, which manylinux wheels do not."""
+    return "musl" in (sysconfig.get_config_var("HOST_GNU_TYPE") or "")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

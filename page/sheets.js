@@ -8,11 +8,42 @@ const Sheets = (() => {
   const EPOCH = { 1900: -25_569, 1904: -24_107 }; // day 0 of each calendar, in days since 1970
 
   const part = (name) => `(?:[\\w.-]+:)?${name}`;
-  const element = (name) => new RegExp(`<${part(name)}(?=[\\s/>])([^>]*?)(?:/>|>([\\s\\S]*?)</${part(name)}>)`, "g");
+  const made = new Map();
+
+  /** Elements of one name; none that holds others of its name is asked for. */
+  function element(name) {
+    if (!made.has(name)) made.set(name, new RegExp(`<${part(name)}(?=[\\s/>])([^>]*?)(?:/>|>([\\s\\S]*?)</${part(name)}>)`, "g"));
+    return made.get(name);
+  }
+
   const ENTITIES = { amp: "&", lt: "<", gt: ">", quot: '"', apos: "'" };
-  const plain = (text) => text.replace(/&(?:#(\d+)|#x([\da-f]+)|(\w+));/gi, (all, tens, hex, name) =>
-    (tens ? String.fromCodePoint(Number(tens)) : hex ? String.fromCodePoint(parseInt(hex, 16)) : ENTITIES[name] ?? all));
-  const attributes = (text) => Object.fromEntries([...text.matchAll(/([\w.-]+:)?([\w.-]+)\s*=\s*(?:"([^"]*)"|'([^']*)')/g)].map(([, space, name, a, b]) => [(space === "r:" ? space : "") + name, plain(a ?? b)]));
+  const plain = (text) => (!text.includes("&") ? text : text.replace(/&(?:#(\d+)|#x([\da-f]+)|(\w+));/gi, (all, tens, hex, name) =>
+    (tens ? String.fromCodePoint(Number(tens)) : hex ? String.fromCodePoint(parseInt(hex, 16)) : ENTITIES[name] ?? all)));
+
+  const TAG = /<(?:\?[^>]*\?|!--[\s\S]*?--|\/([^\s<>/]+)\s*|([^\s<>/!?]+)(?:\s+[\w:.-]+\s*=\s*(?:"[^"<]*"|'[^'<]*'))*\s*(\/?))>/y;
+
+  /** The text where it is XML whose elements are closed: what is damaged must not be read in part. */
+  function whole(text) {
+    const open = [];
+    for (let at = text.indexOf("<"); at >= 0; at = text.indexOf("<", at)) {
+      TAG.lastIndex = at;
+      const [tag, ended, begun, empty] = TAG.exec(text) ?? [];
+      if (tag === undefined || (ended !== undefined && open.pop() !== ended)) throw new Error(`damaged at '${text.slice(at, at + 20)}'`);
+      if (begun !== undefined && !empty) open.push(begun);
+      at += tag.length;
+    }
+    if (open.length) throw new Error(`'${open.at(-1)}' is not ended`);
+    return text;
+  }
+
+  function attributes(text) {
+    const out = {};
+    for (const [, space, name, a, b] of text.matchAll(/([\w.-]+:)?([\w.-]+)\s*=\s*(?:"([^"]*)"|'([^']*)')/g)) {
+      out[(space === "r:" ? space : "") + name] = plain(a ?? b);
+    }
+    return out;
+  }
+
   const all = (text, name) => [...text.matchAll(element(name))].map(([, given, inner]) => ({ ...attributes(given), inner: inner ?? "" }));
   const texts = (inner) => all(inner.replace(element("rPh"), ""), "t").map((t) => plain(t.inner)).join("");
 
@@ -45,6 +76,7 @@ const Sheets = (() => {
     if (style === "span") return { span: value * 86_400 };
     if (style === null || style === undefined) return value;
     const ms = Math.round(value * DAY);
+    if (!(Math.abs(ms) < 1e14)) throw new Error(`${value} is no date`);
     if (value < 1) return { time: ms };
     return Number.isInteger(value) ? { date: ms + EPOCH[epoch] * DAY } : { moment: ms + EPOCH[epoch] * DAY };
   }
@@ -67,7 +99,7 @@ const Sheets = (() => {
   /** Rows of cells, "" where empty, without the empty rows and columns before the first that is not; `first`: rows above. */
   function table(text, shared, style, epoch) {
     const from = text.search(new RegExp(`<${part("sheetData")}[\\s/>]`));
-    if (from < 0 || !new RegExp(`</${part("worksheet")}>\\s*$`).test(text)) throw new Error("a sheet is cut off");
+    if (from < 0) throw new Error("a sheet has no data");
     const rows = new Map();
     let [left, right, row] = [Infinity, -1, -1];
     for (const { r, inner } of all(text.slice(from), "row")) {
@@ -86,18 +118,18 @@ const Sheets = (() => {
     if (!rows.size) return null;
     const places = [...rows.keys()].sort((a, b) => a - b);
     const [first, last] = [places[0], places.at(-1)];
-    const made = Array.from({ length: last - first + 1 }, (_, i) => {
+    const filled = Array.from({ length: last - first + 1 }, (_, i) => {
       const held = rows.get(first + i);
       return Array.from({ length: right - left + 1 }, (__, k) => held?.get(left + k) ?? "");
     });
-    return { first, rows: made };
+    return { first, rows: filled };
   }
 
   /** The sheets that hold something: name, rows above the first, cells. */
   function open(bytes) {
     const parts = Formats.unzip(bytes, (name) => /^xl\/(workbook|sharedStrings|styles|worksheets\/|_rels\/).*(xml|rels)$/i.test(name));
-    const decoder = new TextDecoder();
-    const text = (name) => (parts[name] ? decoder.decode(parts[name]) : "");
+    const decoder = new TextDecoder("utf-8", { fatal: true });
+    const text = (name) => (parts[name] ? whole(decoder.decode(parts[name])) : "");
     const book = text("xl/workbook.xml");
     if (!book) throw new Error("it has no workbook");
     const relations = new Map(all(text("xl/_rels/workbook.xml.rels"), "Relationship").map(({ Id, Target, Type }) => [Id, { Target, Type }]));

@@ -31,7 +31,7 @@ $(VENV)/.installed: $(VENV)/.tools $(SOURCES)
 	$(BIN)/pip install --quiet --no-deps --editable thesis
 	touch $@
 
-test: setup lint bare interop site
+test: setup lint bare interop site page
 	cargo test --workspace --quiet
 	$(BIN)/pytest --numprocesses auto --dist loadgroup
 

@@ -1,7 +1,7 @@
 """Make the page: one folder, no server, nothing to load from anywhere.
 
-Words, names and patterns are those of the Python package, taken from it here; charts and the reading of comma-separated
-text are npm's, as `package-lock.json` says; analysis, fit and simulator are `crates/page` for WebAssembly.
+Words, names and patterns are those of the Python package, taken from it here; charts and the reading of packed and
+other files are npm's, as `package-lock.json` says; analysis, fit and simulator are `crates/page` for WebAssembly.
 
     python page/build.py OUT
 """
@@ -9,6 +9,7 @@ text are npm's, as `package-lock.json` says; analysis, fit and simulator are `cr
 from __future__ import annotations
 
 import base64
+import gzip
 import hashlib
 import json
 import os
@@ -26,7 +27,7 @@ from markupsafe import Markup
 
 import glapp
 from glapp import demo, quality
-from glapp.reading import columns, names, times
+from glapp.reading import columns, heads, long, names, shape, times, values
 from glapp.report import figures, words
 from glapp.simulate import STANDINGS
 from glapp.station import lab
@@ -35,6 +36,9 @@ HERE = Path(__file__).parent
 ROOT = HERE.parent
 TARGET = "wasm32-unknown-unknown"
 BUILT = ROOT / "target" / "page"
+
+#: The reader of files, in the order in which its scripts use each other.
+READER = ("sheets", "names", "cells", "read")
 
 #: Debian's compiler and the source of its standard library, where the first compiler has none for WebAssembly.
 DEBIAN = Path("/usr/bin/rustc")
@@ -89,10 +93,18 @@ def loaded() -> Path:
     if not shutil.which("npm"):
         raise Missing("npm")
     BUILT.mkdir(parents=True, exist_ok=True)
-    for name in ("package.json", "package-lock.json"):
+    lock, done = HERE / "package-lock.json", BUILT / ".npm"
+    if not done.is_file() or done.read_bytes() != lock.read_bytes():
+        for path in (HERE / "package.json", lock):
+            shutil.copy(path, BUILT)
+        command = ["npm", "ci", "--no-audit", "--no-fund", "--loglevel=error"]
+        subprocess.run(command, cwd=BUILT, stdout=subprocess.DEVNULL, check=True)
+        shutil.copy(lock, done)
+    for name in ("formats.mjs", "buffer.mjs"):
         shutil.copy(HERE / name, BUILT)
-    command = ["npm", "ci", "--no-audit", "--no-fund", "--loglevel=error"]
-    subprocess.run(command, cwd=BUILT, stdout=subprocess.DEVNULL, check=True)
+    bundle = ["formats.mjs", "--bundle", "--minify", "--format=iife", "--global-name=Formats", "--inject:buffer.mjs"]
+    command = ["node_modules/.bin/esbuild", *bundle, "--outfile=formats.js", "--log-level=warning"]
+    subprocess.run(command, cwd=BUILT, check=True)
     return BUILT / "node_modules"
 
 
@@ -118,9 +130,38 @@ def of_reading() -> dict[str, Any]:
             "not_auto": sorted(names.NOT_AUTO),
             "good": sorted(names.GOOD),
             "poor": sorted(names.POOR),
+            "validity": sorted(names.VALIDITY),
+            "number": values._NUMBER,
+            "plain": values._PLAIN.pattern,
+            "decimal_comma": values._DECIMAL_COMMA.pattern,
+            "spaces": values._SPACES,
+            "spaced": values._SPACED,
+            "thousands": {group: values._thousands(group, other) for group, other in ((".", ","), (",", "."))},
+            "grouped": {group: values._grouped(group) for group in (".", ",")},
         },
+        "heads": {
+            "number": heads._NUMBER.pattern,
+            "lines": heads._LINES,
+            "short": heads._SHORT,
+            "ahead": heads._AHEAD,
+            "units": sorted(names.UNITS),
+            "footer": sorted(names.FOOTER),
+        },
+        "shape": {
+            "pv_empty": shape._PV_EMPTY,
+            "held_empty": shape._HELD_EMPTY,
+            "own": shape._OWN,
+            "rows": shape._ROWS,
+            "groups": shape._GROUPS,
+            "widest": shape._WIDEST,
+            "midnight": shape._MIDNIGHT,
+            "day_zero": shape._DAY_ZERO,
+        },
+        "long": {"common": long._COMMON, "more": long._MORE},
         "times": {
             "layout": pattern,
+            "of_day": times._OF_DAY.pattern,
+            "names": times._CALENDARS,
             "months": names.MONTHS,
             "units": times._UNITS,
             "elapsed": times._ELAPSED,
@@ -213,15 +254,22 @@ def in_json(value: Any) -> Markup:
     return Markup(json.dumps(value, ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c"))
 
 
+def licence(package: Path) -> str:
+    """The licence of what comes from npm: its text, else its name."""
+    texts = sorted(path for path in package.iterdir() if path.name.upper().startswith("LICEN"))
+    if texts:
+        return texts[0].read_text(encoding="utf-8")
+    return f"{json.loads((package / 'package.json').read_text(encoding='utf-8'))['license']} licence\n"
+
+
 def build(out: Path) -> None:
     """Write the page."""
     module, npm = wasm(), loaded()
     style = [(ROOT / "python/glapp/report/report.css"), npm / "uplot/dist/uPlot.min.css", HERE / "style.css"]
     reasons = zip(words.NAMES, figures.REASON_COLOURS, strict=True)
     colours = "".join(f":root{{--r-{name}:{c}}}.r-{name}{{background:{c}}}" for name, c in reasons)
-    kept = {"papaparse": npm / "papaparse/papaparse.min.js"} | {
-        name: HERE / f"{name}.js" for name in ("read", "engine", "worker")
-    }
+    kept = {"papaparse": npm / "papaparse/papaparse.min.js", "formats": BUILT / "formats.js"}
+    kept |= {name: HERE / f"{name}.js" for name in (*READER, "engine", "worker")}
     run = [
         npm / "uplot/dist/uPlot.iife.min.js",
         *(HERE / f"{n}.js" for n in ("engine", "words", "draw", "page", "lab")),
@@ -243,14 +291,15 @@ def build(out: Path) -> None:
         version=glapp.__version__,
         data=in_json({"reading": of_reading(), "words": of_words(), "laboratory": of_laboratory()}),
         example=in_script(example()),
-        wasm=Markup(base64.b64encode(module).decode()),
+        wasm=Markup(base64.b64encode(gzip.compress(module, mtime=0)).decode()),
         kept=[(name, in_script(path.read_text(encoding="utf-8"))) for name, path in kept.items()],
         scripts=[whole],
     )
     out.mkdir(parents=True, exist_ok=True)
     (out / "index.html").write_text(text, encoding="utf-8")
-    licences = {"uPlot": npm / "uplot/LICENSE", "Papa Parse": npm / "papaparse/LICENSE"}
-    told = [f"{name}\n\n{path.read_text(encoding='utf-8')}" for name, path in licences.items()]
+    told = [
+        f"{name}\n\n{licence(npm / name)}" for name in json.loads((HERE / "package.json").read_text())["dependencies"]
+    ]
     (out / "LICENSES.txt").write_text("\n\n".join(told), encoding="utf-8")
     print(f"{out}/index.html: {len(text.encode()) / 1e6:.2f} MB, of them {len(module) / 1e6:.2f} MB WebAssembly")
 

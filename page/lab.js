@@ -4,6 +4,7 @@
 const Laboratory = (() => {
   const { project, knobs, most_at_once: AT_ONCE, kept: KEPT, fastest: FASTEST } = data.laboratory;
   const RECORDED = ["sp.out", "noise.out", "pid.out", "stick.out", "watch.d_hat", "watch.delta_t", "watch.last_delta_t", "watch.d", "watch.reason"];
+  const BUDGET = 6; // ms of a picture's 16.7 that drawing may take before it waits for the next
   const [SP, PV, OP, VALVE, D_HAT, DELTA_T, LAST_DELTA_T, D, REASON] = RECORDED.keys();
   let engine = null;
   let paths = [];
@@ -19,6 +20,7 @@ const Laboratory = (() => {
   let charts = null;
   let pictures = [];
   let told = 0;
+  let late = new Set(); // charts that show less than there is
 
   const wrong = (text) => {
     $("lab-wrong").textContent = text;
@@ -66,8 +68,8 @@ const Laboratory = (() => {
       const elapsed = last === null ? 0 : Math.min(0.25, (now - last) / 1000);
       pictures.push(now);
       while (pictures[0] < now - 1000) pictures.shift();
-      if (running) advance(elapsed);
-      draw();
+      if (running && advance(elapsed)) late = new Set(charts);
+      draw(now);
       if (now - told > 250) {
         told = now;
         tell();
@@ -80,7 +82,7 @@ const Laboratory = (() => {
   function advance(elapsed) {
     due += (elapsed * speed()) / project.h;
     const n = Math.min(Math.floor(due + 1e-9), AT_ONCE);
-    if (n < 1) return;
+    if (n < 1) return false;
     due = Math.min(due - n, AT_ONCE); // what cannot be made is given up
     const found = engine.ask("run", { scans: n, record: RECORDED });
     for (let k = 0; k < n; k += 1) {
@@ -98,6 +100,7 @@ const Laboratory = (() => {
       columns = columns.map((column) => column.slice(-KEPT));
       halves = halves.filter((half) => half.to > t[0]);
     }
+    return true;
   }
 
   const speed = () => Math.min(Math.max(Number($("lab-speed").value) || 1, 0.1), FASTEST);
@@ -126,11 +129,14 @@ const Laboratory = (() => {
     ];
   }
 
-  function draw() {
-    if (!t.length) return;
+  /** Draws what is new, in turns: where a machine cannot draw all within one picture, the rest is drawn in the next. */
+  function draw(began) {
+    if (!t.length || !late.size) return;
     const { range, first } = window_of();
     const times = t.slice(first);
-    for (const [plot, which] of charts) {
+    for (const one of late) {
+      const [plot, which] = one;
+      late.delete(one);
       let drawn;
       if (which) drawn = thinned(times, which.map((i) => columns[i].slice(first)), 2400);
       else {
@@ -144,6 +150,7 @@ const Laboratory = (() => {
         plot.setData(drawn, true);
         plot.setScale("x", { min: range[0], max: range[1] });
       });
+      if (performance.now() - began > BUDGET) break;
     }
   }
 
@@ -237,6 +244,7 @@ const Laboratory = (() => {
   $("lab-anew").addEventListener("click", anew);
   $("lab-compensate").addEventListener("change", (event) => set(["watch.compensate"], event.target.checked ? 1 : 0));
   $("lab-fit").addEventListener("click", fit);
+  $("lab-window").addEventListener("change", () => { late = new Set(charts); });
   $("lab-search").addEventListener("input", search);
 
   addEventListener("gone", async ({ detail }) => {

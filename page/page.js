@@ -19,17 +19,19 @@ function h(name, attributes = {}, ...children) {
 }
 
 const module_ready = (async () => {
-  const text = atob($("wasm").textContent);
-  return WebAssembly.compile(Uint8Array.from(text, (c) => c.charCodeAt(0)));
+  const packed = new Blob([Uint8Array.from(atob($("wasm").textContent), (c) => c.charCodeAt(0))]);
+  const unpacked = packed.stream().pipeThrough(new DecompressionStream("gzip"));
+  return WebAssembly.compile(await new Response(unpacked).arrayBuffer());
 })();
 const worker_address = URL.createObjectURL(
-  new Blob(["papaparse", "read", "engine", "worker"].map((id) => $(`script-${id}`).textContent + "\n"), { type: "text/javascript" }),
+  new Blob([...document.querySelectorAll("[id^=script-]")].map((script) => script.textContent + "\n"), { type: "text/javascript" }),
 );
 
 // --- the worker
 
 let worker = null;
 let file = null; // { name, bytes }: read anew where the worker was ended
+let ticking = null;
 
 async function begin() {
   worker?.terminate();
@@ -42,31 +44,43 @@ async function begin() {
 const hears = {
   ready() {},
   progress({ stage, share }) {
+    const began = performance.now();
+    clearInterval(ticking);
     $("stage").textContent = `${stage} …`;
-    $("share").value = share;
+    $("took").textContent = "";
+    if (share === null) { // nobody knows how long it takes
+      $("share").removeAttribute("value");
+      ticking = setInterval(() => { $("took").textContent = duration(Math.round((performance.now() - began) / 1000)); }, 1000);
+    } else $("share").value = share;
     $("working").hidden = false;
   },
   opened(said) {
     file.opened = said;
-    file.columns = {};
+    file.loop = 0;
     offer();
     analyse();
   },
-  first({ answer: { answer, detections }, unit }) {
-    const width = answer.width === null ? "no width" : quantity(answer.width, ofOp(unit));
-    $("first").textContent = `Zero crossings alone: ${width} from ${count(detections, "detection")}. The fit of OP and PV settles it.`;
+  first(said) {
+    show(said, true);
   },
   answered(said) {
-    $("working").hidden = true;
-    show(said);
+    rest();
+    show(said, false);
   },
   wrong({ text }) {
-    $("working").hidden = true;
+    rest();
     $("wrong").textContent = `${file.name}: ${text}`;
     $("wrong").hidden = false;
     if (file.opened) $("settings").open = true;
   },
 };
+
+function rest() {
+  clearInterval(ticking);
+  $("working").hidden = true;
+}
+
+const stem = () => file.name.replace(/\.[^.]+$/, "").replace(/\.(csv|txt|tsv)$/i, "");
 
 async function take(name, bytes) {
   $("wrong").hidden = true;
@@ -74,16 +88,15 @@ async function take(name, bytes) {
   $("settings").hidden = true;
   file = { name, bytes };
   await begin();
-  worker.postMessage({ kind: "open", bytes });
+  worker.postMessage({ kind: "open", bytes, stem: stem() });
 }
 
 function analyse() {
   $("wrong").hidden = true;
-  $("first").textContent = "";
   $("result").replaceChildren();
   try {
     const columns = Object.fromEntries(Object.entries(file.columns).filter(([, at]) => at !== null));
-    const options = { columns, loop: file.loop ?? undefined, sample_time: typed("sample_time") };
+    const options = { columns, loop: file.loop, sample_time: typed("sample_time") };
     worker.postMessage({ kind: "analyse", options, task: task() });
   } catch (wrong) {
     hears.wrong({ text: wrong.message });
@@ -91,15 +104,15 @@ function analyse() {
 }
 
 $("cancel").addEventListener("click", async () => {
-  $("working").hidden = true;
+  rest();
   const { name, bytes, opened, columns, loop } = file;
   await begin();
-  worker.postMessage({ kind: "open", bytes });
+  worker.postMessage({ kind: "open", bytes, stem: stem() });
   const usual = hears.opened;
   hears.opened = () => { // only read again: nothing is analysed unasked
     hears.opened = usual;
     file = { name, bytes, opened, columns, loop };
-    $("working").hidden = true;
+    rest();
     $("settings").open = true;
   };
 });
@@ -139,15 +152,21 @@ function task() {
 
 /** Columns and settings, to be corrected. */
 function offer() {
-  const { names, loops } = file.opened;
-  file.loop = loops[0] ?? null;
+  const { loops } = file.opened;
+  file.columns = {};
+  const { names } = loops[file.loop];
   const choice = (role) => h("label", {}, data.reading.columns.labels[role],
     h("select", { onchange: (event) => { file.columns[role] = event.target.value === "" ? null : Number(event.target.value); } },
       h("option", { value: "" }, "by its name"), h("option", { value: "-1" }, "none"),
       ...names.map((name, i) => h("option", { value: i }, name || "(no name)"))));
+  const another = (event) => {
+    file.loop = Number(event.target.value);
+    offer();
+  };
   const several = loops.length < 2 ? null : h("label", {}, "Loop",
-    h("select", { id: "loop", onchange: (event) => { file.loop = event.target.value; } }, ...loops.map((loop) => h("option", { value: loop }, loop || "(no prefix)"))));
-  $("columns").replaceChildren(...[several, ...["time", "sp", "pv", "op", "mode", "quality", "position"].map(choice)].filter(Boolean));
+    h("select", { id: "loop", onchange: another }, ...loops.map(({ name }, i) => h("option", { value: i, selected: i === file.loop }, name))));
+  const roles = ["time", "sp", "pv", "op", "mode", "quality", "position"].filter((role) => !loops[file.loop].tags || !["time", "quality"].includes(role));
+  $("columns").replaceChildren(...[several, ...roles.map(choice)].filter(Boolean));
   $("settings").hidden = false;
 }
 
@@ -197,18 +216,19 @@ const EXPLAINED = { refuse: "refused", warning: "warning", info: "note" };
 /** The answer that is shown. */
 let shown = null;
 
-function show(said) {
+function show(said, provisional) {
   shown = said;
   const { answer: doc, read, unit } = said;
   const { answer } = doc;
   const [op_unit, pv_unit] = [ofOp(unit), read.units.pv ?? "PV unit"];
-  const name = read.loop || file.name.replace(/\.[^.]+$/, "");
+  const name = read.loop;
   const { t } = read.columns;
   const span = t.at(-1) - t[0];
   const limit = typed("acceptable");
   const place = (id, label) => h("div", { class: "plot", id, role: "img", "aria-label": `${name}: ${label}` });
   const fitted = answer.evidence !== null;
-  const section = h("section", { class: "loop", "aria-live": "polite" },
+  const section = h("section", { class: provisional ? "loop provisional" : "loop", "aria-live": "polite" },
+    provisional ? h("p", { class: "screen" }, "From zero crossings alone. The fit of OP and PV goes on, and settles the width.") : null,
     h("div", { class: "head" }, h("h2", {}, name), h("span", { class: "width" }, headline(answer, op_unit)),
       h("span", { class: `badge ${answer.valve}` }, words.verdicts[answer.verdict])),
     h("div", { class: "verdict" }, h("p", { class: "lead" }, lead(said, name, op_unit)), h("p", {}, why(said, op_unit)),
@@ -218,15 +238,15 @@ function show(said) {
     h("p", { class: "note screen" }, "Drag to zoom, double-click for all of it."),
     facts([["File", file.name],
       ["Recording", `${moment(read.t0, t[0])} to ${moment(read.t0, t.at(-1))}, ${duration(span)}, ${count(t.length, "row")}`],
-      ["Columns", Object.entries(read.chosen).map(([role, at]) => `${data.reading.columns.labels[role]}: ${file.opened.names[at]}`).join(", ")],
+      ["Columns", Object.entries(read.chosen).map(([role, column]) => `${data.reading.columns.labels[role]}: ${column}`).join(", ")],
       ["Not used", unused(read) || "nothing"],
-      ["Analysed in", `${number(said.took.all / 1000, 2)} s`]]),
+      ["Analysed in", `${number(said.took / 1000, 2)} s`]]),
     h("details", { class: "engineer", open: true }, h("summary", {}, h("h3", {}, "The evidence, for the engineer")),
       fitted ? fit(said, op_unit, pv_unit, place) : null,
       crossings(said, op_unit),
       quality(said),
       settings(said, op_unit, pv_unit)),
-    h("p", { class: "screen" }, h("button", { type: "button", id: "save", onclick: save }, "Save the report"), " ",
+    provisional ? null : h("p", { class: "screen" }, h("button", { type: "button", id: "save", onclick: save }, "Save the report"), " ",
       h("button", { type: "button", onclick: () => print() }, "Print")));
   $("result").replaceChildren(section);
   draw(said, op_unit, pv_unit);
@@ -234,7 +254,7 @@ function show(said) {
 
 const unused = (read) => {
   const used = new Set(Object.values(read.chosen));
-  return file.opened.names.filter((_, i) => !used.has(i)).join(", ");
+  return file.opened.loops[file.loop].names.filter((name) => !used.has(name)).join(", ");
 };
 
 const units_of = ({ read, unit }) => ({ pv_unit: read.units.pv ?? "PV unit", op_unit: unit, unit, t0: read.t0 });
@@ -296,7 +316,10 @@ const swatch = (name) => h("span", {}, h("i", { class: `swatch r-${name}` }), wo
 function quality(said) {
   const { answer: doc } = said;
   const units = units_of(said);
-  const found = doc.quality.map((one) => [
+  // As in the package: what was found in reading comes before what is as grave.
+  const weight = ({ code, severity }) => (code === "kp_assumed" ? 3 : Object.keys(EXPLAINED).indexOf(severity));
+  const all = [...said.read.told, ...doc.quality].sort((a, b) => weight(a) - weight(b));
+  const found = all.map((one) => [
     h("span", { class: `severity ${one.severity}` }, EXPLAINED[one.severity]),
     h("div", {}, sentence(finding(one, units)),
       h("span", { class: "evidence" }, Object.entries(one.evidence).map(([key, value]) => `${key.replaceAll("_", " ")} ${typeof value === "number" ? number(value, 4) : value}`).join(", "))),

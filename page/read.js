@@ -1,186 +1,114 @@
-// Text tables to columns, by the rules of python/glapp/reading, whose words and patterns come in `data`. tests/test_page.py
-// holds it to that reader on the same files. Wide tables, one column a signal; times without a zone stay local.
+// A recording's file to columns, by the rules of python/glapp/reading, whose words and patterns come in `data`.
+// tests/test_page_reading.py holds it to that reader, form by form. Times without a zone stay local.
 "use strict";
 
-/** What is wrong with a file or a cell: what, where, and what to do next. */
-class InputError extends Error {
-  constructor(what, { row, column, hint } = {}) {
-    const place = [row === undefined ? "" : `row ${row}`, column ? `column '${column}'` : ""].filter(Boolean).join(", ");
-    super((place ? `${place}: ` : "") + what + (hint ? `: ${hint}` : ""));
-  }
-}
-
-/** A cell that cannot be used; `index` is its place among the rows of the table. */
-class CellFault extends Error {
-  constructor(index, what, hint) {
-    super(what);
-    Object.assign(this, { index, hint });
-  }
-}
-
 const Reading = (data) => {
-  const MOST_WORDS = 4; // "position de la vanne"
-  const INSIDE = 6; // letters of a word that is a signal's in the middle of a name too
-  const NOT_AUTO = 1;
-  const BAD = 2;
+  const { folded, understand, settle, groups, choose, isLong } = Names(data);
+  const cells_of = Cells(data, folded);
+  const { NOT_AUTO, BAD, isData, isDate, isTimeOfDay, looksLikeStamp, texts, isEmpty, taken, digitsOf, numbers, flags, rule, word, clock } = cells_of;
   const NUMBERS = ["sp", "pv", "op", "position"];
-  const NUMBER = /^(?:[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?(?:inf|infinity))$/i;
-  const PLAIN = /^[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?$/;
-  const DECIMAL_COMMA = /^[+-]?\d*,\d+(?:[eE][+-]?\d+)?$/;
-  const whole = (pattern, flags = "") => new RegExp(`^(?:${pattern})$`, flags);
-  const UNIT = new RegExp(data.columns.unit);
-  const TOKEN = new RegExp(data.columns.token, "g");
-  const JOINED = whole(data.columns.joined, "i");
-  const LAYOUT = whole(data.times.layout, "i");
-  const CURRENT = new Set(data.columns.current);
-  const LIMITS = new Set(data.columns.limits);
-  const bad = new Set(data.values.bad);
+  const WORDS = ["mode", "op_low_flag", "op_high_flag"];
+  const SAMPLE = 1 << 16; // characters that tell how a text is written
+  const HEAD = 1000; // rows that tell what columns hold
+  const { labels } = data.columns;
+  const tidy = (cell) => cell.split(/\s+/).filter(Boolean).join(" ");
+  const bare = (cell) => cell.replace(/^[ [\]()]+|[ [\]()]+$/g, "");
 
-  // --- columns
+  // --- where a table begins and ends: heads.py
 
-  /** The text without case, accents and spaces. */
-  const folded = (text) =>
-    text.toLowerCase().replaceAll("ß", "ss").normalize("NFKD").replace(/[\p{M}\s]/gu, "");
+  const UNITS = new Set(data.heads.units);
+  const FOOTER = new Set(data.heads.footer);
+  const { lines: LINES, short: SHORT, ahead: AHEAD } = data.heads;
+  const filledOf = (cells) => cells.filter((cell) => cell.trim());
+  const wordsAlone = (cells, width) => cells.length === width && filledOf(cells).length > 0 && !filledOf(cells).some(isData);
+  const understood = (cells) => cells.map(understand).filter((meaning) => meaning.role !== null || meaning.weak !== null).length;
 
-  const signal = (word) => (Object.hasOwn(data.columns.words, word) ? data.columns.words[word] : undefined);
+  /** Whether a line tells one thing of the export: words first, few cells. */
+  const isLabel = (cells) => {
+    const filled = filledOf(cells);
+    return !filled.length || (filled.length <= 3 && !isData(filled[0]));
+  };
 
-  /** Whether the last words are a signal together: a Process Value is more than a Process. */
-  const twoWords = (words) =>
-    !signal(words.at(-2)) && [2, 3, MOST_WORDS].some((count) => signal(words.slice(-count).join("")));
+  /** Whether a line says of its columns only which is the time and which the value. */
+  const saysValue = (cells) => {
+    const roles = filledOf(cells).map((cell) => understand(cell).role);
+    return roles.filter((role) => role === "value").length > 1 && roles.every((role) => ["time", "value", "quality"].includes(role));
+  };
 
-  /** Whether a word is a signal's wherever in a name it stands. */
-  const inside = (word) =>
-    ["sp", "pv", "op"].includes(signal(word)) && (word.length >= INSIDE || ["sp", "sv", "pv", "op", "mv"].includes(word));
-
-  /** What a column's name says: role, loop ("" where the name has no more to it), unit, and a word that is not sure. */
-  function understand(name) {
-    const none = { role: null, loop: "", unit: null, weak: null };
-    let text = name.trim();
-    let unit = null;
-    const found = UNIT.exec(text);
-    if (found) {
-      text = text.slice(0, found.index);
-      unit = found[1].trim() || null;
-    }
-    const tokens = [...text.matchAll(TOKEN)];
-    const words = tokens.map((token) => folded(token[0]));
-    if (!words.length) return none;
-    const joined = words.join("");
-    const weak = Object.hasOwn(data.columns.weak, joined) ? joined : null;
-    const known = Object.hasOwn(data.columns.whole, joined) ? data.columns.whole[joined] : signal(joined);
-    if (known || weak) return { role: known ?? null, loop: "", unit, weak };
-    if (text.includes(",")) {
-      const of = understand(text.slice(0, text.indexOf(",")));
-      if (of.role !== null) return { ...none, role: of.role, loop: of.loop, unit };
-    }
-    const last = words.at(-1);
-    const end = tokens.at(-1);
-    while (words.length > 1 && CURRENT.has(words.at(-1)) && !twoWords(words)) {
-      tokens.pop();
-      words.pop();
-    }
-    if (words.some((word) => LIMITS.has(word))) return none;
-    for (let count = Math.min(MOST_WORDS, words.length); count > 0; count -= 1) {
-      let role = signal(words.slice(-count).join(""));
-      let rest;
-      if (role) rest = strip(text.slice(0, tokens.at(-count).index), false);
-      else if ((role = signal(words.slice(0, count).join("")))) {
-        rest = strip(text.slice(tokens[count - 1].index + tokens[count - 1][0].length), true);
-      } else continue;
-      const of = rest ? understand(rest) : none;
-      if (role === "quality" && of.role !== null) {
-        return of.role === "pv" ? { ...none, role: "quality", loop: of.loop } : none;
-      }
-      return { ...none, role, loop: of.role === role ? of.loop : rest, unit };
-    }
-    const to = tokens.at(-1);
-    const one = JOINED.exec(text.slice(0, to.index + to[0].length));
-    if (one) return { ...none, role: signal(one[2].toLowerCase()), loop: one[1], unit };
-    if (Object.hasOwn(data.columns.weak, last)) return { ...none, loop: strip(text.slice(0, end.index), false), unit, weak: last };
-    const places = words.flatMap((word, i) => (inside(word) ? [i] : []));
-    if (places.length === 1) {
-      const [i] = places;
-      const before = strip(text.slice(0, tokens[i].index), false);
-      const after = strip(text.slice(tokens[i].index + tokens[i][0].length), true);
-      return { ...none, role: signal(words[i]), loop: `${before} ${after}`, unit };
-    }
-    return none;
+  /** Names of two lines: a tag stands above the first of its columns. */
+  function under(above, below) {
+    let tag = "";
+    return above.slice(0, below.length).map((top, i) => {
+      tag = top || tag;
+      const last = tidy(below[i]);
+      return understand(last).role === "value" ? tag : `${tag} ${last}`.trim();
+    });
   }
 
-  /** The words that are not sure get the first of their roles that no other column of their loop has. */
-  function settle(meanings) {
-    const roles = new Map();
-    const open = new Map();
-    for (const { role, loop, weak } of meanings) {
-      if (!roles.has(loop)) roles.set(loop, new Set());
-      if (["sp", "pv", "op", "position"].includes(role)) roles.get(loop).add(role);
-      if (weak) open.set(loop, (open.get(loop) ?? new Set()).add(weak));
+  const areUnits = (cells) => {
+    const filled = filledOf(cells).map((cell) => folded(bare(cell)));
+    return filled.filter((cell) => UNITS.has(cell)).length * 2 >= filled.length;
+  };
+
+  /** Names and units of a table whose first line of `width` cells is the row `start`, and how many rows stand above its own. */
+  function headOf(rows, start, width) {
+    let lines = [];
+    for (let i = start; i < Math.min(rows.length, start + LINES); i += 1) {
+      const { cells } = rows[i];
+      const follow = () => rows.slice(i + 1, i + 1 + AHEAD).some((row) => wordsAlone(row.cells, width) && understood(row.cells) > 1);
+      if (wordsAlone(cells, width)) lines.push(i);
+      else if (!(isLabel(cells) && follow())) break;
     }
-    for (const [loop, words] of open) {
-      const have = roles.get(loop);
-      if (!have.size && words.size < 3) continue;
-      while (words.size) {
-        const left = [...words].map((word) => [word, data.columns.weak[word].filter((role) => !have.has(role))]);
-        const first = left.find(([, of]) => of.length);
-        if (!first) break;
-        const sure = left.filter(([, of]) => of.length === 1);
-        for (const [word, of] of sure.length ? sure : [first]) {
-          for (const one of meanings) if (one.loop === loop && one.weak === word && one.role === null) one.role = of[0];
-          words.delete(word);
-          have.add(of[0]);
-        }
-      }
-    }
-    return meanings;
+    if (!lines.length) lines = [start]; // the first line is all there is, and may hold years or numbers of columns
+    const last = lines.at(-1);
+    const together = new Set(lines);
+    lines = lines.filter((i) => Array.from({ length: last - i }, (_, k) => i + k).every((k) => together.has(k)));
+    const named = lines.reduce((best, i) => {
+      const [a, b] = [best, i].map((k) => [understood(rows[k].cells), filledOf(rows[k].cells).length]);
+      return b[0] > a[0] || (b[0] === a[0] && b[1] > a[1]) ? i : best;
+    });
+    let names = rows[named].cells.map(tidy);
+    let units = names.map((name) => understand(name).unit);
+    const below = lines.filter((i) => i > named);
+    if (below.length && saysValue(rows[below[0]].cells)) names = under(names, rows[below.shift()].cells);
+    else if (lines.includes(named - 1) && saysValue(rows[named].cells)) names = under(rows[named - 1].cells.map(tidy), rows[named].cells);
+    const of_units = below.filter((i) => areUnits(rows[i].cells));
+    const told = of_units.length ? of_units : below.filter((i) => rows[i].cells.every((cell) => cell.trim().length <= SHORT));
+    if (told.length) units = rows[told.at(-1)].cells.map((cell) => bare(cell) || null);
+    return { names, units, line: rows[named].line, rows: last + 1 };
   }
 
-  function strip(text, both) {
-    const separators = data.columns.separators;
-    let [from, to] = [0, text.length];
-    while (to > 0 && separators.includes(text[to - 1])) to -= 1;
-    while (both && from < to && separators.includes(text[from])) from += 1;
-    return text.slice(from, to);
+  /** Whether the rows begin with a number or a time: what does not is then no row. */
+  function beginsWithData(rows, width) {
+    const first = rows.slice(0, LINES).filter(({ cells }) => cells.length === width).map(({ cells }) => isData(cells[0]));
+    return first.filter(Boolean).length * 2 > first.length;
   }
 
-  /** Loops that have SP and PV, in the order in which they appear; where none has, those with PV and OP. */
-  function groups(meanings) {
-    const roles = new Map();
-    for (const { role, loop } of meanings) {
-      if (["sp", "pv", "op"].includes(role)) roles.set(loop, (roles.get(loop) ?? new Set()).add(role));
-    }
-    for (const kind of [["sp", "pv"], ["pv", "op"]]) {
-      const having = [...roles].filter(([, have]) => kind.every((role) => have.has(role))).map(([loop]) => loop);
-      if (having.length) return having;
-    }
-    return [];
+  function isFooter(cells, width, timed) {
+    const filled = cells.flatMap((cell, i) => (cell.trim() ? [i] : []));
+    if (!filled.length) return true;
+    const first = cells[filled[0]];
+    if (isData(first)) return false;
+    if (FOOTER.has(folded(first.replace(/^[ :=]+|[ :=]+$/g, "")))) return true;
+    return timed && filled[0] === 0 && (cells.length !== width || (width > 1 && filled.length === 1));
   }
 
-  /** Column for every role of one loop; what a person chose in `columns` wins, -1 says that there is none. */
-  function choose(names, meanings, loops, loop, columns) {
-    const chosen = {};
-    for (const role of Object.keys(data.columns.labels)) {
-      if (["tag", "value"].includes(role)) continue;
-      if (columns[role] !== undefined) {
-        if (columns[role] >= 0) chosen[role] = columns[role];
-        continue;
-      }
-      const fits = (prefix) => meanings.flatMap((m, i) => (m.role === role && m.loop === prefix ? [i] : []));
-      let found = role === "time" ? meanings.flatMap((m, i) => (m.role === "time" ? [i] : [])) : fits(loop);
-      if (!found.length && role !== "time" && loops.length <= 1) found = fits("");
-      if (found.length > 1) {
-        const both = found.map((i) => `'${names[i]}'`).join(" and ");
-        throw new InputError(`the columns ${both} could both be ${data.columns.labels[role]}`, { hint: "choose one below" });
-      }
-      if (found.length) chosen[role] = found[0];
-    }
-    if (chosen.pv === undefined || (chosen.sp === undefined && chosen.op === undefined)) {
-      const missing = ["sp", "pv"].filter((role) => chosen[role] === undefined).map((role) => data.columns.labels[role]);
-      throw new InputError(`no column for ${missing.join(" and ")} among: ${names.join(", ")}`, { hint: "choose it below" });
-    }
-    return chosen;
+  /** Number of rows before the remarks and totals below the last. */
+  function bodyEnd(rows, width, timed) {
+    let end = rows.length;
+    while (end && isFooter(rows[end - 1].cells, width, timed)) end -= 1;
+    return end;
   }
 
-  // --- text
+  const NO_HEADER = "write the columns' names in the first row, for instance t,SP,PV,OP,MODE";
+
+  function checked({ names, line }) {
+    if (names.some((name) => name && isData(name)) && !names.some((name) => understand(name).role)) {
+      throw new InputError("has no header: the first row holds data", { row: line, hint: NO_HEADER });
+    }
+  }
+
+  // --- text: csv.py
 
   function encoding(raw) {
     const marks = [["utf-8", [0xef, 0xbb, 0xbf]], ["utf-16le", [0xff, 0xfe]], ["utf-16be", [0xfe, 0xff]]];
@@ -234,309 +162,469 @@ const Reading = (data) => {
     return best.delimiter;
   }
 
-  const isData = (cell) => PLAIN.test(cell.trim()) || plan(cell.trim().replace(/\d/g, "0")) !== null;
+  const READ_ONLY = "is not a table of text, an Excel workbook, Parquet or Arrow";
 
-  /** A table: names and units of its columns, and its rows. */
-  function table(bytes) {
-    const raw = bytes.subarray(0, 1 << 16);
+  /** A text table. */
+  function ofText(bytes) {
+    const raw = bytes.subarray(0, SAMPLE);
     if (!raw.some((byte) => ![0, 9, 10, 13, 32].includes(byte))) throw new InputError("is empty");
     const text = new TextDecoder(encoding(raw)).decode(bytes).replace(/\r\n?/g, "\n");
-    let sample = text.slice(0, 1 << 16);
+    let sample = text.slice(0, SAMPLE);
     if (sample.length < text.length && sample.includes("\n")) sample = sample.slice(0, sample.lastIndexOf("\n"));
     const delimiter = separator(sample);
-    const rows = cells(text, delimiter);
-    const head = cells(sample, delimiter);
-    const [width] = commonest(head.map((row) => row.cells.length));
-    let start = head.findIndex((row) => row.cells.length === width);
-    if (head.slice(0, start).some((row) => row.cells.length > width)) start = 0;
-    const names = rows[start].cells.map((cell) => cell.split(/\s+/).filter(Boolean).join(" "));
-    const meanings = settle(names.map(understand));
-    if (rows[start].cells.some(isData) && !meanings.some((meaning) => meaning.role)) {
-      const hint = "write the columns' names in the first row, for instance t,SP,PV,OP,MODE";
-      throw new InputError("has no header: the first row holds data", { row: rows[start].line, hint });
+    let rows = cells(text, delimiter);
+    const seen = cells(sample, delimiter);
+    let [width] = commonest(seen.map((row) => row.cells.length));
+    const timed = beginsWithData(seen, width);
+    rows = rows.slice(0, Math.max(bodyEnd(rows, width, timed), 1));
+    let start = rows.findIndex((row) => row.cells.length === width);
+    if (rows.slice(0, start).some((row) => row.cells.length > width)) {
+      start = 0; // not a title above the table, but a header with more names than cells: told as a ragged row
+      width = rows[0].cells.length;
     }
-    let units = meanings.map((meaning) => meaning.unit);
-    let body = rows.slice(start + 1);
-    const isUnits = ({ cells: row }) => row.length === width && row.some((cell) => cell.trim()) && !row.some(isData);
-    while (body.length && isUnits(body[0])) {
-      units = body[0].cells.map((cell) => cell.replace(/^[ [\]()]+|[ [\]()]+$/g, "") || null);
-      body = body.slice(1);
-    }
+    const head = headOf(rows, start, width);
+    checked(head);
+    const body = rows.slice(head.rows);
     if (!body.length) throw new InputError("has a header but no rows");
-    const ragged = body.find((row) => row.cells.length !== names.length);
+    const ragged = body.find((row) => row.cells.length !== width);
     if (ragged) {
       const n = ragged.cells.length;
-      const hint = ragged === body.at(-1) && n < names.length ? "the file ends in the middle of a row, is it still being written?" : undefined;
-      throw new InputError(`has ${n} cell${n === 1 ? "" : "s"} where the header has ${names.length}`, { row: ragged.line, hint });
+      const hint = ragged === body.at(-1) && n < width ? "the file ends in the middle of a row, is it still being written?" : undefined;
+      throw new InputError(`has ${n} cell${n === 1 ? "" : "s"} where the header has ${width}`, { row: ragged.line, hint });
     }
-    const seen = head.slice(start + 1).concat(rows.slice(-50)).flatMap((row) => row.cells.map((cell) => cell.trim()));
-    const comma = seen.find((cell) => DECIMAL_COMMA.test(cell));
-    const point = seen.some((cell) => cell.includes(".") && PLAIN.test(cell));
-    if (comma !== undefined && point) {
-      const hint = "write all numbers alike, without separators between thousands";
-      throw new InputError(`'${comma}' and others have a decimal comma, others a decimal point`, { hint });
-    }
-    return { names, meanings, units, body, comma: !point };
+    const known = [...body.slice(0, seen.length), ...body.slice(-50)].flatMap((row) => row.cells.map((cell) => cell.trim()));
+    const columns = head.names.map((_, i) => ({ kind: "text", cells: body.map((row) => row.cells[i]) }));
+    return { names: head.names, units: head.units, columns, digits: digitsOf(known), line: (row) => body[row].line };
   }
 
-  // --- cells
+  // --- workbooks: excel.py
 
-  /** Numbers of a column, NaN where missing or not finite. */
-  function numbers(column, comma) {
-    return Float64Array.from(column, (cell, i) => {
-      const text = cell.trim();
-      if (bad.has(text.toLowerCase())) return NaN;
-      const written = comma ? text.replaceAll(",", ".") : text;
-      if (!NUMBER.test(written)) {
-        throw new CellFault(i, `'${text}' is not a number`, "write bad values as empty, NaN or Bad");
-      }
-      const value = Number(written);
-      return Number.isFinite(value) ? value : NaN;
-    });
+  const ofDay = (ms) => new Date(ms).toISOString().slice(11, 23).replace(/\.000$/, "");
+
+  /** A cell as a text file has it. */
+  function asText(cell) {
+    if (typeof cell === "string") return cell.trim();
+    if (typeof cell !== "object") return String(cell);
+    if ("span" in cell) return String(cell.span);
+    if ("time" in cell) return ofDay(cell.time);
+    const iso = new Date(cell.moment ?? cell.date).toISOString();
+    return "date" in cell ? iso.slice(0, 10) : iso.slice(0, 23).replace("T", " ").replace(/\.000$/, "");
   }
 
-  const word = (cell) => {
-    const text = cell.trim().toLowerCase();
-    return /^\d+\.0*$/.test(text) ? text.split(".")[0] : text;
-  };
-
-  /** One bit a cell, decided once a word. */
-  function flags(column, decide) {
-    const known = new Map();
-    return Uint8Array.from(column, (cell, i) => {
-      if (!known.has(cell)) known.set(cell, decide(word(cell), cell, i));
-      return known.get(cell);
-    });
+  /** Cells as a column of one type; any other is text. */
+  function typed(held) {
+    const filled = held.filter((cell) => cell !== "");
+    const all = (kind) => filled.every((cell) => typeof cell === "object" && kind in cell);
+    const of = (kind, value) => ({ kind, cells: Float64Array.from(held, (cell) => (cell === "" ? NaN : value(cell))) });
+    if (filled.every((cell) => typeof cell === "number")) return of("numbers", Number);
+    if (all("span")) return of("numbers", (cell) => cell.span);
+    const dated = (cell) => typeof cell === "object" && ("date" in cell || "moment" in cell);
+    if (filled.every(dated) && filled.some((cell) => "moment" in cell)) return of("moments", (cell) => cell.moment ?? cell.date);
+    return { kind: "text", cells: held.map(asText) };
   }
 
-  function mode(text, cell, i) {
-    if (data.values.auto.includes(text)) return 0;
-    if (data.values.not_auto.includes(text) || bad.has(text)) return NOT_AUTO;
-    throw new CellFault(i, `'${cell}' is not a mode known here`, "write AUTO and MAN, or choose no column for MODE");
-  }
-
-  /** OPC DA has its two bits of 192 set where good, OPC UA its two highest of 32 clear; the first rows decide. */
-  function quality(first) {
-    const da = first.some((text) => /^\d+$/.test(text) && Number(text) < 65536 && (Number(text) & 0xc0) === 0xc0);
-    return (text, cell, i) => {
-      if (/^\d+$/.test(text)) {
-        const code = Number(text);
-        if (da && code < 65536) return (code & 0xc0) === 0xc0 ? 0 : BAD;
-        if (!da && (code === 0 || code >= 1 << 16)) return code < 2 ** 30 ? 0 : BAD;
-      } else if (data.values.good.includes(text) || text.startsWith("good")) return 0;
-      else if (data.values.poor.includes(text) || /^(bad|uncertain)/.test(text) || bad.has(text)) return BAD;
-      throw new CellFault(i, `'${cell}' is not a quality known here`, "write Good and Bad, or choose no column for quality");
+  function ofSheet({ name, first, rows }) {
+    const width = rows[0].length;
+    const seen = rows.slice(0, HEAD).map((row, i) => ({ line: first + i + 1, cells: row.map(asText) }));
+    if (width < 2) throw new InputError("has only one column");
+    const widest = Math.max(0, seen.findIndex(({ cells: row }) => row.filter(Boolean).length > 1));
+    const head = headOf(seen, widest, width);
+    checked(head);
+    const ends = rows.slice(head.rows).map((row) => ({ cells: row.map(asText) }));
+    while (ends.length && !ends.at(-1).cells.some(Boolean)) ends.pop();
+    const body = rows.slice(head.rows, head.rows + bodyEnd(ends, width, beginsWithData(ends, width)));
+    if (!body.length) throw new InputError("has a header but no rows");
+    const kept = head.names.flatMap((of, i) => (of || body.some((row) => row[i] !== "") ? [i] : []));
+    const columns = kept.map((i) => typed(body.map((row) => row[i])));
+    const words_ = columns.flatMap(({ kind, cells: of }) => (kind === "text" ? of : [])).filter(Boolean);
+    return {
+      sheet: name, names: kept.map((i) => head.names[i]), units: kept.map((i) => head.units[i]), columns,
+      digits: digitsOf(words_), line: (row) => first + head.rows + 1 + row,
     };
   }
 
-  const limit = (bit) => (text, cell, i) => {
-    if (["1", "true", "on", "yes", "active", "limited"].includes(text)) return bit;
-    if (["0", "false", "off", "no", "normal", "inactive", ""].includes(text)) return 0;
-    throw new CellFault(i, `'${cell}' is not a limit flag`, "write 1 or 0");
-  };
-
-  // --- times
-
-  const plans = new Map();
-
-  /** Where in a stamp of one layout, its digits written 0, its parts are. */
-  function plan(layout) {
-    if (!plans.has(layout)) {
-      const found = LAYOUT.exec(layout);
-      let made = null;
-      if (found) {
-        const of = found.groups;
-        const name = of.n3 ?? of.n4;
-        const month = name ? data.times.months[name.slice(0, 3).toLowerCase()] : null;
-        if (!name || month !== undefined) made = { of, spans: spans(found, layout), month };
+  /** The sheets of a workbook that hold a table. */
+  function ofWorkbook(bytes) {
+    let held;
+    try {
+      held = Sheets.open(bytes);
+    } catch (fault) {
+      throw new InputError(`is not a readable Excel workbook: ${fault.message}`);
+    }
+    const made = [];
+    let wrong = null;
+    for (const sheet of held) {
+      try {
+        made.push(ofSheet(sheet));
+      } catch (fault) {
+        if (!(fault instanceof InputError)) throw fault;
+        wrong ??= fault;
       }
-      plans.set(layout, made);
     }
-    return plans.get(layout);
+    if (!made.length) throw wrong ?? new InputError("has no sheet with a table");
+    const having = made.filter(({ names }) => names.some((name) => ["pv", "op", "value"].includes(understand(name).role)));
+    return having.length ? having : made;
   }
 
-  function spans(found, layout) {
-    const again = new RegExp(LAYOUT.source, "di").exec(layout);
-    const out = {};
-    for (const [key, span] of Object.entries(again.indices.groups)) {
-      if (span && "ymdabHMSFz".includes(key[0]) && key !== "zone") out[key.replace(/[1-5]$/, "")] = span;
-    }
-    return out;
+  // --- Parquet and Arrow: parquet.py
+
+  const begins = (bytes, mark) => mark.every((byte, i) => bytes[i] === byte);
+  const ascii = (text) => [...text].map((letter) => letter.charCodeAt(0));
+  const PACKED = [["gunzip", [0x1f, 0x8b]], ["unbzip2", ascii("BZh")], ["unzstd", [0x28, 0xb5, 0x2f, 0xfd]]];
+
+  function ofTable({ names, columns }) {
+    const seen = columns.flatMap((column) => (column.kind === "text" ? column.cells.slice(0, HEAD).map((cell) => cell.trim()) : []));
+    return { names, units: names.map(() => null), columns, digits: digitsOf(seen), line: (row) => row + 1 };
   }
 
-  /** Which of the two leading numbers is the day, from the data alone. */
-  function dayFirst(texts) {
-    const dates = texts.flatMap((text) => {
-      const found = /^(\d{1,2})([-/.])(\d{1,2})\2(\d{4}|\d\d)/.exec(text);
-      return found ? [[Number(found[1]), Number(found[3]), Number(found[4]), found[2]]] : [];
-    });
-    if (dates.some((date) => date[3] === ".")) return true;
-    const [first, second] = [0, 1].map((at) => dates.some((date) => date[at] > 12));
-    if (first !== second) return first;
-    if (!first) {
-      const consecutive = [true, false].filter((day) => {
-        const days = dates.map(([a, b, y]) => Date.UTC(2000 + (y % 100), (day ? b : a) - 1, day ? a : b) / 86_400_000);
-        const steps = new Set(days.slice(1).map((d, i) => Math.abs(d - days[i])));
-        steps.delete(0);
-        return steps.size === 1 && steps.has(1);
+  /** The tables of a file. */
+  async function sources(bytes) {
+    const [how] = PACKED.find(([, mark]) => begins(bytes, mark)) ?? [];
+    if (how) {
+      let unpacked;
+      try {
+        unpacked = Uint8Array.from(Formats[how](bytes));
+      } catch (fault) {
+        throw new InputError(`cannot be unpacked: ${fault.message}`);
+      }
+      return sources(unpacked);
+    }
+    if (begins(bytes, ascii("PK\x03\x04"))) return ofWorkbook(bytes);
+    if (begins(bytes, [0xd0, 0xcf, 0x11, 0xe0])) throw new InputError("is an old or a locked Office file", { hint: "save it as .xlsx or CSV, unlocked" });
+    for (const [kind, mark] of [["parquet", ascii("PAR1")], ["arrow", ascii("ARROW1")], ["arrow", [0xff, 0xff, 0xff, 0xff]]]) {
+      if (!begins(bytes, mark)) continue;
+      try {
+        return [ofTable(await Formats[kind](bytes))];
+      } catch (fault) {
+        if (fault instanceof InputError) throw fault;
+        throw new InputError(`is not a readable ${kind === "arrow" ? "Arrow" : "Parquet"} file: ${fault.message}`);
+      }
+    }
+    return [ofText(bytes)];
+  }
+
+  // --- forms that are brought to a column per signal, or to tags with times of their own: shape.py
+
+  const { pv_empty: PV_EMPTY, held_empty: HELD_EMPTY, own: OWN, rows: ROWS, groups: GROUPS, widest: WIDEST } = data.shape;
+  const MIDNIGHT = new RegExp(data.shape.midnight);
+  const DAY_ZERO = new RegExp(data.shape.day_zero);
+  const roleOf = (name) => understand(name).role;
+
+  /** The first cells of a column that are not empty, as text. */
+  const firstOf = (column) => texts({ ...column, cells: column.cells.slice(0, HEAD) }).map((cell) => cell.trim()).filter(Boolean);
+
+  /** Of two columns of time, which has the dates and which the times of day; null where they do not. */
+  function dateAndTime({ columns }, pair) {
+    for (const [date, time] of [pair, [...pair].reverse()]) {
+      const days = firstOf(columns[date]).map((text) => text.replace(MIDNIGHT, ""));
+      const moments = firstOf(columns[time]).map((text) => text.replace(DAY_ZERO, ""));
+      if (days.length && moments.length && days.every(isDate) && moments.every(isTimeOfDay)) return [date, time];
+    }
+    return null;
+  }
+
+  /** The table with date and time of day as one column, in the place of the first of them. */
+  function joinedTimes(source, [date, time]) {
+    const [at, gone] = [Math.min(date, time), Math.max(date, time)];
+    const [days, moments] = [date, time].map((i) => texts(source.columns[i]));
+    const stamps = days.map((day, i) => `${day.trim().replace(MIDNIGHT, "")} ${moments[i].trim().replace(DAY_ZERO, "")}`.trim());
+    const without = (list, one) => list.map((value, i) => (i === at ? one : value)).filter((_, i) => i !== gone);
+    return {
+      ...source,
+      names: without(source.names, `${source.names[date]} ${source.names[time]}`),
+      units: without(source.units, null),
+      columns: without(source.columns, { kind: "text", cells: stamps }),
+      time: at,
+    };
+  }
+
+  /** Columns that hold times: by their name, or, where it is empty or no name says so, by their cells. */
+  function stamped({ names, columns }, times) {
+    let asked = names.flatMap((name, i) => (times.includes(i) || !times.length || roleOf(name) === null ? [i] : []));
+    if (names.length > WIDEST) asked = asked.filter((i) => times.includes(i) || i === 0 || !names[i]);
+    return asked.filter((i) => times.includes(i) || columns[i].kind === "moments" || (columns[i].kind === "text" && firstOf(columns[i]).slice(0, 1).some(looksLikeStamp)));
+  }
+
+  /** Whether some loop's signals are written each on rows of its own. */
+  function onOwnRows({ names, columns }, time) {
+    const meanings = settle(names.map(understand));
+    return groups(meanings).slice(0, GROUPS).some((group) => {
+      const at = OWN.flatMap((role) => {
+        const fits = meanings.flatMap((meaning, i) => (i !== time && meaning.role === role && meaning.loop === group ? [i] : []));
+        return fits.length === 1 ? [[role, fits[0]]] : [];
       });
-      if (consecutive.length === 1) return consecutive[0];
-    }
-    throw new CellFault(0, `'${texts[0]}' can be read day first or month first`, "write the times as 2024-01-31 13:45:00");
-  }
-
-  /** Stamps to whole seconds since 1970 and nanoseconds. */
-  function stamps(texts) {
-    const first = plan(texts[0].replace(/\d/g, "0"));
-    if (first === null) {
-      throw new CellFault(0, `'${texts[0]}' is not a time that is known here`, "write for instance 2024-01-31 13:45:00");
-    }
-    const zoned = first.of.zone !== undefined;
-    const order = first.spans.a ? dayFirst(texts) : null;
-    const seconds = new Float64Array(texts.length);
-    const nanos = new Float64Array(texts.length);
-    texts.forEach((text, i) => {
-      const found = plan(text.replace(/\d/g, "0"));
-      if (text === "") throw new CellFault(i, "the time is empty");
-      if (found === null) throw new CellFault(i, `'${text}' is not a time that is known here`);
-      const { of, spans: at, month } = found;
-      if ((of.zone !== undefined) !== zoned) throw new CellFault(i, `'${text}' mixes times with and without a zone`);
-      const part = (key) => (at[key] ? Number(text.slice(...at[key])) : 0);
-      let year = part("y");
-      if (at.y[1] - at.y[0] === 2) year += year < 70 ? 2000 : 1900;
-      const [d, m] = at.a ? (order ? ["a", "b"] : ["b", "a"]).map(part) : [part("d"), month ?? part("m")];
-      let hour = part("H");
-      const half = of.half?.toLowerCase();
-      let wrong = year < 1700 || year > 2250 || m < 1 || m > 12 || part("M") > 59 || part("S") > 59;
-      wrong ||= half ? hour < 1 || hour > 12 : hour > 23;
-      if (half) hour = (hour % 12) + (half === "p" ? 12 : 0);
-      wrong ||= d < 1 || d > new Date(Date.UTC(year, m, 0)).getUTCDate();
-      if (wrong) throw new CellFault(i, `'${text}' is not a date and time that exists`);
-      let s = Date.UTC(year, m - 1, d, hour, part("M"), part("S")) / 1000;
-      if (of.sign) s -= (of.sign === "-" ? -1 : 1) * (part("zh") * 3600 + part("zm") * 60);
-      seconds[i] = s;
-      nanos[i] = at.F ? part("F") * 10 ** (9 - (at.F[1] - at.F[0])) : 0;
+      if (at.length < 2 || !at.some(([role]) => role === "pv")) return false;
+      const rows = Array.from({ length: Math.min(HEAD, columns[time].cells.length) }, (_, row) => row);
+      const filled = rows.filter((row) => at.some(([, i]) => !isEmpty(columns[i], row)));
+      if (filled.length < ROWS) return false;
+      return at.some(([role, i]) => {
+        const share = filled.filter((row) => isEmpty(columns[i], row)).length / filled.length;
+        return share > (role === "pv" ? PV_EMPTY : HELD_EMPTY) && share < 1;
+      });
     });
-    return { seconds, nanos };
   }
 
-  const COUNT = "format the column as date and time";
-
-  /** What the numbers of a time column count, from their range, their steps, the column's name and its unit. */
-  function form(x, name, unit) {
-    const known = x.filter(Number.isFinite);
-    const [low, high] = [known.reduce((a, b) => Math.min(a, b)), known.reduce((a, b) => Math.max(a, b))];
-    for (const [exponent, epoch] of [[0, "s"], [3, "ms"], [6, "us"], [9, "ns"]]) {
-      if (0.67e9 * 10 ** exponent <= low && high <= 4.2e9 * 10 ** exponent) return `epoch ${epoch}`;
-    }
-    const steps = known.slice(1).map((value, i) => Math.abs(value - known[i])).filter((step) => step > 0).sort((a, b) => a - b);
-    const n = steps.length;
-    const step = n ? (steps[(n - 1) >> 1] + steps[n >> 1]) / 2 : null;
-    const counted = data.times.units[(unit ?? "").replace(/^[ .]+|[ .]+$/g, "").toLowerCase()] ?? null;
-    for (const [calendar, zero] of Object.entries(data.times.calendars)) {
-      if (zero + data.times.years[0] <= low && high <= zero + data.times.years[1]) {
-        if (counted !== null && counted !== "days") return counted;
-        const dated = data.times.dated.includes(name.trim().toLowerCase());
-        const usual = step !== null && data.times.usual.some((s) => Math.abs((step * 86400) / s - 1) < 0.001);
-        const sure = counted === "days" || (step !== null && (step < 0.004 || (step < 0.05 && (dated || usual))));
-        return sure ? calendar : "seconds";
+  /** The table as one that has a column per signal, or, with `tags`, samples of each tag at times of its own. */
+  function shaped(table) {
+    let source = { ...table, time: null };
+    const whole = isLong(source.names);
+    let times = source.names.flatMap((name, i) => (roleOf(name) === "time" ? [i] : []));
+    if (times.length === 2) {
+      const pair = dateAndTime(source, times);
+      if (pair) {
+        source = joinedTimes(source, pair);
+        times = [source.time];
       }
     }
-    if (counted !== null) return counted;
-    if ((step !== null && step < 0.004 && low > 25569 && high < 80000) || high > 1e11) {
-      throw new CellFault(0, `${x[0]} looks like a day number or a date, but of which calendar?`, COUNT);
+    if (times.length !== 1) {
+      const having = stamped(source, times);
+      const leads = having[0] === 0 && having.every((i) => i + 1 < source.names.length && !having.includes(i + 1));
+      if (having.length > 1 && leads) {
+        const of = (i) => having.filter((at) => at < i).at(-1);
+        const pairs = source.names.flatMap((_, i) => (having.includes(i) ? [] : [[of(i), i]]));
+        return alone(source, pairs, false);
+      }
+      if (!times.length && having.length === 1) {
+        [source.time] = times = having;
+        source.names = source.names.map((name, i) => (i === source.time ? name || "time" : name));
+      }
     }
-    return "seconds";
+    if (whole) return long(source, times);
+    if (times.length === 1 && onOwnRows(source, times[0])) {
+      return alone(source, source.names.flatMap((_, i) => (i === times[0] ? [] : [[times[0], i]])), true);
+    }
+    return source;
   }
 
-  /** Seconds [s] of the rows, and the moment of the first in ms since 1970, null where it is not known. */
-  function clock(column, name, unit) {
-    const texts = column.map((cell) => cell.trim());
-    if (!PLAIN.test(texts[0])) {
-      const { seconds, nanos } = stamps(texts);
-      const t = seconds.map((s, i) => ((s - seconds[0]) * 1e9 + (nanos[i] - nanos[0])) / 1e9);
-      return { t, t0: seconds[0] * 1000 + nanos[0] / 1e6 };
-    }
-    const x = Float64Array.from(texts, (text, i) => {
-      const value = Number(text.replaceAll(",", ".") || NaN);
-      if (!Number.isFinite(value)) {
-        throw new CellFault(i, text === "" ? "the time is empty" : `'${text}' is not a time like those before`);
-      }
-      return value;
+  /** A table whose signals have times, or rows, of their own: `pairs` are the columns of times and of values of each tag. */
+  function alone(source, pairs, shared) {
+    const { names, units, columns } = source;
+    const nameOf = ([time, value]) => {
+      if (names[value] && roleOf(names[value]) !== "value") return names[value];
+      const above = names[time].split(/\s+/).filter((one) => one && roleOf(one) !== "time");
+      return above.join(" ") || names[value] || `column ${value + 1}`;
+    };
+    const meanings = pairs.map((pair) => understand(nameOf(pair)));
+    const qualities = new Map(pairs.flatMap(([, value], i) => (meanings[i].role === "quality" ? [[meanings[i].loop, value]] : [])));
+    const tags = new Map();
+    pairs.forEach((pair, i) => {
+      if (meanings[i].role === "quality") return;
+      const [time, value] = pair;
+      const quality = meanings[i].role === "pv" ? qualities.get(meanings[i].loop) : undefined;
+      const rows = Array.from(columns[value].cells, (_, row) => row).filter((row) => !isEmpty(columns[value], row));
+      tags.set(nameOf(pair), { time, value, quality, rows, unit: units[value] });
     });
-    const counted = form(x.slice(0, 4096), name, unit);
-    if (counted in data.times.calendars) {
-      const ms = x.map((value) => Math.round((value - data.times.calendars[counted]) * 86_400_000));
-      return { t: ms.map((value) => (value - ms[0]) / 1000), t0: ms[0] };
-    }
-    if (counted.startsWith("epoch")) {
-      const per = { s: 1, ms: 1e3, us: 1e6, ns: 1e9 }[counted.slice(6)];
-      const scale = per <= 1000 ? 1e6 / per : 1;
-      const ticks = x.map((value) => Math.round(value * scale));
-      const per_second = per <= 1000 ? 1e6 : per;
-      return { t: ticks.map((value) => (value - ticks[0]) / per_second), t0: (ticks[0] / per_second) * 1000 };
-    }
-    const seconds = data.times.elapsed[counted];
-    return { t: seconds === 1 ? x : x.map((value) => value * seconds), t0: null };
+    const [first] = tags.values();
+    const time = first.time;
+    return { ...source, tags, time, times: shared ? names[time] : "time", head: taken(columns[time], first.rows.slice(0, HEAD)) };
+  }
+
+  /** A table with a row per tag and time. */
+  function long(source, times) {
+    const only = (role, fits) => {
+      if (fits.length > 1) throw new InputError(`the columns ${fits.map((i) => `'${source.names[i]}'`).join(" and ")} could both be ${role}`);
+      return fits[0];
+    };
+    const at = Object.fromEntries(["tag", "value", "quality"].map((role) => [role, only(role, source.names.flatMap((name, i) => (roleOf(name) === role ? [i] : [])))]));
+    const time = only("time", times);
+    if (time === undefined) throw new InputError(`no time column among: ${source.names.join(", ")}`);
+    const rows = new Map();
+    texts(source.columns[at.tag]).forEach((tag, row) => {
+      if (!rows.has(tag)) rows.set(tag, []);
+      rows.get(tag).push(row);
+    });
+    const tags = new Map([...rows].map(([tag, of]) => [tag, { time, value: at.value, quality: at.quality, rows: of, unit: null }]));
+    const { kind, cells: of } = source.columns[time];
+    return { ...source, tags, time, times: source.names[time], head: { ...source.columns[time], kind, cells: of.slice(0, HEAD) } };
+  }
+
+  // --- loops
+
+  /** Names, loops and guesses of a file: what is asked before it is read. `stem`: the file's name without its ending. */
+  async function open(bytes, stem) {
+    const tables = (await sources(bytes)).map(shaped);
+    const faults = [];
+    const loops = tables.flatMap((source) => {
+      const names = source.tags ? [...source.tags.keys()] : source.names;
+      const meanings = settle(names.map(understand));
+      if (!source.tags && source.time !== null) meanings.forEach((meaning, i) => { if ((meaning.role === "time") !== (i === source.time)) meaning.role = i === source.time ? "time" : null; });
+      const of = groups(meanings);
+      const plain = tables.length > 1 ? source.sheet : stem;
+      return (of.length ? of : [""]).map((group) => ({ source, names, meanings, group, groups: of, name: group || (of.includes(plain) ? `${plain} (no prefix)` : plain) }));
+    });
+    if (!loops.length) throw faults[0] ?? new InputError("holds no loop");
+    return { loops };
   }
 
   // --- a recording
 
-  /** Names, groups and guesses of a file: what is asked before it is read. */
-  function open(bytes) {
-    const read = table(bytes);
-    return { ...read, loops: groups(read.meanings) };
+  /** Rows without PV, or without an SP that is recorded, are bad. */
+  function finished(out, bits) {
+    let flagged = bits;
+    if (flagged?.some((bit) => bit & BAD)) out.pv = out.pv.map((value, i) => (flagged[i] & BAD ? NaN : value));
+    const missing = (i) => Number.isNaN(out.pv[i]) || (out.sp !== undefined && Number.isNaN(out.sp[i]));
+    if (out.pv.some((_, i) => missing(i))) {
+      flagged = (flagged ?? new Uint8Array(out.t.length)).map((bit, i) => bit | (missing(i) ? BAD : 0));
+    }
+    if (flagged?.some(Boolean)) out.flags = flagged;
+    return out;
   }
 
   /**
-   * One loop's columns: t [s], sp, pv, op, position (NaN where missing), flags; `chosen` tells role to column.
-   * `options`: loop (its prefix), columns (role to place of the column, -1: none), sample_time [s].
+   * One loop's columns: t [s], sp, pv, op, position (NaN where missing), flags; `chosen` tells role to name.
+   * `options`: loop (its place among the file's), columns (role to place among the loop's names, -1: none), sample_time [s].
    */
-  function recording(read, options = {}) {
-    const { names, meanings, units, comma, loops } = read;
-    const loop = options.loop ?? loops[0] ?? "";
-    const chosen = choose(names, meanings, loops, loop, options.columns ?? {});
-    const used = Object.values(chosen);
-    const body = read.body.filter((row) => used.some((at) => row.cells[at].trim() !== ""));
-    const column = (at) => body.map((row) => row.cells[at]);
+  function recording(file, options = {}) {
+    const loop = file.loops[options.loop ?? 0];
+    const { names, meanings, group, groups: of, source } = loop;
+    const only = source.tags ? ["time", "quality"] : [];
+    const chosen = choose(names, meanings, of, group, options.columns ?? {}, only);
+    const read = source.tags ? ofTags(source, names, chosen) : wide(source, names, chosen, options.sample_time);
+    const unit = (role) => (chosen[role] === undefined ? null : read.unit(chosen[role]));
+    const called = Object.fromEntries(Object.entries(chosen).map(([role, at]) => [role, names[at]]));
+    if (source.tags && source.times !== "time") called.time = source.times;
+    const units = Object.fromEntries(Object.keys(chosen).map((role) => [role, unit(role)]).filter(([, one]) => one));
+    return { columns: read.columns, told: read.told, t0: read.t0, chosen: called, units, loop: loop.name };
+  }
+
+  function alive(out, name) {
+    if (!out.pv.some(Number.isFinite)) {
+      throw new InputError(`holds no number in ${out.pv.length} rows`, { column: name, hint: "is it the right column?" });
+    }
+    return out;
+  }
+
+  /** A loop of a table with a column per signal. */
+  function wide(source, names, chosen, sample_time) {
+    const { units, digits, line } = source;
+    const used = Object.values(chosen).map((at) => source.columns[at]);
+    const rows = Array.from(used[0].cells, (_, row) => row).filter((row) => used.some((column) => !isEmpty(column, row)));
+    if (rows.length < 2) throw new InputError(rows.length ? "has only one row" : "has no rows", { hint: "a recording needs many rows" });
+    const column = (at) => taken(source.columns[at], rows);
+    const out = {};
     let role = "time";
-    const out = { pv: null };
     let bits = null;
-    let t0 = null;
+    let time = { t0: null, told: [] };
     try {
       if (chosen.time !== undefined) {
         const at = chosen.time;
-        ({ t: out.t, t0 } = clock(column(at), names[at], units[at] ?? meanings[at].unit));
-      } else if (options.sample_time > 0) {
-        out.t = Float64Array.from(body, (_, i) => i * options.sample_time);
+        time = clock(column(at), names[at], units[at] ?? understand(names[at]).unit);
+        out.t = time.read(column(at));
+      } else if (sample_time > 0) {
+        out.t = Float64Array.from(rows, (_, i) => i * sample_time);
       } else {
         throw new InputError(`no time column among: ${names.join(", ")}`, { hint: "choose it below, or give the sample time" });
       }
       for (role of Object.keys(chosen)) {
         const at = chosen[role];
-        if (NUMBERS.includes(role)) out[role] = numbers(column(at), comma);
+        if (NUMBERS.includes(role)) out[role] = numbers(column(at), digits);
         else if (role !== "time") {
-          const cellsOf = column(at);
-          const rules = { mode, op_low_flag: limit(4), op_high_flag: limit(8) };
-          const found = flags(cellsOf, rules[role] ?? quality(cellsOf.slice(0, 1000).map(word)));
+          const found = flags(column(at), rule(role, column(at), names[at]));
           bits = bits === null ? found : bits.map((bit, i) => bit | found[i]);
         }
       }
     } catch (fault) {
       if (!(fault instanceof CellFault)) throw fault;
-      throw new InputError(fault.message, { row: body[fault.index].line, column: names[chosen[role]], hint: fault.hint });
+      throw new InputError(fault.message, { row: line(rows[fault.index]), column: names[chosen[role]], hint: fault.hint });
     }
-    if (!out.pv.some(Number.isFinite)) {
-      throw new InputError(`holds no number in ${body.length} rows`, { column: names[chosen.pv], hint: "is it the right column?" });
+    alive(out, names[chosen.pv]);
+    return { columns: finished(out, bits), t0: time.t0, told: time.told, unit: (at) => units[at] };
+  }
+
+  // --- tags with times of their own: long.py
+
+  const { common: COMMON, more: MORE } = data.long;
+
+  /** The last of these times at or before each of those; -1 where there is none. Both in order, or the times alone. */
+  function lastAt(times, asked) {
+    return Int32Array.from(asked, (t) => {
+      let [low, high] = [0, times.length];
+      while (low < high) {
+        const middle = (low + high) >> 1;
+        if (times[middle] <= t) low = middle + 1;
+        else high = middle;
+      }
+      return low - 1;
+    });
+  }
+
+  const rising = (t, strictly) => t.every((value, i) => i === 0 || (strictly ? value > t[i - 1] : value >= t[i - 1]));
+
+  function inOrder(tag) {
+    if (rising(tag.t, false)) return tag;
+    const order = Array.from(tag.t, (_, i) => i).sort((a, b) => tag.t[a] - tag.t[b] || a - b);
+    return Object.fromEntries(Object.entries(tag).map(([name, values]) => [name, values.constructor.from(order, (i) => values[i])]));
+  }
+
+  /** PV at its own times and at these, on the straight line between two samples; missing beside a missing one. */
+  function joined(pv, between) {
+    const t = Float64Array.from(new Set([...pv.t, ...between])).sort();
+    const known = (i) => (pv.bad[i] ? NaN : pv.value[i]);
+    const before = lastAt(pv.t, t);
+    const value = t.map((at, i) => {
+      const k = before[i];
+      if (pv.t[k] === at) return known(k);
+      return known(k) + ((at - pv.t[k]) / (pv.t[k + 1] - pv.t[k])) * (known(k + 1) - known(k));
+    });
+    return { t, value, bad: Uint8Array.from(value, Number.isNaN) };
+  }
+
+  /** A loop whose tags have times of their own: PV's are the rows, and the others keep their last value. */
+  function ofTags(source, names, chosen) {
+    const { columns, digits, line } = source;
+    const wrong = (fault, rows, column) => (fault instanceof CellFault ? new InputError(fault.message, { row: line(rows[fault.index] ?? 0), column, hint: fault.hint }) : fault);
+    let time;
+    try {
+      time = clock(source.head, source.names[source.time], source.units[source.time] ?? understand(source.names[source.time]).unit);
+    } catch (fault) {
+      throw wrong(fault, [0], source.names[source.time]);
     }
-    if (bits?.some((bit) => bit & BAD)) out.pv = out.pv.map((value, i) => (bits[i] & BAD ? NaN : value));
-    const missing = (i) => Number.isNaN(out.pv[i]) || (out.sp !== undefined && Number.isNaN(out.sp[i]));
-    if (out.pv.some((_, i) => missing(i))) {
-      bits = (bits ?? new Uint8Array(out.t.length)).map((bit, i) => bit | (missing(i) ? BAD : 0));
+    const tags = {};
+    for (const [role, at] of Object.entries(chosen)) {
+      const { rows, ...of } = source.tags.get(names[at]);
+      let column = source.times;
+      try {
+        const t = time.read(taken(columns[of.time], rows));
+        column = names[of.quality] ?? "quality";
+        const held = of.quality === undefined ? null : columns[of.quality];
+        const first = held && { ...held, cells: held.cells.slice(0, HEAD) };
+        const bad = held ? flags(taken(held, rows), rule("quality", first, source.names[of.quality])).map((bit) => (bit ? 1 : 0)) : new Uint8Array(rows.length);
+        column = names[at];
+        const cells = taken(columns[of.value], rows);
+        tags[role] = { t, value: WORDS.includes(role) ? Float64Array.from(flags(cells, rule(role, cells, column))) : numbers(cells, digits), bad };
+      } catch (fault) {
+        throw wrong(fault, rows, column);
+      }
     }
-    if (bits?.some(Boolean)) out.flags = bits;
-    const unitOf = (role) => (chosen[role] === undefined ? null : units[chosen[role]] || null);
-    return { columns: out, chosen, loop, t0, units: { pv: unitOf("pv"), op: unitOf("op") } };
+    let { pv } = tags;
+    alive({ pv: pv.value.map((value, i) => (pv.bad[i] ? NaN : value)) }, names[chosen.pv]);
+    const signals = ["sp", "op"].filter((role) => role in tags);
+    for (const role of Object.keys(tags)) if (role !== "pv") tags[role] = inOrder(tags[role]);
+    const count = pv.t.length;
+    let own = signals.some((role) => {
+      const having = new Set(tags[role].t);
+      return pv.t.filter((t) => having.has(t)).length / count < COMMON;
+    });
+    if (tags.op && rising(pv.t, true)) {
+      const between = tags.op.t.filter((t) => t > pv.t[0] && t < pv.t[count - 1]);
+      if (between.length > MORE * count) {
+        pv = joined(pv, between);
+        own = true;
+      }
+    }
+    const held = signals.map((role) => labels[role]).join(", ");
+    const told = own ? [{ code: "own_times", severity: "info", evidence: { held, pv_rows: count, rows: pv.t.length }, numbers: {} }] : [];
+    const out = { t: pv.t, pv: pv.value };
+    let bits = Uint8Array.from(pv.bad, (bad) => (bad ? BAD : 0));
+    for (const [role, tag] of Object.entries(tags)) {
+      if (role === "pv") continue;
+      const at = lastAt(tag.t, pv.t);
+      const none = (i) => at[i] < 0 || tag.bad[at[i]];
+      if (WORDS.includes(role)) { // an unknown mode is not automatic, an unknown limit flag is clear
+        bits = bits.map((bit, i) => bit | (none(i) ? (role === "mode" ? NOT_AUTO : 0) : tag.value[at[i]]));
+      } else out[role] = Float64Array.from(at, (k, i) => (none(i) ? NaN : tag.value[k]));
+    }
+    return { columns: finished(out, bits), t0: time.t0, told: [...time.told, ...told], unit: (at) => source.tags.get(names[at]).unit ?? understand(names[at]).unit };
   }
 
   return { understand, open, recording };

@@ -105,6 +105,8 @@ function formatted(value, format) {
 
 /** Which variant of a finding's sentence its numbers ask for, as `_VARIANTS` of glapp.quality. */
 const VARIANT = {
+  time_assumed: (n) => n.severity,
+  own_times: (n) => (n.rows === n.pv_rows ? "" : "joined"),
   time_reversed: (n) => n.looks_like,
   time_repeated: (n) => n.severity,
   not_a_number: (n) => (n.rows === n.of ? "all" : ""),
@@ -121,6 +123,7 @@ function finding(one, { pv_unit, op_unit, t0 }) {
   if (one.code === "time_reversed") {
     for (const name of ["from", "to"]) numbers[name] = t0 === null ? `${formatted(one.evidence[name], ".10g")} s` : moment(t0, one.evidence[name]);
   }
+  if (one.code === "time_assumed") numbers.steps = numbers.step ? `steps by ${formatted(numbers.step, ".6g")}` : "does not step";
   if (["spikes", "shifts"].includes(one.code)) numbers.more = numbers.count > numbers.rows.split(" ").length ? " and more" : "";
   const { findings } = data.words;
   return filled(findings[`${one.code} ${VARIANT[one.code]?.(numbers)}`] ?? findings[one.code], numbers);

@@ -16,11 +16,10 @@ const does = {
     tell("ready");
   },
 
-  open({ bytes }) {
+  async open({ bytes, stem }) {
     tell("progress", { stage: "Reading", share: 0 });
-    file = reading.open(new Uint8Array(bytes));
-    const { names, units, loops, body } = file;
-    tell("opened", { names, units, loops, rows: body.length });
+    file = await reading.open(new Uint8Array(bytes), stem);
+    tell("opened", { loops: file.loops.map(({ name, names, source }) => ({ name, names, tags: source.tags !== undefined })) });
   },
 
   analyse({ options, task }) {
@@ -44,13 +43,12 @@ const does = {
     // The fit takes long: what the crossings say by themselves is told before it.
     if (columns.op && n <= AT_ONCE) {
       crossings(false);
-      tell("first", { ...engine.ask("finish"), unit });
+      tell("first", { ...engine.ask("finish"), read, unit, took: performance.now() - began });
     }
     crossings(true);
-    const read_in = performance.now() - began;
-    tell("progress", { stage: "Fitting the gap", share: 0.3 });
+    tell("progress", { stage: "Fitting the gap", share: null });
     const done = engine.ask("finish");
-    tell("answered", { ...done, read, unit, took: { reading: read_in, all: performance.now() - began } });
+    tell("answered", { ...done, read, unit, took: performance.now() - began });
   },
 
   /** Columns that are there already, from the laboratory. */

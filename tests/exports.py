@@ -817,14 +817,14 @@ def feather_file() -> Export:
 
 def guide() -> str:
     """The table of `docs/file-forms.md`."""
-    rows = ["| form | is | file | rows are | read right |", "|---|---|---|---|---|"]
+    rows = ["| form | is | file | rows are | read right | in the page |", "|---|---|---|---|---|---|"]
     for name, (about, make) in FORMS.items():
         told = {"own_times": "those of PV; SP and OP held", None: "those of the file"}
         what = "PV's and OP's; PV interpolated, SP held" if name == "op_often" else told.get(make().told, told[None])
         if make().manual:
             what += "; modes held" if name == "mode_on_change" else "; modes read"
         about = about.replace("|", "\\|")
-        rows.append(f"| `{name}` | {about} | {make().ending} | {what} | yes |")
+        rows.append(f"| `{name}` | {about} | {make().ending} | {what} | yes | yes |")
     return "\n".join(rows) + "\n"
 
 

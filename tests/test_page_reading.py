@@ -1,4 +1,4 @@
-"""The page's reader of text tables, held to the one of the package on the same files; it runs in node."""
+"""The page's reader of files, held to the one of the package on the same files; it runs in node."""
 
 import json
 import shutil
@@ -9,15 +9,19 @@ from typing import Any
 
 import numpy as np
 import pytest
+from exports import FORMS
 
 from glapp.errors import InputError
+from glapp.loop import Loop
 from glapp.reading import open_recordings
+from glapp.recording import joined
 from glapp.report import words
 from page import build
 
 ROOT = Path(__file__).parents[1]
-PAPA = ROOT / "target" / "page" / "node_modules" / "papaparse" / "papaparse.min.js"
-if shutil.which("node") is None or not PAPA.is_file():
+PAPA = build.BUILT / "node_modules" / "papaparse" / "papaparse.min.js"
+FORMATS = build.BUILT / "formats.js"
+if shutil.which("node") is None or not FORMATS.is_file():
     pytest.skip("node and what the page has from npm are not there: make page", allow_module_level=True)
 
 
@@ -108,23 +112,33 @@ def read(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Any]]:
     """What the page's reader makes of each text, and where that is."""
     folder = tmp_path_factory.mktemp("page")
     (folder / "data.json").write_text(json.dumps(build.of_reading()), encoding="utf-8")
-    scripts = json.dumps([str(PAPA), str(ROOT / "page" / "read.js")])
+    scripts = json.dumps([str(path) for path in (PAPA, FORMATS, *(ROOT / "page" / f"{n}.js" for n in build.READER))])
     files = {}
     for i, (name, text) in enumerate((READ | REFUSED).items()):
         files[name] = folder / f"{i}.csv"
         files[name].write_bytes(text if isinstance(text, bytes) else text.encode())
+    for name, (_, make) in FORMS.items():
+        export = make()
+        files[name] = folder / f"{name}{export.ending}"
+        files[name].write_bytes(export.content)
     command = ["node", str(Path(__file__).parent / "page_reading.mjs"), scripts, str(folder / "data.json")]
     said = subprocess.run([*command, *map(str, files.values())], capture_output=True, text=True, check=True)
     told = [json.loads(line) for line in said.stdout.splitlines()]
     return {name: {"file": path, **one} for (name, path), one in zip(files.items(), told, strict=True)}
 
 
-@pytest.mark.parametrize("name", READ)
+def test_a_fault_has_its_row(read: dict[str, dict[str, Any]]) -> None:
+    assert read["a word"]["wrong"].startswith("row 22, column 'PV': 'full' is not a number")
+    assert read["a ragged row"]["wrong"] == "row 22: has 3 cells where the header has 4"
+
+
+@pytest.mark.parametrize("name", READ | FORMS)
 def test_reads_the_same_numbers(read: dict[str, dict[str, Any]], name: str) -> None:
     found = read[name]
     assert "wrong" not in found, found
-    [recording] = open_recordings(found["file"])
-    batch = recording.beginning(10**6)
+    settings = FORMS[name][1]().settings if name in FORMS else {}
+    [recording] = open_recordings(found["file"], [Loop(name="FIC101", **settings)] if settings else None)
+    batch = joined(list(recording.batches()))
     for column in ("t", "sp", "pv", "op", "position", "flags"):
         ours, theirs = getattr(batch, column), found["columns"].get(column)
         assert (ours is None) == (theirs is None), column
@@ -132,9 +146,10 @@ def test_reads_the_same_numbers(read: dict[str, dict[str, Any]], name: str) -> N
             np.testing.assert_array_equal(ours.astype(float), np.array(theirs, float), err_msg=column)
     labels = build.of_reading()["columns"]["labels"]
     assert {labels[role]: column for role, column in found["chosen"].items()} == recording.columns
-    assert {key: unit for key, unit in found["units"].items() if unit} == {
-        key: unit for key, label in (("pv", "PV"), ("op", "OP")) if (unit := recording.units.get(label))
-    }
+    assert {labels[role]: unit for role, unit in found["units"].items()} == recording.units
+    assert name in READ or found["loop"] == recording.name
+    told = [(one["code"], one["severity"], one["evidence"]) for one in found["told"]]
+    assert told == [(one.code, one.severity, one.evidence) for one in recording.found]
     if recording.t0 is None:
         assert found["t0"] is None
     else:

@@ -1,0 +1,106 @@
+"""The page in the browser: when an answer stands there, and the pictures a second of the laboratory.
+
+`python -m bench.browser`; needs the page (`make page`) and Chromium, which has no GPU here: it draws on the processor.
+"""
+
+from __future__ import annotations
+
+import os
+import platform
+import re
+import shutil
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from playwright.sync_api import sync_playwright
+
+from glapp.simulate import closed_loop
+
+from . import page as document
+
+PAGE = Path(__file__).parents[1] / "dist" / "page" / "index.html"
+ROWS = 20_000
+WATCHED = 10_000
+"""So long the pictures of the laboratory are counted [ms]."""
+
+COUNT = """async (watched) => {
+    const began = await new Promise(requestAnimationFrame);
+    let [pictures, now] = [0, began];
+    while (now - began < watched) {
+        now = await new Promise(requestAnimationFrame);
+        pictures += 1;
+    }
+    return (1000 * pictures) / (now - began);
+}"""
+
+
+def machine() -> str:
+    """The processor."""
+    found = re.search(r"model name\s*: (.*)", Path("/proc/cpuinfo").read_text())
+    return f"{found[1] if found else platform.machine()}, {os.cpu_count()} cores"
+
+
+def recording(folder: Path) -> Path:
+    """A worn valve under a load that steps, as text."""
+    load = [(40.0 * k, 0.3 * (-1) ** k) for k in range(1, 49)]
+    made = closed_loop(
+        "P3", (0.48, 0.3117), d=0.05, noise=0.005, h=0.1, t_end=ROWS / 10, seed=1, setpoint=[(1, 1.0)], load=load
+    )
+    rows = zip(*(x[:ROWS].tolist() for x in (made.t, made.sp, made.pv, made.op)), strict=True)
+    path = folder / "worn.csv"
+    path.write_text("t,SP,PV,OP\n" + "".join(",".join(f"{x:.6g}" for x in row) + "\n" for row in rows))
+    return path
+
+
+def answered(page: Any, path: Path) -> tuple[float, float]:
+    """Seconds from the drop to the answer of the crossings with its pictures, and to that of the fit."""
+    page.evaluate("""() => {
+        const began = new Promise((done) => {
+            $("file").addEventListener("change", () => done(performance.now()), { once: true });
+        });
+        const shows = (what) => new Promise((done) => {
+            const seen = new MutationObserver(() => {
+                if (!document.querySelector(what)) return;
+                seen.disconnect();
+                requestAnimationFrame(() => done(performance.now()));
+            });
+            seen.observe($("result"), { childList: true });
+        });
+        globalThis.took = Promise.all([began, shows("#result .loop"), shows("#result .loop:not(.provisional)")]);
+    }""")
+    page.set_input_files("#file", str(path))
+    began, first, all_ = page.evaluate("() => took")
+    return (first - began) / 1000, (all_ - began) / 1000
+
+
+def main() -> None:
+    """Measure, and write the table of docs/page.md."""
+    rows = ["| in Chromium {version} on {machine}, without a GPU | measured | asked |", "|---|---|---|"]
+    with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
+        page = browser.new_page(viewport={"width": 1280, "height": 800})
+        page.set_default_timeout(0)
+        page.goto(PAGE.as_uri())
+        page.evaluate("() => module_ready")
+        page.click("#go-laboratory")
+        page.wait_for_function("() => Number(document.getElementById('laboratory').dataset.t) > 5")
+        rate = page.evaluate(COUNT, WATCHED)
+        page.click("#lab-run")
+        page.click("#go-recording")
+        first, fitted = answered(page, recording(Path(folder)))
+        size = PAGE.stat().st_size / 1e6
+        version = browser.version
+        browser.close()
+    rows[0] = rows[0].format(version=version, machine=machine())
+    rows += [
+        f"| {ROWS} rows of a worn valve: the answer of the zero crossings, with its pictures | {first:.1f} s | ≤ 5 s |",
+        f"| the same, with the fit | {fitted:.0f} s | ≤ 5 s |",
+        f"| pictures a second of the laboratory at 1 ×, all three charts | {rate:.0f} | ≥ 50 |",
+        f"| size of the page | {size:.2f} MB | ≤ 5 MB |",
+    ]
+    document.write("page.md", "\n".join(rows) + "\n", "measured")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,10 @@
+// What seek-bzip asks of node's Buffer.
+export class Buffer extends Uint8Array {
+  copy(target, at = 0, from = 0, to = this.length) {
+    target.set(this.subarray(from, to), at);
+  }
+
+  toString(how) {
+    return how === "hex" ? Array.from(this, (byte) => byte.toString(16).padStart(2, "0")).join("") : new TextDecoder().decode(this);
+  }
+}

@@ -1,0 +1,162 @@
+// Which column, or tag, is which signal of which loop: python/glapp/reading/columns.py.
+"use strict";
+
+const Names = (data) => {
+  const MOST_WORDS = 4; // "position de la vanne"
+  const INSIDE = 6; // letters of a word that is a signal's in the middle of a name too
+  const UNIT = new RegExp(data.columns.unit);
+  const TOKEN = new RegExp(data.columns.token, "g");
+  const JOINED = new RegExp(`^(?:${data.columns.joined})$`, "i");
+  const CURRENT = new Set(data.columns.current);
+  const LIMITS = new Set(data.columns.limits);
+
+  /** The text without case, accents and spaces. */
+  const folded = (text) =>
+    text.toLowerCase().replaceAll("ß", "ss").normalize("NFKD").replace(/[\p{M}\s]/gu, "");
+
+  const signal = (word) => (Object.hasOwn(data.columns.words, word) ? data.columns.words[word] : undefined);
+
+  /** Whether the last words are a signal together: a Process Value is more than a Process. */
+  const twoWords = (words) =>
+    !signal(words.at(-2)) && [2, 3, MOST_WORDS].some((count) => signal(words.slice(-count).join("")));
+
+  /** Whether a word is a signal's wherever in a name it stands. */
+  const inside = (word) =>
+    ["sp", "pv", "op"].includes(signal(word)) && (word.length >= INSIDE || ["sp", "sv", "pv", "op", "mv"].includes(word));
+
+  /** What a column's name says: role, loop ("" where the name has no more to it), unit, and a word that is not sure. */
+  function understand(name) {
+    const none = { role: null, loop: "", unit: null, weak: null };
+    let text = name.trim();
+    let unit = null;
+    const found = UNIT.exec(text);
+    if (found) {
+      text = text.slice(0, found.index);
+      unit = found[1].trim() || null;
+    }
+    const tokens = [...text.matchAll(TOKEN)];
+    const words = tokens.map((token) => folded(token[0]));
+    if (!words.length) return none;
+    const joined = words.join("");
+    const weak = Object.hasOwn(data.columns.weak, joined) ? joined : null;
+    const known = Object.hasOwn(data.columns.whole, joined) ? data.columns.whole[joined] : signal(joined);
+    if (known || weak) return { role: known ?? null, loop: "", unit, weak };
+    if (text.includes(",")) {
+      const of = understand(text.slice(0, text.indexOf(",")));
+      if (of.role !== null) return { ...none, role: of.role, loop: of.loop, unit };
+    }
+    const last = words.at(-1);
+    const end = tokens.at(-1);
+    while (words.length > 1 && CURRENT.has(words.at(-1)) && !twoWords(words)) {
+      tokens.pop();
+      words.pop();
+    }
+    if (words.some((word) => LIMITS.has(word))) return none;
+    for (let count = Math.min(MOST_WORDS, words.length); count > 0; count -= 1) {
+      let role = signal(words.slice(-count).join(""));
+      let rest;
+      if (role) rest = strip(text.slice(0, tokens.at(-count).index), false);
+      else if ((role = signal(words.slice(0, count).join("")))) {
+        rest = strip(text.slice(tokens[count - 1].index + tokens[count - 1][0].length), true);
+      } else continue;
+      const of = rest ? understand(rest) : none;
+      if (role === "quality" && of.role !== null) {
+        return of.role === "pv" ? { ...none, role: "quality", loop: of.loop } : none;
+      }
+      return { ...none, role, loop: of.role === role ? of.loop : rest, unit };
+    }
+    const to = tokens.at(-1);
+    const one = JOINED.exec(text.slice(0, to.index + to[0].length));
+    if (one) return { ...none, role: signal(one[2].toLowerCase()), loop: one[1], unit };
+    if (Object.hasOwn(data.columns.weak, last)) return { ...none, loop: strip(text.slice(0, end.index), false), unit, weak: last };
+    const places = words.flatMap((word, i) => (inside(word) ? [i] : []));
+    if (places.length === 1) {
+      const [i] = places;
+      const before = strip(text.slice(0, tokens[i].index), false);
+      const after = strip(text.slice(tokens[i].index + tokens[i][0].length), true);
+      return { ...none, role: signal(words[i]), loop: `${before} ${after}`, unit };
+    }
+    return none;
+  }
+
+  /** The words that are not sure get the first of their roles that no other column of their loop has. */
+  function settle(meanings) {
+    const roles = new Map();
+    const open = new Map();
+    for (const { role, loop, weak } of meanings) {
+      if (!roles.has(loop)) roles.set(loop, new Set());
+      if (["sp", "pv", "op", "position"].includes(role)) roles.get(loop).add(role);
+      if (weak) open.set(loop, (open.get(loop) ?? new Set()).add(weak));
+    }
+    for (const [loop, words] of open) {
+      const have = roles.get(loop);
+      if (!have.size && words.size < 3) continue;
+      while (words.size) {
+        const left = [...words].map((word) => [word, data.columns.weak[word].filter((role) => !have.has(role))]);
+        const first = left.find(([, of]) => of.length);
+        if (!first) break;
+        const sure = left.filter(([, of]) => of.length === 1);
+        for (const [word, of] of sure.length ? sure : [first]) {
+          for (const one of meanings) if (one.loop === loop && one.weak === word) one.role = of[0];
+          words.delete(word);
+          have.add(of[0]);
+        }
+      }
+    }
+    return meanings;
+  }
+
+  function strip(text, both) {
+    const separators = data.columns.separators;
+    let [from, to] = [0, text.length];
+    while (to > 0 && separators.includes(text[to - 1])) to -= 1;
+    while (both && from < to && separators.includes(text[from])) from += 1;
+    return text.slice(from, to);
+  }
+
+  /** Loops that have SP and PV, in the order in which they appear; where none has, those with PV and OP. */
+  function groups(meanings) {
+    const roles = new Map();
+    for (const { role, loop } of meanings) {
+      if (["sp", "pv", "op"].includes(role)) roles.set(loop, (roles.get(loop) ?? new Set()).add(role));
+    }
+    for (const kind of [["sp", "pv"], ["pv", "op"]]) {
+      const having = [...roles].filter(([, have]) => kind.every((role) => have.has(role))).map(([loop]) => loop);
+      if (having.length) return having;
+    }
+    return [];
+  }
+
+  /** Column for every role of one loop; what a person chose in `columns` wins, -1 says that there is none; none of the roles `without` has one. */
+  function choose(names, meanings, loops, loop, columns, without) {
+    const chosen = {};
+    for (const role of Object.keys(data.columns.labels)) {
+      if (["tag", "value", ...without].includes(role)) continue;
+      if (columns[role] !== undefined) {
+        if (columns[role] >= 0) chosen[role] = columns[role];
+        continue;
+      }
+      const fits = (prefix) => meanings.flatMap((m, i) => (m.role === role && m.loop === prefix ? [i] : []));
+      let found = role === "time" ? meanings.flatMap((m, i) => (m.role === "time" ? [i] : [])) : fits(loop);
+      if (!found.length && role !== "time" && loops.length <= 1) found = fits("");
+      if (found.length > 1) {
+        const both = found.map((i) => `'${names[i]}'`).join(" and ");
+        throw new InputError(`the columns ${both} could both be ${data.columns.labels[role]}`, { hint: "choose one below" });
+      }
+      if (found.length) chosen[role] = found[0];
+    }
+    if (chosen.pv === undefined || (chosen.sp === undefined && chosen.op === undefined)) {
+      const missing = ["sp", "pv"].filter((role) => chosen[role] === undefined).map((role) => data.columns.labels[role]);
+      throw new InputError(`no column for ${missing.join(" and ")} among: ${names.join(", ")}`, { hint: "choose it below" });
+    }
+    return chosen;
+  }
+
+  /** Whether this is a table with a row per tag and time. */
+  const isLong = (names) => {
+    const roles = names.map((name) => understand(name).role);
+    return roles.includes("tag") && roles.includes("value") && !roles.includes("pv");
+  };
+
+  return { folded, understand, settle, groups, choose, isLong };
+};

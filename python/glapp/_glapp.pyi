@@ -1,6 +1,7 @@
 """The Rust extension."""
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
@@ -404,6 +405,31 @@ class Detector:
     def save(self) -> str: ...
     @staticmethod
     def load(text: str) -> Detector: ...
+
+def run_side_by_side(
+    detectors: Sequence[Detector],
+    signals: Sequence[
+        tuple[
+            npt.NDArray[np.float64],
+            npt.NDArray[np.float64],
+            npt.NDArray[np.float64],
+            npt.NDArray[np.float64] | None,
+        ]
+    ],
+    instructions: str | None = None,
+) -> None:
+    """As `Detector.run` for each, in the lanes of the processor: t, SP, PV and OP of each loop. The same bits."""
+
+def run_lake(
+    detectors: Sequence[Detector],
+    places: Sequence[tuple[Sequence[str | Path], tuple[str, str, str, str | None]]],
+    threads: int,
+    instructions: str | None = None,
+) -> list[tuple[int, tuple[Path, int | None, str] | None]]:
+    """The same from Parquet: of each loop its files in the order of time, and the columns of time, SP, PV and OP.
+
+    Gives rows read, or the file, its row, and what is wrong; the detector is then as it was.
+    """
 
 def process_gain(given: float | None, spans: tuple[float, float] | None, integrating: bool) -> float | None: ...
 

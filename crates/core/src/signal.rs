@@ -16,6 +16,7 @@ pub use filter::{SecondOrderFilter, SecondOrderFilterState};
 pub use friction::{Friction, FrictionState, Model};
 pub use noise::{Noise, NoiseState};
 pub use noise_level::NoiseLevel;
+pub(crate) use noise_level::{BEGINNING, VALUES};
 pub use phase_lead::{PhaseLead, PhaseLeadState};
 pub use rate_limit::{RateLimit, RateLimitState};
 pub use saturation::Saturation;

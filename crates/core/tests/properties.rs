@@ -2,8 +2,8 @@
 
 use glapp_core::status::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO};
 use glapp_core::{
-    Columns, Detector, DetectorState, MedianMean, Real, Reason, Record, SafetyNet, Sample, SecondOrderFilter, Span,
-    Width,
+    Columns, Detector, DetectorState, LANES, MedianMean, Real, Reason, Record, SafetyNet, Sample, SecondOrderFilter,
+    Span, Width,
 };
 use proptest::prelude::*;
 
@@ -268,6 +268,34 @@ proptest! {
         }
         prop_assert_eq!(bits(&pieces), bits(&found));
         prop_assert_eq!(bits(&state), bits(&end));
+    }
+
+    #[test]
+    fn side_by_side_as_alone(
+        loops in prop::collection::vec((settings(), spoiled(), any::<bool>()), LANES),
+        with_op in 0..4_usize,
+        cut in any::<prop::sample::Index>(),
+    ) {
+        let columns = |l: usize, from: usize, to: usize| {
+            let (_, rows, flags) = &loops[l];
+            let all = rows.columns(from.min(rows.len()), to.min(rows.len()));
+            // All have OP, all but one, or none.
+            Columns { op: all.op.filter(|_| with_op > 1 || (with_op == 1 && l > 0)), flags: all.flags.filter(|_| *flags), ..all }
+        };
+        let detectors = std::array::from_fn(|l| loops[l].0.detector());
+        let (mut states, mut found) = ([DetectorState::default(); LANES], vec![Vec::new(); LANES]);
+        // Cut somewhere in the first of them.
+        let cut = cut.index(loops[0].1.len() + 1);
+        for (from, to) in [(0, cut), (cut, usize::MAX)] {
+            let columns = std::array::from_fn(|l| columns(l, from, to));
+            Detector::run_together(&detectors, &mut states, &columns, |l, span, record| found[l].push((span, *record)));
+        }
+        for l in 0..LANES {
+            let mut state = DetectorState::default();
+            let alone = run(&loops[l].0, &mut state, columns(l, 0, usize::MAX));
+            prop_assert_eq!(bits(&found[l]), bits(&alone));
+            prop_assert_eq!(bits(&states[l]), bits(&state));
+        }
     }
 
     #[test]

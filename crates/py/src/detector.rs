@@ -173,7 +173,7 @@ attributes! {
 /// The detector with its state and its table of half-periods.
 #[pyclass(module = "glapp", name = "Detector")]
 pub struct PyDetector {
-    crossings: Crossings,
+    pub(crate) crossings: Crossings,
 }
 
 #[pymethods]

@@ -10,6 +10,7 @@ mod compensation;
 mod detector;
 mod fit;
 mod identify;
+mod lake;
 mod modules;
 mod noise;
 mod phase_lead;
@@ -74,6 +75,8 @@ mod _glapp {
     const WIDEST: f64 = glapp_analysis::identify::WIDEST;
     #[pymodule_export]
     const MIN_STEPS: usize = glapp_analysis::identify::MIN_STEPS;
+    #[pymodule_export]
+    use crate::lake::{run_lake, run_side_by_side};
     #[pymodule_export]
     use crate::modules::{Graph, ideal_of_parallel, ideal_of_series};
     #[pymodule_export]

@@ -233,7 +233,7 @@ pub fn watch(py: Python<'_>, scenarios: Vec<Py<PyChecked>>, instructions: Option
         .collect())
 }
 
-fn chosen(name: Option<&str>) -> PyResult<Instructions> {
+pub(crate) fn chosen(name: Option<&str>) -> PyResult<Instructions> {
     let available = Instructions::available();
     let found = available.iter().rev().find(|set| name.is_none_or(|name| set.name() == name));
     found.copied().ok_or_else(|| PyValueError::new_err("not an instruction set of this processor"))

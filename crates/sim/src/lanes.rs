@@ -11,6 +11,7 @@ use crate::scenario::{Block, CHUNK, Columns, Seen, Watcher};
 use crate::signal::Source;
 use crate::{Piece, Scenario, SimError, engine};
 use glapp_core::{Backlash, Detector, NoiseState, PidState, Saturation};
+use glapp_lanes::{Instructions, NullaryFnOnce};
 
 /// Loops in a group.
 pub(crate) const LANES: usize = 16;
@@ -20,54 +21,6 @@ const WORTHWHILE: usize = 4;
 const ROWS: usize = 64;
 
 type Lane = [f64; LANES];
-
-/// An instruction set that the processor has; the bits do not depend on it.
-#[derive(Clone, Copy, Debug)]
-pub enum Instructions {
-    /// What every processor of its kind has: SSE2, NEON.
-    Baseline,
-    /// x86-64-v3: AVX2.
-    #[cfg(target_arch = "x86_64")]
-    V3(pulp::x86::V3),
-    /// x86-64-v4: AVX-512.
-    #[cfg(target_arch = "x86_64")]
-    V4(pulp::x86::V4),
-}
-
-impl Instructions {
-    /// Those of this processor, the widest last.
-    pub fn available() -> Vec<Self> {
-        #[allow(unused_mut)]
-        let mut all = vec![Self::Baseline];
-        #[cfg(target_arch = "x86_64")]
-        {
-            all.extend(pulp::x86::V3::try_new().map(Self::V3));
-            all.extend(pulp::x86::V4::try_new().map(Self::V4));
-        }
-        all
-    }
-
-    /// Its name.
-    pub fn name(&self) -> &'static str {
-        match self {
-            Self::Baseline => "baseline",
-            #[cfg(target_arch = "x86_64")]
-            Self::V3(_) => "AVX2",
-            #[cfg(target_arch = "x86_64")]
-            Self::V4(_) => "AVX-512",
-        }
-    }
-
-    fn run(self, work: impl pulp::NullaryFnOnce<Output = ()>) {
-        match self {
-            Self::Baseline => work.call(),
-            #[cfg(target_arch = "x86_64")]
-            Self::V3(v3) => v3.vectorize(work),
-            #[cfg(target_arch = "x86_64")]
-            Self::V4(v4) => v4.vectorize(work),
-        }
-    }
-}
 
 /// Indices of scenarios that are best run together, by [`run_together`] or [`watch_together`].
 pub fn groups(scenarios: &[&Scenario]) -> Vec<Vec<usize>> {
@@ -444,7 +397,7 @@ struct Steps<'a, const N: usize, const DERIVATIVE: bool> {
     length: usize,
 }
 
-impl<const N: usize, const DERIVATIVE: bool> pulp::NullaryFnOnce for Steps<'_, N, DERIVATIVE> {
+impl<const N: usize, const DERIVATIVE: bool> NullaryFnOnce for Steps<'_, N, DERIVATIVE> {
     type Output = ();
 
     #[inline(always)]

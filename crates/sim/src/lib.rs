@@ -16,8 +16,9 @@ mod scenario;
 mod signal;
 
 pub use error::SimError;
+pub use glapp_lanes::Instructions;
 pub use graph::{Graph, GraphError};
-pub use lanes::{Instructions, groups, run_together, watch_together};
+pub use lanes::{groups, run_together, watch_together};
 pub use matrix::Matrix;
 pub use module::Module;
 pub use plant::{BATCH, MAX_ORDER, Named, Plant};

@@ -11,5 +11,6 @@
 from .demo import make_demo
 from .results import manifest, read
 from .run import analyze
+from .stream import CROSSINGS, crossings
 
-__all__ = ["analyze", "make_demo", "manifest", "read"]
+__all__ = ["CROSSINGS", "analyze", "crossings", "make_demo", "manifest", "read"]

@@ -1,5 +1,7 @@
 //! A detector over a recording, with the table of its half-periods.
 
+mod together;
+
 use glapp_core::status::{BAD, GAP, NOT_AUTO};
 use glapp_core::{
     Columns, Detector, DetectorSettings, DetectorState, ParameterError, Reason, Record, Span, Swing, SwingParts,
@@ -251,6 +253,7 @@ impl Swinging {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glapp_lanes::Instructions;
 
     /// PV about an SP that is 0: waves of changing height and length, noise between them, now and then a gap, a bad value and
     /// a time in manual.
@@ -292,6 +295,44 @@ mod tests {
             });
         }
         crossings
+    }
+
+    #[test]
+    fn side_by_side_as_alone_on_every_instruction_set() {
+        let recordings: Vec<_> = (0..11).map(|seed| recorded(9000 + 500 * seed as usize, seed)).collect();
+        let empty = |i: usize| {
+            let settings = DetectorSettings { n: 5, ..DetectorSettings::new(0.5, 8.0, 0.0, 1.0 + 0.1 * i as f64) };
+            Crossings::new(DetectorSettings { tf: 0.5 * i as f64, ..settings }).unwrap()
+        };
+        let zero = vec![0.0; 20_000];
+        for op in [false, true] {
+            let columns = |i: usize, from: usize, to: usize| {
+                let [t, pv, values] = &recordings[i];
+                let rows = from..to.min(t.len());
+                let op = op.then(|| &values[rows.clone()]);
+                Columns { t: &t[rows.clone()], sp: &zero[..rows.len()], pv: &pv[rows], op, flags: None }
+            };
+            let alone: Vec<_> = (0..11)
+                .map(|i| {
+                    let mut one = empty(i);
+                    [(0, 5000), (5000, 99_999)].map(|(from, to)| one.take(columns(i, from, to)));
+                    one
+                })
+                .collect();
+            assert!(alone.iter().all(|one| one.rows().len() > 20));
+            for instructions in Instructions::available() {
+                for n in [1, 4, 8, 11] {
+                    let mut together: Vec<_> = (0..n).map(empty).collect();
+                    for (from, to) in [(0, 5000), (5000, 99_999)] {
+                        let columns: Vec<_> = (0..n).map(|i| columns(i, from, to)).collect();
+                        Crossings::take_together(&mut together.iter_mut().collect::<Vec<_>>(), &columns, instructions);
+                    }
+                    for (one, alone) in together.iter().zip(&alone) {
+                        assert_eq!(format!("{one:?}"), format!("{alone:?}"), "{}", instructions.name());
+                    }
+                }
+            }
+        }
     }
 
     #[test]

@@ -1,8 +1,10 @@
 //! The detector's law: a sample in, a record out. What a controller mirrors is this file.
 
 mod batch;
+mod lanes;
 
 pub use batch::{Columns, Span};
+pub use lanes::LANES;
 
 use crate::status::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO, Status};
 use crate::{

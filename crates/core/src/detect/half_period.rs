@@ -38,16 +38,16 @@ pub struct HalfPeriod<R> {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct HalfPeriodState<R: Real> {
-    flags: Status,
-    n: u32,
-    delta_t: R::Sum,
-    sp_low: R,
-    integral: R::Sum,
-    sp_high: R,
-    sp_start: R,
-    e_max: R,
-    slope_start: R,
-    op_start: R,
+    pub(super) flags: Status,
+    pub(super) n: u32,
+    pub(super) delta_t: R::Sum,
+    pub(super) sp_low: R,
+    pub(super) integral: R::Sum,
+    pub(super) sp_high: R,
+    pub(super) sp_start: R,
+    pub(super) e_max: R,
+    pub(super) slope_start: R,
+    pub(super) op_start: R,
 }
 
 impl<R: Real> HalfPeriodState<R> {

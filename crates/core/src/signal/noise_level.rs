@@ -5,14 +5,14 @@ use crate::Real;
 /// A value repeated so many times in a row is held, by a transmitter or a historian, and tells nothing of the noise.
 const HELD: u8 = 5;
 /// Differences that m begins with, and those after which σ is told.
-const BEGINNING: u8 = 8;
+pub(crate) const BEGINNING: u8 = 8;
 const ENOUGH: u8 = 20;
 /// 1/(0.6745·√70): from the median of |fourth difference| of white noise to its standard deviation.
 const OF_MEDIAN: f64 = 0.177_202_165_950_243_68;
 /// 1/√12: the standard deviation of what rounding to a grid of 1 leaves.
 const OF_GRID: f64 = 0.288_675_134_594_812_87;
 /// Values before the one that completes a fourth difference.
-const VALUES: u8 = 4;
+pub(crate) const VALUES: u8 = 4;
 /// The gain at the beginning, and the least, with which it forgets what was a thousand samples ago.
 const FIRST_GAIN: f64 = 0.25;
 const LEAST_GAIN: f64 = 1.0 / 512.0;
@@ -53,18 +53,18 @@ const LEAST_GAIN: f64 = 1.0 / 512.0;
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct NoiseLevel<R> {
     /// The last value, and the first three differences there.
-    x: R,
-    first: R,
-    second: R,
-    third: R,
-    median: R,
-    gain: R,
-    grid: R,
+    pub(crate) x: R,
+    pub(crate) first: R,
+    pub(crate) second: R,
+    pub(crate) third: R,
+    pub(crate) median: R,
+    pub(crate) gain: R,
+    pub(crate) grid: R,
     /// Values since the last break, as far as a fourth difference needs them.
-    values: u8,
-    repeats: u8,
+    pub(crate) values: u8,
+    pub(crate) repeats: u8,
     /// Fourth differences.
-    count: u8,
+    pub(crate) count: u8,
 }
 
 impl<R: Real> NoiseLevel<R> {

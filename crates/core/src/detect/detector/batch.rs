@@ -1,7 +1,7 @@
 //! Many samples at once: the same law, the same bits, with nearly all samples passed over in a loop that stays in registers.
 
-use super::{Detector, DetectorState, Record, Signal};
-use crate::status::BAD;
+use super::{Detector, DetectorState, Memory, Record, Signal};
+use crate::status::{BAD, Status};
 use crate::{Real, SecondOrderFilterState, Sum};
 
 /// Samples in columns of equal length, for [`Detector::run`].
@@ -31,6 +31,27 @@ impl<R> Columns<'_, R> {
         }
         n
     }
+
+    /// The samples `from` to before `to`.
+    pub fn part(&self, from: usize, to: usize) -> Self {
+        Self {
+            t: &self.t[from..to],
+            sp: &self.sp[from..to],
+            pv: &self.pv[from..to],
+            op: self.op.map(|op| &op[from..to]),
+            flags: self.flags.map(|flags| &flags[from..to]),
+        }
+    }
+}
+
+/// A row of [`Columns`].
+#[derive(Clone, Copy)]
+pub(super) struct Row<R> {
+    pub(super) t: f64,
+    pub(super) sp: R,
+    pub(super) pv: R,
+    pub(super) op: R,
+    pub(super) flags: Status,
 }
 
 /// From when to when a half-period lasts: its first sample, and the sample that ended it or, at a gap, the last one
@@ -83,28 +104,46 @@ impl<R: Real> Detector<R> {
             if k == n {
                 break;
             }
-            let h = R::of(t[k] - before);
-            let mut end = t[k];
-            let half;
-            if let Some(next) = self.advance::<OP>(&signal, h, sp[k], pv[k], op(k), flags(k)) {
-                half = self.observe_good::<OP>(&mut signal, next, h, sp[k], op(k), flags(k), pv[k]);
-                before = t[k];
-            } else {
-                (signal, half) = self.observe_break::<OP>(signal, h, sp[k], pv[k], op(k), flags(k), pv[k]);
-                end = if self.in_time(h) { end } else { before };
-                // A time that is not a number stands for the one before it.
-                before = if t[k].is_number() { t[k] } else { before };
-                start = if start.is_number() { start } else { before };
-            }
-            if let Some(half) = half {
-                ended(Span { start, end }, &self.judge(&mut state.memory, half, OP, &signal.noise));
-                start = before;
+            let row = Row { t: t[k], sp: sp[k], pv: pv[k], op: op(k), flags: flags(k) };
+            if let Some((span, record)) =
+                self.take_row::<OP>(&mut signal, &mut state.memory, &mut before, &mut start, row)
+            {
+                ended(span, &record);
             }
             seen(k, signal.pv.started.then_some(signal.pv.y2.value()));
             k += 1;
         }
         state.signal = signal;
         state.t = before.is_number().then_some((before, start));
+    }
+
+    /// One sample, by the law; its time goes to `before`, and to `start` where a half-period begins.
+    #[inline(always)]
+    pub(super) fn take_row<const OP: bool>(
+        &self,
+        signal: &mut Signal<R>,
+        memory: &mut Memory<R>,
+        before: &mut f64,
+        start: &mut f64,
+        Row { t, sp, pv, op, flags }: Row<R>,
+    ) -> Option<(Span, Record<R>)> {
+        let h = R::of(t - *before);
+        let mut end = t;
+        let half;
+        if let Some(next) = self.advance::<OP>(signal, h, sp, pv, op, flags) {
+            half = self.observe_good::<OP>(signal, next, h, sp, op, flags, pv);
+            *before = t;
+        } else {
+            (*signal, half) = self.observe_break::<OP>(*signal, h, sp, pv, op, flags, pv);
+            end = if self.in_time(h) { end } else { *before };
+            // A time that is not a number stands for the one before it.
+            *before = if t.is_number() { t } else { *before };
+            *start = if start.is_number() { *start } else { *before };
+        }
+        let half = half?;
+        let found = (Span { start: *start, end }, self.judge(memory, half, OP, &signal.noise));
+        *start = *before;
+        Some(found)
     }
 
     /// Passes over samples that neither end a half-period nor break the signal, nearly all there are; gives the index

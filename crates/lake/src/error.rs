@@ -1,0 +1,30 @@
+//! What is wrong with a file.
+
+use std::path::{Path, PathBuf};
+
+/// A file that cannot be read, or a row that breaks what was promised.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{}{}: {what}", .file.display(), .row.map_or_else(String::new, |row| format!(", row {row}")))]
+pub struct LakeError {
+    /// The file.
+    pub file: PathBuf,
+    /// Its row, the first one is 1.
+    pub row: Option<u64>,
+    /// What is wrong, and what to do.
+    pub what: String,
+}
+
+impl LakeError {
+    pub(crate) fn of(file: &Path, what: impl Into<String>) -> Self {
+        Self { file: file.into(), row: None, what: what.into() }
+    }
+
+    pub(crate) fn at(self, row: u64) -> Self {
+        Self { row: Some(row), ..self }
+    }
+
+    /// Where a thread ended before it came to the loop.
+    pub(crate) fn abandoned() -> Self {
+        Self::of(Path::new(""), "was not read: a thread ended")
+    }
+}

@@ -1,0 +1,342 @@
+//! The rows of one loop, batch by batch.
+
+use crate::{LakeError, Place};
+use glapp_core::Columns;
+use parquet::basic::{ConvertedType, LogicalType, TimeUnit};
+use parquet::column::reader::ColumnReader;
+use parquet::errors::ParquetError;
+use parquet::file::reader::{FileReader, SerializedFileReader};
+use parquet::schema::types::ColumnDescriptor;
+use std::fs::File;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+
+/// Rows of a batch.
+const BATCH: usize = 4096;
+
+/// The rows of a loop: those that are read and not passed yet, and where the others are.
+pub(crate) struct Stream {
+    place: Place,
+    /// Files that were begun.
+    begun: usize,
+    open: Option<Open>,
+    t: Vec<f64>,
+    sp: Vec<f64>,
+    pv: Vec<f64>,
+    op: Vec<f64>,
+    /// Rows of the batch that are passed.
+    from: usize,
+    /// Rows of all batches that are.
+    done: u64,
+    clock: Clock,
+    scratch: Scratch,
+}
+
+/// A file, and the columns of its group of rows under way.
+struct Open {
+    reader: SerializedFileReader<File>,
+    groups: usize,
+    /// Rows of the file before the batch.
+    rows: u64,
+    columns: Vec<Column>,
+}
+
+/// A column of a group of rows.
+struct Column {
+    name: String,
+    reader: ColumnReader,
+    /// The level at which a value is there.
+    there: i16,
+    /// What its integers are, where it holds timestamps.
+    ticks: Option<Ticks>,
+}
+
+/// Since 1970.
+#[derive(Clone, Copy, Debug)]
+enum Ticks {
+    Millis,
+    Micros,
+    Nanos,
+}
+
+impl Ticks {
+    /// The moment in whole microseconds, as Arrow has it.
+    fn micros(self, tick: i64) -> i64 {
+        match self {
+            Self::Millis => tick.saturating_mul(1000),
+            Self::Micros => tick,
+            Self::Nanos => tick / 1000,
+        }
+    }
+}
+
+/// The loop's time: seconds since its first row.
+#[derive(Clone, Copy, Debug, Default)]
+struct Clock {
+    /// The first row \[µs since 1970\]; none where times are numbers.
+    begin: Option<i64>,
+    /// The last one \[s\].
+    last: Option<f64>,
+}
+
+/// What is used again from batch to batch.
+#[derive(Default)]
+struct Scratch {
+    levels: Vec<i16>,
+    long: Vec<i64>,
+    short: Vec<i32>,
+    single: Vec<f32>,
+}
+
+impl Stream {
+    pub(crate) fn new(place: Place) -> Self {
+        let (t, sp, pv, op) = Default::default();
+        let (clock, scratch) = Default::default();
+        Self { place, begun: 0, open: None, t, sp, pv, op, from: 0, done: 0, clock, scratch }
+    }
+
+    /// Whether there is a row; reads on where all were passed. After an error there is none.
+    pub(crate) fn ready(&mut self) -> Result<bool, LakeError> {
+        let found = self.read_on();
+        if found.is_err() {
+            (self.open, self.begun) = (None, self.place.files.len());
+            self.forget();
+        }
+        found
+    }
+
+    fn read_on(&mut self) -> Result<bool, LakeError> {
+        while self.rows() == 0 {
+            if self.open.is_none() {
+                let Some(path) = self.place.files.get(self.begun) else { return Ok(false) };
+                self.open = Some(Open::new(path)?);
+                self.begun += 1;
+            }
+            let path = self.place.files[self.begun - 1].clone();
+            // A damaged page is a thing that the library may panic at.
+            let read = catch_unwind(AssertUnwindSafe(|| self.read(&path)));
+            let damaged = |_| Err(LakeError::of(&path, "is damaged: copy it anew from where it came"));
+            if !read.unwrap_or_else(damaged)? {
+                self.open = None;
+            }
+        }
+        Ok(true)
+    }
+
+    /// Rows that are read and not passed.
+    pub(crate) fn rows(&self) -> usize {
+        self.t.len() - self.from
+    }
+
+    /// Rows that were passed.
+    pub(crate) fn done(&self) -> u64 {
+        self.done
+    }
+
+    /// The next `n` rows, no more than there are.
+    pub(crate) fn columns(&self, n: usize) -> Columns<'_, f64> {
+        let part = self.from..self.from + n;
+        Columns {
+            t: &self.t[part.clone()],
+            sp: &self.sp[part.clone()],
+            pv: &self.pv[part.clone()],
+            op: self.place.op.as_ref().map(|_| &self.op[part]),
+            flags: None,
+        }
+    }
+
+    /// Passes over them.
+    pub(crate) fn pass(&mut self, n: usize) {
+        self.from += n;
+        self.done += n as u64;
+    }
+
+    fn forget(&mut self) {
+        for column in [&mut self.t, &mut self.sp, &mut self.pv, &mut self.op] {
+            column.clear();
+        }
+        self.from = 0;
+    }
+
+    /// The next batch of the file that is open; false at its end.
+    fn read(&mut self, path: &Path) -> Result<bool, LakeError> {
+        let Some(open) = &mut self.open else { return Ok(false) };
+        open.rows += self.t.len() as u64;
+        self.from = 0;
+        loop {
+            if open.columns.is_empty() {
+                self.t.clear();
+                if !open.begin(path, &self.place)? {
+                    return Ok(false);
+                }
+            }
+            let (columns, scratch) = (&mut open.columns, &mut self.scratch);
+            let ticks = columns[0].ticks;
+            let fault = |error: ParquetError| LakeError::of(path, format!("cannot be decoded: {error}"));
+            match ticks {
+                Some(ticks) => {
+                    columns[0].integers(scratch).map_err(fault)?;
+                    self.clock.seconds(&scratch.long, ticks, &mut self.t);
+                }
+                None => columns[0].numbers(scratch, &mut self.t).map_err(fault)?,
+            }
+            let signals = [&mut self.sp, &mut self.pv, &mut self.op];
+            for (column, signal) in columns[1..].iter_mut().zip(signals) {
+                column.numbers(scratch, signal).map_err(fault)?;
+                if signal.len() != self.t.len() {
+                    let what = format!("column {} has no more rows where the time has: it is damaged", column.name);
+                    return Err(LakeError::of(path, what).at(open.rows + signal.len() as u64 + 1));
+                }
+            }
+            if !self.t.is_empty() {
+                return match self.clock.first_not_after(&self.t) {
+                    None => Ok(true),
+                    Some(k) => {
+                        let what = "its time is missing or not after that of the row before: sort the rows by time, each moment once";
+                        Err(LakeError::of(path, what).at(open.rows + k as u64 + 1))
+                    }
+                };
+            }
+            open.columns.clear();
+        }
+    }
+}
+
+impl Open {
+    fn new(path: &Path) -> Result<Self, LakeError> {
+        let file = File::open(path).map_err(|error| LakeError::of(path, format!("cannot be opened: {error}")))?;
+        let reader = SerializedFileReader::new(file)
+            .map_err(|error| LakeError::of(path, format!("is not a readable Parquet file: {error}")))?;
+        Ok(Self { reader, groups: 0, rows: 0, columns: Vec::new() })
+    }
+
+    /// Begins the next group of rows; false where there is none.
+    fn begin(&mut self, path: &Path, place: &Place) -> Result<bool, LakeError> {
+        if self.groups == self.reader.num_row_groups() {
+            return Ok(false);
+        }
+        let fault = |error: ParquetError| LakeError::of(path, format!("cannot be decoded: {error}"));
+        let group = self.reader.get_row_group(self.groups).map_err(fault)?;
+        self.groups += 1;
+        let schema = group.metadata().schema_descr();
+        let names = [Some(&place.time), Some(&place.sp), Some(&place.pv), place.op.as_ref()];
+        for (i, name) in names.into_iter().flatten().enumerate() {
+            let Some(at) = schema.columns().iter().position(|column| column.path().parts() == [name.as_str()]) else {
+                return Err(LakeError::of(path, format!("has no column {name}: name the one that is there")));
+            };
+            let reader = group.get_column_reader(at).map_err(fault)?;
+            let column = Column::new(name, &schema.column(at), reader, i == 0);
+            self.columns.push(column.map_err(|what| LakeError::of(path, what))?);
+        }
+        Ok(true)
+    }
+}
+
+impl Column {
+    fn new(name: &str, told: &ColumnDescriptor, reader: ColumnReader, time: bool) -> Result<Self, String> {
+        let ticks = match (told.logical_type_ref(), told.converted_type()) {
+            (Some(LogicalType::Timestamp(time)), _) => Some(match time.unit {
+                TimeUnit::MILLIS => Ticks::Millis,
+                TimeUnit::MICROS => Ticks::Micros,
+                TimeUnit::NANOS => Ticks::Nanos,
+            }),
+            (_, ConvertedType::TIMESTAMP_MILLIS) => Some(Ticks::Millis),
+            (_, ConvertedType::TIMESTAMP_MICROS) => Some(Ticks::Micros),
+            _ => None,
+        };
+        let number = matches!(
+            reader,
+            ColumnReader::DoubleColumnReader(_)
+                | ColumnReader::FloatColumnReader(_)
+                | ColumnReader::Int32ColumnReader(_)
+                | ColumnReader::Int64ColumnReader(_)
+        );
+        let plain = told.max_rep_level() == 0
+            && (ticks.is_some() || told.logical_type_ref().is_none_or(|kind| matches!(kind, LogicalType::Integer(_))));
+        if !number || !plain || (ticks.is_some() && !time) {
+            let needed = if time { "timestamps or numbers of seconds" } else { "numbers" };
+            return Err(format!("column {name} holds {:?}, where {needed} are needed", told.physical_type()));
+        }
+        Ok(Self { name: name.into(), reader, there: told.max_def_level(), ticks })
+    }
+
+    /// The next numbers, as many as a batch has, fewer at the end of the group; NaN where there is none.
+    fn numbers(&mut self, scratch: &mut Scratch, out: &mut Vec<f64>) -> Result<(), ParquetError> {
+        let Scratch { levels, long, short, single } = scratch;
+        let there = self.there;
+        levels.clear();
+        out.clear();
+        macro_rules! converted {
+            ($reader:expr, $values:expr) => {{
+                $values.clear();
+                let (rows, ..) = $reader.read_records(BATCH, Some(&mut *levels), None, $values)?;
+                out.extend($values.iter().map(|x| *x as f64));
+                rows
+            }};
+        }
+        let rows = match &mut self.reader {
+            ColumnReader::DoubleColumnReader(reader) => reader.read_records(BATCH, Some(&mut *levels), None, out)?.0,
+            ColumnReader::FloatColumnReader(reader) => converted!(reader, single),
+            ColumnReader::Int32ColumnReader(reader) => converted!(reader, short),
+            ColumnReader::Int64ColumnReader(reader) => converted!(reader, long),
+            _ => 0,
+        };
+        spread(out, levels, there, rows, f64::NAN);
+        Ok(())
+    }
+
+    /// The same of timestamps; the smallest integer where there is none.
+    fn integers(&mut self, scratch: &mut Scratch) -> Result<(), ParquetError> {
+        let Scratch { levels, long, .. } = scratch;
+        levels.clear();
+        long.clear();
+        if let ColumnReader::Int64ColumnReader(reader) = &mut self.reader {
+            let (rows, ..) = reader.read_records(BATCH, Some(&mut *levels), None, long)?;
+            spread(long, levels, self.there, rows, i64::MIN);
+        }
+        Ok(())
+    }
+}
+
+/// Puts values where their levels say that they are there.
+fn spread<T: Copy>(values: &mut Vec<T>, levels: &[i16], there: i16, rows: usize, none: T) {
+    let mut from = values.len();
+    values.resize(rows, none);
+    for to in (0..rows).rev().take_while(|_| levels.len() == rows) {
+        if from > to {
+            break; // none is missing before
+        }
+        values[to] = if levels[to] == there {
+            from -= 1;
+            values[from]
+        } else {
+            none
+        };
+    }
+}
+
+impl Clock {
+    /// Seconds since the first of all times; no number where there is none.
+    fn seconds(&mut self, all: &[i64], ticks: Ticks, out: &mut Vec<f64>) {
+        let begin = *self.begin.get_or_insert_with(|| all.first().map_or(0, |tick| ticks.micros(*tick)));
+        let seconds = |tick: i64| ticks.micros(tick).saturating_sub(begin) as f64 / 1e6;
+        out.clear();
+        out.extend(all.iter().map(|tick| if *tick == i64::MIN { f64::NAN } else { seconds(*tick) }));
+    }
+
+    /// The first row whose time is not after that of the row before.
+    fn first_not_after(&mut self, t: &[f64]) -> Option<usize> {
+        let after = |a: f64, b: f64| b > a;
+        let first = self.last.is_none_or(|last| after(last, t[0])) && t[0].is_finite();
+        let ordered = first && t.windows(2).fold(true, |all, pair| all & after(pair[0], pair[1]));
+        if !ordered {
+            return Some(if first {
+                1 + t.windows(2).position(|pair| !after(pair[0], pair[1])).unwrap_or(0)
+            } else {
+                0
+            });
+        }
+        self.last = t.last().copied();
+        None
+    }
+}

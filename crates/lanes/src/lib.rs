@@ -1,0 +1,60 @@
+//! Which instruction sets this processor has, and work done with one of them.
+//!
+//! Work over arrays of fixed length is turned into vector instructions by the compiler, as wide as the chosen set has them. Nothing is
+//! fused and no order changes, so that the bits are the same with every one.
+
+/// An instruction set that the processor has; the bits do not depend on it.
+#[derive(Clone, Copy, Debug)]
+pub enum Instructions {
+    /// What every processor of its kind has: SSE2, NEON.
+    Baseline,
+    /// x86-64-v3: AVX2.
+    #[cfg(target_arch = "x86_64")]
+    V3(pulp::x86::V3),
+    /// x86-64-v4: AVX-512.
+    #[cfg(target_arch = "x86_64")]
+    V4(pulp::x86::V4),
+}
+
+impl Instructions {
+    /// Those of this processor, the widest last.
+    pub fn available() -> Vec<Self> {
+        #[allow(unused_mut)]
+        let mut all = vec![Self::Baseline];
+        #[cfg(target_arch = "x86_64")]
+        {
+            all.extend(pulp::x86::V3::try_new().map(Self::V3));
+            all.extend(pulp::x86::V4::try_new().map(Self::V4));
+        }
+        all
+    }
+
+    /// The widest of this processor.
+    pub fn widest() -> Self {
+        Self::available().pop().unwrap_or(Self::Baseline)
+    }
+
+    /// Its name.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Baseline => "baseline",
+            #[cfg(target_arch = "x86_64")]
+            Self::V3(_) => "AVX2",
+            #[cfg(target_arch = "x86_64")]
+            Self::V4(_) => "AVX-512",
+        }
+    }
+
+    /// Does work with it; what is to profit must be inlined into the work.
+    pub fn run(self, work: impl pulp::NullaryFnOnce<Output = ()>) {
+        match self {
+            Self::Baseline => work.call(),
+            #[cfg(target_arch = "x86_64")]
+            Self::V3(v3) => v3.vectorize(work),
+            #[cfg(target_arch = "x86_64")]
+            Self::V4(v4) => v4.vectorize(work),
+        }
+    }
+}
+
+pub use pulp::NullaryFnOnce;

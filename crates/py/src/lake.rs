@@ -1,0 +1,80 @@
+//! Many loops at once: from arrays, and from Parquet files.
+
+use crate::detector::PyDetector;
+use crate::sim::chosen;
+use glapp_analysis::Crossings;
+use glapp_core::Columns;
+use glapp_lake::{LakeError, Loop, Place, Read};
+use numpy::PyReadonlyArray1;
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use std::num::NonZero;
+use std::path::PathBuf;
+
+type Signal<'py> = PyReadonlyArray1<'py, f64>;
+/// t, SP, PV and OP of a loop.
+type Signals<'py> = (Signal<'py>, Signal<'py>, Signal<'py>, Option<Signal<'py>>);
+/// Files, and the columns of time, SP, PV and OP.
+type Asked = (Vec<PathBuf>, (String, String, String, Option<String>));
+/// Rows that were read; or the file, its row, and what is wrong with it.
+type Answer = (u64, Option<(PathBuf, Option<u64>, String)>);
+
+/// As `Detector.run` for each of many detectors, side by side in the lanes of the processor. `instructions` is one of those of
+/// `instruction_sets`, the widest where it is not given.
+#[pyfunction]
+#[pyo3(signature = (detectors, signals, instructions=None))]
+pub fn run_side_by_side(
+    py: Python<'_>,
+    detectors: Vec<Bound<'_, PyDetector>>,
+    signals: Vec<Signals<'_>>,
+    instructions: Option<&str>,
+) -> PyResult<()> {
+    let instructions = chosen(instructions)?;
+    if detectors.len() != signals.len() {
+        return Err(PyValueError::new_err("signals: one entry a detector is needed"));
+    }
+    let columns = signals.iter().map(|(t, sp, pv, op)| {
+        let op = op.as_ref().map(|op| op.as_slice()).transpose()?;
+        let columns = Columns { t: t.as_slice()?, sp: sp.as_slice()?, pv: pv.as_slice()?, op, flags: None };
+        let n = columns.rows();
+        let alike =
+            columns.t.len() == n && columns.sp.len() == n && columns.pv.len() == n && op.is_none_or(|op| op.len() == n);
+        alike.then_some(columns).ok_or_else(|| PyValueError::new_err("t, sp, pv and op must be of the same length"))
+    });
+    let columns = columns.collect::<PyResult<Vec<_>>>()?;
+    let mut borrowed =
+        detectors.iter().map(|one| one.try_borrow_mut().map_err(PyErr::from)).collect::<PyResult<Vec<_>>>()?;
+    let mut crossings: Vec<&mut Crossings> = borrowed.iter_mut().map(|one| &mut one.crossings).collect();
+    py.detach(|| Crossings::take_together(&mut crossings, &columns, instructions));
+    Ok(())
+}
+
+/// The same with rows that come from Parquet files, on so many threads. A detector whose files cannot be read stays as it was.
+#[pyfunction]
+#[pyo3(signature = (detectors, places, threads, instructions=None))]
+pub fn run_lake(
+    py: Python<'_>,
+    detectors: Vec<Bound<'_, PyDetector>>,
+    places: Vec<Asked>,
+    threads: NonZero<usize>,
+    instructions: Option<&str>,
+) -> PyResult<Vec<Answer>> {
+    let instructions = chosen(instructions)?;
+    if detectors.len() != places.len() {
+        return Err(PyValueError::new_err("places: one entry a detector is needed"));
+    }
+    let loops = detectors.iter().zip(places).map(|(detector, (files, (time, sp, pv, op)))| {
+        let crossings = detector.try_borrow()?.crossings.clone();
+        Ok(Loop { crossings, place: Place { files, time, sp, pv, op } })
+    });
+    let loops = loops.collect::<PyResult<Vec<_>>>()?;
+    let read = py.detach(|| glapp_lake::crossings(loops, threads, instructions));
+    let told = |(detector, one): (&Bound<'_, PyDetector>, Result<Read, LakeError>)| match one {
+        Ok(Read { crossings, rows }) => {
+            detector.try_borrow_mut()?.crossings = crossings;
+            Ok((rows, None))
+        }
+        Err(LakeError { file, row, what }) => Ok((0, Some((file, row, what)))),
+    };
+    detectors.iter().zip(read).map(told).collect()
+}

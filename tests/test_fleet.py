@@ -592,6 +592,22 @@ def test_a_run_that_is_killed_goes_on_and_ends_in_the_same_tables(lake: Path, re
 
 @pytest.mark.slow
 @pytest.mark.xdist_group("fleet")
+def test_a_disk_that_fills_ends_a_run_cleanly_and_the_next_goes_on(lake: Path, results: Path, tmp_path: Path) -> None:
+    pytest.importorskip("resource", reason="this system sets no limit to the size of files")
+    out, script = tmp_path / "results", tmp_path / "run.py"
+    limit = 4000  # [B]: indices of files fit, a piece of crossings does not
+    full = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}))"
+    script.write_text(f"if __name__ == '__main__':\n    {full}\n    {RUN}\n")
+    run = subprocess.run([sys.executable, str(script), str(lake), str(out)], capture_output=True, text=True)
+    assert run.returncode and "InputError" in run.stderr and "make room, then run it again" in run.stderr, run.stderr
+    with pytest.raises(InputError, match="holds no results"):
+        fleet.read(out)
+    assert pieces(out) and not list((out / "work").rglob("*.part"))
+    assert fleet.analyze(lake, out, fits=1)["folder"] == fleet.manifest(results)["folder"]
+
+
+@pytest.mark.slow
+@pytest.mark.xdist_group("fleet")
 def test_a_later_run_reads_only_what_is_new(lake: Path, results: Path, tmp_path: Path) -> None:
     part, out = tmp_path / "lake", tmp_path / "results"
     shutil.copytree(lake, part, copy_function=os.link)
@@ -625,19 +641,23 @@ def test_on_the_command_line(lake: Path, results: Path, capsys: pytest.CaptureFi
 @pytest.mark.slow
 @pytest.mark.xdist_group("fleet")
 def test_spark_gives_the_same_tables(lake: Path, results: Path, tmp_path: Path) -> None:
-    pytest.importorskip("pyspark", reason="PySpark is not installed: pip install 'glapp[spark]'")
+    pyspark = pytest.importorskip("pyspark", reason="PySpark is not installed: pip install 'glapp[spark]'")
     if shutil.which("java") is None:
         pytest.skip("java is not installed, and Spark needs it")
-    script = tmp_path / "run.py"
+    script = tmp_path / "job.py"
     script.write_text(
-        "import sys\nfrom pyspark.sql import SparkSession\nfrom glapp import fleet\n"
-        "spark = SparkSession.builder.master('local[2]').config('spark.ui.enabled', False)"
-        ".config('spark.driver.bindAddress', '127.0.0.1').config('spark.driver.host', '127.0.0.1')"
-        ".config('spark.sql.shuffle.partitions', 2).getOrCreate()\n"
-        "fleet.analyze(sys.argv[1], sys.argv[2], fits=1, engine='spark')\nspark.stop()\n"
+        "import sys\nfrom glapp import fleet\nfrom glapp.fleet import spark\n"
+        "spark.GROUP = 1000  # two days of a loop do not fit into one group: its state is handed on\n"
+        "fleet.analyze(sys.argv[1], sys.argv[2], fits=1, engine='spark')\n"
     )
-    command = [sys.executable, str(script), str(lake), str(tmp_path / "out")]
+    settings = ("ui.enabled=false", "driver.bindAddress=127.0.0.1", "driver.host=127.0.0.1", "sql.shuffle.partitions=2")
+    more = [part for setting in settings for part in ("--conf", f"spark.{setting}")]
+    submit = Path(pyspark.__file__).parent / "bin" / "spark-submit"
     known = {**os.environ, "PYSPARK_PYTHON": sys.executable}
+    command = [str(submit), "--master", "local[2]", *more, str(script), str(lake), str(tmp_path / "out")]
     run = subprocess.run(command, capture_output=True, text=True, env=known)
     assert run.returncode == 0, run.stderr[-2000:]
     assert fleet.manifest(tmp_path / "out")["folder"] == fleet.manifest(results)["folder"]
+    made = {path.relative_to(tmp_path / "out") for path in pieces(tmp_path / "out")}
+    of_days = {path for path in made if path.parent.name in ("days", "crossings")}
+    assert len(of_days) == 4 and all((results / path).exists() for path in of_days)  # either engine goes on from them

@@ -306,7 +306,7 @@ def _looked(file: File, path: Path, i: int) -> Iterator[tuple[Group, list[str], 
     time, tag, quality = file.column("time"), file.column("tag"), file.column("quality")
     wanted = [c for c in (time, tag if file.long else None, quality) if c is not None and c not in file.folders]
     assert time is not None
-    for table in _batches(path, i, wanted, [c for c in (tag, quality) if c in wanted]):
+    for table in _batches(path, i, wanted, [c for c in wanted if c in (tag, quality)]):
         seen = sorted(map(text_of, _distinct(table.column(quality)))) if quality in wanted else []
         try:
             t, good = _micros(table.column(time), file)[:2]
@@ -569,7 +569,7 @@ def _of_group(
     time, tag, value, quality = (file.column(role) for role in ("time", "tag", "value", "quality"))
     columns = [time, quality, *((tag, value, file.unit_column) if file.long else asked.names)]
     stored = list(dict.fromkeys(c for c in columns if c is not None and c not in file.folders))
-    coded = [c for c in (tag, quality, file.unit_column) if c in stored]
+    coded = [c for c in stored if c in (tag, quality, file.unit_column)]
     read, at = _long if file.long else _wide, 0
     try:
         for table in _batches(lake / file.name, i, stored, coded):

@@ -485,9 +485,9 @@ def chosen_of(days: pa.Table, plan: Plan) -> dict[tuple[int, int], list[tuple[in
 
 
 def crossings_of(paths: Iterable[Path]) -> pa.Table:
-    """Rows of CROSSINGS, without the states beside them."""
+    """Rows of CROSSINGS, from the first that told settings, without the states beside them."""
     heard = together(paths, CROSSINGS, [])
-    return heard.filter(pc.is_valid(heard["day"]))
+    return heard.filter(pc.and_(pc.is_valid(heard["day"]), pc.is_valid(heard["crossings"])))
 
 
 def together(paths: Iterable[Path], schema: pa.Schema, problems: list[Problem]) -> pa.Table:

@@ -183,11 +183,11 @@ def analyze(
         raise InputError(f"is {fits}, must be 1 to 64", parameter="fits", value=fits, bound="1 to 64")
     if engine not in ("local", "spark"):
         raise InputError(f"is {engine!r}, must be 'local' or 'spark'", parameter="engine", value=engine)
+    names, wrong = files_of(lake)
     if out.resolve().is_relative_to(lake.resolve()) and not out.name.startswith(("_", ".")):
         hint = "name a folder beside the lake: what is in it would be read as part of the lake"
         raise InputError("lies within the lake", file=str(out), parameter="out", hint=hint)
     tell: Stage = stage if stage is not None else lambda name, total, done: None
-    names, wrong = files_of(lake)
     out.mkdir(parents=True, exist_ok=True)
     lock = Lock(out / "work")
     begun = time.monotonic()

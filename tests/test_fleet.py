@@ -30,7 +30,7 @@ from glapp.fleet.history import CROSSINGS, follow
 from glapp.fleet.lake import DAY, SIGNALS, files_of
 from glapp.fleet.problems import Problem
 from glapp.fleet.results import write_piece
-from glapp.fleet.run import Plan, plan_of, unit_rows
+from glapp.fleet.run import Plan, follow_paths, plan_of, unit_rows
 from glapp.fleet.settings import read_loops
 from glapp.fleet.windows import choose, cut, judge, look
 from glapp.loop import Loop
@@ -376,6 +376,25 @@ def test_crossings_over_days_parts_and_one_pass_have_the_same_bits(
     assert last["since"] == datetime.fromtimestamp(FIRST / 1e6, UTC)
     again = {name: parts[-1][name] for name in CROSSINGS.names if name not in ("part",)}
     assert again == {name: last[name] for name in again}
+
+
+def test_a_changed_file_touches_its_day_and_the_crossings_from_there_on(tmp_path: Path) -> None:
+    x = signals(days=3)
+    for day in range(3):
+        part = {name: values[day * N : (day + 1) * N] for name, values in x.items()}
+        for loop in ("FIC1", "FIC2"):
+            put(tmp_path / "lake", f"loop={loop}/day={day}/x.parquet", wide(part))
+
+    def pieces_of() -> tuple[list[str], list[str]]:
+        plan = planned(tmp_path / "lake")
+        return [unit.key for unit in plan.units], [path.name for path in follow_paths(plan, tmp_path)]
+
+    before = pieces_of()
+    path = tmp_path / "lake" / "loop=FIC2/day=1/x.parquet"
+    os.utime(path, ns=(0, path.stat().st_mtime_ns + 1))
+    after = pieces_of()
+    same = [[a == b for a, b in zip(*both, strict=True)] for both in zip(before, after, strict=True)]
+    assert same == [[True, False, True], [True, False, False]]
 
 
 def test_settings_are_pinned_until_a_day_shows_others(tmp_path: Path) -> None:

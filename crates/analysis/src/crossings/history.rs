@@ -237,6 +237,9 @@ mod tests {
         let other = saved.replace(FORMAT, "glapp history 0");
         assert!(matches!(History::load(&other), Err(SavedError::Format(..))));
         assert!(matches!(History::load("{"), Err(SavedError::Broken(_))));
-        assert!(matches!(History::load(&saved.replace("\"lengths\":[[", "\"lengths\":[[0,0,0,0,0,0,0,0,0,0,0],[")), Err(SavedError::Broken(_))));
+        assert!(matches!(
+            History::load(&saved.replace("\"lengths\":[[", "\"lengths\":[[0,0,0,0,0,0,0,0,0,0,0],[")),
+            Err(SavedError::Broken(_))
+        ));
     }
 }

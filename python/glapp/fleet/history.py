@@ -22,6 +22,7 @@ import numpy as np
 import pyarrow as pa
 
 from .. import _glapp
+from ..errors import unforeseen
 from ..estimate import why_told
 from ..loop import Loop
 from .windows import US, Signal, on_pv, signals_of
@@ -83,6 +84,17 @@ def follow(rows: pa.Table, look: pa.Table, loop: Loop, state: str | None) -> pa.
         The state after the day before; None: there is none.
     """
     [day] = look.select(["day", "part", "origins", "detector", "quality", "unfit_code"]).to_pylist()
+    row: dict[str, Any] = dict.fromkeys(FOLLOWED.names)
+    row |= {"loop": loop.name, "day": day["day"], "part": day["part"], "followed": False, "state": state}
+    try:
+        row |= _followed(rows, day, loop, state)
+    except Exception as error:  # not to lose all other loops
+        told = str(unforeseen(error, None, loop.name))
+        row |= {"crossings": "refused", "crossings_code": "fault", "crossings_reason": told}
+    return pa.Table.from_pylist([row], schema=FOLLOWED)
+
+
+def _followed(rows: pa.Table, day: dict[str, Any], loop: Loop, state: str | None) -> dict[str, Any]:
     before: dict[str, Any] = {"held": {}, "pinned": None} if state is None else json.loads(state)
     found, _, _ = signals_of(rows)
     held, samples = before["held"], {name: found[name] for name in (*_HELD, "pv") if name in found}
@@ -98,16 +110,14 @@ def follow(rows: pa.Table, look: pa.Table, loop: Loop, state: str | None) -> pa.
     if followed and told is not None and (pinned is None or _other(pinned["told"], told)):
         history = _glapp.History(_settings(told), told["tf"] is not None)
         pinned = {"told": told, "since": int(samples["pv"].t[0]), "origins": day["origins"]}
-    row: dict[str, Any] = dict.fromkeys(FOLLOWED.names)
-    row |= {"loop": loop.name, "day": day["day"], "part": day["part"], "followed": followed and history is not None}
+    row: dict[str, Any] = {}
     if history is not None:
         if followed:
             _take(history, samples, pinned)
             pinned["history"] = history.save()
-        row |= _heard(history.heard(), pinned, loop)
+        row = {"followed": followed, **_heard(history.heard(), pinned, loop)}
     after = {name: _last(signal) for name, signal in samples.items() if name != "pv"}
-    row["state"] = json.dumps({"held": after, "pinned": pinned}, sort_keys=True)
-    return pa.Table.from_pylist([row], schema=FOLLOWED)
+    return row | {"state": json.dumps({"held": after, "pinned": pinned}, sort_keys=True)}
 
 
 def _after(value: float | None, lost: bool, signal: Signal | None) -> Signal:

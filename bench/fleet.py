@@ -110,7 +110,7 @@ def judged(lake: Path, days: int, longest: int) -> dict[str, Any]:
     ]
     first = scored[:FIRST]
     named = {row["loop"] for row in told}
-    ends = [0.0, *(parts.get(name, 0.0) for name in ("files", "days", "windows", "loops"))]
+    ends = [0.0, *(parts.get(name, 0.0) for name in ("files", "days", "crossings", "windows", "loops"))]
     days_rows = fleet.read(out, "days")
     return {
         "days": days,
@@ -188,7 +188,7 @@ def _page(rows: list[dict[str, Any]], loops: int, longest: int, size: int) -> st
         line("windows fitted", lambda r: r["windows"]),
         line("time: all", lambda r: f"{r['seconds']:.0f} s" if r["fresh"] else "–"),
         line(
-            "files, days, windows, loops",
+            "files, days, crossings, windows, loops",
             lambda r: ", ".join(f"{part:.0f} s" for part in r["parts"]) if r["fresh"] else "–",
         ),
     ]

@@ -1,5 +1,6 @@
 """The examples run, and tell the same story in every language."""
 
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -19,6 +20,14 @@ def output_of(*command: str) -> str:
 @pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.py")), ids=lambda path: path.name)
 def test_python_example_runs(path: Path) -> None:
     assert output_of(sys.executable, str(path)).strip()
+
+
+@pytest.mark.slow
+def test_the_notebook_runs_from_its_first_cell_to_its_last() -> None:
+    cells = json.loads((EXAMPLES / "fleet.ipynb").read_text())["cells"]
+    code = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
+    assert len(code) > 5 and not any(cell["outputs"] for cell in cells if cell["cell_type"] == "code")
+    assert "in truth" in output_of(sys.executable, "-c", "\n".join(code))
 
 
 @pytest.mark.slow

@@ -431,6 +431,27 @@ def run_lake(
     Gives rows read, or the file, its row, and what is wrong; the detector is then as it was.
     """
 
+class History:
+    """The detectors of a ladder over a history that comes in pieces, in bounded memory.
+
+    `settings` as of a `Detector`; where tf is not `given`, all that are tried.
+    """
+
+    def __new__(cls, settings: dict[str, Any], given: bool) -> Self: ...
+    def take(
+        self,
+        t: npt.NDArray[np.float64],
+        sp: npt.NDArray[np.float64],
+        pv: npt.NDArray[np.float64],
+        op: npt.NDArray[np.float64] | None,
+        flags: npt.NDArray[np.uint8] | None,
+    ) -> None: ...
+    def heard(self) -> dict[str, Any]:
+        """`crossings`, `why`, `d_hat`, `noise_floor`, `detections`, `half_periods`, `reasons` and `tf` so far."""
+    def save(self) -> str: ...
+    @staticmethod
+    def load(text: str) -> History: ...
+
 def process_gain(given: float | None, spans: tuple[float, float] | None, integrating: bool) -> float | None: ...
 
 KP_DEFAULT: float

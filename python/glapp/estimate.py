@@ -242,7 +242,7 @@ def _result(recording: Recording, loop: Loop, done: dict[str, Any], trace: Trace
         t0=recording.t0,
         crossings=answer["crossings"],
         why=_code(answer, found),
-        reason=_why(answer, loop, found, identification),
+        reason=why_told(answer, loop, found, identification),
         d_hat=answer["d_hat"],
         unit=loop.op_label,
         d_hat_percent_span=answer["d_hat_percent_span"],
@@ -319,7 +319,9 @@ def _code(answer: dict[str, Any], found: list[Finding]) -> str | None:
     return None
 
 
-def _why(answer: dict[str, Any], loop: Loop, found: list[Finding], identification: Identification | None) -> str | None:
+def why_told(
+    answer: dict[str, Any], loop: Loop, found: list[Finding], identification: Identification | None
+) -> str | None:
     """Why the crossings say no more, in words."""
     match answer["why"]:
         case None:

@@ -5,10 +5,15 @@ from __future__ import annotations
 import os
 import stat
 import tempfile
+from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-__all__ = ["GENERATOR", "write_file"]
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+__all__ = ["GENERATOR", "write_file", "write_parquet"]
 
 GENERATOR = '<meta name="generator" content="glapp">'
 """What every page of ours has in its head: no other is overwritten."""
@@ -56,6 +61,45 @@ def write_file(path: Path, content: str | bytes) -> None:
         Path(name).replace(target)
     except BaseException:
         Path(name).unlink(missing_ok=True)
+        raise
+
+
+def write_parquet(path: Path, tables: Iterable[pa.Table], schema: pa.Schema) -> None:
+    """Write a Parquet file that is whole, or not there; each table is a group of rows, to be read by itself.
+
+    Folders are made where they are missing. What a killed process leaves of a file is written over by the next.
+
+    Raises
+    ------
+    OSError
+        Where it cannot be written; the old file, if there is one, is as it was.
+
+    Examples
+    --------
+    >>> import pyarrow as pa
+    >>> table = pa.table({"x": [1.0, 2.0]})
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder, "x.parquet")
+    ...     write_parquet(path, [table, table], table.schema)
+    ...     pa.parquet.read_metadata(path).num_row_groups
+    2
+    """
+    import pyarrow as pa  # which what writes no more than a page does without
+    import pyarrow.parquet as pq
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(f".{path.name}.part")
+    try:
+        with part.open("wb") as file:
+            words = [field.name for field in schema if pa.types.is_string(field.type)]
+            with pq.ParquetWriter(file, schema, compression="zstd", use_dictionary=words) as writer:
+                for table in tables:
+                    writer.write_table(table.cast(schema))
+            file.flush()
+            os.fsync(file.fileno())
+        part.replace(path)
+    except BaseException:
+        part.unlink(missing_ok=True)
         raise
 
 

@@ -9,6 +9,7 @@ mod columns;
 mod compensation;
 mod detector;
 mod fit;
+mod history;
 mod identify;
 mod lake;
 mod modules;
@@ -61,6 +62,8 @@ mod _glapp {
     const KP_DEFAULT: f64 = glapp_core::KP_DEFAULT;
     #[pymodule_export]
     use crate::fit::{fit, fit_thresholds, fit_valve};
+    #[pymodule_export]
+    use crate::history::History;
     #[pymodule_export]
     const LONG_HISTORY: usize = glapp_fit::LONG_HISTORY;
     #[pymodule_export]

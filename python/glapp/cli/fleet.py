@@ -19,10 +19,11 @@ __all__ = ["fleet"]
 fleet = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
 
 _PARTS = {
-    "files": "1/4 looking at files",
-    "days": "2/4 judging days",
-    "windows": "3/4 reading windows",
-    "loops": "4/4 fitting loops",
+    "files": "1/5 looking at files",
+    "days": "2/5 judging days",
+    "crossings": "3/5 following crossings",
+    "windows": "4/5 reading windows",
+    "loops": "5/5 fitting loops",
 }
 _SHOWN = 20
 """Loops of the table on the screen."""

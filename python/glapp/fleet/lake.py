@@ -5,18 +5,22 @@ per signal, of one loop or of several). Names of folders such as `day=2026-03-01
 everywhere where Hive's convention is known; names that begin with `_` or `.` are not looked at. Files may overlap, and
 their rows may stand in any order: what is made of them hangs on the rows alone.
 
-Every file is looked at once (`index_file`): its columns, and of each group of rows the first and the last moment and
-the tags. So only groups are read that a question can touch, one at a time.
+Every file is looked at once (`index_file`): its columns, and of each million rows the first and the last moment and
+the tags. So only what a question can touch is read, a million rows at a time, however large the file's own groups of
+rows are.
+
+A folder with a `_delta_log` is a Delta table: of its files only those are read that its log names.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, date, datetime
+from itertools import accumulate, groupby
 from pathlib import Path
 from typing import Any
-from urllib.parse import unquote
+from urllib.parse import unquote, urlsplit
 
 import numpy as np
 import pyarrow as pa
@@ -30,16 +34,17 @@ from ..reading.columns import LABELS, Signals, choose, is_long, understand
 from ..reading.times import Clock
 from ..reading.values import (
     CellFault,
+    Digits,
     Quality,
+    digits_of,
     flags_of,
-    limit_flag,
-    mode_flag,
-    numbers,
+    is_text,
     plain,
     text_of,
     words,
     words_for_bad,
 )
+from ..reading.wide import Reader
 from .problems import Problem
 
 __all__ = ["DAY", "SIGNALS", "File", "Group", "Places", "day_name", "files_of", "index_file", "places", "rows_of"]
@@ -56,8 +61,13 @@ not automatic, of a limit flag 1 where it is at the limit), whether it is of bad
 DAY = 86_400_000_000
 """[µs]."""
 
+BATCH = 1 << 20
+"""Rows that are decoded at once."""
+
 _WORDS = ("mode", "op_low_flag", "op_high_flag")
 _UNITS = {"unit", "units", "uom", "eu", "engunit", "engunits", "engineeringunit", "engineeringunits"}
+_HEAD = 1000
+"""First rows of a file, by which it is told how its texts write numbers."""
 _MOST_WORDS = 1000
 """Different words of quality in a file that are looked at."""
 _YEARS = tuple(int(datetime(year, 1, 1, tzinfo=UTC).timestamp()) * 1_000_000 for year in (1971, 2101))
@@ -66,12 +76,30 @@ _YEARS = tuple(int(datetime(year, 1, 1, tzinfo=UTC).timestamp()) * 1_000_000 for
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """A group of rows of a file: its rows, first and last moment [µs since 1970 UTC], and the tags of a long file."""
+    """Rows of a file that are decoded at once: a group of its rows, or a part of a larger one.
 
+    Attributes
+    ----------
+    of : int
+        The group of the file's own.
+    rows : int
+        How many.
+    first, last : int
+        First and last moment [µs since 1970 UTC]; the last before the first where they cannot be read.
+    tags : tuple of str
+        Tags of a long file.
+    """
+
+    of: int
     rows: int
-    first: int
-    last: int
+    first: int = 0
+    last: int = -1
     tags: tuple[str, ...] = ()
+
+    @property
+    def readable(self) -> bool:
+        """Whether its times could be read."""
+        return self.last >= self.first
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,9 +121,11 @@ class File:
     folders : mapping
         Columns that its folders tell.
     groups : tuple of Group
-        Its groups of rows, in their order; one that could not be looked at has no rows.
+        Its groups of rows, in their order.
     qualities : tuple of str
         The words of its quality column.
+    digits : Digits
+        How its texts write numbers.
     zone : str or None
         Zone of its times where they have none of their own.
     """
@@ -109,6 +139,7 @@ class File:
     folders: Mapping[str, str]
     groups: tuple[Group, ...]
     qualities: tuple[str, ...]
+    digits: Digits
     zone: str | None
 
     @classmethod
@@ -116,7 +147,7 @@ class File:
         """The same from plain types."""
         groups = tuple(Group(**{**group, "tags": tuple(group["tags"])}) for group in known["groups"])
         lists = {name: tuple(known[name]) for name in ("columns", "qualities")}
-        return cls(**{**known, **lists, "groups": groups})
+        return cls(**{**known, **lists, "groups": groups, "digits": Digits(**known["digits"])})
 
     def column(self, role: str) -> str | None:
         """Its column of this role: time, tag, value or quality."""
@@ -146,8 +177,10 @@ def day_name(day: int) -> str:
     return date.fromordinal(719163 + day).isoformat()
 
 
-def files_of(lake: Path) -> list[str]:
+def files_of(lake: Path) -> tuple[list[str], list[Problem]]:
     """The Parquet files of a lake, by name; folders and files that begin with `_` or `.` are left out.
+
+    Of a Delta table only the files that its log names are taken.
 
     Raises
     ------
@@ -156,14 +189,46 @@ def files_of(lake: Path) -> list[str]:
     """
     if not lake.is_dir():
         raise InputError("is no folder", file=str(lake), hint="name the folder of a lake of Parquet files")
-    found = []
+    found = set()
     for path in lake.rglob("*.parquet"):
         parts = path.relative_to(lake).parts
         if path.is_file() and not any(part.startswith(("_", ".")) for part in parts):
-            found.append("/".join(parts))
+            found.add("/".join(parts))
+    problems = []
+    for log in sorted(lake.rglob("_delta_log")):
+        table = "/".join(log.relative_to(lake).parts[:-1])
+        files, wrong = _delta_files(lake, table)
+        problems += wrong
+        if files is not None:
+            inside = {name for name in found if not table or name.startswith(f"{table}/")}
+            found = (found - inside) | (inside & files)
     if not found:
         raise InputError("holds no .parquet file", file=str(lake), hint="glapp fleet make-demo writes a lake to try")
-    return sorted(found)
+    return sorted(found), problems
+
+
+def _delta_files(lake: Path, table: str) -> tuple[set[str] | None, list[Problem]]:
+    """The files of the latest version of a Delta table, relative to the lake; None where nothing can tell them."""
+    place = f"{table}/_delta_log" if table else "_delta_log"
+    try:
+        from deltalake import DeltaTable
+    except ImportError:
+        what = "is a Delta table, and deltalake is not installed: all its files are read, also those that it took out"
+        return None, [Problem("delta", what, "pip install 'glapp[delta]', or vacuum the table first", file=place)]
+    try:
+        known = DeltaTable(lake / table)
+        more = set(known.protocol().reader_features or ()) & {"deletionVectors", "columnMapping"}
+        if more:
+            what = f"is a Delta table with {' and '.join(sorted(more))}, which its files alone do not show: left out"
+            todo = "purge its deletion vectors, or write it anew without column mapping"
+            return set(), [Problem("delta", what, todo, file=place)]
+        root = (lake / table).resolve()
+        paths = [Path(unquote(urlsplit(uri).path) if "://" in uri else uri) for uri in known.file_uris()]
+        inside = [path.resolve().relative_to(root).as_posix() for path in paths]
+    except Exception as error:  # the library has kinds of its own for a damaged log
+        what = f"is a Delta table whose log cannot be read, and is left out: {_line(error)}"
+        return set(), [Problem("delta", what, "copy the table anew from where it came", file=place)]
+    return {f"{table}/{name}" if table else name for name in inside}, []
 
 
 def index_file(lake: Path, name: str, zone: str | None) -> tuple[File | None, list[Problem]]:
@@ -181,7 +246,7 @@ def index_file(lake: Path, name: str, zone: str | None) -> tuple[File | None, li
     every = (*columns, *(key for key in folders if key not in columns))
     long = is_long(every)
     stem = folders.get("loop") or Path(name).stem
-    bare = File(name, state.st_size, state.st_mtime_ns, long, stem, every, folders, (), (), zone)
+    bare = File(name, state.st_size, state.st_mtime_ns, long, stem, every, folders, (), (), Digits(), zone)
     what = f"its columns are {', '.join(every[:12]) or 'none'}"
     if bare.column("time") is None:
         what += "; no time is among them"
@@ -195,30 +260,35 @@ def index_file(lake: Path, name: str, zone: str | None) -> tuple[File | None, li
     groups: list[Group] = []
     qualities: dict[str, None] = {}
     for i, n in enumerate(rows):
+        done = 0
         try:
-            group, seen = _looked(bare, path, i, n)
-            groups.append(group)
-            qualities.update(dict.fromkeys(seen[:_MOST_WORDS]))
-        except CellFault as fault:
-            groups.append(Group(0, 0, 0))
-            what = f"its times cannot be read: {fault.what}"
-            problems.append(Problem("time", what, fault.hint or "write them as timestamps", name, sum(rows[:i]) + 1))
+            for group, seen, fault in _looked(bare, path, i):
+                groups.append(group)
+                qualities.update(dict.fromkeys(seen[:_MOST_WORDS]))
+                if fault is not None:
+                    what = f"its times cannot be read: {fault.what}"
+                    row = sum(rows[:i]) + done + 1
+                    problems.append(Problem("time", what, fault.hint or "write them as timestamps", name, row))
+                done += group.rows
         except Exception as error:
-            groups.append(Group(0, 0, 0))
-            problems.append(_damaged(name, i, rows, error))
-    if not any(group.rows for group in groups):
+            groups.append(Group(i, n - done))
+            problems.append(_damaged(name, i, sum(rows[:i]) + done, n - done, error))
+    if not any(group.readable for group in groups):
         return None, problems
     if zone is None and _naive(path, bare):
         what = "its times have no zone, and are taken for UTC"
         problems.append(Problem("no_zone", what, "name it: --time-zone, or time_zone in [defaults]", file=name))
-    return replace(bare, groups=tuple(groups), qualities=tuple(qualities)[:_MOST_WORDS]), problems
+    try:
+        digits = _digits(path, bare)
+    except InputError as error:
+        digits = Digits("")
+        problems.append(Problem("value", error.what, error.hint or "write all numbers alike", file=name))
+    return replace(bare, groups=tuple(groups), qualities=tuple(qualities)[:_MOST_WORDS], digits=digits), problems
 
 
-def _damaged(name: str, group: int, rows: Sequence[int], error: Exception) -> Problem:
-    what = f"row group {group} is damaged, {rows[group]} rows are left out: {_line(error)}"
-    return Problem(
-        "damaged", what, "copy the file anew from where it came", name, sum(rows[:group]) + 1, rows=rows[group]
-    )
+def _damaged(name: str, group: int, done: int, rows: int, error: Exception) -> Problem:
+    what = f"row group {group} is damaged, {rows} rows are left out: {_line(error)}"
+    return Problem("damaged", what, "copy the file anew from where it came", name, done + 1, rows=rows)
 
 
 def _line(error: Exception) -> str:
@@ -231,35 +301,63 @@ def _folders(name: str) -> dict[str, str]:
     return {key: unquote(value) for key, _, value in pairs if value != "__HIVE_DEFAULT_PARTITION__"}
 
 
-def _looked(file: File, path: Path, i: int, rows: int) -> tuple[Group, list[str]]:
-    """Time and tags of a group of rows, and the words of its quality."""
+def _looked(file: File, path: Path, i: int) -> Iterator[tuple[Group, list[str], CellFault | None]]:
+    """Time and tags of a group of rows, part by part, the words of its quality, and what is wrong with its times."""
     time, tag, quality = file.column("time"), file.column("tag"), file.column("quality")
     wanted = [c for c in (time, tag if file.long else None, quality) if c is not None and c not in file.folders]
-    words_of = [c for c in (tag, quality) if c in wanted]
-    with pq.ParquetFile(path, read_dictionary=words_of) as parquet:
-        table = parquet.read_row_group(i, columns=wanted, use_threads=False)
-    table.validate(full=True)
     assert time is not None
-    t, good = _micros(_whole(table, time), file)[:2]
-    t = t[good]
-    if not len(t):
-        raise CellFault(0, "no row has a time")
-    tags: tuple[str, ...] = ()
-    if file.long and tag is not None and tag in file.folders:
-        tags = (file.folders[str(tag)],)
-    elif file.long:
-        tags = tuple(sorted(_distinct(_whole(table, str(tag)))))
-    seen = _distinct(_whole(table, quality)) if quality in wanted else []
-    return Group(rows, int(t.min()), int(t.max()), tags), sorted(map(text_of, seen))
+    for table in _batches(path, i, wanted, [c for c in wanted if c in (tag, quality)]):
+        seen = sorted(map(text_of, _distinct(table.column(quality)))) if quality in wanted else []
+        try:
+            t, good = _micros(table.column(time), file)[:2]
+            t = t[good]
+            if not len(t):
+                raise CellFault(0, "no row has a time")
+        except CellFault as fault:
+            yield Group(i, len(table)), seen, fault
+            continue
+        tags: tuple[str, ...] = ()
+        if file.long and tag is not None and tag in file.folders:
+            tags = (file.folders[str(tag)],)
+        elif file.long:
+            tags = tuple(sorted(_distinct(table.column(str(tag)))))
+        yield Group(i, len(table), int(t.min()), int(t.max()), tags), seen, None
+
+
+def _batches(
+    path: Path, group: int, columns: Sequence[str], dictionary: Sequence[str] = ()
+) -> Iterator[pa.RecordBatch]:
+    """A group of rows, `BATCH` rows at a time, each column of which holds what it says."""
+    with pq.ParquetFile(path, read_dictionary=list(dictionary), buffer_size=1 << 20) as parquet:
+        for batch in parquet.iter_batches(BATCH, row_groups=[group], columns=list(columns), use_threads=False):
+            batch.validate(full=True)
+            yield batch
+
+
+def _digits(path: Path, file: File) -> Digits:
+    """How the texts of a file write numbers, by its first rows.
+
+    Raises
+    ------
+    InputError
+        Where some have a decimal comma and others a decimal point.
+    """
+    others = {file.column(role) for role in ("time", "tag", "quality")}
+    with pq.ParquetFile(path) as parquet:
+        texts = [f.name for f in parquet.schema_arrow if _has_text(f.type) and f.name not in others]
+        if not texts:
+            return Digits()
+        batch = next(parquet.iter_batches(_HEAD, columns=texts), None)
+    cells = [] if batch is None else [cell for column in batch.columns for cell in plain(column).to_pylist()]
+    return digits_of([cell.strip() for cell in cells if cell], file.name)
+
+
+def _has_text(kind: pa.DataType) -> bool:
+    return is_text(kind.value_type if pa.types.is_dictionary(kind) else kind)
 
 
 def _distinct(column: pa.Array) -> list[str]:
     return [str(value) for value in pc.unique(words(column)).to_pylist() if value is not None]
-
-
-def _whole(table: pa.Table, column: str) -> pa.Array:
-    joined = table.column(column).combine_chunks()
-    return joined if isinstance(joined, pa.Array) else pa.concat_arrays(joined.chunks)
 
 
 def _naive(path: Path, file: File) -> bool:
@@ -399,16 +497,16 @@ class _Part:
 
 
 def rows_of(
-    lake: Path, files: Iterable[File], known: Places, wanted: range, day: int
+    lake: Path, files: Iterable[File], known: Places, wanted: range, begin: int, end: int
 ) -> tuple[dict[int, pa.Table], list[Problem]]:
-    """The rows of one day (UTC) of some loops, a table of `ROWS` a loop, whatever files they lie in.
+    """The rows of some loops from `begin` to before `end` [µs since 1970 UTC], a table of `ROWS` a loop.
 
-    A group of rows that is damaged is left out, told with its place, and the others are read.
+    What of a file is damaged is left out, told with its place, and the others are read.
     """
     parts: list[_Part] = []
     problems: list[Problem] = []
     for file in files:
-        for part, wrong in _parts(lake, file, known, wanted, day):
+        for part, wrong in _parts(lake, file, known, wanted, begin, end):
             problems += wrong
             if part is not None and len(part.t):
                 parts.append(part)
@@ -424,163 +522,163 @@ def rows_of(
     return tables, problems
 
 
-def touched(file: File, group: Group, known: Places, wanted: range, day: int) -> bool:
-    """Whether a group of rows may hold something of these loops on this day."""
-    if not group.rows or group.last < day * DAY or group.first >= (day + 1) * DAY:
+def touched(file: File, group: Group, known: Places, wanted: range, begin: int, end: int) -> bool:
+    """Whether some rows of a file may hold something of these loops within that time."""
+    if not group.readable or group.last < begin or group.first >= end:
         return False
     at = known.of(file)
     names = group.tags if file.long else at
     return any(name in at and at[name][0] in wanted for name in names)
 
 
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    """What is wanted of a group of rows: of which loops, under which tags or columns, from when to before when."""
+
+    known: Places
+    names: Sequence[str]
+    begin: int
+    end: int
+
+
 def _parts(
-    lake: Path, file: File, known: Places, wanted: range, day: int
+    lake: Path, file: File, known: Places, wanted: range, begin: int, end: int
 ) -> Iterator[tuple[_Part | None, list[Problem]]]:
-    at = known.of(file)
-    done = 0
-    for i, group in enumerate(file.groups):
-        if touched(file, group, known, wanted, day):
-            problems: list[Problem] = []
-            names = [name for name in (group.tags if file.long else at) if name in at and at[name][0] in wanted]
-            read = _long if file.long else _wide
-            try:
-                yield read(lake, file, i, names, known, day, done, problems), problems
-            except (CellFault, Exception) as error:
-                what = error.what if isinstance(error, CellFault) else f"row group {i} is damaged: {_line(error)}"
-                row = done + 1 + (error.index if isinstance(error, CellFault) else 0)
-                todo = "copy the file anew from where it came"
-                yield None, [Problem("damaged", what, todo, file.name, row, rows=group.rows)]
-        done += group.rows
+    """What a file holds of these loops within that time, a million rows at a time, and what is wrong with it."""
+    at, done = known.of(file), 0
+    for i, several in groupby(file.groups, key=lambda group: group.of):
+        groups = list(several)
+        ends = list(accumulate(group.rows for group in groups))
+        hits = [
+            (group, upto)
+            for group, upto in zip(groups, ends, strict=True)
+            if touched(file, group, known, wanted, begin, end)
+        ]
+        if hits:
+            there = {name for group, _ in hits for name in group.tags} if file.long else set(at)
+            names = sorted(name for name in there if name in at and at[name][0] in wanted)
+            places = [(upto - group.rows, upto) for group, upto in hits]
+            yield from _of_group(lake, file, i, places, ends[-1], done, _Asked(known, names, begin, end))
+        done += ends[-1]
 
 
-def _table(
-    lake: Path, file: File, group: int, columns: Sequence[str | None], dictionary: Sequence[str | None]
-) -> pa.Table:
-    names = list(dict.fromkeys(c for c in columns if c is not None and c not in file.folders))
-    with pq.ParquetFile(lake / file.name, read_dictionary=[c for c in dictionary if c in names]) as parquet:
-        table = parquet.read_row_group(group, columns=names, use_threads=False)
-    table.validate(full=True)
-    return table
+def _of_group(
+    lake: Path, file: File, i: int, places: Sequence[tuple[int, int]], rows: int, done: int, asked: _Asked
+) -> Iterator[tuple[_Part | None, list[Problem]]]:
+    """The same of one group of rows, of which those at `places` are wanted."""
+    time, tag, value, quality = (file.column(role) for role in ("time", "tag", "value", "quality"))
+    columns = [time, quality, *((tag, value, file.unit_column) if file.long else asked.names)]
+    stored = list(dict.fromkeys(c for c in columns if c is not None and c not in file.folders))
+    coded = [c for c in stored if c in (tag, quality, file.unit_column)]
+    read, at = _long if file.long else _wide, 0
+    try:
+        for table in _batches(lake / file.name, i, stored, coded):
+            upto = at + len(table)
+            if any(first < upto and last > at for first, last in places):
+                problems: list[Problem] = []
+                try:
+                    yield read(table, file, asked, done + at, problems), problems
+                except CellFault as fault:
+                    todo = fault.hint or "copy the file anew from where it came"
+                    row = done + at + fault.index + 1
+                    yield None, [Problem("damaged", fault.what, todo, file.name, row, rows=len(table))]
+            at = upto
+            if at >= places[-1][1]:
+                return
+    except Exception as error:
+        yield None, [_damaged(file.name, i, done + at, rows - at, error)]
 
 
-def _in_day(
-    table: pa.Table, file: File, day: int, row: int, problems: list[Problem]
+def _within(
+    table: pa.RecordBatch, file: File, asked: _Asked, done: int, problems: list[Problem]
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    t, good, doubtful = _micros(_whole(table, str(file.column("time"))), file)
+    t, good, doubtful = _micros(table.column(str(file.column("time"))), file)
     if doubtful:
         what = f"{doubtful} rows stand in the hour in which the clocks of {file.zone} change, and are left out"
-        problems.append(Problem("clock_change", what, "export with times in UTC", file.name, row, rows=doubtful))
-    return t, good & (t >= day * DAY) & (t < (day + 1) * DAY)
+        problems.append(Problem("clock_change", what, "export with times in UTC", file.name, done + 1, rows=doubtful))
+    return t, good & (t >= asked.begin) & (t < asked.end)
 
 
-def _long(
-    lake: Path, file: File, i: int, names: Sequence[str], known: Places, day: int, done: int, problems: list[Problem]
-) -> _Part:
+def _long(table: pa.RecordBatch, file: File, asked: _Asked, done: int, problems: list[Problem]) -> _Part:
     tag, value, quality, unit = file.column("tag"), file.column("value"), file.column("quality"), file.unit_column
-    table = _table(lake, file, i, (file.column("time"), tag, value, quality, unit), (tag, quality, unit))
-    t, keep = _in_day(table, file, day, done + 1, problems)
+    known, names = asked.known, asked.names
+    t, keep = _within(table, file, asked, done, problems)
     if tag in file.folders:
         codes = np.zeros(len(t), np.int64)
-        names = [file.folders[str(tag)]]
     else:
-        codes = pc.index_in(words(_whole(table, str(tag))), pa.array(names, pa.string())).fill_null(-1).to_numpy()
+        codes = pc.index_in(words(table.column(str(tag))), pa.array(names, pa.string())).fill_null(-1).to_numpy()
     keep = keep & (codes >= 0)
     rows = np.flatnonzero(keep)
     codes, t = codes[rows], t[rows]
-    if unit is not None:
-        fits = _units(codes, _whole(table, unit).take(pa.array(rows)), names, known, file, done, problems)
+    if unit is not None and unit not in file.folders:
+        fits = _units(codes, table.column(unit).take(pa.array(rows)), asked, file, done, problems)
         rows, codes, t = rows[fits], codes[fits], t[fits]
     taken = pa.array(rows)
     where = np.array([known.long[name] for name in names], np.int32).reshape(-1, 2)
     loop, signal = where[codes, 0].astype(np.int32), where[codes, 1].astype(np.int8)
-    bad = _bad(file, None if quality is None else _whole(table, quality).take(taken), done, problems, rows)
-    cells = _whole(table, str(value)).take(taken)
+    bad = _bad(file, None if quality is None else table.column(quality).take(taken), done, problems, len(rows))
+    cells = table.column(str(value)).take(taken)
     values = np.full(len(rows), np.nan)
-    is_word = signal >= SIGNALS.index("mode")
-    is_word &= signal <= SIGNALS.index("op_high_flag")
-    for word in np.unique(np.where(is_word, codes, -1)):
-        mine = np.flatnonzero(~is_word if word < 0 else codes == word)
-        of, which = known.loops[loop[mine[0]]] if len(mine) else None, int(word)
-        if of is None:
-            continue
-        role = SIGNALS[signal[mine[0]]] if which >= 0 else "value"
+    order = np.argsort(codes, kind="stable")
+    for mine in np.split(order, np.flatnonzero(np.diff(codes[order])) + 1) if len(order) else ():
+        name = names[codes[mine[0]]]  # what a cell of it means is told by the settings of its loop
+        place, role = known.long[name]
         values[mine] = _values(
-            cells.take(pa.array(mine)), role, of, file, names, codes[mine], rows[mine] + done, problems
+            cells.take(pa.array(mine)), SIGNALS[role], known.loops[place], file, name, rows[mine] + done, problems
         )
     return _Part(loop, signal, t, values, bad)
 
 
-def _wide(
-    lake: Path, file: File, i: int, names: Sequence[str], known: Places, day: int, done: int, problems: list[Problem]
-) -> _Part:
-    quality, at = file.column("quality"), known.of(file)
-    table = _table(lake, file, i, (file.column("time"), quality, *names), (quality,))
-    t, keep = _in_day(table, file, day, done + 1, problems)
+def _wide(table: pa.RecordBatch, file: File, asked: _Asked, done: int, problems: list[Problem]) -> _Part:
+    quality, known = file.column("quality"), asked.known
+    t, keep = _within(table, file, asked, done, problems)
     rows = np.flatnonzero(keep)
     taken = pa.array(rows)
-    bad = _bad(file, None if quality is None else _whole(table, quality).take(taken), done, problems, rows)
+    bad = _bad(file, None if quality is None else table.column(quality).take(taken), done, problems, len(rows))
     parts = []
-    for name in names:
-        loop, signal = at[name]
-        told, wants = understand(name).unit, _unit_of(known.loops[loop], signal)
+    for name in asked.names:
+        place, signal = known.of(file)[name]
+        loop, n = known.loops[place], len(rows)
+        told, wants = understand(name).unit, _unit_of(loop, signal)
         if told and wants and _alike(told) != _alike(wants):
-            problems.append(_unit_problem(file, name, known.loops[loop].name, told, wants, len(rows), done + 1))
+            problems.append(_unit_problem(file, name, loop.name, told, wants, n, done + 1))
             continue
-        role = SIGNALS[signal] if SIGNALS[signal] in _WORDS else "value"
-        cells = _whole(table, name).take(taken)
-        x = _values(cells, role, known.loops[loop], file, [name], np.zeros(len(rows), np.int64), rows + done, problems)
-        parts.append(_Part(np.full(len(t[rows]), loop, np.int32), np.full(len(rows), signal, np.int8), t[rows], x, bad))
+        x = _values(table.column(name).take(taken), SIGNALS[signal], loop, file, name, rows + done, problems)
+        parts.append(_Part(np.full(n, place, np.int32), np.full(n, signal, np.int8), t[rows], x, bad))
     if not parts:
         return _Part(*(np.empty(0, kind) for kind in (np.int32, np.int8, np.int64, np.float64, np.bool_)))  # type: ignore[arg-type]
     return _Part(*(np.concatenate([getattr(p, name) for p in parts]) for name in ("loop", *ROWS.names)))
 
 
 def _values(
-    cells: pa.Array,
-    role: str,
-    loop: Loop,
-    file: File,
-    names: Sequence[str],
-    codes: NDArray[np.int64],
-    rows: NDArray[np.int64],
-    problems: list[Problem],
+    cells: pa.Array, role: str, loop: Loop, file: File, name: str, rows: NDArray[np.int64], problems: list[Problem]
 ) -> NDArray[np.float64]:
-    """Numbers of cells; a word that is none is missing, and told once a file and tag."""
-    bad_words = words_for_bad(loop.bad_values)
-    decide: Callable[[str], int] | None = None
-    if role == "mode":
-        decide = mode_flag(loop.auto_values, bad_words)
-    elif role in _WORDS:
-        decide = limit_flag(1)
-    missing: float = 1.0 if role == "mode" else 0.0 if decide is not None else np.nan
+    """Cells of a signal as everywhere (`Reader`); a word that is no number is missing, and told once a file and tag."""
+    reader = Reader(loop, None, file.digits, Quality((), words_for_bad(loop.bad_values)))
+    flag = role in _WORDS
+    missing = 1.0 if role == "mode" else 0.0 if flag else np.nan
     for _ in range(_MOST_WORDS):
         try:
-            return flags_of(cells, decide).astype(np.float64) if decide else numbers(cells, bad_words)
+            return (reader.flag(role, cells) != 0).astype(np.float64) if flag else reader.number(cells)
         except CellFault as fault:
-            if fault.value is None or not _is_text(cells):
-                problems.append(Problem("value", fault.what, "export numbers", file.name, int(rows[0]) + 1, names[0]))
-                return np.full(len(cells), missing)
-            wrong = pc.equal(plain(cells), fault.value).fill_null(False)
-            n, tag = pc.sum(wrong).as_py(), names[int(codes[fault.index])]
-            todo = fault.hint or "name it in bad_values"
-            problems.append(
-                Problem("value", fault.what, todo, file.name, int(rows[fault.index]) + 1, tag, loop.name, rows=n)
-            )
-            cells = pc.if_else(wrong, pa.scalar("MAN" if role == "mode" else "", pa.string()), plain(cells))
+            if fault.value is None or not len(rows) or not is_text(plain(cells).type):
+                row = int(rows[0]) + 1 if len(rows) else None
+                problems.append(Problem("value", fault.what, "export numbers", file.name, row, name, loop.name))
+                break
+            texts = pc.utf8_trim_whitespace(plain(cells))
+            wrong = pc.equal(texts, str(fault.value).strip()).fill_null(False)
+            n, todo = pc.sum(wrong).as_py(), fault.hint or "name it in bad_values"
+            row = int(rows[fault.index]) + 1
+            problems.append(Problem("value", fault.what, todo, file.name, row, name, loop.name, rows=n))
+            cells = pc.if_else(wrong, pa.scalar("MAN" if role == "mode" else "", pa.string()), texts)
     return np.full(len(cells), missing)
 
 
-def _is_text(cells: pa.Array) -> bool:
-    return bool(pa.types.is_string(plain(cells).type))
-
-
-def _bad(
-    file: File, cells: pa.Array | None, done: int, problems: list[Problem], rows: NDArray[np.int64]
-) -> NDArray[np.bool_]:
+def _bad(file: File, cells: pa.Array | None, done: int, problems: list[Problem], rows: int) -> NDArray[np.bool_]:
     """Which rows are of bad quality, whichever of the three ways of telling it a file has; an unknown word is bad."""
     if cells is None or not len(cells):
-        return np.zeros(len(rows), np.bool_)
-    decide = Quality(file.qualities, words_for_bad(()))
+        return np.zeros(rows, np.bool_)
+    decide = Quality(file.qualities, words_for_bad(()), file.column("quality") or "")
     unknown: dict[str, None] = {}
 
     def bit(word: str) -> int:
@@ -599,13 +697,7 @@ def _bad(
 
 
 def _units(
-    codes: NDArray[np.int64],
-    cells: pa.Array,
-    names: Sequence[str],
-    known: Places,
-    file: File,
-    done: int,
-    problems: list[Problem],
+    codes: NDArray[np.int64], cells: pa.Array, asked: _Asked, file: File, done: int, problems: list[Problem]
 ) -> NDArray[np.bool_]:
     """Which rows are in the unit that the loop's settings tell; where they tell none, all are."""
     fits = np.ones(len(codes), np.bool_)
@@ -613,15 +705,16 @@ def _units(
     each = told.dictionary_encode(null_encoding="encode")
     units, of = each.dictionary.to_pylist(), each.indices.to_numpy(zero_copy_only=False)
     for code in np.unique(codes):
-        loop, signal = known.long[names[code]]
-        wants = _unit_of(known.loops[loop], signal)
+        name = asked.names[code]
+        loop, signal = asked.known.long[name]
+        wants = _unit_of(asked.known.loops[loop], signal)
         for i, unit in enumerate(units):
             if not unit or not wants or _alike(unit) == _alike(wants):
                 continue
             wrong = (codes == code) & (of == i)
             if n := int(wrong.sum()):
                 fits &= ~wrong
-                problems.append(_unit_problem(file, names[code], known.loops[loop].name, unit, wants, n, done + 1))
+                problems.append(_unit_problem(file, name, asked.known.loops[loop].name, unit, wants, n, done + 1))
     return fits
 
 

@@ -3,7 +3,7 @@
 ::
 
     RESULTS/manifest.json        the folder of the tables, their rows and checksums, version, settings; written last
-    RESULTS/tables-<checksum>/   loops, windows, days, problems, inputs .parquet
+    RESULTS/tables-<checksum>/   loops, windows, days, crossings, problems, inputs .parquet
     RESULTS/report.html          for the person who plans the maintenance
     RESULTS/work/                what was made so far: an interrupted run goes on from here, the next one begins here
 
@@ -14,9 +14,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import shutil
-import tempfile
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -25,12 +23,12 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from ..errors import InputError
-from ..writing import write_file
+from ..writing import write_file, write_parquet
 from .problems import Problem
 
 __all__ = ["INPUTS", "TABLES", "digest", "manifest", "publish", "read", "read_piece", "write_piece"]
 
-TABLES = ("loops", "windows", "days", "problems", "inputs")
+TABLES = ("loops", "windows", "days", "crossings", "problems", "inputs")
 """Names of the tables."""
 
 INPUTS = pa.schema(
@@ -72,33 +70,14 @@ def write_piece(path: Path, tables: Iterable[pa.Table], schema: pa.Schema, probl
     """
     told = json.dumps([list(problem) for problem in problems], ensure_ascii=False)
     schema = schema.with_metadata({**(schema.metadata or {}), **({_PROBLEMS: told.encode()} if told != "[]" else {})})
-    part: Path | None = None
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(prefix=".", suffix=".part", dir=path.parent)
-        part = Path(name)
-        with os.fdopen(handle, "wb") as file:
-            with pq.ParquetWriter(file, schema, compression="zstd") as writer:
-                for table in tables:
-                    writer.write_table(table.cast(schema))
-            file.flush()
-            os.fsync(file.fileno())
-        part.replace(path)
+        write_parquet(path, tables, schema)
     except OSError as error:
-        _forget(part)
         raise InputError(
             f"cannot be written: {error.strerror or error}",
             file=str(path),
             hint="make room, then run it again: it goes on where it stopped",
         ) from None
-    except BaseException:
-        _forget(part)
-        raise
-
-
-def _forget(part: Path | None) -> None:
-    if part is not None:
-        part.unlink(missing_ok=True)
 
 
 def read_piece(path: Path, **how: Any) -> tuple[pa.Table, list[Problem]]:
@@ -114,8 +93,10 @@ def publish(out: Path, tables: Mapping[str, pa.Table], about: Mapping[str, Any])
     What `about` tells stands in the manifest, and `about["provenance"]` in every table's metadata too.
     """
     provenance = json.dumps(about["provenance"], sort_keys=True).encode()
-    making = Path(tempfile.mkdtemp(prefix=".tables-", dir=out))
+    making = out / ".tables"
+    shutil.rmtree(making, ignore_errors=True)
     try:
+        making.mkdir()
         files = {}
         for name in TABLES:
             schema = tables[name].schema.with_metadata({b"glapp": provenance})
@@ -126,14 +107,13 @@ def publish(out: Path, tables: Mapping[str, pa.Table], about: Mapping[str, Any])
         if folder.exists():
             shutil.rmtree(making)
         else:
-            making.chmod(0o755)
             making.replace(folder)
     except BaseException:
         shutil.rmtree(making, ignore_errors=True)
         raise
     made = {**about, "folder": folder.name, "tables": files}
     write_file(out / _MANIFEST, json.dumps(made, indent=1, sort_keys=True) + "\n")
-    for old in (*out.glob("tables-*"), *out.glob(".tables-*")):
+    for old in out.glob("tables-*"):
         if old != folder:
             shutil.rmtree(old, ignore_errors=True)
     return made
@@ -183,7 +163,7 @@ def read(out: str | Path, table: str = "loops") -> pa.Table:
     out : str or Path
         The folder that was given as `out`.
     table : str
-        *loops*, *windows*, *days*, *problems* or *inputs*.
+        *loops*, *windows*, *days*, *crossings*, *problems* or *inputs*.
 
     Returns
     -------

@@ -2,13 +2,14 @@
 
 ::
 
-    files ──index──→ groups of rows ──plan──→ units: a day (UTC) of some loops
+    files ──index──→ groups of rows ──plan──→ units: a day (UTC) of some loops, or a part of one
     unit ──look──→ rows of DAYS ──choose──→ windows ──cut──→ their samples ──judge──→ rows of WINDOWS and LOOPS
+    unit, its look and the state of the unit before ──follow──→ rows of CROSSINGS, and the state of the next
 
 A piece is a file in `RESULTS/work` whose name is the checksum of all that it is made of: version, settings, and name,
-size and time of change of the files. What is there already is not made again, so an interrupted run goes on
-where it was, and a later one makes only what a new or changed file touches. The tables are the same to the bit either
-way.
+size and time of change of the files; that of a unit's crossings tells those of all units before it too. What is there
+already is not made again, so an interrupted run goes on where it was, and a later one makes only what a new or changed
+file touches: its days, and the crossings from the earliest of them on. The tables are the same to the bit either way.
 """
 
 from __future__ import annotations
@@ -19,10 +20,9 @@ import multiprocessing
 import os
 import threading
 import time
-from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from itertools import pairwise
@@ -36,18 +36,35 @@ from ..errors import InputError
 from ..loop import Loop
 from ..service.memory import Lock
 from ..writing import write_file
+from .history import CROSSINGS, FOLLOWED, follow
 from .lake import DAY, File, Places, files_of, index_file, places, rows_of, touched
 from .problems import Problem, problem_table
 from .results import INPUTS, digest, publish, read_piece, write_piece
 from .settings import NAMES, read_loops
 from .windows import DAYS, FITS, LOOPS, SAMPLES, WINDOWS, choose, cut, judge, look
 
-__all__ = ["AT_ONCE", "Engine", "Plan", "Stage", "Unit", "analyze", "chosen_of", "plan_of"]
+__all__ = [
+    "AT_ONCE",
+    "Engine",
+    "Plan",
+    "Stage",
+    "Unit",
+    "analyze",
+    "chosen_of",
+    "crossings_of",
+    "follow_paths",
+    "looks_of",
+    "plan_of",
+    "states_of",
+    "together",
+    "unit_rows",
+    "write_followed",
+]
 
 AT_ONCE = 4_000_000
-"""Rows of a unit at most, where more than one loop is in it: some 0.5 GB of memory a process."""
+"""Rows of a unit at most, as far as its files show it: some 0.5 GB of memory a process."""
 
-_FORM = 1
+_FORM = 2
 """Form of the pieces: a later one makes all of them anew."""
 
 
@@ -60,12 +77,32 @@ class Stage(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """One day of some loops: places in `Plan.places.loops`, the files that may hold their rows, and its checksum."""
+    """One day of some loops, or a part of one.
+
+    Attributes
+    ----------
+    day, part : int
+        The day since 1970 UTC, and which part of it.
+    begin, end : int
+        From when to before when [µs since 1970 UTC].
+    loops : range
+        Places in `Plan.places.loops`.
+    files : tuple of File
+        Those that may hold their rows.
+    key : str
+        Checksum of all that its rows are made of.
+    before : tuple of int
+        Of each of its loops the unit before, by its place in `Plan.units`; each once.
+    """
 
     day: int
+    part: int
+    begin: int
+    end: int
     loops: range
     files: tuple[File, ...]
     key: str
+    before: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,9 +119,9 @@ class Plan:
 
 
 class Engine(Protocol):
-    """Who does the work: it gives rows of DAYS, WINDOWS and LOOPS and the problems that it met."""
+    """Who does the work: it gives the rows of DAYS, CROSSINGS, WINDOWS and LOOPS by these names, and what was wrong."""
 
-    def __call__(self, plan: Plan, out: Path, stage: Stage) -> tuple[pa.Table, pa.Table, pa.Table, list[Problem]]:
+    def __call__(self, plan: Plan, out: Path, stage: Stage) -> tuple[dict[str, pa.Table], list[Problem]]:
         """Do all of it."""
 
 
@@ -146,12 +183,11 @@ def analyze(
         raise InputError(f"is {fits}, must be 1 to 64", parameter="fits", value=fits, bound="1 to 64")
     if engine not in ("local", "spark"):
         raise InputError(f"is {engine!r}, must be 'local' or 'spark'", parameter="engine", value=engine)
+    names, wrong = files_of(lake)
     if out.resolve().is_relative_to(lake.resolve()) and not out.name.startswith(("_", ".")):
         hint = "name a folder beside the lake: what is in it would be read as part of the lake"
-        files_of(lake)
         raise InputError("lies within the lake", file=str(out), parameter="out", hint=hint)
     tell: Stage = stage if stage is not None else lambda name, total, done: None
-    names = files_of(lake)
     out.mkdir(parents=True, exist_ok=True)
     lock = Lock(out / "work")
     begun = time.monotonic()
@@ -163,11 +199,12 @@ def analyze(
         else:
             work = _Local(workers or os.cpu_count() or 1)
         plan = plan_of(lake, names, out, loops, time_zone, fits, tell, workers or os.cpu_count() or 1)
-        days, windows, judged, problems = work(plan, out, tell)
+        plan = replace(plan, problems=(*wrong, *plan.problems))
+        made_of, problems = work(plan, out, tell)
+        orders = {"days": ("day", "part"), "crossings": ("day", "part"), "windows": ("first",)}
         tables = {
-            "days": days.sort_by([("loop", "ascending"), ("day", "ascending")]),
-            "windows": windows.sort_by([("loop", "ascending"), ("first", "ascending")]),
-            "loops": _ranked(judged, plan),
+            **{name: made_of[name].sort_by([(c, "ascending") for c in ("loop", *by)]) for name, by in orders.items()},
+            "loops": _ranked(made_of["loops"]),
             "problems": problem_table([*plan.problems, *problems]),
             "inputs": _inputs(plan.files),
         }
@@ -248,30 +285,54 @@ def _indexed(
 
 
 def _units(files: Sequence[File], known: Places) -> list[Unit]:
-    """Days of as many loops as `AT_ONCE` allows; a file takes part where a group of its rows may hold some of them."""
+    """Days of as many loops as `AT_ONCE` allows, and parts of days where one loop has more.
+
+    A file takes part where a group of its rows may hold some of them.
+    """
     settings = [loop.model_dump(mode="json", exclude={"file", "files"}) for loop in known.loops]
     by_day: dict[int, list[File]] = {}
     for file in files:
-        for day in sorted({d for g in file.groups if g.rows for d in range(g.first // DAY, g.last // DAY + 1)}):
+        for day in sorted({d for g in file.groups if g.readable for d in range(g.first // DAY, g.last // DAY + 1)}):
             by_day.setdefault(day, []).append(file)
-    units = []
+    units: list[Unit] = []
+    last: dict[int, int] = {}
     for day, here in sorted(by_day.items()):
-        rows = sum(
-            group.rows * (1 if file.long else max(len(known.of(file)), 1))
-            for file in here
-            for group in file.groups
-            if touched(file, group, known, range(len(known.loops)), day)
-        )
-        pieces = min(max(-(-rows // AT_ONCE), 1), max(len(known.loops), 1))
+        span, every = (day * DAY, (day + 1) * DAY), range(len(known.loops))
+        pieces = min(max(-(-_expected(here, known, every, *span) // AT_ONCE), 1), max(len(known.loops), 1))
         ends = [round(i * len(known.loops) / pieces) for i in range(pieces + 1)]
-        for begin, end in pairwise(ends):
-            loops = range(begin, end)
-            of = tuple(file for file in here if any(touched(file, g, known, loops, day) for g in file.groups))
-            if of:
-                made_of = [(file.name, file.size, file.mtime_ns, file.zone) for file in of]
-                key = digest(version("glapp"), _FORM, day, settings[begin:end], made_of, _columns(of, known, loops))
-                units.append(Unit(day, loops, of, key))
+        for loops in (range(*pair) for pair in pairwise(ends)):
+            for part, (begin, end) in enumerate(_slices(here, known, loops, *span)):
+                of = tuple(f for f in here if any(touched(f, g, known, loops, begin, end) for g in f.groups))
+                if of:
+                    made_of = [(file.name, file.size, file.mtime_ns, file.zone) for file in of]
+                    told = (settings[loops.start : loops.stop], made_of, _columns(of, known, loops))
+                    key = digest(version("glapp"), _FORM, day, begin, end, *told)
+                    before = tuple(sorted({last[k] for k in loops if k in last}))
+                    units.append(Unit(day, part, begin, end, loops, of, key, before))
+                    last.update(dict.fromkeys(loops, len(units) - 1))
     return units
+
+
+def _slices(files: Sequence[File], known: Places, loops: range, begin: int, end: int) -> list[tuple[int, int]]:
+    """That time, halved until no slice has more than `AT_ONCE` rows."""
+    if end - begin <= 1_000_000 or _expected(files, known, loops, begin, end) <= AT_ONCE:
+        return [(begin, end)]
+    middle = (begin + end) // 2
+    return [*_slices(files, known, loops, begin, middle), *_slices(files, known, loops, middle, end)]
+
+
+def _expected(files: Sequence[File], known: Places, loops: range, begin: int, end: int) -> int:
+    """Rows that these loops have within that time, as far as groups of rows show it: where theirs lie evenly."""
+    rows = 0.0
+    for file in files:
+        at = known.of(file)
+        for group in file.groups:
+            if touched(file, group, known, loops, begin, end):
+                within = (min(group.last + 1, end) - max(group.first, begin)) / (group.last + 1 - group.first)
+                names = group.tags if file.long else at
+                wanted = sum(name in at and at[name][0] in loops for name in names)
+                rows += group.rows * within * wanted / (len(names) if file.long else 1)
+    return round(rows)
 
 
 def _columns(files: Sequence[File], known: Places, loops: range) -> list[Any]:
@@ -283,7 +344,7 @@ def _columns(files: Sequence[File], known: Places, loops: range) -> list[Any]:
 def _inputs(files: Sequence[File]) -> pa.Table:
     rows = []
     for file in files:
-        groups = [group for group in file.groups if group.rows]
+        groups = [group for group in file.groups if group.readable]
         rows.append(
             {
                 "file": file.name,
@@ -301,7 +362,7 @@ def _inputs(files: Sequence[File]) -> pa.Table:
 _URGENCIES = ("high", "medium", "low", "none")
 
 
-def _ranked(loops: pa.Table, plan: Plan) -> pa.Table:
+def _ranked(loops: pa.Table) -> pa.Table:
     """In the order in which they are to be repaired: by score; then the others, the most urgent first."""
 
     def key(row: dict[str, Any]) -> tuple[Any, ...]:
@@ -320,7 +381,7 @@ class _Local:
     def __init__(self, workers: int) -> None:
         self.workers = workers
 
-    def __call__(self, plan: Plan, out: Path, stage: Stage) -> tuple[pa.Table, pa.Table, pa.Table, list[Problem]]:
+    def __call__(self, plan: Plan, out: Path, stage: Stage) -> tuple[dict[str, pa.Table], list[Problem]]:
         """See `Engine`."""
         work = out / "work"
         problems: list[Problem] = []
@@ -335,58 +396,105 @@ class _Local:
                 _all(
                     pool, _look, [(i,) for i, path in enumerate(looks) if not path.exists()], "days", len(looks), stage
                 )
-                days = _together(looks, DAYS, problems)
+                days = together(looks, DAYS, problems)
+                follows = follow_paths(plan, work)
+                _chained(pool, plan, follows, stage)
+                crossings = crossings_of(follows)
                 chosen = chosen_of(days, plan)
                 cuts, asked = [], []
                 for i, unit in enumerate(plan.units):
-                    here = {k: w for k in unit.loops if (w := chosen.get((k, unit.day)))}
+                    here = {k: w for k in unit.loops if (w := chosen.get((k, i)))}
                     if here:
                         path = work / "samples" / f"{digest(unit.key, sorted(here.items()))}.parquet"
-                        cuts.append((unit, path))
+                        cuts.append((here, path))
                         asked += [] if path.exists() else [(i, here, path)]
                 _all(pool, _cut, asked, "windows", len(cuts), stage)
                 by_loop: dict[int, list[Path]] = {}
-                for unit, path in cuts:
-                    for k in unit.loops:
-                        if (k, unit.day) in chosen:
-                            by_loop.setdefault(k, []).append(path)
-                having = Counter(days.column("loop").to_pylist())
-                order = [k for k, loop in enumerate(plan.places.loops) if having[loop.name]]
-                keys = _all(
-                    pool,
-                    _judge,
-                    [
-                        (k, days.filter(pc.equal(days["loop"], plan.places.loops[k].name)), by_loop.get(k, []))
-                        for k in order
-                    ],
-                    "loops",
-                    len(order),
-                    stage,
-                )
+                for here, path in cuts:
+                    for k in here:
+                        by_loop.setdefault(k, []).append(path)
+                having = set(days.column("loop").to_pylist())
+                order = [k for k, loop in enumerate(plan.places.loops) if loop.name in having]
+                names = [plan.places.loops[k].name for k in order]
+                of = [tuple(t.filter(pc.equal(t["loop"], name)) for t in (days, crossings)) for name in names]
+                tasks = [(k, *tables, by_loop.get(k, [])) for k, tables in zip(order, of, strict=True)]
+                keys = _all(pool, _judge, tasks, "loops", len(order), stage)
             except BaseException:
                 pool.shutdown(wait=False, cancel_futures=True)
                 raise
         pieces = [work / "loops" / f"{key}.parquet" for key in keys]
-        loops = _together(pieces, LOOPS, problems)
-        windows = _together([work / "of_loops" / f"{key}.parquet" for key in keys], WINDOWS, [])
-        _tidy(work, {*looks, *(path for _, path in cuts), *pieces, *(work / "of_loops" / p.name for p in pieces)})
-        return days, windows, loops, problems
+        loops = together(pieces, LOOPS, problems)
+        windows = together([work / "of_loops" / f"{key}.parquet" for key in keys], WINDOWS, [])
+        used = {*looks, *follows, *(path for _, path in cuts), *pieces, *(work / "of_loops" / p.name for p in pieces)}
+        _tidy(work, used)
+        return {"days": days, "crossings": crossings, "windows": windows, "loops": loops}, problems
+
+
+def follow_paths(plan: Plan, work: Path) -> list[Path]:
+    """The piece of each unit's crossings: its name tells the unit and all before it."""
+    keys: list[str] = []
+    for unit in plan.units:
+        keys.append(digest(unit.key, [keys[i] for i in unit.before]))
+    return [work / "crossings" / f"{key}.parquet" for key in keys]
+
+
+def _chained(pool: ProcessPoolExecutor, plan: Plan, paths: Sequence[Path], stage: Stage) -> None:
+    """Follow the crossings over all units, each as soon as those before it are there."""
+    there = [path.exists() for path in paths]
+    after: dict[int, list[int]] = {}
+    for i, unit in enumerate(plan.units):
+        for one in unit.before:
+            after.setdefault(one, []).append(i)
+    left = {i: sum(not there[one] for one in plan.units[i].before) for i, made in enumerate(there) if not made}
+    stage("crossings", len(paths), len(paths) - len(left))
+
+    def begin(i: int) -> Future[None]:
+        return pool.submit(_follow, i, [paths[one] for one in plan.units[i].before], paths[i])
+
+    under_way = {begin(i): i for i, missing in left.items() if not missing}
+    while under_way:
+        ready, _ = wait(under_way, timeout=0.2, return_when="FIRST_COMPLETED")
+        for future in ready:
+            i = under_way.pop(future)
+            future.result()
+            del left[i]
+            for one in after.get(i, ()):
+                if one in left:
+                    left[one] -= 1
+                    if not left[one]:
+                        under_way[begin(one)] = one
+        stage("crossings", len(paths), len(paths) - len(left))
 
 
 def chosen_of(days: pa.Table, plan: Plan) -> dict[tuple[int, int], list[tuple[int, int]]]:
-    """The windows that are fitted, by the place of their loop and their day."""
+    """The windows that are fitted, by the places of their loop and their unit."""
+    of_day: dict[int, list[int]] = {}
+    for i, unit in enumerate(plan.units):
+        of_day.setdefault(unit.day, []).append(i)
     found: dict[tuple[int, int], list[tuple[int, int]]] = {}
     for k, loop in enumerate(plan.places.loops):
         of = days.filter(pc.equal(days["loop"], loop.name))
         for first, last in choose(of, plan.fits) if len(of) else ():
-            found.setdefault((k, first // DAY), []).append((first, last))
+            [i] = (
+                i
+                for i in of_day[first // DAY]
+                if k in plan.units[i].loops and plan.units[i].begin <= first < plan.units[i].end
+            )
+            found.setdefault((k, i), []).append((first, last))
     return found
 
 
-def _together(paths: Iterable[Path], schema: pa.Schema, problems: list[Problem]) -> pa.Table:
+def crossings_of(paths: Iterable[Path]) -> pa.Table:
+    """Rows of CROSSINGS, from the first that told settings, without the states beside them."""
+    heard = together(paths, CROSSINGS, [])
+    return heard.filter(pc.and_(pc.is_valid(heard["day"]), pc.is_valid(heard["crossings"])))
+
+
+def together(paths: Iterable[Path], schema: pa.Schema, problems: list[Problem]) -> pa.Table:
+    """The columns of a schema of several pieces, and what was wrong in making them."""
     tables = []
     for path in paths:
-        table, wrong = read_piece(path)
+        table, wrong = read_piece(path, columns=schema.names)
         tables.append(table)
         problems += wrong
     return pa.concat_tables(tables).cast(schema) if tables else schema.empty_table()
@@ -410,7 +518,7 @@ def _all(
 
 def _tidy(work: Path, used: set[Path]) -> None:
     """Take out pieces that are no longer part of the results, and what a stopped run left of one."""
-    for folder in ("days", "samples", "loops", "of_loops"):
+    for folder in ("days", "crossings", "samples", "loops", "of_loops"):
         for path in (work / folder).glob("*"):
             if path not in used:
                 path.unlink(missing_ok=True)
@@ -451,18 +559,61 @@ def _look(i: int) -> None:
 
 def looked(plan: Plan, unit: Unit) -> tuple[list[pa.Table], list[Problem]]:
     """The look at every loop of a unit, in their order."""
-    rows, problems = rows_of(plan.lake, unit.files, plan.places, unit.loops, unit.day)
-    return [look(table, plan.places.loops[k], unit.day) for k, table in sorted(rows.items())], problems
+    rows, problems = unit_rows(plan, unit)
+    return [look(table, plan.places.loops[k], unit.day, unit.part) for k, table in sorted(rows.items())], problems
+
+
+def unit_rows(plan: Plan, unit: Unit) -> tuple[dict[int, pa.Table], list[Problem]]:
+    """The rows of a unit, by the place of their loop."""
+    return rows_of(plan.lake, unit.files, plan.places, unit.loops, unit.begin, unit.end)
+
+
+def _follow(i: int, before: Sequence[Path], path: Path) -> None:
+    plan, work = _plan()
+    unit = plan.units[i]
+    looks = looks_of(work / "days" / f"{unit.key}.parquet")
+    states: dict[str, str] = {}
+    for one in before:
+        states.update(states_of(one))
+    rows, _ = unit_rows(plan, unit)
+    made = {}
+    for k, table in rows.items():
+        loop = plan.places.loops[k]
+        made[loop.name] = follow(table, looks[loop.name], loop, states.get(loop.name))
+    write_followed(plan, unit, made, states, path)
+
+
+def write_followed(plan: Plan, unit: Unit, made: Mapping[str, pa.Table], states: Mapping[str, str], path: Path) -> None:
+    """Write the crossings of a unit; the state of a loop that has no row in it goes on to the next."""
+    tables = []
+    for k in unit.loops:
+        name = plan.places.loops[k].name
+        if name in made:
+            tables.append(made[name])
+        elif name in states:
+            tables.append(pa.Table.from_pylist([{"loop": name, "state": states[name]}], schema=FOLLOWED))
+    write_piece(path, [pa.concat_tables(tables)] if tables else [], FOLLOWED)
+
+
+def looks_of(path: Path) -> dict[str, pa.Table]:
+    """The look at each loop of a unit."""
+    days, _ = read_piece(path)
+    return {name: days.slice(row, 1) for row, name in enumerate(days.column("loop").to_pylist())}
+
+
+def states_of(path: Path) -> Iterable[tuple[str, str]]:
+    """The state of each loop after a unit."""
+    table, _ = read_piece(path, columns=["loop", "state"])
+    return zip(table["loop"].to_pylist(), table["state"].to_pylist(), strict=True)
 
 
 def _cut(i: int, chosen: dict[int, list[tuple[int, int]]], path: Path) -> None:
     plan, _ = _plan()
-    unit = plan.units[i]
-    rows, _ = rows_of(plan.lake, unit.files, plan.places, unit.loops, unit.day)
+    rows, _ = unit_rows(plan, plan.units[i])
     write_piece(path, (cut(rows[k], plan.places.loops[k], w) for k, w in sorted(chosen.items()) if k in rows), SAMPLES)
 
 
-def _judge(k: int, days: pa.Table, paths: Sequence[Path]) -> str:
+def _judge(k: int, days: pa.Table, crossings: pa.Table, paths: Sequence[Path]) -> str:
     """Judge a loop, or find that the same days and samples were judged before; the name of its pieces."""
     plan, work = _plan()
     loop = plan.places.loops[k]
@@ -470,10 +621,11 @@ def _judge(k: int, days: pa.Table, paths: Sequence[Path]) -> str:
     samples = pa.concat_tables(tables) if tables else SAMPLES.empty_table()
     samples = samples.sort_by([("window", "ascending"), ("t", "ascending")])
     settings = loop.model_dump(mode="json", exclude={"file", "files"})
-    key = digest(version("glapp"), _FORM, settings, _content(samples), _content(days.sort_by("day")))
+    of = [_content(table.sort_by([("day", "ascending"), ("part", "ascending")])) for table in (days, crossings)]
+    key = digest(version("glapp"), _FORM, settings, _content(samples), of)
     path = work / "loops" / f"{key}.parquet"
     if not path.exists():
-        row, windows, problems = judge(samples, days, loop)
+        row, windows, problems = judge(samples, days, crossings, loop)
         write_piece(work / "of_loops" / path.name, [windows], WINDOWS)
         write_piece(path, [row], LOOPS, problems)
     return key

@@ -1,12 +1,17 @@
-"""The same work on Spark: the functions of `glapp.fleet.windows` by `applyInArrow`, with the same bits.
+"""The same work on Spark: the functions of `glapp.fleet.windows` and `glapp.fleet.history` by `applyInArrow`.
 
 ::
 
-    units ──mapInArrow──→ rows (loop, day, …) ──groupBy(loop, day).applyInArrow(look)──→ days
+    units ──mapInArrow──→ rows (unit, loop, …) ──groupBy(unit, loop).applyInArrow(look)──→ days
+    units of a wave ──mapInArrow──→ rows ──groupBy(loop), cogroup(states).applyInArrow(follow)──→ crossings, states
     units with chosen windows ──mapInArrow──→ samples ──cogroup(days by loop).applyInArrow(judge)──→ loops, windows
 
-Workers need glapp and the lake under the same path. A unit that is lost with its executor is read again by Spark. What
-a group answers travels as the bytes of an Arrow table, which no conversion touches; the driver writes the results.
+A wave is so many days that no loop has more than `GROUP` rows in it: a loop too large for one group goes in waves that
+hand on its state. Workers need glapp and the lake under the same path. A unit that is lost with its executor is read
+again by Spark. What a group answers travels as the bytes of an Arrow table, which no conversion touches.
+
+The driver writes the pieces that a run on one machine writes, under the same names: days as soon as all are looked at,
+crossings wave by wave. So a run that was stopped goes on, and a later one looks only at what is new, on either engine.
 """
 
 from __future__ import annotations
@@ -14,27 +19,47 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from ..errors import InputError
-from .lake import ROWS, rows_of
+from .history import FOLLOWED, follow
+from .lake import ROWS
 from .problems import Problem
-from .run import Plan, Stage, chosen_of
+from .results import write_piece
+from .run import (
+    Plan,
+    Stage,
+    chosen_of,
+    crossings_of,
+    follow_paths,
+    looks_of,
+    states_of,
+    together,
+    unit_rows,
+    write_followed,
+)
 from .windows import DAYS, LOOPS, SAMPLES, WINDOWS, cut, judge, look
 
-__all__ = ["run"]
+__all__ = ["GROUP", "run"]
 
-_ROWS = "loop string, day int, signal byte, t long, value double, bad boolean, problem string"
+GROUP = 8_000_000
+"""Rows of PV of a loop in one wave at most, where it has more than one unit: some 1 GB of a worker's memory."""
+
+_ROWS = "unit int, loop string, signal byte, t long, value double, bad boolean, problem string"
+_LOOKED = "unit int, loop string, made binary, problem string"
+_STATES = "loop string, state string, looks binary"
+_FOLLOWED = "loop string, units array<int>, made binary"
 _SAMPLES = "loop string, window long, t long, sp double, pv double, op double, position double, flags short"
-_DAYS = "loop string, day int, made binary, problem string"
+_KNOWN = "loop string, days binary, crossings binary"
 _LOOPS = "loop string, loops binary, windows binary, problems string"
 
 
-def run(plan: Plan, out: Path, stage: Stage) -> tuple[pa.Table, pa.Table, pa.Table, list[Problem]]:
+def run(plan: Plan, out: Path, stage: Stage) -> tuple[dict[str, pa.Table], list[Problem]]:
     """See `glapp.fleet.run.Engine`; the session is the one that there is, else one of this machine.
 
     Raises
@@ -48,41 +73,113 @@ def run(plan: Plan, out: Path, stage: Stage) -> tuple[pa.Table, pa.Table, pa.Tab
         raise InputError("needs PySpark", parameter="engine", hint="pip install 'glapp[spark]', and Java 17") from None
     os.environ.setdefault("PYSPARK_PYTHON", sys.executable)  # a worker of this machine has what we have
     spark = SparkSession.builder.appName("glapp fleet").getOrCreate()
-    count = len(plan.units)
-    stage("days", count, 0)
-    units = spark.range(count).repartition(max(count, 1))
-    rows = units.mapInArrow(_reader(plan), _ROWS)
-    days = rows.groupBy("loop", "day").applyInArrow(_looker(plan), _DAYS).persist()
-    problems: list[Problem] = []
-    tables = []
-    for _, _, made, problem in days.collect():
-        if problem is not None:
-            problems.append(Problem(*json.loads(problem)))
-        else:
-            tables.append(_table(made))
-    every = pa.concat_tables(tables).cast(DAYS) if tables else DAYS.empty_table()
-    stage("days", count, count)
-    chosen = chosen_of(every, plan)
-    asked = [i for i, unit in enumerate(plan.units) if any((k, unit.day) in chosen for k in unit.loops)]
+    work, problems = out / "work", list[Problem]()
+    looks = [work / "days" / f"{unit.key}.parquet" for unit in plan.units]
+    _look_at(spark, plan, looks, stage)
+    days = together(looks, DAYS, problems)
+    follows = follow_paths(plan, work)
+    _follow(spark, plan, looks, follows, stage)
+    crossings = crossings_of(follows)
+    loops, windows = _judged(spark, plan, days, crossings, stage, problems)
+    return {"days": days, "crossings": crossings, "windows": windows, "loops": loops}, problems
+
+
+def _units(spark: Any, plan: Plan, which: Sequence[int]) -> Any:
+    """The rows of units."""
+    ids = spark.createDataFrame([(i,) for i in which], "id int").repartition(len(which))
+    return ids.mapInArrow(_reader(plan), _ROWS)
+
+
+def _look_at(spark: Any, plan: Plan, paths: Sequence[Path], stage: Stage) -> None:
+    """Look at the units that were not looked at before, and write their pieces."""
+    missing = [i for i, path in enumerate(paths) if not path.exists()]
+    stage("days", len(paths), len(paths) - len(missing))
+    if missing:
+        made: dict[int, dict[str, pa.Table]] = {i: {} for i in missing}
+        wrong: dict[int, list[Problem]] = {i: [] for i in missing}
+        groups = _units(spark, plan, missing).groupBy("unit", "loop").applyInArrow(_looker(plan), _LOOKED)
+        for unit, loop, table, problem in groups.toLocalIterator():
+            if problem is not None:
+                wrong[unit].append(Problem(*json.loads(problem)))
+            else:
+                made[unit][loop] = _table(table)
+        for i in missing:
+            names = [plan.places.loops[k].name for k in plan.units[i].loops]
+            write_piece(paths[i], [made[i][name] for name in names if name in made[i]], DAYS, sorted(set(wrong[i])))
+    stage("days", len(paths), len(paths))
+
+
+def _follow(spark: Any, plan: Plan, looks: Sequence[Path], paths: Sequence[Path], stage: Stage) -> None:
+    """Follow the crossings over the units that are new or after a new one, wave by wave, and write their pieces."""
+    missing = [i for i, path in enumerate(paths) if not path.exists()]
+    stage("crossings", len(paths), len(paths) - len(missing))
+    states: dict[str, str] = {}
+    for wave in _waves(missing, looks):
+        for one in sorted({b for i in wave for b in plan.units[i].before} - set(wave)):
+            states.update(states_of(paths[one]))
+        known = {i: looks_of(looks[i]) for i in wave}
+        having: dict[str, list[pa.Table]] = {}
+        for i in wave:
+            for name, table in known[i].items():
+                having.setdefault(name, []).append(table.append_column("unit", pa.array([i], pa.int32())))
+        told = [(name, states.get(name), _bytes(pa.concat_tables(of))) for name, of in having.items()]
+        made: dict[int, dict[str, pa.Table]] = {i: {} for i in wave}
+        if told:
+            rows = _units(spark, plan, wave).filter("problem is null").groupBy("loop")
+            given = spark.createDataFrame(told, _STATES).groupBy("loop")
+            for name, units, table in rows.cogroup(given).applyInArrow(_follower(plan), _FOLLOWED).toLocalIterator():
+                every = _table(table)
+                for row, unit in enumerate(units):
+                    made[unit][name] = every.slice(row, 1)
+        for i in wave:
+            write_followed(plan, plan.units[i], made[i], states, paths[i])
+            states.update((name, table["state"][0].as_py()) for name, table in made[i].items())
+        missing = missing[len(wave) :]
+        stage("crossings", len(paths), len(paths) - len(missing))
+
+
+def _waves(units: Sequence[int], looks: Sequence[Path]) -> Iterator[list[int]]:
+    """Units in the order of time, as many at once as keep every loop below `GROUP` rows."""
+    wave: list[int] = []
+    rows: dict[str, int] = {}
+    for i in units:
+        more = {name: table["rows"][0].as_py() for name, table in looks_of(looks[i]).items()}
+        if wave and any(rows.get(name, 0) + n > GROUP for name, n in more.items()):
+            yield wave
+            wave, rows = [], {}
+        wave.append(i)
+        for name, n in more.items():
+            rows[name] = rows.get(name, 0) + n
+    if wave:
+        yield wave
+
+
+def _judged(
+    spark: Any, plan: Plan, days: pa.Table, crossings: pa.Table, stage: Stage, problems: list[Problem]
+) -> tuple[pa.Table, pa.Table]:
+    """Cut the chosen windows, and judge every loop by its own."""
+    chosen = chosen_of(days, plan)
+    asked = sorted({i for _, i in chosen})
     stage("loops", len(plan.places.loops), 0)
-    if not asked:
-        samples = spark.createDataFrame([], _SAMPLES)
+    if asked:
+        ids = spark.createDataFrame([(i,) for i in asked], "id int").repartition(len(asked))
+        samples = ids.mapInArrow(_cutter(plan, chosen), _SAMPLES)
     else:
-        samples = spark.createDataFrame([(i,) for i in asked], "id long").repartition(len(asked))
-        samples = samples.mapInArrow(_cutter(plan, chosen), _SAMPLES)
-    grouped = samples.groupBy("loop").cogroup(days.filter("problem is null").groupBy("loop"))
+        samples = spark.createDataFrame([], _SAMPLES)
+    names = sorted(set(days.column("loop").to_pylist()))
+    of = [(name, *(_bytes(t.filter(pc.equal(t["loop"], name))) for t in (days, crossings))) for name in names]
     loops, windows = [], []
-    for _, one, several, wrong in grouped.applyInArrow(_judge(plan), _LOOPS).collect():
-        loops.append(_table(one))
-        windows.append(_table(several))
-        problems += [Problem(*problem) for problem in json.loads(wrong)]
-    days.unpersist()
+    if of:
+        known = spark.createDataFrame(of, _KNOWN).groupBy("loop")
+        grouped = samples.groupBy("loop").cogroup(known).applyInArrow(_judge(plan), _LOOPS)
+        for _, one, several, wrong in grouped.toLocalIterator():
+            loops.append(_table(one))
+            windows.append(_table(several))
+            problems += [Problem(*problem) for problem in json.loads(wrong)]
     stage("loops", len(plan.places.loops), len(plan.places.loops))
     return (
-        every,
-        pa.concat_tables(windows).cast(WINDOWS) if windows else WINDOWS.empty_table(),
         pa.concat_tables(loops).cast(LOOPS) if loops else LOOPS.empty_table(),
-        problems,
+        pa.concat_tables(windows).cast(WINDOWS) if windows else WINDOWS.empty_table(),
     )
 
 
@@ -104,54 +201,72 @@ def _reader(plan: Plan) -> Callable[[Iterator[pa.RecordBatch]], Iterator[pa.Reco
     def read(batches: Iterator[pa.RecordBatch]) -> Iterator[pa.RecordBatch]:
         for batch in batches:
             for i in batch.column(0).to_pylist():
-                unit = plan.units[i]
-                tables, problems = rows_of(plan.lake, unit.files, plan.places, unit.loops, unit.day)
+                tables, problems = unit_rows(plan, plan.units[i])
                 for k, table in sorted(tables.items()):
                     n = len(table)
-                    name = pa.array([plan.places.loops[k].name], pa.string()).take(pa.nulls(n, pa.int64()).fill_null(0))
-                    day = pa.array([unit.day], pa.int32()).take(pa.nulls(n, pa.int64()).fill_null(0))
+                    none = pa.array([0], pa.int32()).take(pa.nulls(n, pa.int64()).fill_null(0))
                     columns = [
-                        name,
-                        day,
+                        pa.array([i], pa.int32()).take(none),
+                        pa.array([plan.places.loops[k].name], pa.string()).take(none),
                         *(table.column(c).combine_chunks() for c in ROWS.names),
                         pa.nulls(n, pa.string()),
                     ]
-                    whole = pa.table(columns, names=["loop", "day", *ROWS.names, "problem"])
+                    whole = pa.table(columns, names=["unit", "loop", *ROWS.names, "problem"])
                     yield from whole.to_batches(max_chunksize=1 << 16)
                 if problems:
-                    yield _problem_rows(problems, unit.day)
+                    yield _problem_rows(problems, i)
 
     return read
 
 
-def _problem_rows(problems: list[Problem], day: int) -> pa.RecordBatch:
+def _problem_rows(problems: list[Problem], unit: int) -> pa.RecordBatch:
     n = len(problems)
     none = [pa.nulls(n, field.type) for field in ROWS]
     told = pa.array([json.dumps(list(problem)) for problem in problems], pa.string())
-    columns = [pa.array([""] * n), pa.array([day] * n, pa.int32()), *none, told]
-    return pa.record_batch(columns, names=["loop", "day", *ROWS.names, "problem"])
+    columns = [pa.array([unit] * n, pa.int32()), pa.array([""] * n), *none, told]
+    return pa.record_batch(columns, names=["unit", "loop", *ROWS.names, "problem"])
 
 
 def _looker(plan: Plan) -> Callable[[tuple[Any, ...], pa.Table], pa.Table]:
     loops = {loop.name: loop for loop in plan.places.loops}
 
     def looked(key: tuple[Any, ...], rows: pa.Table) -> pa.Table:
-        name, day = (part.as_py() for part in key)
+        i, name = (part.as_py() for part in key)
         if name == "":
             told = rows.column("problem").unique().to_pylist()
             n = len(told)
-            columns = [pa.array([""] * n), pa.array([day] * n, pa.int32()), pa.nulls(n, pa.binary()), pa.array(told)]
+            columns = [pa.array([i] * n, pa.int32()), pa.array([""] * n), pa.nulls(n, pa.binary()), pa.array(told)]
         else:
-            made = look(rows.select(ROWS.names).cast(ROWS), loops[name], day)
+            unit = plan.units[i]
+            made = look(rows.select(ROWS.names).cast(ROWS), loops[name], unit.day, unit.part)
             columns = [
+                pa.array([i], pa.int32()),
                 pa.array([name]),
-                pa.array([day], pa.int32()),
                 pa.array([_bytes(made)]),
                 pa.nulls(1, pa.string()),
             ]
-        return pa.table(columns, names=["loop", "day", "made", "problem"])
+        return pa.table(columns, names=["unit", "loop", "made", "problem"])
 
     return looked
+
+
+def _follower(plan: Plan) -> Callable[[tuple[Any, ...], pa.Table, pa.Table], pa.Table]:
+    loops = {loop.name: loop for loop in plan.places.loops}
+
+    def followed(key: tuple[Any, ...], rows: pa.Table, known: pa.Table) -> pa.Table:
+        name = key[0].as_py()
+        state, looks = known["state"][0].as_py(), _table(known["looks"][0].as_py())
+        units, tables = looks["unit"].to_pylist(), []
+        for place, i in enumerate(units):
+            here = rows.filter(pc.equal(rows["unit"], i)).select(ROWS.names).cast(ROWS)
+            made = follow(here, looks.slice(place, 1).select(DAYS.names), loops[name], state)
+            state = made["state"][0].as_py()
+            tables.append(made)
+        every = pa.concat_tables(tables).cast(FOLLOWED)
+        columns = [pa.array([name]), pa.array([units], pa.list_(pa.int32())), pa.array([_bytes(every)])]
+        return pa.table(columns, names=["loop", "units", "made"])
+
+    return followed
 
 
 def _cutter(
@@ -160,10 +275,9 @@ def _cutter(
     def cutted(batches: Iterator[pa.RecordBatch]) -> Iterator[pa.RecordBatch]:
         for batch in batches:
             for i in batch.column(0).to_pylist():
-                unit = plan.units[i]
-                rows, _ = rows_of(plan.lake, unit.files, plan.places, unit.loops, unit.day)
+                rows, _ = unit_rows(plan, plan.units[i])
                 for k, table in sorted(rows.items()):
-                    if windows := chosen.get((k, unit.day)):
+                    if windows := chosen.get((k, i)):
                         made = cut(table, plan.places.loops[k], windows)
                         flags = SAMPLES.get_field_index("flags")
                         yield from made.set_column(flags, "flags", made["flags"].cast(pa.int16())).to_batches()
@@ -174,11 +288,11 @@ def _cutter(
 def _judge(plan: Plan) -> Callable[[tuple[Any, ...], pa.Table, pa.Table], pa.Table]:
     loops = {loop.name: loop for loop in plan.places.loops}
 
-    def judged(key: tuple[Any, ...], samples: pa.Table, days: pa.Table) -> pa.Table:
+    def judged(key: tuple[Any, ...], samples: pa.Table, known: pa.Table) -> pa.Table:
         name = key[0].as_py()
-        every = pa.concat_tables([_table(made) for made in days.column("made").to_pylist()]).cast(DAYS)
+        days, crossings = (_table(known[column][0].as_py()) for column in ("days", "crossings"))
         ordered = samples.cast(SAMPLES).sort_by([("window", "ascending"), ("t", "ascending")])
-        row, windows, problems = judge(ordered, every, loops[name])
+        row, windows, problems = judge(ordered, days, crossings, loops[name])
         told = json.dumps([list(problem) for problem in problems])
         columns = [pa.array([name]), pa.array([_bytes(row)]), pa.array([_bytes(windows)]), pa.array([told])]
         return pa.table(columns, names=["loop", "loops", "windows", "problems"])

@@ -2,12 +2,13 @@
 
 ::
 
-    rows of a loop and a day ──look──→ a row: quality, law of the controller, crossings, windows and what they may tell
+    rows of a loop and a day ──look──→ a row: quality, law of the controller, windows and what they may tell
     rows of `look` of a loop ──choose─→ the windows worth fitting, at most so many
     rows of a loop and a day ──cut───→ the samples of the windows that were chosen
     these samples ───────────judge──→ a row a window, a row a loop: the joint answer of the valve, its trend, its harm
 
-None of them knows a file, a clock or another loop; the order of the rows that go in does not matter.
+None of them knows a file, a clock or another loop; the order of the rows that go in does not matter. Crossings are
+followed over days, one after the other, beside them (`glapp.fleet.history`).
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from numpy.typing import NDArray
 
 from .. import _glapp
 from ..errors import InputError, unforeseen
-from ..estimate import analyze
+from ..estimate import analyze, op_range
 from ..fit import Fit, Process, fit_recordings
 from ..loop import Loop
 from ..many import unfit
@@ -35,7 +36,22 @@ from ..samples import Samples
 from .lake import SIGNALS
 from .problems import Problem
 
-__all__ = ["DAYS", "FITS", "LOOPS", "ROWS_OF_WINDOW", "SAMPLES", "WINDOWS", "choose", "cut", "judge", "look"]
+__all__ = [
+    "DAYS",
+    "FITS",
+    "LOOPS",
+    "ROWS_OF_WINDOW",
+    "SAMPLES",
+    "US",
+    "WINDOWS",
+    "Signal",
+    "choose",
+    "cut",
+    "judge",
+    "look",
+    "on_pv",
+    "signals_of",
+]
 
 Floats = NDArray[np.float64]
 
@@ -63,6 +79,7 @@ DAYS = pa.schema(
     [
         ("loop", pa.string()),
         ("day", pa.int32()),
+        ("part", pa.int32()),
         ("first", US),
         ("last", US),
         ("rows", pa.int64()),
@@ -77,15 +94,11 @@ DAYS = pa.schema(
         ("crossings", pa.string()),
         ("crossings_code", pa.string()),
         ("crossings_reason", pa.string()),
-        ("d_hat", pa.float64()),
-        ("detections", pa.int64()),
-        ("half_periods", pa.int64()),
-        ("rejected", pa.string()),
         ("k", pa.float64()),
         ("ti", pa.float64()),
         ("td", pa.float64()),
-        ("tf", pa.float64()),
         ("origins", pa.string()),
+        ("detector", pa.string()),
         ("quality", pa.string()),
         ("window_first", pa.list_(US)),
         ("window_last", pa.list_(US)),
@@ -217,16 +230,22 @@ def _moment(micros: Any) -> datetime:
     return datetime.fromtimestamp(int(micros) / 1e6, UTC)
 
 
-def _aligned(rows: pa.Table, loop: Loop) -> _Day | None:
-    """Rows in the order of time, each once, every other signal held from its last sample to the next of PV's.
+@dataclass(frozen=True, slots=True)
+class Signal:
+    """Samples of one signal in the order of time: when, its value, whether it cannot be believed."""
 
-    Two rows of one signal and moment that differ contradict each other: neither can be believed, and the sample is bad.
-    None where there is no PV.
+    t: NDArray[np.int64]
+    value: Floats
+    lost: NDArray[np.bool_]
+
+
+def signals_of(rows: pa.Table) -> tuple[dict[str, Signal], int, int]:
+    """Rows signal by signal in the order of time, each once; how many came more than once, how many contradict others.
+
+    Two rows of one signal and moment that differ contradict each other: neither can be believed.
     """
     signal, t, value, bad = (rows.column(name).to_numpy() for name in ("signal", "t", "value", "bad"))
-    numbers = [x for x in loop.bad_values if isinstance(x, float)]
-    value = np.where(np.isin(value, numbers), np.nan, value) if numbers else value
-    found: dict[str, tuple[NDArray[np.int64], Floats, NDArray[np.bool_]]] = {}
+    found: dict[str, Signal] = {}
     doubled = contradicting = 0
     for number in np.unique(signal):
         mine = np.flatnonzero(signal == number)
@@ -242,27 +261,43 @@ def _aligned(rows: pa.Table, loop: Loop) -> _Day | None:
             doubtful = np.zeros(int(group[-1]) + 1, np.bool_)
             doubtful[group[1:][against]] = True
             ts, xs, wrong = ts[first], xs[first], wrong[first] | doubtful
-        found[SIGNALS[number]] = ts, xs, wrong
-    if "pv" not in found:
-        return None
-    t, pv, wrong = found.pop("pv")
+        found[SIGNALS[number]] = Signal(ts, xs, wrong)
+    return found, doubled, contradicting
+
+
+def on_pv(found: dict[str, Signal]) -> tuple[dict[str, Floats], NDArray[np.uint8]]:
+    """All signals on the times of PV's samples, each held from its last sample to its next, and the flags.
+
+    Before a signal's first sample it is not known: NaN; an unknown mode is not automatic, an unknown limit flag clear.
+    """
+    t, pv, wrong = found["pv"].t, found["pv"].value, found["pv"].lost
     flags = (wrong * np.uint8(BAD)).astype(np.uint8)
     signals: dict[str, Floats] = {"pv": pv}
-    for name, (ts, xs, lost) in found.items():
-        at = np.searchsorted(ts, t, side="right") - 1
-        none = (at < 0) | lost[at]
+    for name, signal in found.items():
+        if name == "pv":
+            continue
+        at = np.searchsorted(signal.t, t, side="right") - 1
+        none = (at < 0) | signal.lost[at]
         if name in _FLAGS:
-            unknown = name == "mode"  # an unknown mode is not automatic, an unknown limit flag is clear
-            flags |= np.where(none, unknown, xs[at] != 0).astype(np.uint8) * np.uint8(_FLAGS[name])
+            flags |= np.where(none, name == "mode", signal.value[at] != 0).astype(np.uint8) * np.uint8(_FLAGS[name])
         else:
-            signals[name] = np.where(none, np.nan, xs[at])
-    return _Day(t, signals, flags if flags.any() else None, doubled, contradicting)
+            signals[name] = np.where(none, np.nan, signal.value[at])
+    return signals, flags
+
+
+def _aligned(rows: pa.Table) -> _Day | None:
+    """The rows of a day on the times of PV's samples; None where there is no PV."""
+    found, doubled, contradicting = signals_of(rows)
+    if "pv" not in found:
+        return None
+    signals, flags = on_pv(found)
+    return _Day(found["pv"].t, signals, flags if flags.any() else None, doubled, contradicting)
 
 
 _FLAGS = {"mode": NOT_AUTO, "op_low_flag": AT_LOW, "op_high_flag": AT_HIGH}
 
 
-def look(rows: pa.Table, loop: Loop, day: int) -> pa.Table:
+def look(rows: pa.Table, loop: Loop, day: int, part: int = 0) -> pa.Table:
     """A row of `DAYS`: what one day of a loop holds, and its windows with what each may tell.
 
     Parameters
@@ -273,11 +308,13 @@ def look(rows: pa.Table, loop: Loop, day: int) -> pa.Table:
         Its settings.
     day : int
         Days since 1970, UTC.
+    part : int
+        Which part of the day it is, where a day has too many rows to be looked at as a whole.
     """
     out: dict[str, Any] = dict.fromkeys(DAYS.names)
-    out |= {"loop": loop.name, "day": day, "rows": 0, "doubled": 0, "contradicting": 0, "op": False, "detections": 0}
-    out |= {"half_periods": 0, "crossings": "refused", "window_first": [], "window_last": [], "window_score": []}
-    here = _aligned(rows, loop)
+    out |= {"loop": loop.name, "day": day, "part": part, "rows": 0, "doubled": 0, "contradicting": 0, "op": False}
+    out |= {"crossings": "refused", "window_first": [], "window_last": [], "window_score": []}
+    here = _aligned(rows)
     try:
         if here is None:
             raise InputError("has no sample", tag="PV", hint="check the export")
@@ -292,7 +329,7 @@ def look(rows: pa.Table, loop: Loop, day: int) -> pa.Table:
             out |= {"unfit": "cannot_tell", "unfit_code": "outside_span", "unfit_reason": what}
             return _row(out, DAYS)
         result = analyze(recording, fit=False)
-        out |= _judged(result)
+        out |= _judged(result, out["step"], "op" in here.signals, "sp" in here.signals)
         why = unfit(result)
         if why is not None:
             out |= dict(zip(("unfit", "unfit_code", "unfit_reason"), why, strict=True))
@@ -325,19 +362,20 @@ def _outside(loop: Loop, pv: Floats) -> float:
     return float(np.mean((known < low - beyond) | (known > high + beyond))) if len(known) else 0.0
 
 
-def _judged(result: Result) -> dict[str, Any]:
-    """What a day's analysis says, but for the fit."""
+def _judged(result: Result, step: float, op: bool, sp: bool) -> dict[str, Any]:
+    """What a day's analysis says, but for the fit, and what a detector of its crossings is to be told."""
     s = result.settings
+    told = None
+    if s.k is not None and s.ti is not None and sp and step > 0:
+        told = {name: getattr(s, name) for name in ("k", "ti", "td", "b", "kp", "n")} | {"h": step, "op": op}
+        told |= {"op_limits": op_range(result.loop), "tf": result.loop.tf, "kp_origin": s.origins.get("kp")}
     return {
         "crossings": result.crossings,
         "crossings_code": result.why,
         "crossings_reason": result.reason,
-        "d_hat": result.d_hat,
-        "detections": result.detections,
-        "half_periods": result.total_half_periods,
-        "rejected": max(result.reasons, key=lambda name: result.reasons[name], default=None),
-        **{name: getattr(s, name) for name in ("k", "ti", "td", "tf")},
+        **{name: getattr(s, name) for name in ("k", "ti", "td")},
         "origins": json.dumps(s.origins, sort_keys=True),
+        "detector": None if told is None else json.dumps(told, sort_keys=True),
         "quality": " ".join(f"{f.code}:{f.severity}" for f in result.quality),
     }
 
@@ -386,7 +424,7 @@ def choose(days: pa.Table, fits: int = FITS) -> list[tuple[int, int]]:
 
 def cut(rows: pa.Table, loop: Loop, windows: Sequence[tuple[int, int]]) -> pa.Table:
     """The samples of windows of one day, a table of `SAMPLES`; `rows` are those that `look` had."""
-    here = _aligned(rows, loop)
+    here = _aligned(rows)
     parts = []
     for first, last in windows if here is not None else ():
         assert here is not None
@@ -404,7 +442,9 @@ def cut(rows: pa.Table, loop: Loop, windows: Sequence[tuple[int, int]]) -> pa.Ta
     return pa.concat_tables(parts) if parts else SAMPLES.empty_table()
 
 
-def judge(samples: pa.Table, days: pa.Table, loop: Loop) -> tuple[pa.Table, pa.Table, list[Problem]]:
+def judge(
+    samples: pa.Table, days: pa.Table, crossings: pa.Table, loop: Loop
+) -> tuple[pa.Table, pa.Table, list[Problem]]:
     """The answer of a loop: a row of `LOOPS`, rows of `WINDOWS`, and what was wrong with its rows.
 
     Parameters
@@ -413,21 +453,24 @@ def judge(samples: pa.Table, days: pa.Table, loop: Loop) -> tuple[pa.Table, pa.T
         Rows of `SAMPLES`: all windows that were chosen, in any order.
     days : pyarrow.Table
         Rows of `DAYS` of the loop, in any order.
+    crossings : pyarrow.Table
+        Rows of `glapp.fleet.history.CROSSINGS` of the loop, in any order: the last says what was heard of all of them.
     loop : Loop
         Its settings.
     """
-    looks = sorted(days.to_pylist(), key=lambda day: int(day["day"]))
+    looks = sorted(days.to_pylist(), key=_order)
+    heard = max(crossings.to_pylist(), key=_order, default=None)
     problems = _problems(loop, looks)
-    by_day = {int(day["day"]): day for day in looks}
     fit: Fit | None = None
     windows: list[dict[str, Any]] = []
     try:
         recordings = _recordings(samples, loop)
         if recordings:
-            known = [_known(by_day[_day_of(one)]) for one in recordings]
+            of = [_look_of(one, looks) for one in recordings]
+            known = [_known(day) for day in of]
             fit = fit_recordings(recordings, unfit=known)
-            for one, said in zip(recordings, fit.recordings, strict=True):
-                windows.append(_window(loop, one, said, by_day[_day_of(one)]))
+            for one, said, its in zip(recordings, fit.recordings, of, strict=True):
+                windows.append(_window(loop, one, said, its))
                 if said.repeated > MOSTLY:
                     what = f"{100 * said.repeated:.0f} % of the window's PV stands in an earlier one: it counts there"
                     day = windows[-1]["first"]
@@ -439,13 +482,19 @@ def judge(samples: pa.Table, days: pa.Table, loop: Loop) -> tuple[pa.Table, pa.T
     except Exception as error:  # not to lose all other loops
         told = error if isinstance(error, InputError) else unforeseen(error, None, loop.name)
         problems.append(Problem("fault", str(told), "report it", loop=loop.name))
-    row = _row(_loop_row(loop, looks, fit, windows), LOOPS)
+    row = _row(_loop_row(loop, looks, heard, fit, windows), LOOPS)
     return row, pa.Table.from_pylist(windows, schema=WINDOWS), problems
 
 
-def _day_of(recording: Samples) -> int:
+def _order(row: dict[str, Any]) -> tuple[int, int]:
+    return row["day"], row["part"]
+
+
+def _look_of(recording: Samples, looks: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """The look at the day that a window is of."""
     assert recording.t0 is not None
-    return int(recording.t0.timestamp() // 86_400)
+    began = [day for day in looks if day["first"] is not None and day["first"] <= recording.t0]
+    return began[-1]
 
 
 def _recordings(samples: pa.Table, loop: Loop) -> list[Samples]:
@@ -553,10 +602,20 @@ def _held(at: Floats, t: Floats, x: Floats) -> Floats:
 
 
 def _loop_row(
-    loop: Loop, looks: list[dict[str, Any]], fit: Fit | None, windows: list[dict[str, Any]]
+    loop: Loop,
+    looks: list[dict[str, Any]],
+    heard: dict[str, Any] | None,
+    fit: Fit | None,
+    windows: list[dict[str, Any]],
 ) -> dict[str, Any]:
     """A row of `LOOPS`."""
-    best = max(looks, key=lambda day: (day["detections"], day["day"]))
+    if heard is None:  # its detector never had settings or a day that could be used: the last day says why
+        last = looks[-1]
+        heard = {name: None for name in ("d_hat", "k", "ti", "td", "tf")} | {"detections": 0, "rejected": "{}"}
+        heard |= {name: last[name] for name in ("crossings", "crossings_code", "crossings_reason")}
+        if heard["crossings"] == "refused":
+            heard["crossings_code"] = heard["crossings_code"] or last["unfit_code"]
+            heard["crossings_reason"] = heard["crossings_reason"] or last["unfit_reason"]
     if fit is None and (none := _not_fitted(looks, loop)) is not None:
         fit = none
     result = Result(
@@ -564,18 +623,18 @@ def _loop_row(
         source="lake",
         loop=loop,
         t0=None,
-        crossings=best["crossings"],
-        why=best["crossings_code"] or (best["unfit_code"] if best["crossings"] == "refused" else None),
-        reason=best["crossings_reason"] or best["unfit_reason"],
-        d_hat=best["d_hat"],
+        crossings=heard["crossings"],
+        why=heard["crossings_code"],
+        reason=heard["crossings_reason"],
+        d_hat=heard["d_hat"],
         unit=loop.op_label,
         d_hat_percent_span=None,
         repeatability=None,
         noise_floor=None,
-        detections=best["detections"],
+        detections=heard["detections"],
         half_periods=HalfPeriods.empty(),
-        reasons={} if best["rejected"] is None else {best["rejected"]: best["half_periods"] - best["detections"]},
-        settings=Settings(best["k"], best["ti"], best["td"], None, best["tf"], None, loop.n, None, {}, {}),
+        reasons=json.loads(heard["rejected"]),
+        settings=Settings(heard["k"], heard["ti"], heard["td"], None, heard["tf"], None, loop.n, None, {}, {}),
         fit=fit,
     )
     limit = loop.acceptable_dead_band
@@ -602,7 +661,7 @@ def _loop_row(
         "area": loop.area,
         "valve_type": loop.valve,
         "positioner": None if loop.positioner is None else loop.positioner.type,
-        "days": len(dated),
+        "days": len({day["day"] for day in dated}),
         "first": min((day["first"] for day in dated), default=None),
         "last": max((day["last"] for day in dated), default=None),
         "rows": rows,

@@ -20,6 +20,8 @@ __all__ = [
     "Digits",
     "Quality",
     "digits_of",
+    "flags_of",
+    "is_text",
     "limit_flag",
     "mode_flag",
     "null_spellings",

@@ -14,10 +14,9 @@ short is done again, and no row is there twice.
 from __future__ import annotations
 
 import math
-import os
 import re
 import shutil
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
 from urllib.parse import quote, unquote
@@ -31,6 +30,7 @@ from numpy.typing import NDArray
 from ..loop import Loop
 from ..recording import AT_HIGH, AT_LOW, BAD, NOT_AUTO, Recording
 from ..samples import Samples
+from ..writing import write_parquet
 
 __all__ = ["Signals", "loop_of", "table_of"]
 
@@ -98,7 +98,7 @@ class Signals:
                     column = pa.array([name], pa.string()).take(pa.array(np.zeros(len(table), np.int64)))
                     by_day.setdefault(day, []).append(table.add_column(0, _OPEN.field("loop"), column))
         for day, tables in by_day.items():
-            _write(self.folder / "open" / f"{day}.{through}.parquet", tables, _OPEN)
+            write_parquet(self.folder / "open" / f"{day}.{through}.parquet", tables, _OPEN)
             self._saved[day] = through
 
     def _through(self, day: date) -> int:
@@ -151,7 +151,7 @@ class Signals:
                 pieces.append(table.filter(pc.equal(table["loop"], name)).drop_columns(["loop"]).cast(_FIELDS))
         if len(pieces) > (done >= 0):
             schema = _FIELDS.with_metadata({_THROUGH: str(tables[-1][0]).encode()})
-            _write(path, [pa.concat_tables(pieces)], schema)
+            write_parquet(path, [pa.concat_tables(pieces)], schema)
 
     def forget(self, now: float, days: int) -> list[str]:
         """Take out the days before the last `days`; gives which."""
@@ -314,21 +314,3 @@ def _flags(table: pa.Table) -> NDArray[np.uint8]:
         + where("OP_LOW", 1) * AT_LOW
         + where("OP_HIGH", 1) * AT_HIGH
     ).astype(np.uint8)
-
-
-def _write(path: Path, tables: Iterable[pa.Table], schema: pa.Schema) -> None:
-    """A file that is whole, or not there; each table is a group of rows, so that one loop is read by itself."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f".{path.name}.part")
-    try:
-        with part.open("wb") as file:
-            words = [field.name for field in schema if pa.types.is_string(field.type)]
-            with pq.ParquetWriter(file, schema, compression="zstd", use_dictionary=words) as writer:
-                for table in tables:
-                    writer.write_table(table.cast(schema))
-            file.flush()
-            os.fsync(file.fileno())
-        part.replace(path)
-    except BaseException:
-        part.unlink(missing_ok=True)
-        raise

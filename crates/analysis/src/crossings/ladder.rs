@@ -26,6 +26,11 @@ impl Ladder {
         Ok(Self { rungs: times.iter().map(rung).collect::<Result<_, _>>()? })
     }
 
+    /// The detectors of one that was saved.
+    pub(super) fn of(rungs: Vec<Crossings>) -> Self {
+        Self { rungs }
+    }
+
     /// The detectors, in ascending filter times.
     pub fn rungs(&self) -> &[Crossings] {
         &self.rungs

@@ -65,9 +65,9 @@ pub enum SavedError {
     /// Not what was saved.
     #[error("saved detector: {0}")]
     Broken(String),
-    /// Saved by another release.
-    #[error("saved detector: is '{0}', and '{FORMAT}' is what this release reads: begin anew")]
-    Format(String),
+    /// Saved by another release: as what, and what this one reads.
+    #[error("saved detector: is '{0}', and '{1}' is what this release reads: begin anew")]
+    Format(String, &'static str),
 }
 
 impl Crossings {
@@ -104,6 +104,12 @@ impl Crossings {
     /// The table: all half-periods, but of those shorter than 5Ti the first [`SHORT_KEPT`].
     pub fn rows(&self) -> &[Row] {
         &self.rows
+    }
+
+    /// The rows of the table, which is empty then.
+    pub(super) fn drain(&mut self) -> Vec<Row> {
+        self.short = Short::default();
+        std::mem::take(&mut self.rows)
     }
 
     /// How many half-periods ended with each first reason, by its code; 0: accepted.
@@ -188,16 +194,23 @@ impl Crossings {
 
     /// Settings, state and counts of reasons as JSON; the table is not part of it.
     pub fn save(&self) -> String {
+        self.saved().to_string()
+    }
+
+    pub(super) fn saved(&self) -> Value {
         let Self { settings, state, reasons, .. } = self;
-        json!({ "format": FORMAT, "settings": settings, "state": state, "reasons": reasons }).to_string()
+        json!({ "format": FORMAT, "settings": settings, "state": state, "reasons": reasons })
     }
 
     /// The detector that [`Self::save`] saved: it goes on with the same bits as one never interrupted.
     pub fn load(text: &str) -> Result<Self, SavedError> {
+        Self::loaded(serde_json::from_str(text).map_err(|e| SavedError::Broken(e.to_string()))?)
+    }
+
+    pub(super) fn loaded(mut saved: Value) -> Result<Self, SavedError> {
         let broken = |error: &dyn std::fmt::Display| SavedError::Broken(error.to_string());
-        let mut saved: Value = serde_json::from_str(text).map_err(|e| broken(&e))?;
         if saved["format"] != FORMAT {
-            return Err(SavedError::Format(saved["format"].as_str().unwrap_or("no format").into()));
+            return Err(SavedError::Format(saved["format"].as_str().unwrap_or("no format").into(), FORMAT));
         }
         let settings = serde_json::from_value(saved["settings"].take()).map_err(|e| broken(&e))?;
         let mut loaded = Self::new(settings).map_err(|e| broken(&e))?;

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 /// Accepted half-periods must have so many samples (their median). A recording at full rate and the same with every nth sample alone
 /// agree within 5 % from 8 on.
-const SAMPLES: f64 = 10.0;
+pub(super) const SAMPLES: f64 = 10.0;
 
 /// What may be said.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -107,7 +107,7 @@ pub struct Known<'a> {
 
 /// What may be said by `crossings`, none where K and Ti are not known; and why not more.
 pub fn judge(known: &Known<'_>, crossings: Option<&Crossings>) -> (Verdict, Option<Why>) {
-    use Verdict::{Estimate, NoEstimate, Provisional, Refused};
+    use Verdict::{NoEstimate, Refused};
     let Known { place, sp, op, findings } = *known;
     let find = |wanted: &dyn Fn(Fault, Severity) -> bool| {
         findings.iter().position(|found| wanted(found.fault, found.severity))
@@ -131,12 +131,20 @@ pub fn judge(known: &Known<'_>, crossings: Option<&Crossings>) -> (Verdict, Opti
     let Some(crossings) = crossings else {
         return (Refused, Some(if op { Why::NotIdentified } else { Why::NoLaw }));
     };
+    said(crossings, || {
+        let accepted = crossings.rows().iter().filter(|row| row.record.mask == 0);
+        median(&mut accepted.map(|row| f64::from(row.record.half.n)).collect::<Vec<_>>())
+    })
+}
+
+/// What a detector's detections allow to be said, where nothing else is wrong; `samples` is the median of those in its accepted
+/// half-periods.
+pub(super) fn said(crossings: &Crossings, samples: impl FnOnce() -> f64) -> (Verdict, Option<Why>) {
+    use Verdict::{Estimate, NoEstimate, Provisional};
     let Some(estimate) = crossings.state().estimate() else {
         return (NoEstimate, Some(Why::NothingAccepted));
     };
-    let accepted = crossings.rows().iter().filter(|row| row.record.mask == 0);
-    let mut samples: Vec<f64> = accepted.map(|row| f64::from(row.record.half.n)).collect();
-    let samples = median(&mut samples);
+    let samples = samples();
     if samples < SAMPLES {
         return (NoEstimate, Some(Why::Coarse { samples }));
     }

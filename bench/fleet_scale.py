@@ -1,0 +1,210 @@
+"""The fleet as it grows: `python -m bench.fleet_scale giant|ladder|spark`.
+
+`giant` has one loop with many rows in one group of rows, and tells the memory of the largest process. `ladder` judges
+the demonstration's mill with 1×, 2× and 4× as many loops. `spark` judges a lake on a cluster of two workers on this
+machine and, in a second run, kills the process of one of them as it works; the tables must be those of a run without
+Spark. Times are of the processor, of all processes together, where it is not said otherwise: others use the machine.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from glapp import fleet
+
+from .fleet import OUT
+
+_RUN = """
+import json, resource, sys, time
+from glapp import fleet
+if __name__ == "__main__":
+    begun, parts = time.monotonic(), {}
+    def stage(name, total, done):
+        parts[name] = round(time.monotonic() - begun, 1)
+    made = fleet.analyze(sys.argv[1], sys.argv[2], fits=int(sys.argv[3]), stage=stage)
+    known = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    cpu = sum(one.ru_utime + one.ru_stime for one in known)
+    told = dict(folder=made["folder"], cpu=cpu, memory=max(one.ru_maxrss for one in known) / 1024, parts=parts)
+    print(json.dumps(told | {"seconds": made["seconds"]}))
+"""
+
+_SPARK = """
+import os, sys
+from pyspark.sql import SparkSession
+from glapp import fleet
+from glapp.fleet import spark as engine
+engine.GROUP = int(sys.argv[3])
+spark = (SparkSession.builder.master("local-cluster[2,1,1024]").config("spark.ui.enabled", False)
+    .config("spark.driver.bindAddress", "127.0.0.1").config("spark.driver.host", "127.0.0.1")
+    .config("spark.sql.shuffle.partitions", 4).config("spark.executorEnv.PYTHONPATH", os.environ["PYTHONPATH"])
+    .getOrCreate())
+spark.range(2).repartition(2).count()  # the workers are there
+print("begun", flush=True)
+made = fleet.analyze(sys.argv[1], sys.argv[2], fits=1, engine="spark")
+print(made["folder"], made["seconds"], flush=True)
+spark.stop()
+"""
+
+
+def main() -> None:
+    """Measure what the command line asks for."""
+    asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    asked.add_argument("what", choices=("giant", "ladder", "spark"))
+    asked.add_argument("--rows", type=int, default=10_000_000)
+    asked.add_argument("--loops", type=int, default=10)
+    asked.add_argument("--days", type=int, default=1)
+    asked.add_argument("--kills", type=int, default=1)
+    given = asked.parse_args()
+    OUT.mkdir(parents=True, exist_ok=True)
+    if given.what == "giant":
+        giant(given.rows)
+    elif given.what == "ladder":
+        ladder(given.loops, given.days)
+    else:
+        on_spark(given.loops, given.days, given.kills)
+
+
+def run(lake: Path, out: Path, fits: int = 1) -> dict[str, Any]:
+    """A run in a process of its own, from its beginning: what it took."""
+    shutil.rmtree(out, ignore_errors=True)
+    script = OUT / "scale.py"
+    script.write_text(_RUN)
+    made = subprocess.run(
+        [sys.executable, str(script), str(lake), str(out), str(fits)], check=True, capture_output=True, text=True
+    )
+    return dict(json.loads(made.stdout.splitlines()[-1]))
+
+
+def giant(rows: int) -> None:
+    """One loop with so many rows at 0.25 s, in one group of rows."""
+    lake = OUT / f"giant-{rows}"
+    if not (path := lake / "loop=FIC1" / "all.parquet").exists():
+        path.parent.mkdir(parents=True)
+        k = np.arange(rows)
+        wave = np.where(k // 1660 % 2 == 0, 1.0, -1.0)
+        noise = np.random.default_rng(1).uniform(-0.05, 0.05, rows)
+        time_of = pa.array(1_772_409_600_000_000 + 250_000 * k).cast(pa.timestamp("us", tz="UTC"))
+        columns = {"SP": np.full(rows, 50.0), "PV": 50 + wave + noise, "OP": np.round(40 - wave * (k % 1660) / 600, 2)}
+        pq.write_table(pa.table({"time": time_of, **columns}), path, row_group_size=rows, compression="zstd")
+        (lake / "loops.toml").write_text(
+            "[loops.FIC1]\npv_span = [0, 100]\nop_span = [0, 100]\ncontroller = { k = 1.0, ti = 60.0 }\n"
+        )
+        del k, wave, noise, time_of, columns
+    found = run(lake, OUT / "giant")
+    crossings = fleet.read(OUT / "giant", "crossings").to_pylist()
+    print(
+        f"{rows / 1e6:.0f} M rows in one group of {path.stat().st_size / 1e6:.0f} MB: {found['cpu']:.0f} s of the "
+        f"processor ({rows / found['cpu'] / 1e6:.2f} M rows/s), the largest process {found['memory']:.0f} MB; "
+        f"{len(crossings)} pieces, {crossings[-1]['detections']} detections, {crossings[-1]['crossings']}; "
+        f"{found['parts']}"
+    )
+
+
+def ladder(loops: int, days: int) -> None:
+    """1×, 2× and 4× as many loops."""
+    for n in (loops, 2 * loops, 4 * loops):
+        lake = OUT / f"ladder-{n}-{days}"
+        if not (lake / "_truth" / "problems.parquet").exists():
+            shutil.rmtree(lake, ignore_errors=True)
+            fleet.make_demo(lake, loops=n, days=days)
+        found = run(lake, OUT / "ladder")
+        print(
+            f"{n} loops, {days} days: {found['cpu']:.1f} s of the processor, {found['cpu'] / n:.2f} s a loop; "
+            f"{found['seconds']:.0f} s by the clock, {found['parts']}; the largest process {found['memory']:.0f} MB",
+            flush=True,
+        )
+
+
+def on_spark(loops: int, days: int, kills: int) -> None:
+    """The same lake without Spark, on two workers, and on two workers of which one is killed."""
+    lake = OUT / f"spark-{loops}-{days}"
+    if not (lake / "_truth" / "problems.parquet").exists():
+        shutil.rmtree(lake, ignore_errors=True)
+        fleet.make_demo(lake, loops=loops, days=days)
+    wanted = run(lake, OUT / "spark-none")
+    print(f"without Spark: {wanted['cpu']:.1f} s of the processor, {wanted['seconds']:.0f} s by the clock", flush=True)
+    for killed in range(kills + 1):
+        told, cpu, gone = _on_two_workers(lake, killed)
+        same = "the same tables" if told[0] == wanted["folder"] else "OTHER TABLES"
+        more = (cpu - wanted["cpu"]) / loops
+        print(
+            f"two workers, {gone} killed: {same}; {cpu:.1f} s of the processor, {more:.2f} s more a loop; "
+            f"{float(told[1]):.0f} s by the clock",
+            flush=True,
+        )
+
+
+def _on_two_workers(lake: Path, kill: int) -> tuple[list[str], float, int]:
+    """A run on a local cluster; `kill`: from the how manieth second on a worker is killed, 0 for none."""
+    out = OUT / "spark-two"
+    shutil.rmtree(out, ignore_errors=True)
+    script = OUT / "spark.py"
+    script.write_text(_SPARK)
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    env = {**os.environ, "PYSPARK_PYTHON": sys.executable}
+    work = subprocess.Popen(
+        [sys.executable, str(script), str(lake), str(out), "20000"], stdout=subprocess.PIPE, text=True, env=env
+    )
+    gone: list[int] = []
+
+    def strike() -> None:
+        while work.poll() is None and not gone:
+            time.sleep(3.0 * kill)
+            for pid in _executors(work.pid)[:1]:
+                os.kill(pid, signal.SIGKILL)
+                gone.append(pid)
+
+    assert work.stdout is not None
+    last = ""
+    for line in work.stdout:
+        if line.startswith("begun") and kill:
+            threading.Thread(target=strike, daemon=True).start()
+        last = line if line.startswith("tables-") else last
+    if work.wait():
+        raise SystemExit("the run on Spark failed")
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return last.split(), cpu, len(gone)
+
+
+def _executors(root: int) -> list[int]:
+    """Processes of Spark's workers below a process."""
+    parents: dict[int, int] = {}
+    for path in Path("/proc").glob("[0-9]*"):
+        try:
+            parents[int(path.name)] = int((path / "stat").read_text().rpartition(")")[2].split()[1])
+        except OSError:
+            continue
+
+    def below(pid: int) -> bool:
+        while pid in parents and pid != root:
+            pid = parents[pid]
+        return pid == root
+
+    found = []
+    for pid in sorted(parents):
+        try:
+            if below(pid) and b"CoarseGrainedExecutorBackend" in Path(f"/proc/{pid}/cmdline").read_bytes():
+                found.append(pid)
+        except OSError:
+            continue
+    return found
+
+
+if __name__ == "__main__":
+    main()

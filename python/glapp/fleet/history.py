@@ -1,0 +1,185 @@
+"""Crossings of a loop over its whole history: day after day, with the detector's state handed on.
+
+::
+
+    state ──┐
+    rows of a loop and a day ──follow──→ a row: what the detector has heard so far, and with which settings
+    row of `look` ──┘          └──→ state of the next day
+
+What it answers, to the bit, is what one pass over all samples answers: signals keep their last value over midnight, and
+so does every number of the detector. Only a change of the settings begins it anew.
+
+Settings that no one told are *pinned*: the first day that shows them tells them for all that follow, so that a later
+day cannot change what was heard before. They hold until a day shows others.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from .. import _glapp
+from ..errors import unforeseen
+from ..estimate import why_told
+from ..loop import Loop
+from .windows import US, Signal, on_pv, signals_of
+
+__all__ = ["CROSSINGS", "FOLLOWED", "follow"]
+
+CHANGED = 1.25
+"""K or Ti that differ by more than this factor from those that are pinned are others."""
+
+STEP_CHANGED = 2.0
+"""A time between samples that differs by more than this factor is another."""
+
+CROSSINGS = pa.schema(
+    [
+        ("loop", pa.string()),
+        ("day", pa.int32()),
+        ("part", pa.int32()),
+        ("followed", pa.bool_()),
+        ("since", US),
+        ("crossings", pa.string()),
+        ("crossings_code", pa.string()),
+        ("crossings_reason", pa.string()),
+        ("d_hat", pa.float64()),
+        ("noise_floor", pa.float64()),
+        ("detections", pa.int64()),
+        ("half_periods", pa.int64()),
+        ("rejected", pa.string()),
+        ("k", pa.float64()),
+        ("ti", pa.float64()),
+        ("td", pa.float64()),
+        ("b", pa.float64()),
+        ("kp", pa.float64()),
+        ("tf", pa.float64()),
+        ("h", pa.float64()),
+        ("origins", pa.string()),
+    ]
+)
+"""A row a loop and day from the first that told settings: what was heard since these hold."""
+
+FOLLOWED = CROSSINGS.append(pa.field("state", pa.string()))
+"""The same with the state that the next day begins with."""
+
+_HELD = ("sp", "op", "mode", "op_low_flag", "op_high_flag")
+_BEFORE = np.iinfo(np.int64).min
+
+
+def follow(rows: pa.Table, look: pa.Table, loop: Loop, state: str | None) -> pa.Table:
+    """A row of `FOLLOWED`: the detector over one more day.
+
+    Parameters
+    ----------
+    rows : pyarrow.Table
+        Columns signal, t, value and bad of that loop and day, in any order.
+    look : pyarrow.Table
+        What `look` says of that day.
+    loop : Loop
+        Its settings.
+    state : str, optional
+        The state after the day before; None: there is none.
+    """
+    [day] = look.select(["day", "part", "origins", "detector", "quality", "unfit_code"]).to_pylist()
+    row: dict[str, Any] = dict.fromkeys(FOLLOWED.names)
+    row |= {"loop": loop.name, "day": day["day"], "part": day["part"], "followed": False, "state": state}
+    try:
+        row |= _followed(rows, day, loop, state)
+    except Exception as error:  # not to lose all other loops
+        told = str(unforeseen(error, None, loop.name))
+        row |= {"crossings": "refused", "crossings_code": "fault", "crossings_reason": told}
+    return pa.Table.from_pylist([row], schema=FOLLOWED)
+
+
+def _followed(rows: pa.Table, day: dict[str, Any], loop: Loop, state: str | None) -> dict[str, Any]:
+    before: dict[str, Any] = {"held": {}, "pinned": None} if state is None else json.loads(state)
+    found, _, _ = signals_of(rows)
+    held, samples = before["held"], {name: found[name] for name in (*_HELD, "pv") if name in found}
+    if "mode" in found:  # until a mode is told the loop is taken for automatic, as one that has none
+        held = {"mode": (0.0, False)} | held
+    for name, (value, lost) in held.items():
+        samples[name] = _after(value, lost, samples.get(name))
+    told = None if day["detector"] is None else json.loads(day["detector"])
+    pinned, history = before["pinned"], None
+    if pinned is not None:
+        history = _glapp.History.load(pinned["history"])
+    followed = "pv" in samples and _usable(day)
+    if followed and told is not None and (pinned is None or _other(pinned["told"], told)):
+        history = _glapp.History(_settings(told), told["tf"] is not None)
+        pinned = {"told": told, "since": int(samples["pv"].t[0]), "origins": day["origins"]}
+    row: dict[str, Any] = {}
+    if history is not None:
+        if followed:
+            _take(history, samples, pinned)
+            pinned["history"] = history.save()
+        row = {"followed": followed, **_heard(history.heard(), pinned, loop)}
+    after = {name: _last(signal) for name, signal in samples.items() if name != "pv"}
+    return row | {"state": json.dumps({"held": after, "pinned": pinned}, sort_keys=True)}
+
+
+def _after(value: float | None, lost: bool, signal: Signal | None) -> Signal:
+    """A signal with the last value of the day before in front."""
+    begin = Signal(np.array([_BEFORE]), np.array([np.nan if value is None else value]), np.array([lost]))
+    if signal is None:
+        return begin
+    names = ("t", "value", "lost")
+    return Signal(*(np.concatenate([getattr(begin, name), getattr(signal, name)]) for name in names))
+
+
+def _last(signal: Signal) -> tuple[float | None, bool]:
+    value = float(signal.value[-1])
+    return (None if np.isnan(value) else value), bool(signal.lost[-1])
+
+
+def _usable(day: dict[str, Any]) -> bool:
+    """Whether a day's samples may be heard: nothing was found that refuses them, and PV is no plain swing."""
+    if day["unfit_code"] in ("outside_span", "unusable", "fault"):
+        return False
+    findings = [one.partition(":") for one in (day["quality"] or "").split()]
+    return all(severity != "refuse" and code != "sinusoidal" for code, _, severity in findings)
+
+
+def _other(pinned: dict[str, Any], told: dict[str, Any]) -> bool:
+    """Whether a day shows other settings than those that are pinned."""
+
+    def apart(name: str, factor: float) -> bool:
+        ratio = told[name] / pinned[name]
+        return not 1 / factor <= ratio <= factor
+
+    return apart("k", CHANGED) or apart("ti", CHANGED) or apart("h", STEP_CHANGED) or (told["op"] and not pinned["op"])
+
+
+def _settings(told: dict[str, Any]) -> dict[str, Any]:
+    given = {name: told[name] for name in ("k", "ti", "td", "b", "kp", "n", "h")}
+    given |= {} if told["tf"] is None else {"tf": told["tf"]}
+    return given | {"op_limits": None if told["op_limits"] is None else tuple(told["op_limits"])}
+
+
+def _take(history: _glapp.History, samples: dict[str, Signal], pinned: dict[str, Any]) -> None:
+    """Hand a day's samples to the detector; its time counts from when its settings hold [s]."""
+    signals, flags = on_pv(samples)
+    t = (samples["pv"].t - pinned["since"]) * 1e-6
+    none = np.full(len(t), np.nan)
+    op = signals.get("op", none) if pinned["told"]["op"] else None
+    history.take(t, signals.get("sp", none), signals["pv"], op, flags)
+
+
+def _heard(heard: dict[str, Any], pinned: dict[str, Any], loop: Loop) -> dict[str, Any]:
+    """What was heard so far, in columns."""
+    told = pinned["told"]
+    rejected = dict(heard["reasons"])
+    answer = {"why": heard["why"], "reasons": rejected, "detections": heard["detections"]}
+    answer["controller"] = {"origins": {"kp": told["kp_origin"]}}
+    return {
+        "since": pinned["since"],
+        "crossings": heard["crossings"],
+        "crossings_code": None if heard["why"] is None else heard["why"]["code"],
+        "crossings_reason": why_told(answer, loop, [], None),
+        **{name: heard[name] for name in ("d_hat", "noise_floor", "detections", "half_periods", "tf")},
+        "rejected": json.dumps(rejected, sort_keys=True),
+        **{name: told[name] for name in ("k", "ti", "td", "b", "kp", "h")},
+        "origins": pinned["origins"],
+    }

@@ -2,6 +2,10 @@
 
 import gc
 import os
+from collections.abc import Callable
+from contextlib import suppress
+from functools import cache
+from typing import Any
 
 if "PYTEST_XDIST_WORKER" in os.environ:
     # Each worker has its processor: threads of its own would only wait for the others, and burn time as they do.
@@ -40,6 +44,19 @@ def pytest_configure(config: pytest.Config) -> None:
         config.add_cleanup(folder.cleanup)
         os.environ[fits.FOLDER] = folder.name
     fits.remember()
+    with suppress(ModuleNotFoundError):  # without the extra [opcua]
+        import standard_nodes
+
+        standard_nodes.remember()
+
+
+@pytest.fixture(scope="session")
+def figures() -> dict[str, Callable[[], Any]]:
+    """The figures of the thesis; each is computed once, for the command line too."""
+    from glapp_thesis import FIGURES
+
+    FIGURES.update({number: cache(function) for number, function in FIGURES.items()})
+    return FIGURES
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

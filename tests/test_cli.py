@@ -12,7 +12,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from zoneinfo import ZoneInfo
 
-import jsonschema
+import jsonschema_rs
 import numpy as np
 import pytest
 from rich.cells import cell_len
@@ -433,14 +433,14 @@ def no_constants(name):
 @pytest.mark.xdist_group("demonstration")
 def test_json_follows_its_schema(run, demo):
     schema = json.loads((ROOT / "docs/analyze.schema.json").read_text())
-    jsonschema.Draft202012Validator.check_schema(schema)
-    validator = jsonschema.Draft202012Validator(schema)
+    jsonschema_rs.meta.validate(schema)
+    validator = jsonschema_rs.Draft202012Validator(schema)
     files = [demo, "missing.csv", *sorted(REFINERY.glob("*.csv"))]
     _, out, _ = run("analyze", *files, "--json")
     document = json.loads(out, parse_constant=no_constants)
     validator.validate(document)
     assert document["glapp"] == glapp.__version__ and len(document["loops"]) >= 6
-    with pytest.raises(jsonschema.ValidationError):
+    with pytest.raises(jsonschema_rs.ValidationError):
         validator.validate({"glapp": "0"})
 
 

@@ -2,6 +2,7 @@
 
 import json
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -18,8 +19,8 @@ RECORDED = json.loads((GALLERY / "numbers.json").read_text(encoding="utf-8"))
 
 
 @pytest.fixture(scope="module")
-def shown() -> dict[str, Shown]:
-    return {number: function() for number, function in FIGURES.items()}
+def shown(figures: dict[str, Callable[[], Shown]]) -> dict[str, Shown]:
+    return {number: function() for number, function in figures.items()}
 
 
 @pytest.mark.parametrize("number", FIGURES)

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import pytest
 
 from glapp import modules
+from glapp.cli import main
 
 ROOT = Path(__file__).parents[1]
 PAGE = (ROOT / "docs/thesis.md").read_text(encoding="utf-8")
@@ -131,13 +132,26 @@ def test_row_is_shown_by_a_command_or_a_snippet(row: Row) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("command", COMMANDS)
-def test_command_runs(command: str, tmp_path: Path) -> None:
+@pytest.mark.xdist_group("thesis")  # where its figures are computed once
+@pytest.mark.usefixtures("figures")
+@pytest.mark.parametrize("command", [command for command in COMMANDS if command.startswith("glapp ")])
+def test_command_runs(
+    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", [*shlex.split(command), "--out", str(tmp_path)])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert not end.value.code
+    numbers = command.split()[2:]
+    assert f"Figures: {len(numbers)}" in capsys.readouterr().out
+    assert {f"figure-{number}.png" for number in numbers} <= {path.name for path in tmp_path.iterdir()}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", [command for command in COMMANDS if not command.startswith("glapp ")])
+def test_bench_runs(command: str) -> None:
     program, *arguments = shlex.split(command)
-    if program == "glapp":
-        arguments = ["-c", "from glapp.cli import main; main()", *arguments, "--out", str(tmp_path / "thesis")]
-    else:
-        assert program == "python"
+    assert program == "python"
     done = subprocess.run(
         [sys.executable, *arguments], cwd=ROOT, capture_output=True, text=True, timeout=300, check=False
     )

@@ -13,6 +13,7 @@ from __future__ import annotations
 import itertools
 import json
 import math
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from fractions import Fraction
 from pathlib import Path
@@ -222,10 +223,12 @@ _LEAD = {"lead": 4.0, "lag": 1.0}
 
 
 def compensation(params: Params, h: Sequence[float], samples: Sequence[Sequence[float]]) -> list[list[float]]:
-    """Carry the valve through its gap (2.2): half the width, to the side that the signals say, with limits on all.
+    """Carry the valve through its gap (2.2): half the width, to the side that the signals say, with limits on all."""
+    return list(_compensation(params, zip(h, samples, strict=True)))
 
-    A ninth number of a sample, where it is one, is the u_FF from which it goes on.
-    """
+
+def _compensation(params: Params, samples: Iterable[tuple[float, Sequence[float]]]) -> Iterator[list[float]]:
+    """Give the same for each sample as it comes; a ninth number of one is the u_FF from which it goes on."""
     way, share, size, release = int(params["way"]), params["share"], params["size"], params["release"]
     by_estimate, most = params.get("source", 1.0) == 3.0, params.get("limit", size)
     low, high = params.get("low", -math.inf), params.get("high", math.inf)
@@ -236,8 +239,7 @@ def compensation(params: Params, h: Sequence[float], samples: Sequence[Sequence[
     in_force = unfit = False
     least: float | None = None
     judge = _Judge(params["watch"], size / 10.0)
-    outputs = []
-    for step, (e, u, d_hat, over, enable, flags, offered, hindered, *begin) in zip(h, samples, strict=True):
+    for step, (e, u, d_hat, over, enable, flags, offered, hindered, *begin) in samples:
         if begin and math.isfinite(begin[0]):
             u_ff, half, whole = begin[0], abs(begin[0]), abs(begin[0])
             side, in_force = -1 if u_ff < 0.0 else 1, False
@@ -321,8 +323,7 @@ def compensation(params: Params, h: Sequence[float], samples: Sequence[Sequence[
                     withdrawn = 11
             else:
                 judge.broken_off(not enable)
-        outputs.append([u_ff, half, standing, delta])
-    return outputs
+        yield [u_ff, half, standing, delta]
 
 
 class _Judge:
@@ -666,10 +667,14 @@ def over_compensation_cases() -> Iterator[dict[str, Any]]:
 
 def wrong_sign(params: Params, h: Sequence[float], samples: Sequence[Sequence[float]]) -> list[int]:
     """OP at its limit and PV running away, judged anew at every sample from all since the error changed its sign."""
+    return list(_wrong_sign(params, zip(h, samples, strict=True)))
+
+
+def _wrong_sign(params: Params, samples: Iterable[tuple[float, Sequence[float]]]) -> Iterator[int]:
+    """Give the same for each sample as it comes."""
     kept: list[tuple[float, float, float, float, bool]] = []
     sign, begin, last, found = 0, NAN, 0.0, False
-    outputs = []
-    for step, (sp, yf, op, flags) in zip(h, samples, strict=True):
+    for step, (sp, yf, op, flags) in samples:
         e = sp - yf
         if int(flags) & (FLAG_BAD | FLAG_GAP) or not all(map(math.isfinite, (e, op))):
             sign, kept, last = (sign, kept, last) if found else (0, [], 0.0)
@@ -686,8 +691,7 @@ def wrong_sign(params: Params, h: Sequence[float], samples: Sequence[Sequence[fl
                 kept.append((step, abs(e), yf, op, int(flags) & towards != 0 and still))
                 found = found or _runs_away(params, sign, begin, kept)
             last = op
-        outputs.append(int(found))
-    return outputs
+        yield int(found)
 
 
 def _runs_away(
@@ -1444,10 +1448,8 @@ def detector(
             at[row[0]] = len(heard)
             heard.append(row[3] if raw is None else raw[row[0]])
     levels = noise_level({}, [], heard)
-    for number, stretch in enumerate(stretches):
-        ending = stretches[number + 1] if number + 1 < len(stretches) else None
-        for index, sign, measured, op_known in _half_periods(params, stretch, ending):
-            outputs[index] = memory.judge(sign, measured, op_known, levels[at[index]] if index in at else NAN)
+    for index, sign, measured, op_known in _ended(params, stretches):
+        outputs[index] = memory.judge(sign, measured, op_known, levels[at[index]] if index in at else NAN)
     return outputs
 
 
@@ -1476,6 +1478,12 @@ def _stretches(params: Params, h: Sequence[float], samples: Sequence[Sequence[fl
             flags |= (4 if op <= params["op_low"] else 0) | (8 if op >= params["op_high"] else 0)
         here["good"].append([i, step, sp, pv, op if op_known else 0.0, flags])
     return stretches
+
+
+def _ended(params: Params, stretches: Sequence[dict[str, Any]]) -> Iterator[tuple[int, int, list[float], bool]]:
+    """Half-periods of stretches that follow each other."""
+    for stretch, ending in itertools.zip_longest(stretches, stretches[1:]):
+        yield from _half_periods(params, stretch, ending)
 
 
 def _half_periods(
@@ -2372,8 +2380,22 @@ def pid_module_cases() -> Iterator[dict[str, Any]]:
     yield case("not followed, and put into manual meanwhile", ["Tracking", "Bump", "Mode"], full, by_hand, h=0.1)
 
 
+def _on_line(
+    block: Callable[[Params, Iterable[tuple[float, Sequence[float]]]], Iterator[Any]], params: Params
+) -> Callable[[float, Sequence[float]], Any]:
+    """A block that takes one sample after the other."""
+    given: deque[tuple[float, Sequence[float]]] = deque()
+    outputs = block(params, iter(given.popleft, None))
+
+    def scan(step: float, sample: Sequence[float]) -> Any:
+        given.append((step, sample))
+        return next(outputs)
+
+    return scan
+
+
 class _Detection:
-    """Detector, compensation and warnings on line: each is computed anew from all samples so far."""
+    """Detector, compensation and warnings on line: what ends a half-period is found anew from all samples so far."""
 
     def __init__(self, params: Params, k: float, ti: float, td: float | None, tf: float) -> None:
         given = {name: params[name] for name in ("kp",) if name in params}
@@ -2402,12 +2424,12 @@ class _Detection:
         self.h: list[float] = []
         self.samples: list[list[float]] = []
         self.raw: list[float] = []
-        self.compensated: list[list[float]] = []
         self.halves: list[list[float]] = []
         self.widths: list[float] = []
         self.shown, self.noise_floor, self.over, self.due = [NAN, 0.0], NAN, [0, 0], False
         self.limits = {"low": params["low"], "high": params["high"]} if limits else {}
-        self.watched: list[list[float]] = []
+        self.compensate = _on_line(_compensation, self.compensation)
+        self.runs_away = _on_line(_wrong_sign, self.params | self.limits)
         self.against, self.error = 0, 0
         self.u_ff = self.half = self.delta = self.yf = 0.0
         self.smooth = _smoother(self.params["tf"])
@@ -2443,7 +2465,11 @@ class _Detection:
         self.h.append(h)
         self.samples.append([sp, pv, op, flags])
         self.raw.append(raw)
-        record = detector(self.params, self.h, self.samples, self.raw)[-1]
+        ends = any(
+            index == len(self.h) - 1
+            for index, *_ in _ended(self.params, _stretches(self.params, self.h, self.samples)[-2:])
+        )
+        record = detector(self.params, self.h, self.samples, self.raw)[-1] if ends else None
         self.due = record is not None
         if record is not None:
             found = dict(zip(DETECTION_FIELDS, record, strict=True))
@@ -2455,17 +2481,15 @@ class _Detection:
             self.last = (*parts, int(found["mask"]), found["d"], self.half + self.half, against)
         yf = self.filtered(h, [sp, pv, op], flags)
         yf = yf if math.isnan(beside) else beside
-        self.watched.append([sp, yf, sent, flags])
-        wrong = self.limits and wrong_sign(self.params | self.limits, self.h, self.watched)[-1]
+        wrong = self.limits and self.runs_away(h, [sp, yf, sent, flags])
         self.error = 256 if wrong or self.against >= 3 else 0
         if self.compensates:
             flags |= FLAG_LIMIT if self.error else 0
             fit = NAN if self.unfit else self.whole()
             full = len(self.widths) >= int(self.params["n"]) and not self.whole() < self.noise_floor
             offered = fit if self.by_estimate and full else NAN
-            self.compensated.append([sp - yf, op, fit, self.over[1], enable, flags, offered, hindered, begin])
-            now = compensation(self.compensation, self.h, self.compensated)[-1]
-            self.u_ff, self.half, self.standing, self.delta = now
+            row = [sp - yf, op, fit, self.over[1], enable, flags, offered, hindered, begin]
+            self.u_ff, self.half, self.standing, self.delta = self.compensate(h, row)
 
     def filtered(self, h: float, values: list[float], flags: int) -> float:
         """PV as the detector filters it: anew after what cannot be used, and after a gap in time."""
@@ -3501,11 +3525,14 @@ def _text(head: dict[str, Any], cases: list[dict[str, Any]]) -> str:
 
 def _json(value: Any) -> str:
     """JSON of a value, with null for what is not a number."""
+    return json.dumps(_told(value), ensure_ascii=False, allow_nan=False)
+
+
+def _told(value: Any) -> Any:
+    """The same with None for what is not a number."""
     if isinstance(value, list):
-        return "[" + ", ".join(map(_json, value)) + "]"
-    if isinstance(value, float) and math.isnan(value):
-        return "null"
-    return json.dumps(value, ensure_ascii=False, allow_nan=False)
+        return [_told(x) for x in value]
+    return None if isinstance(value, float) and math.isnan(value) else value
 
 
 if __name__ == "__main__":

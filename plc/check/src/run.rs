@@ -208,10 +208,9 @@ pub(crate) struct Probe<'p> {
     count: Vec<usize>,
     /// Those that have left another memory behind, or stopped.
     pub differ: Vec<usize>,
-    /// By change: its step was reached; it was another there; what the runs with it cost.
+    /// By change: its step was reached; it was another there.
     pub reached: Vec<bool>,
     pub other: Vec<bool>,
-    pub spent: Vec<u64>,
     /// The call in which its step was another at last.
     seen: Vec<u64>,
     calls: u64,
@@ -230,7 +229,6 @@ impl<'p> Probe<'p> {
             differ: vec![],
             reached: vec![false; changes.len()],
             other: vec![false; changes.len()],
-            spent: vec![0; changes.len()],
             seen: vec![0; changes.len()],
             calls: 0,
             marked: vec![],
@@ -257,7 +255,7 @@ impl<'p> Probe<'p> {
     }
 
     /// No longer.
-    pub(crate) fn remove(&mut self, one: usize) {
+    fn remove(&mut self, one: usize) {
         let change = &self.changes[one];
         let live = match &change.step {
             Some(step) => &mut self.live[change.unit][step.number],
@@ -282,7 +280,7 @@ impl<'p> Probe<'p> {
         memory.values.clear();
         memory.values.extend_from_slice(before);
         memory.values.resize(before.len() + library.function_memory, Value::Bool(false));
-        (memory.functions, memory.operations) = (before.len(), 0);
+        memory.functions = before.len();
         let function = matches!(library.units[unit].kind, Kind::Function { .. });
         if function {
             let inputs = |at: usize| {
@@ -295,7 +293,6 @@ impl<'p> Probe<'p> {
         let kept = |at: usize| if function { at == 0 } else { change.strict || library.kept[unit][at] };
         let pairs = self.memory.values.iter().zip(after).take(before.len()).enumerate();
         let same = ran.is_ok() && pairs.into_iter().all(|(at, (a, b))| !kept(at) || a.bits() == b.bits());
-        self.spent[one] += self.memory.operations;
         if !same {
             self.remove(one);
             self.differ.push(one);

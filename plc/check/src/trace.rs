@@ -49,6 +49,11 @@ impl Trace {
         self.build
     }
 
+    /// Anything was read.
+    pub fn shows(&self) -> bool {
+        self.events.iter().any(|event| matches!(event, Event::Read(..)))
+    }
+
     fn number(&mut self, pin: &str) -> u16 {
         if let Some(number) = self.numbers.get(pin) {
             return *number;

@@ -4,9 +4,6 @@ use crate::library::Library;
 use crate::run::{Change, Instance, Probe};
 use crate::trace::{Event, Trace};
 
-/// What one mutant may cost, in operations, on one trace and on all, before it is given up there.
-const PATIENCE: [u64; 2] = [5_000_000, 200_000_000];
-
 /// What became of a mutant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Fate {
@@ -24,8 +21,6 @@ pub enum Fate {
     Absorbed,
     /// Another memory was left behind, and nothing showed it.
     Hidden,
-    /// The same, and it was given up before the traces came to their end.
-    GivenUp,
 }
 
 /// Mutants of a library. A mutant runs beside the library only from where it leaves another memory behind until it stands as the library
@@ -71,21 +66,14 @@ impl Trial {
         }
         for trace in traces {
             self.plays(&trace, &mut probe, &mut fates, &mut hidden);
-            for (number, fate) in fates.iter_mut().enumerate() {
-                if fate.is_none() && probe.spent[number] > PATIENCE[1] {
-                    *fate = Some(Fate::GivenUp);
-                    probe.remove(number);
-                }
-            }
         }
         let left = |number: usize, fate: Option<Fate>| match fate {
             Some(proved @ (Fate::Noticed | Fate::Same)) => proved,
             _ if self.changes[number].is_unread(&self.library) => Fate::Unread,
-            Some(given_up) => given_up,
-            None if hidden[number] => Fate::Hidden,
-            None if probe.other[number] => Fate::Absorbed,
-            None if probe.reached[number] => Fate::Alike,
-            None => Fate::Unreached,
+            _ if hidden[number] => Fate::Hidden,
+            _ if probe.other[number] => Fate::Absorbed,
+            _ if probe.reached[number] => Fate::Alike,
+            _ => Fate::Unreached,
         };
         fates.iter().enumerate().map(|(number, fate)| left(number, *fate)).collect()
     }
@@ -98,7 +86,6 @@ impl Trial {
         let mut begin: Vec<usize> = (0..self.changes.len()).collect();
         begin.retain(|number| fates[*number].is_none() && self.changes[*number].begins(unit).next().is_some());
         let mut forks: Vec<Fork<'_>> = vec![];
-        let mut back: Vec<usize> = vec![];
         for &number in &begin {
             let mut other = one.with(one.values().to_vec());
             other.begin(&self.changes[number], true);
@@ -145,26 +132,18 @@ impl Trial {
                             fates[fork.number] = Some(Fate::Noticed);
                             return false;
                         }
-                        let spent = fork.one.operations();
-                        if fork.one.stands_as(&one, strict(fork.number)) {
-                            probe.spent[fork.number] += spent;
+                        let again = fork.one.stands_as(&one, strict(fork.number));
+                        if again {
                             probe.add(&self.library, fork.number);
-                            return false;
                         }
-                        if spent > PATIENCE[0] {
-                            probe.spent[fork.number] += spent;
-                            back.push(fork.number);
-                            return false;
-                        }
-                        true
+                        !again
                     });
                 }
                 Event::PowerCut => {
                     let before = one.values().to_vec();
                     one.power_cut();
                     let gone: Vec<usize> = forks.iter().map(|fork| fork.number).collect();
-                    let again =
-                        |number: &&usize| fates[**number].is_none() && !gone.contains(number) && !back.contains(number);
+                    let again = |number: &&usize| fates[**number].is_none() && !gone.contains(number);
                     for &number in begin.iter().filter(again) {
                         forks.push(Fork { number, one: one.with(before.clone()) });
                     }
@@ -175,11 +154,7 @@ impl Trial {
                 }
             }
         }
-        for fork in forks {
-            probe.spent[fork.number] += fork.one.operations();
-            back.push(fork.number);
-        }
-        back.into_iter().filter(|number| fates[*number].is_none()).for_each(|number| probe.add(&self.library, number));
+        forks.iter().for_each(|fork| probe.add(&self.library, fork.number));
     }
 }
 
@@ -228,5 +203,118 @@ mod tests {
         assert_eq!(trial.fates(std::iter::once(again)), [Fate::Noticed, Fate::Same]);
         assert!(Trace::of(&mut &file[..file.len() - 1]).is_err());
         assert!(Trace::of(&mut &b"nothing"[..]).is_err());
+    }
+
+    const INNER: &str = "FUNCTION_BLOCK GlappInner\nVAR_INPUT\n    Clear : BOOL;\n    X : LREAL;\nEND_VAR\nVAR_OUTPUT\n    Z : LREAL;\n\
+        END_VAR\n    IF Clear THEN\n        Z := 0.0;\n    ELSE\n        Z := Z + X;\n    END_IF;\nEND_FUNCTION_BLOCK\n";
+
+    fn with(begin: &str, body: &str) -> Library {
+        let text = format!(
+            "FUNCTION_BLOCK GlappTry\nVAR_INPUT\n    A : LREAL;\n    P : BOOL;\nEND_VAR\nVAR_OUTPUT\n    Y : LREAL;\nEND_VAR\n\
+             VAR\n    T : LREAL := {begin};\n    U : LREAL;\n    I : INT;\n    Row : ARRAY[0..1] OF LREAL;\n    Inner : GlappInner;\n\
+             END_VAR\n{body}END_FUNCTION_BLOCK\n"
+        );
+        Library::of_unruled([("Try.st", text.as_str()), ("Inner.st", INNER)].into_iter(), Build::Lreal).unwrap()
+    }
+
+    /// Whether it is proved that 1.0 in the place of 0.0, and U in the place of T where it is written, is the same: `#` and `@` are what
+    /// is changed.
+    fn proved(begin: &str, body: &str) -> bool {
+        let filled = |number: &str, name: &str| {
+            let fill = |text: &str| text.replace('#', number).replace('@', name);
+            with(&fill(begin), &fill(body))
+        };
+        let library = filled("0.0", "T");
+        let mut trial = Trial::new(library);
+        trial.add("GlappTry", &filled("1.0", "U"));
+        match trial.fates(std::iter::empty())[..] {
+            [Fate::Unread] => true,
+            [Fate::Unreached] => false,
+            ref other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn what_nothing_reads_is_proved() {
+        for (begin, body) in [
+            ("0.0", "T := #; T := A; Y := T;\n"),
+            ("0.0", "@ := 0.0; T := A; U := A; Y := T + U;\n"),
+            ("0.0", "T := #; IF P THEN T := A; ELSE T := -A; END_IF; Y := T;\n"),
+            ("0.0", "FOR I := 1 TO 2 DO T := A; Y := Y + T; T := #; END_FOR;\n"),
+            ("0.0", "Inner(Clear := TRUE, X := #); Inner(Clear := FALSE, X := A); Y := Inner.Z;\n"),
+            ("#", "T := A; Y := T;\n"),
+        ] {
+            assert!(proved(begin, body), "{body}");
+        }
+    }
+
+    #[test]
+    fn what_something_may_read_is_not_proved() {
+        for (begin, body) in [
+            // On one way.
+            ("0.0", "T := #; IF P THEN T := A; END_IF; Y := T;\n"),
+            ("0.0", "T := #; WHILE I < 1 DO T := A; I := I + 1; END_WHILE; Y := T;\n"),
+            // In the next pass, or the next scan.
+            ("0.0", "T := A; FOR I := 1 TO 2 DO Y := Y + T; T := #; END_FOR;\n"),
+            ("0.0", "Y := T; T := #;\n"),
+            ("0.0", "@ := 0.0; Y := T;\n"),
+            ("#", "Y := T; T := A;\n"),
+            // By who called it.
+            ("0.0", "Y := #;\n"),
+            // By a block that is called.
+            ("0.0", "Inner(Clear := P, X := #); Inner(X := A); Y := Inner.Z;\n"),
+            ("0.0", "Inner(Clear := TRUE, X := #); Inner(Clear := FALSE); Y := Inner.Z;\n"),
+            // By a stop, or a place that is not known here.
+            ("0.0", "T := A / #; T := A; Y := T;\n"),
+            ("0.0", "Row[1] := #; Row[I] := A; Y := Row[1];\n"),
+        ] {
+            assert!(!proved(begin, body), "{body}");
+        }
+    }
+
+    #[test]
+    fn what_a_function_leaves_behind_nobody_reads() {
+        let proved = |body: &str| {
+            let [library, changed] = ["0.0", "1.0"].map(|number| {
+                let body = body.replace('#', number);
+                let text = format!(
+                    "FUNCTION GlappTwice : LREAL\nVAR_INPUT\n    A : LREAL;\nEND_VAR\nVAR\n    T : LREAL;\nEND_VAR\n{body}END_FUNCTION\n"
+                );
+                Library::of_unruled([("Twice.st", text.as_str())].into_iter(), Build::Lreal).unwrap()
+            });
+            let mut trial = Trial::new(library);
+            trial.add("GlappTwice", &changed);
+            trial.fates(std::iter::empty()) == [Fate::Unread]
+        };
+        assert!(proved("T := A + A;\nGlappTwice := T;\nT := #;\n"));
+        assert!(!proved("T := #;\nIF A > 0.0 THEN\nT := A + A;\nEND_IF;\nGlappTwice := T;\n"));
+        assert!(!proved("GlappTwice := #;\n"));
+    }
+
+    #[test]
+    fn a_memory_counts_as_the_same_only_where_nothing_reads_the_rest() {
+        let play = |body: &str, other: &str| {
+            let library = with("0.0", body);
+            let mut one = Instance::new(&library, "GlappTry").unwrap();
+            let mut trace = Trace::new("GlappTry", Build::Lreal);
+            for a in [1.0, 2.0, 3.0] {
+                one.set("A", a).unwrap();
+                trace.set("A", a);
+                one.call().unwrap();
+                trace.scan();
+                trace.read("Y", one.get("Y").unwrap());
+            }
+            let mut trial = Trial::new(library.clone());
+            trial.add("GlappTry", &with("0.0", other));
+            trial.fates(std::iter::once(trace))[0]
+        };
+        // What T held before is written over.
+        let body = "T := A; Y := T; T := A + 1.0;\n";
+        assert_eq!(play(body, "T := A; Y := T; T := A + 2.0;\n"), Fate::Absorbed);
+        // A mutant may read what the source writes first.
+        assert_eq!(play(body, "U := A; Y := T; T := A + 1.0;\n"), Fate::Noticed);
+        assert_eq!(play("Y := T; T := A + 1.0;\n", "Y := T; T := A + 2.0;\n"), Fate::Noticed);
+        // Another memory that no pin shows.
+        assert_eq!(play("Y := A; U := U + 1.0;\n", "Y := A; U := U + 2.0;\n"), Fate::Hidden);
     }
 }

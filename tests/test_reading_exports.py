@@ -81,6 +81,8 @@ def test_a_fault_in_a_workbook_has_excels_row(tmp_path):
         (workbook(("Trend", [["t", "SP", "PV"]])), "has a header but no rows"),
         (workbook(("Trend", [[1.0, 2.0, 3.0], [2.0, 3.0, 4.0]])), "has no header"),
     ],
+    # The bytes hold the time at which they were made, which is another for each worker.
+    ids=["no workbook", "old or locked", "empty", "no rows", "no header"],
 )
 def test_workbooks_that_cannot_be_used(tmp_path, content, line):
     path = tmp_path / "plant.xlsx"

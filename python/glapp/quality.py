@@ -441,7 +441,7 @@ SENTENCES: dict[str, str] = {
     "spikes one": "1 sample of PV stands " + _STAND_ALONE,
     "spikes": "{count} samples of PV stand " + _STAND_ALONE,
     "shifts": "PV goes to another level from one row to the next ({rows:rows}{more}), as no process does: a "
-    "transmitter was set anew or the recorder's scale was changed; the fit begins anew there, the zero crossings do not",
+    "transmitter was set anew or the recorder's scale changed; the fit begins anew there, the zero crossings do not",
     "quantised_pv": "PV comes in steps of {step:.3g} {pv_unit}, {levels} within its range, so small errors and "
     "crossings are lost: record with more digits",
     "quantised_op": "OP comes in steps of {step:.3g} {op_unit}, {levels} within its range, so no width below a few "

@@ -258,7 +258,7 @@ def _others(before: str) -> list[str]:
     if not re.match(r"-?[\d.]", text):
         return ["1", "0"]
     number = float(text)
-    tries = (1.1 * number, 0.9 * number, number + 1.0, number - 1.0, 0.1)
+    tries = (1.1 * number, 0.9 * number, number + 1.0, number - 1.0, number + 2.0, 0.1)
     return [f"{one:.4g}" for one in tries if f"{one:.4g}" != f"{number:.4g}"]
 
 

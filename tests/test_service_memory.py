@@ -8,6 +8,7 @@ import signal
 import sqlite3
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -102,6 +103,34 @@ def test_a_break_that_no_history_fills_is_a_gap_however_short(tmp_path: Path) ->
     assert times == [*range(60), *range(70, 118)]
     ended = [row for row in detections(tmp_path, "FIC0") if row[1] < BEGIN + 60 <= row[2] + 10]
     assert [row[of_memory.COLUMNS.index("mask") + 1] & 1 for row in ended] == [1], "it ended as a gap"
+
+
+@pytest.mark.slow
+def test_who_looks_at_the_signals_does_not_end_the_watch(tmp_path: Path) -> None:
+    """A page asked for them in a thread of its own, and at that moment no sample could be added."""
+    [loop], clock = loops(), Clock()
+    watch = service.watch(tmp_path, [loop], clock)
+    fed(watch, clock, values("FIC0", 3000))
+    samples = watch._loops["FIC0"].samples
+    samples.extend(samples * 30)  # what takes longer is met sooner
+    done, seen = threading.Event(), list[int]()
+
+    def look() -> None:
+        while not done.is_set():
+            seen.append(len(watch.recorded("FIC0", BEGIN, BEGIN + 1e6)))
+
+    looking = [threading.Thread(target=look) for _ in range(2)]
+    for one in looking:
+        one.start()
+    try:
+        while len(seen) < 100:
+            samples.extend(samples[-7:])
+            del samples[-7:]
+    finally:
+        done.set()
+        for one in looking:
+            one.join()
+    assert min(seen) >= 31 * 2998
 
 
 @pytest.mark.slow

@@ -568,12 +568,13 @@ class SimPlant:
     async def _feed_forward(self, loop: _Loop, alive: bool, t: float) -> None:
         """What the control system does with u_FF: it takes what was written, and ramps it out where nobody is alive."""
         key = (loop.name, Signal.U_FF)
-        old = value = self._u_ff[loop.name]
+        old = value = found = self._u_ff[loop.name]
         if self._server is not None:
             seen = self._server.iserver.aspace.read_attribute_value(self._ids[key], ua.AttributeIds.Value)
-            value = float(seen.Value.Value) if seen.Value is not None and seen.Value.Value is not None else 0.0
-            if not math.isfinite(value):
-                value = 0.0
+            found = float(seen.Value.Value) if seen.Value is not None and seen.Value.Value is not None else math.nan
+            value = found if math.isfinite(found) else 0.0
+            written = seen.SourceTimestamp or seen.ServerTimestamp
+            t = t if written is None else max(t, written.timestamp() + 0.001)
         if "writer" in loop.faults:
             value = old + 1.0
             del loop.faults["writer"]
@@ -588,6 +589,7 @@ class SimPlant:
             self._last[key] = (t, value)
             if self._keep > 0:
                 self._records[key].add(t, value, self._keep)
+        if value != found:  # what somebody wrote stands there already, with the time of it
             await self._write(key, t, value)
 
     async def _tell(self, loop: _Loop, values: Mapping[Signal, float], t: float) -> None:

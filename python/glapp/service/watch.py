@@ -1051,7 +1051,8 @@ class Watch:
         pyarrow.Table
             As `Signals.read`.
         """
-        rows = np.array(self._loops[loop].samples, np.float64).reshape(-1, _FIELDS)
+        # A copy, made at once: nothing may be added to an array at which another thread looks.
+        rows = np.frombuffer(self._loops[loop].samples[:], np.float64).reshape(-1, _FIELDS)
         table = self.signals.read(loop, begin, end)
         after = table["time"][-1].as_py().timestamp() if len(table) else -math.inf
         rows = rows[(rows[:, 0] >= begin) & (rows[:, 0] <= end) & (rows[:, 0] > after)]

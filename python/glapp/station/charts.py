@@ -93,7 +93,7 @@ def shades(halves: Sequence[Mapping[str, Any]], span: float, *, dark: bool) -> l
                     "name": label if half["t_end"] - half["t_start"] > span / 12.0 else "",
                     "itemStyle": {
                         "color": tone["accepted" if reason == 0 else "rejected"],
-                        "borderColor": tone["muted"] + "66",  # two of the same verdict are still two
+                        "borderColor": tone["muted"] + "40",  # two of the same verdict are still two
                         "borderWidth": 1,
                     },
                     "label": {

@@ -11,7 +11,7 @@ import numpy as np
 from ..report.words import number, quantity
 from .parameters import NO_LIMIT
 
-__all__ = ["Calm", "Plan", "calm", "plan", "why_off"]
+__all__ = ["Calm", "Plan", "calm", "plan", "why_off", "withdrawn"]
 
 STANDINGS = {
     "active": "It compensates.",
@@ -33,14 +33,23 @@ STANDINGS = {
 """Each standing of the core, for the person at the screen."""
 
 
+def withdrawn(why: str) -> str | None:
+    """Why it was withdrawn, in words, where `why` says so by the core's word.
+
+    >>> withdrawn("it was withdrawn: worse"), withdrawn("eve disabled it")
+    ('Withdrawn: the loop is worse than before.', None)
+    """
+    return STANDINGS.get(why.removeprefix("it was withdrawn: "))
+
+
 def why_off(why: str) -> str:
-    """Why it is off, in words: a standing after which it was withdrawn is the core's word.
+    """Why it is off, in words.
 
     >>> why_off("it was withdrawn: worse"), why_off("eve disabled it")
     ('It is off. Withdrawn: the loop is worse than before.', 'It is off: eve disabled it.')
     """
-    standing = why.removeprefix("it was withdrawn: ")
-    return f"It is off. {STANDINGS[standing]}" if standing in STANDINGS else f"It is off: {why}."
+    said = withdrawn(why)
+    return f"It is off: {why}." if said is None else f"It is off. {said}"
 
 
 _FROM = {1: "which a person typed", 2: "the lower limit of the fit that was taken over", 3: "the on-line estimate"}

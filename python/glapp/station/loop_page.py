@@ -379,10 +379,10 @@ class _Page:
                 )
                 chart = ui.echart(options).classes("chart").props('role="img" aria-label="Detections over time"')
                 ui.run_javascript(f"glapp.detections({chart.id}, {json.dumps(self.name)})")
-            ui.label(
-                "Each dot is a half-period that passed every test. Triangles are those under compensation: they show "
-                "what is left of the gap. A fit stands with its 95 % interval."
-            ).classes("small muted")
+                ui.label(
+                    "Each dot is a half-period that passed every test. Triangles are those under compensation: they "
+                    "show what is left of the gap. A fit stands with its 95 % interval."
+                ).classes("small muted")
 
     async def phase(self) -> None:
         """PV over OP."""
@@ -430,7 +430,7 @@ class _Page:
             ).classes("small muted")
             with ui.element("table").classes("plain"):
                 with ui.element("thead"), ui.element("tr"):
-                    for text in ("parameter", "value", "unit", "must be", "default", "is"):
+                    for text in ("parameter", "value", "unit", "must be", "default"):
                         with ui.element("th"):
                             ui.label(text)
                 with ui.element("tbody"):
@@ -439,6 +439,7 @@ class _Page:
                         with ui.element("tr"):
                             with ui.element("td"):
                                 ui.label(name)
+                                ui.label(about.meaning).classes("small muted")
                             with ui.element("td"):
                                 fields[name] = (
                                     ui.number(value=field(value))
@@ -447,12 +448,7 @@ class _Page:
                                 )
                                 if not may:
                                     fields[name].props("readonly")
-                            for text in (
-                                "–" if about.unit == "1" else about.unit,
-                                about.bound,
-                                about.default,
-                                about.meaning,
-                            ):
+                            for text in ("–" if about.unit == "1" else about.unit, about.bound, about.default):
                                 with ui.element("td"):
                                     ui.label(text)
 

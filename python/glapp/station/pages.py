@@ -15,6 +15,7 @@ from starlette.requests import Request
 
 from ..errors import InputError
 from .client import Door, Gone, Refused
+from .compensate import withdrawn
 from .listed import Listed
 from .sessions import Session, Sessions, Tries
 from .view import View, age
@@ -213,8 +214,8 @@ def _overview_columns() -> list[dict[str, Any]]:
         column("trend", "Trend", 138, **{":valueFormatter": "p => p.value.replace(/ ± \\S+/, '').replace(/;.*/, '')"}),
         column("health", "NE 107", 170, **{":cellClass": f"p => ({_HEALTHS})[p.value] || ''"}),
         column("seen", "Seen", 74),
-        column("compensation", "Comp.", 82, headerTooltip="Compensation"),
-        column("todo", "What to do", 220, flex=1, minWidth=220),
+        column("compensation", "Comp.", 102, headerTooltip="Compensation"),
+        column("todo", "What to do", 200, flex=1, minWidth=200),
     ]
 
 
@@ -287,7 +288,7 @@ def all_events(station: Station, most: int, loop: str | None = None) -> list[dic
             "loop": row["loop"] or "",
             "kind": row["kind"],
             "who": "",
-            "text": row["text"],
+            "text": withdrawn(row["text"]) or row["text"],
         }
         for row in station.view.read(lambda reader: reader.events(loop, most))
     ]
@@ -318,10 +319,9 @@ def events_page(station: Station, request: Request) -> None:
         grid = ui.aggrid(
             {
                 "columnDefs": [
-                    {"field": "when", "headerName": "When", "width": 180},
-                    {"field": "loop", "headerName": "Loop", "width": 120},
-                    {"field": "kind", "headerName": "What", "width": 150},
-                    {"field": "who", "headerName": "Who", "width": 180},
+                    {"field": "when", "headerName": "When", "width": 160},
+                    {"field": "loop", "headerName": "Loop", "width": 100},
+                    {"field": "kind", "headerName": "What", "width": 130},
                     {
                         "field": "text",
                         "headerName": "Why, and what of it",
@@ -329,8 +329,10 @@ def events_page(station: Station, request: Request) -> None:
                         "minWidth": 300,
                         "wrapText": True,
                         "autoHeight": True,
+                        "cellStyle": {"lineHeight": "20px", "paddingTop": "10px", "paddingBottom": "10px"},
                         "tooltipField": "text",
                     },
+                    {"field": "who", "headerName": "Who", "width": 170},
                 ],
                 "defaultColDef": {
                     "sortable": True,

@@ -23,6 +23,7 @@ from ..loop import Loop
 from ..report.words import NEXT, URGENCIES, VERDICTS, number
 from ..service.memory import Reader
 from ..service.watch import with_settings
+from .compensate import withdrawn
 
 __all__ = ["Row", "Trend", "View", "age", "as_csv", "summary", "trend"]
 
@@ -425,11 +426,18 @@ def _todo(status: Mapping[str, Any], answer: Mapping[str, Any] | None, silent: b
 
 
 def _compensation(status: Mapping[str, Any]) -> str:
+    """What the compensation does.
+
+    >>> _compensation({"compensation": {"enabled": False, "why_off": "it was withdrawn: worse"}})
+    'withdrawn'
+    >>> _compensation({"compensation": {"enabled": False, "why_off": "eve disabled it"}})
+    'off'
+    """
     made = status.get("compensation")
     if made is None:
         return ""
     if not made["enabled"]:
-        return "off"
+        return "off" if withdrawn(made["why_off"]) is None else "withdrawn"
     return "on" if made["standing"] == "active" else f"on, {made['standing'].replace('_', ' ')}"
 
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import resource
 import shutil
 import signal
 import subprocess
@@ -155,7 +154,6 @@ def _on_two_workers(lake: Path, kill: int) -> tuple[list[str], float, int]:
     shutil.rmtree(out, ignore_errors=True)
     script = OUT / "spark.py"
     script.write_text(_SPARK)
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
     env = {**os.environ, "PYSPARK_PYTHON": sys.executable}
     work = subprocess.Popen(
         [sys.executable, str(script), str(lake), str(out), "20000"], stdout=subprocess.PIPE, text=True, env=env
@@ -170,40 +168,48 @@ def _on_two_workers(lake: Path, kill: int) -> tuple[list[str], float, int]:
                 gone.append(pid)
 
     assert work.stdout is not None
-    last = ""
+    last, cpu = "", 0.0
     for line in work.stdout:
-        if line.startswith("begun") and kill:
-            threading.Thread(target=strike, daemon=True).start()
-        last = line if line.startswith("tables-") else last
+        if line.startswith("begun"):
+            cpu = -_processor(work.pid)
+            if kill:
+                threading.Thread(target=strike, daemon=True).start()
+        elif line.startswith("tables-"):
+            last, cpu = line, cpu + _processor(work.pid)
     if work.wait():
         raise SystemExit("the run on Spark failed")
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     return last.split(), cpu, len(gone)
 
 
 def _executors(root: int) -> list[int]:
-    """Processes of Spark's workers below a process."""
-    parents: dict[int, int] = {}
-    for path in Path("/proc").glob("[0-9]*"):
-        try:
-            parents[int(path.name)] = int((path / "stat").read_text().rpartition(")")[2].split()[1])
-        except OSError:
-            continue
+    """Spark's workers below a process."""
+    return [pid for pid in _below(root) if b"CoarseGrainedExecutorBackend" in _of(pid, "cmdline")]
+
+
+def _processor(root: int) -> float:
+    """Processor time of a process and of all below it, with those that they have waited for [s]."""
+    ticks = (_of(pid, "stat").rpartition(b")")[2].split()[11:15] for pid in _below(root))
+    return sum(int(t) for four in ticks for t in four) / os.sysconf("SC_CLK_TCK")
+
+
+def _below(root: int) -> list[int]:
+    pids = [int(path.name) for path in Path("/proc").glob("[0-9]*")]
+    parents = {pid: int(told.split()[1]) for pid in pids if (told := _of(pid, "stat").rpartition(b")")[2])}
 
     def below(pid: int) -> bool:
         while pid in parents and pid != root:
             pid = parents[pid]
         return pid == root
 
-    found = []
-    for pid in sorted(parents):
-        try:
-            if below(pid) and b"CoarseGrainedExecutorBackend" in Path(f"/proc/{pid}/cmdline").read_bytes():
-                found.append(pid)
-        except OSError:
-            continue
-    return found
+    return sorted(pid for pid in parents if below(pid))
+
+
+def _of(pid: int, name: str) -> bytes:
+    """What is told of a process; nothing where it is gone."""
+    try:
+        return Path(f"/proc/{pid}/{name}").read_bytes()
+    except OSError:
+        return b""
 
 
 if __name__ == "__main__":

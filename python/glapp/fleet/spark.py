@@ -10,8 +10,8 @@ A wave is so many days that no loop has more than `GROUP` rows in it: a loop too
 hand on its state. Workers need glapp and the lake under the same path. A unit that is lost with its executor is read
 again by Spark. What a group answers travels as the bytes of an Arrow table, which no conversion touches.
 
-The driver writes the pieces that a run on one machine writes, under the same names: days as soon as all are looked at,
-crossings wave by wave. So a run that was stopped goes on, and a later one looks only at what is new, on either engine.
+The driver writes the pieces that a run on one machine writes, under the same names, wave by wave. So a run that was
+stopped goes on, and a later one looks only at what is new, on either engine.
 """
 
 from __future__ import annotations
@@ -45,7 +45,10 @@ from .run import (
 )
 from .windows import DAYS, LOOPS, SAMPLES, WINDOWS, cut, judge, look
 
-__all__ = ["GROUP", "run"]
+__all__ = ["AT_A_TIME", "GROUP", "run"]
+
+AT_A_TIME = 50_000
+"""Loops and days that pass through the driver at a time: some 0.5 GB of states."""
 
 GROUP = 8_000_000
 """Rows of PV of a loop in one wave at most, where it has more than one unit: some 1 GB of a worker's memory."""
@@ -94,19 +97,34 @@ def _look_at(spark: Any, plan: Plan, paths: Sequence[Path], stage: Stage) -> Non
     """Look at the units that were not looked at before, and write their pieces."""
     missing = [i for i, path in enumerate(paths) if not path.exists()]
     stage("days", len(paths), len(paths) - len(missing))
-    if missing:
-        made: dict[int, dict[str, pa.Table]] = {i: {} for i in missing}
-        wrong: dict[int, list[Problem]] = {i: [] for i in missing}
-        groups = _units(spark, plan, missing).groupBy("unit", "loop").applyInArrow(_looker(plan), _LOOKED)
-        for unit, loop, table, problem in groups.toLocalIterator():
+    for some in _at_a_time(plan, missing):
+        made: dict[int, dict[str, pa.Table]] = {i: {} for i in some}
+        wrong: dict[int, list[Problem]] = {i: [] for i in some}
+        groups = _units(spark, plan, some).groupBy("unit", "loop").applyInArrow(_looker(plan), _LOOKED)
+        for unit, loop, table, problem in groups.collect():
             if problem is not None:
                 wrong[unit].append(Problem(*json.loads(problem)))
             else:
                 made[unit][loop] = _table(table)
-        for i in missing:
+        for i in some:
             names = [plan.places.loops[k].name for k in plan.units[i].loops]
             write_piece(paths[i], [made[i][name] for name in names if name in made[i]], DAYS, sorted(set(wrong[i])))
-    stage("days", len(paths), len(paths))
+        missing = missing[len(some) :]
+        stage("days", len(paths), len(paths) - len(missing))
+
+
+def _at_a_time(plan: Plan, units: Sequence[int]) -> Iterator[list[int]]:
+    """Units in the order of time, as many at once as may pass through the driver."""
+    some: list[int] = []
+    loops = 0
+    for i in units:
+        loops += len(plan.units[i].loops)
+        if some and loops > AT_A_TIME:
+            yield some
+            some, loops = [], len(plan.units[i].loops)
+        some.append(i)
+    if some:
+        yield some
 
 
 def _follow(spark: Any, plan: Plan, looks: Sequence[Path], paths: Sequence[Path], stage: Stage) -> None:
@@ -114,7 +132,7 @@ def _follow(spark: Any, plan: Plan, looks: Sequence[Path], paths: Sequence[Path]
     missing = [i for i, path in enumerate(paths) if not path.exists()]
     stage("crossings", len(paths), len(paths) - len(missing))
     states: dict[str, str] = {}
-    for wave in _waves(missing, looks):
+    for wave in _waves(plan, missing, looks):
         for one in sorted({b for i in wave for b in plan.units[i].before} - set(wave)):
             states.update(states_of(paths[one]))
         known = {i: looks_of(looks[i]) for i in wave}
@@ -127,7 +145,7 @@ def _follow(spark: Any, plan: Plan, looks: Sequence[Path], paths: Sequence[Path]
         if told:
             rows = _units(spark, plan, wave).filter("problem is null").groupBy("loop")
             given = spark.createDataFrame(told, _STATES).groupBy("loop")
-            for name, units, table in rows.cogroup(given).applyInArrow(_follower(plan), _FOLLOWED).toLocalIterator():
+            for name, units, table in rows.cogroup(given).applyInArrow(_follower(plan), _FOLLOWED).collect():
                 every = _table(table)
                 for row, unit in enumerate(units):
                     made[unit][name] = every.slice(row, 1)
@@ -138,19 +156,19 @@ def _follow(spark: Any, plan: Plan, looks: Sequence[Path], paths: Sequence[Path]
         stage("crossings", len(paths), len(paths) - len(missing))
 
 
-def _waves(units: Sequence[int], looks: Sequence[Path]) -> Iterator[list[int]]:
+def _waves(plan: Plan, units: Sequence[int], looks: Sequence[Path]) -> Iterator[list[int]]:
     """Units in the order of time, as many at once as keep every loop below `GROUP` rows."""
-    wave: list[int] = []
-    rows: dict[str, int] = {}
-    for i in units:
-        more = {name: table["rows"][0].as_py() for name, table in looks_of(looks[i]).items()}
-        if wave and any(rows.get(name, 0) + n > GROUP for name, n in more.items()):
-            yield wave
-            wave, rows = [], {}
-        wave.append(i)
-        for name, n in more.items():
-            rows[name] = rows.get(name, 0) + n
-    if wave:
+    for some in _at_a_time(plan, units):
+        wave: list[int] = []
+        rows: dict[str, int] = {}
+        for i in some:
+            more = {name: table["rows"][0].as_py() for name, table in looks_of(looks[i]).items()}
+            if wave and any(rows.get(name, 0) + n > GROUP for name, n in more.items()):
+                yield wave
+                wave, rows = [], {}
+            wave.append(i)
+            for name, n in more.items():
+                rows[name] = rows.get(name, 0) + n
         yield wave
 
 
@@ -172,7 +190,7 @@ def _judged(
     if of:
         known = spark.createDataFrame(of, _KNOWN).groupBy("loop")
         grouped = samples.groupBy("loop").cogroup(known).applyInArrow(_judge(plan), _LOOPS)
-        for _, one, several, wrong in grouped.toLocalIterator():
+        for _, one, several, wrong in grouped.collect():
             loops.append(_table(one))
             windows.append(_table(several))
             problems += [Problem(*problem) for problem in json.loads(wrong)]

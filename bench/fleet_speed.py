@@ -18,6 +18,7 @@ import os
 import platform
 import resource
 import shutil
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -214,6 +215,7 @@ def spark(folder: Path) -> float:
     from pyspark.sql import SparkSession
     from pyspark.sql.functions import input_file_name
 
+    os.environ["PYSPARK_PYTHON"] = sys.executable  # the workers import what we do
     session = (
         SparkSession.builder.master(f"local[{CORES}]")
         .config("spark.ui.enabled", "false")

@@ -59,7 +59,8 @@ def crossings(
     loops : mapping
         Loop to its detector: at the beginning, or where files that were read before ended.
     since : datetime, optional
-        From when on the seconds of timestamps are counted, in UTC where it has no zone; else from each loop's first row.
+        From when on the seconds of timestamps are counted, in UTC where it has no zone; else from the first row of each
+        loop.
         Detectors that are to go on need the same at each call.
     threads : int, optional
         As many as there are cores where it is not given.

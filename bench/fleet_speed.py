@@ -18,10 +18,12 @@ import os
 import platform
 import resource
 import shutil
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from datetime import datetime
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -168,7 +170,7 @@ def ours(paths: Sequence[Path], loops: dict[str, glapp.Estimator], threads: int)
     """The same of `glapp.fleet.crossings`, and what it found."""
     files: dict[str, list[str | Path]] = {path.stem: [path] for path in paths}
     begun, used = time.perf_counter(), time.process_time()
-    found = fleet.crossings(files, NAMES, loops, threads=threads)
+    found = fleet.crossings(files, NAMES, loops, since=datetime(2024, 1, 1), threads=threads)
     took = time.perf_counter() - begun, time.process_time() - used
     if found.column("problem").null_count != len(found):
         raise AssertionError(found.column("problem").drop_null()[0])
@@ -213,6 +215,7 @@ def spark(folder: Path) -> float:
     from pyspark.sql import SparkSession
     from pyspark.sql.functions import input_file_name
 
+    os.environ["PYSPARK_PYTHON"] = sys.executable  # the workers import what we do
     session = (
         SparkSession.builder.master(f"local[{CORES}]")
         .config("spark.ui.enabled", "false")

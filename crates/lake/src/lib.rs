@@ -30,6 +30,8 @@ pub struct Place {
     pub files: Vec<PathBuf>,
     /// The column of times: timestamps, or numbers of seconds.
     pub time: String,
+    /// From when on the seconds of timestamps are counted, else from the first row on \[µs since 1970\].
+    pub since: Option<i64>,
     /// Of setpoints.
     pub sp: String,
     /// Of process values.

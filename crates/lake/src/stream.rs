@@ -70,10 +70,10 @@ impl Ticks {
     }
 }
 
-/// The loop's time: seconds since its first row.
-#[derive(Clone, Copy, Debug, Default)]
+/// The loop's time: seconds since a moment.
+#[derive(Clone, Copy, Debug)]
 struct Clock {
-    /// The first row \[µs since 1970\]; none where times are numbers.
+    /// The moment, that of the first row where none is given \[µs since 1970\].
     begin: Option<i64>,
     /// The last one \[s\].
     last: Option<f64>,
@@ -90,9 +90,9 @@ struct Scratch {
 
 impl Stream {
     pub(crate) fn new(place: Place) -> Self {
+        let clock = Clock { begin: place.since, last: None };
         let (t, sp, pv, op) = Default::default();
-        let (clock, scratch) = Default::default();
-        Self { place, begun: 0, open: None, t, sp, pv, op, from: 0, done: 0, clock, scratch }
+        Self { place, begun: 0, open: None, t, sp, pv, op, from: 0, done: 0, clock, scratch: Scratch::default() }
     }
 
     /// Whether there is a row; reads on where all were passed. After an error there is none.
@@ -316,9 +316,10 @@ fn spread<T: Copy>(values: &mut Vec<T>, levels: &[i16], there: i16, rows: usize,
 }
 
 impl Clock {
-    /// Seconds since the first of all times; no number where there is none.
+    /// Seconds; no number where there is none.
     fn seconds(&mut self, all: &[i64], ticks: Ticks, out: &mut Vec<f64>) {
-        let begin = *self.begin.get_or_insert_with(|| all.first().map_or(0, |tick| ticks.micros(*tick)));
+        self.begin = self.begin.or(all.first().map(|tick| ticks.micros(*tick)));
+        let begin = self.begin.unwrap_or_default();
         let seconds = |tick: i64| ticks.micros(tick).saturating_sub(begin) as f64 / 1e6;
         out.clear();
         out.extend(all.iter().map(|tick| if *tick == i64::MIN { f64::NAN } else { seconds(*tick) }));

@@ -49,14 +49,16 @@ pub fn run_side_by_side(
     Ok(())
 }
 
-/// The same with rows that come from Parquet files, on so many threads. A detector whose files cannot be read stays as it was.
+/// The same with rows that come from Parquet files, on so many threads. Seconds of timestamps are counted from `since` on
+/// [µs since 1970], else from each loop's first row. A detector whose files cannot be read stays as it was.
 #[pyfunction]
-#[pyo3(signature = (detectors, places, threads, instructions=None))]
+#[pyo3(signature = (detectors, places, threads, since=None, instructions=None))]
 pub fn run_lake(
     py: Python<'_>,
     detectors: Vec<Bound<'_, PyDetector>>,
     places: Vec<Asked>,
     threads: NonZero<usize>,
+    since: Option<i64>,
     instructions: Option<&str>,
 ) -> PyResult<Vec<Answer>> {
     let instructions = chosen(instructions)?;
@@ -65,7 +67,7 @@ pub fn run_lake(
     }
     let loops = detectors.iter().zip(places).map(|(detector, (files, (time, sp, pv, op)))| {
         let crossings = detector.try_borrow()?.crossings.clone();
-        Ok(Loop { crossings, place: Place { files, time, sp, pv, op } })
+        Ok(Loop { crossings, place: Place { files, time, since, sp, pv, op } })
     });
     let loops = loops.collect::<PyResult<Vec<_>>>()?;
     let read = py.detach(|| glapp_lake::crossings(loops, threads, instructions));

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pyarrow as pa
@@ -39,6 +40,7 @@ def crossings(
     columns: Mapping[str, str],
     loops: Mapping[str, Estimator],
     *,
+    since: datetime | None = None,
     threads: int | None = None,
 ) -> pa.Table:
     """Run the detectors of many loops over their Parquet files; they stand behind the last row then, and can go on.
@@ -56,6 +58,10 @@ def crossings(
         in a name stands for that of the loop. Values are numbers; one that is missing is a bad value.
     loops : mapping
         Loop to its detector: at the beginning, or where files that were read before ended.
+    since : datetime, optional
+        From when on the seconds of timestamps are counted, in UTC where it has no zone; else from the first row of each
+        loop.
+        Detectors that are to go on need the same at each call.
     threads : int, optional
         As many as there are cores where it is not given.
 
@@ -101,7 +107,8 @@ def crossings(
     order = sorted(range(len(places)), key=lambda i: sum(map(_size, places[i][0])))
     names, detectors = list(loops), [one._detector for one in loops.values()]
     threads = threads or os.cpu_count() or 1
-    read = _glapp.run_lake([detectors[i] for i in order], [places[i] for i in order], threads)
+    begin = None if since is None else round((since if since.tzinfo else since.replace(tzinfo=UTC)).timestamp() * 1e6)
+    read = _glapp.run_lake([detectors[i] for i in order], [places[i] for i in order], threads, begin)
     told = dict(zip(order, read, strict=True))
     return pa.Table.from_pylist([_row(names[i], detectors[i], *told[i]) for i in range(len(names))], schema=CROSSINGS)
 

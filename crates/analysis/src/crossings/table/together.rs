@@ -18,7 +18,8 @@ impl Crossings {
     pub fn take_together(all: &mut [&mut Self], columns: &[Columns<'_, f64>], instructions: Instructions) {
         assert_eq!(all.len(), columns.len(), "columns of each loop");
         for (loops, columns) in all.chunks_mut(LANES).zip(columns.chunks(LANES)) {
-            if loops.len() < WORTHWHILE {
+            // Two numbers side by side are slower than one alone, whose sums stay in registers.
+            if loops.len() < WORTHWHILE || matches!(instructions, Instructions::Baseline) {
                 loops.iter_mut().zip(columns).for_each(|(one, columns)| one.take(*columns));
                 continue;
             }

@@ -250,7 +250,9 @@ impl Rows {
     ) {
         turn(&mut self.h, |l| &block[l].t[..length], |t| t);
         for k in (1..length).rev() {
-            self.h[k] = core::array::from_fn(|l| self.h[k][l] - self.h[k - 1][l]);
+            for l in 0..LANES {
+                self.h[k][l] -= self.h[k - 1][l];
+            }
         }
         for l in 0..LANES {
             self.h[0][l] -= states[l].t.map_or(f64::NAN, |(before, _)| before);
@@ -267,22 +269,13 @@ impl Rows {
     }
 }
 
-/// Turns columns into rows, square by square: each column is read in whole lines of the cache.
+/// Turns columns into rows, a line of the cache of each column at a time.
 #[inline(always)]
-fn turn<'a, T: Copy + 'a, U: Copy>(rows: &mut [Lane<U>; ROWS], column: impl Fn(usize) -> &'a [T], of: impl Fn(T) -> U) {
-    let columns: [&[T]; LANES] = core::array::from_fn(|l| column(l));
-    let n = columns.iter().map(|column| column.len()).min().unwrap_or(0).min(ROWS);
-    let columns = columns.map(|column| &column[..n]);
-    let mut k = 0;
-    while k + LANES <= n {
-        let square: [[T; LANES]; LANES] = core::array::from_fn(|l| core::array::from_fn(|i| columns[l][k + i]));
-        for i in 0..LANES {
-            rows[k + i] = core::array::from_fn(|l| of(square[l][i]));
+fn turn<'a, T: Copy + 'a, U>(rows: &mut [Lane<U>; ROWS], column: impl Fn(usize) -> &'a [T], of: impl Fn(T) -> U) {
+    for l in 0..LANES {
+        for (rows, line) in rows.chunks_exact_mut(LANES).zip(column(l).chunks(LANES)) {
+            rows.iter_mut().zip(line).for_each(|(row, x)| row[l] = of(*x));
         }
-        k += LANES;
-    }
-    for k in k..n {
-        rows[k] = core::array::from_fn(|l| of(columns[l][k]));
     }
 }
 

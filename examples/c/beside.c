@@ -1,7 +1,7 @@
 /* Detection and compensation beside a controller that is not glapp's: here a PI controller of a few lines.
  *
  * Every scan their system's SP, PV, OP, mode and the u_FF in effect go in, and the u_FF to be added to OP comes out.
- * Process and valve are simulated: a gap of 2 % before a lag of 10 s, under a load that steps. */
+ * Valve and process are simulated: a gap of 2 % before a level, under a load that steps. */
 
 #include <glapp.h>
 #include <stdio.h>
@@ -16,26 +16,26 @@ static void must(int32_t code) {
 }
 
 int main(void) {
-    const double k = 2.0, ti = 10.0, h = 1.0, sp = 50.0, d = 2.0;
-    const glapp_setting watch[] = {{"k", k},          {"ti", ti},          {"kp", 1.0},        {"op_low", 0.0},
-                                   {"op_high", 100.0}, {"comp_size", 2.0}, {"comp_share", 0.8}, {"comp_watch", 3000.0}};
+    const double k = 0.5, ti = 40.0, h = 1.0, sp = 50.0, d = 2.0;
+    const glapp_setting watch[] = {{"k", k},          {"ti", ti},          {"integrating", 1.0}, {"op_low", 0.0},
+                                   {"op_high", 100.0}, {"comp_size", 2.0}, {"comp_share", 0.8}, {"comp_watch", 30000.0}};
     const glapp_module modules[] = {{"sp", "Input", NULL, 0},   {"pv", "Input", NULL, 0},   {"flags", "Input", NULL, 0},
                                     {"op", "Input", NULL, 0},   {"u_ff", "Input", NULL, 0}, {"watch", "BacklashDetection", watch, 8},
                                     {"ff", "Output", NULL, 0}};
     const char *const wires[] = {"sp -> watch.sp", "pv -> watch.pv",     "flags -> watch.flags",
                                  "op -> watch.op", "u_ff -> watch.u_ff", "watch -> ff"};
     glapp_graph *beside = NULL;
-    double pv = 50.0, valve = 50.0, integral = 50.0, u_ff = 0.0, value = 0.0;
+    double pv = 49.0, valve = 50.0, integral = 50.0, u_ff = 0.0, value = 0.0;
     int scan;
 
     must(glapp_graph_new(h, modules, 7, wires, 6, &beside));
     for (scan = 0; scan < 6000; scan++) {
         /* Their controller, with u_FF at its feed-forward. */
-        const double load = scan / 500 % 2 == 0 ? 0.0 : 5.0, e = sp - pv;
+        const double load = scan / 500 % 2 == 0 ? 0.0 : 0.5, e = sp - pv;
         double op;
         integral = integral + k * h / ti * e;
         op = k * e + integral + u_ff;
-        /* The valve stays where it is until OP has gone through the gap; the process lags behind it. */
+        /* The valve stays where it is until OP has gone through the gap. */
         if (op - valve > d / 2.0) valve = op - d / 2.0;
         if (valve - op > d / 2.0) valve = op + d / 2.0;
 
@@ -47,7 +47,7 @@ int main(void) {
         must(glapp_graph_scan(beside, h));
         must(glapp_graph_get(beside, "ff.value", &u_ff));
 
-        pv = pv + (valve + load - pv) / 10.0 * h;
+        pv = pv + (valve - 50.0 + load) / 10.0 * h;
         if (scan == 2999) {
             must(glapp_graph_get(beside, "watch.d_hat", &value));
             printf("before: estimate %a\n", value);

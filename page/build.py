@@ -259,12 +259,13 @@ def licence(package: Path) -> str:
     texts = sorted(path for path in package.iterdir() if path.name.upper().startswith("LICEN"))
     if texts:
         return texts[0].read_text(encoding="utf-8")
-    return f"{json.loads((package / 'package.json').read_text(encoding='utf-8'))['license']} licence\n"
+    told = json.loads((package / "package.json").read_text(encoding="utf-8"))
+    return f"{told['license']} licence, {told['author']}\n"
 
 
 def build(out: Path) -> None:
     """Write the page."""
-    module, npm = wasm(), loaded()
+    npm, module = loaded(), wasm()
     style = [(ROOT / "python/glapp/report/report.css"), npm / "uplot/dist/uPlot.min.css", HERE / "style.css"]
     reasons = zip(words.NAMES, figures.REASON_COLOURS, strict=True)
     colours = "".join(f":root{{--r-{name}:{c}}}.r-{name}{{background:{c}}}" for name, c in reasons)

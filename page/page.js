@@ -55,10 +55,16 @@ const hears = {
     $("working").hidden = false;
   },
   opened(said) {
-    file.opened = said;
-    file.loop = 0;
-    offer();
-    analyse();
+    if (!file.opened) {
+      file.opened = said;
+      file.loop = 0;
+      offer();
+    }
+    if (file.quiet) {
+      file.quiet = false;
+      rest();
+      $("settings").open = true;
+    } else analyse();
   },
   first(said) {
     show(said, true);
@@ -105,16 +111,9 @@ function analyse() {
 
 $("cancel").addEventListener("click", async () => {
   rest();
-  const { name, bytes, opened, columns, loop } = file;
+  file.quiet = true; // only read again: nothing is analysed unasked
   await begin();
-  worker.postMessage({ kind: "open", bytes, stem: stem() });
-  const usual = hears.opened;
-  hears.opened = () => { // only read again: nothing is analysed unasked
-    hears.opened = usual;
-    file = { name, bytes, opened, columns, loop };
-    rest();
-    $("settings").open = true;
-  };
+  worker.postMessage({ kind: "open", bytes: file.bytes, stem: stem() });
 });
 
 // --- what is known of the loop
@@ -472,6 +471,7 @@ addEventListener("drop", (event) => {
     bytes_of(one);
   }
 });
+$("file").addEventListener("click", (event) => { event.target.value = ""; }); // the same file again is a choice too
 $("file").addEventListener("change", (event) => event.target.files[0] && bytes_of(event.target.files[0]));
 $("example").addEventListener("click", () => take("FIC201.csv", new TextEncoder().encode($("example-data").textContent)));
 

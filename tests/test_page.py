@@ -79,10 +79,16 @@ def analysed(page: Any, recordings: Path) -> Any:
     return page
 
 
+def drop(page: Any, path: Path) -> None:
+    """Gives a file to the page, on which nothing of the last one is left to be taken for its answer."""
+    page.click("#go-recording")
+    page.evaluate("() => { $('result').replaceChildren(); $('wrong').hidden = true; $('file').value = ''; }")
+    page.set_input_files("#file", str(path))
+
+
 def answered(page: Any, path: Path) -> dict[str, Any]:
     """What the page makes of a file."""
-    page.click("#go-recording")
-    page.set_input_files("#file", str(path))
+    drop(page, path)
     page.wait_for_selector("#result .loop:not(.provisional), #wrong:not([hidden])")
     assert not page.locator("#wrong").is_visible(), page.locator("#wrong").inner_text()
     found: dict[str, Any] = page.evaluate("() => shown.answer")
@@ -173,15 +179,14 @@ def test_forms_of_export_are_read(page: Any, tmp_path: Path, form: str) -> None:
     assert page.evaluate("() => Array.from(shown.read.columns.pv)") == export.pv.tolist()
     assert page.locator("#result h2").inner_text() == export.loop
     said = page.locator("#result").inner_text()
-    assert ("each signal has times of its own" in said) == (export.told == "own_times")
+    assert ("Each signal has times of its own" in said) == (export.told == "own_times")
 
 
 def test_a_file_that_cannot_be_read_says_why(page: Any, tmp_path: Path) -> None:
     (tmp_path / "odd.csv").write_text(
         "t,A,B\n" + "".join(f"{k},{k % 7},{k % 5}\n" for k in range(200)), encoding="utf-8"
     )
-    page.click("#go-recording")
-    page.set_input_files("#file", str(tmp_path / "odd.csv"))
+    drop(page, tmp_path / "odd.csv")
     page.wait_for_selector("#wrong:not([hidden])")
     assert page.locator("#wrong").inner_text() == ("odd.csv: no column for SP and PV among: t, A, B: choose it below")
     # And it is mended there.
@@ -192,9 +197,8 @@ def test_a_file_that_cannot_be_read_says_why(page: Any, tmp_path: Path) -> None:
 
 
 def test_it_is_ended_when_asked(page: Any, recordings: Path) -> None:
-    page.click("#go-recording")
     page.evaluate("() => { $('settings').open = false; }")
-    page.set_input_files("#file", str(recordings / "worn.csv"))
+    drop(page, recordings / "worn.csv")
     page.wait_for_selector("#result .provisional")
     page.click("#cancel")
     page.wait_for_selector("#settings[open]")

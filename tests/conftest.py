@@ -25,8 +25,8 @@ gc.set_threshold(50_000, 10, 10)
 
 
 BY_THE_CLOCK = ("test_service_", "test_station_")
-"""Tests beside real clocks, sockets and browsers. A machine may stand still for seconds, so two more tries are theirs; the
-summary tells each."""
+"""Tests beside real clocks, sockets and browsers. A machine may stand still for seconds, so two more tries are theirs;
+the summary tells each."""
 
 
 def pytest_xdist_auto_num_workers() -> int:

@@ -12,6 +12,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 pytest.importorskip("nicegui")
@@ -27,9 +28,15 @@ from typer.testing import CliRunner
 from glapp.cli import app as cli
 from glapp.errors import InputError
 from glapp.modules import BacklashDetection, Graph, Input, Output
+from glapp.reading.settings import parse_settings
 from glapp.report.words import REASONS, failures
+from glapp.service.compensation import SHARE, detection_beside
 from glapp.service.door import app_of as service_app
 from glapp.service.memory import Memory
+from glapp.service.plant import SimPlant
+from glapp.service.plant import _kinds as kinds
+from glapp.service.plant import _Loop as SimLoop
+from glapp.service.signal import Signal
 from glapp.service.users import LOGIN_LASTS
 from glapp.service.watch import Watch
 from glapp.station import charts, step_test
@@ -428,6 +435,26 @@ def test_whether_pv_is_calmer_is_told_only_when_that_is_seen() -> None:
     assert calm(t[:1500], sp[:1500], pv[:1500], u_ff[:1500], 950.0, 900.0) is None
     assert calm(t[500:], sp[500:], pv[500:], u_ff[500:], 950.0, 900.0) is None
     assert calm([], [], [], [], 950.0, 900.0) is None
+
+
+def test_the_level_of_the_demonstration_is_calmer_by_its_medians() -> None:
+    """With the same loads with and without compensation: most of the scatter is of the loads."""
+    settings = parse_settings(SimPlant(5).settings(), "loops.toml", Path())
+    found = []
+    for compensated in (False, True):
+        sim = SimLoop(3, kinds(1.0)[3], 1.0, seed=1)
+        beside = detection_beside(settings[3], 1.0, comp_size=2.0, comp_share=SHARE, comp_rate=0.06, comp_limit=6.0)
+        beside["watch.ff_delay"] = 2.0
+        u_ff, e = [0.0, 0.0], []
+        for scan in range(6000):
+            beside["watch.compensate"] = float(compensated and scan >= 500)
+            told = sim.scan(0.0, u_ff[-2])
+            beside.scan(**{name: told[Signal(name)] for name in ("sp", "pv", "op")}, u_ff=u_ff[-2], flags=0.0)
+            u_ff.append(beside["ff"])
+            e.append(told[Signal.SP] - told[Signal.PV])
+        found.append(np.array(e[1000:]))
+    without, with_it = found
+    assert 1.0 < without.std() / with_it.std() < 2.0 < np.median(abs(without)) / np.median(abs(with_it)) < 4.0
 
 
 # The service's door

@@ -429,8 +429,8 @@ def run_lake(
 ) -> list[tuple[int, tuple[Path, int | None, str] | None]]:
     """The same from Parquet: of each loop its files in the order of time, and the columns of time, SP, PV and OP.
 
-    Seconds of timestamps are counted from `since` on [µs since 1970], else from each loop's first row. Gives rows read, or
-    the file, its row, and what is wrong; the detector is then as it was.
+    Seconds of timestamps are counted from `since` on [µs since 1970], else from each loop's first row. Gives rows read,
+    or the file, its row, and what is wrong; the detector is then as it was.
     """
 
 class History:

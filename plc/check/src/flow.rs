@@ -15,8 +15,8 @@ pub(crate) struct Flow {
     pub written: Vec<bool>,
 }
 
-/// The flow of a unit that is called with some inputs.
-type Called<'c, 'f> = &'c dyn Fn(usize, &[(usize, Code)]) -> Cow<'f, Flow>;
+/// The flow of a unit whose memory begins at a place of the one that calls it, with some inputs, by their places there.
+type Called<'c, 'f> = &'c dyn Fn(usize, usize, &[(usize, Code)]) -> Cow<'f, Flow>;
 
 impl Flow {
     /// Of a unit with so many places; `called` tells that of another.
@@ -27,7 +27,7 @@ impl Flow {
     /// Of a unit of which some BOOL inputs are known: ways that these close are none.
     fn given(units: &[Compiled], unit: usize, known: HashMap<usize, bool>) -> Self {
         let of = &units[unit];
-        Self::walked(&of.body, of.image.len(), &|unit, inputs| inside(units, unit, inputs), known, None).0
+        Self::walked(&of.body, of.image.len(), &|unit, at, inputs| inside(units, unit, at, inputs), known, None).0
     }
 
     fn walked(
@@ -45,9 +45,9 @@ impl Flow {
 }
 
 /// By the BOOL inputs that a call gives as literals.
-fn inside<'f>(units: &[Compiled], unit: usize, inputs: &[(usize, Code)]) -> Cow<'f, Flow> {
-    let literal = |(at, code): &(usize, Code)| match code {
-        Code::Const(Value::Bool(x)) => Some((*at, *x)),
+fn inside<'f>(units: &[Compiled], unit: usize, at: usize, inputs: &[(usize, Code)]) -> Cow<'f, Flow> {
+    let literal = |(to, code): &(usize, Code)| match code {
+        Code::Const(Value::Bool(x)) => Some((to - at, *x)),
         _ => None,
     };
     Cow::Owned(Flow::given(units, unit, inputs.iter().filter_map(literal).collect()))
@@ -58,7 +58,7 @@ fn inside<'f>(units: &[Compiled], unit: usize, inputs: &[(usize, Code)]) -> Cow<
 pub(crate) fn unread(units: &[Compiled], unit: usize, step: Option<usize>, places: &[usize]) -> bool {
     let of = &units[unit];
     let other = step.map(|step| (step, places.to_vec()));
-    let called = |unit: usize, inputs: &[(usize, Code)]| inside(units, unit, inputs);
+    let called = |unit: usize, at: usize, inputs: &[(usize, Code)]| inside(units, unit, at, inputs);
     let (flow, left, seen) = Flow::walked(&of.body, of.image.len(), &called, HashMap::new(), other);
     let function = matches!(of.kind, Kind::Function { .. });
     let own = |at: usize| {
@@ -192,7 +192,7 @@ impl Walk<'_, '_> {
                         self.copy(*to, *from, *length, now);
                     }
                     others.iter().flatten().for_each(|at| now.other[*at] = true);
-                    let flow = (self.called)(*unit, inputs);
+                    let flow = (self.called)(*unit, *at, inputs);
                     for (inner, _) in flow.read.iter().enumerate().filter(|(_, read)| **read) {
                         self.reads(at + inner, now);
                     }

@@ -487,7 +487,7 @@ impl<'u> Builder<'u> {
             self.function_memory += compiled.image.len();
         }
         compiled.body = Scope { builder: self, unit: compiled, line: 0, steps: 0 }.body(&pou.body)?;
-        compiled.flow = Flow::of(&compiled.body, compiled.image.len(), &|unit, _| {
+        compiled.flow = Flow::of(&compiled.body, compiled.image.len(), &|unit, _, _| {
             Cow::Borrowed(&self.done[unit].as_ref().expect("compiled before what calls it").flow)
         });
         Ok(())

@@ -535,6 +535,8 @@ fn random<R: Number>() {
     power::<R>(&mut cover);
     refused_one_by_one::<R>(&mut cover);
     far_apart::<R>(&mut cover);
+    large::<R>(&mut cover);
+    coarse::<R>(&mut cover);
     cover.holds(&["GlappPidAdvanced", "GlappGainSchedule"]);
     // The rest of both is taken where they are alone.
     cover.parts("GlappPid", &INSIDE.map(|line| if line == "IF HasUsed THEN" { "IF Forth THEN" } else { line }));
@@ -565,7 +567,7 @@ fn refused_one_by_one<R: Number>(cover: &mut Cover) {
     let mut told = std::collections::BTreeSet::new();
     for pin in SETTINGS.into_iter().chain(rows).chain(rest) {
         // Bounds themselves among them, some by what the others are.
-        let bounds = [-1.0, 0.0, 1.0, 1.125, 1.875, 2.0, 4.0, 9.0, 10.0, 1e33, 1e37, -1e37];
+        let bounds = [-1.0, 0.0, 1.0, 1.125, 1.875, 2.0, 4.0, 9.0, 10.0, 1e33, -1e33, 1e37, -1e37];
         let whole = [-1.0, 0.0, 1.0, 2.0, 3.0, 4.0, 8.0, 9.0, 31.0, 32.0, 33.0];
         let values = if WHOLE.contains(&pin) { whole.to_vec() } else { [&NONE[..], &bounds].concat() };
         for value in &values {
@@ -597,6 +599,84 @@ fn far_apart<R: Number>(cover: &mut Cover) {
         assert!(agree(&expected, &got), "{by}: {}", difference(&expected.row, &got.row, &pins, 0, i));
     }
     cover.collect(&block);
+}
+
+/// Both beside each other in a scan.
+fn beside<R: Number>(reference: &mut Reference<R>, block: &Block, pins: &Row, seed: u64, i: usize) {
+    let (expected, got) = (reference.scan(pins), scan(block, pins));
+    assert!(agree(&expected, &got), "{}", difference(&expected.row, &got.row, pins, seed, i));
+}
+
+/// Each signal by itself so large that it is a number, and beyond what can be measured; limits that far out.
+fn large<R: Number>(cover: &mut Cover) {
+    let mut usual = row(&[("K", 0.5), ("Ti", 1.0), ("H", 0.25), ("Start", 5.0), ("HasOwnSp", 1.0), ("Mode", 2.0)]);
+    usual.set_all(&[("Rows", 2.0), ("K1", 0.5), ("Ti1", 1.0), ("At2", 4.0), ("K2", 1.0), ("Ti2", 2.0)]);
+    let pins = ["Pv", "Sp", "Ff", "ScheduleBy", "OwnSp", "Manual", "BackTracking", "BackLow", "BackHigh", "Start"];
+    for pin in pins {
+        for value in [1e33, -1e33] {
+            let (block, mut reference) = (Block::new::<R>("GlappPidAdvanced"), Reference::<R>::default());
+            for i in 0..10 {
+                let mut pins = usual.clone();
+                pins.set("Pv", 0.1 * i as f64);
+                if i == 0 || i == 4 || i == 5 {
+                    let mode = [("Mode", if pin == "OwnSp" { 1.0 } else { 2.0 }), ("Mode", 0.0)];
+                    let told = [("HasBackLimits", 1.0), ("BackLow", -9.0), ("BackHigh", 9.0), ("HasManual", 1.0)];
+                    pins.set_all(&[
+                        mode[usize::from(pin == "Manual")],
+                        ("BackNotAuto", f64::from(pin == "BackTracking")),
+                    ]);
+                    pins.set_all(&told);
+                    pins.set(pin, value);
+                }
+                beside(&mut reference, &block, &pins, 0, i);
+            }
+            cover.collect(&block);
+        }
+    }
+    for (low, high) in [(1e33, 2e33), (-2e33, -1e33), (-1e33, 1e33)] {
+        let (block, mut reference) = (Block::new::<R>("GlappPidAdvanced"), Reference::<R>::default());
+        for i in 0..4 {
+            let mut pins = usual.clone();
+            pins.set_all(&[("HasLow", 1.0), ("Low", low), ("HasHigh", 1.0), ("High", high)]);
+            beside(&mut reference, &block, &pins, 0, i);
+        }
+        cover.collect(&block);
+    }
+}
+
+/// Signals and times of a few values, so that bounds are met exactly; a block that begins anew in the middle of everything.
+fn coarse<R: Number>(cover: &mut Cover) {
+    for seed in 0..24 {
+        let mut draw = Draw::new(400_000 + seed);
+        let mut signals = Loop::new(&mut draw);
+        signals.wrong = 0.02;
+        let (block, mut reference) = (Block::new::<R>("GlappPidAdvanced"), Reference::<R>::default());
+        let mut still = 0;
+        for i in 0..120 {
+            let mut pins = signals.next(&block, &mut draw);
+            let d = &mut draw;
+            let anew = d.chance(0.03);
+            still = if anew && d.chance(0.5) { 3 } else { i32::max(still - 1, 0) };
+            let reset = anew && d.chance(0.5);
+            pins.set_all(&[("Reset", f64::from(reset)), ("Restart", f64::from(anew && !reset))]);
+            if d.chance(0.3) {
+                pins.set("Pv", d.of(&[-1.0, -0.5, 0.0, 0.5, 1.0]));
+            }
+            let longest = if pins.on("HasMaxH") { pins.get("MaxH") } else { 0.5 * pins.get("Ti") };
+            let h = if d.chance(0.05) { d.of(&[longest, 1e9, 1.5e9]) } else { pins.get("H") };
+            pins.set("H", if still > 0 { 0.0 } else { h });
+            for pin in ["BackAtLow", "BackAtHigh", "BackNotAuto"] {
+                let told = d.chance(0.02);
+                pins.set(pin, f64::from(told || pins.on(pin)));
+            }
+            beside(&mut reference, &block, &pins, seed, i);
+            if i % 4 == 3 && !block.on("Error") {
+                let state = reference.state.as_ref().expect("it has run");
+                block.remembers(&state.detection.compensation, &[("/pressed", "Pressed")]);
+            }
+        }
+        cover.collect(&block);
+    }
 }
 
 /// What is not the same, by its pin.

@@ -51,6 +51,7 @@ fn at_the_bounds<R: Number>() {
         (2.0, 1.0, Some(-4.0), 1.5),
         (2.0, 1.0, Some(0.5), 12.0),
         (2.0, -3.0, None, 36.0),
+        (1.0, 1.5_f64 * 2.0_f64.powi(66), None, 9.0 * 2.0_f64.powi(66)),
         (1e10, 1.0, Some(1e-30), without_end),
         (1e10, 1e30, None, without_end),
     ] {
@@ -62,6 +63,9 @@ fn at_the_bounds<R: Number>() {
         (6.0, 2.0, 9.0, false),
         (6.25, 2.0, 9.0, true),
         (-3.25, 1.0, 9.0, false),
+        (1.0, 0.5, 9.0, false),
+        (2.0, 0.5, 9.0, true),
+        (1e-200, 0.0, 9.0, false),
         (0.0, 1.0, 0.0, false),
         (0.5, 0.0, 9.0, true),
         (0.0, 0.0, 9.0, false),

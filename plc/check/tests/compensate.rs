@@ -121,6 +121,21 @@ fn random<R: Number>() {
         }
         cost.tell::<R>(&of);
     }
+    for seed in 0..40 {
+        // A signal that creeps at its limit, times at their bound.
+        let mut draw = Draw::new(5000 + seed);
+        let mut case = drawn("wrong_sign", &mut draw);
+        let creeps = draw.of(&[0.0, 1e-4, 3e-4]);
+        for (i, (h, x)) in case.input.iter_mut().enumerate() {
+            if x[2] >= 100.0 || x[2] <= 0.0 {
+                x[2] += (x[2] - 50.0).signum() * creeps * i as f64;
+            }
+            *h = if draw.chance(0.02) { draw.of(&[1e9, 1.5e9]) } else { *h };
+        }
+        let (scan, block) = library::<R>("wrong_sign", &case);
+        compare(&case, core::<R>("wrong_sign", &case), scan, false);
+        cover.collect(&block);
+    }
     let mut cost = Cost::default();
     let (mut standings, mut refused) = ([0_u32; 15], 0);
     for seed in 0..sequences() {
@@ -151,6 +166,7 @@ fn random<R: Number>() {
     cost.tell::<R>("GlappCompensation");
     assert!(standings.iter().all(|count| *count > 0) && refused > sequences());
     extremes::<R>(&mut cover);
+    large::<R>(&mut cover);
     another_version::<R>(&mut cover);
     for clear in [1.0, 0.0] {
         for name in ["GlappOverCompensation", "GlappWrongSign"] {
@@ -203,6 +219,45 @@ fn extremes<R: Number>(cover: &mut Cover) {
             assert!(agree, "sequence {seed}, scan {i}:\n{got:?} instead of\n{expected:?}\nfor {pins:?}");
         }
         cover.collect(&block);
+    }
+}
+
+/// Each number by itself so large that it is one, and beyond what can be measured.
+fn large<R: Number>(cover: &mut Cover) {
+    type Put = Box<dyn Fn(&mut Pins, f64)>;
+    let of_settings = common::compensate::NUMBERS
+        .into_iter()
+        .map(|put| -> Put { Box::new(move |p: &mut Pins, x: f64| put(&mut p.settings, x)) });
+    let own: [fn(&mut Pins, f64); 7] = [
+        |p, x| p.h = x,
+        |p, x| p.e = x,
+        |p, x| p.u = x,
+        |p, x| p.d_hat = Some(x),
+        |p, x| p.offered = Some(x),
+        |p, x| p.limits = Some((x, 3.0)),
+        |p, x| p.limits = Some((-3.0, x)),
+    ];
+    let own = own.into_iter().map(|put| -> Put { Box::new(put) });
+    for (number, put) in of_settings.chain(own).enumerate() {
+        for value in [1e33, -1e33] {
+            let settings = common::compensate::Settings { source: 3, size: 1.0, ..Default::default() };
+            let usual = Pins::new(settings);
+            let (block, mut reference) = (Block::new::<R>("GlappCompensation"), Reference::<R>::default());
+            for i in 0..30 {
+                let side = if (i / 6) % 2 == 0 { 1.0 } else { -1.0 };
+                let mut pins = Pins { e: side, u: 3.0 * side, compensate: i > 2, ..usual.clone() };
+                (pins.d_hat, pins.offered) = (Some(1.5), Some(1.5));
+                if (10..14).contains(&i) {
+                    put(&mut pins, value);
+                }
+                let (expected, got) = (reference.scan(&pins), scan(&block, &pins));
+                assert!(
+                    same(&expected, &got),
+                    "number {number}, {value}, scan {i}:\n{got:?} instead of\n{expected:?}\nfor {pins:?}"
+                );
+            }
+            cover.collect(&block);
+        }
     }
 }
 

@@ -6,7 +6,7 @@ mod common;
 use common::compensate::{Settings, core, library};
 use common::cover::{Cost, Cover, sequences};
 use common::detection::{Foreign, Loop, Pins, Reference, agree, scan};
-use common::{Block, Case, Draw, Number, cases, compare, detector, same};
+use common::{Block, Case, Draw, Number, cases, compare, compensate, detector, same};
 use glapp_core::modules::{self, Backward, Mode, PidSettings};
 use glapp_core::{CompensationSettings, Conditions, Way};
 use serde_json::json;
@@ -286,6 +286,197 @@ fn endless<R: Number>(cover: &mut Cover) {
     }
 }
 
+/// Each number by itself so large that it is one, and beyond what can be measured.
+fn large<R: Number>(cover: &mut Cover) {
+    type Put = Box<dyn Fn(&mut Pins, f64)>;
+    let of_detector = detector::NUMBERS
+        .into_iter()
+        .map(|put| -> Put { Box::new(move |p: &mut Pins, x: f64| put(&mut p.detector, x)) });
+    let own: [fn(&mut Pins, f64); 3] = [
+        |p, x| p.foreign.iter_mut().for_each(|foreign| foreign.tolerance = Some(x)),
+        |p, x| p.foreign.iter_mut().for_each(|foreign| foreign.longest = Some(x)),
+        |p, x| p.foreign.iter_mut().for_each(|foreign| foreign.back = Some(x)),
+    ];
+    let of_settings = compensate::NUMBERS.into_iter().map(|put| -> Put {
+        Box::new(move |p: &mut Pins, x: f64| p.compensation.iter_mut().for_each(|settings| put(settings, x)))
+    });
+    let own = own.into_iter().map(|put| -> Put { Box::new(put) });
+    for (number, put) in of_detector.chain(of_settings).chain(own).enumerate() {
+        for (foreign, value) in [(false, 1e33), (true, 1e33), (true, -1e33)] {
+            let foreign = foreign.then_some(Foreign { delay: 1, tolerance: None, longest: None, back: Some(0.0) });
+            let settings = Settings { size: 1.0, ..Settings::default() };
+            let usual = Pins {
+                detector: detector::Pins { kp: Some(2.0), n: 1, max_h: Some(1.0), ..detector::Pins::default() },
+                compensate: false,
+                compensation: Some(settings),
+                cut: false,
+                foreign,
+            };
+            let (block, mut reference) = (Block::new::<R>(usual.name()), Reference::<R>::default());
+            for i in 0..14 {
+                let side = if (i / 6) % 2 == 0 { 1.0 } else { -1.0 };
+                let mut pins = Pins { compensate: i > 2, ..usual.clone() };
+                (pins.detector.pv, pins.detector.op) = (side, Some(side));
+                if (6..9).contains(&i) {
+                    put(&mut pins, value);
+                }
+                let (expected, got) = (reference.scan(&pins), scan(&block, &pins));
+                assert!(
+                    agree(&expected, &got),
+                    "number {number}, {value}, scan {i}:\n{got:?} instead of\n{expected:?}\nfor {pins:?}"
+                );
+            }
+            cover.collect(&block);
+        }
+    }
+}
+
+/// Signals and times of a few values, so that bounds are met exactly; a detection that begins anew in the middle of everything.
+fn coarse<R: Number>(cover: &mut Cover) {
+    for seed in 0..40 {
+        let mut draw = Draw::new(80_000 + seed);
+        let d = &mut draw;
+        let settings = Settings {
+            way: d.of(&[1, 2, 3]),
+            source: d.of(&[1, 3]),
+            size: 2.0,
+            band: d.of(&[Some(0.0), None]),
+            ..Settings::default()
+        };
+        let foreign = (seed % 2 == 0).then(|| Foreign {
+            delay: d.of(&[1, 2, 3]),
+            tolerance: d.of(&[None, Some(0.25)]),
+            longest: d.of(&[None, Some(0.75)]),
+            back: Some(0.0),
+        });
+        let detector = detector::Pins {
+            ti: 0.25,
+            tf: Some(d.of(&[0.0, 0.25])),
+            n: d.of(&[1, 3]),
+            kp: d.of(&[None, Some(2.0)]),
+            max_h: d.of(&[None, Some(1.0)]),
+            op_limits: d.of(&[None, Some((-1.0, 1.0)), Some((-2.0, 2.0))]),
+            ..detector::Pins::default()
+        };
+        let usual = Pins { detector, compensate: false, compensation: Some(settings), cut: false, foreign };
+        let (block, mut reference) = (Block::new::<R>(usual.name()), Reference::<R>::default());
+        let length = d.of(&[4, 6, 7]);
+        let (mut still, mut handed) = (0, vec![0.0; 4]);
+        for i in 0..120 {
+            let side = if (i / length) % 2 == 0 { 1.0 } else { -1.0 };
+            let anew = d.chance(0.02);
+            still = if anew && d.chance(0.5) { 3 } else { i32::max(still - 1, 0) };
+            let reset = anew && d.chance(0.5);
+            let mut pins = Pins { compensate: i % 60 > 20, ..usual.clone() };
+            let p = &mut pins.detector;
+            (p.reset, p.restart) = (reset, anew && !reset);
+            p.pv = side * d.of(&[1.0, 1.0, 1.0, 0.5, 0.0]);
+            p.op = Some(side * d.of(&[1.0, 1.0, 0.5, 2.0]));
+            p.flags = d.of(&[0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 2, 4, 8]);
+            let h = d.of(&[0.25, 0.25, 0.25, 0.25, 0.25, 0.25, 0.25, 0.25, 0.25, 0.25, 0.0, 0.75, 1e9, 1.5e9]);
+            p.h = if still > 0 { 0.0 } else { h };
+            if let Some(foreign) = &mut pins.foreign {
+                // What was handed over, mostly; for a while something else.
+                let there = handed[handed.len() - foreign.delay as usize];
+                foreign.back = Some(if i % 17 < 10 { there } else { there + d.of(&[0.0, 0.15, 0.25, 0.5, f64::NAN]) });
+            }
+            let (expected, got) = (reference.scan(&pins), scan(&block, &pins));
+            assert!(agree(&expected, &got), "coarse {seed}, scan {i}:\n{got:?} instead of\n{expected:?}\nfor {pins:?}");
+            if i % 4 == 3 && !block.on("Error") {
+                block.remembers(&reference.state.detection.compensation, &[("/pressed", "Pressed")]);
+            }
+            handed.push(block.get("UFf"));
+        }
+        cover.collect(&block);
+    }
+    // The usual time between scans is the longest that there is, or longer.
+    for (foreign, h) in [(false, 1e9), (false, 1.5e9), (false, 3e8), (true, 1e9), (true, 1.5e9), (true, 3e8)] {
+        let foreign = foreign.then_some(Foreign { delay: 1, tolerance: None, longest: None, back: None });
+        let detector = detector::Pins { op: Some(0.0), ..detector::Pins::default() };
+        let mut pins = Pins { detector, compensate: false, compensation: None, cut: false, foreign };
+        let (block, mut reference) = (Block::new::<R>(pins.name()), Reference::<R>::default());
+        for i in 0..6 {
+            pins.detector.h = if i < 3 { h } else { 0.25 };
+            let (expected, got) = (reference.scan(&pins), scan(&block, &pins));
+            assert!(agree(&expected, &got), "{h}, scan {i}:\n{got:?} instead of\n{expected:?}");
+        }
+    }
+}
+
+/// What was found, warned of and smoothed before is gone after Reset, or Restart, as far as that goes; a warning needs what was before, or more.
+fn begins_anew<R: Number>(cover: &mut Cover) {
+    let mut warned = [false; 2];
+    for (foreign, reset, at) in [(false, true, 230), (false, false, 230), (true, true, 233), (true, false, 233)] {
+        // Enabled after enough half-periods to compare with, or at once; PV that calls for less travel than is compensated.
+        for (enabled, size) in [(100, 0.1), (4, 0.4), (4, 0.02)] {
+            let settings = Settings { size: 2.0, band: Some(0.0), ..Settings::default() };
+            let foreign = foreign.then_some(Foreign { delay: 1, tolerance: None, longest: None, back: None });
+            let usual = detector::Pins { ti: 0.25, n: 1, max_h: Some(1.0), ..detector::Pins::default() };
+            let compensation = Some(settings);
+            let mut pins = Pins { detector: usual, compensate: false, compensation, cut: false, foreign };
+            let (block, mut reference) = (Block::new::<R>(pins.name()), Reference::<R>::default());
+            for i in 0..300 {
+                let side = if (i / 6) % 2 == 0 { 1.0 } else { -1.0 };
+                let p = &mut pins.detector;
+                // Smoothed by a long filter until it begins anew.
+                (p.tf, p.reset, p.restart) =
+                    (Some(if i < at { 0.2 } else { 0.1 }), i == at && reset, i == at && !reset);
+                p.pv = side * if i < enabled { 1.0 } else { size };
+                p.op = Some(side * if i < enabled { 1.0 } else { 0.02 } + block.get("UFf"));
+                pins.compensate = i > enabled;
+                let (expected, got) = (reference.scan(&pins), scan(&block, &pins));
+                assert!(agree(&expected, &got), "{at}, scan {i}:\n{got:?} instead of\n{expected:?}\nfor {pins:?}");
+                warned[usize::from(i >= at)] |= block.on("Relay");
+            }
+            cover.collect(&block);
+        }
+    }
+    assert!(warned[0], "nothing is warned of");
+}
+
+/// PV goes away while OP stands at a limit that it has come to from near and from far; then what comes without OP, or is not enabled.
+fn wrong_signs<R: Number>(cover: &mut Cover) {
+    let mut found = [0; 2];
+    for (number, way) in [0.3, 0.5, 0.7, 0.9, 1.1, 3.0].into_iter().enumerate() {
+        for (k, side, foreign) in [(0.5, 1.0, false), (-0.5, 1.0, false), (0.5, -1.0, true), (-0.5, -1.0, true)] {
+            let foreign = foreign.then_some(Foreign { delay: 1, tolerance: None, longest: None, back: None });
+            let limits = Some((-2.0, 2.0));
+            let detector =
+                detector::Pins { k, ti: 0.25, max_h: Some(1.0), op_limits: limits, ..detector::Pins::default() };
+            let mut pins = Pins { detector, compensate: false, compensation: None, cut: false, foreign };
+            let (block, mut reference) = (Block::new::<R>(pins.name()), Reference::<R>::default());
+            let limit = side * 2.0 * f64::signum(k);
+            for i in 0..44 {
+                let p = &mut pins.detector;
+                // On its way, at the limit, then without OP, not enabled, and with another error.
+                let there = i >= 6;
+                let away = if there { 1.0 + 0.1 * f64::from(i - 6) } else { 0.3 };
+                p.pv = -side * if (26..30).contains(&i) { -0.5 } else { away };
+                let begins = limit - way * limit.signum();
+                p.op = Some(if there { limit } else { begins + 0.1 * way * limit.signum() * f64::from(i) / 5.0 });
+                p.flags = if !there {
+                    0
+                } else if limit > 0.0 {
+                    8
+                } else {
+                    4
+                };
+                if (24..34).contains(&i) {
+                    (p.op, p.flags) = (None, 0);
+                }
+                p.enable = !(32..36).contains(&i);
+                let (expected, got) = (reference.scan(&pins), scan(&block, &pins));
+                assert!(agree(&expected, &got), "{number}, scan {i}:\n{got:?} instead of\n{expected:?}\nfor {pins:?}");
+                if i == 23 {
+                    found[usize::from(block.on("WrongSign"))] += 1;
+                }
+            }
+            cover.collect(&block);
+        }
+    }
+    assert!(found[0] >= 4 && found[1] >= 4, "{found:?}");
+}
+
 /// PV as measured, and PV by which u_FF goes, given apart: where they are PV itself, the same comes out of it.
 fn inside<R: Number>(cover: &mut Cover) {
     let [one, other] = [0, 1].map(|_| Block::new::<R>("GlappBacklashDetection"));
@@ -358,6 +549,10 @@ fn random<R: Number>() {
     }
     extremes::<R>(&mut cover);
     endless::<R>(&mut cover);
+    large::<R>(&mut cover);
+    coarse::<R>(&mut cover);
+    begins_anew::<R>(&mut cover);
+    wrong_signs::<R>(&mut cover);
     inside::<R>(&mut cover);
     another_version::<R>(&mut cover);
     cover.holds(&POUS);

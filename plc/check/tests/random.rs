@@ -6,7 +6,7 @@
 mod common;
 
 use common::blocks::{BLOCKS, core, library};
-use common::detector::{Loop, Pins, Reference, scan};
+use common::detector::{Loop, NUMBERS, Pins, Reference, scan};
 use common::{Block, Case, Draw, Number, compare, folder, same};
 use glapp_core::Conditions;
 use glapp_plc_check::Build;
@@ -164,6 +164,9 @@ fn all<R: Number>() {
     detectors::<R>(&mut taken);
     long_noise::<R>(&mut taken);
     extremes::<R>(&mut taken);
+    large::<R>(&mut taken);
+    coarse::<R>(&mut taken);
+    smaller_and_smaller::<R>(&mut taken);
     another_version::<R>(&mut taken);
     // A changed library is told by its outputs alone.
     if std::env::var_os("GLAPP_PLC").is_some() {
@@ -273,6 +276,105 @@ fn extremes<R: Number>(taken: &mut [bool]) {
     assert!(bad > sequences() as f64);
 }
 
+/// Each number by itself so large that it is one, and beyond what can be measured.
+fn large<R: Number>(taken: &mut [bool]) {
+    for (number, put) in NUMBERS.iter().enumerate() {
+        for value in [1e33, -1e33] {
+            let conditions = Conditions { too_short: false, ..Conditions::default() };
+            let usual = Pins { kp: Some(2.0), n: 1, max_h: Some(1.0), op: Some(0.0), conditions, ..Pins::default() };
+            let (block, mut reference) = (Block::new::<R>("GlappDetector"), Reference::<R>::default());
+            for i in 0..40 {
+                let side = if (i / 6) % 2 == 0 { 1.0 } else { -1.0 };
+                let mut pins = Pins { pv: side, op: Some(side), ..usual.clone() };
+                if (20..30).contains(&i) {
+                    put(&mut pins, value);
+                }
+                beside(&mut reference, &block, &pins, &format!("number {number}, {value}, scan {i}"));
+            }
+            collect(taken, &block);
+        }
+    }
+}
+
+/// Both beside each other in a scan.
+fn beside<R: Number>(reference: &mut Reference<R>, block: &Block, pins: &Pins, told: &str) {
+    let (expected, got) = (reference.scan(pins), scan(block, pins));
+    let agree = same(&expected.0, &got.0)
+        && match (&expected.1, &got.1) {
+            (Some(a), Some(b)) => same(a, b),
+            (a, b) => a.is_none() && b.is_none(),
+        };
+    assert!(agree, "{told}:\n{got:?} instead of\n{expected:?}\nfor {pins:?}");
+}
+
+/// Signals and times of a few values, so that bounds are met exactly; a detector that begins anew in the middle of everything.
+fn coarse<R: Number>(taken: &mut [bool]) {
+    for seed in 0..60 {
+        let mut draw = Draw::new(60_000 + seed);
+        let d = &mut draw;
+        let mut usual = Loop::new(d).pins;
+        usual.n = d.of(&[1, 3]);
+        usual.ti = 0.25;
+        usual.op_limits = d.of(&[None, Some((-1.0, 1.0))]);
+        let (length, mut still) = (d.of(&[4, 6, 7]), 0);
+        let (block, mut reference) = (Block::new::<R>("GlappDetector"), Reference::<R>::default());
+        for i in 0..150 {
+            let side = if (i / length) % 2 == 0 { 1.0 } else { -1.0 };
+            let anew = d.chance(0.03);
+            still = if anew && d.chance(0.5) { 3 } else { i32::max(still - 1, 0) };
+            let reset = anew && d.chance(0.3);
+            let mut pins = Pins { reset, restart: anew && !reset, ..usual.clone() };
+            pins.pv = side * d.of(&[1.0, 1.0, 0.5, 0.0]);
+            pins.op = pins.op.map(|_| side * d.of(&[1.0, 0.5, -1.0]));
+            pins.sp = d.of(&[0.0, 0.0, 0.0, 0.0, 0.5]);
+            pins.flags = d.of(&[0, 0, 0, 0, 0, 0, 0, 0, 1, 2, 4, 8]);
+            let h = d.of(&[0.25, 0.25, 0.25, 0.25, 0.25, 0.25, 0.25, 0.25, 0.0, 0.75, 1e9, 1.5e9]);
+            pins.h = if still > 0 { 0.0 } else { h };
+            beside(&mut reference, &block, &pins, &format!("coarse {seed}, scan {i}"));
+        }
+        collect(taken, &block);
+    }
+    // The usual time between scans is the longest that there is, or one longer.
+    for h in [1e9, 1.5e9, 3e8] {
+        let (block, mut reference) = (Block::new::<R>("GlappDetector"), Reference::<R>::default());
+        for i in 0..6 {
+            let pins = Pins { h: if i < 3 { h } else { 0.25 }, ..Pins::default() };
+            beside(&mut reference, &block, &pins, &format!("{h}, scan {i}"));
+        }
+    }
+}
+
+/// A gap that becomes smaller again and again, alone and with half-periods between that count neither way: what is too small at first takes
+/// the place of what was there.
+fn smaller_and_smaller<R: Number>(taken: &mut [bool]) {
+    let mut turned = 0;
+    for (seed, n) in [1, 1, 3, 3, 3, 5, 5, 5].into_iter().enumerate() {
+        let mut draw = Draw::new(70_000 + seed as u64);
+        let d = &mut draw;
+        let conditions = Conditions { decaying: false, growing: false, ..Conditions::default() };
+        let usual = Pins { ti: 0.3, tf: Some(0.0), max_h: Some(1.0), conditions, ..Pins::default() };
+        let usual = Pins { n, h: d.of(&[0.25, 0.125]), kp: d.of(&[None, Some(2.0)]), ..usual };
+        let (noise, scatter, between) = (d.of(&[0.0, 0.005]), d.of(&[0.0, 0.5]), seed % 2 == 1);
+        let length = (1.75 / usual.h) as usize;
+        let (block, mut reference) = (Block::new::<R>("GlappDetector"), Reference::<R>::default());
+        let span = if between { 50 } else { 12 };
+        for half in 0..if between { 2 * span } else { 5 * span } {
+            let size = 0.3_f64.powi(half / span) * (1.0 + scatter * d.between(-1.0, 1.0));
+            let side = if half % 2 == 0 { 1.0 } else { -1.0 };
+            // Longer, and not square: only its time is taken off.
+            let other = between && half % 3 == 0;
+            for i in 0..if other { 4 * length } else { length } {
+                let peak = if other && i == 1 { 4.0 } else { 1.0 };
+                let pins = Pins { pv: side * size * peak + noise * size * d.between(-1.0, 1.0), ..usual.clone() };
+                beside(&mut reference, &block, &pins, &format!("smaller {seed}, half-period {half}"));
+                turned += usize::from(block.peek("Turned") != 0.0);
+            }
+        }
+        collect(taken, &block);
+    }
+    assert!(turned > 0);
+}
+
 /// A program with another version of the retained variables is loaded: they are dropped, and that is told.
 fn another_version<R: Number>(taken: &mut [bool]) {
     let block = Block::new::<R>("GlappDetector");
@@ -283,9 +385,13 @@ fn another_version<R: Number>(taken: &mut [bool]) {
     assert!(!block.on("Dropped"));
     for (version, dropped) in [(1, false), (2, true)] {
         block.0.borrow_mut().power_cut();
-        block.0.borrow_mut().spoil("StateVersion", f64::from(version)).unwrap();
+        for (name, value) in [("StateVersion", version), ("Count", 7), ("Known", 1), ("Level", 7)] {
+            block.0.borrow_mut().spoil(name, value.into()).unwrap();
+        }
         scan(&block, &pins);
-        assert_eq!(block.on("Dropped"), dropped);
+        let kept = [0.0, 7.0][usize::from(!dropped)];
+        let shown = block.all(&["Dropped", "Accepted", "HasEstimate", "NoiseFloor"]);
+        assert_eq!(shown, [f64::from(dropped), kept, f64::from(!dropped), kept]);
     }
     scan(&block, &Pins { reset: true, ..pins });
     assert!(!block.on("Dropped"));

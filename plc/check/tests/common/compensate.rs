@@ -167,9 +167,11 @@ pub fn core<R: Number>(block: &str, case: &Case) -> Scan {
                 let shown = x.get(8).is_none_or(|shown| *shown != 0.0);
                 Some(match block.width(&state, shown) {
                     Ok(found) => {
-                        [found.d, found.low, found.high, found.kp].map(R::as_f64).into_iter().chain([0.0]).collect()
+                        let width = [found.d, found.low, found.high, found.kp].map(R::as_f64);
+                        let range = found.kp_range.map_or([f64::NAN; 2], |(low, high)| [low, high].map(R::as_f64));
+                        [&width[..], &[0.0], &range].concat()
                     }
-                    Err(doubt) => [&[f64::NAN; 4][..], &[f64::from(doubt as u8)]].concat(),
+                    Err(doubt) => [&[f64::NAN; 4][..], &[f64::from(doubt as u8)], &[f64::NAN; 2]].concat(),
                 })
             })
         }
@@ -266,6 +268,8 @@ pub fn library<R: Number>(block: &str, case: &Case) -> (Scan, Block) {
                 let mut row: Vec<f64> =
                     ["D", "Low", "High", "Kp"].iter().map(|pin| b.given("HasWidth", &format!("Width.{pin}"))).collect();
                 row.push(b.get("Doubt"));
+                let range = b.on("HasWidth") && b.on("Width.HasKpRange");
+                row.extend(["Width.KpLow", "Width.KpHigh"].map(|pin| if range { b.get(pin) } else { f64::NAN }));
                 Some(row)
             })
         }
@@ -341,6 +345,23 @@ impl Default for Settings {
         }
     }
 }
+
+/// Each number among them.
+pub const NUMBERS: [fn(&mut Settings, f64); 13] = [
+    |s, x| s.k = x,
+    |s, x| s.ti = x,
+    |s, x| s.size = x,
+    |s, x| s.share = x,
+    |s, x| s.most = Some(x),
+    |s, x| s.band = Some(x),
+    |s, x| s.tf = x,
+    |s, x| s.rate = Some(x),
+    |s, x| s.ramp = Some(x),
+    |s, x| s.release = Some(x),
+    |s, x| s.travel = Some(x),
+    |s, x| s.reversals = Some(x),
+    |s, x| s.watch = Some(x),
+];
 
 pub fn number(error: &ParameterError) -> f64 {
     error.number().unwrap().into()

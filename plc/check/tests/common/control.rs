@@ -258,6 +258,7 @@ pub const TWINS: [Twin; 9] = [
             "HasFound?Tu",
             "HasKp?Kp",
             "HasKappa?Kappa",
+            "Centre",
         ],
     },
 ];
@@ -597,7 +598,7 @@ fn experiment<R: Number>() -> Core {
         let op = tuner.update(&mut s, row.r("Pv"), row.r("H"), flags);
         let shown =
             [op.as_f64(), f64::from(s.phase as u8), f64::from(s.stop as u8), s.hysteresis.as_f64(), s.bias.as_f64()];
-        [&shown[..], &found_row(s.found)].concat()
+        [&shown[..], &found_row(s.found), &[s.centre.as_f64()]].concat()
     })
 }
 

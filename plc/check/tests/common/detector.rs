@@ -60,6 +60,26 @@ impl Default for Pins {
     }
 }
 
+/// Each number that a pin may hold.
+pub const NUMBERS: [fn(&mut Pins, f64); 16] = [
+    |p, x| p.k = x,
+    |p, x| p.ti = x,
+    |p, x| p.td = Some(x),
+    |p, x| p.b = x,
+    |p, x| p.kp = Some(x),
+    |p, x| (p.kp, p.pv_span, p.op_span) = (None, Some(x), Some(1.0)),
+    |p, x| (p.kp, p.pv_span, p.op_span) = (None, Some(1.0), Some(x)),
+    |p, x| p.tf = Some(x),
+    |p, x| p.max_h = Some(x),
+    |p, x| p.op_limits = Some((x, 5.0)),
+    |p, x| p.op_limits = Some((-5.0, x)),
+    |p, x| p.op_span = Some(x),
+    |p, x| p.sp = x,
+    |p, x| p.pv = x,
+    |p, x| p.op = Some(x),
+    |p, x| p.h = x,
+];
+
 impl Pins {
     pub fn set(&self, block: &Block) {
         let on = |x: bool| f64::from(u8::from(x));

@@ -30,7 +30,8 @@ type Lengths = [u64; SAMPLES as usize + 1];
 ///     history.take(Columns { t: &t[piece.clone()], sp: &vec![0.0; piece.len()], pv: &pv[piece], op: None, flags: None });
 ///     history = History::load(&history.save()).unwrap();
 /// }
-/// assert_eq!((history.heard().crossings, history.heard().d_hat), (Verdict::Estimate, Some(4.5)));
+/// assert_eq!(history.heard().crossings, Verdict::Estimate);
+/// assert!((history.heard().d_hat.unwrap() - 4.5).abs() < 0.001);
 /// # Ok::<(), glapp_core::ParameterError>(())
 /// ```
 #[derive(Clone, Debug)]

@@ -254,8 +254,8 @@ impl Rows {
                 self.h[k][l] -= self.h[k - 1][l];
             }
         }
-        for l in 0..LANES {
-            self.h[0][l] -= states[l].t.map_or(f64::NAN, |(before, _)| before);
+        for (h, state) in self.h[0].iter_mut().zip(states) {
+            *h -= state.t.map_or(f64::NAN, |(before, _)| before);
         }
         turn(&mut self.sp, |l| &block[l].sp[..length], |x| x);
         turn(&mut self.pv, |l| &block[l].pv[..length], |x| x);
@@ -365,8 +365,8 @@ impl Moving {
     fn go_on(&mut self, next: &Self, stopped: &Lane<bool>) {
         macro_rules! kept {
             ($($name:ident)*) => {$(
-                for l in 0..LANES {
-                    self.$name[l] = if stopped[l] { self.$name[l] } else { next.$name[l] };
+                for (l, stopped) in stopped.iter().enumerate() {
+                    self.$name[l] = if *stopped { self.$name[l] } else { next.$name[l] };
                 }
             )*};
         }

@@ -126,9 +126,8 @@ def test_what_cannot_be_read_is_told_and_costs_the_others_nothing(tmp_path: Path
     pq.write_table(table(s).drop(["SP"]), tmp_path / "bare.parquet")
     whole = good.read_bytes()
     (tmp_path / "cut.parquet").write_bytes(whole[: len(whole) // 2])
-    column = pq.ParquetFile(good).metadata.row_group(1).column(2)
-    middle = column.data_page_offset + column.total_compressed_size // 2
-    (tmp_path / "damaged.parquet").write_bytes(whole[:middle] + bytes([255] * 400) + whole[middle + 400 :])
+    page = pq.ParquetFile(good).metadata.row_group(1).column(2).data_page_offset
+    (tmp_path / "damaged.parquet").write_bytes(whole[:page] + bytes([255] * 64) + whole[page + 64 :])
     wrong = ["again", "lost", "words", "bare", "cut", "damaged", "missing"]
     files = {name: [tmp_path / f"{name}.parquet"] for name in wrong} | {"good": [good]}
     loops = {name: estimator(name, 3) for name in files}

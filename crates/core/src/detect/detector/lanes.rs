@@ -365,8 +365,8 @@ impl Moving {
     fn go_on(&mut self, next: &Self, stopped: &Lane<bool>) {
         macro_rules! kept {
             ($($name:ident)*) => {$(
-                for l in 0..LANES {
-                    self.$name[l] = if stopped[l] { self.$name[l] } else { next.$name[l] };
+                for (l, stopped) in stopped.iter().enumerate() {
+                    self.$name[l] = if *stopped { self.$name[l] } else { next.$name[l] };
                 }
             )*};
         }

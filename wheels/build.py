@@ -92,11 +92,11 @@ def built(of: Platform, folder: Path) -> Path:
     return max(folder.glob("*.whl"), key=lambda path: path.stat().st_mtime)
 
 
-def answers(python: Path, folder: Path) -> list[tuple[str, str, float | None]]:
+def answers(python: Path, folder: Path, **environment: str) -> list[tuple[str, str, float | None]]:
     """Loop, verdict and width of the demonstration, as this Python's glapp has them."""
-    run = [str(python), "-m", "glapp"]
-    subprocess.run([*run, "demo", "demo", "--force"], cwd=folder, check=True, capture_output=True)
-    done = subprocess.run([*run, "analyze", "demo/loops.toml", "--json"], cwd=folder, check=True, capture_output=True)
+    run, told = [str(python), "-m", "glapp"], {"cwd": folder, "env": environment, "check": True, "capture_output": True}
+    subprocess.run([*run, "demo", "demo", "--force"], **told)
+    done = subprocess.run([*run, "analyze", "demo/loops.toml", "--json"], **told)
     return [(one["loop"], one["answer"]["verdict"], one["answer"]["width"]) for one in json.loads(done.stdout)["loops"]]
 
 
@@ -116,8 +116,10 @@ def tried(wheel: Path) -> str:
         )
         install = [python, "-m", "pip", "install", "--quiet", wheel, "pytest<9.2", "jsonschema"]
         subprocess.run(install, check=True)
-        told = answers(python, folder)
-        assert told == answers(Path(sys.executable), folder), told
+        # Nothing of what stands beside this file may be imported in place of the wheel.
+        alone = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
+        told = answers(python, folder, **alone)
+        assert told == answers(Path(sys.executable), folder, **os.environ), told
         vectors = [
             python,
             "-m",
@@ -128,7 +130,7 @@ def tried(wheel: Path) -> str:
             "no:cacheprovider",
             ROOT / "tests/test_vectors.py",
         ]
-        done = subprocess.run(vectors, cwd=folder, capture_output=True, text=True)
+        done = subprocess.run(vectors, cwd=folder, env=alone, capture_output=True, text=True)
         assert done.returncode == 0, done.stdout
     return f"{len(told)} loops of the demonstration; vectors: {done.stdout.splitlines()[-1]}"
 

@@ -28,7 +28,7 @@ settings.load_profile("without a clock")
 gc.set_threshold(50_000, 10, 10)
 
 
-BY_THE_CLOCK = ("test_service_", "test_station_")
+BY_THE_CLOCK = ("test_service_", "test_station_", "test_page", "test_plant", "test_fleet")
 """Tests beside real clocks, sockets and browsers. A machine may stand still for seconds, so two more tries are theirs;
 the summary tells each."""
 

@@ -328,7 +328,7 @@ mod tests {
             let alone: Vec<_> = (0..11)
                 .map(|i| {
                     let mut one = empty(i);
-                    [(0, 5000), (5000, 99_999)].map(|(from, to)| one.take(columns(i, from, to)));
+                    [(0, 5000), (5000, 99_999)].into_iter().for_each(|(from, to)| one.take(columns(i, from, to)));
                     one
                 })
                 .collect();

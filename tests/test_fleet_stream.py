@@ -13,6 +13,7 @@ import pytest
 import glapp
 from glapp import _glapp, fleet
 from glapp.errors import InputError
+from glapp.fleet.stream import CROSSINGS
 
 NAMES = {"time": "t", "SP": "SP", "PV": "PV", "OP": "OP"}
 START = np.datetime64("2026-03-01", "us")
@@ -73,7 +74,7 @@ def test_the_bits_are_those_of_all_rows(tmp_path: Path, threads: int) -> None:
             pq.write_table(table({c: x[part] for c, x in s.items()}, kind), files[name][-1], **ways)
     loops = {name: estimator(name, seed) for seed, name in enumerate(whole)}
     found = fleet.crossings(files, NAMES, loops, threads=threads)
-    assert found.schema == fleet.CROSSINGS
+    assert found.schema == CROSSINGS
     assert found.column("problem").null_count == len(found)
     for seed, (row, (name, s)) in enumerate(zip(found.to_pylist(), whole.items(), strict=True)):
         expected = alone(name, seed, s)

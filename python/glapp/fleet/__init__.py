@@ -11,6 +11,6 @@
 from .demo import make_demo
 from .results import manifest, read
 from .run import analyze
-from .stream import CROSSINGS, crossings
+from .stream import crossings
 
-__all__ = ["CROSSINGS", "analyze", "crossings", "make_demo", "manifest", "read"]
+__all__ = ["analyze", "crossings", "make_demo", "manifest", "read"]

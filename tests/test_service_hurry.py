@@ -10,6 +10,7 @@ import pytest
 from service import Clock, Table
 
 from glapp import Loop
+from glapp.cli.watch import _clock_of
 from glapp.reading.settings import parse_settings
 from glapp.service.connection import Connection
 from glapp.service.memory import Memory
@@ -29,6 +30,25 @@ async def seen(watch: Watch, loop: str, **settings: float) -> None:
     """As after a drill, and a width that is typed."""
     await watch.log("eve", "engineer", "drilled", loop, None, None, settings={SEEN: {}})
     await watch.change(loop, settings, "eve", "engineer")
+
+
+def test_the_clock_on_the_wall_counts_once_the_plant_has_caught_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The window tells how old what the service wrote is: between two scans of a minute that is not a minute."""
+
+    class Plant:
+        time = 0.0
+
+    plant, wall = Plant(), 1e6
+    monkeypatch.setattr("time.time", lambda: wall)
+    clock = _clock_of(plant, SCAN)
+    assert clock() == 0.0
+    plant.time = wall - 2.0 * SCAN
+    assert clock() == plant.time
+    plant.time, wall = wall - SCAN, wall + 20.0
+    assert clock() == wall
+    # It stays so if the plant then falls behind: a clock does not go back.
+    wall += 600.0
+    assert clock() == wall
 
 
 class Worn(Table):

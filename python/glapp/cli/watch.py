@@ -25,6 +25,7 @@ from .serving import Certificate, Key, PlantDays, PlantLoops, PlantScan, need, s
 
 if TYPE_CHECKING:
     from ..loop import Loop
+    from ..service.plant import SimPlant
     from ..service.security import Security
     from ..service.watch import Bounds
 
@@ -213,7 +214,7 @@ async def _serve(
             text.write_text(plant.settings(), encoding="utf-8")
             connection = read_connection(text)
             if hurries:  # its days are over in seconds, and so are its nights
-                clock = lambda: plant.time  # noqa: E731
+                clock = _clock_of(plant, scan)
             if connection is not None and hurries:  # a thousand values a second of each tag, while it hurries
                 connection = connection.model_copy(update={"samples": 10_000, "interval": _SOON})
             elif connection is not None:  # told soon after it was measured: u_FF must not come late
@@ -246,6 +247,19 @@ async def _serve(
             out.print(f"Answers and DeviceHealth at {answers.url}, to be read only.", soft_wrap=True)
             work.append(answers.run())
         await until_stopped(*work)
+
+
+def _clock_of(plant: SimPlant, scan: float) -> Callable[[], float]:
+    """The time of a plant that hurries, and the clock on the wall as soon as it has caught up with that."""
+    present = False
+
+    def clock() -> float:
+        nonlocal present
+        now = time.time()
+        present = present or now - plant.time < 1.5 * scan
+        return now if present else plant.time
+
+    return clock
 
 
 def _compensable(loops: Sequence[Loop]) -> dict[str, tuple[float, float]]:

@@ -218,7 +218,7 @@ def test_mypy_finds_the_types_from_outside(tmp_path):
     )
     path = {"MYPYPATH": "", "PYTHONPATH": str(Path(glapp.__file__).parents[1])}
     done = subprocess.run(
-        [sys.executable, "-m", "mypy", "--config-file=", f"--cache-dir={ROOT / '.mypy_cache/outside'}", "mine.py"],
+        [sys.executable, "-m", "mypy", "--config-file=", f"--cache-dir={tmp_path / 'cache'}", "mine.py"],
         cwd=tmp_path,
         env=os.environ | path,
         capture_output=True,

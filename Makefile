@@ -1,7 +1,7 @@
 # make run   sets everything up and does the main job: recordings in, dead bands and a report out
 # make test  sets everything up and runs every test in every language
 # make check is what a developer runs all day: linters, the blocks, and every Python test that takes less than a second
-.PHONY: run test check setup lint bare interop page wheels site bench catalogue gallery plc fuzz clean
+.PHONY: run test check setup lint rust bare interop page wheels site bench catalogue gallery plc fuzz clean
 .DELETE_ON_ERROR:
 
 PYTHON ?= python3
@@ -31,13 +31,17 @@ $(VENV)/.installed: $(VENV)/.tools $(SOURCES)
 	$(BIN)/pip install --quiet --no-deps --editable thesis
 	touch $@
 
-test: setup lint bare interop site page
-	cargo test --workspace --quiet
+# What leaves a processor idle has another beside it; the tests of Python, which leave none, come last.
+test: setup $(VENV)/.docs
+	@$(MAKE) --no-print-directory --jobs=2 lint rust bare interop site page
 	$(BIN)/pytest --numprocesses auto --dist loadgroup
 
 check: setup lint
 	cargo test --quiet -p glapp-core --lib --test vectors
 	$(BIN)/pytest --numprocesses auto --dist loadgroup -m "not slow" tests
+
+rust:
+	cargo test --workspace --quiet
 
 lint: setup
 	cargo fmt --check

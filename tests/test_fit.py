@@ -172,7 +172,7 @@ def test_units_scale_through() -> None:
 @pytest.mark.xdist_group("units")
 @pytest.mark.parametrize(
     ("pv", "op", "seconds", "zero"),
-    [(1e-4, 1.0, 1.0, 0.0), (1e4, 1.0, 1.0, 0.0), (1.0, 1e-3, 1.0, 0.0), (1.0, 1.0, 60.0, 0.0), (1.0, 1.0, 1.0, 1e6)],
+    [(1e-4, 1.0, 1.0, 0.0), (1e4, 1.0, 60.0, 0.0), (1.0, 1e-3, 1.0, 1e6)],  # none of the two can make up for the other
 )
 def test_no_unit_changes_the_answer(pv: float, op: float, seconds: float, zero: float) -> None:
     """Rounding in another unit once led the search elsewhere: 1.36 for 1.50, and 14 steps of the load for 4."""

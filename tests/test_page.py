@@ -150,7 +150,6 @@ def test_nothing_is_asked_of_anybody(analysed: Any) -> None:
     page = analysed
     page.click("#go-laboratory")
     page.wait_for_function("() => Number(document.getElementById('laboratory').dataset.t) > 1")
-    page.click("#lab-run")
     page.click("#go-recording")
     assert {url.split(":")[0] for url in page.asked} <= {"file", "blob", "data"}
     assert [url for url in page.asked if url.startswith("file")] == [PAGE.as_uri()]

@@ -220,6 +220,7 @@ def test_the_report_is_a_file_of_its_own(analysed: Any, browser: Any, tmp_path: 
 
 
 def test_the_laboratory(page: Any) -> None:
+    page.bring_to_front()  # a page behind another draws no pictures
     page.click("#go-laboratory")
     # A short record: its fit has one thread, and a tenth of the speed that it has elsewhere.
     page.click("[data-speed='10']")

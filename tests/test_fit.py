@@ -14,7 +14,7 @@ from bench.truth.records import record
 from fits import made_anew
 
 import glapp
-from glapp.simulate import closed_loop, random_walk
+from glapp.simulate import Simulation, closed_loop, random_walk
 
 REFINERY = Path(__file__).parents[1].parent / "shared/data/refinery"
 LOADS: dict[str, Any] = {"load": [(50, 0.3), (120, -0.2), (180, 0.1)]}
@@ -26,9 +26,13 @@ def fitted(t: Any, pv: Any, op: Any, **settings: Any) -> glapp.Fit:
     return glapp.fit(glapp.recording_from(table, glapp.Loop(name="made", op_unit="1", **settings)))
 
 
-def simulated(plant: str = "P3", controller: Any = (0.48, 0.3117), d: float = 0.05, **kw: Any) -> glapp.Fit:
+def simulation(plant: str = "P3", controller: Any = (0.48, 0.3117), d: float = 0.05, **kw: Any) -> Simulation:
     kw = {"noise": 0.005, "h": 0.1, "t_end": 250, "setpoint": [(1, 1.0)], "seed": 1, **kw}
-    s = closed_loop(plant, (*controller, 0.0, 0.0)[:4], d=d, **kw, filter_in_loop=True)
+    return closed_loop(plant, (*controller, 0.0, 0.0)[:4], d=d, **kw, filter_in_loop=True)
+
+
+def simulated(plant: str = "P3", controller: Any = (0.48, 0.3117), d: float = 0.05, **kw: Any) -> glapp.Fit:
+    s = simulation(plant, controller, d, **kw)
     table = s.to_arrow().drop_columns("POSITION")
     return glapp.fit(glapp.recording_from(table, glapp.Loop(name=plant, op_unit="1")))
 
@@ -147,18 +151,7 @@ def test_the_derivative_does_not_bias_it() -> None:
 
 @pytest.mark.slow
 def test_units_scale_through() -> None:
-    s = closed_loop(
-        "P3",
-        (0.48, 0.3117, 0, 0),
-        d=0.05,
-        noise=0.005,
-        h=0.1,
-        t_end=250,
-        setpoint=[(1, 1.0)],
-        seed=1,
-        **LOADS,
-        filter_in_loop=True,
-    )
+    s = simulation(**LOADS)
     f = fitted(s.t, s.pv, s.op)
     g = fitted(s.t * 60.0, 1000.0 - 50.0 * s.pv, s.op * 10.0 + 3.0)
     assert f.d is not None and g.d is not None and f.process is not None and g.process is not None
@@ -341,18 +334,7 @@ def test_the_same_recording_gets_the_same_answer(monkeypatch: pytest.MonkeyPatch
 
 @pytest.mark.slow
 def test_a_hole_and_bad_values_do_no_harm() -> None:
-    s = closed_loop(
-        "P3",
-        (0.48, 0.3117, 0, 0),
-        d=0.05,
-        noise=0.005,
-        h=0.1,
-        t_end=250,
-        setpoint=[(1, 1.0)],
-        seed=1,
-        **LOADS,
-        filter_in_loop=True,
-    )
+    s = simulation(**LOADS)
     pv, keep = s.pv.copy(), np.ones(len(s.t), bool)
     pv[300:310] = np.nan
     keep[1000:1200] = False

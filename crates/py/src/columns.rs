@@ -9,15 +9,14 @@ use pyo3::prelude::*;
 /// A signal, one value a row.
 pub type Signal<'py> = PyReadonlyArray1<'py, f64>;
 
-/// Hands the arrays over without copying, once they are seen to be contiguous and of one length.
-pub fn with_rows<T>(
-    t: &Signal<'_>,
-    sp: Option<&Signal<'_>>,
-    pv: &Signal<'_>,
-    op: Option<&Signal<'_>>,
-    flags: Option<&PyReadonlyArray1<'_, u8>>,
-    work: impl FnOnce(Inspected<'_>) -> T,
-) -> PyResult<T> {
+/// The arrays without copying, once they are seen to be contiguous and of one length.
+pub fn rows_of<'a>(
+    t: &'a Signal<'_>,
+    sp: Option<&'a Signal<'_>>,
+    pv: &'a Signal<'_>,
+    op: Option<&'a Signal<'_>>,
+    flags: Option<&'a PyReadonlyArray1<'_, u8>>,
+) -> PyResult<Inspected<'a>> {
     let rows = Inspected {
         t: t.as_slice()?,
         sp: sp.map(|sp| sp.as_slice()).transpose()?,
@@ -29,20 +28,17 @@ pub fn with_rows<T>(
     if rows.pv.len() != rows.t.len() || optional.into_iter().flatten().any(|length| length != rows.t.len()) {
         return Err(PyValueError::new_err("t, sp, pv, op and flags must be of the same length"));
     }
-    Ok(work(rows))
+    Ok(rows)
 }
 
 /// The same of a recording that has a setpoint, as the core takes it.
-pub fn with_columns<T>(
-    t: &Signal<'_>,
-    sp: &Signal<'_>,
-    pv: &Signal<'_>,
-    op: Option<&Signal<'_>>,
-    flags: Option<&PyReadonlyArray1<'_, u8>>,
-    work: impl FnOnce(Columns<'_, f64>) -> T,
-) -> PyResult<T> {
-    let sp_values = sp.as_slice()?;
-    with_rows(t, Some(sp), pv, op, flags, |Inspected { t, pv, op, flags, .. }| {
-        work(Columns { t, sp: sp_values, pv, op, flags })
-    })
+pub fn columns_of<'a>(
+    t: &'a Signal<'_>,
+    sp: &'a Signal<'_>,
+    pv: &'a Signal<'_>,
+    op: Option<&'a Signal<'_>>,
+    flags: Option<&'a PyReadonlyArray1<'_, u8>>,
+) -> PyResult<Columns<'a, f64>> {
+    let Inspected { t, pv, op, flags, .. } = rows_of(t, Some(sp), pv, op, flags)?;
+    Ok(Columns { t, sp: sp.as_slice()?, pv, op, flags })
 }

@@ -9,7 +9,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::columns::with_columns;
+use crate::columns::columns_of;
 
 type EstimateParts = (f64, f64, f64, u8, u8);
 
@@ -199,7 +199,9 @@ impl PyDetector {
         op: Option<PyReadonlyArray1<'py, f64>>,
         flags: Option<PyReadonlyArray1<'py, u8>>,
     ) -> PyResult<()> {
-        with_columns(&t, &sp, &pv, op.as_ref(), flags.as_ref(), |columns| py.detach(|| self.crossings.take(columns)))
+        let columns = columns_of(&t, &sp, &pv, op.as_ref(), flags.as_ref())?;
+        py.detach(|| self.crossings.take(columns));
+        Ok(())
     }
 
     /// The same with their swing; gives the filtered PV of each sample.
@@ -212,10 +214,8 @@ impl PyDetector {
         op: Option<PyReadonlyArray1<'py, f64>>,
         flags: Option<PyReadonlyArray1<'py, u8>>,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let filtered = with_columns(&t, &sp, &pv, op.as_ref(), flags.as_ref(), |columns| {
-            py.detach(|| self.crossings.take_closely(columns))
-        })?;
-        Ok(PyArray1::from_vec(py, filtered))
+        let columns = columns_of(&t, &sp, &pv, op.as_ref(), flags.as_ref())?;
+        Ok(PyArray1::from_vec(py, py.detach(|| self.crossings.take_closely(columns))))
     }
 
     /// The half-periods as a dict of arrays: all of them, but of those shorter than 5Ti the first 50 000.

@@ -1,6 +1,6 @@
 //! Crossings over a history that comes in pieces.
 
-use crate::columns::with_columns;
+use crate::columns::columns_of;
 use crate::detector::Settings;
 use crate::plain::plain;
 use crate::refused;
@@ -32,7 +32,9 @@ impl History {
         op: Option<PyReadonlyArray1<'py, f64>>,
         flags: Option<PyReadonlyArray1<'py, u8>>,
     ) -> PyResult<()> {
-        with_columns(&t, &sp, &pv, op.as_ref(), flags.as_ref(), |columns| py.detach(|| self.history.take(columns)))
+        let columns = columns_of(&t, &sp, &pv, op.as_ref(), flags.as_ref())?;
+        py.detach(|| self.history.take(columns));
+        Ok(())
     }
 
     /// What was heard so far, in plain types.

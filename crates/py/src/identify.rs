@@ -3,7 +3,7 @@
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 
-use crate::columns::with_rows;
+use crate::columns::rows_of;
 use crate::plain::plain;
 
 /// Finds K, Ti and Td; `glapp.identify` is the door for people, and has the sentences.
@@ -22,8 +22,7 @@ pub fn identified<'py>(
     setpoint_weight: Option<f64>,
     limits: Option<(f64, f64)>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let found = with_rows(&t, sp.as_ref(), &pv, op.as_ref(), flags.as_ref(), |rows| {
-        py.detach(|| glapp_analysis::identify::identified(&rows, setpoint_weight, limits))
-    })?;
+    let rows = rows_of(&t, sp.as_ref(), &pv, op.as_ref(), flags.as_ref())?;
+    let found = py.detach(|| glapp_analysis::identify::identified(&rows, setpoint_weight, limits));
     plain(py, &found)
 }

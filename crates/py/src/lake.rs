@@ -1,17 +1,15 @@
 //! Many loops at once: from arrays, and from Parquet files.
 
+use crate::columns::{Signal, columns_of};
 use crate::detector::PyDetector;
 use crate::sim::chosen;
 use glapp_analysis::Crossings;
-use glapp_core::Columns;
 use glapp_lake::{LakeError, Loop, Place, Read};
-use numpy::PyReadonlyArray1;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use std::num::NonZero;
 use std::path::PathBuf;
 
-type Signal<'py> = PyReadonlyArray1<'py, f64>;
 /// t, SP, PV and OP of a loop.
 type Signals<'py> = (Signal<'py>, Signal<'py>, Signal<'py>, Option<Signal<'py>>);
 /// Files, and the columns of time, SP, PV and OP.
@@ -33,14 +31,7 @@ pub fn run_side_by_side(
     if detectors.len() != signals.len() {
         return Err(PyValueError::new_err("signals: one entry a detector is needed"));
     }
-    let columns = signals.iter().map(|(t, sp, pv, op)| {
-        let op = op.as_ref().map(|op| op.as_slice()).transpose()?;
-        let columns = Columns { t: t.as_slice()?, sp: sp.as_slice()?, pv: pv.as_slice()?, op, flags: None };
-        let n = columns.rows();
-        let alike =
-            columns.t.len() == n && columns.sp.len() == n && columns.pv.len() == n && op.is_none_or(|op| op.len() == n);
-        alike.then_some(columns).ok_or_else(|| PyValueError::new_err("t, sp, pv and op must be of the same length"))
-    });
+    let columns = signals.iter().map(|(t, sp, pv, op)| columns_of(t, sp, pv, op.as_ref(), None));
     let columns = columns.collect::<PyResult<Vec<_>>>()?;
     let mut borrowed =
         detectors.iter().map(|one| one.try_borrow_mut().map_err(PyErr::from)).collect::<PyResult<Vec<_>>>()?;

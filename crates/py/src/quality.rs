@@ -5,7 +5,7 @@ use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 
 use crate::census::Counts;
-use crate::columns::{Signal, with_rows};
+use crate::columns::{Signal, rows_of};
 use crate::plain::plain;
 
 /// `glapp.Identification`, as far as a recording is held against it.
@@ -54,9 +54,8 @@ pub fn inspect<'py>(
     let (k, ti, td) = settings;
     let known = Known { k, ti, td, law: identification.map(Identification::law) };
     let census = census.into();
-    let found = with_rows(&t, sp.as_ref(), &pv, op.as_ref(), flags.as_ref(), |rows| {
-        py.detach(|| glapp_analysis::quality::inspect(&rows, &census, &known))
-    })?;
+    let rows = rows_of(&t, sp.as_ref(), &pv, op.as_ref(), flags.as_ref())?;
+    let found = py.detach(|| glapp_analysis::quality::inspect(&rows, &census, &known));
     plain(py, &found)
 }
 

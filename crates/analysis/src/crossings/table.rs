@@ -140,8 +140,7 @@ impl Crossings {
     pub fn take(&mut self, columns: Columns<'_, f64>) {
         let Self { detector, state, rows, short, reasons, .. } = self;
         let ended = |span: Span, record: &Record<f64>| {
-            reasons[record.reason() as usize] += 1;
-            short.keep(rows, Row { span, record: *record, swing: None, passed: 0.0 });
+            short.keep(rows, reasons, Row { span, record: *record, swing: None, passed: 0.0 });
         };
         detector.run(state, columns, ended, |_, _| ());
     }
@@ -162,8 +161,7 @@ impl Crossings {
         for (to, span, record) in ends {
             swinging.add(swing, &columns, &filtered, from..to);
             let parts = swing.end(&mut swinging.state, record.half.sign, record.half.flags);
-            reasons[record.reason() as usize] += 1;
-            short.keep(rows, Row { span, record, swing: Some(parts), passed: 0.0 });
+            short.keep(rows, reasons, Row { span, record, swing: Some(parts), passed: 0.0 });
             from = to;
         }
         swinging.add(swing, &columns, &filtered, from..columns.t.len());
@@ -228,8 +226,9 @@ struct Short {
 }
 
 impl Short {
-    /// Adds a half-period to the table, if it is not one more of the short ones.
-    fn keep(&mut self, rows: &mut Vec<Row>, row: Row) {
+    /// Counts a half-period, and adds it to the table if it is not one more of the short ones.
+    fn keep(&mut self, rows: &mut Vec<Row>, reasons: &mut [u64; Reason::ALL.len()], row: Row) {
+        reasons[row.record.reason() as usize] += 1;
         if row.record.mask & Reason::TooShort.bit() != 0 {
             if self.rows >= SHORT_KEPT {
                 let half = row.record.half;

@@ -41,13 +41,17 @@ const SPIKE: f64 = 12.0;
 pub fn spikes(pv: &[f64]) -> Vec<usize> {
     let Some(usual) = usual_step(pv) else { return Vec::new() };
     let alone = |w: &[f64]| {
-        let beside = [w[0], w[1], w[3], w[4]];
-        let (low, high) = beside.iter().fold((f64::MAX, f64::MIN), |(low, high), x| (low.min(*x), high.max(*x)));
+        let (low, high) = range(&[w[0], w[1], w[3], w[4]]);
         let out = (w[2] - high).max(low - w[2]);
         // Beside a jump of PV the last sample before it stands out by nothing.
         w.iter().all(|x| !x.is_nan()) && out > SPIKE * usual && out > high - low
     };
     pv.windows(5).enumerate().filter(|(_, w)| alone(w)).map(|(k, _)| k + 2).collect()
+}
+
+/// The least and the greatest of the values that are numbers.
+fn range(x: &[f64]) -> (f64, f64) {
+    x.iter().fold((f64::MAX, f64::MIN), |(low, high), x| (low.min(*x), high.max(*x)))
 }
 
 /// The median move of a signal that moves.
@@ -81,7 +85,6 @@ pub fn shifts(pv: &[f64], op: &[f64]) -> Vec<usize> {
     let Some(usual) = usual_step(&pv) else { return Vec::new() };
     let op_step = usual_step(op).unwrap_or(0.0);
     let (level, still) = LEVEL;
-    let range = |x: &[f64]| x.iter().fold((f64::MAX, f64::MIN), |(low, high), x| (low.min(*x), high.max(*x)));
     let shift = |k: &usize| {
         let size = (pv[*k] - pv[k - 1]).abs();
         let [before, after] = [&pv[k - level..*k], &pv[*k..k + level]];

@@ -35,8 +35,7 @@ impl Crossings {
 
     #[inline(never)]
     fn end(&mut self, span: Span, record: &Record<f64>) {
-        self.reasons[record.reason() as usize] += 1;
-        self.short.keep(&mut self.rows, Row { span, record: *record, swing: None, passed: 0.0 });
+        self.short.keep(&mut self.rows, &mut self.reasons, Row { span, record: *record, swing: None, passed: 0.0 });
     }
 }
 

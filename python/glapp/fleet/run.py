@@ -50,15 +50,19 @@ __all__ = [
     "Stage",
     "Unit",
     "analyze",
+    "answers_of",
     "chosen_of",
     "crossings_of",
     "follow_paths",
+    "judged_key",
     "looks_of",
     "plan_of",
     "states_of",
+    "tidy",
     "together",
     "unit_rows",
     "write_followed",
+    "write_judged",
 ]
 
 AT_ONCE = 4_000_000
@@ -422,11 +426,8 @@ class _Local:
             except BaseException:
                 pool.shutdown(wait=False, cancel_futures=True)
                 raise
-        pieces = [work / "loops" / f"{key}.parquet" for key in keys]
-        loops = together(pieces, LOOPS, problems)
-        windows = together([work / "of_loops" / f"{key}.parquet" for key in keys], WINDOWS, [])
-        used = {*looks, *follows, *(path for _, path in cuts), *pieces, *(work / "of_loops" / p.name for p in pieces)}
-        _tidy(work, used)
+        loops, windows = answers_of(work, keys, problems)
+        tidy(work, {*looks, *follows, *(path for _, path in cuts)}, keys)
         return {"days": days, "crossings": crossings, "windows": windows, "loops": loops}, problems
 
 
@@ -516,8 +517,9 @@ def _all(
     return [future.result() for future in futures]
 
 
-def _tidy(work: Path, used: set[Path]) -> None:
+def tidy(work: Path, used: set[Path], keys: Iterable[str]) -> None:
     """Take out pieces that are no longer part of the results, and what a stopped run left of one."""
+    used = used | {work / folder / f"{key}.parquet" for key in keys for folder in ("loops", "of_loops")}
     for folder in ("days", "crossings", "samples", "loops", "of_loops"):
         for path in (work / folder).glob("*"):
             if path not in used:
@@ -620,22 +622,30 @@ def _judge(k: int, days: pa.Table, crossings: pa.Table, paths: Sequence[Path]) -
     tables = [read_piece(path, filters=pc.field("loop") == loop.name)[0].cast(SAMPLES) for path in paths]
     samples = pa.concat_tables(tables) if tables else SAMPLES.empty_table()
     samples = samples.sort_by([("window", "ascending"), ("t", "ascending")])
-    settings = loop.model_dump(mode="json", exclude={"file", "files"})
-    of = [_content(table.sort_by([("day", "ascending"), ("part", "ascending")])) for table in (days, crossings)]
-    key = digest(version("glapp"), _FORM, settings, _content(samples), of)
-    path = work / "loops" / f"{key}.parquet"
-    if not path.exists():
-        row, windows, problems = judge(samples, days, crossings, loop)
-        write_piece(work / "of_loops" / path.name, [windows], WINDOWS)
-        write_piece(path, [row], LOOPS, problems)
+    key = judged_key(samples, days, crossings, loop)
+    if not (work / "loops" / f"{key}.parquet").exists():
+        write_judged(work, key, *judge(samples, days, crossings, loop))
     return key
 
 
-def _content(table: pa.Table) -> str:
-    """Checksum of a table's values."""
-    made = hashlib.sha256()
-    sink = pa.BufferOutputStream()
-    with pa.ipc.new_stream(sink, table.schema) as writer:
-        writer.write_table(table.combine_chunks())
-    made.update(sink.getvalue())
-    return made.hexdigest()
+def judged_key(samples: pa.Table, days: pa.Table, crossings: pa.Table, loop: Loop) -> str:
+    """The name of a loop's pieces: the checksum of all that its answer is made of, samples in the order of time.
+
+    It is told by values, not by how they lie in memory: the same on every engine.
+    """
+    settings = loop.model_dump(mode="json", exclude={"file", "files"})
+    signals = [hashlib.sha256(samples[name].to_numpy().tobytes()).hexdigest() for name in SAMPLES.names[1:]]
+    of = [table.sort_by([("day", "ascending"), ("part", "ascending")]).to_pydict() for table in (days, crossings)]
+    return digest(version("glapp"), _FORM, settings, signals, of)
+
+
+def write_judged(work: Path, key: str, row: pa.Table, windows: pa.Table, problems: Iterable[Problem]) -> None:
+    """Write the answer of a loop, its windows first: where the piece of its row is, both are."""
+    write_piece(work / "of_loops" / f"{key}.parquet", [windows], WINDOWS)
+    write_piece(work / "loops" / f"{key}.parquet", [row], LOOPS, problems)
+
+
+def answers_of(work: Path, keys: Sequence[str], problems: list[Problem]) -> tuple[pa.Table, pa.Table]:
+    """Rows of LOOPS and WINDOWS, and what was wrong in making them."""
+    loops = together([work / "loops" / f"{key}.parquet" for key in keys], LOOPS, problems)
+    return loops, together([work / "of_loops" / f"{key}.parquet" for key in keys], WINDOWS, [])

@@ -11,7 +11,7 @@ hand on its state. Workers need glapp and the lake under the same path. A unit t
 again by Spark. What a group answers travels as the bytes of an Arrow table, which no conversion touches.
 
 The driver writes the pieces that a run on one machine writes, under the same names, wave by wave. So a run that was
-stopped goes on, and a later one looks only at what is new, on either engine.
+stopped goes on, and a later one looks at what is new, and fits what has another name than before, on either engine.
 """
 
 from __future__ import annotations
@@ -34,21 +34,28 @@ from .results import write_piece
 from .run import (
     Plan,
     Stage,
+    answers_of,
     chosen_of,
     crossings_of,
     follow_paths,
+    judged_key,
     looks_of,
     states_of,
+    tidy,
     together,
     unit_rows,
     write_followed,
+    write_judged,
 )
-from .windows import DAYS, LOOPS, SAMPLES, WINDOWS, cut, judge, look
+from .windows import DAYS, SAMPLES, cut, judge, look
 
-__all__ = ["AT_A_TIME", "GROUP", "run"]
+__all__ = ["AT_A_TIME", "GROUP", "JUDGED_AT_A_TIME", "run"]
 
 AT_A_TIME = 50_000
 """Loops and days that pass through the driver at a time: some 0.5 GB of states."""
+
+JUDGED_AT_A_TIME = 5000
+"""Loops whose answers pass through the driver at a time, and are kept then: some 18 hours of a core."""
 
 GROUP = 8_000_000
 """Rows of PV of a loop in one wave at most, where it has more than one unit: some 1 GB of a worker's memory."""
@@ -59,7 +66,7 @@ _STATES = "loop string, state string, looks binary"
 _FOLLOWED = "loop string, units array<int>, made binary"
 _SAMPLES = "loop string, window long, t long, sp double, pv double, op double, position double, flags short"
 _KNOWN = "loop string, days binary, crossings binary"
-_LOOPS = "loop string, loops binary, windows binary, problems string"
+_LOOPS = "key string, loops binary, windows binary, problems string"
 
 
 def run(plan: Plan, out: Path, stage: Stage) -> tuple[dict[str, pa.Table], list[Problem]]:
@@ -83,7 +90,9 @@ def run(plan: Plan, out: Path, stage: Stage) -> tuple[dict[str, pa.Table], list[
     follows = follow_paths(plan, work)
     _follow(spark, plan, looks, follows, stage)
     crossings = crossings_of(follows)
-    loops, windows = _judged(spark, plan, days, crossings, stage, problems)
+    keys = _judged(spark, plan, work, days, crossings, stage)
+    loops, windows = answers_of(work, keys, problems)
+    tidy(work, {*looks, *follows, *(work / "samples").glob("*")}, keys)
     return {"days": days, "crossings": crossings, "windows": windows, "loops": loops}, problems
 
 
@@ -172,33 +181,34 @@ def _waves(plan: Plan, units: Sequence[int], looks: Sequence[Path]) -> Iterator[
         yield wave
 
 
-def _judged(
-    spark: Any, plan: Plan, days: pa.Table, crossings: pa.Table, stage: Stage, problems: list[Problem]
-) -> tuple[pa.Table, pa.Table]:
-    """Cut the chosen windows, and judge every loop by its own."""
+def _judged(spark: Any, plan: Plan, work: Path, days: pa.Table, crossings: pa.Table, stage: Stage) -> list[str]:
+    """Cut the chosen windows, judge every loop by its own, and write the answers that are new; the names of all."""
     chosen = chosen_of(days, plan)
-    asked = sorted({i for _, i in chosen})
-    stage("loops", len(plan.places.loops), 0)
-    if asked:
-        ids = spark.createDataFrame([(i,) for i in asked], "id int").repartition(len(asked))
-        samples = ids.mapInArrow(_cutter(plan, chosen), _SAMPLES)
-    else:
-        samples = spark.createDataFrame([], _SAMPLES)
-    names = sorted(set(days.column("loop").to_pylist()))
-    of = [(name, *(_bytes(t.filter(pc.equal(t["loop"], name))) for t in (days, crossings))) for name in names]
-    loops, windows = [], []
-    if of:
+    having = set(days.column("loop").to_pylist())
+    order = [k for k, loop in enumerate(plan.places.loops) if loop.name in having]
+    keys: list[str] = []
+    stage("loops", len(order), 0)
+    for at in range(0, len(order), JUDGED_AT_A_TIME):
+        wave = set(order[at : at + JUDGED_AT_A_TIME])
+        here = {which: windows for which, windows in chosen.items() if which[0] in wave}
+        asked = sorted({i for _, i in here})
+        if asked:
+            ids = spark.createDataFrame([(i,) for i in asked], "id int").repartition(len(asked))
+            samples = ids.mapInArrow(_cutter(plan, here), _SAMPLES)
+        else:
+            samples = spark.createDataFrame([], _SAMPLES)
+        names = [plan.places.loops[k].name for k in sorted(wave)]
+        of = [(name, *(_bytes(t.filter(pc.equal(t["loop"], name))) for t in (days, crossings))) for name in names]
         known = spark.createDataFrame(of, _KNOWN).groupBy("loop")
-        grouped = samples.groupBy("loop").cogroup(known).applyInArrow(_judge(plan), _LOOPS)
-        for _, one, several, wrong in grouped.collect():
-            loops.append(_table(one))
-            windows.append(_table(several))
-            problems += [Problem(*problem) for problem in json.loads(wrong)]
-    stage("loops", len(plan.places.loops), len(plan.places.loops))
-    return (
-        pa.concat_tables(loops).cast(LOOPS) if loops else LOOPS.empty_table(),
-        pa.concat_tables(windows).cast(WINDOWS) if windows else WINDOWS.empty_table(),
-    )
+        made = frozenset(path.stem for path in (work / "loops").glob("*.parquet"))
+        groups = samples.groupBy("loop").cogroup(known).applyInArrow(_judge(plan, made), _LOOPS)
+        for key, row, several, wrong in groups.collect():
+            keys.append(key)
+            if row is not None:
+                problems = [Problem(*problem) for problem in json.loads(wrong)]
+                write_judged(work, key, _table(row), _table(several), problems)
+        stage("loops", len(order), len(keys))
+    return sorted(keys)
 
 
 def _bytes(table: pa.Table) -> bytes:
@@ -303,16 +313,21 @@ def _cutter(
     return cutted
 
 
-def _judge(plan: Plan) -> Callable[[tuple[Any, ...], pa.Table, pa.Table], pa.Table]:
+def _judge(plan: Plan, made: frozenset[str]) -> Callable[[tuple[Any, ...], pa.Table, pa.Table], pa.Table]:
+    """The answer of a loop; of one that is made already its name alone."""
     loops = {loop.name: loop for loop in plan.places.loops}
 
     def judged(key: tuple[Any, ...], samples: pa.Table, known: pa.Table) -> pa.Table:
-        name = key[0].as_py()
+        loop = loops[key[0].as_py()]
         days, crossings = (_table(known[column][0].as_py()) for column in ("days", "crossings"))
         ordered = samples.cast(SAMPLES).sort_by([("window", "ascending"), ("t", "ascending")])
-        row, windows, problems = judge(ordered, days, crossings, loops[name])
-        told = json.dumps([list(problem) for problem in problems])
-        columns = [pa.array([name]), pa.array([_bytes(row)]), pa.array([_bytes(windows)]), pa.array([told])]
-        return pa.table(columns, names=["loop", "loops", "windows", "problems"])
+        name = judged_key(ordered, days, crossings, loop)
+        answer: list[Any] = [None, None, None]
+        if name not in made:
+            row, windows, problems = judge(ordered, days, crossings, loop)
+            answer = [_bytes(row), _bytes(windows), json.dumps([list(problem) for problem in problems])]
+        types = (pa.string(), pa.binary(), pa.binary(), pa.string())
+        columns = [pa.array([value], kind) for value, kind in zip((name, *answer), types, strict=True)]
+        return pa.table(columns, names=["key", "loops", "windows", "problems"])
 
     return judged

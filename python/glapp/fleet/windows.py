@@ -249,8 +249,9 @@ def signals_of(rows: pa.Table) -> tuple[dict[str, Signal], int, int]:
     doubled = contradicting = 0
     for number in np.unique(signal):
         mine = np.flatnonzero(signal == number)
-        order = mine[np.lexsort((bad[mine], value[mine], t[mine]))]
-        ts, xs, wrong = t[order], value[order], bad[order]
+        if (np.diff(t[mine]) <= 0).any():
+            mine = mine[np.lexsort((bad[mine], value[mine], t[mine]))]
+        ts, xs, wrong = t[mine], value[mine], bad[mine]
         same = np.diff(ts) == 0
         if same.any():
             alike = same & ((np.diff(xs) == 0) | (np.isnan(xs[1:]) & np.isnan(xs[:-1]))) & (wrong[1:] == wrong[:-1])

@@ -1,7 +1,9 @@
-"""The fleet as it grows: `python -m bench.fleet_scale giant|ladder|spark`.
+"""The fleet as it grows: `python -m bench.fleet_scale giant|ladder|month|spark`.
 
 `giant` has one loop with many rows in one group of rows, and tells the memory of the largest process. `ladder` judges
-the demonstration's mill with 1×, 2× and 4× as many loops. `spark` judges a lake on a cluster of two workers on this
+the demonstration's mill with 1×, 2× and 4× as many loops. `month` follows the crossings of `--loops` loops at 1 s over
+`--days` days: the files of a day are made, taken in and removed; then the whole analysis judges two days of `--judged`
+loops of the demonstration, kept at 1 s. `spark` judges a lake on a cluster of two workers on this
 machine and, in a second run, kills the process of one of them as it works; the tables must be those of a run without
 Spark. Times are of the processor, of all processes together, where it is not said otherwise: others use the machine.
 """
@@ -24,9 +26,16 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from glapp import fleet
+from glapp import _glapp, fleet
+from glapp.fleet import demo
+from glapp.fleet.windows import FITS
 
 from .fleet import OUT
+from .fleet_speed import COLUMNS, CORES, DAY, decode, detectors, estimators, ours, pool, write_day
+from .task import peak
+
+ALIKE = 6
+"""Days of a month that have the same files."""
 
 _RUN = """
 import json, resource, sys, time
@@ -63,24 +72,29 @@ spark.stop()
 def main() -> None:
     """Measure what the command line asks for."""
     asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    asked.add_argument("what", choices=("giant", "ladder", "spark"))
+    asked.add_argument("what", choices=("giant", "ladder", "month", "spark"))
     asked.add_argument("--rows", type=int, default=10_000_000)
     asked.add_argument("--loops", type=int, default=10)
     asked.add_argument("--days", type=int, default=1)
     asked.add_argument("--kills", type=int, default=1)
+    asked.add_argument("--judged", type=int, default=20)
     given = asked.parse_args()
     OUT.mkdir(parents=True, exist_ok=True)
     if given.what == "giant":
         giant(given.rows)
     elif given.what == "ladder":
         ladder(given.loops, given.days)
+    elif given.what == "month":
+        month(given.loops, given.days)
+        judged(given.judged, 2)
     else:
         on_spark(given.loops, given.days, given.kills)
 
 
-def run(lake: Path, out: Path, fits: int = 1) -> dict[str, Any]:
-    """A run in a process of its own, from its beginning: what it took."""
-    shutil.rmtree(out, ignore_errors=True)
+def run(lake: Path, out: Path, fits: int = 1, anew: bool = True) -> dict[str, Any]:
+    """A run in a process of its own, from its beginning where it is to be made `anew`: what it took."""
+    if anew:
+        shutil.rmtree(out, ignore_errors=True)
     script = OUT / "scale.py"
     script.write_text(_RUN)
     made = subprocess.run(
@@ -127,6 +141,69 @@ def ladder(loops: int, days: int) -> None:
             f"{found['seconds']:.0f} s by the clock, {found['parts']}; the largest process {found['memory']:.0f} MB",
             flush=True,
         )
+
+
+def month(loops: int, days: int) -> None:
+    """Crossings day by day, the detectors carried on.
+
+    The loops of a day have the same limit cycle, each at another place of it. Files take longer to make than to take in,
+    so those of a day stand for as many as `ALIKE`.
+    """
+    folder, every = OUT / "month", estimators(loops)
+    clock = crossed = made = decoded = in_memory = size = 0.0
+    paths: list[Path] = []
+    for day in range(days):
+        if day % ALIKE == 0:
+            shutil.rmtree(folder, ignore_errors=True)
+            begun = time.process_time()
+            paths = write_day(folder, loops, day)
+            made += time.process_time() - begun
+        if not day:
+            decoded, in_memory = pool(decode, paths, CORES)[1], loops / len(paths[:16]) * _side_by_side(paths[:16])
+        size += sum(path.stat().st_size for path in paths)
+        by_clock, used, _ = ours(paths, every, CORES, days_later=day % ALIKE)
+        clock, crossed = clock + by_clock, crossed + used
+    shutil.rmtree(folder)
+    rows = loops * days * DAY
+    print(
+        f"{loops} loops, {days} days: {rows / 1e6:.0f} M rows, {size / 1e9:.1f} GB, made in {made:.0f} s; crossings "
+        f"{crossed:.0f} s of the processor ({rows / crossed / 1e6:.1f} M rows/s), {clock:.0f} s by the clock; "
+        f"PyArrow decodes a day in {decoded:.2f} s, crossings in memory take {in_memory:.2f} s of "
+        f"{crossed / days:.2f} s a day; this process {peak():.0f} MiB",
+        flush=True,
+    )
+
+
+def _side_by_side(paths: list[Path]) -> float:
+    """Processor time of the crossings of files that are in memory [s]."""
+    read = (pq.read_table(path, columns=COLUMNS) for path in paths)
+    arrays = [[table[name].cast(pa.float64()).to_numpy() for name in COLUMNS[1:]] for table in read]
+    signals = [(np.arange(float(len(sp))), sp, pv, None) for sp, pv in arrays]
+    begun = time.process_time()
+    _glapp.run_side_by_side(detectors(len(paths)), signals)
+    return time.process_time() - begun
+
+
+def judged(loops: int, days: int) -> None:
+    """The whole analysis: what looks and crossings take a loop and day, and the fits a loop."""
+    lake, out = OUT / f"second-{loops}-{days}", OUT / "second"
+    if not (lake / "_truth" / "problems.parquet").exists():
+        shutil.rmtree(lake, ignore_errors=True)
+        demo.STEP = 1
+        fleet.make_demo(lake, loops=loops, days=days)
+    one = run(lake, out)
+    few = fleet.manifest(out)["tables"]["windows"]["rows"]
+    every = run(lake, out, FITS, anew=False)  # the days are there
+    known = fleet.read(out, "days")
+    windows = fleet.manifest(out)["tables"]["windows"]["rows"]
+    a_window = every["cpu"] / windows
+    print(
+        f"{len(known)} days of {loops} loops, {sum(known['rows'].to_pylist()) / 1e6:.1f} M rows: "
+        f"{one['cpu'] - few * a_window:.0f} s of the processor without the fits; {windows} windows "
+        f"{every['cpu']:.0f} s, {a_window:.2f} s each with all that a second run asks; "
+        f"the largest process {max(one['memory'], every['memory']):.0f} MB",
+        flush=True,
+    )
 
 
 def on_spark(loops: int, days: int, kills: int) -> None:

@@ -4,8 +4,6 @@
   instruction set of this processor; beside them how fast memory is read.
 - *From Parquet* (zstd, a file a loop): `glapp.fleet.crossings` beside PyArrow, which decodes the same columns and looks
   at none of them, Polars + NumPy, DuckDB + Python, and Spark with a pandas UDF in plain NumPy.
-- *A month*: many loops, day by day, the detectors carried on; files are made and removed a day at a time. `--days` says
-  how many of its days are measured.
 
 Rates are by processor time, which other work on the machine moves least; where it is by the clock, it is told. `--docs`
 writes the tables into docs/fleet.md.
@@ -23,7 +21,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from datetime import datetime
+from datetime import datetime, timedelta
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -166,11 +164,13 @@ def pool(run: Callable[[Path], object], paths: Sequence[Path], threads: int) -> 
         return time.perf_counter() - begun, time.process_time() - used
 
 
-def ours(paths: Sequence[Path], loops: dict[str, glapp.Estimator], threads: int) -> tuple[float, float, pa.Table]:
-    """The same of `glapp.fleet.crossings`, and what it found."""
+def ours(
+    paths: Sequence[Path], loops: dict[str, glapp.Estimator], threads: int, days_later: int = 0
+) -> tuple[float, float, pa.Table]:
+    """The same of `glapp.fleet.crossings`, and what it found; the files may stand for those of a later day."""
     files: dict[str, list[str | Path]] = {path.stem: [path] for path in paths}
     begun, used = time.perf_counter(), time.process_time()
-    found = fleet.crossings(files, NAMES, loops, since=datetime(2024, 1, 1), threads=threads)
+    found = fleet.crossings(files, NAMES, loops, since=datetime(2024, 1, 1) - timedelta(days_later), threads=threads)
     took = time.perf_counter() - begun, time.process_time() - used
     if found.column("problem").null_count != len(found):
         raise AssertionError(found.column("problem").drop_null()[0])
@@ -245,29 +245,11 @@ def spark(folder: Path) -> float:
         session.stop()
 
 
-def month(folder: Path, loops: int, days: int) -> Iterator[tuple[str, ...]]:
-    """Day by day, the detectors carried on."""
-    all_loops = estimators(loops)
-    decoded = crossed = clock = size = 0.0
-    for day in range(days):
-        paths = write_day(folder, loops, day)
-        size += sum(path.stat().st_size for path in paths)
-        decoded += pool(decode, paths, CORES)[1]
-        by_clock, used, _ = ours(paths, all_loops, CORES)
-        clock, crossed = clock + by_clock, crossed + used
-        shutil.rmtree(folder)
-    rows = loops * days * DAY
-    work = f"{loops} loops × {days} days, {rows / 1e6:.0f} M samples, {size / 1e9:.1f} GB, {CORES} cores"
-    yield work, _rates(rows, crossed, clock), f"{decoded / crossed:.2f}"
-    yield "  30 days at these rates", f"{30 / days * crossed / CORES:.0f} s; {30 / days * clock:.0f} s by the clock", ""
-
-
 def main() -> None:
     """Measure what the command line asks for."""
     asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    asked.add_argument("--loops", type=int, default=1000, help="in memory, and in a month")
+    asked.add_argument("--loops", type=int, default=1000, help="in memory")
     asked.add_argument("--files", type=int, default=200, help="loops of a day, from Parquet")
-    asked.add_argument("--days", type=int, default=2, help="days of the month that are measured")
     asked.add_argument("--docs", action="store_true", help="write docs/fleet.md")
     given = asked.parse_args()
     folder = Path(tempfile.mkdtemp(prefix="glapp-fleet-"))
@@ -276,7 +258,6 @@ def main() -> None:
         for title, third, part in (
             (f"In memory: {given.loops} loops × {DAY} samples, float64, one core", "ratio", in_memory(given.loops)),
             ("From Parquet", "to PyArrow", from_parquet(folder / "day", given.files)),
-            ("A month", "to PyArrow", month(folder / "month", given.loops, given.days)),
         ):
             lines += [f"| {title} | | {third} |", "|---|---|---|"]
             for row in part:

@@ -47,11 +47,6 @@ def alone(name: str, seed: int, s: dict[str, np.ndarray], op: bool = True) -> gl
     return one
 
 
-def same_tables(one: glapp.Estimator, other: glapp.Estimator) -> None:
-    for name, column in one._detector.table().items():
-        np.testing.assert_array_equal(column, other._detector.table()[name])
-
-
 WAYS: list[tuple[str, dict[str, Any]]] = [
     ("us", {"compression": "zstd", "row_group_size": 700}),
     ("ms", {"compression": "snappy", "data_page_size": 2000}),
@@ -79,7 +74,7 @@ def test_the_bits_are_those_of_all_rows(tmp_path: Path, threads: int) -> None:
     for seed, (row, (name, s)) in enumerate(zip(found.to_pylist(), whole.items(), strict=True)):
         expected = alone(name, seed, s)
         assert loops[name].save() == expected.save()
-        same_tables(loops[name], expected)
+        assert not len(loops[name]._detector.table()["t_start"])  # so that memory does not grow with the files
         assert (row["loop"], row["rows"], row["accepted"]) == (name, len(s["t"]), expected.reasons["accepted"])
     assert pa.compute.sum(found.column("accepted")).as_py() > 100
 
@@ -163,4 +158,6 @@ def test_side_by_side_as_alone_on_every_instruction_set() -> None:
         _glapp.run_side_by_side([one._detector for one in together], columns, instructions)
         for seed, s in enumerate(all_signals):
             assert together[seed].save() == alone("x", seed, s).save()
-            same_tables(together[seed], alone("x", seed, s))
+            table = alone("x", seed, s)._detector.table()
+            for name, column in together[seed]._detector.table().items():
+                np.testing.assert_array_equal(column, table[name])

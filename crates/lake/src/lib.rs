@@ -7,7 +7,7 @@
 //! ```
 //!
 //! As many loops as there are lanes are open at once for a thread. Of each of their columns a page and a batch are in memory, however
-//! long the files are.
+//! long the files are. Of their half-periods the counts and the estimate are kept, and no table.
 
 mod error;
 mod stream;
@@ -58,8 +58,8 @@ pub struct Read {
     pub rows: u64,
 }
 
-/// Reads the loops' files and finds their crossings, on so many threads; the same bits as [`Crossings::take`] over all rows. What
-/// cannot be read costs the others nothing.
+/// Reads the loops' files and finds their crossings, on so many threads; the same bits as [`Crossings::take`] over all rows, but that
+/// their tables are empty. What cannot be read costs the others nothing.
 pub fn crossings(
     loops: Vec<Loop>,
     threads: NonZero<usize>,
@@ -98,6 +98,7 @@ fn side_by_side(loops: Vec<Loop>, instructions: Instructions) -> Vec<Result<Read
         let (mut detectors, streams): (Vec<_>, Vec<_>) = under_way.into_iter().unzip();
         let columns: Vec<Columns<'_, f64>> = streams.iter().map(|stream| stream.columns(n)).collect();
         Crossings::take_together(&mut detectors, &columns, instructions);
+        detectors.into_iter().for_each(|one| drop(one.drain()));
         streams.into_iter().for_each(|stream| stream.pass(n));
     }
     let read = |(crossings, stream, fault): (Crossings, Stream, Option<LakeError>)| match fault {

@@ -46,8 +46,8 @@ def crossings(
     """Run the detectors of many loops over their Parquet files; they stand behind the last row then, and can go on.
 
     Rows go from the files into the lanes of the processor, eight loops at once on each thread. Of a column a page and
-    some thousand rows are in memory, however long the files are. The bits are those of `Estimator.update_many` over all
-    rows, whatever the number of threads.
+    some thousand rows are in memory, however long the files are, and of half-periods no more than their counts and the
+    estimate. The bits are those of `Estimator.update_many` over all rows, whatever the number of threads.
 
     Parameters
     ----------

@@ -107,7 +107,7 @@ impl Crossings {
     }
 
     /// The rows of the table, which is empty then.
-    pub(super) fn drain(&mut self) -> Vec<Row> {
+    pub fn drain(&mut self) -> Vec<Row> {
         self.short = Short::default();
         std::mem::take(&mut self.rows)
     }

@@ -1,11 +1,11 @@
 """The fleet as it grows: `python -m bench.fleet_scale giant|ladder|month|spark`.
 
 `giant` has one loop with many rows in one group of rows, and tells the memory of the largest process. `ladder` judges
-the demonstration's mill with 1×, 2× and 4× as many loops. `month` follows the crossings of `--loops` loops at 1 s over
-`--days` days: the files of a day are made, taken in and removed; then the whole analysis judges two days of `--judged`
-loops of the demonstration, kept at 1 s. `spark` judges a lake on a cluster of two workers on this
-machine and, in a second run, kills the process of one of them as it works; the tables must be those of a run without
-Spark. Times are of the processor, of all processes together, where it is not said otherwise: others use the machine.
+the demonstration's mill with 1×, 2× and 4× as many loops. `month` follows the crossings of `--loops` loops at 1 s
+over `--days` days: files are made, taken in and removed; then the whole analysis judges two days of `--judged` loops
+of the demonstration, kept at 1 s. `spark` judges a lake on a cluster of two workers on this machine and, in a second
+run, kills the process of one of them as it works; the tables must be those of a run without Spark. Times are of the
+processor, of all processes together, where it is not said otherwise: others use the machine.
 """
 
 from __future__ import annotations
@@ -146,8 +146,8 @@ def ladder(loops: int, days: int) -> None:
 def month(loops: int, days: int) -> None:
     """Crossings day by day, the detectors carried on.
 
-    The loops of a day have the same limit cycle, each at another place of it. Files take longer to make than to take in,
-    so those of a day stand for as many as `ALIKE`.
+    The loops of a day have the same limit cycle, each at another place of it. Files take longer to make than to take
+    in, so those of a day stand for as many days as `ALIKE` says.
     """
     folder, every = OUT / "month", estimators(loops)
     clock = crossed = made = decoded = in_memory = size = 0.0

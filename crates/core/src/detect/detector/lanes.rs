@@ -15,9 +15,10 @@ pub const LANES: usize = 8;
 /// Samples of each loop between turning columns into rows: what stays in the nearest cache.
 const ROWS: usize = 64;
 
-/// After rows of which more are not ordinary in some lane, the loops go on alone, for so many times [`ROWS`].
-const OFTEN: usize = ROWS / 2;
-const ALONE: usize = 16;
+/// After [`ROWS`] of which more are not ordinary in some lane, the loops go on alone, one after the other, for so many rows: a row that is
+/// not ordinary takes as long as some ten that are.
+const OFTEN: usize = ROWS / 8;
+const ALONE: usize = 4096;
 
 type Lane<T = f64> = [T; LANES];
 
@@ -161,17 +162,10 @@ impl Detector<f64> {
         let none = [[0.0; LANES]; ROWS];
         let mut rows = Rows { h: none, sp: none, pv: none, op: none, flags: [[0; LANES]; ROWS] };
         let mut side = Side { moving: Moving::default(), towards: [f64::NAN; LANES], since: [0; LANES] };
-        let mut alone = 0;
-        for first in (0..n).step_by(ROWS) {
+        let mut first = 0;
+        while first < n {
             let length = ROWS.min(n - first);
             let block: [Columns<'_, f64>; LANES] = core::array::from_fn(|l| columns[l].part(first, first + length));
-            if alone > 0 {
-                alone -= 1;
-                for l in 0..LANES {
-                    detectors[l].run(&mut states[l], block[l], |span, record| ended(l, span, record), |_, _| ());
-                }
-                continue;
-            }
             let mut awake = [false; LANES];
             for l in 0..LANES {
                 awake[l] = side.take::<OP>(l, 0, &states[l]);
@@ -202,7 +196,15 @@ impl Detector<f64> {
                 side.give(l, length, &mut states[l]);
                 states[l].pass_to(block[l].t[length - 1]);
             }
-            alone = if stops > OFTEN { ALONE } else { 0 };
+            first += length;
+            if stops > OFTEN {
+                let to = n.min(first + ALONE);
+                for l in 0..LANES {
+                    let rest = columns[l].part(first, to);
+                    detectors[l].run(&mut states[l], rest, |span, record| ended(l, span, record), |_, _| ());
+                }
+                first = to;
+            }
         }
         n
     }

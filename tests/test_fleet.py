@@ -81,6 +81,14 @@ def put(lake: Path, name: str, table: pa.Table, **how: Any) -> Path:
     return path
 
 
+def damage(path: Path, group: int) -> None:
+    """Spoil PV in a group of rows of a wide file that was compressed by zstd without a dictionary."""
+    chunk = pq.read_metadata(path).row_group(group).column(2)
+    with path.open("r+b") as file:
+        file.seek(chunk.data_page_offset + chunk.total_compressed_size // 2)
+        file.write(b"\x00" * 64)
+
+
 def planned(lake: Path, loops: str | None = None, zone: str | None = None) -> Plan:
     settings = None
     if loops is not None:
@@ -234,10 +242,7 @@ def test_the_hour_in_which_clocks_change_is_left_out_and_told(tmp_path: Path) ->
 
 def test_a_damaged_group_of_rows_costs_its_rows_and_no_others(tmp_path: Path) -> None:
     path = put(tmp_path, "FIC1.parquet", wide(signals()), row_group_size=500, use_dictionary=False, compression="zstd")
-    chunk = pq.read_metadata(path).row_group(1).column(2)
-    with path.open("r+b") as file:
-        file.seek(chunk.data_page_offset + chunk.total_compressed_size // 2)
-        file.write(b"\x00" * 64)
+    damage(path, 1)
     found, [problem] = rows(planned(tmp_path))
     assert len(found["FIC1", FIRST // DAY]) == 3 * (N - 500)
     assert (problem.code, problem.file, problem.row, problem.rows) == ("damaged", "FIC1.parquet", 501, 500)
@@ -535,13 +540,15 @@ SEED = 9
 
 @pytest.fixture(scope="module")
 def lake(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Four loops of two short days each."""
+    """Four loops of two short days each, and one whose only group of rows is damaged."""
     lake = tmp_path_factory.mktemp("fleet") / "lake"
     for i in range(4):
         x = signals(days=2, d=0.7 * i)
         for day in range(2):
             part = {name: values[day * N : day * N + 700] for name, values in x.items()}
             put(lake, f"loop=FIC{i}/day={day}/x.parquet", wide(part))
+    path = put(lake, "loop=FIC9/day=0/x.parquet", wide(signals()), use_dictionary=False, compression="zstd")
+    damage(path, 0)
     put(lake, "notes.parquet", pa.table({"note": ["-"]}))
     return lake
 
@@ -654,7 +661,9 @@ def test_on_the_command_line(lake: Path, results: Path, capsys: pytest.CaptureFi
     with pytest.raises(SystemExit) as end:
         app(["fleet", "analyze", str(lake), "--out", str(results), "--fits", "1"])
     told = capsys.readouterr()
-    assert end.value.code == 0 and "4 loops:" in told.out and "report.html" in told.out and "1 problems" in told.err
+    assert end.value.code == 0 and "4 loops:" in told.out and "report.html" in told.out and "3 problems" in told.err
+    told_of = [(row["code"], row["loop"]) for row in fleet.read(results, "problems").to_pylist()]
+    assert told_of == [("damaged", ""), ("no_rows", "FIC9"), ("schema", "")]
 
 
 @pytest.mark.slow

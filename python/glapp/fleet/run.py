@@ -205,6 +205,10 @@ def analyze(
         plan = plan_of(lake, names, out, loops, time_zone, fits, tell, workers or os.cpu_count() or 1)
         plan = replace(plan, problems=(*wrong, *plan.problems))
         made_of, problems = work(plan, out, tell)
+        judged = set(made_of["loops"]["loop"].to_pylist())
+        for name in (loop.name for loop in plan.places.loops if loop.name not in judged):
+            what = "none of its rows can be used, and it is not judged"
+            problems.append(Problem("no_rows", what, "see what is wrong with its files", loop=name))
         orders = {"days": ("day", "part"), "crossings": ("day", "part"), "windows": ("first",)}
         tables = {
             **{name: made_of[name].sort_by([(c, "ascending") for c in ("loop", *by)]) for name, by in orders.items()},

@@ -30,7 +30,7 @@ BUILT = ROOT / "target" / "wheels"
 #: Debian's compiler, whose standard library can be built for any platform.
 DEBIAN = Path("/usr/bin/rustc")
 #: What the tests of a wheel need beside it.
-TESTED_BY = ("pytest<9.2", "jsonschema")
+TESTED_BY = ("pytest<9.2", "jsonschema-rs")
 
 
 @dataclass(frozen=True)

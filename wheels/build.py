@@ -164,8 +164,8 @@ def tried(wheel: Path, under: list[str]) -> str:
 
 def source(folder: Path) -> Path:
     """The source package, which every platform with Rust can build."""
-    command = [sys.executable, "-m", "maturin", "sdist", "--quiet", "--out", str(folder)]
-    subprocess.run(command, cwd=ROOT, check=True)
+    command = [sys.executable, "-m", "maturin", "sdist", "--out", str(folder)]
+    subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
     return max(folder.glob("*.tar.gz"), key=lambda path: path.stat().st_mtime)
 
 

@@ -33,7 +33,7 @@ $(VENV)/.installed: $(VENV)/.tools $(SOURCES)
 
 # What leaves a processor idle has another beside it; the tests of Python, which leave none, come last.
 test: setup $(VENV)/.docs
-	@$(MAKE) --no-print-directory --jobs=2 lint rust bare interop site
+	@$(MAKE) --no-print-directory --jobs=2 lint rust bare interop site page
 	$(BIN)/pytest --numprocesses auto --dist loadgroup
 
 check: setup lint

@@ -34,8 +34,8 @@ the summary tells each."""
 
 
 def pytest_xdist_auto_num_workers() -> int:
-    """One more than there are processors: a good part of the tests waits, for a clock or for another process."""
-    return len(os.sched_getaffinity(0)) + 1
+    """Two more than there are processors: a good part of the tests waits, for a clock or for another process."""
+    return len(os.sched_getaffinity(0)) + 2
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -1,6 +1,7 @@
 """Packages of the Structured Text: valid by their schema and reader, and unpacked they are the source again."""
 
 import gc
+import importlib.metadata
 import json
 import os
 import re
@@ -9,6 +10,7 @@ import sys
 import tarfile
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import suppress
+from hashlib import sha256
 from html.parser import HTMLParser
 from pathlib import Path
 from xml.etree import ElementTree
@@ -18,6 +20,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 BUILDS = ("LREAL", "REAL")
+READ_BY_BLARK = ROOT / "target" / "blark"
 CODE = "{http://www.plcopen.org/xml/tc6_0201}"
 TEXT = "{http://www.w3.org/1999/xhtml}xhtml"
 
@@ -358,12 +361,17 @@ def test_blark_reads_the_files_of_twincat(packages, tmp_path, build):
     for path in paths:
         if path.name in lot:
             (tmp_path / path.name).write_text(told_once(path.read_text()))
-    here = sorted(tmp_path.iterdir(), key=lambda path: -path.stat().st_size)
+    # A text that was read without a fault is known by its digest, and is read again by another release of blark only.
+    READ_BY_BLARK.mkdir(parents=True, exist_ok=True)
+    reader = importlib.metadata.version("blark").encode()
+    marks = {path: READ_BY_BLARK / sha256(reader + path.read_bytes()).hexdigest() for path in tmp_path.iterdir()}
+    new = sorted((path for path in marks if not marks[path].exists()), key=lambda path: -path.stat().st_size)
     with ProcessPoolExecutor(max_workers=2) as pool:
-        for path, (wrong, shown) in zip(here, pool.map(read_by_blark, here), strict=True):
+        for path, (wrong, shown) in zip(new, pool.map(read_by_blark, new), strict=True):
             assert len(wrong) == 1 + (path.suffix == ".TcPOU")
             assert not any(wrong), f"{path.name}: {wrong}"
             assert path.stem in shown
+            marks[path].touch()
 
 
 def test_every_file_of_twincat_is_read_in_one_build(packages):

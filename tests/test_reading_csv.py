@@ -66,7 +66,7 @@ def tables(draw):
     value = st.floats(-1e6, 1e6).map(lambda x: round(x, draw(st.integers(0, 6)))) | st.none()
     column = st.lists(value, min_size=n, max_size=n)
     pv = draw(column.filter(lambda c: any(v is not None for v in c)))
-    start = draw(st.datetimes(datetime(1990, 1, 1), datetime(2040, 1, 1))).replace(microsecond=0)
+    start = draw(st.datetimes(datetime(1992, 1, 1), datetime(2040, 1, 1))).replace(microsecond=0)
     steps = draw(st.lists(st.integers(-500, 5000), min_size=n, max_size=n))
     times = [start + timedelta(milliseconds=ms) for ms in np.cumsum(steps).tolist()]
     return (

@@ -1,7 +1,7 @@
 # make run   sets everything up and does the main job: recordings in, dead bands and a report out
 # make test  sets everything up and runs every test in every language
 # make check is what a developer runs all day: linters, the blocks, and every Python test that takes less than a second
-.PHONY: run test check setup lint rust bare interop page wheels site bench catalogue gallery plc fuzz clean
+.PHONY: run test check setup lint rust bare interop page capi wheels site bench catalogue gallery plc fuzz clean
 .DELETE_ON_ERROR:
 
 PYTHON ?= python3
@@ -9,6 +9,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 # Tests start many processes, and each would compile all it imports.
 unexport PYTHONDONTWRITEBYTECODE
+, := ,
 SOURCES := $(shell find crates -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock pyproject.toml
 
 run: setup
@@ -33,7 +34,7 @@ $(VENV)/.installed: $(VENV)/.tools $(SOURCES)
 
 # What leaves a processor idle has another beside it; the tests of Python, which leave none, come last.
 test: setup $(VENV)/.docs
-	@$(MAKE) --no-print-directory --jobs=2 lint rust bare interop site page
+	@$(MAKE) --no-print-directory --jobs=2 lint capi rust bare interop site page
 	$(BIN)/pytest --numprocesses auto --dist loadgroup
 
 check: setup lint
@@ -84,6 +85,24 @@ page: setup dist/page/index.html
 
 dist/page/index.html: $(SOURCES) $(shell find page python/glapp -type f -not -name '*.pyc' -not -name '*.so')
 	$(BIN)/python page/build.py dist/page
+
+# The library for C: header, shared and static library, examples. On Linux the version of its interface stands in its name.
+capi: dist/capi/include/glapp.h
+
+dist/capi/include/glapp.h: $(SOURCES) $(wildcard crates/capi/include/* examples/c/*) docs/c.md
+	cargo rustc --release --quiet -p glapp-capi --lib --crate-type cdylib,staticlib \
+		$(if $(filter Linux,$(shell uname)),-- -C link-arg=-Wl$(,)-soname$(,)libglapp.so.1)
+	rm -rf dist/capi
+	mkdir -p dist/capi/lib dist/capi/examples dist/capi/include
+	for file in libglapp.a libglapp.dylib glapp.dll libglapp.dll.a glapp.dll.lib glapp.lib; do \
+		if [ -f target/release/$$file ]; then cp target/release/$$file dist/capi/lib; fi; \
+	done
+	if [ -f target/release/libglapp.so ]; then \
+		cp target/release/libglapp.so dist/capi/lib/libglapp.so.1 && ln -s libglapp.so.1 dist/capi/lib/libglapp.so; \
+	fi
+	cp examples/c/*.c dist/capi/examples
+	cp LICENSE docs/c.md dist/capi
+	cp crates/capi/include/glapp.h $@
 
 # A wheel for every desk, and the source package: dist/wheels. What cannot be built or tried here is named.
 wheels: setup $(VENV)/.wheels
@@ -141,6 +160,7 @@ SECONDS ?= 60
 FILES ?= 2000
 fuzz: setup $(VENV)/.fuzz
 	RUSTC_BOOTSTRAP=1 cargo fuzz run detector -- -max_total_time=$(SECONDS)
+	RUSTC_BOOTSTRAP=1 cargo fuzz run capi -- -max_total_time=$(SECONDS)
 	$(BIN)/python fuzz/read_csv.py -max_total_time=$(SECONDS)
 	$(BIN)/python fuzz/read_tables.py --files $(FILES)
 

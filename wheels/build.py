@@ -1,8 +1,9 @@
-"""Wheels for every desk: `make wheels`, or `python wheels/build.py FOLDER [PLATFORM ...]`.
+"""Wheels for every desk: `make wheels`, or `python wheels/build.py FOLDER [PLATFORM] [--under COMMAND]`.
 
 One wheel a platform, for Python 3.11 and every later one (abi3), and the source package. A wheel that this machine can
 run is installed into an empty environment. There it analyses the demonstration, and its answers are compared with those
-of the package beside this file. What cannot be built or run here is named, with what a machine needs that can.
+of the package beside this file. What cannot be built or run here is named, with what a machine needs that can. Another
+platform's wheel can be tried by an emulator: `--under "wine python.exe"` names it and a Python of that platform.
 
 Zig is the linker, mingw for Windows. The standard library is that of rustup, or is built from its source, which Debian
 has (`rust-web-src`).
@@ -12,8 +13,10 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import platform
+import shlex
 import shutil
 import subprocess
 import sys
@@ -26,6 +29,8 @@ ROOT = Path(__file__).parents[1]
 BUILT = ROOT / "target" / "wheels"
 #: Debian's compiler, whose standard library can be built for any platform.
 DEBIAN = Path("/usr/bin/rustc")
+#: What the tests of a wheel need beside it.
+TESTED_BY = ("pytest<9.2", "jsonschema-rs")
 
 
 @dataclass(frozen=True)
@@ -92,15 +97,45 @@ def built(of: Platform, folder: Path) -> Path:
     return max(folder.glob("*.whl"), key=lambda path: path.stat().st_mtime)
 
 
-def answers(python: Path, folder: Path, **environment: str) -> list[tuple[str, str, float | None]]:
+def answers(python: list[str], folder: Path, environment: dict[str, str]) -> list[tuple[str, str, float | None]]:
     """Loop, verdict and width of the demonstration, as this Python's glapp has them."""
-    run, told = [str(python), "-m", "glapp"], {"cwd": folder, "env": environment, "check": True, "capture_output": True}
+    run, told = [*python, "-m", "glapp"], {"cwd": folder, "env": environment, "check": True, "capture_output": True}
     subprocess.run([*run, "demo", "demo", "--force"], **told)
     done = subprocess.run([*run, "analyze", "demo/loops.toml", "--json"], **told)
     return [(one["loop"], one["answer"]["verdict"], one["answer"]["width"]) for one in json.loads(done.stdout)["loops"]]
 
 
-def tried(wheel: Path) -> str:
+def installed(wheel: Path, folder: Path) -> tuple[list[str], dict[str, str]]:
+    """An empty environment with the wheel and what tests it, and its variables."""
+    subprocess.run([sys.executable, "-m", "venv", folder / "empty"], check=True)
+    python = next(path for path in (folder / "empty/bin/python", folder / "empty/Scripts/python.exe") if path.exists())
+    subprocess.run([python, "-m", "pip", "install", "--quiet", wheel, *TESTED_BY], check=True)
+    # Nothing of what stands beside this file may be imported in place of the wheel.
+    return [str(python)], {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
+
+
+def installed_under(command: list[str], wheel: Path, folder: Path) -> tuple[list[str], dict[str, str]]:
+    """The same for another platform's Python, that an emulator runs: a folder in which it looks."""
+    asked = "import sys; print('%d.%d' % sys.version_info[:2])"
+    version = subprocess.run([*command, "-c", asked], capture_output=True, text=True, check=True).stdout.strip()
+    rules = wheel.stem.rsplit("-", 1)[1].split(".")
+    # What it needs may ask for a newer system than glapp does.
+    rules += [rule.replace("_2_17_", "_2_28_") for rule in rules if "_2_17_" in rule]
+    of = [f"--platform={rule}" for rule in rules] + ["--python-version", version, "--only-binary=:all:"]
+    install = [sys.executable, "-m", "pip", "install", "--quiet", *of, "--target", folder / "site", wheel, *TESTED_BY]
+    subprocess.run(install, check=True)
+    return command, os.environ | {"PYTHONPATH": str(folder / "site")}
+
+
+def alike(theirs: tuple[str, str, float | None], ours: tuple[str, str, float | None]) -> bool:
+    """Equal names; a width to 1 in 1000, since a search ends where the last digits of a system's logarithms send it."""
+    (*names, width), (*own_names, own) = theirs, ours
+    return names == own_names and (
+        width == own or (None not in (width, own) and math.isclose(width, own, rel_tol=1e-3))
+    )
+
+
+def tried(wheel: Path, under: list[str]) -> str:
     """What was tried of a wheel in an empty environment.
 
     Raises
@@ -110,35 +145,27 @@ def tried(wheel: Path) -> str:
     """
     with tempfile.TemporaryDirectory() as room:
         folder = Path(room)
-        subprocess.run([sys.executable, "-m", "venv", folder / "empty"], check=True)
-        python = next(
-            path for path in (folder / "empty/bin/python", folder / "empty/Scripts/python.exe") if path.exists()
-        )
-        install = [python, "-m", "pip", "install", "--quiet", wheel, "pytest<9.2", "jsonschema"]
-        subprocess.run(install, check=True)
-        # Nothing of what stands beside this file may be imported in place of the wheel.
-        alone = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
-        told = answers(python, folder, **alone)
-        assert told == answers(Path(sys.executable), folder, **os.environ), told
-        vectors = [
-            python,
+        python, alone = installed_under(under, wheel, folder) if under else installed(wheel, folder)
+        told, ours = answers(python, folder, alone), answers([sys.executable], folder, dict(os.environ))
+        assert len(told) == len(ours) and all(map(alike, told, ours)), (told, ours)
+        test = [
             "-m",
             "pytest",
             "--quiet",
             "--noconftest",
             "-p",
             "no:cacheprovider",
-            ROOT / "tests/test_vectors.py",
+            str(ROOT / "tests/test_vectors.py"),
         ]
-        done = subprocess.run(vectors, cwd=folder, env=alone, capture_output=True, text=True)
+        done = subprocess.run([*python, *test], cwd=folder, env=alone, capture_output=True, text=True)
         assert done.returncode == 0, done.stdout
     return f"{len(told)} loops of the demonstration; vectors: {done.stdout.splitlines()[-1]}"
 
 
 def source(folder: Path) -> Path:
     """The source package, which every platform with Rust can build."""
-    command = [sys.executable, "-m", "maturin", "sdist", "--quiet", "--out", str(folder)]
-    subprocess.run(command, cwd=ROOT, check=True)
+    command = [sys.executable, "-m", "maturin", "sdist", "--out", str(folder)]
+    subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
     return max(folder.glob("*.tar.gz"), key=lambda path: path.stat().st_mtime)
 
 
@@ -147,7 +174,11 @@ def main() -> int:
     parser = argparse.ArgumentParser(description="Wheels for every platform.")
     parser.add_argument("folder", type=Path)
     parser.add_argument("platforms", nargs="*", choices=[[], *PLATFORMS], metavar="PLATFORM", help=", ".join(PLATFORMS))
+    parser.add_argument("--under", metavar="COMMAND", default="", help="an emulator and a Python of the one platform")
     given = parser.parse_args()
+    under = shlex.split(given.under)
+    if under and len(given.platforms) != 1:
+        parser.error("--under goes with one platform")
     folder = given.folder.absolute()
     folder.mkdir(parents=True, exist_ok=True)
     here = (platform.system(), platform.machine())
@@ -164,9 +195,9 @@ def main() -> int:
             print(f"{name}: could not be built, maturin ended with {error.returncode}")
             continue
         said = "not tried: it runs on another machine"
-        if of.runs_on == here and not on_musl():
+        if under or (of.runs_on == here and not on_musl()):
             try:
-                said = tried(wheel)
+                said = tried(wheel, under)
             except (AssertionError, subprocess.CalledProcessError) as error:
                 wrong, said = 1, f"WRONG: {error}"
         print(f"{name}: {wheel.name}, {wheel.stat().st_size / 1e6:.1f} MB; {said}", flush=True)

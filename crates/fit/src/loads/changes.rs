@@ -465,14 +465,10 @@ fn prune(search: &Search, point: &Point) -> Cells {
             let search = Search { record: &fewer, ..*search };
             let price_of_changes = search.price_at(point);
             for first in (0..changes.len()).step_by(LANES) {
-                let tried: [Vec<f64>; LANES] = std::array::from_fn(|l| {
-                    let j = (first + l).min(changes.len() - 1);
-                    [&changes[..j], &changes[j + 1..]].concat()
-                });
+                let last = changes.len().min(first + LANES);
+                let tried: Vec<Vec<f64>> = (first..last).map(|j| [&changes[..j], &changes[j + 1..]].concat()).collect();
                 let sums = search.with_other_changes(&point.theta, &positions, i, &tried);
-                without.extend(
-                    (first..changes.len()).zip(*sums).map(|(j, sum)| (search.cost(sum) + price_of_changes, i, j)),
-                );
+                without.extend((first..last).zip(*sums).map(|(j, sum)| (search.cost(sum) + price_of_changes, i, j)));
             }
         }
         without.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -556,7 +552,7 @@ fn step_statistic(left: &[f64], changes: &[f64], answer: &[f64]) -> Vec<f64> {
     let mut from = 0;
     for end in ends {
         let padded = [&left[from..end], &vec![0.0; answer.len() + TOGETHER * LANES]].concat();
-        widest(Statistic { left: &padded, answer, statistic: &mut statistic, end });
+        widest(LANES, Statistic { left: &padded, answer, statistic: &mut statistic, end });
         from = end;
     }
     statistic

@@ -218,7 +218,7 @@ impl Whitened {
     fn keep<S: Simd, const R: usize, const N: usize>(&mut self, l: &[Wide<S, R>; N], worth: Wide<S, R>) {
         let room = &mut self.gains[self.gains_kept..self.gains_kept + N + 1];
         for (room, gain) in room.iter_mut().zip(l.iter().chain([&worth])) {
-            *room = gain.lanes();
+            gain.store(room);
         }
         self.gains_kept += N + 1;
     }
@@ -359,7 +359,8 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
                     let (e_y, e_v) = (self.unforeseen(&of_y, *y), self.unforeseen(&of_v, 0.0));
                     let (w_y, w_v) = (gain.scale * e_y, all(-1.0) * gain.scale * e_v);
                     sums.add(w_y, w_v);
-                    (*out_y, *out_v) = (w_y.lanes(), w_v.lanes());
+                    w_y.store(out_y);
+                    w_v.store(out_v);
                     self.step(&mut of_y, &gain.l, e_y, None);
                     self.step(&mut of_v, &gain.l, e_v, Some(v.at(self.simd, k)));
                     k += 1;
@@ -385,7 +386,8 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
                 let (w_y, w_v) = (worth * e_y, all(-1.0) * worth * e_v);
                 sums.add(w_y, w_v);
                 let (out_y, out_v) = white.next(1);
-                (out_y[0], out_v[0]) = (w_y.lanes(), w_v.lanes());
+                w_y.store(&mut out_y[0]);
+                w_v.store(&mut out_v[0]);
                 if seen > START {
                     product *= gain.s;
                     gathered += 1;
@@ -436,7 +438,7 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
                         let w_v = minus * worth * unforeseen;
                         sums.answer(load(of_y), w_v);
                         if !ONE {
-                            *of_v = w_v.lanes();
+                            w_v.store(of_v);
                         }
                         self.step(&mut x, &l, unforeseen, Some(v.at(self.simd, k)));
                     }
@@ -451,7 +453,7 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
                         let w_v = minus * worth * unforeseen;
                         sums.answer(load(of_y), w_v);
                         if !ONE {
-                            *of_v = w_v.lanes();
+                            w_v.store(of_v);
                         }
                         self.step(&mut x, &l, unforeseen, Some(v.at(self.simd, k)));
                     }

@@ -43,7 +43,7 @@ impl DerefMut for Lanes {
     }
 }
 
-/// [`Lanes`] in `R` registers of the instructions `S`.
+/// [`Lanes`], or the first of them, in `R` registers of the instructions `S`.
 #[derive(Clone, Copy)]
 pub(crate) struct Wide<S: Simd, const R: usize> {
     pub(crate) simd: S,
@@ -56,7 +56,7 @@ impl<S: Simd, const R: usize> Wide<S, R> {
         Self { simd, registers: [simd.splat_f64s(x); R] }
     }
 
-    /// The first eight of these numbers.
+    /// As many of these numbers as there is room for.
     #[inline(always)]
     pub(crate) fn begin(simd: S, numbers: &[f64]) -> Self {
         let (registers, _) = S::as_simd_f64s(&numbers[..LANES]);
@@ -72,15 +72,22 @@ impl<S: Simd, const R: usize> Wide<S, R> {
     #[inline(always)]
     pub(crate) fn lanes(self) -> Lanes {
         let mut lanes = Lanes::default();
-        S::as_mut_simd_f64s(&mut lanes.0).0.copy_from_slice(&self.registers);
+        self.store(&mut lanes);
         lanes
+    }
+
+    /// Leaves the lanes beyond its registers as they are.
+    #[inline(always)]
+    pub(crate) fn store(self, lanes: &mut Lanes) {
+        S::as_mut_simd_f64s(&mut lanes.0).0[..R].copy_from_slice(&self.registers);
     }
 
     /// The same function of every lane, one after another.
     #[inline(always)]
     pub(crate) fn each(self, of: impl Fn(f64) -> f64) -> Self {
-        let lanes = self.lanes();
-        Self::load(self.simd, &Lanes::each(|l| of(lanes[l])))
+        let mut lanes = self.lanes();
+        lanes[..R * S::F64_LANES].iter_mut().for_each(|x| *x = of(*x));
+        Self::load(self.simd, &lanes)
     }
 
     #[inline(always)]
@@ -93,7 +100,7 @@ impl<S: Simd, const R: usize> Wide<S, R> {
         Self { registers: self.registers.map(|x| self.simd.abs_f64s(x)), ..self }
     }
 
-    /// The largest of the eight.
+    /// The largest of them.
     #[inline(always)]
     pub(crate) fn max(self) -> f64 {
         self.registers.iter().map(|x| self.simd.reduce_max_f64s(*x)).fold(f64::MIN, f64::max)
@@ -137,27 +144,39 @@ impl<S: Simd, const R: usize> Div for Wide<S, R> {
 
 /// Work on eight lanes, written for any registers.
 pub(crate) trait Work {
-    /// Does it, eight numbers in `R` registers.
+    /// Does it in `R` registers.
     fn run<S: Simd, const R: usize>(self, simd: S);
 }
 
-/// Does the work with the widest registers of this machine.
-pub(crate) fn widest(work: impl Work) {
-    pulp::Arch::new().dispatch(Dispatched(work));
+/// Does the work with the widest registers of this machine, and with no more of them than the first `lanes` of the eight take.
+/// What those hold does not hang on how many they are, where the others are like some of them.
+pub(crate) fn widest(lanes: usize, work: impl Work) {
+    pulp::Arch::new().dispatch(Dispatched { lanes, work });
 }
 
-struct Dispatched<W>(W);
+struct Dispatched<W> {
+    lanes: usize,
+    work: W,
+}
 
 impl<W: Work> pulp::WithSimd for Dispatched<W> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
+        let Self { lanes, work } = self;
+        let registers = lanes.div_ceil(S::F64_LANES);
         match S::F64_LANES {
-            8 => self.0.run::<S, 1>(simd),
-            4 => self.0.run::<S, 2>(simd),
-            2 => self.0.run::<S, 4>(simd),
-            _ => self.0.run::<S, 8>(simd),
+            8 => work.run::<S, 1>(simd),
+            4 if registers == 1 => work.run::<S, 1>(simd),
+            4 => work.run::<S, 2>(simd),
+            2 => match registers {
+                1 => work.run::<S, 1>(simd),
+                2 => work.run::<S, 2>(simd),
+                3 => work.run::<S, 3>(simd),
+                _ => work.run::<S, 4>(simd),
+            },
+            _ => work.run::<S, 8>(simd),
         }
     }
 }

@@ -307,7 +307,7 @@ impl Structure {
         draw: &mut impl FnMut() -> f64,
     ) -> Vec<f64> {
         let mut made = Vec::new();
-        widest(Simulation { structure: self, theta, y, changes, kp_v, draw, made: &mut made });
+        widest(1, Simulation { structure: self, theta, y, changes, kp_v, draw, made: &mut made });
         made
     }
 }

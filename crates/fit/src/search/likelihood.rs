@@ -87,8 +87,8 @@ impl Workspace {
     }
 
     /// Where the gains of these models are kept.
-    fn place_of(&self, search: &Search, thetas: &[Theta; LANES]) -> Option<usize> {
-        self.kept.iter().position(|kept| kept.known.as_ref().is_some_and(|known| known.holds(search, thetas)))
+    fn place_of(&self, search: &Search, thetas: &[Theta; LANES], lanes: usize) -> Option<usize> {
+        self.kept.iter().position(|kept| kept.known.as_ref().is_some_and(|known| known.holds(search, thetas, lanes)))
     }
 }
 
@@ -101,23 +101,26 @@ const DESCENDED: usize = 1;
 struct Known {
     structure: Structure,
     thetas: [Theta; LANES],
+    /// As in [`Pass`].
+    lanes: usize,
     /// Of each stretch its PV, which is the same only as itself, and its changes.
     stretches: Vec<(Arc<[f64]>, Vec<f64>)>,
 }
 
 impl Known {
-    fn new(search: &Search, thetas: &[Theta; LANES]) -> Self {
+    fn new(search: &Search, thetas: &[Theta; LANES], lanes: usize) -> Self {
         let stretches = search.record.stretches.iter().map(|s| (s.y.clone(), s.changes.clone())).collect();
-        Self { structure: search.structure, thetas: *thetas, stretches }
+        Self { structure: search.structure, thetas: *thetas, lanes, stretches }
     }
 
-    /// Whether the models are these.
-    fn holds(&self, search: &Search, thetas: &[Theta; LANES]) -> bool {
+    /// Whether the models are these, of which so many lanes are asked for.
+    fn holds(&self, search: &Search, thetas: &[Theta; LANES], lanes: usize) -> bool {
         let Search { record, structure, .. } = search;
         let dead = structure.dead_time_at();
         let alike = |(a, b): (&Theta, &Theta)| (0..MOST).all(|i| i == dead || a[i] == b[i]);
         let same = |((y, changes), s): (&(Arc<[f64]>, Vec<f64>), &Strip)| Arc::ptr_eq(y, &s.y) && *changes == s.changes;
         self.structure == *structure
+            && self.lanes >= lanes
             && self.thetas.iter().zip(thetas).all(alike)
             && self.stretches.len() == record.stretches.len()
             && self.stretches.iter().zip(&record.stretches).all(same)
@@ -186,6 +189,8 @@ struct Pass<'r, 's> {
     search: &'s Search<'s>,
     workspace: &'r mut Workspace,
     thetas: &'s [Theta; LANES],
+    /// How many of them differ in something: the others are like one of these, and nobody asks for them.
+    lanes: usize,
     /// The positions for a lane in a stretch.
     positions: &'s dyn Fn(usize, usize) -> &'s [f64],
     /// The changes of the load for a lane in a stretch, where they are not the record's own.
@@ -198,7 +203,7 @@ struct Pass<'r, 's> {
 impl Work for Pass<'_, '_> {
     #[inline(always)]
     fn run<S: Simd, const R: usize>(self, simd: S) {
-        let Self { search, workspace, thetas, positions, changes, wanted, place } = self;
+        let Self { search, workspace, thetas, lanes, positions, changes, wanted, place } = self;
         let Search { record, structure, .. } = search;
         let stretches = 0..record.stretches.len();
         let delay = Lanes::each(|l| search.delay(&thetas[l]));
@@ -215,7 +220,7 @@ impl Work for Pass<'_, '_> {
             }
             let from = workspace.delayed.len();
             workspace.delayed.resize(from + positions(0, i).len(), Lanes::default());
-            for l in 0..LANES {
+            for l in 0..lanes {
                 workspace.shifted.clear();
                 shift(positions(l, i), delay[l], &mut workspace.shifted);
                 let of_lane = workspace.shifted.windows(2).map(|two| (1.0 - part[l]) * two[1] + part[l] * two[0]);
@@ -235,7 +240,7 @@ impl Work for Pass<'_, '_> {
                 Delayed::Each(v)
             }
         });
-        let held = if changes.is_none() { workspace.place_of(search, thetas) } else { None };
+        let held = if changes.is_none() { workspace.place_of(search, thetas, lanes) } else { None };
         workspace.last = held.unwrap_or(place);
         let Kept { white, known } = &mut workspace.kept[workspace.last];
         if held.is_some() {
@@ -255,7 +260,7 @@ impl Work for Pass<'_, '_> {
             let inputs = delayed.zip(&record.stretches).zip(&workspace.changes);
             let inputs = inputs.map(|((v, stretch), changes)| (&*stretch.y, changes.as_slice(), v));
             structure.whiten::<S, R>(simd, thetas, inputs, white);
-            *known = changes.is_none().then(|| Known::new(search, thetas));
+            *known = changes.is_none().then(|| Known::new(search, thetas, lanes));
         }
         search.gain_and_residuals::<S, R>(simd, white, &mut workspace.found, wanted);
     }
@@ -298,29 +303,33 @@ impl Work for Response<'_> {
 }
 
 impl Search<'_> {
-    /// Eight sets of parameters at once, each with the positions of one lost motion; `then` takes what it needs of it.
+    /// Eight sets of parameters at once, each with the positions of one lost motion; `lanes` as in [`Pass`]. `then` takes what it
+    /// needs of it.
     fn innovations<T>(
         &self,
         thetas: &[Theta; LANES],
+        lanes: usize,
         positions: &Positions,
         wanted: Wanted,
         then: impl FnOnce(&Innovations) -> T,
     ) -> T {
-        self.pass(thetas, &|_, i| &positions[i], None, wanted, BEGUN, |workspace| then(&workspace.found))
+        self.pass(thetas, lanes, &|_, i| &positions[i], None, wanted, BEGUN, |workspace| then(&workspace.found))
     }
 
-    /// Σ r² with eight other sets of changes in one of the stretches, each as large as the record's own.
+    /// Σ r² with up to eight other sets of changes in one of the stretches, each as large as the record's own.
     pub(crate) fn with_other_changes(
         &self,
         theta: &Theta,
         positions: &Positions,
         stretch: usize,
-        changes: &[Vec<f64>; LANES],
+        changes: &[Vec<f64>],
     ) -> Lanes {
-        let of = |l: usize, i: usize| if i == stretch { &changes[l] } else { &self.record.stretches[i].changes };
-        self.pass(&[*theta; LANES], &|_, i| &positions[i], Some(&of), Wanted::Least, DESCENDED, |workspace| {
-            workspace.found.sum
-        })
+        let last = changes.len() - 1;
+        let of = |l: usize, i: usize| {
+            if i == stretch { &changes[l.min(last)] } else { &self.record.stretches[i].changes }
+        };
+        let (thetas, lanes) = ([*theta; LANES], changes.len());
+        self.pass(&thetas, lanes, &|_, i| &positions[i], Some(&of), Wanted::Least, DESCENDED, |pass| pass.found.sum)
     }
 
     /// How late the answer is [cells]. PV's mean over a cell lies half a cell behind its first step, OP's mean acts from the first
@@ -334,6 +343,7 @@ impl Search<'_> {
     fn pass<'s, T>(
         &'s self,
         thetas: &'s [Theta; LANES],
+        lanes: usize,
         positions: &'s dyn Fn(usize, usize) -> &'s [f64],
         changes: Option<&'s dyn Fn(usize, usize) -> &'s Vec<f64>>,
         wanted: Wanted,
@@ -341,7 +351,7 @@ impl Search<'_> {
         then: impl FnOnce(&Workspace) -> T,
     ) -> T {
         WORKSPACE.with_borrow_mut(|workspace| {
-            widest(Pass { search: self, workspace, thetas, positions, changes, wanted, place });
+            widest(lanes, Pass { search: self, workspace, thetas, lanes, positions, changes, wanted, place });
             then(workspace)
         })
     }
@@ -403,13 +413,13 @@ impl Search<'_> {
             theta
         });
         let positions = self.record.positions(lost);
-        let sums = self.innovations(&thetas, &positions, Wanted::Least, |found| found.sum);
+        let sums = self.innovations(&thetas, LANES, &positions, Wanted::Least, |found| found.sum);
         thetas[(0..LANES).min_by(|a, b| sums[*a].total_cmp(&sums[*b])).expect("eight lanes")]
     }
 
     /// One set of parameters: the first lane tells.
     pub(crate) fn at(&self, theta: &Theta, positions: &Positions) -> Innovations {
-        self.innovations(&[*theta; LANES], positions, Wanted::Residuals, Innovations::clone)
+        self.innovations(&[*theta; LANES], 1, positions, Wanted::Residuals, Innovations::clone)
     }
 
     /// −2·ln L with the size of the noise at its best.
@@ -428,7 +438,7 @@ impl Search<'_> {
     pub(crate) fn price_at(&self, point: &Point) -> f64 {
         let noise = || {
             let positions = self.record.positions(&point.lost);
-            self.innovations(&[point.theta; LANES], &positions, Wanted::Least, |found| self.noise(found))
+            self.innovations(&[point.theta; LANES], 1, &positions, Wanted::Least, |found| self.noise(found))
         };
         self.price(point.kp, noise)
     }
@@ -471,7 +481,7 @@ impl Search<'_> {
         };
         let step: Vec<Lanes> = (0..before + cells).map(|k| Lanes::all(load(k))).collect();
         let mut white = Whitened::default();
-        widest(Response { structure: self.structure, theta, positions: &step, white: &mut white });
+        widest(1, Response { structure: self.structure, theta, positions: &step, white: &mut white });
         white.of_v()[before..].iter().map(|v| v[0]).collect()
     }
 
@@ -480,7 +490,7 @@ impl Search<'_> {
         let (mut of_y, mut answers) = (Vec::new(), Vec::new());
         for eight in inputs.chunks(LANES) {
             let of = |l: usize, i: usize| eight[l.min(eight.len() - 1)][i].as_slice();
-            self.pass(&[*theta; LANES], &of, None, Wanted::Sums, BEGUN, |workspace| {
+            self.pass(&[*theta; LANES], eight.len(), &of, None, Wanted::Sums, BEGUN, |workspace| {
                 let white = workspace.white();
                 of_y = white.of_y().iter().map(|y| y[0]).collect();
                 answers.extend((0..eight.len()).map(|l| white.of_v().iter().map(|v| v[l]).collect::<Vec<f64>>()));
@@ -506,10 +516,15 @@ impl Search<'_> {
         (thetas, by)
     }
 
+    /// Lanes of [`Self::perturbed`] that differ.
+    fn moved(&self) -> usize {
+        self.structure.parameters() + 1
+    }
+
     /// Residuals at θ and their derivatives by each parameter, a column each.
     pub(crate) fn slopes(&self, theta: &Theta, positions: &Positions) -> (Vec<f64>, Vec<Vec<f64>>) {
         let (thetas, by) = self.perturbed(theta);
-        self.innovations(&thetas, positions, Wanted::Residuals, |found| {
+        self.innovations(&thetas, self.moved(), positions, Wanted::Residuals, |found| {
             let slope = |j: usize| found.residual.iter().map(|r| (r[j + 1] - r[0]) / by[j]).collect();
             (found.lane(0), (0..self.structure.parameters()).map(slope).collect())
         })
@@ -519,17 +534,26 @@ impl Search<'_> {
     fn local(&self, theta: Theta, positions: &Positions, place: usize) -> Local {
         let (thetas, by) = self.perturbed(&theta);
         let k = self.structure.parameters();
-        self.pass(&thetas, &|_, i| &positions[i], None, Wanted::Products, place, |Workspace { found, .. }| {
-            let (mut normal, mut down) = ([[0.0; MOST]; MOST], [0.0; MOST]);
-            for i in 0..k {
-                for j in 0..k {
-                    normal[i][j] = found.products[i + 1][j + 1] / (by[i] * by[j]);
+        let lanes = self.moved();
+        self.pass(
+            &thetas,
+            lanes,
+            &|_, i| &positions[i],
+            None,
+            Wanted::Products,
+            place,
+            |Workspace { found, .. }| {
+                let (mut normal, mut down) = ([[0.0; MOST]; MOST], [0.0; MOST]);
+                for i in 0..k {
+                    for j in 0..k {
+                        normal[i][j] = found.products[i + 1][j + 1] / (by[i] * by[j]);
+                    }
+                    down[i] = -found.products[0][i + 1] / by[i];
                 }
-                down[i] = -found.products[0][i + 1] / by[i];
-            }
-            let products = (found.sums.yv[0], found.sums.vv[0]);
-            Local { theta, kp: found.kp[0], noise: self.noise(found), products, sum: found.sum[0], normal, down }
-        })
+                let products = (found.sums.yv[0], found.sums.vv[0]);
+                Local { theta, kp: found.kp[0], noise: self.noise(found), products, sum: found.sum[0], normal, down }
+            },
+        )
     }
 
     /// The damped step from a point and how far it should bring Σ r² down. Parameters that stand at a bound and would leave it
@@ -594,8 +618,8 @@ impl Search<'_> {
                 // Too far: eight shorter steps at once.
                 let dampings = Lanes::each(|l| damping * 10f64.powi(l as i32 + 1));
                 let thetas = dampings.map(|damping| self.step(&here, damping).0);
-                let sums =
-                    self.pass(&thetas, &|_, i| &positions[i], None, Wanted::Least, DESCENDED, |pass| pass.found.sum);
+                let sums = self
+                    .pass(&thetas, LANES, &|_, i| &positions[i], None, Wanted::Least, DESCENDED, |pass| pass.found.sum);
                 let best = (0..LANES).min_by(|a, b| sums[*a].total_cmp(&sums[*b])).expect("eight lanes");
                 if sums[best] >= before {
                     break;
@@ -650,14 +674,14 @@ impl Search<'_> {
     fn beginnings(&self, point: &Point, stretch: usize, positions: &[Lanes]) -> Sums {
         // The gains with which the point was found, so that they do not hang on what else was passed before.
         let (thetas, _) = self.perturbed(&point.theta);
-        let held = || WORKSPACE.with_borrow(|workspace| workspace.place_of(self, &thetas));
+        let held = || WORKSPACE.with_borrow(|workspace| workspace.place_of(self, &thetas, self.moved()));
         let held = held().unwrap_or_else(|| {
-            self.innovations(&thetas, &self.record.positions(&point.lost), Wanted::Sums, |_| ());
+            self.innovations(&thetas, self.moved(), &self.record.positions(&point.lost), Wanted::Sums, |_| ());
             BEGUN
         });
         WORKSPACE.with_borrow_mut(|workspace| {
             let white = &mut workspace.kept[held].white;
-            widest(Beginning { search: self, white, theta: &point.theta, stretch, positions });
+            widest(LANES, Beginning { search: self, white, theta: &point.theta, stretch, positions });
             white.sums
         })
     }
@@ -736,8 +760,9 @@ mod tests {
     use super::*;
     use pulp::Scalar;
 
-    /// What a pass makes of a record with a hole and a change of the load, in registers of the instructions `S`.
-    fn passed<S: Simd, const R: usize>(simd: S, structure: Structure) -> [u64; 2 * LANES] {
+    /// What a pass makes of a record with a hole and a change of the load, in registers of the instructions `S`, of the lanes
+    /// that differ.
+    fn passed<S: Simd, const R: usize>(simd: S, structure: Structure) -> Vec<u64> {
         let u: Vec<f64> = (0..200).map(|k| (f64::from(k) * 0.1).sin()).collect();
         let mut y: Vec<f64> =
             (0..200).map(|k| (f64::from(k) * 0.1 - 1.0).sin() + 0.01 * f64::from(k * 7919 % 13)).collect();
@@ -747,19 +772,20 @@ mod tests {
         let (thetas, _) = search.perturbed(&structure.beginning(8.0, 2.4));
         let positions = record.positions(&LostMotion::gap(0.1, 1));
         let mut workspace = Workspace::default();
+        let lanes = search.moved();
         let pass = Pass {
             search: &search,
             workspace: &mut workspace,
             thetas: &thetas,
+            lanes,
             positions: &|_, i| positions[i].as_slice(),
             changes: None,
             wanted: Wanted::Products,
             place: BEGUN,
         };
         pass.run::<S, R>(simd);
-        std::array::from_fn(|i| {
-            if i < LANES { workspace.found.sum[i] } else { workspace.found.products[1][i - LANES] }.to_bits()
-        })
+        let Innovations { sum, products, .. } = workspace.found;
+        [sum, products[1]].iter().flat_map(|found| found[..lanes].iter().map(|x| x.to_bits())).collect()
     }
 
     #[test]
@@ -777,14 +803,14 @@ mod tests {
                     WORKSPACE.take();
                 }
                 let positions = record.positions(&LostMotion::gap(d, 2));
-                search.innovations(&thetas, &positions, Wanted::Residuals, |found| {
+                search.innovations(&thetas, LANES, &positions, Wanted::Residuals, |found| {
                     let of_all = found.residual.iter().flat_map(|r| r.map(f64::to_bits));
                     of_all.chain(found.sums.yv.map(f64::to_bits)).collect::<Vec<u64>>()
                 })
             };
             let anew = of(0.2, true);
             of(0.1, true);
-            assert!(WORKSPACE.with_borrow(|workspace| workspace.place_of(&search, &thetas).is_some()));
+            assert!(WORKSPACE.with_borrow(|workspace| workspace.place_of(&search, &thetas, LANES).is_some()));
             assert!(of(0.2, false) == anew, "{structure:?}");
         }
     }
@@ -798,9 +824,10 @@ mod tests {
         let (mut slower, mut later) = (theta, theta);
         slower[0] += 0.1;
         later[structure.dead_time_at()] += 1.0;
-        let kept = Known::new(&Search { record: &record, structure, sign: 1.0 }, &[theta; LANES]);
+        let kept = Known::new(&Search { record: &record, structure, sign: 1.0 }, &[theta; LANES], 5);
         let holds =
-            |record: &Cells, theta: Theta| kept.holds(&Search { record, structure, sign: 1.0 }, &[theta; LANES]);
+            |record: &Cells, theta: Theta| kept.holds(&Search { record, structure, sign: 1.0 }, &[theta; LANES], 5);
+        assert!(!kept.holds(&Search { record: &record, structure, sign: 1.0 }, &[theta; LANES], 6), "one more lane");
         assert!(holds(&record, theta) && holds(&record.clone(), later), "the dead time is the answer's alone");
         assert!(!holds(&record, slower));
         assert!(!holds(&record.with_changes(vec![vec![40.0]]), theta));
@@ -822,7 +849,7 @@ mod tests {
         for l in 0..LANES {
             let lost = LostMotion { start: vec![places[l]], ..point.lost.clone() };
             let of_one = |found: &Innovations| (found.sums.yv[0], found.sums.vv[0]);
-            let (yv, vv) = search.innovations(&[point.theta; LANES], &record.positions(&lost), Wanted::Sums, of_one);
+            let (yv, vv) = search.innovations(&[point.theta; LANES], 1, &record.positions(&lost), Wanted::Sums, of_one);
             assert!((yv - sums.yv[l]).abs() < 1e-6 * yv.abs() && (vv - sums.vv[l]).abs() < 1e-6 * vv, "start {l}");
         }
     }
@@ -844,6 +871,9 @@ mod tests {
                     use pulp::x86::{V3, V4};
                     if let Some(v3) = V3::try_new() {
                         assert_eq!(passed::<V3, 2>(v3, structure), alone, "{structure:?}");
+                        if structure.parameters() < 4 {
+                            assert_eq!(passed::<V3, 1>(v3, structure), alone, "{structure:?}");
+                        }
                     }
                     if let Some(v4) = V4::try_new() {
                         assert_eq!(passed::<V4, 1>(v4, structure), alone, "{structure:?}");

@@ -1,0 +1,62 @@
+//! Settings of a detector by the names and in the units of `docs/catalogue.md`.
+
+use crate::wrong::Wrong;
+use glapp_core::DetectorSettings;
+
+/// The settings with these names and values; what is not there has its default.
+///
+/// `k`, `ti` and `h`, the usual time between two samples \[s\], must be there. A condition of the safety net is switched off by its
+/// name with 0.
+pub(crate) fn detector(given: &[(&str, f64)]) -> Result<DetectorSettings<f64>, Wrong> {
+    let mut last: Vec<(&str, f64)> = Vec::with_capacity(given.len());
+    for one in given {
+        if last.iter().any(|known| known.0 == one.0) {
+            return Err(Wrong::refused(format!("{}: is given twice", one.0)));
+        }
+        last.push(*one);
+    }
+    let known = |name: &str| given.iter().find(|one| one.0 == name).map(|one| one.1);
+    let must = |name: &str| known(name).ok_or_else(|| Wrong::refused(format!("{name}: is missing")));
+    let mut settings = DetectorSettings::new(must("k")?, must("ti")?, known("td").unwrap_or(0.0), must("h")?);
+    let mut limits = (None, None);
+    for (name, value) in given {
+        match *name {
+            "k" | "ti" | "td" | "h" => {}
+            "b" => settings.b = *value,
+            "kp" => settings.kp = Some(*value),
+            "pv_span" => settings.pv_span = Some(*value),
+            "op_span" => settings.op_span = Some(*value),
+            "integrating" => settings.integrating = yes(name, *value)?,
+            "tf" => settings.tf = *value,
+            "n" => settings.n = whole(name, *value)?,
+            "max_h" => settings.max_h = *value,
+            "op_low" => limits.0 = Some(*value),
+            "op_high" => limits.1 = Some(*value),
+            other => match settings.conditions.switch(other) {
+                Some(asked) => *asked = yes(other, *value)?,
+                None => return Err(Wrong::refused(format!("{other}: there is no such setting of a detector"))),
+            },
+        }
+    }
+    settings.op_limits = match limits {
+        (Some(low), Some(high)) => Some((low, high)),
+        (None, None) => None,
+        (Some(_), None) => return Err(Wrong::refused("op_high: is missing beside op_low")),
+        (None, Some(_)) => return Err(Wrong::refused("op_low: is missing beside op_high")),
+    };
+    Ok(settings)
+}
+
+fn yes(name: &str, value: f64) -> Result<bool, Wrong> {
+    match value {
+        0.0 => Ok(false),
+        1.0 => Ok(true),
+        _ => Err(Wrong::refused(format!("{name} = {value}: must be 0 (no) or 1 (yes)"))),
+    }
+}
+
+fn whole(name: &str, value: f64) -> Result<u32, Wrong> {
+    let number = value as u32;
+    let same = f64::from(number) == value;
+    if same { Ok(number) } else { Err(Wrong::refused(format!("{name} = {value}: must be a whole number"))) }
+}

@@ -21,7 +21,7 @@ const OTHERS: [&str; 6] = ["docs", "subset", "lint_samples", "self_test", "demo"
 /// Programs, which have tests of their own, and the tests' block.
 const PROGRAMS: [&str; 3] = ["SelfTest.st", "Demo.st", "TryFunctions.st"];
 /// So many mutants go over the traces together, and what became of them is written then.
-const AT_ONCE: usize = 250;
+const AT_ONCE: usize = 1000;
 
 fn tests() -> Vec<PathBuf> {
     let built = Command::new(env!("CARGO"))

@@ -504,6 +504,10 @@ fn random<R: Number>() {
             let expected = reference.scan(&row);
             let got = cost.of(&block, || scan(&block, &row));
             assert!(agree(&expected, &got), "{}", difference(&expected.row, &got.row, &row, seed, i));
+            assert!(!block.on("Dropped"));
+            if i % 16 == 15 && !block.on("Error") {
+                reference.in_force(&block);
+            }
             standings[block.get("Standing") as usize] += 1;
             refused += u64::from(block.on("Error"));
             done += u64::from(block.get("Phase") == 4.0);
@@ -537,6 +541,8 @@ fn random<R: Number>() {
     far_apart::<R>(&mut cover);
     large::<R>(&mut cover);
     coarse::<R>(&mut cover);
+    relay_and_gain::<R>(&mut cover);
+    warns::<R>(&mut cover);
     cover.holds(&["GlappPidAdvanced", "GlappGainSchedule"]);
     // The rest of both is taken where they are alone.
     cover.parts("GlappPid", &INSIDE.map(|line| if line == "IF HasUsed THEN" { "IF Forth THEN" } else { line }));
@@ -633,11 +639,13 @@ fn large<R: Number>(cover: &mut Cover) {
             cover.collect(&block);
         }
     }
-    for (low, high) in [(1e33, 2e33), (-2e33, -1e33), (-1e33, 1e33)] {
+    for (tuner, (low, high)) in [(0.0, (1e33, 2e33)), (0.0, (-2e33, -1e33)), (1.0, (1e33, 2e33)), (1.0, (-2e33, -1e33))]
+    {
         let (block, mut reference) = (Block::new::<R>("GlappPidAdvanced"), Reference::<R>::default());
         for i in 0..4 {
             let mut pins = usual.clone();
-            pins.set_all(&[("HasLow", 1.0), ("Low", low), ("HasHigh", 1.0), ("High", high)]);
+            pins.set_all(&[("HasLow", 1.0), ("Low", low), ("HasHigh", 1.0), ("High", high), ("HasTuner", tuner)]);
+            pins.set_all(&[("Amplitude", 3.0), ("WaitTime", 1.0), ("Longest", 9.0), ("PvHigh", 1.0)]);
             beside(&mut reference, &block, &pins, 0, i);
         }
         cover.collect(&block);
@@ -677,6 +685,63 @@ fn coarse<R: Number>(cover: &mut Cover) {
         }
         cover.collect(&block);
     }
+}
+
+/// Evenly and with hardly any travel of its own: it is warned of, until it begins anew.
+fn warns<R: Number>(cover: &mut Cover) {
+    let (block, mut reference) = (Block::new::<R>("GlappPidAdvanced"), Reference::<R>::default());
+    let mut pins = row(&[("K", 0.5), ("Ti", 1.0), ("H", 0.25), ("HasOwnSp", 1.0), ("Start", 5.0), ("N", 1.0)]);
+    pins.set_all(&[("HasCompensation", 1.0), ("Size", 4.0), ("Lessen", 0.0), ("HasKp", 1.0), ("Kp", 2.0)]);
+    pins.option("Band", Some(0.0));
+    pins.set("Withdraw", 0.0);
+    let mut warned = false;
+    for i in 0..320 {
+        pins.set("Pv", if (i / 24) % 2 == 0 { 0.1 } else { -0.1 });
+        pins.set_all(&[("Compensate", f64::from(i > 2)), ("Reset", f64::from(i == 300))]);
+        beside(&mut reference, &block, &pins, 0, i);
+        warned = if i < 300 { block.on("Relay") } else { warned };
+    }
+    assert!(warned && !block.on("Relay"));
+    cover.collect(&block);
+}
+
+/// An output that may just move as fast as the relay, and one that may not; an experiment on a process that integrates, whose Kp is none.
+fn relay_and_gain<R: Number>(cover: &mut Cover) {
+    let (mut stopped, mut without) = (0, 0);
+    for (rate, integrates) in [(22.0, false), (20.0, false), (18.0, false), (90.0, true)] {
+        let mut pins =
+            row(&[("K", 0.2), ("Ti", 4.0), ("H", 0.2), ("HasOwnSp", 1.0), ("Start", 5.0), ("HasTuner", 1.0)]);
+        pins.set_all(&[
+            ("HasLow", 1.0),
+            ("Low", 0.0),
+            ("HasHigh", 1.0),
+            ("High", 10.0),
+            ("HasRate", 1.0),
+            ("Rate", rate),
+        ]);
+        pins.set_all(&[("Amplitude", 3.0), ("WaitTime", 2.0), ("Longest", 900.0), ("PvLow", -90.0), ("PvHigh", 90.0)]);
+        pins.set("Rule", 1.0);
+        let (block, mut reference) = (Block::new::<R>("GlappPidAdvanced"), Reference::<R>::default());
+        let mut process = Process { x: [0.0; 3], gain: 1.0, noise: 0.0 };
+        let mut draw = Draw::new(1);
+        for i in 0..if integrates { 2000 } else { 40 } {
+            let before = process.x[2];
+            let pv = process.step(block.get("Output"), 0.2, &mut draw);
+            if integrates {
+                // Its last lag integrates.
+                process.x[2] = before + 0.2 * process.x[1];
+            }
+            pins.set_all(&[("Pv", pv), ("Run", f64::from(i > 2))]);
+            beside(&mut reference, &block, &pins, rate as u64, i);
+            if block.get("Phase") >= 4.0 {
+                break;
+            }
+        }
+        stopped += usize::from(block.get("StopReason") == 4.0);
+        without += usize::from(block.get("Phase") == 4.0 && !block.on("HasFoundKp"));
+        cover.collect(&block);
+    }
+    assert_eq!((stopped, without), (1, 1));
 }
 
 /// What is not the same, by its pin.
@@ -721,13 +786,16 @@ fn power<R: Number>(cover: &mut Cover) {
     pins.set("Compensate", 1.0);
     run(&mut pins, 401, 500);
     assert!(block.get("UFf").abs() > 0.1);
-    block.0.borrow_mut().power_cut();
-    block.0.borrow_mut().spoil("Law.StateVersion", 9.0).unwrap();
-    block.call();
-    assert!(block.on("Dropped"));
-    block.set("Reset", 1.0);
-    block.call();
-    assert!(!block.on("Dropped"));
+    for part in ["Law", "Detection"] {
+        block.set("Reset", 0.0);
+        block.0.borrow_mut().power_cut();
+        block.0.borrow_mut().spoil(&format!("{part}.StateVersion"), 9.0).unwrap();
+        block.call();
+        assert!(block.on("Dropped"));
+        block.set("Reset", 1.0);
+        block.call();
+        assert!(!block.on("Dropped"));
+    }
     cover.collect(&block);
 }
 

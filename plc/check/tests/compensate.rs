@@ -5,6 +5,8 @@ mod common;
 use common::compensate::{BLOCKS, Pins, REMEMBERED, Reference, Swings, core, library, scan};
 use common::cover::{Cost, Cover, sequences};
 use common::{Block, Case, Draw, Number, cases, compare, same};
+use glapp_core::status::{AT_HIGH, AT_LOW};
+use glapp_core::{Saturation, WrongSign, WrongSignState};
 use glapp_plc_check::Build;
 use serde_json::json;
 
@@ -54,11 +56,14 @@ fn drawn(block: &str, d: &mut Draw) -> Case {
         "over_compensation" => {
             let (duration, scatter) = (d.between(5.0, 30.0), d.of(&[0.0, 0.0, 0.05, 0.6]));
             let faster = d.of(&[1.0, 0.8, 0.7, 0.5]);
-            let height = d.of(&[0.02, 0.3, 1.0]);
-            let mut size = 0.0;
+            let duration = duration * d.of(&[1.0, 1.0, 1.0, 0.03]);
+            let height = d.of(&[0.02, 0.3, 0.3, 1.0, 1.0, 1e9]);
+            let (mut size, usual) = (0.0, scatter);
+            let mut scatter = usual;
             let input = (0..120).map(|i| {
                 if i % 30 == 10 {
                     size = d.of(&[0.0, 0.5, 2.0, 6.0]);
+                    scatter = d.of(&[usual, usual, 0.0]);
                 }
                 let around = 1.0 + scatter * d.between(-1.0, 1.0);
                 let long = duration * around * if size > 0.0 { faster } else { 1.0 };
@@ -136,6 +141,25 @@ fn random<R: Number>() {
         compare(&case, core::<R>("wrong_sign", &case), scan, false);
         cover.collect(&block);
     }
+    for op in [0.5_f64, -0.5] {
+        // At its limit from the first sample on, near to where a block that was cleared has it.
+        let block = Block::new::<R>("GlappWrongSign");
+        let limits = Saturation::new(R::of(-0.5), R::of(0.5)).unwrap();
+        let core = WrongSign::new(R::of(op.signum()), R::of(1.0), limits).unwrap();
+        let mut state = WrongSignState::default();
+        block.set_all(&[("K", op.signum()), ("Ti", 1.0), ("Low", -0.5), ("High", 0.5), ("H", 1.0), ("Clear", 1.0)]);
+        for i in 0..12 {
+            let (yf, flag) = (-1.0 - 0.3 * f64::from(i), if op > 0.0 { AT_HIGH } else { AT_LOW });
+            core.update(&mut state, R::ZERO, R::of(yf), R::of(op), R::ONE, flag);
+            block.set_all(&[("Yf", yf), ("Op", op), ("AtHigh", f64::from(op > 0.0)), ("AtLow", f64::from(op < 0.0))]);
+            block.call();
+            block.set("Clear", 0.0);
+            let remembered = [("/sign", "Sign"), ("/begin", "Start"), ("/early", "Early"), ("/farthest", "Farthest")];
+            block.remembers(&state, &remembered);
+            block.remembers(&state, &[("/time", "Time0.Value")]);
+            assert_eq!(state.found, block.on("Found"));
+        }
+    }
     let mut cost = Cost::default();
     let (mut standings, mut refused) = ([0_u32; 15], 0);
     for seed in 0..sequences() {
@@ -154,6 +178,7 @@ fn random<R: Number>() {
                 same(&expected, &got),
                 "sequence {seed}, scan {i}:\n{got:?} instead of\n{expected:?}\nfor {pins:?}"
             );
+            assert!(!block.on("Dropped"));
             if i % 8 == 7 {
                 block.remembers(&reference.state, &REMEMBERED);
             }
@@ -167,6 +192,7 @@ fn random<R: Number>() {
     assert!(standings.iter().all(|count| *count > 0) && refused > sequences());
     extremes::<R>(&mut cover);
     large::<R>(&mut cover);
+    coarse::<R>(&mut cover);
     another_version::<R>(&mut cover);
     for clear in [1.0, 0.0] {
         for name in ["GlappOverCompensation", "GlappWrongSign"] {
@@ -212,7 +238,7 @@ fn extremes<R: Number>(cover: &mut Cover) {
             let side = if (i / 6) % 2 == 0 { 1.0 } else { -1.0 };
             (pins.e, pins.u, pins.compensate) = (side, 3.0 * side, i > 20);
             (pins.d_hat, pins.offered) = (Some(1.5), Some(1.5));
-            pins.h = draw.of(&[0.25, 0.25, 1e8, 1e-30]);
+            pins.h = draw.of(&[0.25, 0.25, 1e8, 1e9, 1e-30]);
             pins.flags = if draw.chance(0.05) { 2 } else { 0 };
             let (expected, got) = (reference.scan(&pins), scan(&block, &pins));
             let agree = R::BUILD == Build::Lreal || same(&expected, &got);
@@ -239,7 +265,7 @@ fn large<R: Number>(cover: &mut Cover) {
     ];
     let own = own.into_iter().map(|put| -> Put { Box::new(put) });
     for (number, put) in of_settings.chain(own).enumerate() {
-        for value in [1e33, -1e33] {
+        for value in [1e33, -1e33, 0.0, 3.0, -3.0] {
             let settings = common::compensate::Settings { source: 3, size: 1.0, ..Default::default() };
             let usual = Pins::new(settings);
             let (block, mut reference) = (Block::new::<R>("GlappCompensation"), Reference::<R>::default());
@@ -258,6 +284,51 @@ fn large<R: Number>(cover: &mut Cover) {
             }
             cover.collect(&block);
         }
+    }
+}
+
+/// Signals, times and settings of a few values, so that bounds are met exactly; a compensation that begins anew in the middle of everything.
+fn coarse<R: Number>(cover: &mut Cover) {
+    for seed in 0..60 {
+        let mut draw = Draw::new(9000 + seed);
+        let d = &mut draw;
+        let settings = common::compensate::Settings {
+            way: d.of(&[1, 2, 3]),
+            source: d.of(&[1, 3]),
+            size: 1.0,
+            band: d.of(&[Some(0.0), Some(0.5)]),
+            rate: d.of(&[Some(8.0), None]),
+            ramp: d.of(&[Some(0.0), Some(0.5), None]),
+            release: Some(d.of(&[1.0, 2.0])),
+            travel: d.of(&[None, Some(2.0), Some(6.0)]),
+            reversals: d.of(&[None, Some(2.0), Some(4.0)]),
+            watch: d.of(&[None, Some(37.5)]),
+            ..Default::default()
+        };
+        let mut usual = Pins::new(settings);
+        usual.limits = d.of(&[None, Some((-1.5, 1.5))]);
+        let (block, mut reference) = (Block::new::<R>("GlappCompensation"), Reference::<R>::default());
+        let mut still = 0;
+        for i in 0..150 {
+            let side = if (i / 5) % 2 == 0 { 1.0 } else { -1.0 };
+            let anew = d.chance(0.02);
+            still = if anew && d.chance(0.5) { 3 } else { i32::max(still - 1, 0) };
+            let reset = anew && d.chance(0.5);
+            let mut pins = Pins { reset, restart: anew && !reset, compensate: i % 50 > 3, ..usual.clone() };
+            pins.e = side * d.of(&[1.0, 0.5, 0.0]);
+            pins.u = side * d.of(&[1.0, 1.0, 0.5]);
+            pins.d_hat = d.of(&[Some(1.0), Some(0.5), Some(1.0), None]);
+            pins.offered = Some(1.0);
+            pins.flags = d.of(&[0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 2, 4, 8]);
+            let h = d.of(&[0.25, 0.25, 0.25, 0.25, 0.25, 0.25, 0.25, 0.25, 0.25, 0.25, 0.25, 0.0, 1e9, 1.5e9]);
+            pins.h = if still > 0 { 0.0 } else { h };
+            let (expected, got) = (reference.scan(&pins), scan(&block, &pins));
+            assert!(same(&expected, &got), "coarse {seed}, scan {i}:\n{got:?} instead of\n{expected:?}\nfor {pins:?}");
+            if i % 8 == 7 {
+                block.remembers(&reference.state, &REMEMBERED);
+            }
+        }
+        cover.collect(&block);
     }
 }
 
@@ -282,6 +353,23 @@ fn inside<R: Number>(cover: &mut Cover) {
         let shown: Vec<f64> = (0..4).map(|_| scan()).collect();
         assert!((begins - 0.75 * there).abs() < 1e-6 && (shown[0] - 0.5 * there).abs() < 1e-6, "{begins} {shown:?}");
         assert!(shown[3].abs() < 1e-6);
+        // Again, from somewhere else, in the middle of it.
+        for there in [there, 0.5 * there] {
+            block.set_all(&[("GoesOn", 1.0), ("UFfThere", there)]);
+            block.call();
+            assert!((block.get("UFf") - 0.75 * there).abs() < 1e-6, "{}", block.get("UFf"));
+            block.set("GoesOn", 0.0);
+            block.call();
+        }
+        // As after power-up it waits for a reversal, also where it was in force and may come in at once.
+        block.set_all(&[("Used.Size", 1.0), ("Used.Share", 1.0), ("Used.Most", 9.0), ("Used.Travel", 1e37)]);
+        block.set_all(&[("Used.Reversals", 1e37), ("Used.Low", -100.0), ("SeenOff", 1.0), ("Compensate", 1.0)]);
+        for (u, restart, standing) in [(0.0, 0.0, 10.0), (2.0, 0.0, 10.0), (-2.0, 0.0, 0.0), (-2.0, 1.0, 10.0)] {
+            block.set_all(&[("U", u), ("Restart", restart)]);
+            block.call();
+            assert_eq!(block.get("Standing"), standing, "{u}, {restart}");
+        }
+        block.set_all(&[("Restart", 0.0), ("Compensate", 0.0)]);
         block.set("GoesOn", 1.0);
         block.call();
         block.set_all(&[("GoesOn", 0.0), ("Absent", 1.0)]);
@@ -299,8 +387,10 @@ fn another_version<R: Number>(cover: &mut Cover) {
     for (version, dropped) in [(1, false), (2, true)] {
         block.0.borrow_mut().power_cut();
         block.0.borrow_mut().spoil("StateVersion", f64::from(version)).unwrap();
-        scan(&block, &pins);
-        assert_eq!(block.on("Dropped"), dropped);
+        block.0.borrow_mut().spoil("Withdrawn", 11.0).unwrap();
+        scan(&block, &Pins { compensate: true, ..pins.clone() });
+        // Why it was withdrawn is told, or gone.
+        assert_eq!((block.on("Dropped"), block.get("Standing")), (dropped, if dropped { 1.0 } else { 11.0 }));
     }
     scan(&block, &Pins { reset: true, ..pins });
     assert!(!block.on("Dropped"));

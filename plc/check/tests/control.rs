@@ -6,7 +6,7 @@
 
 mod common;
 
-use common::control::{AUTO_TUNER, INSIDE, POUS, POWER_CUT, Row, TWINS, Twin, core, scan};
+use common::control::{AUTO_TUNER, Experiments, INSIDE, POUS, POWER_CUT, Row, TWINS, Twin, core, scan};
 use common::{Block, Case, Draw, Number, cases, folder, same};
 use glapp_core::NoiseState;
 use glapp_plc_check::{Build, Instance};
@@ -570,10 +570,217 @@ fn random<R: Number>() {
             collect(&mut taken, &block);
         }
     }
+    large::<R>();
+    coarse::<R>();
+    endless_dead_time::<R>();
+    told_before_it_is_good::<R>();
+    two_at_the_ends::<R>(&mut taken);
+    beyond_numbers::<R>();
     experiments::<R>(&mut taken);
+    waves::<R>(&mut taken);
+    no_offer::<R>(&mut taken);
     rules::<R>(&mut taken);
     another_version::<R>(&mut taken);
     every_way::<R>(&taken);
+}
+
+/// Each number by itself so large that it is one, and beyond what can be measured: from the first scan on, and later.
+fn large<R: Number>() {
+    for twin in TWINS.iter().filter(|twin| twin.name != "auto_tuner").chain([&AUTO_TUNER]) {
+        let is_number = |pin: &str| Instance::new(R::library(), twin.pou).unwrap().set(pin, 0.5).is_ok();
+        // The law by itself is asked for no settings that its caller refuses.
+        let law = |pin: &str| twin.name == "pid" && ["Ti", "Td"].contains(&pin);
+        let is_number = |pin: &str| is_number(pin) && !(twin.name == "pid" && ["B", "Low", "High"].contains(&pin));
+        for pin in twin.pins.iter().filter(|pin| is_number(pin)) {
+            for (from, value) in [(0, 1e33), (3, 1e33), (3, -1e33)] {
+                if law(pin) && value < 0.0 {
+                    continue;
+                }
+                let mut draw = Draw::new(9);
+                let mut signals = Signals { wrong: 0.0, scale: 1.0, ..Signals::new(twin, &mut draw) };
+                let (mut reference, block) = (core::<R>(twin), Block::new::<R>(twin.pou));
+                let mut shown = vec![];
+                for i in 0..8 {
+                    let mut row = signals.next(&shown, &mut draw);
+                    if row.pins.contains(&"Mode") {
+                        row.set("Mode", 2.0);
+                    }
+                    if (from..from + 2).contains(&i) {
+                        let has = format!("Has{pin}");
+                        if twin.pins.contains(&&*has) {
+                            row.set(&has, 1.0);
+                        }
+                        row.set(pin, value);
+                    }
+                    let expected = reference(&row);
+                    shown = scan(twin, &block, &row);
+                    assert!(
+                        same(&expected, &shown),
+                        "{} {pin} {value}, scan {i}: {shown:?} instead of {expected:?}",
+                        twin.name
+                    );
+                }
+            }
+        }
+    }
+}
+
+/// More scans of dead time than there are numbers.
+fn endless_dead_time<R: Number>() {
+    let twin = TWINS.iter().find(|twin| twin.name == "process_sim").expect("it is there");
+    let (mut reference, block) = (core::<R>(twin), Block::new::<R>(twin.pou));
+    for (h, dead_time) in [(0.1, 0.3), (1e-6, 1e33), (0.1, 0.3)] {
+        let row = Row::new(twin, &[("Gain", 1.0), ("T1", 1.0), ("H", h), ("DeadTime", dead_time), ("X", 1.0)]);
+        let (expected, shown) = (reference(&row), scan(twin, &block, &row));
+        assert!(same(&expected, &shown), "{h}: {shown:?} instead of {expected:?}");
+    }
+}
+
+/// Signals and times of a few values, so that bounds are met exactly; blocks that begin anew in the middle of everything.
+fn coarse<R: Number>() {
+    for twin in TWINS.iter().filter(|twin| twin.name != "auto_tuner").chain([&AUTO_TUNER]) {
+        for seed in 0..40 {
+            let mut draw = Draw::new(8000 + seed);
+            let mut signals = Signals { wrong: 0.02, scale: 1.0, grid: 0.5, ..Signals::new(twin, &mut draw) };
+            let (mut reference, block) = (core::<R>(twin), Block::new::<R>(twin.pou));
+            let (mut shown, mut still) = (vec![], 0);
+            for i in 0..100 {
+                let mut row = signals.next(&shown, &mut draw);
+                let d = &mut draw;
+                let anew = d.chance(0.05);
+                still = if anew && d.chance(0.5) { 3 } else { i32::max(still - 1, 0) };
+                for pin in ["X", "Load", "Pv", "Sp", "Ff", "Ysp", "Yf", "BackTracking"] {
+                    if row.pins.contains(&pin) && !row.pins.contains(&"Run") {
+                        row.set(pin, d.of(&[-1.0, -0.5, 0.0, 0.5, 1.0]));
+                    }
+                }
+                for (pin, share) in [("XBad", 0.2), ("BackAtLow", 0.1), ("BackAtHigh", 0.1), ("BackNotAuto", 0.1)] {
+                    if row.pins.contains(&pin) && !row.pins.contains(&"Run") {
+                        row.set(pin, f64::from(d.chance(share)));
+                    }
+                }
+                for pin in ["Clear", "Reset", "Restart"] {
+                    if row.pins.contains(&pin) {
+                        row.set(pin, f64::from(anew && d.chance(0.7)));
+                    }
+                }
+                if row.pins.contains(&"H") && !signals.settings.contains(&"H") {
+                    let longest = if row.pins.contains(&"MaxH") { row.get("MaxH") } else { 1e9 };
+                    let h = d.of(&[0.1, 0.1, 0.1, 0.1, longest]);
+                    row.set("H", if still > 0 { 0.0 } else { h });
+                }
+                let expected = reference(&row);
+                shown = scan(twin, &block, &row);
+                assert!(
+                    same(&expected, &shown),
+                    "{} {seed}, scan {i}: {shown:?} instead of {expected:?} for {row:?}",
+                    twin.name
+                );
+            }
+        }
+    }
+}
+
+/// Settings and signals that are good but for two, at the ends of what is a number: nothing stops.
+fn two_at_the_ends<R: Number>(taken: &mut [bool]) {
+    for twin in TWINS.iter().filter(|twin| twin.name != "auto_tuner") {
+        let within = |pin: &&&str| {
+            let law = twin.name == "pid" && ["B", "Low", "High"].contains(*pin);
+            !law && Instance::new(R::library(), twin.pou).unwrap().set(pin, 0.5).is_ok()
+        };
+        let numbers: Vec<&str> = twin.pins.iter().filter(within).copied().collect();
+        for seed in 0..if numbers.len() > 8 { 250 } else { 60 } {
+            let mut draw = Draw::new(9000 + seed);
+            let mut signals = Signals { wrong: 0.0, scale: 1.0, ..Signals::new(twin, &mut draw) };
+            if twin.pins.contains(&"C") {
+                signals.row.set_all(&[("C", 0.7), ("Td", 0.3), ("HasRate", 1.0), ("HasMaxH", 1.0), ("MaxH", 1.0)]);
+            }
+            let (one, other) = (draw.of(&numbers), draw.of(&numbers));
+            let ends = [1e36, 1e36, 9e36, 1e33, 1e20, 1e-36, 1e-20];
+            let (a, b) = (draw.of(&ends), draw.of(&ends));
+            let block = Block::new::<R>(twin.pou);
+            block.unheld();
+            let mut shown = vec![];
+            for i in 0..6 {
+                let mut row = signals.next(&shown, &mut draw);
+                if i > 1 {
+                    row.set_all(&[(one, a), (other, b)]);
+                }
+                shown = scan(twin, &block, &row);
+            }
+            collect(taken, &block);
+        }
+    }
+}
+
+/// What would be beyond 1E37, which is no number here: the law holds its output, and a setpoint adds no derivative. The widest gap that an
+/// experiment may know of.
+fn beyond_numbers<R: Number>() {
+    let law = Block::new::<R>("GlappPidLaw");
+    law.set_all(&[("K", 1.0), ("Ti", 1.0), ("B", 1.0), ("H", 1.0)]);
+    for (ysp, output) in [(1.0, 2.0), (6e36, 2.0), (3e36, 6e36)] {
+        law.set("Ysp", ysp);
+        law.call();
+        assert!((law.get("Output") / output - 1.0).abs() < 1e-6, "{ysp}: {}", law.get("Output"));
+    }
+    let shown = [0.0, 1.0].map(|c| {
+        let pid = Block::new::<R>("GlappPid");
+        let law = [("Enable", 1.0), ("K", 1e-30), ("Ti", 1.0), ("Td", 1e36), ("H", 0.1), ("C", c), ("Mode", 2.0)];
+        pid.set_all(&law);
+        for sp in [0.0, 0.0, 1e32, 1e32] {
+            pid.set("Sp", sp);
+            pid.call();
+        }
+        pid.get("Output")
+    });
+    assert!(shown[0] == shown[1] && shown[0] != 0.0, "{shown:?}");
+    let twin = TWINS.iter().find(|twin| twin.name == "saturation").expect("it is there");
+    let (mut limits, saturation) = (core::<R>(twin), Block::new::<R>(twin.pou));
+    for (low, high) in [(-1.0, 1.0), (0.5, 0.5), (0.5, 0.75)] {
+        let row = Row::new(twin, &[("Low", low), ("High", high), ("X", 2.0)]);
+        let (expected, shown) = (limits(&row), scan(twin, &saturation, &row));
+        assert!(same(&expected, &shown), "{low} to {high}: {shown:?} instead of {expected:?}");
+    }
+    let most = R::MOST.as_f64();
+    let (mut reference, block) = (core::<R>(&AUTO_TUNER), Block::new::<R>(AUTO_TUNER.pou));
+    let usual = [("Enable", 1.0), ("Amplitude", most), ("WaitTime", 2.0), ("Longest", 99.0), ("MaxH", 1.0), ("H", 0.2)];
+    let limits = [("PvLow", -9.0), ("PvHigh", 9.0), ("OpLow", -most), ("OpHigh", most), ("Rule", 1.0)];
+    let mut row = Row::new(&AUTO_TUNER, &[&usual[..], &limits].concat());
+    for d in [1.0, 1.2 * most, 1.4 * most] {
+        row.set("D", d);
+        let (expected, shown) = (reference(&row), scan(&AUTO_TUNER, &block, &row));
+        assert!(same(&expected, &shown), "{d}: {shown:?} instead of {expected:?}");
+    }
+}
+
+/// What an autotuner was told while no settings were good, or before it began anew, is not what an experiment starts with.
+fn told_before_it_is_good<R: Number>() {
+    for told in ["BackNotAuto", "BackAtLow", "BackAtHigh"] {
+        let (mut reference, block) = (core::<R>(&AUTO_TUNER), Block::new::<R>(AUTO_TUNER.pou));
+        let usual = [("Enable", 1.0), ("Amplitude", 3.0), ("WaitTime", 2.0), ("Longest", 99.0), ("MaxH", 1.0)];
+        let limits = [("PvLow", -9.0), ("PvHigh", 9.0), ("OpHigh", 10.0), ("X", 5.0), ("H", 0.2), ("Rule", 1.0)];
+        let usual = Row::new(&AUTO_TUNER, &[&usual[..], &limits].concat());
+        // Whether the settings are good, it was told, it begins anew, an experiment is asked for.
+        let scans = [
+            (false, true, false, false),
+            (true, false, false, true),
+            (true, false, false, true),
+            (true, true, false, false),
+            (false, true, true, false),
+            (true, false, false, true),
+            (true, false, false, true),
+        ];
+        for (i, (good, is_told, reset, run)) in scans.into_iter().enumerate() {
+            let mut row = usual.clone();
+            row.set_all(&[(told, f64::from(is_told)), ("Reset", f64::from(reset)), ("Run", f64::from(run))]);
+            if !good {
+                row.set("MaxH", -1.0);
+            }
+            let (expected, shown) = (reference(&row), scan(&AUTO_TUNER, &block, &row));
+            assert!(same(&expected, &shown), "{told}, scan {i}: {shown:?} instead of {expected:?}");
+            assert_eq!(block.on("Running"), run);
+        }
+    }
 }
 
 /// Experiments on waves that no process makes, with numbers at the ends of what is one; and those of the vectors.
@@ -631,6 +838,114 @@ fn experiments<R: Number>(taken: &mut [bool]) {
     }
 }
 
+/// Experiments on waves that are drawn: skewed, drifting, of other periods and heights in the next cycle or phase, a few samples a cycle or
+/// many, and whatever ends one. What both remember is the same too.
+fn waves<R: Number>(taken: &mut [bool]) {
+    let (mut phases, mut stops) = ([0; 6], [0; 11]);
+    for seed in 0..60 {
+        let mut draw = Draw::new(600_000 + seed);
+        let d = &mut draw;
+        let mut one = Experiments::<R>::new();
+        let amplitude = d.of(&[3.0, -3.0, 1.5, 3e-3]);
+        let most = f64::abs(amplitude);
+        let mut row =
+            Row::new(&TWINS[8], &[("Take", 1.0), ("Starts", 1.0), ("OpBefore", d.of(&[5.0, 5.0, 0.5, f64::NAN]))]);
+        let (wait, longest) = (d.of(&[1.0, 2.0]), d.of(&[400.0, 400.0, 400.0, 40.0]));
+        for (pin, value) in [
+            ("Amplitude", amplitude),
+            ("HasHysteresis", d.of(&[0.0, 1.0])),
+            ("Hysteresis", d.of(&[0.0, 0.1, 0.5])),
+            ("D", most * d.of(&[0.0, 0.25, 1.0])),
+            ("WaitTime", wait),
+            ("Longest", longest),
+            ("MaxH", 0.5),
+            ("PvLow", -9.0),
+            ("PvHigh", d.of(&[9.0, 9.0, 1.0])),
+            ("OpLow", 5.0 - most * d.of(&[1.0, 1.0, 3.0])),
+            ("OpHigh", 5.0 + most * d.of(&[1.0, 2.0])),
+        ] {
+            row.set(&format!("Used.{pin}"), value);
+        }
+        let period = d.of(&[0.8, 1.6, 3.0, 8.0]);
+        let (skew, drift, scatter) =
+            (d.of(&[0.0, 0.0, 0.2, 0.45]), d.of(&[0.0, 0.0, 1e-3]), d.of(&[0.0, 0.0, 0.02, 0.15]));
+        let (lead, static_gain) = (d.of(&[0.2, 0.25, 0.3, 0.4]), d.of(&[0.0, 0.1, 0.1, 0.4, -0.1]));
+        let (noise, wrong, h) = (d.of(&[0.0, 0.0, 0.02]), d.of(&[0.0, 0.0, 0.002]), d.of(&[0.1, 0.1, 0.2]));
+        let (mut turn, mut size, mut long, mut level, mut biased) = (0.0, 1.0, period, 0.0, 0.0);
+        for i in 0..350 {
+            let phase = one.block.get("Phase");
+            // What comes back is a wave behind the relay: it turns on its own, and its mean goes with the bias.
+            turn += h / long;
+            if turn >= 1.0 {
+                turn -= 1.0;
+                (size, long) = (1.0 + scatter * d.between(-1.0, 1.0), period * (1.0 + scatter * d.between(-1.0, 1.0)));
+            }
+            let part =
+                if turn < 0.5 + skew { 0.5 * turn / (0.5 + skew) } else { 1.0 - 0.5 * (1.0 - turn) / (0.5 - skew) };
+            level += drift;
+            biased += 0.2 * (static_gain * f64::signum(amplitude) * one.block.get("Bias") / most - biased);
+            let wave = if phase < 2.0 { 0.0 } else { size * f64::sin(std::f64::consts::TAU * (part - lead)) };
+            row.set("Pv", wave + level + biased + noise * d.between(-1.0, 1.0));
+            row.set("H", if d.chance(wrong) { d.of(&[0.0, 0.5, 0.6, -0.1, f64::NAN]) } else { h });
+            for pin in ["Bad", "Gap", "NotAuto", "AtLow", "AtHigh"] {
+                row.set(pin, f64::from(d.chance(0.3 * wrong)));
+            }
+            if d.chance(0.3 * wrong) {
+                row.set("Pv", d.of(&[f64::NAN, 20.0, -20.0, 9.0, -9.0]));
+            }
+            let (expected, shown) = one.scan(&row);
+            assert!(same(&expected, &shown), "{seed}, scan {i}: {shown:?} instead of {expected:?} for {row:?}");
+            if i % 8 == 7 {
+                one.remembers();
+            }
+            let ended = !(1.0..=3.0).contains(&one.block.get("Phase"));
+            row.set("Starts", f64::from(ended && d.chance(0.1)));
+            if ended && i % 50 == 0 {
+                row.set("OpBefore", d.of(&[5.0, f64::NAN, 5.0 + most]));
+            }
+        }
+        phases[one.block.get("Phase") as usize] += 1;
+        stops[one.block.get("StopReason") as usize] += 1;
+        collect(taken, &one.block);
+    }
+    println!("phases {phases:?}, stops {stops:?}");
+}
+
+/// Nothing is offered by a rule that has no answer: of a process that is nearly all dead time, or whose static gain did not show.
+fn no_offer<R: Number>(taken: &mut [bool]) {
+    for (rule, delay) in [(1.0, 8), (1.0, 0), (2.0, 0), (3.0, 0)] {
+        let (mut reference, block) = (core::<R>(&AUTO_TUNER), Block::new::<R>(AUTO_TUNER.pou));
+        let (order, fast) = if delay > 0 { (1, 5.0) } else { (3, 1.0) };
+        let (x, late, load) = ([0.0; 3], vec![], 0.0);
+        let (integrating, cancels, gain, noise, rest) = (false, false, 1.0, 0.0, 5.0);
+        let mut process = Process { x, order, integrating, gain, noise, load, rest, fast, late, delay, cancels };
+        let mut draw = Draw::new(1);
+        let usual = [("Enable", 1.0), ("Amplitude", 3.0), ("WaitTime", 2.0), ("Longest", 250.0), ("MaxH", 1.0)];
+        let limits = [("PvLow", -9.0), ("PvHigh", 9.0), ("OpHigh", 10.0), ("X", 5.0), ("H", 0.2), ("Rule", rule)];
+        let mut row = Row::new(&AUTO_TUNER, &[&usual[..], &limits].concat());
+        for i in 0..1000 {
+            let pv = process.step(if i == 0 { 5.0 } else { block.get("Y") }, 0.2, &mut draw);
+            row.set_all(&[("Pv", pv), ("Run", f64::from(i > 2))]);
+            let (expected, shown) = (reference(&row), scan(&AUTO_TUNER, &block, &row));
+            assert!(same(&expected, &shown), "{rule}, {delay}, scan {i}: {shown:?} instead of {expected:?}");
+            // What the bias brings, a load takes off.
+            process.load = if delay == 0 && block.get("Phase") == 3.0 { -block.get("Bias") } else { 0.0 };
+            if block.get("Phase") >= 4.0 {
+                break;
+            }
+        }
+        // Without a static gain the point is still one to place a controller by.
+        let (offers, known) = (rule == 1.0 && delay == 0, delay > 0);
+        assert_eq!(
+            (block.get("Phase"), block.on("HasOffer"), block.on("HasKappa")),
+            (4.0, offers, known),
+            "{rule}, {delay}"
+        );
+        assert!(offers || block.all(&["OfferK", "OfferTi", "OfferTd"]) == [0.0; 3]);
+        collect(taken, &block);
+    }
+}
+
 /// What an autotuner offers.
 fn rules<R: Number>(taken: &mut [bool]) {
     use glapp_core::tuning::{Gains, Kind, amigo_frequency, point_placement};
@@ -661,6 +976,16 @@ fn rules<R: Number>(taken: &mut [bool]) {
             _ => check(ku, tu, kappa, pid),
         }
     }
+    for (ku, tu) in [(1e33, 1.0), (-1e33, 1.0), (1.0, 1e33)] {
+        check(ku, tu, 0.5, true);
+    }
+    for pid in [true, false] {
+        check(2.0, 3.0, -0.1, pid);
+    }
+    // Ti beyond 1E37, which is no number here, with a Td that still is one.
+    placement.set_all(&[("Ku", 1.0), ("Tu", 1e37)]);
+    placement.call();
+    assert_eq!(shown(&placement), [0.0; 4]);
     // Of the vectors those two rules.
     for case in cases("tuning").iter().filter(|case| [6.0, 9.0].contains(&case.given("rule"))) {
         for (_, x) in &case.input {

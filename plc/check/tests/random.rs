@@ -167,6 +167,7 @@ fn all<R: Number>() {
     large::<R>(&mut taken);
     coarse::<R>(&mut taken);
     smaller_and_smaller::<R>(&mut taken);
+    at_their_bounds::<R>();
     another_version::<R>(&mut taken);
     // A changed library is told by its outputs alone.
     if std::env::var_os("GLAPP_PLC").is_some() {
@@ -279,7 +280,7 @@ fn extremes<R: Number>(taken: &mut [bool]) {
 /// Each number by itself so large that it is one, and beyond what can be measured.
 fn large<R: Number>(taken: &mut [bool]) {
     for (number, put) in NUMBERS.iter().enumerate() {
-        for value in [1e33, -1e33] {
+        for value in [1e33, -1e33, 0.0, 5.0, -5.0] {
             let conditions = Conditions { too_short: false, ..Conditions::default() };
             let usual = Pins { kp: Some(2.0), n: 1, max_h: Some(1.0), op: Some(0.0), conditions, ..Pins::default() };
             let (block, mut reference) = (Block::new::<R>("GlappDetector"), Reference::<R>::default());
@@ -294,6 +295,42 @@ fn large<R: Number>(taken: &mut [bool]) {
             collect(taken, &block);
         }
     }
+}
+
+/// A width at its bound and beyond it; a half-period that broke off is the same whether what was seen is forgotten with it or not.
+fn at_their_bounds<R: Number>() {
+    let width = Block::new::<R>("GlappWidth");
+    width.set_all(&[("K", 1.0), ("Ti", 1.0), ("B", 1.0), ("OpKnown", 1.0), ("Half.Sign", 1.0), ("Half.DeltaY", 1.0)]);
+    for (change, d) in [(1e36, R::of(1e36).as_f64()), (1.1e36, 0.0)] {
+        width.set("Half.OpChange", change);
+        width.call();
+        assert_eq!(width.all(&["Parts.D", "Parts.OpTravel", "Parts.Free"]), [d; 3]);
+    }
+    // A default for Kp that is none is none, whatever stands at the pin.
+    let detector = Block::new::<R>("GlappDetector");
+    detector.set_all(&[
+        ("Enable", 1.0),
+        ("H", 0.25),
+        ("K", 1.0),
+        ("Ti", 1.0),
+        ("Kp", 2.0),
+        ("HasMaxH", 1.0),
+        ("MaxH", 1.0),
+    ]);
+    detector.set_all(&[("HasPvSpan", 1.0), ("PvSpan", 1e30), ("HasOpSpan", 1.0), ("OpSpan", 1e-30)]);
+    detector.call();
+    assert_eq!(detector.get("ErrorID"), 5.0);
+    let shown = [0.0, 1.0].map(|clear| {
+        let half = Block::new::<R>("GlappHalfPeriod");
+        half.set_all(&[("Open", 1.0), ("SlopeFits", 1.0), ("Take", 1.0), ("H", 0.5), ("E", 2.0), ("Sp", 1.0)]);
+        half.call();
+        half.set_all(&[("Open", 0.0), ("Sp", 3.0), ("E", 4.0)]);
+        half.call();
+        half.set_all(&[("BreakOff", 1.0), ("Clear", clear), ("BrokenGap", 1.0), ("Take", 0.0)]);
+        half.call();
+        half.all(&["Half.DeltaT", "Half.DeltaY", "Half.EMax", "Half.DeltaSp", "Half.SpChange", "Half.Gap"])
+    });
+    assert_eq!(shown, [[1.0, 3.0, 4.0, 2.0, 0.0, 1.0]; 2]);
 }
 
 /// Both beside each other in a scan.

@@ -357,6 +357,16 @@ impl<R: Number> Reference<R> {
         PidAdvancedState::at(output)
     }
 
+    /// Holds the settings of a compensation in force to the core's, and what its block shows of it beside what it is asked.
+    pub fn in_force(&self, block: &Block) {
+        if let Some(state) = &self.state {
+            block.remembers(&state.detection.compensation, &[("/pressed", "Pressed")]);
+        }
+        if let Some(given) = self.good.as_ref().and_then(|one| one.detection().settings().compensation) {
+            super::detection::in_force(block, "DetectionInUse.Compensation", &given);
+        }
+    }
+
     /// After power-up, and after Restart: the output, and what the detection keeps.
     fn again(&mut self, before: &PidAdvancedState<R>) -> PidAdvancedState<R> {
         let mut state = self.begin(before.pid.output);

@@ -111,6 +111,82 @@ pub fn scan(twin: &Twin, block: &Block, row: &Row) -> Vec<f64> {
     twin.shown.iter().map(show).collect()
 }
 
+/// What an experiment remembers while it runs, in the core and here: always, with a cycle to compare with, in the biased phase.
+const REMEMBERED: [&[(&str, &str)]; 3] = [
+    &[
+        ("/t", "Elapsed.Value"),
+        ("/low", "Lowest"),
+        ("/high", "Highest"),
+        ("/area", "Area.Value"),
+        ("/resting", "Resting"),
+        ("/x", "LastX"),
+        ("/answered", "Answered"),
+        ("/half", "HalfTime.Value"),
+        ("/period", "Period"),
+        ("/cycles", "Cycles"),
+        ("/alike", "Alike"),
+        ("/cycle/t", "SumDuration.Value"),
+        ("/cycle/up", "SumUpper.Value"),
+        ("/cycle/samples", "Samples"),
+        ("/cycle/u", "SumU.Value"),
+        ("/cycle/y", "SumY.Value"),
+        ("/cycle/u_cos", "SumUCos.Value"),
+        ("/cycle/u_sin", "SumUSin.Value"),
+        ("/cycle/y_cos", "SumYCos.Value"),
+        ("/cycle/y_sin", "SumYSin.Value"),
+    ],
+    &[
+        ("/first/t", "First.Duration"),
+        ("/first/samples", "First.Samples"),
+        ("/first/u", "First.U"),
+        ("/first/y", "First.Y"),
+        ("/first/y_cos", "First.YCos"),
+        ("/first/y_sin", "First.YSin"),
+        ("/sum/t", "Total.Duration"),
+        ("/sum/u", "Total.U"),
+        ("/sum/y", "Total.Y"),
+        ("/sum/u_cos", "Total.UCos"),
+        ("/sum/u_sin", "Total.USin"),
+        ("/sum/y_cos", "Total.YCos"),
+        ("/sum/y_sin", "Total.YSin"),
+    ],
+    &[("/mean_u", "MeanU"), ("/mean_y", "MeanY"), ("/tangent", "Tangent")],
+];
+
+/// An experiment beside the core's, and what both remember of it.
+pub struct Experiments<R: Number> {
+    state: AutoTunerState<R>,
+    pub block: Block,
+}
+
+impl<R: Number> Experiments<R> {
+    pub fn new() -> Self {
+        Self { state: AutoTunerState::default(), block: Block::new::<R>("GlappExperiment") }
+    }
+
+    /// What both show of a scan.
+    pub fn scan(&mut self, row: &Row) -> (Vec<f64>, Vec<f64>) {
+        (experiment_scan(&mut self.state, row), scan(&TWINS[8], &self.block, row))
+    }
+
+    pub fn remembers(&self) {
+        let phase = self.state.phase;
+        if !phase.is_running() {
+            return;
+        }
+        self.block.remembers(&self.state, REMEMBERED[0]);
+        if phase != Phase::Waiting {
+            self.block.remembers(&self.state, &[("/up", "Up")]);
+        }
+        if self.block.look(&["Alike"]) != [0.0] {
+            self.block.remembers(&self.state, REMEMBERED[1]);
+        }
+        if phase == Phase::Biased {
+            self.block.remembers(&self.state, REMEMBERED[2]);
+        }
+    }
+}
+
 pub const TWINS: [Twin; 9] = [
     Twin {
         name: "noise",
@@ -588,18 +664,20 @@ fn tuner_settings<R: Number>(row: &Row, within: &str) -> AutoTunerSettings<R> {
 
 fn experiment<R: Number>() -> Core {
     let mut s = AutoTunerState::<R>::default();
-    Box::new(move |row| {
-        let tuner = AutoTuner::new(tuner_settings(row, "Used.")).unwrap();
-        if row.on("Starts") {
-            tuner.start(&mut s, row.r("OpBefore"));
-        }
-        let flags = [("Bad", BAD), ("Gap", GAP), ("NotAuto", NOT_AUTO), ("AtLow", AT_LOW), ("AtHigh", AT_HIGH)];
-        let flags = flags.iter().filter(|(pin, _)| row.on(pin)).map(|(_, flag)| flag).sum();
-        let op = tuner.update(&mut s, row.r("Pv"), row.r("H"), flags);
-        let shown =
-            [op.as_f64(), f64::from(s.phase as u8), f64::from(s.stop as u8), s.hysteresis.as_f64(), s.bias.as_f64()];
-        [&shown[..], &found_row(s.found), &[s.centre.as_f64()]].concat()
-    })
+    Box::new(move |row| experiment_scan(&mut s, row))
+}
+
+fn experiment_scan<R: Number>(s: &mut AutoTunerState<R>, row: &Row) -> Vec<f64> {
+    let tuner = AutoTuner::new(tuner_settings(row, "Used.")).unwrap();
+    if row.on("Starts") {
+        tuner.start(s, row.r("OpBefore"));
+    }
+    let flags = [("Bad", BAD), ("Gap", GAP), ("NotAuto", NOT_AUTO), ("AtLow", AT_LOW), ("AtHigh", AT_HIGH)];
+    let flags = flags.iter().filter(|(pin, _)| row.on(pin)).map(|(_, flag)| flag).sum();
+    let op = tuner.update(s, row.r("Pv"), row.r("H"), flags);
+    let shown =
+        [op.as_f64(), f64::from(s.phase as u8), f64::from(s.stop as u8), s.hysteresis.as_f64(), s.bias.as_f64()];
+    [&shown[..], &found_row(s.found), &[s.centre.as_f64()]].concat()
 }
 
 /// What the autotuner is held to.

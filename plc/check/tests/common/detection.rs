@@ -10,7 +10,7 @@ use glapp_core::modules::{
     ForeignDetectionSettings, ForeignDetectionState, Forward, Read,
 };
 use glapp_core::status::{AT_HIGH, AT_LOW, BAD, NOT_AUTO};
-use glapp_core::{Detector, Estimate, Saturation, Sum};
+use glapp_core::{CompensationSettings, Detector, Estimate, Saturation, Sum};
 
 /// What the pins of a scan hold; `detector.op` is the output with u_FF.
 #[derive(Clone, Debug)]
@@ -232,6 +232,78 @@ impl<R: Number> Reference<R> {
         shown.extend(shown_of(block, state, self.pv_filtered, self.u_fb));
         let ended = state.last.is_some() && state.last != last;
         Shown { row: shown, last: state.last.map(|last| record_of(&last)), ended }
+    }
+}
+
+/// What a detection remembers, in the core and here.
+const REMEMBERED: [(&str, &str); 17] = [
+    ("/unfit", "Unfit"),
+    ("/against", "Against"),
+    ("/due", "Due"),
+    ("/warning/count", "Over.Count"),
+    ("/warning/compensating", "Over.Compensating"),
+    ("/sign/sign", "Sign.Sign"),
+    ("/sign/op", "Sign.LastOp"),
+    ("/sign/begin", "Sign.Start"),
+    ("/sign/early", "Sign.Early"),
+    ("/sign/farthest", "Sign.Farthest"),
+    ("/correction/known", "Correction.Known"),
+    ("/correction/count", "Correction.Count"),
+    ("/correction/due", "Correction.Due"),
+    ("/correction/noise/median", "Correction.Noise.Median"),
+    ("/correction/noise/gain", "Correction.Noise.Gain"),
+    ("/correction/noise/count", "Correction.Noise.Count"),
+    ("/detector/memory/rejected", "Detector.Rejected"),
+];
+
+/// The settings of a compensation in force, once as the core has them and once as they stand in a structure of the library's.
+pub fn in_force<R: Number>(block: &Block, within: &str, settings: &CompensationSettings<R>) {
+    let s = settings;
+    let numbers = [
+        ("Way", R::of(f64::from(s.way as u8))),
+        ("K", s.k),
+        ("Source", R::of(f64::from(s.source as u8))),
+        ("Size", s.size),
+        ("Share", s.share),
+        ("Most", s.limit),
+        ("Band", s.band),
+        ("Tf", s.tf),
+        ("Rate", s.rate),
+        ("Ramp", s.ramp),
+        ("Release", s.release),
+        ("Travel", s.travel),
+        ("Reversals", s.reversals),
+        ("Watch", s.watch),
+    ];
+    for (name, value) in numbers {
+        // Without a limit is 1E37 here.
+        let expected = value.lesser(R::of(1e37)).as_f64();
+        let got = block.look(&[&format!("{within}.{name}")]);
+        assert!(same(&[expected], &got), "{within}.{name}: {got:?} instead of {expected}");
+    }
+    for (name, value) in [("Withdraw", s.withdraw), ("Lessen", s.estimate), ("Struck", s.struck)] {
+        assert_eq!(block.look(&[&format!("{within}.{name}")]), [on(value)], "{within}.{name}");
+    }
+}
+
+impl<R: Number> Reference<R> {
+    /// Holds settings in force and what is remembered to the core's; `shown` of the scan before.
+    pub fn remembers(&self, block: &Block, pins: &Pins) {
+        let (detection, settings, within) = match &self.good {
+            Good::None => return,
+            Good::Own(one) => ("", one.settings(), "InUse"),
+            Good::Foreign(one) => ("Detection.", one.detection().settings(), "Settings.Used"),
+        };
+        if !pins.detector.enable {
+            return;
+        }
+        let names = REMEMBERED.map(|(place, name)| (place, format!("{detection}{name}")));
+        let pairs: Vec<(&str, &str)> = names.iter().map(|(place, name)| (*place, name.as_str())).collect();
+        block.remembers(&self.state.detection, &pairs);
+        // Beside another maker's controller there is always one, which takes away what is there.
+        if let (Some(given), true) = (&settings.compensation, pins.compensation.is_some()) {
+            in_force(block, &format!("{within}.Compensation"), given);
+        }
     }
 }
 

@@ -97,6 +97,7 @@ def test_names_are_understood_once_however_many_loops_there_are(monkeypatch, tmp
     counts = {}
     for loops in (10, 40):
         asked.clear()
+        understand.cache_clear()  # other tests have read such names
         open_recordings(write(table(loops, 5), tmp_path / f"{loops}.parquet"))
         counts[loops] = asked.total() / loops
     # A file has some of its own. It was 18 times the number of columns, for each loop.

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, example, given, settings
+from hypothesis import HealthCheck, assume, example, given, settings
 from hypothesis import strategies as st
 
 from glapp.errors import InputError
@@ -66,7 +66,7 @@ def tables(draw):
     value = st.floats(-1e6, 1e6).map(lambda x: round(x, draw(st.integers(0, 6)))) | st.none()
     column = st.lists(value, min_size=n, max_size=n)
     pv = draw(column.filter(lambda c: any(v is not None for v in c)))
-    start = draw(st.datetimes(datetime(1992, 1, 1), datetime(2040, 1, 1))).replace(microsecond=0)
+    start = draw(st.datetimes(datetime(1990, 1, 1), datetime(2040, 1, 1))).replace(microsecond=0)
     steps = draw(st.lists(st.integers(-500, 5000), min_size=n, max_size=n))
     times = [start + timedelta(milliseconds=ms) for ms in np.cumsum(steps).tolist()]
     return (
@@ -124,6 +124,8 @@ def in_dialect(table, d):
 @slow_files
 @given(tables(), dialects())
 def test_a_table_in_any_dialect_reads_back_equal(tmp_path, monkeypatch, table, dialect):
+    # Numbers are taken for seconds since 1970 from 26 March 1991 on; before, they count from the first row.
+    assume(dialect["stamp"] != "epoch" or min(table[0]) >= datetime(1991, 4, 1))
     monkeypatch.setattr(csv_module, "_BLOCK", dialect["block"])
     data = in_dialect(table, dialect)
     path = tmp_path / ("x.csv.gz" if dialect["gzip"] else "x.csv")

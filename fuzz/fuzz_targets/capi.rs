@@ -4,32 +4,20 @@
 //! `RUSTC_BOOTSTRAP=1 cargo fuzz run capi -- -max_total_time=180`
 #![no_main]
 
+mod bytes;
+
+use bytes::Bytes;
 use glapp::*;
 use libfuzzer_sys::fuzz_target;
 use std::ffi::{CStr, CString, c_char};
 use std::ptr;
 
-/// Reads what is handed in from the fuzzer's bytes.
-struct Bytes<'a>(&'a [u8]);
-
 impl Bytes<'_> {
-    fn byte(&mut self) -> Option<u8> {
-        let (&first, rest) = self.0.split_first()?;
-        self.0 = rest;
-        Some(first)
-    }
-
     /// Small steps mostly, and now and then all that a double can be.
     fn number(&mut self) -> Option<f64> {
         Some(match self.byte()? {
             kind @ 0..=219 => f64::from(i16::from(kind) - 60) / 8.0,
-            _ => {
-                let mut all = [0; 8];
-                for byte in &mut all {
-                    *byte = self.byte()?;
-                }
-                f64::from_le_bytes(all)
-            }
+            _ => self.double()?,
         })
     }
 
@@ -70,8 +58,27 @@ fn of(settings: &[(CString, f64)]) -> Vec<GlappSetting> {
 }
 
 const DETECTOR: [&str; 21] = [
-    "k", "ti", "h", "td", "b", "kp", "pv_span", "op_span", "integrating", "tf", "n", "max_h", "op_low", "op_high", "limits",
-    "too_short", "not_square", "decaying", "growing", "sp_moved", "too_small",
+    "k",
+    "ti",
+    "h",
+    "td",
+    "b",
+    "kp",
+    "pv_span",
+    "op_span",
+    "integrating",
+    "tf",
+    "n",
+    "max_h",
+    "op_low",
+    "op_high",
+    "limits",
+    "too_short",
+    "not_square",
+    "decaying",
+    "growing",
+    "sp_moved",
+    "too_small",
 ];
 const PARAMETERS: [&str; 12] =
     ["k", "ti", "td", "value", "d", "gain", "t1", "t2", "low", "high", "comp_size", "tune_amplitude"];
@@ -110,7 +117,8 @@ fn call(bytes: &mut Bytes, detector: &mut *mut GlappDetector, graph: &mut *mut G
                 }
             }
             5 => {
-                let (kinds, names) = (bytes.byte()? % 6, ["a", "b", "c", "d", "e", "a"].map(|n| CString::new(n).unwrap()));
+                let (kinds, names) =
+                    (bytes.byte()? % 6, ["a", "b", "c", "d", "e", "a"].map(|n| CString::new(n).unwrap()));
                 let mut made = Vec::new();
                 for _ in 0..kinds {
                     made.push((bytes.name(&KINDS)?, bytes.settings(&PARAMETERS)?));

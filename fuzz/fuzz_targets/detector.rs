@@ -4,34 +4,22 @@
 //! `RUSTC_BOOTSTRAP=1 cargo fuzz run detector -- -max_total_time=180`
 #![no_main]
 
+mod bytes;
+
+use bytes::Bytes;
 use glapp_core::{
     Columns, Detector, DetectorState, MedianMean, ParameterError, Record, SafetyNet, Sample, SecondOrderFilter, Width,
 };
 use libfuzzer_sys::fuzz_target;
 
-/// Reads settings and samples from the fuzzer's bytes.
-struct Bytes<'a>(&'a [u8]);
-
 impl Bytes<'_> {
-    fn byte(&mut self) -> Option<u8> {
-        let (&first, rest) = self.0.split_first()?;
-        self.0 = rest;
-        Some(first)
-    }
-
     /// Small steps mostly, and now and then all that a double can be.
     fn number(&mut self) -> Option<f64> {
         let kind = self.byte()?;
         Some(match kind {
             0..=199 => f64::from(i16::from(kind) - 100) / 16.0,
             200..=239 => f64::from(self.byte()?) * 2.0f64.powi(i32::from(kind) - 220),
-            _ => {
-                let mut all = [0; 8];
-                for byte in &mut all {
-                    *byte = self.byte()?;
-                }
-                f64::from_le_bytes(all)
-            }
+            _ => self.double()?,
         })
     }
 
@@ -116,7 +104,8 @@ fuzz_target!(|data: &[u8]| {
             let saved = serde_json::to_string(&single_state).expect("a state is numbers");
             single_state = serde_json::from_str(&saved).expect("and comes back");
         }
-        let sample = Sample { h: t[i] - before, sp: sp[i], pv: pv[i], op: op_known.then_some(op[i]), flags: flags[i] };
+        let sample =
+            Sample { h: t[i] - before, sp: sp[i], pv: pv[i], op: op_known.then_some(op[i]), flags: flags[i].into() };
         repeated += usize::from(sample.h == 0.0);
         singles.extend(detector.update(&mut single_state, &sample));
         before = if t[i].is_finite() { t[i] } else { before };

@@ -313,8 +313,8 @@ impl Analysis {
         let sinusoid = find(&|found| found.fault == Fault::Sinusoidal);
         let sign = self.task.sign(self.controller.as_ref());
         match &mut self.windows {
-            None => fitted(&[batch(&self.beginning)], sign, sinusoid),
-            Some(windows) => fitted(&windows.best().map(batch).collect::<Vec<_>>(), sign, sinusoid),
+            None => fitted(&[self.beginning.batch()], sign, sinusoid),
+            Some(windows) => fitted(&windows.best().map(Rows::batch).collect::<Vec<_>>(), sign, sinusoid),
         }
     }
 
@@ -399,10 +399,4 @@ fn inspected(rows: &Rows) -> Inspected<'_> {
 
 fn samples<'a>(rows: &Inspected<'a>) -> Samples<'a> {
     Samples { t: rows.t, sp: rows.sp, pv: rows.pv, op: rows.op, flags: rows.flags }
-}
-
-fn batch(rows: &Rows) -> Batch<'_> {
-    let Rows { t, sp, pv, op, flags, position } = rows;
-    let samples = Samples { t, sp: sp.as_deref(), pv, op: op.as_deref(), flags: flags.as_deref() };
-    Batch { samples, position: position.as_deref() }
 }

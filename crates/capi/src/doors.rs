@@ -507,14 +507,8 @@ fn fit(batch: Batch, sign: f64) -> GlappWidth {
     };
     let mut windows = Windows::of_history(&beginning, sign);
     windows.add(&batch);
-    let best: Vec<Batch> = windows.best().map(window).collect();
+    let best: Vec<Batch> = windows.best().map(Rows::batch).collect();
     told(&fitted(&best, sign, None).answer)
-}
-
-fn window(rows: &Rows) -> Batch<'_> {
-    let Rows { t, pv, sp, op, flags, position } = rows;
-    let samples = Samples { t, pv, sp: sp.as_deref(), op: op.as_deref(), flags: flags.as_deref() };
-    Batch { samples, position: position.as_deref() }
 }
 
 fn told(answer: &FitAnswer) -> GlappWidth {

@@ -8,12 +8,10 @@ use glapp_core::DetectorSettings;
 /// `k`, `ti` and `h`, the usual time between two samples \[s\], must be there. A condition of the safety net is switched off by its
 /// name with 0.
 pub(crate) fn detector(given: &[(&str, f64)]) -> Result<DetectorSettings<f64>, Wrong> {
-    let mut last: Vec<(&str, f64)> = Vec::with_capacity(given.len());
-    for one in given {
-        if last.iter().any(|known| known.0 == one.0) {
-            return Err(Wrong::refused(format!("{}: is given twice", one.0)));
+    for (at, (name, _)) in given.iter().enumerate() {
+        if given[..at].iter().any(|before| before.0 == *name) {
+            return Err(Wrong::refused(format!("{name}: is given twice")));
         }
-        last.push(*one);
     }
     let known = |name: &str| given.iter().find(|one| one.0 == name).map(|one| one.1);
     let must = |name: &str| known(name).ok_or_else(|| Wrong::refused(format!("{name}: is missing")));

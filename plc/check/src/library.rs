@@ -114,6 +114,8 @@ pub(crate) struct Slot {
 pub(crate) struct Compiled {
     pub name: String,
     pub slots: Vec<Slot>,
+    /// Their places in `slots`: tests name some hundred of them in a scan.
+    names: HashMap<String, usize>,
     /// What its memory begins with, and what of it survives a power cut.
     pub image: Vec<Value>,
     pub retained: Vec<bool>,
@@ -124,6 +126,10 @@ pub(crate) struct Compiled {
 }
 
 impl Compiled {
+    pub fn slot(&self, name: &str) -> Option<&Slot> {
+        self.names.get(name).map(|number| &self.slots[*number])
+    }
+
     /// All but variables of its own that it writes before it reads them.
     fn kept(&self) -> Vec<bool> {
         let mut kept = vec![true; self.image.len()];
@@ -404,6 +410,7 @@ impl<'u> Builder<'u> {
         let mut compiled = Compiled {
             name,
             slots: vec![],
+            names: HashMap::new(),
             image: vec![],
             retained: vec![],
             kind: Kind::Struct,
@@ -467,6 +474,7 @@ impl<'u> Builder<'u> {
             };
             into.image[at] = value;
         }
+        into.names.entry(var.name.clone()).or_insert(into.slots.len());
         into.slots.push(Slot { name: var.name.clone(), ty, at, class, constant });
         Ok(())
     }
@@ -520,7 +528,7 @@ impl Scope<'_, '_> {
     }
 
     fn slot(&self, name: &str) -> Result<Slot, Fault> {
-        match self.unit.slots.iter().find(|slot| slot.name == name) {
+        match self.unit.slot(name) {
             Some(slot) => Ok(slot.clone()),
             None => self.fault(format!("no variable {name}")),
         }
@@ -544,7 +552,7 @@ impl Scope<'_, '_> {
                 };
                 let inner = self.compiled(unit)?;
                 let (block, name) = (inner.kind == Kind::Block, inner.name.clone());
-                let Some(slot) = inner.slots.iter().find(|slot| slot.name == *field).cloned() else {
+                let Some(slot) = inner.slot(field).cloned() else {
                     return self.fault(format!("{name} has no {field}"));
                 };
                 if block && slot.class != Class::Output {

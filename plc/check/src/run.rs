@@ -1,10 +1,8 @@
 //! Runs the library, strictly: what one controller may do and another may not stops the run.
 
 use crate::flow::{is_total, unread};
-use crate::library::{Code, Compiled, Kind, Library, Place, Slot, Step, StepKind, Ty, Value};
+use crate::library::{Code, Compiled, Kind, Library, Place, Step, StepKind, Ty, Value};
 use crate::tree::{Class, Fault, Op};
-use std::collections::HashMap;
-use std::rc::Rc;
 
 /// A WHILE that goes round more often than this has no end.
 const ROUNDS: usize = 1000;
@@ -14,8 +12,6 @@ const ROUNDS: usize = 1000;
 pub struct Instance<'l> {
     library: &'l Library,
     unit: usize,
-    /// Its variables by their names: tests name some hundred of them in a scan.
-    names: Rc<HashMap<&'l str, &'l Slot>>,
     memory: Memory,
 }
 
@@ -42,13 +38,7 @@ impl<'l> Instance<'l> {
                 let functions = values.len();
                 values.resize(functions + library.function_memory, Value::Bool(false));
                 let taken = vec![false; library.ways.len()];
-                let names = library.units[unit].slots.iter().map(|slot| (slot.name.as_str(), slot)).collect();
-                Ok(Self {
-                    library,
-                    unit,
-                    names: Rc::new(names),
-                    memory: Memory { values, functions, operations: 0, taken },
-                })
+                Ok(Self { library, unit, memory: Memory { values, functions, operations: 0, taken } })
             }
             _ => Err(Fault::new(name, 0, "no such block")),
         }
@@ -133,11 +123,7 @@ impl<'l> Instance<'l> {
         let mut outer = None;
         let mut parts = path.split('.').peekable();
         while let Some(part) = parts.next() {
-            let found = match outer {
-                None => self.names.get(part).copied(),
-                Some(_) => self.library.units[unit].slots.iter().find(|slot| slot.name == part),
-            };
-            let Some(slot) = found else { break };
+            let Some(slot) = self.library.units[unit].slot(part) else { break };
             at += slot.at;
             let class = *outer.get_or_insert(slot.class);
             match (parts.peek(), slot.ty) {
@@ -169,7 +155,7 @@ impl<'l> Instance<'l> {
     pub(crate) fn with(&self, values: Vec<Value>) -> Self {
         let taken = vec![false; self.library.ways.len()];
         let memory = Memory { values, functions: self.memory.functions, operations: 0, taken };
-        Self { library: self.library, unit: self.unit, names: Rc::clone(&self.names), memory }
+        Self { library: self.library, unit: self.unit, memory }
     }
 
     /// All variables.

@@ -136,6 +136,13 @@ pub struct Rows {
 }
 
 impl Rows {
+    /// The same rows, lent.
+    pub fn batch(&self) -> Batch<'_> {
+        let Self { t, sp, pv, op, flags, position } = self;
+        let samples = Samples { t, sp: sp.as_deref(), pv, op: op.as_deref(), flags: flags.as_deref() };
+        Batch { samples, position: position.as_deref() }
+    }
+
     fn extend(&mut self, batch: &Batch, rows: std::ops::Range<usize>) {
         let Batch { samples: Samples { t, sp, pv, op, flags }, position } = batch;
         let before = self.t.len();

@@ -542,6 +542,7 @@ fn random<R: Number>() {
     large::<R>(&mut cover);
     coarse::<R>(&mut cover);
     relay_and_gain::<R>(&mut cover);
+    own_filter::<R>(&mut cover);
     warns::<R>(&mut cover);
     cover.holds(&["GlappPidAdvanced", "GlappGainSchedule"]);
     // The rest of both is taken where they are alone.
@@ -682,6 +683,30 @@ fn coarse<R: Number>(cover: &mut Cover) {
                 let state = reference.state.as_ref().expect("it has run");
                 block.remembers(&state.detection.compensation, &[("/pressed", "Pressed")]);
             }
+        }
+        cover.collect(&block);
+    }
+}
+
+/// A filter of the detector's own beside a compensation by the sign of the error; it begins anew, and times are at their bound.
+fn own_filter<R: Number>(cover: &mut Cover) {
+    for seed in 0..8 {
+        let mut draw = Draw::new(410_000 + 4 * seed);
+        let d = &mut draw;
+        let mut pins = row(&[("K", 0.5), ("Ti", 1.0), ("H", 0.25), ("HasOwnSp", 1.0), ("Start", 5.0), ("N", 1.0)]);
+        pins.set_all(&[("HasCompensation", 1.0), ("Size", 1.0), ("Way", 1.0), ("HasKp", 1.0), ("Kp", 2.0)]);
+        pins.option("DetectorTf", Some(d.of(&[0.5, 0.25])));
+        pins.option("MaxH", d.of(&[None, Some(0.75)]));
+        let (block, mut reference) = (Block::new::<R>("GlappPidAdvanced"), Reference::<R>::default());
+        for i in 0..100 {
+            let side = if (i / 12) % 2 == 0 { 1.0 } else { -1.0 };
+            let longest = if pins.on("HasMaxH") { 0.75 } else { 0.5 };
+            pins.set_all(&[("Pv", side * d.of(&[1.0, 1.0, -0.5])), ("Compensate", f64::from(i > 2))]);
+            pins.set_all(&[("H", d.of(&[0.25, 0.25, 0.25, longest])), ("Enable", f64::from(!d.chance(0.03)))]);
+            pins.set_all(&[("Reset", f64::from(i == 40)), ("Restart", f64::from(i % 30 == 25))]);
+            // Refused: what is in force stays.
+            pins.set_all(&[("Rows", if d.chance(0.05) { 9.0 } else { 0.0 }), ("PvBad", f64::from(d.chance(0.03)))]);
+            beside(&mut reference, &block, &pins, seed, i);
         }
         cover.collect(&block);
     }

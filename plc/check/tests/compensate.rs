@@ -190,6 +190,7 @@ fn random<R: Number>() {
     println!("standings {standings:?}, {refused} scans with a setting out of bounds");
     cost.tell::<R>("GlappCompensation");
     assert!(standings.iter().all(|count| *count > 0) && refused > sequences());
+    relays::<R>(&mut cover);
     extremes::<R>(&mut cover);
     large::<R>(&mut cover);
     coarse::<R>(&mut cover);
@@ -214,6 +215,43 @@ fn random<R: Number>() {
         "GlappMean",
         "GlappBeyond",
     ]);
+}
+
+/// Half-periods of two heights and two lengths, of which so many need hardly any travel; before it was enabled there were some, or none.
+fn relays<R: Number>(cover: &mut Cover) {
+    let mut warned = [0; 9];
+    for (few, before, h) in (0..9).flat_map(|few| [(few, 0, 0.0), (few, 9, 0.5), (few, 9, 0.0), (few, 4, 0.0)]) {
+        let input = (0..before + 12).map(|i| {
+            let (small, short) = (i % 8 < few, i % 3 == 0);
+            let size = if i < before { 0.0 } else { if before > 8 { 7.5 } else { 37.5 } };
+            let shorter = if i < before { 2.0 } else { 1.0 };
+            let half = [if short { 10.0 } else { 15.0 } * shorter, if small { 1.0 } else { 2.0 }, 0.0, 0.0, size];
+            (h, half.to_vec())
+        });
+        let params = json!({ "k": 0.5, "ti": 1.0 });
+        let case = Case { name: String::new(), params, input: input.collect(), output: None };
+        let (mut scan, block) = library::<R>("over_compensation", &case);
+        let mut beside = |from: usize| {
+            let mut core = core::<R>("over_compensation", &case);
+            for (h, x) in &case.input[from..] {
+                let (expected, got) = (core(x, *h).unwrap(), scan(x, *h).unwrap());
+                assert!(
+                    same(&expected, &got),
+                    "{few} after {before}, {from}: {got:?} instead of {expected:?} for {x:?}"
+                );
+            }
+        };
+        beside(0);
+        warned[few] += usize::from(block.on("Relay"));
+        // As new after Clear, whatever was told and seen before.
+        block.set_all(&[("Clear", 1.0), ("Take", 0.0)]);
+        block.call();
+        assert_eq!(block.all(&["Even", "Relay"]), [0.0; 2]);
+        block.set_all(&[("Clear", 0.0), ("Take", 1.0)]);
+        beside(before);
+        cover.collect(&block);
+    }
+    assert!(warned[0] == 0 && warned[8] > 0, "{warned:?}");
 }
 
 /// Settings at the ends of what is a number: no run stops. In REAL what overflows is what overflows in the core; LREAL in the core

@@ -574,6 +574,7 @@ fn random<R: Number>() {
     coarse::<R>();
     endless_dead_time::<R>();
     told_before_it_is_good::<R>();
+    begins_beyond_numbers::<R>();
     two_at_the_ends::<R>(&mut taken);
     beyond_numbers::<R>();
     experiments::<R>(&mut taken);
@@ -750,6 +751,30 @@ fn beyond_numbers<R: Number>() {
         row.set("D", d);
         let (expected, shown) = (reference(&row), scan(&AUTO_TUNER, &block, &row));
         assert!(same(&expected, &shown), "{d}: {shown:?} instead of {expected:?}");
+    }
+}
+
+/// A gain that makes no number of the error, in the scans in which a controller begins anew or is set by hand: it goes on from there as the
+/// core does. In LREAL that is a number in the core.
+fn begins_beyond_numbers<R: Number>() {
+    let twin = TWINS.iter().find(|twin| twin.name == "pid_module").expect("it is there");
+    let usual =
+        [("Enable", 1.0), ("K", 1.0), ("Ti", 1.0), ("Td", 0.5), ("B", 1.0), ("H", 0.1), ("Mode", 2.0), ("Sp", 1.0)];
+    for (number, by) in ["Reset", "Restart", "BackNotAuto"].into_iter().enumerate() {
+        let (mut reference, block) = (core::<R>(twin), Block::new::<R>(twin.pou));
+        if R::BUILD == Build::Lreal {
+            block.unheld();
+        }
+        for i in 0..40 {
+            let mut row = Row::new(twin, &usual);
+            row.set_all(&[("Pv", 0.1 * f64::from(i % 7)), (by, f64::from(i == 20)), ("BackTracking", 3.0)]);
+            if (20..24).contains(&i) {
+                row.set_all(&[("K", 1e30), ("Pv", -1e10)]);
+            }
+            let (expected, shown) = (reference(&row), scan(twin, &block, &row));
+            let agree = R::BUILD == Build::Lreal || same(&expected, &shown);
+            assert!(agree, "{number}, scan {i}: {shown:?} instead of {expected:?} for {row:?}");
+        }
     }
 }
 

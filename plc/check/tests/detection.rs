@@ -8,7 +8,11 @@ use common::cover::{Cost, Cover, sequences};
 use common::detection::{Foreign, Loop, Pins, Reference, agree, scan};
 use common::{Block, Case, Draw, Number, cases, compare, compensate, detector, same};
 use glapp_core::modules::{self, Backward, Mode, PidSettings};
-use glapp_core::{CompensationSettings, Conditions, Way};
+use glapp_core::status::AT_HIGH;
+use glapp_core::{
+    CompensationSettings, Conditions, Correction, CorrectionState, HalfPeriod, Pair, Record, Way, corrected,
+};
+use glapp_plc_check::Build;
 use serde_json::json;
 
 const POUS: [&str; 6] = [
@@ -337,9 +341,40 @@ fn large<R: Number>(cover: &mut Cover) {
     }
 }
 
+/// A compensation that is refused for each of its numbers, and then taken out of the settings.
+fn taken_out<R: Number>(cover: &mut Cover) {
+    for (number, put) in compensate::NUMBERS.into_iter().enumerate() {
+        for (foreign, value) in [(false, -1e33), (true, -1e33), (true, f64::NAN)] {
+            let foreign = foreign.then_some(Foreign { delay: 1, tolerance: None, longest: None, back: Some(0.0) });
+            let detector = detector::Pins { kp: Some(2.0), n: 1, max_h: Some(1.0), ..detector::Pins::default() };
+            let mut pins = Pins { detector, compensate: false, compensation: None, cut: false, foreign };
+            let (block, mut reference) = (Block::new::<R>(pins.name()), Reference::<R>::default());
+            for i in 0..20 {
+                let side = if (i / 6) % 2 == 0 { 1.0 } else { -1.0 };
+                let mut settings = Settings { size: 1.0, withdraw: false, lessen: false, ..Settings::default() };
+                if i > 6 {
+                    put(&mut settings, value);
+                }
+                pins.compensate = i > 2;
+                (pins.detector.pv, pins.detector.op) = (side, Some(side));
+                pins.compensation = (i < 10).then_some(settings);
+                let (expected, got) = (reference.scan(&pins), scan(&block, &pins));
+                assert!(
+                    agree(&expected, &got),
+                    "number {number}, {value}, scan {i}:\n{got:?} instead of\n{expected:?}\nfor {pins:?}"
+                );
+                if !block.on("Error") {
+                    reference.remembers(&block, &pins);
+                }
+            }
+            cover.collect(&block);
+        }
+    }
+}
+
 /// Signals and times of a few values, so that bounds are met exactly; a detection that begins anew in the middle of everything.
 fn coarse<R: Number>(cover: &mut Cover) {
-    for seed in 0..40 {
+    for seed in 0..80 {
         let mut draw = Draw::new(80_000 + seed);
         let d = &mut draw;
         let settings = Settings {
@@ -349,6 +384,8 @@ fn coarse<R: Number>(cover: &mut Cover) {
             band: d.of(&[Some(0.0), None]),
             ..Settings::default()
         };
+        // The second half with other filters, gains by default, conditions left out, and no compensation at the end.
+        let more = seed >= 40;
         let foreign = (seed % 2 == 0).then(|| Foreign {
             delay: d.of(&[1, 2, 3]),
             tolerance: d.of(&[None, Some(0.25)]),
@@ -364,13 +401,20 @@ fn coarse<R: Number>(cover: &mut Cover) {
             op_limits: d.of(&[None, Some((-1.0, 1.0)), Some((-2.0, 2.0))]),
             ..detector::Pins::default()
         };
-        let usual = Pins { detector, compensate: false, compensation: Some(settings), cut: false, foreign };
+        let mut usual = Pins { detector, compensate: false, compensation: Some(settings), cut: false, foreign };
+        if more {
+            let p = &mut usual.detector;
+            (p.pv_span, p.op_span, p.tf) = (Some(3.0), Some(2.0), d.of(&[Some(0.125), Some(0.0), Some(0.25)]));
+            for name in Conditions::NAMES {
+                *p.conditions.switch(name).unwrap() = d.chance(0.6);
+            }
+        }
         let (block, mut reference) = (Block::new::<R>(usual.name()), Reference::<R>::default());
-        let length = d.of(&[4, 6, 7]);
+        let length = if more { d.of(&[2, 3, 4, 5]) } else { d.of(&[4, 6, 7]) };
         let (mut still, mut handed) = (0, vec![0.0; 4]);
         for i in 0..120 {
             let side = if (i / length) % 2 == 0 { 1.0 } else { -1.0 };
-            let anew = d.chance(0.02);
+            let anew = d.chance(if more { 0.01 } else { 0.02 });
             still = if anew && d.chance(0.5) { 3 } else { i32::max(still - 1, 0) };
             let reset = anew && d.chance(0.5);
             let mut pins = Pins { compensate: i % 60 > 20, ..usual.clone() };
@@ -381,6 +425,14 @@ fn coarse<R: Number>(cover: &mut Cover) {
             p.flags = d.of(&[0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 2, 4, 8]);
             let h = d.of(&[0.25, 0.25, 0.25, 0.25, 0.25, 0.25, 0.25, 0.25, 0.25, 0.25, 0.0, 0.75, 1e9, 1.5e9]);
             p.h = if still > 0 { 0.0 } else { h };
+            if more {
+                p.pv = side * d.of(&[1.0, 1.0, 1.5]);
+                p.op = Some(side * d.of(&[1.0, 1.0, 0.0]));
+                p.h = if p.h == 0.75 { 1.0 } else { p.h };
+                if i >= 100 {
+                    pins.compensation = None;
+                }
+            }
             if let Some(foreign) = &mut pins.foreign {
                 // What was handed over, mostly; for a while something else.
                 let there = handed[handed.len() - foreign.delay as usize];
@@ -390,6 +442,9 @@ fn coarse<R: Number>(cover: &mut Cover) {
             assert!(agree(&expected, &got), "coarse {seed}, scan {i}:\n{got:?} instead of\n{expected:?}\nfor {pins:?}");
             if i % 4 == 3 && !block.on("Error") {
                 block.remembers(&reference.state.detection.compensation, &[("/pressed", "Pressed")]);
+            }
+            if more && i % 2 == 1 && !block.on("Error") {
+                reference.remembers(&block, &pins);
             }
             handed.push(block.get("UFf"));
         }
@@ -500,15 +555,34 @@ fn wrong_signs<R: Number>(cover: &mut Cover) {
         }
     }
     assert!(found[0] >= 4 && found[1] >= 4, "{found:?}");
+    // What was found is gone once it begins anew.
+    for (foreign, reset) in [(false, false), (false, true), (true, false), (true, true)] {
+        let foreign = foreign.then_some(Foreign { delay: 1, tolerance: None, longest: None, back: None });
+        let limits = Some((-2.0, 2.0));
+        let detector = detector::Pins { ti: 0.25, max_h: Some(1.0), op_limits: limits, ..detector::Pins::default() };
+        let mut pins = Pins { detector, compensate: false, compensation: None, cut: false, foreign };
+        let (block, mut reference) = (Block::new::<R>(pins.name()), Reference::<R>::default());
+        for i in 0..40 {
+            let p = &mut pins.detector;
+            (p.pv, p.op) = (if i < 6 { -0.3 } else { -1.0 - 0.1 * f64::from(i % 20) }, Some(f64::from(i.min(8)) / 4.0));
+            p.flags = if i < 8 { 0 } else { AT_HIGH };
+            (p.restart, p.reset) = (i == 20 && !reset, i == 20 && reset);
+            let (expected, got) = (reference.scan(&pins), scan(&block, &pins));
+            assert!(agree(&expected, &got), "scan {i}:\n{got:?} instead of\n{expected:?}\nfor {pins:?}");
+            assert!(i != 19 || block.on("WrongSign"));
+        }
+        cover.collect(&block);
+    }
 }
 
 /// What is read back is off while nothing is compensated, is not read for a while, and is enabled meanwhile; by each way its longest delay.
 fn read_back<R: Number>(cover: &mut Cover) {
     let mut standings = std::collections::BTreeSet::new();
-    for (way, source) in [(1, 1), (2, 1), (3, 2), (3, 3)] {
+    let usual = [(1, 1), (2, 1), (3, 2), (3, 3)].map(|(way, source)| (way, source, 10.0));
+    for (way, source, ti) in usual.into_iter().chain([(1, 1, 1.6), (3, 1, 1.6), (3, 1, 2.5)]) {
         let settings = Settings { way, source, size: 1.0, band: Some(0.0), ..Settings::default() };
         let foreign = Foreign { delay: 2, tolerance: None, longest: None, back: None };
-        let detector = detector::Pins { ti: 10.0, max_h: Some(1.0), ..detector::Pins::default() };
+        let detector = detector::Pins { ti, max_h: Some(1.0), ..detector::Pins::default() };
         let mut pins =
             Pins { detector, compensate: false, compensation: Some(settings), cut: false, foreign: Some(foreign) };
         let (block, mut reference) = (Block::new::<R>(pins.name()), Reference::<R>::default());
@@ -521,7 +595,7 @@ fn read_back<R: Number>(cover: &mut Cover) {
             let off = if (5..12).contains(&i) { 0.5 } else { 0.0 };
             pins.foreign.as_mut().unwrap().back = (!(12..17).contains(&i)).then_some(there + off);
             let (expected, got) = (reference.scan(&pins), scan(&block, &pins));
-            assert!(agree(&expected, &got), "{way}, scan {i}:\n{got:?} instead of\n{expected:?}\nfor {pins:?}");
+            assert!(agree(&expected, &got), "{way}, {ti}, scan {i}:\n{got:?} instead of\n{expected:?}\nfor {pins:?}");
             standings.insert(block.get("Standing") as i16);
             handed.push(block.get("UFf"));
         }
@@ -610,6 +684,41 @@ fn pairs<R: Number>(cover: &mut Cover) {
         compare(&case, core::<R>(name, &case), scan, false);
         cover.collect(&block);
     }
+    // A Kp that is known for a while, and then again the same.
+    let mut widths = std::collections::BTreeSet::new();
+    for seed in 0..24 {
+        let mut case = drawn("correction", &mut Draw::new(88_000 + seed), (1.0, 1.0));
+        case.params["kp"] = 1.6.into();
+        case.params["integrating"] = 0.into();
+        let (mut scan, block) = library::<R>("correction", &case);
+        let [k, ti, b] = ["k", "ti", "b"].map(|name| R::of(case.given(name)));
+        let mut state = CorrectionState::default();
+        for (i, (h, x)) in case.input.iter().enumerate() {
+            let kp = (i % 5 != 3).then_some(if i < 60 { 1.6 } else { 0.8 });
+            block.option("Kp", kp);
+            let core = Correction::new(k, ti, b, kp.map(R::of), false).unwrap();
+            let got = scan(x, *h).unwrap();
+            core.conclude(&mut state);
+            if x[3] != 0.0 {
+                let (sign, flags) = (x[3] as i8, x[4] as u16);
+                let half = HalfPeriod { sign, flags, delta_y: R::of(x[6]), ..HalfPeriod::default() };
+                core.end(&mut state, &Record { half, mask: x[5] as u16, ..Record::default() });
+            }
+            if x[7] != 0.0 {
+                core.interrupt(&mut state);
+            } else {
+                core.add(&mut state, R::of(*h), R::of(x[0]), R::of(x[1]), R::of(x[2]));
+            }
+            let expected = match core.width(&state, x[8] != 0.0) {
+                Ok(found) => [found.d.as_f64(), 0.0],
+                Err(doubt) => [f64::NAN, f64::from(doubt as u8)],
+            };
+            assert!(same(&expected, &[got[0], got[4]]), "{seed}, scan {i}: {got:?} instead of {expected:?}");
+            widths.insert(expected[0].to_bits());
+        }
+        cover.collect(&block);
+    }
+    assert!(widths.len() > 4, "{widths:?}");
     // A time that no detector lets through is passed over, as one that is not above 0 is.
     let shown = [0.0, 1.5e9].map(|beyond| {
         let block = Block::new::<R>("GlappSwing");
@@ -622,6 +731,83 @@ fn pairs<R: Number>(cover: &mut Cover) {
         block.get("Plateau")
     });
     assert!(shown[0] == shown[1] && shown[0] > 0.0, "{shown:?}");
+}
+
+/// Pairs of few values, so that lines, bounds and medians are met exactly, and of numbers so large and so small that what is worked out of
+/// them is none; each set with a Kp and without.
+fn lines<R: Number>(cover: &mut Cover) {
+    let block = Block::new::<R>("GlappCorrected");
+    // One way that is too large for Kp makes all of them none; what stood there before Clear is nothing.
+    for place in (0..9).chain([9]) {
+        block.set_all(&[("Clear", 1.0), ("Conclude", 0.0), ("Take", 1.0), ("Travel", 8.0)]);
+        for i in 0..9 {
+            block.set("Way", if i == place || place == 9 { 3e37 } else { 1.0 });
+            block.call();
+            block.set("Clear", 0.0);
+        }
+        block.set_all(&[("Take", 0.0), ("Conclude", 1.0), ("HasKp", 1.0), ("Kp", -0.5)]);
+        block.call();
+        assert_eq!(block.get("Doubt"), 5.0);
+    }
+    // A line so flat that its gain is no number here; in LREAL, where that is one, the core goes on.
+    if R::BUILD == Build::Lreal {
+        block.set_all(&[("Clear", 1.0), ("Conclude", 0.0), ("Take", 1.0), ("HasKp", 0.0)]);
+        for i in [1.0, 2.0, 3.0, 4.0] {
+            block.set_all(&[("Travel", 1e-44 + 1e-45 * i), ("Way", 1e18 * i)]);
+            block.call();
+            block.set("Clear", 0.0);
+        }
+        block.set_all(&[("Take", 0.0), ("Conclude", 1.0)]);
+        block.call();
+        assert_eq!(block.get("Doubt"), 5.0);
+    }
+    let mut doubts = [0; 6];
+    for seed in 0..1500 {
+        let mut draw = Draw::new(60_000 + seed);
+        let d = &mut draw;
+        let scale =
+            if R::BUILD == Build::Real { d.of(&[1.0, 1.0, 1.0, 1e8, 1e10, 1e-12]) } else { d.of(&[1.0, 1.0, 1e-12]) };
+        let (width, slope, off) =
+            (d.of(&[2.0, 4.0, 1.0, 0.0, -1.0]), d.of(&[0.5, 1.0, 2.0, 0.0]), d.of(&[0.0, 0.125, 0.5]));
+        let ways = d.of(&[[1.0, 1.5, 2.0, 3.0], [2.0, 2.0, 3.0, 3.0], [1.0, 1.0, 1.0, 1.0], [0.0, 0.5, 1.0, -1.0]]);
+        // Of ways above 0 none fits.
+        let least = if ways[0] > 0.0 { 1e-38 } else { 0.5 };
+        let mut pairs: Vec<Pair<R>> = (0..d.of(&[2, 3, 4, 4, 5, 6, 8, 9]))
+            .map(|_| {
+                let way = d.of(&ways);
+                let travel = width + slope * way + off * d.of(&[0.0, 0.0, 1.0, -1.0]);
+                Pair { travel: R::of(scale * travel), way: R::of(scale * way) }
+            })
+            .collect();
+        block.set_all(&[("Clear", 1.0), ("Conclude", 0.0), ("Take", 1.0)]);
+        for pair in &pairs {
+            block.set_all(&[("Travel", pair.travel.as_f64()), ("Way", pair.way.as_f64())]);
+            block.call();
+            block.set("Clear", 0.0);
+        }
+        block.set_all(&[("Take", 0.0), ("Conclude", 1.0)]);
+        for kp in [d.of(&[None, Some(1.0), Some(-2.0), Some(least)]), d.of(&[Some(2.0), None])] {
+            block.option("Kp", kp);
+            block.call();
+            let row = ["D", "Low", "High", "Kp"].map(|pin| block.given("HasWidth", &format!("Width.{pin}")));
+            let range = block.on("HasWidth") && block.on("Width.HasKpRange");
+            let ends = ["Width.KpLow", "Width.KpHigh"].map(|pin| if range { block.get(pin) } else { f64::NAN });
+            let got = [&row[..], &ends, &[block.get("Doubt")]].concat();
+            let expected = match corrected(&mut pairs, kp.map(R::of)) {
+                Ok(found) => {
+                    let (low, high) = found.kp_range.unzip();
+                    let or_nan = |x: Option<R>| x.map_or(f64::NAN, R::as_f64);
+                    let numbers = [found.d, found.low, found.high, found.kp].map(R::as_f64);
+                    [&numbers[..], &[or_nan(low), or_nan(high), 0.0]].concat()
+                }
+                Err(doubt) => [&[f64::NAN; 6][..], &[f64::from(doubt as u8)]].concat(),
+            };
+            doubts[got[6] as usize] += 1;
+            assert!(same(&expected, &got), "{seed}: {got:?} instead of {expected:?} for {pairs:?}, {kp:?}");
+        }
+    }
+    assert!(doubts.iter().all(|count| *count > 20), "{doubts:?}");
+    cover.collect(&block);
 }
 
 /// PV as measured, and PV by which u_FF goes, given apart: where they are PV itself, the same comes out of it.
@@ -641,6 +827,17 @@ fn inside<R: Number>(cover: &mut Cover) {
         active |= one.get("UFf") != 0.0;
     }
     assert!(one.on("HasWhole") && active);
+    // A PV that is none is bad for it, whatever Pv is.
+    assert_ne!(other.get("Standing"), 3.0);
+    other.set("Beside", f64::NAN);
+    other.call();
+    assert_eq!(other.get("Standing"), 3.0);
+    // Settings that were checked before are in force without a word about those on the pins.
+    for (has, error) in [(0.0, 1.0), (1.0, 0.0), (0.0, 1.0), (1.0, 0.0)] {
+        other.set_all(&[("K", 0.0), ("HasUsed", has), ("Enable", 0.0)]);
+        other.call();
+        assert_eq!(other.all(&["ErrorID", "Error"]), [error; 2]);
+    }
     cover.collect(&other);
 }
 
@@ -701,11 +898,13 @@ fn random<R: Number>() {
     extremes::<R>(&mut cover);
     endless::<R>(&mut cover);
     large::<R>(&mut cover);
+    taken_out::<R>(&mut cover);
     coarse::<R>(&mut cover);
     begins_anew::<R>(&mut cover);
     wrong_signs::<R>(&mut cover);
     read_back::<R>(&mut cover);
     pairs::<R>(&mut cover);
+    lines::<R>(&mut cover);
     inside::<R>(&mut cover);
     another_version::<R>(&mut cover);
     cover.holds(&POUS);
@@ -726,11 +925,20 @@ fn another_version<R: Number>(cover: &mut Cover) {
         scan(&block, &pins);
         assert_eq!((block.on("Dropped"), block.on("HasWhole")), (dropped, !dropped));
     }
-    let mut reset = pins;
+    let mut reset = pins.clone();
     reset.detector.reset = true;
     scan(&block, &reset);
     assert!(!block.on("Dropped"));
     cover.collect(&block);
+    // Those of a block that it has inside.
+    for version in ["Detector.StateVersion", "Compensation.StateVersion"] {
+        let block = Block::new::<R>("GlappBacklashDetection");
+        scan(&block, &pins);
+        block.0.borrow_mut().power_cut();
+        block.0.borrow_mut().spoil(version, 2.0).unwrap();
+        scan(&block, &pins);
+        assert!(block.on("Dropped"), "{version}");
+    }
 }
 
 #[test]

@@ -77,12 +77,29 @@ fn open<R: Number>() {
     }
 }
 
+/// Settings that were checked before are in force without a word about those on the pins.
+fn checked_before<R: Number>() {
+    for name in ["GlappDetector", "GlappCompensation", "GlappBacklashDetection", "GlappPid", "GlappAutoTuner"] {
+        let block = Block::new::<R>(name);
+        for _ in 0..2 {
+            block.set("HasUsed", 0.0);
+            block.call();
+            assert!(block.on("Error") && block.get("ErrorID") > 0.0, "{name}");
+            block.set("HasUsed", 1.0);
+            block.call();
+            assert_eq!(block.all(&["Error", "ErrorID"]), [0.0; 2], "{name}");
+        }
+    }
+}
+
 #[test]
 fn lreal() {
+    checked_before::<f64>();
     open::<f64>();
 }
 
 #[test]
 fn real() {
+    checked_before::<f32>();
     open::<f32>();
 }

@@ -166,6 +166,7 @@ fn all<R: Number>() {
     extremes::<R>(&mut taken);
     large::<R>(&mut taken);
     coarse::<R>(&mut taken);
+    told_before_it_begins_anew::<R>();
     smaller_and_smaller::<R>(&mut taken);
     at_their_bounds::<R>();
     another_version::<R>(&mut taken);
@@ -377,6 +378,21 @@ fn coarse<R: Number>(taken: &mut [bool]) {
         for i in 0..6 {
             let pins = Pins { h: if i < 3 { h } else { 0.25 }, ..Pins::default() };
             beside(&mut reference, &block, &pins, &format!("{h}, scan {i}"));
+        }
+    }
+}
+
+/// What is told in a scan without time counts for the half-period under way, not for the first one after a new beginning.
+fn told_before_it_begins_anew<R: Number>() {
+    for flags in [1, 2, 4, 8] {
+        let usual = Pins { ti: 0.25, max_h: Some(1.0), ..Pins::default() };
+        let (block, mut reference) = (Block::new::<R>("GlappDetector"), Reference::<R>::default());
+        for i in 0..60 {
+            let mut pins = Pins { pv: if i / 6 % 2 == 0 { 1.0 } else { -1.0 }, restart: i == 22, ..usual.clone() };
+            if i == 21 {
+                (pins.h, pins.flags) = (0.0, flags);
+            }
+            beside(&mut reference, &block, &pins, &format!("told {flags}, scan {i}"));
         }
     }
 }

@@ -22,7 +22,8 @@ const AT_LIMIT: ([&str; 5], [&str; 5]) =
     (["/time", "/e", "/pv", "/far", "/away"], ["Time0.Value", "ELimit", "PvLimit", "Far", "Away.Value"]);
 
 /// Of a compensation.
-pub const REMEMBERED: [(&str, &str); 18] = [
+pub const REMEMBERED: [(&str, &str); 19] = [
+    ("/harm/direction", "Watched.Direction"),
     ("/side", "Side"),
     ("/in_force", "InForce"),
     ("/whole", "Whole"),

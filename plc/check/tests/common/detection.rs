@@ -236,8 +236,9 @@ impl<R: Number> Reference<R> {
 }
 
 /// What a detection remembers, in the core and here.
-const REMEMBERED: [(&str, &str); 17] = [
+const REMEMBERED: [(&str, &str); 18] = [
     ("/unfit", "Unfit"),
+    ("/smooth", "Smooth"),
     ("/against", "Against"),
     ("/due", "Due"),
     ("/warning/count", "Over.Count"),

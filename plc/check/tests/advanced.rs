@@ -543,6 +543,7 @@ fn random<R: Number>() {
     coarse::<R>(&mut cover);
     relay_and_gain::<R>(&mut cover);
     own_filter::<R>(&mut cover);
+    by_a_kp_that_was_found::<R>(&mut cover);
     warns::<R>(&mut cover);
     cover.holds(&["GlappPidAdvanced", "GlappGainSchedule"]);
     // The rest of both is taken where they are alone.
@@ -733,7 +734,9 @@ fn warns<R: Number>(cover: &mut Cover) {
 /// An output that may just move as fast as the relay, and one that may not; an experiment on a process that integrates, whose Kp is none.
 fn relay_and_gain<R: Number>(cover: &mut Cover) {
     let (mut stopped, mut without) = (0, 0);
-    for (rate, integrates) in [(22.0, false), (20.0, false), (18.0, false), (90.0, true)] {
+    let others = [(11.0, false, 1.5), (9.0, false, 1.5)];
+    let usual = [(22.0, false), (20.0, false), (18.0, false), (90.0, true)].map(|(rate, slow)| (rate, slow, 3.0));
+    for (rate, integrates, amplitude) in usual.into_iter().chain(others) {
         let mut pins =
             row(&[("K", 0.2), ("Ti", 4.0), ("H", 0.2), ("HasOwnSp", 1.0), ("Start", 5.0), ("HasTuner", 1.0)]);
         pins.set_all(&[
@@ -744,8 +747,8 @@ fn relay_and_gain<R: Number>(cover: &mut Cover) {
             ("HasRate", 1.0),
             ("Rate", rate),
         ]);
-        pins.set_all(&[("Amplitude", 3.0), ("WaitTime", 2.0), ("Longest", 900.0), ("PvLow", -90.0), ("PvHigh", 90.0)]);
-        pins.set("Rule", 1.0);
+        pins.set_all(&[("Amplitude", amplitude), ("WaitTime", 2.0), ("Longest", 900.0)]);
+        pins.set_all(&[("PvLow", -90.0), ("PvHigh", 90.0), ("Rule", 1.0)]);
         let (block, mut reference) = (Block::new::<R>("GlappPidAdvanced"), Reference::<R>::default());
         let mut process = Process { x: [0.0; 3], gain: 1.0, noise: 0.0 };
         let mut draw = Draw::new(1);
@@ -766,7 +769,45 @@ fn relay_and_gain<R: Number>(cover: &mut Cover) {
         without += usize::from(block.get("Phase") == 4.0 && !block.on("HasFoundKp"));
         cover.collect(&block);
     }
-    assert_eq!((stopped, without), (1, 1));
+    assert_eq!((stopped, without), (2, 1));
+}
+
+/// An experiment finds a Kp, and then the loop swings: by that Kp it is detected, but no corrected width goes by it. One that is given takes
+/// its place; what begins anew has none.
+fn by_a_kp_that_was_found<R: Number>(cover: &mut Cover) {
+    let mut pins = row(&[("K", 0.2), ("Ti", 0.5), ("H", 0.2), ("HasOwnSp", 1.0), ("Start", 5.0), ("HasTuner", 1.0)]);
+    pins.set_all(&[("HasLow", 1.0), ("HasHigh", 1.0), ("High", 10.0), ("Amplitude", 3.0), ("WaitTime", 2.0)]);
+    pins.set_all(&[("Longest", 900.0), ("PvLow", -90.0), ("PvHigh", 90.0), ("N", 1.0), ("HasCompensation", 1.0)]);
+    let (block, mut reference) = (Block::new::<R>("GlappPidAdvanced"), Reference::<R>::default());
+    let mut process = Process { x: [0.0; 3], gain: 1.0, noise: 0.0 };
+    let mut draw = Draw::new(1);
+    let (mut swings, mut doubts) = (0, std::collections::BTreeSet::new());
+    for i in 0..2500 {
+        let found = block.get("Phase") >= 4.0 || swings > 0;
+        let pv = if found {
+            let half = swings / 16;
+            swings += 1;
+            pins.set_all(&[
+                ("HasKp", f64::from((14..22).contains(&half))),
+                ("Kp", 1.2),
+                ("Restart", f64::from(swings == 500)),
+            ]);
+            pins.option("DetectorTf", (half > 24).then_some(0.1));
+            (0.5 + 0.1 * f64::from(half % 3)) * if half % 2 == 0 { 1.0 } else { -1.0 }
+        } else {
+            process.step(block.get("Output"), 0.2, &mut draw)
+        };
+        pins.set_all(&[("Pv", pv), ("Run", f64::from(i > 2 && !found))]);
+        beside(&mut reference, &block, &pins, 0, i);
+        if swings > 160 {
+            doubts.insert(block.get("Doubt") as i16);
+        }
+        if swings > 700 {
+            break;
+        }
+    }
+    assert!(swings > 700 && doubts.len() > 1, "{swings} {doubts:?}");
+    cover.collect(&block);
 }
 
 /// What is not the same, by its pin.

@@ -604,6 +604,72 @@ fn read_back<R: Number>(cover: &mut Cover) {
     assert!([0, 1, 12].iter().all(|standing| standings.contains(standing)), "{standings:?}");
 }
 
+/// The estimate is the source, and what is read back is off by more and by less than a tenth of it.
+fn estimate_read_back<R: Number>(cover: &mut Cover) {
+    let mut standings = std::collections::BTreeSet::new();
+    for seed in 0..4 {
+        let settings = Settings { source: 3, band: Some(0.0), lessen: false, ..Settings::default() };
+        let foreign = Foreign { delay: 1, tolerance: None, longest: None, back: None };
+        let detector = detector::Pins {
+            ti: 0.25,
+            max_h: Some(1.0),
+            n: 1,
+            kp: Some(4.0),
+            tf: Some(0.0),
+            ..detector::Pins::default()
+        };
+        let mut pins =
+            Pins { detector, compensate: false, compensation: Some(settings), cut: false, foreign: Some(foreign) };
+        let (block, mut reference) = (Block::new::<R>(pins.name()), Reference::<R>::default());
+        let mut handed = 0.0;
+        for i in 0..260 {
+            let side = if (i / 8) % 2 == 0 { 1.0 } else { -1.0 };
+            // The detection is about 2; a scan is lost in between, and it begins anew once.
+            let off = [0.0, 0.1, 0.15, 0.3, 0.0][(i / 20) as usize % 5] * f64::from(u8::from(i > 80));
+            let there = handed + off * [1.0, -1.0, 1.5, 0.5][seed];
+            (pins.detector.pv, pins.detector.op) = (side, Some(side + there));
+            pins.detector.restart = i == 200;
+            pins.compensate = i > 40 && i != 201;
+            pins.foreign.as_mut().unwrap().back = (i % 20 != 0).then_some(there);
+            let (expected, got) = (reference.scan(&pins), scan(&block, &pins));
+            assert!(agree(&expected, &got), "{seed}, scan {i}:\n{got:?} instead of\n{expected:?}\nfor {pins:?}");
+            block.remembers(&reference.state.detection.compensation, &[("/pressed", "Pressed")]);
+            standings.insert(block.get("Standing") as i16);
+            handed = block.get("UFf");
+        }
+        cover.collect(&block);
+    }
+    assert!([0, 13].iter().all(|standing| standings.contains(standing)), "{standings:?}");
+}
+
+/// Kp is a default, and noise so large that its limit lies among the detections.
+fn near_the_noise<R: Number>(cover: &mut Cover) {
+    let mut shown = [0; 2];
+    for seed in 0..12 {
+        let mut draw = Draw::new(97_000 + seed);
+        let d = &mut draw;
+        let settings = Settings { source: 3, band: Some(0.0), ..Settings::default() };
+        let usual = detector::Pins { ti: 0.25, max_h: Some(1.0), n: 3, tf: Some(0.0), ..detector::Pins::default() };
+        let usual = detector::Pins { pv_span: Some(3.0), op_span: d.of(&[Some(0.5), Some(2.0)]), ..usual };
+        let foreign = (seed % 3 == 2).then_some(Foreign { delay: 1, tolerance: None, longest: None, back: None });
+        let mut pins = Pins { detector: usual, compensate: false, compensation: Some(settings), cut: false, foreign };
+        let (block, mut reference) = (Block::new::<R>(pins.name()), Reference::<R>::default());
+        let (noise, width) = (d.of(&[0.05, 0.1, 0.2, 0.3]), d.of(&[0.02, 0.05, 0.1]));
+        for i in 0..260 {
+            let side = if (i / 8) % 2 == 0 { 1.0 } else { -1.0 };
+            let size = 0.4 + 0.1 * f64::from(i / 16 % 3);
+            pins.detector.pv = side * size + noise * d.between(-1.0, 1.0);
+            pins.detector.op = Some(side * (width + 0.2 * size) + block.get("UFf"));
+            pins.compensate = i > 160;
+            let (expected, got) = (reference.scan(&pins), scan(&block, &pins));
+            assert!(agree(&expected, &got), "{seed}, scan {i}:\n{got:?} instead of\n{expected:?}\nfor {pins:?}");
+            shown[usize::from(block.on("HasWholeShown"))] += usize::from(block.on("HasWhole"));
+        }
+        cover.collect(&block);
+    }
+    assert!(shown.iter().all(|count| *count > 50), "{shown:?}");
+}
+
 /// Pairs by themselves: a tenth one is left out. Half-periods that failed two conditions, and signals too large to be measured.
 fn pairs<R: Number>(cover: &mut Cover) {
     let pairs = Block::new::<R>("GlappCorrected");
@@ -762,7 +828,7 @@ fn lines<R: Number>(cover: &mut Cover) {
         assert_eq!(block.get("Doubt"), 5.0);
     }
     let mut doubts = [0; 6];
-    for seed in 0..1500 {
+    for seed in 0..400 {
         let mut draw = Draw::new(60_000 + seed);
         let d = &mut draw;
         let scale =
@@ -806,7 +872,7 @@ fn lines<R: Number>(cover: &mut Cover) {
             assert!(same(&expected, &got), "{seed}: {got:?} instead of {expected:?} for {pairs:?}, {kp:?}");
         }
     }
-    assert!(doubts.iter().all(|count| *count > 20), "{doubts:?}");
+    assert!(doubts.iter().all(|count| *count > 5), "{doubts:?}");
     cover.collect(&block);
 }
 
@@ -903,6 +969,8 @@ fn random<R: Number>() {
     begins_anew::<R>(&mut cover);
     wrong_signs::<R>(&mut cover);
     read_back::<R>(&mut cover);
+    estimate_read_back::<R>(&mut cover);
+    near_the_noise::<R>(&mut cover);
     pairs::<R>(&mut cover);
     lines::<R>(&mut cover);
     inside::<R>(&mut cover);
@@ -931,12 +999,19 @@ fn another_version<R: Number>(cover: &mut Cover) {
     assert!(!block.on("Dropped"));
     cover.collect(&block);
     // Those of a block that it has inside.
-    for version in ["Detector.StateVersion", "Compensation.StateVersion"] {
-        let block = Block::new::<R>("GlappBacklashDetection");
-        scan(&block, &pins);
+    let foreign = Foreign { delay: 1, tolerance: None, longest: None, back: None };
+    let beside = Pins { foreign: Some(foreign), ..pins.clone() };
+    for (pins, version) in [
+        (&pins, "Detector.StateVersion"),
+        (&pins, "Compensation.StateVersion"),
+        (&beside, "Detection.StateVersion"),
+        (&beside, "Detection.Detector.StateVersion"),
+    ] {
+        let block = Block::new::<R>(pins.name());
+        scan(&block, pins);
         block.0.borrow_mut().power_cut();
         block.0.borrow_mut().spoil(version, 2.0).unwrap();
-        scan(&block, &pins);
+        scan(&block, pins);
         assert!(block.on("Dropped"), "{version}");
     }
 }

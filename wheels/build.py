@@ -26,7 +26,8 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-ROOT = Path(__file__).parents[1]
+HERE = Path(__file__).parent
+ROOT = HERE.parent
 BUILT = ROOT / "target" / "wheels"
 #: Debian's compiler, whose standard library can be built for any platform.
 DEBIAN = Path("/usr/bin/rustc")
@@ -92,6 +93,9 @@ def built(of: Platform, folder: Path) -> Path:
         Where this machine lacks what it takes.
     """
     environment = os.environ | standard_library(of.triple) | {"CARGO_TARGET_DIR": str(BUILT)}
+    if of.triple.endswith("darwin") and platform.system() != "Darwin":
+        # Zig has what every program needs of macOS. Its time zone is asked of a framework: the names of that are here.
+        environment["RUSTFLAGS"] = f"-L framework={HERE}"
     command = [sys.executable, "-m", "maturin", "build", "--release", "--quiet", "--target", of.triple]
     command += ["--compatibility", of.rules, "--interpreter", "python3.11", "--out", str(folder)]
     if of.linker is not None and shutil.which(of.linker) is None:

@@ -40,6 +40,7 @@ async function begin() {
   const mine = new Worker(worker_address);
   worker = mine;
   mine.onmessage = ({ data: said }) => mine === worker && hears[said.kind](said);
+  mine.onerror = (event) => mine === worker && broke("analysis", event.message || "its worker died");
   mine.postMessage({ kind: "begin", module: await module_ready, data: data.reading });
 }
 
@@ -86,6 +87,11 @@ const hears = {
   },
 };
 
+function broke(what, why) {
+  dismiss();
+  hears.wrong({ text: `the ${what} broke off (${why}): close other pages and analyse again; if it breaks off once more, please report it with the recording` });
+}
+
 function rest() {
   clearInterval(ticking);
   $("working").hidden = true;
@@ -116,19 +122,15 @@ async function fit_windows({ windows, turn: of }) {
     helper.postMessage({ kind: "alone", module, window: windows[next], place: next });
     next += 1;
   };
-  const broke = (why) => {
-    dismiss();
-    hears.wrong({ text: `the fit broke off (${why}): close other pages and analyse again; if it breaks off once more, please report it with the recording` });
-  };
   tell();
   for (let k = 0; k < Math.min(windows.length, navigator.hardwareConcurrency ?? 1); k += 1) {
     const helper = new Worker(worker_address);
     helpers.push(helper);
-    helper.onerror = (event) => broke(event.message || "one of its workers died");
+    helper.onerror = (event) => broke("fit", event.message || "one of its workers died");
     helper.onmessage = ({ data: said }) => {
       if (!helpers.includes(helper)) return;
       if (said.kind === "wrong") {
-        broke(said.text);
+        broke("fit", said.text);
         return;
       }
       alone[said.place] = said.alone;

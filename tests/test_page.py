@@ -265,21 +265,24 @@ def test_windows_are_fitted_side_by_side_with_the_same_bits(window: Any, process
     assert found == told | {"workers": min(3, processors)}
 
 
-@pytest.mark.parametrize("how", ["dies", "cannot be fitted"])
+@pytest.mark.parametrize("how", ["dies", "cannot be fitted", "reads"])
 def test_a_worker_that_breaks_off_ends_the_fit_with_a_word(window: Any, how: str) -> None:
     window.evaluate(
         """async (how) => {
             const { one } = window_of_fit;
+            if (worker === null) await begin();
             file ??= { name: "worn.csv" };
-            await fit_windows({ windows: how === "dies" ? [one, one] : [one.slice(0, 9), one], turn });
-            if (how === "dies") helpers[0].dispatchEvent(new ErrorEvent("error", { message: "out of memory" }));
+            $("wrong").hidden = true;
+            await fit_windows({ windows: [how === "cannot be fitted" ? one.slice(0, 9) : one, one], turn });
+            const dies = { dies: helpers[0], reads: worker }[how];
+            dies?.dispatchEvent(new ErrorEvent("error", { message: "out of memory" }));
         }""",
         how,
     )
     window.wait_for_selector("#wrong:not([hidden])")
     said = window.locator("#wrong").inner_text()
-    assert "the fit broke off (" in said and "analyse again" in said
-    assert ("out of memory" in said) == (how == "dies")
+    assert f"the {'analysis' if how == 'reads' else 'fit'} broke off (" in said and "analyse again" in said
+    assert ("out of memory" in said) == (how != "cannot be fitted")
     assert window.evaluate("() => helpers.length") == 0
     assert not window.locator("#working").is_visible()
 

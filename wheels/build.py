@@ -66,13 +66,14 @@ class Missing(Exception):  # noqa: N818 (it is told, and the platform is skipped
     """What this machine lacks."""
 
 
+def asked(rustc: str, *what: str) -> Path:
+    """A folder of a compiler."""
+    done = subprocess.run([rustc, "--print", *what], capture_output=True, text=True, check=True)
+    return Path(done.stdout.strip())
+
+
 def standard_library(triple: str) -> dict[str, str]:
     """What tells cargo where the standard library of a platform comes from."""
-
-    def asked(rustc: str, *what: str) -> Path:
-        done = subprocess.run([rustc, "--print", *what], capture_output=True, text=True, check=True)
-        return Path(done.stdout.strip())
-
     ours = os.environ.get("RUSTC", "rustc")
     if asked(ours, "target-libdir", "--target", triple).is_dir():
         return {}
@@ -96,6 +97,13 @@ def built(of: Platform, folder: Path) -> Path:
     if of.triple.endswith("darwin") and platform.system() != "Darwin":
         # Zig has what every program needs of macOS. Its time zone is asked of a framework: the names of that are here.
         environment["RUSTFLAGS"] = f"-L framework={HERE}"
+        # What strips a library of macOS: every toolchain of rustup has it, and Debian's compiler looks for it.
+        tools = next(asked("rustc", "sysroot").glob("lib/rustlib/*/bin/rust-objcopy"), None) or shutil.which(
+            "rust-objcopy"
+        )
+        if tools is None:
+            raise Missing("rust-objcopy, which comes with rustup")
+        environment["PATH"] = f"{Path(tools).parent}{os.pathsep}{environment['PATH']}"
     command = [sys.executable, "-m", "maturin", "build", "--release", "--quiet", "--target", of.triple]
     command += ["--compatibility", of.rules, "--interpreter", "python3.11", "--out", str(folder)]
     if of.linker is not None and shutil.which(of.linker) is None:

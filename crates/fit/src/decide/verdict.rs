@@ -31,20 +31,20 @@ impl Verdict {
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(crate) enum Hidden {
     /// The process settles in too few samples.
-    BySamples,
+    Samples,
     /// It lags by more than the record is long.
-    ByLag,
+    Lag,
     /// The load changes as often as OP goes through the gap.
-    ByChanges,
+    Changes,
 }
 
 impl Hidden {
     /// The word for it.
     fn name(self) -> &'static str {
         match self {
-            Self::BySamples => "hidden_by_samples",
-            Self::ByLag => "hidden_by_lag",
-            Self::ByChanges => "hidden_by_changes",
+            Self::Samples => "hidden_by_samples",
+            Self::Lag => "hidden_by_lag",
+            Self::Changes => "hidden_by_changes",
         }
     }
 }
@@ -186,11 +186,11 @@ pub(crate) fn often(lr_no_gap: f64, low: [usize; 2], d: [usize; 2]) -> bool {
 /// the most likely width so often and so many steps or bends of the load are marked.
 pub(crate) fn hidden(settles: f64, lag: f64, steps: f64, [up, down]: [usize; 2], marks: usize) -> Option<Hidden> {
     if settles < SAMPLES_IN_LAG_IF_SOUND {
-        Some(Hidden::BySamples)
+        Some(Hidden::Samples)
     } else if lag > steps {
-        Some(Hidden::ByLag)
+        Some(Hidden::Lag)
     } else if marks >= up + down {
-        Some(Hidden::ByChanges)
+        Some(Hidden::Changes)
     } else {
         None
     }

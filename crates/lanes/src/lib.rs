@@ -3,6 +3,11 @@
 //! Work over arrays of fixed length is turned into vector instructions by the compiler, as wide as the chosen set has them. Nothing is
 //! fused and no order changes, so that the bits are the same with every one.
 
+#[cfg(target_arch = "x86_64")]
+mod eight;
+
+use glapp_core::Lanes;
+
 /// An instruction set that the processor has; the bits do not depend on it.
 #[derive(Clone, Copy, Debug)]
 pub enum Instructions {
@@ -45,6 +50,19 @@ impl Instructions {
         }
     }
 
+    /// Does work on eight numbers side by side with it; false where it has no registers worth it, and nothing is done.
+    #[must_use]
+    pub fn side_by_side(self, work: impl Sided) -> bool {
+        match self {
+            Self::Baseline => drop(work),
+            #[cfg(target_arch = "x86_64")]
+            Self::V3(v3) => v3.vectorize(eight::With { work, like: eight::Eight::<_, 2>::new(v3) }),
+            #[cfg(target_arch = "x86_64")]
+            Self::V4(v4) => v4.vectorize(eight::With { work, like: eight::Eight::<_, 1>::new(v4) }),
+        }
+        !matches!(self, Self::Baseline)
+    }
+
     /// Does work with it; what is to profit must be inlined into the work.
     pub fn run(self, work: impl pulp::NullaryFnOnce<Output = ()>) {
         match self {
@@ -55,6 +73,12 @@ impl Instructions {
             Self::V4(v4) => v4.vectorize(work),
         }
     }
+}
+
+/// Work on numbers side by side, written for any registers.
+pub trait Sided {
+    /// Does it with numbers like these.
+    fn with(self, like: impl Lanes);
 }
 
 pub use pulp::NullaryFnOnce;

@@ -18,13 +18,14 @@ impl Crossings {
     pub fn take_together(all: &mut [&mut Self], columns: &[Columns<'_, f64>], instructions: Instructions) {
         assert_eq!(all.len(), columns.len(), "columns of each loop");
         for (loops, columns) in all.chunks_mut(LANES).zip(columns.chunks(LANES)) {
+            let worthwhile = loops.len() >= WORTHWHILE;
             // Lanes to spare repeat the last loop, and nobody listens.
             let of = |l: usize| l.min(columns.len() - 1);
             let mut states = array::from_fn(|l| loops[of(l)].state);
             let detectors = array::from_fn(|l| loops[of(l)].detector);
             let of_lanes = array::from_fn(|l| columns[of(l)]);
             let side = Side { detectors, states: &mut states, columns: of_lanes, loops: &mut *loops };
-            if loops.len() >= WORTHWHILE && instructions.side_by_side(side) {
+            if worthwhile && instructions.side_by_side(side) {
                 loops.iter_mut().zip(states).for_each(|(one, state)| one.state = state);
             } else {
                 loops.iter_mut().zip(columns).for_each(|(one, columns)| one.take(*columns));

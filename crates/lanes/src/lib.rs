@@ -1,7 +1,8 @@
 //! Which instruction sets this processor has, and work done with one of them.
 //!
-//! Work over arrays of fixed length is turned into vector instructions by the compiler, as wide as the chosen set has them. Nothing is
-//! fused and no order changes, so that the bits are the same with every one.
+//! [`Instructions::run`]: work over arrays of fixed length, which the compiler turns into vector instructions as wide as the chosen set
+//! has them. [`Instructions::side_by_side`]: work on eight numbers in whole registers, where the compiler would not find them. Nothing
+//! is fused and no order changes, so that the bits are the same with every one.
 
 #[cfg(target_arch = "x86_64")]
 mod eight;

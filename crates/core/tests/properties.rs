@@ -157,6 +157,24 @@ fn spoiled() -> impl Strategy<Value = Rows> {
     })
 }
 
+/// The same with a gap in time, and a PV that is held for a while.
+fn interrupted() -> impl Strategy<Value = Rows> {
+    let gap = prop::option::of(any::<prop::sample::Index>());
+    let held = prop::option::of((any::<prop::sample::Index>(), 1..40_usize));
+    (spoiled(), gap, held).prop_map(|(mut rows, gap, held)| {
+        if let Some(place) = gap {
+            let i = place.index(rows.len());
+            rows.t[i..].iter_mut().for_each(|t| *t += 10.0);
+        }
+        if let Some((place, n)) = held {
+            let i = place.index(rows.len());
+            let pv = rows.pv[i];
+            rows.pv[i..].iter_mut().take(n).for_each(|x| *x = pv);
+        }
+        rows
+    })
+}
+
 type Found = (Span, Record<f64>);
 
 fn run(settings: &Settings, state: &mut DetectorState<f64>, columns: Columns<'_, f64>) -> Vec<Found> {
@@ -301,7 +319,7 @@ proptest! {
 
     #[test]
     fn side_by_side_as_alone(
-        loops in prop::collection::vec((settings(), spoiled(), any::<bool>()), LANES),
+        loops in prop::collection::vec((settings(), interrupted(), any::<bool>()), LANES),
         with_op in 0..4_usize,
         warm in 0..9_usize,
         cut in any::<prop::sample::Index>(),

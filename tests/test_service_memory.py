@@ -307,6 +307,25 @@ def test_backup_while_it_is_written_and_restore(tmp_path: Path) -> None:
     assert len(times) == len(set(times)) == 298
 
 
+def test_a_restore_that_is_killed_leaves_a_database(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder, copy = tmp_path / "data", tmp_path / "copy.db"
+    memory = Memory(folder)
+    memory.know(loops())
+    memory.close()
+    backup(folder, copy)
+
+    def killed(*_: Path) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "replace", killed)
+        with pytest.raises(KeyboardInterrupt):
+            restore(folder, copy)
+    with Reader(folder) as reader:
+        assert reader.loops() == {"FIC0": 1}
+    assert restore(folder, copy) is not None
+
+
 @pytest.mark.parametrize("content", [b"", b"no database at all, but some text" * 200])
 def test_what_is_no_backup_is_not_restored(tmp_path: Path, content: bytes) -> None:
     folder, copy = tmp_path / "data", tmp_path / "copy.db"

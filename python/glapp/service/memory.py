@@ -692,7 +692,10 @@ def restore(folder: Path, file: Path, now: float | None = None) -> Path | None:
                 pass  # it may be damaged: then it is set aside as it is
             finally:
                 old.close()
-            path.rename(aside)
+            try:
+                os.link(path, aside)  # a kill from here on leaves one of the two under the database's name
+            except OSError:
+                path.rename(aside)  # a file system without links
             for ending in ("-wal", "-shm"):
                 beside = path.with_name(path.name + ending)
                 if beside.exists():

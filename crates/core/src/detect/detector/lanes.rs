@@ -280,8 +280,8 @@ impl Rows {
 #[inline(always)]
 fn fill<'a, N: Lanes>(like: N, rows: &mut [Lane; ROWS], column: impl Fn(usize) -> &'a [f64], from: usize) {
     let mut columns = [&[][..]; LANES];
-    for l in 0..LANES {
-        columns[l] = column(l)[from..from + ROWS].as_chunks::<LANES>().0;
+    for (l, rows) in columns.iter_mut().enumerate() {
+        *rows = column(l)[from..from + ROWS].as_chunks::<LANES>().0;
     }
     for (k, rows) in rows.as_chunks_mut::<LANES>().0.iter_mut().enumerate() {
         let mut square = [like; LANES];

@@ -32,26 +32,29 @@ const worker_address = URL.createObjectURL(
 let worker = null;
 let file = null; // { name, bytes }: read anew where the worker was ended
 let ticking = null;
+let turn = 0; // of the analysis that was asked for last
 
 async function begin() {
   worker?.terminate();
+  dismiss();
   const mine = new Worker(worker_address);
   worker = mine;
   mine.onmessage = ({ data: said }) => mine === worker && hears[said.kind](said);
+  mine.onerror = (event) => mine === worker && broke("analysis", event.message || "its worker died");
   mine.postMessage({ kind: "begin", module: await module_ready, data: data.reading });
 }
 
 const hears = {
   ready() {},
-  progress({ stage, share }) {
-    const began = performance.now();
+  progress({ stage, share, since = share === null ? performance.now() : null }) {
     clearInterval(ticking);
     $("stage").textContent = `${stage} …`;
     $("took").textContent = "";
-    if (share === null) { // nobody knows how long it takes
-      $("share").removeAttribute("value");
-      ticking = setInterval(() => { $("took").textContent = duration(Math.round((performance.now() - began) / 1000)); }, 1000);
-    } else $("share").value = share;
+    if (share === null) $("share").removeAttribute("value"); // nobody knows how long it takes
+    else $("share").value = share;
+    if (since !== null) {
+      ticking = setInterval(() => { $("took").textContent = duration(Math.round((performance.now() - since) / 1000)); }, 1000);
+    }
     $("working").hidden = false;
   },
   opened(said) {
@@ -69,6 +72,9 @@ const hears = {
   first(said) {
     show(said, true);
   },
+  windows(said) {
+    fit_windows(said);
+  },
   answered(said) {
     rest();
     show(said, false);
@@ -81,9 +87,64 @@ const hears = {
   },
 };
 
+function broke(what, why) {
+  dismiss();
+  hears.wrong({ text: `the ${what} broke off (${why}): close other pages and analyse again; if it breaks off once more, please report it with the recording` });
+}
+
 function rest() {
   clearInterval(ticking);
   $("working").hidden = true;
+  $("result").querySelector(".going-on")?.replaceChildren("From zero crossings alone. The fit of OP and PV was ended.");
+}
+
+// --- the windows of the fit, each in a worker of its own
+
+let helpers = [];
+
+function dismiss() {
+  for (const helper of helpers) helper.terminate();
+  helpers = [];
+}
+
+/** Fits each window by itself, as many at once as there are processors, and has the worker join what they say. */
+async function fit_windows({ windows, turn: of }) {
+  const module = await module_ready;
+  if (of !== turn) return;
+  const began = performance.now();
+  const alone = [];
+  let [next, done] = [0, 0];
+  const tell = () => {
+    if (windows.length > 1) hears.progress({ stage: `Fitting the gap, ${done} of ${windows.length} windows done`, share: done / windows.length, since: began });
+  };
+  const give = (helper) => {
+    if (next === windows.length) return;
+    helper.postMessage({ kind: "alone", module, window: windows[next], place: next });
+    next += 1;
+  };
+  tell();
+  for (let k = 0; k < Math.min(windows.length, navigator.hardwareConcurrency ?? 1); k += 1) {
+    const helper = new Worker(worker_address);
+    helpers.push(helper);
+    helper.onerror = (event) => broke("fit", event.message || "one of its workers died");
+    helper.onmessage = ({ data: said }) => {
+      if (!helpers.includes(helper)) return;
+      if (said.kind === "wrong") {
+        broke("fit", said.text);
+        return;
+      }
+      alone[said.place] = said.alone;
+      done += 1;
+      tell();
+      if (done < windows.length) give(helper);
+      else {
+        dismiss();
+        hears.progress({ stage: "Joining what the windows say", share: null });
+        worker.postMessage({ kind: "join", alone });
+      }
+    };
+    give(helper);
+  }
 }
 
 const stem = () => file.name.replace(/\.[^.]+$/, "").replace(/\.(csv|txt|tsv)$/i, "");
@@ -103,7 +164,9 @@ function analyse() {
   try {
     const columns = Object.fromEntries(Object.entries(file.columns).filter(([, at]) => at !== null));
     const options = { columns, loop: file.loop, sample_time: typed("sample_time") };
-    worker.postMessage({ kind: "analyse", options, task: task() });
+    dismiss();
+    turn += 1;
+    worker.postMessage({ kind: "analyse", options, task: task(), turn });
   } catch (wrong) {
     hears.wrong({ text: wrong.message });
   }
@@ -227,7 +290,7 @@ function show(said, provisional) {
   const place = (id, label) => h("div", { class: "plot", id, role: "img", "aria-label": `${name}: ${label}` });
   const fitted = answer.evidence !== null;
   const section = h("section", { class: provisional ? "loop provisional" : "loop", "aria-live": "polite" },
-    provisional ? h("p", { class: "screen" }, "From zero crossings alone. The fit of OP and PV goes on, and settles the width.") : null,
+    provisional ? h("p", { class: "screen going-on" }, "From zero crossings alone. The fit of OP and PV goes on, and settles the width.") : null,
     h("div", { class: "head" }, h("h2", {}, name), h("span", { class: "width" }, headline(answer, op_unit)),
       h("span", { class: `badge ${answer.valve}` }, words.verdicts[answer.verdict])),
     h("div", { class: "verdict" }, h("p", { class: "lead" }, lead(said, name, op_unit)), h("p", {}, why(said, op_unit)),

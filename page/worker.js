@@ -6,6 +6,7 @@ const AT_ONCE = 65_536; // rows handed on at once, as the command line does
 let engine = null;
 let reading = null;
 let file = null;
+let asked = null; // the recording whose windows are being fitted
 
 const tell = (kind, more = {}) => postMessage({ kind, ...more });
 
@@ -22,7 +23,7 @@ const does = {
     tell("opened", { loops: file.loops.map(({ name, names, source }) => ({ name, names, tags: source.tags !== undefined })) });
   },
 
-  analyse({ options, task }) {
+  analyse({ options, task, turn }) {
     const began = performance.now();
     const read = reading.recording(file, options);
     const { columns } = read;
@@ -47,8 +48,20 @@ const does = {
     }
     crossings(true);
     tell("progress", { stage: "Fitting the gap", share: null });
-    const done = engine.ask("finish");
-    tell("answered", { ...done, read, unit, took: performance.now() - began });
+    const windows = engine.ask("windows");
+    asked = { read, unit, began };
+    if (windows.length) tell("windows", { windows, turn });
+    else answered("finish");
+  },
+
+  /** Fits a window by itself, which needs nothing of its recording. */
+  async alone({ module, window, place }) {
+    engine ??= await Engine.of(module);
+    tell("alone", { place, alone: engine.ask("alone", { window }) });
+  },
+
+  join({ alone }) {
+    answered("join", { alone });
   },
 
   /** Columns that are there already, from the laboratory. */
@@ -59,6 +72,12 @@ const does = {
     tell("answered", engine.ask("finish"));
   },
 };
+
+/** Tells the answer of the recording that was asked for. */
+function answered(what, more) {
+  const { read, unit, began } = asked;
+  tell("answered", { ...engine.ask(what, more), read, unit, took: performance.now() - began });
+}
 
 onmessage = async ({ data: { kind, ...more } }) => {
   try {

@@ -199,11 +199,92 @@ def test_a_file_that_cannot_be_read_says_why(page: Any, tmp_path: Path) -> None:
 def test_it_is_ended_when_asked(page: Any, recordings: Path) -> None:
     page.evaluate("() => { $('settings').open = false; }")
     drop(page, recordings / "worn.csv")
-    page.wait_for_selector("#result .provisional")
+    page.wait_for_function("() => helpers.length > 0")
+    page.evaluate("() => { globalThis.ended = [worker, ...helpers]; ended.count = 0; }")
+    page.evaluate("""() => {
+        for (const one of ended) {
+            const terminate = one.terminate.bind(one);
+            one.terminate = () => { ended.count += 1; terminate(); };
+        }
+    }""")
     page.click("#cancel")
     page.wait_for_selector("#settings[open]")
+    assert page.evaluate("() => ended.count === ended.length && helpers.length === 0")
     assert not page.locator("#working").is_visible()
     assert page.locator("#result .loop:not(.provisional)").count() == 0
+    assert "The fit of OP and PV was ended" in page.locator("#result").inner_text()
+
+
+@pytest.fixture(scope="module")
+def window(page: Any) -> Any:
+    """A window of a fit that is short, where the page can use it, and what it says by itself."""
+    sim = closed_loop("P3", (0.48, 0.3117), d=0.05, noise=0.005, h=0.1, t_end=15, seed=1, setpoint=[(1, 1.0)])
+    columns = {"t": sim.t.tolist(), "sp": sim.sp.tolist(), "pv": sim.pv.tolist(), "op": sim.op.tolist()}
+    page.evaluate(
+        """async (columns) => {
+            const engine = await Engine.of(await module_ready);
+            for (const [name, numbers] of Object.entries(columns)) engine.column(name, numbers);
+            engine.ask("begin", { task: { controller: { k: 0.48, ti: 0.3117, td: 0, b: 1 } } });
+            engine.ask("rows", { from: 0, to: columns.t.length });
+            const [one] = engine.ask("windows");
+            globalThis.window_of_fit = { one, alone: engine.ask("alone", { window: one }) };
+        }""",
+        columns,
+    )
+    return page
+
+
+@pytest.mark.parametrize("processors", [1, 2, 8])
+def test_windows_are_fitted_side_by_side_with_the_same_bits(window: Any, processors: int) -> None:
+    found = window.evaluate(
+        """async (processors) => {
+            const { one, alone } = window_of_fit;
+            Object.defineProperty(navigator, "hardwareConcurrency", { value: processors, configurable: true });
+            const stages = [];
+            const progress = hears.progress;
+            hears.progress = (said) => { stages.push(said.stage); progress(said); };
+            const begun = worker;
+            try {
+                const joined = new Promise((done) => { worker = { postMessage: done }; });
+                await fit_windows({ windows: [one, one, one], turn });
+                const workers = helpers.length;
+                const said = await joined;
+                const same = said.alone.length === 3 && said.alone.every((bytes) => String(bytes) === String(alone));
+                return { workers, same, kind: said.kind, left: helpers.length, stages };
+            } finally {
+                worker = begun;
+                hears.progress = progress;
+                delete navigator.hardwareConcurrency;
+                rest();
+            }
+        }""",
+        processors,
+    )
+    stages = [f"Fitting the gap, {done} of 3 windows done" for done in range(4)]
+    told = {"same": True, "kind": "join", "left": 0, "stages": [*stages, "Joining what the windows say"]}
+    assert found == told | {"workers": min(3, processors)}
+
+
+@pytest.mark.parametrize("how", ["dies", "cannot be fitted", "reads"])
+def test_a_worker_that_breaks_off_ends_the_fit_with_a_word(window: Any, how: str) -> None:
+    window.evaluate(
+        """async (how) => {
+            const { one } = window_of_fit;
+            if (worker === null) await begin();
+            file ??= { name: "worn.csv" };
+            $("wrong").hidden = true;
+            await fit_windows({ windows: [how === "cannot be fitted" ? one.slice(0, 9) : one, one], turn });
+            const dies = { dies: helpers[0], reads: worker }[how];
+            dies?.dispatchEvent(new ErrorEvent("error", { message: "out of memory" }));
+        }""",
+        how,
+    )
+    window.wait_for_selector("#wrong:not([hidden])")
+    said = window.locator("#wrong").inner_text()
+    assert f"the {'analysis' if how == 'reads' else 'fit'} broke off (" in said and "analyse again" in said
+    assert ("out of memory" in said) == (how != "cannot be fitted")
+    assert window.evaluate("() => helpers.length") == 0
+    assert not window.locator("#working").is_visible()
 
 
 def test_the_report_is_a_file_of_its_own(analysed: Any, browser: Any, tmp_path: Path) -> None:

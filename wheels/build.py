@@ -3,7 +3,8 @@
 One wheel a platform, for Python 3.11 and every later one (abi3), and the source package. A wheel that this machine can
 run is installed into an empty environment. There it analyses the demonstration, and its answers are compared with those
 of the package beside this file. What cannot be built or run here is named, with what a machine needs that can. Another
-platform's wheel can be tried by an emulator: `--under "wine python.exe"` names it and a Python of that platform.
+platform's wheel can be tried by an emulator: `--under "wine python.exe"` names it and a Python of that platform. An
+emulated processor is slow: it analyses the beginning of each recording.
 
 Zig is the linker, mingw for Windows. The standard library is that of rustup, or is built from its source, which Debian
 has (`rust-web-src`).
@@ -25,10 +26,13 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-ROOT = Path(__file__).parents[1]
+HERE = Path(__file__).parent
+ROOT = HERE.parent
 BUILT = ROOT / "target" / "wheels"
 #: Debian's compiler, whose standard library can be built for any platform.
 DEBIAN = Path("/usr/bin/rustc")
+#: Rows of each recording that an emulated processor analyses.
+FIRST = 800
 #: What the tests of a wheel need beside it.
 TESTED_BY = ("pytest<9.2", "jsonschema-rs")
 
@@ -62,13 +66,14 @@ class Missing(Exception):  # noqa: N818 (it is told, and the platform is skipped
     """What this machine lacks."""
 
 
+def asked(rustc: str, *what: str) -> Path:
+    """A folder of a compiler."""
+    done = subprocess.run([rustc, "--print", *what], capture_output=True, text=True, check=True)
+    return Path(done.stdout.strip())
+
+
 def standard_library(triple: str) -> dict[str, str]:
     """What tells cargo where the standard library of a platform comes from."""
-
-    def asked(rustc: str, *what: str) -> Path:
-        done = subprocess.run([rustc, "--print", *what], capture_output=True, text=True, check=True)
-        return Path(done.stdout.strip())
-
     ours = os.environ.get("RUSTC", "rustc")
     if asked(ours, "target-libdir", "--target", triple).is_dir():
         return {}
@@ -89,6 +94,16 @@ def built(of: Platform, folder: Path) -> Path:
         Where this machine lacks what it takes.
     """
     environment = os.environ | standard_library(of.triple) | {"CARGO_TARGET_DIR": str(BUILT)}
+    if of.triple.endswith("darwin") and platform.system() != "Darwin":
+        # Zig has what every program needs of macOS. Its time zone is asked of a framework: the names of that are here.
+        environment["RUSTFLAGS"] = f"-L framework={HERE}"
+        # What strips a library of macOS: every toolchain of rustup has it, and Debian's compiler looks for it.
+        tools = next(asked("rustc", "sysroot").glob("lib/rustlib/*/bin/rust-objcopy"), None) or shutil.which(
+            "rust-objcopy"
+        )
+        if tools is None:
+            raise Missing("rust-objcopy, which comes with rustup")
+        environment["PATH"] = f"{Path(tools).parent}{os.pathsep}{environment['PATH']}"
     command = [sys.executable, "-m", "maturin", "build", "--release", "--quiet", "--target", of.triple]
     command += ["--compatibility", of.rules, "--interpreter", "python3.11", "--out", str(folder)]
     if of.linker is not None and shutil.which(of.linker) is None:
@@ -97,12 +112,32 @@ def built(of: Platform, folder: Path) -> Path:
     return max(folder.glob("*.whl"), key=lambda path: path.stat().st_mtime)
 
 
-def answers(python: list[str], folder: Path, environment: dict[str, str]) -> list[tuple[str, str, float | None]]:
-    """Loop, verdict and width of the demonstration, as this Python's glapp has them."""
-    run, told = [*python, "-m", "glapp"], {"cwd": folder, "env": environment, "check": True, "capture_output": True}
-    subprocess.run([*run, "demo", "demo", "--force"], **told)
-    done = subprocess.run([*run, "analyze", "demo/loops.toml", "--json"], **told)
-    return [(one["loop"], one["answer"]["verdict"], one["answer"]["width"]) for one in json.loads(done.stdout)["loops"]]
+def run(command: list[str], folder: Path, environment: dict[str, str]) -> str:
+    """What a command prints.
+
+    Raises
+    ------
+    AssertionError
+        Where it fails, with all that it says.
+    """
+    # An emulator may not start without an input.
+    told = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    done = subprocess.run(command, cwd=folder, env=environment, encoding="utf-8", errors="replace", **told)
+    assert done.returncode == 0, f"{shlex.join(command)} ended with {done.returncode}\n{done.stdout}{done.stderr}"
+    return done.stdout
+
+
+def answers(
+    python: list[str], folder: Path, environment: dict[str, str], rows: int | None = None
+) -> list[tuple[str, str, float | None]]:
+    """Loop, verdict and width of the demonstration, or of its first rows, as this Python's glapp has them."""
+    glapp = [*python, "-m", "glapp"]
+    run([*glapp, "demo", "demo", "--force"], folder, environment)
+    for path in (folder / "demo").glob("*.csv") if rows else ():
+        lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
+        path.write_text("".join(lines[: rows + 1]), encoding="utf-8")
+    told = json.loads(run([*glapp, "analyze", "demo/loops.toml", "--json"], folder, environment))
+    return [(one["loop"], one["answer"]["verdict"], one["answer"]["width"]) for one in told["loops"]]
 
 
 def installed(wheel: Path, folder: Path) -> tuple[list[str], dict[str, str]]:
@@ -117,7 +152,7 @@ def installed(wheel: Path, folder: Path) -> tuple[list[str], dict[str, str]]:
 def installed_under(command: list[str], wheel: Path, folder: Path) -> tuple[list[str], dict[str, str]]:
     """The same for another platform's Python, that an emulator runs: a folder in which it looks."""
     asked = "import sys; print('%d.%d' % sys.version_info[:2])"
-    version = subprocess.run([*command, "-c", asked], capture_output=True, text=True, check=True).stdout.strip()
+    version = run([*command, "-c", asked], folder, dict(os.environ)).strip()
     rules = wheel.stem.rsplit("-", 1)[1].split(".")
     # What it needs may ask for a newer system than glapp does.
     rules += [rule.replace("_2_17_", "_2_28_") for rule in rules if "_2_17_" in rule]
@@ -135,8 +170,8 @@ def alike(theirs: tuple[str, str, float | None], ours: tuple[str, str, float | N
     )
 
 
-def tried(wheel: Path, under: list[str]) -> str:
-    """What was tried of a wheel in an empty environment.
+def tried(wheel: Path, under: list[str], rows: int | None = None) -> str:
+    """What was tried of a wheel in an empty environment, on the first rows of each recording or on all.
 
     Raises
     ------
@@ -146,7 +181,7 @@ def tried(wheel: Path, under: list[str]) -> str:
     with tempfile.TemporaryDirectory() as room:
         folder = Path(room)
         python, alone = installed_under(under, wheel, folder) if under else installed(wheel, folder)
-        told, ours = answers(python, folder, alone), answers([sys.executable], folder, dict(os.environ))
+        told, ours = answers(python, folder, alone, rows), answers([sys.executable], folder, dict(os.environ), rows)
         assert len(told) == len(ours) and all(map(alike, told, ours)), (told, ours)
         test = [
             "-m",
@@ -157,9 +192,9 @@ def tried(wheel: Path, under: list[str]) -> str:
             "no:cacheprovider",
             str(ROOT / "tests/test_vectors.py"),
         ]
-        done = subprocess.run([*python, *test], cwd=folder, env=alone, capture_output=True, text=True)
-        assert done.returncode == 0, done.stdout
-    return f"{len(told)} loops of the demonstration; vectors: {done.stdout.splitlines()[-1]}"
+        vectors = run([*python, *test], folder, alone).splitlines()[-1]
+    part = "" if rows is None else f", their first {rows} rows"
+    return f"{len(told)} loops of the demonstration{part}; vectors: {vectors}"
 
 
 def source(folder: Path) -> Path:
@@ -182,6 +217,7 @@ def main() -> int:
     folder = given.folder.absolute()
     folder.mkdir(parents=True, exist_ok=True)
     here = (platform.system(), platform.machine())
+    processor = {"AMD64": "x86_64", "arm64": "aarch64"}.get(here[1], here[1])
     wrong = 0
     for name in given.platforms or PLATFORMS:
         of = PLATFORMS[name]
@@ -197,7 +233,7 @@ def main() -> int:
         said = "not tried: it runs on another machine"
         if under or (of.runs_on == here and not on_musl()):
             try:
-                said = tried(wheel, under)
+                said = tried(wheel, under, None if of.triple.startswith(processor) else FIRST)
             except (AssertionError, subprocess.CalledProcessError) as error:
                 wrong, said = 1, f"WRONG: {error}"
         print(f"{name}: {wheel.name}, {wheel.stat().st_size / 1e6:.1f} MB; {said}", flush=True)

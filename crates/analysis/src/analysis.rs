@@ -2,13 +2,13 @@
 
 use crate::answer::{Answer, CorrectedAnswer, Settings};
 use crate::crossings::{Beside, Known, NotCorrected, Place, Travel, Verdict, judge};
-use crate::fitted::{FitWhy, Fitted, fitted};
+use crate::fitted::{FitWhy, Fitted, fitted, fitted_with, problem};
 use crate::identify::{Identification, identified};
 use crate::quality::{self, Fault, Finding, Law, Severity, assumed_gain, inspect};
 use crate::summary::{Facts, Summary};
 use crate::{Counter, Crossings, Inspected, Ladder, Origin, median, noise_sigma, process_gain};
 use glapp_core::{Columns, DETECTIONS, DetectorSettings, GAP_STEPS, ParameterError, Reason};
-use glapp_fit::{Batch, LONG_HISTORY, Rows, Samples, Windows};
+use glapp_fit::{Batch, JointAnswer, LONG_HISTORY, Problem, Rows, Samples, Unfit, Windows};
 use rayon::prelude::*;
 use serde::Deserialize;
 use std::cmp::Reverse;
@@ -220,13 +220,30 @@ impl Analysis {
         ladder.rungs_mut().par_iter_mut().map(|rung| rung.take_closely(columns)).collect()
     }
 
+    /// What is to be fitted, for who does so elsewhere and hands it to [`finish_with`](Self::finish_with); none where nothing
+    /// is.
+    pub fn problem(&mut self) -> Option<Problem<'static>> {
+        let quality = self.fits().then(|| self.inspected())?;
+        let sign = self.sign();
+        let (batches, _) = self.asked(&quality).ok()?;
+        problem(&batches, sign)?.ok()
+    }
+
     /// The answer. `progress` is told the share of what is left, mostly the fit, that is done.
-    pub fn finish(mut self, progress: &mut dyn FnMut(f64)) -> Done {
-        let task = &self.task;
-        let op_limits = task.op_limits();
-        let mut quality = if task.judge { self.inspected() } else { Vec::new() };
+    pub fn finish(self, progress: &mut dyn FnMut(f64)) -> Done {
+        self.ended(None, progress)
+    }
+
+    /// The answer, with what the fit of its [`problem`](Self::problem) gave elsewhere.
+    pub fn finish_with(self, pv: Result<JointAnswer, Unfit>) -> Done {
+        self.ended(Some(pv), &mut |_| ())
+    }
+
+    fn ended(mut self, pv: Option<Result<JointAnswer, Unfit>>, progress: &mut dyn FnMut(f64)) -> Done {
+        let op_limits = self.task.op_limits();
+        let mut quality = if self.task.judge { self.inspected() } else { Vec::new() };
         progress(0.0);
-        let fitted = (task.judge && task.fit && self.beginning.op.is_some()).then(|| self.fitted(&quality));
+        let fitted = self.fits().then(|| self.fitted(&quality, pv));
         let task = &self.task;
         progress(1.0);
         let (mut kp, mut kp_origin) = gain(task);
@@ -301,21 +318,41 @@ impl Analysis {
         found
     }
 
-    /// The fit, told what is already known: the sign of the process, and what makes any answer wrong.
-    fn fitted(&mut self, quality: &[Finding]) -> Fitted {
+    /// Whether the gap is fitted to OP and PV.
+    fn fits(&self) -> bool {
+        self.task.judge && self.task.fit && self.beginning.op.is_some()
+    }
+
+    /// Sign of the process gain, 0 where it is not known.
+    fn sign(&self) -> f64 {
+        self.task.sign(self.controller.as_ref())
+    }
+
+    /// The fit, told what is already known: the sign of the process, and what makes any answer wrong. `pv`: where it was
+    /// fitted elsewhere.
+    fn fitted(&mut self, quality: &[Finding], pv: Option<Result<JointAnswer, Unfit>>) -> Fitted {
+        let sign = self.sign();
+        match (self.asked(quality), pv) {
+            (Err(why), _) => Fitted::not(why),
+            (Ok((batches, sinusoid)), Some(pv)) => fitted_with(&batches, sinusoid, pv),
+            (Ok((batches, sinusoid)), None) => fitted(&batches, sign, sinusoid),
+        }
+    }
+
+    /// Stretch or windows that are fitted, and the place of the finding that the loop swings in a clean sinusoid; why nothing is.
+    fn asked(&mut self, quality: &[Finding]) -> Result<(Vec<Batch<'_>>, Option<usize>), FitWhy> {
         let find = |wanted: &dyn Fn(&Finding) -> bool| quality.iter().position(wanted);
         if let Some(place) = self.task.place {
-            return Fitted::not(FitWhy::Place(place));
+            return Err(FitWhy::Place(place));
         }
         if let Some(i) = find(&|found| found.severity == Severity::Refuse && found.fault != Fault::NotAuto) {
-            return Fitted::not(FitWhy::Finding(i));
+            return Err(FitWhy::Finding(i));
         }
-        let sinusoid = find(&|found| found.fault == Fault::Sinusoidal);
-        let sign = self.task.sign(self.controller.as_ref());
-        match &mut self.windows {
-            None => fitted(&[self.beginning.batch()], sign, sinusoid),
-            Some(windows) => fitted(&windows.best().map(Rows::batch).collect::<Vec<_>>(), sign, sinusoid),
-        }
+        let batches = match &mut self.windows {
+            None => vec![self.beginning.batch()],
+            Some(windows) => windows.best().map(Rows::batch).collect(),
+        };
+        Ok((batches, find(&|found| found.fault == Fault::Sinusoidal)))
     }
 
     fn corrected(&self, detector: &Crossings, kp: Option<f64>, d_hat: Option<f64>) -> CorrectedAnswer {

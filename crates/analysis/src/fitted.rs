@@ -367,14 +367,23 @@ impl Fitted {
     }
 }
 
+/// The problem of a stretch, or of the windows of a longer recording; none where there are none.
+pub(crate) fn problem(batches: &[Batch<'_>], sign: f64) -> Option<Result<Problem<'static>, Unfit>> {
+    let samples: Vec<Samples> = batches.iter().map(|batch| batch.samples).collect();
+    (!samples.is_empty()).then(|| Problem::of(&samples, sign))
+}
+
 /// Fits a stretch, or the windows of a longer recording. `sign` is that of the process gain, 0 where it is not known;
 /// `sinusoid` the place of the finding that the loop swings in a clean one, where there is such a finding.
 pub fn fitted(batches: &[Batch<'_>], sign: f64, sinusoid: Option<usize>) -> Fitted {
-    if batches.is_empty() {
-        return Fitted::not(FitWhy::OpRests);
+    match problem(batches, sign) {
+        None => Fitted::not(FitWhy::OpRests),
+        Some(problem) => fitted_with(batches, sinusoid, problem.and_then(|problem| glapp_fit::fit(&problem))),
     }
-    let samples: Vec<Samples> = batches.iter().map(|batch| batch.samples).collect();
-    let pv = Problem::of(&samples, sign).and_then(|problem| glapp_fit::fit(&problem));
+}
+
+/// The same with what was fitted to PV.
+pub(crate) fn fitted_with(batches: &[Batch<'_>], sinusoid: Option<usize>, pv: Result<JointAnswer, Unfit>) -> Fitted {
     let through_pv = FitAnswer::of_pv(&pv, sinusoid);
     let Some(position) = at_valve(batches) else {
         return Fitted { answer: through_pv, pv: Some(pv), position: None };

@@ -30,4 +30,4 @@ pub use decide::valve::{RecordingAnswer, ValveAnswer};
 pub use decide::verdict::Verdict;
 pub use model::structure::{Noise, Structure};
 pub use position::{AtValve, PositionAnswer, Shown, fit_position};
-pub use problem::{Problem, Recorded, fit, fit_valve};
+pub use problem::{Alone, Divided, Problem, Recorded, Window, fit, fit_valve};

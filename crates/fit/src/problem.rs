@@ -8,10 +8,12 @@ use crate::data::signal::{Unit, bow, shifts, without_spikes};
 use crate::decide::joint::{Curve, JointAnswer, joint};
 use crate::decide::record::{Fitted, fit_record};
 use crate::decide::valve::{Recording, ValveAnswer, valve};
+use crate::decide::verdict::judge;
 use crate::model::structure::Theta;
 use crate::search::decimation::{FEWEST, MOST_CELLS, cell, look};
 use crate::search::screen::rescaled;
 use rayon::prelude::*;
+use serde::{Deserialize, Deserializer, Serialize};
 
 /// Records of one valve, whether windows of one history or recordings of different days: they share the lost motion, and
 /// everything else (process, noise, load, step, cells) is each one's own.
@@ -53,33 +55,118 @@ const BOOTSTRAP: usize = 400;
 ///
 /// Where no record has 50 samples together in which OP moves.
 pub fn fit(problem: &Problem) -> Result<JointAnswer, Unfit> {
-    let (mut curves, op, pv) = fitted(problem)?;
-    joint(&mut curves, op, pv).ok_or(Unfit::Few)
+    let divided = Divided::of(problem)?;
+    let alone = divided.windows.par_iter().map(Window::alone).collect();
+    divided.joined(alone)
 }
 
-/// Each record by itself, and the units in which its OP and PV are 0 to 1.
-fn fitted(problem: &Problem) -> Result<(Vec<Curve>, Unit, Unit), Unfit> {
-    let stretches = || problem.records.iter().flat_map(|record| &record.stretches);
-    let (op, pv) = (Unit::of(stretches().map(|s| &*s.op)), Unit::of(stretches().map(|s| &*s.pv)));
-    let scaled = |s: &Stretch| Stretch {
-        start: s.start,
-        sp: pv.scaled(&s.sp).into(),
-        pv: without_spikes(pv.scaled(&s.pv)).into(),
-        op: op.scaled(&s.op).into(),
-    };
-    let scaled: Vec<Record> = problem
-        .records
-        .iter()
-        .map(|record| Record {
-            h: record.h,
-            stretches: record.stretches.iter().flat_map(|s| between_shifts(scaled(s), record.h)).collect(),
-        })
-        .collect();
-    let signals: Vec<Signals> = scaled.iter().flat_map(Record::signals).collect();
-    let cell = cell(&signals, problem.sign).ok_or(Unfit::Few)?;
-    let records = if let [one] = scaled.as_slice() { one.windows(cell * MOST_CELLS) } else { scaled };
-    let of = |record: &Record| Some(Curve::new(record, alone(record, cell, problem)?, problem.sign));
-    Ok((records.par_iter().filter_map(of).collect(), op, pv))
+/// A problem cut into windows. Each can be fitted by itself, elsewhere as well; what they say is then joined.
+///
+/// ```
+/// use glapp_fit::{Divided, Problem, Record, Stretch};
+/// let op: Vec<f64> = (0..60).map(|k| f64::from(k % 20)).collect();
+/// let stretch = Stretch { start: 0.0, sp: vec![].into(), pv: op.clone().into(), op: op.into() };
+/// let records = vec![Record { h: 1.0, stretches: vec![stretch] }];
+/// let divided = Divided::of(&Problem { records, sign: 0.0, bootstrap: 0 })?;
+/// assert_eq!(divided.windows.len(), 1);
+/// // Of each `window.alone()`, and of all that these say `divided.joined(alone)`: what `fit` gives.
+/// # Ok::<(), glapp_fit::Unfit>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct Divided {
+    /// The windows, in the order of time.
+    pub windows: Vec<Window>,
+    op: Unit,
+    pv: Unit,
+}
+
+/// A window with all that its fit asks for.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Window {
+    pub(crate) record: Record<'static>,
+    /// Steps that a cell has at most.
+    cell: usize,
+    pub(crate) sign: f64,
+    pub(crate) bootstrap: usize,
+}
+
+/// What a window says by itself, to be joined with the others; also that it cannot be fitted.
+#[derive(Clone, Debug, Serialize)]
+pub struct Alone(Option<Fitted>);
+
+impl<'de> Deserialize<'de> for Alone {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        let mut fitted: Option<Fitted> = Deserialize::deserialize(from)?;
+        if let Some(Fitted { answer, evidence, .. }) = &mut fitted {
+            answer.reason = judge(evidence).1;
+        }
+        Ok(Self(fitted))
+    }
+}
+
+impl Divided {
+    /// The windows of a problem: its records, or those into which its only one is cut.
+    ///
+    /// # Errors
+    ///
+    /// Where no record has 50 samples together in which OP moves.
+    pub fn of(problem: &Problem) -> Result<Self, Unfit> {
+        let stretches = || problem.records.iter().flat_map(|record| &record.stretches);
+        let (op, pv) = (Unit::of(stretches().map(|s| &*s.op)), Unit::of(stretches().map(|s| &*s.pv)));
+        let scaled = |s: &Stretch| Stretch {
+            start: s.start,
+            sp: pv.scaled(&s.sp).into(),
+            pv: without_spikes(pv.scaled(&s.pv)).into(),
+            op: op.scaled(&s.op).into(),
+        };
+        let scaled: Vec<Record> = problem
+            .records
+            .iter()
+            .map(|record| Record {
+                h: record.h,
+                stretches: record.stretches.iter().flat_map(|s| between_shifts(scaled(s), record.h)).collect(),
+            })
+            .collect();
+        let signals: Vec<Signals> = scaled.iter().flat_map(Record::signals).collect();
+        let cell = cell(&signals, problem.sign).ok_or(Unfit::Few)?;
+        let records = if let [one] = scaled.as_slice() { one.windows(cell * MOST_CELLS) } else { scaled };
+        let window =
+            |record: Record| Window { record: record.owned(), cell, sign: problem.sign, bootstrap: problem.bootstrap };
+        Ok(Self { windows: records.into_iter().map(window).collect(), op, pv })
+    }
+
+    /// What all windows say together; of each what it says by itself, in the same order.
+    ///
+    /// # Errors
+    ///
+    /// Where none of them can be fitted.
+    pub fn joined(&self, alone: Vec<Alone>) -> Result<JointAnswer, Unfit> {
+        joint(&mut self.curves(alone), self.op, self.pv).ok_or(Unfit::Few)
+    }
+
+    fn curves(&self, alone: Vec<Alone>) -> Vec<Curve> {
+        let of = |(window, alone): (&Window, Alone)| Some(Curve::new(&window.record, alone.0?, window.sign));
+        self.windows.iter().zip(alone).filter_map(of).collect()
+    }
+}
+
+impl Window {
+    /// What it says by itself.
+    pub fn alone(&self) -> Alone {
+        Alone(self.fitted())
+    }
+
+    fn fitted(&self) -> Option<Fitted> {
+        let Self { record, cell, sign, .. } = self;
+        let signals = record.signals();
+        let (seeds, looked) = look(&signals, *sign)?;
+        let finest = ((record.steps() + MOST_CELLS / 2) / MOST_CELLS).clamp(1, *cell);
+        let times = looked as f64 / finest as f64;
+        let cells = Cells::new(&signals, finest);
+        let seeds: Vec<Theta> = seeds.iter().map(|theta| rescaled(theta, times)).collect();
+        let bow = signals.iter().map(|(pv, _)| bow(pv)).fold(0.0, f64::max);
+        (cells.count >= FEWEST).then(|| fit_record(&cells, &seeds, bow, self))
+    }
 }
 
 /// A stretch, ended where PV is shifted: what PV was before tells nothing of what it is then.
@@ -116,12 +203,13 @@ pub fn fit_valve(recordings: &[Recorded], sign: f64) -> Result<ValveAnswer, Unfi
     let alone = |(recorded, once): (&Recorded, Once)| {
         let samples: Vec<Samples> =
             recorded.samples.iter().zip(&once.pv).map(|(samples, pv)| Samples { pv, ..*samples }).collect();
-        let (mut curves, op, pv) = match Problem::of(&samples, sign).and_then(|problem| fitted(&problem)) {
-            Ok(fitted) => fitted,
+        let divided = match Problem::of(&samples, sign).and_then(|problem| Divided::of(&problem)) {
+            Ok(divided) => divided,
             Err(why) => return Recording::unfit(once.repeated, why),
         };
-        match joint(&mut curves, op, pv) {
-            Some(own) => Recording::new(recorded.since, once.repeated, own, curves, op),
+        let mut curves = divided.curves(divided.windows.par_iter().map(Window::alone).collect());
+        match joint(&mut curves, divided.op, divided.pv) {
+            Some(own) => Recording::new(recorded.since, once.repeated, own, curves, divided.op),
             None => Recording::unfit(once.repeated, Unfit::Few),
         }
     };
@@ -130,14 +218,30 @@ pub fn fit_valve(recordings: &[Recorded], sign: f64) -> Result<ValveAnswer, Unfi
     valve(recordings)
 }
 
-/// One record by itself, in cells of at most so many steps.
-fn alone(record: &Record, cell: usize, problem: &Problem) -> Option<Fitted> {
-    let signals = record.signals();
-    let (seeds, looked) = look(&signals, problem.sign)?;
-    let finest = ((record.steps() + MOST_CELLS / 2) / MOST_CELLS).clamp(1, cell);
-    let times = looked as f64 / finest as f64;
-    let cells = Cells::new(&signals, finest);
-    let seeds: Vec<Theta> = seeds.iter().map(|theta| rescaled(theta, times)).collect();
-    let bow = signals.iter().map(|(pv, _)| bow(pv)).fold(0.0, f64::max);
-    (cells.count >= FEWEST).then(|| fit_record(&cells, &seeds, record, bow, problem))
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_window_and_what_it_says_are_handed_over_to_the_last_bit() {
+        let (mut valve, mut x, mut signals) = (0.0, 0.0, (Vec::new(), Vec::new()));
+        for k in 0..52 {
+            let u = (0.4 * f64::from(k)).sin() + 0.2 * (1.7 * f64::from(k)).sin();
+            valve = f64::clamp(valve, u - 0.3, u + 0.3);
+            x += 0.3 * (valve - x);
+            signals.0.push(if k == 30 { f64::NAN } else { x + 0.01 * (11.0 * f64::from(k)).sin() });
+            signals.1.push(u);
+        }
+        let stretch = Stretch { start: 7.0, sp: vec![].into(), pv: signals.0.into(), op: signals.1.into() };
+        let records = vec![Record { h: 1.0, stretches: vec![stretch] }];
+        let divided = Divided::of(&Problem { records, sign: 0.0, bootstrap: 0 }).unwrap();
+        let window = &divided.windows[0];
+        let handed: Window = postcard::from_bytes(&postcard::to_allocvec(window).unwrap()).unwrap();
+        // Rust writes as many digits of a number as it takes to tell it from all others.
+        assert_eq!(format!("{handed:?}"), format!("{window:?}"));
+        let alone = handed.alone();
+        assert!(alone.0.as_ref().is_some_and(|fitted| !fitted.answer.reason.is_empty()));
+        let handed: Alone = postcard::from_bytes(&postcard::to_allocvec(&alone).unwrap()).unwrap();
+        assert_eq!(format!("{handed:?}"), format!("{alone:?}"));
+    }
 }

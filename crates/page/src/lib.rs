@@ -29,8 +29,20 @@ enum Request {
         /// The row after the last.
         to: usize,
     },
+    /// Cuts what is to be fitted into windows, and gives them; none where nothing is.
+    Windows,
+    /// Fits a window by itself, and gives what it says; needs no recording.
+    Alone {
+        /// One of those of [`Request::Windows`].
+        window: Vec<u8>,
+    },
     /// Fits, and gives the answer.
     Finish,
+    /// Gives the answer, with what each of the windows says.
+    Join {
+        /// As [`Request::Alone`] gave it, in the order of the windows.
+        alone: Vec<Vec<u8>>,
+    },
     /// Begins a laboratory.
     Laboratory(laboratory::Project),
     /// Makes scans, and gives what is recorded in each.
@@ -71,7 +83,10 @@ impl Memory {
             Request::Rows { from, to } => {
                 self.recording.as_mut().ok_or("no recording was begun")?.rows(from..to).map(|()| Value::Null)
             }
+            Request::Windows => self.recording.as_mut().ok_or("no recording was begun")?.windows(),
+            Request::Alone { window } => recording::alone(&window),
             Request::Finish => Ok(self.recording.take().ok_or("no recording was begun")?.finish()),
+            Request::Join { alone } => self.recording.take().ok_or("no recording was begun")?.join(&alone),
             Request::Laboratory(project) => {
                 let (laboratory, begun) = Laboratory::new(&project)?;
                 self.laboratory = Some(laboratory);

@@ -2,7 +2,8 @@
 
 use glapp_analysis::crossings::Row;
 use glapp_analysis::{Analysis, Crossings, Done, INSPECTED_ROWS, Inspected, Task};
-use glapp_fit::{Answer, JointAnswer, PositionAnswer, RecordAnswer};
+use glapp_fit::{Alone, Answer, Divided, JointAnswer, PositionAnswer, RecordAnswer, Window};
+use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 use std::collections::HashMap;
 use std::ops::Range;
@@ -11,6 +12,8 @@ use std::ops::Range;
 pub(crate) struct Recording {
     columns: Columns,
     analysis: Analysis,
+    /// What is to be fitted, where it was asked for.
+    divided: Option<Divided>,
 }
 
 struct Columns {
@@ -53,7 +56,7 @@ impl Recording {
         }
         let (beginning, position) = columns.rows(0..columns.t.len().min(INSPECTED_ROWS));
         let analysis = Analysis::new(task, &beginning, position).map_err(|error| error.to_string())?;
-        Ok(Self { columns, analysis })
+        Ok(Self { columns, analysis, divided: None })
     }
 
     pub(crate) fn rows(&mut self, rows: Range<usize>) -> Result<(), String> {
@@ -65,18 +68,50 @@ impl Recording {
         Ok(())
     }
 
-    pub(crate) fn finish(self) -> Value {
-        let Done { answer, crossings, fitted, op } = self.analysis.finish(&mut |_| ());
-        let (pv, position) = fitted.map_or((None, None), |fitted| (fitted.pv, fitted.position));
-        let shown = position.and_then(Result::ok).map(of_position);
-        json!({
-            "answer": answer,
-            "op": op,
-            "half_periods": crossings.map(|(_, crossings)| half_periods(&crossings)),
-            "pv": pv.and_then(Result::ok).map(of_pv),
-            "position": shown,
-        })
+    pub(crate) fn windows(&mut self) -> Result<Value, String> {
+        self.divided = self.analysis.problem().and_then(|problem| Divided::of(&problem).ok());
+        let windows = self.divided.iter().flat_map(|divided| &divided.windows);
+        windows.map(bytes).collect()
     }
+
+    pub(crate) fn join(self, alone: &[Vec<u8>]) -> Result<Value, String> {
+        let alone: Vec<Alone> = alone.iter().map(|alone| read(alone)).collect::<Result<_, _>>()?;
+        let divided = self.divided.filter(|divided| divided.windows.len() == alone.len());
+        let pv = divided.ok_or_else(|| format!("{} windows were not asked for", alone.len()))?.joined(alone);
+        Ok(told(self.analysis.finish_with(pv)))
+    }
+
+    pub(crate) fn finish(self) -> Value {
+        told(self.analysis.finish(&mut |_| ()))
+    }
+}
+
+/// What a window says by itself.
+pub(crate) fn alone(window: &[u8]) -> Result<Value, String> {
+    bytes(&read::<Window>(window)?.alone())
+}
+
+/// For the hand-over from one worker to another: every bit of its numbers, which JSON would not keep of those that are none.
+fn bytes(of: &impl Serialize) -> Result<Value, String> {
+    postcard::to_allocvec(of).map(|bytes| json!(bytes)).map_err(|error| error.to_string())
+}
+
+fn read<'a, T: Deserialize<'a>>(bytes: &'a [u8]) -> Result<T, String> {
+    postcard::from_bytes(bytes).map_err(|error| error.to_string())
+}
+
+/// An answer with what its pictures show.
+fn told(done: Done) -> Value {
+    let Done { answer, crossings, fitted, op } = done;
+    let (pv, position) = fitted.map_or((None, None), |fitted| (fitted.pv, fitted.position));
+    let shown = position.and_then(Result::ok).map(of_position);
+    json!({
+        "answer": answer,
+        "op": op,
+        "half_periods": crossings.map(|(_, crossings)| half_periods(&crossings)),
+        "pv": pv.and_then(Result::ok).map(of_pv),
+        "position": shown,
+    })
 }
 
 /// The table of half-periods, a list a column.

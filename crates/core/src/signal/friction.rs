@@ -46,6 +46,7 @@ pub struct Friction<R> {
 
 /// Which data-driven model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Model {
     /// Moves until the output turns or stops.
     Kano,

@@ -5,10 +5,11 @@ use crate::model::kalman::START;
 use crate::model::lanes::{LANES, Lanes};
 use crate::model::lost_motion::LostMotion;
 use glapp_core::{Backlash, BacklashState, Friction, FrictionState, Real};
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// One unbroken stretch: OP at every step, PV as the mean of each cell of `cell` steps, NaN where there is none.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Strip {
     pub(crate) y: Arc<[f64]>,
     u: Arc<[f64]>,
@@ -23,7 +24,7 @@ pub(crate) struct Strip {
 }
 
 /// A record cut into stretches and cells.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Cells {
     pub(crate) stretches: Vec<Strip>,
     /// Steps in a cell.

@@ -1,10 +1,11 @@
 //! A record at even steps, and its cut into windows.
 
 use crate::decide::thresholds::LED;
+use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 
 /// One unbroken stretch at even steps; NaN in PV is a sample that is missing, OP is without NaN.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Stretch<'a> {
     /// When it starts [s].
     pub start: f64,
@@ -17,7 +18,7 @@ pub struct Stretch<'a> {
 }
 
 /// One recording, one window of a longer one, or one of several recordings of a valve.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Record<'a> {
     /// Time between two steps [s].
     pub h: f64,
@@ -66,6 +67,17 @@ impl Record<'_> {
             op: Cow::Borrowed(&*s.op),
         });
         Record { h: self.h, stretches: of.collect() }
+    }
+
+    /// The same record with signals of its own.
+    pub(crate) fn owned(self) -> Record<'static> {
+        let of = |s: Stretch| Stretch {
+            start: s.start,
+            sp: s.sp.into_owned().into(),
+            pv: s.pv.into_owned().into(),
+            op: s.op.into_owned().into(),
+        };
+        Record { h: self.h, stretches: self.stretches.into_iter().map(of).collect() }
     }
 
     /// Windows of at most so many steps, or the whole of it where it is little longer; of many windows one of each epoch, that in

@@ -1,7 +1,6 @@
 //! What one record says: width, interval, and whether there is a gap at all.
 
 use crate::data::cells::{Cells, Positions};
-use crate::data::record::Record;
 use crate::data::signal::Unit;
 use crate::decide::bootstrap::bootstrap_threshold;
 use crate::decide::thresholds::*;
@@ -10,13 +9,14 @@ use crate::loads::cycle::lr_beside_cycle;
 use crate::loads::hypothesis::{Hypothesis, hypotheses};
 use crate::model::lost_motion::LostMotion;
 use crate::model::structure::{MOST, Structure, Theta};
-use crate::problem::Problem;
+use crate::problem::Window;
 use crate::search::likelihood::{Search, dot, solve};
 use crate::search::profile::{Profile, trust};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 /// One family's view.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Candidate {
     /// The family.
     pub structure: Structure,
@@ -31,7 +31,7 @@ pub struct Candidate {
 }
 
 /// A cell of PV beside the best model.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Prediction {
     /// Part of the record, in the order given.
     pub part: usize,
@@ -46,7 +46,7 @@ pub struct Prediction {
 }
 
 /// The answer.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Answer {
     /// What the record says.
     pub verdict: Verdict,
@@ -104,7 +104,8 @@ pub struct Answer {
     pub candidates: Vec<Candidate>,
     /// What the best model made of each cell of PV.
     pub predictions: Vec<Prediction>,
-    /// Why the verdict is what it is, a word that `glapp` turns into a sentence.
+    /// Why the verdict is what it is, a word that `glapp` turns into a sentence; not handed over, for the evidence tells it.
+    #[serde(skip)]
     pub reason: &'static str,
 }
 
@@ -136,6 +137,7 @@ impl Answer {
 }
 
 /// What one window says, with all that is needed to ask it about another width.
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Fitted {
     pub(crate) answer: Answer,
     pub(crate) record: Cells,
@@ -157,14 +159,16 @@ pub(crate) struct Fitted {
     pub(crate) evidence: Evidence,
 }
 
-/// Answers for one window in cells, made of `rows`, whose PV a historian may have bent by `bow` [PV unit].
-pub(crate) fn fit_record(cells: &Cells, seeds: &[Theta], rows: &Record, bow: f64, problem: &Problem) -> Fitted {
-    let (view, without) = hypotheses(cells, seeds, problem.sign);
-    let lr_no_answer = view.answers(problem.sign);
+/// Answers for one window in cells, whose PV a historian may have bent by `bow` [PV unit].
+pub(crate) fn fit_record(cells: &Cells, seeds: &[Theta], bow: f64, window: &Window) -> Fitted {
+    let Window { record: rows, sign, bootstrap, .. } = window;
+    let (sign, bootstrap) = (*sign, *bootstrap);
+    let (view, without) = hypotheses(cells, seeds, sign);
+    let lr_no_answer = view.answers(sign);
     let Hypothesis { record, mut profiles, dissent, mut sticking, sticks_in, cost, .. } = view;
     let lr_of_loads = without - cost;
     let n = record.freedom();
-    let of = |structure| Search { record: &record, structure, sign: problem.sign };
+    let of = |structure| Search { record: &record, structure, sign };
     let least = profiles[0].penalised();
     let mut search = of(profiles[0].structure);
     let mut best = profiles[0].points[profiles[0].best].clone();
@@ -190,17 +194,15 @@ pub(crate) fn fit_record(cells: &Cells, seeds: &[Theta], rows: &Record, bow: f64
     if cycle_known {
         let family = &profiles[0];
         let points = [(search.structure, &best), (family.structure, &family.points[0])];
-        let beside = lr_beside_cycle(&record, problem.sign, &points, &best.lost, without);
+        let beside = lr_beside_cycle(&record, sign, &points, &best.lost, without);
         lr_of_loads = beside.map_or(lr_of_loads, |beside| beside.min(lr_of_loads));
     }
     let repeats = lr_of_loads < without - cost;
     let lr_no_gap = lr_no_gap.min(lr_of_loads) * trusted;
-    let lr_needed = if problem.bootstrap > 0 && lr_no_gap > asked && lr_no_gap < GAP_PLAIN {
+    let lr_needed = if bootstrap > 0 && lr_no_gap > asked && lr_no_gap < GAP_PLAIN {
         // The invented records' innovations are alike everywhere: their ratio is to be held against the one before τ.
         let without = &profiles[0].points[0];
-        asked.max(
-            bootstrap_threshold(&of(profiles[0].structure), without, lr_no_gap / trusted, problem.bootstrap) * trusted,
-        )
+        asked.max(bootstrap_threshold(&of(profiles[0].structure), without, lr_no_gap / trusted, bootstrap) * trusted)
     } else {
         asked
     };

@@ -1,9 +1,10 @@
 //! The verdict, from the evidence of one record or of several.
 
 use crate::decide::thresholds::*;
+use serde::{Deserialize, Serialize};
 
 /// What the record says about the valve.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Verdict {
     /// A gap.
     Backlash,
@@ -26,8 +27,30 @@ impl Verdict {
     }
 }
 
+/// What may hide a gap.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub(crate) enum Hidden {
+    /// The process settles in too few samples.
+    Samples,
+    /// It lags by more than the record is long.
+    Lag,
+    /// The load changes as often as OP goes through the gap.
+    Changes,
+}
+
+impl Hidden {
+    /// The word for it.
+    fn name(self) -> &'static str {
+        match self {
+            Self::Samples => "hidden_by_samples",
+            Self::Lag => "hidden_by_lag",
+            Self::Changes => "hidden_by_changes",
+        }
+    }
+}
+
 /// What the verdict rests on.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Evidence {
     pub(crate) echo: f64,
     pub(crate) d: f64,
@@ -67,7 +90,7 @@ pub(crate) struct Evidence {
     /// Whether a family that predicts nearly as well as the best sees a gap.
     pub(crate) dissent: bool,
     /// Why a PV that answers each turn of OP is no evidence of a sound valve, where it is none.
-    pub(crate) hidden: Option<&'static str>,
+    pub(crate) hidden: Option<Hidden>,
 }
 
 impl Evidence {
@@ -96,7 +119,7 @@ impl Evidence {
         Some(match self.hidden {
             _ if high < self.drawn => (Verdict::CannotTell, "lined"),
             _ if self.shaken >= SOUND_BELOW * self.range => (Verdict::CannotTell, "may_be_a_gap"),
-            Some(why) => (Verdict::CannotTell, why),
+            Some(hidden) => (Verdict::CannotTell, hidden.name()),
             None => (Verdict::Sound, "no_gap"),
         })
     }
@@ -161,13 +184,13 @@ pub(crate) fn often(lr_no_gap: f64, low: [usize; 2], d: [usize; 2]) -> bool {
 
 /// What may hide a gap from a process that settles in so many steps and lags by so many, in a record of `steps` in which OP went through
 /// the most likely width so often and so many steps or bends of the load are marked.
-pub(crate) fn hidden(settles: f64, lag: f64, steps: f64, [up, down]: [usize; 2], marks: usize) -> Option<&'static str> {
+pub(crate) fn hidden(settles: f64, lag: f64, steps: f64, [up, down]: [usize; 2], marks: usize) -> Option<Hidden> {
     if settles < SAMPLES_IN_LAG_IF_SOUND {
-        Some("hidden_by_samples")
+        Some(Hidden::Samples)
     } else if lag > steps {
-        Some("hidden_by_lag")
+        Some(Hidden::Lag)
     } else if marks >= up + down {
-        Some("hidden_by_changes")
+        Some(Hidden::Changes)
     } else {
         None
     }

@@ -1,10 +1,11 @@
 //! The lost motion that is tried.
 
 use glapp_core::Model;
+use serde::{Deserialize, Serialize};
 
 /// The lost motion that is tried: total width [OP unit], the share of it that is slip jump, what the valve does after a jump,
 /// and where in its gap it stands at the start of each stretch, 0 the lower end to 1.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct LostMotion {
     pub(crate) d: f64,
     pub(crate) share: f64,

@@ -3,10 +3,11 @@
 use crate::model::kalman::{DRIFT, Delayed, LINES, LoadChange, Models, SLOPE, Whitened};
 use crate::model::lanes::{LANES, Lanes, Wide, Work, widest};
 use pulp::Simd;
+use serde::{Deserialize, Serialize};
 use std::array;
 
 /// Where the disturbance comes from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Noise {
     /// A load at the input that stands still but for the steps that are marked, and white noise on PV.
     Still,
@@ -39,7 +40,7 @@ impl Noise {
 }
 
 /// One family: `lags` first-order lags (two of them may oscillate), perhaps an integrator, dead time, disturbance.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Structure {
     /// Lags: 2, 3, or 1 with an integrator.
     pub lags: usize,

@@ -6,12 +6,13 @@ use crate::model::lanes::{LANES, Lanes, Wide, Work, widest};
 use crate::model::lost_motion::LostMotion;
 use crate::model::structure::{MOST, Noise, Structure, Theta};
 use pulp::Simd;
+use serde::{Deserialize, Serialize};
 use std::cell::RefCell;
 use std::f64::consts::PI;
 use std::sync::Arc;
 
 /// A point of the search: the family's parameters and what they are worth.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Point {
     pub(crate) theta: Theta,
     /// −2·ln L but for a constant, the size of the noise and the gain at their best.

@@ -5,9 +5,10 @@ use crate::model::lost_motion::LostMotion;
 use crate::model::structure::{MOST, Structure, Theta};
 use crate::search::likelihood::{Point, Search, dot, solve};
 use crate::search::screen::FINE_TOLERANCE;
+use serde::{Deserialize, Serialize};
 
 /// Likelihood over d of one family; `points` in rising order of d, the first at d = 0.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Profile {
     pub(crate) structure: Structure,
     pub(crate) points: Vec<Point>,

@@ -2,9 +2,10 @@
 
 use glapp_core::status::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO};
 use glapp_core::{
-    Columns, Detector, DetectorState, LANES, MedianMean, Real, Reason, Record, SafetyNet, Sample, SecondOrderFilter,
-    Span, Width,
+    Columns, Detector, DetectorState, LANES, Lanes, MedianMean, Real, Reason, Record, SafetyNet, Sample,
+    SecondOrderFilter, Span, Width,
 };
+use glapp_lanes::{Instructions, Sided};
 use proptest::prelude::*;
 
 /// A recording.
@@ -156,12 +157,58 @@ fn spoiled() -> impl Strategy<Value = Rows> {
     })
 }
 
+/// The same with a gap in time, and a PV that is held for a while.
+fn interrupted() -> impl Strategy<Value = Rows> {
+    let gap = prop::option::of(any::<prop::sample::Index>());
+    let held = prop::option::of((any::<prop::sample::Index>(), 1..40_usize));
+    (spoiled(), gap, held).prop_map(|(mut rows, gap, held)| {
+        if let Some(place) = gap {
+            let i = place.index(rows.len());
+            rows.t[i..].iter_mut().for_each(|t| *t += 10.0);
+        }
+        if let Some((place, n)) = held {
+            let i = place.index(rows.len());
+            let pv = rows.pv[i];
+            rows.pv[i..].iter_mut().take(n).for_each(|x| *x = pv);
+        }
+        rows
+    })
+}
+
 type Found = (Span, Record<f64>);
 
 fn run(settings: &Settings, state: &mut DetectorState<f64>, columns: Columns<'_, f64>) -> Vec<Found> {
     let mut found = Vec::new();
     settings.detector().run(state, columns, |span, record| found.push((span, *record)), |_, _| ());
     found
+}
+
+/// PV about SP for as long as it takes to know its noise for good.
+fn calm() -> Rows {
+    let n = 1100;
+    let pv = |k: u32| 1.0 + f64::from(k.wrapping_mul(2_654_435_761) >> 8) / 1e8 - 0.08;
+    Rows {
+        t: (0..n).map(|k| f64::from(k) - f64::from(n)).collect(),
+        sp: vec![1.0; n as usize],
+        pv: (0..n).map(pv).collect(),
+        op: vec![0.0; n as usize],
+        flags: vec![0; n as usize],
+    }
+}
+
+/// Loops to run side by side.
+struct Side<'a, 'b> {
+    detectors: &'a [Detector<f64>; LANES],
+    states: &'a mut [DetectorState<f64>; LANES],
+    columns: [Columns<'b, f64>; LANES],
+    found: &'a mut [Vec<Found>],
+}
+
+impl Sided for Side<'_, '_> {
+    fn with(self, like: impl Lanes) {
+        let Self { detectors, states, columns, found } = self;
+        Detector::run_together(like, detectors, states, &columns, |l, span, record| found[l].push((span, *record)));
+    }
 }
 
 fn whole(settings: &Settings, rows: &Rows) -> (Vec<Found>, DetectorState<f64>) {
@@ -272,8 +319,9 @@ proptest! {
 
     #[test]
     fn side_by_side_as_alone(
-        loops in prop::collection::vec((settings(), spoiled(), any::<bool>()), LANES),
+        loops in prop::collection::vec((settings(), interrupted(), any::<bool>()), LANES),
         with_op in 0..4_usize,
+        warm in 0..9_usize,
         cut in any::<prop::sample::Index>(),
     ) {
         let columns = |l: usize, from: usize, to: usize| {
@@ -283,18 +331,35 @@ proptest! {
             Columns { op: all.op.filter(|_| with_op > 1 || (with_op == 1 && l > 0)), flags: all.flags.filter(|_| *flags), ..all }
         };
         let detectors = std::array::from_fn(|l| loops[l].0.detector());
-        let (mut states, mut found) = ([DetectorState::default(); LANES], vec![Vec::new(); LANES]);
+        // Most know their noise already, as a loop does that goes on in its lane.
+        let before = calm();
+        let begun: [_; LANES] = std::array::from_fn(|l| {
+            let mut state = DetectorState::default();
+            if l < warm {
+                let op = columns(l, 0, 0).op.map(|_| &before.op[..]);
+                run(&loops[l].0, &mut state, Columns { op, ..before.columns(0, before.len()) });
+            }
+            state
+        });
+        let alone: Vec<_> = (0..LANES).map(|l| {
+            let mut state = begun[l];
+            let found = run(&loops[l].0, &mut state, columns(l, 0, usize::MAX));
+            (bits(&found), bits(&state))
+        }).collect();
         // Cut somewhere in the first of them.
         let cut = cut.index(loops[0].1.len() + 1);
-        for (from, to) in [(0, cut), (cut, usize::MAX)] {
-            let columns = std::array::from_fn(|l| columns(l, from, to));
-            Detector::run_together(&detectors, &mut states, &columns, |l, span, record| found[l].push((span, *record)));
-        }
-        for l in 0..LANES {
-            let mut state = DetectorState::default();
-            let alone = run(&loops[l].0, &mut state, columns(l, 0, usize::MAX));
-            prop_assert_eq!(bits(&found[l]), bits(&alone));
-            prop_assert_eq!(bits(&states[l]), bits(&state));
+        'sets: for instructions in Instructions::available() {
+            let (mut states, mut found) = (begun, vec![Vec::new(); LANES]);
+            for (from, to) in [(0, cut), (cut, usize::MAX)] {
+                let columns = std::array::from_fn(|l| columns(l, from, to));
+                let side = Side { detectors: &detectors, states: &mut states, columns, found: &mut found };
+                if !instructions.side_by_side(side) {
+                    continue 'sets; // no lanes with these
+                }
+            }
+            for l in 0..LANES {
+                prop_assert_eq!((bits(&found[l]), bits(&states[l])), alone[l].clone(), "{} with {}", l, instructions.name());
+            }
         }
     }
 

@@ -15,11 +15,12 @@ mod stream;
 pub use error::LakeError;
 
 use glapp_analysis::Crossings;
-use glapp_core::{Columns, LANES};
+use glapp_core::LANES;
 use glapp_lanes::Instructions;
+use std::mem;
 use std::num::NonZero;
 use std::path::PathBuf;
-use std::sync::Mutex;
+use std::sync::{Mutex, PoisonError};
 use std::thread;
 use stream::Stream;
 
@@ -65,45 +66,65 @@ pub fn crossings(
     threads: NonZero<usize>,
     instructions: Instructions,
 ) -> Vec<Result<Read, LakeError>> {
-    let mut found: Vec<Option<Result<Read, LakeError>>> = loops.iter().map(|_| None).collect();
-    let mut loops = loops.into_iter();
-    let groups = found.chunks_mut(LANES).map(|places| (places.len(), places));
-    let groups: Vec<_> = groups.map(|(n, places)| (loops.by_ref().take(n).collect::<Vec<_>>(), places)).collect();
-    let groups = Mutex::new(groups.into_iter());
-    let next = || groups.lock().ok().and_then(|mut groups| groups.next());
-    let work = || {
-        while let Some((loops, places)) = next() {
-            places.iter_mut().zip(side_by_side(loops, instructions)).for_each(|(place, one)| *place = Some(one));
+    let lanes = LANES.min(loops.len().div_ceil(threads.get()));
+    let found: Mutex<Vec<Option<Result<Read, LakeError>>>> = Mutex::new(loops.iter().map(|_| None).collect());
+    let waiting = Mutex::new(loops.into_iter().enumerate());
+    let next = || waiting.lock().ok().and_then(|mut waiting| waiting.next());
+    let ended = |i: usize, one| {
+        if let Ok(mut found) = found.lock() {
+            found[i] = Some(one);
         }
     };
-    thread::scope(|scope| (0..threads.get()).for_each(|_| _ = scope.spawn(work)));
-    drop(groups);
+    thread::scope(|scope| {
+        (0..threads.get()).for_each(|_| _ = scope.spawn(|| side_by_side(lanes, next, ended, instructions)));
+    });
+    let found = found.into_inner().unwrap_or_else(PoisonError::into_inner);
     found.into_iter().map(|one| one.unwrap_or_else(|| Err(LakeError::abandoned()))).collect()
 }
 
-/// The same for as many loops as there are lanes, or fewer.
-fn side_by_side(loops: Vec<Loop>, instructions: Instructions) -> Vec<Result<Read, LakeError>> {
-    let mut all: Vec<(Crossings, Stream, Option<LakeError>)> =
-        loops.into_iter().map(|one| (one.crossings, Stream::new(one.place), None)).collect();
+/// A loop under way.
+struct Lane {
+    i: usize,
+    crossings: Crossings,
+    stream: Stream,
+}
+
+/// The loops that `next` gives, in so many lanes. Where one has ended the next takes its lane: lanes are full
+/// however long the loops' files are.
+fn side_by_side(
+    lanes: usize,
+    next: impl Fn() -> Option<(usize, Loop)>,
+    ended: impl Fn(usize, Result<Read, LakeError>),
+    instructions: Instructions,
+) {
+    let begin =
+        || next().map(|(i, Loop { crossings, place })| Lane { i, crossings, stream: Stream::new(place, instructions) });
+    let mut all: Vec<Lane> = Vec::with_capacity(lanes);
     loop {
-        let mut under_way = Vec::new();
-        for (crossings, stream, fault) in &mut all {
-            match stream.ready() {
-                Ok(true) => under_way.push((crossings, stream)),
-                Ok(false) => (),
-                Err(error) => *fault = Some(error),
+        let mut l = 0;
+        while l < lanes {
+            if l == all.len() {
+                let Some(one) = begin() else { break };
+                all.push(one);
+            }
+            match all[l].stream.ready() {
+                Ok(true) => l += 1,
+                end => {
+                    let Lane { i, crossings, stream } = match begin() {
+                        Some(one) => mem::replace(&mut all[l], one),
+                        None => all.swap_remove(l),
+                    };
+                    ended(i, end.map(|_| Read { crossings, rows: stream.done() }));
+                }
             }
         }
-        let Some(n) = under_way.iter().map(|(_, stream)| stream.rows()).min() else { break };
-        let (mut detectors, streams): (Vec<_>, Vec<_>) = under_way.into_iter().unzip();
-        let columns: Vec<Columns<'_, f64>> = streams.iter().map(|stream| stream.columns(n)).collect();
+        let Some(n) = all.iter().map(|lane| lane.stream.rows()).min() else { break };
+        let (mut detectors, columns): (Vec<_>, Vec<_>) =
+            all.iter_mut().map(|lane| (&mut lane.crossings, lane.stream.columns(n))).unzip();
         Crossings::take_together(&mut detectors, &columns, instructions);
-        detectors.into_iter().for_each(|one| drop(one.drain()));
-        streams.into_iter().for_each(|stream| stream.pass(n));
+        for lane in &mut all {
+            drop(lane.crossings.drain());
+            lane.stream.pass(n);
+        }
     }
-    let read = |(crossings, stream, fault): (Crossings, Stream, Option<LakeError>)| match fault {
-        None => Ok(Read { crossings, rows: stream.done() }),
-        Some(error) => Err(error),
-    };
-    all.into_iter().map(read).collect()
 }

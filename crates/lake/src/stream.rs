@@ -2,6 +2,7 @@
 
 use crate::{LakeError, Place};
 use glapp_core::Columns;
+use glapp_lanes::{Instructions, NullaryFnOnce};
 use parquet::basic::{ConvertedType, LogicalType, TimeUnit};
 use parquet::column::reader::ColumnReader;
 use parquet::errors::ParquetError;
@@ -30,6 +31,7 @@ pub(crate) struct Stream {
     done: u64,
     clock: Clock,
     scratch: Scratch,
+    instructions: Instructions,
 }
 
 /// A file, and the columns of its group of rows under way.
@@ -89,10 +91,23 @@ struct Scratch {
 }
 
 impl Stream {
-    pub(crate) fn new(place: Place) -> Self {
+    pub(crate) fn new(place: Place, instructions: Instructions) -> Self {
         let clock = Clock { begin: place.since, last: None };
         let (t, sp, pv, op) = Default::default();
-        Self { place, begun: 0, open: None, t, sp, pv, op, from: 0, done: 0, clock, scratch: Scratch::default() }
+        Self {
+            place,
+            begun: 0,
+            open: None,
+            t,
+            sp,
+            pv,
+            op,
+            from: 0,
+            done: 0,
+            clock,
+            scratch: Scratch::default(),
+            instructions,
+        }
     }
 
     /// Whether there is a row; reads on where all were passed. After an error there is none.
@@ -176,7 +191,7 @@ impl Stream {
             match ticks {
                 Some(ticks) => {
                     columns[0].integers(scratch).map_err(fault)?;
-                    self.clock.seconds(&scratch.long, ticks, &mut self.t);
+                    self.clock.seconds(&scratch.long, ticks, &mut self.t, self.instructions);
                 }
                 None => columns[0].numbers(scratch, &mut self.t).map_err(fault)?,
             }
@@ -315,14 +330,51 @@ fn spread<T: Copy>(values: &mut Vec<T>, levels: &[i16], there: i16, rows: usize,
     }
 }
 
+/// Seconds of integers that are there and far from the largest, as all are in a file that is in order.
+struct Seconds<'a> {
+    all: &'a [i64],
+    /// Microseconds of one of them.
+    factor: i64,
+    begin: i64,
+    out: &'a mut [f64],
+    done: &'a mut bool,
+}
+
+impl NullaryFnOnce for Seconds<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        const FAR: i64 = 1 << 50;
+        let Self { all, factor, begin, out, done } = self;
+        let near = |x: i64| (x > -FAR) & (x < FAR);
+        *done = all.iter().fold((begin / 1000).abs() < FAR, |near_all, tick| near_all & near(*tick));
+        if *done {
+            out.iter_mut().zip(all).for_each(|(out, tick)| *out = (tick * factor - begin) as f64 / 1e6);
+        }
+    }
+}
+
 impl Clock {
     /// Seconds; no number where there is none.
-    fn seconds(&mut self, all: &[i64], ticks: Ticks, out: &mut Vec<f64>) {
+    fn seconds(&mut self, all: &[i64], ticks: Ticks, out: &mut Vec<f64>, instructions: Instructions) {
         self.begin = self.begin.or(all.first().map(|tick| ticks.micros(*tick)));
         let begin = self.begin.unwrap_or_default();
-        let seconds = |tick: i64| ticks.micros(tick).saturating_sub(begin) as f64 / 1e6;
         out.clear();
-        out.extend(all.iter().map(|tick| if *tick == i64::MIN { f64::NAN } else { seconds(*tick) }));
+        out.resize(all.len(), f64::NAN);
+        let mut done = false;
+        let factor = match ticks {
+            Ticks::Millis => Some(1000),
+            Ticks::Micros => Some(1),
+            Ticks::Nanos => None,
+        };
+        if let Some(factor) = factor {
+            instructions.run(Seconds { all, factor, begin, out: &mut *out, done: &mut done });
+        }
+        if !done {
+            let there = out.iter_mut().zip(all).filter(|(_, tick)| **tick != i64::MIN);
+            there.for_each(|(out, tick)| *out = ticks.micros(*tick).saturating_sub(begin) as f64 / 1e6);
+        }
     }
 
     /// The first row whose time is not after that of the row before.

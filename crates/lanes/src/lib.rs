@@ -1,7 +1,13 @@
 //! Which instruction sets this processor has, and work done with one of them.
 //!
-//! Work over arrays of fixed length is turned into vector instructions by the compiler, as wide as the chosen set has them. Nothing is
-//! fused and no order changes, so that the bits are the same with every one.
+//! [`Instructions::run`]: work over arrays of fixed length, which the compiler turns into vector instructions as wide as the chosen set
+//! has them. [`Instructions::side_by_side`]: work on eight numbers in whole registers, where the compiler would not find them. Nothing
+//! is fused and no order changes, so that the bits are the same with every one.
+
+#[cfg(target_arch = "x86_64")]
+mod eight;
+
+use glapp_core::Lanes;
 
 /// An instruction set that the processor has; the bits do not depend on it.
 #[derive(Clone, Copy, Debug)]
@@ -45,6 +51,19 @@ impl Instructions {
         }
     }
 
+    /// Does work on eight numbers side by side with it; false where it has no registers worth it, and nothing is done.
+    #[must_use]
+    pub fn side_by_side(self, work: impl Sided) -> bool {
+        match self {
+            Self::Baseline => drop(work),
+            #[cfg(target_arch = "x86_64")]
+            Self::V3(v3) => v3.vectorize(eight::With { work, like: eight::Eight::<_, 2>::new(v3) }),
+            #[cfg(target_arch = "x86_64")]
+            Self::V4(v4) => v4.vectorize(eight::With { work, like: eight::Eight::<_, 1>::new(v4) }),
+        }
+        !matches!(self, Self::Baseline)
+    }
+
     /// Does work with it; what is to profit must be inlined into the work.
     pub fn run(self, work: impl pulp::NullaryFnOnce<Output = ()>) {
         match self {
@@ -55,6 +74,12 @@ impl Instructions {
             Self::V4(v4) => v4.vectorize(work),
         }
     }
+}
+
+/// Work on numbers side by side, written for any registers.
+pub trait Sided {
+    /// Does it with numbers like these.
+    fn with(self, like: impl Lanes);
 }
 
 pub use pulp::NullaryFnOnce;

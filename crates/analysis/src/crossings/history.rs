@@ -1,8 +1,9 @@
 //! Crossings over a history that is longer than memory: it comes in pieces, and the state goes from one to the next.
 
 use super::verdict::{SAMPLES, Verdict, Why, said};
-use super::{Ladder, SavedError};
+use super::{Crossings, Ladder, SavedError};
 use glapp_core::{Columns, DetectorSettings, ParameterError, Reason};
+use glapp_lanes::Instructions;
 use serde::Serialize;
 use serde_json::{Value, json};
 
@@ -74,8 +75,10 @@ impl History {
 
     /// Takes the next samples.
     pub fn take(&mut self, columns: Columns<'_, f64>) {
-        for (rung, lengths) in self.ladder.rungs_mut().iter_mut().zip(&mut self.lengths) {
-            rung.take(columns);
+        let rungs = self.ladder.rungs_mut();
+        let alike = vec![columns; rungs.len()];
+        Crossings::take_together(&mut rungs.iter_mut().collect::<Vec<_>>(), &alike, Instructions::widest());
+        for (rung, lengths) in rungs.iter_mut().zip(&mut self.lengths) {
             for row in rung.drain().iter().filter(|row| row.record.mask == 0) {
                 lengths[(row.record.half.n as usize).min(SAMPLES as usize)] += 1;
             }

@@ -4,7 +4,6 @@ mod batch;
 mod lanes;
 
 pub use batch::{Columns, Span};
-pub use lanes::LANES;
 
 use crate::status::{AT_HIGH, AT_LOW, BAD, GAP, NOT_AUTO, Status};
 use crate::{
@@ -150,6 +149,20 @@ struct Signal<R: Real> {
     half: HalfPeriodState<R>,
     /// Why the signal is broken, as flags; 0 while it is whole.
     broken: Status,
+}
+
+impl<R: Real> Signal<R> {
+    /// Ends the half-period under way, of this sign, at a crossing, and begins the next.
+    #[inline(always)]
+    fn turn(&mut self, sign: i8, sp: R, slope: R, op: R) -> HalfPeriod<R> {
+        let half = self.half.close(sign, sp, slope, op);
+        self.half = if slope.is_number() {
+            HalfPeriodState::start(sp, slope, op, 0)
+        } else {
+            HalfPeriodState::start(sp, R::ZERO, op, BAD)
+        };
+        half
+    }
 }
 
 impl<R: Real> Default for Signal<R> {
@@ -393,13 +406,7 @@ impl<R: Real> Detector<R> {
         let sign = s.crossing.sign;
         let mut ended = None;
         if s.crossing.update(e) {
-            let (slope, opf) = (moved / h, u.y2.value());
-            ended = Some(s.half.close(sign, sp, slope, opf));
-            s.half = if slope.is_number() {
-                HalfPeriodState::start(sp, slope, opf, 0)
-            } else {
-                HalfPeriodState::start(sp, R::ZERO, opf, BAD)
-            };
+            ended = Some(s.turn(sign, sp, moved / h, u.y2.value()));
         }
         s.half.add(e, h, self.with_limits::<OP>(flags, op));
         s.half.widen(sp);

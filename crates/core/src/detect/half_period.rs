@@ -1,7 +1,7 @@
 //! The half-period: what the signals did between two zero crossings of the error.
 
 use crate::status::{BAD, Status};
-use crate::{Real, Sum};
+use crate::{Adding, Numbers, Real, Sum};
 
 /// What the signals did between two zero crossings.
 ///
@@ -91,17 +91,14 @@ impl<R: Real> HalfPeriodState<R> {
     /// Takes the size of an error, step `h` \[s\] and flags of a sample that [`Self::count`] counts.
     #[inline(always)]
     pub(crate) fn integrate(&mut self, size: R, h: R, flags: Status) {
-        self.delta_t.add(h);
-        self.integral.add(size * h);
-        self.e_max = self.e_max.greater(size);
+        integrate(&mut self.delta_t, &mut self.integral, &mut self.e_max, size, h);
         self.flags |= flags;
     }
 
     /// Takes the setpoint of a sample; one that is the same as the one before need not be told.
     #[inline(always)]
     pub fn widen(&mut self, sp: R) {
-        self.sp_low = self.sp_low.lesser(sp);
-        self.sp_high = self.sp_high.greater(sp);
+        widen(&mut self.sp_low, &mut self.sp_high, sp);
     }
 
     /// The lowest setpoint so far.
@@ -164,4 +161,19 @@ impl<R: Real> HalfPeriodState<R> {
         half.flags |= cause;
         half
     }
+}
+
+/// Takes the size of an error that lasts `h` seconds.
+#[inline(always)]
+pub(super) fn integrate<N: Numbers, S: Adding<N>>(delta_t: &mut S, integral: &mut S, e_max: &mut N, size: N, h: N) {
+    delta_t.add(h);
+    integral.add(size * h);
+    *e_max = e_max.greater(size);
+}
+
+/// Takes a setpoint.
+#[inline(always)]
+pub(super) fn widen<N: Numbers>(low: &mut N, high: &mut N, sp: N) {
+    *low = low.lesser(sp);
+    *high = high.greater(sp);
 }

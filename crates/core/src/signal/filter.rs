@@ -1,7 +1,7 @@
 //! The second-order low-pass filter that makes the *signal* out of the samples.
 
 use crate::error::require;
-use crate::{ParameterError, Real, Sum};
+use crate::{Adding, Numbers, ParameterError, Real, Sum};
 
 /// Second-order low-pass filter, Yf(s) = Y(s) / (1 + s·Tf)² (thesis 2.1).
 ///
@@ -54,10 +54,16 @@ impl<R: Real> SecondOrderFilter<R> {
         if !state.started {
             *state = SecondOrderFilterState { y1: x.into(), y2: x.into(), started: true };
         } else if h > R::ZERO {
-            let a = h / (self.tf + h);
-            state.y1.add(state.y1.to(x) * a);
-            state.y2.add(state.y1.since(state.y2) * a);
+            sections(self.tf, &mut state.y1, &mut state.y2, x, h);
         }
         state.y2.value()
     }
+}
+
+/// Takes `x`, `h` seconds after the value before, through both sections.
+#[inline(always)]
+pub(crate) fn sections<N: Numbers, S: Adding<N>>(tf: N, y1: &mut S, y2: &mut S, x: N, h: N) {
+    let a = h / (tf + h);
+    y1.add(y1.to(x) * a);
+    y2.add(y1.since(*y2) * a);
 }

@@ -1,11 +1,11 @@
 //! The standard deviation of a signal's fast noise, on line.
 
-use crate::Real;
+use crate::{Numbers, Real};
 
 /// A value repeated so many times in a row is held, by a transmitter or a historian, and tells nothing of the noise.
-const HELD: u8 = 5;
+pub(crate) const HELD: u8 = 5;
 /// Differences that m begins with, and those after which σ is told.
-pub(crate) const BEGINNING: u8 = 8;
+const BEGINNING: u8 = 8;
 const ENOUGH: u8 = 20;
 /// 1/(0.6745·√70): from the median of |fourth difference| of white noise to its standard deviation.
 const OF_MEDIAN: f64 = 0.177_202_165_950_243_68;
@@ -15,7 +15,7 @@ const OF_GRID: f64 = 0.288_675_134_594_812_87;
 pub(crate) const VALUES: u8 = 4;
 /// The gain at the beginning, and the least, with which it forgets what was a thousand samples ago.
 const FIRST_GAIN: f64 = 0.25;
-const LEAST_GAIN: f64 = 1.0 / 512.0;
+pub(crate) const LEAST_GAIN: f64 = 1.0 / 512.0;
 
 /// Standard deviation σ of the fast noise of a signal at an even step, sample by sample.
 ///
@@ -75,27 +75,19 @@ impl<R: Real> NoiseLevel<R> {
             (self.x, self.values, self.repeats) = (x, 1, 0);
             return;
         }
-        let first = x - self.x;
-        let step = first.magnitude();
-        self.repeats = if step > R::ZERO { 0 } else { self.repeats.saturating_add(1) };
+        let moved = (x - self.x).magnitude() > R::ZERO;
+        self.repeats = if moved { 0 } else { self.repeats.saturating_add(1) };
         if self.repeats >= HELD {
             return;
         }
-        if step > R::ZERO && (step < self.grid || self.grid == R::ZERO) {
-            self.grid = step;
-        }
         // Those after a break are differences to what was before it; they are not used before all are new.
-        let second = first - self.first;
-        let third = second - self.second;
-        let size = (third - self.third).magnitude();
-        (self.x, self.first, self.second, self.third) = (x, first, second, third);
+        let size = self.differ(x);
         if self.values < VALUES {
             self.values += 1;
         } else if self.count < BEGINNING {
             self.begin(size);
         } else {
-            let change = self.median * self.gain;
-            self.median = (self.median + if size > self.median { change } else { -change }).greater(self.grid);
+            self.weigh(size);
             self.gain = (self.gain - self.gain * self.gain / R::of(2.0)).greater(R::of(LEAST_GAIN));
             self.count = self.count.saturating_add(1);
         }
@@ -120,5 +112,29 @@ impl<R: Real> NoiseLevel<R> {
     pub fn sigma(&self) -> Option<R> {
         let of_median = self.median * R::of(OF_MEDIAN);
         (self.count >= ENOUGH).then(|| of_median.greater(self.grid * R::of(OF_GRID)))
+    }
+}
+
+impl<N: Numbers> NoiseLevel<N> {
+    /// Takes a value into the differences and the grid; gives the size of the fourth.
+    #[inline(always)]
+    pub(crate) fn differ(&mut self, x: N) -> N {
+        let first = x - self.x;
+        let (step, none) = (first.magnitude(), x.like(0.0));
+        let least = N::either(none.below(self.grid), self.grid, step).lesser(step);
+        self.grid = N::either(none.below(step), least, self.grid);
+        let second = first - self.first;
+        let third = second - self.second;
+        let size = (third - self.third).magnitude();
+        (self.x, self.first, self.second, self.third) = (x, first, second, third);
+        size
+    }
+
+    /// m after a fourth difference of this size.
+    #[inline(always)]
+    pub(crate) fn weigh(&mut self, size: N) {
+        let change = self.median * self.gain;
+        let median = N::either(self.median.below(size), self.median + change, self.median - change);
+        self.median = median.greater(self.grid);
     }
 }

@@ -1,8 +1,8 @@
 //! Many loops side by side.
 
 use super::{Crossings, Row};
-use glapp_core::{Columns, Detector, DetectorState, LANES, Record, Span};
-use glapp_lanes::{Instructions, NullaryFnOnce};
+use glapp_core::{Columns, Detector, DetectorState, LANES, Lanes, Record, Span};
+use glapp_lanes::{Instructions, Sided};
 use std::array;
 
 /// Fewer loops are faster one by one.
@@ -18,18 +18,18 @@ impl Crossings {
     pub fn take_together(all: &mut [&mut Self], columns: &[Columns<'_, f64>], instructions: Instructions) {
         assert_eq!(all.len(), columns.len(), "columns of each loop");
         for (loops, columns) in all.chunks_mut(LANES).zip(columns.chunks(LANES)) {
-            // Two numbers side by side are slower than one alone, whose sums stay in registers.
-            if loops.len() < WORTHWHILE || matches!(instructions, Instructions::Baseline) {
-                loops.iter_mut().zip(columns).for_each(|(one, columns)| one.take(*columns));
-                continue;
-            }
+            let worthwhile = loops.len() >= WORTHWHILE;
             // Lanes to spare repeat the last loop, and nobody listens.
             let of = |l: usize| l.min(columns.len() - 1);
             let mut states = array::from_fn(|l| loops[of(l)].state);
             let detectors = array::from_fn(|l| loops[of(l)].detector);
-            let columns = array::from_fn(|l| columns[of(l)]);
-            instructions.run(Side { detectors, states: &mut states, columns, loops: &mut *loops });
-            loops.iter_mut().zip(states).for_each(|(one, state)| one.state = state);
+            let of_lanes = array::from_fn(|l| columns[of(l)]);
+            let side = Side { detectors, states: &mut states, columns: of_lanes, loops: &mut *loops };
+            if worthwhile && instructions.side_by_side(side) {
+                loops.iter_mut().zip(states).for_each(|(one, state)| one.state = state);
+            } else {
+                loops.iter_mut().zip(columns).for_each(|(one, columns)| one.take(*columns));
+            }
         }
     }
 
@@ -46,13 +46,11 @@ struct Side<'a, 'b, 'c> {
     loops: &'a mut [&'c mut Crossings],
 }
 
-impl NullaryFnOnce for Side<'_, '_, '_> {
-    type Output = ();
-
+impl Sided for Side<'_, '_, '_> {
     #[inline(always)]
-    fn call(self) {
+    fn with(self, like: impl Lanes) {
         let Self { detectors, states, columns, loops } = self;
-        Detector::run_together(&detectors, states, &columns, |l, span, record| {
+        Detector::run_together(like, &detectors, states, &columns, |l, span, record| {
             if let Some(one) = loops.get_mut(l) {
                 one.end(span, record);
             }

@@ -1,117 +1,89 @@
 //! Several loops at once, one in each lane of the processor's registers: the same law, the same bits.
 //!
-//! A row is one sample of each loop. Nearly all samples neither end a half-period nor break the signal; these go through the blocks'
-//! own functions, loop by loop in a loop of fixed length over plain arrays, which the compiler turns into vector instructions of
-//! whatever width it may use. Any other sample is taken by the law itself, alone.
+//! A row is one sample of each loop, a tile [`ROWS`] of them. The blocks' own functions take a row as they take a sample. Where a
+//! half-period ends its lane begins the next, and what ended is put aside: it is judged after the tile, alone. A loop whose signal
+//! breaks takes the tile alone.
 
-use super::batch::Row;
 use super::{Columns, Detector, DetectorState, Record, Span};
-use crate::signal::{BEGINNING, VALUES};
-use crate::status::{AT_HIGH, AT_LOW, BAD};
-use crate::{HalfPeriodState, NoiseLevel, Real, SecondOrderFilter, SecondOrderFilterState, Status};
+use crate::detect::half_period::{integrate, widen};
+use crate::signal::{HELD, LEAST_GAIN, VALUES, sections};
+use crate::status::{BAD, Status};
+use crate::{LANES, Lanes, NoiseLevel};
 
-/// Loops that run side by side.
-pub const LANES: usize = 8;
 /// Samples of each loop between turning columns into rows: what stays in the nearest cache.
 const ROWS: usize = 64;
 
-/// After [`ROWS`] of which more are not ordinary in some lane, the loops go on alone, one after the other, for so many rows: a row that is
-/// not ordinary takes as long as some ten that are.
-const OFTEN: usize = ROWS / 8;
-const ALONE: usize = 4096;
+/// Bounds within which no error, sum or slope can fail to be a measurement or a number; what is beyond takes the tile alone.
+const LEAST_STEP: f64 = 1e-9;
+const LARGEST: f64 = 1e29;
 
-type Lane<T = f64> = [T; LANES];
+/// With fewer loops under way in their lanes all run alone, for so many rows.
+const WORTHWHILE: usize = 3;
+const ALONE: usize = 4 * ROWS;
+
+type Lane = [f64; LANES];
 
 /// Samples by rows.
 #[repr(align(64))]
 struct Rows {
-    /// Step to the sample \[s\], no number where one of the two times is none.
-    h: [Lane; ROWS],
+    t: [Lane; ROWS],
     sp: [Lane; ROWS],
     pv: [Lane; ROWS],
     op: [Lane; ROWS],
-    flags: [Lane<u64>; ROWS],
 }
 
 /// What the detectors are told.
 #[repr(align(64))]
 struct Told {
-    filter: Lane<SecondOrderFilter<f64>>,
-    max_h: Lane,
-    low: Lane,
-    high: Lane,
+    tf: Lane,
+    /// A step is shorter than this.
+    gap: Lane,
 }
 
-/// What an ordinary sample changes.
+/// What a sample changes.
 #[derive(Clone, Copy, Default)]
 #[repr(align(64))]
 struct Moving {
+    t: Lane,
     y1: Lane,
     y2: Lane,
     u1: Lane,
     u2: Lane,
+    /// +1 where PV is below SP, −1 above.
+    towards: Lane,
     delta_t: Lane,
     integral: Lane,
     e_max: Lane,
     sp_low: Lane,
     sp_high: Lane,
-    flags: Lane<u64>,
     x: Lane,
     first: Lane,
     second: Lane,
     third: Lane,
     median: Lane,
-    gain: Lane,
     grid: Lane,
-    repeats: Lane<u64>,
-    /// Differences that the noise has counted.
-    counted: Lane<u64>,
+    repeats: Lane,
 }
 
-/// Loops under way.
-struct Side {
-    moving: Moving,
-    /// +1 where PV was below SP, −1 above; no number where the loop runs alone for the rest of the rows.
-    towards: Lane,
-    /// The first row that is not counted in the half-period yet.
-    since: Lane<usize>,
-}
-
-impl Side {
-    /// Takes the state of a loop at row `k`, if it can go on in its lane.
-    fn take<const OP: bool>(&mut self, l: usize, k: usize, state: &DetectorState<f64>) -> bool {
-        let signal = &state.signal;
-        let whole = signal.broken == 0 && signal.pv.started && signal.op.started == OP && signal.crossing.sign != 0;
-        let able = whole && signal.noise.values == VALUES && signal.noise.count >= BEGINNING;
-        self.towards[l] = if able { signal.crossing.sign.into() } else { f64::NAN };
-        let (m, half, noise) = (&mut self.moving, &signal.half, &signal.noise);
-        (m.y1[l], m.y2[l], m.u1[l], m.u2[l]) = (signal.pv.y1, signal.pv.y2, signal.op.y1, signal.op.y2);
-        (m.delta_t[l], m.integral[l], m.e_max[l]) = (half.delta_t, half.integral, half.e_max);
-        (m.sp_low[l], m.sp_high[l], m.flags[l]) = (half.sp_low, half.sp_high, half.flags.into());
-        (m.x[l], m.first[l], m.second[l], m.third[l]) = (noise.x, noise.first, noise.second, noise.third);
-        (m.median[l], m.gain[l], m.grid[l]) = (noise.median, noise.gain, noise.grid);
-        (m.repeats[l], m.counted[l]) = (noise.repeats.into(), noise.count.into());
-        self.since[l] = k;
-        able
-    }
-
-    /// Gives it back before row `k`.
-    fn give(&self, l: usize, k: usize, state: &mut DetectorState<f64>) {
-        let (m, signal) = (&self.moving, &mut state.signal);
-        (signal.pv.y1, signal.pv.y2, signal.op.y1, signal.op.y2) = (m.y1[l], m.y2[l], m.u1[l], m.u2[l]);
-        let (half, noise) = (&mut signal.half, &mut signal.noise);
-        (half.delta_t, half.integral, half.e_max) = (m.delta_t[l], m.integral[l], m.e_max[l]);
-        (half.sp_low, half.sp_high, half.flags) = (m.sp_low[l], m.sp_high[l], m.flags[l] as Status);
-        half.count((k - self.since[l]) as u32);
-        (noise.x, noise.first, noise.second, noise.third) = (m.x[l], m.first[l], m.second[l], m.third[l]);
-        (noise.median, noise.gain, noise.grid) = (m.median[l], m.gain[l], m.grid[l]);
-        (noise.repeats, noise.count) = (narrowed(m.repeats[l]), narrowed(m.counted[l]));
-    }
-}
-
-/// What a count that stays at its largest would be.
-fn narrowed(count: u64) -> u8 {
-    count.min(u8::MAX.into()) as u8
+/// What half-periods were that ended at a row.
+#[derive(Clone, Copy, Default)]
+#[repr(align(64))]
+struct Ended {
+    row: usize,
+    /// 1 in the lanes that ended one.
+    lanes: Lane,
+    delta_t: Lane,
+    integral: Lane,
+    e_max: Lane,
+    sp_low: Lane,
+    sp_high: Lane,
+    /// SP, the change of the filtered PV, the filtered OP and the noise there.
+    sp: Lane,
+    moved: Lane,
+    h: Lane,
+    op: Lane,
+    median: Lane,
+    grid: Lane,
 }
 
 impl Detector<f64> {
@@ -121,7 +93,8 @@ impl Detector<f64> {
     /// To be inlined where the instruction set is chosen. As long as all columns are: from the end of the shortest on, and where some
     /// have OP and some have not, each loop runs alone.
     #[inline(always)]
-    pub fn run_together(
+    pub fn run_together<N: Lanes>(
+        like: N,
         detectors: &[Self; LANES],
         states: &mut [DetectorState<f64>; LANES],
         columns: &[Columns<'_, f64>; LANES],
@@ -129,12 +102,9 @@ impl Detector<f64> {
     ) {
         let with_op = columns.iter().filter(|columns| columns.op.is_some()).count();
         let n = columns.iter().map(Columns::rows).min().unwrap_or(0);
-        let flags = columns.iter().any(|columns| columns.flags.is_some());
-        let done = match (with_op, flags) {
-            (0, false) => Self::run_rows::<false, false>(detectors, states, columns, n, &mut ended),
-            (0, true) => Self::run_rows::<false, true>(detectors, states, columns, n, &mut ended),
-            (LANES, false) => Self::run_rows::<true, false>(detectors, states, columns, n, &mut ended),
-            (LANES, true) => Self::run_rows::<true, true>(detectors, states, columns, n, &mut ended),
+        let done = match with_op {
+            0 => Self::run_rows::<false, N>(like, detectors, states, columns, n, &mut ended),
+            LANES => Self::run_rows::<true, N>(like, detectors, states, columns, n, &mut ended),
             _ => 0,
         };
         for l in 0..LANES {
@@ -144,234 +114,280 @@ impl Detector<f64> {
     }
 
     #[inline(always)]
-    fn run_rows<const OP: bool, const FLAGS: bool>(
+    fn run_rows<const OP: bool, N: Lanes>(
+        like: N,
         detectors: &[Self; LANES],
         states: &mut [DetectorState<f64>; LANES],
         columns: &[Columns<'_, f64>; LANES],
         n: usize,
         ended: &mut impl FnMut(usize, Span, &Record<f64>),
     ) -> usize {
-        let limit = |l: usize, of: fn((f64, f64)) -> f64, none| detectors[l].op_limits.map_or(none, of);
         let told = Told {
-            filter: core::array::from_fn(|l| detectors[l].filter),
-            max_h: core::array::from_fn(|l| detectors[l].max_h),
-            // Beyond what is measurable: never reached.
-            low: core::array::from_fn(|l| limit(l, |limits| limits.0, -f64::MAX)),
-            high: core::array::from_fn(|l| limit(l, |limits| limits.1, f64::MAX)),
+            tf: core::array::from_fn(|l| detectors[l].filter.tf()),
+            gap: core::array::from_fn(|l| detectors[l].max_h.next_up()),
         };
         let none = [[0.0; LANES]; ROWS];
-        let mut rows = Rows { h: none, sp: none, pv: none, op: none, flags: [[0; LANES]; ROWS] };
-        let mut side = Side { moving: Moving::default(), towards: [f64::NAN; LANES], since: [0; LANES] };
-        let mut first = 0;
-        while first < n {
-            let length = ROWS.min(n - first);
-            let block: [Columns<'_, f64>; LANES] = core::array::from_fn(|l| columns[l].part(first, first + length));
-            let mut awake = [false; LANES];
+        let mut rows = Rows { t: none, sp: none, pv: none, op: none };
+        let mut out = [Ended::default(); ROWS];
+        let mut now = Moving::default();
+        let mut inside = [false; LANES];
+        let mut from = 0;
+        while from + ROWS <= n {
             for l in 0..LANES {
-                awake[l] = side.take::<OP>(l, 0, &states[l]);
-                if !awake[l] {
-                    detectors[l].run(&mut states[l], block[l], |span, record| ended(l, span, record), |_, _| ());
-                }
+                inside[l] = inside[l] || now.take::<OP>(l, &states[l]);
             }
-            rows.fill::<OP, FLAGS>(&block, states, length);
-            let (mut k, mut stops) = (0, 0);
-            while k < length {
-                let stopped;
-                (k, stopped) = glide::<OP, FLAGS>(&told, &mut side, &rows, k, length);
-                stops += 1;
-                for l in (0..LANES).filter(|l| stopped[*l]) {
-                    side.give(l, k - 1, &mut states[l]);
-                    let found = detectors[l].take_alone::<OP>(&mut states[l], &block[l], k - 1);
-                    if let Some((span, record)) = &found {
-                        ended(l, *span, record);
-                    }
-                    awake[l] = side.take::<OP>(l, k, &states[l]);
-                    if !awake[l] {
-                        let rest = block[l].part(k, length);
-                        detectors[l].run(&mut states[l], rest, |span, record| ended(l, span, record), |_, _| ());
-                    }
-                }
-            }
-            for l in (0..LANES).filter(|l| awake[*l]) {
-                side.give(l, length, &mut states[l]);
-                states[l].pass_to(block[l].t[length - 1]);
-            }
-            first += length;
-            if stops > OFTEN {
-                let to = n.min(first + ALONE);
+            if inside.iter().filter(|inside| **inside).count() < WORTHWHILE {
+                let to = n.min(from + ALONE);
                 for l in 0..LANES {
-                    let rest = columns[l].part(first, to);
-                    detectors[l].run(&mut states[l], rest, |span, record| ended(l, span, record), |_, _| ());
+                    if inside[l] {
+                        now.give(l, &mut states[l]);
+                        inside[l] = false;
+                    }
+                    let alone = columns[l].part(from, to);
+                    detectors[l].run(&mut states[l], alone, |span, record| ended(l, span, record), |_, _| ());
                 }
-                first = to;
+                from = to;
+                continue;
             }
+            let to = from + ROWS;
+            rows.fill::<OP, N>(like, columns, from);
+            let mut next = now;
+            let (count, ordinary) = pass::<OP, N>(like, &told, &mut next, &rows, &mut out);
+            for l in 0..LANES {
+                let (detector, state, columns) = (&detectors[l], &mut states[l], columns[l].part(from, to));
+                if inside[l] && !(ordinary[l] == 1.0 && detector.marks::<OP>(&columns, 0, ROWS) & BAD == 0) {
+                    now.give(l, state);
+                    inside[l] = false;
+                }
+                if !inside[l] {
+                    detector.run(state, columns, |span, record| ended(l, span, record), |_, _| ());
+                    continue;
+                }
+                let mut since = 0;
+                for one in out[..count].iter().filter(|one| one.lanes[l] != 0.0) {
+                    detector.count::<OP>(state, &columns, since, one.row);
+                    since = one.row;
+                    let (span, record) = detector.turn::<OP>(state, one, l, columns.t[one.row]);
+                    ended(l, span, &record);
+                }
+                detector.count::<OP>(state, &columns, since, ROWS);
+            }
+            now = next;
+            from = to;
         }
-        n
+        for l in (0..LANES).filter(|l| inside[*l]) {
+            now.give(l, &mut states[l]);
+        }
+        from
     }
 
-    /// One sample of some, by the law.
-    #[inline(never)]
-    fn take_alone<const OP: bool>(
+    /// The flags of these rows, those that OP at its limits adds among them.
+    #[inline(always)]
+    fn marks<const OP: bool>(&self, columns: &Columns<'_, f64>, from: usize, to: usize) -> Status {
+        let flags = columns.flags.map_or(0, |flags| flags[from..to].iter().fold(0, |all, flag| all | flag));
+        match columns.op {
+            Some(op) if OP && self.op_limits.is_some() => {
+                op[from..to].iter().fold(flags.into(), |all, op| self.with_limits::<OP>(all, *op))
+            }
+            _ => flags.into(),
+        }
+    }
+
+    /// Counts these rows in the half-period under way.
+    #[inline(always)]
+    fn count<const OP: bool>(
         &self,
         state: &mut DetectorState<f64>,
         columns: &Columns<'_, f64>,
-        k: usize,
-    ) -> Option<(Span, Record<f64>)> {
-        if k > 0 {
-            state.pass_to(columns.t[k - 1]);
-        }
-        let (mut before, mut start) = state.t.unwrap_or((f64::NAN, f64::NAN));
-        let op = columns.op.map_or(0.0, |op| op[k]);
-        let flags = columns.flags.map_or(0, |flags| flags[k].into());
-        let row = Row { t: columns.t[k], sp: columns.sp[k], pv: columns.pv[k], op, flags };
-        let found = self.take_row::<OP>(&mut state.signal, &mut state.memory, &mut before, &mut start, row);
-        state.t = before.is_number().then_some((before, start));
-        found
+        from: usize,
+        to: usize,
+    ) {
+        state.signal.half.count((to - from) as u32);
+        state.signal.half.mark(self.marks::<OP>(columns, from, to));
+    }
+
+    /// Judges the half-period that ended in a lane at `t`, by the law.
+    #[inline(never)]
+    fn turn<const OP: bool>(
+        &self,
+        state: &mut DetectorState<f64>,
+        ended: &Ended,
+        l: usize,
+        t: f64,
+    ) -> (Span, Record<f64>) {
+        let signal = &mut state.signal;
+        let half = &mut signal.half;
+        (half.delta_t, half.integral, half.e_max) = (ended.delta_t[l], ended.integral[l], ended.e_max[l]);
+        (half.sp_low, half.sp_high) = (ended.sp_low[l], ended.sp_high[l]);
+        (signal.noise.median, signal.noise.grid) = (ended.median[l], ended.grid[l]);
+        let sign = signal.crossing.sign;
+        signal.crossing.sign = -sign;
+        let opf = if OP { ended.op[l] } else { signal.op.y2 };
+        let half = signal.turn(sign, ended.sp[l], ended.moved[l] / ended.h[l], opf);
+        let start = state.t.map_or(t, |(_, start)| start);
+        state.t = Some((t, t));
+        (Span { start, end: t }, self.judge(&mut state.memory, half, OP, &signal.noise))
     }
 }
 
-impl DetectorState<f64> {
-    /// Goes on to the time of a sample that the lanes took; one that is no number they did not take.
-    fn pass_to(&mut self, t: f64) {
-        if let Some((before, _)) = &mut self.t
-            && t.is_number()
-        {
-            *before = t;
+impl Moving {
+    /// Takes the state of a loop, if it can go on in its lane.
+    fn take<const OP: bool>(&mut self, l: usize, state: &DetectorState<f64>) -> bool {
+        let Some((t, _)) = state.t else { return false };
+        let signal = &state.signal;
+        let (half, noise) = (&signal.half, &signal.noise);
+        (self.t[l], self.towards[l]) = (t, signal.crossing.sign.into());
+        (self.y1[l], self.y2[l], self.u1[l], self.u2[l]) = (signal.pv.y1, signal.pv.y2, signal.op.y1, signal.op.y2);
+        (self.delta_t[l], self.integral[l], self.e_max[l]) = (half.delta_t, half.integral, half.e_max);
+        (self.sp_low[l], self.sp_high[l]) = (half.sp_low, half.sp_high);
+        (self.x[l], self.first[l], self.second[l], self.third[l]) = (noise.x, noise.first, noise.second, noise.third);
+        (self.median[l], self.grid[l], self.repeats[l]) = (noise.median, noise.grid, noise.repeats.into());
+        let whole = signal.broken == 0 && signal.pv.started && signal.op.started == OP && signal.crossing.sign != 0;
+        // How many differences it has and its gain change no more.
+        let settled = noise.values == VALUES && noise.count == u8::MAX && noise.gain == LEAST_GAIN;
+        whole && settled && self.y1[l].abs() <= LARGEST && self.y2[l].abs() <= LARGEST
+    }
+
+    /// Gives it back.
+    fn give(&self, l: usize, state: &mut DetectorState<f64>) {
+        let signal = &mut state.signal;
+        let (half, noise) = (&mut signal.half, &mut signal.noise);
+        (signal.pv.y1, signal.pv.y2, signal.op.y1, signal.op.y2) = (self.y1[l], self.y2[l], self.u1[l], self.u2[l]);
+        (half.delta_t, half.integral, half.e_max) = (self.delta_t[l], self.integral[l], self.e_max[l]);
+        (half.sp_low, half.sp_high) = (self.sp_low[l], self.sp_high[l]);
+        (noise.x, noise.first, noise.second, noise.third) = (self.x[l], self.first[l], self.second[l], self.third[l]);
+        (noise.median, noise.grid) = (self.median[l], self.grid[l]);
+        noise.repeats = self.repeats[l].min(u8::MAX.into()) as u8;
+        if let Some((before, _)) = &mut state.t {
+            *before = self.t[l];
         }
     }
 }
 
 impl Rows {
-    /// The samples of these columns, `length` of each.
+    /// The samples of these columns from a row on.
     #[inline(always)]
-    fn fill<const OP: bool, const FLAGS: bool>(
-        &mut self,
-        block: &[Columns<'_, f64>; LANES],
-        states: &[DetectorState<f64>; LANES],
-        length: usize,
-    ) {
-        turn(&mut self.h, |l| &block[l].t[..length], |t| t);
-        for k in (1..length).rev() {
-            for l in 0..LANES {
-                self.h[k][l] -= self.h[k - 1][l];
-            }
-        }
-        for (h, state) in self.h[0].iter_mut().zip(states) {
-            *h -= state.t.map_or(f64::NAN, |(before, _)| before);
-        }
-        turn(&mut self.sp, |l| &block[l].sp[..length], |x| x);
-        turn(&mut self.pv, |l| &block[l].pv[..length], |x| x);
+    fn fill<const OP: bool, N: Lanes>(&mut self, like: N, columns: &[Columns<'_, f64>; LANES], from: usize) {
+        fill(like, &mut self.t, |l| columns[l].t, from);
+        fill(like, &mut self.sp, |l| columns[l].sp, from);
+        fill(like, &mut self.pv, |l| columns[l].pv, from);
         if OP {
-            turn(&mut self.op, |l| block[l].op.map_or(&[] as &[f64], |op| &op[..length]), |x| x);
-        }
-        if FLAGS {
-            let none = [0; ROWS];
-            turn(&mut self.flags, |l| block[l].flags.map_or(&none[..length], |flags| &flags[..length]), u64::from);
+            fill(like, &mut self.op, |l| columns[l].op.unwrap_or_default(), from);
         }
     }
 }
 
-/// Turns columns into rows, a line of the cache of each column at a time.
 #[inline(always)]
-fn turn<'a, T: Copy + 'a, U>(rows: &mut [Lane<U>; ROWS], column: impl Fn(usize) -> &'a [T], of: impl Fn(T) -> U) {
-    for l in 0..LANES {
-        for (rows, line) in rows.chunks_exact_mut(LANES).zip(column(l).chunks(LANES)) {
-            rows.iter_mut().zip(line).for_each(|(row, x)| row[l] = of(*x));
-        }
+fn fill<'a, N: Lanes>(like: N, rows: &mut [Lane; ROWS], column: impl Fn(usize) -> &'a [f64], from: usize) {
+    let mut columns = [&[][..]; LANES];
+    for (l, rows) in columns.iter_mut().enumerate() {
+        *rows = column(l)[from..from + ROWS].as_chunks::<LANES>().0;
     }
-}
-
-/// Passes over rows of ordinary samples; gives the row behind the first that is not ordinary in every lane, which has been taken where
-/// it is, and in which lanes it is not. It asks what [`Detector::advance`] asks, and the sign of the error.
-#[inline(always)]
-fn glide<const OP: bool, const FLAGS: bool>(
-    told: &Told,
-    side: &mut Side,
-    rows: &Rows,
-    from: usize,
-    to: usize,
-) -> (usize, Lane<bool>) {
-    let (mut m, towards) = (side.moving, side.towards);
-    let mut stopped = [false; LANES];
-    let mut k = from;
-    while k < to {
-        let (h, sp, pv, op, flags) = (&rows.h[k], &rows.sp[k], &rows.pv[k], &rows.op[k], &rows.flags[k]);
-        let mut next = m;
-        let mut any = false;
+    for (k, rows) in rows.as_chunks_mut::<LANES>().0.iter_mut().enumerate() {
+        let mut square = [like; LANES];
         for l in 0..LANES {
-            let mut y = SecondOrderFilterState { y1: m.y1[l], y2: m.y2[l], started: true };
-            told.filter[l].update(&mut y, pv[l], h[l]);
-            (next.y1[l], next.y2[l]) = (y.y1, y.y2);
-            let e = sp[l] - y.y2;
-            let mut flag = if FLAGS { flags[l] } else { 0 };
-            let mut ordinary = (h[l] > 0.0)
-                & (h[l] <= told.max_h[l])
-                & (flag & u64::from(BAD) == 0)
-                & e.is_measurable()
-                & (e * towards[l] >= 0.0);
-            if OP {
-                let mut u = SecondOrderFilterState { y1: m.u1[l], y2: m.u2[l], started: true };
-                told.filter[l].update(&mut u, op[l], h[l]);
-                (next.u1[l], next.u2[l]) = (u.y1, u.y2);
-                ordinary &= op[l].is_measurable();
-                flag |= if op[l] <= told.low[l] { u64::from(AT_LOW) } else { 0 };
-                flag |= if op[l] >= told.high[l] { u64::from(AT_HIGH) } else { 0 };
-            }
-            let mut half = HalfPeriodState {
-                delta_t: m.delta_t[l],
-                integral: m.integral[l],
-                e_max: m.e_max[l],
-                sp_low: m.sp_low[l],
-                sp_high: m.sp_high[l],
-                ..HalfPeriodState::default()
-            };
-            half.integrate(e.magnitude(), h[l], 0);
-            half.widen(sp[l]);
-            (next.delta_t[l], next.integral[l], next.e_max[l]) = (half.delta_t, half.integral, half.e_max);
-            (next.sp_low[l], next.sp_high[l], next.flags[l]) = (half.sp_low, half.sp_high, m.flags[l] | flag);
-            let mut noise = NoiseLevel {
-                x: m.x[l],
-                first: m.first[l],
-                second: m.second[l],
-                third: m.third[l],
-                median: m.median[l],
-                gain: m.gain[l],
-                grid: m.grid[l],
-                values: VALUES,
-                repeats: m.repeats[l] as u8,
-                count: BEGINNING,
-            };
-            noise.update(pv[l]);
-            (next.x[l], next.first[l], next.second[l], next.third[l]) =
-                (noise.x, noise.first, noise.second, noise.third);
-            (next.median[l], next.gain[l], next.grid[l]) = (noise.median, noise.gain, noise.grid);
-            next.repeats[l] = noise.repeats.into();
-            next.counted[l] = m.counted[l] + u64::from(noise.count - BEGINNING);
-            stopped[l] = !ordinary & !towards[l].is_nan();
-            any |= stopped[l];
+            square[l] = like.load(&columns[l][k]);
         }
-        k += 1;
-        if any {
-            m.go_on(&next, &stopped);
-            break;
+        let turned = N::turned(square);
+        for l in 0..LANES {
+            rows[l] = turned[l].numbers();
         }
-        m = next;
     }
-    side.moving = m;
-    (k, stopped)
 }
 
-impl Moving {
-    /// Takes the lanes that are not stopped from the next row.
-    #[inline(always)]
-    fn go_on(&mut self, next: &Self, stopped: &Lane<bool>) {
-        macro_rules! kept {
-            ($($name:ident)*) => {$(
-                for (l, stopped) in stopped.iter().enumerate() {
-                    self.$name[l] = if *stopped { self.$name[l] } else { next.$name[l] };
-                }
-            )*};
+/// Passes over a tile. Gives at how many rows half-periods ended, and 1 in the lanes in which the signal went on. It asks more than
+/// [`Detector::advance`], but flags.
+#[inline(always)]
+fn pass<const OP: bool, N: Lanes>(
+    like: N,
+    told: &Told,
+    m: &mut Moving,
+    rows: &Rows,
+    out: &mut [Ended; ROWS],
+) -> (usize, Lane) {
+    let (none, one, held) = (like.like(0.0), like.like(1.0), like.like((HELD - 1).into()));
+    let (least, tf, gap) = (like.like(LEAST_STEP), like.load(&told.tf), like.load(&told.gap));
+    let (mut t, mut towards) = (like.load(&m.t), like.load(&m.towards));
+    let (mut y1, mut y2) = (like.load(&m.y1), like.load(&m.y2));
+    let (mut u1, mut u2) = (like.load(&m.u1), like.load(&m.u2));
+    let (mut delta_t, mut integral, mut e_max) = (like.load(&m.delta_t), like.load(&m.integral), like.load(&m.e_max));
+    let (mut sp_low, mut sp_high) = (like.load(&m.sp_low), like.load(&m.sp_high));
+    let mut noise = NoiseLevel {
+        x: like.load(&m.x),
+        first: like.load(&m.first),
+        second: like.load(&m.second),
+        third: like.load(&m.third),
+        median: like.load(&m.median),
+        gain: like.like(LEAST_GAIN),
+        grid: like.load(&m.grid),
+        values: VALUES,
+        repeats: 0,
+        count: u8::MAX,
+    };
+    let mut repeats = like.load(&m.repeats);
+    let (mut in_time, mut size) = (none.below(one), none);
+    let mut count = 0;
+    for k in 0..ROWS {
+        let (now, sp, pv) = (like.load(&rows.t[k]), like.load(&rows.sp[k]), like.load(&rows.pv[k]));
+        let h = now - t;
+        t = now;
+        in_time = in_time & least.below(h) & h.below(gap);
+        size = size + (sp.magnitude() + pv.magnitude());
+        let before = y2;
+        sections(tf, &mut y1, &mut y2, pv, h);
+        if OP {
+            let op = like.load(&rows.op[k]);
+            size = size + op.magnitude();
+            sections(tf, &mut u1, &mut u2, op, h);
         }
-        kept!(y1 y2 u1 u2 delta_t integral e_max sp_low sp_high flags x first second third median gain grid repeats counted);
+
+        let mut next = noise;
+        let fourth = next.differ(pv);
+        next.weigh(fourth);
+        let moved = none.below(next.first.magnitude());
+        repeats = N::either(moved, none, repeats + one);
+        let rests = held.below(repeats);
+        macro_rules! kept {
+            ($($name:ident)*) => {$(noise.$name = N::either(rests, noise.$name, next.$name);)*};
+        }
+        kept!(x first second third median grid);
+
+        let e = sp - y2;
+        let crossed = (e * towards).below(none);
+        if N::any(crossed) {
+            out[count] = Ended {
+                row: k,
+                lanes: N::either(crossed, one, none).numbers(),
+                delta_t: delta_t.numbers(),
+                integral: integral.numbers(),
+                e_max: e_max.numbers(),
+                sp_low: sp_low.numbers(),
+                sp_high: sp_high.numbers(),
+                sp: sp.numbers(),
+                moved: (y2 - before).numbers(),
+                h: h.numbers(),
+                op: u2.numbers(),
+                median: noise.median.numbers(),
+                grid: noise.grid.numbers(),
+            };
+            count += 1;
+            towards = N::either(crossed, none - towards, towards);
+            delta_t = N::either(crossed, none, delta_t);
+            integral = N::either(crossed, none, integral);
+            e_max = N::either(crossed, none, e_max);
+            sp_low = N::either(crossed, sp, sp_low);
+            sp_high = N::either(crossed, sp, sp_high);
+        }
+        integrate(&mut delta_t, &mut integral, &mut e_max, e.magnitude(), h);
+        widen(&mut sp_low, &mut sp_high, sp);
     }
+    (m.t, m.towards) = (t.numbers(), towards.numbers());
+    (m.y1, m.y2, m.u1, m.u2) = (y1.numbers(), y2.numbers(), u1.numbers(), u2.numbers());
+    (m.delta_t, m.integral, m.e_max) = (delta_t.numbers(), integral.numbers(), e_max.numbers());
+    (m.sp_low, m.sp_high) = (sp_low.numbers(), sp_high.numbers());
+    (m.x, m.first, m.second) = (noise.x.numbers(), noise.first.numbers(), noise.second.numbers());
+    (m.third, m.median, m.grid) = (noise.third.numbers(), noise.median.numbers(), noise.grid.numbers());
+    m.repeats = repeats.numbers();
+    let bounded = size.below(like.like(LARGEST));
+    (count, N::either(in_time & bounded, one, none).numbers())
 }

@@ -240,6 +240,8 @@ impl Summary {
             LostMotion::Stiction => Next::Inspect(Part::Packing),
             LostMotion::Both => Next::Inspect(Part::Both),
             LostMotion::AtLeast => Next::Further,
+            // A gap that is too wide would not show either.
+            LostMotion::Sound if facts.judged(low, high) == Some(Acceptable::Open) => Next::RecordMore,
             LostMotion::Sound => Next::Nothing,
             LostMotion::Oscillation => Next::Tuning,
             LostMotion::CannotTell => Next::RecordMore,
@@ -254,7 +256,7 @@ impl Summary {
             (Valve::Gap, Some(Acceptable::Beyond)) => Urgency::High,
             (Valve::Gap, _) => Urgency::Medium,
             _ if fit.verdict == LostMotion::Oscillation => Urgency::Medium,
-            (Valve::NoGap, _) => Urgency::None,
+            (Valve::NoGap, _) if next == Next::Nothing => Urgency::None,
             _ => Urgency::Low,
         };
         Self {
@@ -435,5 +437,15 @@ mod tests {
         assert_eq!(judged(2.0, Some(3.9)), (Some(Acceptable::Within), Next::Review, Urgency::None));
         assert_eq!(judged(3.0, Some(5.0)), (Some(Acceptable::Open), play, Urgency::Medium));
         assert_eq!(judged(3.0, None), (Some(Acceptable::Open), play, Urgency::Medium));
+    }
+
+    #[test]
+    fn a_valve_without_a_gap_waits_for_more_where_one_too_wide_would_not_show() {
+        let up_to = |high| {
+            let answer = of(Verdict::NoEstimate, None, Some(fit(LostMotion::Sound, 0.0, high)));
+            (answer.valve, answer.next, answer.urgency)
+        };
+        assert_eq!(up_to(Some(4.0)), (Valve::NoGap, Next::Nothing, Urgency::None));
+        assert_eq!(up_to(Some(4.1)), (Valve::NoGap, Next::RecordMore, Urgency::Low));
     }
 }

@@ -1,13 +1,13 @@
 //! What a number and several side by side have in common.
 
 use crate::{Real, Sum};
-use core::ops::{Add, BitAnd, BitOr, Div, Mul, Sub};
+use core::ops::{Add, BitAnd, Div, Mul, Sub};
 
 /// A number, or several side by side on each of which an operation does the same: what of the blocks' law runs in the lanes of a
 /// processor is written for both.
 pub trait Numbers: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> {
     /// What a comparison gives.
-    type Truth: Copy + BitAnd<Output = Self::Truth> + BitOr<Output = Self::Truth>;
+    type Truth: Copy + BitAnd<Output = Self::Truth>;
 
     /// `x` in each of as many numbers as these.
     fn like(self, x: f64) -> Self;

@@ -62,13 +62,18 @@ enum Ticks {
 }
 
 impl Ticks {
+    /// Microseconds of one of them; none where it is less than one.
+    fn each(self) -> Option<i64> {
+        match self {
+            Self::Millis => Some(1000),
+            Self::Micros => Some(1),
+            Self::Nanos => None,
+        }
+    }
+
     /// The moment in whole microseconds, as Arrow has it.
     fn micros(self, tick: i64) -> i64 {
-        match self {
-            Self::Millis => tick.saturating_mul(1000),
-            Self::Micros => tick,
-            Self::Nanos => tick / 1000,
-        }
+        self.each().map_or(tick / 1000, |factor| tick.saturating_mul(factor))
     }
 }
 
@@ -363,12 +368,7 @@ impl Clock {
         out.clear();
         out.resize(all.len(), f64::NAN);
         let mut done = false;
-        let factor = match ticks {
-            Ticks::Millis => Some(1000),
-            Ticks::Micros => Some(1),
-            Ticks::Nanos => None,
-        };
-        if let Some(factor) = factor {
+        if let Some(factor) = ticks.each() {
             instructions.run(Seconds { all, factor, begin, out: &mut *out, done: &mut done });
         }
         if !done {

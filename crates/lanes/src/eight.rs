@@ -6,7 +6,7 @@ use pulp::x86::{V3, V4};
 use pulp::{NullaryFnOnce, Simd};
 use pulp::{cast, f64x4, f64x8};
 use std::array;
-use std::ops::{Add, BitAnd, BitOr, Div, Mul, Sub};
+use std::ops::{Add, BitAnd, Div, Mul, Sub};
 
 /// Eight numbers in `R` registers of the instructions `S`.
 #[derive(Clone, Copy)]
@@ -61,23 +61,14 @@ operators! {
     Div div div_f64s;
 }
 
-macro_rules! junctions {
-    ($($operator:ident $f:ident $of_registers:ident;)*) => {$(
-        impl<S: Simd, const R: usize> $operator for Truths<S, R> {
-            type Output = Self;
+impl<S: Simd, const R: usize> BitAnd for Truths<S, R> {
+    type Output = Self;
 
-            #[inline(always)]
-            fn $f(self, other: Self) -> Self {
-                let of = |r| self.simd.$of_registers(self.registers[r], other.registers[r]);
-                Self { simd: self.simd, registers: array::from_fn(of) }
-            }
-        }
-    )*};
-}
-
-junctions! {
-    BitAnd bitand and_m64s;
-    BitOr bitor or_m64s;
+    #[inline(always)]
+    fn bitand(self, other: Self) -> Self {
+        let of = |r| self.simd.and_m64s(self.registers[r], other.registers[r]);
+        Self { simd: self.simd, registers: array::from_fn(of) }
+    }
 }
 
 impl<S: Simd, const R: usize> Numbers for Eight<S, R> {

@@ -6,7 +6,7 @@ use crate::decide::thresholds::*;
 use crate::model::lanes::{LANES, Wide, Work, widest};
 use crate::model::lost_motion::LostMotion;
 use crate::model::structure::{Noise, Structure, Theta};
-use crate::search::likelihood::{Point, Search};
+use crate::search::likelihood::{Elsewhere, Point, Search};
 use crate::search::screen::{PILOT, theta_for};
 use pulp::Simd;
 use rayon::prelude::*;
@@ -419,7 +419,8 @@ fn relocate(search: &Search, point: &Point) -> Cells {
     let [_, beside] = Load::of(search.structure).apart();
     let mut record = search.record.clone();
     let positions = record.positions(lost);
-    let mut least = search.at(theta, &positions).sum[0];
+    let mut elsewhere = Elsewhere::new(search, theta, &positions);
+    let mut least = elsewhere.as_it_stands();
     for i in 0..record.stretches.len() {
         let last = record.stretches[i].y.len() as f64 - 5.0;
         for j in 0..record.stretches[i].changes.len() {
@@ -434,11 +435,11 @@ fn relocate(search: &Search, point: &Point) -> Cells {
                     }
                     changes
                 });
-                let search = Search { record: &record, ..*search };
-                let sums = search.with_other_changes(theta, &positions, i, &tried);
+                let sums = elsewhere.with(i, &std::array::from_fn(|l| tried[l].as_slice()));
                 let best = (0..LANES).min_by(|a, b| sums[*a].total_cmp(&sums[*b])).expect("eight lanes");
                 if sums[best] < least {
                     least = sums[best];
+                    elsewhere.take(i, &tried[best]);
                     record.stretches[i].changes.clone_from(&tried[best]);
                 }
             }
@@ -454,6 +455,7 @@ fn prune(search: &Search, point: &Point) -> Cells {
     let positions = record.positions(&point.lost);
     while record.changes() > 0 {
         // Step by step: what the record costs without it.
+        let mut elsewhere = Elsewhere::new(&Search { record: &record, ..*search }, &point.theta, &positions);
         let mut without: Vec<(f64, usize, usize)> = Vec::new();
         for (i, stretch) in record.stretches.iter().enumerate() {
             let changes = &stretch.changes;
@@ -464,15 +466,10 @@ fn prune(search: &Search, point: &Point) -> Cells {
             fewer.stretches[i].changes.pop();
             let search = Search { record: &fewer, ..*search };
             let price_of_changes = search.price_at(point);
-            for first in (0..changes.len()).step_by(LANES) {
-                let tried: [Vec<f64>; LANES] = std::array::from_fn(|l| {
-                    let j = (first + l).min(changes.len() - 1);
-                    [&changes[..j], &changes[j + 1..]].concat()
-                });
-                let sums = search.with_other_changes(&point.theta, &positions, i, &tried);
-                without.extend(
-                    (first..changes.len()).zip(*sums).map(|(j, sum)| (search.cost(sum) + price_of_changes, i, j)),
-                );
+            for j in 0..changes.len() {
+                let fewer = [&changes[..j], &changes[j + 1..]].concat();
+                let sums = elsewhere.with(i, &[fewer.as_slice(); LANES]);
+                without.push((search.cost(sums[0]) + price_of_changes, i, j));
             }
         }
         without.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -663,7 +660,8 @@ mod tests {
         let positions = record.positions(&point.lost);
         let sets: [Vec<f64>; LANES] = std::array::from_fn(|l| vec![40.0 + 7.3 * l as f64, 200.0 + 0.2 * l as f64]);
         let marked = record.with_changes(vec![sets[0].clone()]);
-        let many = still(&marked).with_other_changes(&point.theta, &positions, 0, &sets);
+        let many = Elsewhere::new(&still(&marked), &point.theta, &positions)
+            .with(0, &std::array::from_fn(|l| sets[l].as_slice()));
         for (set, sum) in sets.into_iter().zip(*many) {
             let alone = record.with_changes(vec![set]);
             let one = still(&alone).at(&point.theta, &positions).sum[0];

@@ -1,5 +1,9 @@
 //! The innovations of a record: what each sample of PV brings that the model did not foresee.
 
+mod sides;
+
+pub(crate) use sides::{Asked, Sides, Totals, union};
+
 use crate::model::lanes::{LANES, Lanes, Wide};
 use pulp::Simd;
 use std::array;
@@ -668,19 +672,9 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
             gain.p[d][d] += self.q_more;
         }
         if let Some(change) = change {
-            // What of it reaches the states within the cell; the last one follows at once, the others one after another.
             let before = Wide::load(self.simd, &change.before);
             let variance = Wide::load(self.simd, &change.variance);
-            let mut reached = [Wide::all(self.simd, 1.0); N];
-            let mut later = before;
-            for i in (0..Self::ORDER).rev() {
-                reached[i] = later * self.transition[i][Self::LOAD];
-                later *= before;
-            }
-            if MORE == LINES {
-                // The slope began to change the load before the cell did.
-                (reached[Self::LOAD], reached[Self::LAST]) = (before, Wide::all(self.simd, 1.0));
-            }
+            let reached = self.reached(before);
             let (from, to) = if MORE == LINES { (Self::LOAD, Self::LAST) } else { (0, Self::LOAD) };
             for i in from..=to {
                 for j in i..=to {
@@ -690,6 +684,26 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
         }
         self.measure(gain);
         gain.look();
+    }
+
+    /// What of a change so long before a cell reaches the states within it; the last one follows at once, the others one after
+    /// another.
+    #[inline(always)]
+    fn reached(&self, before: Wide<S, R>) -> [Wide<S, R>; N] {
+        let (nothing, one) = (Wide::all(self.simd, 0.0), Wide::all(self.simd, 1.0));
+        let mut reached = [nothing; N];
+        if MORE == LINES {
+            // The slope began to change the load before the cell did.
+            (reached[Self::LOAD], reached[Self::LAST]) = (before, one);
+            return reached;
+        }
+        reached[Self::LOAD] = one;
+        let mut later = before;
+        for i in (0..Self::ORDER).rev() {
+            reached[i] = later * self.transition[i][Self::LOAD];
+            later *= before;
+        }
+        reached
     }
 }
 

@@ -1,6 +1,6 @@
 //! The families of models that are tried: lags, an integrator or none, and where the disturbance enters.
 
-use crate::model::kalman::{DRIFT, Delayed, LINES, LoadChange, Models, SLOPE, Whitened};
+use crate::model::kalman::{Asked, DRIFT, Delayed, LINES, LoadChange, Models, SLOPE, Totals, Whitened};
 use crate::model::lanes::{LANES, Lanes, Wide, Work, widest};
 use pulp::Simd;
 use serde::{Deserialize, Serialize};
@@ -291,6 +291,17 @@ impl Structure {
             }};
         }
         by_states!(self, with);
+    }
+
+    /// See [`Models::elsewhere`].
+    #[inline(always)]
+    pub(crate) fn elsewhere<S: Simd, const R: usize>(self, simd: S, asked: Asked) -> Totals {
+        macro_rules! with {
+            ($states:literal, $more:expr) => {
+                self.models::<S, R, $states, { $more }>(simd, &[*asked.theta; LANES]).elsewhere(asked)
+            };
+        }
+        by_states!(self, with)
     }
 
     /// States of the process.

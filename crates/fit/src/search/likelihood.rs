@@ -1,7 +1,7 @@
 //! The likelihood of one family and its maximum for a given lost motion.
 
 use crate::data::cells::{Cells, Positions, Strip};
-use crate::model::kalman::{Delayed, LoadChange, Sums, UNKNOWN, Whitened};
+use crate::model::kalman::{Asked, Delayed, LoadChange, Sides, Sums, Totals, UNKNOWN, Whitened, union};
 use crate::model::lanes::{LANES, Lanes, Wide, Work, widest};
 use crate::model::lost_motion::LostMotion;
 use crate::model::structure::{MOST, Noise, Structure, Theta};
@@ -9,6 +9,7 @@ use pulp::Simd;
 use serde::{Deserialize, Serialize};
 use std::cell::RefCell;
 use std::f64::consts::PI;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// A point of the search: the family's parameters and what they are worth.
@@ -189,8 +190,6 @@ struct Pass<'r, 's> {
     thetas: &'s [Theta; LANES],
     /// The positions for a lane in a stretch.
     positions: &'s dyn Fn(usize, usize) -> &'s [f64],
-    /// The changes of the load for a lane in a stretch, where they are not the record's own.
-    changes: Option<&'s dyn Fn(usize, usize) -> &'s Vec<f64>>,
     wanted: Wanted,
     /// [`BEGUN`] or [`DESCENDED`].
     place: usize,
@@ -199,7 +198,7 @@ struct Pass<'r, 's> {
 impl Work for Pass<'_, '_> {
     #[inline(always)]
     fn run<S: Simd, const R: usize>(self, simd: S) {
-        let Self { search, workspace, thetas, positions, changes, wanted, place } = self;
+        let Self { search, workspace, thetas, positions, wanted, place } = self;
         let Search { record, structure, .. } = search;
         let stretches = 0..record.stretches.len();
         let delay = Lanes::each(|l| search.delay(&thetas[l]));
@@ -236,7 +235,7 @@ impl Work for Pass<'_, '_> {
                 Delayed::Each(v)
             }
         });
-        let held = if changes.is_none() { workspace.place_of(search, thetas) } else { None };
+        let held = workspace.place_of(search, thetas);
         workspace.last = held.unwrap_or(place);
         let Kept { white, known } = &mut workspace.kept[workspace.last];
         if held.is_some() {
@@ -245,18 +244,13 @@ impl Work for Pass<'_, '_> {
             structure.answer::<S, R, false>(simd, 0, inputs, white);
         } else {
             workspace.changes.clear();
-            for i in stretches {
-                workspace.changes.push(match changes {
-                    Some(changes) => LoadChange::gathered(|l| changes(l, i).as_slice()),
-                    None => LoadChange::alike(&record.stretches[i].changes),
-                });
-            }
+            workspace.changes.extend(record.stretches.iter().map(|stretch| LoadChange::alike(&stretch.changes)));
             *known = None;
             white.clear();
             let inputs = delayed.zip(&record.stretches).zip(&workspace.changes);
             let inputs = inputs.map(|((v, stretch), changes)| (&*stretch.y, changes.as_slice(), v));
             structure.whiten::<S, R>(simd, thetas, inputs, white);
-            *known = changes.is_none().then(|| Known::new(search, thetas));
+            *known = Some(Known::new(search, thetas));
         }
         search.gain_and_residuals::<S, R>(simd, white, &mut workspace.found, wanted);
     }
@@ -307,21 +301,7 @@ impl Search<'_> {
         wanted: Wanted,
         then: impl FnOnce(&Innovations) -> T,
     ) -> T {
-        self.pass(thetas, &|_, i| &positions[i], None, wanted, BEGUN, |workspace| then(&workspace.found))
-    }
-
-    /// Σ r² with eight other sets of changes in one of the stretches, each as large as the record's own.
-    pub(crate) fn with_other_changes(
-        &self,
-        theta: &Theta,
-        positions: &Positions,
-        stretch: usize,
-        changes: &[Vec<f64>; LANES],
-    ) -> Lanes {
-        let of = |l: usize, i: usize| if i == stretch { &changes[l] } else { &self.record.stretches[i].changes };
-        self.pass(&[*theta; LANES], &|_, i| &positions[i], Some(&of), Wanted::Least, DESCENDED, |workspace| {
-            workspace.found.sum
-        })
+        self.pass(thetas, &|_, i| &positions[i], wanted, BEGUN, |workspace| then(&workspace.found))
     }
 
     /// How late the answer is [cells]. PV's mean over a cell lies half a cell behind its first step, OP's mean acts from the first
@@ -336,13 +316,12 @@ impl Search<'_> {
         &'s self,
         thetas: &'s [Theta; LANES],
         positions: &'s dyn Fn(usize, usize) -> &'s [f64],
-        changes: Option<&'s dyn Fn(usize, usize) -> &'s Vec<f64>>,
         wanted: Wanted,
         place: usize,
         then: impl FnOnce(&Workspace) -> T,
     ) -> T {
         WORKSPACE.with_borrow_mut(|workspace| {
-            widest(Pass { search: self, workspace, thetas, positions, changes, wanted, place });
+            widest(Pass { search: self, workspace, thetas, positions, wanted, place });
             then(workspace)
         })
     }
@@ -481,7 +460,7 @@ impl Search<'_> {
         let (mut of_y, mut answers) = (Vec::new(), Vec::new());
         for eight in inputs.chunks(LANES) {
             let of = |l: usize, i: usize| eight[l.min(eight.len() - 1)][i].as_slice();
-            self.pass(&[*theta; LANES], &of, None, Wanted::Sums, BEGUN, |workspace| {
+            self.pass(&[*theta; LANES], &of, Wanted::Sums, BEGUN, |workspace| {
                 let white = workspace.white();
                 of_y = white.of_y().iter().map(|y| y[0]).collect();
                 answers.extend((0..eight.len()).map(|l| white.of_v().iter().map(|v| v[l]).collect::<Vec<f64>>()));
@@ -520,7 +499,7 @@ impl Search<'_> {
     fn local(&self, theta: Theta, positions: &Positions, place: usize) -> Local {
         let (thetas, by) = self.perturbed(&theta);
         let k = self.structure.parameters();
-        self.pass(&thetas, &|_, i| &positions[i], None, Wanted::Products, place, |Workspace { found, .. }| {
+        self.pass(&thetas, &|_, i| &positions[i], Wanted::Products, place, |Workspace { found, .. }| {
             let (mut normal, mut down) = ([[0.0; MOST]; MOST], [0.0; MOST]);
             for i in 0..k {
                 for j in 0..k {
@@ -595,8 +574,7 @@ impl Search<'_> {
                 // Too far: eight shorter steps at once.
                 let dampings = Lanes::each(|l| damping * 10f64.powi(l as i32 + 1));
                 let thetas = dampings.map(|damping| self.step(&here, damping).0);
-                let sums =
-                    self.pass(&thetas, &|_, i| &positions[i], None, Wanted::Least, DESCENDED, |pass| pass.found.sum);
+                let sums = self.pass(&thetas, &|_, i| &positions[i], Wanted::Least, DESCENDED, |pass| pass.found.sum);
                 let best = (0..LANES).min_by(|a, b| sums[*a].total_cmp(&sums[*b])).expect("eight lanes");
                 if sums[best] >= before {
                     break;
@@ -680,6 +658,113 @@ impl Search<'_> {
     }
 }
 
+/// A record under one model whose changes are tried elsewhere, each by the cells around it.
+pub(crate) struct Elsewhere<'s> {
+    search: Search<'s>,
+    theta: Theta,
+    /// The changes of each stretch as they stand.
+    changes: Vec<Vec<f64>>,
+    sides: Vec<Sides>,
+    /// Of each stretch as its changes stand, where there are several.
+    totals: Vec<Totals>,
+}
+
+impl<'s> Elsewhere<'s> {
+    pub(crate) fn new(search: &Search<'s>, theta: &Theta, positions: &Positions) -> Self {
+        let delay = search.delay(theta);
+        let part = delay - delay.floor();
+        let mut shifted = Vec::new();
+        let sides = search.record.stretches.iter().zip(positions).map(|(stretch, positions)| {
+            shifted.clear();
+            shift(positions, delay, &mut shifted);
+            let v = shifted.windows(2).map(|two| (1.0 - part) * two[1] + part * two[0]).collect();
+            Sides::new(stretch.y.clone(), v, &stretch.changes)
+        });
+        let sides: Vec<Sides> = sides.collect();
+        let changes = search.record.stretches.iter().map(|stretch| stretch.changes.clone()).collect();
+        let mut all = Self { search: *search, theta: *theta, changes, sides, totals: Vec::new() };
+        if all.sides.len() > 1 {
+            all.totals = (0..all.sides.len()).map(|i| all.of_stretch(i, None)).collect();
+        }
+        all
+    }
+
+    /// Σ r² as the changes stand.
+    pub(crate) fn as_it_stands(&mut self) -> f64 {
+        let totals = self.of_stretch(0, None);
+        self.squares(0, totals, self.changes[0].len())[0]
+    }
+
+    /// Σ r² with eight other sets of changes in one of the stretches, as many in each.
+    pub(crate) fn with(&mut self, stretch: usize, tried: &[&[f64]; LANES]) -> Lanes {
+        let totals = self.of_stretch(stretch, Some(tried));
+        self.squares(stretch, totals, tried[0].len())
+    }
+
+    /// The changes of a stretch are these from now on.
+    pub(crate) fn take(&mut self, stretch: usize, changes: &[f64]) {
+        if let Some(cells) = differing(&self.changes[stretch], changes) {
+            self.sides[stretch].change(changes, &cells);
+        }
+        self.changes[stretch] = changes.to_vec();
+        if self.sides.len() > 1 {
+            self.totals[stretch] = self.of_stretch(stretch, None);
+        }
+    }
+
+    /// With its changes as they stand, or with those that are tried.
+    fn of_stretch(&mut self, stretch: usize, tried: Option<&[&[f64]; LANES]>) -> Totals {
+        let own = self.changes[stretch].as_slice();
+        let tried = tried.copied().unwrap_or([own; LANES]);
+        let cells = tried.iter().filter_map(|tried| differing(own, tried));
+        let cells = cells.reduce(|a, b| union(&a, &b)).unwrap_or(1..2);
+        let asked = Asked { sides: &mut self.sides[stretch], theta: &self.theta, cells: &cells, tried: &tried };
+        let mut totals = Totals::default();
+        widest(Tried { structure: self.search.structure, asked, totals: &mut totals });
+        totals
+    }
+
+    /// Σ r² with these totals of one of the stretches, which has so many changes.
+    fn squares(&self, stretch: usize, totals: Totals, changes: usize) -> Lanes {
+        let others = || (0..self.sides.len()).filter(|i| *i != stretch);
+        let record = self.search.record;
+        let changes = (changes + others().map(|i| self.changes[i].len()).sum::<usize>()) as f64;
+        let freedom = record.freedom() + record.changes() as f64 - changes;
+        Lanes::each(|l| {
+            let sum =
+                |of: fn(&Totals) -> &Lanes| of(&totals)[l] + others().map(|i| of(&self.totals[i])[0]).sum::<f64>();
+            let [yy, yv, vv] = [sum(|t| &t.sums.yy), sum(|t| &t.sums.yv), sum(|t| &t.sums.vv)];
+            let kp = gain(yv, vv, self.search.sign);
+            let log_s = sum(|t| &t.log_s) - changes * UNKNOWN.ln();
+            (yy - 2.0 * kp * yv + kp * kp * vv) * (log_s / freedom).exp()
+        })
+    }
+}
+
+/// The cells in which changes are others, as far as they are; none where they are the same.
+fn differing(a: &[f64], b: &[f64]) -> Option<Range<usize>> {
+    let first = a.iter().zip(b).take_while(|(a, b)| a == b).count();
+    let (a, b) = (&a[first..], &b[first..]);
+    let last = a.iter().rev().zip(b.iter().rev()).take_while(|(a, b)| a == b).count();
+    let rest = a[..a.len() - last].iter().chain(&b[..b.len() - last]).map(|time| time.ceil() as usize);
+    let (least, most) = (rest.clone().min()?, rest.max()?);
+    Some(least..most + 1)
+}
+
+/// See [`Structure::elsewhere`].
+struct Tried<'s, 't> {
+    structure: Structure,
+    asked: Asked<'s, 't>,
+    totals: &'s mut Totals,
+}
+
+impl Work for Tried<'_, '_> {
+    #[inline(always)]
+    fn run<S: Simd, const R: usize>(self, simd: S) {
+        *self.totals = self.structure.elsewhere::<S, R>(simd, self.asked);
+    }
+}
+
 /// `v` as many whole cells before as are in `delay`, from the cell before its first on; before its beginning what it was there.
 #[inline(always)]
 fn shift(v: &[f64], delay: f64, shifted: &mut Vec<f64>) {
@@ -753,7 +838,6 @@ mod tests {
             workspace: &mut workspace,
             thetas: &thetas,
             positions: &|_, i| positions[i].as_slice(),
-            changes: None,
             wanted: Wanted::Products,
             place: BEGUN,
         };
@@ -825,6 +909,59 @@ mod tests {
             let of_one = |found: &Innovations| (found.sums.yv[0], found.sums.vv[0]);
             let (yv, vv) = search.innovations(&[point.theta; LANES], &record.positions(&lost), Wanted::Sums, of_one);
             assert!((yv - sums.yv[l]).abs() < 1e-6 * yv.abs() && (vv - sums.vv[l]).abs() < 1e-6 * vv, "start {l}");
+        }
+    }
+
+    #[test]
+    fn changes_elsewhere_are_judged_by_the_cells_around_them_as_by_a_pass() {
+        let u: Vec<f64> = (0..400).map(|k| (f64::from(k) * 0.1).sin()).collect();
+        let mut y: Vec<f64> = u.iter().zip(0..).map(|(u, k)| u + 0.01 * f64::from(k * 7919 % 13)).collect();
+        y[2..5].fill(f64::NAN);
+        y[110..117].fill(f64::NAN);
+        let parts = [(&y[..250], &u[..250]), (&y[250..], &u[250..])];
+        let marks = vec![vec![170.3, 40.5, 112.0], vec![60.5, 75.25]];
+        let record = Cells::new(&parts, 1).with_changes(marks.clone());
+        let families = [(2, false), (3, false), (1, true)];
+        for noise in [Noise::Still, Noise::Input, Noise::Output, Noise::Lines, Noise::Bends] {
+            for (lags, integrating) in families {
+                let structure = Structure { lags, integrating, noise };
+                let search = Search { record: &record, structure, sign: 1.0 };
+                let theta = structure.beginning(8.0, 2.4);
+                let positions = record.positions(&LostMotion::gap(0.2, 2));
+                let of_pass = |marks: &[Vec<f64>]| {
+                    let record = record.with_changes(marks.to_vec());
+                    Search { record: &record, structure, sign: 1.0 }.at(&theta, &positions).sum[0]
+                };
+                // A slope that is not known at all costs either of them digits.
+                let off = if matches!(noise, Noise::Lines | Noise::Bends) { 5e-5 } else { 2e-6 };
+                let near = |told: f64, pass: f64| {
+                    assert!((told - pass).abs() < off * pass, "{structure:?}: {told} for {pass}");
+                };
+                let mut marks = marks.clone();
+                let mut elsewhere = Elsewhere::new(&search, &theta, &positions);
+                near(elsewhere.as_it_stands(), of_pass(&marks));
+                // Of each stretch in turn: moved, moved nearer, left out; then as it stands, from other places.
+                for (i, moved) in [
+                    (0, [5.0, 5.5, 6.0, 12.0, 100.0, 117.5, 240.25, 244.9]),
+                    (1, [5.0, 5.5, 60.0, 61.0, 76.0, 100.0, 140.0, 144.0]),
+                ] {
+                    for _ in 0..2 {
+                        let tried = moved.map(|time| [&[time], &marks[i][1..]].concat());
+                        let told = elsewhere.with(i, &std::array::from_fn(|l| tried[l].as_slice()));
+                        for (tried, told) in tried.iter().zip(*told) {
+                            let mut marks = marks.clone();
+                            marks[i].clone_from(tried);
+                            near(told, of_pass(&marks));
+                        }
+                        marks[i].clone_from(&tried[4]);
+                        elsewhere.take(i, &tried[4]);
+                        near(elsewhere.as_it_stands(), of_pass(&marks));
+                    }
+                    marks[i].remove(1);
+                    elsewhere.take(i, &marks[i]);
+                    near(elsewhere.as_it_stands(), of_pass(&marks));
+                }
+            }
         }
     }
 

@@ -70,14 +70,17 @@ const hears = {
     } else analyse();
   },
   first(said) {
-    show(said, true);
+    show(said, CROSSINGS);
+  },
+  so_far(said) {
+    if (helpers.length) show(said, `From zero crossings, and from ${said.windows} of the ${said.of} windows of the fit`);
   },
   windows(said) {
     fit_windows(said);
   },
   answered(said) {
     rest();
-    show(said, false);
+    show(said, null);
   },
   wrong({ text }) {
     rest();
@@ -95,7 +98,7 @@ function broke(what, why) {
 function rest() {
   clearInterval(ticking);
   $("working").hidden = true;
-  $("result").querySelector(".going-on")?.replaceChildren("From zero crossings alone. The fit of OP and PV was ended.");
+  $("result").querySelector(".going-on")?.replaceChildren(`${shown.from}. The fit of OP and PV was ended.`);
 }
 
 // --- the windows of the fit, each in a worker of its own
@@ -112,7 +115,7 @@ async function fit_windows({ windows, turn: of }) {
   const module = await module_ready;
   if (of !== turn) return;
   const began = performance.now();
-  const alone = [];
+  const alone = windows.map(() => null);
   let [next, done] = [0, 0];
   const tell = () => {
     if (windows.length > 1) hears.progress({ stage: `Fitting the gap, ${done} of ${windows.length} windows done`, share: done / windows.length, since: began });
@@ -136,8 +139,11 @@ async function fit_windows({ windows, turn: of }) {
       alone[said.place] = said.alone;
       done += 1;
       tell();
-      if (done < windows.length) give(helper);
-      else {
+      if (done < windows.length) {
+        give(helper);
+        // After 1, 2, 4 … windows what they say so far is shown.
+        if ((done & (done - 1)) === 0) worker.postMessage({ kind: "join", alone, so_far: done });
+      } else {
         dismiss();
         hears.progress({ stage: "Joining what the windows say", share: null });
         worker.postMessage({ kind: "join", alone });
@@ -278,8 +284,12 @@ const EXPLAINED = { refuse: "refused", warning: "warning", info: "note" };
 /** The answer that is shown. */
 let shown = null;
 
-function show(said, provisional) {
-  shown = said;
+const CROSSINGS = "From zero crossings alone";
+
+/** Shows an answer; `from`: what it is from, where the fit still goes on. */
+function show(said, from) {
+  const provisional = from !== null;
+  shown = { ...said, from };
   const { answer: doc, read, unit } = said;
   const { answer } = doc;
   const [op_unit, pv_unit] = [ofOp(unit), read.units.pv ?? "PV unit"];
@@ -290,7 +300,7 @@ function show(said, provisional) {
   const place = (id, label) => h("div", { class: "plot", id, role: "img", "aria-label": `${name}: ${label}` });
   const fitted = answer.evidence !== null;
   const section = h("section", { class: provisional ? "loop provisional" : "loop", "aria-live": "polite" },
-    provisional ? h("p", { class: "screen going-on" }, "From zero crossings alone. The fit of OP and PV goes on, and settles the width.") : null,
+    provisional ? h("p", { class: "screen going-on" }, `${from}. The fit of OP and PV goes on, and settles the width.`) : null,
     h("div", { class: "head" }, h("h2", {}, name), h("span", { class: "width" }, headline(answer, op_unit)),
       h("span", { class: `badge ${answer.valve}` }, words.verdicts[answer.verdict])),
     h("div", { class: "verdict" }, h("p", { class: "lead" }, lead(said, name, op_unit)), h("p", {}, why(said, op_unit)),

@@ -60,8 +60,13 @@ const does = {
     tell("alone", { place, alone: engine.ask("alone", { window }) });
   },
 
-  join({ alone }) {
-    answered("join", { alone });
+  /** Joins what the windows say, those that are fitted. */
+  join({ alone, so_far = null }) {
+    if (so_far === null) answered("join", { alone });
+    else {
+      const said = answer("join", { alone });
+      if (said.pv !== null) tell("so_far", { ...said, windows: so_far, of: alone.length });
+    }
   },
 
   /** Columns that are there already, from the laboratory. */
@@ -73,11 +78,13 @@ const does = {
   },
 };
 
-/** Tells the answer of the recording that was asked for. */
-function answered(what, more) {
+/** The answer of the recording that was asked for. */
+function answer(what, more) {
   const { read, unit, began } = asked;
-  tell("answered", { ...engine.ask(what, more), read, unit, took: performance.now() - began });
+  return { ...engine.ask(what, more), read, unit, took: performance.now() - began };
 }
+
+const answered = (what, more) => tell("answered", answer(what, more));
 
 onmessage = async ({ data: { kind, ...more } }) => {
   try {

@@ -116,7 +116,7 @@ impl Task {
 /// assert!((done.answer.d_hat.unwrap() - 4.5).abs() < 0.001);
 /// # Ok::<(), glapp_core::ParameterError>(())
 /// ```
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Analysis {
     task: Task,
     /// The first rows of the recording.

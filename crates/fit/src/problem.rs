@@ -90,8 +90,8 @@ pub struct Window {
     pub(crate) bootstrap: usize,
 }
 
-/// What a window says by itself, to be joined with the others; also that it cannot be fitted.
-#[derive(Clone, Debug, Serialize)]
+/// What a window says by itself, to be joined with the others; also that it says nothing: it cannot be fitted, or is not yet.
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct Alone(Option<Fitted>);
 
 impl<'de> Deserialize<'de> for Alone {
@@ -135,7 +135,7 @@ impl Divided {
         Ok(Self { windows: records.into_iter().map(window).collect(), op, pv })
     }
 
-    /// What all windows say together; of each what it says by itself, in the same order.
+    /// What the windows say together; of each what it says by itself, in the same order.
     ///
     /// # Errors
     ///

@@ -38,10 +38,10 @@ enum Request {
     },
     /// Fits, and gives the answer.
     Finish,
-    /// Gives the answer, with what each of the windows says.
+    /// Gives the answer, with what each of the windows says; what those say that are fitted so far, where some are not.
     Join {
-        /// As [`Request::Alone`] gave it, in the order of the windows.
-        alone: Vec<Vec<u8>>,
+        /// As [`Request::Alone`] gave it, in the order of the windows; none of one that is not fitted yet.
+        alone: Vec<Option<Vec<u8>>>,
     },
     /// Begins a laboratory.
     Laboratory(laboratory::Project),
@@ -86,7 +86,7 @@ impl Memory {
             Request::Windows => self.recording.as_mut().ok_or("no recording was begun")?.windows(),
             Request::Alone { window } => recording::alone(&window),
             Request::Finish => Ok(self.recording.take().ok_or("no recording was begun")?.finish()),
-            Request::Join { alone } => self.recording.take().ok_or("no recording was begun")?.join(&alone),
+            Request::Join { alone } => self.recording.as_ref().ok_or("no recording was begun")?.join(&alone),
             Request::Laboratory(project) => {
                 let (laboratory, begun) = Laboratory::new(&project)?;
                 self.laboratory = Some(laboratory);

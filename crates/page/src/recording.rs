@@ -74,11 +74,12 @@ impl Recording {
         windows.map(bytes).collect()
     }
 
-    pub(crate) fn join(self, alone: &[Vec<u8>]) -> Result<Value, String> {
-        let alone: Vec<Alone> = alone.iter().map(|alone| read(alone)).collect::<Result<_, _>>()?;
-        let divided = self.divided.filter(|divided| divided.windows.len() == alone.len());
+    pub(crate) fn join(&self, alone: &[Option<Vec<u8>>]) -> Result<Value, String> {
+        let each = |alone: &Option<Vec<u8>>| alone.as_ref().map_or(Ok(Alone::default()), |alone| read(alone));
+        let alone: Vec<Alone> = alone.iter().map(each).collect::<Result<_, _>>()?;
+        let divided = self.divided.as_ref().filter(|divided| divided.windows.len() == alone.len());
         let pv = divided.ok_or_else(|| format!("{} windows were not asked for", alone.len()))?.joined(alone);
-        Ok(told(self.analysis.finish_with(pv)))
+        Ok(told(self.analysis.clone().finish_with(pv)))
     }
 
     pub(crate) fn finish(self) -> Value {

@@ -245,12 +245,20 @@ def test_windows_are_fitted_side_by_side_with_the_same_bits(window: Any, process
             hears.progress = (said) => { stages.push(said.stage); progress(said); };
             const begun = worker;
             try {
-                const joined = new Promise((done) => { worker = { postMessage: done }; });
+                const so_far = [];
+                const joined = new Promise((done) => {
+                    worker = {
+                        postMessage: (said) => {
+                            if (said.so_far === undefined) done(said);
+                            else so_far.push([said.so_far, said.alone.filter((alone) => alone !== null).length]);
+                        },
+                    };
+                });
                 await fit_windows({ windows: [one, one, one], turn });
                 const workers = helpers.length;
                 const said = await joined;
                 const same = said.alone.length === 3 && said.alone.every((bytes) => String(bytes) === String(alone));
-                return { workers, same, kind: said.kind, left: helpers.length, stages };
+                return { workers, same, kind: said.kind, left: helpers.length, stages, so_far };
             } finally {
                 worker = begun;
                 hears.progress = progress;
@@ -262,7 +270,30 @@ def test_windows_are_fitted_side_by_side_with_the_same_bits(window: Any, process
     )
     stages = [f"Fitting the gap, {done} of 3 windows done" for done in range(4)]
     told = {"same": True, "kind": "join", "left": 0, "stages": [*stages, "Joining what the windows say"]}
+    told["so_far"] = [[1, 1], [2, 2]]
     assert found == told | {"workers": min(3, processors)}
+
+
+def test_what_the_windows_say_so_far_is_shown_until_all_are_done(analysed: Any) -> None:
+    """As a worker tells it; of a recording of two windows it would take a minute."""
+    found = analysed.evaluate("""() => {
+        const said = { ...shown, windows: 1, of: 6 };
+        const look = () => ({ told: $("result").innerText, saved: document.getElementById("save") !== null });
+        const late = look();
+        helpers.push({ terminate() {} });
+        hears.so_far(said);
+        const so_far = look();
+        dismiss();
+        rest();
+        const ended = look();
+        hears.answered(said);
+        hears.so_far(said);
+        return { late, so_far, ended, all: look() };
+    }""")
+    from_one = "From zero crossings, and from 1 of the 6 windows of the fit. The fit of OP and PV"
+    assert f"{from_one} goes on, and settles the width." in found["so_far"]["told"] and not found["so_far"]["saved"]
+    assert f"{from_one} was ended." in found["ended"]["told"]
+    assert "The fit of OP and PV" not in found["all"]["told"] and found["all"] == found["late"]
 
 
 @pytest.mark.parametrize("how", ["dies", "cannot be fitted", "reads"])

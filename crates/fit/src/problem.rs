@@ -243,5 +243,9 @@ mod tests {
         assert!(alone.0.as_ref().is_some_and(|fitted| !fitted.answer.reason.is_empty()));
         let handed: Alone = postcard::from_bytes(&postcard::to_allocvec(&alone).unwrap()).unwrap();
         assert_eq!(format!("{handed:?}"), format!("{alone:?}"));
+        // What one of two says is told while the other is not fitted yet, and nothing while neither is.
+        let two = Divided { windows: vec![window.clone(), window.clone()], ..divided };
+        assert_eq!(two.joined(vec![handed, Alone::default()]).unwrap().records.len(), 1);
+        assert!(two.joined(vec![Alone::default(), Alone::default()]).is_err());
     }
 }

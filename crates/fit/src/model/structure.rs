@@ -293,7 +293,7 @@ impl Structure {
         by_states!(self, with);
     }
 
-    /// See [`Models::elsewhere`].
+    /// See [`Models::elsewhere`]; of a load that steps or bends.
     #[inline(always)]
     pub(crate) fn elsewhere<S: Simd, const R: usize>(self, simd: S, asked: Asked) -> Totals {
         macro_rules! with {
@@ -301,7 +301,13 @@ impl Structure {
                 self.models::<S, R, $states, { $more }>(simd, &[*asked.theta; LANES]).elsewhere(asked)
             };
         }
-        by_states!(self, with)
+        match (self.order(), self.noise) {
+            (2, Noise::Still | Noise::Input) => with!(3, 0),
+            (2, Noise::Lines | Noise::Bends) => with!(4, LINES),
+            (_, Noise::Still | Noise::Input) => with!(4, 0),
+            (_, Noise::Lines | Noise::Bends) => with!(5, LINES),
+            (_, noise) => unreachable!("nothing is marked under {noise:?}"),
+        }
     }
 
     /// States of the process.

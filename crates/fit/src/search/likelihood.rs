@@ -922,7 +922,7 @@ mod tests {
         let marks = vec![vec![170.3, 40.5, 112.0], vec![60.5, 75.25]];
         let record = Cells::new(&parts, 1).with_changes(marks.clone());
         let families = [(2, false), (3, false), (1, true)];
-        for noise in [Noise::Still, Noise::Input, Noise::Output, Noise::Lines, Noise::Bends] {
+        for noise in [Noise::Still, Noise::Input, Noise::Lines, Noise::Bends] {
             for (lags, integrating) in families {
                 let structure = Structure { lags, integrating, noise };
                 let search = Search { record: &record, structure, sign: 1.0 };

@@ -11,7 +11,7 @@
 //! To the filter it is as many more samples as there are states. The sums are those of [`Models::whiten`] but for rounding, and
 //! for gains that count as still there.
 
-use super::{Adding, DRIFT, GATHERED, Gain, LoadChange, Models, SLOPE, START, Sums};
+use super::{Adding, GATHERED, Gain, LINES, LoadChange, Models, START, Sums};
 use crate::model::lanes::{LANES, Lanes, Wide};
 use crate::model::structure::Theta;
 use pulp::Simd;
@@ -387,7 +387,7 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
     fn first(&self) -> Process<N> {
         let first = |x: &Wide<S, R>| x.lanes()[0];
         let transition = array::from_fn(|i| array::from_fn(|j| first(&self.transition[i][j])));
-        let q_more = if MORE > 0 { first(&self.q_more) } else { 0.0 };
+        let q_more = if MORE == LINES { first(&self.q_more) } else { 0.0 };
         Process { transition, q_load: first(&self.q_load), q_more, pole: first(&self.pole) }
     }
 }
@@ -411,7 +411,7 @@ struct Back<const N: usize, const MORE: usize> {
 }
 
 impl<const N: usize, const MORE: usize> Back<N, MORE> {
-    const ORDER: usize = N - 1 - (MORE > 0) as usize;
+    const ORDER: usize = N - 1 - (MORE == LINES) as usize;
     const LOAD: usize = Self::ORDER;
     const LAST: usize = N - 1;
 
@@ -487,11 +487,8 @@ impl<const N: usize, const MORE: usize> Back<N, MORE> {
             }
         }
         before[Self::LOAD] += x[Self::LOAD];
-        if MORE > 0 {
-            before[Self::LAST] = process.pole * x[Self::LAST];
-        }
-        if MORE >= SLOPE {
-            before[Self::LAST] += x[Self::LOAD];
+        if MORE == LINES {
+            before[Self::LAST] = process.pole * x[Self::LAST] + x[Self::LOAD];
         }
         before
     }
@@ -500,7 +497,7 @@ impl<const N: usize, const MORE: usize> Back<N, MORE> {
     #[inline(always)]
     fn back(&mut self, process: &Process<N>, y: f64, v: f64) {
         self.free_state(Self::LOAD, process.q_load);
-        if MORE > 0 {
+        if MORE == LINES {
             self.free_state(Self::LAST, process.q_more);
         }
         // What the position does.
@@ -527,12 +524,6 @@ impl<const N: usize, const MORE: usize> Back<N, MORE> {
             self.lambda[0][0] += 1.0;
             self.eta[0][0] += y;
             self.rest[0] += y * y;
-            if MORE == DRIFT {
-                self.lambda[0][Self::LAST] += 1.0;
-                self.lambda[Self::LAST][0] += 1.0;
-                self.lambda[Self::LAST][Self::LAST] += 1.0;
-                self.eta[0][Self::LAST] += y;
-            }
         }
     }
 }

@@ -127,7 +127,7 @@ impl Sides {
     /// The place from which the cells of other changes are gone over, and the place up to which.
     fn between(&self, cells: &Range<usize>) -> [usize; 2] {
         let to = (cells.end - 1).max(self.started).div_ceil(STRIDE).min(self.last());
-        [((cells.start - 1) / STRIDE).min(to), to]
+        [(cells.start.saturating_sub(1) / STRIDE).min(to), to]
     }
 
     /// The changes between the places, in each of the lanes its own.
@@ -183,11 +183,12 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
     #[inline(always)]
     pub(crate) fn elsewhere(&self, asked: Asked) -> Totals {
         let Asked { sides, cells, tried, .. } = asked;
-        let both = sides.stale.as_ref().map(|stale| union(stale, cells)).filter(|both| both.len() <= NEARBY);
-        if both.is_none() {
+        let both = sides.stale.as_ref().map_or(cells.clone(), |stale| union(stale, cells));
+        let near_by = !sides.before.is_empty() && both.len() <= NEARBY;
+        if !near_by {
             self.fill(sides);
         }
-        let [from, to] = sides.between(both.as_ref().unwrap_or(cells));
+        let [from, to] = sides.between(if near_by { &both } else { cells });
         let mut going = self.resumed(&sides.before[from]);
         let changes = sides.gathered([from, to], tried);
         self.go_on(&mut going, sides.cell(from)..sides.cell(to), &sides.y, &sides.v, &changes);
@@ -205,8 +206,9 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
             self.fill_behind(sides, sides.last(), 0);
         } else if let Some(cells) = stale {
             let last = sides.last();
-            self.fill_before(sides, (cells.start - 1) / STRIDE, cells.end - 1);
-            self.fill_behind(sides, (cells.end - 1).div_ceil(STRIDE).min(last), cells.start - 1);
+            let (first, end) = (cells.start.saturating_sub(1), cells.end - 1);
+            self.fill_before(sides, first / STRIDE, end);
+            self.fill_behind(sides, end.div_ceil(STRIDE).min(last), first);
         }
     }
 

@@ -435,7 +435,7 @@ fn relocate(search: &Search, point: &Point) -> Cells {
                     }
                     changes
                 });
-                let sums = elsewhere.with(i, &std::array::from_fn(|l| tried[l].as_slice()));
+                let sums = elsewhere.with(i, &tried.each_ref().map(Vec::as_slice));
                 let best = (0..LANES).min_by(|a, b| sums[*a].total_cmp(&sums[*b])).expect("eight lanes");
                 if sums[best] < least {
                     least = sums[best];
@@ -468,7 +468,7 @@ fn prune(search: &Search, point: &Point) -> Cells {
             let price_of_changes = search.price_at(point);
             for j in 0..changes.len() {
                 let fewer = [&changes[..j], &changes[j + 1..]].concat();
-                let sums = elsewhere.with(i, &[fewer.as_slice(); LANES]);
+                let sums = elsewhere.with(i, &[fewer.as_slice()]);
                 without.push((search.cost(sums[0]) + price_of_changes, i, j));
             }
         }
@@ -660,8 +660,8 @@ mod tests {
         let positions = record.positions(&point.lost);
         let sets: [Vec<f64>; LANES] = std::array::from_fn(|l| vec![40.0 + 7.3 * l as f64, 200.0 + 0.2 * l as f64]);
         let marked = record.with_changes(vec![sets[0].clone()]);
-        let many = Elsewhere::new(&still(&marked), &point.theta, &positions)
-            .with(0, &std::array::from_fn(|l| sets[l].as_slice()));
+        let many =
+            Elsewhere::new(&still(&marked), &point.theta, &positions).with(0, &sets.each_ref().map(Vec::as_slice));
         for (set, sum) in sets.into_iter().zip(*many) {
             let alone = record.with_changes(vec![set]);
             let one = still(&alone).at(&point.theta, &positions).sum[0];

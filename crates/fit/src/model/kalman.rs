@@ -4,7 +4,7 @@ mod sides;
 
 pub(crate) use sides::{Asked, Sides, Totals, union};
 
-use crate::model::lanes::{LANES, Lanes, Wide};
+use crate::model::lanes::{Lanes, Wide};
 use pulp::Simd;
 use std::array;
 
@@ -64,10 +64,10 @@ impl LoadChange {
     }
 
     /// The changes of all the models in the order of their cells, each given by its times [cells].
-    pub(crate) fn gathered<'t>(times: impl Fn(usize) -> &'t [f64]) -> Vec<Self> {
+    pub(crate) fn gathered(times: impl Iterator<Item = Vec<f64>>) -> Vec<Self> {
         let mut all: Vec<Self> = Vec::new();
-        for l in 0..LANES {
-            for time in times(l) {
+        for (l, times) in times.enumerate() {
+            for time in times {
                 let cell = time.ceil() as usize;
                 let at = all.binary_search_by_key(&cell, |change| change.cell).unwrap_or_else(|at| {
                     all.insert(at, Self { cell, variance: Lanes::all(0.0), before: Lanes::all(0.0) });
@@ -327,6 +327,8 @@ impl<S: Simd, const R: usize> Adding<S, R> {
     }
 }
 
+// What takes the time stands by itself in WebAssembly: a browser compiles one function of all that is inlined here so that it
+// takes a quarter longer. Elsewhere only what is inlined is compiled for the registers of the machine.
 impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N, MORE> {
     /// States of the process, behind which the load stands, and last the drift.
     const ORDER: usize = N - 1 - (MORE > 0) as usize;
@@ -337,7 +339,8 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
 
     /// Innovations of `y` and of the answer to the positions `v`, for each sample of `y` that is a number; Kalman
     /// filter from an unknown start (the first [`START`] count as 0), the load unknown again at each of the `changes`.
-    #[inline(always)]
+    #[cfg_attr(target_arch = "wasm32", inline(never))]
+    #[cfg_attr(not(target_arch = "wasm32"), inline(always))]
     pub(crate) fn whiten(&self, y: &[f64], changes: &[LoadChange], v: &Delayed, white: &mut Whitened) {
         let all = |x| Wide::all(self.simd, x);
         let mut gain = self.start();
@@ -413,7 +416,8 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
 
     /// The innovations of the answer to other positions `v` in the stretch of that number, whose gains a pass of the same models
     /// has left. With `ONE` all the models are the first one's; then the innovations are only summed up.
-    #[inline(always)]
+    #[cfg_attr(target_arch = "wasm32", inline(never))]
+    #[cfg_attr(not(target_arch = "wasm32"), inline(always))]
     pub(crate) fn answer<const ONE: bool>(&self, stretch: usize, cells: usize, v: &Delayed, white: &mut Whitened) {
         let load = |lanes: &Lanes| if ONE { Wide::all(self.simd, lanes[0]) } else { Wide::load(self.simd, lanes) };
         let minus = Wide::all(self.simd, -1.0);
@@ -604,7 +608,8 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
 
     /// One step on, with what the innovation does to the states. The gain of a stretch without holes settles; from then on it is
     /// not worked out again.
-    #[inline(always)]
+    #[cfg_attr(target_arch = "wasm32", inline(never))]
+    #[cfg_attr(not(target_arch = "wasm32"), inline(always))]
     fn advance(&self, gain: &mut Gain<S, R, N>, missing: bool, change: Option<&LoadChange>) {
         if gain.frozen && change.is_none() {
             return;
@@ -718,6 +723,6 @@ mod tests {
             let of = |c: &LoadChange| (c.cell, c.variance.map(f64::to_bits), c.before.map(f64::to_bits));
             changes.iter().map(of).collect::<Vec<_>>()
         };
-        assert_eq!(bits(LoadChange::alike(&times)), bits(LoadChange::gathered(|_| &times)));
+        assert_eq!(bits(LoadChange::alike(&times)), bits(LoadChange::gathered((0..8).map(|_| times.to_vec()))));
     }
 }

@@ -43,7 +43,7 @@ impl DerefMut for Lanes {
     }
 }
 
-/// [`Lanes`] in `R` registers of the instructions `S`.
+/// [`Lanes`] in `R` registers of the instructions `S`; where these hold fewer numbers, the first of them, and 0 for the others.
 #[derive(Clone, Copy)]
 pub(crate) struct Wide<S: Simd, const R: usize> {
     pub(crate) simd: S,
@@ -72,7 +72,8 @@ impl<S: Simd, const R: usize> Wide<S, R> {
     #[inline(always)]
     pub(crate) fn lanes(self) -> Lanes {
         let mut lanes = Lanes::default();
-        S::as_mut_simd_f64s(&mut lanes.0).0.copy_from_slice(&self.registers);
+        let (registers, _) = S::as_mut_simd_f64s(&mut lanes.0);
+        registers.iter_mut().zip(self.registers).for_each(|(to, register)| *to = register);
         lanes
     }
 
@@ -93,7 +94,7 @@ impl<S: Simd, const R: usize> Wide<S, R> {
         Self { registers: self.registers.map(|x| self.simd.abs_f64s(x)), ..self }
     }
 
-    /// The largest of the eight.
+    /// The largest of them.
     #[inline(always)]
     pub(crate) fn max(self) -> f64 {
         self.registers.iter().map(|x| self.simd.reduce_max_f64s(*x)).fold(f64::MIN, f64::max)
@@ -137,18 +138,23 @@ impl<S: Simd, const R: usize> Div for Wide<S, R> {
 
 /// Work on eight lanes, written for any registers.
 pub(crate) trait Work {
-    /// Does it, eight numbers in `R` registers.
+    /// Does it, the lanes in `R` registers.
     fn run<S: Simd, const R: usize>(self, simd: S);
 }
 
 /// Does the work with the widest registers of this machine.
 pub(crate) fn widest(work: impl Work) {
-    pulp::Arch::new().dispatch(Dispatched(work));
+    pulp::Arch::new().dispatch(Widest(work));
 }
 
-struct Dispatched<W>(W);
+/// The same, where only the first so many `lanes` count: in no more registers than they fill, but for the narrowest.
+pub(crate) fn wide_enough(lanes: usize, work: impl Work) {
+    pulp::Arch::new().dispatch(WideEnough { lanes, work });
+}
 
-impl<W: Work> pulp::WithSimd for Dispatched<W> {
+struct Widest<W>(W);
+
+impl<W: Work> pulp::WithSimd for Widest<W> {
     type Output = ();
 
     #[inline(always)]
@@ -158,6 +164,26 @@ impl<W: Work> pulp::WithSimd for Dispatched<W> {
             4 => self.0.run::<S, 2>(simd),
             2 => self.0.run::<S, 4>(simd),
             _ => self.0.run::<S, 8>(simd),
+        }
+    }
+}
+
+struct WideEnough<W> {
+    lanes: usize,
+    work: W,
+}
+
+impl<W: Work> pulp::WithSimd for WideEnough<W> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        match (S::F64_LANES, self.lanes) {
+            (8, _) | (4, ..=4) => self.work.run::<S, 1>(simd),
+            (4, _) | (2, ..=4) => self.work.run::<S, 2>(simd),
+            (2, ..=6) => self.work.run::<S, 3>(simd),
+            (2, _) => self.work.run::<S, 4>(simd),
+            _ => self.work.run::<S, 8>(simd),
         }
     }
 }

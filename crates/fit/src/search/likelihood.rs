@@ -2,7 +2,7 @@
 
 use crate::data::cells::{Cells, Positions, Strip};
 use crate::model::kalman::{Asked, Delayed, LoadChange, Sides, Sums, Totals, UNKNOWN, Whitened, union};
-use crate::model::lanes::{LANES, Lanes, Wide, Work, widest};
+use crate::model::lanes::{LANES, Lanes, Wide, Work, wide_enough, widest};
 use crate::model::lost_motion::LostMotion;
 use crate::model::structure::{MOST, Noise, Structure, Theta};
 use pulp::Simd;
@@ -89,8 +89,8 @@ impl Workspace {
     }
 
     /// Where the gains of these models are kept.
-    fn place_of(&self, search: &Search, thetas: &[Theta; LANES]) -> Option<usize> {
-        self.kept.iter().position(|kept| kept.known.as_ref().is_some_and(|known| known.holds(search, thetas)))
+    fn place_of(&self, search: &Search, thetas: &[Theta; LANES], lanes: usize) -> Option<usize> {
+        self.kept.iter().position(|kept| kept.known.as_ref().is_some_and(|known| known.holds(search, thetas, lanes)))
     }
 }
 
@@ -103,23 +103,26 @@ const DESCENDED: usize = 1;
 struct Known {
     structure: Structure,
     thetas: [Theta; LANES],
+    /// How many of them count.
+    lanes: usize,
     /// Of each stretch its PV, which is the same only as itself, and its changes.
     stretches: Vec<(Arc<[f64]>, Vec<f64>)>,
 }
 
 impl Known {
-    fn new(search: &Search, thetas: &[Theta; LANES]) -> Self {
+    fn new(search: &Search, thetas: &[Theta; LANES], lanes: usize) -> Self {
         let stretches = search.record.stretches.iter().map(|s| (s.y.clone(), s.changes.clone())).collect();
-        Self { structure: search.structure, thetas: *thetas, stretches }
+        Self { structure: search.structure, thetas: *thetas, lanes, stretches }
     }
 
-    /// Whether the models are these.
-    fn holds(&self, search: &Search, thetas: &[Theta; LANES]) -> bool {
+    /// Whether the first so many models are these.
+    fn holds(&self, search: &Search, thetas: &[Theta; LANES], lanes: usize) -> bool {
         let Search { record, structure, .. } = search;
         let dead = structure.dead_time_at();
         let alike = |(a, b): (&Theta, &Theta)| (0..MOST).all(|i| i == dead || a[i] == b[i]);
         let same = |((y, changes), s): (&(Arc<[f64]>, Vec<f64>), &Strip)| Arc::ptr_eq(y, &s.y) && *changes == s.changes;
         self.structure == *structure
+            && self.lanes >= lanes
             && self.thetas.iter().zip(thetas).all(alike)
             && self.stretches.len() == record.stretches.len()
             && self.stretches.iter().zip(&record.stretches).all(same)
@@ -183,11 +186,12 @@ struct Local {
     down: Theta,
 }
 
-/// A pass over a record: eight sets of parameters at once.
+/// A pass over a record: eight sets of parameters at once, of which the first so many `lanes` count.
 struct Pass<'r, 's> {
     search: &'s Search<'s>,
     workspace: &'r mut Workspace,
     thetas: &'s [Theta; LANES],
+    lanes: usize,
     /// The positions for a lane in a stretch.
     positions: &'s dyn Fn(usize, usize) -> &'s [f64],
     wanted: Wanted,
@@ -198,7 +202,7 @@ struct Pass<'r, 's> {
 impl Work for Pass<'_, '_> {
     #[inline(always)]
     fn run<S: Simd, const R: usize>(self, simd: S) {
-        let Self { search, workspace, thetas, positions, wanted, place } = self;
+        let Self { search, workspace, thetas, lanes, positions, wanted, place } = self;
         let Search { record, structure, .. } = search;
         let stretches = 0..record.stretches.len();
         let delay = Lanes::each(|l| search.delay(&thetas[l]));
@@ -215,7 +219,7 @@ impl Work for Pass<'_, '_> {
             }
             let from = workspace.delayed.len();
             workspace.delayed.resize(from + positions(0, i).len(), Lanes::default());
-            for l in 0..LANES {
+            for l in 0..lanes {
                 workspace.shifted.clear();
                 shift(positions(l, i), delay[l], &mut workspace.shifted);
                 let of_lane = workspace.shifted.windows(2).map(|two| (1.0 - part[l]) * two[1] + part[l] * two[0]);
@@ -235,7 +239,7 @@ impl Work for Pass<'_, '_> {
                 Delayed::Each(v)
             }
         });
-        let held = workspace.place_of(search, thetas);
+        let held = workspace.place_of(search, thetas, lanes);
         workspace.last = held.unwrap_or(place);
         let Kept { white, known } = &mut workspace.kept[workspace.last];
         if held.is_some() {
@@ -250,7 +254,7 @@ impl Work for Pass<'_, '_> {
             let inputs = delayed.zip(&record.stretches).zip(&workspace.changes);
             let inputs = inputs.map(|((v, stretch), changes)| (&*stretch.y, changes.as_slice(), v));
             structure.whiten::<S, R>(simd, thetas, inputs, white);
-            *known = Some(Known::new(search, thetas));
+            *known = Some(Known::new(search, thetas, lanes));
         }
         search.gain_and_residuals::<S, R>(simd, white, &mut workspace.found, wanted);
     }
@@ -293,15 +297,17 @@ impl Work for Response<'_> {
 }
 
 impl Search<'_> {
-    /// Eight sets of parameters at once, each with the positions of one lost motion; `then` takes what it needs of it.
+    /// Eight sets of parameters at once, of which the first so many `lanes` count, each with the positions of one lost motion; `then`
+    /// takes what it needs of it.
     fn innovations<T>(
         &self,
         thetas: &[Theta; LANES],
+        lanes: usize,
         positions: &Positions,
         wanted: Wanted,
         then: impl FnOnce(&Innovations) -> T,
     ) -> T {
-        self.pass(thetas, &|_, i| &positions[i], wanted, BEGUN, |workspace| then(&workspace.found))
+        self.pass(thetas, lanes, &|_, i| &positions[i], wanted, BEGUN, |workspace| then(&workspace.found))
     }
 
     /// How late the answer is [cells]. PV's mean over a cell lies half a cell behind its first step, OP's mean acts from the first
@@ -315,13 +321,14 @@ impl Search<'_> {
     fn pass<'s, T>(
         &'s self,
         thetas: &'s [Theta; LANES],
+        lanes: usize,
         positions: &'s dyn Fn(usize, usize) -> &'s [f64],
         wanted: Wanted,
         place: usize,
         then: impl FnOnce(&Workspace) -> T,
     ) -> T {
         WORKSPACE.with_borrow_mut(|workspace| {
-            widest(Pass { search: self, workspace, thetas, positions, wanted, place });
+            wide_enough(lanes, Pass { search: self, workspace, thetas, lanes, positions, wanted, place });
             then(workspace)
         })
     }
@@ -383,13 +390,13 @@ impl Search<'_> {
             theta
         });
         let positions = self.record.positions(lost);
-        let sums = self.innovations(&thetas, &positions, Wanted::Least, |found| found.sum);
+        let sums = self.innovations(&thetas, LANES, &positions, Wanted::Least, |found| found.sum);
         thetas[(0..LANES).min_by(|a, b| sums[*a].total_cmp(&sums[*b])).expect("eight lanes")]
     }
 
     /// One set of parameters: the first lane tells.
     pub(crate) fn at(&self, theta: &Theta, positions: &Positions) -> Innovations {
-        self.innovations(&[*theta; LANES], positions, Wanted::Residuals, Innovations::clone)
+        self.innovations(&[*theta; LANES], 1, positions, Wanted::Residuals, Innovations::clone)
     }
 
     /// −2·ln L with the size of the noise at its best.
@@ -408,7 +415,7 @@ impl Search<'_> {
     pub(crate) fn price_at(&self, point: &Point) -> f64 {
         let noise = || {
             let positions = self.record.positions(&point.lost);
-            self.innovations(&[point.theta; LANES], &positions, Wanted::Least, |found| self.noise(found))
+            self.innovations(&[point.theta; LANES], 1, &positions, Wanted::Least, |found| self.noise(found))
         };
         self.price(point.kp, noise)
     }
@@ -460,13 +467,18 @@ impl Search<'_> {
         let (mut of_y, mut answers) = (Vec::new(), Vec::new());
         for eight in inputs.chunks(LANES) {
             let of = |l: usize, i: usize| eight[l.min(eight.len() - 1)][i].as_slice();
-            self.pass(&[*theta; LANES], &of, Wanted::Sums, BEGUN, |workspace| {
+            self.pass(&[*theta; LANES], eight.len(), &of, Wanted::Sums, BEGUN, |workspace| {
                 let white = workspace.white();
                 of_y = white.of_y().iter().map(|y| y[0]).collect();
                 answers.extend((0..eight.len()).map(|l| white.of_v().iter().map(|v| v[l]).collect::<Vec<f64>>()));
             });
         }
         (of_y, answers)
+    }
+
+    /// Lanes that a point takes with its derivatives: see [`Search::perturbed`].
+    fn lanes(&self) -> usize {
+        1 + self.structure.parameters()
     }
 
     /// θ in the first lane, in the others θ with one parameter moved, and by how much.
@@ -489,7 +501,7 @@ impl Search<'_> {
     /// Residuals at θ and their derivatives by each parameter, a column each.
     pub(crate) fn slopes(&self, theta: &Theta, positions: &Positions) -> (Vec<f64>, Vec<Vec<f64>>) {
         let (thetas, by) = self.perturbed(theta);
-        self.innovations(&thetas, positions, Wanted::Residuals, |found| {
+        self.innovations(&thetas, self.lanes(), positions, Wanted::Residuals, |found| {
             let slope = |j: usize| found.residual.iter().map(|r| (r[j + 1] - r[0]) / by[j]).collect();
             (found.lane(0), (0..self.structure.parameters()).map(slope).collect())
         })
@@ -499,17 +511,24 @@ impl Search<'_> {
     fn local(&self, theta: Theta, positions: &Positions, place: usize) -> Local {
         let (thetas, by) = self.perturbed(&theta);
         let k = self.structure.parameters();
-        self.pass(&thetas, &|_, i| &positions[i], Wanted::Products, place, |Workspace { found, .. }| {
-            let (mut normal, mut down) = ([[0.0; MOST]; MOST], [0.0; MOST]);
-            for i in 0..k {
-                for j in 0..k {
-                    normal[i][j] = found.products[i + 1][j + 1] / (by[i] * by[j]);
+        self.pass(
+            &thetas,
+            self.lanes(),
+            &|_, i| &positions[i],
+            Wanted::Products,
+            place,
+            |Workspace { found, .. }| {
+                let (mut normal, mut down) = ([[0.0; MOST]; MOST], [0.0; MOST]);
+                for i in 0..k {
+                    for j in 0..k {
+                        normal[i][j] = found.products[i + 1][j + 1] / (by[i] * by[j]);
+                    }
+                    down[i] = -found.products[0][i + 1] / by[i];
                 }
-                down[i] = -found.products[0][i + 1] / by[i];
-            }
-            let products = (found.sums.yv[0], found.sums.vv[0]);
-            Local { theta, kp: found.kp[0], noise: self.noise(found), products, sum: found.sum[0], normal, down }
-        })
+                let products = (found.sums.yv[0], found.sums.vv[0]);
+                Local { theta, kp: found.kp[0], noise: self.noise(found), products, sum: found.sum[0], normal, down }
+            },
+        )
     }
 
     /// The damped step from a point and how far it should bring Σ r² down. Parameters that stand at a bound and would leave it
@@ -574,7 +593,8 @@ impl Search<'_> {
                 // Too far: eight shorter steps at once.
                 let dampings = Lanes::each(|l| damping * 10f64.powi(l as i32 + 1));
                 let thetas = dampings.map(|damping| self.step(&here, damping).0);
-                let sums = self.pass(&thetas, &|_, i| &positions[i], Wanted::Least, DESCENDED, |pass| pass.found.sum);
+                let of = |_, i: usize| positions[i].as_slice();
+                let sums = self.pass(&thetas, LANES, &of, Wanted::Least, DESCENDED, |pass| pass.found.sum);
                 let best = (0..LANES).min_by(|a, b| sums[*a].total_cmp(&sums[*b])).expect("eight lanes");
                 if sums[best] >= before {
                     break;
@@ -629,9 +649,9 @@ impl Search<'_> {
     fn beginnings(&self, point: &Point, stretch: usize, positions: &[Lanes]) -> Sums {
         // The gains with which the point was found, so that they do not hang on what else was passed before.
         let (thetas, _) = self.perturbed(&point.theta);
-        let held = || WORKSPACE.with_borrow(|workspace| workspace.place_of(self, &thetas));
+        let held = || WORKSPACE.with_borrow(|workspace| workspace.place_of(self, &thetas, self.lanes()));
         let held = held().unwrap_or_else(|| {
-            self.innovations(&thetas, &self.record.positions(&point.lost), Wanted::Sums, |_| ());
+            self.innovations(&thetas, self.lanes(), &self.record.positions(&point.lost), Wanted::Sums, |_| ());
             BEGUN
         });
         WORKSPACE.with_borrow_mut(|workspace| {
@@ -695,8 +715,8 @@ impl<'s> Elsewhere<'s> {
         self.squares(0, totals, self.changes[0].len())[0]
     }
 
-    /// Σ r² with eight other sets of changes in one of the stretches, as many in each.
-    pub(crate) fn with(&mut self, stretch: usize, tried: &[&[f64]; LANES]) -> Lanes {
+    /// Σ r² with up to eight other sets of changes in one of the stretches, as many in each.
+    pub(crate) fn with(&mut self, stretch: usize, tried: &[&[f64]]) -> Lanes {
         let totals = self.of_stretch(stretch, Some(tried));
         self.squares(stretch, totals, tried[0].len())
     }
@@ -713,14 +733,15 @@ impl<'s> Elsewhere<'s> {
     }
 
     /// With its changes as they stand, or with those that are tried.
-    fn of_stretch(&mut self, stretch: usize, tried: Option<&[&[f64]; LANES]>) -> Totals {
+    fn of_stretch(&mut self, stretch: usize, tried: Option<&[&[f64]]>) -> Totals {
         let own = self.changes[stretch].as_slice();
-        let tried = tried.copied().unwrap_or([own; LANES]);
+        let as_it_stands = [own];
+        let tried = tried.unwrap_or(&as_it_stands);
         let cells = tried.iter().filter_map(|tried| differing(own, tried));
         let cells = cells.reduce(|a, b| union(&a, &b)).unwrap_or(1..2);
-        let asked = Asked { sides: &mut self.sides[stretch], theta: &self.theta, cells: &cells, tried: &tried };
+        let asked = Asked { sides: &mut self.sides[stretch], theta: &self.theta, cells: &cells, tried };
         let mut totals = Totals::default();
-        widest(Tried { structure: self.search.structure, asked, totals: &mut totals });
+        wide_enough(tried.len(), Tried { structure: self.search.structure, asked, totals: &mut totals });
         totals
     }
 
@@ -822,8 +843,9 @@ mod tests {
     use super::*;
     use pulp::Scalar;
 
-    /// What a pass makes of a record with a hole and a change of the load, in registers of the instructions `S`.
-    fn passed<S: Simd, const R: usize>(simd: S, structure: Structure) -> [u64; 2 * LANES] {
+    /// What a pass makes of a record with a hole and a change of the load, in registers of the instructions `S`: of a point and
+    /// its derivatives.
+    fn passed<S: Simd, const R: usize>(simd: S, structure: Structure) -> Vec<u64> {
         let u: Vec<f64> = (0..200).map(|k| (f64::from(k) * 0.1).sin()).collect();
         let mut y: Vec<f64> =
             (0..200).map(|k| (f64::from(k) * 0.1 - 1.0).sin() + 0.01 * f64::from(k * 7919 % 13)).collect();
@@ -837,14 +859,14 @@ mod tests {
             search: &search,
             workspace: &mut workspace,
             thetas: &thetas,
+            lanes: search.lanes(),
             positions: &|_, i| positions[i].as_slice(),
             wanted: Wanted::Products,
             place: BEGUN,
         };
         pass.run::<S, R>(simd);
-        std::array::from_fn(|i| {
-            if i < LANES { workspace.found.sum[i] } else { workspace.found.products[1][i - LANES] }.to_bits()
-        })
+        let Innovations { sum, products, .. } = &workspace.found;
+        (0..search.lanes()).flat_map(|l| [sum[l], products[1][l]]).map(f64::to_bits).collect()
     }
 
     #[test]
@@ -862,14 +884,14 @@ mod tests {
                     WORKSPACE.take();
                 }
                 let positions = record.positions(&LostMotion::gap(d, 2));
-                search.innovations(&thetas, &positions, Wanted::Residuals, |found| {
+                search.innovations(&thetas, search.lanes(), &positions, Wanted::Residuals, |found| {
                     let of_all = found.residual.iter().flat_map(|r| r.map(f64::to_bits));
                     of_all.chain(found.sums.yv.map(f64::to_bits)).collect::<Vec<u64>>()
                 })
             };
             let anew = of(0.2, true);
             of(0.1, true);
-            assert!(WORKSPACE.with_borrow(|workspace| workspace.place_of(&search, &thetas).is_some()));
+            assert!(WORKSPACE.with_borrow(|workspace| workspace.place_of(&search, &thetas, search.lanes()).is_some()));
             assert!(of(0.2, false) == anew, "{structure:?}");
         }
     }
@@ -883,9 +905,15 @@ mod tests {
         let (mut slower, mut later) = (theta, theta);
         slower[0] += 0.1;
         later[structure.dead_time_at()] += 1.0;
-        let kept = Known::new(&Search { record: &record, structure, sign: 1.0 }, &[theta; LANES]);
-        let holds =
-            |record: &Cells, theta: Theta| kept.holds(&Search { record, structure, sign: 1.0 }, &[theta; LANES]);
+        let kept = Known::new(&Search { record: &record, structure, sign: 1.0 }, &[theta; LANES], 4);
+        let so_many = |record: &Cells, theta: Theta, lanes: usize| {
+            kept.holds(&Search { record, structure, sign: 1.0 }, &[theta; LANES], lanes)
+        };
+        let holds = |record: &Cells, theta: Theta| so_many(record, theta, 4);
+        assert!(
+            so_many(&record, theta, 1) && !so_many(&record, theta, 5),
+            "of those that do not count nothing is kept"
+        );
         assert!(holds(&record, theta) && holds(&record.clone(), later), "the dead time is the answer's alone");
         assert!(!holds(&record, slower));
         assert!(!holds(&record.with_changes(vec![vec![40.0]]), theta));
@@ -907,7 +935,8 @@ mod tests {
         for l in 0..LANES {
             let lost = LostMotion { start: vec![places[l]], ..point.lost.clone() };
             let of_one = |found: &Innovations| (found.sums.yv[0], found.sums.vv[0]);
-            let (yv, vv) = search.innovations(&[point.theta; LANES], &record.positions(&lost), Wanted::Sums, of_one);
+            let thetas = [point.theta; LANES];
+            let (yv, vv) = search.innovations(&thetas, 1, &record.positions(&lost), Wanted::Sums, of_one);
             assert!((yv - sums.yv[l]).abs() < 1e-6 * yv.abs() && (vv - sums.vv[l]).abs() < 1e-6 * vv, "start {l}");
         }
     }
@@ -947,7 +976,7 @@ mod tests {
                 ] {
                     for _ in 0..2 {
                         let tried = moved.map(|time| [&[time], &marks[i][1..]].concat());
-                        let told = elsewhere.with(i, &std::array::from_fn(|l| tried[l].as_slice()));
+                        let told = elsewhere.with(i, &tried.each_ref().map(Vec::as_slice));
                         for (tried, told) in tried.iter().zip(*told) {
                             let mut marks = marks.clone();
                             marks[i].clone_from(tried);
@@ -973,19 +1002,27 @@ mod tests {
     fn registers_of_every_width_give_the_same_bits() {
         let of_lines = [Noise::Slope, Noise::Lines, Noise::Bends];
         for noise in [Noise::Still, Noise::Input, Noise::Output, Noise::Both].into_iter().chain(of_lines) {
-            for lags in [2, 3] {
-                let structure = Structure { lags, integrating: false, noise };
+            for (lags, integrating) in [(2, false), (3, false), (1, true)] {
+                let structure = Structure { lags, integrating, noise };
                 let alone = passed::<Scalar, LANES>(Scalar::new(), structure);
                 assert!(alone.iter().all(|bits| f64::from_bits(*bits).is_finite()));
                 #[cfg(target_arch = "x86_64")]
                 {
-                    use pulp::x86::{V3, V4};
-                    if let Some(v3) = V3::try_new() {
-                        assert_eq!(passed::<V3, 2>(v3, structure), alone, "{structure:?}");
+                    use pulp::x86::{V2, V3, V4};
+                    // All eight lanes, and as many registers as are wide enough.
+                    macro_rules! same {
+                        ($instructions:ident: $($registers:literal)*) => {$(
+                            if let Some(simd) = $instructions::try_new()
+                                && $registers * $instructions::F64_LANES > structure.parameters()
+                            {
+                                let bits = passed::<$instructions, $registers>(simd, structure);
+                                assert_eq!(bits, alone, "{structure:?} in {} registers", $registers);
+                            }
+                        )*};
                     }
-                    if let Some(v4) = V4::try_new() {
-                        assert_eq!(passed::<V4, 1>(v4, structure), alone, "{structure:?}");
-                    }
+                    same!(V2: 4 3 2);
+                    same!(V3: 2 1);
+                    same!(V4: 1);
                 }
             }
         }

@@ -12,7 +12,7 @@
 //! for gains that count as still there.
 
 use super::{Adding, GATHERED, Gain, LINES, LoadChange, Models, START, Sums};
-use crate::model::lanes::{LANES, Lanes, Wide};
+use crate::model::lanes::{Lanes, Wide};
 use crate::model::structure::Theta;
 use pulp::Simd;
 use std::array;
@@ -131,13 +131,13 @@ impl Sides {
     }
 
     /// The changes between the places, in each of the lanes its own.
-    fn gathered(&self, [from, to]: [usize; 2], tried: &[&[f64]; LANES]) -> Vec<LoadChange> {
+    fn gathered(&self, [from, to]: [usize; 2], tried: &[&[f64]]) -> Vec<LoadChange> {
         let there = self.cell(from) as f64..=self.cell(to) as f64;
-        let within = tried.map(|times| {
+        let within = tried.iter().map(|times| {
             let times = times.iter().copied();
             times.filter(|time| *time > *there.start() && *time <= *there.end()).collect::<Vec<f64>>()
         });
-        LoadChange::gathered(|l| &within[l])
+        LoadChange::gathered(within)
     }
 }
 
@@ -179,7 +179,7 @@ impl<S: Simd, const R: usize, const N: usize> Going<S, R, N> {
 }
 
 impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N, MORE> {
-    /// The totals of a stretch in which the first model's changes are others in these cells, eight sets of them.
+    /// The totals of a stretch in which the first model's changes are others in these cells, up to eight sets of them.
     #[inline(always)]
     pub(crate) fn elsewhere(&self, asked: Asked) -> Totals {
         let Asked { sides, cells, tried, .. } = asked;
@@ -535,5 +535,5 @@ pub(crate) struct Asked<'s, 't> {
     pub(crate) sides: &'s mut Sides,
     pub(crate) theta: &'s Theta,
     pub(crate) cells: &'s Range<usize>,
-    pub(crate) tried: &'s [&'t [f64]; LANES],
+    pub(crate) tried: &'s [&'t [f64]],
 }

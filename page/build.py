@@ -274,7 +274,7 @@ def build(out: Path) -> None:
     kept |= {name: HERE / f"{name}.js" for name in (*READER, "engine", "worker")}
     run = [
         npm / "uplot/dist/uPlot.iife.min.js",
-        *(HERE / f"{n}.js" for n in ("engine", "words", "draw", "page", "lab")),
+        *(HERE / f"{n}.js" for n in ("engine", "words", "draw", "windows", "page", "lab")),
     ]
     scripts = [in_script(path.read_text(encoding="utf-8")) for path in run]
     # One script of them all: what each declares the next one sees.

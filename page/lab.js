@@ -30,7 +30,7 @@ const Laboratory = (() => {
   function anew() {
     ({ paths, editable } = engine.ask("laboratory", project));
     [t, columns, halves, scans, due] = [[], RECORDED.map(() => []), [], 0, 0];
-    $("lab-fitted").textContent = "";
+    end_fit("");
     $("lab-compensate").checked = false;
     fields();
     controls();
@@ -211,23 +211,53 @@ const Laboratory = (() => {
   // --- the fit
 
   let fitter = null;
+  let fitting = null;
+
+  function end_fit(said) {
+    fitter?.terminate();
+    fitting?.end();
+    [fitter, fitting] = [null, null];
+    $("lab-fit").textContent = "Fit what is recorded";
+    $("lab-fitted").textContent = said;
+  }
 
   async function fit() {
-    fitter?.terminate();
     const mine = new Worker(worker_address);
     fitter = mine;
-    const began = performance.now();
-    const now = values();
+    $("lab-fit").textContent = "End the fit";
+    const [began, now] = [performance.now(), values()];
     const columns_of = { t, sp: columns[SP], pv: columns[PV], op: columns[OP] };
-    $("lab-fitted").textContent = `fitting the last ${duration(Math.round(t.at(-1) - t[0]))} …`;
-    mine.onmessage = ({ data: said }) => {
-      if (mine !== fitter || said.kind === "ready") return;
-      const seconds = number((performance.now() - began) / 1000, 2);
-      const { answer } = said.answer ?? {};
-      $("lab-fitted").textContent = answer ? `${words.verdicts[answer.verdict]} ${headline(answer, "%OP")}; the gap is ${quantity(now["gap.d"], "%OP")}. ${seconds} s` : said.text;
-      mine.terminate();
+    const stage = `Fitting the last ${duration(Math.round(t.at(-1) - t[0]))} …`;
+    $("lab-fitted").textContent = stage;
+    const module = await module_ready;
+    const told = (said) => {
+      const { answer } = said.answer;
+      const [verdict, width, gap] = [words.verdicts[answer.verdict], headline(answer, "%OP"), quantity(now["gap.d"], "%OP")];
+      return width ? `${verdict} ${width}; the true gap is ${gap}.` : `${verdict}. ${why(said, "%OP")} The true gap is ${gap}.`;
     };
-    mine.postMessage({ kind: "begin", module: await module_ready, data: data.reading });
+    const hears = {
+      ready() {},
+      windows({ windows }) {
+        if (windows.length > 1) $("lab-fitted").textContent = `${stage} 0 of ${windows.length} windows`;
+        fitting = new Windows(module, windows, {
+          done(alone, done) {
+            if (done === windows.length) mine.postMessage({ kind: "join", alone });
+            else if (worth_telling(done)) mine.postMessage({ kind: "join", alone, so_far: done });
+          },
+          broke: (why) => end_fit(`The fit broke off (${why}).`),
+        });
+      },
+      so_far(said) {
+        $("lab-fitted").textContent = `${stage} ${said.windows} of ${said.of} windows so far: ${told(said)}`;
+      },
+      answered(said) {
+        end_fit(`${told(said)} ${number((performance.now() - began) / 1000, 2)} s`);
+      },
+      wrong: ({ text }) => end_fit(text),
+    };
+    mine.onmessage = ({ data: said }) => mine === fitter && hears[said.kind](said);
+    mine.onerror = (event) => mine === fitter && end_fit(`The fit broke off (${event.message || "its worker died"}).`);
+    mine.postMessage({ kind: "begin", module, data: data.reading });
     const controller = { k: now["pid.k"], ti: now["pid.ti"], td: now["pid.td"], b: now["pid.b"] };
     mine.postMessage({ kind: "fit", columns: columns_of, task: { controller, op_percent: true } });
   }
@@ -243,7 +273,7 @@ const Laboratory = (() => {
   }
   $("lab-anew").addEventListener("click", anew);
   $("lab-compensate").addEventListener("change", (event) => set(["watch.compensate"], event.target.checked ? 1 : 0));
-  $("lab-fit").addEventListener("click", fit);
+  $("lab-fit").addEventListener("click", () => (fitter ? end_fit("The fit was ended.") : fit()));
   $("lab-window").addEventListener("change", () => { late = new Set(charts); });
   $("lab-search").addEventListener("input", search);
 

@@ -73,7 +73,7 @@ const hears = {
     show(said, CROSSINGS);
   },
   so_far(said) {
-    if (helpers.length) show(said, `From zero crossings, and from ${said.windows} of the ${said.of} windows of the fit`);
+    if (fitting) show(said, `From zero crossings, and from ${said.windows} of the ${said.of} windows of the fit`);
   },
   windows(said) {
     fit_windows(said);
@@ -101,56 +101,35 @@ function rest() {
   $("result").querySelector(".going-on")?.replaceChildren(`${shown.from}. The fit of OP and PV was ended.`);
 }
 
-// --- the windows of the fit, each in a worker of its own
+// --- the windows of the fit
 
-let helpers = [];
+let fitting = null;
 
 function dismiss() {
-  for (const helper of helpers) helper.terminate();
-  helpers = [];
+  fitting?.end();
+  fitting = null;
 }
 
-/** Fits each window by itself, as many at once as there are processors, and has the worker join what they say. */
+/** Fits each window by itself, and has the worker join what they say. */
 async function fit_windows({ windows, turn: of }) {
   const module = await module_ready;
   if (of !== turn) return;
   const began = performance.now();
-  const alone = windows.map(() => null);
-  let [next, done] = [0, 0];
-  const tell = () => {
+  const tell = (done) => {
     if (windows.length > 1) hears.progress({ stage: `Fitting the gap, ${done} of ${windows.length} windows done`, share: done / windows.length, since: began });
   };
-  const give = (helper) => {
-    if (next === windows.length) return;
-    helper.postMessage({ kind: "alone", module, window: windows[next], place: next });
-    next += 1;
-  };
-  tell();
-  for (let k = 0; k < Math.min(windows.length, navigator.hardwareConcurrency ?? 1); k += 1) {
-    const helper = new Worker(worker_address);
-    helpers.push(helper);
-    helper.onerror = (event) => broke("fit", event.message || "one of its workers died");
-    helper.onmessage = ({ data: said }) => {
-      if (!helpers.includes(helper)) return;
-      if (said.kind === "wrong") {
-        broke("fit", said.text);
-        return;
-      }
-      alone[said.place] = said.alone;
-      done += 1;
-      tell();
-      if (done < windows.length) {
-        give(helper);
-        // After 1, 2, 4 … windows what they say so far is shown.
-        if ((done & (done - 1)) === 0) worker.postMessage({ kind: "join", alone, so_far: done });
-      } else {
+  tell(0);
+  fitting = new Windows(module, windows, {
+    done(alone, done) {
+      tell(done);
+      if (done === windows.length) {
         dismiss();
         hears.progress({ stage: "Joining what the windows say", share: null });
         worker.postMessage({ kind: "join", alone });
-      }
-    };
-    give(helper);
-  }
+      } else if (worth_telling(done)) worker.postMessage({ kind: "join", alone, so_far: done });
+    },
+    broke: (why) => broke("fit", why),
+  });
 }
 
 const stem = () => file.name.replace(/\.[^.]+$/, "").replace(/\.(csv|txt|tsv)$/i, "");

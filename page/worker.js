@@ -6,7 +6,7 @@ const AT_ONCE = 65_536; // rows handed on at once, as the command line does
 let engine = null;
 let reading = null;
 let file = null;
-let asked = null; // the recording whose windows are being fitted
+let asked = null; // what is told with the answer of the recording whose windows are being fitted
 
 const tell = (kind, more = {}) => postMessage({ kind, ...more });
 
@@ -48,10 +48,8 @@ const does = {
     }
     crossings(true);
     tell("progress", { stage: "Fitting the gap", share: null });
-    const windows = engine.ask("windows");
     asked = { read, unit, began };
-    if (windows.length) tell("windows", { windows, turn });
-    else answered("finish");
+    fit_windows({ turn });
   },
 
   /** Fits a window by itself, which needs nothing of its recording. */
@@ -71,10 +69,11 @@ const does = {
 
   /** Columns that are there already, from the laboratory. */
   fit({ columns, task }) {
+    asked = { read: { units: { pv: "%" }, t0: null }, unit: "%", began: performance.now() };
     for (const [name, numbers] of Object.entries(columns)) engine.column(name, numbers);
     engine.ask("begin", { task });
     engine.ask("rows", { from: 0, to: columns.t.length });
-    tell("answered", engine.ask("finish"));
+    fit_windows();
   },
 };
 
@@ -85,6 +84,13 @@ function answer(what, more) {
 }
 
 const answered = (what, more) => tell("answered", answer(what, more));
+
+/** Hands out the windows that are to be fitted; answers where there are none. */
+function fit_windows(more) {
+  const windows = engine.ask("windows");
+  if (windows.length) tell("windows", { windows, ...more });
+  else answered("finish");
+}
 
 onmessage = async ({ data: { kind, ...more } }) => {
   try {

@@ -1,0 +1,42 @@
+// The windows of a fit, each by itself in a worker, as many at once as there are processors.
+"use strict";
+
+/** Whether what so many windows say is worth a joint answer, though others are not fitted yet: of 1, 2, 4 … */
+const worth_telling = (done) => (done & (done - 1)) === 0;
+
+class Windows {
+  workers = [];
+
+  /** `hear.done` gets what each window says, null of those not fitted yet, and how many are; `hear.broke` why a worker broke off. */
+  constructor(module, windows, hear) {
+    const alone = windows.map(() => null);
+    let [next, done] = [0, 0];
+    const give = (helper) => {
+      if (next === windows.length) return;
+      helper.postMessage({ kind: "alone", module, window: windows[next], place: next });
+      next += 1;
+    };
+    for (let k = 0; k < Math.min(windows.length, navigator.hardwareConcurrency ?? 1); k += 1) {
+      const helper = new Worker(worker_address);
+      this.workers.push(helper);
+      helper.onerror = (event) => hear.broke(event.message || "one of its workers died");
+      helper.onmessage = ({ data: said }) => {
+        if (!this.workers.includes(helper)) return;
+        if (said.kind === "wrong") {
+          hear.broke(said.text);
+          return;
+        }
+        alone[said.place] = said.alone;
+        done += 1;
+        give(helper);
+        hear.done(alone, done);
+      };
+      give(helper);
+    }
+  }
+
+  end() {
+    for (const helper of this.workers) helper.terminate();
+    this.workers = [];
+  }
+}

@@ -94,6 +94,8 @@ def built(of: Platform, folder: Path) -> Path:
         Where this machine lacks what it takes.
     """
     environment = os.environ | standard_library(of.triple) | {"CARGO_TARGET_DIR": str(BUILT)}
+    # Zig is looked for as a module of the first Python: that of this environment has it.
+    environment["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{environment['PATH']}"
     if of.triple.endswith("darwin") and platform.system() != "Darwin":
         # Zig has what every program needs of macOS. Its time zone is asked of a framework: the names of that are here.
         environment["RUSTFLAGS"] = f"-L framework={HERE}"

@@ -14,23 +14,35 @@ unexport PYTHONDONTWRITEBYTECODE
 , := ,
 SOURCES := $(shell find crates -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock pyproject.toml
 
-run: setup
+run: $(VENV)/.installed
+	$(call stage,Analyse five demonstration loops,10 s)
 	$(BIN)/glapp demo out/demo --force
 	$(BIN)/glapp analyze out/demo/loops.toml --report out/report.html
 	@echo
 	@echo "Your own loop:  $(BIN)/glapp analyze YOUR.csv --report out/your.html     ($(BIN)/glapp --help tells more)"
 
-setup: $(VENV)/.installed
+# Says what begins, and how long it takes from nothing on two idle cores.
+stage = @printf '\n== %s: about %s\n' '$(1)' '$(2)'
 
-$(VENV)/.tools: requirements/run.txt requirements/test.txt
+# What the analysis needs, and no more.
+$(VENV)/.packages: requirements/run.txt
+	$(call stage,Install Python packages,15 s)
 	$(PYTHON) -m venv $(VENV)
 	$(INSTALL) requirements/run.txt
-	$(INSTALL) requirements/test.txt
 	touch $@
 
 # A release wheel, as a user gets it, with the Python sources in place so that they can be edited.
-$(VENV)/.installed: $(VENV)/.tools $(SOURCES)
-	PIP_QUIET=1 VIRTUAL_ENV=$(abspath $(VENV)) $(BIN)/maturin develop --release --quiet
+$(VENV)/.installed: $(VENV)/.packages $(SOURCES)
+	$(call stage,Compile the Rust crates,90 s the first time$(,) less after a change)
+	PIP_QUIET=1 VIRTUAL_ENV=$(abspath $(VENV)) $(BIN)/maturin develop --release
+	touch $@
+
+# What tests and linters need beside it.
+setup: $(VENV)/.tools
+
+$(VENV)/.tools: requirements/test.txt $(VENV)/.installed
+	$(call stage,Install the tools of tests and linters,25 s)
+	$(INSTALL) requirements/test.txt
 	$(BIN)/pip install --quiet --no-deps --no-build-isolation --editable thesis
 	touch $@
 

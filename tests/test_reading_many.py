@@ -71,7 +71,7 @@ def alone(path, i):
     return joined(recording.batches())
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 @pytest.mark.parametrize("ending", [".csv", ".parquet", ".arrow"])
 @pytest.mark.parametrize("block", [1 << 22, 20_000])
 def test_all_loops_are_read_in_one_pass_with_the_values_they_have_alone(tmp_path, reads, monkeypatch, ending, block):
@@ -104,7 +104,7 @@ def test_names_are_understood_once_however_many_loops_there_are(monkeypatch, tmp
     assert counts[40] <= 1.1 * counts[10]
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 @pytest.mark.parametrize("ending", [".csv", ".parquet", ".arrow"])
 def test_what_is_held_is_bounded_and_more_passes_are_made(tmp_path, reads, monkeypatch, ending):
     path = write(table(20), tmp_path / f"plant{ending}")

@@ -40,7 +40,7 @@ def asked(operation: Any, headers: dict[str, str]) -> set[int]:
     return statuses
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 @pytest.mark.parametrize("known", [True, False], ids=["engineer", "nobody"])
 def test_any_request_is_answered(tmp_path: Path, known: bool) -> None:
     clock = Clock()

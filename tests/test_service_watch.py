@@ -494,7 +494,7 @@ def test_bounds(name: str) -> None:
 # Fits
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 def test_a_fit_of_what_is_kept_is_asked_for_and_taken_over(tmp_path: Path) -> None:
     import numpy as np
 

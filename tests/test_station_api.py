@@ -169,7 +169,7 @@ def asked(operation: Any, headers: dict[str, str], station: Station, schemathesi
     return seen
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 @pytest.mark.parametrize("known", [True, False], ids=["viewer", "nobody"])
 def test_any_request_is_answered_as_it_is_described(
     client: TestClient, plant: tuple[Watch, Station, Any], known: bool

@@ -1020,6 +1020,7 @@ mod tests {
                             }
                         )*};
                     }
+                    // Two numbers a register stand for NEON and for WebAssembly.
                     same!(V2: 4 3 2);
                     same!(V3: 2 1);
                     same!(V4: 1);

@@ -14,13 +14,11 @@ import math
 import socket
 import ssl
 import time
-from collections.abc import Awaitable, Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Awaitable, Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import uvicorn
 from fastapi import Depends, FastAPI, HTTPException, Query, Request, Response
 from fastapi import Path as InPath
 from fastapi.exceptions import RequestValidationError
@@ -33,6 +31,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from .. import __version__
 from ..errors import InputError
+from .listener import Bounds, Listener, logged_in
 from .memory import MemoryFull
 from .users import Person, Refused, Role, Users, listed
 from .watch import Watch
@@ -441,6 +440,8 @@ class Door:
         0: any that is free.
     certificate, key : Path, optional
         For TLS; needed for any address that is not this computer's own.
+    bounds : Bounds, optional
+        How many connections and requests are taken, and how long they may be waited for.
 
     Raises
     ------
@@ -449,7 +450,13 @@ class Door:
     """
 
     def __init__(
-        self, app: FastAPI, host: str, port: int, certificate: Path | None = None, key: Path | None = None
+        self,
+        app: FastAPI,
+        host: str,
+        port: int,
+        certificate: Path | None = None,
+        key: Path | None = None,
+        bounds: Bounds | None = None,
     ) -> None:
         if (certificate is None) != (key is None):
             raise InputError("certificate and key are given together", parameter="certificate")
@@ -467,24 +474,12 @@ class Door:
                 raise InputError(f"cannot be used: {error}", file=str(certificate)) from None
         family = socket.AF_INET6 if ":" in host else socket.AF_INET
         try:
-            self._socket = socket.create_server((host.strip("[]"), port), family=family)
+            self._socket = socket.create_server((host.strip("[]"), port), family=family, backlog=1024)
         except OSError as error:
             raise InputError(f"cannot be listened at: {error}", parameter="host and port", value=port) from None
         self.port: int = self._socket.getsockname()[1]
         self.url = f"{'http' if certificate is None else 'https'}://{host}:{self.port}"
-        self._server = _Server(
-            uvicorn.Config(
-                app,
-                log_level="warning",
-                access_log=False,
-                ssl_certfile=certificate,
-                ssl_keyfile=key,
-                timeout_keep_alive=30,
-                timeout_graceful_shutdown=2,
-                limit_concurrency=200,
-                server_header=False,
-            )
-        )
+        self._server = Listener(app, bounds, ssl_certfile=certificate, ssl_keyfile=key)
 
     async def open(self) -> None:
         """Serve until cancelled."""
@@ -495,14 +490,6 @@ class Door:
             self._server.should_exit = True
             await serving
             raise
-
-
-class _Server(uvicorn.Server):
-    """One that leaves the signals of the process to the process."""
-
-    @contextmanager
-    def capture_signals(self) -> Iterator[None]:
-        yield
 
 
 def _who(person: Person) -> tuple[str, str]:

@@ -54,6 +54,18 @@ another way."""
 LONGEST = 1.0
 """So long a request waits for a newer value at most [s]."""
 
+WHY_NOT = {
+    400: "A body that is no JSON",
+    401: "Nobody who is logged in",
+    403: "A role that may not",
+    404: "No such loop, user or answer",
+    409: "Not done: a rule forbids it, or it is not as it was seen",
+    413: "A body that is too long, or whose length nobody says",
+    422: "A value that cannot be",
+    503: "Not done, since it cannot be put down; or too much is asked at once",
+}
+"""What else is answered than what was asked for."""
+
 Begin = Annotated[float, Query(description="From when on [s since 1970 UTC].")]
 End = Annotated[float, Query(description="Until when [s since 1970 UTC].")]
 Most = Annotated[int, Query(ge=1, le=100_000, description="No more than so many, the newest.")]
@@ -62,6 +74,12 @@ Name = Annotated[str, InPath(description="Name of the loop.", max_length=200)]
 
 class _Asked(BaseModel):
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+
+class Why(BaseModel):
+    """Why there is no answer, or nothing was done."""
+
+    detail: str
 
 
 class LogIn(_Asked):
@@ -114,7 +132,13 @@ def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "
     -------
     FastAPI
     """
-    app = FastAPI(title="glapp watch", version=__version__, docs_url=None, redoc_url=None)
+    app = FastAPI(
+        title="glapp watch",
+        version=__version__,
+        docs_url=None,
+        redoc_url=None,
+        responses={status: {"model": Why, "description": text} for status, text in WHY_NOT.items()},
+    )
     app.add_middleware(TrustedHostMiddleware, allowed_hosts=list(hosts))
     reader = watch.reader
     key_of_station = station_key(watch.memory.folder)
@@ -414,7 +438,7 @@ def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "
     registry = CollectorRegistry(auto_describe=False)
     registry.register(_Numbers(watch, refused_logins))
 
-    @app.get("/metrics")
+    @app.get("/metrics", responses={200: {"content": {"text/plain": {"schema": {"type": "string"}}}}})
     async def metrics(request: Request) -> Response:
         """For Prometheus: open on this computer, by a viewer's token from elsewhere."""
         host = request.client.host if request.client is not None else ""

@@ -277,12 +277,11 @@ class Listener(uvicorn.Server):
             await self._app(scope, receive, self._opened(scope["state"]["connection"], send))
         elif (refusal := self._refusal(scope)) is not None:
             status, text = refusal
-            scope["state"]["connection"].until = time.monotonic() + self.bounds.rest
-            headers = [(b"content-type", b"application/json"), (b"connection", b"close")]
             body = f'{{"detail": "{text}"}}'.encode()
-            headers.append((b"content-length", str(len(body)).encode()))
+            headers = [(b"content-type", b"application/json"), (b"content-length", str(len(body)).encode())]
             await send({"type": "http.response.start", "status": status, "headers": headers})
             await send({"type": "http.response.body", "body": body})
+            scope["state"]["connection"].until = time.monotonic() + self.bounds.rest
         else:
             self._requests += 1
             try:

@@ -50,8 +50,8 @@ LARGEST = 65_536
 LARGEST_FILE = 64_000_000
 """… and none at all: a recording that is to be read is the longest there is [bytes]."""
 
-FOR_PROGRAMS = "/api/login"
-"""What a program posts to: it sets no cookie, so that a page elsewhere has nothing of it."""
+FOR_PROGRAMS = "/api/"
+"""What programs ask: nothing is changed there, and no cookie set, so that a page elsewhere has nothing of it."""
 
 POLICY = (
     "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; style-src 'self' 'unsafe-inline'; "
@@ -290,7 +290,7 @@ class Guard:
             most = LARGEST if session is None else LARGEST_FILE
             if not length.isdigit() or int(length) > most:
                 return PlainTextResponse(f"a request has at most {most} bytes, and says how many", 413)
-        changes = changes and path != FOR_PROGRAMS
+        changes = changes and not path.startswith(FOR_PROGRAMS)
         if (changes or origin is not None) and origin != f"{'https' if self._secure else 'http'}://{host}":
             return PlainTextResponse("refused: this does not come from a page of this window", 403)
         if any(path == one or (one.endswith("/") and path.startswith(one)) for one in OPEN):

@@ -22,6 +22,7 @@ from pathlib import Path
 
 import httpx
 
+HERE = Path(__file__).parents[1]
 LOOP = "FIC101"
 KINDS = ("half a header", "a slow header", "half a body", "answers never read")
 
@@ -85,7 +86,9 @@ async def attack(port: int, count: int) -> None:
 @contextlib.contextmanager
 def running(*words: str) -> Iterator[subprocess.Popen[str]]:
     """A process of this Python, ended at the end."""
-    child = subprocess.Popen([sys.executable, *words], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    child = subprocess.Popen(
+        [sys.executable, *words], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, cwd=HERE
+    )
     try:
         yield child
     finally:

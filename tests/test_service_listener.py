@@ -11,6 +11,7 @@ from typing import Any
 
 import httpx
 import pytest
+from station_window import Window
 from test_station import certificate
 
 from glapp.service.door import Door
@@ -266,6 +267,22 @@ def test_what_is_taken_is_measured_from_time_to_time() -> None:
     one.socket.close()
 
 
+def test_a_stranger_sends_so_many_requests_by_a_connection() -> None:
+    async def go() -> None:
+        app = App()
+        async with served(app, Bounds(each=5)) as door:
+            for path, answers in ((b"/", 5), (b"/known", 20)):
+                app.bodies.clear()
+                one = await Stranger.to(door, 20 * (b"GET " + path + b" HTTP/1.1\r\nHost: x\r\n\r\n"))
+                async with asyncio.timeout(LONGEST):
+                    found = b""
+                    while found.count(b"here") < answers:
+                        found += await one.reader.read(65_536)
+                assert len(app.bodies) == answers and (b"connection: close" in found) == (answers == 5)
+
+    asyncio.run(go())
+
+
 def test_a_body_in_chunks_passes_no_bound() -> None:
     """Its length was believed, and as much read as came."""
 
@@ -298,6 +315,40 @@ def test_login_and_disable_are_answered_whatever_else_is_asked() -> None:
             assert (await asked(door)).text == "here"
 
     asyncio.run(go())
+
+
+@pytest.mark.slow
+def test_log_in_and_disable_while_strangers_hold_connections(window: Window) -> None:
+    """The small form: 300 of them for some seconds, at the station and at the service behind it."""
+    from bench.half_open import running
+    from station_child import PASSWORDS
+
+    door = (window.folder / "door").read_text()
+    eve = {"user": "eve", "password": PASSWORDS["eve"]}
+    with contextlib.ExitStack() as stack:
+        for url in (door, window.url):
+            child = stack.enter_context(running("-m", "bench.half_open", "attack", url.rpartition(":")[2], "300"))
+            assert child.stdout is not None and child.stdout.readline()  # they are there
+        for _ in range(4):
+            token = httpx.post(f"{door}/login", json=eve, timeout=LONGEST, trust_env=False).json()["token"]
+            bearer = {"Authorization": f"Bearer {token}"}
+            off = httpx.post(f"{door}/loops/FIC0/disable", headers=bearer, json={}, timeout=LONGEST, trust_env=False)
+            assert off.status_code == 200 and off.json()["enabled"] is False
+            form = {"data": eve, "headers": {"Origin": window.url}}
+            shown = httpx.post(f"{window.url}/login", **form, timeout=LONGEST, trust_env=False)
+            assert shown.status_code == 303
+            page = httpx.get(window.url, cookies=shown.cookies, timeout=LONGEST, trust_env=False)
+            assert page.status_code == 200 and "Overview" in page.text
+
+
+@pytest.mark.verify
+@pytest.mark.parametrize("target", ["service", "station"])
+def test_log_in_and_disable_while_strangers_hold_connections_for_two_minutes(target: str) -> None:
+    """The large form: every one of them is answered. How fast, `python -m bench.half_open 120 300` prints."""
+    from bench.half_open import measured
+
+    for what, times in measured(120.0, 300, target).items():
+        assert times and math.inf not in times, what
 
 
 def test_tls_that_is_never_agreed_on_shuts_nobody_out(tmp_path: Path, certificate: tuple[Path, Path]) -> None:

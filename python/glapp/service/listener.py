@@ -65,6 +65,8 @@ class Bounds:
         Connections of strangers altogether.
     logged_in : int
         Connections that have shown a login.
+    each : int
+        Requests that one connection may send without a login; with the answer to the last it is closed.
     requests : int
         Requests that are answered at the same time; log-in and `disable` are answered beyond it.
     """
@@ -78,6 +80,7 @@ class Bounds:
     address: int = field(default_factory=lambda: _most() // 4)
     strangers: int = field(default_factory=lambda: _most() // 2)
     logged_in: int = field(default_factory=lambda: _most() // 2)
+    each: int = 50
     requests: int = 200
 
 
@@ -93,6 +96,7 @@ class _Connection:
     making: asyncio.Task[None] | None = None
     left: int = 0
     taken: float = 0.0
+    requests: int = 0
 
     @property
     def gone(self) -> bool:
@@ -300,6 +304,7 @@ class Listener(uvicorn.Server):
 
     async def _answered(self, scope: Any, receive: Any, send: Any) -> None:
         connection: _Connection = scope["state"]["connection"]
+        connection.requests += 1
         length = next((value for name, value in scope["headers"] if name == b"content-length"), b"0")
         whole = length == b"0"
         within = self.bounds.body + int(length) / self.bounds.slowest
@@ -318,6 +323,8 @@ class Listener(uvicorn.Server):
 
         async def sent(message: Any) -> None:
             nonlocal answered
+            if message["type"] == "http.response.start" and self._last(connection):
+                message = {**message, "headers": [*message.get("headers", ()), (b"connection", b"close")]}
             await send(message)
             if message["type"] == "http.response.body" and not message.get("more_body", False):
                 answered = True
@@ -328,6 +335,9 @@ class Listener(uvicorn.Server):
         finally:
             if not answered:  # it failed, and uvicorn says so
                 connection.until = time.monotonic() + self.bounds.rest
+
+    def _last(self, connection: _Connection) -> bool:
+        return connection.requests >= self.bounds.each and not connection.known
 
     def _opened(self, connection: _Connection, send: Any) -> Callable[[Any], Any]:
         connection.until = time.monotonic() + self.bounds.header

@@ -78,7 +78,7 @@ async def attack(port: int, count: int) -> None:
             await asyncio.sleep(0.01)
 
     tasks = [asyncio.create_task(one(KINDS[i % len(KINDS)])) for i in range(count)]
-    while tasks:
+    while True:
         await asyncio.sleep(1.0)
         print(closed, flush=True)
 
@@ -156,7 +156,7 @@ def main() -> None:
         asyncio.run(attack(int(sys.argv[2]), int(sys.argv[3])))
         return
     seconds, count = float(sys.argv[1]), int(sys.argv[2])
-    for target in ("service", "station"):
+    for target in sys.argv[3:] or ("service", "station"):
         for what, times in measured(seconds, count, target).items():
             lost = sum(time == float("inf") for time in times)
             ordered = sorted(times)

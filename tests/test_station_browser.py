@@ -244,6 +244,25 @@ def test_a_login_that_is_over_leads_to_the_login_page(browser: Any, window: Wind
     assert page.url.endswith("/login")
 
 
+def test_a_command_while_strangers_hold_connections(browser: Any, window: Window) -> None:
+    """300 half-sent requests shut the window for as long as they were held."""
+    from bench.half_open import running
+
+    with running("-m", "bench.half_open", "attack", window.url.rpartition(":")[2], "300") as child:
+        assert child.stdout is not None and child.stdout.readline()  # they are there
+        context = browser.new_context()
+        context.set_default_timeout(LONGEST)
+        page = context.new_page()
+        page.goto(window.url)
+        page.fill("#user", "eve")
+        page.fill("#password", PASSWORDS["eve"])
+        page.keyboard.press("Enter")
+        page.wait_for_selector(".ag-row")
+        page.goto(window.url + "/loop?name=FIC0")
+        page.get_by_role("button", name="Fit now").click()
+        page.get_by_text("FIC0 is fitted as soon as").wait_for()
+
+
 def test_a_slow_network(browser: Any, window: Window) -> None:
     """400 ms there and back, 50 kB/s: all comes later, and nothing is lost or asked twice."""
     page = logged_in(browser, window, "eve")

@@ -242,7 +242,9 @@ def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "
     async def looked_at(attempt: Attempt, password: str) -> tuple[str, Person]:
         """The password, by a thread for who is known and one for strangers: the one does not wait for the other."""
         nonlocal strangers
-        await asyncio.sleep(attempt.wait)
+        until = time.monotonic() + attempt.wait
+        while not attempt.displaced and (left := until - time.monotonic()) > 0.0:
+            await asyncio.sleep(min(left, 0.05))
         if attempt.displaced:
             raise Refused("another login came from there after this one: try again")
         if not attempt.known and strangers >= HASHES:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import asyncio
 import ipaddress
+import logging
 import math
 import socket
 import sys
@@ -67,6 +68,8 @@ class Bounds:
         Connections that have shown a login.
     each : int
         Requests that one connection may send without a login; with the answer to the last it is closed.
+    turns : int
+        Requests of strangers that are worked on at the same time; the others wait, but for log-in and `disable`.
     requests : int
         Requests that are answered at the same time; log-in and `disable` are answered beyond it.
     """
@@ -80,7 +83,8 @@ class Bounds:
     address: int = field(default_factory=lambda: _most() // 4)
     strangers: int = field(default_factory=lambda: _most() // 2)
     logged_in: int = field(default_factory=lambda: _most() // 2)
-    each: int = 50
+    each: int = 10
+    turns: int = 4
     requests: int = 200
 
 
@@ -155,6 +159,7 @@ class Listener(uvicorn.Server):
         self._app = app
         self._open: list[_Connection] = []
         self._requests = 0
+        self._turns = asyncio.Semaphore(self.bounds.turns)
         self._tasks: list[asyncio.Task[None]] = []
         super().__init__(
             uvicorn.Config(
@@ -182,6 +187,14 @@ class Listener(uvicorn.Server):
         await super().startup(sockets=[])
         self._tasks = [asyncio.create_task(self._accept(one)) for one in sockets or ()]
         self._tasks.append(asyncio.create_task(self._look()))
+        for task in self._tasks:
+            task.add_done_callback(self._ended)
+
+    def _ended(self, task: asyncio.Task[None]) -> None:
+        """A listener that hears nobody any more must not seem to listen."""
+        if not task.cancelled() and (error := task.exception()) is not None:
+            logging.getLogger("uvicorn.error").error("the listener ends", exc_info=error)
+            self.should_exit = True
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         """Take no more connections, and end those there are."""
@@ -296,9 +309,7 @@ class Listener(uvicorn.Server):
     def _refusal(self, scope: Any) -> tuple[int, str] | None:
         if any(name == b"transfer-encoding" for name, _ in scope["headers"]):
             return 411, "a request says by Content-Length how many bytes it has"
-        path = scope["path"]
-        reserved = scope["method"] == "POST" and (path in RESERVED or path.endswith("/disable"))
-        if self._requests >= self.bounds.requests and not reserved:
+        if self._requests >= self.bounds.requests and not _reserved(scope):
             return 503, f"{self._requests} requests are being answered: try again in a second"
         return None
 
@@ -307,10 +318,24 @@ class Listener(uvicorn.Server):
         connection.requests += 1
         length = next((value for name, value in scope["headers"] if name == b"content-length"), b"0")
         whole = length == b"0"
-        within = self.bounds.body + int(length) / self.bounds.slowest
-        connection.until = math.inf if whole else time.monotonic() + within
-
         answered = False
+        # Hundreds that are worked on at the same time would let each step of a log-in wait for all of them. A turn is
+        # held neither while a body is waited for nor while an answer is taken.
+        turn = connection.known or _reserved(scope)
+        held = False
+
+        async def begin() -> None:
+            nonlocal turn, held
+            if not turn:
+                turn = True
+                await self._turns.acquire()
+                held = True
+
+        def end() -> None:
+            nonlocal held
+            if held:
+                held = False
+                self._turns.release()
 
         async def received() -> Any:
             nonlocal whole
@@ -319,20 +344,29 @@ class Listener(uvicorn.Server):
                 whole = True
                 if not answered:
                     connection.until = math.inf
+                    await begin()
             return message
 
         async def sent(message: Any) -> None:
             nonlocal answered
             if message["type"] == "http.response.start" and self._last(connection):
                 message = {**message, "headers": [*message.get("headers", ()), (b"connection", b"close")]}
+            elif message["type"] == "http.response.body":
+                end()
             await send(message)
             if message["type"] == "http.response.body" and not message.get("more_body", False):
                 answered = True
                 connection.until = time.monotonic() + (self.bounds.idle if whole else self.bounds.rest)
 
+        connection.until = (
+            math.inf if whole else time.monotonic() + self.bounds.body + int(length) / self.bounds.slowest
+        )
         try:
+            if whole:
+                await begin()
             await self._app(scope, received, sent)
         finally:
+            end()
             if not answered:  # it failed, and uvicorn says so
                 connection.until = time.monotonic() + self.bounds.rest
 
@@ -350,6 +384,10 @@ class Listener(uvicorn.Server):
             await send(message)
 
         return sent
+
+
+def _reserved(scope: Any) -> bool:
+    return scope["method"] == "POST" and (scope["path"] in RESERVED or scope["path"].endswith("/disable"))
 
 
 def _of_most(some: Sequence[_Connection]) -> list[_Connection]:

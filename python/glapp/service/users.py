@@ -352,7 +352,8 @@ class Users:
             if known is None or self._memory.one(query, attempt.name) != known:  # it was changed meanwhile
                 raise Refused("wrong name or password")
             person = Person(attempt.name, Role.named(known["role"]))
-            self._memory.write("DELETE FROM tokens WHERE expires < ?", now)
+            if any(until <= now for _, until in self._logins.values()):
+                self._memory.write("DELETE FROM tokens WHERE expires <= ?", now)
             self._memory.write("INSERT INTO tokens VALUES (?, ?, ?)", digest_of(token), person.name, now + LOGIN_LASTS)
             self._logins = {digest: login for digest, login in self._logins.items() if login[1] > now}
             self._logins[digest_of(token)] = person, now + LOGIN_LASTS

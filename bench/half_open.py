@@ -78,7 +78,7 @@ async def attack(port: int, count: int) -> None:
             await asyncio.sleep(0.01)
 
     tasks = [asyncio.create_task(one(KINDS[i % len(KINDS)])) for i in range(count)]
-    while True:
+    while not any(task.done() for task in tasks):
         await asyncio.sleep(1.0)
         print(closed, flush=True)
 

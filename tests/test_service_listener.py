@@ -45,7 +45,9 @@ class App:
             return
         if scope["path"] == "/known":
             logged_in(scope)
-        if scope["path"] == "/wait":
+        if scope["path"].endswith("/wait"):
+            if scope["path"] == "/known/wait":
+                logged_in(scope)
             await self.go_on.wait()
         body, more = 0, scope["path"] != "/unread"
         while more:
@@ -301,7 +303,7 @@ def test_login_and_disable_are_answered_whatever_else_is_asked() -> None:
     async def go() -> None:
         app = App()
         async with served(app, Bounds(requests=3)) as door:
-            waiting = [asyncio.create_task(asked(door, "/wait")) for _ in range(3)]
+            waiting = [asyncio.create_task(asked(door, "/known/wait")) for _ in range(3)]
             async with asyncio.timeout(LONGEST):
                 while door._server._requests < 3:
                     await asyncio.sleep(0.01)
@@ -313,6 +315,31 @@ def test_login_and_disable_are_answered_whatever_else_is_asked() -> None:
             app.go_on.set()
             assert [(await one).text for one in waiting] == ["here"] * 3
             assert (await asked(door)).text == "here"
+
+    asyncio.run(go())
+
+
+def test_strangers_take_turns_and_login_and_disable_do_not_wait_for_them() -> None:
+    async def go() -> None:
+        app = App()
+        async with served(app, Bounds(turns=2)) as door:
+            held = [await Stranger.to(door, HALF + b"Content-Length: 9\r\n\r\n") for _ in range(5)]
+            taking = b"GET /large HTTP/1.1\r\nHost: x\r\n\r\n"
+            held += [await Stranger.to(door, taking, buffer=4096) for _ in range(5)]
+            assert (await asked(door)).text == "here", "neither a body nor an answer holds a turn"
+            waiting = [asyncio.create_task(asked(door, "/known/wait")) for _ in range(5)]
+            assert (await asked(door)).text == "here", "nor does who has shown a login"
+            waiting += [asyncio.create_task(asked(door, "/wait")) for _ in range(5)]
+            async with asyncio.timeout(LONGEST):
+                while not door._server._turns.locked():
+                    await asyncio.sleep(0.01)
+            queued = asyncio.create_task(asked(door))
+            assert (await asked(door, "/loops/FIC0/disable", "POST", json={})).text == "here"
+            assert not queued.done()
+            app.go_on.set()
+            assert [(await one).text for one in (*waiting, queued)] == ["here"] * 11
+            for one in held:
+                one.writer.transport.abort()
 
     asyncio.run(go())
 

@@ -11,7 +11,7 @@ pytest.importorskip("nicegui")
 pytest.importorskip("multipart")
 
 from station_child import PASSWORDS
-from station_window import Window, logged_in
+from station_window import LONGEST, Window, logged_in
 from test_station import by_hand
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("station in a browser")]

@@ -101,6 +101,7 @@ class _Connection:
     left: int = 0
     taken: float = 0.0
     requests: int = 0
+    end_turn: Callable[[], None] | None = None
 
     @property
     def gone(self) -> bool:
@@ -119,6 +120,8 @@ def logged_in(scope: Any) -> None:
     connection = scope.get("state", {}).get("connection")
     if connection is not None and not connection.known:
         connection.known = True
+        if connection.end_turn is not None:
+            connection.end_turn()
         scope["state"]["listener"].more_known()
 
 
@@ -336,6 +339,8 @@ class Listener(uvicorn.Server):
             if held:
                 held = False
                 self._turns.release()
+
+        connection.end_turn = end
 
         async def received() -> Any:
             nonlocal whole

@@ -91,6 +91,25 @@ def python_without_doctests(page: Path) -> list[str]:
     return [block for block in blocks if ">>>" not in block]
 
 
+def test_every_attack_has_its_test() -> None:
+    """The tables `attack | what happens | test`: whoever adds a row names a test that is there."""
+    there = {
+        name
+        for path in (ROOT / "tests").glob("*.py")
+        for name in re.findall(r"^(?:async )?def (test_\w+)", path.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    }
+    for page in (ROOT / "SECURITY.md", ROOT / "docs" / "station.md"):
+        text = page.read_text(encoding="utf-8")
+        tables = re.findall(
+            r"^\| attack \| what happens \| test \|\n\|[-|]+\|\n((?:\|.*\|\n)+)", text, flags=re.MULTILINE
+        )
+        rows = [row for table in tables for row in table.splitlines()]
+        assert len(rows) >= 9, page
+        for row in rows:
+            named = re.findall(r"`(\w+)`", row.rsplit("|", 2)[1])
+            assert named and set(named) <= there, row
+
+
 def test_no_program_escapes() -> None:
     """What is no doctest is looked at below; a new one needs its test, or `>>>`."""
     assert {page.name: len(found) for page in PAGES if (found := python_without_doctests(page))} == {

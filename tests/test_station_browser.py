@@ -11,7 +11,7 @@ pytest.importorskip("nicegui")
 pytest.importorskip("multipart")
 
 from station_child import PASSWORDS
-from station_window import Window, logged_in
+from station_window import LONGEST, Window, logged_in
 from test_station import by_hand
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("station in a browser")]
@@ -252,6 +252,26 @@ def test_a_login_that_is_over_leads_to_the_login_page(browser: Any, window: Wind
     page.get_by_text("Your login is over").wait_for()
     page.goto(window.url + "/events")
     assert page.url.endswith("/login")
+
+
+@pytest.mark.verify
+def test_a_command_while_strangers_hold_connections(browser: Any, window: Window) -> None:
+    """300 half-sent requests shut the window for as long as they were held."""
+    from bench.half_open import running
+
+    with running("-m", "bench.half_open", "attack", window.url.rpartition(":")[2], "300") as child:
+        assert child.stdout is not None and child.stdout.readline()  # they are there
+        context = browser.new_context()
+        context.set_default_timeout(LONGEST)
+        page = context.new_page()
+        page.goto(window.url)
+        page.fill("#user", "eve")
+        page.fill("#password", PASSWORDS["eve"])
+        page.keyboard.press("Enter")
+        page.wait_for_selector(".ag-row")
+        page.goto(window.url + "/loop?name=FIC0")
+        page.get_by_role("button", name="Fit now").click()
+        page.get_by_text("FIC0 is fitted as soon as").wait_for()
 
 
 @pytest.mark.verify

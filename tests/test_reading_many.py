@@ -15,8 +15,8 @@ import glapp.reading.passes as passes
 from glapp.errors import InputError
 from glapp.loop import Loop
 from glapp.reading import open_each, open_recordings
+from glapp.reading.apart import ApartSource
 from glapp.reading.csv import CsvSource
-from glapp.reading.parquet import IpcSource, ParquetSource
 
 ROWS = 700
 _CODED = pa.dictionary(pa.int32(), pa.string())
@@ -49,7 +49,7 @@ def write(table, path):
 def reads(monkeypatch):
     """How often each column of a file is read: a list of column indices per pass."""
     made = []
-    for source in (CsvSource, ParquetSource, IpcSource):
+    for source in (CsvSource, ApartSource):
         whole = source.stream
 
         def stream(self, types, bad_words, whole=whole):

@@ -1,12 +1,14 @@
 # make run   sets everything up and does the main job: recordings in, dead bands and a report out
 # make test  sets everything up and runs every test in every language
 # make check is what a developer runs all day: linters, the blocks, and every Python test that takes less than a second
-.PHONY: run test check setup lint rust bare interop page capi wheels site bench catalogue gallery plc fuzz clean
+.PHONY: run test check setup lint rust bare interop page capi wheels site bench catalogue gallery plc fuzz lock audit clean
 .DELETE_ON_ERROR:
 
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+# Packages as a lock of requirements/ names them, each with the checksum of its file, and no others.
+INSTALL = $(BIN)/pip install --quiet --no-deps --require-hashes --requirement
 # Tests start many processes, and each would compile all it imports.
 unexport PYTHONDONTWRITEBYTECODE
 , := ,
@@ -20,16 +22,16 @@ run: setup
 
 setup: $(VENV)/.installed
 
-$(VENV)/.tools: pyproject.toml
+$(VENV)/.tools: requirements/run.txt requirements/test.txt
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install --quiet --upgrade pip maturin
-	$(BIN)/pip install --quiet --group test --group lint
+	$(INSTALL) requirements/run.txt
+	$(INSTALL) requirements/test.txt
 	touch $@
 
 # A release wheel, as a user gets it, with the Python sources in place so that they can be edited.
 $(VENV)/.installed: $(VENV)/.tools $(SOURCES)
 	PIP_QUIET=1 VIRTUAL_ENV=$(abspath $(VENV)) $(BIN)/maturin develop --release --quiet
-	$(BIN)/pip install --quiet --no-deps --editable thesis
+	$(BIN)/pip install --quiet --no-deps --no-build-isolation --editable thesis
 	touch $@
 
 # What leaves a processor idle has another beside it; the tests of Python, which leave none, come last.
@@ -47,8 +49,8 @@ rust:
 lint: setup
 	cargo fmt --check
 	cargo clippy --workspace --all-targets --quiet -- --deny warnings
-	$(BIN)/ruff format --check python thesis tests examples bench vectors fuzz plc docs page wheels
-	$(BIN)/ruff check python thesis tests examples bench vectors fuzz plc docs page wheels
+	$(BIN)/ruff format --check python thesis tests examples bench vectors fuzz plc docs page wheels requirements
+	$(BIN)/ruff check python thesis tests examples bench vectors fuzz plc docs page wheels requirements
 	$(BIN)/mypy
 
 # The core where there is no operating system: a microcontroller, and a page in the browser.
@@ -108,8 +110,8 @@ dist/capi/include/glapp.h: $(SOURCES) $(wildcard crates/capi/include/* examples/
 wheels: setup $(VENV)/.wheels
 	$(BIN)/python wheels/build.py dist/wheels
 
-$(VENV)/.wheels: pyproject.toml $(VENV)/.tools
-	$(BIN)/pip install --quiet --group wheels
+$(VENV)/.wheels: requirements/wheels.txt $(VENV)/.tools
+	$(INSTALL) requirements/wheels.txt
 	touch $@
 
 bench: setup $(VENV)/.bench
@@ -122,8 +124,8 @@ bench: setup $(VENV)/.bench
 	$(BIN)/python -m bench.scan
 	$(BIN)/python -m bench.size
 
-$(VENV)/.bench: pyproject.toml $(VENV)/.tools
-	$(BIN)/pip install --quiet --group bench
+$(VENV)/.bench: requirements/bench.txt $(VENV)/.tools
+	$(INSTALL) requirements/bench.txt
 	touch $@
 
 # The documentation in dist/site, to be read without a server; a link that leads nowhere ends it.
@@ -132,8 +134,8 @@ site: setup $(VENV)/.docs
 		$(MAKE) --no-print-directory target/site/.npm && NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict; \
 		else echo "skipped: the site of the documentation, which needs npm"; fi
 
-$(VENV)/.docs: pyproject.toml $(VENV)/.tools
-	$(BIN)/pip install --quiet --group docs
+$(VENV)/.docs: requirements/docs.txt $(VENV)/.tools
+	$(INSTALL) requirements/docs.txt
 	touch $@
 
 # By this the pages of a folder can be searched.
@@ -164,10 +166,20 @@ fuzz: setup $(VENV)/.fuzz
 	$(BIN)/python fuzz/read_csv.py -max_total_time=$(SECONDS)
 	$(BIN)/python fuzz/read_tables.py --files $(FILES)
 
-$(VENV)/.fuzz: $(VENV)/.tools
+$(VENV)/.fuzz: requirements/fuzz.txt $(VENV)/.tools
 	command -v cargo-fuzz >/dev/null || cargo install --quiet cargo-fuzz
-	$(BIN)/pip install --quiet atheris
+	$(INSTALL) requirements/fuzz.txt
 	touch $@
+
+# The locks of the Python packages anew: the newest versions that pyproject.toml allows.
+lock:
+	$(PYTHON) -m venv target/lock
+	target/lock/bin/pip install --quiet --no-deps --require-hashes --requirement requirements/lock.txt
+	target/lock/bin/python requirements/lock.py
+
+# All locks beside a data base of advisories: error 1 where one names a package, error 3 where none can be reached.
+audit:
+	$(PYTHON) requirements/audit.py
 
 clean:
 	rm -rf target out dist $(VENV)

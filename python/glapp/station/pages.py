@@ -144,6 +144,8 @@ def frame(station: Station, session: Session, title: str, here: str) -> Iterator
             )
         elif view.shown.get("failing"):
             text = f"The service cannot write: {view.shown['failing']}. What comes waits in its memory."
+        elif view.shown.get("damaged"):
+            text = view.shown["damaged"][:1].upper() + view.shown["damaged"][1:] + "."
         banner.set_text(text)
         banner.set_visibility(bool(text))
 

@@ -89,8 +89,11 @@ def again(folder: Path) -> tuple[Watch, Users]:
 
 
 def with_evil(told: dict[str, Any]) -> dict[str, Any]:
-    """What is shown, and beside it a loop of that name, whose signal says it too."""
-    return told | {"loops": told["loops"] | {EVIL: told["loops"]["FIC2"] | {"note": EVIL}}}
+    """What is shown, and beside it a loop of that name, whose signal says it too, and a database that lies aside."""
+    return told | {
+        "damaged": f"the database has 0 bytes; it was set aside as {EVIL}",
+        "loops": told["loops"] | {EVIL: told["loops"]["FIC2"] | {"note": EVIL}},
+    }
 
 
 async def main(folder: Path, port: int) -> None:
@@ -128,6 +131,8 @@ async def main(folder: Path, port: int) -> None:
             watch.memory.know([Loop(name=EVIL)])
             watch.status = lambda: with_evil(Watch.status(watch))
             await watch.step()
+        if word == "no evil":
+            del watch.status
         if word == "share":
             await watch.change("FIC0", {"comp_share": 0.7}, "olga", "engineer")
         if word == "one less":

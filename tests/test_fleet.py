@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -28,7 +29,7 @@ from glapp.fleet import lake as lake_of
 from glapp.fleet import run as run_of
 from glapp.fleet.history import CROSSINGS, follow
 from glapp.fleet.lake import DAY, SIGNALS, files_of
-from glapp.fleet.problems import Problem
+from glapp.fleet.problems import LEFT_OUT, LOST, Problem
 from glapp.fleet.results import write_piece
 from glapp.fleet.run import Plan, follow_paths, plan_of, unit_rows
 from glapp.fleet.settings import read_loops
@@ -569,6 +570,15 @@ def test_what_could_be_read_at_the_first_look_and_not_later_ends_the_run(tmp_pat
 
 
 # --- whole runs
+
+
+def test_every_code_of_a_problem_is_in_the_docs() -> None:
+    folder = Path(run_of.__file__).parent
+    source = "".join(path.read_text(encoding="utf-8") for path in folder.glob("*.py") if path.name != "demo.py")
+    told = set(re.findall(r'Problem\(\s*"(\w+)"', source)) | {"no_time", "no_tag", *LOST, *LEFT_OUT}
+    page = (folder.parents[2] / "docs" / "fleet.md").read_text(encoding="utf-8").partition("## What can be wrong")[2]
+    known = {code for line in re.findall(r"^\| (`.*?) \|", page, re.M) for code in re.findall(r"`(\w+)`", line)}
+    assert len(told) > 20 and told <= known, told - known
 
 
 def spoil_times(path: Path) -> None:

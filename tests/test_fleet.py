@@ -572,6 +572,22 @@ def test_what_could_be_read_at_the_first_look_and_not_later_ends_the_run(tmp_pat
 # --- whole runs
 
 
+@pytest.mark.slow
+def test_a_process_that_is_killed_ends_the_run_with_a_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    put(tmp_path / "lake", "FIC1.parquet", wide({name: values[:100] for name, values in signals().items()}))
+
+    def killed(pool: Any, *_: Any) -> None:
+        process = pool.submit(os.getpid)
+        os.kill(process.result(), signal.SIGKILL)
+        pool.submit(os.getpid).result()
+
+    with monkeypatch.context() as patch:
+        patch.setattr(run_of, "_all", killed)
+        with pytest.raises(InputError, match="a process ended in its work, as for want of memory; give it fewer"):
+            fleet.analyze(tmp_path / "lake", tmp_path / "out", workers=1)
+    assert fleet.analyze(tmp_path / "lake", tmp_path / "out", fits=1)["lost"]["files"] == 0
+
+
 def test_every_code_of_a_problem_is_in_the_docs() -> None:
     folder = Path(run_of.__file__).parent
     source = "".join(path.read_text(encoding="utf-8") for path in folder.glob("*.py") if path.name != "demo.py")

@@ -22,6 +22,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -176,8 +177,8 @@ def analyze(
     Raises
     ------
     InputError
-        Where lake or settings cannot be used at all, results cannot be written, or another process writes them. All
-        else that is wrong is a row in the table `problems`.
+        Where lake or settings cannot be used at all, results cannot be written, another process writes them, or one
+        that works for this one ends. All else that is wrong is a row in the table `problems`.
 
     Examples
     --------
@@ -234,6 +235,9 @@ def analyze(
 
         write_report(out)
         return made
+    except BrokenProcessPool:
+        hint = "give it fewer processes (--workers) or more memory, then run it again: it goes on where it stopped"
+        raise InputError("a process ended in its work, as for want of memory", file=str(out), hint=hint) from None
     except OSError as error:
         hint = "make room, then run it again: it goes on where it stopped"
         raise InputError(f"cannot be written: {error.strerror or error}", file=str(out), hint=hint) from None

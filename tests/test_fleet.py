@@ -532,6 +532,22 @@ def test_rows_folders_and_files_that_go_missing_are_counted(tmp_path: Path) -> N
         assert ("folder", "closed") in {(p.code, p.file) for p in files_of(lake)[1]}
 
 
+def test_a_loop_without_sp_beside_others_that_have_it_is_told(tmp_path: Path) -> None:
+    x = {name: values[:60] for name, values in signals().items()}
+    others = [long(x, "FIC2").filter(pa.compute.not_equal(long(x, "FIC2")["tag"], "FIC2.SP")), long(x)]
+    put(tmp_path / "a", "a.parquet", pa.concat_tables(others))
+    names = ["FIC1.SP", "FIC1.PV", "FIC1.OP", "FIC2.PV", "FIC2.OP"]
+    columns = [x["SP"], x["PV"], x["OP"], x["PV"], x["OP"]]
+    put(tmp_path / "b", "b.parquet", pa.table([wide(x)["time"], *columns], ["time", *names]))
+    for lake in "ab":
+        found, problems = rows(planned(tmp_path / lake))
+        assert {name for name, _ in found} == {"FIC1"}
+        assert [(p.code, p.loop) for p in problems] == [("no_sp", "FIC2")]
+    told = '[loops.FIC1]\n[loops.FIC2]\ncolumns = { pv = "FIC2.PV", op = "FIC2.OP" }\n'
+    found, problems = rows(planned(tmp_path / "a", told))
+    assert {name for name, _ in found} == {"FIC1", "FIC2"} and problems == []
+
+
 def test_words_beyond_number_are_counted_as_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(lake_of, "_MOST_WORDS", 3)
     x = {name: values[:50] for name, values in signals().items()}

@@ -532,6 +532,10 @@ def places(
                 problems.append(Problem("no_settings", what, "add the loop to the settings", file=file.name, loop=name))
             elif chosen := of(signals, known, group, file.name, long=False):
                 columns.setdefault(file.name, {})[name] = chosen
+    for signals, label in ((tags, ""), *((Signals(file.columns), file.name) for file in files if not file.long)):
+        for name in sorted(set(signals.passed_over) - set(loops)):
+            what = f"{name} has PV and OP and no SP: it is taken for no loop, because others have SP"
+            problems.append(Problem("no_sp", what, "name it in the settings where it is one", file=label, loop=name))
     if given is not None:
         for group in sorted(set(tags.groups) - set(found)):
             if not any(tags.meant(role, group) and set(tags.meant(role, group)) <= used for role in ("pv",)):

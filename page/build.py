@@ -275,6 +275,7 @@ def build(out: Path) -> None:
     kept |= {name: HERE / f"{name}.js" for name in (*READER, "engine", "worker")}
     run = [
         npm / "uplot/dist/uPlot.iife.min.js",
+        ROOT / "python/glapp/station/static/shown.js",
         *(HERE / f"{n}.js" for n in ("engine", "words", "draw", "windows", "page", "lab")),
     ]
     scripts = [in_script(path.read_text(encoding="utf-8")) for path in run]

@@ -5,11 +5,13 @@ import json
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import service
 from argon2 import PasswordHasher
 from service import loops, values
 
+from glapp import Loop
 from glapp.service.door import Door as Server
 from glapp.service.door import app_of as service_app
 from glapp.service.memory import COLUMNS, Memory
@@ -53,6 +55,10 @@ def answer(verdict: str, width: float | None, low: float | None, high: float | N
     }
 
 
+EVIL = "FIC\u202e9\u200b\x1b[31m\u2066<b>"
+"""A name with turns of direction, an invisible mark and an escape."""
+
+
 def made(folder: Path, count: int = 3) -> tuple[Watch, Users]:
     """A watch over a folder whose first loop has detections until now, and two of which were fitted."""
     begin = float(int(time.time()) - 400)
@@ -80,6 +86,14 @@ def again(folder: Path) -> tuple[Watch, Users]:
     """The same after it was ended: what stands in its folder is what it knows."""
     memory = Memory(folder)
     return Watch(loops(3), memory, bounds=Bounds()), Users(memory, CHEAP)
+
+
+def with_evil(told: dict[str, Any]) -> dict[str, Any]:
+    """What is shown, and beside it a loop of that name, whose signal says it too, and a database that lies aside."""
+    return told | {
+        "damaged": f"the database has 0 bytes; it was set aside as {EVIL}",
+        "loops": told["loops"] | {EVIL: told["loops"]["FIC2"] | {"note": EVIL}},
+    }
 
 
 async def main(folder: Path, port: int) -> None:
@@ -111,6 +125,13 @@ async def main(folder: Path, port: int) -> None:
         if word == "samples":
             watch.take(values("FIC1", 100, begin=time.time() - 120.0))
             await watch.step()
+        if word == "evil":
+            watch.tell(Event(time.time(), EVIL, "late", f"{EVIL} came late"))
+            watch.memory.know([Loop(name=EVIL)])
+            watch.status = lambda: with_evil(Watch.status(watch))
+            await watch.step()
+        if word == "no evil":
+            del watch.status
         if word == "share":
             await watch.change("FIC0", {"comp_share": 0.7}, "olga", "engineer")
         if word == "one less":

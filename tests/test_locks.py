@@ -76,6 +76,14 @@ def test_a_package_has_the_same_versions_in_every_lock() -> None:
             assert seen.setdefault(package, versions) == versions, f"{package} in {name}"
 
 
+def test_make_installs_by_the_locks_and_in_no_other_way() -> None:
+    lines = (ROOT / "Makefile").read_text(encoding="utf-8").splitlines()
+    installing = [line.strip() for line in lines if "pip install" in line]
+    assert installing and all(
+        "--no-deps" in line and ("--require-hashes" in line or "--no-build-isolation" in line) for line in installing
+    ), installing
+
+
 class _Osv(BaseHTTPRequestHandler):
     """Answers as OSV does: an advisory for one package, on a second page."""
 

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import unicodedata
 from pathlib import Path
+from urllib.parse import quote
 
 import numpy as np
 import pyarrow as pa
@@ -18,6 +19,7 @@ import pytest
 from test_cli import GLAPP, rows, run, write
 
 from glapp.errors import InputError
+from glapp.escape import for_spreadsheet
 from glapp.loop import Loop
 from glapp.reading import open_recordings
 from glapp.reading.files import name_of
@@ -205,6 +207,31 @@ def test_a_report_runs_nothing(run, evil):
     assert "<script>alert(1)" not in page
     assert "<img src=x" not in page
     assert page.count("alert(1)") > 2  # told, as text
+    page = re.sub(r"<script>.*?</script>", "", page, flags=re.DOTALL)  # the figures are JSON, in scripts with a type
+    assert harmless(page) and page.count("\\u202e1") > 3, "the turn of direction is shown in text and figures"
+
+
+@pytest.mark.slow
+def test_a_fleet_shows_names_as_the_rest_does(run, evil, tmp_path):
+    """The name of a loop, of an area and of a file that cannot be read, on the terminal and in the report."""
+    lake = tmp_path / "lake"
+    (lake / f"loop={quote(EVIL, safe='')}").mkdir(parents=True)
+    evil(tmp_path / "plant.parquet")
+    table = pq.read_table(tmp_path / "plant.parquet")
+    time = pa.array(np.arange(600) * 1_000_000 + 1_790_000_000_000_000).cast(pa.timestamp("us", tz="UTC"))
+    names = ["t", *(f"FIC1.{name}" for name in ("SP", "PV", "OP"))]
+    pq.write_table(table.set_column(0, "t", time).rename_columns(names), lake / "good.parquet")
+    (lake / f"loop={quote(EVIL, safe='')}" / "x.parquet").write_bytes(b"no Parquet")
+    code, out, err = run("fleet", "analyze", str(lake), "--out", "results", "--fits", "1")
+    assert code == 1 and "1 refused" in out and harmless(out + err), repr(out + err)
+    page = Path("results/report.html").read_text(encoding="utf-8").replace("<wbr>", "")
+    assert harmless(page) and "<script>alert(1)" not in page and "\\u202e1" in page
+
+
+def test_what_a_spreadsheet_computes_in_any_width_is_text():
+    for begin in ("=", "+", "-", "@", "\t=", "\uff1d", "\uff0b", "\uff0d", "\uff20"):
+        assert for_spreadsheet(f"{begin}1+1").startswith("'")
+    assert harmless(for_spreadsheet(f"\u200b{EVIL}"))
 
 
 def test_a_first_loops_toml_of_such_names_can_be_parsed(evil, tmp_path):

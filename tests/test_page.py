@@ -1,6 +1,7 @@
 """The page in the browser: the answers of the command line, without a server and without a network."""
 
 import json
+import re
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -181,6 +182,19 @@ def test_forms_of_export_are_read(page: Any, tmp_path: Path, form: str) -> None:
     assert page.locator("#result h2").inner_text() == export.loop
     said = page.locator("#result").inner_text()
     assert ("Each signal has times of its own" in said) == (export.told == "own_times")
+
+
+def test_what_is_hidden_in_a_name_is_shown(page: Any, recordings: Path, tmp_path: Path) -> None:
+    text = (recordings / "without.csv").read_text(encoding="utf-8")
+    path = tmp_path / "FIC\u202e1\u200b.csv"
+    path.write_text(text, encoding="utf-8")
+    answered(page, path)
+    assert page.locator("#result h2").inner_text() == r"FIC\u202e1\u200b"
+    assert not re.search("[\u200b\u202e]", page.evaluate("() => document.documentElement.innerText"))
+    (tmp_path / "no\u202e.csv").write_text("A,B\n1,2\n", encoding="utf-8")
+    drop(page, tmp_path / "no\u202e.csv")
+    page.wait_for_selector("#wrong:not([hidden])")
+    assert page.locator("#wrong").inner_text().startswith(r"no\u202e.csv: ")
 
 
 def test_a_file_that_cannot_be_read_says_why(page: Any, tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -244,10 +245,55 @@ def test_a_damaged_database_is_set_aside_and_not_written(tmp_path: Path, how: st
     assert len(Signals(tmp_path).read("FIC0", BEGIN, BEGIN + 1e6)) > 150, "signals are files of their own"
 
 
-def test_an_empty_file_is_a_new_database(tmp_path: Path) -> None:
-    (tmp_path / "glapp.db").touch()
-    memory = Memory(tmp_path)
-    assert memory.found is None and memory.loops() == {}
+def foreign(statements: str) -> bytes:
+    with closing(sqlite3.connect(":memory:")) as db:
+        db.executescript(statements)
+        return db.serialize()
+
+
+@pytest.mark.parametrize(
+    ("content", "why"),
+    [
+        (b"", "has 0 bytes"),
+        (foreign("CREATE TABLE notes (text TEXT)"), "is none of glapp's: schema 0 without"),
+        (foreign("CREATE TABLE loops (id, name); PRAGMA user_version = 1"), "is none of glapp's: schema 1 without"),
+        (foreign("CREATE TABLE notes (text TEXT); PRAGMA user_version = -3"), "is none of glapp's: schema -3 without"),
+    ],
+    ids=["0 bytes", "foreign", "foreign of our version", "negative version"],
+)
+def test_an_empty_or_foreign_file_is_damage_that_is_told(tmp_path: Path, content: bytes, why: str) -> None:
+    """A database of 0 bytes was begun anew without a word."""
+    clock, path = Clock(), tmp_path / "glapp.db"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match="is no database of glapp, or an empty file"):
+        Reader(tmp_path)
+    watch = service.watch(tmp_path, loops(), clock)
+    fed(watch, clock, values("FIC0", 20))
+    [aside] = tmp_path.glob("glapp.db.damaged-*Z")
+    assert aside.read_bytes() == content and watch.memory.found is not None
+    [event] = [event for event in watch.reader.events() if event["kind"] == "database_damaged"]
+    assert event["text"].startswith(f"the database {why}") and aside.name in event["text"]
+    told = watch.status()
+    assert told["damaged"] == watch.memory.found and told["loops"]["FIC0"]["health"] == "CHECK_FUNCTION"
+    watch.memory.close()
+    watch.reader.close()
+    with closing(Memory(tmp_path)) as again:
+        assert again.found is None and again.damaged == event["text"], "told until somebody takes the file away"
+        aside.unlink()
+        assert again.damaged is None
+
+
+def test_a_database_that_is_gone_is_told_and_a_new_folder_is_not(tmp_path: Path) -> None:
+    clock = Clock()
+    watch = service.watch(tmp_path, loops(), clock)
+    assert watch.memory.found is None and watch.status()["damaged"] is None
+    fed(watch, clock, values("FIC0", 200))
+    asyncio.run(watch.save())
+    watch.memory.close()
+    watch.reader.close()
+    (tmp_path / "glapp.db").unlink()
+    with closing(Memory(tmp_path)) as again:
+        assert again.found is not None and "there is no glapp.db beside recorded signals" in again.found
 
 
 def test_a_later_schema_is_refused_and_left_alone(tmp_path: Path) -> None:
@@ -326,7 +372,14 @@ def test_a_restore_that_is_killed_leaves_a_database(tmp_path: Path, monkeypatch:
     assert restore(folder, copy) is not None
 
 
-@pytest.mark.parametrize("content", [b"", b"no database at all, but some text" * 200])
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"",
+        b"no database at all, but some text" * 200,
+        foreign("CREATE TABLE loops (id); PRAGMA user_version = 1"),
+    ],
+)
 def test_what_is_no_backup_is_not_restored(tmp_path: Path, content: bytes) -> None:
     folder, copy = tmp_path / "data", tmp_path / "copy.db"
     memory = Memory(folder)

@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("nicegui")
 pytest.importorskip("multipart")
 
-from station_child import PASSWORDS
+from station_child import EVIL, PASSWORDS
 from station_window import LONGEST, Window, logged_in
 from test_station import by_hand
 
@@ -38,6 +38,34 @@ def test_overview_loop_and_events(browser: Any, window: Window) -> None:
     page.get_by_role("link", name="Events").click()
     page.get_by_text("<b>so</b> late").wait_for()
     assert page.wrong == [] and {url.split("/")[2] for url in page.asked if "//" in url} == {window.url.split("/")[2]}
+
+
+HARMLESS = r"() => !/[\p{Cf}\p{Zl}\p{Zp}]|(?![\t\n\r])\p{Cc}/u.test(document.body.innerText + document.title)"
+
+
+def test_a_name_is_shown_with_what_is_hidden_in_it(browser: Any, window: Window) -> None:
+    r"""`\u202e` in a loop's name was shown as it is: in the overview, on its page, among the events."""
+    page = logged_in(browser, window, "vera")
+    window.say("evil")
+    cell = page.locator(".ag-cell[col-id=loop]", has_text="<b>")
+    cell.wait_for()
+    told = r"FIC\u202e9\u200b\x1b[31m\u2066<b>"
+    assert cell.inner_text() == told
+    page.get_by_role("alert").filter(has_text=f"The database has 0 bytes; it was set aside as {told}.").wait_for()
+    cell.locator("a").click()  # the link leads to the loop all the same
+    page.get_by_role("heading", name="<b>").wait_for()
+    assert page.get_by_role("heading", level=1).inner_text() == told
+    assert page.title() == f"{told} – glapp"
+    page.wait_for_function(HARMLESS)
+    page.get_by_role("link", name="Events").click()
+    page.get_by_text("came late").wait_for()
+    assert page.get_by_text("came late").inner_text() == f"{told} came late"
+    page.wait_for_function(HARMLESS)
+    for path in ("/overview.csv", "/events.csv"):
+        text = page.request.get(window.url + path).text()
+        assert told in text and EVIL not in text
+    window.say("no evil")
+    assert page.wrong == []
 
 
 @pytest.mark.verify

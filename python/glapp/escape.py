@@ -11,6 +11,7 @@ import unicodedata
 
 __all__ = ["escaped", "for_spreadsheet", "in_quotes", "one_line"]
 
+_FORMULA = (*"=+-@", *"\uff1d\uff0b\uff0d\uff20", "\t", "\r", "\n")  # the second four in full width, as Excel in Japan
 _OTHER = re.compile(r"[^\n\x20-\x7e]")
 
 
@@ -60,7 +61,7 @@ def for_spreadsheet(text: str) -> str:
     >>> for_spreadsheet("=cmd|' /C calc'!A0"), for_spreadsheet("FIC-101")
     ("'=cmd|' /C calc'!A0", 'FIC-101')
     """
-    return ("'" if text.startswith(("=", "+", "-", "@", "\t", "\r", "\n")) else "") + one_line(text)
+    return ("'" if text.startswith(_FORMULA) else "") + one_line(text)
 
 
 def _shown(char: str) -> str:

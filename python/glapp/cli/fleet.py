@@ -12,7 +12,8 @@ from rich.table import Table
 from rich.text import Text
 
 from ..errors import InputError
-from .screen import err, examples, out, say_note
+from ..escape import one_line
+from .screen import err, examples, out, say_error, say_note
 
 __all__ = ["fleet"]
 
@@ -107,6 +108,7 @@ def analyze(
 ) -> None:
     """Judge all valves of a lake; stopped, it goes on where it was, and later it reads only what is new."""
     from .. import fleet as engines
+    from ..fleet.report import lost_of
 
     with _bar() as bar:
         tasks: dict[str, Any] = {}
@@ -124,11 +126,13 @@ def analyze(
     found = table.filter(table["score"].is_valid()).to_pylist()
     if found:
         out.print(_table(found[:_SHOWN]))
+        if len(found) > _SHOWN:
+            out.print(f"and {len(found) - _SHOWN} more in the report")
     counts = {name: sum(row["valve"] == name for row in table.to_pylist()) for name in ("gap", "no_gap", "unknown")}
-    rest = table.num_rows - sum(counts.values())
+    lost = made["lost"]
     out.print(
         f"{table.num_rows} loops: {counts['gap']} with a gap, {counts['no_gap']} without, {counts['unknown']} "
-        f"cannot be judged, {rest} refused. {made['seconds']:.0f} s.",
+        f"cannot be judged, {lost['loops']} refused. {made['seconds']:.0f} s.",
         soft_wrap=True,
     )
     out.print(f"The report is {results / 'report.html'}, the tables are in {results / made['folder']}.", soft_wrap=True)
@@ -136,8 +140,12 @@ def analyze(
         say_note(
             f"{problems} problems in the lake, each with its place: the report's last part, and the table problems"
         )
+    if told := lost_of(lost):
+        say_error(f"not in the answers: {told}")
     if not table.num_rows:
         raise InputError("no loop of the lake has rows", file=str(lake), hint="see the problems in the report")
+    if lost["loops"] or lost["files"]:
+        raise typer.Exit(1)
 
 
 def _bar() -> Progress:
@@ -161,5 +169,6 @@ def _table(rows: list[dict[str, Any]]) -> Table:
         high = "…" if row["high_percent"] is None else number(row["high_percent"])
         width = f"{number(row['width_percent'])} ({number(row['low_percent'])} to {high})"
         harm = "–" if row["harm"] is None else f"{100 * row['harm']:.0f} %"
-        table.add_row(row["loop"], row["area"] or "", VERDICTS[row["verdict"]], width, harm, number(row["score"], 2))
+        names = (one_line(row["loop"]), one_line(row["area"] or ""))
+        table.add_row(*names, VERDICTS[row["verdict"]], width, harm, number(row["score"], 2))
     return table

@@ -295,6 +295,8 @@ def status(
     rows.append(("as of", f"{_moment(at)}, {_age(time.time() - at)} ago"))
     if body["failing"]:
         rows.append(("memory", body["failing"]))
+    if body.get("damaged"):
+        rows.append(("database", body["damaged"]))
     out.print(key_values(rows))
     table = Table(box=None, header_style="dim", padding=(0, 2, 0, 0))
     for name in ("loop", "seen", "gap (95 %)", "valve", "estimate", "detections", "compensation"):

@@ -14,11 +14,13 @@ A folder with a `_delta_log` is a Delta table: of its files only those are read 
 
 from __future__ import annotations
 
+import os
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, date, datetime
 from itertools import accumulate, groupby
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 from urllib.parse import unquote, urlsplit
 
@@ -46,8 +48,21 @@ from ..reading.values import (
 )
 from ..reading.wide import Reader
 from .problems import Problem
+from .settings import NAMES
 
-__all__ = ["DAY", "SIGNALS", "File", "Group", "Places", "day_name", "files_of", "index_file", "places", "rows_of"]
+__all__ = [
+    "DAY",
+    "SIGNALS",
+    "File",
+    "Group",
+    "Places",
+    "day_name",
+    "files_of",
+    "index_file",
+    "loop_of_path",
+    "places",
+    "rows_of",
+]
 
 SIGNALS = ("pv", "sp", "op", "mode", "op_low_flag", "op_high_flag", "position")
 """Names of the signals by their numbers in the column `signal`."""
@@ -189,12 +204,7 @@ def files_of(lake: Path) -> tuple[list[str], list[Problem]]:
     """
     if not lake.is_dir():
         raise InputError("is no folder", file=str(lake), hint="name the folder of a lake of Parquet files")
-    found = set()
-    for path in lake.rglob("*.parquet"):
-        parts = path.relative_to(lake).parts
-        if path.is_file() and not any(part.startswith(("_", ".")) for part in parts):
-            found.add("/".join(parts))
-    problems = []
+    found, problems = _walked(lake)
     for log in sorted(lake.rglob("_delta_log")):
         table = "/".join(log.relative_to(lake).parts[:-1])
         files, wrong = _delta_files(lake, table)
@@ -202,9 +212,52 @@ def files_of(lake: Path) -> tuple[list[str], list[Problem]]:
         if files is not None:
             inside = {name for name in found if not table or name.startswith(f"{table}/")}
             found = (found - inside) | (inside & files)
+            problems += [
+                Problem("unreadable", "is named by the table's log and is not there", _COPY, file=name)
+                for name in sorted(files - inside)
+            ]
     if not found:
         raise InputError("holds no .parquet file", file=str(lake), hint="glapp fleet make-demo writes a lake to try")
     return sorted(found), problems
+
+
+_COPY = "copy it anew from where it came"
+
+
+def _walked(lake: Path) -> tuple[set[str], list[Problem]]:
+    """The Parquet files below a folder, and what there is that is not read."""
+    found: set[str] = set()
+    problems: list[Problem] = []
+    others: dict[str, list[str]] = {}
+
+    def unread(error: OSError) -> None:
+        name = Path(error.filename).relative_to(lake).as_posix()
+        what = f"is a folder that cannot be read: {error.strerror}"
+        problems.append(Problem("folder", what, "give the reader the right to it", file=name))
+
+    for where, folders, files in os.walk(lake, onerror=unread):
+        at = Path(where)
+        folders[:] = sorted(name for name in folders if not name.startswith(("_", ".")))
+        for name in folders:
+            if (at / name).is_symlink():
+                what = "is a link to a folder, and is not followed"
+                place = (at / name).relative_to(lake).as_posix()
+                problems.append(Problem("folder", what, "put the files themselves into the lake", file=place))
+        for name in sorted(files):
+            place = (at / name).relative_to(lake).as_posix()
+            if name.startswith(("_", ".")) or (at == lake and name in NAMES):
+                continue
+            if not name.lower().endswith(".parquet"):
+                others.setdefault(Path(name).suffix, []).append(place)
+            elif (at / name).exists():
+                found.add(place)
+            else:
+                problems.append(Problem("unreadable", "is a link to nowhere", _COPY, file=place))
+    for ending, names in others.items():
+        kind = f"end in {ending}" if ending else "have no ending"
+        what = f"{len(names)} {'files' if len(names) > 1 else 'file'} that {kind} and not in .parquet: not read"
+        problems.append(Problem("not_read", what, "convert what has signals, or leave it", file=names[0]))
+    return found, problems
 
 
 def _delta_files(lake: Path, table: str) -> tuple[set[str] | None, list[Problem]]:
@@ -221,27 +274,27 @@ def _delta_files(lake: Path, table: str) -> tuple[set[str] | None, list[Problem]
         if more:
             what = f"is a Delta table with {' and '.join(sorted(more))}, which its files alone do not show: left out"
             todo = "purge its deletion vectors, or write it anew without column mapping"
-            return set(), [Problem("delta", what, todo, file=place)]
+            return set(), [Problem("unreadable", what, todo, file=place)]
         root = (lake / table).resolve()
         paths = [Path(unquote(urlsplit(uri).path) if "://" in uri else uri) for uri in known.file_uris()]
         inside = [path.resolve().relative_to(root).as_posix() for path in paths]
     except Exception as error:  # the library has kinds of its own for a damaged log
         what = f"is a Delta table whose log cannot be read, and is left out: {_line(error)}"
-        return set(), [Problem("delta", what, "copy the table anew from where it came", file=place)]
+        return set(), [Problem("unreadable", what, "copy the table anew from where it came", file=place)]
     return {f"{table}/{name}" if table else name for name in inside}, []
 
 
 def index_file(lake: Path, name: str, zone: str | None) -> tuple[File | None, list[Problem]]:
     """Look at a file: its columns, and of each group of rows its time and tags. None where it cannot be used at all."""
     path = lake / name
-    state = path.stat()
     try:
+        state = path.stat()
         with pq.ParquetFile(path) as file:
             columns = [str(field.name) for field in file.schema_arrow if str(field.type)]
             rows = [file.metadata.row_group(i).num_rows for i in range(file.metadata.num_row_groups)]
     except Exception as error:  # the library has no one kind for a damaged file
         what = f"is not a readable Parquet file: {_line(error)}"
-        return None, [Problem("unreadable", what, "copy it anew from where it came", file=name)]
+        return None, [Problem("unreadable", what, _COPY, file=name)]
     folders = _folders(name)
     every = (*columns, *(key for key in folders if key not in columns))
     long = is_long(every)
@@ -259,22 +312,28 @@ def index_file(lake: Path, name: str, zone: str | None) -> tuple[File | None, li
     problems: list[Problem] = []
     groups: list[Group] = []
     qualities: dict[str, None] = {}
+    without: Counter[str] = Counter()
     for i, n in enumerate(rows):
         done = 0
         try:
-            for group, seen, fault in _looked(bare, path, i):
+            for group, seen, fault, lacking in _looked(bare, path, i):
                 groups.append(group)
                 qualities.update(dict.fromkeys(seen[:_MOST_WORDS]))
+                without.update(lacking)
                 if fault is not None:
                     what = f"its times cannot be read: {fault.what}"
                     row = sum(rows[:i]) + done + 1
-                    problems.append(Problem("time", what, fault.hint or "write them as timestamps", name, row))
+                    todo = fault.hint or "write them as timestamps"
+                    problems.append(Problem("time", what, todo, name, row, rows=group.rows))
                 done += group.rows
         except Exception as error:
             groups.append(Group(i, n - done))
             problems.append(_damaged(name, i, sum(rows[:i]) + done, n - done, error))
-    if not any(group.readable for group in groups):
-        return None, problems
+    for code, what in _LACKING.items():
+        if n := without[code]:
+            problems.append(Problem(code, f"{n} rows have no {what}: they are left out", _REPAIR, name, rows=n))
+    if not any(group.readable for group in groups):  # its columns may still tell which loops are lost
+        return replace(bare, groups=tuple(groups)), problems
     if zone is None and _naive(path, bare):
         what = "its times have no zone, and are taken for UTC"
         problems.append(Problem("no_zone", what, "name it: --time-zone, or time_zone in [defaults]", file=name))
@@ -301,27 +360,36 @@ def _folders(name: str) -> dict[str, str]:
     return {key: unquote(value) for key, _, value in pairs if value != "__HIVE_DEFAULT_PARTITION__"}
 
 
-def _looked(file: File, path: Path, i: int) -> Iterator[tuple[Group, list[str], CellFault | None]]:
-    """Time and tags of a group of rows, part by part, the words of its quality, and what is wrong with its times."""
+_LACKING = {"no_time": "time between 1971 and 2100", "no_tag": "tag"}
+_REPAIR = "export them again with it"
+
+
+def _looked(file: File, path: Path, i: int) -> Iterator[tuple[Group, list[str], CellFault | None, dict[str, int]]]:
+    """Time and tags of a group of rows, part by part, and the words of its quality.
+
+    With them what is wrong with its times, and how many rows have no time or no tag.
+    """
     time, tag, quality = file.column("time"), file.column("tag"), file.column("quality")
     wanted = [c for c in (time, tag if file.long else None, quality) if c is not None and c not in file.folders]
     assert time is not None
     for table in _batches(path, i, wanted, [c for c in wanted if c in (tag, quality)]):
         seen = sorted(map(text_of, _distinct(table.column(quality)))) if quality in wanted else []
         try:
-            t, good = _micros(table.column(time), file)[:2]
+            t, good, doubtful = _micros(table.column(time), file)
             t = t[good]
             if not len(t):
                 raise CellFault(0, "no row has a time")
         except CellFault as fault:
-            yield Group(i, len(table)), seen, fault
+            yield Group(i, len(table)), seen, fault, {}
             continue
+        lacking = {"no_time": len(table) - len(t) - doubtful}
         tags: tuple[str, ...] = ()
         if file.long and tag is not None and tag in file.folders:
             tags = (file.folders[str(tag)],)
         elif file.long:
             tags = tuple(sorted(_distinct(table.column(str(tag)))))
-        yield Group(i, len(table), int(t.min()), int(t.max()), tags), seen, None
+            lacking["no_tag"] = int(plain(table.column(str(tag))).null_count)
+        yield Group(i, len(table), int(t.min()), int(t.max()), tags), seen, None, lacking
 
 
 def _batches(
@@ -439,9 +507,8 @@ def places(
                 role: name for role, name in choose(signals, loop, group, label, tags=long).items() if role in SIGNALS
             }
         except InputError as error:
-            if given is not None:
-                todo = error.hint or "name its tags in the settings: columns"
-                problems.append(Problem("loop_tags", error.what, todo, file="" if long else label, loop=loop.name))
+            todo = error.hint or "name its tags in the settings: columns"
+            problems.append(Problem("loop_tags", error.what, todo, file="" if long else label, loop=loop.name))
             return None
 
     if tags.names:
@@ -465,13 +532,17 @@ def places(
                 problems.append(Problem("no_settings", what, "add the loop to the settings", file=file.name, loop=name))
             elif chosen := of(signals, known, group, file.name, long=False):
                 columns.setdefault(file.name, {})[name] = chosen
+    for signals, label in ((tags, ""), *((Signals(file.columns), file.name) for file in files if not file.long)):
+        for name in sorted(set(signals.passed_over) - set(loops)):
+            what = f"{name} has PV and OP and no SP: it is taken for no loop, because others have SP"
+            problems.append(Problem("no_sp", what, "name it in the settings where it is one", file=label, loop=name))
     if given is not None:
         for group in sorted(set(tags.groups) - set(found)):
             if not any(tags.meant(role, group) and set(tags.meant(role, group)) <= used for role in ("pv",)):
                 what = f"the lake holds the tags of {group}, which no settings name"
                 problems.append(Problem("no_settings", what, "add the loop to the settings", loop=group))
     having = sorted(set(found) | {name for file in columns.values() for name in file})
-    for name in sorted(set(loops) - set(having)):
+    for name in sorted({loop.name for loop in given or ()} - set(having)):
         what = "its settings are there, and none of its tags"
         problems.append(Problem("no_tags", what, "check the names of the tags, and the export", loop=name))
     place = {name: i for i, name in enumerate(having)}
@@ -483,6 +554,21 @@ def places(
 
     wide = {file: numbered(chosen) for file, chosen in columns.items()}
     return Places(tuple(loops[name] for name in having), numbered(found), wide), problems
+
+
+def loop_of_path(name: str, files: Iterable[File], known: Places) -> str | None:
+    """The loop whose file this was, as far as its path tells, without a look at the file; None where it does not.
+
+    A folder tells it, `loop=FIC101` or `tag=FIC101.PV`; or the file stands where others have the names of their loops.
+    """
+    folders = _folders(name)
+    if "loop" in folders:
+        return folders["loop"]
+    if "tag" in folders:
+        return understand(folders["tag"]).loop or None
+    path, loops = PurePosixPath(name), {loop.name for loop in known.loops}
+    beside = (file for file in files if not file.long and PurePosixPath(file.name).parent == path.parent)
+    return path.stem if any(file.stem in loops for file in beside) else None
 
 
 @dataclass
@@ -663,7 +749,8 @@ def _values(
         except CellFault as fault:
             if fault.value is None or not len(rows) or not is_text(plain(cells).type):
                 row = int(rows[0]) + 1 if len(rows) else None
-                problems.append(Problem("value", fault.what, "export numbers", file.name, row, name, loop.name))
+                todo, n = "export numbers", len(cells)
+                problems.append(Problem("value", fault.what, todo, file.name, row, name, loop.name, rows=n))
                 break
             texts = pc.utf8_trim_whitespace(plain(cells))
             wrong = pc.equal(texts, str(fault.value).strip()).fill_null(False)
@@ -671,6 +758,10 @@ def _values(
             row = int(rows[fault.index]) + 1
             problems.append(Problem("value", fault.what, todo, file.name, row, name, loop.name, rows=n))
             cells = pc.if_else(wrong, pa.scalar("MAN" if role == "mode" else "", pa.string()), texts)
+    else:
+        what = f"has more than {_MOST_WORDS} different words that are no number: all {len(cells)} rows count as missing"
+        row = int(rows[0]) + 1
+        problems.append(Problem("value", what, "export numbers", file.name, row, name, loop.name, rows=len(cells)))
     return np.full(len(cells), missing)
 
 

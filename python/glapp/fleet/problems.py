@@ -7,7 +7,13 @@ from typing import NamedTuple
 
 import pyarrow as pa
 
-__all__ = ["PROBLEMS", "Problem", "problem_table", "problems_of"]
+__all__ = ["LEFT_OUT", "LOST", "PROBLEMS", "Problem", "problem_table", "problems_of"]
+
+LOST = frozenset({"changed", "damaged", "folder", "time", "unreadable"})
+"""Codes of what is there and could not be read: a file, a folder, or some rows of a file."""
+
+LEFT_OUT = frozenset({"clock_change", "no_tag", "no_time", "unit", "value"})
+"""Codes of rows that were read and not used."""
 
 
 class Problem(NamedTuple):

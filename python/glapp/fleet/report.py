@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -12,7 +12,7 @@ from ..report.html import templates
 from ..writing import write_file
 from .results import manifest, read
 
-__all__ = ["write_report"]
+__all__ = ["lost_of", "write_report"]
 
 FIRST = 50
 """Valves in the first list; the table `loops` has all."""
@@ -109,7 +109,7 @@ def write_report(out: str | Path) -> Path:
         "scale": _scale(ranked[:FIRST]),
         "short": _in_short(loops, ranked, judged),
         "paretos": [
-            (title, groups)
+            (title, groups, len({row[name] for row in loops if row[name]}) - len(groups))
             for title, name in (("area", "area"), ("type of valve", "valve_type"), ("positioner", "positioner"))
             if len(groups := _groups(loops, name)) > 1
         ],
@@ -119,11 +119,33 @@ def write_report(out: str | Path) -> Path:
         "within": [row for row in scored if row["acceptable"] == "within"],
         "others": [row for row in loops if row["score"] is None and row["valve"] == "gap"],
         "problems": _problems(read(out, "problems").to_pylist()),
+        "lost": lost_of(made["lost"]),
+        "partly": [row for row in loops if row["lost"] and row["valve"] != "refused"],
+        "worn_in_all": sum(bool(row["changes"]) for row in loops),
         "span": _span(loops),
     }
     path = out / "report.html"
     write_file(path, page.render(known))
     return path
+
+
+def lost_of(lost: Mapping[str, int]) -> str:
+    """What of the lake is not in the answers, in sentences; empty where nothing is.
+
+    Examples
+    --------
+    >>> lost_of({"loops": 5, "files": 5, "rows": 7500, "left_out": 0})
+    '5 loops refused. 5 files could not be read in whole or in part (7500 rows, as far as is known).'
+    """
+    told = []
+    if n := lost["loops"]:
+        told.append(f"{words.count(n, 'loop')} refused.")
+    if n := lost["files"]:
+        rows = f" ({words.count(lost['rows'], 'row')}, as far as is known)" if lost["rows"] else ""
+        told.append(f"{words.count(n, 'file')} could not be read in whole or in part{rows}.")
+    if n := lost["left_out"]:
+        told.append(f"{words.count(n, 'row')} left out for their time, tag, unit or value.")
+    return " ".join(told)
 
 
 def _in_short(loops: Sequence[Any], ranked: Sequence[Any], judged: Sequence[Any]) -> str:

@@ -38,6 +38,7 @@ INPUTS = pa.schema(
         ("mtime_ns", pa.int64()),
         ("layout", pa.string()),
         ("rows", pa.int64()),
+        ("unreadable", pa.int64()),
         ("first", pa.timestamp("us", tz="UTC")),
         ("last", pa.timestamp("us", tz="UTC")),
     ]
@@ -130,8 +131,9 @@ def manifest(out: str | Path) -> dict[str, Any]:
     Returns
     -------
     dict
-        `folder` of the tables, `tables` (rows and checksum of each), `provenance`, `lake`, `written`, `engine` and
-        `seconds`.
+        `folder` of the tables, `tables` (rows and checksum of each), `lost` (refused `loops`, `files` of which
+        something could not be read, their `rows` as far as they are known, rows `left_out`), `provenance`, `lake`,
+        `written`, `engine` and `seconds`.
 
     Raises
     ------

@@ -22,6 +22,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -37,11 +38,11 @@ from ..loop import Loop
 from ..service.memory import Lock
 from ..writing import write_file
 from .history import CROSSINGS, FOLLOWED, follow
-from .lake import DAY, File, Places, files_of, index_file, places, rows_of, touched
-from .problems import Problem, problem_table
+from .lake import DAY, File, Places, files_of, index_file, loop_of_path, places, rows_of, touched
+from .problems import LEFT_OUT, LOST, Problem, problem_table, problems_of
 from .results import INPUTS, digest, publish, read_piece, write_piece
 from .settings import NAMES, read_loops
-from .windows import DAYS, FITS, LOOPS, SAMPLES, WINDOWS, choose, cut, judge, look
+from .windows import DAYS, FITS, LOOPS, SAMPLES, WINDOWS, choose, cut, judge, look, refused
 
 __all__ = [
     "AT_ONCE",
@@ -57,6 +58,8 @@ __all__ = [
     "judged_key",
     "looks_of",
     "plan_of",
+    "problems_at",
+    "read_again",
     "states_of",
     "tidy",
     "together",
@@ -68,7 +71,7 @@ __all__ = [
 AT_ONCE = 4_000_000
 """Rows of a unit at most, as far as its files show it: some 0.5 GB of memory a process."""
 
-_FORM = 2
+_FORM = 3
 """Form of the pieces: a later one makes all of them anew."""
 
 
@@ -111,9 +114,13 @@ class Unit:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """What is to be done, before any signal was read."""
+    """What is to be done, before any signal was read.
+
+    `given` are the loops of the settings, none where there are no settings.
+    """
 
     lake: Path
+    given: tuple[Loop, ...]
     places: Places
     units: tuple[Unit, ...]
     files: tuple[File, ...]
@@ -170,8 +177,8 @@ def analyze(
     Raises
     ------
     InputError
-        Where lake or settings cannot be used at all, results cannot be written, or another process writes them. All
-        else that is wrong is a row in the table `problems`.
+        Where lake or settings cannot be used at all, results cannot be written, another process writes them, or one
+        that works for this one ends. All else that is wrong is a row in the table `problems`.
 
     Examples
     --------
@@ -205,20 +212,20 @@ def analyze(
         plan = plan_of(lake, names, out, loops, time_zone, fits, tell, workers or os.cpu_count() or 1)
         plan = replace(plan, problems=(*wrong, *plan.problems))
         made_of, problems = work(plan, out, tell)
-        judged = set(made_of["loops"]["loop"].to_pylist())
-        for name in (loop.name for loop in plan.places.loops if loop.name not in judged):
-            what = "none of its rows can be used, and it is not judged"
-            problems.append(Problem("no_rows", what, "see what is wrong with its files", loop=name))
+        problems = [*plan.problems, *problems, *_changed(plan)]
+        made_of["loops"], more = _whole(made_of["loops"], plan, problems)
+        problems += more
         orders = {"days": ("day", "part"), "crossings": ("day", "part"), "windows": ("first",)}
         tables = {
             **{name: made_of[name].sort_by([(c, "ascending") for c in ("loop", *by)]) for name, by in orders.items()},
             "loops": _ranked(made_of["loops"]),
-            "problems": problem_table([*plan.problems, *problems]),
+            "problems": problem_table(problems),
             "inputs": _inputs(plan.files),
         }
         about = {
             "provenance": {"glapp": version("glapp"), "settings": plan.settings, "fits": fits},
             "lake": str(lake),
+            "lost": _lost(tables),
             "written": datetime.now(UTC).isoformat(timespec="seconds"),
             "engine": engine,
             "seconds": round(time.monotonic() - begun, 3),
@@ -228,11 +235,94 @@ def analyze(
 
         write_report(out)
         return made
+    except BrokenProcessPool:
+        hint = "give it fewer processes (--workers) or more memory, then run it again: it goes on where it stopped"
+        raise InputError("a process ended in its work, as for want of memory", file=str(out), hint=hint) from None
     except OSError as error:
         hint = "make room, then run it again: it goes on where it stopped"
         raise InputError(f"cannot be written: {error.strerror or error}", file=str(out), hint=hint) from None
     finally:
         lock.release()
+
+
+REFUSED = ("loop_tags", "no_tags", "settings", "unreadable")
+"""Codes of problems of the plan that leave a loop without a row, the one to be told first."""
+
+
+def _whole(loops: pa.Table, plan: Plan, problems: Sequence[Problem]) -> tuple[pa.Table, list[Problem]]:
+    """The answers with a row of every loop that is known and was not judged, refused with its reason.
+
+    Each row gets how many files with its signals, or parts of them, could not be read. A loop that only its files'
+    names tell is one of those that were lost with all their files.
+    """
+    known = {loop.name: loop for loop in (*plan.given, *plan.places.loops)}
+    more: list[Problem] = []
+    judged = set(loops["loop"].to_pylist())
+    lost = _parts_lost(plan, problems)
+    why = {one.file: f": {one.file}: {one.what}" for one in reversed(problems) if one.code in LOST}
+    rows = [loops]
+    for loop in plan.places.loops:
+        if loop.name not in judged:
+            first = next(iter(lost.get(loop.name, [])), "")
+            what = f"none of its rows can be used, and it is not judged{why.get(first, '')}"
+            more.append(Problem("no_rows", what, "see what is wrong with its files", loop=loop.name))
+            rows.append(refused(loop, "no_rows", what))
+            judged.add(loop.name)
+    for code in REFUSED:
+        for one in (problem for problem in problems if problem.code == code):
+            name = one.loop or (f"row {one.row} of {one.file}" if code == "settings" and one.row else "")
+            if code == "unreadable" and not plan.given:
+                name = loop_of_path(one.file, plan.files, plan.places) or ""
+                lost.setdefault(name, []).append(one.file)
+            if name and name not in judged:
+                what = f"{one.file}: {one.what}" if one.file else one.what
+                rows.append(refused(known.get(name) or Loop(name=name), code, what))
+                judged.add(name)
+    table = pa.concat_tables(rows)
+    counts = [len(lost.get(name, ())) for name in table["loop"].to_pylist()]
+    return table.set_column(LOOPS.get_field_index("lost"), LOOPS.field("lost"), pa.array(counts, pa.int64())), more
+
+
+def _parts_lost(plan: Plan, problems: Sequence[Problem]) -> dict[str, list[str]]:
+    """Of every loop the files with its signals of which something could not be read, once a part that is lost."""
+    of_file: dict[str, int] = {}
+    for name, _ in {(one.file, one.row) for one in problems if one.code in LOST}:
+        of_file[name] = of_file.get(name, 0) + 1
+    found: dict[str, list[str]] = {}
+    for file in plan.files:
+        if parts := of_file.get(file.name):
+            at = plan.places.of(file)
+            for k in {at[name][0] for name in (file.tags if file.long else at) if name in at}:
+                found.setdefault(plan.places.loops[k].name, []).extend([file.name] * parts)
+    return found
+
+
+def _changed(plan: Plan) -> list[Problem]:
+    """Files that are others now than when they were looked at: what was read of them may be of either."""
+
+    def state(file: File) -> tuple[int, int] | None:
+        try:
+            found = (plan.lake / file.name).stat()
+        except OSError:
+            return None
+        return found.st_size, found.st_mtime_ns
+
+    what, todo = "changed while it was read", "run it once more, when nothing writes into the lake"
+    return [
+        Problem("changed", what, todo, file.name) for file in plan.files if state(file) != (file.size, file.mtime_ns)
+    ]
+
+
+def _lost(tables: Mapping[str, pa.Table]) -> dict[str, int]:
+    """What of the lake is not in the answers: the one count for the headline, the report and the exit code."""
+    problems = problems_of(tables["problems"])
+    parts = [one for one in problems if one.code in LOST]
+    return {
+        "loops": pc.sum(pc.equal(tables["loops"]["valve"], "refused")).as_py() or 0,
+        "files": len({one.file for one in parts}),
+        "rows": sum(one.rows for one in parts),
+        "left_out": sum(one.rows for one in problems if one.code in LEFT_OUT),
+    }
 
 
 def plan_of(
@@ -264,7 +354,7 @@ def plan_of(
         version("glapp"), _FORM, [loop.model_dump(mode="json", exclude={"file", "files"}) for loop in known.loops]
     )
     units = _units(files, known)
-    return Plan(lake, known, tuple(units), tuple(files), (*problems, *wrong), fits, told)
+    return Plan(lake, tuple(given or ()), known, tuple(units), tuple(files), (*problems, *wrong), fits, told)
 
 
 def _indexed(
@@ -353,6 +443,11 @@ def _inputs(files: Sequence[File]) -> pa.Table:
     rows = []
     for file in files:
         groups = [group for group in file.groups if group.readable]
+        ends = (
+            {"first": min(group.first for group in groups), "last": max(group.last for group in groups)}
+            if groups
+            else {}
+        )
         rows.append(
             {
                 "file": file.name,
@@ -360,8 +455,8 @@ def _inputs(files: Sequence[File]) -> pa.Table:
                 "mtime_ns": file.mtime_ns,
                 "layout": "long" if file.long else "wide",
                 "rows": sum(group.rows for group in groups),
-                "first": min(group.first for group in groups),
-                "last": max(group.last for group in groups),
+                "unreadable": sum(group.rows for group in file.groups if not group.readable),
+                **ends,
             }
         )
     return pa.Table.from_pylist(rows, schema=INPUTS)
@@ -574,14 +669,35 @@ def unit_rows(plan: Plan, unit: Unit) -> tuple[dict[int, pa.Table], list[Problem
     return rows_of(plan.lake, unit.files, plan.places, unit.loops, unit.begin, unit.end)
 
 
+def read_again(plan: Plan, unit: Unit, known: Iterable[Problem]) -> dict[int, pa.Table]:
+    """The rows of a unit that was looked at, with the problems that were met then.
+
+    Raises
+    ------
+    InputError
+        Where something cannot be read now that could be then: left out here it would be lost without a word.
+    """
+    rows, problems = unit_rows(plan, unit)
+    for one in sorted(set(problems) - set(known)):
+        hint = "see that the disk and the network hold, then run it again: it goes on where it stopped"
+        raise InputError(f"could be read before, and not now: {one.what}", file=str(plan.lake / one.file), hint=hint)
+    return rows
+
+
+def problems_at(path: Path) -> list[Problem]:
+    """The problems that were met in making a piece."""
+    return read_piece(path, columns=["loop"])[1]
+
+
 def _follow(i: int, before: Sequence[Path], path: Path) -> None:
     plan, work = _plan()
     unit = plan.units[i]
-    looks = looks_of(work / "days" / f"{unit.key}.parquet")
+    looked_at = work / "days" / f"{unit.key}.parquet"
+    looks = looks_of(looked_at)
     states: dict[str, str] = {}
     for one in before:
         states.update(states_of(one))
-    rows, _ = unit_rows(plan, unit)
+    rows = read_again(plan, unit, problems_at(looked_at))
     made = {}
     for k, table in rows.items():
         loop = plan.places.loops[k]
@@ -614,8 +730,9 @@ def states_of(path: Path) -> Iterable[tuple[str, str]]:
 
 
 def _cut(i: int, chosen: dict[int, list[tuple[int, int]]], path: Path) -> None:
-    plan, _ = _plan()
-    rows, _ = unit_rows(plan, plan.units[i])
+    plan, work = _plan()
+    unit = plan.units[i]
+    rows = read_again(plan, unit, problems_at(work / "days" / f"{unit.key}.parquet"))
     write_piece(path, (cut(rows[k], plan.places.loops[k], w) for k, w in sorted(chosen.items()) if k in rows), SAMPLES)
 
 

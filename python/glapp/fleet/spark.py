@@ -40,6 +40,8 @@ from .run import (
     follow_paths,
     judged_key,
     looks_of,
+    problems_at,
+    read_again,
     states_of,
     tidy,
     together,
@@ -96,10 +98,10 @@ def run(plan: Plan, out: Path, stage: Stage) -> tuple[dict[str, pa.Table], list[
     return {"days": days, "crossings": crossings, "windows": windows, "loops": loops}, problems
 
 
-def _units(spark: Any, plan: Plan, which: Sequence[int]) -> Any:
-    """The rows of units."""
+def _units(spark: Any, plan: Plan, which: Sequence[int], known: dict[int, list[Problem]] | None = None) -> Any:
+    """The rows of units; of such as were looked at the problems that were met then."""
     ids = spark.createDataFrame([(i,) for i in which], "id int").repartition(len(which))
-    return ids.mapInArrow(_reader(plan), _ROWS)
+    return ids.mapInArrow(_reader(plan, known), _ROWS)
 
 
 def _look_at(spark: Any, plan: Plan, paths: Sequence[Path], stage: Stage) -> None:
@@ -152,7 +154,8 @@ def _follow(spark: Any, plan: Plan, looks: Sequence[Path], paths: Sequence[Path]
         told = [(name, states.get(name), _bytes(pa.concat_tables(of))) for name, of in having.items()]
         made: dict[int, dict[str, pa.Table]] = {i: {} for i in wave}
         if told:
-            rows = _units(spark, plan, wave).filter("problem is null").groupBy("loop")
+            met = {i: problems_at(looks[i]) for i in wave}
+            rows = _units(spark, plan, wave, met).groupBy("loop")
             given = spark.createDataFrame(told, _STATES).groupBy("loop")
             for name, units, table in rows.cogroup(given).applyInArrow(_follower(plan), _FOLLOWED).collect():
                 every = _table(table)
@@ -194,7 +197,8 @@ def _judged(spark: Any, plan: Plan, work: Path, days: pa.Table, crossings: pa.Ta
         asked = sorted({i for _, i in here})
         if asked:
             ids = spark.createDataFrame([(i,) for i in asked], "id int").repartition(len(asked))
-            samples = ids.mapInArrow(_cutter(plan, here), _SAMPLES)
+            met = {i: problems_at(work / "days" / f"{plan.units[i].key}.parquet") for i in asked}
+            samples = ids.mapInArrow(_cutter(plan, here, met), _SAMPLES)
         else:
             samples = spark.createDataFrame([], _SAMPLES)
         names = [plan.places.loops[k].name for k in sorted(wave)]
@@ -223,13 +227,18 @@ def _table(made: bytes) -> pa.Table:
     return pa.ipc.open_stream(made).read_all()
 
 
-def _reader(plan: Plan) -> Callable[[Iterator[pa.RecordBatch]], Iterator[pa.RecordBatch]]:
-    """Units to their rows; a problem is a row of no loop."""
+def _reader(
+    plan: Plan, known: dict[int, list[Problem]] | None
+) -> Callable[[Iterator[pa.RecordBatch]], Iterator[pa.RecordBatch]]:
+    """Units to their rows; a problem is a row of no loop, where it is not known from the look at them."""
 
     def read(batches: Iterator[pa.RecordBatch]) -> Iterator[pa.RecordBatch]:
         for batch in batches:
             for i in batch.column(0).to_pylist():
-                tables, problems = unit_rows(plan, plan.units[i])
+                if known is None:
+                    tables, problems = unit_rows(plan, plan.units[i])
+                else:
+                    tables, problems = read_again(plan, plan.units[i], known[i]), []
                 for k, table in sorted(tables.items()):
                     n = len(table)
                     none = pa.array([0], pa.int32()).take(pa.nulls(n, pa.int64()).fill_null(0))
@@ -298,12 +307,12 @@ def _follower(plan: Plan) -> Callable[[tuple[Any, ...], pa.Table, pa.Table], pa.
 
 
 def _cutter(
-    plan: Plan, chosen: dict[tuple[int, int], list[tuple[int, int]]]
+    plan: Plan, chosen: dict[tuple[int, int], list[tuple[int, int]]], known: dict[int, list[Problem]]
 ) -> Callable[[Iterator[pa.RecordBatch]], Iterator[pa.RecordBatch]]:
     def cutted(batches: Iterator[pa.RecordBatch]) -> Iterator[pa.RecordBatch]:
         for batch in batches:
             for i in batch.column(0).to_pylist():
-                rows, _ = unit_rows(plan, plan.units[i])
+                rows = read_again(plan, plan.units[i], known[i])
                 for k, table in sorted(rows.items()):
                     if windows := chosen.get((k, i)):
                         made = cut(table, plan.places.loops[k], windows)

@@ -33,7 +33,7 @@ from ..recording import AT_HIGH, AT_LOW, BAD, NOT_AUTO
 from ..report import words
 from ..result import HalfPeriods, Result, Settings
 from ..samples import Samples
-from .lake import SIGNALS
+from .lake import SIGNALS, day_name
 from .problems import Problem
 
 __all__ = [
@@ -50,6 +50,7 @@ __all__ = [
     "judge",
     "look",
     "on_pv",
+    "refused",
     "signals_of",
 ]
 
@@ -158,6 +159,7 @@ LOOPS = pa.schema(
         ("first", US),
         ("last", US),
         ("rows", pa.int64()),
+        ("lost", pa.int64()),
         ("windows", pa.int64()),
         ("verdict", pa.string()),
         ("valve", pa.string()),
@@ -460,12 +462,16 @@ def judge(
         Its settings.
     """
     looks = sorted(days.to_pylist(), key=_order)
-    heard = max(crossings.to_pylist(), key=_order, default=None)
-    problems = _problems(loop, looks)
+    followed = crossings.to_pylist()
+    heard = max((day for day in followed if day["crossings_code"] != "fault"), key=_order, default=None)
+    problems = _problems(loop, looks, followed)
     fit: Fit | None = None
     windows: list[dict[str, Any]] = []
     try:
-        recordings = _recordings(samples, loop)
+        recordings, short = _recordings(samples, loop)
+        if short:
+            what = f"{short} chosen windows have fewer than two values of PV, and are not fitted"
+            problems.append(Problem("window", what, "nothing; more rows a day give better windows", loop=loop.name))
         if recordings:
             of = [_look_of(one, looks) for one in recordings]
             known = [_known(day) for day in of]
@@ -483,8 +489,24 @@ def judge(
     except Exception as error:  # not to lose all other loops
         told = error if isinstance(error, InputError) else unforeseen(error, None, loop.name)
         problems.append(Problem("fault", str(told), "report it", loop=loop.name))
+        return refused(loop, "fault", str(told), looks), WINDOWS.empty_table(), problems
+    if fit is None:
+        fit = _not_fitted(looks, loop)
     row = _row(_loop_row(loop, looks, heard, fit, windows), LOOPS)
     return row, pa.Table.from_pylist(windows, schema=WINDOWS), problems
+
+
+def refused(loop: Loop, code: str, reason: str, looks: Sequence[dict[str, Any]] = ()) -> pa.Table:
+    """A row of `LOOPS` of a loop that is not judged: why.
+
+    Examples
+    --------
+    >>> refused(Loop(name="FIC1"), "no_rows", "none of its rows can be used").select(["loop", "valve"]).to_pylist()
+    [{'loop': 'FIC1', 'valve': 'refused'}]
+    """
+    heard = {name: None for name in ("d_hat", "k", "ti", "td", "tf")} | {"detections": 0, "rejected": "{}"}
+    heard |= {"crossings": "refused", "crossings_code": code, "crossings_reason": reason}
+    return _row(_loop_row(loop, list(looks), heard, None, []) | {"hindrance": "data"}, LOOPS)
 
 
 def _order(row: dict[str, Any]) -> tuple[int, int]:
@@ -498,19 +520,22 @@ def _look_of(recording: Samples, looks: Sequence[dict[str, Any]]) -> dict[str, A
     return began[-1]
 
 
-def _recordings(samples: pa.Table, loop: Loop) -> list[Samples]:
-    """A recording a window, in the order of time; what has too few rows to be one is left out."""
+def _recordings(samples: pa.Table, loop: Loop) -> tuple[list[Samples], int]:
+    """A recording a window, in the order of time, and how many windows have too few rows to be one."""
     window, t = samples.column("window").to_numpy(), samples.column("t").to_numpy()
     order = np.lexsort((t, window))
     cuts = np.flatnonzero(np.diff(window[order])) + 1
     found = []
-    for rows in np.split(order, cuts):
+    short = 0
+    for rows in np.split(order, cuts) if len(order) else ():
         part = samples.take(pa.array(rows))
         columns = {name: part.column(name).to_numpy() for name in ("sp", "pv", "op", "position", "flags")}
         signals = {name: x for name, x in columns.items() if name in ("pv", "flags") or not np.isnan(x).all()}
         if len(rows) > 1 and np.isfinite(columns["pv"]).any():
             found.append(_samples(loop, part.column("t").to_numpy(), signals))
-    return found
+        else:
+            short += 1
+    return found, short
 
 
 def _known(day: dict[str, Any]) -> Any:
@@ -617,8 +642,6 @@ def _loop_row(
         if heard["crossings"] == "refused":
             heard["crossings_code"] = heard["crossings_code"] or last["unfit_code"]
             heard["crossings_reason"] = heard["crossings_reason"] or last["unfit_reason"]
-    if fit is None and (none := _not_fitted(looks, loop)) is not None:
-        fit = none
     result = Result(
         name=loop.name,
         source="lake",
@@ -666,6 +689,7 @@ def _loop_row(
         "first": min((day["first"] for day in dated), default=None),
         "last": max((day["last"] for day in dated), default=None),
         "rows": rows,
+        "lost": 0,
         "windows": sum(w["reason_code"] is not None for w in windows),
         "verdict": "oscillation" if swings else answer.verdict,
         "valve": answer.valve,
@@ -774,11 +798,15 @@ def _hindrance(looks: list[dict[str, Any]], code: str | None, findings: Sequence
     return told if told != "evidence" else next((of[one] for one in findings if one in of), told)
 
 
-def _problems(loop: Loop, looks: list[dict[str, Any]]) -> list[Problem]:
-    """What a loop's days tell that is wrong with the lake and not with the loop."""
-    found = []
+def _problems(loop: Loop, looks: list[dict[str, Any]], crossings: list[dict[str, Any]]) -> list[Problem]:
+    """What a loop's days tell that is wrong with the lake and not with the loop, and faults over its crossings."""
+    found = [
+        Problem("fault", day["crossings_reason"], "report it", loop=loop.name, day=day_name(day["day"]))
+        for day in crossings
+        if day["crossings_code"] == "fault"
+    ]
     for day in looks:
-        when: dict[str, Any] = {"loop": loop.name, "day": _moment(int(day["day"]) * 86_400_000_000).date().isoformat()}
+        when: dict[str, Any] = {"loop": loop.name, "day": day_name(day["day"])}
         if day["doubled"]:
             what = f"{day['doubled']} rows stand there more than once, and count once"
             found.append(

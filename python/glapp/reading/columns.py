@@ -156,6 +156,8 @@ class Signals:
     groups : list of str
         Loops that have SP and PV, in the order in which they appear; where none has, those with PV and OP. "" stands
         for names without a prefix.
+    passed_over : list of str
+        Those with PV and OP that are not taken for loops, because others have SP.
 
     Examples
     --------
@@ -189,8 +191,10 @@ class Signals:
                 self._meant.setdefault((role, loop), []).extend(same)
         # A transmitter has an output as well: where there are setpoints, what has none is no loop.
         kinds = ({"sp", "pv"}, {"pv", "op"})
-        having = ([loop for loop, have in roles.items() if kind <= have] for kind in kinds)
-        self.groups = next((groups for groups in having if groups), [])
+        having = [[loop for loop, have in roles.items() if kind <= have] for kind in kinds]
+        with_sp, with_op = having
+        self.groups = with_sp or with_op
+        self.passed_over = [loop for loop in with_op if loop not in set(self.groups)]
         self._exact = set(self.groups)
         self._group = {group.lower(): group for group in reversed(self.groups)}
 

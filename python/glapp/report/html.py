@@ -19,6 +19,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 from plotly.offline import get_plotlyjs
 
+from ..escape import escaped
 from ..writing import GENERATOR, write_file
 from . import figures, words
 from .view import LoopView, bar
@@ -117,6 +118,7 @@ def templates() -> Environment:
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
+        finalize=lambda shown: escaped(shown) if type(shown) is str else shown,
     )
     pages.filters |= {"breakable": _breakable, "tight": _tight}
     pages.tests["judged"] = words.judged
@@ -135,7 +137,7 @@ def templates() -> Environment:
 
 def _breakable(name: str) -> Markup:
     """Let long tags break where people break them: after a dot, slash, dash, underscore or colon."""
-    return Markup("").join(escape(c) + Markup("<wbr>" if c in "./\\-_:" else "") for c in name)
+    return Markup("").join(escape(c) + Markup("<wbr>" if c in "./\\-_:" else "") for c in escaped(name))
 
 
 def _tight(text: str) -> str:
@@ -162,6 +164,8 @@ def _payload(drawn: Mapping[str, go.Figure]) -> Markup:
                     specs.append(node)
                 return {"$": arrays[name]}
             return {k: shared(v) for k, v in node.items()}
+        if isinstance(node, str):
+            return escaped(node)
         return [shared(v) for v in node] if isinstance(node, list) else node
 
     stored = {name: shared(json.loads(figure.to_json())) for name, figure in drawn.items()}

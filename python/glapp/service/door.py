@@ -463,6 +463,7 @@ class _Numbers(Collector):
         found: list[Metric] = [
             _gauge("glapp_up_seconds", "Time since the service began", status["now"] - status["begun"]),
             _gauge("glapp_memory_failing", "1 where the memory cannot be written", float(bool(status["failing"]))),
+            _gauge("glapp_database_damaged", "1 while a damaged database lies aside", float(bool(status["damaged"]))),
             _gauge("glapp_entries_waiting", "Entries that wait for the disk", status["waiting"]),
         ]
         of_loops: dict[str, tuple[str, Callable[[dict[str, Any]], Any]]] = {

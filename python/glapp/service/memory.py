@@ -19,7 +19,7 @@ import threading
 import time
 import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -112,6 +112,19 @@ COLUMNS = (
 
 Half = tuple[Any, ...]
 """A row of `half_periods`: loop, number, `COLUMNS`, and whether u_FF was not 0 in it."""
+
+
+def _missing(db: sqlite3.Connection, version: int) -> str | None:
+    """What a database of that version of the schema lacks: a table or a column, None where all are there."""
+    with closing(sqlite3.connect(":memory:")) as ours:
+        for step in _MIGRATIONS[:version]:
+            ours.executescript(step)
+        for [table] in ours.execute("SELECT name FROM sqlite_master WHERE type = 'table' AND name NOT LIKE 'sqlite_%'"):
+            columns = {row[1] for row in ours.execute(f"PRAGMA table_info({table})")}
+            if lacks := columns - {row[1] for row in db.execute(f"PRAGMA table_info({table})")}:
+                return f"{table}.{min(lacks)}"
+    return None
+
 
 _INSERT_HALF = f"INSERT OR IGNORE INTO half_periods VALUES ({', '.join('?' * (len(COLUMNS) + 3))})"
 
@@ -292,9 +305,14 @@ class Reader:
         self._db.row_factory = sqlite3.Row
         try:
             version = self._db.execute("PRAGMA user_version").fetchone()[0]
+            foreign = version < 1 or (version == SCHEMA and _missing(self._db, version) is not None)
         except sqlite3.DatabaseError as error:
             self.close()
             raise InputError(f"cannot be read: {error}", file=str(path)) from None
+        if foreign:
+            self.close()
+            hint = "start glapp watch on the folder: it sets the file aside and says so; or restore a copy"
+            raise InputError("is no database of glapp, or an empty file", file=str(path), hint=hint)
         if version != SCHEMA:
             self.close()
             raise InputError(
@@ -373,6 +391,13 @@ class Reader:
         )
         return {row["name"]: json.loads(row["value"]) for row in found}
 
+    @property
+    def damaged(self) -> str | None:
+        """What was wrong with the database that was set aside, as long as that lies in the folder."""
+        known = dict(self._db.execute("SELECT name, value FROM meta WHERE name LIKE 'damaged%'").fetchall())
+        there = "damaged_file" in known and (self.folder / known["damaged_file"]).exists()
+        return known["damaged"] if there else None
+
     def shown(self) -> tuple[float, dict[str, Any]] | None:
         """When the service last wrote what it shows, and that."""
         row = self._db.execute("SELECT time, body FROM shown").fetchone()
@@ -383,7 +408,9 @@ class Memory(Reader):
     """The database, to be written by the one process that has the folder's `Lock`.
 
     A database that is damaged is renamed to `glapp.db.damaged-TIME` with all that belongs to it, and a new one begun:
-    nothing is written into it. `found` says so.
+    nothing is written into it. Damaged is what SQLite finds damaged, an empty file, and what has not the tables of
+    glapp. `found` says so where it was found now, `damaged` as long as the file lies there. Where there is no database
+    though signals are recorded, `found` says that.
 
     Parameters
     ----------
@@ -411,29 +438,52 @@ class Memory(Reader):
 
     def _open(self, now: float) -> None:
         path = self.folder / NAME
+        there, version = path.exists(), 0
+        empty = there and path.stat().st_size == 0  # SQLite takes it for a new database
+        why = "has 0 bytes" if empty else None
         try:
             self._db = _connected(path)
-            sound = self._db.execute("PRAGMA quick_check(1)").fetchone()[0] == "ok"
+            if (said := self._db.execute("PRAGMA quick_check(1)").fetchone()[0]) != "ok":
+                why = why or f"is damaged: {said}"
             version = self._db.execute("PRAGMA user_version").fetchone()[0]
+            there = there and (empty or bool(self._db.execute("SELECT 1 FROM sqlite_master LIMIT 1").fetchone()))
+            if there and why is None and version <= SCHEMA and (lacks := _missing(self._db, max(version, 1))):
+                why = f"is none of glapp's: schema {version} without {lacks}"
         except sqlite3.DatabaseError as error:
             if isinstance(error, sqlite3.OperationalError):  # it is not the file: the disk is full, or not ours
                 raise InputError(f"cannot be opened: {error}", file=str(path)) from None
-            sound, version = False, 0
-        if sound and version > SCHEMA:
+            why = f"is damaged: {error}"
+        if why is None and version > SCHEMA:
             self._db.close()
             raise InputError(
                 f"has schema {version}, and this glapp writes {SCHEMA}", file=str(path), hint="use the newer version"
             )
-        if not sound:
+        told: list[tuple[str, str]] = []
+        if why is not None:
             self._db.close()
             aside = _set_aside(path, now)
-            self.found = f"the database is damaged: it was set aside as {aside.name}, and a new one begun"
+            self.found = (
+                f"the database {why}; it was set aside as {aside.name}, and a new one begun without the users, "
+                f"settings, answers and events of before: restore a copy of it, or take {aside.name} away to go on"
+            )
+            told = [("damaged", self.found), ("damaged_file", aside.name)]
             self._db, version = _connected(path), 0
+        elif not there and any(self.folder.glob("signals/*")):
+            self.found = (
+                f"there is no {NAME} beside recorded signals: a new one was begun without the users, settings, "
+                "answers and events of before; restore a copy of it"
+            )
+        try:
+            _ours(self._db)
+        except sqlite3.OperationalError as error:
+            self._db.close()
+            raise InputError(f"cannot be opened: {error}", file=str(path)) from None
         if version < SCHEMA:
             with self._writing():
                 for step in _MIGRATIONS[version:]:
                     for statement in step.split(";\n"):
                         self._db.execute(statement)
+                self._db.executemany("INSERT INTO meta VALUES (?, ?)", told)
                 self._db.execute(f"PRAGMA user_version = {SCHEMA}")
 
     def close(self) -> None:
@@ -598,14 +648,15 @@ def _connected(path: Path) -> sqlite3.Connection:
         pass  # connecting says what is wrong
     db = sqlite3.connect(path, timeout=10, check_same_thread=False, isolation_level=None)
     db.row_factory = sqlite3.Row
-    try:
-        db.execute("PRAGMA journal_mode = WAL")
-        db.execute("PRAGMA synchronous = FULL")  # what was committed is there after a power cut, too
-        db.execute("PRAGMA foreign_keys = ON")
-        db.execute("PRAGMA auto_vacuum = INCREMENTAL")
-    except sqlite3.DatabaseError:
-        pass  # the check that follows finds out what it is
     return db
+
+
+def _ours(db: sqlite3.Connection) -> None:
+    """What is asked of a database that is written: not before it was checked, for the first of it changes the file."""
+    db.execute("PRAGMA journal_mode = WAL")
+    db.execute("PRAGMA synchronous = FULL")  # what was committed is there after a power cut, too
+    db.execute("PRAGMA foreign_keys = ON")
+    db.execute("PRAGMA auto_vacuum = INCREMENTAL")
 
 
 def _set_aside(path: Path, now: float) -> Path:
@@ -689,11 +740,13 @@ def restore(folder: Path, file: Path, now: float | None = None) -> Path | None:
         try:
             sound = copy.execute("PRAGMA quick_check(1)").fetchone()[0] == "ok"
             version = copy.execute("PRAGMA user_version").fetchone()[0]
-            copy.execute("SELECT id FROM loops LIMIT 1")
+            lacks = _missing(copy, version) if 1 <= version <= SCHEMA else None
         finally:
             copy.close()
     except sqlite3.Error as error:
         raise InputError(f"is no database of glapp: {error}", file=str(file)) from None
+    if lacks is not None:
+        raise InputError(f"is no database of glapp: it has no {lacks}", file=str(file))
     if not sound or not 1 <= version <= SCHEMA:
         raise InputError(f"is damaged, or of schema {version}, where this glapp reads 1 to {SCHEMA}", file=str(file))
     lock = Lock(folder)

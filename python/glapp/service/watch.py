@@ -64,7 +64,8 @@ class Health(IntEnum):
     FAILURE
         Never said: what is watched here, a valve's gap, does not end its function.
     CHECK_FUNCTION
-        The loop cannot be watched now: it was not heard of yet, its connection is lost, or PV is bad.
+        The loop cannot be watched now: it was not heard of yet, its connection is lost, or PV is bad. Also where its
+        answers were set aside with a damaged database and no fit has answered since.
     OFF_SPEC
         Never said.
     MAINTENANCE_REQUIRED
@@ -1077,15 +1078,17 @@ class Watch:
 
     def status(self) -> dict[str, Any]:
         """What is shown of the service and of every loop."""
+        damaged = self.reader.damaged
         return {
             "now": self._clock(),
             "begun": self.begun,
             "failing": self.failing,
+            "damaged": damaged,
             "waiting": len(self._backlog),
-            "loops": {name: self._shown(watched) for name, watched in self._loops.items()},
+            "loops": {name: self._shown(watched, damaged is not None) for name, watched in self._loops.items()},
         }
 
-    def _shown(self, watched: _Watched) -> dict[str, Any]:
+    def _shown(self, watched: _Watched, forgotten: bool) -> dict[str, Any]:
         detector, answer = watched.detector, watched.answer
         estimate = None if detector is None else detector.estimate
         pv = watched.latest.get(Signal.PV)
@@ -1104,7 +1107,7 @@ class Watch:
             "why": "K and Ti are not known" if detector is None else "",
             "fitting": watched.loop.name in self._fitting,
             "answer": answer,
-            "health": _health(watched).name,
+            "health": _health(watched, forgotten).name,
         }
         if watched.compensator is not None:
             shown["compensation"] = watched.compensator.status()
@@ -1163,10 +1166,13 @@ def _state(watched: _Watched) -> str:
     return json.dumps({"rows": watched.rows.save(), "number": watched.number, "detector": detector})
 
 
-def _health(watched: _Watched) -> Health:
-    """Whether the loop can be watched, and what the one answer that a fit gave says of its valve."""
+def _health(watched: _Watched, forgotten: bool) -> Health:
+    """Whether the loop can be watched, and what the one answer that a fit gave says of its valve.
+
+    `forgotten`: the answers of before were set aside with a damaged database, so that none says nothing.
+    """
     pv, answer = watched.latest.get(Signal.PV), watched.answer
-    if watched.lost or pv is None or not pv.good:
+    if watched.lost or pv is None or not pv.good or (forgotten and answer is None):
         return Health.CHECK_FUNCTION
     if answer is None or answer["verdict"] not in ("backlash", "stiction", "both", "at_least"):
         return Health.NORMAL

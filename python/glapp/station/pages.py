@@ -106,7 +106,7 @@ def frame(station: Station, session: Session, title: str, here: str) -> Iterator
     paper = "#161b20" if session.dark else "#eceef0"
     ui.add_head_html(
         f'<style>html{{background:{paper}}}</style><link rel="stylesheet" href="/static/station.css">'
-        '<script src="/static/station.js"></script>'
+        '<script src="/static/shown.js"></script><script src="/static/station.js"></script>'
     )
     ui.link("To the content", "#content").classes("skip")
     with ui.element("header").classes("top"):
@@ -144,6 +144,8 @@ def frame(station: Station, session: Session, title: str, here: str) -> Iterator
             )
         elif view.shown.get("failing"):
             text = f"The service cannot write: {view.shown['failing']}. What comes waits in its memory."
+        elif view.shown.get("damaged"):
+            text = view.shown["damaged"][:1].upper() + view.shown["damaged"][1:] + "."
         banner.set_text(text)
         banner.set_visibility(bool(text))
 

@@ -527,9 +527,14 @@ impl<R: Real> Compensation<R> {
             let goal = if state.in_force { goal } else { R::ZERO };
             let mut rate = self.rate(state);
             if !state.in_force {
-                // However slow the rate is by now, and however far u_FF lags behind.
-                state.whole = state.whole.greater(state.u_ff.value().magnitude());
+                // However slow the rate is by now, and however far u_FF lags behind; it never grows on its way.
+                let u_ff = state.u_ff.value();
+                state.whole = state.whole.greater(u_ff.magnitude());
                 rate = rate.greater(state.whole / self.longest);
+                let on_its_side = if state.side < 0 { -u_ff } else { u_ff };
+                if state.half.value() > on_its_side {
+                    state.half = on_its_side.greater(R::ZERO).into();
+                }
             }
             state.half.add(-(state.whole / s.release * sample.h));
             if state.half.value() <= goal {
@@ -1168,10 +1173,13 @@ mod tests {
                 }
             }
             let off = CompensationSample { enable: flags != 0, flags, h: longest / 100.0, ..sample(-1.0, 0.0) };
+            let mut last = f64::INFINITY;
             for _ in 0..101 {
-                block.as_ref().unwrap().update(&mut state, &off);
+                let u_ff = block.as_ref().unwrap().update(&mut state, &off).abs();
+                prop_assert!(u_ff <= last, "it grows from {last} to {u_ff}");
+                last = u_ff;
             }
-            prop_assert!(state.u_ff.abs() < 1e-12, "{:?}", state);
+            prop_assert!(last < 1e-12, "{:?}", state);
         }
 
         #[test]

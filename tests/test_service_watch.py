@@ -338,7 +338,9 @@ def test_a_u_ff_that_the_plant_keeps_stops_the_watchdog_and_every_loop(
         before = plant.beats
         await asyncio.sleep(0.5)
         assert plant.beats == before, "the plant has to take it away by itself"
-        with pytest.raises(InputError, match=r"u_FF of FIC0 is not 0 in the plant, .* set it to 0 in the control system"):
+        with pytest.raises(
+            InputError, match=r"u_FF of FIC0 is not 0 in the plant, .* set it to 0 in the control system"
+        ):
             await watch.enable("FIC0", "eve", "engineer")
         assert plant.beats == before, "nor does who tries to enable count it up"
         plant.u_ff["FIC0"] = 0.0

@@ -31,12 +31,12 @@ from glapp.modules import BacklashDetection, Graph, Input, Output
 from glapp.reading.settings import parse_settings
 from glapp.report.words import REASONS, failures
 from glapp.service.compensation import detection_beside
-from glapp.service.settable import SHARE
 from glapp.service.door import app_of as service_app
 from glapp.service.memory import Memory
 from glapp.service.plant import SimPlant
 from glapp.service.plant import _kinds as kinds
 from glapp.service.plant import _Loop as SimLoop
+from glapp.service.settable import SHARE
 from glapp.service.signal import Signal
 from glapp.service.users import LOGIN_LASTS
 from glapp.service.watch import Watch
@@ -45,7 +45,7 @@ from glapp.station.app import app_of
 from glapp.station.client import Door, Gone, Refused, loop_path
 from glapp.station.compensate import STANDINGS, calm, plan
 from glapp.station.pages import Station, all_events
-from glapp.station.parameters import PARAMETERS, changed
+from glapp.station.parameters import changed
 from glapp.station.sessions import COOKIE, LARGEST, LARGEST_FILE, TRIES, Guard, Sessions
 from glapp.station.under_way import UnderWay
 from glapp.station.view import View, as_csv, trend

@@ -18,7 +18,7 @@ from ..estimate import op_range
 from ..loop import Loop
 from ..modules import BacklashDetection, Graph, Input, Output, Source
 from ..recording import AT_HIGH, AT_LOW, BAD, NOT_AUTO
-from .settable import SETTINGS, check, of_plant, usual_of
+from .settable import check, of_plant, usual_of
 from .signal import Signal, Value
 
 __all__ = ["Compensator", "detection_beside"]

@@ -250,7 +250,7 @@ def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "
 
     @app.get("/loops/{name:path}/bounds")
     async def bounds(person: viewer, name: Name) -> dict[str, dict[str, Any]]:
-        """Unit, least and greatest of each parameter that may be set, whether it may be 0 and must be a whole number."""
+        """Unit, least and greatest of what may be set of a loop, whether it may be 0, whether it is a whole number."""
         return {parameter: bound._asdict() for parameter, bound in watch.limits(known(name)).items()}
 
     @app.get("/loops/{name:path}/answers")

@@ -137,11 +137,15 @@ def bounds_of(loop: Loop, settings: Mapping[str, Any], most: tuple[float, float]
     source = given.get("comp_source", 1.0 if fitted is None else 2.0)
     size = {1.0: given.get("comp_size", 0.0), 2.0: fitted or 0.0}.get(source, 0.0)
     share, limit = given["comp_share"], given["comp_limit"]
+    if not 0.0 <= share <= 1.0:  # by what is out itself, nothing else is bounded
+        share = SHARE
+    if not 0.0 < limit <= 2.0 * most[0]:
+        limit = 2.0 * most[0]
     rows = _glapp.compensation_bounds(ideal.ti, size=size, share=share, limit=limit, limits=op_range(loop))
     core = {name: Bound(unit, low, high, zero=not above) for name, unit, low, high, above in rows}
     widest = core["size"].high
     # Only the width that counts is bounded by the limit, too.
-    typed_counts = source == 1.0 or "comp_source" not in given and fitted is None
+    typed_counts = source == 1.0 or ("comp_source" not in given and fitted is None)
     counts = core["size"]._replace(high=min(widest, _quotient(limit, share)))
     switch = Bound("1", 0.0, 1.0, whole=True)
     named = Bound("1", 1.0, 3.0, whole=True)

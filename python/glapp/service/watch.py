@@ -11,7 +11,7 @@ import json
 import math
 import time
 from array import array
-from collections.abc import Callable, Coroutine, Mapping, Sequence
+from collections.abc import Callable, Collection, Coroutine, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
@@ -823,8 +823,8 @@ class Watch:
                 self._tell(Event(self._clock(), name, "taken_away", text))
             elif value is not None and not watched.stands:
                 text = (
-                    f"u_FF is {value:g} in the plant, and had to be 0 within {compensator.away_within:.0f} s: the watchdog "
-                    "is not counted up any more, so that the plant takes u_FF away, of every loop"
+                    f"u_FF is {value:g} in the plant, and had to be 0 within {compensator.away_within:.0f} s: the "
+                    "watchdog is not counted up any more, so that the plant takes u_FF away, of every loop"
                 )
                 self._tell(Event(self._clock(), name, "not_taken_away", text))
                 for other in self._loops.values():
@@ -890,12 +890,12 @@ class Watch:
                 )
         kept = self.reader.settings(loop) | dict(values)
         of_detector = any(name in DETECTOR for name in values)
-        if of_detector:
-            if watched.compensator is not None and (watched.compensator.enabled or watched.compensator.u_ff != 0.0):
-                raise InputError("is compensated: disable that first", loop=loop, parameter=next(iter(values)))
+        at_work = watched.compensator is not None and (watched.compensator.enabled or watched.compensator.u_ff != 0.0)
+        if of_detector and at_work:
+            raise InputError("is compensated: disable that first", loop=loop, parameter=next(iter(values)))
         # Tried on one of its own first: all of it is set, or nothing.
         most = watched.most if watched.compensator is not None else None
-        changed, made = _checked(self._given[loop], kept, watched.period, most)
+        changed, made = _checked(self._given[loop], kept, watched.period, most, values)
         detector = None if changed.controller is None or not of_detector else Estimator(changed, watched.period)
         shown = {name: before[name] for name in values}
         if not of_detector:
@@ -1213,9 +1213,13 @@ def with_settings(loop: Loop, settings: Mapping[str, Any]) -> Loop:
 
 
 def _checked(
-    given: Loop, settings: Mapping[str, Any], period: float, most: tuple[float, float] | None
+    given: Loop,
+    settings: Mapping[str, Any],
+    period: float,
+    most: tuple[float, float] | None,
+    changed: Collection[str] = (),
 ) -> tuple[Loop, Compensator | None]:
-    """A loop with what persons have set, and its compensation where it can have one.
+    """A loop with what persons have set, and its compensation where it can have one; `changed` is what is named first.
 
     Raises
     ------
@@ -1230,9 +1234,10 @@ def _checked(
     if most is None or loop.controller is None:
         return loop, None
     of_compensation = _of_compensation(settings)
-    for name, bound in bounds_of(loop, of_compensation, most).items():
-        if of_compensation.get(name) is not None:
-            check(name, of_compensation[name], bound, given.name)
+    bounds = bounds_of(loop, of_compensation, most)
+    for name in sorted(of_compensation, key=lambda name: name not in changed):
+        if of_compensation[name] is not None:
+            check(name, of_compensation[name], bounds[name], given.name)
     return loop, Compensator(loop, period, of_compensation, *most)
 
 

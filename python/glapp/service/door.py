@@ -327,6 +327,11 @@ def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "
         found: dict[str, Any] = _plain(watch.settings(known(name)))
         return found
 
+    @app.get("/loops/{name:path}/bounds")
+    async def bounds(person: viewer, name: Name) -> dict[str, dict[str, Any]]:
+        """Unit, least and greatest of what may be set of a loop, whether it may be 0, whether it is a whole number."""
+        return {parameter: bound._asdict() for parameter, bound in watch.limits(known(name)).items()}
+
     @app.get("/loops/{name:path}/answers")
     async def answers(person: viewer, name: Name, most: Most = 100) -> list[dict[str, Any]]:
         """What the fits of a loop said, the newest first."""

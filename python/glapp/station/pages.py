@@ -195,7 +195,10 @@ _NAME = (  # by keyboard Enter on the row does the same, and Tab has no stop at 
 ONE_STOP = {":tabToNextCell": "glapp.leave", ":tabToNextHeader": "glapp.leave"}
 """A list is one stop of Tab; within it one goes by arrows, and is not held by thousands of cells."""
 
-_HEALTHS = "{'Maintenance required': 'health health-service', 'Check function': 'health health-check'}"
+_HEALTHS = (
+    "{'Maintenance required': 'health health-service', 'Check function': 'health health-check', "
+    "'Failure': 'health high'}"
+)
 
 
 def _overview_columns() -> list[dict[str, Any]]:

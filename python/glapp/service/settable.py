@@ -141,6 +141,8 @@ def bounds_of(loop: Loop, settings: Mapping[str, Any], most: tuple[float, float]
         share = SHARE
     if not 0.0 < limit <= 2.0 * most[0]:
         limit = 2.0 * most[0]
+    if not 0.0 <= size <= of_plant(loop)[0].high:
+        size = 0.0
     rows = _glapp.compensation_bounds(ideal.ti, size=size, share=share, limit=limit, limits=op_range(loop))
     core = {name: Bound(unit, low, high, zero=not above) for name, unit, low, high, above in rows}
     widest = core["size"].high

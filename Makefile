@@ -198,14 +198,15 @@ gallery: setup
 plc:
 	$(PYTHON) plc/package.py dist/plc
 
-# Wrong input by the million; SECONDS=600 goes on for longer, FILES=20000 damages more of each kind.
+# Wrong input by the million; SECONDS=600 goes on for longer, FILES=20000 damages more of each kind, SEED=7 the same again.
 SECONDS ?= 60
-FILES ?= 2000
+FILES ?= 3000
 fuzz: setup $(VENV)/.fuzz
 	RUSTC_BOOTSTRAP=1 cargo fuzz run detector -- -max_total_time=$(SECONDS)
 	RUSTC_BOOTSTRAP=1 cargo fuzz run capi -- -max_total_time=$(SECONDS)
 	$(BIN)/python fuzz/read_csv.py -max_total_time=$(SECONDS)
-	$(BIN)/python fuzz/read_tables.py --files $(FILES)
+	$(BIN)/python fuzz/read_tables.py --files $(FILES) $(if $(SEED),--seed $(SEED))
+	$(BIN)/python fuzz/read_tables.py --files $(FILES) $(if $(SEED),--seed $(SEED)) --command-line
 
 $(VENV)/.fuzz: requirements/fuzz.txt $(VENV)/.tools
 	command -v cargo-fuzz >/dev/null || cargo install --quiet cargo-fuzz

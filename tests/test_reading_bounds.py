@@ -238,6 +238,11 @@ def sleep(seconds):
     return "awake"
 
 
+def spin():
+    while True:
+        pass
+
+
 def whole():
     return {"answer": np.arange(3)}
 
@@ -257,8 +262,9 @@ def test_memory_has_an_end():
 def test_time_has_an_end(monkeypatch):
     apart.call("x.csv", sleep, 0.0)
     monkeypatch.setattr(bounds, "PATIENCE", 0.5)
-    with pytest.raises(InputError, match=r"^x\.csv: took longer than the 0\.5 s that a piece of a file may take"):
-        apart.call("x.csv", sleep, 20.0)
+    for slow in (lambda: apart.call("x.csv", sleep, 60.0), lambda: apart.call("x.csv", spin)):
+        with pytest.raises(InputError, match=r"^x\.csv: took longer than the 0\.5 s that a piece of a file may take"):
+            slow()
 
 
 def test_a_pass_that_is_left_harms_none_that_follows(tmp_path):

@@ -8,8 +8,9 @@ there a thousandth of it; the rows come over as Arrow's own stream. `docs/adr/00
 says what else there was.
 
 The limits are those of `glapp.reading.bounds`. `MEMORY` is kept on Linux, by the address space of the process. Where a
-system has no such limit (Windows, macOS) the time limit and the process of its own stay. This is a guard against
-faults, and no sandbox: the child may do what its user may.
+system has no such limit (Windows, macOS) the time limit and the process of its own stay. `PATIENCE` is time of the
+processor, and four times as much of the clock; on Windows, which does not end a process for that, it is of the clock.
+This is a guard against faults, and no sandbox: the child may do what its user may.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ from ..errors import InputError, unforeseen
 from . import bounds
 from .source import Head, Source, ahead
 
-__all__ = ["ApartSource", "Worker", "call", "opened", "serve"]
+__all__ = ["ApartSource", "Worker", "call", "close", "opened", "serve"]
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -47,6 +48,10 @@ _START = (
 # What is asked of the system is then near what is used: no arena of a GiB, no heap for each thread.
 _FRUGAL = {"ARROW_DEFAULT_MEMORY_POOL": "system", "MALLOC_ARENA_MAX": "2", "OPENBLAS_NUM_THREADS": "1"}
 _HINT = "export it again, in smaller parts, or save it as CSV"
+
+# Of the processor where the system counts that, so that a busy computer refuses nothing; and then of the clock as well.
+_PROF: int | None = getattr(signal, "SIGPROF", None)
+_CLOCK = 1.0 if _PROF is None else 4.0
 
 _inside = False
 _idle: list[Worker] = []
@@ -76,6 +81,7 @@ class Worker:
         self._out: IO[bytes] = self._process.stdout
         self._late = False
         self.sound = True
+        self._begun = False
 
     def __enter__(self) -> Worker:
         return self
@@ -97,11 +103,13 @@ class Worker:
     def ask(self, label: str, *request: Any) -> Any:
         """The answer to one request."""
         self.sound = False
-        timer = Timer(bounds.PATIENCE, self._end)
+        timer = Timer(bounds.PATIENCE * _CLOCK, self._end)
         timer.daemon = True
-        timer.start()
         try:
-            pickle.dump(request, self._in)
+            if not self._begun:  # how long that takes says nothing of the file
+                self._begun = pickle.load(self._out)
+            timer.start()
+            pickle.dump((bounds.PATIENCE, *request), self._in)
             self._in.flush()
             good, answer, size = pickle.load(self._out)
             if size:
@@ -135,7 +143,7 @@ class Worker:
 
     def _fault(self, label: str) -> InputError:
         code = self._process.wait()
-        if self._late:
+        if self._late or (_PROF is not None and code == -_PROF):
             what = f"took longer than the {bounds.PATIENCE:g} s that a piece of a file may take to be read"
         else:
             end = f"signal {-code}" if code < 0 else f"exit code {code}"
@@ -163,7 +171,8 @@ def _leased() -> Iterator[Worker]:
 
 
 @atexit.register
-def _close() -> None:
+def close() -> None:
+    """End the processes that wait for a file."""
     while _idle:
         _idle.pop().close()
 
@@ -288,12 +297,15 @@ def serve(memory: int) -> None:
         for stream in (0, 1):  # what a library reads or prints is no part of this
             os.dup2(nowhere, stream)
         _limit(memory)
+        pickle.dump(True, answers)
+        answers.flush()
         running: Iterator[tuple[float, pa.Buffer]] | None = None
         while True:
             try:
-                request, *given = pickle.load(requests)
+                patience, request, *given = pickle.load(requests)
             except EOFError:
                 return
+            _count(patience)
             data = None
             try:
                 answer: Any = None
@@ -311,6 +323,7 @@ def serve(memory: int) -> None:
             except Exception as error:
                 running = None
                 head = pickle.dumps((False, _told(error), 0))
+            _count(0.0)
             answers.write(head)
             if data is not None:
                 answers.write(data)
@@ -321,6 +334,12 @@ def _told(error: Exception) -> InputError:
     if isinstance(error, MemoryError):
         return InputError(f"asks for more memory than the {bounds.MEMORY >> 20} MiB that are allowed", hint=_HINT)
     return error if isinstance(error, InputError) else unforeseen(error, None)
+
+
+def _count(seconds: float) -> None:
+    """End the process when it has used so many seconds of processors; 0: do not."""
+    if sys.platform != "win32":
+        signal.setitimer(signal.ITIMER_PROF, seconds)
 
 
 def _limit(memory: int) -> None:

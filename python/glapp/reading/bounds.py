@@ -40,7 +40,7 @@ RATIO = 200
 MEMORY = 1 << 30
 """Bytes that the process which reads a file may take beyond those it has when it begins."""
 PATIENCE = 25.0
-"""Seconds that it may take until its next answer: the sheets of a workbook, or the next rows of a table."""
+"""Seconds of the processor that it may take until its next answer: a workbook's sheets, or a table's next rows."""
 
 
 def check_columns(count: int, label: str) -> None:

@@ -244,7 +244,8 @@ class Users:
         self._memory = memory
         self._hasher = cost or PasswordHasher()
         self._nobody = self._hasher.hash(secrets.token_hex())
-        self._lock = threading.Lock()
+        self._writing = threading.Lock()
+        self._counting = threading.Lock()  # held for no write, so that who counts a try waits for no disk
         self._names = {row["name"] for row in listed(memory)}
         known = memory.one("SELECT value FROM meta WHERE name = 'known_addresses'")
         self._tries = Tries(None if known is None else json.loads(known["value"]))
@@ -275,7 +276,7 @@ class Users:
         if old is not None and rank is not Role.ENGINEER:
             self._not_the_last(name)
         digest = old["password"] if password is None and old is not None else self._hasher.hash(password or "")
-        with self._lock:
+        with self._writing:
             self._memory.write("INSERT OR REPLACE INTO users VALUES (?, ?, ?, ?)", name, role, digest, now)
             self._memory.write("DELETE FROM tokens WHERE person = ?", name)
             self._end(name)
@@ -290,12 +291,13 @@ class Users:
             Where there is none of that name, or it is the last engineer.
         """
         self._not_the_last(name)
-        with self._lock:
+        with self._writing:
             if not self._memory.write("DELETE FROM users WHERE name = ?", name):  # and with it the tokens
                 raise InputError("no such user", parameter="name", value=name)
             self._end(name)
             self._names.discard(name)
-            self._tries.known.pop(name, None)
+            with self._counting:
+                self._tries.known.pop(name, None)
 
     def _end(self, name: str) -> None:
         self._logins = {digest: login for digest, login in self._logins.items() if login[0].name != name}
@@ -321,7 +323,7 @@ class Users:
         Refused
             Where there were too many.
         """
-        with self._lock:
+        with self._counting:
             return self._tries.attempt(name, address, now)
 
     def log_in(self, attempt: Attempt, password: str, now: float) -> tuple[str, Person]:
@@ -348,7 +350,7 @@ class Users:
         except (VerifyMismatchError, InvalidHashError):
             known = None
         token = secrets.token_urlsafe(32)
-        with self._lock:
+        with self._writing:
             if known is None or self._memory.one(query, attempt.name) != known:  # it was changed meanwhile
                 raise Refused("wrong name or password")
             person = Person(attempt.name, Role.named(known["role"]))
@@ -357,14 +359,15 @@ class Users:
             self._memory.write("INSERT INTO tokens VALUES (?, ?, ?)", digest_of(token), person.name, now + LOGIN_LASTS)
             self._logins = {digest: login for digest, login in self._logins.items() if login[1] > now}
             self._logins[digest_of(token)] = person, now + LOGIN_LASTS
-            if self._tries.succeeded(attempt):
-                known_now = json.dumps(self._tries.known)
+            with self._counting:
+                known_now = json.dumps(self._tries.known) if self._tries.succeeded(attempt) else None
+            if known_now is not None:
                 self._memory.write("INSERT OR REPLACE INTO meta VALUES ('known_addresses', ?)", known_now)
         return token, person
 
     def log_out(self, token: str) -> None:
         """The token is good for nothing any more."""
-        with self._lock:
+        with self._writing:
             self._logins.pop(digest_of(token), None)
             self._memory.write("DELETE FROM tokens WHERE digest = ?", digest_of(token))
 

@@ -1,7 +1,8 @@
 # make run   sets everything up and does the main job: recordings in, dead bands and a report out
-# make test  sets everything up and runs every test in every language
+# make test  sets everything up and runs what a change is most likely to break, in every language
+# make verify runs all the rest: matrices, long properties, soaks, other makers' stacks, the gallery, the browser
 # make check is what a developer runs all day: linters, the blocks, and every Python test that takes less than a second
-.PHONY: run test check setup lint rust bare interop page capi wheels site bench catalogue gallery plc fuzz lock audit clean
+.PHONY: run test verify check setup lint lint-rust lint-python rust rust-checked bare interop reader page capi wheels site bench catalogue gallery plc fuzz lock audit clean
 .DELETE_ON_ERROR:
 
 PYTHON ?= python3
@@ -14,41 +15,78 @@ unexport PYTHONDONTWRITEBYTECODE
 , := ,
 SOURCES := $(shell find crates -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock pyproject.toml
 
-run: setup
+run: $(VENV)/.installed
+	$(call stage,Analyse five demonstration loops,10 s)
 	$(BIN)/glapp demo out/demo --force
 	$(BIN)/glapp analyze out/demo/loops.toml --report out/report.html
 	@echo
 	@echo "Your own loop:  $(BIN)/glapp analyze YOUR.csv --report out/your.html     ($(BIN)/glapp --help tells more)"
 
-setup: $(VENV)/.installed
+# Says what begins, and how long it takes from nothing on two idle cores.
+stage = @printf '\n== %s: about %s\n' '$(1)' '$(2)'
 
-$(VENV)/.tools: requirements/run.txt requirements/test.txt
+# What the analysis needs, and no more.
+$(VENV)/.packages: requirements/run.txt
+	$(call stage,Install Python packages,15 s)
 	$(PYTHON) -m venv $(VENV)
 	$(INSTALL) requirements/run.txt
-	$(INSTALL) requirements/test.txt
 	touch $@
 
 # A release wheel, as a user gets it, with the Python sources in place so that they can be edited.
-$(VENV)/.installed: $(VENV)/.tools $(SOURCES)
-	PIP_QUIET=1 VIRTUAL_ENV=$(abspath $(VENV)) $(BIN)/maturin develop --release --quiet
+$(VENV)/.installed: $(VENV)/.packages $(SOURCES)
+	$(call stage,Compile the Rust crates,90 s the first time$(,) less after a change)
+	PIP_QUIET=1 VIRTUAL_ENV=$(abspath $(VENV)) $(BIN)/maturin develop --release
+	touch $@
+
+# What tests and linters need beside it.
+setup: $(VENV)/.tools
+
+$(VENV)/.tools: requirements/test.txt $(VENV)/.installed
+	$(call stage,Install the tools of tests and linters,25 s)
+	$(INSTALL) requirements/test.txt
 	$(BIN)/pip install --quiet --no-deps --no-build-isolation --editable thesis
 	touch $@
 
 # What leaves a processor idle has another beside it; the tests of Python, which leave none, come last.
-test: setup $(VENV)/.docs
-	@$(MAKE) --no-print-directory --jobs=2 lint capi rust bare interop site page
-	$(BIN)/pytest --numprocesses auto --dist loadgroup
+test: $(VENV)/.installed
+	$(call stage,Linters$(,) C library and Rust tests,2 to 4 min from nothing$(,) 40 s on a built tree)
+	@+$(MAKE) --no-print-directory --jobs=2 rust lint capi reader
+	$(call stage,Python tests,2 to 3 min)
+	$(BIN)/pytest --numprocesses auto --dist loadgroup --durations=20 -m "not verify"
+
+# Each part is named with its time as it ends.
+verify: setup $(VENV)/.docs
+	$(call timed,rust-checked)
+	$(call timed,bare)
+	$(call timed,interop)
+	$(call timed,site)
+	$(call timed,page)
+	$(BIN)/pytest --numprocesses auto --dist loadgroup --durations=20 -m verify
+
+timed = @+printf '\n== %s\n' '$(1)'; began=$$(date +%s); $(MAKE) --no-print-directory $(1) && \
+	printf '== %s took %d s\n' '$(1)' $$(($$(date +%s) - began))
 
 check: setup lint
-	cargo test --quiet -p glapp-core --lib --test vectors
-	$(BIN)/pytest --numprocesses auto --dist loadgroup -m "not slow" tests
+	cargo test --release --quiet -p glapp-core --lib --test vectors
+	$(BIN)/pytest --numprocesses auto --dist loadgroup -m "not slow and not verify" tests
 
+# As they are shipped, with the crates that `make run` has compiled: the Python face is among them, since its dependencies choose
+# features of theirs.
+TESTED := core fit sim analysis capi plc-check py
 rust:
+	+cargo test --release --quiet $(TESTED:%=-p glapp-%)
+
+# The same with all checks of arithmetic left in, and the crates that show the others.
+rust-checked:
 	cargo test --workspace --quiet
 
-lint: setup
+lint: lint-python lint-rust
+
+lint-rust:
 	cargo fmt --check
-	cargo clippy --workspace --all-targets --quiet -- --deny warnings
+	+cargo clippy --workspace --all-targets --quiet -- --deny warnings
+
+lint-python: setup
 	$(BIN)/ruff format --check python thesis tests examples bench vectors fuzz plc docs page wheels requirements
 	$(BIN)/ruff check python thesis tests examples bench vectors fuzz plc docs page wheels requirements
 	$(BIN)/mypy
@@ -82,6 +120,10 @@ $(THEIRS)/.milo: $(MILO)
 	mvn --quiet --batch-mode --file tests/interop/milo/pom.xml -Dout=$(abspath $(THEIRS))/milo compile
 	touch $@
 
+# What the page reads files with, for its tests in node.
+reader: setup
+	@if command -v npm >/dev/null; then $(BIN)/python page/build.py --reader; else echo "skipped: the page's reader, which needs npm"; fi
+
 # The page in the browser: dist/page/index.html, which works from the disk.
 page: setup dist/page/index.html
 
@@ -92,7 +134,7 @@ dist/page/index.html: $(SOURCES) $(shell find page python/glapp -type f -not -na
 capi: dist/capi/include/glapp.h
 
 dist/capi/include/glapp.h: $(SOURCES) $(wildcard crates/capi/include/* examples/c/*) docs/c.md
-	cargo rustc --release --quiet -p glapp-capi --lib --crate-type cdylib,staticlib \
+	+cargo rustc --release --quiet -p glapp-capi --lib --crate-type cdylib,staticlib \
 		$(if $(filter Linux,$(shell uname)),-- -C link-arg=-Wl$(,)-soname$(,)libglapp.so.1)
 	rm -rf dist/capi
 	mkdir -p dist/capi/lib dist/capi/examples dist/capi/include
@@ -115,8 +157,7 @@ $(VENV)/.wheels: requirements/wheels.txt $(VENV)/.tools
 	touch $@
 
 bench: setup $(VENV)/.bench
-	cargo bench --quiet -p glapp-core
-	cargo bench --quiet -p glapp-fit
+	cargo bench --quiet -p glapp-bench
 	$(BIN)/python -m bench.run
 	$(BIN)/python -m bench.sim
 	$(BIN)/python -m bench.tuning

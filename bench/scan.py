@@ -1,6 +1,6 @@
 """Instructions of one scan of PidAdvanced with all that is in it, and of AutoTuner: `python -m bench.scan`.
 
-The program `bench/scan.rs` scans a loop with a gap until it has many detections, and a relay experiment to its end;
+The program `crates/bench/benches/scan.rs` scans a loop with a gap until it has many detections, and a relay experiment to its end;
 callgrind counts the instructions of each scan apart. A PLC must find time for the worst.
 """
 
@@ -18,7 +18,7 @@ ROOT = Path(__file__).parents[1]
 
 def program() -> str:
     """Build the program, give its path."""
-    command = ["cargo", "bench", "-p", "glapp-core", "--bench", "scan", "--no-run", "--message-format=json"]
+    command = ["cargo", "bench", "-p", "glapp-bench", "--bench", "scan", "--no-run", "--message-format=json"]
     built = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout
     messages = [json.loads(line) for line in built.splitlines()]
     return next(

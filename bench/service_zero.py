@@ -59,14 +59,18 @@ class Service:
                 return
             await asyncio.sleep(0.1)
 
-    async def asked(self, command: str, **body: Any) -> httpx.Response:
-        """A command for the loop."""
-        return await self._client.post(f"{self._door}/loops/{LOOP}/{command}", headers=self._headers, json=body)
+    async def asked(self, command: str, loop: str = LOOP, **body: Any) -> httpx.Response:
+        """A command for a loop."""
+        return await self._client.post(f"{self._door}/loops/{loop}/{command}", headers=self._headers, json=body)
 
-    async def status(self) -> dict[str, Any]:
-        """What is shown of the loop, and `now`."""
-        shown = (await self._client.get(f"{self._door}/status", headers=self._headers)).json()
-        return {"now": shown["now"], **shown["loops"][LOOP]}
+    async def seen(self, path: str) -> Any:
+        """What is shown at a path."""
+        return (await self._client.get(f"{self._door}{path}", headers=self._headers)).json()
+
+    async def status(self, loop: str = LOOP) -> dict[str, Any]:
+        """What is shown of a loop, and `now`."""
+        shown = await self.seen("/status")
+        return {"now": shown["now"], **shown["loops"][loop]}
 
     async def compensated(self, plant: SimPlant) -> None:
         """Start it where it does not run; drill once; enable; and wait until u_FF is there."""

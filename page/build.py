@@ -4,6 +4,7 @@ Words, names and patterns are those of the Python package, taken from it here; c
 other files are npm's, as `package-lock.json` says; analysis, fit and simulator are `crates/page` for WebAssembly.
 
     python page/build.py OUT
+    python page/build.py --reader    only what is npm's, for the tests of the reader
 """
 
 from __future__ import annotations
@@ -309,6 +310,9 @@ def build(out: Path) -> None:
 
 if __name__ == "__main__":
     try:
-        build(Path(sys.argv[1]))
+        if sys.argv[1] == "--reader":
+            loaded()
+        else:
+            build(Path(sys.argv[1]))
     except Missing as lacking:
         print(f"skipped: the page in the browser, which needs {lacking}")

@@ -2,7 +2,7 @@
 
 import asyncio
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -96,9 +96,16 @@ class Clock:
         return self.now
 
 
-def watch(folder: Path, some: Sequence[Loop], clock: Clock, **bounds: float) -> Watch:
+def watch(
+    folder: Path,
+    some: Sequence[Loop],
+    clock: Clock,
+    *,
+    compensable: Mapping[str, tuple[float, float]] | None = None,
+    **bounds: float,
+) -> Watch:
     """A watch over a folder, to be stepped by hand."""
-    return Watch(some, Memory(folder, clock()), bounds=Bounds(**bounds), clock=clock)
+    return Watch(some, Memory(folder, clock()), bounds=Bounds(**bounds), clock=clock, compensable=compensable)
 
 
 def fed(one: Watch, clock: Clock, some: Sequence[Value], *, save_every: int = 0, pace: float = 5.0) -> None:

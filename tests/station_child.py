@@ -101,7 +101,6 @@ async def main(folder: Path, port: int) -> None:
     door = Server(service_app(watch, users), "127.0.0.1", 0)
     (folder / "door").write_text(door.url, encoding="utf-8")
     station = Station(View(folder), Door(folder))
-    station.tries.wait = lambda address, now: 0.0  # tests log in more often than persons do
     window = Server(app_of(station, ("127.0.0.1",), secure=False), "127.0.0.1", port)
     opened = asyncio.ensure_future(door.open())
     pages = asyncio.ensure_future(window.open())

@@ -48,7 +48,7 @@ class TestRecords:
         assert sorted(truth.identifiable for truth in truths) == [False, False, True, True]
         assert all(truth.departure for truth in truths)
 
-    @pytest.mark.slow
+    @pytest.mark.verify
     @pytest.mark.parametrize("cell", CELLS, ids=str)
     def test_what_is_drawn_is_what_the_cell_says(self, cell: Cell) -> None:
         for number in range(4):

@@ -57,7 +57,7 @@ def read(table, loop=None, **how) -> Bump:
 UP_UP_BACK = steps(50, 53, 56, 52)
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 def test_the_interval_holds_the_truth_in_93_to_98_of_100_tests():
     """1000 tests, each with a gap, gain, noise, drift and programme of its own; none is left out."""
     inside_d, inside_kp, none = [], [], 0

@@ -79,7 +79,7 @@ def documented_commands(run):
     return list(dict.fromkeys(line.strip() for line in re.findall(r"^ ?(glapp .*)$", helps + blocks, re.MULTILINE)))
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 @pytest.mark.xdist_group("demonstration")
 def test_every_documented_command_does_what_it_says(run, monkeypatch):
     monkeypatch.setenv("COLUMNS", "200")
@@ -207,7 +207,7 @@ def test_python_m_glapp_is_the_command():
     assert (done.returncode, done.stdout) == (0, f"glapp {glapp.__version__}\n")
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 def test_mypy_finds_the_types_from_outside(tmp_path):
     """It found none: a package without `py.typed` has the type Any for everything."""
     (tmp_path / "mine.py").write_text(
@@ -692,7 +692,7 @@ def test_an_interruption_is_quiet_and_stops_the_work(run, monkeypatch):
     assert stopped == ["good"]
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 def test_a_closed_pipe_is_quiet(tmp_path):
     good = tmp_path / "good.csv"
     write(good, rows())

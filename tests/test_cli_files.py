@@ -152,7 +152,7 @@ def test_permissions_links_and_devices_stay(tmp_path):
     assert not Path(os.devnull).is_file()
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")
 @pytest.mark.parametrize("words", [("--version",), ("--help",), ("analyze", "--json"), ("analyze",), ("init",)])
 def test_a_full_standard_output_is_one_line(run, words):

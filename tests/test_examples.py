@@ -22,7 +22,7 @@ def test_python_example_runs(path: Path) -> None:
     assert output_of(sys.executable, str(path)).strip()
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 def test_the_notebook_runs_from_its_first_cell_to_its_last() -> None:
     cells = json.loads((EXAMPLES / "fleet.ipynb").read_text())["cells"]
     code = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
@@ -33,5 +33,5 @@ def test_the_notebook_runs_from_its_first_cell_to_its_last() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.rs")), ids=lambda path: path.name)
 def test_rust_example_prints_what_its_python_twin_prints(path: Path) -> None:
-    ours = output_of("cargo", "run", "--quiet", "--example", path.stem)
+    ours = output_of("cargo", "run", "--release", "--quiet", "-p", "glapp-sim", "--example", path.stem)
     assert ours == output_of(sys.executable, str(path.with_suffix(".py")))

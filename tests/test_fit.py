@@ -100,7 +100,7 @@ def test_small_steps_of_the_load_show_no_gap(number: int) -> None:
     assert not f.found, f.reason
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 @pytest.mark.parametrize(
     ("name", "told"),
     [
@@ -118,7 +118,7 @@ def test_samples_too_far_apart_or_a_single_move_of_op_show_no_gap(name: str, tol
     assert f.verdict == "cannot_tell" and told in f.reason, f.reason
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 def test_a_gap_that_the_noise_hides_gets_a_bound_and_no_width() -> None:
     f = simulated(d=0.05, noise=0.06, t_end=1000, load=[(40.0 * k, 0.3 * (k % 2)) for k in range(1, 25)])
     assert f.verdict == "at_least" and f.high is None and "noise hides" in f.reason, f.reason
@@ -129,7 +129,7 @@ def walk(rate: float, h: float, t_end: float, seed: int) -> Any:
     return random_walk(round(t_end / h) + 1, h, rate, seed=seed)
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 @pytest.mark.parametrize("seed", [3, 4])
 def test_a_load_that_walks_shows_no_gap(seed: int) -> None:
     """The zero-crossing estimate shows confident false widths here."""
@@ -141,7 +141,7 @@ def test_a_load_that_walks_shows_no_gap(seed: int) -> None:
     assert true.d == pytest.approx(0.05, rel=0.25)
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 def test_the_derivative_does_not_bias_it() -> None:
     """Equation (7.5) reads 18 % low in this loop: the derivative part opposes the integral."""
     f = simulated("P2", (1.12, 2.40, 0.619), 0.05, h=0.2, t_end=700, load=[(100, 0.3), (300, -0.2), (500, 0.2)])
@@ -161,7 +161,7 @@ def test_units_scale_through() -> None:
     assert g.process.lag[0] == pytest.approx(60.0 * f.process.lag[0], rel=0.05)
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 @pytest.mark.xdist_group("units")
 @pytest.mark.parametrize(
     ("pv", "op", "seconds", "zero"),
@@ -187,7 +187,7 @@ def test_no_unit_changes_the_answer(pv: float, op: float, seconds: float, zero: 
         assert there / op == pytest.approx(here, rel=1e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 @pytest.mark.xdist_group("levels/PI/gap/0")
 def test_many_rows_are_cut_into_windows_as_long_as_the_process_asks_for() -> None:
     """Cells as long as a load's step once made 100 000 rows 8.9 (5.1 to 12.4)."""
@@ -205,7 +205,7 @@ def test_a_load_that_swings_is_no_gap(name: str) -> None:
     assert not f.found, f.reason
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 @pytest.mark.parametrize("name", ["backlash/ramps/inside/68", "stiction/ramps/inside/12", "both/steps/outside/39"])
 def test_a_setpoint_that_moves_tells_an_even_swing_from_a_load_that_swings(name: str) -> None:
     """The loop rings or slips after the setpoint; without that it might be a neighbour that swings."""
@@ -239,7 +239,7 @@ def test_a_gap_is_told_under_a_load_along_lines(name: str) -> None:
     assert f.d == pytest.approx(made.d, rel=0.1)
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 @pytest.mark.parametrize("acting", [{"setpoint": [(1.0, 2.0)]}, {"load": [(1.0, 10.0)]}], ids=["setpoint", "load"])
 @pytest.mark.parametrize(("h", "seed"), [(0.02, 1), (0.05, 2)])
 def test_a_gap_in_little_noise_has_no_jump(h: float, seed: int, acting: Any) -> None:
@@ -266,7 +266,7 @@ LINED = ["swinging door/gap/214", "swinging door/gap/226"]
 """PV is kept as lines, which hide the gap: the valve was once called sound."""
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 @pytest.mark.parametrize("name", MARKED + UNKNOWN + WIDE + LINED)
 def test_what_is_said_under_such_loads_is_true(name: str) -> None:
     assert Answer.to(confusing(name), 1500).told != "wrong"
@@ -287,7 +287,7 @@ def test_what_hides_a_gap_makes_no_valve_sound(name: str, why: str) -> None:
     assert found.verdict == "cannot_tell" and why in found.reason, found.reason
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 @pytest.mark.parametrize("name", ["none/ramps/inside/0", "oscillation/sine/outside/0"])
 def test_a_bound_that_noise_hides_needs_as_much_as_any_other(name: str) -> None:
     """0.007 and 0.07 were once lost at least, where 17 and 15 units were asked."""
@@ -307,7 +307,7 @@ def test_a_gap_is_told_though_samples_are_off(number: int) -> None:
     assert f.low is not None and f.high is not None and f.low < made.d < f.high
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 @pytest.mark.parametrize("number", [1, 3])
 def test_spikes_of_pv_are_left_out(number: int) -> None:
     made = confusing(f"outliers/gap/{number}")
@@ -467,7 +467,7 @@ def test_the_zero_crossing_estimate_takes_the_fitted_gain(monkeypatch: pytest.Mo
     assert fitted.d_hat is not None and assumed.d_hat is not None and fitted.d_hat < assumed.d_hat
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 def test_the_controllers_filter_time_does_not_matter_to_it() -> None:
     """The zero-crossing estimate of the same loops reads the lower the longer its filter."""
     table = closed_loop(

@@ -428,7 +428,7 @@ def test_settings_are_pinned_until_a_day_shows_others(tmp_path: Path) -> None:
     assert fourth["half_periods"] < second["half_periods"]
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 def test_a_worn_valve_is_found_in_its_windows_with_what_it_does_to_the_loop() -> None:
     x, loop = signals(days=3), Loop(name="FIC1", pv_span=(0, 100), op_span=(0, 100), area="Boiler")
     by_day = [{name: values[i * N : (i + 1) * N] for name, values in x.items()} for i in range(3)]
@@ -650,7 +650,7 @@ def test_loops_that_are_lost_with_their_files_are_refused(tmp_path: Path, capsys
     }
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 def test_every_planted_problem_is_found_and_none_is_fatal(tmp_path: Path) -> None:
     lake, results = fleet.make_demo(tmp_path / "lake", loops=10, days=5, seed=SEED), tmp_path / "results"
     fleet.analyze(lake, results, fits=1)
@@ -698,7 +698,7 @@ def results(lake: Path) -> Path:
     return lake.with_name("results")
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 @pytest.mark.xdist_group("fleet")
 def test_results_carry_where_they_come_from(lake: Path, results: Path) -> None:
     known = fleet.manifest(results)
@@ -734,7 +734,7 @@ def pieces(out: Path) -> set[Path]:
     }
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 @pytest.mark.xdist_group("fleet")
 def test_a_run_that_is_killed_goes_on_and_ends_in_the_same_tables(lake: Path, results: Path, tmp_path: Path) -> None:
     out = tmp_path / "results"
@@ -755,7 +755,7 @@ def test_a_run_that_is_killed_goes_on_and_ends_in_the_same_tables(lake: Path, re
     assert all(path.stat().st_mtime_ns == at for path, at in before.items() if path.exists())
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 @pytest.mark.xdist_group("fleet")
 def test_a_disk_that_fills_ends_a_run_cleanly_and_the_next_goes_on(lake: Path, results: Path, tmp_path: Path) -> None:
     pytest.importorskip("resource", reason="this system sets no limit to the size of files")
@@ -771,7 +771,7 @@ def test_a_disk_that_fills_ends_a_run_cleanly_and_the_next_goes_on(lake: Path, r
     assert fleet.analyze(lake, out, fits=1)["folder"] == fleet.manifest(results)["folder"]
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 @pytest.mark.xdist_group("fleet")
 def test_a_later_run_reads_only_what_is_new(lake: Path, results: Path, tmp_path: Path) -> None:
     part, out = tmp_path / "lake", tmp_path / "results"

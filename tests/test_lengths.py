@@ -7,7 +7,7 @@ import pytest
 from bench.lengths import asked, lost
 from bench.loads.answer import Answer
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.verify
 
 LENGTHS = {
     "levels/PI/gap/0": (9000, 28_800, 100_000),

@@ -20,10 +20,11 @@ if CHROMIUM is None:
     pytest.skip("chromium is not installed", allow_module_level=True)
 sync_api = pytest.importorskip("playwright.sync_api")
 PAGE = Path(__file__).parents[1] / "dist" / "page" / "index.html"
-if not PAGE.is_file():
-    pytest.skip("the page is not made: make page tells what that needs", allow_module_level=True)
-
-pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("page in the browser")]
+pytestmark = [
+    pytest.mark.verify,
+    pytest.mark.skipif(not PAGE.is_file(), reason="the page is not made: make page tells what that needs"),
+    pytest.mark.xdist_group("page in the browser"),
+]
 
 
 @pytest.fixture(scope="module")

@@ -239,8 +239,9 @@ def run(*command: object, folder: Path = ROOT, **environment: str) -> str:
 
 
 def programs() -> dict[tuple[str, str], str]:
-    """Examples and tests of plc/check as `cargo test` has made them; asked for one package it would make all anew."""
-    lines = run("cargo", "test", "--workspace", "--no-run", "--quiet", "--message-format=json").splitlines()
+    """Examples and tests of plc/check as `make rust` has made them; asked for one package it would make all anew."""
+    tested = [f"-pglapp-{crate}" for crate in ("core", "fit", "sim", "analysis", "capi", "plc-check", "py")]
+    lines = run("cargo", "test", "--release", *tested, "--no-run", "--quiet", "--message-format=json").splitlines()
     told = [one for one in map(json.loads, lines) if one.get("executable") and "plc-check" in one["package_id"]]
     return {(one["target"]["kind"][0], one["target"]["name"]): one["executable"] for one in told}
 
@@ -251,7 +252,7 @@ def check(kind: str, name: str, *args: object, **environment: str) -> str:
     return run(program, *args, folder=ROOT / "plc/check", **environment)
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 @pytest.mark.parametrize("build", BUILDS)
 @pytest.mark.parametrize("unpack", [unpack_st, unpack_plcopen, unpack_twincat, unpack_siemens])
 def test_unpacked_it_is_the_source_again(packages, tmp_path, unpack, build):
@@ -259,7 +260,7 @@ def test_unpacked_it_is_the_source_again(packages, tmp_path, unpack, build):
     check("example", "same", folder, build)
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 @pytest.mark.parametrize(
     ("test", "of"),
     [
@@ -285,7 +286,7 @@ def test_attributes_say_what_a_power_cut_leaves(packages):
     assert all(row["Attributes"] == "retain" for row in cells) and len(cells) == 31
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 @pytest.mark.parametrize("build", BUILDS)
 def test_plcopen_xml_is_valid(packages, build):
     xmlschema = pytest.importorskip("xmlschema")
@@ -349,7 +350,7 @@ def shares(folder: Path) -> dict[str, set[str]]:
     return lots
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 @pytest.mark.parametrize("build", BUILDS)
 def test_blark_reads_the_files_of_twincat(packages, tmp_path, build):
     pytest.importorskip("blark.parse")

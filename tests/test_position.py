@@ -58,7 +58,7 @@ def by_position(batches: list[Batch]) -> Fit:
     return _at_valve(_glapp.fit(without, 0.0)["position"], LOOP)
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 @pytest.mark.parametrize("recorder", RECORDERS)
 @pytest.mark.parametrize("d", [0.02, 0.05])
 @pytest.mark.parametrize("loop", [("P3", (0.482, 0.313)), ("P1", (0.363, 7.06))])

@@ -160,6 +160,7 @@ def test_a_hole_of_nul_bytes_is_no_date(blocks):
         assert "is not a time" in blocks.compare(data, block=block, sample=100)
 
 
+@pytest.mark.verify
 @pytest.mark.parametrize("first", [0, 1704067200, 1704067200000, 1704067200000000, 1704067200000000000])
 def test_what_is_a_time_does_not_hang_on_rows_of_other_tags(blocks, first):
     """`1e`, which no loop reads, makes text of the times in its block; they mean what they mean in any other."""
@@ -191,7 +192,7 @@ def test_numbers(blocks, column):
         blocks.compare(text([good, good, cells], head, end).rstrip(b"\r\n"))
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 @pytest.mark.parametrize("first", ["2024-01-01 00:00:00", "2024-01-01T00:00:00Z", "2024-01-01", "1704067200"])
 def test_times(blocks, first):
     for stamp in STAMPS:
@@ -219,7 +220,7 @@ def test_encodings(blocks, encoding):
         blocks.compare("\n".encode(encoding).join([head, *rows]), sample=60)
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 @given(st.data())
 @settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_long_tables(blocks, data):
@@ -240,7 +241,7 @@ def test_title_ends_otherwise_than_the_rows(blocks):
     assert len(whole) == 7
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 @given(st.data())
 @settings(max_examples=300, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_any_mixture_in_a_wide_table(blocks, data):

@@ -120,7 +120,7 @@ def in_dialect(table, d):
     return (text + d["newline"] * d["last_newline"]).encode(d["encoding"])
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 @slow_files
 @given(tables(), dialects())
 def test_a_table_in_any_dialect_reads_back_equal(tmp_path, monkeypatch, table, dialect):

@@ -16,7 +16,7 @@ from glapp.reading import open_each, open_recordings, recording_from
 from glapp.reading.values import numbers
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 @pytest.mark.parametrize("kind", fuzzer.KINDS)
 def test_damaged_files_end_no_process(kind, tmp_path):
     """One damaged byte of an Arrow file was a segmentation fault: of 400 files 37 ended so, 36 in a traceback."""

@@ -15,8 +15,8 @@ import glapp.reading.passes as passes
 from glapp.errors import InputError
 from glapp.loop import Loop
 from glapp.reading import open_each, open_recordings
+from glapp.reading.apart import ApartSource
 from glapp.reading.csv import CsvSource
-from glapp.reading.parquet import IpcSource, ParquetSource
 
 ROWS = 700
 _CODED = pa.dictionary(pa.int32(), pa.string())
@@ -49,7 +49,7 @@ def write(table, path):
 def reads(monkeypatch):
     """How often each column of a file is read: a list of column indices per pass."""
     made = []
-    for source in (CsvSource, ParquetSource, IpcSource):
+    for source in (CsvSource, ApartSource):
         whole = source.stream
 
         def stream(self, types, bad_words, whole=whole):
@@ -71,7 +71,7 @@ def alone(path, i):
     return joined(recording.batches())
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 @pytest.mark.parametrize("ending", [".csv", ".parquet", ".arrow"])
 @pytest.mark.parametrize("block", [1 << 22, 20_000])
 def test_all_loops_are_read_in_one_pass_with_the_values_they_have_alone(tmp_path, reads, monkeypatch, ending, block):
@@ -104,7 +104,7 @@ def test_names_are_understood_once_however_many_loops_there_are(monkeypatch, tmp
     assert counts[40] <= 1.1 * counts[10]
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 @pytest.mark.parametrize("ending", [".csv", ".parquet", ".arrow"])
 def test_what_is_held_is_bounded_and_more_passes_are_made(tmp_path, reads, monkeypatch, ending):
     path = write(table(20), tmp_path / f"plant{ending}")

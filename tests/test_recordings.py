@@ -65,12 +65,14 @@ class TestOneWidth:
         of_one = glapp.fit([day("steps/gap/0", 1)])
         assert (of_one.reason, of_one.recordings) == (alone.reason, [])
 
+    @pytest.mark.verify
     def test_the_order_given_does_not_matter(self, three: glapp.Fit) -> None:
         days = [day("steps/gap/0", number) for number in range(3)]
         for order in list(permutations(days))[1::2]:
             again = glapp.fit(order)
             assert again.to_dict() == three.to_dict()
 
+    @pytest.mark.verify
     def test_the_unit_of_op_does_not_matter(self, three: glapp.Fit) -> None:
         def scaled(number: int) -> glapp.Recording:
             made = record(f"steps/gap/0/{number}", SAMPLES)
@@ -105,6 +107,7 @@ class TestOneWidth:
 
 @pytest.mark.slow
 class TestReplays:
+    @pytest.mark.verify
     def test_a_replay_counts_once(self, three: glapp.Fit) -> None:
         first = record("steps/gap/0/2", SAMPLES)
         once = glapp.fit(dated(first.table, first.loop, 0))
@@ -113,6 +116,7 @@ class TestReplays:
         assert (answer.verdict, answer.d, answer.low, answer.high) == (once.verdict, once.d, once.low, once.high)
         assert "100 % of memory (2) stands in an earlier one" in answer.reason
 
+    @pytest.mark.verify
     def test_the_share_is_told_and_the_rest_counts(self) -> None:
         first, second = (record(f"steps/gap/0/{number}", SAMPLES) for number in (0, 1))
         half = pa.concat_tables([first.table.slice(0, 375), second.table.slice(375)])

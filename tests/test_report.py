@@ -356,7 +356,7 @@ def test_a_run_too_large_for_one_file_is_an_index_with_a_file_per_loop(
         assert back == ["../run%201.html"]
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 def test_huge_recordings_stay_small(tmp_path: Path) -> None:
     huge = many(60_000)
     files = write_report([replace(huge, name=f"L{i}") for i in range(24)], tmp_path / "report.html")
@@ -796,7 +796,7 @@ def test_the_same_results_give_the_same_page(
     assert one.read_bytes() == other.read_bytes()
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 def test_eighty_loops_are_one_file(worn: Result, tmp_path: Path) -> None:
     loops = [replace(fitted(worn) if i % 4 == 0 else refused(), name=f"FIC{i}") for i in range(80)]
     [file] = write_report(loops, tmp_path / "report.html")
@@ -815,7 +815,7 @@ def browsed(page: Path, *options: str) -> str:
     return subprocess.run([*command, page.as_uri()], capture_output=True, text=True, timeout=120, check=True).stdout
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 @needs_chromium
 def test_a_narrow_page_is_not_wider_than_its_window(run: list[Result], worn: Result, tmp_path: Path) -> None:
     long = replace(fitted(worn), name="PLANT/UNIT_07/AREA-B/FIC10101.LONGNAME_WITHOUT_END", quality=[FINDING])
@@ -838,7 +838,7 @@ def test_a_narrow_page_is_not_wider_than_its_window(run: list[Result], worn: Res
     assert content <= window == 375 and drawn > 0
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 @needs_chromium
 def test_a_loop_is_printed_on_one_page(worn: Result, tmp_path: Path) -> None:
     def pages(*loops: Result) -> int:

@@ -46,7 +46,7 @@ def told(answer: Any) -> Any:
     return {k: v for k, v in answer.to_dict().items() if k not in ("name", "source", "columns")}
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 def test_arrays_get_the_answer_of_their_recording(worn: Simulation) -> None:
     recording = glapp.recording_from(worn.to_arrow().drop_columns("POSITION"), LOOP)
     flags = next(recording.batches()).flags
@@ -118,7 +118,7 @@ def test_a_recording_has_its_own_signals(worn: Simulation) -> None:
         glapp.fit(worn.pv)  # type: ignore[arg-type]
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 @pytest.mark.parametrize("names", [("t", "PV", "OP"), ("t", "FIC7.PV", "FIC7.OP")])
 def test_without_a_setpoint_the_fit_answers_and_the_crossings_say_why_not(
     tmp_path: Path, worn: Simulation, names: tuple[str, ...]

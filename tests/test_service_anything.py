@@ -19,6 +19,33 @@ from glapp.service.users import Users  # noqa: E402
 
 EXAMPLES = 12
 
+METHODS = ("GET", "POST", "PUT", "PATCH", "DELETE", "TRACE")
+
+
+def undeclared(client: TestClient, description: str, headers: dict[str, str]) -> list[tuple[str, str, int]]:
+    """Methods that are not described and are answered all the same, or refused without a word of those that are."""
+    found = []
+    base = description.removesuffix("/openapi.json")
+    for path, methods in client.get(description).json()["paths"].items():
+        url = base + path.replace("{name}", "FIC0").replace("{id}", "1").replace("{user}", "eve")
+        for method in METHODS:
+            if method.lower() not in methods:
+                body = {"json": {}} if method in ("POST", "PUT") else {}
+                reply = client.request(method, url, headers=headers, **body)
+                if reply.status_code != 405 or not reply.headers.get("allow"):
+                    found.append((method, url, reply.status_code))
+    return found
+
+
+def test_a_method_that_is_not_described_is_not_answered(tmp_path: Path) -> None:
+    watch = service.watch(tmp_path, loops(1), Clock())
+    users = Users(watch.memory, CHEAP)
+    users.put("eve", "engineer", PASSWORDS["eve"], BEGIN)
+    client = TestClient(app_of(watch, users, hosts=["testserver"]))
+    said = client.post("/login", json={"user": "eve", "password": PASSWORDS["eve"]}).json()
+    assert undeclared(client, "/openapi.json", {"Authorization": f"Bearer {said['token']}"}) == []
+    watch.memory.close()
+
 
 def asked(operation: Any, headers: dict[str, str]) -> set[int]:
     """Statuses of what a door answers to requests that are as described, and to others."""
@@ -35,12 +62,16 @@ def asked(operation: Any, headers: dict[str, str]) -> set[int]:
         reply = case.call(headers=headers)
         statuses.add(reply.status_code)
         assert reply.status_code < 500 and b"Traceback" not in reply.content, (operation.label, reply.content)
+        if reply.status_code != 405:
+            of = schemathesis.specs.openapi.checks
+            checks = [of.status_code_conformance, of.content_type_conformance, of.response_schema_conformance]
+            case.validate_response(reply, checks=checks)
 
     ask()
     return statuses
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 @pytest.mark.parametrize("known", [True, False], ids=["engineer", "nobody"])
 def test_any_request_is_answered(tmp_path: Path, known: bool) -> None:
     clock = Clock()

@@ -118,7 +118,7 @@ def test_without_a_service_or_a_login(tmp_path: Path, monkeypatch: pytest.Monkey
         glapp("disable", "FIC0", "--door", "http://127.0.0.1:9")
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 def test_the_demonstration_from_its_first_user_to_its_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A plant and its service, started, asked, told to stop: by the command line alone."""
     folder = tmp_path / "data"

@@ -2,9 +2,13 @@
 
 import asyncio
 import json
+import os
 import re
+import sys
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 
 import httpx
@@ -16,9 +20,9 @@ from service import BEGIN, Clock, fed, loops, values
 
 from glapp.errors import InputError
 from glapp.service.door import Door, app_of
-from glapp.service.memory import Memory, Reader
+from glapp.service.memory import Memory, Reader, backup, restore
 from glapp.service.signal import Signal, Value
-from glapp.service.users import SHORTEST, Refused, Users, first_user
+from glapp.service.users import PACE, PLACES, SHORTEST, Person, Refused, RefusedLogins, Users, first_user, station_key
 from glapp.service.watch import Watch
 
 PASSWORDS = {"vera": "viewer-password", "olaf": "operator-password", "eve": "engineer-password"}
@@ -223,8 +227,11 @@ def test_login(client: TestClient, watch: Watch) -> None:
     kept = json.dumps([dict(row) for row in watch.memory._db.execute("SELECT * FROM users")])
     assert not any(password in kept for password in PASSWORDS.values()) and "$argon2id$" in kept
     assert watch.reader.rows("SELECT * FROM tokens") == []
-    refused = [row for row in watch.reader.commands() if row["command"] == "login"]
-    assert len(refused) == 4 and not any(row["after"] == "wrong" for row in refused)
+    assert not [row for row in watch.reader.commands() if row["command"] == "login"], "they are counted"
+
+
+def log_in(users: Users, name: str, password: str, now: float, address: str = "10.0.0.7") -> tuple[str, Person]:
+    return users.log_in(users.attempt(name, address, now), password, now)
 
 
 def test_passwords_cannot_be_tried_without_end(watch: Watch) -> None:
@@ -232,25 +239,166 @@ def test_passwords_cannot_be_tried_without_end(watch: Watch) -> None:
     users.put("eve", "engineer", PASSWORDS["eve"], BEGIN)
     for k in range(5):
         with pytest.raises(Refused, match="wrong name or password"):
-            users.log_in("eve", f"guess {k}", BEGIN + k)
-    with pytest.raises(Refused, match=r"too many wrong passwords: wait 29\d s"):
-        users.log_in("eve", PASSWORDS["eve"], BEGIN + 5)
-    assert users.log_in("eve", PASSWORDS["eve"], BEGIN + 301)[1].name == "eve"
+            log_in(users, "eve", f"guess {k}", BEGIN + k)
+    for address in ("10.0.0.7", "10.0.0.8"):
+        with pytest.raises(Refused, match=r"too many wrong passwords: wait 29\d s"):
+            log_in(users, "eve", PASSWORDS["eve"], BEGIN + 5, address)
+    assert log_in(users, "eve", PASSWORDS["eve"], BEGIN + 301)[1].name == "eve"
+
+
+def test_passwords_tried_at_the_same_time_count_before_one_is_looked_at(watch: Watch) -> None:
+    """120 in parallel: 30 were looked at, and not 5."""
+    users = Users(watch.memory, CHEAP)
+    users.put("eve", "engineer", PASSWORDS["eve"], BEGIN)
+    looked_at = 0
+
+    def guess(k: int) -> None:
+        nonlocal looked_at
+        with suppress(Refused):
+            attempt = users.attempt("eve", f"10.0.{k}.7", BEGIN)
+            looked_at += 1
+            users.log_in(attempt, f"guess {k}", BEGIN)
+
+    with ThreadPoolExecutor(30) as many:
+        list(many.map(guess, range(120)))
+    assert looked_at == 5
+
+
+def test_no_number_of_names_and_addresses_takes_a_count_away(watch: Watch) -> None:
+    """More than a thousand names cleared the table."""
+    users = Users(watch.memory, CHEAP)
+    users.put("eve", "engineer", PASSWORDS["eve"], BEGIN)
+    for k in range(5):
+        users.attempt("eve", f"10.1.0.{k}", BEGIN)
+    for k in range(20_000):
+        with suppress(Refused):
+            users.attempt(f"name {k}", f"10.2.{k // 250}.{k % 250}", BEGIN)
+    with pytest.raises(Refused, match="too many"):
+        users.attempt("eve", "10.3.0.1", BEGIN)
+    tries = users._tries
+    assert len(tries._names) <= PLACES and len(tries._addresses) <= PLACES
+    assert all(len(one) <= 10 for counts in (tries._names, tries._addresses) for one in counts.values())
+
+
+def test_an_address_tries_ten_passwords_whatever_the_names(watch: Watch) -> None:
+    users = Users(watch.memory, CHEAP)
+    for k in range(10):
+        users.attempt(f"name {k}", "10.0.0.7", BEGIN)
+    with pytest.raises(Refused, match="too many"):
+        users.attempt("somebody else", "10.0.0.7", BEGIN)
+    assert users.attempt("somebody else", "10.0.0.8", BEGIN).wait == 0.0
+
+
+def test_who_logged_in_from_an_address_is_slowed_there_and_not_shut_out(watch: Watch) -> None:
+    """Five wrong tries of a stranger locked the engineer out."""
+    users = Users(watch.memory, CHEAP)
+    users.put("eve", "engineer", PASSWORDS["eve"], BEGIN)
+    users.put("vera", "viewer", PASSWORDS["vera"], BEGIN)
+    log_in(users, "eve", PASSWORDS["eve"], BEGIN, "10.0.0.7")
+    for again in (users, Users(watch.memory, CHEAP)):  # and after a start of the service
+        for k in range(100):
+            with suppress(Refused):
+                again.attempt("eve", f"10.1.0.{k}", BEGIN)  # strangers
+        with pytest.raises(Refused, match="too many"):
+            again.attempt("eve", "10.9.0.1", BEGIN)
+        waits = [again.attempt("eve", "10.0.0.7", BEGIN) for _ in range(120)]  # her own, or of who shares her address
+        assert [one.wait for one in waits] == [0.0] * 5 + [PACE] * 115
+        assert sum(not one.displaced for one in waits) == 6, "of those that wait the newest alone is looked at"
+        last = again.attempt("eve", "10.0.0.7", BEGIN + 1.0)
+        assert last.wait == PACE - 1.0 and waits[-1].displaced
+        assert again.log_in(last, PASSWORDS["eve"], BEGIN + 2.0)[1].name == "eve"
+    log_in(users, "vera", PASSWORDS["vera"], BEGIN, "10.0.0.9")
+    for k in range(40):  # who may log in somewhere tries another's password there: as a stranger of that name
+        with suppress(Refused):
+            users.attempt("olaf", "10.0.0.9", BEGIN + k)
+    with pytest.raises(Refused, match="too many"):
+        users.attempt("olaf", "10.0.0.9", BEGIN + 40)
+
+
+def test_a_right_password_takes_no_wrong_ones_away(watch: Watch) -> None:
+    """Whoever may log in would else have guesses without end between two logins of his own."""
+    users = Users(watch.memory, CHEAP)
+    users.put("vera", "viewer", PASSWORDS["vera"], BEGIN)
+    for k in range(4):
+        users.attempt("eve", "10.0.0.7", BEGIN + k)
+    for k in range(20):
+        log_in(users, "vera", PASSWORDS["vera"], BEGIN + 4 + k)
+    users.attempt("eve", "10.0.0.7", BEGIN + 30)
+    with pytest.raises(Refused, match="too many"):
+        users.attempt("eve", "10.0.0.7", BEGIN + 31)
+
+
+def test_a_password_that_is_changed_while_it_is_looked_at_is_wrong(watch: Watch) -> None:
+    users = Users(watch.memory, CHEAP)
+    users.put("eve", "engineer", PASSWORDS["eve"], BEGIN)
+
+    class Slow:
+        def verify(self, digest: str, password: str) -> bool:
+            users.put("eve", "engineer", "another password", BEGIN)
+            return CHEAP.verify(digest, password)
+
+        hash = CHEAP.hash
+
+    users._hasher = Slow()  # type: ignore[assignment]
+    with pytest.raises(Refused, match="wrong name or password"):
+        log_in(users, "eve", PASSWORDS["eve"], BEGIN)
+    assert watch.memory.rows("SELECT * FROM tokens") == []
+
+
+def test_refused_logins_are_counted_and_told_together(watch: Watch) -> None:
+    users = Users(watch.memory, CHEAP)
+    users.put("eve", "engineer", PASSWORDS["eve"], BEGIN)
+    app = app_of(watch, users)
+    refused: RefusedLogins = app.state.refused_logins
+    refused.every = 0.05
+
+    async def go() -> None:
+        transport = httpx.ASGITransport(app=app, client=("10.0.0.7", 1))
+        async with httpx.AsyncClient(transport=transport, base_url="http://127.0.0.1") as stranger:
+            for k in range(40):
+                body = {"user": "eve" if k % 2 else f"secret {k}", "password": f"guess {k}"}
+                assert (await stranger.post("/login", json=body)).status_code == 401
+        await asyncio.sleep(0.1)
+        watch._repeated.clear()
+        await watch.step()
+
+    asyncio.run(go())
+    told = [row["text"] for row in watch.reader.events() if row["kind"] == "logins_refused"]
+    assert "a login was refused: as a name that is no user's, from 10.0.0.7" in told[-1]
+    assert len(told) <= 2 and not any("guess" in text or "secret" in text for text in told)
+    assert refused.total == 40 and not watch.reader.commands()
+    here = TestClient(app, base_url="http://127.0.0.1", client=("127.0.0.1", 1))
+    assert "glapp_logins_refused_total 40.0" in here.get("/metrics").text
+    watch.memory.forget(BEGIN * 10.0)
+    assert not [row for row in watch.reader.events() if row["kind"] == "logins_refused"]
+
+
+def test_refused_logins_are_summed_up() -> None:
+    refused = RefusedLogins()
+    assert refused.add("eve", "10.0.0.7") == "a login was refused: as eve, from 10.0.0.7" and refused.since() is None
+    for k in range(100):
+        refused.add("eve" if k % 3 else None, f"10.0.0.{k % 7}")
+    text = refused.since()
+    assert text is not None and text.startswith("99 logins more were refused in 300 s: 2 names, of all 100 most (66)")
+    assert refused.since() is None and refused.total == 101
 
 
 def test_a_token_ends(watch: Watch) -> None:
     users = Users(watch.memory, CHEAP)
     users.put("eve", "engineer", PASSWORDS["eve"], BEGIN)
     users.put("olaf", "operator", PASSWORDS["olaf"], BEGIN)
-    token, _ = users.log_in("olaf", PASSWORDS["olaf"], BEGIN)
+    token, _ = log_in(users, "olaf", PASSWORDS["olaf"], BEGIN)
     assert users.of(token, BEGIN + 12 * 3600 - 1) is not None
     assert users.of(token, BEGIN + 12 * 3600 + 1) is None
-    token, _ = users.log_in("olaf", PASSWORDS["olaf"], BEGIN)
-    users.put("olaf", "viewer", None, BEGIN)
-    assert users.of(token, BEGIN) is None, "another role is another login"
-    token, _ = users.log_in("olaf", PASSWORDS["olaf"], BEGIN)
-    users.remove("olaf")
-    assert users.of(token, BEGIN) is None
+    assert Users(watch.memory, CHEAP).of(token, BEGIN) is not None, "a service that is started again knows it"
+    for change, password in (
+        (lambda: users.put("olaf", "viewer", None, BEGIN), PASSWORDS["olaf"]),
+        (lambda: users.put("olaf", "viewer", "another password", BEGIN), PASSWORDS["olaf"]),
+        (lambda: users.remove("olaf"), "another password"),
+    ):
+        token, _ = log_in(users, "olaf", password, BEGIN)
+        change()
+        assert users.of(token, BEGIN) is None and watch.memory.rows("SELECT * FROM tokens") == []
 
 
 def test_users_that_cannot_be(watch: Watch) -> None:
@@ -273,12 +421,39 @@ def test_users_that_cannot_be(watch: Watch) -> None:
         users.remove("adam")
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="there rights are those of the folder")
+def test_the_database_and_its_copies_are_their_owners_alone(tmp_path: Path) -> None:
+    folder, copy = tmp_path / "data", tmp_path / "copy.db"
+    mask = os.umask(0o000)
+    try:
+        with Memory(folder) as memory:
+            memory.know(loops(1))
+            station_key(folder)
+            backup(folder, copy)
+            assert {path.name for path in folder.iterdir()} >= {"glapp.db", "glapp.db-wal", "glapp.db-shm"}
+            for path in (copy, *(one for one in folder.iterdir() if one.name != "lock")):
+                assert path.stat().st_mode & 0o077 == 0, path
+        aside = restore(folder, copy)
+        (folder / "glapp.db").chmod(0o644)  # as an older version left it
+        with Memory(folder):
+            assert aside is not None
+            for path in (aside, *folder.glob("glapp.db*")):
+                assert path.stat().st_mode & 0o077 == 0, path
+        (folder / "glapp.db").write_bytes(b"no database" * 100)
+        with Memory(folder) as memory:
+            assert memory.found is not None
+            for path in folder.glob("glapp.db*"):
+                assert path.stat().st_mode & 0o077 == 0, path
+    finally:
+        os.umask(mask)
+
+
 def test_the_first_user(tmp_path: Path) -> None:
     memory = Memory(tmp_path)
     first_user(memory, BEGIN)
     path = tmp_path / "first-login.txt"
     user, password = re.findall(r"^\w+ (\S+)$", path.read_text(), re.MULTILINE)
-    assert Users(memory).log_in(user, password, BEGIN)[1].role.name == "ENGINEER"
+    assert log_in(Users(memory), user, password, BEGIN)[1].role.name == "ENGINEER"
     assert path.stat().st_mode & 0o077 == 0
     path.unlink()
     first_user(memory, BEGIN)

@@ -39,7 +39,7 @@ from glapp.service.tags import loops_of
 
 HERE = Path(__file__).parent / "interop"
 THEIRS = Path(__file__).parents[1] / "target" / "interop"
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.verify
 NODE = pytest.mark.skipif(
     shutil.which("node") is None or not (THEIRS / "node_modules" / "node-opcua-server").is_dir(),
     reason="node-opcua is not installed: make interop",

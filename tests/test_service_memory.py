@@ -106,7 +106,7 @@ def test_a_break_that_no_history_fills_is_a_gap_however_short(tmp_path: Path) ->
     assert [row[of_memory.COLUMNS.index("mask") + 1] & 1 for row in ended] == [1], "it ended as a gap"
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 def test_who_looks_at_the_signals_does_not_end_the_watch(tmp_path: Path) -> None:
     """A page asked for them in a thread of its own, and at that moment no sample could be added."""
     [loop], clock = loops(), Clock()
@@ -134,7 +134,7 @@ def test_who_looks_at_the_signals_does_not_end_the_watch(tmp_path: Path) -> None
     assert min(seen) >= 31 * 2998
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 def test_killed_at_random_moments(tmp_path: Path) -> None:
     """kill -9 while it takes in, writes and saves; what the memory has not is handed over again, as a history does."""
     folder, chance, kills, seconds = tmp_path / "killed", random.Random(5), 0, 150

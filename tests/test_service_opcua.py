@@ -416,7 +416,7 @@ def test_a_history_that_gives_more_than_was_asked(monkeypatch):
     assert "outside of what was asked" in watch.told("outside")[0]
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 def test_a_server_that_hangs_is_given_up_and_caught_up_with(tmp_path):
     """It keeps its socket open and answers nothing: only its silence tells."""
     port = free_port()
@@ -1142,7 +1142,7 @@ def test_browsing_finds_the_loops(shared):
     assert [loop.opcua.pv for loop in parse_settings(text, "x", Path())] == [node(f"{n}.PV") for n in loops]
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 def test_the_command_serves_a_plant_and_finds_its_tags(tmp_path):
     port = free_port()
     settings = tmp_path / "loops.toml"

@@ -13,8 +13,9 @@ from service import BEGIN, Clock, Table, fed, loops, values
 
 from glapp import Loop
 from glapp.errors import InputError
+from glapp.service import compensation as of_compensation
 from glapp.service import watch as of_watch
-from glapp.service.memory import Memory, backup, restore
+from glapp.service.memory import Memory, Reader, backup, restore
 from glapp.service.signal import Event, Signal, Value
 from glapp.service.watch import SEEN, Bounds, Watch, with_settings
 
@@ -314,6 +315,64 @@ def test_the_watchdog_hears_of_us_only_while_u_ff_is_fresh(tmp_path: Path, monke
     beside(tmp_path, look)
 
 
+def test_a_u_ff_that_the_plant_keeps_stops_the_watchdog_and_every_loop(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(of_watch, "_BEAT", 0.05)
+    monkeypatch.setattr(of_compensation, "LATE", 0.3)
+
+    class Keeps(Swinging):
+        keeps = False
+
+        async def write(self, loop: str, u_ff: float) -> None:
+            await super().write(loop, self.u_ff.get(loop, 0.0) if self.keeps else u_ff)
+
+    async def look(watch: Watch, plant: Swinging) -> None:
+        assert isinstance(plant, Keeps)
+        await in_force(watch, plant)
+        plant.keeps = True  # it confirms every write, and does none of them
+        await watch.disable("FIC0", "olaf", "operator")
+        before = plant.beats
+        await until(lambda: watch.status()["loops"]["FIC0"]["health"] == "FAILURE", "nobody saw it")
+        assert plant.beats > before, "so long the watchdog heard of us"
+        before = plant.beats
+        await asyncio.sleep(0.5)
+        assert plant.beats == before, "the plant has to take it away by itself"
+        with pytest.raises(
+            InputError, match=r"u_FF of FIC0 is not 0 in the plant, .* set it to 0 in the control system"
+        ):
+            await watch.enable("FIC0", "eve", "engineer")
+        assert plant.beats == before, "nor does who tries to enable count it up"
+        plant.u_ff["FIC0"] = 0.0
+        await until(lambda: watch.status()["loops"]["FIC0"]["health"] == "NORMAL", "it is 0 by now")
+        await until(lambda: plant.beats > before, "the watchdog hears of us again")
+
+    watch = beside(tmp_path, look, Keeps())
+    with Reader(tmp_path) as reader:
+        told = {row["kind"]: row["text"] for row in reader.events("FIC0")}
+    assert "had to be 0 within" in told["not_taken_away"] and "of every loop" in told["not_taken_away"]
+    assert "counted up again" in told["taken_away"]
+    assert watch.status()["loops"]["FIC0"]["compensation"]["u_ff"] == 0.0
+
+
+def test_where_one_u_ff_stands_every_other_is_withdrawn(tmp_path: Path) -> None:
+    """There is one watchdog for all loops."""
+    both = [swinging(2.5), swinging(2.5).model_copy(update={"name": "FIC1"})]
+    watch = Watch(both, Memory(tmp_path), compensable={"FIC0": MOST, "FIC1": MOST})
+    one, other = (watch._loops[name].compensator for name in ("FIC0", "FIC1"))
+    assert one is not None and other is not None
+    other._graph["watch.compensate"] = 1.0
+    one.read_back = True
+    one.take(Value("FIC0", Signal.U_FF, 1.0, 0.5, True), 1.0)
+    one.scan(0.0, True)
+    watch._look(one.away_within + 3.0 * PERIOD + of_compensation.LATE - 0.1)
+    assert other.enabled and not watch._standing(), "it is on its way"
+    watch._look(one.away_within + 3.0 * PERIOD + of_compensation.LATE + 0.1)
+    assert not other.enabled and other.why_off == "the watchdog is not counted up: u_FF of FIC0 is not 0"
+    assert [watch.status()["loops"][name]["health"] for name in ("FIC0", "FIC1")] == ["FAILURE", "CHECK_FUNCTION"]
+    watch.memory.close()
+
+
 def test_enabling_is_refused_where_u_ff_comes_too_late(tmp_path: Path) -> None:
     class Slow(Swinging):
         async def write(self, loop: str, u_ff: float) -> None:
@@ -454,7 +513,7 @@ def test_parameters_are_changed_all_or_none_and_put_down(tmp_path: Path) -> None
         for name, value, bound in (
             ("n", 4, "odd"),
             ("tf", -1.0, "> 0"),
-            ("k", 0.0, "must not be 0"),
+            ("k", 0.0, "and not 0"),
             ("x", 1, "no such"),
         ):
             with pytest.raises(InputError, match=bound):
@@ -494,7 +553,7 @@ def test_bounds(name: str) -> None:
 # Fits
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 def test_a_fit_of_what_is_kept_is_asked_for_and_taken_over(tmp_path: Path) -> None:
     import numpy as np
 

@@ -10,11 +10,9 @@ CHROMIUM = shutil.which("chromium")
 if CHROMIUM is None:
     pytest.skip("chromium is not installed", allow_module_level=True)
 sync_api = pytest.importorskip("playwright.sync_api")
-if not (SITE / "index.html").exists():
-    pytest.skip("the site is not built: make site", allow_module_level=True)
 
-
-@pytest.mark.slow
+@pytest.mark.verify
+@pytest.mark.skipif(not (SITE / "index.html").exists(), reason="the site is not built: make site")
 def test_a_folder_is_read_and_searched_without_a_network() -> None:
     with sync_api.sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])

@@ -8,8 +8,8 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,7 @@ pytest.importorskip("nicegui")
 pytest.importorskip("multipart")
 
 import httpx
-from fastapi import FastAPI
+from fastapi import FastAPI, WebSocket, WebSocketDisconnect
 from fastapi.testclient import TestClient
 from service import loops, values
 from station_child import PASSWORDS, answer, made
@@ -30,12 +30,13 @@ from glapp.errors import InputError
 from glapp.modules import BacklashDetection, Graph, Input, Output
 from glapp.reading.settings import parse_settings
 from glapp.report.words import REASONS, failures
-from glapp.service.compensation import SHARE, detection_beside
+from glapp.service.compensation import detection_beside
 from glapp.service.door import app_of as service_app
 from glapp.service.memory import Memory
 from glapp.service.plant import SimPlant
 from glapp.service.plant import _kinds as kinds
 from glapp.service.plant import _Loop as SimLoop
+from glapp.service.settable import SHARE
 from glapp.service.signal import Signal
 from glapp.service.users import LOGIN_LASTS
 from glapp.service.watch import Watch
@@ -44,8 +45,8 @@ from glapp.station.app import app_of
 from glapp.station.client import Door, Gone, Refused, loop_path
 from glapp.station.compensate import STANDINGS, calm, plan
 from glapp.station.pages import Station, all_events
-from glapp.station.parameters import PARAMETERS, changed
-from glapp.station.sessions import COOKIE, LARGEST, LARGEST_FILE, TRIES, Guard, Sessions
+from glapp.station.parameters import changed
+from glapp.station.sessions import COOKIE, LARGEST, LARGEST_FILE, Guard, Sessions
 from glapp.station.under_way import UnderWay
 from glapp.station.view import View, as_csv, trend
 
@@ -56,6 +57,7 @@ CATALOGUE = json.loads((Path(__file__).parents[1] / "vectors" / "catalogue.json"
 def plant(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Watch, FastAPI]]:
     """A service; nothing is stepped any more."""
     watch, users = made(tmp_path_factory.mktemp("plant"))
+    watch.users = users
     yield watch, service_app(watch, users)
     watch.memory.close()
 
@@ -250,20 +252,6 @@ def test_colours_can_be_read(tone: dict[str, str]) -> None:
 
 
 # Parameters and compensation
-
-
-def test_units_and_bounds_of_parameters_are_the_cores() -> None:
-    compared = 0
-    for name, parameter in PARAMETERS.items():
-        if parameter.kept_as is None:
-            continue
-        table, key = parameter.kept_as
-        row = next(row for row in CATALOGUE["settings"][table] if row["name"] == key)
-        assert parameter.unit == row["unit"], name
-        if name != "comp_release":
-            assert parameter.bound == row["bound"].removesuffix(" a number"), name
-        compared += 1
-    assert compared >= 16
 
 
 def test_only_what_is_changed_is_asked_for() -> None:
@@ -505,19 +493,38 @@ def test_a_service_that_is_gone_is_told(tmp_path: Path) -> None:
 # Who is kept out
 
 
+class Known:
+    """The service's tokens: whose each is."""
+
+    def __init__(self, **known: tuple[str, str]) -> None:
+        self.known = known
+
+    def of(self, token: str, now: float) -> tuple[str, str] | None:
+        return self.known.get(token)
+
+
 @pytest.fixture
 def guarded() -> tuple[TestClient, Sessions]:
     inner = FastAPI()
 
     @inner.get("/{path:path}")
     async def page(path: str) -> str:
+        if path == "slow":
+            sessions._tokens.known.clear()
         return path
 
     @inner.post("/{path:path}")
     async def change(path: str) -> str:
         return path
 
-    sessions = Sessions()
+    @inner.websocket("/_nicegui_ws/socket.io/")
+    async def connected(socket: WebSocket) -> None:
+        await socket.accept()
+        with suppress(WebSocketDisconnect):
+            while True:
+                await socket.send_text(await socket.receive_text())
+
+    sessions = Sessions(Known(t=("eve", "engineer")))
     app = Guard(inner, sessions, ("127.0.0.1",), secure=False)
     return TestClient(app, base_url="http://127.0.0.1:8108", follow_redirects=False), sessions
 
@@ -559,11 +566,42 @@ def test_every_answer_says_that_nothing_comes_from_outside(guarded: tuple[TestCl
 
 def test_a_session_ends() -> None:
     now = 0.0
-    sessions = Sessions(lambda: now)
+    tokens = Known(t=("eve", "engineer"))
+    sessions = Sessions(tokens, lambda: now)
     one = sessions.begin("t", "eve", "engineer", dark=False)
     assert sessions.of(f"a=b; {COOKIE}={one.id}") is one and sessions.of("x") is None and sessions.of(None) is None
     now = LOGIN_LASTS + 1.0
     assert sessions.of(f"{COOKIE}={one.id}") is None
+    now = 0.0
+    for known in ({}, {"t": ("eve", "viewer")}, {"t": ("adam", "engineer")}):
+        one = sessions.begin("t", "eve", "engineer", dark=False)
+        tokens.known = {"t": ("eve", "engineer")}
+        assert sessions.by_id(one.id) is one
+        tokens.known = known
+        assert sessions.by_id(one.id) is None
+        tokens.known = {"t": ("eve", "engineer")}
+        assert sessions.by_id(one.id) is None, "what is over stays over"
+
+
+def test_an_answer_that_comes_after_the_session_is_over_is_kept_back(guarded: tuple[TestClient, Sessions]) -> None:
+    client, sessions = guarded
+    client.cookies.set(COOKIE, sessions.begin("t", "eve", "engineer", dark=False).id)
+    assert client.get("/fast").json() == "fast"
+    reply = client.get("/slow")
+    assert reply.status_code == 401 and reply.text == "log in first"
+
+
+def test_the_connection_of_a_page_ends_with_its_session(guarded: tuple[TestClient, Sessions]) -> None:
+    client, sessions = guarded
+    one = sessions.begin("t", "eve", "engineer", dark=False)
+    headers = {"Origin": "http://127.0.0.1:8108", "Host": "127.0.0.1:8108", "Cookie": f"{COOKIE}={one.id}"}
+    with client.websocket_connect("/_nicegui_ws/socket.io/", headers=headers) as socket:
+        socket.send_text("here")
+        assert socket.receive_text() == "here"
+        sessions._tokens.known.clear()
+        with pytest.raises(WebSocketDisconnect) as closed:
+            socket.receive_text()
+        assert closed.value.code == 1008
 
 
 def test_no_request_is_longer_than_it_need_be(guarded: tuple[TestClient, Sessions]) -> None:
@@ -604,16 +642,30 @@ def test_login(window: tuple[Station, FastAPI]) -> None:
     assert client.get("/overview.csv").headers["location"] == "/login"
 
 
-def test_logins_are_limited_by_address(window: tuple[Station, FastAPI], monkeypatch: pytest.MonkeyPatch) -> None:
-    station, app = window
-    monkeypatch.setattr("glapp.station.app.time", SimpleNamespace(monotonic=lambda: 1000.0))
-    client = TestClient(app, base_url="https://127.0.0.1", follow_redirects=False)
-    asked = [
-        client.post("/login", data={"user": f"u{i}", "password": "no"}, headers={"Origin": "https://127.0.0.1"}).text
-        for i in range(TRIES + 1)
-    ]
-    assert "Wrong name or password" in asked[0] and "Too many tries from this computer" in asked[-1]
-    station.tries._seen.clear()
+def test_whoever_is_removed_reads_nothing_any_more(
+    window: tuple[Station, FastAPI], plant: tuple[Watch, FastAPI]
+) -> None:
+    """For up to twelve hours such a session read everything."""
+    _, app = window
+    users = plant[0].users
+    for change in (
+        lambda: users.put("rick", "operator", None, time.time()),
+        lambda: users.put("rick", "viewer", "another-password", time.time()),
+        lambda: users.remove("rick"),
+    ):
+        users.put("rick", "viewer", "ricks-password", time.time())
+        client = TestClient(app, base_url="https://127.0.0.1", follow_redirects=False)
+        ours = {"Origin": "https://127.0.0.1"}
+        client.post("/login", data={"user": "rick", "password": "ricks-password"}, headers=ours)
+        paths = ("/", "/loop?name=FIC0", "/events", "/laboratory", "/who", "/overview.csv", "/events.csv")
+        for path in (*paths, "/api/overview", "/api/events"):
+            assert client.get(path).status_code in (200, 204), path
+        change()
+        for path in paths:
+            assert client.get(path).headers["location"] == "/login", path
+        for path in ("/api/overview", "/api/events", "/_nicegui_ws/socket.io/?EIO=4&transport=polling"):
+            assert client.get(path).status_code == 401, path
+        assert client.post("/theme", headers=ours).status_code == 401
 
 
 # The command line

@@ -11,7 +11,7 @@ pytest.importorskip("nicegui")
 pytest.importorskip("multipart")
 
 from station_child import EVIL, PASSWORDS
-from station_window import Window, logged_in
+from station_window import LONGEST, Window, logged_in
 from test_station import by_hand
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("station in a browser")]
@@ -68,6 +68,7 @@ def test_a_name_is_shown_with_what_is_hidden_in_it(browser: Any, window: Window)
     assert page.wrong == []
 
 
+@pytest.mark.verify
 def test_laboratory(browser: Any, window: Window) -> None:
     page = logged_in(browser, window, "vera")
     page.get_by_role("link", name="Laboratory").click()
@@ -92,6 +93,7 @@ def test_laboratory(browser: Any, window: Window) -> None:
     assert page.wrong == []
 
 
+@pytest.mark.verify
 def test_a_tab_that_is_open_for_a_day_does_not_grow(browser: Any, window: Window) -> None:
     """Two days of values, faster than they come: after the second the page holds no more than after the first."""
     page = logged_in(browser, window, "vera")
@@ -118,6 +120,7 @@ def test_a_tab_that_is_open_for_a_day_does_not_grow(browser: Any, window: Window
     assert page.wrong == []
 
 
+@pytest.mark.verify
 def test_values_that_come_fast_are_drawn_together_and_none_is_left_out(browser: Any, window: Window) -> None:
     page = logged_in(browser, window, "vera")
     page.goto(window.url + "/loop?name=FIC0")
@@ -137,6 +140,7 @@ def test_values_that_come_fast_are_drawn_together_and_none_is_left_out(browser: 
     assert page.wrong == []
 
 
+@pytest.mark.verify
 def test_a_page_that_is_open_before_the_first_samples(browser: Any, window: Window) -> None:
     """It had drawn nothing, and went on from that: no half-period under way was ever shown."""
     page = logged_in(browser, window, "vera")
@@ -147,6 +151,7 @@ def test_a_page_that_is_open_before_the_first_samples(browser: Any, window: Wind
     assert page.wrong == []
 
 
+@pytest.mark.verify
 def test_ten_tabs(browser: Any, window: Window) -> None:
     page = logged_in(browser, window, "vera")
     tabs = [page, *(page.context.new_page() for _ in range(9))]
@@ -157,6 +162,7 @@ def test_ten_tabs(browser: Any, window: Window) -> None:
         assert tab.locator(".one").inner_text() == "2.40 %"
 
 
+@pytest.mark.verify
 def test_the_overview_takes_what_changes(browser: Any, window: Window) -> None:
     page = logged_in(browser, window, "vera")
     page.wait_for_function("document.querySelectorAll('.ag-center-cols-container .ag-row').length === 3")
@@ -181,6 +187,7 @@ def test_detections_are_drawn_before_and_under_compensation(browser: Any, window
     assert page.evaluate(drawn)[:2] == [n - under, under] and page.wrong == []
 
 
+@pytest.mark.verify
 def test_step_test(browser: Any, window: Window, tmp_path: Path) -> None:
     page = logged_in(browser, window, "vera")
     page.goto(window.url + "/loop?name=FIC0")
@@ -214,6 +221,7 @@ def test_a_viewer_has_no_buttons_of_others(browser: Any, window: Window) -> None
     assert page.get_by_label("kp", exact=True).get_attribute("readonly") is not None
 
 
+@pytest.mark.verify
 def test_a_parameter_by_keyboard_and_two_engineers(browser: Any, window: Window) -> None:
     page = logged_in(browser, window, "eve", color_scheme="dark")
     assert "body--dark" in page.locator("body").get_attribute("class")
@@ -240,6 +248,7 @@ def test_a_parameter_by_keyboard_and_two_engineers(browser: Any, window: Window)
     page.get_by_text(re.compile("must be odd")).wait_for()
 
 
+@pytest.mark.verify
 def test_compensation_is_told_before(browser: Any, window: Window) -> None:
     page = logged_in(browser, window, "eve")
     page.goto(window.url + "/loop?name=FIC0")
@@ -262,6 +271,7 @@ def test_compensation_is_told_before(browser: Any, window: Window) -> None:
     page.get_by_text("no node for u_FF").wait_for()
 
 
+@pytest.mark.verify
 def test_a_login_that_is_over_leads_to_the_login_page(browser: Any, window: Window) -> None:
     page = logged_in(browser, window, "vera")
     page.goto(window.url + "/loop?name=FIC0")
@@ -272,6 +282,27 @@ def test_a_login_that_is_over_leads_to_the_login_page(browser: Any, window: Wind
     assert page.url.endswith("/login")
 
 
+@pytest.mark.verify
+def test_a_command_while_strangers_hold_connections(browser: Any, window: Window) -> None:
+    """300 half-sent requests shut the window for as long as they were held."""
+    from bench.half_open import running
+
+    with running("-m", "bench.half_open", "attack", window.url.rpartition(":")[2], "300") as child:
+        assert child.stdout is not None and child.stdout.readline()  # they are there
+        context = browser.new_context()
+        context.set_default_timeout(LONGEST)
+        page = context.new_page()
+        page.goto(window.url)
+        page.fill("#user", "eve")
+        page.fill("#password", PASSWORDS["eve"])
+        page.keyboard.press("Enter")
+        page.wait_for_selector(".ag-row")
+        page.goto(window.url + "/loop?name=FIC0")
+        page.get_by_role("button", name="Fit now").click()
+        page.get_by_text("FIC0 is fitted as soon as").wait_for()
+
+
+@pytest.mark.verify
 def test_a_slow_network(browser: Any, window: Window) -> None:
     """400 ms there and back, 50 kB/s: all comes later, and nothing is lost or asked twice."""
     page = logged_in(browser, window, "eve")
@@ -296,6 +327,7 @@ def test_a_slow_network(browser: Any, window: Window) -> None:
     assert page.wrong == []
 
 
+@pytest.mark.verify
 def test_a_window_that_is_started_again(browser: Any, tmp_path: Path) -> None:
     """A tab that was open meanwhile tells so, and leads to the login; after it everything is there."""
     window = Window(tmp_path)
@@ -316,6 +348,7 @@ def test_a_window_that_is_started_again(browser: Any, tmp_path: Path) -> None:
         window.end()
 
 
+@pytest.mark.verify
 def test_a_service_that_is_gone(browser: Any, tmp_path: Path) -> None:
     window = Window(tmp_path)
     try:

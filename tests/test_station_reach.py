@@ -11,7 +11,7 @@ pytest.importorskip("multipart")
 
 from station_window import Window, logged_in
 
-pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("station by keyboard")]
+pytestmark = [pytest.mark.verify, pytest.mark.xdist_group("station by keyboard")]
 
 PAGES = {"overview": "/", "loop": "/loop?name=FIC0", "events": "/events", "laboratory": "/laboratory"}
 DIALOGS = {

@@ -23,6 +23,7 @@ def shown(figures: dict[str, Callable[[], Shown]]) -> dict[str, Shown]:
     return {number: function() for number, function in figures.items()}
 
 
+@pytest.mark.verify
 @pytest.mark.parametrize("number", FIGURES)
 def test_numbers_are_those_of_the_gallery(shown: dict[str, Shown], number: str) -> None:
     one, recorded = shown[number], RECORDED[number]

@@ -131,7 +131,7 @@ def test_row_is_shown_by_a_command_or_a_snippet(row: Row) -> None:
     assert ">>> " in snippet
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 @pytest.mark.xdist_group("thesis")  # where its figures are computed once
 @pytest.mark.usefixtures("figures")
 @pytest.mark.parametrize("command", [command for command in COMMANDS if command.startswith("glapp ")])

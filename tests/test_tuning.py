@@ -367,7 +367,7 @@ class TestMigo:
 
 
 class TestDesign:
-    @pytest.mark.slow
+    @pytest.mark.verify
     @pytest.mark.parametrize("kind", ["PI", "PID"])
     @pytest.mark.parametrize("name", ["P2", "P3", "P5", "P8"])
     def test_no_neighbour_is_better(self, name: str, kind: Any) -> None:

@@ -154,6 +154,7 @@ def compensation(params: dict[str, float]) -> Callable[..., tuple[float, float, 
         limits=(params["low"], params["high"]) if "low" in params else None,
         source=("typed", "fitted", "estimate")[int(params.get("source", 1)) - 1],
         ramp=params.get("ramp", 0.0),
+        ti=params.get("ti", 1e6),
     )
     standings = _glapp.standings()
 

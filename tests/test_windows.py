@@ -107,7 +107,7 @@ def short_beginning(monkeypatch: pytest.MonkeyPatch) -> None:
 LOOP = glapp.Loop(name="grows", op_unit="V", controller={"k": 0.48, "ti": 0.3117, "setpoint_weight": 0})
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 def test_a_gap_that_grows_shows_over_the_whole_history() -> None:
     widths = [0.04 + 0.007 * i for i in range(5)]
     signals = between_manual(history(widths, 4 * DAY), len(widths), 100_000)
@@ -132,7 +132,7 @@ def test_a_gap_that_grows_shows_over_the_whole_history() -> None:
     assert len(told["windows"]) == len(f.windows)
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 def test_a_long_history_fitted_by_itself_has_the_windows_of_its_analysis() -> None:
     signals = between_manual(history([0.04, 0.06], 4 * DAY), 2, 250_000)
     fit = glapp.analyze(**signals, loop=LOOP).fit
@@ -141,7 +141,7 @@ def test_a_long_history_fitted_by_itself_has_the_windows_of_its_analysis() -> No
     assert glapp.fit(**signals, loop=LOOP).to_dict()["windows"] == fit.to_dict()["windows"]
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 @pytest.mark.usefixtures("short_beginning")
 def test_a_gap_that_stays_shows_no_change() -> None:
     f = glapp.fit(glapp.recording_from(history([0.06] * 5, 4 * DAY), LOOP))
@@ -150,7 +150,7 @@ def test_a_gap_that_stays_shows_no_change() -> None:
     assert f.d == pytest.approx(0.06, rel=0.05)
 
 
-@pytest.mark.slow
+@pytest.mark.verify
 @pytest.mark.usefixtures("short_beginning")
 def test_op_that_only_moves_after_the_beginning_is_found() -> None:
     rest = {"time": np.arange(0.0, 2000.0, 0.2), "SP": np.ones(10_000), "OP": np.full(10_000, 0.5)}

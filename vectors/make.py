@@ -312,8 +312,12 @@ def _compensation(params: Params, samples: Iterable[tuple[float, Sequence[float]
             half, whole, u_ff, side = 0.0, 0.0, 0.0, 0
         elif step > 0.0:
             wish = goal if in_force else 0.0
+            if not in_force:
+                whole = max(whole, abs(u_ff))
+                rate = max(rate, whole / min(10.0 * params.get("ti", 1e6), 300.0))
+                half = min(half, max(-u_ff if side < 0 else u_ff, 0.0))
             half = max(wish, half - whole / release * step)
-            whole = wish if half <= wish else whole
+            whole = wish if in_force and half <= wish else whole
             old, u_ff = u_ff, _towards(-half if side < 0 else half, u_ff, rate * step)
             travel = travel + abs(u_ff - old)
             judge.band = pressed / 10.0 if by_estimate else judge.band
@@ -452,6 +456,10 @@ def _compensation_cases() -> Iterator[dict[str, Any]]:
         slow = {"way": way, "rate": 0.3, "tf": 0.2, "share": 0.7}
         yield case("a share, slowly, filtered", ["Rate"], free | slow, on, h=list(_walk(33, 80, 0.01, 0.3)))
     inverse, error = free | {"way": 3}, free | {"way": 1}
+    away = [[e, u, d_hat, over, float(i < 50), flags] for i, (e, u, d_hat, over, _, flags) in enumerate(on)]
+    crawls = {"rate": 0.02, "ti": 0.1, "watch": 1e3}
+    for way in (1, 3):
+        yield case("too slow for its rate: away in 10 Ti", ["Rate"], free | {"way": way} | crawls, away, h=0.1)
     yield case("no wider than the band", ["Band"], inverse | {"size": 0.1}, on[:20], h=0.1)
     edge = [[0.0, u, NAN, 0, 1, 0] for u in (0.0, 0.25, 0.5, 0.25, 0.0, 0.125, 0.25, 0.375)]
     yield case("back by exactly the band", ["Band", "Edge"], inverse | {"band": 0.25, "size": 1.0}, edge, h=0.1)

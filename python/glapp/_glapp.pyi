@@ -115,6 +115,7 @@ class Compensation:
         limits: tuple[float, float] | None = None,
         source: str = "typed",
         ramp: float = 0.0,
+        ti: float | None = None,
     ) -> None: ...
     def update(
         self,
@@ -141,6 +142,9 @@ class Compensation:
     def spent(self) -> tuple[float, float]: ...
 
 def standings() -> list[str]: ...
+def compensation_bounds(
+    ti: float, *, size: float, share: float, limit: float, limits: tuple[float, float] | None = None
+) -> list[tuple[str, str, float, float, bool]]: ...
 
 class OverCompensation:
     """Warnings of over-compensation after a half-period: (even, as in code block 7.1; relay)."""

@@ -754,7 +754,7 @@ class BacklashDetection(_Compensating):
         The longest delay with which it may be enabled, as a share of Ti, ≥ 0; a scan always may. Where not given: 0.2
         for `Way.INVERSE` and `Way.ERROR`, a scan alone for `Way.DERIVATIVE`.
     comp_size : float
-        Width of the gap that a person types, ≥ 0 [unit of the output]; 0: none.
+        Width of the gap that a person types, ≥ 0, within the range of the output [unit of the output]; 0: none.
     comp_fitted : float, optional
         Lower limit of the fit whose verdict is backlash, ≥ 0 [unit of the output]; 0: the fit found no gap, and the
         on-line estimate is struck.
@@ -767,19 +767,19 @@ class BacklashDetection(_Compensating):
     comp_share : float
         Share of it to compensate, 0..1.
     comp_limit : float, optional
-        Greatest width, ≥ share·size; the size where not given, none for the estimate.
+        Greatest width, ≥ share·size, within the range of the output; the size where not given, none for the estimate.
     comp_band : float, optional
-        `Way.INVERSE`: how far the output must go back before that is a reversal, ≥ 0; a fifth of the size where not
-        given.
+        `Way.INVERSE`: how far the output must go back before that is a reversal, ≥ 0, within the range of the output; a
+        fifth of the size where not given.
     comp_tf : float
-        Time constant of a filter of the output before its direction is found, ≥ 0 [s].
+        Time constant of a filter of the output before its direction is found, ≥ 0, ≤ 10 Ti [s].
     comp_rate : float, optional
         Greatest rate, > 0 [unit of the output per s]; where not given the inverse goes from side to side of its
         share in Ti/10, the others jump.
     comp_release : float, optional
-        Time in which it is taken away, > 0 [s]; Ti where not given.
+        Time in which it is taken away, > 0, ≤ 10 Ti and ≤ 300 [s]; Ti where not given, or 300 s where that is shorter.
     comp_watch : float, optional
-        Time over which the loop is compared with what it was before, > 0 [s]; 300 Ti where not given.
+        Time over which the loop is compared with what it was before, > 0, ≤ 10⁵ Ti [s]; 300 Ti where not given.
     comp_travel, comp_reversals : float, optional
         Budgets in any hour [unit of the output; 1]; none where not given.
     comp_withdraw : bool

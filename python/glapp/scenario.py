@@ -324,7 +324,7 @@ class Compensation(Checked):
         Greatest rate [unit of op per s], > 0. Where not given: "inverse" goes from side to side in Ti/10, the others
         jump.
     release : float, optional
-        Time in which it is taken away [s], > 0; Ti where not given.
+        Time in which it is taken away [s], > 0, ≤ 10 Ti and ≤ 300; Ti where not given, or 300 s where that is shorter.
     watch : float, optional
         Time over which the loop is compared with what it was before [s], > 0; 300 Ti where not given.
     travel, reversals : float

@@ -125,6 +125,7 @@ fn compensation() -> Value {
     let s = CompensationSettings::new(Way::Inverse, K, TI, SIZE, SHARE);
     settings! { s, |s| Compensation::new(*s).map(|_| ()),
         k ["OP unit/PV unit"] = Value::Null, |s| s.k = f64::NAN;
+        ti ["s"] = Value::Null, |s| s.ti = f64::NAN;
         size ["OP unit"] = Value::Null, |s| s.size = f64::NAN;
         share ["1"] = Value::Null, |s| s.share = f64::NAN;
         limit ["OP unit"] = number(s.limit), |s| s.limit = f64::NAN;

@@ -6,7 +6,7 @@ mod over_compensation;
 mod wrong_sign;
 
 pub use compensation::{
-    Compensation, CompensationSample, CompensationSettings, CompensationState, Source, Standing, Way,
+    Bound, Compensation, CompensationSample, CompensationSettings, CompensationState, Source, Standing, Way,
 };
 pub use over_compensation::{OverCompensation, OverCompensationState, OverWarning};
 pub use wrong_sign::{WrongSign, WrongSignState};

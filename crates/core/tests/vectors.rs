@@ -500,6 +500,7 @@ fn compensate<R: Real>(case: &Case) -> impl FnMut(&[f64], f64) -> Option<Vec<f64
     let block = Compensation::new(CompensationSettings {
         way: Way::ALL[case.given("way") as usize - 1],
         k: number("k"),
+        ti: R::of(case.or("ti", 1e6)),
         source: Source::ALL[case.or("source", 1.0) as usize - 1],
         size: number("size"),
         share: number("share"),

@@ -70,7 +70,7 @@ fn within(limits: Option<(f64, f64)>) -> PyResult<Saturation<f64>> {
 /// rate : float
 ///     Greatest rate of u_FF [unit of OP per s], > 0.
 /// release : float
-///     Time in which it is taken away [s], > 0.
+///     Time in which it is taken away [s], > 0, ≤ 10 Ti and ≤ 300.
 /// watch : float
 ///     Time over which the loop is compared with what it was before [s], > 0.
 /// travel, reversals : float
@@ -86,6 +86,8 @@ fn within(limits: Option<(f64, f64)>) -> PyResult<Saturation<f64>> {
 ///     is not used; `band` is the least band, which otherwise is a fifth of it.
 /// ramp : float
 ///     With "estimate", the shortest time from side to side [s], ≥ 0.
+/// ti : float, optional
+///     Integral time Ti > 0 of the controller [s], by which the bounds of the times go; `release` where not given.
 ///
 /// Examples
 /// --------
@@ -106,7 +108,7 @@ impl Compensation {
     #[new]
     #[pyo3(signature = (
         way, *, k, size, share, limit, band, tf, rate, release, watch, travel, reversals, withdraw, estimate=true,
-        limits=None, source="typed", ramp=0.0,
+        limits=None, source="typed", ramp=0.0, ti=None,
     ))]
     #[allow(clippy::too_many_arguments)]
     fn new(
@@ -127,6 +129,7 @@ impl Compensation {
         limits: Option<(f64, f64)>,
         source: &str,
         ramp: f64,
+        ti: Option<f64>,
     ) -> PyResult<Self> {
         let settings = CompensationSettings {
             limits: within(limits)?,
@@ -142,7 +145,7 @@ impl Compensation {
             estimate,
             source: source_named(source)?,
             ramp,
-            ..CompensationSettings::new(named(&way)?, k, release, size, share)
+            ..CompensationSettings::new(named(&way)?, k, ti.unwrap_or(release), size, share)
         };
         let block = glapp_core::Compensation::new(settings).map_err(refused)?;
         Ok(Self { block, state: CompensationState::default() })
@@ -207,6 +210,22 @@ impl Compensation {
 #[pyfunction]
 pub fn standings() -> Vec<&'static str> {
     Standing::ALL.iter().map(|standing| standing.name()).collect()
+}
+
+/// Name, unit, least, greatest, and whether the least itself is out, of each number that a compensation is set by: with a
+/// controller's Ti [s], and the other settings as they are.
+#[pyfunction]
+#[pyo3(signature = (ti, *, size, share, limit, limits=None))]
+pub fn compensation_bounds(
+    ti: f64,
+    size: f64,
+    share: f64,
+    limit: f64,
+    limits: Option<(f64, f64)>,
+) -> PyResult<Vec<(&'static str, &'static str, f64, f64, bool)>> {
+    let usual = CompensationSettings::new(Way::Inverse, 1.0, ti, size, share);
+    let settings = CompensationSettings { limit, limits: within(limits)?, ..usual };
+    Ok(settings.bounds().iter().map(|b| (b.name, b.unit, b.low, b.high, b.above)).collect())
 }
 
 /// Two warnings of a compensation wider than the gap (thesis 7.4): as in code block 7.1, and one that tells a relay from a gap.

@@ -51,7 +51,7 @@ mod _glapp {
         doubts,
     };
     #[pymodule_export]
-    use crate::compensation::{Compensation, OverCompensation, standings};
+    use crate::compensation::{Compensation, OverCompensation, compensation_bounds, standings};
     #[pymodule_export]
     use crate::detector::{PyDetector, PyHalfPeriod, filter_time, process_gain, reasons};
     #[pymodule_export]

@@ -398,9 +398,16 @@ def login(
 
 @watch.command(epilog=examples("glapp watch drill FIC101"))
 def drill(loop: Annotated[str, typer.Argument(metavar="LOOP")], door: Url = _DOOR, user: User = None) -> None:
-    """See once that the plant takes a small u_FF away when its watchdog stands still; only then is a loop enabled."""
+    """See once that the plant takes a small u_FF away when its watchdog stands still; only then is a loop enabled.
+
+    There is one watchdog for all loops: where it stands still, the plant takes u_FF of every loop away.
+    """
     _asked(door, user, "POST", f"/loops/{_part(loop)}/drill")
-    out.print(f"{loop}: `glapp watch events` tells how it ended, in five minutes at the latest.", soft_wrap=True)
+    text = (
+        f"{loop}: `glapp watch events` tells how it ended, in five minutes at the latest. There is one watchdog for "
+        "all loops: where u_FF of one cannot be taken away, the plant takes it away from every loop."
+    )
+    out.print(text, soft_wrap=True)
 
 
 @watch.command(epilog=examples("glapp watch enable FIC101"))

@@ -9,6 +9,7 @@ from typing import Any
 from ..errors import InputError
 from ..loop import Loop
 from ..recording import Recording
+from . import apart
 from .columns import Signals, choose, is_long
 from .csv import CsvSource
 from .each import all_or_none, each
@@ -136,9 +137,9 @@ def _open(path: Path, label: str) -> list[Source]:
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror or error}", file=label) from None
     if magic.startswith(b"PAR1"):
-        return [ParquetSource(str(path), label)]
+        return [apart.opened(ParquetSource, str(path), label)]
     if magic.startswith((b"ARROW1", b"\xff\xff\xff\xff")):
-        return [IpcSource(str(path), label)]
+        return [apart.opened(IpcSource, str(path), label)]
     if magic.startswith(b"PK\x03\x04"):
         return sheets(str(path), label)
     if magic.startswith(b"\xd0\xcf\x11\xe0"):

@@ -26,6 +26,7 @@ import pyarrow as pa
 import pyarrow.csv as pc
 
 from ..errors import InputError
+from . import bounds
 from .columns import understand
 from .heads import begins_with_data, body_end, head_of, is_data
 from .source import Source
@@ -35,8 +36,10 @@ __all__ = ["CsvSource"]
 
 _SAMPLE = 1 << 16
 _LINES = 20
-_LARGEST_SAMPLE = 1 << 24
+_LARGEST_SAMPLE = bounds.LINE
 _BLOCK = 1 << 22
+_AT_ONCE = 512
+"""Columns that Arrow converts in one go: for each it keeps 190 kB of words for bad values."""
 _THREADS = min(os.cpu_count() or 1, 4)
 _IN_COLUMN = re.compile(r"In CSV column #(\d+)")
 _FAULTS = 4  # columns of a block found not to be numbers one by one, before all of them are read as text
@@ -122,7 +125,12 @@ class CsvSource(Source):
         names = [str(i) for i in range(len(self.names))]
         nulls = null_spellings(bad_words)
 
-        def parse(block: bytes, skip: int, types: Mapping[int, pa.DataType]) -> pa.Table:
+        def parse(block: bytes, skip: int, types: Mapping[int, pa.DataType]) -> list[pa.ChunkedArray]:
+            items = list(types.items())
+            parts = [dict(items[i : i + _AT_ONCE]) for i in range(0, len(items), _AT_ONCE)]
+            return [column for part in parts for column in parse_some(block, skip, part).columns]
+
+        def parse_some(block: bytes, skip: int, types: Mapping[int, pa.DataType]) -> pa.Table:
             if skip == 0 and block.startswith(codecs.BOM_UTF8):  # Arrow leaves out a mark that begins what it reads
                 block = b"\n" + block
             return pc.read_csv(
@@ -142,17 +150,15 @@ class CsvSource(Source):
             kinds = dict(types)
             for _ in range(_FAULTS):
                 try:
-                    table = parse(block, skip, kinds)
+                    columns = parse(block, skip, kinds)
                     break
                 except pa.ArrowInvalid as error:
                     if not (found := _IN_COLUMN.match(str(error))):
                         raise
                     kinds[int(found[1])] = pa.string()
             else:
-                table = parse(block, skip, dict.fromkeys(types, pa.string()))
-            return [
-                pa.concat_arrays(c.chunks) if c.num_chunks else pa.nulls(0, c.type) for c in table.columns
-            ], fraction
+                columns = parse(block, skip, dict.fromkeys(types, pa.string()))
+            return [pa.concat_arrays(c.chunks) if c.num_chunks else pa.nulls(0, c.type) for c in columns], fraction
 
         waiting: deque[Future[tuple[list[pa.Array], float]]] = deque()
         with ThreadPoolExecutor(_THREADS) as pool:
@@ -204,8 +210,11 @@ class CsvSource(Source):
 
     def _pieces(self) -> Iterator[tuple[bytes, float]]:
         with pa.OSFile(self._path) as file:
-            stream, rest = self._text(file), b""
+            stream, rest, size = self._text(file), b"", 0
             while data := stream.read(_BLOCK):
+                size += len(data)
+                if self._compression:
+                    bounds.check_unpacked(size, self._size, self.label, "unpack it first")
                 # A file may end its title by "\n" and its rows by "\r"; a last "\r" may be half of "\r\n".
                 end = max(data.rfind(b"\n"), data.rfind(b"\r", 0, -1)) + 1
                 if end:
@@ -213,6 +222,10 @@ class CsvSource(Source):
                     rest = data[end:]
                 else:
                     rest += data
+                if len(rest) > bounds.LINE:
+                    what = f"has a row of more than {bounds.LINE >> 20} MiB, which ends not before byte {size}"
+                    hint = "is it a table of text? save it anew"
+                    raise InputError(what, file=self.label, bound=f"≤ {bounds.LINE >> 20} MiB", hint=hint)
             if rest.strip(b"\r\n"):
                 yield rest, 1.0
 
@@ -257,7 +270,9 @@ class CsvSource(Source):
     def _lines(self) -> Iterator[str]:
         with pa.OSFile(self._path) as file:
             stream = pa.CompressedInputStream(file, self._compression) if self._compression else file
-            yield from io.TextIOWrapper(stream, encoding=self._encoding, errors="replace", newline=None)
+            text = io.TextIOWrapper(stream, encoding=self._encoding, errors="replace", newline=None)
+            while line := text.readline(bounds.LINE):
+                yield line
 
     def _records(self) -> Iterator[tuple[int, list[str]]]:
         """Line number and cells of every record: the slow road, taken only to say where a fault is."""
@@ -290,18 +305,19 @@ class CsvSource(Source):
         """Say which row has more or fewer cells than the header."""
         width = len(self.names)
         found: tuple[int, int] | None = None
-        last = 0
+        cut = False
         try:
             for line, cells in self._records():
-                last = line
-                if found is None and len(cells) != width:
+                if cut := found is None and len(cells) != width:
                     found = line, len(cells)
+                elif found is not None:  # it is not the last
+                    break
         except csv.Error:
             pass
         if found is None:
             return InputError(f"is not a regular table: {error}", file=self.label)
         row, count = found
-        cut = row == last and count < width
+        cut = cut and count < width
         return InputError(
             f"has {count} cell{'s' * (count != 1)} where the header has {width}",
             file=self.label,
@@ -340,7 +356,12 @@ def _separate(lines: list[str], label: str) -> tuple[str, list[tuple[int, list[s
     """The separator that splits most rows into the same number of cells, and the rows so split with their last line."""
     best: tuple[tuple[float, int], str, list[tuple[int, list[str]]]] | None = None
     fault: csv.Error | None = None
+    widest = 0
     for order, delimiter in enumerate(("\t", ";", "|", ",")):
+        wide = lines[0].count(delimiter) + 1
+        if wide > bounds.COLUMNS:
+            widest = max(widest, wide)
+            continue
         reader = csv.reader(lines, delimiter=delimiter)
         try:
             rows = [(reader.line_num, cells) for cells in reader if cells]
@@ -352,6 +373,7 @@ def _separate(lines: list[str], label: str) -> tuple[str, list[tuple[int, list[s
         if width > 1 and (best is None or score > best[0]):
             best = score, delimiter, rows
     if best is None:
+        bounds.check_columns(widest, label)
         if fault is not None:
             raise fault
         raise InputError("has only one column", file=label, hint="separate the columns by comma, semicolon, tab or '|'")

@@ -1,20 +1,28 @@
 """Excel workbooks (.xlsx), by python-calamine: each sheet that holds a table is a source.
 
+python-calamine takes memory for every cell from the first to the last that is filled, whatever lies between: one cell
+in the last corner of a sheet asks for half a terabyte. So what is packed is looked through first, a MiB at a time:
+how much it is, how long one cell, and how far apart the cells are. What the file says of itself (`<dimension>`, sizes
+in the directory of the zip) is not believed.
+
 Cells come with their types: dates are dates, and numbers have no decimal comma. A column of one type is an Arrow array
 of it; any other is text, as it is in a text file.
 """
 
 from __future__ import annotations
 
+import re
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import date, datetime, time, timedelta
-from typing import Any
+from pathlib import Path
+from typing import IO, Any
 
 import numpy as np
 import pyarrow as pa
 
 from ..errors import InputError
+from . import apart, bounds
 from .columns import understand
 from .heads import begins_with_data, body_end, head_of, is_data
 from .source import Source
@@ -22,51 +30,162 @@ from .values import digits_of
 
 __all__ = ["SheetSource", "sheets"]
 
-_LARGEST = 1 << 31
-"""Bytes that a workbook may unpack to: Excel's largest sheet of five columns is a tenth of it."""
 _HEAD = 1000
+_PIECE = 1 << 20
+_CELL = re.compile(rb"""<(?:\w+:)?c\s[^>]*?\br\s*=\s*["']([A-Za-z]{1,3})([0-9]{1,7})["'][^>]*(?<!/)>""")
+"""A cell that holds something; where it only has a look, it ends by a slash."""
 
 
 def sheets(path: str, label: str) -> list[Source]:
-    """The sheets of a workbook that hold a table.
+    """The sheets of a workbook that hold a table, read in a process apart.
 
     Raises
     ------
     InputError
-        Where the package that reads workbooks is missing, or the file is no workbook or holds no table.
+        Where the package that reads workbooks is missing, or the file is no workbook, too large or holds no table.
     """
     try:
-        from python_calamine import CalamineWorkbook, SheetTypeEnum
+        import python_calamine  # noqa: F401
     except ImportError:
         hint = "pip install 'glapp[excel]', or save the sheet as CSV"
         raise InputError(
             "is an Excel workbook, and python-calamine, which reads it, is not installed", file=label, hint=hint
         ) from None
+    return apart.call(label, _sheets, str(Path(path).absolute()), label)
+
+
+def _sheets(path: str, label: str) -> list[Source]:
+    from python_calamine import CalamineWorkbook, SheetTypeEnum
+
+    made: list[Source] = []
+    fault: InputError | None = None
     try:
-        with zipfile.ZipFile(path) as packed:
-            size = sum(part.file_size for part in packed.infolist())
-        if size > _LARGEST:
-            what = f"unpacks to {size >> 20} MiB, more than {_LARGEST >> 20} MiB"
-            raise InputError(what, file=label, value=size, hint="save the sheet as CSV")
+        _check(path, label)
         workbook = CalamineWorkbook.from_path(path)
-        names = [sheet.name for sheet in workbook.sheets_metadata if sheet.typ == SheetTypeEnum.WorkSheet]
-        tables = {name: workbook.get_sheet_by_name(name) for name in names}
-        held = {name: (sheet.start, sheet.to_python()) for name, sheet in tables.items() if sheet.start is not None}
-    except (InputError, KeyboardInterrupt, SystemExit):
+        for name in [sheet.name for sheet in workbook.sheets_metadata if sheet.typ == SheetTypeEnum.WorkSheet]:
+            sheet = workbook.get_sheet_by_name(name)
+            if sheet.start is None:
+                continue
+            rows, first = sheet.to_python(), sheet.start[0]
+            del sheet
+            try:
+                made.append(SheetSource(rows, first, label, name))
+            except InputError as error:
+                fault = fault or error
+    except (InputError, MemoryError, KeyboardInterrupt, SystemExit):
         raise
     except BaseException as error:  # a panic of the library is no Exception
         raise InputError(f"is not a readable Excel workbook: {error}", file=label) from None
-    made: list[Source] = []
-    fault: InputError | None = None
-    for name, (start, rows) in held.items():
-        try:
-            made.append(SheetSource(rows, start[0], label, name))
-        except InputError as error:
-            fault = fault or error
     readable = [source for source in made if _has_signals(source)] or made
     if not readable:
         raise fault or InputError("has no sheet with a table", file=label)
     return readable
+
+
+def _check(path: str, label: str) -> None:
+    """Refuse a workbook that asks for more than `bounds` allows, by what is in it and not by what it says.
+
+    Raises
+    ------
+    InputError
+        Where it does.
+    """
+    packed, size, cells = Path(path).stat().st_size, 0, 0
+    with zipfile.ZipFile(path) as whole:
+        parts = whole.infolist()
+        if len(parts) > bounds.PARTS:
+            what = f"holds {len(parts)} files, a workbook of at most {bounds.PARTS} is read"
+            raise InputError(what, file=label, value=len(parts), hint="save the sheet as CSV")
+        for part in parts:
+            if part.is_dir():
+                continue
+            with whole.open(part) as file:
+                count = Reach(label)
+                for piece in _from(file):
+                    size += len(piece)
+                    bounds.check_unpacked(size, packed, label, "save the sheet as CSV")
+                    count(piece)
+            if not part.filename.lower().endswith("calcchain.xml"):  # names the cells of a sheet once more
+                cells += count.cells
+                if cells > bounds.CELLS:
+                    raise InputError(
+                        f"has cells as far as {count.last}, {cells} cells from the first to the last that is filled; "
+                        f"at most {bounds.CELLS} are read",
+                        file=label,
+                        value=cells,
+                        bound=f"≤ {bounds.CELLS} cells",
+                        hint="delete what stands outside the table, or save the sheet as CSV",
+                    )
+
+
+def _from(file: IO[bytes]) -> Iterator[bytes]:
+    while piece := file.read(_PIECE):
+        yield piece
+
+
+class Reach:
+    """How far apart the cells of a sheet are that hold something, from its text piece by piece.
+
+    Attributes
+    ----------
+    cells : int
+        Rows by columns, from the first to the last.
+    last : str
+        The last of both.
+    """
+
+    def __init__(self, label: str) -> None:
+        self._label = label
+        self._rest = b""
+        self._rows: set[int] = set()
+        self._columns: set[int] = set()
+
+    def __call__(self, piece: bytes) -> None:
+        """Look at the next piece.
+
+        Raises
+        ------
+        InputError
+            Where one cell is longer than `bounds.TEXT`.
+        """
+        text = self._rest + piece
+        cut = text.rfind(b"<")
+        self._rest = text[cut:] if cut >= 0 else text
+        if len(self._rest) > bounds.TEXT:
+            raise InputError(
+                f"has a cell of more than {bounds.TEXT >> 10} KiB; Excel's own have at most 32 767 characters",
+                file=self._label,
+                bound=f"≤ {bounds.TEXT >> 10} KiB",
+                hint="save the sheet as CSV",
+            )
+        found = _CELL.findall(text, 0, cut if cut >= 0 else 0)
+        rows = {row for _, row in found}
+        self._rows.update((int(min(rows, key=int)), int(max(rows, key=int))) if rows else ())
+        self._columns.update(_column_number(letters) for letters in {letters for letters, _ in found})
+
+    @property
+    def cells(self) -> int:
+        """Rows by columns."""
+        if not self._rows:
+            return 0
+        return (max(self._rows) - min(self._rows) + 1) * (max(self._columns) - min(self._columns) + 1)
+
+    @property
+    def last(self) -> str:
+        """The last row and column, as Excel names a cell."""
+        column, letters = max(self._columns), ""
+        while column:
+            column, letter = divmod(column - 1, 26)
+            letters = chr(65 + letter) + letters
+        return f"{letters}{max(self._rows)}"
+
+
+def _column_number(letters: bytes) -> int:
+    """As Excel counts: A is 1, XFD is 16384."""
+    number = 0
+    for letter in letters.upper():
+        number = 26 * number + letter - 64
+    return number
 
 
 def _has_signals(source: Source) -> bool:
@@ -103,10 +222,13 @@ class SheetSource(Source):
         if any(is_data(name) for name in names if name) and not any(understand(n).role for n in names):
             hint = "write the columns' names in the first row, for instance t,SP,PV,OP,MODE"
             raise InputError("has no header: the first row holds data", file=label, row=head.line, hint=hint)
-        ends = [(i, [_text(cell) for cell in row]) for i, row in enumerate(rows[head.rows :])]
-        while ends and not any(ends[-1][1]):
-            ends.pop()
-        body = rows[head.rows : head.rows + body_end(ends, width, begins_with_data(ends, width))]
+        begin = [(0, [_text(cell) for cell in row]) for row in rows[head.rows : head.rows + _HEAD]]
+        end = len(rows)
+        while end > head.rows and not any(map(_text, rows[end - 1])):
+            end -= 1
+        start = max(head.rows, end - _HEAD)
+        ends = [(0, [_text(cell) for cell in row]) for row in rows[start:end]]
+        body = rows[head.rows : start + body_end(ends, width, begins_with_data(begin, width))]
         if not body:
             raise InputError("has a header but no rows", file=label)
         self._first = first + head.rows + 1

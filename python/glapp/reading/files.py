@@ -7,11 +7,13 @@ from pathlib import Path
 
 from ..errors import InputError
 
-__all__ = ["check_file", "name_of"]
+__all__ = ["ENDINGS", "check_file", "name_of"]
 
 _TEXT = frozenset((".csv", ".tsv", ".tab", ".txt", ".asc", ".prn", ".dat", ".data", ".log"))
 _TABLES = frozenset((".xlsx", ".xlsm", ".parquet", ".pq", ".arrow", ".arrows", ".ipc", ".feather"))
 _COMPRESSED = frozenset((".gz", ".bz2", ".zst", ".lz4"))
+ENDINGS = tuple(sorted(_TEXT | _TABLES | _COMPRESSED))
+"""Of the files that are read."""
 
 
 def name_of(path: str | Path) -> str:

@@ -3,20 +3,21 @@
 The libraries that read them trust what a file says of itself, and a damaged one can make them read beyond its end. So
 every column is validated in full (offsets, indices of dictionaries, text as UTF-8) before anything else looks at it,
 and files are read into memory of our own: a file that changes while it is mapped would be trusted after it was checked.
+What they do wrong all the same costs a process apart (`glapp.reading.apart`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from copy import copy
 
 import pyarrow as pa
 import pyarrow.ipc as ipc
 import pyarrow.parquet as pq
 
 from ..errors import InputError
-from .source import Source
+from . import bounds
+from .source import Head, Source
 
 __all__ = ["IpcSource", "ParquetSource"]
 
@@ -33,6 +34,10 @@ def _refused(what: str, label: str, row: int | None = None) -> Iterator[None]:
         yield
     except InputError:
         raise
+    except MemoryError as error:
+        what = f"asks for more memory than the {bounds.MEMORY >> 20} MiB that reading may take: {error}"
+        hint = "it is damaged, or its row groups or record batches are too large: write it in smaller ones"
+        raise InputError(what, file=label, row=row, hint=hint) from None
     except Exception as error:
         raise InputError(f"{what}: {error or type(error).__name__}", file=label, row=row) from None
 
@@ -48,30 +53,6 @@ def _checked(batch: pa.RecordBatch) -> pa.RecordBatch:
     return batch
 
 
-class _Head:
-    """First rows of columns, each read by itself and once, even where that fails.
-
-    A damaged column harms no loop without it, and the many loops that share one do not all try it again.
-    """
-
-    def __init__(self, first: Callable[[int], pa.Array]) -> None:
-        self._first = first
-        self._read: dict[int, pa.Array | InputError] = {}
-
-    def __call__(self, columns: Sequence[int]) -> list[pa.Array]:
-        return [self._one(i) for i in columns]
-
-    def _one(self, i: int) -> pa.Array:
-        if i not in self._read:
-            try:
-                self._read[i] = self._first(i)
-            except InputError as error:
-                self._read[i] = error
-        if isinstance(found := self._read[i], InputError):
-            raise copy(found)
-        return found
-
-
 class ParquetSource(Source):
     """A Parquet file; only the needed columns are decoded, and rows are counted from 1."""
 
@@ -79,11 +60,12 @@ class ParquetSource(Source):
         self.label = label
         self._path = path
         with _refused("is not a readable Parquet file", label), self._open() as file:
+            bounds.check_columns(file.metadata.num_columns, label)
             self._stored = _names(file.schema_arrow)
             self.rows = file.metadata.num_rows
         self.names = list(self._stored)
         self.units = [None] * len(self.names)
-        self._head = _Head(self._first)
+        self._head = Head(self._first)
 
     def _open(self) -> pq.ParquetFile:
         # pre_buffer would hold a whole row group's bytes, which may be the whole file
@@ -128,9 +110,11 @@ class IpcSource(Source):
         self.label = label
         self._path = path
         with _refused("is not a readable Arrow file", label):
-            self.names = _names(self._open(None).schema)
+            schema = self._open(None).schema
+            bounds.check_columns(len(schema), label)
+            self.names = _names(schema)
         self.units = [None] * len(self.names)
-        self._head = _Head(self._first)
+        self._head = Head(self._first)
         self.rows = None
 
     def _open(self, fields: list[int] | None) -> ipc.RecordBatchFileReader | ipc.RecordBatchStreamReader:

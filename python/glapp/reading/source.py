@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from copy import copy
 from functools import cached_property
 from queue import Empty, Full, Queue
 from threading import Event, Thread
@@ -12,10 +13,11 @@ from typing import TypeVar
 
 import pyarrow as pa
 
+from ..errors import InputError
 from .columns import understand
 from .values import Digits
 
-__all__ = ["Source", "ahead"]
+__all__ = ["Head", "Source", "ahead"]
 
 T = TypeVar("T")
 
@@ -85,6 +87,31 @@ class Source(ABC):
     @abstractmethod
     def row_number(self, record: int) -> int:
         """Number that a person sees beside the record with this index."""
+
+
+class Head:
+    """First rows of columns, each read by itself and once, even where that fails.
+
+    A damaged column harms no loop without it, and the many loops that share one do not all try it again.
+    """
+
+    def __init__(self, first: Callable[[int], pa.Array]) -> None:
+        self._first = first
+        self._read: dict[int, pa.Array | InputError] = {}
+
+    def __call__(self, columns: Sequence[int]) -> list[pa.Array]:
+        """Those of the columns at these indices."""
+        return [self._one(i) for i in columns]
+
+    def _one(self, i: int) -> pa.Array:
+        if i not in self._read:
+            try:
+                self._read[i] = self._first(i)
+            except InputError as error:
+                self._read[i] = error
+        if isinstance(found := self._read[i], InputError):
+            raise copy(found)
+        return found
 
 
 def ahead(items: Iterator[T], depth: int = 3) -> Iterator[T]:

@@ -18,35 +18,16 @@ from ..estimate import op_range
 from ..loop import Loop
 from ..modules import BacklashDetection, Graph, Input, Output, Source
 from ..recording import AT_HIGH, AT_LOW, BAD, NOT_AUTO
+from .settable import check, of_plant, usual_of
 from .signal import Signal, Value
 
-__all__ = ["SETTINGS", "Compensator", "detection_beside"]
-
-SETTINGS = (
-    "comp_size",
-    "comp_fitted",
-    "comp_source",
-    "comp_way",
-    "comp_share",
-    "comp_limit",
-    "comp_band",
-    "comp_tf",
-    "comp_rate",
-    "comp_release",
-    "comp_watch",
-    "comp_travel",
-    "comp_reversals",
-    "comp_withdraw",
-    "comp_estimate",
-    "ff_tolerance",
-)
-"""What a person may set of a compensation; `BacklashDetection` tells unit, bound and default of each."""
-
-SHARE = 0.8
-"""The share of the width that is compensated where nobody says another (`docs/compensation.md`)."""
+__all__ = ["Compensator", "detection_beside"]
 
 STANDINGS: list[str] = _glapp.standings()
 """Names of the numbers of `standing`."""
+
+LATE = 5.0
+"""So much longer than it takes may u_FF stand in the plant, for three scans, the writes and what is read back [s]."""
 
 _ARRIVALS = 20
 """So many of the latest values tell how old they are when they come."""
@@ -109,8 +90,8 @@ class Compensator:
     settings : mapping
         What a person has set, by the names in `SETTINGS`; None: as by default.
     most, fastest : float
-        The greatest |u_FF| and the greatest rate that the plant takes, > 0 [OP unit, OP unit per s]. They are the
-        defaults of `comp_limit`, which is of a width and so twice as much, and of `comp_rate`.
+        The greatest |u_FF| and the greatest rate that the plant takes, > 0 [OP unit, OP unit per s]; `comp_limit` and
+        `comp_rate` go by them (`usual_of`).
 
     Raises
     ------
@@ -120,8 +101,9 @@ class Compensator:
 
     def __init__(self, loop: Loop, period: float, settings: Mapping[str, Any], most: float, fastest: float) -> None:
         self.loop, self.period = loop, period
-        # The plant counts from write to write, and a write may come late and the next one in time.
-        self._usual = {"comp_share": SHARE, "comp_limit": 2.0 * most, "comp_rate": 0.6 * fastest}
+        self._usual, self._most = usual_of((most, fastest)), most
+        for name, value, bound in zip(("u_ff_limit", "u_ff_rate"), (most, fastest), of_plant(loop), strict=True):
+            check(name, value, bound, loop.name)
         chosen: dict[str, Any] = {**self._usual, **{name: x for name, x in settings.items() if x is not None}}
         try:
             self._graph = detection_beside(loop, period, **chosen)
@@ -137,6 +119,7 @@ class Compensator:
         self.read_back = False  # whether u_FF was read from the plant since the connection began
         self.written: float | None = None
         self.written_at = -math.inf
+        self._to_zero: float | None = None  # since when u_FF has to go to 0, by the clock of `scan`
         self.why_off = "nobody enabled it since the start"
 
     @property
@@ -169,6 +152,30 @@ class Compensator:
         """Whether something has to be written: it is enabled, or what stands in the plant is not 0 yet."""
         found = self._held.get(Signal.U_FF)
         return self.enabled or self.u_ff != 0.0 or (found is not None and found.good and found.value != 0.0)
+
+    @property
+    def away_within(self) -> float:
+        """So long u_FF takes to 0 at most: `comp_release`, or by its rate, and no longer than the core allows [s]."""
+        ti = float(self._graph["watch.ti"])
+        bounds = _glapp.compensation_bounds(ti, size=0.0, share=0.0, limit=0.0)
+        longest = next(high for name, _, _, high, _ in bounds if name == "release")
+        if not self.sized:
+            return float(min(ti, longest))  # what is found in the plant goes by the default
+        by_rate = self._most / self._graph["watch.comp_rate"]
+        return float(min(max(self._graph["watch.comp_release"], by_rate), longest))
+
+    def stands(self, now: float) -> float | None:
+        """The u_FF that is read back from the plant though it had to be 0 by now; None: all is as it has to be.
+
+        Parameters
+        ----------
+        now : float
+            The clock of `scan` [s].
+        """
+        found = self._held.get(Signal.U_FF)
+        if self._to_zero is None or found is None or not found.good or found.value == 0.0:
+            return None
+        return found.value if now - self._to_zero > self.away_within + 3.0 * self.period + LATE else None
 
     def take(self, value: Value, now: float) -> None:
         """Take a value where it is newer than the one there is; a PV that comes late moves nothing.
@@ -238,6 +245,10 @@ class Compensator:
             u_ff=read[Signal.U_FF],
             flags=float(flags),
         )
+        if self.standing == "active" or not self.read_back:
+            self._to_zero = None
+        elif self._to_zero is None:
+            self._to_zero = now
         if was and now - self.pv_at > self.longest_still:
             self.disable(f"no PV came for {now - self.pv_at:.0f} s")
         elif was and self.standing in _FINAL:
@@ -319,17 +330,33 @@ class Compensator:
         self._held = {signal: replace(value, time=-math.inf) for signal, value in self._held.items()}
         self._ages.clear()
         self._write_time = None
-        self.written, self.read_back = None, False
+        self.written, self.read_back, self._to_zero = None, False, None
 
-    def set(self, name: str, value: float | None) -> None:
-        """Set one of `SETTINGS` while it runs; None: as by default.
+    def set_all(self, values: Mapping[str, float | None]) -> None:
+        """Set some of `SETTINGS` while it runs; None: as by default.
+
+        One by one, in the order in which each is within its bounds with those that are set already.
 
         Raises
         ------
         InputError
-            With the bound that it breaks; all is as it was.
+            With the bound that one of them breaks; all is as it was.
         """
-        self._graph[f"watch.{name}"] = self._usual.get(name) if value is None else value
+        left, before = dict(values), dict[str, float | None]()
+        while left:
+            refused: dict[str, InputError] = {}
+            for name, value in left.items():
+                was = self.setting(name)
+                try:
+                    self._graph[f"watch.{name}"] = self._usual.get(name) if value is None else value
+                    before[name] = was
+                except InputError as error:
+                    refused[name] = error
+            if len(refused) == len(left):
+                for name in reversed(before):
+                    self._graph[f"watch.{name}"] = before[name]
+                raise next(iter(refused.values()))
+            left = {name: left[name] for name in refused}
 
     def setting(self, name: str) -> float | None:
         """One of `SETTINGS` as it is in force."""

@@ -53,7 +53,8 @@ class Connection(Checked):
     ahead : float
         How far time stamps may be ahead of this computer's clock, ≥ 0 [s].
     watchdog : str, optional
-        Node of a number that is counted up while we are alive.
+        Node of a number that is counted up while we are alive. There is one for all loops: where it stands still, the
+        plant takes u_FF of every loop away.
 
     Examples
     --------

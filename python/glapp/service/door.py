@@ -14,13 +14,13 @@ import math
 import socket
 import ssl
 import time
-from collections.abc import Awaitable, Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Awaitable, Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ParamSpec, TypeVar
 
 import numpy as np
-import uvicorn
 from fastapi import Depends, FastAPI, HTTPException, Query, Request, Response
 from fastapi import Path as InPath
 from fastapi.exceptions import RequestValidationError
@@ -33,17 +33,38 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from .. import __version__
 from ..errors import InputError
+from .listener import Bounds, Listener, logged_in, network
 from .memory import MemoryFull
-from .users import Person, Refused, Role, Users, listed
+from .signal import Event
+from .users import Attempt, Person, Refused, RefusedLogins, Role, Users, is_station, listed, station_key
 from .watch import Watch
 
 __all__ = ["Door", "app_of", "loopback"]
 
+P = ParamSpec("P")
+T = TypeVar("T")
+
 LARGEST = 65_536
 """No request may be longer [bytes]."""
 
+HASHES = 20
+"""So many passwords of strangers wait to be looked at, no more; those of names from where they have logged in go by
+another way."""
+
 LONGEST = 1.0
 """So long a request waits for a newer value at most [s]."""
+
+WHY_NOT = {
+    400: "A body that is no JSON",
+    401: "Nobody who is logged in",
+    403: "A role that may not",
+    404: "No such loop, user or answer",
+    409: "Not done: a rule forbids it, or it is not as it was seen",
+    413: "A body that is too long, or whose length nobody says",
+    422: "A value that cannot be",
+    503: "Not done, since it cannot be put down; or too much is asked at once",
+}
+"""What else is answered than what was asked for."""
 
 Begin = Annotated[float, Query(description="From when on [s since 1970 UTC].")]
 End = Annotated[float, Query(description="Until when [s since 1970 UTC].")]
@@ -53,6 +74,12 @@ Name = Annotated[str, InPath(description="Name of the loop.", max_length=200)]
 
 class _Asked(BaseModel):
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+
+class Why(BaseModel):
+    """Why there is no answer, or nothing was done."""
+
+    detail: str
 
 
 class LogIn(_Asked):
@@ -105,9 +132,24 @@ def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "
     -------
     FastAPI
     """
-    app = FastAPI(title="glapp watch", version=__version__, docs_url=None, redoc_url=None)
+    app = FastAPI(
+        title="glapp watch",
+        version=__version__,
+        docs_url=None,
+        redoc_url=None,
+        responses={status: {"model": Why, "description": text} for status, text in WHY_NOT.items()},
+    )
     app.add_middleware(TrustedHostMiddleware, allowed_hosts=list(hosts))
     reader = watch.reader
+    key_of_station = station_key(watch.memory.folder)
+    app.state.refused_logins = refused_logins = RefusedLogins()
+    # Neither what is looked at, nor strangers' passwords, take the threads by which commands are put down.
+    looking = ThreadPoolExecutor(2, "looking")
+    hashing = {known: ThreadPoolExecutor(1, "passwords") for known in (False, True)}
+    strangers = 0
+
+    async def looked(what: Callable[P, T], *words: P.args, **more: P.kwargs) -> T:
+        return await asyncio.get_running_loop().run_in_executor(looking, partial(what, *words, **more))
 
     @app.middleware("http")
     async def bounded(request: Request, go_on: Callable[[Request], Awaitable[Response]]) -> Response:
@@ -139,9 +181,10 @@ def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "
 
     def at_least(role: Role) -> Callable[[Request], Awaitable[Person]]:
         async def person(request: Request) -> Person:
-            found = await asyncio.to_thread(users.of, token(request), time.time())
+            found = users.of(token(request), time.time())
             if found is None:
                 raise HTTPException(401, "log in first", {"WWW-Authenticate": "Bearer"})
+            logged_in(request.scope)
             if found.role < role:
                 why = f"needs the role {role.name.lower()}"
                 path, loop = request.url.path, request.path_params.get("name")
@@ -179,14 +222,50 @@ def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "
                     hint="look at it again: somebody else has changed it",
                 )
 
-    @app.post("/login")
-    async def log_in(asked: LogIn) -> dict[str, Any]:
-        """A token for a user, good for twelve hours."""
+    def came_from(request: Request) -> str:
+        """The address of who logs in; the station says whose, and shows that it is the station."""
+        if is_station(key_of_station, request.headers.get("glapp-station")):
+            return request.headers.get("glapp-address", "")[:64]
+        return request.client.host if request.client is not None else ""
+
+    def refuse_login(name: str, address: str) -> None:
+        """Count it; the first is told at once, and how many came after it some minutes later."""
+        text = refused_logins.add(name if name in users else None, address)
+        if text is not None:
+            watch.tell(Event(time.time(), None, "logins_refused", text))
+            asyncio.get_running_loop().call_later(refused_logins.every, tell_refused)
+
+    def tell_refused() -> None:
+        if (text := refused_logins.since()) is not None:
+            watch.tell(Event(time.time(), None, "logins_refused", text))
+
+    async def looked_at(attempt: Attempt, password: str) -> tuple[str, Person]:
+        """The password, by a thread for who is known and one for strangers: the one does not wait for the other."""
+        nonlocal strangers
+        until = time.monotonic() + attempt.wait
+        while not attempt.displaced and (left := until - time.monotonic()) > 0.0:
+            await asyncio.sleep(min(left, 0.05))
+        if attempt.displaced:
+            raise Refused("another login came from there after this one: try again")
+        if not attempt.known and strangers >= HASHES:
+            raise HTTPException(503, f"{strangers} logins wait already: try again", {"Retry-After": "5"})
+        strangers += not attempt.known
         try:
-            made, person = await asyncio.to_thread(users.log_in, asked.user, asked.password, time.time())
+            what = partial(users.log_in, attempt, password, time.time())
+            return await asyncio.get_running_loop().run_in_executor(hashing[attempt.known], what)
+        finally:
+            strangers -= not attempt.known
+
+    @app.post("/login")
+    async def log_in(request: Request, asked: LogIn) -> dict[str, Any]:
+        """A token for a user, good for twelve hours."""
+        address = network(came_from(request))
+        try:
+            made, person = await looked_at(users.attempt(asked.user, address, time.monotonic()), asked.password)
         except Refused as refused:
-            await watch.refused(asked.user, "", "login", None, None, str(refused))
+            refuse_login(asked.user, address)
             raise HTTPException(401, str(refused), {"WWW-Authenticate": "Bearer"}) from None
+        logged_in(request.scope)
         return {"token": made, "user": person.name, "role": person.role.name.lower()}
 
     @app.post("/logout")
@@ -228,7 +307,7 @@ def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "
         most: Most = 10_000,
     ) -> list[dict[str, Any]]:
         """Half-periods of a loop, with the record of each; the accepted ones are its detections."""
-        found = await asyncio.to_thread(reader.half_periods, known(name), begin, end, accepted=accepted, most=most)
+        found = await looked(reader.half_periods, known(name), begin, end, accepted=accepted, most=most)
         return found
 
     @app.get("/loops/{name:path}/signals")
@@ -236,7 +315,7 @@ def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "
         """Samples of a loop as they are kept, every so many of them where there are more than asked for."""
         if not end - begin <= 32 * 86400.0:
             raise HTTPException(422, "end - begin must be at most 32 days")
-        table = await asyncio.to_thread(watch.recorded, known(name), begin, end)
+        table = await looked(watch.recorded, known(name), begin, end)
         every = max(1, -(-len(table) // most))
         found: dict[str, Any] = table.take(np.arange(0, len(table), every)).to_pydict()
         found["time"] = [at.timestamp() for at in found["time"]]
@@ -248,15 +327,20 @@ def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "
         found: dict[str, Any] = _plain(watch.settings(known(name)))
         return found
 
+    @app.get("/loops/{name:path}/bounds")
+    async def bounds(person: viewer, name: Name) -> dict[str, dict[str, Any]]:
+        """Unit, least and greatest of what may be set of a loop, whether it may be 0, whether it is a whole number."""
+        return {parameter: bound._asdict() for parameter, bound in watch.limits(known(name)).items()}
+
     @app.get("/loops/{name:path}/answers")
     async def answers(person: viewer, name: Name, most: Most = 100) -> list[dict[str, Any]]:
         """What the fits of a loop said, the newest first."""
-        return await asyncio.to_thread(reader.answers, known(name), most)
+        return await looked(reader.answers, known(name), most)
 
     @app.get("/answers/{id}")
     async def answer(person: viewer, id: Annotated[int, InPath(ge=1, le=2**53)]) -> Any:
         """All of one answer, as `glapp analyze --json` writes it."""
-        found = await asyncio.to_thread(reader.one, "SELECT document FROM answers WHERE id = ?", id)
+        found = await looked(reader.one, "SELECT document FROM answers WHERE id = ?", id)
         if found is None:
             raise HTTPException(404, "no such answer")
         return json.loads(found["document"])["analysis"]
@@ -269,12 +353,12 @@ def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "
         before: Annotated[int | None, Query(ge=0, le=2**53)] = None,
     ) -> list[dict[str, Any]]:
         """What happened, the newest first."""
-        return await asyncio.to_thread(reader.events, loop, most, before)
+        return await looked(reader.events, loop, most, before)
 
     @app.get("/commands")
     async def commands(person: viewer, loop: str | None = None, most: Most = 200) -> list[dict[str, Any]]:
         """Who asked for what, the newest first."""
-        found: list[dict[str, Any]] = _plain(await asyncio.to_thread(reader.commands, loop, most))
+        found: list[dict[str, Any]] = _plain(await looked(reader.commands, loop, most))
         return found
 
     @app.post("/loops/{name:path}/parameters")
@@ -332,12 +416,12 @@ def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "
     @app.get("/users")
     async def all_users(person: engineer) -> list[dict[str, str]]:
         """Name and role of every user."""
-        return await asyncio.to_thread(listed, reader)
+        return await looked(listed, reader)
 
     @app.put("/users/{user}")
     async def put_user(person: engineer, user: Annotated[str, InPath(max_length=64)], asked: User) -> dict[str, Any]:
         """Add a user, or change role or password of one."""
-        before = {one["name"]: one["role"] for one in await asyncio.to_thread(listed, reader)}.get(user)
+        before = {one["name"]: one["role"] for one in await looked(listed, reader)}.get(user)
 
         async def go() -> None:
             await asyncio.to_thread(users.put, user, asked.role, asked.password, time.time())
@@ -359,9 +443,9 @@ def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "
         return {}
 
     registry = CollectorRegistry(auto_describe=False)
-    registry.register(_Numbers(watch))
+    registry.register(_Numbers(watch, refused_logins))
 
-    @app.get("/metrics")
+    @app.get("/metrics", responses={200: {"content": {"text/plain": {"schema": {"type": "string"}}}}})
     async def metrics(request: Request) -> Response:
         """For Prometheus: open on this computer, by a viewer's token from elsewhere."""
         host = request.client.host if request.client is not None else ""
@@ -375,8 +459,8 @@ def app_of(watch: Watch, users: Users, *, hosts: Sequence[str] = ("127.0.0.1", "
 class _Numbers(Collector):
     """What Prometheus reads."""
 
-    def __init__(self, watch: Watch) -> None:
-        self._watch = watch
+    def __init__(self, watch: Watch, refused_logins: RefusedLogins) -> None:
+        self._watch, self._refused_logins = watch, refused_logins
 
     def collect(self) -> list[Metric]:
         status = self._watch.status()
@@ -422,6 +506,7 @@ class _Numbers(Collector):
             for loop, shown in loops.items():
                 counter.add_metric([loop], shown[key])
             found.append(counter)
+        found.append(CounterMetricFamily("glapp_logins_refused", "Logins refused", value=self._refused_logins.total))
         return found
 
 
@@ -442,6 +527,8 @@ class Door:
         0: any that is free.
     certificate, key : Path, optional
         For TLS; needed for any address that is not this computer's own.
+    bounds : Bounds, optional
+        How many connections and requests are taken, and how long they may be waited for.
 
     Raises
     ------
@@ -450,7 +537,13 @@ class Door:
     """
 
     def __init__(
-        self, app: FastAPI, host: str, port: int, certificate: Path | None = None, key: Path | None = None
+        self,
+        app: FastAPI,
+        host: str,
+        port: int,
+        certificate: Path | None = None,
+        key: Path | None = None,
+        bounds: Bounds | None = None,
     ) -> None:
         if (certificate is None) != (key is None):
             raise InputError("certificate and key are given together", parameter="certificate")
@@ -468,24 +561,12 @@ class Door:
                 raise InputError(f"cannot be used: {error}", file=str(certificate)) from None
         family = socket.AF_INET6 if ":" in host else socket.AF_INET
         try:
-            self._socket = socket.create_server((host.strip("[]"), port), family=family)
+            self._socket = socket.create_server((host.strip("[]"), port), family=family, backlog=1024)
         except OSError as error:
             raise InputError(f"cannot be listened at: {error}", parameter="host and port", value=port) from None
         self.port: int = self._socket.getsockname()[1]
         self.url = f"{'http' if certificate is None else 'https'}://{host}:{self.port}"
-        self._server = _Server(
-            uvicorn.Config(
-                app,
-                log_level="warning",
-                access_log=False,
-                ssl_certfile=certificate,
-                ssl_keyfile=key,
-                timeout_keep_alive=30,
-                timeout_graceful_shutdown=2,
-                limit_concurrency=200,
-                server_header=False,
-            )
-        )
+        self._server = Listener(app, bounds, ssl_certfile=certificate, ssl_keyfile=key)
 
     async def open(self) -> None:
         """Serve until cancelled."""
@@ -496,14 +577,6 @@ class Door:
             self._server.should_exit = True
             await serving
             raise
-
-
-class _Server(uvicorn.Server):
-    """One that leaves the signals of the process to the process."""
-
-    @contextmanager
-    def capture_signals(self) -> Iterator[None]:
-        yield
 
 
 def _who(person: Person) -> tuple[str, str]:

@@ -19,7 +19,7 @@ import threading
 import time
 import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -577,8 +577,13 @@ class Memory(Reader):
             self._put((), list(events))
 
     def forget(self, before: float) -> int:
-        """Take out the rejected half-periods that ended before a time; gives how many. The accepted ones stay."""
+        """Take out the rejected half-periods that ended before a time; gives how many. The accepted ones stay.
+
+        Refused logins of before that time are not kept either, neither counted nor one by one, as they once were.
+        """
         with self._writing():
+            self._db.execute("DELETE FROM events WHERE kind = 'logins_refused' AND time < ?", (before,))
+            self._db.execute("DELETE FROM commands WHERE command = 'login' AND time < ?", (before,))
             return self._db.execute("DELETE FROM half_periods WHERE reason > 0 AND t_end < ?", (before,)).rowcount
 
     def answer(self, loop: str, answer: Mapping[str, Any]) -> int:
@@ -626,7 +631,21 @@ class Memory(Reader):
             return self._db.execute(statement, values).rowcount
 
 
+def _private(path: Path) -> None:
+    """Make a file where there is none, and let nobody but its owner read it; SQLite's files beside it are as it is."""
+    os.close(os.open(path, os.O_RDWR | os.O_CREAT, 0o600))
+    with suppress(OSError):  # a file system without rights
+        path.chmod(0o600)
+
+
 def _connected(path: Path) -> sqlite3.Connection:
+    try:
+        for beside in path.parent.glob(f"{path.name}?*"):  # what an older version left, and copies set aside
+            with suppress(OSError):
+                beside.chmod(0o600)
+        _private(path)
+    except OSError:
+        pass  # connecting says what is wrong
     db = sqlite3.connect(path, timeout=10, check_same_thread=False, isolation_level=None)
     db.row_factory = sqlite3.Row
     return db
@@ -677,6 +696,7 @@ def backup(folder: Path, file: Path) -> None:
     with Reader(folder) as reader:
         try:
             part.unlink(missing_ok=True)
+            _private(part)
             target = sqlite3.connect(part)
             try:
                 reader._db.backup(target)
@@ -733,6 +753,7 @@ def restore(folder: Path, file: Path, now: float | None = None) -> Path | None:
     try:
         path = folder / NAME
         part = path.with_name(f".{NAME}.part")
+        _private(part)
         shutil.copyfile(file, part)
         aside = None
         if path.exists():

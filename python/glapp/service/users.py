@@ -3,9 +3,15 @@
 from __future__ import annotations
 
 import hashlib
+import hmac
+import json
 import secrets
-from dataclasses import dataclass
+import threading
+from collections import Counter, deque
+from contextlib import suppress
+from dataclasses import dataclass, field
 from enum import IntEnum
+from pathlib import Path
 
 from argon2 import PasswordHasher
 from argon2.exceptions import InvalidHashError, VerifyMismatchError
@@ -13,7 +19,7 @@ from argon2.exceptions import InvalidHashError, VerifyMismatchError
 from ..errors import InputError
 from .memory import Memory, Reader
 
-__all__ = ["Person", "Role", "Users", "first_user"]
+__all__ = ["Attempt", "Person", "Role", "Tries", "Users", "first_user", "station_key"]
 
 SHORTEST = 10
 """A password has at least so many characters."""
@@ -22,10 +28,22 @@ LOGIN_LASTS = 12 * 3600.0
 """A token is good for so long [s]."""
 
 TRIES = 5
-"""So many wrong passwords of a name within `TRIES_WITHIN`; then it waits."""
+"""So many wrong passwords of a name within `TRIES_WITHIN`, from all addresses from which that name never logged in."""
+
+TRIES_OF_ADDRESS = 10
+"""So many within that time from an address from which nobody ever logged in, whatever the names."""
 
 TRIES_WITHIN = 300.0
 """[s]"""
+
+PACE = 2.0
+"""Beyond `TRIES`, the next password from an address that is known is looked at so long after the one before [s]."""
+
+PLACES = 4096
+"""So many counts there are of names, and as many of addresses."""
+
+ADDRESSES = 20
+"""From so many addresses, the newest, a name is known to have logged in."""
 
 
 class Role(IntEnum):
@@ -74,6 +92,143 @@ class Refused(Exception):  # noqa: N818 - a refusal is an answer, not a fault of
     """Nobody was logged in: the sentence says no more than a stranger may know."""
 
 
+@dataclass(eq=False, slots=True)
+class Attempt:
+    """A password that is about to be looked at, and counts already.
+
+    Attributes
+    ----------
+    name, address : str
+        Whose it is said to be, and where it comes from.
+    known : bool
+        Whether that name has logged in from there before.
+    wait : float
+        So long from now it is not looked at [s], at most `PACE`.
+    displaced : bool
+        Whether another one came meanwhile, which waits in its place.
+    """
+
+    name: str
+    address: str
+    known: bool
+    wait: float = 0.0
+    displaced: bool = False
+    _counts: list[deque[float]] = field(default_factory=list)
+    _at: float = 0.0
+
+    def right(self) -> None:
+        """The password is right: this one does not count, and what was counted before does."""
+        for one in self._counts:
+            if self._at in one:
+                one.remove(self._at)
+
+
+class Tries:
+    """Passwords that are tried, counted by name and by address apart, before any is looked at.
+
+    A count has its place by a hash of the name or address with a key that nobody knows. There are as many places as
+    there are, so that no number of names takes a count away; two that share a place share its count, which locks
+    strangers out earlier and nobody who is known.
+
+    Parameters
+    ----------
+    known : mapping of str to list of str, optional
+        Addresses from which each name has logged in, the newest last.
+
+    Examples
+    --------
+    >>> tries = Tries()
+    >>> for _ in range(TRIES):
+    ...     _ = tries.attempt("eve", "10.0.0.7", 100.0)
+    >>> tries.attempt("eve", "10.0.0.8", 100.0)
+    Traceback (most recent call last):
+    glapp.service.users.Refused: too many wrong passwords: wait 300 s
+    >>> tries = Tries({"eve": ["10.0.0.8"]})
+    >>> [tries.attempt("eve", "10.0.0.8", 100.0).wait for _ in range(TRIES + 2)][-3:]
+    [0.0, 2.0, 2.0]
+    """
+
+    def __init__(self, known: dict[str, list[str]] | None = None) -> None:
+        self.known = known or {}
+        self._key = secrets.token_bytes(16)
+        self._names: dict[int, deque[float]] = {}
+        self._addresses: dict[int, deque[float]] = {}
+        self._paced: dict[tuple[str, str], deque[float]] = {}
+        self._waits: dict[tuple[str, str], Attempt] = {}
+
+    def _count(self, counts: dict[int, deque[float]], what: str, most: int, now: float) -> deque[float]:
+        digest = hashlib.blake2b(what.encode("utf-8", "replace"), digest_size=8, key=self._key).digest()
+        found = counts.setdefault(int.from_bytes(digest, "big") % PLACES, deque())
+        _forget(found, now)
+        if len(found) >= most:
+            raise Refused(f"too many wrong passwords: wait {TRIES_WITHIN - (now - found[0]):.0f} s")
+        return found
+
+    def attempt(self, name: str, address: str, now: float) -> Attempt:
+        """Count a try.
+
+        Parameters
+        ----------
+        name, address : str
+            Whose password it is said to be, and where it comes from.
+        now : float
+            By a clock that never goes back [s].
+
+        Raises
+        ------
+        Refused
+            Where it must not be looked at.
+        """
+        if address in self.known.get(name, ()):
+            return self._slowed(Attempt(name, address, True, _at=now), (name, address), now)
+        of_name = self._count(self._names, name, TRIES, now)
+        if any(address in one for one in self.known.values()):
+            found = self._slowed(Attempt(name, address, False, _at=now), ("", address), now)
+        else:
+            of_address = self._count(self._addresses, address, TRIES_OF_ADDRESS, now)
+            of_address.append(now)
+            found = Attempt(name, address, False, _at=now, _counts=[of_address])
+        of_name.append(now)
+        found._counts.append(of_name)
+        return found
+
+    def _slowed(self, attempt: Attempt, key: tuple[str, str], now: float) -> Attempt:
+        """One at a known address: never refused; beyond `TRIES` one waits, and the newest takes its place."""
+        starts = self._paced.setdefault(key, deque(maxlen=TRIES))
+        _forget(starts, now)
+        waiting = self._waits.get(key)
+        if waiting is not None and waiting._at > now:
+            waiting.displaced = True
+            attempt._at = waiting._at
+        else:
+            attempt._at = max(now, starts[-1] + PACE) if len(starts) == TRIES else now
+            starts.append(attempt._at)
+        self._waits[key] = attempt
+        attempt.wait = attempt._at - now
+        attempt._counts.append(starts)
+        return attempt
+
+    def succeeded(self, attempt: Attempt) -> bool:
+        """Take a name as known at its address; whether that is new."""
+        attempt.right()
+        addresses = self.known.setdefault(attempt.name, [])
+        if addresses and addresses[-1] == attempt.address:
+            return False
+        self.known[attempt.name] = [one for one in addresses if one != attempt.address][1 - ADDRESSES :]
+        self.known[attempt.name].append(attempt.address)
+        there = {(name, address) for name, some in self.known.items() for address in some}
+        there |= {("", address) for _, address in there}
+        for kept in (self._paced, self._waits):
+            for key in kept.keys() - there:
+                del kept[key]
+        return True
+
+
+def _forget(times: deque[float], now: float) -> None:
+    while times and now - times[0] >= TRIES_WITHIN:
+        times.popleft()
+
+
 class Users:
     """The users in the database.
 
@@ -89,7 +244,15 @@ class Users:
         self._memory = memory
         self._hasher = cost or PasswordHasher()
         self._nobody = self._hasher.hash(secrets.token_hex())
-        self._failed: dict[str, list[float]] = {}
+        self._lock = threading.Lock()
+        self._names = {row["name"] for row in listed(memory)}
+        known = memory.one("SELECT value FROM meta WHERE name = 'known_addresses'")
+        self._tries = Tries(None if known is None else json.loads(known["value"]))
+        # Here and not only in the database: whom a token stands for is known though no disk answers.
+        self._logins = {
+            row["digest"]: (Person(row["name"], Role.named(row["role"])), row["expires"])
+            for row in memory.rows("SELECT digest, name, role, expires FROM tokens JOIN users ON name = person")
+        }
 
     def put(self, name: str, role: str, password: str | None, now: float) -> None:
         """Add a user, or change one; without a password it keeps its own. Who was logged in by that name is no longer.
@@ -112,8 +275,11 @@ class Users:
         if old is not None and rank is not Role.ENGINEER:
             self._not_the_last(name)
         digest = old["password"] if password is None and old is not None else self._hasher.hash(password or "")
-        self._memory.write("INSERT OR REPLACE INTO users VALUES (?, ?, ?, ?)", name, role, digest, now)
-        self._memory.write("DELETE FROM tokens WHERE person = ?", name)
+        with self._lock:
+            self._memory.write("INSERT OR REPLACE INTO users VALUES (?, ?, ?, ?)", name, role, digest, now)
+            self._memory.write("DELETE FROM tokens WHERE person = ?", name)
+            self._end(name)
+            self._names.add(name)
 
     def remove(self, name: str) -> None:
         """Take a user out.
@@ -124,8 +290,15 @@ class Users:
             Where there is none of that name, or it is the last engineer.
         """
         self._not_the_last(name)
-        if not self._memory.write("DELETE FROM users WHERE name = ?", name):
-            raise InputError("no such user", parameter="name", value=name)
+        with self._lock:
+            if not self._memory.write("DELETE FROM users WHERE name = ?", name):  # and with it the tokens
+                raise InputError("no such user", parameter="name", value=name)
+            self._end(name)
+            self._names.discard(name)
+            self._tries.known.pop(name, None)
+
+    def _end(self, name: str) -> None:
+        self._logins = {digest: login for digest, login in self._logins.items() if login[0].name != name}
 
     def _not_the_last(self, name: str) -> None:
         others = self._memory.one("SELECT 1 FROM users WHERE role = 'engineer' AND name <> ?", name)
@@ -133,44 +306,126 @@ class Users:
         if own and not others:
             raise InputError("is the last engineer", parameter="name", value=name, hint="make another one first")
 
-    def log_in(self, name: str, password: str, now: float) -> tuple[str, Person]:
-        """A new token for a user, to be shown with every request.
+    def attempt(self, name: str, address: str, now: float) -> Attempt:
+        """Count a password that somebody is about to try, before it is looked at.
+
+        Parameters
+        ----------
+        name, address : str
+            Whose it is said to be, and where it comes from.
+        now : float
+            By a clock that never goes back [s].
 
         Raises
         ------
         Refused
-            For a wrong name or password, which are not told apart, and where there were too many of them.
+            Where there were too many.
         """
-        failed = [at for at in self._failed.get(name, []) if now - at < TRIES_WITHIN]
-        if len(failed) >= TRIES:
-            raise Refused(f"too many wrong passwords: wait {TRIES_WITHIN - (now - failed[0]):.0f} s")
-        known = self._memory.one("SELECT role, password FROM users WHERE name = ?", name)
+        with self._lock:
+            return self._tries.attempt(name, address, now)
+
+    def log_in(self, attempt: Attempt, password: str, now: float) -> tuple[str, Person]:
+        """A new token for a user, to be shown with every request.
+
+        Parameters
+        ----------
+        attempt : Attempt
+            What `attempt` counted.
+        password : str
+            The password.
+        now : float
+            The time [s since 1970 UTC].
+
+        Raises
+        ------
+        Refused
+            For a wrong name or password, which are not told apart.
+        """
+        query = "SELECT role, password FROM users WHERE name = ?"
+        known = self._memory.one(query, attempt.name)
         try:
             self._hasher.verify(known["password"] if known else self._nobody, password)
         except (VerifyMismatchError, InvalidHashError):
             known = None
-        if known is None:
-            if len(self._failed) > 1000:
-                self._failed.clear()
-            self._failed[name] = [*failed, now]
-            raise Refused("wrong name or password")
-        self._failed.pop(name, None)
         token = secrets.token_urlsafe(32)
-        self._memory.write("DELETE FROM tokens WHERE expires < ?", now)
-        self._memory.write("INSERT INTO tokens VALUES (?, ?, ?)", _digest(token), name, now + LOGIN_LASTS)
-        return token, Person(name, Role.named(known["role"]))
+        with self._lock:
+            if known is None or self._memory.one(query, attempt.name) != known:  # it was changed meanwhile
+                raise Refused("wrong name or password")
+            person = Person(attempt.name, Role.named(known["role"]))
+            if any(until <= now for _, until in self._logins.values()):
+                self._memory.write("DELETE FROM tokens WHERE expires <= ?", now)
+            self._memory.write("INSERT INTO tokens VALUES (?, ?, ?)", digest_of(token), person.name, now + LOGIN_LASTS)
+            self._logins = {digest: login for digest, login in self._logins.items() if login[1] > now}
+            self._logins[digest_of(token)] = person, now + LOGIN_LASTS
+            if self._tries.succeeded(attempt):
+                known_now = json.dumps(self._tries.known)
+                self._memory.write("INSERT OR REPLACE INTO meta VALUES ('known_addresses', ?)", known_now)
+        return token, person
 
     def log_out(self, token: str) -> None:
         """The token is good for nothing any more."""
-        self._memory.write("DELETE FROM tokens WHERE digest = ?", _digest(token))
+        with self._lock:
+            self._logins.pop(digest_of(token), None)
+            self._memory.write("DELETE FROM tokens WHERE digest = ?", digest_of(token))
 
     def of(self, token: str, now: float) -> Person | None:
         """Who a token stands for; None where it does not, or no longer."""
-        found = self._memory.one(
-            "SELECT name, role FROM tokens JOIN users ON name = person WHERE digest = ? AND expires > ?",
-            *(_digest(token), now),
+        found = self._logins.get(digest_of(token))
+        return None if found is None or found[1] <= now else found[0]
+
+    def __contains__(self, name: str) -> bool:
+        """Whether there is such a user."""
+        return name in self._names
+
+
+class RefusedLogins:
+    """Logins that were refused, counted: what is told of them grows with time, and not with their number.
+
+    The first is told at once, and what came after it when `every` seconds have passed.
+
+    Parameters
+    ----------
+    every : float
+        [s]
+    """
+
+    def __init__(self, every: float = TRIES_WITHIN) -> None:
+        self.total = 0
+        self.every = every
+        self._names: Counter[str] = Counter()
+        self._addresses: Counter[str] = Counter()
+
+    def add(self, name: str | None, address: str) -> str | None:
+        """Count one; gives what to say of it now, None where it is said later.
+
+        Parameters
+        ----------
+        name : str or None
+            The user's; None where there is none of that name, which may be a password typed in the wrong place.
+        address : str
+            Where it came from.
+        """
+        self.total += 1
+        first = not self._names
+        whose = "a name that is no user's" if name is None else name
+        self._names[whose] += 1
+        if len(self._addresses) < PLACES or address in self._addresses:
+            self._addresses[address] += 1
+        return f"a login was refused: as {whose}, from {address}" if first else None
+
+    def since(self) -> str | None:
+        """What came since the first that was told, and no more to say; None where nothing did."""
+        names, addresses = self._names, self._addresses
+        self._names, self._addresses = Counter(), Counter()
+        if (count := names.total() - 1) <= 0:
+            return None
+        [(whose, most)] = names.most_common(1)
+        [(address, _)] = addresses.most_common(1)
+        of_all = f"{len(addresses)}{' or more' if len(addresses) == PLACES else ''}"
+        return (
+            f"{count} logins more were refused in {self.every:.0f} s: {len(names)} names, of all {count + 1} most "
+            f"({most}) as {whose}; {of_all} addresses, most from {address}"
         )
-        return None if found is None else Person(found["name"], Role.named(found["role"]))
 
 
 def listed(memory: Reader) -> list[dict[str, str]]:
@@ -183,12 +438,36 @@ def first_user(memory: Memory, now: float) -> None:
     if listed(memory):
         return
     password = secrets.token_urlsafe(12)
-    path = memory.folder / "first-login.txt"
-    path.unlink(missing_ok=True)
-    path.touch(mode=0o600)
-    path.write_text(f"user engineer\npassword {password}\n", encoding="utf-8")
+    _written(memory.folder / "first-login.txt", f"user engineer\npassword {password}\n")
     Users(memory).put("engineer", "engineer", password, now)
 
 
-def _digest(token: str) -> str:
+def station_key(folder: Path) -> str:
+    """By what the station shows that it is the station, when it says from where somebody logs in: `station-key`.
+
+    Who may read the service's folder may read it; it is made where it is missing.
+    """
+    path = folder / "station-key"
+    with suppress(OSError):
+        if len(found := path.read_text(encoding="utf-8").strip()) >= 32:
+            return found
+    key = secrets.token_urlsafe(32)
+    _written(path, key)
+    return key
+
+
+def is_station(folder_key: str, shown: str | None) -> bool:
+    """Whether a key that was shown is the station's."""
+    return shown is not None and hmac.compare_digest(folder_key.encode(), shown.encode())
+
+
+def _written(path: Path, text: str) -> None:
+    """A file that is its owner's to read."""
+    path.unlink(missing_ok=True)
+    path.touch(mode=0o600)
+    path.write_text(text, encoding="utf-8")
+
+
+def digest_of(token: str) -> str:
+    """What the database has of a token."""
     return hashlib.sha256(token.encode()).hexdigest()

@@ -11,7 +11,7 @@ import json
 import math
 import time
 from array import array
-from collections.abc import Callable, Coroutine, Mapping, Sequence
+from collections.abc import Callable, Collection, Coroutine, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
@@ -25,19 +25,17 @@ import pyarrow as pa
 from ..errors import InputError
 from ..estimate import Estimator
 from ..loop import Loop
-from .compensation import SETTINGS, Compensator
+from .compensation import Compensator
 from .fits import answer
 from .memory import COLUMNS, Entry, Half, Memory, MemoryFull, Reader
 from .recordings import Signals, table_of
 from .rows import ALIVE, CODES, LOST, OP, PV, Rows
+from .settable import DETECTOR, SETTINGS, Bound, bounds_of, check
 from .signal import Event, Signal, Source, Value, WriteRefused
 
-__all__ = ["DETECTOR", "Bounds", "Health", "Plant", "Watch"]
+__all__ = ["Bounds", "Health", "Plant", "Watch"]
 
 T = TypeVar("T")
-
-DETECTOR = ("k", "ti", "td", "setpoint_weight", "kp", "tf", "n", "acceptable_dead_band")
-"""What a person may set of a detector: what it believes of the controller, never the controller itself."""
 
 SEEN = "watchdog_seen"
 """The setting that holds when a drill of the loop was passed."""
@@ -62,7 +60,8 @@ class Health(IntEnum):
     NORMAL
         No lost motion was found, or all of it is acceptable; also where no fit could tell.
     FAILURE
-        Never said: what is watched here, a valve's gap, does not end its function.
+        u_FF stands in the plant though it had to be 0 by now, and nobody here can take it away. A valve's gap, which is
+        what is watched here, does not end its function.
     CHECK_FUNCTION
         The loop cannot be watched now: it was not heard of yet, its connection is lost, or PV is bad. Also where its
         answers were set aside with a damaged database and no fit has answered since.
@@ -175,6 +174,7 @@ class _Watched:
     compensator: Compensator | None = None
     due: asyncio.Event = field(default_factory=asyncio.Event)
     made: float = -math.inf  # source time of the PV that u_FF was last made of
+    stands: bool = False  # u_FF does, though it had to be 0 by now
     answer: dict[str, Any] | None = None
 
 
@@ -256,7 +256,7 @@ class Watch:
     # Beginning
 
     def _watched(self, given: Loop, id: int, state: str | None, most: tuple[float, float] | None) -> _Watched:
-        settings = self.reader.settings(given.name)
+        settings = self._sound(given, self.reader.settings(given.name), most)
         loop = with_settings(given, settings)
         period = loop.sample_time or self.bounds.period
         detector = None if loop.controller is None else Estimator(loop, period)
@@ -284,6 +284,30 @@ class Watch:
         last = self.reader.answers(given.name, 1)
         watched.answer = last[0] if last else None
         return watched
+
+    def _sound(self, given: Loop, saved: dict[str, Any], most: tuple[float, float] | None) -> dict[str, Any]:
+        """What persons have set, less what is out of its bounds by now: that is told, put down, and not set any more.
+
+        Such a value was saved by a version with other bounds, or beside other settings in the loops.toml.
+        """
+        found, gone = dict(saved), dict[str, Any]()
+        while True:
+            try:
+                _checked(given, found, given.sample_time or self.bounds.period, most)
+                break
+            except InputError as error:
+                names = [name for name in (*DETECTOR, *SETTINGS) if found.get(name) is not None]
+                if not names:
+                    raise
+                for name in [error.parameter] if error.parameter in names else names:
+                    gone[name] = found.pop(name)
+                    text = f"what was saved is not used, and {name} is as by default: {error}"
+                    self._tell(Event(self.begun, given.name, "setting_refused", text))
+        if gone:
+            none = dict.fromkeys(gone)
+            with suppress(MemoryFull):
+                self.memory.command(self.begun, "glapp", "", "change", given.name, gone, none, settings=none)
+        return found
 
     def _of_rows(self) -> dict[str, float]:
         return {"wait": self.bounds.wait, "ahead": self.bounds.ahead, "lost": self.bounds.lost}
@@ -568,8 +592,8 @@ class Watch:
         for watched in self._loops.values():
             self._switch_off(watched, "the service was stopped")
         working = [w for w in self._loops.values() if w.compensator is not None and w.compensator.at_work]
-        longest = max((w.loop.ideal().ti for w in working), default=0.0)  # type: ignore[union-attr]
-        until = time.monotonic() + min(1.5 * longest + 1.0, 60.0)
+        longest = max((w.compensator.away_within for w in working if w.compensator), default=0.0)
+        until = time.monotonic() + min(longest + 3.0, 60.0)
         with suppress(asyncio.CancelledError):
             while any(w.compensator.at_work for w in working if w.compensator) and time.monotonic() < until:
                 if any(task.done() for task in tasks):
@@ -770,12 +794,16 @@ class Watch:
                 self.source.disable(name)
 
     async def _beats(self, source: Plant) -> None:
-        """The plant's watchdog hears of us only while u_FF of every loop that is compensated is fresh."""
+        """The plant's watchdog hears of us only while u_FF of every loop that is compensated is fresh.
+
+        And while none stands that had to be 0 by now: then the plant takes it away, and that of every other loop.
+        """
         while True:
             now = self._ticks()
+            self._look(now)
             working = [w for w in self._loops.values() if w.compensator is not None and w.compensator.at_work]
             fresh = all(w.compensator is not None and now - w.compensator.written_at <= 3.0 * w.period for w in working)
-            if fresh:
+            if fresh and not self._standing():
                 try:
                     await _asking(source.beat(), 1.0)
                 except WriteRefused as refused:
@@ -784,7 +812,45 @@ class Watch:
                         self._tell(Event(self._clock(), None, "no_beat", f"the watchdog was not counted up: {refused}"))
             await asyncio.sleep(_BEAT)
 
+    def _look(self, now: float) -> None:
+        """Whether any u_FF stands in the plant though it had to be 0 by now."""
+        for name, watched in self._loops.items():
+            compensator = watched.compensator
+            if compensator is None or self._drilling(name):
+                continue
+            value = compensator.stands(now)
+            if value is None and watched.stands:
+                text = "u_FF is 0, and the watchdog is counted up again"
+                self._tell(Event(self._clock(), name, "taken_away", text))
+            elif value is not None and not watched.stands:
+                text = (
+                    f"u_FF is {value:g} in the plant, and had to be 0 within {compensator.away_within:.0f} s: the "
+                    "watchdog is not counted up any more, so that the plant takes u_FF away, of every loop"
+                )
+                self._tell(Event(self._clock(), name, "not_taken_away", text))
+                for other in self._loops.values():
+                    self._switch_off(other, f"the watchdog is not counted up: u_FF of {name} is not 0")
+            watched.stands = value is not None
+
+    def _standing(self) -> list[str]:
+        """Names of the loops whose u_FF stands in the plant though it had to be 0 by now."""
+        return [name for name, watched in self._loops.items() if watched.stands]
+
+    def _none_stands(self, loop: str) -> None:
+        if names := self._standing():
+            raise InputError(
+                f"u_FF of {', '.join(names)} is not 0 in the plant, and the watchdog is not counted up",
+                loop=loop,
+                hint="set it to 0 in the control system, and look who else writes it",
+            )
+
     # What persons ask for
+
+    def limits(self, loop: str) -> dict[str, Bound]:
+        """The bounds of all that may be set of a loop, by what is set now."""
+        watched = self._loops[loop]
+        most = None if watched.compensator is None else watched.most
+        return bounds_of(watched.loop, _of_compensation(self.reader.settings(loop)), most)
 
     def settings(self, loop: str) -> dict[str, Any]:
         """What may be set of a loop, as it is in force: of its detector, and of its compensation where it has one."""
@@ -825,28 +891,22 @@ class Watch:
                 )
         kept = self.reader.settings(loop) | dict(values)
         of_detector = any(name in DETECTOR for name in values)
-        made: Compensator | None = None
-        if of_detector:
-            if watched.compensator is not None and (watched.compensator.enabled or watched.compensator.u_ff != 0.0):
-                raise InputError("is compensated: disable that first", loop=loop, parameter=next(iter(values)))
-            changed = with_settings(self._given[loop], kept)
-            detector = None if changed.controller is None else Estimator(changed, watched.period)
-        if watched.compensator is not None:
-            # Tried on one of its own first: all of it is set, or nothing.
-            assert watched.most is not None
-            of = changed if of_detector else watched.loop
-            made = Compensator(of, watched.period, _of_compensation(kept), *watched.most)
+        at_work = watched.compensator is not None and (watched.compensator.enabled or watched.compensator.u_ff != 0.0)
+        if of_detector and at_work:
+            raise InputError("is compensated: disable that first", loop=loop, parameter=next(iter(values)))
+        # Tried on one of its own first: all of it is set, or nothing.
+        most = watched.most if watched.compensator is not None else None
+        changed, made = _checked(self._given[loop], kept, watched.period, most, values)
+        detector = None if changed.controller is None or not of_detector else Estimator(changed, watched.period)
         shown = {name: before[name] for name in values}
         if not of_detector:
             assert watched.compensator is not None  # all other names are a compensation's
-            for name, value in values.items():
-                watched.compensator.set(name, value)
+            watched.compensator.set_all(values)
             after = {name: self.settings(loop)[name] for name in values}
             try:
                 await self.log(person, role, "change", loop, shown, after, settings=values)
             except MemoryFull:
-                for name, value in shown.items():
-                    watched.compensator.set(name, value)
+                watched.compensator.set_all(shown)
                 raise
             return self.settings(loop)
         await self.save()  # so that what came before is not taken in again with other settings
@@ -887,6 +947,7 @@ class Watch:
             )
         if self._drilling():
             raise InputError("a drill is under way: wait until it is over", loop=loop)
+        self._none_stands(loop)
         before = compensator.status()
         try:
             await _asking(source.beat())
@@ -932,6 +993,7 @@ class Watch:
         if working := [n for n, w in self._loops.items() if w.compensator is not None and w.compensator.at_work]:
             names = ", ".join(working)
             raise InputError(f"the watchdog stands still in a drill, and {names} would lose u_FF", loop=loop)
+        self._none_stands(loop)
         try:
             await _asking(source.beat())
             source.enable(loop)
@@ -1153,6 +1215,35 @@ def with_settings(loop: Loop, settings: Mapping[str, Any]) -> Loop:
         raise
 
 
+def _checked(
+    given: Loop,
+    settings: Mapping[str, Any],
+    period: float,
+    most: tuple[float, float] | None,
+    changed: Collection[str] = (),
+) -> tuple[Loop, Compensator | None]:
+    """A loop with what persons have set, and its compensation where it can have one; `changed` is what is named first.
+
+    Raises
+    ------
+    InputError
+        With the parameter, its value and its bounds.
+    """
+    alone = bounds_of(given, {}, None)
+    for name, bound in alone.items():
+        if settings.get(name) is not None:
+            check(name, settings[name], bound, given.name)
+    loop = with_settings(given, settings)
+    if most is None or loop.controller is None:
+        return loop, None
+    of_compensation = _of_compensation(settings)
+    bounds = bounds_of(loop, of_compensation, most)
+    for name in sorted(of_compensation, key=lambda name: name not in changed):
+        if of_compensation[name] is not None:
+            check(name, of_compensation[name], bounds[name], given.name)
+    return loop, Compensator(loop, period, of_compensation, *most)
+
+
 def _of_compensation(settings: Mapping[str, Any]) -> dict[str, Any]:
     return {name: settings[name] for name in SETTINGS if name in settings}
 
@@ -1172,6 +1263,8 @@ def _health(watched: _Watched, forgotten: bool) -> Health:
     `forgotten`: the answers of before were set aside with a damaged database, so that none says nothing.
     """
     pv, answer = watched.latest.get(Signal.PV), watched.answer
+    if watched.stands:
+        return Health.FAILURE
     if watched.lost or pv is None or not pv.good or (forgotten and answer is None):
         return Health.CHECK_FUNCTION
     if answer is None or answer["verdict"] not in ("backlash", "stiction", "both", "at_least"):

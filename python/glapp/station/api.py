@@ -7,7 +7,6 @@ is logged in. There is no request here that changes anything: commands go throug
 # FastAPI reads the annotations as they are: no `from __future__ import annotations` here.
 import asyncio
 import json
-import time
 from typing import Annotated, Any
 
 from fastapi import Depends, FastAPI, HTTPException, Query, Request, Response
@@ -19,21 +18,18 @@ from starlette.middleware.gzip import GZipMiddleware
 
 from .. import __version__
 from ..errors import InputError
+from ..service.listener import logged_in
 from .client import Gone, Refused
 from .pages import Station, all_events
 from .view import Row
 
 __all__ = ["api_of"]
 
-BELIEVED = 10.0
-"""So long a token is believed after the service has said that it is good [s]."""
-
 WHY_NOT = {
     400: "A body that is no JSON",
     401: "Nobody who is known to the service",
     404: "No such loop",
     422: "A value that cannot be",
-    429: "Too many tries to log in",
     503: "Service or database cannot be reached",
 }
 """What else is answered than what was asked for."""
@@ -128,7 +124,6 @@ def api_of(station: Station) -> FastAPI:
         responses={status: {"model": Why, "description": text} for status, text in WHY_NOT.items()},
     )
     app.add_middleware(GZipMiddleware, minimum_size=10_000, compresslevel=1)
-    believed: dict[str, float] = {}
 
     @app.exception_handler(InputError)
     async def not_read(request: Request, error: InputError) -> JSONResponse:
@@ -147,22 +142,9 @@ def api_of(station: Station) -> FastAPI:
         kind, _, token = request.headers.get("authorization", "").partition(" ")
         if kind.lower() != "bearer" or not token.isascii() or not token.isprintable():
             raise HTTPException(401, "show a token of the service", {"WWW-Authenticate": "Bearer"})
-        now = time.monotonic()
-        if believed.get(token, 0.0) > now:
-            return
-        await asked("GET", "/commands?most=1", token)
-        if len(believed) > 1000:
-            believed.clear()
-        believed[token] = now + BELIEVED
-
-    async def asked(method: str, path: str, token: str | None, body: Any = None) -> Any:
-        try:
-            return await station.door.asked(method, path, token, body)
-        except Refused as refused:
-            headers = {"WWW-Authenticate": "Bearer"} if refused.status == 401 else None
-            raise HTTPException(refused.status if refused.status < 500 else 503, str(refused), headers) from None
-        except Gone as gone:
-            raise HTTPException(503, str(gone)) from None
+        if not station.sessions.token(token):
+            raise HTTPException(401, "log in first", {"WWW-Authenticate": "Bearer"})
+        logged_in(request.scope)
 
     def watched(name: Name) -> str:
         if name not in station.view.shown["loops"] or name not in station.view.loops:
@@ -176,10 +158,15 @@ def api_of(station: Station) -> FastAPI:
     async def log_in(request: Request, wanted: LogIn) -> Any:
         """A token of the service for a user. It opens no page: this sets no cookie."""
         address = request.client.host if request.client is not None else ""
-        wait = station.tries.wait(address, time.monotonic())
-        if wait > 0:
-            raise HTTPException(429, f"too many tries from this computer: wait {wait:.0f} s")
-        return await asked("POST", "/login", None, wanted.model_dump())
+        try:
+            found = await station.door.log_in(wanted.user, wanted.password, address)
+        except Refused as refused:
+            headers = {"WWW-Authenticate": "Bearer"} if refused.status == 401 else None
+            raise HTTPException(refused.status if refused.status < 500 else 503, str(refused), headers) from None
+        except Gone as gone:
+            raise HTTPException(503, str(gone)) from None
+        logged_in(request.scope)
+        return found
 
     @app.get("/overview", response_model=Overview, dependencies=reads)
     async def overview(

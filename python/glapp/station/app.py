@@ -2,7 +2,6 @@
 
 # FastAPI reads the annotations as they are: no `from __future__ import annotations` here.
 import asyncio
-import time
 from collections.abc import Sequence
 from contextlib import suppress
 from html import escape
@@ -16,6 +15,7 @@ from nicegui import app as pages
 from nicegui import ui
 from starlette.requests import Request
 
+from ..service.listener import logged_in
 from ..service.users import LOGIN_LASTS
 from .api import api_of
 from .client import Gone, Refused
@@ -82,15 +82,13 @@ def app_of(station: Station, hosts: Sequence[str], *, secure: bool) -> FastAPI:
         dark: Annotated[str, Form(max_length=1)] = "",
     ) -> Response:
         address = request.client.host if request.client is not None else ""
-        wait = station.tries.wait(address, time.monotonic())
-        if wait > 0:
-            return _login(f"Too many tries from this computer: wait {wait:.0f} s.")
         try:
-            found = await station.door.asked("POST", "/login", None, {"user": user, "password": password})
+            found = await station.door.log_in(user, password, address)
         except (Gone, Refused) as error:
             said = str(error)
             return _login(said[:1].upper() + said[1:])
         session = station.sessions.begin(found["token"], found["user"], found["role"], dark=bool(dark))
+        logged_in(request.scope)
         reply = RedirectResponse("/", 303)
         reply.set_cookie(
             COOKIE, session.id, max_age=int(LOGIN_LASTS), httponly=True, samesite="strict", secure=secure, path="/"
@@ -121,8 +119,8 @@ def app_of(station: Station, hosts: Sequence[str], *, secure: bool) -> FastAPI:
 
     @app.get("/events.csv")
     async def events_csv() -> Response:
-        rows = await asyncio.to_thread(all_events, station, 1_000_000)
-        return _csv(as_csv(rows), "events.csv")
+        text = await asyncio.to_thread(lambda: as_csv(all_events(station, 1_000_000)))
+        return _csv(text, "events.csv")
 
     @ui.page("/")
     def _overview(request: Request) -> None:

@@ -9,6 +9,8 @@ from __future__ import annotations
 import asyncio
 import json
 import ssl
+from collections.abc import Mapping
+from contextlib import nullcontext, suppress
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -18,6 +20,9 @@ import httpx
 from ..errors import InputError
 
 __all__ = ["Door", "Gone", "Refused"]
+
+READS = 80
+"""So many requests that only look are under way, of the 100 connections that httpx has: the others are for commands."""
 
 
 class Gone(Exception):  # noqa: N818 - a state of the service, not a fault of the program
@@ -65,6 +70,7 @@ class Door:
             except (OSError, ssl.SSLError) as error:
                 raise InputError(f"cannot be used: {error}", file=str(trust)) from None
         self._http = httpx.AsyncClient(verify=verify, timeout=10.0, trust_env=False)
+        self._reads = asyncio.Semaphore(READS)
         self._live: dict[tuple[str, str], asyncio.Future[Any]] = {}
 
     @property
@@ -87,20 +93,45 @@ class Door:
         """Let go of its connections."""
         await self._http.aclose()
 
-    async def asked(self, method: str, path: str, token: str | None, body: Any = None) -> Any:
-        """What the service answers.
+    async def log_in(self, user: str, password: str, address: str) -> dict[str, Any]:
+        """A token for a user: `token`, `user`, `role`.
+
+        Parameters
+        ----------
+        user, password : str
+            As they were typed.
+        address : str
+            Where: the service counts tries by it, and believes it of who knows `station-key` of its folder.
 
         Raises
         ------
         Refused, Gone
         """
-        headers = {} if token is None else {"Authorization": f"Bearer {token}"}
+        headers = {}
+        with suppress(OSError):
+            headers["Glapp-Station"] = (self._folder / "station-key").read_text(encoding="utf-8").strip()
+            headers["Glapp-Address"] = address
+        body = {"user": user, "password": password}
+        found: dict[str, Any] = await self.asked("POST", "/login", None, body, headers)
+        return found
+
+    async def asked(
+        self, method: str, path: str, token: str | None, body: Any = None, more: Mapping[str, str] | None = None
+    ) -> Any:
+        """What the service answers; `more` are headers.
+
+        Raises
+        ------
+        Refused, Gone
+        """
+        headers = {**({} if token is None else {"Authorization": f"Bearer {token}"}), **(more or {})}
         content = None
         if method in ("POST", "PUT"):
             content = json.dumps({} if body is None else body).encode()
             headers["Content-Type"] = "application/json"
         try:
-            reply = await self._http.request(method, self.url + path, headers=headers, content=content)
+            async with self._reads if method == "GET" else nullcontext():
+                reply = await self._http.request(method, self.url + path, headers=headers, content=content)
         except (httpx.HTTPError, httpx.InvalidURL) as error:
             why = str(error) or type(error).__name__
             raise Gone(f"the service does not answer: {why}") from None

@@ -17,6 +17,7 @@ from starlette.requests import Request
 from ..errors import InputError
 from ..report.words import MEANINGS, NAMES, duration, quantity, sentence
 from ..service.recordings import Signals
+from ..service.settable import Bound
 from . import charts
 from .client import Gone, Refused, loop_path
 from .compensate import STANDINGS, calm, plan, why_off
@@ -417,7 +418,8 @@ class _Page:
     async def parameters(self) -> None:
         """All parameters with unit, bound and default; who changed what, when."""
         seen = await self._ask(loop_path(self.name, "parameters"))
-        if seen is None:
+        bounds = None if seen is None else await self._ask(loop_path(self.name, "bounds"))
+        if seen is None or bounds is None:
             return
         log = await asyncio.to_thread(self.read, lambda r: r.commands(self.name, 200))
         log = [row for row in log if row["command"] in ("change", "take_over")]
@@ -435,7 +437,7 @@ class _Page:
                             ui.label(text)
                 with ui.element("tbody"):
                     for name, value in seen.items():
-                        about = PARAMETERS[name]
+                        about, bound = PARAMETERS[name], Bound(**bounds[name])
                         with ui.element("tr"):
                             with ui.element("td"):
                                 ui.label(name)
@@ -448,7 +450,7 @@ class _Page:
                                 )
                                 if not may:
                                     fields[name].props("readonly")
-                            for text in ("–" if about.unit == "1" else about.unit, about.bound, about.default):
+                            for text in ("–" if bound.unit == "1" else bound.unit, bound.words, about.default):
                                 with ui.element("td"):
                                     ui.label(text)
 

@@ -17,7 +17,7 @@ from ..errors import InputError
 from .client import Door, Gone, Refused
 from .compensate import withdrawn
 from .listed import Listed
-from .sessions import Session, Sessions, Tries
+from .sessions import Session, Sessions, Tokens
 from .view import View, age
 from .view import summary as summarised
 
@@ -49,18 +49,18 @@ class Station:
         The service.
     sessions : Sessions
         Who is logged in.
-    tries : Tries
-        Logins by address.
     listed : Listed
         The overview, as of the last look.
     """
 
     view: View
     door: Door
-    sessions: Sessions = field(default_factory=Sessions)
-    tries: Tries = field(default_factory=Tries)
+    sessions: Sessions = field(init=False)
     listed: Listed = field(default_factory=Listed)
     _of: tuple[float | None, float] = (None, 0.0)
+
+    def __post_init__(self) -> None:
+        self.sessions = Sessions(Tokens(self.view.folder))
 
     async def look(self) -> None:
         """Look at the database again and again, for all pages together."""
@@ -195,7 +195,10 @@ _NAME = (  # by keyboard Enter on the row does the same, and Tab has no stop at 
 ONE_STOP = {":tabToNextCell": "glapp.leave", ":tabToNextHeader": "glapp.leave"}
 """A list is one stop of Tab; within it one goes by arrows, and is not held by thousands of cells."""
 
-_HEALTHS = "{'Maintenance required': 'health health-service', 'Check function': 'health health-check'}"
+_HEALTHS = (
+    "{'Maintenance required': 'health health-service', 'Check function': 'health health-check', "
+    "'Failure': 'health high'}"
+)
 
 
 def _overview_columns() -> list[dict[str, Any]]:

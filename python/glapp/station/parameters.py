@@ -1,4 +1,4 @@
-"""The parameters of a loop as a person sets them: meaning, unit, bound and default of each."""
+"""The parameters of a loop as a person sets them: meaning and default of each."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..report.words import number
-from ..service.compensation import SETTINGS, SHARE
-from ..service.watch import DETECTOR
+from ..service.settable import DETECTOR, SETTINGS, SHARE
 
 __all__ = ["NO_LIMIT", "PARAMETERS", "Parameter", "changed", "field"]
 
@@ -18,100 +17,45 @@ NO_LIMIT = 1e30
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """What is told of a parameter.
+    """What is told of a parameter; its unit and its bounds are the service's.
 
     Attributes
     ----------
     meaning : str
         What it is.
-    unit : str
-        Its unit; "1" for none.
-    bound : str
-        What it must be.
     default : str
         What it is where nobody sets it.
-    kept_as : tuple of (str, str) or None
-        Table and name in the catalogue that has unit and bound, which a test compares.
     """
 
     meaning: str
-    unit: str
-    bound: str
     default: str
-    kept_as: tuple[str, str] | None = None
 
 
 PARAMETERS: dict[str, Parameter] = {
-    "k": Parameter(
-        "gain K that the detector believes the controller has",
-        "OP unit/PV unit",
-        "other than 0",
-        "loops.toml",
-        ("detector", "k"),
-    ),
-    "ti": Parameter("its integral time Ti", "s", "greater than 0 s", "loops.toml", ("detector", "ti")),
-    "td": Parameter("its derivative time Td", "s", "0 s or greater", "loops.toml", ("detector", "td")),
-    "setpoint_weight": Parameter("its setpoint weight b", "1", "between 0 and 1", "1", ("detector", "b")),
-    "kp": Parameter(
-        "static process gain Kp", "PV unit/OP unit", "other than 0", "by the fit, or 1.5 %/%", ("detector", "kp")
-    ),
-    "tf": Parameter("time constant of the detector's filter", "s", "0 s or greater", "chosen", ("detector", "tf")),
-    "n": Parameter("length of the filter of detections", "1", "an odd number from 1 to 31", "9", ("detector", "n")),
-    "acceptable_dead_band": Parameter("the widest gap that needs no work", "% of span", "0 or greater", "none"),
-    "comp_size": Parameter(
-        "width of the gap that a person types; 0: none", "OP unit", "0 or greater", "0", ("compensation", "size")
-    ),
-    "comp_fitted": Parameter(
-        "lower limit of the fit that was taken over", "OP unit", "0 or greater", "none", ("compensation", "size")
-    ),
-    "comp_source": Parameter(
-        "which width counts", "1", "1 typed, 2 fitted, 3 the estimate", "2 where there is one, else 1"
-    ),
-    "comp_way": Parameter("how the direction is found", "1", "1 error, 2 derivative, 3 inverse", "3"),
-    "comp_share": Parameter(
-        "share of the width that is compensated", "1", "between 0 and 1", f"{SHARE:g}", ("compensation", "share")
-    ),
-    "comp_limit": Parameter(
-        "greatest width, whatever it came from",
-        "OP unit",
-        "at least share·size",
-        "twice u_ff_limit",
-        ("compensation", "limit"),
-    ),
-    "comp_band": Parameter(
-        "how far OP must go back before that is a reversal",
-        "OP unit",
-        "0 or greater",
-        "a fifth of the width",
-        ("compensation", "band"),
-    ),
-    "comp_tf": Parameter(
-        "filter of OP before its direction is found", "s", "0 s or greater", "0", ("compensation", "tf")
-    ),
-    "comp_rate": Parameter(
-        "greatest rate of u_FF", "OP unit/s", "greater than 0 per second", "0.6 of u_ff_rate", ("compensation", "rate")
-    ),
-    "comp_release": Parameter(
-        "time in which it is taken away", "s", "0 s or greater", "Ti", ("compensation", "release")
-    ),
-    "comp_watch": Parameter(
-        "time over which the loop is compared with before", "s", "greater than 0 s", "300 Ti", ("compensation", "watch")
-    ),
-    "comp_travel": Parameter(
-        "budget of OP's travel by u_FF", "OP unit/h", "greater than 0", "none", ("compensation", "travel")
-    ),
-    "comp_reversals": Parameter(
-        "budget of u_FF's reversals", "1/h", "2 or greater", "none", ("compensation", "reversals")
-    ),
-    "comp_withdraw": Parameter("whether warnings withdraw it", "1", "0 no, 1 yes", "1"),
-    "comp_estimate": Parameter("whether the estimate may lower the width", "1", "0 no, 1 yes", "1"),
-    "ff_tolerance": Parameter(
-        "how far the u_FF read back may be off",
-        "OP unit",
-        "0 or greater",
-        "a tenth of the width",
-        ("foreign_detection", "tolerance"),
-    ),
+    "k": Parameter("gain K that the detector believes the controller has", "loops.toml"),
+    "ti": Parameter("its integral time Ti", "loops.toml"),
+    "td": Parameter("its derivative time Td", "loops.toml"),
+    "setpoint_weight": Parameter("its setpoint weight b", "1"),
+    "kp": Parameter("static process gain Kp", "by the fit, or 1.5 %/%"),
+    "tf": Parameter("time constant of the detector's filter", "chosen"),
+    "n": Parameter("length of the filter of detections, odd", "9"),
+    "acceptable_dead_band": Parameter("the widest gap that needs no work", "none"),
+    "comp_size": Parameter("width of the gap that a person types; 0: none", "0"),
+    "comp_fitted": Parameter("lower limit of the fit that was taken over", "none"),
+    "comp_source": Parameter("which width counts: 1 typed, 2 fitted, 3 the estimate", "2 where there is one, else 1"),
+    "comp_way": Parameter("how the direction is found: 1 error, 2 derivative, 3 inverse", "3"),
+    "comp_share": Parameter("share of the width that is compensated", f"{SHARE:g}"),
+    "comp_limit": Parameter("greatest width, whatever it came from, at least share·size", "twice u_ff_limit"),
+    "comp_band": Parameter("how far OP must go back before that is a reversal", "a fifth of the width"),
+    "comp_tf": Parameter("filter of OP before its direction is found", "0"),
+    "comp_rate": Parameter("greatest rate of u_FF", "0.6 of u_ff_rate"),
+    "comp_release": Parameter("time in which it is taken away", "Ti, at most 300 s"),
+    "comp_watch": Parameter("time over which the loop is compared with before", "300 Ti"),
+    "comp_travel": Parameter("budget of OP's travel by u_FF", "none"),
+    "comp_reversals": Parameter("budget of u_FF's reversals", "none"),
+    "comp_withdraw": Parameter("whether warnings withdraw it: 0 no, 1 yes", "1"),
+    "comp_estimate": Parameter("whether the estimate may lower the width: 0 no, 1 yes", "1"),
+    "ff_tolerance": Parameter("how far the u_FF read back may be off", "a tenth of the width"),
 }
 """By the names of the service's door."""
 

@@ -1,18 +1,24 @@
 """Who is logged in to the window, and what keeps others out.
 
 A session is a random number in a cookie that no script can read and no other site can send; the service's token stays
-in this process, and on no disk. Whoever has no session gets the login page. Whatever changes something, and the
-connection that pages live by, must come from a page of ours: `Origin` says so, and no page can forge it.
+in this process, and on no disk. It is over when the service's token is: each request asks the service's database
+whether the token stands, and an open page's connection asks it every `LOOKED` seconds. So whoever is removed, or has
+another role or password, reads nothing any more. Whoever has no session gets the login page. Whatever changes
+something, and the connection that pages live by, must come from a page of ours: `Origin` says so, and no page can forge
+it.
 """
 
 from __future__ import annotations
 
+import asyncio
 import secrets
+import sqlite3
 import time
-from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from http.cookies import CookieError, SimpleCookie
+from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -20,20 +26,23 @@ from starlette.datastructures import Headers
 from starlette.responses import PlainTextResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from ..service.users import LOGIN_LASTS, Role
+from ..errors import InputError
+from ..service.listener import logged_in
+from ..service.memory import NAME, Reader
+from ..service.users import LOGIN_LASTS, Role, digest_of
 
-__all__ = ["COOKIE", "Guard", "Session", "Sessions", "Tries"]
+__all__ = ["COOKIE", "Guard", "Session", "Sessions", "Tokens"]
 
 COOKIE = "glapp-station"
 
-TRIES = 10
-"""So many logins may be tried from one address within `WITHIN`."""
-
-WITHIN = 60.0
-"""[s]"""
+LOOKED = 0.25
+"""After so long the connection of an open page finds out that its session is over [s]."""
 
 OPEN = ("/login", "/static/", "/api/")
 """Paths for whoever comes; what is under /api asks by itself who it is."""
+
+ENDING = ("/login", "/logout")
+"""A session that was there before may be over after these."""
 
 LARGEST = 65_536
 """No request of somebody who is not logged in may be longer [bytes], …"""
@@ -41,8 +50,8 @@ LARGEST = 65_536
 LARGEST_FILE = 64_000_000
 """… and none at all: a recording that is to be read is the longest there is [bytes]."""
 
-FOR_PROGRAMS = "/api/login"
-"""What a program posts to: it sets no cookie, so that a page elsewhere has nothing of it."""
+FOR_PROGRAMS = "/api/"
+"""What programs ask: nothing is changed there, and no cookie set, so that a page elsewhere has nothing of it."""
 
 POLICY = (
     "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; style-src 'self' 'unsafe-inline'; "
@@ -86,30 +95,51 @@ class Session:
         return Role.named(self.role) >= Role.named(role)
 
 
-@dataclass
-class Tries:
-    """How often a login was tried from where.
+class Tokens:
+    """The service's tokens, by its database: whose they are now.
 
-    Examples
-    --------
-    >>> tries = Tries()
-    >>> [tries.wait("10.0.0.7", 100.0) for _ in range(TRIES + 1)][-2:]
-    [0.0, 60.0]
-    >>> tries.wait("10.0.0.8", 100.0)
-    0.0
+    Parameters
+    ----------
+    folder : Path
+        The service's data folder.
     """
 
-    _seen: dict[str, deque[float]] = field(default_factory=dict)
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._reader: Reader | None = None
+        self._opened: tuple[int, int] | None = None
 
-    def wait(self, address: str, now: float) -> float:
-        """Count a try; gives how long that address has to wait before it [s], 0 where it need not."""
-        if len(self._seen) > 10_000:
-            self._seen = {key: seen for key, seen in self._seen.items() if seen and now - seen[-1] < WITHIN}
-        seen = self._seen.setdefault(address, deque(maxlen=TRIES))
-        if len(seen) == TRIES and now - seen[0] < WITHIN:
-            return WITHIN - (now - seen[0])
-        seen.append(now)
-        return 0.0
+    def of(self, token: str, now: float) -> tuple[str, str] | None:
+        """Name and role of whom a token stands for; None where it does not, or no longer.
+
+        Raises
+        ------
+        InputError
+            Where the database is not there, or cannot be read.
+        """
+        try:
+            stat = (self._folder / NAME).stat()
+            found = (stat.st_dev, stat.st_ino)
+        except OSError:
+            raise InputError(f"holds no {NAME}", file=str(self._folder), hint="start glapp watch on it") from None
+        try:
+            if self._reader is None or self._opened != found:  # the service has set the old one aside
+                self._close()
+                self._reader, self._opened = Reader(self._folder), found
+                self._reader.rows("PRAGMA busy_timeout = 200")  # all requests wait for this one
+            row = self._reader.one(
+                "SELECT name, role FROM tokens JOIN users ON name = person WHERE digest = ? AND expires > ?",
+                *(digest_of(token), now),
+            )
+        except sqlite3.Error as error:
+            self._close()
+            raise InputError(f"cannot be read: {error}", file=str(self._folder / NAME)) from None
+        return None if row is None else (row["name"], row["role"])
+
+    def _close(self) -> None:
+        if self._reader is not None:
+            self._reader.close()
+        self._reader = None
 
 
 class Sessions:
@@ -117,11 +147,14 @@ class Sessions:
 
     Parameters
     ----------
+    tokens : Tokens
+        Whom the service's tokens stand for.
     clock : callable
         The time [s since 1970 UTC].
     """
 
-    def __init__(self, clock: Callable[[], float] = time.time) -> None:
+    def __init__(self, tokens: Tokens, clock: Callable[[], float] = time.time) -> None:
+        self._tokens = tokens
         self._clock = clock
         self._all: dict[str, Session] = {}
 
@@ -142,9 +175,32 @@ class Sessions:
         return None if morsel is None else self.by_id(morsel.value)
 
     def by_id(self, id: str) -> Session | None:
-        """The session of an id; None where there is none, or no longer."""
-        found = self._all.get(id)
-        return found if found is not None and found.until > self._clock() else None
+        """The session of an id; None where there is none, or no longer.
+
+        Where the database cannot be read it stays: nothing is read from there then that was not shown before, and what
+        the service is asked for it is asked for with the token.
+        """
+        found, now = self._all.get(id), self._clock()
+        if found is None:
+            return None
+        try:
+            stands = found.until > now and self._tokens.of(found.token, now) == (found.user, found.role)
+        except InputError:
+            stands = True
+        if not stands:
+            self.end(id)
+            return None
+        return found
+
+    def token(self, token: str) -> bool:
+        """Whether a token of the service stands.
+
+        Raises
+        ------
+        InputError
+            Where the database is not there, or cannot be read.
+        """
+        return self._tokens.of(token, self._clock()) is not None
 
     def end(self, id: str) -> None:
         """It is over."""
@@ -175,15 +231,54 @@ class Guard:
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
-        answer = self._refusal(scope)
-        if answer is None:
-            await self._app(scope, receive, self._with_headers(scope, send))
-        elif scope["type"] == "websocket":
-            await send({"type": "websocket.close", "code": 1008, "reason": "log in first"})
+        session = self._sessions.of(Headers(scope=scope).get("cookie"))
+        answer = self._refusal(scope, session)
+        if session is not None:
+            logged_in(scope)
+        if scope["type"] == "websocket":
+            if answer is not None or session is None:
+                await send({"type": "websocket.close", "code": 1008, "reason": "log in first"})
+            else:
+                await self._while_it_lasts(session, scope, receive, send)
+        elif answer is None:
+            await self._app(scope, receive, self._with_headers(scope, send, session))
         else:
             await answer(scope, receive, self._with_headers(scope, send))
 
-    def _refusal(self, scope: Scope) -> Response | None:
+    def _lasts(self, session: Session) -> bool:
+        return self._sessions.by_id(session.id) is not None
+
+    async def _while_it_lasts(self, session: Session, scope: Scope, receive: Receive, send: Send) -> None:
+        """The connection of a page, closed when the session is over; nothing is sent by it afterwards."""
+
+        async def lasts() -> None:
+            while self._lasts(session):
+                await asyncio.sleep(LOOKED)
+
+        over = asyncio.create_task(lasts())
+
+        async def received() -> Message:
+            getting = asyncio.ensure_future(receive())
+            try:
+                await asyncio.wait({getting, over}, return_when=asyncio.FIRST_COMPLETED)
+                if not over.done():
+                    return getting.result()
+            finally:
+                getting.cancel()
+            with suppress(OSError):  # the page may be gone
+                await send({"type": "websocket.close", "code": 1008, "reason": "the login is over"})
+            return {"type": "websocket.disconnect", "code": 1008}
+
+        async def sent(message: Message) -> None:
+            if not over.done():
+                await send(message)
+
+        try:
+            await self._app(scope, received, sent)
+        finally:
+            over.cancel()
+
+    def _refusal(self, scope: Scope, session: Session | None) -> Response | None:
         headers = Headers(scope=scope)
         host = headers.get("host", "")
         if _name(host) not in self._hosts:
@@ -191,22 +286,23 @@ class Guard:
         origin, path = headers.get("origin"), scope["path"]
         changes = scope["type"] == "websocket" or scope["method"] not in ("GET", "HEAD", "OPTIONS")
         if scope["type"] == "http" and changes:
-            length = headers.get("content-length", "0" if "transfer-encoding" not in headers else "")
-            most = LARGEST if self._sessions.of(headers.get("cookie")) is None else LARGEST_FILE
+            length = "" if "transfer-encoding" in headers else headers.get("content-length", "0")
+            most = LARGEST if session is None else LARGEST_FILE
             if not length.isdigit() or int(length) > most:
                 return PlainTextResponse(f"a request has at most {most} bytes, and says how many", 413)
-        changes = changes and path != FOR_PROGRAMS
+        changes = changes and not path.startswith(FOR_PROGRAMS)
         if (changes or origin is not None) and origin != f"{'https' if self._secure else 'http'}://{host}":
             return PlainTextResponse("refused: this does not come from a page of this window", 403)
         if any(path == one or (one.endswith("/") and path.startswith(one)) for one in OPEN):
             return None
-        if self._sessions.of(headers.get("cookie")) is None:
+        if session is None:
             if scope["type"] == "http" and scope["method"] == "GET" and not path.startswith("/_nicegui"):
                 return RedirectResponse("/login", 303)
             return PlainTextResponse("log in first", 401)
         return None
 
-    def _with_headers(self, scope: Scope, send: Send) -> Send:
+    def _with_headers(self, scope: Scope, send: Send, session: Session | None = None) -> Send:
+        """An answer with what every answer says; where a session is over by then, that instead."""
         kept = scope["path"].startswith(("/_nicegui/", "/static/"))
         more: list[tuple[bytes, bytes]] = [
             (b"content-security-policy", POLICY.encode()),
@@ -216,14 +312,27 @@ class Guard:
         if not kept:
             more.append((b"cache-control", b"no-store"))
 
+        over = False
+
         async def sent(message: Message) -> None:
-            if message["type"] == "http.response.start":
+            nonlocal over
+            begins = message["type"] == "http.response.start"
+            if begins and session is not None and scope["path"] not in ENDING and not self._lasts(session):
+                over = True
+                await PlainTextResponse("log in first", 401)(scope, _nothing, self._with_headers(scope, send))
+            if over:
+                return
+            if begins:
                 names = {name for name, _ in more}
                 old: list[Any] = [pair for pair in message.get("headers", []) if pair[0].lower() not in names]
                 message = {**message, "headers": [*old, *more]}
             await send(message)
 
         return sent
+
+
+async def _nothing() -> Message:
+    return {"type": "http.disconnect"}
 
 
 def _name(host: str) -> str:

@@ -14,10 +14,14 @@ from ..bump import Bump, bump
 from ..errors import InputError
 from ..loop import Columns, Loop
 from ..reading import open_each
+from ..reading.apart import Worker
 from ..recording import AT_HIGH, AT_LOW, BAD, NOT_AUTO
 from ..report.words import number, quantity
 
-__all__ = ["place", "read", "read_file", "steps", "told"]
+__all__ = ["FORMS", "place", "read", "read_apart", "read_file", "steps", "told"]
+
+FORMS = ("CSV", "Excel", "Parquet", "Arrow")
+"""What a recording may be written as."""
 
 
 def read(values: Mapping[str, Sequence[Any]], loop: Loop) -> Bump | None:
@@ -53,7 +57,7 @@ def read_file(path: Path, loop: Loop, columns: Mapping[str, str | None], *, manu
     Parameters
     ----------
     path : Path
-        CSV, Parquet, Arrow IPC or Feather.
+        One of `FORMS`.
     loop : Loop
         Settings that go with it; its name chooses among the loops of a file that holds several.
     columns : mapping
@@ -75,6 +79,18 @@ def read_file(path: Path, loop: Loop, columns: Mapping[str, str | None], *, manu
     except InputError as error:
         error.file = path.name
         raise
+
+
+def read_apart(path: Path, loop: Loop, columns: Mapping[str, str | None], *, manual: bool) -> Bump:
+    """As `read_file`, in a process of its own: whatever the file holds, this one goes on, and has its memory.
+
+    Raises
+    ------
+    InputError
+        As `read_file`; where it ends that process, or takes more time or memory than `glapp.reading.bounds` allows.
+    """
+    with Worker() as worker:
+        return worker.call(path.name, read_file, path, loop, columns, manual=manual)
 
 
 def steps(width: float | None, unit: str) -> tuple[str, ...]:

@@ -15,6 +15,7 @@ from nicegui.events import UploadEventArguments
 from ..bump import Bump
 from ..errors import InputError
 from ..loop import Loop
+from ..reading.files import ENDINGS
 from . import charts, step_test
 from .pages import heading
 from .sessions import LARGEST_FILE
@@ -23,6 +24,9 @@ __all__ = ["Wizard"]
 
 LARGEST = LARGEST_FILE - 1_000_000
 """So long a file may be [bytes]; what is sent around it is less than the rest."""
+
+_ONE = asyncio.Semaphore(1)
+"""Of all windows one reads a file at a time: each may take the memory that `glapp.reading.bounds` allows."""
 
 COLUMNS = {"time": "time", "pv": "PV", "op": "OP", "mode": "mode"}
 """Columns that may be named, by their roles."""
@@ -108,12 +112,16 @@ class Wizard:
             "nowhere."
         ).classes("small muted")
         ui.upload(
-            label="A recording: CSV, Parquet, Arrow",
+            label=f"A recording: {', '.join(step_test.FORMS)}",
             auto_upload=True,
             max_file_size=LARGEST,
             on_upload=self._came,
-            on_rejected=lambda: ui.notify(f"A file has at most {LARGEST // 1_000_000} MB.", type="warning"),
-        ).props("flat bordered").style("width: 100%; max-width: 420px")
+            on_rejected=lambda: ui.notify(
+                f"A recording is {', '.join(step_test.FORMS[:-1])} or {step_test.FORMS[-1]}, of at most "
+                f"{LARGEST // 1_000_000} MB. Its name ends in one of: {', '.join(ENDINGS)}.",
+                type="warning",
+            ),
+        ).props(f'flat bordered accept="{",".join(ENDINGS)}"').style("width: 100%; max-width: 420px")
 
     def _anew(self) -> None:
         self._at, self._seen = None, None
@@ -143,9 +151,10 @@ class Wizard:
             with TemporaryDirectory() as folder:
                 path = Path(folder) / Path(event.file.name).name
                 await event.file.save(path)
-                found = await asyncio.to_thread(
-                    lambda: step_test.read_file(path, self.loop, columns, manual=bool(self.manual.value))
-                )
+                async with _ONE:
+                    found = await asyncio.to_thread(
+                        lambda: step_test.read_apart(path, self.loop, columns, manual=bool(self.manual.value))
+                    )
         except InputError as error:
             self._anew()
             with self.lines:

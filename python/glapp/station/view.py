@@ -43,6 +43,7 @@ HEALTH = {
     "NORMAL": "Good",
     "MAINTENANCE_REQUIRED": "Maintenance required",
     "CHECK_FUNCTION": "Check function",
+    "FAILURE": "Failure",
 }
 """NAMUR NE 107 in its own words; what `glapp.service.watch.Health` never says is not here."""
 
@@ -336,7 +337,7 @@ class View:
                     urgency="signal" if wrong else urgency,
                     soon="Signal" if wrong else URGENCIES[urgency],
                     trend=self.trend_text(name),
-                    health=HEALTH["CHECK_FUNCTION"] if silent else HEALTH.get(status["health"], status["health"]),
+                    health=HEALTH["CHECK_FUNCTION" if silent and status["health"] != "FAILURE" else status["health"]],
                     seen=seen,
                     todo=_todo(status, answer, silent),
                     compensation=_compensation(status),

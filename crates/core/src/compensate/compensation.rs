@@ -10,6 +10,10 @@ use crate::{ParameterError, Real, Saturation, SecondOrderFilter, SecondOrderFilt
 const LONGEST: f64 = 1e9;
 /// No rate, budget or width is so large; every controller can write it.
 const NO_LIMIT: f64 = 1e37;
+/// The longest release \[Ti\], and \[s\]: no setting leaves u_FF in a plant for longer.
+const LONGEST_RELEASE: (f64, f64) = (10.0, 300.0);
+/// The longest time over which the loop is compared \[Ti\].
+const LONGEST_WATCH: f64 = 1e5;
 
 /// How the direction in which the valve is driven is found (thesis 2.2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -164,6 +168,8 @@ pub struct CompensationSettings<R> {
     /// Gain K ≠ 0 of the controller, negative for direct action. Only its sign counts, and only for [`Way::Error`]: OP
     /// itself carries it already.
     pub k: R,
+    /// Integral time Ti > 0 of the controller \[s\], by which [`bounds`](Self::bounds) go.
+    pub ti: R,
     /// Where the width comes from.
     pub source: Source,
     /// Width that a person typed, or the lower limit of the fit where its verdict is backlash; 0 or greater [OP unit]. Not used by
@@ -204,7 +210,7 @@ pub struct CompensationSettings<R> {
 impl<R: Real> CompensationSettings<R> {
     /// For a controller with gain `k` and integral time `ti` \[s\], of a `share` of the width `size`: no more than that width; a
     /// noise band of a fifth of it; the inverse goes from side to side in Ti/10, the other ways jump; no filter; taken away within
-    /// Ti; the loop is compared over 300 Ti, and compensation withdrawn where that, or a warning, asks for it; the estimate may
+    /// Ti, or 300 s where that is shorter; the loop is compared over 300 Ti, and compensation withdrawn where that, or a warning, asks for it; the estimate may
     /// make the size smaller; no budgets, no limits.
     pub fn new(way: Way, k: R, ti: R, size: R, share: R) -> Self {
         let ten = R::of(10.0);
@@ -212,6 +218,7 @@ impl<R: Real> CompensationSettings<R> {
         Self {
             way,
             k,
+            ti,
             source: Source::Typed,
             size,
             share,
@@ -220,7 +227,7 @@ impl<R: Real> CompensationSettings<R> {
             tf: R::ZERO,
             rate: if way == Way::Inverse && delta > R::ZERO { ten * delta / ti } else { R::of(NO_LIMIT) },
             ramp: if way == Way::Inverse { ti / ten } else { R::ZERO },
-            release: ti,
+            release: ti.lesser(R::of(LONGEST_RELEASE.1)),
             travel: R::of(NO_LIMIT),
             reversals: R::of(NO_LIMIT),
             watch: R::of(300.0) * ti,
@@ -236,6 +243,86 @@ impl<R: Real> CompensationSettings<R> {
     pub fn by_estimate(way: Way, k: R, ti: R, share: R) -> Self {
         let none = Self::new(way, k, ti, R::ZERO, share);
         Self { source: Source::Estimate, limit: R::of(NO_LIMIT), ..none }
+    }
+
+    /// The longest that any release may take, and any rate may make it: 10 Ti, and no more than 300 s.
+    pub fn longest_release(&self) -> R {
+        let (shares, longest) = LONGEST_RELEASE;
+        (R::of(shares) * self.ti).lesser(R::of(longest))
+    }
+
+    /// The bounds of each setting that is a number, by the others as they are, in the order in which they are checked.
+    ///
+    /// ```
+    /// use glapp_core::{CompensationSettings, Way};
+    ///
+    /// let settings = CompensationSettings::new(Way::Inverse, 1.0, 8.0, 2.0, 1.0);
+    /// let [.., release, _, _, _, _, _] = settings.bounds();
+    /// assert_eq!((release.name, release.unit, release.high), ("release", "s", 80.0)); // 10 Ti
+    /// ```
+    pub fn bounds(&self) -> [Bound<R>; 12] {
+        let (zero, one, none) = (R::ZERO, R::ONE, R::of(NO_LIMIT));
+        let two = one + one;
+        // By halves, which have a number however far the limits are apart.
+        let half = self.limits.high / two - self.limits.low / two;
+        let range = if half <= R::MOST / two { two * half } else { R::MOST };
+        let widest = if self.limit == none { none } else { range };
+        let ten = R::of(LONGEST_RELEASE.0) * self.ti;
+        let of = |name, unit, value, low, high, words| Bound { name, unit, value, low, high, above: false, words };
+        let above = |name, unit, value, high, words| Bound { above: true, ..of(name, unit, value, zero, high, words) };
+        [
+            above("ti", "s", self.ti, R::of(LONGEST), "greater than 0 s, at most 1e9 s"),
+            of("size", "OP unit", self.size, zero, range, "0 or greater, at most OP's range"),
+            of("share", "1", self.share, zero, one, "between 0 and 1"),
+            of(
+                "limit",
+                "OP unit",
+                self.limit,
+                self.share * self.size,
+                widest,
+                "at least share·size, at most OP's range; 1e37: none",
+            ),
+            of("band", "OP unit", self.band, zero, range, "0 or greater, at most OP's range"),
+            above("rate", "OP unit/s", self.rate, none, "greater than 0 per second, at most 1e37: none"),
+            above(
+                "release",
+                "s",
+                self.release,
+                self.longest_release(),
+                "greater than 0 s, at most 10 Ti and at most 300 s",
+            ),
+            of("ramp", "s", self.ramp, zero, ten, "0 s or greater, at most 10 Ti"),
+            above("travel", "OP unit/h", self.travel, none, "greater than 0 in an hour, at most 1e37: none"),
+            of("reversals", "1/h", self.reversals, two, none, "2 or greater in an hour, at most 1e37: none"),
+            above("watch", "s", self.watch, R::of(LONGEST_WATCH) * self.ti, "greater than 0 s, at most 1e5 Ti"),
+            of("tf", "s", self.tf, zero, ten, "0 s or greater, at most 10 Ti"),
+        ]
+    }
+}
+
+/// The bounds of a setting: `low` ≤ value ≤ `high`, or `low` < value where it must be `above`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bound<R> {
+    /// Its name.
+    pub name: &'static str,
+    /// Its unit; 1 where it has none.
+    pub unit: &'static str,
+    /// What it is now.
+    pub value: R,
+    /// The least.
+    pub low: R,
+    /// The greatest.
+    pub high: R,
+    /// Whether the least itself is out.
+    pub above: bool,
+    /// Both in words.
+    pub words: &'static str,
+}
+
+impl<R: Real> Bound<R> {
+    fn check(&self) -> Result<(), ParameterError> {
+        let enough = if self.above { self.value > self.low } else { self.value >= self.low };
+        require(self.name, self.value, enough && self.value <= self.high, self.words).map(|_| ())
     }
 }
 
@@ -290,8 +377,9 @@ impl<R: Real> CompensationSample<R> {
 ///
 /// It comes in with a reversal, when the valve has to go through its gap anyway: sooner, it would push the valve on by δ/2.
 ///
-/// It is taken away within `release` seconds (or |u_FF|/rate, where that is longer) when nobody wants it any more, on a bad
-/// value, at a limit, when the estimate is lost, and when it is withdrawn: OP goes back into the gap, where the valve stands. In
+/// It is taken away within `release` seconds (or |u_FF|/rate, where that is longer, but never longer than 10 Ti or 300 s) when
+/// nobody wants it any more, on a bad value, at a limit, when the estimate is lost, and when it is withdrawn: OP goes back into the
+/// gap, where the valve stands. In
 /// manual u_FF is 0 at once: OP is the operator's, and a controller that tracks all of OP gives it back without a bump.
 ///
 /// The on-line estimate can make the size smaller, where the settings let it, and it stays smaller until it is enabled anew; it
@@ -327,6 +415,7 @@ impl<R: Real> CompensationSample<R> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Compensation<R> {
     settings: CompensationSettings<R>,
+    longest: R,
     filter: SecondOrderFilter<R>,
     harm: Harm<R>,
 }
@@ -390,20 +479,12 @@ impl<R: Real> Compensation<R> {
     /// Checks the settings.
     pub fn new(settings: CompensationSettings<R>) -> Result<Self, ParameterError> {
         let s = &settings;
-        let (zero, one) = (R::ZERO, R::ONE);
-        require("k", s.k, s.k != zero, "a number other than 0")?;
-        require("size", s.size, s.size >= zero && s.size <= R::MOST, "0 or greater")?;
-        require("share", s.share, s.share >= zero && s.share <= one, "between 0 and 1")?;
-        require("limit", s.limit, s.limit >= s.share * s.size, "at least share·size")?;
-        require("band", s.band, s.band >= zero, "0 or greater")?;
-        require("rate", s.rate, s.rate > zero, "greater than 0 per second")?;
-        require("release", s.release, s.release > zero, "greater than 0 s")?;
-        require("ramp", s.ramp, s.ramp >= zero, "0 s or greater")?;
-        require("travel", s.travel, s.travel > zero, "greater than 0")?;
-        require("reversals", s.reversals, s.reversals >= one + one, "2 or greater")?;
-        require("watch", s.watch, s.watch > zero, "greater than 0 s")?;
+        require("k", s.k, s.k != R::ZERO, "a number other than 0")?;
+        for bound in s.bounds() {
+            bound.check()?;
+        }
         let harm = Harm { watch: s.watch, band: s.size / R::of(10.0) };
-        Ok(Self { settings, filter: SecondOrderFilter::new(s.tf)?, harm })
+        Ok(Self { settings, longest: s.longest_release(), filter: SecondOrderFilter::new(s.tf)?, harm })
     }
 
     /// The settings.
@@ -444,13 +525,27 @@ impl<R: Real> Compensation<R> {
             (state.whole, state.side) = (R::ZERO, 0);
         } else if timed {
             let goal = if state.in_force { goal } else { R::ZERO };
+            let mut rate = self.rate(state);
+            if !state.in_force {
+                // However slow the rate is by now, and however far u_FF lags behind; it never grows on its way.
+                let u_ff = state.u_ff.value();
+                state.whole = state.whole.greater(u_ff.magnitude());
+                rate = rate.greater(state.whole / self.longest);
+                let on_its_side = if state.side < 0 { -u_ff } else { u_ff };
+                if state.half.value() > on_its_side {
+                    state.half = on_its_side.greater(R::ZERO).into();
+                }
+            }
             state.half.add(-(state.whole / s.release * sample.h));
             if state.half.value() <= goal {
-                (state.half, state.whole) = (goal.into(), goal);
+                state.half = goal.into();
+                if state.in_force {
+                    state.whole = goal;
+                }
             }
             let half = state.half.value();
             let old = state.u_ff;
-            state.u_ff.approach(if state.side < 0 { -half } else { half }, self.rate(state) * sample.h);
+            state.u_ff.approach(if state.side < 0 { -half } else { half }, rate * sample.h);
             state.travel.add(state.u_ff.since(old).magnitude());
             self.compare(state, sample);
         }
@@ -641,6 +736,7 @@ mod tests {
         CompensationSettings {
             way,
             k: 1.0,
+            ti: 30.0,
             source: Source::Typed,
             size: 2.0,
             share: 1.0,
@@ -679,8 +775,18 @@ mod tests {
     fn settings_out_of_bounds_are_named() {
         let base = settings(Way::Inverse);
         type Change = fn(&mut CompensationSettings<f64>);
-        let cases: [(&str, Change); 12] = [
+        let cases: [(&str, Change); 22] = [
             ("k", |s| s.k = 0.0),
+            ("ti", |s| s.ti = 0.0),
+            ("ti", |s| s.ti = 1.1e9),
+            ("size", |s| s.size = 200.1),
+            ("limit", |s| s.limit = 200.1),
+            ("band", |s| s.band = 200.1),
+            ("tf", |s| s.tf = 300.1),
+            ("ramp", |s| s.ramp = 300.1),
+            ("release", |s| s.release = 300.1),
+            ("release", |s| (s.ti, s.release) = (0.5, 5.1)),
+            ("watch", |s| s.watch = 3.1e6),
             ("size", |s| s.size = -0.1),
             ("size", |s| s.size = f64::NAN),
             ("share", |s| s.share = 1.1),
@@ -697,6 +803,46 @@ mod tests {
             let mut changed = base;
             change(&mut changed);
             assert_eq!(Compensation::new(changed).unwrap_err().name, name);
+        }
+    }
+
+    #[test]
+    fn each_bound_is_allowed_and_what_is_beyond_it_is_not() {
+        let base = settings(Way::Inverse);
+        let set = |name: &str, value: f64| {
+            let mut s = base;
+            *match name {
+                "ti" => &mut s.ti,
+                "size" => &mut s.size,
+                "share" => &mut s.share,
+                "limit" => &mut s.limit,
+                "band" => &mut s.band,
+                "rate" => &mut s.rate,
+                "release" => &mut s.release,
+                "ramp" => &mut s.ramp,
+                "travel" => &mut s.travel,
+                "reversals" => &mut s.reversals,
+                "watch" => &mut s.watch,
+                "tf" => &mut s.tf,
+                other => panic!("{other} is new: which field is it?"),
+            } = value;
+            s
+        };
+        for bound in base.bounds() {
+            let refused = |value| {
+                let made = Compensation::new(set(bound.name, value));
+                made.err().is_some_and(|error| error.name == bound.name && error.bound == bound.words)
+            };
+            let step = |x: f64, by: f64| x + by * (x.abs() * 1e-15 + 1e-300);
+            // What others are bounded by moves their bounds with it.
+            let moves = ["ti", "size"].contains(&bound.name);
+            assert!(moves || !refused(bound.high), "{bound:?}");
+            assert!(refused(step(bound.high, 1.0)), "{bound:?}");
+            assert!(moves || refused(bound.low) == bound.above, "{bound:?}");
+            assert!(refused(step(bound.low, -1.0)), "{bound:?}");
+            for value in [f64::NAN, f64::INFINITY, -1.0] {
+                assert!(refused(value), "{} = {value}", bound.name);
+            }
         }
     }
 
@@ -904,6 +1050,7 @@ mod tests {
         let narrow = Compensation::<f32>::new(CompensationSettings {
             way: s.way,
             k: 1.0,
+            ti: 30.0,
             source: Source::Typed,
             size: 2.0,
             share: 1.0,
@@ -1004,6 +1151,35 @@ mod tests {
                 block.update(&mut state, &CompensationSample { h: 0.01, flags, ..sample(-1.0, 0.0) });
             }
             prop_assert!(state.u_ff.abs() < 1e-9 && state.half.abs() < 1e-9, "{:?}", state);
+        }
+
+        #[test]
+        fn away_in_time_whatever_was_set_meanwhile(
+            way in any_way(), ti in 0.01..100.0_f64, share in 0.1..1.0_f64,
+            sets in prop::collection::vec((0.0..1.0_f64, 0.0..1.0_f64, 1e-9..1e9_f64), 1..5),
+            samples in prop::collection::vec(any_sample(), 1..60),
+            flags in prop::sample::select(std::vec![0, BAD, AT_LOW, AT_HIGH]),
+        ) {
+            let mut state = CompensationState::default();
+            let base = CompensationSettings { ti, share, withdraw: false, watch: ti, ..settings(way) };
+            let longest = base.longest_release();
+            let mut block = None;
+            for (width, release, rate) in sets {
+                let size = 5.0 * width;
+                let made = CompensationSettings { size, band: 0.0, release: longest * (1.0 - release), rate, ..base };
+                block = Some(Compensation::new(made).unwrap());
+                for x in &samples {
+                    block.as_ref().unwrap().update(&mut state, x);
+                }
+            }
+            let off = CompensationSample { enable: flags != 0, flags, h: longest / 100.0, ..sample(-1.0, 0.0) };
+            let mut last = f64::INFINITY;
+            for _ in 0..101 {
+                let u_ff = block.as_ref().unwrap().update(&mut state, &off).abs();
+                prop_assert!(u_ff <= last, "it grows from {last} to {u_ff}");
+                last = u_ff;
+            }
+            prop_assert!(last < 1e-12, "{:?}", state);
         }
 
         #[test]

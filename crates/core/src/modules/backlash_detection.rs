@@ -60,7 +60,7 @@ impl Unfit {
 pub struct BacklashDetectionSettings<R> {
     /// The detector's, with those of the controller beside it.
     pub detector: DetectorSettings<R>,
-    /// Compensation, where there is one. Its `k` and `limits` are those of the controller above, whatever stands there.
+    /// Compensation, where there is one. Its `k`, `ti` and `limits` are those of the controller above, whatever stands there.
     /// Taken out of the settings while it is in force, it is gone at once.
     pub compensation: Option<CompensationSettings<R>>,
 }
@@ -236,7 +236,7 @@ impl<R: Real> BacklashDetection<R> {
             smooth: detector.tf > R::of(SMOOTH) * ti,
             compensation: match compensation {
                 Some(given) => {
-                    let compensation = Compensation::new(CompensationSettings { k, limits, ..given })?;
+                    let compensation = Compensation::new(CompensationSettings { k, ti, limits, ..given })?;
                     Some((compensation, OverCompensation::new(k, ti)?))
                 }
                 None => None,
@@ -249,7 +249,7 @@ impl<R: Real> BacklashDetection<R> {
         Self { smooth: self.smooth || tf > R::of(SMOOTH) * self.settings.ti, ..self }
     }
 
-    /// What it was made of; the compensation's `k` and limits are those in force.
+    /// What it was made of; the compensation's `k`, `ti` and limits are those in force.
     pub fn settings(&self) -> BacklashDetectionSettings<R> {
         let compensation = self.compensation.as_ref().map(|(compensation, _)| *compensation.settings());
         BacklashDetectionSettings { detector: self.settings, compensation }

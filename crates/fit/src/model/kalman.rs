@@ -5,7 +5,7 @@ mod sides;
 pub(crate) use sides::{Asked, Sides, Totals, union};
 
 use crate::model::lanes::{Lanes, Wide};
-use pulp::Simd;
+use pulp::{Simd, WithSimd};
 use std::array;
 
 /// Models of one sample step with `N` states: those of the process, the load at its input (a random walk), and perhaps one
@@ -327,8 +327,46 @@ impl<S: Simd, const R: usize> Adding<S, R> {
     }
 }
 
-// What takes the time stands by itself in WebAssembly: a browser compiles one function of all that is inlined here so that it
-// takes a quarter longer. Elsewhere only what is inlined is compiled for the registers of the machine.
+/// [`Models::whiten`] of a stretch, a function of its own: inlined, it would be compiled again for each of those that call it, and
+/// a browser compiles one function of all passes so that they take a quarter longer.
+struct Whitening<'w, S: Simd, const R: usize, const N: usize, const MORE: usize> {
+    models: &'w Models<S, R, N, MORE>,
+    y: &'w [f64],
+    changes: &'w [LoadChange],
+    v: &'w Delayed<'w>,
+    white: &'w mut Whitened,
+}
+
+impl<S: Simd, const R: usize, const N: usize, const MORE: usize> WithSimd for Whitening<'_, S, R, N, MORE> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<T: Simd>(self, _: T) {
+        self.models.whitened(self.y, self.changes, self.v, self.white);
+    }
+}
+
+/// [`Models::answer`], a function of its own likewise.
+struct Answering<'w, S: Simd, const R: usize, const N: usize, const MORE: usize, const ONE: bool> {
+    models: &'w Models<S, R, N, MORE>,
+    stretch: usize,
+    cells: usize,
+    v: &'w Delayed<'w>,
+    white: &'w mut Whitened,
+}
+
+impl<S: Simd, const R: usize, const N: usize, const MORE: usize, const ONE: bool> WithSimd
+    for Answering<'_, S, R, N, MORE, ONE>
+{
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<T: Simd>(self, _: T) {
+        self.models.answered::<ONE>(self.stretch, self.cells, self.v, self.white);
+    }
+}
+
+// Only what is inlined into a function for the registers of the machine is compiled for them.
 impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N, MORE> {
     /// States of the process, behind which the load stands, and last the drift.
     const ORDER: usize = N - 1 - (MORE > 0) as usize;
@@ -339,9 +377,13 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
 
     /// Innovations of `y` and of the answer to the positions `v`, for each sample of `y` that is a number; Kalman
     /// filter from an unknown start (the first [`START`] count as 0), the load unknown again at each of the `changes`.
+    pub(crate) fn whiten(&self, y: &[f64], changes: &[LoadChange], v: &Delayed, white: &mut Whitened) {
+        Simd::vectorize(self.simd, Whitening { models: self, y, changes, v, white });
+    }
+
     #[cfg_attr(target_arch = "wasm32", inline(never))]
     #[cfg_attr(not(target_arch = "wasm32"), inline(always))]
-    pub(crate) fn whiten(&self, y: &[f64], changes: &[LoadChange], v: &Delayed, white: &mut Whitened) {
+    fn whitened(&self, y: &[f64], changes: &[LoadChange], v: &Delayed, white: &mut Whitened) {
         let all = |x| Wide::all(self.simd, x);
         let mut gain = self.start();
         let (mut of_y, mut of_v) = ([all(0.0); N], [all(0.0); N]);
@@ -416,9 +458,13 @@ impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N,
 
     /// The innovations of the answer to other positions `v` in the stretch of that number, whose gains a pass of the same models
     /// has left. With `ONE` all the models are the first one's; then the innovations are only summed up.
+    pub(crate) fn answer<const ONE: bool>(&self, stretch: usize, cells: usize, v: &Delayed, white: &mut Whitened) {
+        Simd::vectorize(self.simd, Answering::<_, R, N, MORE, ONE> { models: self, stretch, cells, v, white });
+    }
+
     #[cfg_attr(target_arch = "wasm32", inline(never))]
     #[cfg_attr(not(target_arch = "wasm32"), inline(always))]
-    pub(crate) fn answer<const ONE: bool>(&self, stretch: usize, cells: usize, v: &Delayed, white: &mut Whitened) {
+    fn answered<const ONE: bool>(&self, stretch: usize, cells: usize, v: &Delayed, white: &mut Whitened) {
         let load = |lanes: &Lanes| if ONE { Wide::all(self.simd, lanes[0]) } else { Wide::load(self.simd, lanes) };
         let minus = Wide::all(self.simd, -1.0);
         let mut x = [Wide::all(self.simd, 0.0); N];

@@ -3,7 +3,7 @@
 //! Left to itself the compiler lays the vectors of short loops across the wrong index; here each operation is one of whole
 //! registers. Nothing is fused, so the bits are the same on every machine.
 
-use pulp::Simd;
+use pulp::{Arch, Scalar, Simd, WithSimd};
 use std::array;
 use std::ops::{Add, AddAssign, Deref, DerefMut, Div, Mul, MulAssign, Sub, SubAssign};
 
@@ -102,22 +102,27 @@ impl<S: Simd, const R: usize> Wide<S, R> {
 }
 
 macro_rules! operators {
-    ($($operator:ident $f:ident $of_registers:ident, $assign:ident $f_assign:ident;)*) => {$(
+    ($($operator:ident $f:ident $of_registers:ident $(, $assign:ident $f_assign:ident)?;)*) => {$(
         impl<S: Simd, const R: usize> $operator for Wide<S, R> {
             type Output = Self;
 
             #[inline(always)]
-            fn $f(self, other: Self) -> Self {
-                let of = |r| self.simd.$of_registers(self.registers[r], other.registers[r]);
-                Self { registers: array::from_fn(of), ..self }
+            fn $f(mut self, other: Self) -> Self {
+                // A plain loop: `array::from_fn` is six functions to be inlined, at each of some ten thousand operations.
+                let mut r = 0;
+                while r < R {
+                    self.registers[r] = self.simd.$of_registers(self.registers[r], other.registers[r]);
+                    r += 1;
+                }
+                self
             }
         }
-        impl<S: Simd, const R: usize> $assign for Wide<S, R> {
+        $(impl<S: Simd, const R: usize> $assign for Wide<S, R> {
             #[inline(always)]
             fn $f_assign(&mut self, other: Self) {
                 *self = self.$f(other);
             }
-        }
+        })?
     )*};
 }
 
@@ -125,15 +130,7 @@ operators! {
     Add add add_f64s, AddAssign add_assign;
     Sub sub sub_f64s, SubAssign sub_assign;
     Mul mul mul_f64s, MulAssign mul_assign;
-}
-
-impl<S: Simd, const R: usize> Div for Wide<S, R> {
-    type Output = Self;
-
-    #[inline(always)]
-    fn div(self, other: Self) -> Self {
-        Self { registers: array::from_fn(|r| self.simd.div_f64s(self.registers[r], other.registers[r])), ..self }
-    }
+    Div div div_f64s;
 }
 
 /// Work on eight lanes, written for any registers.
@@ -143,47 +140,48 @@ pub(crate) trait Work {
 }
 
 /// Does the work with the widest registers of this machine.
+///
+/// Each instruction set is named with its number of registers. A choice by `S::F64_LANES` in generic code compiles all numbers of
+/// registers for all sets, which takes the compiler several times as long.
 pub(crate) fn widest(work: impl Work) {
-    pulp::Arch::new().dispatch(Widest(work));
+    match Arch::new() {
+        #[cfg(target_arch = "x86_64")]
+        Arch::V4(simd) => Simd::vectorize(simd, InRegisters::<_, 1>(work)),
+        #[cfg(target_arch = "x86_64")]
+        Arch::V3(simd) => Simd::vectorize(simd, InRegisters::<_, 2>(work)),
+        #[cfg(target_arch = "aarch64")]
+        Arch::Neon(simd) => Simd::vectorize(simd, InRegisters::<_, 4>(work)),
+        #[cfg(target_arch = "wasm32")]
+        Arch::Simd128(simd) => Simd::vectorize(simd, InRegisters::<_, 4>(work)),
+        _ => Simd::vectorize(Scalar::new(), InRegisters::<_, LANES>(work)),
+    }
 }
 
 /// The same, where only the first so many `lanes` count: in no more registers than they fill, but for the narrowest.
 pub(crate) fn wide_enough(lanes: usize, work: impl Work) {
-    pulp::Arch::new().dispatch(WideEnough { lanes, work });
-}
-
-struct Widest<W>(W);
-
-impl<W: Work> pulp::WithSimd for Widest<W> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        match S::F64_LANES {
-            8 => self.0.run::<S, 1>(simd),
-            4 => self.0.run::<S, 2>(simd),
-            2 => self.0.run::<S, 4>(simd),
-            _ => self.0.run::<S, 8>(simd),
-        }
+    match (Arch::new(), lanes) {
+        #[cfg(target_arch = "x86_64")]
+        (Arch::V3(simd), ..=4) => Simd::vectorize(simd, InRegisters::<_, 1>(work)),
+        #[cfg(target_arch = "aarch64")]
+        (Arch::Neon(simd), ..=4) => Simd::vectorize(simd, InRegisters::<_, 2>(work)),
+        #[cfg(target_arch = "aarch64")]
+        (Arch::Neon(simd), 5 | 6) => Simd::vectorize(simd, InRegisters::<_, 3>(work)),
+        #[cfg(target_arch = "wasm32")]
+        (Arch::Simd128(simd), ..=4) => Simd::vectorize(simd, InRegisters::<_, 2>(work)),
+        #[cfg(target_arch = "wasm32")]
+        (Arch::Simd128(simd), 5 | 6) => Simd::vectorize(simd, InRegisters::<_, 3>(work)),
+        _ => widest(work),
     }
 }
 
-struct WideEnough<W> {
-    lanes: usize,
-    work: W,
-}
+/// Work in `R` registers.
+struct InRegisters<W, const R: usize>(W);
 
-impl<W: Work> pulp::WithSimd for WideEnough<W> {
+impl<W: Work, const R: usize> WithSimd for InRegisters<W, R> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        match (S::F64_LANES, self.lanes) {
-            (8, _) | (4, ..=4) => self.work.run::<S, 1>(simd),
-            (4, _) | (2, ..=4) => self.work.run::<S, 2>(simd),
-            (2, ..=6) => self.work.run::<S, 3>(simd),
-            (2, _) => self.work.run::<S, 4>(simd),
-            _ => self.work.run::<S, 8>(simd),
-        }
+        self.0.run::<S, R>(simd);
     }
 }

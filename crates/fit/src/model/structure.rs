@@ -1,8 +1,8 @@
 //! The families of models that are tried: lags, an integrator or none, and where the disturbance enters.
 
 use crate::model::kalman::{Asked, DRIFT, Delayed, LINES, LoadChange, Models, SLOPE, Totals, Whitened};
-use crate::model::lanes::{LANES, Lanes, Wide, Work, widest};
-use pulp::Simd;
+use crate::model::lanes::{LANES, Lanes, Wide, Work};
+use pulp::{Scalar, Simd, WithSimd};
 use serde::{Deserialize, Serialize};
 use std::array;
 
@@ -213,8 +213,16 @@ impl Structure {
 
     /// The process with gain 1, held input, one cell a step; its first state is its output, the others its
     /// derivatives in units of the time constant τ, which keeps all of one size.
-    #[inline(always)]
     fn models<S: Simd, const R: usize, const N: usize, const MORE: usize>(
+        self,
+        simd: S,
+        thetas: &[Theta; LANES],
+    ) -> Models<S, R, N, MORE> {
+        Simd::vectorize(simd, Discretisation::<_, R, N, MORE> { structure: self, thetas, simd })
+    }
+
+    #[inline(always)]
+    fn discrete<S: Simd, const R: usize, const N: usize, const MORE: usize>(
         self,
         simd: S,
         thetas: &[Theta; LANES],
@@ -325,8 +333,26 @@ impl Structure {
         draw: &mut impl FnMut() -> f64,
     ) -> Vec<f64> {
         let mut made = Vec::new();
-        widest(Simulation { structure: self, theta, y, changes, kp_v, draw, made: &mut made });
+        // One model alone: a register of one number is wide enough.
+        let simulation = Simulation { structure: self, theta, y, changes, kp_v, draw, made: &mut made };
+        simulation.run::<Scalar, 1>(Scalar::new());
         made
+    }
+}
+
+/// [`Structure::models`], a function of its own: all passes need it.
+struct Discretisation<'d, S, const R: usize, const N: usize, const MORE: usize> {
+    structure: Structure,
+    thetas: &'d [Theta; LANES],
+    simd: S,
+}
+
+impl<S: Simd, const R: usize, const N: usize, const MORE: usize> WithSimd for Discretisation<'_, S, R, N, MORE> {
+    type Output = Models<S, R, N, MORE>;
+
+    #[inline(always)]
+    fn with_simd<T: Simd>(self, _: T) -> Models<S, R, N, MORE> {
+        self.structure.discrete(self.simd, self.thetas)
     }
 }
 
@@ -405,7 +431,6 @@ fn product<S: Simd, const R: usize, const N: usize>(
 mod tests {
     use super::*;
     use glapp_sim::Matrix;
-    use pulp::Scalar;
 
     #[test]
     fn eight_exponentials_are_each_what_one_is() {

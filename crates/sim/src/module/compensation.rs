@@ -93,8 +93,8 @@ pub(super) fn settings_by(m: &Module, k: f64, ti: f64) -> Result<Option<Compensa
         watch: or("comp_watch", usual.watch),
         travel: or("comp_travel", usual.travel),
         reversals: or("comp_reversals", usual.reversals),
-        withdraw: m.value("comp_withdraw") != 0.0,
-        estimate: m.value("comp_estimate") != 0.0,
+        withdraw: m.yes("comp_withdraw")?,
+        estimate: m.yes("comp_estimate")?,
         ..usual
     }))
 }

@@ -55,6 +55,7 @@ fn settings<R: Number>(case: &Case) -> CompensationSettings<R> {
     CompensationSettings {
         way: Way::ALL[case.given("way") as usize - 1],
         k: number("k"),
+        ti: or("ti", 1e6),
         source: Source::ALL[case.param("source").unwrap_or(1.0) as usize - 1],
         size: number("size"),
         share: number("share"),
@@ -438,7 +439,7 @@ impl Pins {
             limits: limited.then_some((s.limits.low, s.limits.high)),
             settings: Settings {
                 k: s.k,
-                ti: 1.0,
+                ti: s.ti,
                 way: s.way as i16,
                 source: s.source as i16,
                 size: s.size,
@@ -615,20 +616,20 @@ pub fn spoil(s: &mut Settings, draw: &mut Draw) {
     let none = draw.of(&[f64::NAN, f64::INFINITY, f64::NEG_INFINITY]);
     match draw.of(&[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14]) {
         0 => s.k = draw.of(&[0.0, none]),
-        1 => s.ti = draw.of(&[0.0, -1.0, none]),
+        1 => s.ti = draw.of(&[0.0, -1.0, none, 1.1e9]),
         2 => s.way = draw.of(&[0, 4, -1]),
         3 => s.source = draw.of(&[0, 4, -3]),
         4 => s.size = draw.of(&[-0.1, none, 1e31]),
         5 => s.share = draw.of(&[-0.1, 1.1, none]),
-        6 => s.most = Some(draw.of(&[-0.1, 0.0, none])),
-        7 => s.band = Some(draw.of(&[-0.1, none])),
-        8 => s.rate = Some(draw.of(&[0.0, -1.0, none])),
-        9 => s.release = Some(draw.of(&[0.0, -1.0, none])),
-        10 => s.ramp = Some(draw.of(&[-1.0, none])),
-        11 => s.travel = Some(draw.of(&[0.0, none])),
-        12 => s.reversals = Some(draw.of(&[1.9, none])),
-        13 => s.watch = Some(draw.of(&[0.0, none])),
-        _ => s.tf = draw.of(&[-0.1, none]),
+        6 => s.most = Some(draw.of(&[-0.1, 0.0, none, 2e37])),
+        7 => s.band = Some(draw.of(&[-0.1, none, 1e31])),
+        8 => s.rate = Some(draw.of(&[0.0, -1.0, none, 2e37])),
+        9 => s.release = Some(draw.of(&[0.0, -1.0, none, 301.0, 10.1 * s.ti])),
+        10 => s.ramp = Some(draw.of(&[-1.0, none, 10.1 * s.ti])),
+        11 => s.travel = Some(draw.of(&[0.0, none, 2e37])),
+        12 => s.reversals = Some(draw.of(&[1.9, none, 2e37])),
+        13 => s.watch = Some(draw.of(&[0.0, none, 1.1e5 * s.ti])),
+        _ => s.tf = draw.of(&[-0.1, none, 10.1 * s.ti]),
     }
 }
 

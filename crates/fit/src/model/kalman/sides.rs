@@ -14,7 +14,7 @@
 use super::{Adding, GATHERED, Gain, LINES, LoadChange, Models, START, Sums};
 use crate::model::lanes::{Lanes, Wide};
 use crate::model::structure::Theta;
-use pulp::Simd;
+use pulp::{Simd, WithSimd};
 use std::array;
 use std::ops::Range;
 use std::sync::Arc;
@@ -178,10 +178,29 @@ impl<S: Simd, const R: usize, const N: usize> Going<S, R, N> {
     }
 }
 
+/// [`Models::elsewhere`], a function of its own, which the compiler is done with sooner than with all of them in one.
+struct Judging<'j, 't, S: Simd, const R: usize, const N: usize, const MORE: usize> {
+    models: &'j Models<S, R, N, MORE>,
+    asked: Asked<'j, 't>,
+}
+
+impl<S: Simd, const R: usize, const N: usize, const MORE: usize> WithSimd for Judging<'_, '_, S, R, N, MORE> {
+    type Output = Totals;
+
+    #[inline(always)]
+    fn with_simd<T: Simd>(self, _: T) -> Totals {
+        self.models.judged(self.asked)
+    }
+}
+
 impl<S: Simd, const R: usize, const N: usize, const MORE: usize> Models<S, R, N, MORE> {
     /// The totals of a stretch in which the first model's changes are others in these cells, up to eight sets of them.
-    #[inline(always)]
     pub(crate) fn elsewhere(&self, asked: Asked) -> Totals {
+        Simd::vectorize(self.simd, Judging { models: self, asked })
+    }
+
+    #[inline(always)]
+    fn judged(&self, asked: Asked) -> Totals {
         let Asked { sides, cells, tried, .. } = asked;
         let both = sides.stale.as_ref().map_or(cells.clone(), |stale| union(stale, cells));
         let near_by = !sides.before.is_empty() && both.len() <= NEARBY;

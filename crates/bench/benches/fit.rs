@@ -1,4 +1,4 @@
-//! The fit without Python and without the bootstrap, on one core: `cargo bench -p glapp-fit`.
+//! The fit without Python and without the bootstrap, on one core: `cargo bench -p glapp-bench --bench fit`.
 #![allow(missing_docs)]
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};

@@ -1,4 +1,4 @@
-//! The blocks and the detector without Python: `cargo bench -p glapp-core`.
+//! The blocks and the detector without Python: `cargo bench -p glapp-bench`.
 #![allow(missing_docs)]
 
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};

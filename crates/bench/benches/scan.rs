@@ -8,6 +8,7 @@ use glapp_core::modules::{
 use glapp_core::{Backlash, BacklashState, Backward, Forward, Noise, NoiseState};
 use std::hint::black_box;
 
+#[path = "../../../bench/settings.rs"]
 mod settings;
 
 /// A scan of the controller.

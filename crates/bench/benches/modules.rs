@@ -1,4 +1,4 @@
-//! One scan of the controller with the detector inside, and of the autotuner: `cargo bench -p glapp-core --bench modules`.
+//! One scan of the controller with the detector inside, and of the autotuner: `cargo bench -p glapp-bench --bench modules`.
 #![allow(missing_docs)]
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};

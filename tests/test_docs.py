@@ -91,22 +91,6 @@ def python_without_doctests(page: Path) -> list[str]:
     return [block for block in blocks if ">>>" not in block]
 
 
-def test_every_test_that_a_table_names_is_there() -> None:
-    """What was tried stands in tables, each row with its test."""
-    there = {name for path in (ROOT / "tests").glob("*.py") for name in re.findall(r"def test_(\w+)", path.read_text())}
-    there |= {path.stem.removeprefix("test_") for path in (ROOT / "tests").glob("test_*.py")}
-    found = []
-    for page in (ROOT / "SECURITY.md", *PAGES):
-        heads: list[str] = []
-        for line in page.read_text(encoding="utf-8").splitlines():
-            cells = [cell.strip() for cell in re.split(r"(?<!\\)\|", line)[1:-1]]
-            for head, cell in zip(heads, cells, strict=False):
-                if head in ("test", "tried in"):
-                    found += [(page.name, name.removeprefix("test_")) for name in re.findall(r"`(\w+)`", cell)]
-            heads = heads or cells if line.startswith("|") else []
-    assert len(found) > 100 and [one for one in found if one[1] not in there] == []
-
-
 def test_no_program_escapes() -> None:
     """What is no doctest is looked at below; a new one needs its test, or `>>>`."""
     assert {page.name: len(found) for page in PAGES if (found := python_without_doctests(page))} == {
@@ -139,3 +123,19 @@ def test_the_program_of_the_fleet_has_functions_that_are_there() -> None:
         for program in python_without_doctests(ROOT / f"docs/{page}.md"):
             called = re.findall(r"fleet\.(\w+)\(", program)
             assert called and all(callable(getattr(fleet, name)) for name in called)
+
+
+def test_every_test_that_a_table_names_is_there() -> None:
+    """What was tried stands in tables, each row with its test."""
+    there = {name for path in (ROOT / "tests").glob("*.py") for name in re.findall(r"def test_(\w+)", path.read_text())}
+    there |= {path.stem.removeprefix("test_") for path in (ROOT / "tests").glob("test_*.py")}
+    found = []
+    for page in (ROOT / "SECURITY.md", *PAGES):
+        heads: list[str] = []
+        for line in page.read_text(encoding="utf-8").splitlines():
+            cells = [cell.strip() for cell in re.split(r"(?<!\\)\|", line)[1:-1]]
+            for head, cell in zip(heads, cells, strict=False):
+                if head in ("test", "tried in"):
+                    found += [(page.name, name.removeprefix("test_")) for name in re.findall(r"`(\w+)`", cell)]
+            heads = heads or cells if line.startswith("|") else []
+    assert len(found) > 100 and [one for one in found if one[1] not in there] == []

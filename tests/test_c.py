@@ -308,6 +308,48 @@ def same_numbers(text: str) -> list[str]:
     return [re.sub(r"-?\d+(\.\d+)?(e[+-]?\d+)?", again, line) for line in text.splitlines()]
 
 
+@built
+@pytest.mark.slow
+def test_a_step_test_has_the_numbers_and_codes_of_python(loaded: ctypes.CDLL) -> None:
+    moves = [(100.0 * i, 100.0 * (i + 1), op) for i, op in enumerate((50.0, 53.0, 56.0, 52.0))]
+    process, pi = ([0.8], [5.0, 1.0], 0.0), (0.5, 10.0)
+    sim = glapp.simulate.closed_loop(
+        process, pi, d=2.0, noise=0.05, h=1.0, t_end=400.0, manual=moves, setpoint=[(0.0, 40.0)]
+    )
+    flags = sim.flags & 1
+    flags[120:125] |= 2
+    found = glapp.step_test(t=sim.t, pv=sim.pv, op=sim.op, position=sim.position, flags=flags).to_dict()
+    given = Columns(
+        len(sim.t), sim.t.ctypes.data, None, *(x.ctypes.data for x in (sim.pv, sim.op, sim.position, flags))
+    )
+    room, needed = ctypes.create_string_buffer(65536), ctypes.c_size_t()
+    span = Setting(b"op_span", 100.0)
+
+    def asked(size: int, setting: Setting = span) -> int:
+        return int(
+            loaded.glapp_step_test(
+                ctypes.byref(given),
+                ctypes.byref(setting),
+                ctypes.c_size_t(1),
+                room,
+                ctypes.c_size_t(size),
+                ctypes.byref(needed),
+            )
+        )
+
+    assert asked(65536) == OK, loaded.glapp_error()
+    told = json.loads(room.value)
+    assert needed.value == len(room.value) + 1 and told["d"] is not None
+    for name in ("d", "low", "high", "d_percent_span", "kp", "kp_low", "kp_high", "settle", "integrating"):
+        assert told[name] == found[name], name
+    assert told["holds"] == found["holds"] and told["travel"]["d"] == found["travel"]["d"]
+    assert [one["evidence"] for one in told["readings"]] == [one["evidence_code"] for one in found["readings"]]
+    assert asked(needed.value - 1) == BAD_LENGTH and b"must have" in loaded.glapp_error()
+    assert asked(65536, Setting(b"op_span", 0.0)) == REFUSED
+    assert loaded.glapp_error() == b"op_span = 0: must be a number above 0"
+    assert asked(65536, Setting(b"span", 1.0)) == REFUSED
+
+
 # Wrong input ----------------------------------------------------------------------------------------------------------
 
 

@@ -72,7 +72,7 @@ def documented_commands(run):
     """Every command line in the help, in docs/cli.md and in docs/start.md."""
     helps = "".join(
         run(*command, "--help")[1]
-        for command in ([], ["analyze"], ["init"], ["identify"], ["explain"], ["bump"], ["demo"], ["thesis"])
+        for command in ([], ["analyze"], ["init"], ["identify"], ["explain"], ["step-test"], ["demo"], ["thesis"])
     )
     pages = "".join((ROOT / page).read_text() for page in ("docs/cli.md", "docs/start.md"))
     blocks = "".join(re.findall(r"^```\n(.*?)^```", pages, re.DOTALL | re.MULTILINE))
@@ -110,7 +110,7 @@ def test_every_documented_command_does_what_it_says(run, monkeypatch):
 
 @pytest.fixture
 def by_hand():
-    """A manual test of a valve with a gap of 2 %OP on a process of Kp = 0.8, as text with a mode column."""
+    """A step test of a valve with a gap of 2 %OP on a process of Kp = 0.8, as text with a mode column."""
     moves = [(0, 100, 50.0), (100, 200, 53.0), (200, 300, 56.0), (300, 400, 52.0)]
     s = glapp.simulate.closed_loop(
         ([0.8], [5, 1], 0),
@@ -125,9 +125,9 @@ def by_hand():
     return "t,SP,PV,OP,MODE\n" + "".join(f"{k},40,{s.pv[k]:.3f},{s.op[k]:g},MAN\n" for k in range(400))
 
 
-def test_bump_shows_the_gap_each_reading_and_a_picture(run, by_hand):
+def test_step_test_shows_the_gap_each_reading_and_a_picture(run, by_hand):
     write("test.csv", by_hand)
-    code, out, err = run("bump", "test.csv", "--plot", "test.html")
+    code, out, err = run("step-test", "test.csv", "--plot", "test.html")
     assert (code, err) == (0, "")
     gap, low, high = map(float, re.search(r"Gap d +([\d.]+)\s%OP +\(95 %: ([\d.]+) to ([\d.]+)\s%OP", out).groups())
     assert low <= gap <= high and 1.97 < low <= 2.0 <= high < 2.03
@@ -135,28 +135,28 @@ def test_bump_shows_the_gap_each_reading_and_a_picture(run, by_hand):
     assert re.search(r"56 → 52 +.* d [12]\.\d+ ", out)
     assert "first move" in out
     assert "PV after a reversal" in Path("test.html").read_text()
-    code, out, _ = run("bump", "test.csv", "--json")
+    code, out, _ = run("step-test", "test.csv", "--json")
     answer = json.loads(out)
     assert code == 0
     assert answer["low"] < 2.0 < answer["high"]
     assert [reading["kind"] for reading in answer["readings"]] == ["none", "gain", "gap"]
 
 
-def test_bump_refuses_with_the_reason_and_what_to_do(run, by_hand):
+def test_step_test_refuses_with_the_reason_and_what_to_do(run, by_hand):
     lines = by_hand.splitlines()
     write("short.csv", "\n".join(lines[:301]) + "\n")
-    code, out, err = run("bump", "short.csv")
+    code, out, err = run("step-test", "short.csv")
     assert code == 1
     assert "error: short.csv, loop short: OP never reverses after a move that PV answered; step it back" in err
     assert "Kp" in out
     without = "\n".join(line.rsplit(",", 1)[0] for line in lines) + "\n"
     write("plain.csv", without)
-    assert "say --manual" in run("bump", "plain.csv")[2]
-    assert run("bump", "plain.csv", "--manual")[0] == 0
+    assert "say --manual" in run("step-test", "plain.csv")[2]
+    assert run("step-test", "plain.csv", "--manual")[0] == 0
     write("test.csv", by_hand)
-    code, _, err = run("bump", "test.csv", "--manual")
+    code, _, err = run("step-test", "test.csv", "--manual")
     assert (code, "column MODE, manual: is for recordings without a mode column" in err) == (1, True)
-    assert run("bump", "test.csv", "--plot", "none/x.html")[0] == 2
+    assert run("step-test", "test.csv", "--plot", "none/x.html")[0] == 2
 
 
 def test_help_tells_the_exit_codes(run):
@@ -164,18 +164,18 @@ def test_help_tells_the_exit_codes(run):
     assert all(part in text for part in ("Exit codes", "0 every", "1 at least", "2 the command"))
 
 
-def test_bump_takes_many_files(run, by_hand):
+def test_step_test_takes_many_files(run, by_hand):
     for name in ("north.csv", "south.csv"):
         write(name, by_hand)
     write("short.csv", "\n".join(by_hand.splitlines()[:301]) + "\n")
-    code, out, err = run("bump", "north.csv", "south.csv", "short.csv", "none.csv", "--plot", "tests.html")
+    code, out, err = run("step-test", "north.csv", "south.csv", "short.csv", "none.csv", "--plot", "tests.html")
     assert code == 1
     assert [line for line in out.splitlines() if line.endswith(".csv)")] == [
         f"{name}  ({name}.csv)" for name in ("north", "south", "short")
     ]
     assert err.splitlines()[0] == "error: none.csv: no such file" and "short.csv, loop short: OP never" in err
     assert Path("tests.html").read_text().count("PV after a reversal") == 2
-    code, out, _ = run("bump", "north.csv", "south.csv", "--json")
+    code, out, _ = run("step-test", "north.csv", "south.csv", "--json")
     assert code == 0 and [test["name"] for test in json.loads(out)["tests"]] == ["north", "south"]
 
 
@@ -192,7 +192,7 @@ def test_no_header_is_left_out_on_any_screen(run, monkeypatch, columns, by_hand)
         ),
         ("analyze", "--no-fit", "FIC101.csv"): "d̂|% of|span|verdict|to do|det./|half-p.|rejected as|quality",
         ("explain", "FIC101.csv"): "From|Δt [s]|Δy [PV unit]|d [%]|d̂ after [%]|Verdict",
-        ("bump", "test.csv"): "Held until|OP [%OP]|PV [PV unit]|reads|95 %|from",
+        ("step-test", "test.csv"): "Held until|OP [%OP]|PV [PV unit]|reads|95 %|from",
     }
     for command, headers in tables.items():
         _, out, _ = run(*command)

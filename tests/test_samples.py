@@ -59,7 +59,7 @@ def test_arrays_get_the_answer_of_their_recording(worn: Simulation) -> None:
     assert whole.fit is not None and whole.fit.found and whole.crossings == other.crossings
 
 
-def test_a_bump_test_in_arrays() -> None:
+def test_a_step_test_in_arrays() -> None:
     steps = [(0, 100, 50.0), (100, 200, 53.0), (200, 300, 56.0), (300, 400, 52.0)]
     plant = ([0.8], [5, 1], 0)
     s = closed_loop(
@@ -73,9 +73,9 @@ def test_a_bump_test_in_arrays() -> None:
         setpoint=[(0, 40.0)],
         filter_in_loop=True,
     )
-    found = glapp.bump(t=s.t, pv=s.pv, op=s.op, manual=True)
+    found = glapp.step_test(t=s.t, pv=s.pv, op=s.op, manual=True)
     assert found.low is not None and found.high is not None and found.low <= 2.0 <= found.high + 0.05
-    assert glapp.bump(t=s.t, pv=s.pv, op=s.op, flags=s.flags & 1).d == found.d
+    assert glapp.step_test(t=s.t, pv=s.pv, op=s.op, flags=s.flags & 1).d == found.d
 
 
 def test_times_may_be_dates(worn: Simulation) -> None:

@@ -48,7 +48,7 @@ from glapp.station.pages import Station, all_events
 from glapp.station.parameters import changed
 from glapp.station.sessions import COOKIE, LARGEST, LARGEST_FILE, Guard, Sessions
 from glapp.station.under_way import UnderWay
-from glapp.station.view import View, as_csv, trend
+from glapp.station.view import View, _through, as_csv, trend
 
 CATALOGUE = json.loads((Path(__file__).parents[1] / "vectors" / "catalogue.json").read_text())
 
@@ -193,6 +193,25 @@ def test_wear_is_seen_coming(view: View) -> None:
     view._trends["FIC0"] = found
     view.loops["FIC0"] = loops()[0].model_copy(update={"acceptable_dead_band": 3.0})
     assert view.trend_text("FIC0") == "↗ +0.89 ± 0.03 %/month; at 3 % in 20 d"  # from 2.4 %
+
+
+def test_limits_of_the_fits_decide_whether_a_width_moves() -> None:
+    """Five widths a day apart: the slope's standard error is that of a width over √10."""
+
+    def moves(errors: float) -> bool:
+        """With a slope of so many standard errors."""
+        slope, half = errors * 0.1 / math.sqrt(10.0), 1.96 * 0.1
+        widths = [2.0 + slope * day for day in range(5)]
+        found = _through([(day, d, d - half, d + half) for day, d in enumerate(widths)])
+        assert found is not None and found.spread == pytest.approx(30.0 * 1.96 * 0.1 / math.sqrt(10.0))
+        return found.moves
+
+    assert [moves(errors) for errors in (2.9, 3.1, -3.1)] == [False, True, True]
+    assert trend(range(4), [1.0, 2.0, 3.0, 4.0]) is None
+    # Where one of them has no limits the scatter decides, by Student's distribution.
+    uneven = [(day, 2.0 + 0.07 * day + (0.02, -0.02)[day % 2], None, None) for day in range(7)]
+    few, more = _through(uneven[:5]), _through(uneven)
+    assert few is not None and more is not None and not few.moves and more.moves
 
 
 def test_an_export_holds_no_formula(view: View) -> None:
@@ -346,7 +365,7 @@ def test_the_half_period_under_way_is_that_of_the_detector() -> None:
 
 
 def by_hand() -> tuple[list[float], list[float]]:
-    """PV and OP of a test by hand, a sample a second; the gap is 2 %."""
+    """PV and OP of a step test, a sample a second; the gap is 2 %."""
     import glapp
 
     steps = [(0, 100, 50.0), (100, 200, 53.0), (200, 300, 56.0), (300, 400, 52.0)]

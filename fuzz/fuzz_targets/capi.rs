@@ -172,6 +172,10 @@ fn call(bytes: &mut Bytes, detector: &mut *mut GlappDetector, graph: &mut *mut G
                 let [t, sp, pv, op] = columns.each_ref().map(|column| column.as_ptr());
                 let given = GlappColumns { rows, t, sp, pv, op, position: ptr::null(), flags: ptr::null() };
                 let mut width = std::mem::zeroed::<GlappWidth>();
+                let manual = GlappSetting { name: c"manual".as_ptr(), value: 1.0 };
+                let (mut json, mut needed) = (vec![1; 65_536], 0);
+                let told = glapp_step_test(&given, &manual, 1, json.as_mut_ptr(), json.len(), &mut needed);
+                assert!(checked(told) != OK || json[needed - 1] == 0);
                 if checked(glapp_fit(&given, bytes.number()?, &mut width)) == OK {
                     assert!((1..=7).contains(&width.verdict) && width.why[0] != 0 && width.why[31] == 0);
                 }

@@ -12,7 +12,6 @@ from importlib import import_module as _import_module
 from importlib.metadata import version as _version
 from typing import TYPE_CHECKING, Any
 
-from .bump import Bump, bump
 from .controller import Controller, Ideal
 from .errors import InputError
 from .estimate import Estimator, analyze, estimate, identify
@@ -22,6 +21,7 @@ from .loop import Loop
 from .quality import Finding
 from .recording import Batch, Recording
 from .result import Answer, Corrected, HalfPeriods, Result, Settings
+from .step_test import StepTest, step_test
 
 if TYPE_CHECKING:
     from . import blocks, fleet, modules, nonlinear, plant, simulate, tuning
@@ -33,7 +33,6 @@ __version__ = _version("glapp")
 __all__ = [
     "Answer",
     "Batch",
-    "Bump",
     "Controller",
     "Corrected",
     "Estimator",
@@ -47,10 +46,10 @@ __all__ = [
     "Recording",
     "Result",
     "Settings",
+    "StepTest",
     "__version__",
     "analyze",
     "blocks",
-    "bump",
     "estimate",
     "fit",
     "fleet",
@@ -61,6 +60,7 @@ __all__ = [
     "plant",
     "recording_from",
     "simulate",
+    "step_test",
     "to_arrow",
     "tuning",
 ]

@@ -519,6 +519,22 @@ def fit_valve(recordings: Sequence[tuple[float, Sequence[Batch]]], sign: float) 
 def fit_thresholds() -> dict[str, tuple[float, str]]:
     """Value and unit of every threshold of a verdict, by its name."""
 
+def width_trend(t: Sequence[float], d: Sequence[float], error: Sequence[float] | None = None) -> dict[str, Any]:
+    """Whether and how fast a width changes: widths [OP unit] at times [s], with standard errors where known."""
+
+class ManualRows:
+    """The rows in manual of a recording, and the step test in them.
+
+    `manual`: True where all rows were made in manual, False where the flags say which, None where nothing does.
+    """
+
+    def __init__(self, manual: bool | None) -> None: ...
+    def add(self, batch: Batch) -> None: ...
+    def kept(self) -> Batch | None:
+        """The rows in manual in one; None where there are none."""
+    def read(self, integrating: bool, op_span: float | None, positioner_dead_band: float | None) -> dict[str, Any]:
+        """The step test: numbers and codes, without sentences."""
+
 class Windows:
     """Cuts a history into windows of `length` rows and keeps the best one of each epoch, in bounded memory.
 
@@ -549,9 +565,6 @@ def identified(
     limits: tuple[float, float] | None,
 ) -> dict[str, Any]:
     """Find K, Ti and Td of the controller; `glapp.identify` is the door for people."""
-
-def resolution(x: npt.NDArray[np.float64]) -> tuple[float, int] | None:
-    """Step of a quantised signal and the number of steps in its range; None when it has no such grid."""
 
 class Graph:
     """A loop of control modules; `modules` are (name, module) with its kind, parameters, plant and schedule."""

@@ -28,7 +28,7 @@ from .samples import recording_of
 from .trace import Band, Thinner, Trace
 
 if TYPE_CHECKING:
-    from .bump import Bump
+    from .step_test import StepTest
 
 __all__ = ["Estimator", "analyze", "estimate", "identify"]
 
@@ -196,14 +196,14 @@ def _analyzed(recording: Recording, rows: int, progress: Progress | None, **aske
     return replace(result, step_test=_step_test(beginning, loop)) if asked.get("judge", True) else result
 
 
-def _step_test(beginning: Batch, loop: Loop) -> Bump | None:
-    """The test by hand that the beginning of a recording holds; None where it gives no width."""
+def _step_test(beginning: Batch, loop: Loop) -> StepTest | None:
+    """The step test that the beginning of a recording holds; None where it gives no width."""
     if beginning.op is None or beginning.flags is None or not (beginning.flags & NOT_AUTO).any():
         return None
-    from .bump import bump  # which takes what it needs from here
+    from .step_test import step_test  # which takes what it needs from here
 
     signals = {name: getattr(beginning, name) for name in ("t", "pv", "op", "position", "flags")}
-    found = bump(**signals, loop=loop)
+    found = step_test(**signals, loop=loop)
     return None if found.d is None else replace(found, signals=None)
 
 

@@ -665,7 +665,7 @@ REASONS = {
     "windows_disagree": f"{_WOULD} all of the recording best, but its parts disagree "
     "{dispersion:.0f} times more than chance allows: fit a time in which nothing was changed",
     "windows_silent": f"{_WOULD} all of the recording best, but too few of its parts show one by themselves: what the "
-    "model lacks in each of them explains as much. Make a bump test, or record the valve's position",
+    "model lacks in each of them explains as much. Make a step test, or record the valve's position",
     "recordings_disagree": f"{_WOULD}, but the recordings disagree{_DISAGREE}",
     "recordings_disagree shared": f"{_WOULD}, but the recordings disagree {{dispersion:.0f}} times more than chance "
     f"allows{_DISAGREE}",
@@ -675,7 +675,7 @@ REASONS = {
     "repeats": f"{_WOULD}, but so would a load that repeats itself with the cycle of this loop: find what swings there "
     "or record while the setpoint moves, on calmer days, or with the valve's position",
     "swings": f"{_WOULD}, but OP swings to and fro in almost even time, which no gap makes of this process: a load "
-    "that swings so explains as much. Record while the setpoint moves or on calmer days, make a bump test "
+    "that swings so explains as much. Record while the setpoint moves or on calmer days, make a step test "
     "or record the valve's position",
     "lined": f"{_WOULD}, but a historian kept only corners of PV and drew lines between them, which bend by as much. "
     "Record without compression",

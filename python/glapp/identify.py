@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _glapp
-from ._glapp import resolution as resolution
 from .arrays import column
 
 Floats = NDArray[np.float64]

@@ -619,7 +619,7 @@ class PidAdvanced(_Compensating, Pid):
     k, ti, td, b, c, tf, low, high, rate, max_h, start, start_pv : float
         As in `Pid`.
     kp : float, optional
-        Static process gain, ≠ 0: from a fit, a manual test [process value per output]. Set it while it runs when it
+        Static process gain, ≠ 0: from a fit, a step test [process value per output]. Set it while it runs when it
         becomes known.
     pv_span, op_span : float, optional
         Spans of process value and output, > 0 [their units]. Where both are given and `kp` is not, Kp is 1.5 %/% with

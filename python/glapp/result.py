@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import pandas as pd
     import plotly.graph_objects as go
 
-    from .bump import Bump
+    from .step_test import StepTest
 
 __all__ = ["REASONS", "Answer", "Corrected", "HalfPeriods", "Next", "Origin", "Result", "Settings", "Struck", "Verdict"]
 
@@ -320,8 +320,8 @@ class Result:
         Width with an interval from OP and PV (`glapp.fit`); None without OP.
     corrected : Corrected or None
         The width from zero crossings with its known bias taken out; None without detections.
-    step_test : Bump or None
-        What a test by hand in the recording's first half million rows gives (`glapp.bump`), where it gives a width.
+    step_test : StepTest or None
+        What a step test in the recording's first half million rows gives (`glapp.step_test`), where it gives a width.
     """
 
     name: str
@@ -345,7 +345,7 @@ class Result:
     trace: Trace | None = None
     fit: Fit | None = None
     corrected: Corrected | None = None
-    step_test: Bump | None = None
+    step_test: StepTest | None = None
 
     @classmethod
     def of_error(cls, error: InputError, name: str, source: str, loop: Loop | None = None) -> Result:

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from glapp.bump import Bump, bump
 from glapp.controller import Ideal
 from glapp.errors import InputError
 from glapp.estimate import analyze
@@ -18,6 +17,7 @@ from glapp.plant import PLANTS, Plant
 from glapp.reading import recording_from
 from glapp.scenario import Manual, Scenario
 from glapp.simulate import Simulation, run
+from glapp.step_test import StepTest, step_test
 from glapp.tuning import (
     Tuning,
     amigo_frequency,
@@ -818,7 +818,7 @@ HYLTEBRUK = Site(Plant([1.3], [8.0, 1.0], 2.0), (0.6, 28.0), 3.0, 0.004)
 PERSTORP = Site(Plant([0.46], [20.0, 1.0], 0.5), (8.5, 10.3), 25.0, 0.002)
 
 NOT_PUBLIC = (
-    "The recording is not public; this loop has the thesis' K, Ti, Kp and the width of its manual test, while lag, "
+    "The recording is not public; this loop has the thesis' K, Ti, Kp and the width of its step test, while lag, "
     "dead time, noise, load and h = 1 s are assumed."
 )
 
@@ -830,8 +830,8 @@ def drift(begin: float, end: float, start: float, stop: float) -> list[Manual]:
     return [Manual(begin=float(t), end=float(t + 1), op=float(op)) for t, op in zip(edges[:-1], levels, strict=True)]
 
 
-def by_hand(site: Site, manual: list[Manual], pv: float, end: float) -> tuple[list[Simulation], list[Bump]]:
-    """A manual test over the seeds, and what `glapp.bump` reads off PV."""
+def by_hand(site: Site, manual: list[Manual], pv: float, end: float) -> tuple[list[Simulation], list[StepTest]]:
+    """A step test over the seeds, and what `glapp.step_test` reads off PV."""
     scenario = short(
         plant=site.plant,
         controller=site.controller,
@@ -845,23 +845,23 @@ def by_hand(site: Site, manual: list[Manual], pv: float, end: float) -> tuple[li
     signals = [signals for _, signals in each(seeded(scenario))]
     loop = Loop(name="by hand", op_unit="1", pv_unit="1")
     tables = [one.to_arrow().select(["t", "SP", "PV", "OP", "MODE"]) for one in signals]
-    return signals, [bump(recording_from(table, loop)) for table in tables]
+    return signals, [step_test(recording_from(table, loop)) for table in tables]
 
 
-def _bump_numbers(site: Site, found: list[Bump], gap: float, kp: float) -> tuple[Number, ...]:
+def _step_test_numbers(site: Site, found: list[StepTest], gap: float, kp: float) -> tuple[Number, ...]:
     gaps = spread(None if one.d is None else PERCENT * one.d for one in found)
     holds = [one.low is not None and one.high is not None and one.low <= site.d / PERCENT <= one.high for one in found]
     return (
-        Number("gap by glapp.bump, median of the seeds", "%", gap, gaps.median, BUMP_TOLERANCE),
-        Number("lowest of the seeds", "%", None, gaps.low, BUMP_TOLERANCE),
-        Number("highest of the seeds", "%", None, gaps.high, BUMP_TOLERANCE),
+        Number("gap by glapp.step_test, median of the seeds", "%", gap, gaps.median, STEP_TEST_TOLERANCE),
+        Number("lowest of the seeds", "%", None, gaps.low, STEP_TEST_TOLERANCE),
+        Number("highest of the seeds", "%", None, gaps.high, STEP_TEST_TOLERANCE),
         Number("seeds whose 95 % interval holds the simulated gap", "", None, float(sum(holds))),
-        Number("Kp by glapp.bump, median", "", kp, spread(one.kp for one in found).median, BUMP_TOLERANCE),
+        Number("Kp by glapp.step_test, median", "", kp, spread(one.kp for one in found).median, STEP_TEST_TOLERANCE),
     )
 
 
-BUMP_TOLERANCE = 1e-4
-"""`glapp.bump` solves linear equations, and other machines round otherwise."""
+STEP_TEST_TOLERANCE = 1e-4
+"""`glapp.step_test` solves linear equations, and other machines round otherwise."""
 
 
 def _manual_test(
@@ -878,7 +878,7 @@ def _manual_test(
         style.legend(bottom)
         return figure
 
-    return Shown(number, f"Manual test, {site}", section, sentence, numbers, f"{NOT_PUBLIC} {note}".strip(), draw)
+    return Shown(number, f"Step test, {site}", section, sentence, numbers, f"{NOT_PUBLIC} {note}".strip(), draw)
 
 
 def figure_8_11() -> Shown:
@@ -897,7 +897,7 @@ def figure_8_11() -> Shown:
         "8.5.1",
         "After OP turns at 39 % the flow stays until OP has come down through the gap.",
         signals[0],
-        _bump_numbers(HYLTEBRUK, found, 3.0, 1.3),
+        _step_test_numbers(HYLTEBRUK, found, 3.0, 1.3),
         "",
     )
 
@@ -974,7 +974,7 @@ def figure_8_12() -> Shown:
         "Hyltebruk, external setpoint",
         "8.5.1",
         "With a setpoint that swings slowly a few half-periods pass all conditions, mostly near the width of the "
-        "manual test.",
+        "step test.",
         hyltebruk(external=True),
         HYLTEBRUK,
         _site_numbers(4.0, "near 3"),
@@ -1017,7 +1017,7 @@ def figure_8_14() -> Shown:
         "8.5.2",
         "OP turns at 2500 s and PV answers 300 s and 25 % of OP later, and the step of 2 % at 3097 s gives the gain.",
         signals[0],
-        _bump_numbers(PERSTORP, found, 25.0, 0.46),
+        _step_test_numbers(PERSTORP, found, 25.0, 0.46),
         "",
     )
 
@@ -1044,7 +1044,7 @@ def figure_8_15() -> Shown:
         "8.15",
         "Perstorp",
         "8.5.2",
-        "The loop goes on swinging, and the estimate lies a tenth below the manual test, as in the thesis.",
+        "The loop goes on swinging, and the estimate lies a tenth below the step test, as in the thesis.",
         perstorp(20.0),
         PERSTORP,
         lambda found: _site_numbers(None, "about 22")(found) + others,

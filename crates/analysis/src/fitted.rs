@@ -2,14 +2,12 @@
 
 use crate::crossings::Place;
 use crate::origin::fitted_gain_serves;
+use crate::trend::DAY;
 use glapp_fit::{
     AtValve, Batch, JointAnswer, PositionAnswer, Problem, RecordAnswer, Recorded, Samples, Together, Trend, Unfit,
     ValveAnswer,
 };
 use serde::{Deserialize, Serialize};
-
-/// \[s\].
-const DAY: f64 = 86_400.0;
 
 /// What kind of lost motion there is, if any.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -7,7 +7,7 @@
 //! [`Answer`]. It asks, in this order:
 //! [`identify`] reads the controller's law out of OP's moves. [`Census`] counts what all rows hold, and [`quality`] judges a
 //! recording by it and by its first rows. [`crossings`] has the widths from zero crossings over a whole recording, and what
-//! they allow to be said. What a single signal is like, its steps, its noise, where it stands still, stands beside them.
+//! they allow to be said. [`step_test`] reads dead band and gain off steps of OP in manual. What a single signal is like, its steps, its noise, where it stands still, stands beside them.
 
 mod analysis;
 mod answer;
@@ -19,7 +19,9 @@ mod inspected;
 mod origin;
 pub mod quality;
 mod signals;
+pub mod step_test;
 mod summary;
+mod trend;
 
 pub use analysis::{Analysis, Controller, Done, INSPECTED_ROWS, Task, within_percent};
 pub use answer::{Answer, CorrectedAnswer, Settings};
@@ -28,9 +30,12 @@ pub use crossings::{Crossings, Ladder};
 pub use fitted::{
     FitAnswer, FitWhy, Fitted, FittedValve, LostMotion, Position, Process, Signal, Window, fitted, fitted_valve,
 };
+pub use glapp_fit::Width;
 pub use inspected::Inspected;
 pub use origin::{KP_DEFAULT, Origin, fitted_gain_serves, process_gain};
 pub use signals::{FROZEN_STEPS, SORTED_ROWS, frozen_steps, in_runs, median, noise_sigma, quantile, resolution};
+pub use step_test::{Manual, ManualRows, StepTest, StepTestSettings};
 pub use summary::{
     Acceptable, Contradiction, Evidence, Facts, FitFacts, Next, One, Part, Struck, Summary, Urgency, Valve,
 };
+pub use trend::{Change, WidthTrend, trend};

@@ -4,7 +4,7 @@ use crate::handles::Handles;
 use crate::wrong::{BAD_LENGTH, BAD_POINTER, BAD_TEXT, OK, Wrong, YES, guarded, text};
 use crate::{ABI, settings};
 use glapp_analysis::crossings::Row;
-use glapp_analysis::{Crossings, FitAnswer, LostMotion, fitted};
+use glapp_analysis::{Crossings, FitAnswer, Inspected, LostMotion, ManualRows, fitted};
 use glapp_core::status::{AT_HIGH, AT_LOW, BAD, NOT_AUTO};
 use glapp_fit::{Batch, LONG_HISTORY, Rows, Samples, Windows};
 use glapp_sim::{Graph, Module};
@@ -229,6 +229,12 @@ fn known(flags: u32) -> Result<u8, Wrong> {
         let what = "must be a sum of 1 (not in automatic), 2 (bad), 4 (OP at its low limit), 8 (at its high limit)";
         Wrong::refused(format!("flags = {flags}: {what}"))
     })
+}
+
+/// PV without its bad values, as Python has it.
+fn without_bad(pv: &[f64], flags: Option<&[u8]>) -> Vec<f64> {
+    let bad = |k: usize| flags.is_some_and(|flags| flags[k] & BAD as u8 != 0);
+    pv.iter().enumerate().map(|(k, pv)| if bad(k) { f64::NAN } else { *pv }).collect()
 }
 
 /// The flags, with rows that miss a setpoint which is recorded marked as bad, as Python does; none where no row misses it.
@@ -463,6 +469,59 @@ pub unsafe extern "C" fn glapp_fit(columns: *const GlappColumns, sign: f64, widt
         let answer = fit(Batch { samples, position: may(given.position, "position")? }, sign);
         // SAFETY: not NULL, aligned.
         unsafe { to.write(answer) };
+        Ok(OK)
+    })
+}
+
+/// Reads the step test in a recording; the answer is a text in JSON.
+///
+/// # Safety
+/// As [`glapp_detector_new`]; `json` has room for so many bytes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn glapp_step_test(
+    columns: *const GlappColumns,
+    settings: *const GlappSetting,
+    count: usize,
+    json: *mut c_char,
+    room: usize,
+    needed: *mut usize,
+) -> i32 {
+    guarded(|| {
+        let needs = place(needed, "needed")?;
+        // SAFETY: as for the caller.
+        let given = unsafe { named(settings, count) }?;
+        let (manual, settings) = settings::step_test(&given)?;
+        // SAFETY: as for the caller.
+        let given = unsafe { array(columns, 1, "columns") }?[0];
+        let rows = given.rows;
+        // SAFETY: as for the caller.
+        let must = |from, name| unsafe { array::<f64>(from, rows, name) };
+        // SAFETY: as for the caller.
+        let may = |from, name| unsafe { maybe::<f64>(from, rows, name) };
+        // SAFETY: as for the caller.
+        let flags = unsafe { maybe::<u8>(given.flags, rows, "flags") }?;
+        for sum in flags.unwrap_or_default() {
+            known((*sum).into())?;
+        }
+        let (t, pv) = (must(given.t, "t")?, without_bad(must(given.pv, "pv")?, flags));
+        let all = Inspected { t, sp: None, pv: &pv, op: may(given.op, "op")?, flags };
+        let mut stretch = ManualRows::new(manual);
+        stretch.take(&all, may(given.position, "position")?);
+        let answer = serde_json::to_string(&stretch.read(&settings)).map_err(Wrong::refused)?;
+        // SAFETY: not NULL, aligned.
+        unsafe { needs.write(answer.len() + 1) };
+        if room <= answer.len() {
+            return Err(Wrong::new(
+                BAD_LENGTH,
+                format!("json: has room for {room} bytes, must have {}", answer.len() + 1),
+            ));
+        }
+        let to = place(json, "json")?;
+        // SAFETY: not NULL, and with room for so many bytes, as the caller promises.
+        unsafe {
+            ptr::copy_nonoverlapping(answer.as_ptr().cast::<c_char>(), to, answer.len());
+            to.add(answer.len()).write(0);
+        }
         Ok(OK)
     })
 }

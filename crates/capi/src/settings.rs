@@ -1,6 +1,7 @@
-//! Settings of a detector by the names and in the units of `docs/catalogue.md`.
+//! Settings by name: of a detector those of `docs/catalogue.md`, of a step test those of `include/glapp.h`.
 
 use crate::wrong::Wrong;
+use glapp_analysis::{Manual, StepTestSettings};
 use glapp_core::DetectorSettings;
 
 /// The settings with these names and values; what is not there has its default.
@@ -8,11 +9,7 @@ use glapp_core::DetectorSettings;
 /// `k`, `ti` and `h`, the usual time between two samples \[s\], must be there. A condition of the safety net is switched off by its
 /// name with 0.
 pub(crate) fn detector(given: &[(&str, f64)]) -> Result<DetectorSettings<f64>, Wrong> {
-    for (at, (name, _)) in given.iter().enumerate() {
-        if given[..at].iter().any(|before| before.0 == *name) {
-            return Err(Wrong::refused(format!("{name}: is given twice")));
-        }
-    }
+    once(given)?;
     let known = |name: &str| given.iter().find(|one| one.0 == name).map(|one| one.1);
     let must = |name: &str| known(name).ok_or_else(|| Wrong::refused(format!("{name}: is missing")));
     let mut settings = DetectorSettings::new(must("k")?, must("ti")?, known("td").unwrap_or(0.0), must("h")?);
@@ -43,6 +40,32 @@ pub(crate) fn detector(given: &[(&str, f64)]) -> Result<DetectorSettings<f64>, W
         (None, Some(_)) => return Err(Wrong::refused("op_low: is missing beside op_high")),
     };
     Ok(settings)
+}
+
+/// The settings of a step test, and which rows were made in manual.
+pub(crate) fn step_test(given: &[(&str, f64)]) -> Result<(Manual, StepTestSettings), Wrong> {
+    once(given)?;
+    let (mut manual, mut settings) = (Manual::Flagged, StepTestSettings::default());
+    for (name, value) in given {
+        match *name {
+            "manual" => manual = if yes(name, *value)? { Manual::All } else { Manual::Flagged },
+            "integrating" => settings.integrating = yes(name, *value)?,
+            "op_span" => settings.op_span = Some(above(name, *value, 0.0)?),
+            "positioner_dead_band" => settings.positioner_dead_band = Some(above(name, *value, 0.0)?),
+            other => return Err(Wrong::refused(format!("{other}: there is no such setting of a step test"))),
+        }
+    }
+    Ok((manual, settings))
+}
+
+fn once(given: &[(&str, f64)]) -> Result<(), Wrong> {
+    let again = given.iter().enumerate().find(|(at, one)| given[..*at].iter().any(|before| before.0 == one.0));
+    again.map_or(Ok(()), |(_, (name, _))| Err(Wrong::refused(format!("{name}: is given twice"))))
+}
+
+fn above(name: &str, value: f64, bound: f64) -> Result<f64, Wrong> {
+    let good = value.is_finite() && value > bound;
+    if good { Ok(value) } else { Err(Wrong::refused(format!("{name} = {value}: must be a number above {bound}"))) }
 }
 
 fn yes(name: &str, value: f64) -> Result<bool, Wrong> {

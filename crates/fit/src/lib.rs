@@ -25,7 +25,7 @@ pub use data::signal::{shifts, spikes};
 pub use decide::joint::{JointAnswer, RecordAnswer, Together};
 pub use decide::record::{Answer, Candidate, Prediction};
 pub use decide::thresholds::THRESHOLDS;
-pub use decide::trend::Trend;
+pub use decide::trend::{Trend, Width};
 pub use decide::valve::{RecordingAnswer, ValveAnswer};
 pub use decide::verdict::Verdict;
 pub use model::structure::{Noise, Structure};

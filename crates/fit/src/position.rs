@@ -131,7 +131,7 @@ pub fn fit_position(samples: &[Samples]) -> Result<PositionAnswer, Unfit> {
     };
     let readings: Vec<Reading> = records.iter().map(reading).collect();
     let Combined { verdict, d, low, high } = combine(&readings).ok_or(Unfit::Few)?;
-    let trend = Trend::of(&readings);
+    let trend = Trend::of_readings(&readings);
     if let Some(shown) = newest(trend, &readings) {
         let Reading { verdict, d, low, high, .. } = readings[shown];
         return Ok(PositionAnswer { verdict, d, low, high, trend, records, shown });

@@ -6,6 +6,7 @@
 mod laboratory;
 mod recording;
 
+use glapp_analysis::{Manual, StepTestSettings};
 use laboratory::Laboratory;
 use recording::Recording;
 use serde::Deserialize;
@@ -42,6 +43,14 @@ enum Request {
     Join {
         /// As [`Request::Alone`] gave it, in the order of the windows; none of one that is not fitted yet.
         alone: Vec<Option<Vec<u8>>>,
+    },
+    /// Reads the step test in the recording whose columns are in memory.
+    StepTest {
+        /// Which rows were made in manual.
+        manual: Manual,
+        /// What is known of its loop.
+        #[serde(default)]
+        settings: StepTestSettings,
     },
     /// Begins a laboratory.
     Laboratory(laboratory::Project),
@@ -87,6 +96,9 @@ impl Memory {
             Request::Alone { window } => recording::alone(&window),
             Request::Finish => Ok(self.recording.take().ok_or("no recording was begun")?.finish()),
             Request::Join { alone } => self.recording.as_ref().ok_or("no recording was begun")?.join(&alone),
+            Request::StepTest { manual, settings } => {
+                recording::step_test(manual, &settings, std::mem::take(&mut self.columns))
+            }
             Request::Laboratory(project) => {
                 let (laboratory, begun) = Laboratory::new(&project)?;
                 self.laboratory = Some(laboratory);
@@ -111,6 +123,7 @@ impl Memory {
 /// assert!(glapp_page::answer(asked).starts_with(r#"{"ok":"#));
 /// let run = glapp_page::answer(r#"{"run": {"scans": 2, "record": ["in.out"]}}"#);
 /// assert_eq!(run, r#"{"ok":[[2.0,2.0]]}"#);
+/// assert_eq!(glapp_page::answer(r#"{"step_test": {"manual": "all"}}"#), r#"{"error":"no column t"}"#);
 /// let wrong = glapp_page::answer(r#"{"set": {"path": "in.size", "value": 1}}"#);
 /// assert!(wrong.starts_with(r#"{"error":"in: there is no 'size' here"#));
 /// ```

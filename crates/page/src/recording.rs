@@ -1,7 +1,9 @@
 //! A recording on its way to an answer.
 
 use glapp_analysis::crossings::Row;
-use glapp_analysis::{Analysis, Crossings, Done, INSPECTED_ROWS, Inspected, Task};
+use glapp_analysis::{
+    Analysis, Crossings, Done, INSPECTED_ROWS, Inspected, Manual, ManualRows, StepTestSettings, Task,
+};
 use glapp_fit::{Alone, Answer, Divided, JointAnswer, PositionAnswer, RecordAnswer, Window};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
@@ -26,6 +28,21 @@ struct Columns {
 }
 
 impl Columns {
+    /// The columns by their names, once they are seen to be of one length.
+    fn of(mut columns: HashMap<String, Vec<f64>>) -> Result<Self, String> {
+        let mut column = |name: &str| columns.remove(name);
+        let (t, pv) = (column("t").ok_or("no column t")?, column("pv").ok_or("no column pv")?);
+        let [sp, op, position] = ["sp", "op", "position"].map(&mut column);
+        let flags = column("flags").map(|flags| flags.into_iter().map(|flag| flag as u8).collect());
+        let columns = Self { t, sp, pv, op, position, flags };
+        let same = [Some(&columns.pv), columns.sp.as_ref(), columns.op.as_ref(), columns.position.as_ref()];
+        let flags: Option<usize> = columns.flags.as_ref().map(Vec::len);
+        if same.into_iter().flatten().map(Vec::len).chain(flags).any(|length| length != columns.t.len()) {
+            return Err("the columns are not of the same length".into());
+        }
+        Ok(columns)
+    }
+
     fn rows(&self, rows: Range<usize>) -> (Inspected<'_>, Option<&[f64]>) {
         let inspected = Inspected {
             t: &self.t[rows.clone()],
@@ -43,17 +60,8 @@ fn part<'a>(column: &'a Option<Vec<f64>>, rows: &Range<usize>) -> Option<&'a [f6
 }
 
 impl Recording {
-    pub(crate) fn begin(task: Task, mut columns: HashMap<String, Vec<f64>>) -> Result<Self, String> {
-        let mut column = |name: &str| columns.remove(name);
-        let (t, pv) = (column("t").ok_or("no column t")?, column("pv").ok_or("no column pv")?);
-        let [sp, op, position] = ["sp", "op", "position"].map(&mut column);
-        let flags = column("flags").map(|flags| flags.into_iter().map(|flag| flag as u8).collect());
-        let columns = Columns { t, sp, pv, op, position, flags };
-        let same = [Some(&columns.pv), columns.sp.as_ref(), columns.op.as_ref(), columns.position.as_ref()];
-        let flags: Option<usize> = columns.flags.as_ref().map(Vec::len);
-        if same.into_iter().flatten().map(Vec::len).chain(flags).any(|length| length != columns.t.len()) {
-            return Err("the columns are not of the same length".into());
-        }
+    pub(crate) fn begin(task: Task, columns: HashMap<String, Vec<f64>>) -> Result<Self, String> {
+        let columns = Columns::of(columns)?;
         let (beginning, position) = columns.rows(0..columns.t.len().min(INSPECTED_ROWS));
         let analysis = Analysis::new(task, &beginning, position).map_err(|error| error.to_string())?;
         Ok(Self { columns, analysis, divided: None })
@@ -85,6 +93,19 @@ impl Recording {
     pub(crate) fn finish(self) -> Value {
         told(self.analysis.finish(&mut |_| ()))
     }
+}
+
+/// The step test in a recording.
+pub(crate) fn step_test(
+    manual: Manual,
+    settings: &StepTestSettings,
+    columns: HashMap<String, Vec<f64>>,
+) -> Result<Value, String> {
+    let columns = Columns::of(columns)?;
+    let (all, position) = columns.rows(0..columns.t.len());
+    let mut rows = ManualRows::new(manual);
+    rows.take(&all, position);
+    Ok(json!(rows.read(settings)))
 }
 
 /// What a window says by itself.
@@ -177,4 +198,27 @@ fn of_position(joint: PositionAnswer) -> Value {
     let of = |value: fn(&glapp_fit::Shown) -> f64| answer.shown.iter().map(value).collect::<Vec<_>>();
     let t: Vec<f64> = answer.shown.iter().map(|row| starts[row.part] + h * row.row as f64).collect();
     json!({ "t": t, "recorded": of(|row| row.recorded), "foreseen": of(|row| row.foreseen), "valve": of(|row| row.valve) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_step_test_has_the_document_of_the_crate() {
+        let held: Vec<(f64, f64)> = vec![(50.0, 40.0), (54.0, 42.4), (58.0, 45.6), (53.0, 43.2)];
+        let noise = |k: usize| ((k * k * 7919) % 1009) as f64 / 1e4;
+        let pv: Vec<f64> = (0..160).map(|k| held[k / 40].1 + noise(k)).collect();
+        let column = |name: &str, of: Vec<f64>| (name.to_string(), of);
+        let op = held.iter().flat_map(|(op, _)| vec![*op; 40]).collect();
+        let columns = [column("t", (0..160).map(f64::from).collect()), column("pv", pv), column("op", op)];
+        let told = step_test(Manual::All, &StepTestSettings::default(), columns.into_iter().collect()).unwrap();
+        assert!((told["d"].as_f64().unwrap() - 2.0).abs() < 0.1 && told["reason"].is_null(), "{told}");
+        assert_eq!(
+            (&told["readings"][2]["kind"], &told["readings"][0]["evidence"]["code"]),
+            (&json!("gap"), &json!("first_move"))
+        );
+        let uneven = [column("t", vec![0.0]), column("pv", vec![])];
+        assert!(step_test(Manual::All, &StepTestSettings::default(), uneven.into_iter().collect()).is_err());
+    }
 }

@@ -6,9 +6,10 @@ use crate::windows::{Batch, columns};
 use glapp_analysis::{Fitted, FittedValve, LostMotion, fitted, fitted_valve};
 use glapp_fit::{
     Answer, JointAnswer, PositionAnswer, Prediction, RecordAnswer, THRESHOLDS, Together, Trend, Unfit, ValveAnswer,
-    Verdict,
+    Verdict, Width,
 };
 use numpy::PyArray1;
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
@@ -151,6 +152,23 @@ fn trend(py: Python<'_>, trend: Option<Trend>) -> PyResult<Option<Bound<'_, PyDi
     out.set_item("d", trend.d)?;
     out.set_item("changes", trend.changes())?;
     Ok(Some(out))
+}
+
+/// Whether and how fast a width changes: widths [OP unit] at their times [s], in order, with their standard errors where those
+/// are known. One rule for every face: `glapp_fit::Trend`.
+#[pyfunction]
+#[pyo3(signature = (t, d, error=None))]
+pub fn width_trend<'py>(
+    py: Python<'py>,
+    t: Vec<f64>,
+    d: Vec<f64>,
+    error: Option<Vec<f64>>,
+) -> PyResult<Bound<'py, PyAny>> {
+    if d.len() != t.len() || error.as_ref().is_some_and(|error| error.len() != t.len()) {
+        return Err(PyValueError::new_err("t, d and error must be of the same length"));
+    }
+    let width = |(i, t): (usize, &f64)| Width { t: *t, d: d[i], error: error.as_ref().map(|error| error[i]) };
+    plain(py, &glapp_analysis::trend(&t.iter().enumerate().map(width).collect::<Vec<_>>()))
 }
 
 /// What one record says.

@@ -21,8 +21,8 @@ mod position;
 mod quality;
 mod rate_limit;
 mod saturation;
-mod signals;
 mod sim;
+mod step_test;
 mod tuning;
 mod windows;
 mod wrong_sign;
@@ -61,7 +61,7 @@ mod _glapp {
     #[pymodule_export]
     const KP_DEFAULT: f64 = glapp_core::KP_DEFAULT;
     #[pymodule_export]
-    use crate::fit::{fit, fit_thresholds, fit_valve};
+    use crate::fit::{fit, fit_thresholds, fit_valve, width_trend};
     #[pymodule_export]
     use crate::history::History;
     #[pymodule_export]
@@ -95,9 +95,9 @@ mod _glapp {
     #[pymodule_export]
     use crate::saturation::Saturation;
     #[pymodule_export]
-    use crate::signals::resolution;
-    #[pymodule_export]
     use crate::sim::{PyChecked, batch, groups, instruction_sets, random_walk, run_together, watch};
+    #[pymodule_export]
+    use crate::step_test::ManualRows;
     #[pymodule_export]
     use crate::tuning::{
         amigo_frequency, amigo_integrating, amigo_step, lambda_integrating, lambda_tuning, point_placement, simc,

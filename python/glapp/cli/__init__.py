@@ -13,7 +13,6 @@ import typer
 from .. import __version__
 from ..errors import InputError
 from .analyze import analyze
-from .bump import bump
 from .demo import demo
 from .explain import explain
 from .fleet import fleet
@@ -22,6 +21,7 @@ from .init import init
 from .plant import plant, tags
 from .screen import CommandError, examples, out, say_error
 from .station import station
+from .step_test import step_test
 from .thesis import thesis
 from .watch import watch
 
@@ -56,10 +56,10 @@ app.command(
 app.command(
     epilog=examples(
         "glapp demo demo",
-        "glapp bump demo/FIC402.csv --plot test.html",
-        "glapp bump demo/loops.toml --loop FIC402 --json",
+        "glapp step-test demo/FIC402.csv --plot test.html",
+        "glapp step-test demo/loops.toml --loop FIC402 --json",
     )
-)(bump)
+)(step_test)
 app.command(epilog=examples("glapp demo demo"))(demo)
 app.command(
     epilog=examples(

@@ -24,9 +24,9 @@ from . import words
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from ..bump import Bump, Reading
     from ..result import Result
     from ..simulate import Simulation
+    from ..step_test import Reading, StepTest
     from ..trace import Trace
 
 FONT = 'system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif'
@@ -168,18 +168,18 @@ def simulation_figure(simulation: Simulation) -> go.Figure:
     return figure
 
 
-def bump_figure(bump: Bump) -> go.Figure:
-    """Draw a manual test: PV and OP with the held stretches shaded, the settled levels, and each reading in its place.
+def step_test_figure(test: StepTest) -> go.Figure:
+    """Draw a step test: PV and OP with the held stretches shaded, the settled levels, and each reading in its place.
 
     A bracket shows how far PV moved from one settled level to the next; below it stands, at OP's move, what was read.
     """
-    rows = bump.signals
+    rows = test.signals
     if rows is None or rows.op is None or not len(rows):
-        return _empty(bump.reason or "No manual stretch.")
+        return _empty(test.reason or "No manual stretch.")
     figure = make_subplots(
         rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.05, row_heights=[0.55, 0.45], figure=_figure()
     )
-    pv, op = _plain(bump.pv_unit), _plain(words.op_unit(bump))
+    pv, op = _plain(test.pv_unit), _plain(words.op_unit(test))
     signals = [("PV", rows.pv, {"color": RAW, "width": 1}, 1, pv)]
     if rows.position is not None:
         signals.append(("valve position", rows.position, {"color": POSITION, "width": 2.2}, 2, "% travel"))
@@ -188,24 +188,24 @@ def bump_figure(bump: Bump) -> go.Figure:
         t, y = _drawn(rows.t, values)
         hover = f"{name} %{{y:.5~g}} {unit}<br>%{{x}}<extra></extra>"
         figure.add_trace(
-            go.Scatter(x=_time(bump, t), y=y, mode="lines", line=line, name=name, hovertemplate=hover), row=row, col=1
+            go.Scatter(x=_time(test, t), y=y, mode="lines", line=line, name=name, hovertemplate=hover), row=row, col=1
         )
-    for hold in bump.holds:
+    for hold in test.holds:
         start, settled, end = (
-            None if t is None else _time(bump, np.array([t]))[0] for t in (hold.start, hold.settled, hold.end)
+            None if t is None else _time(test, np.array([t]))[0] for t in (hold.start, hold.settled, hold.end)
         )
         figure.add_vrect(x0=start, x1=end, fillcolor=GRID, opacity=0.35, line_width=0, layer="below")
         if settled is not None:
             figure.add_vrect(x0=settled, x1=end, fillcolor=UNJUDGED, opacity=0.09, line_width=0, layer="below")
-    if not bump.integrating:
-        _levels(figure, bump)
-    for reading in bump.readings:
-        after = next(hold for hold in bump.holds if hold.end == reading.end)
-        last = after is bump.holds[-1]  # its text must not widen the axis
+    if not test.integrating:
+        _levels(figure, test)
+    for reading in test.readings:
+        after = next(hold for hold in test.holds if hold.end == reading.end)
+        last = after is test.holds[-1]  # its text must not widen the axis
         figure.add_annotation(
-            x=_time(bump, np.array([after.end if last else after.start]))[0],
+            x=_time(test, np.array([after.end if last else after.start]))[0],
             y=reading.op[0] if reading.kind != "none" else sum(reading.op) / 2,
-            text=_reading_text(bump, reading),
+            text=_reading_text(test, reading),
             hovertext=_wrap(reading.evidence),
             showarrow=False,
             xanchor="right" if last else "left",
@@ -219,10 +219,10 @@ def bump_figure(bump: Bump) -> go.Figure:
         )
     figure.update_yaxes(title_text=f"PV [{pv}]", row=1, col=1)
     figure.update_yaxes(title_text=f"OP [{op}]", row=2, col=1)
-    _time_axis(figure, bump, 2)
-    figure.update_xaxes(range=_time(bump, rows.t[[0, -1]]).tolist())
+    _time_axis(figure, test, 2)
+    figure.update_xaxes(range=_time(test, rows.t[[0, -1]]).tolist())
     figure.update_layout(
-        title={"text": _plain(_bump_title(bump)), "x": 0.01, "xanchor": "left", "font": {"size": 16}},
+        title={"text": _plain(_step_test_title(test)), "x": 0.01, "xanchor": "left", "font": {"size": 16}},
         height=700,
         margin={"l": 78, "r": 24, "t": 56, "b": 150},  # a narrow page holds one name in a row of the legend
         hovermode="closest",
@@ -234,29 +234,29 @@ def bump_figure(bump: Bump) -> go.Figure:
 _READINGS = {"gain": SIGNAL, "gap": TOO_WIDE, "none": MUTED}
 
 
-def _levels(figure: go.Figure, bump: Bump) -> None:
+def _levels(figure: go.Figure, test: StepTest) -> None:
     """Add the settled levels of PV, and for each reading a bracket from the level before to the one after."""
-    levels = [(hold.settled, hold.end, hold.level) for hold in bump.holds if hold.level is not None]
+    levels = [(hold.settled, hold.end, hold.level) for hold in test.holds if hold.level is not None]
     x = np.array([value for start, end, _ in levels for value in (start, end, np.nan)], dtype=np.float64)
     y = [value for _, _, level in levels for value in (level, level, None)]
     line = {"color": INK, "width": 2.2}
     figure.add_trace(
-        go.Scatter(x=_time(bump, x), y=y, mode="lines", line=line, name="settled PV", hoverinfo="skip"), row=1, col=1
+        go.Scatter(x=_time(test, x), y=y, mode="lines", line=line, name="settled PV", hoverinfo="skip"), row=1, col=1
     )
     for kind in ("gain", "gap"):
         xs: list[float] = []
         ys: list[float | None] = []
         texts: list[str] = []
-        for reading in bump.readings:
-            after = next(hold for hold in bump.holds if hold.end == reading.end)
+        for reading in test.readings:
+            after = next(hold for hold in test.holds if hold.end == reading.end)
             if reading.kind == kind and after.settled is not None:
                 xs += [reading.start, after.settled, after.settled, np.nan]
                 ys += [reading.pv[0], reading.pv[0], reading.pv[1], None]
-                texts += [f"{_reading_text(bump, reading)}<br>{_plain(reading.evidence)}"] * 4
+                texts += [f"{_reading_text(test, reading)}<br>{_plain(reading.evidence)}"] * 4
         if xs:
             figure.add_trace(
                 go.Scatter(
-                    x=_time(bump, np.array(xs)),
+                    x=_time(test, np.array(xs)),
                     y=ys,
                     mode="lines",
                     line={"color": _READINGS[kind], "width": 2, "dash": "4px,3px"},
@@ -269,20 +269,20 @@ def _levels(figure: go.Figure, bump: Bump) -> None:
             )
 
 
-def _reading_text(bump: Bump, reading: Reading) -> str:
+def _reading_text(test: StepTest, reading: Reading) -> str:
     """Say what one move gave, as short as a picture needs it."""
     if reading.value is None:
         return _plain(reading.evidence.split(":")[0])
-    name, unit = ("d", words.op_unit(bump)) if reading.kind == "gap" else ("Kp", "")
+    name, unit = ("d", words.op_unit(test)) if reading.kind == "gap" else ("Kp", "")
     return _plain(f"{name} = {words.quantity(reading.value, unit).strip()}")
 
 
-def _bump_title(bump: Bump) -> str:
-    if bump.d is None:
-        return f"{bump.name}: no width"
+def _step_test_title(test: StepTest) -> str:
+    if test.d is None:
+        return f"{test.name}: no width"
     return (
-        f"{bump.name}: gap {words.quantity(bump.d, words.op_unit(bump))}, "
-        f"95 % {words.number(bump.low)} to {words.quantity(bump.high, words.op_unit(bump))}"
+        f"{test.name}: gap {words.quantity(test.d, words.op_unit(test))}, "
+        f"95 % {words.number(test.low)} to {words.quantity(test.high, words.op_unit(test))}"
     )
 
 
@@ -382,7 +382,7 @@ def _empty(text: str, height: int = 220) -> go.Figure:
     return figure
 
 
-def _time(result: Result | Bump, seconds: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
+def _time(result: Result | StepTest, seconds: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
     """Turn seconds since t0 into what the axis counts: milliseconds of local wall-clock time, or seconds.
 
     Plotly's dates know no zone, so the wall clock of the first row is given to it as if it were UTC.
@@ -394,7 +394,7 @@ def _time(result: Result | Bump, seconds: NDArray[np.floating[Any]]) -> NDArray[
     return np.round((start + exact) * 1000.0)
 
 
-def _time_axis(figure: go.Figure, result: Result | Bump, rows: int) -> None:
+def _time_axis(figure: go.Figure, result: Result | StepTest, rows: int) -> None:
     """Set the shared time axis: dates without a unit, seconds with it; as many labels as a narrow page holds level."""
     figure.update_xaxes(nticks=6, tickangle=0)
     if result.t0 is None:

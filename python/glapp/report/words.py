@@ -11,8 +11,8 @@ from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
-    from ..bump import Bump
     from ..result import Answer, Result
+    from ..step_test import StepTest
 
 
 class Reason(NamedTuple):
@@ -39,7 +39,7 @@ REASONS: dict[str, Reason] = {
     "not_auto": Reason(
         "not in auto",
         "the controller was not in automatic for all of it",
-        "Record the loop while it runs in automatic. If this is a test by hand, glapp bump reads it.",
+        "Record the loop while it runs in automatic. If this is a step test, glapp step-test reads it.",
     ),
     "saturated": Reason(
         "OP at a limit",
@@ -310,7 +310,7 @@ def count(n: int, noun: str) -> str:
     return f"{n} {noun}" if n == 1 else f"{n} {noun}s"
 
 
-def op_unit(result: Result | Bump) -> str:
+def op_unit(result: Result | StepTest) -> str:
     """Write the unit of OP as a sentence needs it: `%` alone would leave open of what."""
     return "%OP" if result.unit == "%" else result.unit
 
@@ -493,7 +493,7 @@ def step_test(result: Result) -> str:
     if test is None:
         return ""
     gap = f"{quantity(test.d, op_unit(test))} ({number(test.low)} to {number(test.high)})"
-    return f"This recording holds a step test by hand, and it gives a gap of {gap}: see glapp bump."
+    return f"This recording holds a step test, and it gives a gap of {gap}: see glapp step-test."
 
 
 def todo(result: Result) -> str:

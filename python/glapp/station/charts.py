@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
-from ..bump import Bump
 from ..report.words import NAMES, REASONS, number
+from ..step_test import StepTest
 
 __all__ = ["detections", "lab", "live", "phase", "shades", "step_test"]
 
@@ -250,12 +250,12 @@ def detections(answers: Sequence[Mapping[str, Any]], unit: str, *, scale: float,
     }
 
 
-def step_test(found: Bump, *, dark: bool) -> dict[str, Any] | None:
-    """A test by hand: PV above, OP below; what was held is shaded, from when PV had settled more strongly.
+def step_test(found: StepTest, *, dark: bool) -> dict[str, Any] | None:
+    """A step test: PV above, OP below; what was held is shaded, from when PV had settled more strongly.
 
     Parameters
     ----------
-    found : Bump
+    found : StepTest
         What was read.
     dark : bool
         On a dark page.

@@ -395,7 +395,7 @@ class _Page:
             ui.label("A gap draws two flanks that lie its width apart in OP.").classes("small muted")
 
     async def step_test(self) -> None:
-        """A step test by hand: what to do next, and what it tells so far."""
+        """A step test: what to do next, and what it tells so far."""
         answer, status = self.station.view.answer(self.name), self.status
         width = status.get("estimate") if answer is None else (answer["high"] or answer["low"])
 
@@ -403,7 +403,7 @@ class _Page:
             end = time.time()
             return await signals(self.station, self.session, self.name, end - seconds, end)
 
-        with dialog_of(f"{self.name}: step test by hand"):
+        with dialog_of(f"{self.name}: step test"):
             loop = self.station.view.loops[self.name]
             await Wizard(loop, width, WINDOWS, self.window, last, self.session.dark).build()
 

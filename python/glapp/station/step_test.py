@@ -1,4 +1,4 @@
-"""A step test by hand (8.5): read while it goes on, from what was recorded here, or from a file. A person moves OP."""
+"""A step test (8.5): read while it goes on, from what was recorded here, or from a file. A person moves OP."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from ..bump import Bump, bump
 from ..errors import InputError
 from ..loop import Columns, Loop
 from ..reading import open_each
 from ..reading.apart import Worker
 from ..recording import AT_HIGH, AT_LOW, BAD, NOT_AUTO
 from ..report.words import number, quantity
+from ..step_test import StepTest, step_test
 
 __all__ = ["FORMS", "place", "read", "read_apart", "read_file", "steps", "told"]
 
@@ -24,7 +24,7 @@ FORMS = ("CSV", "Excel", "Parquet", "Arrow")
 """What a recording may be written as."""
 
 
-def read(values: Mapping[str, Sequence[Any]], loop: Loop) -> Bump | None:
+def read(values: Mapping[str, Sequence[Any]], loop: Loop) -> StepTest | None:
     """What a test in samples of the service tells; None where the controller was in automatic all the time.
 
     Parameters
@@ -46,12 +46,12 @@ def read(values: Mapping[str, Sequence[Any]], loop: Loop) -> Bump | None:
         return None
     numbers = {name: [math.nan if x is None else x for x in values[name]] for name in ("PV", "OP")}
     try:
-        return bump(t=np.asarray(values["time"]), pv=numbers["PV"], op=numbers["OP"], flags=flags, loop=loop)
+        return step_test(t=np.asarray(values["time"]), pv=numbers["PV"], op=numbers["OP"], flags=flags, loop=loop)
     except InputError:
         return None
 
 
-def read_file(path: Path, loop: Loop, columns: Mapping[str, str | None], *, manual: bool) -> Bump:
+def read_file(path: Path, loop: Loop, columns: Mapping[str, str | None], *, manual: bool) -> StepTest:
     """What a test in a recording of the person's own tells.
 
     Parameters
@@ -75,7 +75,7 @@ def read_file(path: Path, loop: Loop, columns: Mapping[str, str | None], *, manu
         [opened] = open_each(path, [loop.model_copy(update={"columns": named, "file": None, "files": ()})])
         if isinstance(opened, InputError):
             raise opened
-        return bump(opened, manual=manual)
+        return step_test(opened, manual=manual)
     except InputError as error:
         error.file = path.name
         raise
@@ -118,12 +118,12 @@ def steps(width: float | None, unit: str) -> tuple[str, ...]:
     )
 
 
-def place(found: Bump | None, manual: bool) -> int:
+def place(found: StepTest | None, manual: bool) -> int:
     """Which of the `steps` is the next.
 
     Parameters
     ----------
-    found : Bump or None
+    found : StepTest or None
         What was read so far.
     manual : bool
         Whether the controller is in manual now.
@@ -144,7 +144,7 @@ def place(found: Bump | None, manual: bool) -> int:
     return 3 if any(a == b for a, b in pairwise(moves)) else 2
 
 
-def told(found: Bump, unit: str) -> list[str]:
+def told(found: StepTest, unit: str) -> list[str]:
     """What a test gives, in sentences: the gap, the process gain, what each move tells, or why it tells nothing."""
     lines = []
     if found.d is not None:

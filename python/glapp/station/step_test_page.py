@@ -1,4 +1,4 @@
-"""The dialog of a step test by hand: what to do next, and what it tells, as it goes on, later, or from a file."""
+"""The dialog of a step test: what to do next, and what it tells, as it goes on, later, or from a file."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from typing import Any
 from nicegui import ui
 from nicegui.events import UploadEventArguments
 
-from ..bump import Bump
 from ..errors import InputError
 from ..loop import Loop
 from ..reading.files import ENDINGS
+from ..step_test import StepTest
 from . import charts, step_test
 from .pages import heading
 from .sessions import LARGEST_FILE
@@ -61,7 +61,7 @@ class Wizard:
 
     def __post_init__(self) -> None:
         self._at: int | None = None
-        self._seen: Bump | None = None
+        self._seen: StepTest | None = None
 
     async def build(self) -> None:
         """Everything below the dialog's head."""
@@ -162,7 +162,7 @@ class Wizard:
             return
         self._tell(found, "")
 
-    def _tell(self, found: Bump | None, nothing: str) -> None:
+    def _tell(self, found: StepTest | None, nothing: str) -> None:
         if found is not None and found == self._seen:
             return
         self._seen = found

@@ -15,8 +15,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
+from .. import _glapp
 from ..errors import InputError
 from ..escape import for_spreadsheet
 from ..loop import Loop
@@ -36,8 +35,14 @@ SILENT = 60.0
 STILL = 600.0
 """… or where it has, and yet no value of PV came for so long [s], or for five of its sample times."""
 
+DAY = 86400.0
+"""[s]"""
+
 TREND_DAYS = 90
-"""A trend is that of the detections of so many days."""
+"""A trend is that of the fits, or of the detections, of so many days."""
+
+INTERVAL = 3.92
+"""A 95 % interval is so many standard errors wide."""
 
 HEALTH = {
     "NORMAL": "Good",
@@ -60,32 +65,32 @@ class Trend:
         Half of its 95 % interval [the same].
     days : float
         Over how many days it was seen.
+    moves : bool
+        Whether it is more than chance.
     """
 
     slope: float
     spread: float
     days: float
-
-    @property
-    def moves(self) -> bool:
-        """Whether it is more than chance."""
-        return abs(self.slope) > self.spread
+    moves: bool
 
 
-def trend(days: Sequence[float], widths: Sequence[float]) -> Trend | None:
-    """The straight line through a width a day, by least squares.
+def trend(days: Sequence[float], widths: Sequence[float], errors: Sequence[float] | None = None) -> Trend | None:
+    """The straight line through widths, by the one rule that the fit and the fleet go by too (`crates/fit`, `Trend`).
 
     Parameters
     ----------
     days : sequence of float
-        When [d].
+        When, in order [d].
     widths : sequence of float
         How wide [OP unit].
+    errors : sequence of float, optional
+        Their standard errors [OP unit], where they are known.
 
     Returns
     -------
     Trend or None
-        None with fewer than seven days.
+        None with fewer than five widths.
 
     Examples
     --------
@@ -95,18 +100,11 @@ def trend(days: Sequence[float], widths: Sequence[float]) -> Trend | None:
     >>> trend([0, 1, 2], [1.0, 2.0, 3.0]) is None
     True
     """
-    x, y = np.asarray(days, float), np.asarray(widths, float)
-    n = len(x)
-    if n < 7 or np.ptp(x) == 0.0:
+    found = _glapp.width_trend([DAY * day for day in days], list(widths), None if errors is None else list(errors))
+    if found["code"] == "too_few":
         return None
-    dx = x - x.mean()
-    sxx = float(dx @ dx)
-    slope = float(dx @ y) / sxx
-    left = y - y.mean() - slope * dx
-    # Student's 97.5 % point, within 2 % for 5 degrees of freedom and more.
-    t = 1.96 + 2.5 / (n - 2) + 3.0 / (n - 2) ** 2
-    spread = t * math.sqrt(float(left @ left) / (n - 2) / sxx)
-    return Trend(30.0 * slope, 30.0 * spread, float(np.ptp(x)))
+    (first, last), slope = found["t"], found["per_day"]
+    return Trend(30.0 * slope, 30.0 * (found["high"] - slope), (last - first) / DAY, found["code"] != "steady")
 
 
 @dataclass(frozen=True, slots=True)
@@ -444,34 +442,42 @@ def _compensation(status: Mapping[str, Any]) -> str:
 
 def _own(recordings: str | None) -> Trend | None:
     """The trend within one answer: of the widths that its recordings gave each by itself, where they did."""
-    given = [
-        (datetime.fromisoformat(one["t0"]).timestamp() / 86400.0, one["d"])
-        for one in json.loads(recordings or "[]")
-        if one["t0"] is not None and one["left_out"] is None and one["verdict"] in ("backlash", "both")
-    ]
-    return trend([day for day, _ in given], [d for _, d in given])
+    return _through(
+        [
+            (datetime.fromisoformat(one["t0"]).timestamp() / DAY, one["d"], one["low"], one["high"])
+            for one in json.loads(recordings or "[]")
+            if one["t0"] is not None and one["left_out"] is None and one["verdict"] in ("backlash", "both")
+        ]
+    )
+
+
+def _through(rows: Sequence[tuple[float, float, float | None, float | None]]) -> Trend | None:
+    """The trend of (day, width, and the limits of its interval); the limits count where all widths have them."""
+    errors = [(high - low) / INTERVAL for _, _, low, high in rows if low is not None and high is not None]
+    days, widths = [day for day, _, _, _ in rows], [d for _, d, _, _ in rows]
+    return trend(days, widths, errors if len(errors) == len(rows) else None)
 
 
 def _trends(reader: Reader, now: float) -> dict[str, Trend]:
-    """The trend of each loop, a mean a day: of the widths that the fits found, else of the detections.
+    """The trend of each loop, a mean a day: of the widths and limits that the fits found, else of the detections.
 
     Detections under compensation show what is left of the gap, and do not count.
     """
     found: dict[str, Trend] = {}
-    since = now - TREND_DAYS * 86400.0
+    since = now - TREND_DAYS * DAY
     for query in (
-        "SELECT name, CAST(t_end / 86400 AS INTEGER) AS day, AVG(d) AS d FROM half_periods JOIN loops ON "
-        "loops.id = half_periods.loop WHERE reason = 0 AND compensated = 0 AND t_end > ? GROUP BY name, day",
-        "SELECT name, CAST(time / 86400 AS INTEGER) AS day, AVG(d) AS d FROM answers JOIN loops ON "
-        "loops.id = answers.loop WHERE verdict IN ('backlash', 'both') AND time > ? GROUP BY name, day",
+        "SELECT name, CAST(t_end / 86400 AS INTEGER) AS day, AVG(d) AS d, NULL AS low, NULL AS high FROM half_periods "
+        "JOIN loops ON loops.id = half_periods.loop WHERE reason = 0 AND compensated = 0 AND t_end > ? "
+        "GROUP BY name, day",
+        "SELECT name, CAST(time / 86400 AS INTEGER) AS day, AVG(d) AS d, AVG(low) AS low, AVG(high) AS high "
+        "FROM answers JOIN loops ON loops.id = answers.loop WHERE verdict IN ('backlash', 'both') AND time > ? "
+        "GROUP BY name, day",
     ):
-        by_loop: dict[str, tuple[list[float], list[float]]] = {}
+        by_loop: dict[str, list[tuple[float, float, float | None, float | None]]] = {}
         for row in reader.rows(query, since):
-            days, widths = by_loop.setdefault(row["name"], ([], []))
-            days.append(row["day"])
-            widths.append(row["d"])
-        for name, (days, widths) in by_loop.items():
-            if (one := trend(days, widths)) is not None:
+            by_loop.setdefault(row["name"], []).append((row["day"], row["d"], row["low"], row["high"]))
+        for name, rows in by_loop.items():
+            if (one := _through(rows)) is not None:
                 found[name] = one
     return found
 

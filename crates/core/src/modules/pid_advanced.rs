@@ -45,7 +45,7 @@ pub struct Gains<R> {
 pub struct PidAdvancedSettings<R> {
     /// The controller.
     pub pid: PidSettings<R>,
-    /// Static process gain ≠ 0, where known: from a fit, an autotuner, a manual test [process value per output].
+    /// Static process gain ≠ 0, where known: from a fit, an autotuner, a step test [process value per output].
     pub kp: Option<R>,
     /// Span of the process value > 0, where known \[PV unit\]: with `op_span` it gives a Kp that is not known its default
     /// ([`DetectorSettings::gain`]).

@@ -220,7 +220,7 @@ pub(crate) fn joint(curves: &mut [Curve], op: Unit, pv: Unit) -> Option<JointAns
     joint.records.sort_by(|a, b| a.start.total_cmp(&b.start));
     joint.shown = joint.records.iter().position(|r| r.start == start)?;
     let readings: Vec<Reading> = joint.records.iter().map(RecordAnswer::reading).collect();
-    let trend = Trend::of(&readings);
+    let trend = Trend::of_readings(&readings);
     if let Some(newest) = newest(trend, &readings) {
         joint.whole = Together::from(&joint.records[newest].answer);
         joint.shown = newest;

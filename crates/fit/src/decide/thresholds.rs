@@ -158,7 +158,8 @@ thresholds! {
     /// Windows of a history that must show a gap by themselves, part of all: what no window shows may be what the model lacks in all
     /// of them. `bench.lengths --times`, numbers 0 to 2 (ADR 0020).
     WINDOWS_THAT_SHOW: f64 = 1.0 / 3.0, "1";
-    /// Widths with two limits that a change in time must rest on, and its standard errors.
+    /// Widths that a change in time must rest on, and its standard errors: with the widths' own errors known, 2 to 3 of 1000 steady
+    /// widths are said to change; where only their scatter is, by Student's distribution as many (`decide::trend`).
     TREND_WIDTHS: usize = 5, "widths";
     /// See [`TREND_WIDTHS`].
     TREND_ERRORS: f64 = 3.0, "standard errors";

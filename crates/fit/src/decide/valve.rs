@@ -219,7 +219,7 @@ pub(crate) fn valve(mut recordings: Vec<Recording>) -> Result<ValveAnswer, Unfit
     let counted = left_out.iter().filter(|why| why.is_none()).count();
     let shared = (counted >= FEWEST_RECORDINGS).then(|| shared_width(&mut members, d, &here, &mut adds));
     let each: Vec<Reading> = readings.iter().map(|(_, reading)| *reading).collect();
-    let trend = if each.iter().all(|r| r.t.is_finite()) { Trend::of(&each) } else { None };
+    let trend = if each.iter().all(|r| r.t.is_finite()) { Trend::of_readings(&each) } else { None };
     // Where the width changes plainly, the newest is today's.
     let silent = |whole: &Together| whole.verdict == Verdict::CannotTell && whole.reason != DISAGREES;
     let alone = match (newest(trend, &each), &shared) {

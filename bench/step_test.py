@@ -1,7 +1,7 @@
-"""How often the interval of `glapp.bump` holds the truth: `python -m bench.bump [tests]`, 1000 a row by default.
+"""How often the interval of `glapp.step_test` holds the truth: `python -m bench.step_test [tests]`, else 1000 a row.
 
-Each row is a kind of manual test on a simulated valve with a known gap; every test has its own noise and drift. What
-the columns mean is written in docs/bump.md, which has the table.
+Each row is a kind of step test on a simulated valve with a known gap; every test has its own noise and drift. What
+the columns mean is written in docs/step-test.md, which has the table.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Case:
     levels: tuple[float, ...] = UP_UP_BACK
     hold: float = 100.0
 
-    def test(self, seed: int) -> glapp.Bump:
+    def test(self, seed: int) -> glapp.StepTest:
         """One test of this kind, read."""
         n = int(self.hold * len(self.levels))
         load = random_walk(n + 1, 1.0, self.walk, seed) + self.ramp * np.arange(n + 1)
@@ -54,7 +54,7 @@ class Case:
             filter_in_loop=True,
         )
         loop = glapp.Loop(name=self.name, process={"type": "integrating"} if self.den[-1] == 0 else {})
-        return glapp.bump(glapp.recording_from(simulation.to_arrow().drop_columns(["POSITION"]), loop))
+        return glapp.step_test(glapp.recording_from(simulation.to_arrow().drop_columns(["POSITION"]), loop))
 
 
 CASES = (

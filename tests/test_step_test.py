@@ -1,4 +1,4 @@
-"""The manual test: truth from the simulator over gaps, noise and drift; refusals where a record holds no such test."""
+"""The step test: truth from the simulator over gaps, noise and drift; refusals where a record holds no such test."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import glapp
-from glapp import Bump, InputError, Loop, bump, recording_from
+from glapp import InputError, Loop, StepTest, recording_from, step_test
 from glapp.simulate import Coloured, Gaussian, closed_loop, random_walk
 
 
@@ -50,8 +50,8 @@ def recorded(moves, *, plant=([0.8], [5.0, 1.0], 0.0), d=2.0, noise=0.05, positi
     return table if position else table.drop_columns(["POSITION"])
 
 
-def read(table, loop=None, **how) -> Bump:
-    return bump(recording_from(table, loop), **how)
+def read(table, loop=None, **how) -> StepTest:
+    return step_test(recording_from(table, loop), **how)
 
 
 UP_UP_BACK = steps(50, 53, 56, 52)
@@ -303,7 +303,7 @@ def test_every_picture_draws():
         assert [trace.name for trace in figure.data][:3] == ["PV", "valve position", "OP"]
     names = [trace.name for trace in read(recorded(UP_UP_BACK)).plot().data]
     assert "ΔPV after a reversal" in names
-    assert glapp.bump(recording_from(without(recorded(UP_UP_BACK), "OP"))).plot() is not None
+    assert glapp.step_test(recording_from(without(recorded(UP_UP_BACK), "OP"))).plot() is not None
 
 
 @given(st.data())

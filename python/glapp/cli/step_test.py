@@ -1,4 +1,4 @@
-"""`glapp bump`: the gap and the process gain out of a test by hand."""
+"""`glapp step-test`: the gap and the process gain out of a step test."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ from typing import Annotated
 
 import typer
 
-from ..bump import Bump, Reading
-from ..bump import bump as read_bump
 from ..errors import InputError
 from ..escape import in_quotes, one_line
+from ..step_test import Reading, StepTest
+from ..step_test import step_test as read_step_test
 from ..writing import GENERATOR
 from .inputs import Valve, open_files, read_by, recording_of
 from .options import Options, with_options
 from .outputs import PAGE, check_output, save
 from .screen import Column, key_values, out, say_error, show_table, styled
 
-__all__ = ["bump"]
+__all__ = ["step_test"]
 
 
 @with_options
-def bump(
+def step_test(
     files: Annotated[list[Path], typer.Argument(metavar="FILES...", help="Recordings, loops.toml files, or both.")],
     options: Options,
     manual: Annotated[
@@ -35,7 +35,7 @@ def bump(
     ] = False,
     plot: Annotated[Path | None, typer.Option(metavar="HTML", help="Write a zoomable picture of it.")] = None,
 ) -> None:
-    """Read gap and process gain off a test by hand: OP stepped twice one way and once back, and held each time.
+    """Read gap and process gain off a step test: OP stepped twice one way and once back, and held each time.
 
     [bold]How to test a valve[/bold]: put the controller in manual. Step OP up by more than the gap may be, and wait \
 until PV stands still. Step up once more, and wait. Step back by more than the gap, and wait. That is the least; \
@@ -46,12 +46,12 @@ back moves OP, and PV does not follow, is the gap: d = |ΔOP| − |ΔPV|/Kp.
     """
     if plot is not None:
         check_output("--plot", plot, read_by(files), PAGE)
-    found: list[Bump] = []
+    found: list[StepTest] = []
     faults: list[InputError] = []
     for entry in open_files(files, options):
         for recording in entry.recordings if isinstance(entry, Valve) else [entry]:
             try:
-                found.append(read_bump(recording_of(recording), manual=manual))
+                found.append(read_step_test(recording_of(recording), manual=manual))
             except InputError as error:
                 faults.append(error)
     if json:
@@ -77,7 +77,7 @@ back moves OP, and PV does not follow, is the gap: d = |ΔOP| − |ΔPV|/Kp.
         raise typer.Exit(1)
 
 
-def _page(found: Sequence[Bump]) -> str:
+def _page(found: Sequence[StepTest]) -> str:
     """The pictures of all tests in one page."""
     from ..report.figures import CONFIG
 
@@ -88,7 +88,7 @@ def _page(found: Sequence[Bump]) -> str:
     return head[:at] + others + head[at:]
 
 
-def _show(found: Bump) -> None:
+def _show(found: StepTest) -> None:
     from ..report.words import clock, number, op_unit, quantity
 
     op = op_unit(found)

@@ -1,0 +1,301 @@
+//! From holds to the dead band, the process gain and their intervals, or the reason why there are none.
+
+use super::blocks::{Blocks, matrix};
+use super::holds::{Node, holds};
+use super::moves::{Move, difference, moves};
+use super::posterior::{Axes, Limits, Posterior};
+use super::settling::{Signals, TAILS};
+use super::{Evidence, Hold, Kind, LEAST_ROWS, Note, Reading, Reason, StepTest, range};
+use crate::{median, resolution};
+use std::ops::Range;
+
+/// Settled holds that are read: the time to read them grows with the third power of their number.
+const MOST_HOLDS: usize = 60;
+/// Least degrees of freedom behind an interval: below, Student's distribution is wider than a person takes an interval for.
+const FREEDOM: usize = 5;
+/// F ratio from which holds that lie off the model widen the interval: one test in a few hundred reaches it by chance.
+const MISFIT: f64 = 4.0;
+/// Part of its settling time that a hold must go on for after PV has settled.
+const STAYS: f64 = 0.2;
+/// Part of PV's range that a response leaves when it is not quite over.
+const NOT_OVER: f64 = 1e-3;
+
+/// Reads one signal's answer (PV's or the position's) to the moves of OP.
+pub(super) fn read(t: &[f64], op: &[f64], y: &[f64], stretches: &[Range<usize>], integrating: bool) -> StepTest {
+    let mut steps: Vec<f64> =
+        stretches.iter().flat_map(|part| t[part.clone()].windows(2).map(|pair| pair[1] - pair[0])).collect();
+    let signals = Signals { t, op, y, h: median(&mut steps) };
+    let (nodes, tolerance) = holds(op, y, stretches);
+    Test { signals, nodes, tolerance, integrating }.answer()
+}
+
+struct Test<'a> {
+    signals: Signals<'a>,
+    nodes: Vec<Node>,
+    tolerance: f64,
+    integrating: bool,
+}
+
+impl Test<'_> {
+    /// Finds what settled, what each move says, and what they say together.
+    fn answer(mut self) -> StepTest {
+        let integrating = self.integrating;
+        let refused = |reason| StepTest { integrating, ..StepTest::refused(reason) };
+        if self.nodes.is_empty() {
+            return refused(Reason::NeverHeld { rows: LEAST_ROWS });
+        }
+        if self.at_one_value(&self.nodes) {
+            return refused(Reason::OneValue);
+        }
+        let settle = self.signals.settling(&self.nodes);
+        self.settled(settle);
+        let settled: Vec<Node> = self.nodes.iter().copied().filter(|node| node.settled.is_some()).collect();
+        let so_far = StepTest {
+            integrating,
+            holds: self.holds(&[], &[]),
+            settle: (!integrating).then_some(settle),
+            ..StepTest::default()
+        };
+        if settled.len() < 3 {
+            let reason = if integrating {
+                Reason::TooFewHolds { settled: settled.len(), rows: 2 * LEAST_ROWS }
+            } else {
+                let needed = settle * (1.0 + STAYS);
+                Reason::NotSettled { settled: settled.len(), holds: self.nodes.len(), needed }
+            };
+            return StepTest { reason: Some(reason), ..so_far };
+        }
+        let in_a_row = |node: &&Node| settled.iter().filter(|other| other.stretch == node.stretch).count() > 1;
+        self.together(settled.iter().filter(in_a_row).copied().collect(), settle, so_far)
+    }
+
+    fn at_one_value(&self, nodes: &[Node]) -> bool {
+        range(&nodes.iter().map(|node| node.op).collect::<Vec<_>>()) <= self.tolerance
+    }
+
+    /// Marks from which row on each hold is settled; of an integrating process the second half of each.
+    fn settled(&mut self, settle: f64) {
+        let Signals { t, y, h, .. } = self.signals;
+        for node in &mut self.nodes {
+            let (start, end) = (t[node.first], t[node.end - 1]);
+            let wait = if self.integrating { (end - start) / 2.0 } else { settle };
+            let least = wait + (LEAST_ROWS as f64 * h).max(STAYS * wait) - 1e-9 * h;
+            if end - start < least && !self.integrating {
+                continue;
+            }
+            let first = node.first + t[node.first..node.end].partition_point(|t| *t < start + wait);
+            if y[first..node.end].iter().filter(|y| y.is_finite()).count() >= LEAST_ROWS {
+                node.settled = Some(first);
+            }
+        }
+    }
+
+    /// Reads the settled holds together.
+    fn together(&self, mut nodes: Vec<Node>, settle: f64, mut told: StepTest) -> StepTest {
+        let refused = |told: StepTest, reason| StepTest { reason: Some(reason), ..told };
+        if nodes.len() < 3 || self.at_one_value(&nodes) {
+            return refused(told, Reason::NotInARow);
+        }
+        let more = nodes.len().saturating_sub(MOST_HOLDS);
+        nodes.truncate(MOST_HOLDS);
+        let Signals { t, op, y, h } = self.signals;
+        let lag = if self.integrating { 0.0 } else { settle / (1.0 + TAILS) };
+        let blocks = Blocks::of(t, y, h, &nodes, lag, self.integrating);
+        let extra = self.coarse();
+        // A level for each hold leaves only the slopes of the drift.
+        let mut columns = blocks.levels();
+        columns.extend(blocks.drift(false));
+        if blocks.len() < columns.len() + FREEDOM {
+            return refused(told, Reason::TooShort);
+        }
+        let free = Axes::of(&blocks).and_then(|axes| Posterior::of(&columns, &axes, extra, 1.0));
+        let Some(free) = free else { return refused(told, Reason::TooShort) };
+        let unit = |at: usize, of: usize| (0..of).map(|i| f64::from(u8::from(i == at))).collect::<Vec<f64>>();
+        let ends: Vec<Vec<f64>> = (0..nodes.len()).map(|i| unit(i, columns.len())).collect();
+        let levels = levels(&blocks, nodes.len());
+        // `below` is small where PV rose.
+        let change = |i: usize| {
+            (nodes[i + 1].op - nodes[i].op) * (free.below(0.0, &difference(&ends[i + 1], &ends[i], 1.0)) - 0.5)
+        };
+        let sign = if (0..nodes.len() - 1).map(change).sum::<f64>() > 0.0 { -1.0 } else { 1.0 };
+        let moves = moves(&mut nodes, op, self.tolerance, &free, &ends, sign);
+        told.holds = self.holds(&nodes, &levels);
+        told.readings = moves.iter().map(|one| self.plain(one, &nodes, &levels)).collect();
+        if moves.iter().all(Move::unanswered) && nodes.iter().all(|node| node.side == 0) {
+            let largest = nodes.windows(2).map(|pair| (pair[1].op - pair[0].op).abs()).fold(0.0, f64::max);
+            return refused(told, Reason::UnansweredMoves { largest });
+        }
+        if !moves.iter().any(|one| one.kind == Kind::Gain) {
+            let unsettled = self.nodes.iter().filter(|node| node.settled.is_none()).count();
+            let reason = match unsettled {
+                0 => Reason::NoGain,
+                _ => Reason::NoGainUnsettled { unsettled, holds: self.nodes.len() },
+            };
+            return refused(told, reason);
+        }
+        let reversed = moves.iter().any(|one| one.kind == Kind::Gap);
+        let used: Vec<usize> = (0..nodes.len()).filter(|i| nodes[*i].side != 0).collect();
+        let part = blocks.of_holds(&used);
+        let mut columns = part.drift(true);
+        let at = columns.len();
+        let middle = part.hold.iter().map(|i| nodes[*i].op).sum::<f64>() / part.len() as f64;
+        columns.push(part.hold.iter().map(|i| sign * (nodes[*i].op - middle)).collect());
+        if reversed {
+            columns.push(part.hold.iter().map(|i| -sign * f64::from(nodes[*i].side) / 2.0).collect());
+        }
+        if part.len() < columns.len() + FREEDOM || !independent(&columns) {
+            return refused(told, Reason::TooShort);
+        }
+        let Some(axes) = Axes::of(&part) else { return refused(told, Reason::TooShort) };
+        let Some(mut fit) = Posterior::of(&columns, &axes, extra, 1.0) else {
+            return refused(told, Reason::TooShort);
+        };
+        let mut notes = Vec::new();
+        if more > 0 {
+            notes.push(Note::FirstHolds { read: MOST_HOLDS, left: more });
+        }
+        let disagree = misfit(&part, &axes, &fit, extra);
+        if let Some(f) = disagree
+            && let Some(wider) = Posterior::of(&columns, &axes, extra, f)
+        {
+            fit = wider;
+            notes.push(Note::Disagree { f });
+        }
+        let at_gain = unit(at, columns.len());
+        let kp = fit.interval(&at_gain);
+        if kp.low <= 0.0 {
+            return refused(told, disagree.map_or(Reason::GainNearZero, |f| Reason::GainNearZeroDisagree { f }));
+        }
+        for (one, reading) in moves.iter().zip(&mut told.readings) {
+            let answer = free.interval(&difference(&ends[one.to], &ends[one.origin], 1.0));
+            valued(one, reading, answer, kp);
+        }
+        let signed = kp.map(|kp| sign * kp);
+        told.kp = Some(signed.median);
+        told.kp_low = Some(signed.low.min(signed.high));
+        told.kp_high = Some(signed.low.max(signed.high));
+        if !reversed {
+            let silent = moves.iter().filter_map(|one| Some((one, one.since.filter(|_| one.unanswered())?)));
+            // The first of the largest.
+            let largest = silent.reduce(|a, b| if b.0.travel.abs() > a.0.travel.abs() { b } else { a });
+            let Some((one, since)) = largest else { return refused(told, Reason::NoReversal) };
+            let answer = free.interval(&difference(&ends[one.to], &ends[since], 1.0));
+            let most = answer.low.abs().max(answer.high.abs());
+            let at_least = (one.travel.abs() - most / kp.low).max(0.0);
+            told.low = Some(at_least);
+            return refused(told, Reason::AtLeast { reversal: one.travel.abs(), at_least });
+        }
+        let d = fit.ratio(&unit(columns.len() - 1, columns.len()), &at_gain).map(|d| d.max(0.0));
+        if d.low == 0.0 {
+            notes.push(Note::ReachesZero { high: d.high });
+        }
+        StepTest { reason: None, d: Some(d.median), low: Some(d.low), high: Some(d.high), notes, ..told }
+    }
+
+    /// Variance that a coarse signal adds to a level.
+    fn coarse(&self) -> f64 {
+        let mut values: Vec<f64> = self.signals.y.iter().filter(|y| !y.is_nan()).map(|y| y + 0.0).collect();
+        let bad = values.len() < self.signals.y.len();
+        values.sort_unstable_by(f64::total_cmp);
+        values.dedup();
+        // A value a hold makes no grid.
+        if self.integrating || values.len() + usize::from(bad) <= self.nodes.len() {
+            return 0.0;
+        }
+        resolution(self.signals.y).map_or(0.0, |(step, _)| step * step / 12.0)
+    }
+
+    /// A move before the process gain is known.
+    fn plain(&self, one: &Move, nodes: &[Node], levels: &[f64]) -> Reading {
+        let (a, b) = (&nodes[one.origin], &nodes[one.to]);
+        Reading {
+            kind: one.kind,
+            start: self.signals.t[a.end - 1],
+            end: self.signals.t[b.end - 1],
+            op: (a.op, b.op),
+            pv: (levels[one.origin], levels[one.to]),
+            value: None,
+            low: None,
+            high: None,
+            evidence: one.why,
+        }
+    }
+
+    /// All holds, with level and side of those that were read.
+    fn holds(&self, read: &[Node], levels: &[f64]) -> Vec<Hold> {
+        let t = self.signals.t;
+        let hold = |node: &Node| {
+            let at = read.iter().position(|other| other.first == node.first);
+            Hold {
+                start: t[node.first],
+                end: t[node.end - 1],
+                settled: node.settled.map(|settled| t[settled]),
+                op: node.op,
+                level: at.map(|at| levels[at]),
+                side: at.map_or(0, |at| read[at].side),
+            }
+        };
+        self.nodes.iter().map(hold).collect()
+    }
+}
+
+/// Weighted mean of each hold's blocks.
+fn levels(blocks: &Blocks, holds: usize) -> Vec<f64> {
+    let (mut sum, mut rows) = (vec![0.0; holds], vec![0.0; holds]);
+    for (i, hold) in blocks.hold.iter().enumerate() {
+        sum[*hold] += blocks.y[i] * blocks.rows[i];
+        rows[*hold] += blocks.rows[i];
+    }
+    sum.iter().zip(rows).map(|(sum, rows)| sum / rows).collect()
+}
+
+/// Whether no column is a sum of others: no singular value is below the rounding of the largest.
+fn independent(columns: &[Vec<f64>]) -> bool {
+    if columns.iter().flatten().any(|x| !x.is_finite()) {
+        return false;
+    }
+    let values = matrix(columns).singular_values();
+    let n = columns[0].len().max(columns.len()) as f64;
+    values.min() > values.max() * n * f64::EPSILON
+}
+
+/// F ratio of what levels of their own for all holds explain beyond the model; none where that is little.
+fn misfit(blocks: &Blocks, axes: &Axes, tight: &Posterior, extra: f64) -> Option<f64> {
+    let mut columns = blocks.levels();
+    columns.extend(blocks.drift(false));
+    let model = blocks.len() - tight.freedom;
+    if columns.len() <= model || blocks.len() <= columns.len() {
+        return None;
+    }
+    let more = columns.len() - model;
+    let loose = Posterior::of(&columns, axes, extra, 1.0)?;
+    let at = loose.best;
+    let rest = loose.rss[at] / loose.freedom as f64;
+    // What no noise shows either: the steps of a coarse PV, and the last of an answer that is not quite over.
+    let known = extra + (NOT_OVER * range(&blocks.y)).powi(2);
+    let beside = (rest + known * super::blocks::MEANS as f64).max(1e-300);
+    let ratio = (tight.rss[at] - loose.rss[at]) / more as f64 / beside;
+    (ratio > MISFIT).then_some(ratio)
+}
+
+/// Gives a move its value: intervals to first order, from those of PV's answer and of Kp.
+fn valued(one: &Move, reading: &mut Reading, answer: Limits, kp: Limits) {
+    let (change, error) = (answer.median, (answer.high - answer.low) / 2.0);
+    let travel = one.travel.abs();
+    let (value, error, evidence) = match one.kind {
+        Kind::None => return,
+        Kind::Gain => {
+            let evidence = Evidence::Gain { delta_pv: change, delta_op: one.travel };
+            (change / one.travel, error / travel, evidence)
+        }
+        Kind::Gap => {
+            let of_gain = change / kp.median.powi(2) * (kp.high - kp.low) / 2.0;
+            let evidence = Evidence::Gap { delta_op: travel, delta_pv: change.abs(), kp: kp.median };
+            (travel - change.abs() / kp.median, (error / kp.median).hypot(of_gain), evidence)
+        }
+    };
+    reading.value = Some(value);
+    reading.low = Some(value - error);
+    reading.high = Some(value + error);
+    reading.evidence = Some(evidence);
+}

@@ -1,0 +1,321 @@
+"""The step test for backlash, read off a recording: OP is stepped in manual, held, stepped on and stepped back.
+
+The core reads it (`crates/analysis/src/step_test.rs` has the derivation); here its numbers get units and its codes get
+sentences. `docs/step-test.md` explains how holds, settling, noise and drift are treated, and how often the interval
+held the truth.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field, replace
+from datetime import datetime
+from typing import TYPE_CHECKING, Any, Literal
+
+from numpy.typing import ArrayLike
+
+from . import _glapp
+from .errors import InputError
+from .estimate import op_range, with_op_unit
+from .loop import Loop
+from .recording import Batch, Recording
+from .samples import recording_of
+
+if TYPE_CHECKING:
+    import plotly.graph_objects as go
+
+__all__ = ["Hold", "Reading", "StepTest", "step_test"]
+
+
+@dataclass(frozen=True, slots=True)
+class Hold:
+    """One stretch in which OP was held.
+
+    Attributes
+    ----------
+    start, end : float
+        Its time [s since the first row].
+    settled : float | None
+        Time from which PV is taken as settled; None where the hold ended before that.
+    op : float
+        OP [its unit].
+    level : float | None
+        Mean of PV when settled (of an integrating process: its slope [PV unit/s]); None where not settled.
+    side : int
+        +1 where OP then pressed the valve upwards, -1 downwards, 0 where that is not known or the hold is not used.
+    """
+
+    start: float
+    end: float
+    settled: float | None
+    op: float
+    level: float | None = None
+    side: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """What one move from hold to hold gives.
+
+    Attributes
+    ----------
+    kind : {"gain", "gap", "none"}
+        A move in the same direction as the last (Kp), a reversal (d), or one that gives nothing.
+    start, end : float
+        From the end of the hold before to the end of the hold after [s since the first row].
+    op : (float, float)
+        OP before and after.
+    pv : (float, float)
+        Settled PV (or slope) before and after.
+    value, low, high : float | None
+        Kp [PV unit per OP unit] or d [OP unit] with its 95 % interval.
+    evidence : str
+        The numbers it was read from, or why it gives nothing.
+    evidence_code : dict | None
+        The same as a `code` with its numbers; None where the gain was not known.
+    """
+
+    kind: Literal["gain", "gap", "none"]
+    start: float
+    end: float
+    op: tuple[float, float]
+    pv: tuple[float, float]
+    value: float | None
+    low: float | None
+    high: float | None
+    evidence: str
+    evidence_code: dict[str, Any] | None
+
+
+@dataclass(frozen=True, slots=True)
+class StepTest:
+    """Gap and process gain as a step test shows them, or why it shows none.
+
+    Attributes
+    ----------
+    name, source : str
+        Loop, and the file it was recorded in.
+    d, low, high : float | None
+        Total width of the dead band at the valve's input [`unit`] and its 95 % interval, none of them below 0. With
+        `d` None, `low` may still be a lower bound: OP reversed by so much, and PV did not answer.
+    unit, pv_unit : str
+        Units of OP and PV.
+    d_percent_span : float | None
+        `d` in % of OP span, None where the span is not known.
+    kp, kp_low, kp_high : float | None
+        Static process gain [PV unit per OP unit] with its 95 % interval; of an integrating process the velocity gain
+        [PV unit per OP unit and s].
+    integrating : bool
+        Whether slopes were read instead of levels.
+    settle : float | None
+        Time that PV was given to settle after each move [s].
+    holds, readings : tuple
+        Where OP was held, and what each move gives.
+    reason : str | None
+        Why there is no width; None where there is one.
+    reason_code : dict | None
+        The same as a `code` with its numbers.
+    notes : tuple of str
+        What a person should know beside the numbers.
+    note_codes : tuple of dict
+        The same as codes with their numbers.
+    travel : StepTest | None
+        The same read off the valve's position, where it was recorded: PV stands for travel, Kp for travel per OP.
+    t0 : datetime | None
+        Time of the recording's first row, where it has dates.
+    signals : Batch | None
+        The rows looked at, for the picture.
+    """
+
+    name: str
+    source: str
+    unit: str
+    pv_unit: str
+    reason: str | None
+    reason_code: dict[str, Any] | None = None
+    d: float | None = None
+    low: float | None = None
+    high: float | None = None
+    d_percent_span: float | None = None
+    kp: float | None = None
+    kp_low: float | None = None
+    kp_high: float | None = None
+    integrating: bool = False
+    settle: float | None = None
+    holds: tuple[Hold, ...] = ()
+    readings: tuple[Reading, ...] = ()
+    notes: tuple[str, ...] = ()
+    note_codes: tuple[dict[str, Any], ...] = ()
+    travel: StepTest | None = None
+    t0: datetime | None = None
+    signals: Batch | None = field(default=None, repr=False, compare=False)
+
+    def plot(self) -> go.Figure:
+        """A zoomable figure: PV and OP with what was held, what had settled, and each reading in its place."""
+        from .report.figures import step_test_figure
+
+        return step_test_figure(self)
+
+    def to_dict(self) -> dict[str, Any]:
+        """All but the signals, as JSON has it."""
+        shown = asdict(replace(self, signals=None, travel=None))
+        del shown["signals"]
+        shown["t0"] = None if self.t0 is None else self.t0.isoformat()
+        return shown | {"travel": None if self.travel is None else self.travel.to_dict()}
+
+
+def step_test(
+    recording: Recording | None = None,
+    *,
+    t: ArrayLike | None = None,
+    pv: ArrayLike | None = None,
+    op: ArrayLike | None = None,
+    position: ArrayLike | None = None,
+    flags: ArrayLike | None = None,
+    loop: Loop | None = None,
+    manual: bool = False,
+) -> StepTest:
+    """Read gap and process gain off the step test that a recording holds.
+
+    Looked at are the stretches in which the controller was not in automatic.  A test that can be read holds OP, after
+    each move until PV has settled, and makes at least two moves in one direction and one back: the first move after
+    the controller was put in manual gives nothing, since where in its gap the valve then stood is not known.
+
+    Known bias: a step response with a tail much slower than its beginning settles later than is assumed.  A valve that
+    sticks and slips has no one width; its readings scatter, and a note says so.
+
+    Parameters
+    ----------
+    recording : Recording
+        From `glapp.recording_from` or `glapp.open_recordings`.  Setting `process.type` to "integrating" makes it read
+        slopes instead of levels.  Or, in its place:
+    t, pv, op, position, flags : array[n]
+        Samples: time [s] or datetime64; process value [PV unit], controller output [OP unit], the valve's measured
+        position [%]; sum of 1 not in automatic, 2 bad, 4 OP at its low, 8 at its high limit.  NaN is a bad value.
+    loop : Loop
+        Settings that go with samples.
+    manual : bool
+        Take the whole recording as made in manual; for one without a mode column.
+
+    Returns
+    -------
+    StepTest
+        With `reason` where the recording does not hold such a test.
+
+    Raises
+    ------
+    InputError
+        Where the recording cannot be read, or `manual` is given for one that has a mode column.
+
+    Examples
+    --------
+    >>> import glapp
+    >>> steps = [(0, 100, 50.0), (100, 200, 53.0), (200, 300, 56.0), (300, 400, 52.0)]
+    >>> sim = glapp.simulate.closed_loop(([0.8], [5, 1], 0), (0.5, 10), d=2.0, noise=0.05, h=1.0, t_end=400,
+    ...                                  manual=steps, setpoint=[(0, 40.0)])
+    >>> found = glapp.step_test(glapp.recording_from(sim.to_arrow()))
+    >>> print(f"{found.d:.1f} ({found.low:.1f} to {found.high:.1f}), Kp {found.kp:.1f}")
+    2.0 (1.9 to 2.0), Kp 0.8
+    """
+    recording = recording_of(recording, loop, t=t, pv=pv, op=op, position=position, flags=flags)
+    has_mode = "MODE" in recording.columns
+    if manual and has_mode:
+        raise InputError(
+            "is for recordings without a mode column, and this one has one",
+            file=recording.source,
+            loop=recording.name,
+            column=recording.columns["MODE"],
+            parameter="manual",
+        )
+    rows = _glapp.ManualRows(True if manual else False if has_mode else None)
+    for batch in recording.batches():
+        rows.add(batch)
+    kept = rows.kept()
+    loop = recording.loop if kept is None else with_op_unit(recording.loop, kept)
+    span, positioner = op_range(loop), loop.positioner
+    found = rows.read(
+        loop.process.type == "integrating",
+        None if span is None else span[1] - span[0],
+        None if positioner is None else positioner.dead_band,
+    )
+    blank = StepTest(recording.name, recording.source, loop.op_label, loop.pv_unit or "PV unit", None, t0=recording.t0)
+    travel = found.pop("travel")
+    if travel is not None:
+        travel = _filled(replace(blank, pv_unit="% travel"), travel, "the valve")
+    return replace(_filled(blank, found, "PV"), travel=travel, signals=kept)
+
+
+SENTENCES = {
+    # Why there is no width.
+    "no_op": "OP was not recorded; the test is read off OP and PV",
+    "no_mode": "no mode column tells when the loop was in manual; if it always was, say --manual",
+    "never_manual": "the loop was never in manual; put it in manual, step OP twice one way and once back",
+    "no_stretch": "no manual stretch of {rows} rows without gaps in time or in OP",
+    "never_held": "OP was never held for {rows} rows in manual with a good {subject}",
+    "one_value": "OP was held at one value only: in manual, step it twice one way and once back",
+    "not_settled": "{subject} did not settle before the next step: only {settled} of {holds} holds last long enough "
+    "for it ({needed:.3g} s); hold OP for longer, or, if the process integrates (a level), say so: "
+    "process = {{ type = 'integrating' }}",
+    "too_few_holds": "only {settled} holds last {rows} rows; hold OP for longer",
+    "not_in_a_row": "fewer than three settled holds follow each other at different OP",
+    "too_short": "the holds are too short to tell noise from drift; hold OP for longer",
+    "unanswered_moves": "{subject} did not answer any move of OP, the largest of {largest:.3g} {unit}: make larger "
+    "ones, beyond the gap and {subject}'s noise",
+    "no_gain": "no move goes on in the direction of one that {subject} answered, so the gain is not known; step twice "
+    "one way, then back, beyond the gap each time",
+    "no_gain_unsettled": "no move goes on in the direction of one that {subject} answered, so the gain is not known; "
+    "{unsettled} of {holds} holds ended before {subject} had settled; step twice one way, then back, beyond the gap "
+    "each time",
+    "gain_near_zero": "{subject} did not answer a second move in the same direction: the gain is not told from 0; make "
+    "larger steps, or hold for longer",
+    "gain_near_zero_disagree": "the readings disagree by more than noise and drift explain (F = {f:.3g}), and the "
+    "interval is widened: the load moved between holds, the process gain varies with OP, or the valve sticks and "
+    "slips: the gain is not told from 0; make larger steps, or hold for longer",
+    "no_reversal": "OP never reverses after a move that PV answered; step it back",
+    "at_least": "{subject} did not answer the reversal of {reversal:.3g} {unit}: the gap is at least {at_least:.3g} "
+    "{unit}; step back further",
+    # Notes.
+    "first_holds": "read are the first {read} holds; {left} follow",
+    "disagree": "the readings disagree by more than noise and drift explain (F = {f:.3g}), and the interval is "
+    "widened: the load moved between holds, the process gain varies with OP, or the valve sticks and slips",
+    "reaches_zero": "the interval reaches 0: no gap is told from one of {high:.3g} {unit}",
+    "positioner": "the positioner's own part of it, by its settings: {percent:.3g} % of travel",
+    "positioner_of_span": "the positioner's own part of it, by its settings: {percent:.3g} % of travel, {width:.3g} "
+    "{op_unit}",
+    # What a reading rests on, or why it gives nothing.
+    "gain": "Δ{symbol}/ΔOP = {delta_pv:.3g} {pv_unit} / {delta_op:.3g} {unit}",
+    "gap": "|ΔOP| − |Δ{symbol}|/|Kp| = {delta_op:.3g} − {delta_pv:.3g}/{kp:.3g} {unit}",
+    "first_move": "first move: where in its gap the valve stood before it is not known",
+    "turned": "OP turned between two holds without being held",
+    "unanswered": "{subject} did not answer",
+    "opposite": "{subject} went the other way: the load moved",
+}
+"""Codes of the core to sentences; the names in them are the code's numbers, and `subject`, `symbol` and the units."""
+
+
+def _filled(blank: StepTest, found: dict[str, Any], subject: str) -> StepTest:
+    """The core's answer, with its codes in sentences; `subject` is what answered OP."""
+    words = {
+        "subject": subject,
+        "symbol": "PV" if subject == "PV" else "x",
+        "op_unit": blank.unit,
+        "unit": "%OP" if blank.unit == "%" else blank.unit,  # % alone would leave open of what
+        "pv_unit": blank.pv_unit + ("/s" if found["integrating"] else ""),
+    }
+
+    def sentence(code: dict[str, Any] | None) -> str:
+        return "" if code is None else SENTENCES[code["code"]].format(**words | code)
+
+    reason, notes = found.pop("reason"), tuple(found.pop("notes"))
+    readings = [one | {"op": tuple(one["op"]), "pv": tuple(one["pv"])} for one in found.pop("readings")]
+    return replace(
+        blank,
+        reason=None if reason is None else sentence(reason),
+        reason_code=reason,
+        notes=tuple(sentence(note) for note in notes),
+        note_codes=notes,
+        holds=tuple(Hold(**hold) for hold in found.pop("holds")),
+        readings=tuple(
+            Reading(**one | {"evidence": sentence(one["evidence"])}, evidence_code=one["evidence"]) for one in readings
+        ),
+        **found,
+    )

@@ -297,9 +297,9 @@ def test_a_command_while_strangers_hold_connections(browser: Any, window: Window
         page.fill("#password", PASSWORDS["eve"])
         page.keyboard.press("Enter")
         page.wait_for_selector(".ag-row")
-        page.goto(window.url + "/loop?name=FIC0")
+        page.goto(window.url + "/loop?name=FIC2")
         page.get_by_role("button", name="Fit now").click()
-        page.get_by_text("FIC0 is fitted as soon as").wait_for()
+        page.get_by_text("FIC2 is fitted as soon as").wait_for()
 
 
 @pytest.mark.verify

@@ -73,6 +73,7 @@ class Worker:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
+            pipesize=1 << 20,  # rows come in megabytes
             env=os.environ | _FRUGAL,
             creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
         )

@@ -212,7 +212,10 @@ class SheetSource(Source):
 
     def __init__(self, rows: Sequence[Sequence[Any]], first: int, label: str, sheet: str) -> None:
         self.label, self.sheet = label, sheet
-        width = len(rows[0])
+        used = [i for i, column in enumerate(zip(*rows, strict=True)) if column.count("") < len(column)]
+        if len(used) < len(rows[0]):  # one cell far to the right makes thousands of columns
+            rows = [[row[i] for i in used] for row in rows]
+        width = len(used)
         texts = [(first + i + 1, [_text(cell) for cell in row]) for i, row in enumerate(rows[:_HEAD])]
         filled = [i for i, (_, cells) in enumerate(texts) if any(cells)]
         if not filled or width < 2:
@@ -222,13 +225,13 @@ class SheetSource(Source):
         if any(is_data(name) for name in names if name) and not any(understand(n).role for n in names):
             hint = "write the columns' names in the first row, for instance t,SP,PV,OP,MODE"
             raise InputError("has no header: the first row holds data", file=label, row=head.line, hint=hint)
-        begin = [(0, [_text(cell) for cell in row]) for row in rows[head.rows : head.rows + _HEAD]]
         end = len(rows)
         while end > head.rows and not any(map(_text, rows[end - 1])):
             end -= 1
         start = max(head.rows, end - _HEAD)
-        ends = [(0, [_text(cell) for cell in row]) for row in rows[start:end]]
-        body = rows[head.rows : start + body_end(ends, width, begins_with_data(begin, width))]
+        ends = texts[start:end] + [(0, [_text(cell) for cell in row]) for row in rows[max(start, len(texts)) : end]]
+        timed = begins_with_data(texts[head.rows :], width)
+        body = rows[head.rows : start + body_end(ends, width, timed)]
         if not body:
             raise InputError("has a header but no rows", file=label)
         self._first = first + head.rows + 1

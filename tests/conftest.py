@@ -61,7 +61,8 @@ def figures() -> dict[str, Callable[[], Any]]:
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """What takes long begins first, so that at the end no worker waits long for another."""
-    items.sort(key=lambda item: isinstance(item, pytest.Function) and not any(item.iter_markers("slow")) and not any(item.iter_markers("verify")))
+    slow = ("slow", "verify")
+    items.sort(key=lambda item: isinstance(item, pytest.Function) and not any(map(item.get_closest_marker, slow)))
     for item in items:
         if item.path.name.startswith(BY_THE_CLOCK):
             item.add_marker(pytest.mark.flaky(reruns=2, reruns_delay=2))

@@ -11,6 +11,7 @@ if CHROMIUM is None:
     pytest.skip("chromium is not installed", allow_module_level=True)
 sync_api = pytest.importorskip("playwright.sync_api")
 
+
 @pytest.mark.verify
 @pytest.mark.skipif(not (SITE / "index.html").exists(), reason="the site is not built: make site")
 def test_a_folder_is_read_and_searched_without_a_network() -> None:

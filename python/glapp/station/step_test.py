@@ -81,7 +81,7 @@ def read_file(path: Path, loop: Loop, columns: Mapping[str, str | None], *, manu
         raise
 
 
-def read_apart(path: Path, loop: Loop, columns: Mapping[str, str | None], *, manual: bool) -> Bump:
+def read_apart(path: Path, loop: Loop, columns: Mapping[str, str | None], *, manual: bool) -> StepTest:
     """As `read_file`, in a process of its own: whatever the file holds, this one goes on, and has its memory.
 
     Raises

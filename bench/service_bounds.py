@@ -65,6 +65,8 @@ class Look:
         """Take what it prints, until it ends."""
         assert self.child.stdout is not None
         async for line in self.child.stdout:
+            if not line.startswith(b"[1"):  # the stack has words of its own
+                continue
             t, loop, value = json.loads(line)
             for name in [loop] if loop is not None else list(self.now):
                 # It was so until now.

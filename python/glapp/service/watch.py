@@ -290,7 +290,7 @@ class Watch:
 
         Such a value was saved by a version with other bounds, or beside other settings in the loops.toml.
         """
-        found, gone = dict(saved), dict[str, Any]()
+        found, gone, said = dict(saved), dict[str, Any](), list[str]()
         while True:
             try:
                 _checked(given, found, given.sample_time or self.bounds.period, most)
@@ -299,11 +299,12 @@ class Watch:
                 names = [name for name in (*DETECTOR, *SETTINGS) if found.get(name) is not None]
                 if not names:
                     raise
+                said.append(str(error))
                 for name in [error.parameter] if error.parameter in names else names:
                     gone[name] = found.pop(name)
-                    text = f"what was saved is not used, and {name} is as by default: {error}"
-                    self._tell(Event(self.begun, given.name, "setting_refused", text))
         if gone:
+            text = f"what was saved is not used, and {', '.join(gone)} as by default: {'. '.join(said)}"
+            self._tell(Event(self.begun, given.name, "setting_refused", text))
             none = dict.fromkeys(gone)
             with suppress(MemoryFull):
                 self.memory.command(self.begun, "glapp", "", "change", given.name, gone, none, settings=none)

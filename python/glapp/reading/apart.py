@@ -4,7 +4,7 @@ A workbook, a Parquet and an Arrow file say themselves how large and where their
 them believe it: a damaged or a malicious one can make them end the process, ask for all the memory there is, or go on
 for ever. So they read in a child process: what it does to itself costs that file its answer, and no other. Each process
 serves one file at a time and is used again for the next, since a new one costs half a second of a core and one that is
-there a thousandth of it; the rows come over as Arrow's own stream. `docs/adr/0026-files-are-read-in-a-process-apart.md`
+there a thousandth of it; the rows come over as Arrow's own stream. `docs/adr/0027-files-are-read-in-a-process-apart.md`
 says what else there was.
 
 The limits are those of `glapp.reading.bounds`. `MEMORY` is kept on Linux, by the address space of the process. Where a

@@ -31,7 +31,7 @@ def test_damaged_files_end_no_process(kind, tmp_path):
     """One damaged byte of an Arrow file was a segmentation fault: of 400 files 37 ended so, 36 in a traceback."""
     found, reader = fuzzer.fuzz(kind, 60, seed=3, folder=tmp_path)
     held(found, reader, 60)
-    assert found["answered"] + found["partly"] >= 5, "most of the faults should not refuse everything"
+    assert found["answered"] + found["partly"] >= 3, "most of the faults should not refuse everything"
     assert found["refused when opened"] + found["refused when read"] >= 5, "the faults do no harm: what is tried here?"
 
 

@@ -253,3 +253,20 @@ def test_small_blocks_that_arrow_cannot_join_are_read_one_by_one(tmp_path):
     write(whole.set_column(4, "FIC0.MODE", mode), tmp_path / "plain.parquet")
     for one, other in zip(open_recordings(path), open_recordings(tmp_path / "plain.parquet"), strict=True):
         same(joined(one.batches()), joined(other.batches()))
+
+
+def test_a_loop_that_is_let_go_while_room_is_made(tmp_path, monkeypatch):
+    """Another thread that was done with its loop did so, and this one was refused for a fault in glapp."""
+    recordings = open_recordings(write(table(3), tmp_path / "plant.csv"))
+    joined(recordings[0].batches())
+    of_all = recordings[0]._share._passes
+    held = passes._Held.size.fget
+
+    def let_go(self):
+        for recording in recordings:
+            recording.release()
+        return held(self)
+
+    monkeypatch.setattr(passes._Held, "size", property(let_go))
+    assert all(recording._share.held is not None for recording in recordings)
+    assert of_all._make_room() > 0

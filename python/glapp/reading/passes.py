@@ -147,11 +147,12 @@ class Passes:
         left = 0
         holding = [one for one in self._shares if one.held is not None]
         for one in sorted(holding, key=lambda one: (one.used > 0, -one.used)):  # first what still waits for its use
-            assert one.held is not None
-            if left + one.held.size > HELD // 2:
+            if (held := one.held) is None:  # whoever uses it let go of it meanwhile, in another thread
+                continue
+            if left + held.size > HELD // 2:
                 one.release()
             else:
-                left += one.held.size
+                left += held.size
         return left
 
     def _group(self, share: Share, room: int) -> tuple[list[Share], dict[int, pa.DataType]]:

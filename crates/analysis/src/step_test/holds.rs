@@ -11,6 +11,9 @@ const OF_RANGE: f64 = 1e-3;
 /// The two halves of a hold may differ by this part of that: a piece of a slow ramp wanders all through it.
 const HALVES: f64 = 0.25;
 
+/// Part of a mean that rounding may make of it.
+const ROUNDING: f64 = 1e-12;
+
 /// Median absolute deviation of normal noise to its standard deviation.
 const MAD: f64 = 1.4826;
 
@@ -63,11 +66,13 @@ fn held(op: &[f64]) -> (Vec<Range<usize>>, f64) {
     }
     found.push(first..op.len());
     let mean = |rows: Range<usize>| op[rows.clone()].iter().sum::<f64>() / rows.len() as f64;
+    // Means of the same number are off by rounding.
     let rests = |rows: &Range<usize>| {
         let middle = usize::midpoint(rows.start, rows.end);
-        rows.len() >= LEAST_ROWS && (mean(rows.start..middle) - mean(middle..rows.end)).abs() <= HALVES * tolerance
+        let (first, second) = (mean(rows.start..middle), mean(middle..rows.end));
+        (first - second).abs() <= HALVES * tolerance + ROUNDING * first.abs()
     };
-    found.retain(rests);
+    found.retain(|rows| rows.len() >= LEAST_ROWS && rests(rows));
     (found, tolerance)
 }
 
@@ -108,6 +113,13 @@ mod tests {
         assert_eq!(lengths(&op), [60]);
         op[30] += 0.2 * tolerance;
         assert_eq!(lengths(&op), [30, 29]);
+    }
+
+    #[test]
+    fn rounding_is_no_movement() {
+        for n in 10..200 {
+            assert_eq!(lengths(&vec![1.001; n]), [n]);
+        }
     }
 
     #[test]

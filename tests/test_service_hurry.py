@@ -83,7 +83,7 @@ def test_what_was_right_is_too_much_after_a_repair_and_is_warned_of_and_withdraw
     clock = Clock()
     plant = Worn(clock)
     loop = Loop(name="FIC101", controller={"k": 0.6, "ti": 6 * SCAN}, process={"kp": 1}, op_span=(0, 100))
-    most = {"FIC101": (3.0, 10_000.0)}
+    most = {"FIC101": (3.0, 1000.0)}
     watch = plant.watch = Watch([loop], Memory(tmp_path), bounds=BOUNDS, compensable=most, clock=clock, hurries=True)
     asyncio.run(watch.run(plant))
     watch.memory.close()
@@ -111,7 +111,7 @@ def test_a_plant_that_hurries_waits_for_every_u_ff(tmp_path: Path) -> None:
         async with SimPlant(1, scan=SCAN, begin=30.0, speed=20_000.0, watchdog=2.0, ramp=0.5) as plant:
             known = parse_settings(plant.settings(), "loops.toml", tmp_path)
             given = {"interval": 0.01, "samples": 10_000, "watchdog": f"nsu={NAMESPACE};s=Watchdog"}
-            most = {"FIC101": (3.0, 10_000.0)}
+            most = {"FIC101": (3.0, 1000.0)}
             now = {"clock": lambda: plant.time, "hurries": True}
             watch = Watch(known, Memory(tmp_path), bounds=BOUNDS, compensable=most, **now)
             one = watch._loops["FIC101"]

@@ -45,7 +45,7 @@ from glapp.station.app import app_of
 from glapp.station.client import Door, Gone, Refused, loop_path
 from glapp.station.compensate import STANDINGS, calm, plan
 from glapp.station.pages import Station, all_events
-from glapp.station.parameters import changed
+from glapp.station.parameters import changed, field
 from glapp.station.sessions import COOKIE, LARGEST, LARGEST_FILE, Guard, Sessions
 from glapp.station.under_way import UnderWay
 from glapp.station.view import View, _through, as_csv, trend
@@ -478,11 +478,12 @@ def test_commands_go_by_the_door_in_the_persons_name(plant: tuple[Watch, FastAPI
             for name in ("eve", "vera")
         ]
         seen = await door.asked("GET", path, vera)
+        fields = {name: field(value) for name, value in seen.items()}
         with pytest.raises(Refused, match="needs the role engineer"):
-            await door.command(path, vera, changed(seen, seen | {"kp": 3.0}))
-        assert (await door.command(path, eve, changed(seen, seen | {"kp": 3.0})))["kp"] == 3.0
+            await door.command(path, vera, changed(seen, fields | {"kp": 3.0}))
+        assert (await door.command(path, eve, changed(seen, fields | {"kp": 3.0})))["kp"] == 3.0
         with pytest.raises(Refused, match="somebody else has changed it"):
-            await door.command(path, eve, changed(seen, seen | {"kp": 4.0}))
+            await door.command(path, eve, changed(seen, fields | {"kp": 4.0}))
         with pytest.raises(Refused, match="must be odd"):
             await door.command(path, eve, {"values": {"n": 4}})
         assert (await door.live("FIC0", vera))["pv"]["good"]

@@ -34,6 +34,7 @@ def test_numbers_are_those_of_the_gallery(shown: dict[str, Shown], number: str) 
         assert x.agrees(recorded[x.what]), f"{x.what}: {x.ours}, recorded {recorded[x.what]}; make gallery"
 
 
+@pytest.mark.verify
 def test_a_wrong_number_is_noticed(shown: dict[str, Shown]) -> None:
     x = shown["5.1"].numbers[0]
     assert x.ours is not None and not x.agrees(1.00001 * x.ours) and not x.agrees(None)

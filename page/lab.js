@@ -239,13 +239,7 @@ const Laboratory = (() => {
       ready() {},
       windows({ windows }) {
         if (windows.length > 1) $("lab-fitted").textContent = `${stage} 0 of ${windows.length} windows`;
-        fitting = new Windows(module, windows, {
-          done(alone, done) {
-            if (done === windows.length) mine.postMessage({ kind: "join", alone });
-            else if (worth_telling(done)) mine.postMessage({ kind: "join", alone, so_far: done });
-          },
-          broke: (why) => end_fit(`The fit broke off (${why}).`),
-        });
+        fitting = new Windows(module, windows, mine, { broke: (reason) => end_fit(`The fit broke off (${reason}).`) });
       },
       so_far(said) {
         $("lab-fitted").textContent = `${stage} ${said.windows} of ${said.of} windows so far: ${told(said)}`;

@@ -110,7 +110,7 @@ function dismiss() {
   fitting = null;
 }
 
-/** Fits each window by itself, and has the worker join what they say. */
+/** Fits each window by itself; the worker joins what they say. */
 async function fit_windows({ windows, turn: of }) {
   const module = await module_ready;
   if (of !== turn) return;
@@ -119,14 +119,12 @@ async function fit_windows({ windows, turn: of }) {
     if (windows.length > 1) hears.progress({ stage: `Fitting the gap, ${done} of ${windows.length} windows done`, share: done / windows.length, since: began });
   };
   tell(0);
-  fitting = new Windows(module, windows, {
-    done(alone, done) {
+  fitting = new Windows(module, windows, worker, {
+    done(done) {
       tell(done);
-      if (done === windows.length) {
-        dismiss();
-        hears.progress({ stage: "Joining what the windows say", share: null });
-        worker.postMessage({ kind: "join", alone });
-      } else if (worth_telling(done)) worker.postMessage({ kind: "join", alone, so_far: done });
+      if (done < windows.length) return;
+      dismiss();
+      hears.progress({ stage: "Joining what the windows say", share: null });
     },
     broke: (why) => broke("fit", why),
   });

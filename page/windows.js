@@ -1,14 +1,11 @@
 // The windows of a fit, each by itself in a worker, as many at once as there are processors.
 "use strict";
 
-/** Whether what so many windows say is worth a joint answer, though others are not fitted yet: of 1, 2, 4 … */
-const worth_telling = (done) => (done & (done - 1)) === 0;
-
 class Windows {
   workers = [];
 
-  /** `hear.done` gets what each window says, null of those not fitted yet, and how many are; `hear.broke` why a worker broke off. */
-  constructor(module, windows, hear) {
+  /** `joiner`: the worker that joins what they say; `hear.done` gets how many are fitted, `hear.broke` why a worker broke off. */
+  constructor(module, windows, joiner, hear) {
     const alone = windows.map(() => null);
     let [next, done] = [0, 0];
     const give = (helper) => {
@@ -29,7 +26,10 @@ class Windows {
         alone[said.place] = said.alone;
         done += 1;
         give(helper);
-        hear.done(alone, done);
+        hear.done?.(done);
+        if (done === windows.length) joiner.postMessage({ kind: "join", alone });
+        // After 1, 2, 4 … windows what they say so far is joined, and told.
+        else if ((done & (done - 1)) === 0) joiner.postMessage({ kind: "join", alone, so_far: done });
       };
       give(helper);
     }

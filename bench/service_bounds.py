@@ -20,6 +20,7 @@ import itertools
 import json
 import os
 import signal
+import sys
 import tempfile
 import time
 from collections.abc import Awaitable, Callable
@@ -193,7 +194,12 @@ async def _all(only: str | None) -> int:
                 await _at_height(service, plant, look)
                 then, took = await _lost(look, plant, lose)
                 allowed = within + 3.0 * SCAN + LATE
-                late += sum(one > allowed for one in took)
+                if any(one > allowed for one in took):
+                    late += 1
+                    if service.child is not None and service.child.poll() is None:
+                        for event in await service.seen("/events?most=60"):
+                            said = f"{event['time'] % 1000:.1f} {event['loop']} {event['kind']}: {event['text']}"
+                            print(said, file=sys.stderr)
                 shown = [f"{one:.1f}" for one in took]
                 print(
                     f"| {what} | {' | '.join(shown)} | {allowed:.1f} | {min(then):.2f} to {max(then):.2f} |", flush=True

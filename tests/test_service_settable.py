@@ -4,6 +4,9 @@ import asyncio
 import json
 import math
 import re
+import shutil
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -258,3 +261,18 @@ def test_u_ff_is_0_in_time_at_each_end_of_every_bound(ti: float, at: str) -> Non
             assert now <= last, (name, "it grows")
             last = now
         assert last == 0.0, (name, settings, u_ff, last)
+
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.mark.verify
+@pytest.mark.skipif(
+    shutil.which("node") is None or not (ROOT / "target" / "interop" / "node_modules" / "node-opcua-client").is_dir(),
+    reason="node-opcua is not installed: make interop",
+)
+def test_u_ff_is_0_in_time_at_the_plants_own_node() -> None:
+    """In real time, as another maker's client sees it: eight corners of release, rate and limit, six losses."""
+    done = subprocess.run([sys.executable, "-m", "bench.service_bounds"], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.count("\n| ") >= 7 and "The greatest |u_FF| seen" in done.stdout

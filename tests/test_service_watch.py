@@ -355,6 +355,16 @@ def test_a_u_ff_that_the_plant_keeps_stops_the_watchdog_and_every_loop(
     assert watch.status()["loops"]["FIC0"]["compensation"]["u_ff"] == 0.0
 
 
+def test_while_it_is_off_nothing_goes_to_the_plant_that_is_farther_from_0_than_what_stands_there() -> None:
+    """Writes that come late leave less in the plant than was made; what was refused stopped every loop's watchdog."""
+    for found, made, to in ((0.4, 0.5, 0.4), (0.4, 0.3, 0.3), (-0.4, 0.5, 0.0), (0.0, 0.5, 0.0), (0.4, -0.3, 0.0)):
+        one = of_compensation.Compensator(swinging(2.5), PERIOD, SIZED | {"comp_release": 25.0}, *MOST)
+        one._graph.scan(h=PERIOD, sp=50.0, pv=50.0, op=50.0, u_ff=made, flags=0.0)
+        one._held[Signal.U_FF] = Value("FIC0", Signal.U_FF, 2.0, found, True)
+        assert one.u_ff == pytest.approx(made, abs=0.01), "the block goes on from there"
+        assert one.to_write == pytest.approx(to, abs=0.01), (found, made, one.u_ff)
+
+
 def test_where_one_u_ff_stands_every_other_is_withdrawn(tmp_path: Path) -> None:
     """There is one watchdog for all loops."""
     both = [swinging(2.5), swinging(2.5).model_copy(update={"name": "FIC1"})]

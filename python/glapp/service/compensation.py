@@ -148,6 +148,18 @@ class Compensator:
         return float(self._graph["ff"])
 
     @property
+    def to_write(self) -> float:
+        """What goes to the plant: u_FF, and while it is off nothing farther from 0 than what stands there [OP unit].
+
+        The plant may hold less than was made, where writes came late. What is farther would be refused, and the
+        watchdog of every loop not counted up for it.
+        """
+        found = self._held.get(Signal.U_FF)
+        if self.enabled or found is None or not found.good:
+            return self.u_ff
+        return min(max(self.u_ff, min(0.0, found.value)), max(0.0, found.value))
+
+    @property
     def at_work(self) -> bool:
         """Whether something has to be written: it is enabled, or what stands in the plant is not 0 yet."""
         found = self._held.get(Signal.U_FF)

@@ -732,7 +732,8 @@ class Watch:
                     compensator.take(await _asking(source.read_back(name)), self._clock())
                     compensator.read_back = True
             was, pv = compensator.enabled, watched.latest.get(Signal.PV)
-            u_ff = compensator.scan(self._ticks(), self._ticks() - heard_at <= 5.0 * max(watched.period, 1.0))
+            compensator.scan(self._ticks(), self._ticks() - heard_at <= 5.0 * max(watched.period, 1.0))
+            u_ff = compensator.to_write
             if was and not compensator.enabled:
                 self._no_more(name)
                 self._tell(Event(self._clock(), name, "withdrawn", compensator.why_off))

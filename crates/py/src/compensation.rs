@@ -212,7 +212,10 @@ pub fn standings() -> Vec<&'static str> {
     Standing::ALL.iter().map(|standing| standing.name()).collect()
 }
 
-/// Name, unit, least, greatest, and whether the least itself is out, of each number that a compensation is set by: with a
+/// Name, unit, least, greatest, and whether the least itself is out.
+type NamedBound = (&'static str, &'static str, f64, f64, bool);
+
+/// The [`NamedBound`] of each number that a compensation is set by: with a
 /// controller's Ti [s], and the other settings as they are.
 #[pyfunction]
 #[pyo3(signature = (ti, *, size, share, limit, limits=None))]
@@ -222,7 +225,7 @@ pub fn compensation_bounds(
     share: f64,
     limit: f64,
     limits: Option<(f64, f64)>,
-) -> PyResult<Vec<(&'static str, &'static str, f64, f64, bool)>> {
+) -> PyResult<Vec<NamedBound>> {
     let usual = CompensationSettings::new(Way::Inverse, 1.0, ti, size, share);
     let settings = CompensationSettings { limit, limits: within(limits)?, ..usual };
     Ok(settings.bounds().iter().map(|b| (b.name, b.unit, b.low, b.high, b.above)).collect())

@@ -343,6 +343,12 @@ fn coarse<R: Number>(cover: &mut Cover) {
             watch: d.of(&[None, Some(37.5)]),
             ..Default::default()
         };
+        // Some controllers so slow that 300 s is the longest release, and what is used where none is given.
+        let settings = match seed % 12 {
+            5 => common::compensate::Settings { ti: 400.0, ..settings },
+            11 => common::compensate::Settings { ti: 400.0, release: None, ..settings },
+            _ => settings,
+        };
         let mut usual = Pins::new(settings);
         usual.limits = d.of(&[None, Some((-1.5, 1.5))]);
         let (block, mut reference) = (Block::new::<R>("GlappCompensation"), Reference::<R>::default());
@@ -379,6 +385,7 @@ fn inside<R: Number>(cover: &mut Cover) {
             ("Used.Way", 3.0),
             ("Used.Source", 1.0),
             ("Used.Release", 2.0),
+            ("Used.Longest", 20.0),
             ("Used.Rate", 9.0),
         ]);
         block.set_all(&[("Used.High", 100.0), ("Enable", 1.0), ("H", 0.5), ("GoesOn", 1.0), ("UFfThere", there)]);

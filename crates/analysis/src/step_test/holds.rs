@@ -105,7 +105,7 @@ mod tests {
     #[test]
     fn op_strays_by_eight_times_its_noise() {
         // Triangular noise: its second differences tell its standard deviation.
-        let noise = |k: usize| if k % 2 == 0 { 0.02 } else { -0.02 };
+        let noise = |k: usize| if k.is_multiple_of(2) { 0.02 } else { -0.02 };
         let mut op: Vec<f64> = (0..60).map(|k| 50.0 + noise(k)).collect();
         let (_, tolerance) = held(&op);
         assert!((tolerance - 8.0 * MAD * 0.08 / 6f64.sqrt()).abs() < 1e-12, "{tolerance}");

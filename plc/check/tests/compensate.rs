@@ -379,6 +379,7 @@ fn inside<R: Number>(cover: &mut Cover) {
             ("Used.Way", 3.0),
             ("Used.Source", 1.0),
             ("Used.Release", 2.0),
+            ("Used.Longest", 20.0),
             ("Used.Rate", 9.0),
         ]);
         block.set_all(&[("Used.High", 100.0), ("Enable", 1.0), ("H", 0.5), ("GoesOn", 1.0), ("UFfThere", there)]);

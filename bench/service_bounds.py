@@ -32,7 +32,7 @@ from glapp.service import plant as of_plant
 from glapp.service.compensation import LATE
 from glapp.service.memory import Memory
 from glapp.service.plant import NAMESPACE, SimPlant
-from glapp.service.watch import SEEN
+from glapp.service.watch import SEEN, Bounds
 
 from .service_zero import LONGEST, RAMP, SCAN, WATCHDOG, Service, until
 
@@ -85,11 +85,16 @@ async def _asked_all(service: Service, plant: SimPlant, command: str) -> None:
 async def _at_height(service: Service, plant: SimPlant, look: Look) -> None:
     """All of them compensated, u_FF at its height, and what is set of each in its corner."""
     usual = {"comp_size": 1.5, **dict.fromkeys(SET)}
-    for loop in plant.names:
-        reply = await service.asked("parameters", loop, values=usual)
-        assert reply.is_success, reply.text
-    left, began, moved, sp = dict(zip(plant.names, CORNERS, strict=True)), time.monotonic(), 0.0, 47.0
-    while left:
+    corners = dict(zip(plant.names, CORNERS, strict=True))
+    left, began, moved, sp = dict[str, tuple[str, ...]](), time.monotonic(), 0.0, 47.0
+    while True:
+        if not left:  # one may have turned, or have been withdrawn, while the others rose
+            left = {loop: corners[loop] for loop in plant.names if abs(look.now.get(loop) or 0.0) < HEIGHT / 2.0}
+            if not left:
+                return
+            for loop in left:
+                reply = await service.asked("parameters", loop, values=usual)
+                assert reply.is_success, reply.text
         shown = (await service.seen("/status"))["loops"]
         for loop in plant.names:
             if not shown[loop]["compensation"]["enabled"]:
@@ -150,7 +155,7 @@ async def _all(only: str | None) -> int:
             reading = asyncio.create_task(look.read())
             await service.begin()
             ti = loops[0].ideal().ti  # type: ignore[union-attr]
-            limit = loops[0].opcua.u_ff_limit or 0.0
+            limit, period = loops[0].opcua.u_ff_limit or 0.0, loops[0].sample_time or Bounds().period
             longest = min(10.0 * ti, 300.0)
 
             def fault(kind: str) -> Callable[[], Awaitable[None]]:
@@ -176,7 +181,7 @@ async def _all(only: str | None) -> int:
             losses: dict[str, tuple[Callable[[], Awaitable[None]], float]] = {
                 "disable": (disabled, longest),
                 "PV bad": (fault("bad"), longest),
-                "PV silent": (fault("silent"), 30.0 * SCAN + longest),
+                "PV silent": (fault("silent"), 30.0 * period + longest),
                 "manual": (fault("manual"), 0.0),
                 "kill -9": (killed, by_plant),
                 "server lost": (server_lost, by_plant),
@@ -193,7 +198,7 @@ async def _all(only: str | None) -> int:
                     continue
                 await _at_height(service, plant, look)
                 then, took = await _lost(look, plant, lose)
-                allowed = within + 3.0 * SCAN + LATE
+                allowed = within + 3.0 * period + LATE
                 if any(one > allowed for one in took):
                     late += 1
                     if service.child is not None and service.child.poll() is None:

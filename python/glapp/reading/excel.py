@@ -32,7 +32,7 @@ __all__ = ["SheetSource", "sheets"]
 
 _HEAD = 1000
 _PIECE = 1 << 20
-_CELL = re.compile(rb"""<(?:\w+:)?c\s[^>]*?\br\s*=\s*["']([A-Za-z]{1,3})([0-9]{1,7})["'][^>]*(?<!/)>""")
+_CELL = re.compile(rb"""<(?:\w+:)?c\s[^>]*?\br\s*=\s*["']([A-Za-z]{1,20})([0-9]{1,20})["'][^>]*(?<!/)>""")
 """A cell that holds something; where it only has a look, it ends by a slash."""
 
 

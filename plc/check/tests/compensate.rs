@@ -191,6 +191,7 @@ fn random<R: Number>() {
     cost.tell::<R>("GlappCompensation");
     assert!(standings.iter().all(|count| *count > 0) && refused > sequences());
     relays::<R>(&mut cover);
+    lagging::<R>(&mut cover);
     extremes::<R>(&mut cover);
     large::<R>(&mut cover);
     coarse::<R>(&mut cover);
@@ -254,6 +255,30 @@ fn relays<R: Number>(cover: &mut Cover) {
     assert!(warned[0] == 0 && warned[8] > 0, "{warned:?}");
 }
 
+/// Enable taken away while u_FF still lags behind a width that was made smaller, and while no time is short enough for the way to 0.
+fn lagging<R: Number>(cover: &mut Cover) {
+    for (ti, sizes, rate, release) in [(2.0, [4.0, 0.4], 0.1, 0.5), (1e-30, [9e29, 9e29], 1e36, 1e-30)] {
+        let settings = common::compensate::Settings {
+            way: 1,
+            source: 1,
+            ti,
+            rate: Some(rate),
+            release: Some(release),
+            ..Default::default()
+        };
+        let mut pins = Pins::new(settings);
+        let (block, mut reference) = (Block::new::<R>("GlappCompensation"), Reference::<R>::default());
+        for i in 0..90 {
+            pins.settings.size = sizes[usize::from(i >= 60)];
+            (pins.e, pins.u, pins.h) = (if i < 5 { -1.0 } else { 1.0 }, 0.0, 0.5); // it waits for a reversal
+            pins.compensate = (1..66).contains(&i);
+            let (expected, got) = (reference.scan(&pins), scan(&block, &pins));
+            assert!(same(&expected, &got), "scan {i}: {got:?} instead of {expected:?} for {pins:?}");
+        }
+        cover.collect(&block);
+    }
+}
+
 /// Settings at the ends of what is a number: no run stops. In REAL what overflows is what overflows in the core; LREAL in the core
 /// goes on to 1E308.
 fn extremes<R: Number>(cover: &mut Cover) {
@@ -263,11 +288,16 @@ fn extremes<R: Number>(cover: &mut Cover) {
         let mut swings = Swings::new(&mut draw);
         let mut pins = swings.next::<R>(&mut draw).clone();
         let s = &mut pins.settings;
-        (s.ti, s.share, s.most) = (draw.of(&[1.0, 1e-38, 9e36, 1e-20]), 1.0, Some(1e36));
-        (s.release, s.ramp) = (Some(draw.of(&small)), Some(draw.of(&small)));
-        s.rate = draw.of(&[None, Some(1.0), Some(1e36)]);
+        (s.ti, s.share, s.most) = (draw.of(&[1.0, 1e-38, 1e9, 1e-20]), 1.0, Some(1e37));
+        (s.size, s.source, s.way) = (draw.of(&[1.0, 1.0, 1e30]), draw.of(&[1, 3]), draw.of(&[1, 3]));
+        let short = |share: f64| Some((share * s.ti).max(1e-38));
+        (s.release, s.ramp) = (short(draw.of(&small)), short(draw.of(&small)));
+        s.rate = draw.of(&[None, Some(0.01), Some(1.0), Some(1e36)]);
         (s.travel, s.reversals) = (draw.of(&[None, Some(1e36), Some(20.0)]), None);
-        s.watch = draw.of(&[None, Some(10.0), Some(1e36)]);
+        s.watch = draw.of(&[None, Some(10.0 * s.ti), Some(1e4 * s.ti)]);
+        if s.ti > 30.0 {
+            s.release = Some(draw.of(&small));
+        }
         let (block, mut reference) = (Block::new::<R>("GlappCompensation"), Reference::<R>::default());
         if R::BUILD == Build::Lreal {
             block.unheld();
@@ -275,7 +305,7 @@ fn extremes<R: Number>(cover: &mut Cover) {
         for i in 0..120 {
             let side = if (i / 6) % 2 == 0 { 1.0 } else { -1.0 };
             (pins.e, pins.u, pins.compensate) = (side, 3.0 * side, i > 20);
-            (pins.d_hat, pins.offered) = (Some(1.5), Some(1.5));
+            (pins.d_hat, pins.offered) = (Some(draw.of(&[1.5, 1.5, 0.3])), Some(1.5));
             pins.h = draw.of(&[0.25, 0.25, 1e8, 1e9, 1e-30]);
             pins.flags = if draw.chance(0.05) { 2 } else { 0 };
             let (expected, got) = (reference.scan(&pins), scan(&block, &pins));

@@ -1,7 +1,7 @@
 """Instructions of one scan of PidAdvanced with all that is in it, and of AutoTuner: `python -m bench.scan`.
 
-The program `crates/bench/benches/scan.rs` scans a loop with a gap until it has many detections, and a relay experiment to its
-end; callgrind counts the instructions of each scan apart. A PLC must find time for the worst.
+The program `crates/bench/benches/scan.rs` scans a loop with a gap until it has many detections, and a relay
+experiment to its end; callgrind counts the instructions of each scan apart. A PLC must find time for the worst.
 """
 
 from __future__ import annotations

@@ -257,7 +257,7 @@ fn relays<R: Number>(cover: &mut Cover) {
 
 /// Enable taken away while u_FF still lags behind a width that was made smaller, and while no time is short enough for the way to 0.
 fn lagging<R: Number>(cover: &mut Cover) {
-    for (ti, sizes, rate, release) in [(2.0, [4.0, 0.4], 0.1, 0.5), (1e-30, [9e29, 9e29], 1e36, 1e-30)] {
+    for (ti, sizes, rate, release) in [(2.0, [4.0, 0.4], 0.1, 0.5), (1e-30, [1e12, 1e12], 1e36, 1e-30)] {
         let settings = common::compensate::Settings {
             way: 1,
             source: 1,

@@ -134,7 +134,7 @@ impl Signals<'_> {
 
     /// Good values of the last third of a hold.
     fn last_third(&self, node: &Node) -> Vec<f64> {
-        let first = node.end - (node.end - node.first + 2) / 3;
+        let first = node.end - (node.end - node.first).div_ceil(3);
         let y: Vec<f64> = self.y[first..node.end].iter().copied().filter(|y| y.is_finite()).collect();
         if y.is_empty() { vec![0.0] } else { y }
     }

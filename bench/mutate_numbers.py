@@ -19,6 +19,9 @@ from pathlib import Path
 
 NUMBER = re.compile(r"(?<![\w.])(\d[\d_]*(?:\.\d+)?(?:[eE][+-]?\d+)?)")
 
+END = re.compile(r';|"|\n\s*\n|\n\w+ = ')
+"""What ends a definition."""
+
 
 @dataclass(frozen=True)
 class Place:
@@ -41,7 +44,8 @@ class Place:
         )
         if definition is None:
             raise SystemExit(f"{self.file}: defines no constant {self.name}")
-        numbers = list(NUMBER.finditer(source, definition.end()))
+        end = END.search(source, definition.end())
+        numbers = list(NUMBER.finditer(source, definition.end(), end.start() if end else len(source)))
         if self.place >= len(numbers):
             raise SystemExit(f"{self.file}: {self.name} has no number {self.place}")
         at = numbers[self.place]

@@ -86,6 +86,7 @@ async def _at_height(service: Service, plant: SimPlant, look: Look) -> None:
     """All of them compensated, u_FF at its height, and what is set of each in its corner."""
     usual = {"comp_size": 1.5, **dict.fromkeys(SET)}
     corners = dict(zip(plant.names, CORNERS, strict=True))
+    said: dict[str, str] = {}
     left, began, moved, sp = dict[str, tuple[str, ...]](), time.monotonic(), 0.0, 47.0
     while True:
         if not left:  # one may have turned, or have been withdrawn, while the others rose
@@ -98,7 +99,7 @@ async def _at_height(service: Service, plant: SimPlant, look: Look) -> None:
         shown = (await service.seen("/status"))["loops"]
         for loop in plant.names:
             if not shown[loop]["compensation"]["enabled"]:
-                await service.asked("enable", loop)
+                said[loop] = (await service.asked("enable", loop)).text
         for loop, corner in list(left.items()):
             if abs(look.now.get(loop) or 0.0) < HEIGHT:
                 continue
@@ -112,7 +113,7 @@ async def _at_height(service: Service, plant: SimPlant, look: Look) -> None:
             assert reply.is_success, reply.text
             del left[loop]
         if time.monotonic() - began > LONGEST:
-            raise SystemExit(f"u_FF never came: {left}")
+            raise SystemExit(f"u_FF never came: {left}, {said}")
         if time.monotonic() - moved > 10.0:  # a setpoint that moves makes OP turn
             moved, sp = time.monotonic(), 100.0 - sp
             for loop in plant.names:

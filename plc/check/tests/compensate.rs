@@ -206,6 +206,7 @@ fn random<R: Number>() {
         }
     }
     inside::<R>(&mut cover);
+    lags::<R>(&mut cover);
     cover.holds(&[
         "GlappOverCompensation",
         "GlappWrongSign",
@@ -215,6 +216,40 @@ fn random<R: Number>() {
         "GlappMean",
         "GlappBeyond",
     ]);
+}
+
+/// u_FF that lags behind a size and a rate that became small while it was in force, and is taken away in time all the same.
+fn lags<R: Number>(cover: &mut Cover) {
+    for (way, ti) in [(1, 0.5), (3, 0.5), (3, 40.0)] {
+        let (block, mut reference) = (Block::new::<R>("GlappCompensation"), Reference::<R>::default());
+        let settings = common::compensate::Settings {
+            way,
+            ti,
+            size: 2.0,
+            band: Some(0.0),
+            rate: Some(9.0),
+            release: Some(0.1),
+            watch: Some(ti),
+            withdraw: false,
+            ..Default::default()
+        };
+        let mut pins = Pins::new(settings);
+        let mut stood = 0.0;
+        for i in 0..400 {
+            let side = if (i / 6) % 2 == 0 { 1.0 } else { -1.0 };
+            (pins.e, pins.u, pins.compensate) = (side, 3.0 * side, (3..50).contains(&i));
+            if i == 30 {
+                (pins.settings.size, pins.settings.rate) = (0.1, Some(1e-3));
+            }
+            let (expected, got) = (reference.scan(&pins), scan(&block, &pins));
+            assert!(same(&expected, &got), "way {way}, scan {i}:\n{got:?} instead of\n{expected:?}");
+            if i == 49 {
+                stood = block.get("UFf").abs();
+            }
+        }
+        assert!(stood > 0.5 && (ti > 1.0 || block.get("UFf") == 0.0), "{stood} {}", block.get("UFf"));
+        cover.collect(&block);
+    }
 }
 
 /// Half-periods of two heights and two lengths, of which so many need hardly any travel; before it was enabled there were some, or none.
@@ -263,8 +298,13 @@ fn extremes<R: Number>(cover: &mut Cover) {
         let mut swings = Swings::new(&mut draw);
         let mut pins = swings.next::<R>(&mut draw).clone();
         let s = &mut pins.settings;
-        (s.ti, s.share, s.most) = (draw.of(&[1.0, 1e-38, 9e36, 1e-20]), 1.0, Some(1e36));
-        (s.release, s.ramp) = (Some(draw.of(&small)), Some(draw.of(&small)));
+        (s.ti, s.share, s.most) = (draw.of(&[1.0, 1.0, 1e-38, 40.0, 400.0, 9e36]), 1.0, Some(1e37));
+        let width = draw.of(&[1.5, 40.0]);
+        // No longer than the bounds that go by Ti.
+        (s.release, s.ramp) = if s.ti < 1.0 { (None, None) } else { (Some(draw.of(&small)), Some(draw.of(&small))) };
+        if s.ti > 1.0 {
+            s.release = None;
+        }
         s.rate = draw.of(&[None, Some(1.0), Some(1e36)]);
         (s.travel, s.reversals) = (draw.of(&[None, Some(1e36), Some(20.0)]), None);
         s.watch = draw.of(&[None, Some(10.0), Some(1e36)]);
@@ -274,8 +314,8 @@ fn extremes<R: Number>(cover: &mut Cover) {
         }
         for i in 0..120 {
             let side = if (i / 6) % 2 == 0 { 1.0 } else { -1.0 };
-            (pins.e, pins.u, pins.compensate) = (side, 3.0 * side, i > 20);
-            (pins.d_hat, pins.offered) = (Some(1.5), Some(1.5));
+            (pins.e, pins.u, pins.compensate) = (side, 3.0 * side, i > 20 && i % 50 > 4);
+            (pins.d_hat, pins.offered) = (Some(width), Some(width));
             pins.h = draw.of(&[0.25, 0.25, 1e8, 1e9, 1e-30]);
             pins.flags = if draw.chance(0.05) { 2 } else { 0 };
             let (expected, got) = (reference.scan(&pins), scan(&block, &pins));
@@ -372,6 +412,14 @@ fn coarse<R: Number>(cover: &mut Cover) {
 
 /// What only a block that has it inside asks for: settings already checked, going on from a u_FF that is there, none at all.
 fn inside<R: Number>(cover: &mut Cover) {
+    // So short a time that no rate is a number: at once.
+    let block = Block::new::<R>("GlappCompensation");
+    block.set_all(&[("HasUsed", 1.0), ("Used.Way", 3.0), ("Used.Source", 1.0), ("Used.Rate", 9.0), ("H", 0.5)]);
+    block.set_all(&[("Used.Release", 1e-37), ("Used.Longest", 1e-37), ("GoesOn", 1.0), ("UFfThere", 20.0)]);
+    block.set_all(&[("Used.High", 100.0), ("Enable", 1.0)]);
+    block.call();
+    assert_eq!(block.get("UFf"), 0.0);
+    cover.collect(&block);
     for there in [0.8, -0.8] {
         let block = Block::new::<R>("GlappCompensation");
         block.set_all(&[

@@ -136,7 +136,7 @@ async def _lost(look: Look, plant: SimPlant, lose: Callable[[], Awaitable[None]]
     return then, [max(look.moved.get(loop, began) - began, 0.0) for loop in plant.names]
 
 
-async def _all(only: str | None) -> int:
+async def _all(only: list[str]) -> int:
     usual = of_plant._kinds
     # Wide gaps, so that OP turns, and u_FF with it, every few seconds.
     of_plant._kinds = lambda h: [replace(usual(h)[0], d=3.0, wear=1e-9)]
@@ -195,7 +195,7 @@ async def _all(only: str | None) -> int:
             print(f"| loss | {' | '.join(corners)} | allowed | u_FF then, % |", flush=True)
             print("|---" * (len(CORNERS) + 3) + "|")
             for what, (lose, within) in losses.items():
-                if only is not None and only not in what:
+                if only and what not in only:
                     continue
                 await _at_height(service, plant, look)
                 then, took = await _lost(look, plant, lose)
@@ -234,7 +234,7 @@ async def _all(only: str | None) -> int:
 def main() -> None:
     """Read the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--only", help="losses with this in their name")
+    parser.add_argument("--only", nargs="*", default=[], help="these losses")
     raise SystemExit(asyncio.run(_all(parser.parse_args().only)))
 
 

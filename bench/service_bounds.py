@@ -86,6 +86,7 @@ async def _at_height(service: Service, plant: SimPlant, look: Look) -> None:
     """All of them compensated, u_FF at its height, and what is set of each in its corner."""
     usual = {"comp_size": 1.5, **dict.fromkeys(SET)}
     corners = dict(zip(plant.names, CORNERS, strict=True))
+    said: dict[str, str] = {}
     left, began, moved, sp = dict[str, tuple[str, ...]](), time.monotonic(), 0.0, 47.0
     while True:
         if not left:  # one may have turned, or have been withdrawn, while the others rose
@@ -98,7 +99,7 @@ async def _at_height(service: Service, plant: SimPlant, look: Look) -> None:
         shown = (await service.seen("/status"))["loops"]
         for loop in plant.names:
             if not shown[loop]["compensation"]["enabled"]:
-                await service.asked("enable", loop)
+                said[loop] = (await service.asked("enable", loop)).text
         for loop, corner in list(left.items()):
             if abs(look.now.get(loop) or 0.0) < HEIGHT:
                 continue
@@ -112,7 +113,7 @@ async def _at_height(service: Service, plant: SimPlant, look: Look) -> None:
             assert reply.is_success, reply.text
             del left[loop]
         if time.monotonic() - began > LONGEST:
-            raise SystemExit(f"u_FF never came: {left}")
+            raise SystemExit(f"u_FF never came: {left}, {said}")
         if time.monotonic() - moved > 10.0:  # a setpoint that moves makes OP turn
             moved, sp = time.monotonic(), 100.0 - sp
             for loop in plant.names:
@@ -135,7 +136,7 @@ async def _lost(look: Look, plant: SimPlant, lose: Callable[[], Awaitable[None]]
     return then, [max(look.moved.get(loop, began) - began, 0.0) for loop in plant.names]
 
 
-async def _all(only: str | None) -> int:
+async def _all(only: list[str]) -> int:
     usual = of_plant._kinds
     # Wide gaps, so that OP turns, and u_FF with it, every few seconds.
     of_plant._kinds = lambda h: [replace(usual(h)[0], d=3.0, wear=1e-9)]
@@ -194,7 +195,7 @@ async def _all(only: str | None) -> int:
             print(f"| loss | {' | '.join(corners)} | allowed | u_FF then, % |", flush=True)
             print("|---" * (len(CORNERS) + 3) + "|")
             for what, (lose, within) in losses.items():
-                if only is not None and only not in what:
+                if only and what not in only:
                     continue
                 await _at_height(service, plant, look)
                 then, took = await _lost(look, plant, lose)
@@ -233,7 +234,7 @@ async def _all(only: str | None) -> int:
 def main() -> None:
     """Read the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--only", help="losses with this in their name")
+    parser.add_argument("--only", nargs="*", default=[], help="these losses")
     raise SystemExit(asyncio.run(_all(parser.parse_args().only)))
 
 

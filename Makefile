@@ -34,7 +34,7 @@ $(VENV)/.packages: requirements/run.txt
 
 # A release wheel, as a user gets it, with the Python sources in place so that they can be edited.
 $(VENV)/.installed: $(VENV)/.packages $(SOURCES)
-	$(call stage,Compile the Rust crates,90 s the first time$(,) less after a change)
+	$(call stage,Compile the Rust crates,2 min the first time$(,) less after a change)
 	PIP_QUIET=1 VIRTUAL_ENV=$(abspath $(VENV)) $(BIN)/maturin develop --release
 	touch $@
 
@@ -49,9 +49,9 @@ $(VENV)/.tools: requirements/test.txt $(VENV)/.installed
 
 # What leaves a processor idle has another beside it; the tests of Python, which leave none, come last.
 test: $(VENV)/.installed
-	$(call stage,Linters$(,) C library and Rust tests,2 to 4 min from nothing$(,) 40 s on a built tree)
+	$(call stage,Linters$(,) C library and Rust tests,5 min from nothing)
 	@+$(MAKE) --no-print-directory --jobs=2 rust lint capi reader
-	$(call stage,Python tests,2 to 3 min)
+	$(call stage,Python tests,4 min)
 	$(BIN)/pytest --numprocesses auto --dist loadgroup --durations=20 -m "not verify"
 
 # Each part is named with its time as it ends.

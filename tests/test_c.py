@@ -342,7 +342,7 @@ def test_a_step_test_has_the_numbers_and_codes_of_python(loaded: ctypes.CDLL) ->
     assert needed.value == len(room.value) + 1 and told["d"] is not None
     for name in ("d", "low", "high", "d_percent_span", "kp", "kp_low", "kp_high", "settle", "integrating"):
         assert told[name] == found[name], name
-    assert told["holds"] == found["holds"] and told["travel"]["d"] == found["travel"]["d"]
+    assert told["holds"] == list(found["holds"]) and told["travel"]["d"] == found["travel"]["d"]
     assert [one["evidence"] for one in told["readings"]] == [one["evidence_code"] for one in found["readings"]]
     assert asked(needed.value - 1) == BAD_LENGTH and b"must have" in loaded.glapp_error()
     assert asked(65536, Setting(b"op_span", 0.0)) == REFUSED

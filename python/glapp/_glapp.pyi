@@ -469,8 +469,8 @@ def summary(facts: str) -> dict[str, Any]:
     """The one answer of what is known of a valve: facts as JSON in, plain types out."""
 
 def harm(
-    cells: tuple[Floats, Floats, Floats],
-    batch: Any,
+    cells: tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.float64]],
+    batch: Batch,
     law: tuple[float, float] | None,
     process: tuple[tuple[float, float, float], bool],
 ) -> dict[str, float | None]:

@@ -357,8 +357,10 @@ class Answer(_Part):
     """What a step test in the recording gives; null where it gives no width."""
     harm: Harm | None
     """What the gap does to the loop; null where that was not worked out."""
+    compensable: Value
+    """Width that a compensation may trust [`unit`]; 0 of a valve that shows no gap; null: a person may type one."""
     score: Value
-    """What loops of one urgency are ranked by: how many times wider than the limit the gap surely is, times its harm."""
+    """What loops of one urgency are ranked by: the lower limit over what is acceptable, times the harm."""
     rank: tuple[int, int, int, float]
     """Place of the loop in every list: smaller comes first, number by number."""
     struck: Struck | None

@@ -226,11 +226,6 @@ class Fit:
         """The width's lower limit where that is all that can be said [`unit`]."""
         return self.low if self.verdict == "at_least" else None
 
-    @property
-    def compensable(self) -> float | None:
-        """The width that a compensation may trust: the lower limit, with the verdict backlash and no other [`unit`]."""
-        return self.low if self.verdict == "backlash" else None
-
     def to_dict(self) -> dict[str, Any]:
         """The answer in plain types, as `glapp analyze --json` writes it."""
         p = self.process

@@ -309,8 +309,8 @@ class Answer:
     valve : "gap", "no_gap", "unknown", "refused"
         What that means of the valve.
     confidence : str
-        How sure it is that there is a dead band: *found*, *likely*, *cannot_tell*, *none_seen* (above the bound `high`),
-        *sound* (none wider than is acceptable), *refused* (data or settings allow no answer), *not_judged* (OP and PV
+        How sure it is that there is a dead band: *found*, *likely*, *cannot_tell*, *none_seen* (above `high`), *sound*
+        (none wider than is acceptable), *refused* (data or settings allow no answer), *not_judged* (OP and PV
         were not fitted; zero crossings alone do not judge a valve).
     cause : "backlash", "stiction", "both", "dead_band" or None
         What makes it; dead_band: play or packing, the data do not tell which.
@@ -346,6 +346,8 @@ class Answer:
         What a step test in the recording gives.
     harm : Harm or None
         What the gap does to the loop.
+    compensable : float or None
+        The width that a compensation may trust [`Result.unit`]: the lower limit, with the verdict backlash alone; 0 of a valve that shows no gap. None: only a person may type one.
     score : float or None
         What loops of one urgency are ranked by: how many times wider than the limit the gap surely is, times its harm.
     rank : (int, int, int, float)
@@ -378,6 +380,7 @@ class Answer:
     trend: Moves | None
     step_test: StepTestWidth | None
     harm: Harm | None
+    compensable: float | None
     score: float | None
     rank: tuple[int, int, int, float]
     struck: Struck | None
@@ -385,7 +388,14 @@ class Answer:
     @classmethod
     def of(cls, told: Mapping[str, Any]) -> Answer:
         """The answer as the core or a document tells it; what a document says beside it in words is left out."""
-        parts = {"limit": Limit, "step_test": StepTestWidth, "harm": Harm, "struck": Struck, "trend": Moves, "next": Next}
+        parts = {
+            "limit": Limit,
+            "step_test": StepTestWidth,
+            "harm": Harm,
+            "struck": Struck,
+            "trend": Moves,
+            "next": Next,
+        }
         values = {column.name: told[column.name] for column in fields(cls)} | {"rank": tuple(told["rank"])}
         for name, part in parts.items():
             if values[name] is not None:

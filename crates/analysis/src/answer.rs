@@ -2,10 +2,10 @@
 
 use crate::crossings::{NotCorrected, Travel, Verdict, Why};
 use crate::fitted::FitAnswer;
+use crate::harm::Harm;
 use crate::identify::Identification;
 use crate::origin::Origin;
 use crate::quality::{Finding, InOrder};
-use crate::harm::Harm;
 use crate::step_test::StepTest;
 use crate::summary::{Facts, FitFacts, StepTestWidth, Summary};
 use glapp_core::{Corrected, Reason, TravelSource};

@@ -89,9 +89,8 @@ pub fn harm(cells: &Cells<'_>, rows: &Inspected<'_>, law: Option<(f64, f64)>, pr
     let mean = lost.iter().sum::<f64>() / lost.len() as f64;
     let load: Vec<f64> = lost.iter().map(|lost| lost - mean).collect();
     let made = law.and_then(|law| made_of(&load, t, law, process));
-    let good: Vec<(f64, f64)> = made.map_or_else(Vec::new, |made| {
-        error.iter().copied().zip(made).filter(|(error, _)| error.is_finite()).collect()
-    });
+    let good: Vec<(f64, f64)> = made
+        .map_or_else(Vec::new, |made| error.iter().copied().zip(made).filter(|(error, _)| error.is_finite()).collect());
     let power = variance(good.iter().map(|(error, _)| *error));
     let left = variance(good.iter().map(|(error, made)| error + made));
     let pv_share = (power > 0.0).then(|| (1.0 - left / power).clamp(0.0, 1.0));

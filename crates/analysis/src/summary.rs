@@ -369,6 +369,9 @@ pub struct Summary {
     pub step_test: Option<StepTestWidth>,
     /// What the gap does to the loop.
     pub harm: Option<Harm>,
+    /// The width that a compensation may trust [OP unit]: the lower limit of a gap that was found, with backlash and no other
+    /// verdict; 0 of a valve that shows none. None: only a person may type one.
+    pub compensable: Option<f64>,
     /// What valves of one kind of urgency are ranked by: how many times wider than what is acceptable the gap surely is, times its
     /// harm. None where no gap was fitted or the span is not known.
     pub score: Option<f64>,
@@ -461,6 +464,11 @@ impl Summary {
             health: if work { Health::MaintenanceRequired } else { Health::Normal },
             trend: fit.trend.and_then(|trend| facts.moves(trend)),
             harm,
+            compensable: match fit.verdict {
+                LostMotion::Backlash => low,
+                LostMotion::Sound => Some(0.0),
+                _ => None,
+            },
             score,
             struck: facts.d_hat.and_then(|d_hat| fit.strikes(d_hat)),
             ..Self::plain(facts, One::Fit(fit.verdict), (valve, confidence), (width, low, high), (acceptable, next))
@@ -529,6 +537,7 @@ impl Summary {
             trend: None,
             step_test: facts.step_test,
             harm: None,
+            compensable: None,
             score: None,
             rank: (0, 0, 0, 0.0),
             struck: None,
@@ -713,7 +722,10 @@ mod tests {
         // Crossings alone are no reason for work by a limit that nobody gave.
         let crossings = Facts { crossings: Verdict::Estimate, d_hat: Some(3.0), span: Some(100.0), ..Facts::default() };
         let read = Summary::of(&crossings);
-        assert_eq!((read.acceptable, read.next.step, read.urgency), (Some(Acceptable::Beyond), Next::Compare, Urgency::Low));
+        assert_eq!(
+            (read.acceptable, read.next.step, read.urgency),
+            (Some(Acceptable::Beyond), Next::Compare, Urgency::Low)
+        );
         assert_eq!((read.confidence, read.health), (Confidence::NotJudged, Health::Normal));
     }
 
@@ -734,6 +746,20 @@ mod tests {
         let unsure = with(fit(LostMotion::CannotTell, 1.0, None));
         assert_eq!((unsure.next.step, unsure.next.tested, unsure.step_test), (Next::RecordMore, true, Some(test)));
         assert!(!with(fit(LostMotion::Sound, 0.0, Some(1.0))).next.tested);
+    }
+
+    #[test]
+    fn a_compensation_may_trust_the_lower_limit_of_backlash_alone() {
+        let compensable = |verdict| {
+            let fit = fit(verdict, 1.5, Some(2.0));
+            Summary::of(&Facts { fit: Some(fit), ..Facts::default() }).compensable
+        };
+        assert_eq!(compensable(LostMotion::Backlash), Some(1.5));
+        assert_eq!(compensable(LostMotion::Sound), Some(0.0));
+        for none in [LostMotion::Stiction, LostMotion::Both, LostMotion::AtLeast, LostMotion::CannotTell] {
+            assert_eq!(compensable(none), None);
+        }
+        assert_eq!(of(Verdict::Estimate, Some(3.0), None).compensable, None);
     }
 
     #[test]
@@ -762,13 +788,15 @@ mod tests {
     #[test]
     fn a_growing_gap_says_when_it_reaches_the_limit() {
         let trend = |slope: f64| {
-            let widths: Vec<Width> =
-                (0..10).map(|i| Width { t: 86_400.0 * f64::from(i), d: 1.0 + slope * f64::from(i), error: Some(0.01) }).collect();
+            let widths: Vec<Width> = (0..10)
+                .map(|i| Width { t: 86_400.0 * f64::from(i), d: 1.0 + slope * f64::from(i), error: Some(0.01) })
+                .collect();
             crate::trend(&widths)
         };
         let moves = |slope, acceptable| {
             let fit = FitFacts { trend: Some(trend(slope)), ..fit(LostMotion::Backlash, 1.0, Some(2.0)) };
-            Summary::of(&Facts { fit: Some(fit), span: Some(100.0), acceptable: Some(acceptable), ..Facts::default() }).trend
+            Summary::of(&Facts { fit: Some(fit), span: Some(100.0), acceptable: Some(acceptable), ..Facts::default() })
+                .trend
         };
         let days = moves(0.1, 3.0).and_then(|moves| moves.days_to_limit).unwrap();
         assert!((days - (3.0 - 1.9) / 0.1).abs() < 1e-9, "{days}");

@@ -24,6 +24,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from .. import _glapp
+from ..arrays import column
 from ..errors import InputError, unforeseen
 from ..estimate import analyze, op_range
 from ..fit import Fit, fit_recordings
@@ -31,7 +32,6 @@ from ..loop import Loop
 from ..many import unfit
 from ..recording import AT_HIGH, AT_LOW, BAD, NOT_AUTO, Batch
 from ..report import words
-from ..arrays import column
 from ..result import HalfPeriods, Harm, Result, Settings, decide
 from ..samples import Samples
 from .lake import SIGNALS, day_name
@@ -552,9 +552,7 @@ def _window(loop: Loop, recording: Samples, said: Any, day: dict[str, Any]) -> d
     fit: Fit = said.fit
     whole = recording.beginning(recording.rows or 0)
     law = (day["k"], day["ti"])
-    pv_share, op_share = (
-        _shares(fit, law, whole) if fit.d and said.left_out is None else (None, None)
-    )
+    pv_share, op_share = _shares(fit, law, whole) if fit.d and said.left_out is None else (None, None)
     p = fit.process
     assert recording.t0 is not None
     first = round(recording.t0.timestamp() * 1e6)
@@ -581,9 +579,7 @@ def _window(loop: Loop, recording: Samples, said: Any, day: dict[str, Any]) -> d
     }
 
 
-def _shares(
-    fit: Fit, law: tuple[float | None, float | None], batch: Batch
-) -> tuple[float | None, float | None]:
+def _shares(fit: Fit, law: tuple[float | None, float | None], batch: Batch) -> tuple[float | None, float | None]:
     """Harm of the gap to the loop: the share of PV's variance and of OP's travel that would not be there without it."""
     best, p = fit.best, fit.process
     if p is None or batch.op is None or best.get("signal") != "PV":

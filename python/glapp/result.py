@@ -347,7 +347,8 @@ class Answer:
     harm : Harm or None
         What the gap does to the loop.
     compensable : float or None
-        The width that a compensation may trust [`Result.unit`]: the lower limit, with the verdict backlash alone; 0 of a valve that shows no gap. None: only a person may type one.
+        The width that a compensation may trust [`Result.unit`]: the lower limit, with the verdict backlash alone; 0 of
+        a valve that shows no gap. None: only a person may type one.
     score : float or None
         What loops of one urgency are ranked by: how many times wider than the limit the gap surely is, times its harm.
     rank : (int, int, int, float)

@@ -112,8 +112,7 @@ fn made_of(load: &[f64], t: &[f64], (k, ti): (f64, f64), process: &Process) -> O
         into[i + shift] = w - k * y - integral;
         x += (kp * into[i] - x) * a;
         y = if process.integrating { y + x * h } else { x };
-        // Written so that a NaN ends it too.
-        if !(y.abs() < RUNS_AWAY * (1.0 + kp.abs())) {
+        if y.is_nan() || y.abs() >= RUNS_AWAY * (1.0 + kp.abs()) {
             return None;
         }
     }

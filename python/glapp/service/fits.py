@@ -15,9 +15,10 @@ from ..errors import InputError
 from ..estimate import analyze
 from ..loop import Loop
 from ..many import analyze_recordings
+from ..result import Result
 from .recordings import Signals
 
-__all__ = ["answer", "answered"]
+__all__ = ["answer", "answered", "row_of"]
 
 
 def answer(to: Connection, folder: Path, settings: str, begin: float, end: float, longest: float) -> None:
@@ -72,6 +73,19 @@ def answered(folder: Path, settings: str, begin: float, end: float) -> dict[str,
     if not recordings:
         raise InputError("has no recording to fit yet", loop=loop.name)
     result = analyze(recordings[0]) if len(recordings) == 1 else analyze_recordings(recordings)
+    return row_of(result, begin, end)
+
+
+def row_of(result: Result, begin: float, end: float) -> dict[str, Any]:
+    """A result as a row of `answers`: what its one answer says, and the document of all.
+
+    Parameters
+    ----------
+    result : Result
+        What was found.
+    begin, end : float
+        From when to when it was recorded [s since 1970 UTC].
+    """
     one = result.answer
     fitted = result.fit is not None and one.verdict == result.fit.verdict
     reason = result.fit.reason if result.fit is not None and fitted else result.reason
@@ -89,7 +103,7 @@ def answered(folder: Path, settings: str, begin: float, end: float) -> dict[str,
         "d": one.width,
         "low": one.low,
         "high": one.high,
-        "unit": loop.op_label,
+        "unit": result.unit,
         "reason": reason or "OP is not recorded",
         "compensable": one.compensable,
         "document": json.dumps({"learnt": learnt, "analysis": json.loads(to_json([result]))}),

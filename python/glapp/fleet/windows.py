@@ -24,6 +24,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from .. import _glapp
+from .._glapp import to_text
 from ..errors import InputError, unforeseen
 from ..estimate import analyze, op_range
 from ..fit import Fit, Process, fit_recordings
@@ -709,7 +710,7 @@ def _loop_row(
         "harm": harm,
         "score": score,
         "next": "tuning" if swings else answer.next.code,
-        "next_text": words.NEXT["tuning"].text if swings else words.next_step(result),
+        "next_text": to_text("answer.do tuning") if swings else words.next_step(result),
         "reason_code": code,
         "reason": fit.reason if fit is not None else result.reason,
         "hindrance": None if answer.valve in ("gap", "no_gap") else _hindrance(looks, code, findings),

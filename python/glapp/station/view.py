@@ -19,7 +19,7 @@ from .. import _glapp
 from ..errors import InputError
 from ..escape import for_spreadsheet
 from ..loop import Loop
-from ..report.words import NEXT, URGENCIES, VERDICTS, number
+from ..report.words import URGENCIES, VERDICTS, number
 from ..service.memory import Reader
 from ..service.watch import with_settings
 from .compensate import withdrawn
@@ -420,8 +420,7 @@ def _todo(status: Mapping[str, Any], answer: Mapping[str, Any] | None, silent: b
         return (
             status["why"] + ": write them into loops.toml." if status["why"] else "Nothing yet: it is fitted tonight."
         )
-    step = NEXT.get(answer["next"]["code"])
-    return str(answer["next"]["text"]) or ("" if step is None else step.text)
+    return str(answer["next"]["text"])
 
 
 def _compensation(status: Mapping[str, Any]) -> str:

@@ -285,9 +285,9 @@ function fit(said, unit, pv_unit, place) {
   const { fit: found } = said.answer;
   const rows = [["Width", quantity(found.d, unit)], ["95 % interval", limits(found.low, found.high)]];
   if (found.lr_no_gap !== null) {
-    rows.push(["No gap is worse by", `${number(found.lr_no_gap)} units of 2·ln L, ${number(found.lr_needed)} are needed`]);
+    rows.push(["Likelihood ratio", `${number(found.lr_no_gap)}, ${number(found.lr_needed)} needed`]);
   }
-  if (said.pv) rows.push(["OP went through it", `${said.pv.traversals[0]} times up, ${said.pv.traversals[1]} down`]);
+  if (said.pv) rows.push(["OP crossed it", `${said.pv.traversals[0]} times up, ${said.pv.traversals[1]} down`]);
   const process = found.process === null ? [] : [
     [found.process.integrating ? "Velocity gain" : "Process gain Kp", found.process.kp, `${pv_unit} per ${unit}${found.process.integrating ? " and s" : ""}`],
     ["Dead time", found.process.dead_time, "s"],

@@ -130,10 +130,10 @@ def test_where_they_agree_the_position_settles_it() -> None:
     assert "contradict" not in f.reason
     # A mere bound does not hide a width.
     bound = said("at_least", 1.0, 0.7, None)
-    assert _together({"position": "bounds"}, bound, broad, LOOP).d == 1.3
+    assert _together({"position": "bounds", "verdict": "backlash"}, bound, broad, LOOP).d == 1.3
     # What the position cannot tell, PV answers, and the reason says so.
     silent = Fit("cannot_tell", "it stands still", "%")
-    answer = _together({"position": "silent"}, silent, broad, LOOP)
+    answer = _together({"position": "silent", "verdict": "backlash"}, silent, broad, LOOP)
     assert answer.d == 1.3 and "it stands still" in answer.reason
 
 

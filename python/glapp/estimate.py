@@ -41,6 +41,7 @@ INSPECTED_ROWS = _glapp.INSPECTED_ROWS
 Known = tuple[Origin, str]
 """Where a setting comes from, and the same in words."""
 
+
 def estimate(
     recording: Recording | None = None,
     *,

@@ -34,6 +34,7 @@ ROWS = _glapp.LONG_HISTORY
 DAY = 86400.0
 """[s]."""
 
+
 @dataclass(frozen=True, slots=True)
 class Process:
     """What the best model says of the process between valve and PV: each value with its lower and upper 95 % limit.

@@ -318,8 +318,8 @@ def _finding(
     if code == "time_reversed":
         evidence = evidence | {name: _time(float(evidence[name]), t0) for name in ("from", "to")}
     numbers = {**evidence, **found["numbers"], "severity": severity, "days": days}
-    units = {"pv_unit": pv_unit, "op_unit": op_unit, "first_row": first_row}
-    return Finding(code, severity, _glapp.to_text(f"quality.{code}", numbers, **units), evidence)
+    text = _glapp.to_text(f"quality.{code}", numbers, pv_unit=pv_unit, op_unit=op_unit, first_row=first_row)
+    return Finding(code, severity, text, evidence)
 
 
 def _time(t: float, t0: datetime | None) -> str:

@@ -1,7 +1,8 @@
 """The step test for backlash, read off a recording: OP is stepped in manual, held, stepped on and stepped back.
 
-The core reads it (`crates/analysis/src/step_test.rs` has the derivation); here its numbers get units. `docs/step-test.md` explains how holds, settling, noise and drift are treated, and how often the interval
-held the truth.
+The core reads it (`crates/analysis/src/step_test.rs` has the derivation); here its numbers get units.
+`docs/step-test.md` explains how holds, settling, noise and drift are treated, and how often the interval held the
+truth.
 """
 
 from __future__ import annotations

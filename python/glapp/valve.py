@@ -13,6 +13,7 @@ __all__ = ["in_order", "one_valve", "since"]
 _SHARED = ("pv_span", "op_span", "pv_unit", "op_unit", "controller", "process", "positioner")
 """Settings that recordings of one valve have in common."""
 
+
 def one_valve(recordings: Sequence[Recording]) -> None:
     """Refuse recordings that cannot be of one valve.
 

@@ -11,6 +11,7 @@ mod answer;
 mod correction;
 mod crossings;
 mod fit;
+mod fleet;
 mod half_period;
 mod identification;
 mod labels;
@@ -54,6 +55,9 @@ const SUBJECTS: &[Subject] = &[
     fit::SUBJECT,
     fit::LEFT_OUT,
     fit::UNFIT,
+    fleet::HELP,
+    fleet::HINDRANCE,
+    fleet::SUBJECT,
     half_period::LABEL,
     half_period::MEANING,
     half_period::REMEDY,

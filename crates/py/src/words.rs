@@ -129,8 +129,8 @@ pub fn count(n: i64, noun: &str) -> String {
     words::count(n, noun)
 }
 
-/// A reason as a sentence.
+/// A reason as a sentence; none where there is none.
 #[pyfunction]
-pub fn sentence(text: &str) -> String {
-    words::sentence(text)
+pub fn sentence(text: Option<&str>) -> String {
+    words::sentence(text.unwrap_or_default())
 }

@@ -137,7 +137,7 @@ def _columns(results: Sequence[Result]) -> list[Column]:
     columns.append(Column("quality", quality))
     if fitted:
         columns.append(Column("simple\nmethod", [_crossing(result) for result in results], True))
-    return [*columns, Column("read./\nhalf-p.", counts, True), Column("rejected as", reasons)]
+    return [*columns, Column("det./\nhalf-p.", counts, True), Column("rejected as", reasons)]
 
 
 def _name(result: Result) -> str:
@@ -156,7 +156,7 @@ def _verdict(result: Result) -> Text:
 
 
 def _crossing(result: Result) -> Text:
-    """What a PLC would show, in brackets and struck out where the fit contradicts it."""
+    """What a PLC would show, in brackets and crossed out where the fit contradicts it."""
     text = words.quantity(result.d_hat, words.op_unit(result))
     return styled(text, style="dim") if result.answer.struck is None else styled(f"({text})", style="dim strike")
 

@@ -70,8 +70,8 @@ METHODS: dict[str, tuple[str, ...]] = {
     ),
     "Zero crossings: what a PLC would show": (
         "The width is worked out from how long and how far PV stays on one side of SP while the controller integrates. "
-        "It needs no OP, and it runs in a PLC. It is the answer where nothing could be fitted; where the fit contradicts "
-        "it, ignore it.",
+        "It needs no OP, and it runs in a PLC. It is the answer where nothing could be fitted; where the fit "
+        "contradicts it, ignore it.",
         "Load changes while the loop waits make it read too high. Half-periods that do not cross the whole gap make it "
         "read too low. The scatter of the detections shows how well they repeat, and neither of these errors.",
         "A sound valve in noise or under a changing load also gives a number, in simulations up to about 2 % of span. "
@@ -159,6 +159,10 @@ def judged(result: Result) -> bool:
     return result.answer.valve in ("gap", "no_gap")
 
 
+_WITHOUT_TEST = ("tuning", "nothing", "review", "record_longer")
+"""Next steps of which a step test in the recording tells nothing."""
+
+
 def said(result: Result) -> dict[str, Any]:
     """The one answer under the names of its document, and beside it what its sentences need more."""
     answer, f, test, s = result.answer, result.fit, result.step_test, result.settings
@@ -168,6 +172,7 @@ def said(result: Result) -> dict[str, Any]:
         "limit": _limit(result),
         "trend": _trend(result),
         **asdict(answer),
+        "next": asdict(answer.next) | {"tested": test is not None and answer.next.code not in _WITHOUT_TEST},
         "span": result.span,
         "step_test": None if test is None else {name: getattr(test, name) for name in ("d", "low", "high")},
         "fit": f
@@ -202,8 +207,7 @@ def _trend(result: Result) -> dict[str, Any] | None:
     trend = None if result.fit is None else result.fit.trend
     if trend is None or not trend.changes:
         return None
-    ends = {"t_first": trend.t[0], "t_last": trend.t[1], "d_first": trend.d[0], "d_last": trend.d[1]}
-    return {"code": "grows" if trend.slope > 0 else "shrinks", **ends}
+    return {"code": "grows" if trend.slope > 0 else "shrinks", "t": trend.t, "d": trend.d}
 
 
 def told(result: Result) -> dict[str, Any]:
@@ -229,10 +233,7 @@ def summary(results: Sequence[Result]) -> str:
     answers = [result.answer for result in results]
     return _glapp.overview(
         json.dumps(
-            [
-                {"valve": a.valve, "urgency": a.urgency, "next": a.next.code, "acceptable": a.acceptable}
-                for a in answers
-            ]
+            [{"valve": a.valve, "urgency": a.urgency, "next": a.next.code, "acceptable": a.acceptable} for a in answers]
         )
     )
 

@@ -1,6 +1,6 @@
 //! The answer in three parts: what is so, what to do, and why.
 
-use super::said::{Corrected, Said};
+use super::said::{Corrected, Limit, Said};
 use super::{Message, Numbers, Reader, Subject, Untold, Value, sentence, text};
 use serde::{Deserialize, Serialize};
 
@@ -103,7 +103,7 @@ const SENTENCES: &[(&str, &str)] = &[
     ("so provisional", "The simple method reads {width:op}{span} for {name} so far{beside}."),
     (
         "so provisional few",
-        "The simple method has too few readings to judge the valve of {name}: they say {width:op}{span}.",
+        "The simple method has too few detections to judge the valve of {name}: they read {width:op}{span}.",
     ),
     ("so no_estimate", "No dead band could be measured for {name}."),
     ("so refused", "{name} was not analysed: {reason}."),
@@ -181,11 +181,11 @@ const SENTENCES: &[(&str, &str)] = &[
     ("why to_limit", "At this rate it reaches the limit in {days:.0f} days."),
     ("why step_test", "The step test in this recording gives {d:op} ({low:number} to {high:number})."),
     // What stands behind a width of the zero crossings.
-    ("crossed from", "This comes from {detections:count reading} in {half_periods:count half-period}."),
-    ("crossed provisional", "It is provisional: fewer than {n} readings stand behind it, and it may still move."),
+    ("crossed from", "This comes from {detections:count detection} in {half_periods:count half-period}."),
+    ("crossed provisional", "It is provisional: fewer than {n} detections stand behind it, and it may still move."),
     (
         "crossed repeat",
-        "The readings kept lie between {low:number} and {high:op}: that is how well they repeat, not how near they are to the \
+        "The detections kept lie between {low:number} and {high:op}: that is how well they repeat, not how near they are to the \
          truth.",
     ),
     ("crossed not_corrected", "Its known bias cannot be taken out: {reason}."),
@@ -218,6 +218,7 @@ const SENTENCES: &[(&str, &str)] = &[
     ("run no_gap", "{n:count valve}: no dead band seen."),
     ("run unknown", "{n:count loop}: cannot tell yet."),
     ("run refused", "{n:count loop}: not analysed."),
+    ("run signal", "{n:count loop}: bad or missing signal."),
     ("run calm", "Nothing is urgent."),
     ("days", "Data of {first} to {last}."),
     ("days one", "Data of {first}."),
@@ -274,7 +275,9 @@ pub fn so(said: &Said, reader: &Reader) -> Result<String, Untold> {
 
 /// What the width is beyond, or how it has changed; empty where neither is to be told.
 fn beside(said: &Said) -> Value {
-    let beyond = said.limit.as_ref().filter(|_| said.acceptable.as_deref() == Some("beyond"));
+    // By crossings alone sound valves show more than the usual limit.
+    let tells = |limit: &&Limit| said.fitted() || limit.origin == "given";
+    let beyond = said.limit.as_ref().filter(|_| said.acceptable.as_deref() == Some("beyond")).filter(tells);
     let percent = beyond.and_then(|limit| Some((limit.percent_span?, limit)));
     let beyond = percent.map(|(percent, limit)| {
         let code = if limit.origin == "nominal" { "answer.more_than_nominal" } else { "answer.more_than_given" };
@@ -286,7 +289,8 @@ fn beside(said: &Said) -> Value {
             "shrinks" => "answer.down_from",
             _ => return None,
         };
-        Some(Message::new(code).with("from", trend.d_first?).with("lasted", trend.t_last? - trend.t_first?))
+        let ((from, _), (first, last)) = (trend.d?, trend.t?);
+        Some(Message::new(code).with("from", from).with("lasted", last - first))
     });
     Value::List([changed, beyond].into_iter().flatten().map(Value::from).collect())
 }
@@ -309,7 +313,7 @@ pub fn doing(said: &Said, reader: &Reader) -> Result<String, Untold> {
     let of = said.next.of.as_deref().unwrap_or_default();
     let test = said.step_test.as_ref().filter(|test| test.d.is_some());
     let mut told = Vec::new();
-    if let Some(test) = test.filter(|_| asks_for_test(code)) {
+    if let Some(test) = test.filter(|_| said.next.tested) {
         let gives = Message::new("answer.do tested").with("d", test.d).with("low", test.low).with("high", test.high);
         told.push(text(&gives.code, &gives.numbers, reader)?);
         let left = [format!("do {code} {of} tested"), format!("do {code} tested")];
@@ -331,16 +335,11 @@ pub fn doing(said: &Said, reader: &Reader) -> Result<String, Untold> {
     text(&told.code, &told.numbers, reader)
 }
 
-/// Whether a step asks for a step test, so that one in the recording takes its place.
-fn asks_for_test(code: &str) -> bool {
-    !["nothing", "review", "tuning", "record_longer", "correct"].contains(&code)
-}
-
 /// The same in a word or two.
 fn short(said: &Said, reader: &Reader) -> Result<String, Untold> {
     let code = &said.next.code;
     let asks = ["further", "record_more", "probably_too_wide", "step_test", "remedy"].contains(&code.as_str());
-    let tested = asks && said.step_test.as_ref().is_some_and(|test| test.d.is_some());
+    let tested = asks && said.next.tested;
     let likely = said.confidence.as_deref() == Some("likely");
     let codes = [format!("short {code} likely"), format!("short {code}")];
     let code = if tested {
@@ -368,7 +367,7 @@ pub fn why(said: &Said, reader: &Reader) -> Result<Vec<String>, Untold> {
     if let Some(days) = said.trend.as_ref().and_then(|trend| trend.days_to_limit) {
         told.push(tell(said.message("why to_limit").with("days", days))?);
     }
-    if let Some(test) = said.step_test.as_ref().filter(|test| test.d.is_some() && !asks_for_test(&said.next.code)) {
+    if let Some(test) = said.step_test.as_ref().filter(|test| test.d.is_some() && !said.next.tested) {
         let gives = said.message("why step_test").with("d", test.d).with("low", test.low).with("high", test.high);
         told.push(tell(gives)?);
     }

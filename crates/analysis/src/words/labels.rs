@@ -44,8 +44,8 @@ const MEANINGS: &[(&str, &str)] = &[
         "cannot_tell",
         "a gap would explain the data, and so would none, or no model does. It does not mean that all is well.",
     ),
-    ("estimate", "nothing was fitted. At least N readings of the zero crossings stand behind the width."),
-    ("provisional", "nothing was fitted. Fewer than N readings stand behind the width, and it may still move."),
+    ("estimate", "nothing was fitted. At least N detections of the zero crossings stand behind the width."),
+    ("provisional", "nothing was fitted. Fewer than N detections stand behind the width, and it may still move."),
     ("no_estimate", "nothing was fitted, and no half-period could be measured on."),
     ("refused", "data or settings do not allow an analysis. The reason is named."),
 ];

@@ -38,8 +38,8 @@ macro_rules! shifts {
         concat!(
             "PV goes to another level from one row to the next ({rows:rows}",
             $more,
-            "), as no process does: a transmitter was set anew or the recorder's scale changed; the fit begins anew there, \
-             the zero crossings do not"
+            "), as no process does: a transmitter was recalibrated or the recorder's scale changed; the fit starts again \
+             there, the zero crossings do not"
         )
     };
 }
@@ -71,7 +71,7 @@ const SENTENCES: &[(&str, &str)] = &[
         ),
     ),
     ("own_times", concat!(own_times!(), ": the rows are those of PV, and {held} keep the last value until the next")),
-    ("too_few_rows", "the recording has {rows} rows, from which nothing can be told: take hours, not moments"),
+    ("too_few_rows", "the recording has {rows} rows, too few to tell anything: record for hours"),
     ("time_missing", "{rows} of {of} rows have no time and are not used: check the time column"),
     (
         "time_reversed newest_first",
@@ -100,7 +100,7 @@ const SENTENCES: &[(&str, &str)] = &[
     ),
     (
         "bad_quality",
-        "the quality is not good in {share:share} of the rows, which are not used: mend the signal, or check which quality \
+        "the quality is not good in {share:share} of the rows, which are not used: repair the signal, or check which quality \
          codes mean good",
     ),
     (
@@ -218,10 +218,10 @@ const SENTENCES: &[(&str, &str)] = &[
     ),
     (
         "sinusoidal",
-        "the error is a clean sinusoid of period {period_s:seconds} ({spectral_share:share} of its power at one frequency, peak \
-         to mean {peak_to_mean:.2f} against 1.57; half-periods of {half_s:seconds}, shorter than 5 Ti, {limit_s:seconds}): a \
-         linear oscillation, not backlash, makes the loop swing, and a gap beside it does not show; look at the tuning or for \
-         a disturbance from elsewhere",
+        "the error is a smooth wave of period {period_s:seconds}, which the tuning or a disturbance makes and no dead band; one \
+         beside it does not show: check the tuning, or look for a disturbance from elsewhere ({spectral_share:share} of its power \
+         at one frequency, peak to mean {peak_to_mean:.2f} against 1.57; half-periods of {half_s:seconds}, shorter than 5 Ti, \
+         {limit_s:seconds})",
     ),
     (
         "kp_assumed",

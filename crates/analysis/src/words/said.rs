@@ -57,6 +57,8 @@ pub struct Next {
     pub code: String,
     /// What it is about.
     pub of: Option<String>,
+    /// The recording holds a step test: what it gives is used, and no further one is asked for.
+    pub tested: bool,
 }
 
 /// How the crossings contradict the fit.
@@ -86,13 +88,9 @@ pub struct Trend {
     /// *steady*, *grows*, *shrinks*.
     pub code: String,
     /// First and last moment \[s\].
-    pub t_first: Option<f64>,
-    /// Last one.
-    pub t_last: Option<f64>,
-    /// The line's width at the first [OP unit].
-    pub d_first: Option<f64>,
-    /// At the last.
-    pub d_last: Option<f64>,
+    pub t: Option<(f64, f64)>,
+    /// The line's width there [OP unit].
+    pub d: Option<(f64, f64)>,
     /// Days until the limit is reached.
     pub days_to_limit: Option<f64>,
 }

@@ -199,6 +199,24 @@ def test_no_header_is_left_out_on_any_screen(run, monkeypatch, columns, by_hand)
         assert max(cell_len(line) for line in out.split("\n\n")[0].splitlines()) <= columns
 
 
+@pytest.mark.parametrize("columns", [80, 120])
+def test_many_loops_are_one_table_that_is_not_torn(run, monkeypatch, columns):
+    names = [f"FIC10{i}.csv" for i in range(5)] + ["a_recording_with_a_name_that_is_long.csv"]
+    for name in names:
+        write(name, rows())
+    monkeypatch.setattr(screen.out, "width", columns)
+    _, out, _ = run("analyze", "--no-fit", *names)
+    table, _, short = out.rstrip().rpartition("\n\n")
+    assert table.count("verdict") == 1 and "\n\n" not in table
+    assert max(cell_len(line) for line in table.splitlines()) <= columns
+    assert all(header in table for header in ("loop", "d̂", "verdict", "to do", "how soon"))
+    assert "6 loops: cannot tell yet." in " ".join(short.split())
+    assert ("rejected as" in table) == (columns == 120)
+    # One loop less, and each has its block.
+    _, out, _ = run("analyze", "--no-fit", *names[:5])
+    assert out.count("  do ") == 5 and "verdict" not in out
+
+
 def test_python_m_glapp_is_the_command():
     done = subprocess.run([sys.executable, "-m", "glapp", "--version"], capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (0, f"glapp {glapp.__version__}\n")

@@ -7,7 +7,8 @@ import math
 import re
 import shutil
 import subprocess
-from dataclasses import fields, replace
+from dataclasses import fields
+from dataclasses import replace as with_fields
 from datetime import datetime
 from html import escape
 from html.parser import HTMLParser
@@ -28,8 +29,13 @@ from glapp.report.figures import loop_figure, phase_figure
 from glapp.report.fit_figure import loop_figures, trend_figure
 from glapp.report.html import write_report
 from glapp.report.view import LoopView, bar
-from glapp.result import REASONS, Corrected, Crossings, HalfPeriods, Result, Settings, Verdict
+from glapp.result import REASONS, Corrected, Crossings, HalfPeriods, Result, Settings, Verdict, decide
 from glapp.trace import Band, Trace
+
+
+def replace(of: Any, **changes: Any) -> Any:
+    """With other fields; a result with the answer that follows from them."""
+    return of.decided_with(**changes) if isinstance(of, Result) else with_fields(of, **changes)
 
 
 def a_loop(**changes: Any) -> Loop:
@@ -67,7 +73,10 @@ def a_result(**changes: Any) -> Result:
         "repeatability": None, "noise_floor": None, "detections": 0, "half_periods": half_periods_of([]),
         "reasons": {}, "settings": settings(),
     }  # fmt: skip
-    return Result(**(values | changes))
+    values |= changes
+    facts = ("crossings", "d_hat", "detections", "reasons", "loop")
+    answer = decide(fit=values.get("fit"), step_test=values.get("step_test"), **{name: values[name] for name in facts})
+    return Result(answer=answer, **values)
 
 
 def closed_loop(d: float, *, seconds: int = 12000, noise: float = 0.05, seed: int = 1) -> dict[str, np.ndarray]:
@@ -227,7 +236,13 @@ def run(worn: Result) -> list[Result]:
     return [
         refused(),
         worn,
-        replace(worn, name="FIC 102", d_hat_percent_span=None, unit="mA", loop=a_loop(op_span=None, pv_unit=None)),
+        replace(
+            worn,
+            name="FIC 102",
+            d_hat_percent_span=None,
+            unit="mA",
+            loop=a_loop(op_span=None, op_unit="mA", pv_unit=None),
+        ),
         replace(worn, name="FIC103", crossings="provisional", detections=3, reason="3 of 9 detections needed", t0=None),
         analysed(closed_loop(0.0, seconds=3000, noise=0.2), name="LIC104"),
         replace(
@@ -551,6 +566,7 @@ def test_what_to_do_about_a_fitted_gap_hangs_on_what_is_acceptable(worn: Result)
     so, do = told("backlash", 3.0, 5.0)
     assert "allowed" not in so and do.startswith("Check linkage"), "it may be either"
     assert told("at_least", 3.0, None)[1].startswith("Record while OP moves further")
+    assert told("backlash", 5.0, 6.0, None)[0].endswith(", more than the usual 1 % of span."), "nominal"
 
 
 def test_the_corrected_width_stands_beside_the_other(worn: Result, tmp_path: Path) -> None:
@@ -573,7 +589,9 @@ def test_widths_over_time_are_drawn_with_their_intervals(worn: Result, tmp_path:
         Window(8 * day, 8.1 * day, "cannot_tell", 1.0, 0.0, None, 3.0),
     ]
     trend = Trend(1.0, 0.1, 5, (300.0, 4 * day + 300), (2.0, 6.0), changes=True)
-    fit = Fit("backlash", "a gap", "%", 6.0, 5.5, 7.0, trend=trend, windows=windows)
+    change: dict[str, Any] = {"code": "grows", "widths": 5, "widths_needed": 5, "t": trend.t, "d": trend.d}
+    change |= {"per_day": 1.0, "low": 0.8, "high": 1.2, "least_plain": 0.3}
+    fit = Fit("backlash", "a gap", "%", 6.0, 5.5, 7.0, trend=trend, windows=windows, change=change)
     result = replace(worn, fit=fit)
     dots, least, most, line = trend_figure(result).data
     assert list(dots.y) == [2.0, 3.0, 4.0, 5.0, 6.0]
@@ -583,7 +601,7 @@ def test_widths_over_time_are_drawn_with_their_intervals(worn: Result, tmp_path:
     write_report([result], file := tmp_path / "trend.html")
     text = " ".join(parsed(file).text)
     assert "8 windows of the recording" in text and ", up from 2 in 4 d" in text
-    assert "up from" not in words.lead(replace(result, fit=replace(fit, trend=None)))
+    assert "up from" not in words.lead(replace(result, fit=replace(fit, change=None)))
 
 
 def test_comparisons_agree_with_the_mask(worn: Result) -> None:

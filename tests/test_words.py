@@ -32,6 +32,7 @@ SHOWING = [
 BESIDE = {
     "labels of figures, tables and pictures": [
         "valve, as the model has it",
+        ", the nominal limit: none was given",
         "OP travel by the PI law",
         "not excluded by OP and PV",
         "width of the gap [",

@@ -170,6 +170,8 @@ class Fit:
         Where the valve's position was recorded and settled the answer, what PV alone would have said. The process is
         always that of PV. Where no width lies in the intervals of both, `reason` names both: with a gap in either the
         interval holds both, and with a gap in one of them alone the verdict is *cannot_tell*.
+    change : dict or None
+        The trend as the one answer has it (`glapp.result.Moves`).
     """
 
     verdict: Verdict
@@ -188,6 +190,7 @@ class Fit:
     best: dict[str, Any] = field(default_factory=dict)
     why: str = ""
     through_pv: Fit | None = None
+    change: dict[str, Any] | None = None
 
     def __repr__(self) -> str:
         if self.d is None:
@@ -211,11 +214,6 @@ class Fit:
     def at_least(self) -> float | None:
         """The width's lower limit where that is all that can be said [`unit`]."""
         return self.low if self.verdict == "at_least" else None
-
-    @property
-    def compensable(self) -> float | None:
-        """The width that a compensation may trust: the lower limit, with the verdict backlash and no other [`unit`]."""
-        return self.low if self.verdict == "backlash" else None
 
     def to_dict(self) -> dict[str, Any]:
         """The answer in plain types, as `glapp analyze --json` writes it."""
@@ -382,7 +380,7 @@ def fit_recordings(
         found = _glapp.fit_valve(fitted, sign)
     if fitting is not None:
         fitting(1.0)
-    through_pv = _valve(found["pv"], recordings, known)
+    through_pv = replace(_valve(found["pv"], recordings, known), change=found.get("answer", {}).get("change"))
     if found["position"] is None:
         return through_pv
     both = _together(found["answer"], _at_valve(found["position"], loop), through_pv, loop)
@@ -488,7 +486,7 @@ def told(
     """Put what the core answered, with all that PV and the valve's position said, into words."""
     if pv is None:
         return Fit("cannot_tell", to_text("fit.op_rests"), loop.op_label, why="op_rests")
-    through_pv = _through_pv(pv, loop, sinusoid)
+    through_pv = replace(_through_pv(pv, loop, sinusoid), change=answer["change"])
     if position is None:
         return through_pv
     return _together(answer, _at_valve(position, loop), through_pv, loop)
@@ -502,7 +500,7 @@ def _together(answer: dict[str, Any], at_valve: Fit, through_pv: Fit, loop: Loop
     own = loop.positioner.dead_band if loop.positioner is not None else None
     said["own"] = own if at_valve.found else None
     reason = to_text(f"fit.{answer['position']}", said)
-    decided = {name: answer[name] for name in ("verdict", "low", "high")}
+    decided = {name: answer[name] for name in ("verdict", "low", "high", "change")}
     return replace(at_valve, **decided, reason=reason, process=through_pv.process, through_pv=through_pv)
 
 

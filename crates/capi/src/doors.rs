@@ -5,7 +5,7 @@ use crate::wrong::{BAD_LENGTH, BAD_POINTER, BAD_TEXT, OK, Wrong, YES, guarded, t
 use crate::{ABI, settings};
 use glapp_analysis::crossings::Row;
 use glapp_analysis::words::{Message, text as sentence};
-use glapp_analysis::{Crossings, FitAnswer, Inspected, LostMotion, ManualRows, fitted};
+use glapp_analysis::{Analysis, Crossings, FitAnswer, INSPECTED_ROWS, Inspected, LostMotion, ManualRows, fitted};
 use glapp_core::status::{AT_HIGH, AT_LOW, BAD, NOT_AUTO};
 use glapp_fit::{Batch, LONG_HISTORY, Rows, Samples, Windows};
 use glapp_sim::{Graph, Module};
@@ -509,8 +509,7 @@ pub unsafe extern "C" fn glapp_step_test(
         stretch.take(&all, may(given.position, "position")?);
         let answer = serde_json::to_string(&stretch.read(&settings)).map_err(Wrong::refused)?;
         // SAFETY: as for the caller.
-        unsafe { hand_over(&answer, json, "json", room, needed) }?;
-        Ok(OK)
+        unsafe { hand_over(&answer, json, "json", room, needed) }
     })
 }
 
@@ -533,8 +532,7 @@ pub unsafe extern "C" fn glapp_text(
         let reader = if reader.is_null() { "{}" } else { unsafe { words(reader, "reader") }? };
         let told = sentence(&message.code, &message.numbers, &json(reader, "reader")?).map_err(Wrong::refused)?;
         // SAFETY: as for the caller.
-        unsafe { hand_over(&told, text, "text", room, needed) }?;
-        Ok(OK)
+        unsafe { hand_over(&told, text, "text", room, needed) }
     })
 }
 
@@ -543,11 +541,59 @@ fn json<'a, T: serde::Deserialize<'a>>(text: &'a str, name: &str) -> Result<T, W
     serde_json::from_str(text).map_err(|error| Wrong::new(BAD_TEXT, format!("{name}: {error}")))
 }
 
-/// Writes a text that ends in a 0, and how many bytes it takes.
+/// Analyses a recording; the answer document is a text in JSON.
+///
+/// # Safety
+/// As [`glapp_detector_new`]; `json` has room for so many bytes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn glapp_analyze(
+    columns: *const GlappColumns,
+    task: *const c_char,
+    json: *mut c_char,
+    room: usize,
+    needed: *mut usize,
+) -> i32 {
+    guarded(|| {
+        // SAFETY: as for the caller.
+        let task = unsafe { words(task, "task") }?;
+        let task = serde_json::from_str(task).map_err(|error| Wrong::refused(format!("task: {error}")))?;
+        // SAFETY: as for the caller.
+        let given = unsafe { array(columns, 1, "columns") }?[0];
+        let rows = given.rows;
+        // SAFETY: as for the caller.
+        let must = |from, name| unsafe { array::<f64>(from, rows, name) };
+        // SAFETY: as for the caller.
+        let may = |from, name| unsafe { maybe::<f64>(from, rows, name) };
+        // SAFETY: as for the caller.
+        let flags = unsafe { maybe::<u8>(given.flags, rows, "flags") }?;
+        for sum in flags.unwrap_or_default() {
+            known((*sum).into())?;
+        }
+        let (t, pv) = (must(given.t, "t")?, must(given.pv, "pv")?);
+        let all = Inspected { t, sp: may(given.sp, "sp")?, pv, op: may(given.op, "op")?, flags };
+        let position = may(given.position, "position")?;
+        let beginning = ..rows.min(INSPECTED_ROWS);
+        let first = Inspected {
+            t: &t[beginning],
+            sp: all.sp.map(|sp| &sp[beginning]),
+            pv: &pv[beginning],
+            op: all.op.map(|op| &op[beginning]),
+            flags: flags.map(|flags| &flags[beginning]),
+        };
+        let begun = Analysis::new(task, &first, position.map(|position| &position[beginning]));
+        let mut analysis = begun.map_err(Wrong::refused)?;
+        analysis.take(&all, position);
+        let answer = serde_json::to_string(&analysis.finish(&mut |_| ()).answer).map_err(Wrong::refused)?;
+        // SAFETY: as for the caller.
+        unsafe { hand_over(&answer, json, "json", room, needed) }
+    })
+}
+
+/// Writes a text to where the caller has room for it, and how many bytes it takes.
 ///
 /// # Safety
 /// `to` has room for so many bytes.
-unsafe fn hand_over(told: &str, to: *mut c_char, name: &str, room: usize, needed: *mut usize) -> Result<(), Wrong> {
+unsafe fn hand_over(told: &str, to: *mut c_char, name: &str, room: usize, needed: *mut usize) -> Result<i32, Wrong> {
     let needs = place(needed, "needed")?;
     // SAFETY: not NULL, aligned.
     unsafe { needs.write(told.len() + 1) };
@@ -560,7 +606,7 @@ unsafe fn hand_over(told: &str, to: *mut c_char, name: &str, room: usize, needed
         ptr::copy_nonoverlapping(told.as_ptr().cast::<c_char>(), to, told.len());
         to.add(told.len()).write(0);
     }
-    Ok(())
+    Ok(OK)
 }
 
 // What goes out. -------------------------------------------------------------------------------------------------------

@@ -16,9 +16,8 @@ use std::ops::Range;
 pub(crate) struct Recording {
     columns: Columns,
     analysis: Analysis,
-    /// Width of OP's span [OP unit], and the widest dead band that is allowed [% of it].
+    /// Width of OP's span, where it is known [OP unit].
     span: Option<f64>,
-    acceptable: Option<f64>,
     /// What is to be fitted, where it was asked for.
     divided: Option<Divided>,
 }
@@ -70,9 +69,8 @@ impl Recording {
         let (beginning, position) = columns.rows(0..columns.t.len().min(INSPECTED_ROWS));
         let percent = task.op_percent.unwrap_or_else(|| columns.op.as_deref().is_none_or(within_percent));
         let span = task.op_span.or(percent.then_some((0.0, 100.0))).map(|(low, high)| high - low);
-        let acceptable = task.acceptable;
         let analysis = Analysis::new(task, &beginning, position).map_err(|error| error.to_string())?;
-        Ok(Self { columns, analysis, span, acceptable, divided: None })
+        Ok(Self { columns, analysis, span, divided: None })
     }
 
     pub(crate) fn rows(&mut self, rows: Range<usize>) -> Result<(), String> {
@@ -106,7 +104,7 @@ impl Recording {
     /// An answer with what its pictures show, and in words.
     fn told(&self, done: Done, reader: &Reader) -> Result<Value, String> {
         let Done { answer, fitted, .. } = &done;
-        let said = Said::of(answer, fitted.as_ref(), self.span, self.acceptable, reader);
+        let said = Said::of(answer, fitted.as_ref(), self.span, reader);
         let told = said.and_then(|said| {
             Ok(json!({
                 "parts": words::told(&said, reader)?,

@@ -137,21 +137,8 @@ def op_unit(result: Result | StepTest) -> str:
 
 
 def ranked(results: Sequence[Result]) -> list[Result]:
-    """Order results as every list shows them: the most urgent first, among equals gaps first, widest first.
-
-    Widths in % of span come before widths in OP units, which cannot be compared with them.
-    """
-
-    def key(r: Result) -> tuple[int, int, int, float]:
-        answer = r.answer
-        urgency = tuple(URGENCIES).index(answer.urgency)
-        valve = ("gap", "unknown", "no_gap", "refused").index(answer.valve)
-        if answer.width is None:
-            return (urgency, valve, 2, 0.0)
-        percent = answer.width_percent_span
-        return (urgency, valve, 1, -answer.width) if percent is None else (urgency, valve, 0, -percent)
-
-    return sorted(results, key=key)
+    """Order results as every list shows them, by `Answer.rank`."""
+    return sorted(results, key=lambda result: result.answer.rank)
 
 
 def judged(result: Result) -> bool:
@@ -159,28 +146,19 @@ def judged(result: Result) -> bool:
     return result.answer.valve in ("gap", "no_gap")
 
 
-_WITHOUT_TEST = ("tuning", "nothing", "review", "record_longer")
-"""Next steps of which a step test in the recording tells nothing."""
-
-
 def said(result: Result) -> dict[str, Any]:
     """The one answer under the names of its document, and beside it what its sentences need more."""
-    answer, f, test, s = result.answer, result.fit, result.step_test, result.settings
-    ranked, positioner = ranked_reasons(result), result.loop.positioner
-    corrected = None if result.corrected is None else asdict(result.corrected)
+    f, ranked, positioner = result.fit, ranked_reasons(result), result.loop.positioner
+    contradicts = f is not None and f.through_pv is not None and f.verdict == "cannot_tell"
     return {
-        "limit": _limit(result),
-        "trend": _trend(result),
-        **asdict(answer),
-        "next": asdict(answer.next) | {"tested": test is not None and answer.next.code not in _WITHOUT_TEST},
+        **asdict(result.answer),
         "span": result.span,
-        "step_test": None if test is None else {name: getattr(test, name) for name in ("d", "low", "high")},
         "fit": f
         and {
             "why": f.why,
             "d": f.d,
             "jump": f.jump,
-            "position": None if f.through_pv is None or f.verdict != "cannot_tell" else "contradicts",
+            "position": "contradicts" if contradicts else None,
             "reason": f.reason,
             "recordings": [sum(one.left_out is None for one in f.recordings), len(f.recordings)],
         },
@@ -189,25 +167,13 @@ def said(result: Result) -> dict[str, Any]:
             "reason": result.reason,
             **{name: getattr(result, name) for name in ("d_hat", "d_hat_percent_span", "detections", "repeatability")},
             "half_periods": result.total_half_periods,
-            "n": s.n,
+            "n": result.settings.n,
             "noise_floor": result.noise_floor,
-            "corrected": corrected,
+            "corrected": None if result.corrected is None else asdict(result.corrected),
             "rejected": ranked[0] if ranked else None,
             "positioner": None if positioner is None else positioner.dead_band,
         },
     }
-
-
-def _limit(result: Result) -> dict[str, Any] | None:
-    percent = result.loop.acceptable_dead_band
-    return None if percent is None else {"percent_span": percent, "origin": "given"}
-
-
-def _trend(result: Result) -> dict[str, Any] | None:
-    trend = None if result.fit is None else result.fit.trend
-    if trend is None or not trend.changes:
-        return None
-    return {"code": "grows" if trend.slope > 0 else "shrinks", "t": trend.t, "d": trend.d}
 
 
 def told(result: Result) -> dict[str, Any]:

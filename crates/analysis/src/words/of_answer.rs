@@ -1,6 +1,6 @@
 //! What an analysis found, as messages and as what its three parts are told from.
 
-use super::said::{Corrected, Crossings, Fit, Limit};
+use super::said::{Corrected, Crossings, Fit};
 use super::{Message, Reader, Said, Untold, Value, of_fit, text};
 use crate::answer::{Answer, CorrectedAnswer};
 use crate::crossings::{NotCorrected, Travel, Why};
@@ -144,20 +144,14 @@ fn changed(said: Message, trend: Option<Message>) -> Message {
 }
 
 impl Said {
-    /// What an analysis found; `span` is the width of OP's [OP unit], `acceptable` the widest dead band that is allowed [% of span].
+    /// What an analysis found; `span` is the width of OP's [OP unit].
     ///
     /// # Errors
     /// Where a reason has no sentence.
-    pub fn of(
-        answer: &Answer,
-        fitted: Option<&Fitted>,
-        span: Option<f64>,
-        acceptable: Option<f64>,
-        reader: &Reader,
-    ) -> Result<Self, Untold> {
+    pub fn of(answer: &Answer, fitted: Option<&Fitted>, span: Option<f64>, reader: &Reader) -> Result<Self, Untold> {
         let tell = |told: Option<Message>| told.map(|told| text(&told.code, &told.numbers, reader)).transpose();
         // The document and what is told from it have one set of names.
-        let document = serde_json::from_value(json!(answer.answer)).unwrap_or_default();
+        let document: Self = serde_json::from_value(json!(answer.answer)).unwrap_or_default();
         let fit = match (&answer.fit, fitted) {
             (Some(fit), Some(fitted)) => Some(Fit {
                 why: if matches!(fit.why, FitWhy::Finding(_)) { "sinusoidal".into() } else { fit.word().into() },
@@ -197,8 +191,6 @@ impl Said {
             rejected: most.map(|(name, count)| ((*name).into(), whole(*count))),
             positioner: None,
         };
-        let Self { limit, .. } = &document;
-        let given = || acceptable.map(|percent| Limit { percent_span: Some(percent), origin: "given".into() });
-        Ok(Self { limit: limit.clone().or_else(given), span, fit, crossings, ..document })
+        Ok(Self { span, fit, crossings, ..document })
     }
 }

@@ -126,7 +126,14 @@ FLEET = {
     "high_percent_span": "high_percent",
 }
 SERVICE = {"verdict": "verdict", "width": "d", "low": "low", "high": "high", "compensable": "compensable"}
-OPC_UA = {"verdict": "Verdict", "width": "Width", "low": "Low", "high": "High", "urgency": "Urgency"}
+OPC_UA = {
+    "verdict": "Verdict",
+    "confidence": "Confidence",
+    "width": "Width",
+    "low": "Low",
+    "high": "High",
+    "urgency": "Urgency",
+}
 
 
 def faces(recording: glapp.Recording, folder: Path) -> list[str]:

@@ -64,8 +64,9 @@ def test_what_it_says(watch: Watch) -> None:
             said = {name: await read(node(f"FIC0.{name}")) for name in NODES}
             plain = {name: one.Value.Value for name, one in said.items() if one.StatusCode.is_good()}
             shown = watch.status()["loops"]["FIC0"]
-            assert {name: plain[name] for name in ("Verdict", "Width", "Low", "NextStep", "Urgency")} == {
+            assert {name: plain[name] for name in ("Verdict", "Confidence", "Width", "Low", "NextStep", "Urgency")} == {
                 "Verdict": "backlash",
+                "Confidence": "found",
                 "Width": 1.5,
                 "Low": 1.25,
                 "NextStep": "Look at the valve.",
@@ -87,7 +88,7 @@ def test_what_it_says(watch: Watch) -> None:
 
             other = {name: await read(node(f"FIC1.{name}")) for name in NODES}
             statuses = {name: one.StatusCode.name for name, one in other.items() if one.StatusCode.is_bad()}
-            waiting = dict.fromkeys(("Verdict", "Width", "Low", "High", "NextStep", "Urgency", "LastSeen"))
+            waiting = dict.fromkeys(("Verdict", "Confidence", "Width", "Low", "High", "NextStep", "Urgency", "LastSeen"))
             assert statuses == {
                 **dict.fromkeys(waiting, "BadWaitingForInitialData"),
                 "Standing": "BadNotSupported",

@@ -93,29 +93,27 @@ impl Recording {
         let alone: Vec<Alone> = alone.iter().map(each).collect::<Result<_, _>>()?;
         let divided = self.divided.as_ref().filter(|divided| divided.windows.len() == alone.len());
         let pv = divided.ok_or_else(|| format!("{} windows were not asked for", alone.len()))?.joined(alone);
-        self.told(self.analysis.clone().finish_with(pv), reader)
+        told(self.analysis.clone().finish_with(pv), self.span, reader)
     }
 
     pub(crate) fn finish(self, reader: &Reader) -> Result<Value, String> {
-        let done = self.analysis.clone().finish(&mut |_| ());
-        self.told(done, reader)
+        told(self.analysis.finish(&mut |_| ()), self.span, reader)
     }
+}
 
-    /// An answer with what its pictures show, and in words.
-    fn told(&self, done: Done, reader: &Reader) -> Result<Value, String> {
-        let Done { answer, fitted, .. } = &done;
-        let said = Said::of(answer, fitted.as_ref(), self.span, reader);
-        let told = said.and_then(|said| {
-            Ok(json!({
-                "parts": words::told(&said, reader)?,
-                "fit": said.fit.map(|fit| fit.reason),
-                "quality": answer.quality.iter().map(|one| finding(one, reader)).collect::<Result<Vec<_>, _>>()?,
-            }))
-        });
-        let mut shown = shown(done);
-        shown["told"] = told.map_err(|error| error.to_string())?;
-        Ok(shown)
-    }
+/// An answer with what its pictures show, and in words.
+fn told(done: Done, span: Option<f64>, reader: &Reader) -> Result<Value, String> {
+    let Done { answer, fitted, .. } = &done;
+    let told = Said::of(answer, fitted.as_ref(), span, reader).and_then(|said| {
+        Ok(json!({
+            "parts": words::told(&said, reader)?,
+            "fit": said.fit.map(|fit| fit.reason),
+            "quality": answer.quality.iter().map(|one| finding(one, reader)).collect::<Result<Vec<_>, _>>()?,
+        }))
+    });
+    let mut shown = shown(done);
+    shown["told"] = told.map_err(|error| error.to_string())?;
+    Ok(shown)
 }
 
 fn finding(one: &Finding, reader: &Reader) -> Result<String, Untold> {

@@ -99,7 +99,7 @@ DAYS = pa.schema(
         ("td", pa.float64()),
         ("origins", pa.string()),
         ("detector", pa.string()),
-        ("quality", pa.string()),
+        ("quality", pa.list_(pa.struct([("code", pa.string()), ("severity", pa.string())]))),
         ("window_first", pa.list_(US)),
         ("window_last", pa.list_(US)),
         ("window_score", pa.list_(pa.float64())),
@@ -384,7 +384,7 @@ def _judged(result: Result, step: float, op: bool, sp: bool) -> dict[str, Any]:
         **{name: getattr(s, name) for name in ("k", "ti", "td")},
         "origins": json.dumps(s.origins, sort_keys=True),
         "detector": None if told is None else json.dumps(told, sort_keys=True),
-        "quality": " ".join(f"{f.code}:{f.severity}" for f in result.quality),
+        "quality": [{"code": f.code, "severity": f.severity} for f in result.quality],
     }
 
 
@@ -733,12 +733,7 @@ def _not_fitted(looks: list[dict[str, Any]], loop: Loop) -> Fit | None:
 
 def _lasting(looks: list[dict[str, Any]]) -> list[str]:
     """Findings of quality, but for mere remarks, that more than half of the days have."""
-    codes = [
-        code
-        for day in looks
-        for code, _, severity in (one.partition(":") for one in (day["quality"] or "").split())
-        if severity != "info"
-    ]
+    codes = [one["code"] for day in looks for one in day["quality"] or () if one["severity"] != "info"]
     return [code for code in sorted(set(codes)) if 2 * codes.count(code) > len(looks)]
 
 

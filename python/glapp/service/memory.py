@@ -362,6 +362,7 @@ class Reader:
         return self.rows(
             "SELECT id, time, asked_by, t_begin, t_end, verdict, d, low, high, unit, reason, compensable, "
             "json_extract(document, '$.analysis.loops[0].answer.next.text') AS next, "
+            "json_extract(document, '$.analysis.loops[0].answer.confidence') AS confidence, "
             "json_extract(document, '$.analysis.loops[0].answer.urgency') AS urgency, "
             "json_extract(document, '$.analysis.loops[0].answer.health') AS health FROM answers "
             "WHERE loop = (SELECT id FROM loops WHERE name = ?) ORDER BY time DESC, id DESC LIMIT ?",

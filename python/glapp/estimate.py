@@ -250,6 +250,7 @@ def _result(recording: Recording, loop: Loop, done: dict[str, Any], trace: Trace
             origins=s["origins"],
         ),
         answer=Answer.of(answer["answer"]),
+        messages=answer["messages"],
         step_test=None if answer["step_test"] is None else _step_test(answer["step_test"], recording, loop),
         quality=named(answer["quality"], recording.found),
         identification=identification,

@@ -170,6 +170,8 @@ class Fit:
         Where the valve's position was recorded and settled the answer, what PV alone would have said. The process is
         always that of PV. Where no width lies in the intervals of both, `reason` names both: with a gap in either the
         interval holds both, and with a gap in one of them alone the verdict is *cannot_tell*.
+    message : dict or None
+        `reason` of several recordings as a code with its numbers.
     change : dict or None
         The trend as the one answer has it (`glapp.result.Moves`).
     """
@@ -191,6 +193,7 @@ class Fit:
     why: str = ""
     through_pv: Fit | None = None
     change: dict[str, Any] | None = None
+    message: dict[str, Any] | None = None
 
     def __repr__(self) -> str:
         if self.d is None:
@@ -422,6 +425,7 @@ def _valve(
     return replace(
         _said(answer | {"windows": best["windows"], "shown": best["shown"]}, unit),
         reason=_of_many(answer, each, unit),
+        message=_joint(answer, each),
         recordings=each,
     )
 
@@ -433,14 +437,8 @@ def _left_out(word: str, alone: Fit) -> str:
 
 def _of_many(answer: dict[str, Any], each: list[OneOfMany], unit: str) -> str:
     """Verdict and evidence of several recordings: how many count, and why the others do not."""
-    names = [one.source for one in each]
-    if len(set(names)) < len(names):
-        names = [f"{name} ({place})" for place, name in enumerate(names, 1)]
-    alone = None
-    if not answer["shared"]:
-        alone = next(name for name, one in zip(names, each, strict=True) if one.shown)
-    counted = sum(one.left_out is None for one in each)
-    numbers = {"counted": counted, "all": len(each), "alone": alone, "said": _sentence(answer, unit)}
+    names = _names(each)
+    numbers = _joint(answer, each)["numbers"] | {"said": _sentence(answer, unit)}
     told = [to_text("fit.recordings", numbers)]
     reasons: dict[str, list[str]] = {}
     for name, one in zip(names, each, strict=True):
@@ -453,6 +451,24 @@ def _of_many(answer: dict[str, Any], each: list[OneOfMany], unit: str) -> str:
         if one.repeated
     ]
     return ". ".join(told)
+
+
+def _joint(answer: dict[str, Any], each: list[OneOfMany]) -> dict[str, Any]:
+    """Verdict and evidence of several recordings, as a message."""
+    alone = None
+    if not answer["shared"]:
+        alone = next(name for name, one in zip(_names(each), each, strict=True) if one.shown)
+    counted = sum(one.left_out is None for one in each)
+    numbers = {"counted": counted, "all": len(each), "alone": alone, "said": answer["message"]}
+    return {"code": "fit.recordings", "numbers": numbers}
+
+
+def _names(each: list[OneOfMany]) -> list[str]:
+    """Of recordings, told apart where several have one."""
+    names = [one.source for one in each]
+    if len(set(names)) < len(names):
+        return [f"{name} ({place})" for place, name in enumerate(names, 1)]
+    return names
 
 
 def history(beginning: Batch, sign: float) -> _glapp.Windows | None:

@@ -206,3 +206,81 @@ fn every_verdict_and_every_next_step_has_its_sentence() {
         }
     }
 }
+
+#[test]
+fn every_sentence_can_be_told() {
+    for (code, sentence) in catalogue() {
+        let value = |format: &str| match format {
+            "" | "and" | "list" => Value::from("a, b"),
+            "rows" => Value::from("3 7"),
+            "row" | "times" | "d" => Value::Count(2),
+            format if format.starts_with("count ") => Value::Count(2),
+            _ => Value::Number(0.25),
+        };
+        let numbers: BTreeMap<String, Value> = template::parts(sentence)
+            .iter()
+            .filter_map(|part| match part {
+                Part::Field(name, format) => Some(((*name).to_string(), value(format))),
+                Part::Text(_) => None,
+            })
+            .collect();
+        let told = template::filled(&code, sentence, &numbers, &Reader::default());
+        assert!(told.is_ok_and(|told| !told.contains(['{', '}']) || code == "step_test.not_settled"), "{code}");
+    }
+}
+
+#[test]
+fn what_an_analysis_found_is_told_without_a_number_missing() {
+    use crate::crossings::NotCorrected;
+    use crate::identify::{Identification, Interval, Reason, Values};
+    use glapp_core::Doubt;
+    let k = Interval { low: 0.1, high: f64::INFINITY };
+    let reasons = [
+        Reason::NoOp,
+        Reason::NoSp,
+        Reason::FewSteps,
+        Reason::OpStill,
+        Reason::PvStill,
+        Reason::Unshown,
+        Reason::LittleExplained,
+        Reason::NoGain { error: 0.1 },
+        Reason::GainMayBeNone { size: 0.1, k },
+        Reason::NoIntegral,
+        Reason::OppositeSigns,
+        Reason::Contradictory,
+        Reason::Wide { k, ti: k, h: 1.0 },
+    ];
+    let reader = Reader::default();
+    for reason in reasons {
+        let values = Some(Values { k: 1.0, ti: 10.0, r2: 0.5 });
+        let told =
+            of_identification(&Identification { samples: 9, values, settings: None, reason: Some(reason) }).unwrap();
+        assert!(text(&told.code, &told.numbers, &reader).is_ok(), "{told:?}");
+        // What is stored says the same.
+        let stored = serde_json::to_string(&told).unwrap();
+        let read: Message = serde_json::from_str(&stored).unwrap();
+        assert!(text(&read.code, &read.numbers, &reader).is_ok(), "{stored}");
+    }
+    let whys = [
+        NotCorrected::Doubt(Doubt::TooFew),
+        NotCorrected::Doubt(Doubt::Swamped),
+        NotCorrected::Noise { d: 0.1, noise: 0.2 },
+        NotCorrected::Smooth { tf: 3.0 },
+        NotCorrected::Integrating,
+        NotCorrected::NoEstimate,
+    ];
+    for why in whys {
+        let of = crate::CorrectedAnswer {
+            d: None,
+            low: None,
+            high: None,
+            kp: None,
+            kp_range: None,
+            pairs: 2,
+            travel: crate::crossings::Travel::Op,
+            why: Some(why),
+        };
+        let told = of_correction(&of).unwrap();
+        assert!(text(&told.code, &told.numbers, &reader).is_ok(), "{told:?}");
+    }
+}

@@ -145,7 +145,7 @@ class FitAnswer(_Part):
     at_least: Value
     """The lower limit where that is all that can be said [`unit`]."""
     verdict: Literal["backlash", "stiction", "both", "oscillation", "sound", "at_least", "cannot_tell"]
-    """What kind of lost motion it is, if any."""
+    """What kind of dead band it is, if any."""
     jump: Value
     """Slip jump J [`unit`]; 0 for mere backlash."""
     lr_no_gap: Value

@@ -374,6 +374,25 @@ def test_the_answer_document_is_that_of_python(loaded: ctypes.CDLL) -> None:
     assert asked('{"n": 0, "controller": {"k": 1, "ti": 1, "td": 0, "b": 1}}', len(room)) == REFUSED
 
 
+@built
+def test_a_message_is_told_as_in_python(loaded: ctypes.CDLL) -> None:
+    room, needed = ctypes.create_string_buffer(500), ctypes.c_size_t()
+
+    def asked(message: str, reader: str | None, size: int = len(room)) -> int:
+        who = None if reader is None else reader.encode()
+        return int(loaded.glapp_text(message.encode(), who, room, ctypes.c_size_t(size), ctypes.byref(needed)))
+
+    numbers = {"d": 0.123, "floor": 0.5}
+    message = json.dumps({"code": "crossings.noise", "numbers": numbers})
+    assert asked(message, '{"op_unit": "mA"}') == OK, loaded.glapp_error()
+    assert room.value.decode() == glapp._glapp.to_text("crossings.noise", numbers, op_unit="mA")
+    assert needed.value == len(room.value) + 1
+    assert asked(message, None) == OK and "OP units" in room.value.decode()
+    assert asked(message, None, 10) == BAD_LENGTH and b"must have" in loaded.glapp_error()
+    assert asked('{"code": "crossings.none"}', None) == REFUSED and b"no message" in loaded.glapp_error()
+    assert asked("{", None) == BAD_TEXT and asked(message, "[]") == BAD_TEXT
+
+
 # Wrong input ----------------------------------------------------------------------------------------------------------
 
 

@@ -5,6 +5,9 @@ without. Even numbers are half A, on which rules may be chosen; odd ones are hal
 any four lie outside of what the fit models: a positioner, a bent valve curve, a filter in the sensor or a fractional
 lag.
 
+"steps/gap/17/1/3" is that loop on another day: the same dynamics, controller, valve and kind of load, other random
+numbers of load, setpoint and noise, a process gain up to a quarter off.
+
 All distributions stand here and in `records`. They were fixed before a fit had run on any record, and are not tuned
 after what a fit says.
 """
@@ -225,22 +228,31 @@ def names(row: str, number: int, seed: int = 1) -> list[str]:
 
 def draw(name: str) -> Drawn:
     """The loop of that name, "row/fault/number/seed"; a driven twin still without the load that drives it."""
-    row, fault, number, seed = _parts(name)
-    return (_cycle if row in CYCLES else _ordinary)(name, row, fault, number, seed)
+    row, fault, number, seed, day = _parts(name)
+    if row in CYCLES:
+        return _cycle(name, row, fault, number, seed)
+    return _ordinary(name, row, fault, number, seed, day)
 
 
-def _parts(name: str) -> tuple[str, Fault, int, int]:
+def _parts(name: str) -> tuple[str, Fault, int, int, int]:
     try:
-        row, given, number, seed = name.split("/")
+        row, given, number, seed, *day = name.split("/")
         (fault,) = [fault for fault in FAULTS[row] if fault == given]
-        return row, fault, int(number), int(seed)
+        (of_day,) = day or ("0",)
+        if day and row in CYCLES:
+            raise ValueError(row)
+        return row, fault, int(number), int(seed), int(of_day)
     except (ValueError, KeyError):
-        raise ValueError(f"{name}: write row/fault/number/seed; the rows and their faults are {FAULTS}") from None
+        form = "row/fault/number/seed, or row/fault/number/seed/day of a row without limit cycles"
+        raise ValueError(f"{name}: write {form}; the rows and their faults are {FAULTS}") from None
 
 
-def _ordinary(name: str, row: str, fault: Fault, number: int, seed: int) -> Drawn:
+def _ordinary(name: str, row: str, fault: Fault, number: int, seed: int, day: int) -> Drawn:
     def stream(part: str) -> Random:
         return Random(f"ordinary/{seed}/{row}/{number}/{part}")
+
+    def daily(part: str) -> Random:
+        return stream(f"{part}/{day}") if day else stream(part)
 
     random = stream("loop")
     outside = _outside(random, number)
@@ -279,6 +291,9 @@ def _ordinary(name: str, row: str, fault: Fault, number: int, seed: int) -> Draw
     tf = random.choice((0.0, 0.0, ti / 20)) if td == 0.0 else td / 5
     k, ms = _margins(plant, k, ti, td, tf, drive.late + h / 2, row == "rings", random)
     sigma = min(sigma, 0.5 / abs(k))
+    if day:
+        today = log_uniform(daily("gain"), 0.8, 1.25)
+        plant, kp = today * plant, today * kp
     if sensor > 0.0 and in_loop:
         noise: list[Piece] = [
             Coloured(sigma=sigma * math.sqrt(h / (2 * sensor + h)), tau=sensor),
@@ -292,8 +307,8 @@ def _ordinary(name: str, row: str, fault: Fault, number: int, seed: int) -> Draw
 
     op, pv = random.uniform(35.0, 65.0), random.uniform(35.0, 65.0)
     rests = (pv / kp if speed is None else 0.0) - op
-    of_load = stream("load")
-    kind = row if row in LOADS else of_load.choice(("drift", "steps", "bends", "square"))
+    of_load = daily("load")
+    kind = row if row in LOADS else stream("load").choice(("drift", "steps", "bends", "square"))
     size = min(max(width * log_uniform(of_load, 0.5, 8.0), 1.0), 15.0)
     if row == "standing":
         kind, size = "steps", width * of_load.uniform(0.1, 0.4)
@@ -308,7 +323,7 @@ def _ordinary(name: str, row: str, fault: Fault, number: int, seed: int) -> Draw
     if kind not in ("drift",):
         load.append(Coloured(sigma=size * log_uniform(of_load, 0.005, 0.05), tau=whole * of_load.uniform(0.5, 3.0)))
 
-    of_setpoint = stream("setpoint")
+    of_setpoint = daily("setpoint")
     setpoint: list[Piece] = [Steps(steps=((0.0, pv),))]
     outer = None
     if row == "cascade":
@@ -335,7 +350,7 @@ def _ordinary(name: str, row: str, fault: Fault, number: int, seed: int) -> Draw
         outer=outer,
         h=h,
         t_end=t_end,
-        seed=random.randrange(2**32),
+        seed=random.randrange(2**32) + day,
     )
     made = Drawn(
         name=name,

@@ -75,9 +75,9 @@ class Truth:
     size, ms : float
         As in `Drawn`.
     sigma, gain, lag, dead_time, h : float
-        As in `Drawn` [PV unit, PV unit/%, s, s, s]; sigma with what the historian's band adds.
+        As in `Drawn` [PV unit, PV unit/%, s, s, s]; sigma with what the historian's band adds, lag with the actuator's.
     lags : list of float
-        As in `Drawn`.
+        As in `Drawn`, and that of the actuator.
     samples : int
         Rows.
     integrating : bool
@@ -213,6 +213,8 @@ def _recorded(drawn: Drawn, simulation: Simulation, kept: slice) -> pa.Table:
 
 def _truth(drawn: Drawn, simulation: Simulation, kept: slice, rows: int) -> Truth:
     d, d_low, d_high, jump = width(drawn)
+    valve = drawn.scenario.valve
+    lags = [*drawn.lags, valve.lag / (1 + valve.positioner)] if valve is not None and valve.lag else [*drawn.lags]
     position, op = simulation.position[kept], simulation.op[kept]
     up, down = reversals(position, max(0.1 * d, 1e-6)) if d > 0 else (0, 0)
     op_range = float(np.ptp(op))
@@ -243,9 +245,9 @@ def _truth(drawn: Drawn, simulation: Simulation, kept: slice, rows: int) -> Trut
         ms=drawn.ms,
         sigma=sigma,
         gain=drawn.gain,
-        lag=drawn.lag,
+        lag=sum(lags),
         dead_time=drawn.scenario.plant.dead_time,
-        lags=list(drawn.lags),
+        lags=lags,
         h=drawn.h,
         samples=rows,
         integrating=drawn.scenario.process_gain() is None,

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from bench.ordinary import design
+from bench.ordinary.__main__ import tasks
+from bench.ordinary.answers import Line, Said, ask, done
 from bench.ordinary.design import FAULTS, ROWS, draw, fractional_lag, half, names, sensitivity
 from bench.ordinary.records import record, reversals, swept
+from bench.ordinary.score import tables
 
 from glapp.plant import Plant
 from glapp.scenario import Stem, Valve
@@ -116,3 +121,80 @@ def test_a_name_that_is_none_is_refused():
         with pytest.raises(ValueError, match="row/fault/number/seed"):
             draw(name)
     assert design.names("friction", 3)[-1] == "friction/both/3/1"
+
+
+def a_line(name, **fit):
+    told = {"verdict": "cannot_tell", "d": None, "low": None, "high": None, "reason_code": "may_be_a_gap"} | fit
+    return Line(record(name).truth, 1, {"fit": told}, {}, None, 1.0)
+
+
+def test_a_line_is_read_as_it_was_written():
+    line = a_line("bends/gap/1/1", verdict="backlash", d=np.float64(5.0), low=np.nan, high=None)
+    back = Line.of(line.to_json())
+    assert back.truth == Line.of(back.to_json()).truth and back.key == ("bends/gap/1/1", 1)
+    assert (back.fit["d"], back.fit["low"], back.fit["high"]) == (5.0, None, None)
+
+
+def test_what_is_claimed_is_read_from_the_new_fields_or_from_the_verdict():
+    line = a_line("bends/gap/1/1", verdict="at_least", d=5.0, low=2.0)
+    assert line.said() == Said("found", None, "bound", 5.0, 2.0, None)
+    assert a_line("bends/gap/1/1", verdict="oscillation").said().confidence == "cannot_tell"
+    new = {"confidence": "likely", "cause": "dead_band", "width_kind": "interval", "width": None, "low": None}
+    line.document["answer"] = new | {"high": 6.0}
+    assert line.said() == Said("likely", "dead_band", "interval", 5.0, 2.0, 6.0)
+    line = replace(line, document={"fit": line.fit}, evidence=new | {"confidence": "found"})
+    assert line.said().confidence == "found" and not line.said().sided
+
+
+def test_a_file_goes_on_after_a_line_that_was_cut_off(tmp_path):
+    path = tmp_path / "out.jsonl"
+    assert done(path) == set()
+    whole = a_line("bends/gap/1/1").to_json() + "\n"
+    path.write_text(whole + whole[:40], encoding="utf-8")
+    assert done(path) == {("bends/gap/1/1", 1)}
+    assert path.read_text(encoding="utf-8") == whole
+
+
+def test_the_tables_count():
+    d = record("bends/gap/1/1").truth.d
+    wide = {"verdict": "backlash", "d": d, "low": 0.8 * d, "high": 1.6 * d}
+    sound = {"verdict": "sound", "d": 0.0, "low": 0.0, "high": 0.5}
+    lines = [
+        a_line("bends/none/0/1", **wide),
+        a_line("bends/none/1/1", **sound),
+        a_line("bends/gap/1/1", **wide),
+        a_line("standing/gap/1/1", **sound),
+        a_line("drift/gap/0/1"),
+    ]
+    text = tables(lines)
+    assert "| bends | 2 | 50.0 % (1.3 to 98.7) | 50.0 % (1.3 to 98.7) | 50.0 % (1.3 to 98.7) |" in text
+    assert "| found | 1 | 100.0 % (2.5 to 100.0) | 100.0 % (2.5 to 100.0) | 2.00 | 0 of 0 |" in text
+    assert "| gaps wider than 1 %: called sound | 1 of 3 |" in text
+    assert "| of these the gap is wider than the bound | 1 of 1 |" in text
+    assert "| cannot_tell: may_be_a_gap | 1 |" in text
+    assert tables([]).startswith("0 records")
+
+
+def test_what_is_asked_keeps_to_its_half():
+    asked = list(tasks(["steps", "perstorp"], "A", 3, 1, several=False))
+    assert {int(name.split("/")[2]) for name, _ in asked} == {0, 2, 4}
+    assert len(asked) == 3 * (2 + 3) and {count for _, count in asked} == {1}
+    days = list(tasks(["steps", "perstorp"], "B", 1, 1, several=True))
+    assert days == [("steps/gap/1/1", n) for n in (1, 2, 4, 8)]
+
+
+def test_another_day_is_the_same_valve_and_controller():
+    first, other = draw("steps/gap/1/1"), draw("steps/gap/1/1/2")
+    assert first.scenario.controller == other.scenario.controller and first.clearance == other.clearance
+    assert 0.8 <= other.gain / first.gain <= 1.25 and other.scenario.seed != first.scenario.seed
+    assert not np.array_equal(first.changes, other.changes)
+    with pytest.raises(ValueError, match="without limit cycles"):
+        draw("perstorp/gap/1/1/2")
+
+
+@pytest.mark.verify
+def test_a_fit_is_kept_with_its_evidence():
+    line = ask("bends/gap/0/1")
+    assert line.error is None and line.fit["verdict"] and line.seconds > 0
+    assert {"candidates", "traversals", "lr_no_gap", "h"} <= set(line.evidence) and "pv" not in line.evidence
+    assert Line.of(line.to_json()).said() == Line.of(Line.of(line.to_json()).to_json()).said()

@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from time import perf_counter
+from time import process_time
 from typing import Any, Self
 
 import numpy as np
@@ -82,6 +82,7 @@ class Line:
     error : str or None
         What an input error said.
     seconds : float
+        Of the processor.
     """
 
     truth: Truth
@@ -139,7 +140,7 @@ def ask(name: str, recordings: int = 1) -> Line:
     document: dict[str, Any] = {}
     evidence: dict[str, Any] = {}
     error = None
-    begin = perf_counter()
+    begin = process_time()
     try:
         fit: Fit | None
         if recordings == 1:
@@ -151,7 +152,7 @@ def ask(name: str, recordings: int = 1) -> Line:
         evidence = {k: v for k, v in (fit.best if fit is not None else {}).items() if k not in DRAWN}
     except glapp.InputError as refused:
         error = str(refused)
-    return Line(made[0].truth, recordings, document, evidence, error, perf_counter() - begin)
+    return Line(made[0].truth, recordings, document, evidence, error, process_time() - begin)
 
 
 def read(path: Path) -> list[Line]:

@@ -138,6 +138,8 @@ def test_a_line_is_read_as_it_was_written():
 def test_what_is_claimed_is_read_from_the_new_fields_or_from_the_verdict():
     line = a_line("bends/gap/1/1", verdict="at_least", d=5.0, low=2.0)
     assert line.said() == Said("found", None, "bound", 5.0, 2.0, None)
+    assert a_line("bends/gap/1/1", verdict="sound", high=0.9).said().confidence == "sound"
+    assert a_line("bends/gap/1/1", verdict="sound", high=1.1).said().confidence == "none_seen"
     assert a_line("bends/gap/1/1", verdict="oscillation").said().confidence == "cannot_tell"
     new = {"confidence": "likely", "cause": "dead_band", "width_kind": "interval", "width": None, "low": None}
     line.document["answer"] = new | {"high": 6.0}

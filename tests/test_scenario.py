@@ -236,7 +236,7 @@ def test_a_valve_is_its_own_positions_and_takes_gap_and_friction_with_it() -> No
     np.testing.assert_array_equal(straight.pv, run(s.model_copy(update={"valve": None})).pv)
     with pytest.raises(InputError, match="valve: cannot be simulated together with compensation"):
         run(s.model_copy(update={"compensation": Compensation(way="error", size=0.1)}))
-    with pytest.raises(InputError, match="valve.lag = 0: must be greater than 0 s"):
+    with pytest.raises(InputError, match=r"valve\.lag = 0: must be"):
         Valve(positioner=1.0).positions([50.0], 1.0)
 
 

@@ -158,8 +158,16 @@ class Seen:
         variance = max(1.0, min(cost.left for cost in known(record, record.true, moves)))
         costs: list[Cost] = sought(record, record.true, moves, variance)
         nearest = sorted(range(1, len(moves)), key=lambda i: costs[i].cost)[:FOLLOWED]
-        fitted = {i: refitted(record, moves[i], costs[i], variance) for i in (0, *nearest)}
-        return cls(name, fitted[0] - min(fitted[i] for i in nearest))
+        asked = (0, *nearest)
+        fitted = {i: refitted(record, moves[i], costs[i], variance) for i in asked}
+        # Process and places that one found are where the others begin once more.
+        least = {i: fitted[i].cost for i in asked}
+        for i in asked:
+            for other in set(asked) - {i}:
+                found = Cost(least[i], fitted[other].changes, 0.0)
+                again = refitted(record, moves[i], found, variance, [fitted[other].process])
+                least[i] = min(least[i], again.cost)
+        return cls(name, least[0] - min(least[i] for i in nearest))
 
 
 def fitting(line: Line) -> bool:

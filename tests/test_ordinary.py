@@ -194,11 +194,15 @@ def test_another_day_is_the_same_valve_and_controller():
         draw("perstorp/gap/1/1/2")
 
 
-def test_the_oracle_knows_the_noise_and_sees_a_plain_gap():
+def test_the_oracle_knows_the_noise():
     sound = oracle.Record("steps/none/12/1")
     # With OP as it was between the rows nothing is left but white noise of variance 1.
     (cost,) = oracle.known(sound, sound.true, [sound.simulation.op - sound.rest])
     assert cost.left == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.mark.verify
+def test_the_oracle_sees_a_plain_gap_and_none_where_there_is_none():
     gap, none = oracle.Seen.of("steps/gap/12/1"), oracle.Seen.of("steps/none/12/1")
     assert gap.ratio > 50 > none.ratio
     lines = [a_line(one.name) for one in (gap, none)]

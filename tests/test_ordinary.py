@@ -57,6 +57,34 @@ def test_a_name_makes_the_same_record_again_and_another_seed_another():
     assert not once.table.equals(other.table)
 
 
+FROZEN = {
+    "drift/gap/6/1": (2881, 1.056, 181.1, 0.8631, 5.67),
+    "steps/gap/6/1": (1441, 2.488, 4.805, 4.759, 11.5),
+    "bends/gap/6/1": (3601, 1.39, 5.811, 0.6052, 2.22),
+    "sine/gap/6/1": (8641, 0.5461, 597.2, 0.4362, 0.713),
+    "saw/gap/6/1": (5761, 0.7689, 483.7, 2.021, 3.35),
+    "square/gap/6/1": (7201, 0.3464, 7.116, 1.383, 5.5),
+    "cascade/gap/6/1": (2881, 1.147, 12.45, 3.299, 31.9),
+    "manual/gap/6/1": (8641, 0.8014, 263.5, 1.193, 6.7),
+    "exceptions/gap/6/1": (14401, 1.435, 11.82, 3.421, 30.9),
+    "swinging door/gap/6/1": (8641, 2.036, 439.1, 1.811, 2.53),
+    "historian/gap/6/1": (1441, 1.975, 9.312, 0.5514, 7.36),
+    "friction/friction/6/1": (14401, 3.291, 12.6, 5.371, 22.2),
+    "gap cycle/gap/6/1": (3601, 1.202, 27.78, 10.17, 37.1),
+    "perstorp/gap/6/1": (7201, 0.46, 25.91, 25, 71.3),
+    "friction cycle/friction/6/1": (7201, 0.878, 3.74, 4.845, 16.5),
+    "standing/gap/6/1": (7201, 1.719, 5.11, 5.51, 6.01),
+    "rings/gap/6/1": (8641, 2.213, 259.6, 2.138, 16.9),
+}
+"""Rows, gain, lag, width and range of OP, as they were when the first fit ran."""
+
+
+@pytest.mark.parametrize("name", FROZEN)
+def test_the_generator_is_what_it_was_when_the_first_fit_ran(name):
+    truth = record(name).truth
+    assert (truth.samples, truth.gain, truth.lag, truth.d, truth.op_range) == pytest.approx(FROZEN[name], rel=0.01)
+
+
 def test_the_gap_is_in_the_record():
     sound, worn = record("square/none/1/1"), record("square/gap/1/1")
     assert sound.truth.d == 0.0 < worn.truth.d

@@ -9,6 +9,9 @@ pub(super) const SUBJECT: Subject = Subject { name: "answer", sentences: SENTENC
 /// Fewer readings of the zero crossings than this, and none of them can be checked against another: nothing is said of the valve.
 const FEW: i64 = 3;
 
+/// A most likely width below this share of the upper limit is next to none: nobody is told that it is probable.
+const NEXT_TO_NONE: f64 = 0.1;
+
 macro_rules! interval {
     () => {
         " ({low:number} to {high:number}, 95 %)"
@@ -70,6 +73,7 @@ const SENTENCES: &[(&str, &str)] = &[
         "so cannot_tell open bound",
         "{name}: probably {d:about}, at most {high:about}, but no gap would explain the data too.",
     ),
+    ("so cannot_tell open up_to", "{name} may have a dead band of up to {high:about}, or none."),
     ("so cannot_tell misfit", "No model of the loop explains PV of {name}."),
     ("so cannot_tell coarse", "{name} may have a dead band of about {d:about}, but it is recorded too seldom to tell."),
     (
@@ -254,8 +258,11 @@ pub fn so(said: &Said, reader: &Reader) -> Result<String, Untold> {
     let open = ["may_be_a_gap", "families_disagree"].contains(&reason);
     let contradicts = said.fit.as_ref().and_then(|fit| fit.position.as_deref()) == Some("contradicts");
     let few = said.crossings.detections < FEW;
+    let most = said.fit.as_ref().and_then(|fit| fit.d);
+    let next_to_none = most.zip(said.high).is_some_and(|(most, high)| most < NEXT_TO_NONE * high);
     let more = match verdict {
         "cannot_tell" if contradicts => vec!["contradicts"],
+        "cannot_tell" if open && next_to_none => vec!["open up_to"],
         "cannot_tell" if open && said.high.is_some() => vec!["open bound"],
         "cannot_tell" if open => vec!["open"],
         "cannot_tell" => vec![reason],
@@ -355,6 +362,10 @@ fn short(said: &Said, reader: &Reader) -> Result<String, Untold> {
 /// # Errors
 /// Where the answer has a code that the catalogue does not know.
 pub fn why(said: &Said, reader: &Reader) -> Result<Vec<String>, Untold> {
+    // What is so says it already.
+    if said.verdict == "refused" {
+        return Ok(Vec::new());
+    }
     let Some(fit) = said.fit.as_ref().filter(|_| said.fitted()) else {
         return crossed(said, reader);
     };

@@ -160,13 +160,18 @@ fn what_cannot_be_told_says_what_is_probable() {
         "verdict": "cannot_tell", "valve": "unknown", "evidence": "weak", "next": {"code": "record_more"},
         "fit": {"why": "may_be_a_gap", "d": 4.01, "reason": "x"}, "crossings": {"verdict": "no_estimate"},
     });
-    assert_eq!(told_of(open).so, "FIC1: probably 4.0\u{a0}%, but no gap would explain the data too.");
+    assert_eq!(told_of(open.clone()).so, "FIC1: probably 4.0\u{a0}%, but no gap would explain the data too.");
+    let bound = told_of(with(open.clone(), json!({"high": 5.0})));
+    assert_eq!(bound.so, "FIC1: probably 4.0\u{a0}%, at most 5\u{a0}%, but no gap would explain the data too.");
+    let next_to_none = told_of(with(open, json!({"high": 50.0})));
+    assert_eq!(next_to_none.so, "FIC1 may have a dead band of up to 50\u{a0}%, or none.");
     let refused = json!({
         "verdict": "refused", "valve": "refused", "next": {"code": "correct"},
         "crossings": {"verdict": "refused", "reason": "OP stays at 20 % over the whole recording."},
     });
     let refused = told_of(refused);
     assert_eq!(refused.so, "FIC1 was not analysed: OP stays at 20 % over the whole recording.");
+    assert!(refused.why.is_empty(), "it is said already");
     assert_eq!(refused.doing, "Correct what is named, then analyse again.");
 }
 

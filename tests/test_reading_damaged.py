@@ -17,7 +17,6 @@ from glapp.errors import InputError
 from glapp.reading import open_each, open_recordings, recording_from
 from glapp.reading.values import numbers
 
-
 FILES = int(os.environ.get("GLAPP_FILES", "300"))
 """Damaged files of each kind in `make verify`; 3000 of each take most of an hour, and are what `make fuzz` tries."""
 

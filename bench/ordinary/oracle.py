@@ -199,7 +199,8 @@ def main() -> None:
     out = given.answers.with_suffix(".oracle.jsonl")
     asked = [Seen(**json.loads(text)) for text in out.read_text("utf-8").splitlines()] if out.exists() else []
     none = [line for line in lines.values() if line.truth.d == 0][: given.most]
-    names = [line.truth.name for line in (*gaps, *none)]
+    # In the order of the file, so that what is there early has both.
+    names = [name for name, line in lines.items() if line in gaps or line in none]
     left = [name for name in names if name not in {seen.name for seen in asked}]
     with ProcessPoolExecutor(given.jobs) as pool, out.open("a", encoding="utf-8") as file:
         for seen in track(pool.map(Seen.of, left), "asking", len(left), disable=not sys.stderr.isatty()):

@@ -1,14 +1,18 @@
 """For the tests of the service: a plant that is a table of values, and a folder that is watched."""
 
 import asyncio
+import json
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from glapp import Loop
+from glapp.fit import Fit
+from glapp.result import decide
 from glapp.service.memory import Memory
 from glapp.service.signal import Event, Signal, Value, WriteRefused
 from glapp.service.watch import Bounds, Watch
@@ -21,6 +25,25 @@ def loops(count: int = 1) -> list[Loop]:
     """Loops with a detector each."""
     settings = {"controller": {"k": 0.5, "ti": 5}, "process": {"kp": 2}, "op_span": (0, 100), "n": 3, "tf": 0.001}
     return [Loop(name=f"FIC{i}", **settings) for i in range(count)]
+
+
+def answered(fit: Fit, loop: Loop) -> dict[str, Any]:
+    """The fields of a row of `answers` that a fit makes, with as much of a document as is read."""
+    one = decide(crossings="no_estimate", d_hat=None, detections=0, reasons={}, fit=fit, loop=loop)
+    said = asdict(one)
+    said["next"]["text"] = "Look at the valve."
+    return {
+        "t_begin": BEGIN,
+        "t_end": BEGIN + 200,
+        "verdict": one.verdict,
+        "d": one.width,
+        "low": one.low,
+        "high": one.high,
+        "unit": loop.op_label,
+        "reason": fit.reason or "seen",
+        "compensable": one.compensable,
+        "document": json.dumps({"learnt": {}, "analysis": {"loops": [{"answer": said}]}}),
+    }
 
 
 def values(loop: str, seconds: int, *, seed: int = 1, begin: float = BEGIN) -> list[Value]:

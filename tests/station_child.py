@@ -12,6 +12,7 @@ from argon2 import PasswordHasher
 from service import loops, values
 
 from glapp import Loop
+from glapp.fit import Fit, Verdict
 from glapp.service.door import Door as Server
 from glapp.service.door import app_of as service_app
 from glapp.service.memory import COLUMNS, Memory
@@ -28,31 +29,11 @@ ROLES = {"vera": "viewer", "olaf": "operator", "eve": "engineer"}
 CHEAP = PasswordHasher(time_cost=1, memory_cost=8, parallelism=1)
 
 
-def answer(verdict: str, width: float | None, low: float | None, high: float | None, urgency: str) -> dict[str, object]:
-    """A row of `answers`, with as much of a document as is read."""
-    one = {
-        "verdict": verdict,
-        "valve": "gap" if verdict == "backlash" else "no_gap",
-        "width": width,
-        "low": low,
-        "high": high,
-        "urgency": urgency,
-        "next": {"code": "inspect", "of": "play", "text": "Look for play in linkage, keys and actuator."},
-    }
-    return {
-        "time": time.time(),
-        "asked_by": "the night",
-        "t_begin": 0.0,
-        "t_end": 1.0,
-        "verdict": verdict,
-        "d": width,
-        "low": low,
-        "high": high,
-        "unit": "%",
-        "reason": "",
-        "compensable": low,
-        "document": json.dumps({"learnt": {}, "analysis": {"loops": [{"answer": one}]}}),
-    }
+def answer(verdict: Verdict, d: float, low: float, high: float, acceptable: float | None) -> dict[str, object]:
+    """A row of `answers`, whose document has the one answer of such a fit."""
+    loop = Loop(name="FIC0", op_span=(0, 100), acceptable_dead_band=acceptable)
+    row = service.answered(Fit(verdict, "", "%", d, low, high, lr_no_gap=90.0, lr_needed=15.0), loop)
+    return {"time": time.time(), "asked_by": "the night"} | row
 
 
 EVIL = "FIC\u202e9\u200b\x1b[31m\u2066<b>"
@@ -65,8 +46,8 @@ def made(folder: Path, count: int = 3) -> tuple[Watch, Users]:
     clock = service.Clock(begin)
     memory = Memory(folder, begin)
     memory.know(loops(count))
-    memory.answer("FIC0", answer("backlash", 2.4, 2.15, 3.11, "high"))
-    memory.answer("FIC1", answer("sound", 0.0, None, 0.4, "none"))
+    memory.answer("FIC0", answer("backlash", 2.4, 2.15, 3.11, 1.0))
+    memory.answer("FIC1", answer("sound", 0.0, 0.0, 0.4, None))
     watch = Watch(loops(count), memory, bounds=Bounds(), compensable={"FIC0": (3.0, 0.5)}, clock=clock)
     service.fed(watch, clock, values("FIC0", 400, begin=begin), pace=20.0)
     watch.tell(Event(begin, "FIC0", "late", "<b>so</b> late"))

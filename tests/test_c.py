@@ -9,6 +9,7 @@ import re
 import shutil
 import subprocess
 import sys
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -348,6 +349,29 @@ def test_a_step_test_has_the_numbers_and_codes_of_python(loaded: ctypes.CDLL) ->
     assert asked(65536, Setting(b"op_span", 0.0)) == REFUSED
     assert loaded.glapp_error() == b"op_span = 0: must be a number above 0"
     assert asked(65536, Setting(b"span", 1.0)) == REFUSED
+
+
+def test_the_answer_document_is_that_of_python(loaded: ctypes.CDLL) -> None:
+    acting = {"setpoint": [(1, 1.0)], "load": [(50, 0.3), (100, -0.2)]}
+    sim = glapp.simulate.closed_loop("P3", (0.48, 0.3117), d=0.05, noise=0.005, h=0.1, t_end=200, seed=1, **acting)
+    task = {"controller": {"k": 0.48, "ti": 0.3117, "td": 0.0, "b": 1.0}, "kp": 1.0, "op_span": [0.0, 10.0]}
+    loop = glapp.Loop(name="P3", controller={"k": 0.48, "ti": 0.3117}, process={"kp": 1}, op_span=(0, 10), op_unit="%")
+    result = glapp.analyze(t=sim.t, sp=sim.sp, pv=sim.pv, op=sim.op, loop=loop)
+    given = Columns(len(sim.t), sim.t.ctypes.data, *(x.ctypes.data for x in (sim.sp, sim.pv, sim.op)), None, None)
+    room, needed = ctypes.create_string_buffer(1 << 18), ctypes.c_size_t()
+
+    def asked(text: str, size: int) -> int:
+        return int(
+            loaded.glapp_analyze(ctypes.byref(given), text.encode(), room, ctypes.c_size_t(size), ctypes.byref(needed))
+        )
+
+    assert asked(json.dumps(task), len(room)) == OK, loaded.glapp_error()
+    told = json.loads(room.value)["answer"]
+    assert told == json.loads(json.dumps(asdict(result.answer))), "every field, number by number"
+    assert told["confidence"] == "found" and told["limit"] == {"percent_span": 1.0, "width": 0.1, "origin": "nominal"}
+    assert asked(json.dumps(task | {"fit": False}), 100) == BAD_LENGTH and b"must have" in loaded.glapp_error()
+    assert asked('{"acceptabel": 1}', len(room)) == REFUSED and b"task: unknown field" in loaded.glapp_error()
+    assert asked('{"n": 0, "controller": {"k": 1, "ti": 1, "td": 0, "b": 1}}', len(room)) == REFUSED
 
 
 # Wrong input ----------------------------------------------------------------------------------------------------------

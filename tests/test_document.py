@@ -49,6 +49,8 @@ CODES = {
     "corrected.why",
     "fit.why",
     "fit.position",
+    "fit.change",
+    "step_test",
     "identification",
     "quality.numbers",
     "controller.max_h",
@@ -99,9 +101,28 @@ def worn(kp: float = 1.0) -> glapp.Recording:
     return glapp.recording_from({"t": s.t, "SP": s.sp, "PV": pv, "OP": s.op}, loop)
 
 
+def with_all_parts() -> dict[str, Any]:
+    """A one answer that has a trend, a step test, harm and a width of the crossings that does not stand."""
+    widths = [1.0 + 0.01 * i for i in range(6)]
+    trend = _glapp.width_trend([86400.0 * i for i in range(6)], widths, [0.01] * 6)
+    fit = {"verdict": "backlash", "why": "gap", "d": 1.0, "low": 0.9, "high": 1.1, "lr_no_gap": 90.0, "lr_needed": 15.0}
+    facts = {
+        "crossings": "estimate",
+        "d_hat": 0.2,
+        "detections": 9,
+        "rejected": None,
+        "fit": fit | {"trend": trend},
+        "span": 100.0,
+        "acceptable": None,
+        "step_test": {"d": 1.0, "low": 0.8, "high": 1.2},
+        "harm": [{"pv_share": 0.5, "op_share": 0.25}],
+    }
+    return _glapp.summary(json.dumps(facts))
+
+
 def test_the_core_answers_what_is_declared() -> None:
     # With so small a Kp the crossings are too narrow, and struck.
-    assert told(LoopAnswer, answered(worn(0.3))) == (WORDS, CODES)
+    assert told(LoopAnswer, answered(worn(0.3)) | {"answer": with_all_parts()}) == (WORDS, CODES)
 
 
 def test_what_is_written_is_what_the_core_answered() -> None:

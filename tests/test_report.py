@@ -7,7 +7,8 @@ import math
 import re
 import shutil
 import subprocess
-from dataclasses import fields, replace
+from dataclasses import fields
+from dataclasses import replace as with_fields
 from datetime import datetime
 from html import escape
 from html.parser import HTMLParser
@@ -28,8 +29,13 @@ from glapp.report.figures import loop_figure, phase_figure
 from glapp.report.fit_figure import loop_figures, trend_figure
 from glapp.report.html import write_report
 from glapp.report.view import LoopView, bar
-from glapp.result import REASONS, Corrected, Crossings, HalfPeriods, Result, Settings, Verdict
+from glapp.result import REASONS, Corrected, Crossings, HalfPeriods, Result, Settings, Verdict, decide
 from glapp.trace import Band, Trace
+
+
+def replace(of: Any, **changes: Any) -> Any:
+    """With other fields; a result with the answer that follows from them."""
+    return of.decided_with(**changes) if isinstance(of, Result) else with_fields(of, **changes)
 
 
 def a_loop(**changes: Any) -> Loop:
@@ -67,7 +73,10 @@ def a_result(**changes: Any) -> Result:
         "repeatability": None, "noise_floor": None, "detections": 0, "half_periods": half_periods_of([]),
         "reasons": {}, "settings": settings(),
     }  # fmt: skip
-    return Result(**(values | changes))
+    values |= changes
+    facts = ("crossings", "d_hat", "detections", "reasons", "loop")
+    answer = decide(fit=values.get("fit"), step_test=values.get("step_test"), **{name: values[name] for name in facts})
+    return Result(answer=answer, **values)
 
 
 def closed_loop(d: float, *, seconds: int = 12000, noise: float = 0.05, seed: int = 1) -> dict[str, np.ndarray]:
@@ -227,7 +236,13 @@ def run(worn: Result) -> list[Result]:
     return [
         refused(),
         worn,
-        replace(worn, name="FIC 102", d_hat_percent_span=None, unit="mA", loop=a_loop(op_span=None, pv_unit=None)),
+        replace(
+            worn,
+            name="FIC 102",
+            d_hat_percent_span=None,
+            unit="mA",
+            loop=a_loop(op_span=None, op_unit="mA", pv_unit=None),
+        ),
         replace(worn, name="FIC103", crossings="provisional", detections=3, reason="3 of 9 detections needed", t0=None),
         analysed(closed_loop(0.0, seconds=3000, noise=0.2), name="LIC104"),
         replace(
@@ -548,7 +563,9 @@ def test_what_to_do_about_a_fitted_gap_hangs_on_what_is_acceptable(worn: Result)
     assert step("backlash", 2.0, 3.9).startswith("Nothing now: all of it is within what is acceptable here, 2 % of")
     assert step("backlash", 3.0, 5.0).startswith("Look for play"), "it may be either"
     assert step("at_least", 3.0, None).startswith("Record while OP moves further")
-    assert step("backlash", 5.0, 6.0, None).startswith("Look for play")
+    assert step("backlash", 5.0, 6.0, None).startswith("It is more than what is acceptable here, 1 % of span."), (
+        "nominal"
+    )
 
 
 def test_the_corrected_width_stands_beside_the_other(worn: Result, tmp_path: Path) -> None:
@@ -588,8 +605,8 @@ def test_a_width_is_judged_only_against_a_limit_in_the_same_unit(worn: Result) -
     assert worn.d_hat_percent_span is not None
     assert words.exceeds(worn) is True
     assert words.exceeds(replace(worn, loop=a_loop(acceptable_dead_band=worn.d_hat_percent_span))) is False
-    assert words.exceeds(replace(worn, d_hat_percent_span=None)) is None
-    assert words.exceeds(replace(worn, loop=a_loop(acceptable_dead_band=None))) is None
+    assert words.exceeds(replace(worn, loop=a_loop(op_span=None, op_unit="mA"))) is None
+    assert words.exceeds(replace(worn, loop=a_loop(acceptable_dead_band=None))) is True, "the nominal limit is 1 %"
 
 
 def test_comparisons_agree_with_the_mask(worn: Result) -> None:

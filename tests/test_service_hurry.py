@@ -94,11 +94,11 @@ def test_what_was_right_is_too_much_after_a_repair_and_is_warned_of_and_withdraw
     assert any(abs(one["u_ff"]) > 0.59 for one in worn)
     off = next(k for k, one in enumerate(repaired) if not one["enabled"])
     assert {round(one["u_ff"], 6) for one in repaired[:off]} >= {-0.6, 0.6}, "the valve is driven to and fro"
-    assert repaired[off]["why_off"] == "it was withdrawn: over_compensated"
+    assert repaired[off]["withdrawn"] == "over_compensated"
     assert [one["u_ff"] for one in repaired[off + 10 :]] == [0.0] * len(repaired[off + 10 :])
     assert plant.u_ff["FIC101"] == 0.0, "and so it stands in the plant"
     [event] = [event for event in watch.reader.events("FIC101") if event["kind"] == "withdrawn"]
-    assert event["text"] == "it was withdrawn: over_compensated"
+    assert event["text"] == "Withdrawn: the loop swings as if too much was compensated."
 
 
 @pytest.mark.slow

@@ -1,7 +1,6 @@
 """Our own OPC UA server: what it says of each loop, that it says so when that changes, and that nobody can write."""
 
 import asyncio
-import json
 import socket
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 from contextlib import asynccontextmanager
@@ -9,13 +8,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import service
 from asyncua import Client, ua
 from asyncua.crypto.cert_gen import setup_self_signed_certificate
 from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256
 from cryptography.x509.oid import ExtendedKeyUsageOID
 from service import BEGIN, Clock, fed, loops, values
 
+from glapp import Loop
 from glapp.errors import InputError
+from glapp.fit import Fit, Verdict
 from glapp.service.memory import Memory
 from glapp.service.plant import free_port
 from glapp.service.security import Security
@@ -26,19 +28,10 @@ from glapp.service.watch import Bounds, Health, Watch
 PASSWORD = "long enough"
 
 
-def answer(verdict: str = "backlash", **changes: Any) -> dict[str, Any]:
-    said = {"next": {"text": "Look at the valve."}, "urgency": "medium"}
-    document = {"learnt": {}, "analysis": {"loops": [{"answer": said}]}}
-    found = {
-        "verdict": verdict,
-        "d": 1.5,
-        "low": 1.25,
-        "high": None,
-        "unit": "%",
-        "reason": "seen",
-        "compensable": 1.25,
-    }
-    return {"t_begin": BEGIN, "t_end": BEGIN + 200, **found, **changes, "document": json.dumps(document)}
+def answer(verdict: Verdict = "backlash", **changes: Any) -> dict[str, Any]:
+    """A row of `answers`, whose document has the one answer of a fit with such fields."""
+    known: dict[str, Any] = {"d": 1.5, "low": 1.25, "high": None} | changes
+    return service.answered(Fit(verdict, "seen", "%", **known), Loop(name="FIC0"))
 
 
 @pytest.fixture
@@ -71,8 +64,9 @@ def test_what_it_says(watch: Watch) -> None:
             said = {name: await read(node(f"FIC0.{name}")) for name in NODES}
             plain = {name: one.Value.Value for name, one in said.items() if one.StatusCode.is_good()}
             shown = watch.status()["loops"]["FIC0"]
-            assert {name: plain[name] for name in ("Verdict", "Width", "Low", "NextStep", "Urgency")} == {
+            assert {name: plain[name] for name in ("Verdict", "Confidence", "Width", "Low", "NextStep", "Urgency")} == {
                 "Verdict": "backlash",
+                "Confidence": "found",
                 "Width": 1.5,
                 "Low": 1.25,
                 "NextStep": "Look at the valve.",
@@ -94,7 +88,7 @@ def test_what_it_says(watch: Watch) -> None:
 
             other = {name: await read(node(f"FIC1.{name}")) for name in NODES}
             statuses = {name: one.StatusCode.name for name, one in other.items() if one.StatusCode.is_bad()}
-            waiting = dict.fromkeys(("Verdict", "Width", "Low", "High", "NextStep", "Urgency", "LastSeen"))
+            waiting = dict.fromkeys(("Verdict", "Confidence", "Width", "Low", "High", "NextStep", "Urgency", "LastSeen"))
             assert statuses == {
                 **dict.fromkeys(waiting, "BadWaitingForInitialData"),
                 "Standing": "BadNotSupported",
@@ -220,19 +214,29 @@ def test_a_loop_that_is_lost(watch: Watch) -> None:
 
 
 @pytest.mark.parametrize(
-    ("verdict", "low", "band", "health"),
+    ("verdict", "low", "high", "span", "limit", "health"),
     [
-        ("sound", None, None, Health.NORMAL),
-        ("cannot_tell", None, None, Health.NORMAL),
-        ("stiction", 0.2, None, Health.MAINTENANCE_REQUIRED),
-        ("backlash", 0.2, 0.5, Health.NORMAL),
-        ("at_least", 0.6, 0.5, Health.MAINTENANCE_REQUIRED),
+        ("sound", 0.0, 0.4, (0, 100), None, Health.NORMAL),
+        ("cannot_tell", 0.0, None, (0, 100), None, Health.NORMAL),
+        ("stiction", 0.2, 2.0, (0, 100), None, Health.MAINTENANCE_REQUIRED),
+        ("backlash", 0.2, 0.4, (0, 100), 0.5, Health.NORMAL),
+        ("backlash", 0.2, 0.4, (4, 20), 0.5, Health.MAINTENANCE_REQUIRED),
+        ("at_least", 0.6, None, (0, 100), 0.5, Health.MAINTENANCE_REQUIRED),
     ],
 )
-def test_health(watch: Watch, verdict: str, low: float | None, band: float | None, health: Health) -> None:
-    one = watch._loops["FIC0"]
-    one.loop = one.loop.model_copy(update={"acceptable_dead_band": band})
-    asyncio.run(watch._answered("FIC0", "olaf", answer(verdict, low=low)))
+def test_health_is_that_of_the_answer(
+    watch: Watch,
+    verdict: Verdict,
+    low: float,
+    high: float | None,
+    span: tuple[float, float],
+    limit: float | None,
+    health: Health,
+) -> None:
+    """It took OP's span as 0 to 100 whatever its unit was: 0.2 to 0.4 mA of 16 is more than 0.5 % of span."""
+    loop = Loop(name="FIC0", op_span=span, op_unit="mA", acceptable_dead_band=limit)
+    said = Fit(verdict, "seen", "mA", 0.3, low, high)
+    asyncio.run(watch._answered("FIC0", "olaf", service.answered(said, loop)))
     assert watch.status()["loops"]["FIC0"]["health"] == health.name
     assert said_of(watch.status()["loops"]["FIC0"])["DeviceHealth"].value == health
 

@@ -468,6 +468,14 @@ ANSWER_VERSION: int
 def summary(facts: str) -> dict[str, Any]:
     """The one answer of what is known of a valve: facts as JSON in, plain types out."""
 
+def harm(
+    cells: tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.float64]],
+    batch: Batch,
+    law: tuple[float, float] | None,
+    process: tuple[tuple[float, float, float], bool],
+) -> dict[str, float | None]:
+    """Harm of a gap fitted to cells (time, PV, position) of a batch, under K and Ti, through (Kp, dead time, lag)."""
+
 class Analysis:
     """The analysis of a recording: made of a task (JSON) and its beginning, handed all batches, then finished."""
 

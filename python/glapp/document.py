@@ -218,6 +218,8 @@ class Next(_Part):
     probably_too_wide, step_test, remedy."""
     of: str | None
     """What it is about: a part of the valve, a reason of rejection; null where it has none."""
+    tested: bool
+    """Whether the recording holds a step test, which is used; no further one is asked for."""
     text: str
     """The same in a sentence or two."""
 
@@ -231,6 +233,64 @@ class Struck(_Part):
     """The fit's limit [`unit`]."""
     text: str
     """The same in a sentence."""
+
+
+class Limit(_Part):
+    """Widest dead band that is acceptable."""
+
+    percent_span: float
+    """In % of OP span."""
+    width: Value
+    """The same [`unit`]; null where the span is not known."""
+    origin: Literal["given", "nominal"]
+    """given: by a person, for this loop; nominal: by nobody, and 1 % of span is taken (EnTech's nominal dead band)."""
+
+
+class Trend(_Part):
+    """How the width changes in time."""
+
+    code: Literal["grows", "shrinks", "steady", "too_few"]
+    """Whether a change is plain."""
+    widths: Count
+    """Widths that it rests on."""
+    widths_needed: Count
+    """Widths that a change must rest on."""
+    per_day: Value
+    """Change of the width [`unit`/day]."""
+    low: Value
+    """Lower 95 % limit [`unit`/day]."""
+    high: Value
+    """Upper 95 % limit [`unit`/day]."""
+    least_plain: Value
+    """A change so fast would be plain [`unit`/day]."""
+    t: Range | None
+    """First and last of the widths [s]."""
+    d: Range | None
+    """The line's widths there [`unit`]."""
+    days_to_limit: Value
+    """Days from the last width on until it has grown to what is acceptable; null where it does not plainly grow so."""
+
+
+class StepTestWidth(_Part):
+    """What a step test in the recording gives."""
+
+    d: float
+    """Total width [`unit`]."""
+    low: Value
+    """Lower 95 % limit [`unit`]."""
+    high: Value
+    """Upper 95 % limit [`unit`]."""
+
+
+class Harm(_Part):
+    """What the gap does to the loop: shares from 0 to 1."""
+
+    pv_share: Value
+    """Share of PV's variance about SP that would not be there without the gap."""
+    op_share: Value
+    """Share of OP's travel that would not be there without it."""
+    worst: Value
+    """The larger of both."""
 
 
 class Answer(_Part):
@@ -252,22 +312,57 @@ class Answer(_Part):
     """The fit's; the last four are those of the crossings, where nothing was fitted."""
     valve: Literal["gap", "no_gap", "unknown", "refused"]
     """What that means of the valve; refused: data or settings allow no answer."""
+    confidence: Literal["found", "likely", "cannot_tell", "none_seen", "sound", "refused", "not_judged"]
+    """How sure it is that there is a dead band; none_seen: none above `high`; sound: none wider than the limit;
+    not_judged: OP and PV were not fitted, and zero crossings alone do not judge a valve."""
+    cause: Literal["backlash", "stiction", "both", "dead_band"] | None
+    """What makes it; dead_band: play or packing, the data do not tell which; null where none is found or likely."""
+    width_kind: Literal["interval", "bound", "unsure"] | None
+    """What the width is; unsure: a dead band is there, and its width is not known well; null where nothing is known."""
+    oscillates: bool
+    """Whether the loop swings in a clean sinusoid, which no dead band makes."""
     width: Value
     """The width that lists rank by [`unit`]: the most likely one, or the bound if that is all; null: no gap found."""
     width_percent_span: Value
     """The same in % of OP span; null where the span is not known."""
     low: Value
     """Narrowest gap that the data does not exclude [`unit`]; null where nothing is excluded."""
+    low_percent_span: Value
+    """The same in % of OP span."""
     high: Value
     """Widest one [`unit`]; null where there is no limit."""
+    high_percent_span: Value
+    """The same in % of OP span."""
     evidence: Literal["none", "weak", "strong", "very_strong"] | None
     """How strongly the recording speaks for a gap; null without a fit."""
+    p_gap: Value
+    """Probability of a dead band; not worked out yet."""
+    p_beyond: Value
+    """Probability of one beyond the limit; not worked out yet."""
+    terms: None
+    """What speaks for and against a dead band; not worked out yet."""
+    limit: Limit | None
+    """What is acceptable; null where nobody said it and the span is not known."""
     acceptable: Literal["within", "beyond", "open"] | None
     """How the width stands to what is acceptable; open: it may be either. Null where either is not known."""
     next: Next
     """What to do next."""
     urgency: Literal["none", "low", "medium", "high"]
-    """How soon."""
+    """How soon; by a limit that nobody gave at most medium."""
+    health: Literal["NORMAL", "MAINTENANCE_REQUIRED"]
+    """Health of the valve by NAMUR NE 107."""
+    trend: Trend | None
+    """How the width changes in time; null where there are too few widths."""
+    step_test: StepTestWidth | None
+    """What a step test in the recording gives; null where it gives no width."""
+    harm: Harm | None
+    """What the gap does to the loop; null where that was not worked out."""
+    compensable: Value
+    """Width that a compensation may trust [`unit`]; 0 of a valve that shows no gap; null: a person may type one."""
+    score: Value
+    """What loops of one urgency are ranked by: the lower limit over what is acceptable, times the harm."""
+    rank: tuple[int, int, int, float]
+    """Place of the loop in every list: smaller comes first, number by number."""
     struck: Struck | None
     """Why the crossings' width does not stand; null where it does, or there is none."""
 
@@ -318,7 +413,7 @@ class LoopAnswer(_Part):
 class Document(_Part):
     """Answer of `glapp analyze --json`."""
 
-    schema_version: Literal[2]
+    schema_version: Literal[3]
     """Layout of this document."""
     glapp: str
     """Version that wrote it."""
@@ -333,7 +428,7 @@ def to_json(results: Sequence[Result]) -> str:
     --------
     >>> print(to_json([]))  # doctest: +ELLIPSIS
     {
-      "schema_version": 2,
+      "schema_version": 3,
       "glapp": "...",
       "loops": []
     }

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, Self
 
@@ -22,8 +21,8 @@ from .loop import Loop
 from .progress import Progress, shares
 from .quality import Finding
 from .quality import told as quality_told
-from .recording import NOT_AUTO, Batch, Recording
-from .result import REASONS, Corrected, HalfPeriods, Origin, Result, Settings
+from .recording import Batch, Recording
+from .result import REASONS, Answer, Corrected, HalfPeriods, Origin, Result, Settings
 from .samples import recording_of
 from .trace import Band, Thinner, Trace
 
@@ -192,19 +191,14 @@ def _analyzed(recording: Recording, rows: int, progress: Progress | None, **aske
         if reading is not None:
             reading(recording.fraction_read())
     done = analysis.finish(fitting)
-    result = _result(recording, loop, done, _trace(thinner, signals, done["chosen"]))
-    return replace(result, step_test=_step_test(beginning, loop)) if asked.get("judge", True) else result
+    return _result(recording, loop, done, _trace(thinner, signals, done["chosen"]))
 
 
-def _step_test(beginning: Batch, loop: Loop) -> StepTest | None:
-    """The step test that the beginning of a recording holds; None where it gives no width."""
-    if beginning.op is None or beginning.flags is None or not (beginning.flags & NOT_AUTO).any():
-        return None
-    from .step_test import step_test  # which takes what it needs from here
+def _step_test(found: dict[str, Any], recording: Recording, loop: Loop) -> StepTest:
+    """The step test that the beginning of a recording holds, in words."""
+    from .step_test import told  # which takes what it needs from here
 
-    signals = {name: getattr(beginning, name) for name in ("t", "pv", "op", "position", "flags")}
-    found = step_test(**signals, loop=loop)
-    return None if found.d is None else replace(found, signals=None)
+    return told(found, recording, loop)
 
 
 def _task(loop: Loop) -> dict[str, Any]:
@@ -220,6 +214,7 @@ def _task(loop: Loop) -> dict[str, Any]:
         "op_percent": loop.op_label == "%",
         "place": _place(loop),
         "acceptable": loop.acceptable_dead_band,
+        "positioner_dead_band": None if loop.positioner is None else loop.positioner.dead_band,
         "tf": loop.tf,
         "n": loop.n,
     }
@@ -263,6 +258,8 @@ def _result(recording: Recording, loop: Loop, done: dict[str, Any], trace: Trace
             notes={name: _note(name, origin, answer, loop) for name, origin in s["origins"].items()},
             origins=s["origins"],
         ),
+        answer=Answer.of(answer["answer"]),
+        step_test=None if answer["step_test"] is None else _step_test(answer["step_test"], recording, loop),
         quality=named(answer["quality"], recording.found),
         identification=identification,
         trace=trace,

@@ -181,6 +181,8 @@ class Fit:
         Where the valve's position was recorded and settled the answer, what PV alone would have said. The process is
         always that of PV. Where no width lies in the intervals of both, `reason` names both: with a gap in either the
         interval holds both, and with a gap in one of them alone the verdict is *cannot_tell*.
+    change : dict or None
+        The trend as the one answer has it (`glapp.result.Moves`).
     """
 
     verdict: Verdict
@@ -199,6 +201,7 @@ class Fit:
     best: dict[str, Any] = field(default_factory=dict)
     why: str = ""
     through_pv: Fit | None = None
+    change: dict[str, Any] | None = None
 
     def __repr__(self) -> str:
         if self.d is None:
@@ -222,11 +225,6 @@ class Fit:
     def at_least(self) -> float | None:
         """The width's lower limit where that is all that can be said [`unit`]."""
         return self.low if self.verdict == "at_least" else None
-
-    @property
-    def compensable(self) -> float | None:
-        """The width that a compensation may trust: the lower limit, with the verdict backlash and no other [`unit`]."""
-        return self.low if self.verdict == "backlash" else None
 
     def to_dict(self) -> dict[str, Any]:
         """The answer in plain types, as `glapp analyze --json` writes it."""
@@ -393,7 +391,7 @@ def fit_recordings(
         found = _glapp.fit_valve(fitted, sign)
     if fitting is not None:
         fitting(1.0)
-    through_pv = _valve(found["pv"], recordings, known)
+    through_pv = replace(_valve(found["pv"], recordings, known), change=found.get("answer", {}).get("change"))
     if found["position"] is None:
         return through_pv
     both = _together(found["answer"], _at_valve(found["position"], loop), through_pv, loop)
@@ -500,7 +498,7 @@ def told(
     if pv is None:
         rests = "OP stands still all the time: only an OP that moves shows a gap"
         return Fit("cannot_tell", rests, loop.op_label, why="op_rests")
-    through_pv = _through_pv(pv, loop, sinusoid)
+    through_pv = replace(_through_pv(pv, loop, sinusoid), change=answer["change"])
     if position is None:
         return through_pv
     return _together(answer, _at_valve(position, loop), through_pv, loop)
@@ -521,7 +519,7 @@ def _together(answer: dict[str, Any], at_valve: Fit, through_pv: Fit, loop: Loop
         reason = f"the valve's position and PV contradict each other. {said}"
         if answer["verdict"] == "cannot_tell":
             reason += ". Is the sensor coupled firmly to the valve, and the valve to what it moves?"
-    decided = {name: answer[name] for name in ("verdict", "low", "high")}
+    decided = {name: answer[name] for name in ("verdict", "low", "high", "change")}
     return replace(at_valve, **decided, reason=reason, process=through_pv.process, through_pv=through_pv)
 
 

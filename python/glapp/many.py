@@ -47,7 +47,7 @@ def analyze_recordings(
         return replace(max(each, key=lambda result: result.detections), source=source)
     answer = fit_recordings(recordings, unfit=[unfit(result) for result in each], progress=fitting)
     best = each[next((i for i, one in enumerate(answer.recordings) if one.shown), 0)]
-    return replace(best, source=source, fit=answer)
+    return best.decided_with(source=source, fit=answer)
 
 
 def unfit(result: Result) -> tuple[Verdict, str, str] | None:

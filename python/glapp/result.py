@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass, field, fields
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields, replace
 from datetime import datetime
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -24,7 +25,8 @@ if TYPE_CHECKING:
 
     from .step_test import StepTest
 
-__all__ = ["REASONS", "Answer", "Corrected", "HalfPeriods", "Next", "Origin", "Result", "Settings", "Struck", "Verdict"]
+__all__ = ["REASONS", "Answer", "Confidence", "Corrected", "HalfPeriods", "Harm", "Limit", "Moves", "Next", "Origin"]
+__all__ += ["Result", "Settings", "StepTestWidth", "Struck", "Verdict", "decide", "span_of"]
 
 REASONS = tuple(_glapp.reasons())
 """Names of the codes in `HalfPeriods.reason`; the bit of a reason in `HalfPeriods.mask` is its code − 1."""
@@ -35,11 +37,14 @@ Crossings = Literal["estimate", "provisional", "no_estimate", "refused"]
 Verdict = Literal[Crossings, "backlash", "stiction", "both", "oscillation", "sound", "at_least", "cannot_tell"]
 """The one verdict of a loop: the fit's, or where nothing was fitted that of the crossings."""
 
+Confidence = Literal["found", "likely", "cannot_tell", "none_seen", "sound", "refused", "not_judged"]
+"""How sure it is that there is a dead band."""
+
 Origin = Literal["given", "identified", "fitted", "assumed", "chosen", "unknown"]
 Floats = NDArray[np.float64]
 
 _FACTS = ("verdict", "why", "d", "low", "high", "lr_no_gap", "lr_needed")
-"""What the one answer hangs on of a fit."""
+"""What the one answer hangs on of a fit, beside the change of its width in time."""
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -212,10 +217,14 @@ class Corrected:
 
 @dataclass(frozen=True, slots=True)
 class Next:
-    """What to do next: a code, and what it is about (a part of the valve, a reason of rejection) where it has that."""
+    """What to do next: a code, and what it is about (a part of the valve, a reason of rejection) where it has that.
+
+    `tested`: the recording holds a step test, which is used; no further one is asked for.
+    """
 
     code: str
     of: str | None = None
+    tested: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -230,6 +239,66 @@ class Struck:
 
 
 @dataclass(frozen=True, slots=True)
+class Limit:
+    """Widest dead band that is acceptable [% of OP span], the same [OP unit] where the span is known, and who said so.
+
+    *given*: a person, for this loop; *nominal*: nobody, and 1 % of span is taken (EnTech's nominal dead band).
+    """
+
+    percent_span: float
+    width: float | None
+    origin: Literal["given", "nominal"]
+
+
+@dataclass(frozen=True, slots=True)
+class StepTestWidth:
+    """Width that a step test in the recording gives, with its 95 % limits [OP unit]."""
+
+    d: float
+    low: float | None
+    high: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Harm:
+    """What the gap does to the loop: shares, 0 to 1, of PV's variance about SP and of OP's travel; `worst` of both."""
+
+    pv_share: float | None
+    op_share: float | None
+    worst: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Moves:
+    """How the width changes in time.
+
+    Attributes
+    ----------
+    code : "grows", "shrinks", "steady", "too_few"
+        Whether a change is plain: five widths or more, and three standard errors.
+    widths, widths_needed : int
+        Widths that it rests on, and that a change must rest on.
+    per_day, low, high, least_plain : float or None
+        Change of the width with its 95 % limits; a change so fast would be plain [OP unit/day].
+    t, d : (float, float) or None
+        First and last of the widths [s], and the line's widths there [OP unit].
+    days_to_limit : float or None
+        Days from the last width on until it has grown to what is acceptable.
+    """
+
+    code: Literal["grows", "shrinks", "steady", "too_few"]
+    widths: int
+    widths_needed: int
+    per_day: float | None
+    low: float | None
+    high: float | None
+    least_plain: float | None
+    t: tuple[float, float] | None
+    d: tuple[float, float] | None
+    days_to_limit: float | None
+
+
+@dataclass(frozen=True, slots=True)
 class Answer:
     """The one answer of a loop, from all that is known of its valve; decided in `crates/analysis/src/summary.rs`.
 
@@ -239,36 +308,156 @@ class Answer:
         The fit's, or where nothing was fitted that of the crossings.
     valve : "gap", "no_gap", "unknown", "refused"
         What that means of the valve.
+    confidence : str
+        How sure it is that there is a dead band: *found*, *likely*, *cannot_tell*, *none_seen* (above `high`), *sound*
+        (none wider than is acceptable), *refused* (data or settings allow no answer), *not_judged* (OP and PV
+        were not fitted; zero crossings alone do not judge a valve).
+    cause : "backlash", "stiction", "both", "dead_band" or None
+        What makes it; dead_band: play or packing, the data do not tell which.
+    width_kind : "interval", "bound", "unsure" or None
+        Whether the width has two limits, is one limit, or is not known well.
+    oscillates : bool
+        Whether the loop swings in a clean sinusoid, which no dead band makes.
     width : float or None
         The width that lists rank by: the most likely one, or the bound where that is all; None where no gap was found
         [`Result.unit`].
     width_percent_span : float or None
         The same [% of OP span], None where the span is not known.
-    low, high : float or None
-        Narrowest and widest gap that the data does not exclude [`Result.unit`]; both None where nothing is excluded.
+    low, high, low_percent_span, high_percent_span : float or None
+        Narrowest and widest gap that the data does not exclude [`Result.unit`, % of OP span]; both None where nothing
+        is excluded.
     evidence : "none", "weak", "strong", "very_strong" or None
         How strongly the recording speaks for a gap; None without a fit.
+    p_gap, p_beyond, terms : None
+        Probability of a dead band, of one beyond the limit, and what speaks for it: not worked out yet.
+    limit : Limit or None
+        What is acceptable; None where nobody said it and the span is not known.
     acceptable : "within", "beyond", "open" or None
-        How the width stands to what is acceptable; open: it may be either. None where either is not known.
+        How the width stands to the limit; open: it may be either. None where either is not known.
     next : Next
         What to do next.
     urgency : "none", "low", "medium", "high"
-        How soon.
+        How soon; by a limit that nobody gave at most medium.
+    health : "NORMAL", "MAINTENANCE_REQUIRED"
+        Health of the valve by NAMUR NE 107.
+    trend : Moves or None
+        How the width changes in time; None where there are too few widths.
+    step_test : StepTestWidth or None
+        What a step test in the recording gives.
+    harm : Harm or None
+        What the gap does to the loop.
+    compensable : float or None
+        The width that a compensation may trust [`Result.unit`]: the lower limit, with the verdict backlash alone; 0 of
+        a valve that shows no gap. None: only a person may type one.
+    score : float or None
+        What loops of one urgency are ranked by: how many times wider than the limit the gap surely is, times its harm.
+    rank : (int, int, int, float)
+        Place of the loop in every list; smaller comes first.
     struck : Struck or None
         Why the crossings' width does not stand beside the fit; None where it does, or there is none.
     """
 
     verdict: Verdict
     valve: Literal["gap", "no_gap", "unknown", "refused"]
+    confidence: Confidence
+    cause: Literal["backlash", "stiction", "both", "dead_band"] | None
+    width_kind: Literal["interval", "bound", "unsure"] | None
+    oscillates: bool
     width: float | None
     width_percent_span: float | None
     low: float | None
+    low_percent_span: float | None
     high: float | None
+    high_percent_span: float | None
     evidence: Literal["none", "weak", "strong", "very_strong"] | None
+    p_gap: float | None
+    p_beyond: float | None
+    terms: None
+    limit: Limit | None
     acceptable: Literal["within", "beyond", "open"] | None
     next: Next
     urgency: Literal["none", "low", "medium", "high"]
+    health: Literal["NORMAL", "MAINTENANCE_REQUIRED"]
+    trend: Moves | None
+    step_test: StepTestWidth | None
+    harm: Harm | None
+    compensable: float | None
+    score: float | None
+    rank: tuple[int, int, int, float]
     struck: Struck | None
+
+    @classmethod
+    def of(cls, told: Mapping[str, Any]) -> Answer:
+        """The answer as the core or a document tells it; what a document says beside it in words is left out."""
+        parts = {
+            "limit": Limit,
+            "step_test": StepTestWidth,
+            "harm": Harm,
+            "struck": Struck,
+            "trend": Moves,
+            "next": Next,
+        }
+        values = {column.name: told[column.name] for column in fields(cls)} | {"rank": tuple(told["rank"])}
+        for name, part in parts.items():
+            if values[name] is not None:
+                said = {column.name: values[name].get(column.name) for column in fields(part)}
+                values[name] = part(**said)
+        return cls(**values)
+
+
+def decide(
+    *,
+    crossings: Crossings,
+    d_hat: float | None,
+    detections: int,
+    reasons: Mapping[str, int],
+    fit: Fit | None,
+    loop: Loop,
+    step_test: StepTest | None = None,
+    harm: Sequence[Harm] = (),
+) -> Answer:
+    """The one answer of what is known of a valve, as the core decides it.
+
+    Parameters
+    ----------
+    crossings, d_hat, detections, reasons, fit, step_test
+        As in `Result`.
+    loop : Loop
+        Whose OP span and acceptable dead band count.
+    harm : sequence of Harm
+        What the gap does to the loop, in each window where that was worked out; the mean of each share counts.
+
+    Examples
+    --------
+    >>> loop = Loop(name="FIC101", op_span=(4, 20), op_unit="mA")
+    >>> fit = Fit("backlash", "", "mA", 0.5, 0.4, 0.6, lr_no_gap=90.0, lr_needed=15.0)
+    >>> answer = decide(crossings="no_estimate", d_hat=None, detections=0, reasons={}, fit=fit, loop=loop)
+    >>> answer.limit, answer.urgency, answer.next.code
+    (Limit(percent_span=1.0, width=0.16, origin='nominal'), 'medium', 'inspect')
+    """
+    of_fit = None
+    if fit is not None:
+        of_fit = {name: getattr(fit, name) for name in _FACTS} | {"trend": fit.change}
+    test = None if step_test is None or step_test.d is None else step_test
+    facts = {
+        "crossings": crossings,
+        "d_hat": d_hat,
+        "detections": detections,
+        "rejected": max(reasons, key=lambda name: reasons[name], default=None),
+        "fit": of_fit,
+        "span": span_of(loop),
+        "acceptable": loop.acceptable_dead_band,
+        "step_test": None if test is None else {"d": test.d, "low": test.low, "high": test.high},
+        "harm": [{"pv_share": one.pv_share, "op_share": one.op_share} for one in harm],
+    }
+    return Answer.of(_glapp.summary(json.dumps(facts)))
+
+
+def span_of(loop: Loop) -> float | None:
+    """Width of OP's span [OP unit], None where it is not known; a loop in % without a given span has 100."""
+    if loop.op_span is not None:
+        return loop.op_span[1] - loop.op_span[0]
+    return 100.0 if loop.op_label == "%" else None
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -310,6 +499,8 @@ class Result:
         First reason of rejection to how many half-periods, over all of them.
     settings : Settings
         What the detector worked with.
+    answer : Answer
+        The one answer.
     quality : list of Finding
         What is wrong with the recording, gravest first.
     identification : Identification or None
@@ -340,6 +531,7 @@ class Result:
     half_periods: HalfPeriods
     reasons: dict[str, int]
     settings: Settings
+    answer: Answer
     quality: list[Finding] = field(default_factory=list)
     identification: Identification | None = None
     trace: Trace | None = None
@@ -358,6 +550,7 @@ class Result:
         ('refused', 'plant.csv: no such file')
         """
         loop = loop or Loop(name=name)
+        answer = decide(crossings="refused", d_hat=None, detections=0, reasons={}, fit=None, loop=loop)
         return cls(
             name=name,
             source=source,
@@ -375,7 +568,14 @@ class Result:
             half_periods=HalfPeriods.empty(),
             reasons={},
             settings=Settings(None, None, None, None, None, None, loop.n, None, {}, {}),
+            answer=answer,
         )
+
+    def decided_with(self, *, harm: Sequence[Harm] = (), **facts: Any) -> Result:
+        """The same with other facts (fields of `Result`), and the one answer that follows from them."""
+        changed = replace(self, **facts)
+        names = ("crossings", "d_hat", "detections", "reasons", "fit", "loop", "step_test")
+        return replace(changed, answer=decide(**{name: getattr(changed, name) for name in names}, harm=harm))
 
     def __repr__(self) -> str:
         answer = self.answer
@@ -387,24 +587,6 @@ class Result:
         width = "" if self.d_hat is None else f" {self.d_hat:.4g} {self.unit},"
         found = f"{self.detections} detections in {self.total_half_periods} half-periods"
         return f"<Result {self.name}: {answer.verdict},{width} {found}>"
-
-    @property
-    def answer(self) -> Answer:
-        """The one answer."""
-        f = self.fit
-        most = max(self.reasons, key=lambda name: self.reasons[name], default=None)
-        facts: dict[str, Any] = {
-            "crossings": self.crossings,
-            "d_hat": self.d_hat,
-            "detections": self.detections,
-            "rejected": most,
-            "fit": None if f is None else {name: getattr(f, name) for name in _FACTS},
-            "span": self.span,
-            "acceptable": self.loop.acceptable_dead_band,
-        }
-        told = _glapp.summary(json.dumps(facts))
-        following, struck = Next(**told.pop("next")), told.pop("struck")
-        return Answer(**told, next=following, struck=None if struck is None else Struck(**struck))
 
     @property
     def verdict(self) -> Verdict:
@@ -419,9 +601,7 @@ class Result:
     @property
     def span(self) -> float | None:
         """Width of OP's span [`unit`], None where it is not known; a loop in % without a given span has 100."""
-        if self.loop.op_span is not None:
-            return self.loop.op_span[1] - self.loop.op_span[0]
-        return 100.0 if self.unit == "%" else None
+        return span_of(self.loop)
 
     @property
     def total_half_periods(self) -> int:

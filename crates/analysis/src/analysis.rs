@@ -3,12 +3,15 @@
 use crate::answer::{Answer, CorrectedAnswer, Settings};
 use crate::crossings::{Beside, Known, NotCorrected, Place, Travel, Verdict, judge};
 use crate::fitted::{FitWhy, Fitted, fitted, fitted_with, problem};
+use crate::harm::{Cells as HarmCells, Harm, harm};
 use crate::identify::{Identification, identified};
 use crate::quality::{self, Fault, Finding, Law, Severity, assumed_gain, inspect};
+use crate::step_test::{Manual, ManualRows, StepTest, StepTestSettings};
 use crate::summary::{Facts, Summary};
 use crate::{Counter, Crossings, Inspected, Ladder, Origin, median, noise_sigma, process_gain};
+use glapp_core::status::NOT_AUTO;
 use glapp_core::{Columns, DETECTIONS, DetectorSettings, GAP_STEPS, ParameterError, Reason};
-use glapp_fit::{Batch, JointAnswer, LONG_HISTORY, Problem, Rows, Samples, Unfit, Windows};
+use glapp_fit::{Batch, JointAnswer, LONG_HISTORY, Prediction, Problem, RecordAnswer, Rows, Samples, Unfit, Windows};
 use rayon::prelude::*;
 use serde::Deserialize;
 use std::cmp::Reverse;
@@ -54,6 +57,8 @@ pub struct Task {
     pub place: Option<Place>,
     /// Widest dead band that is acceptable, where that is said [% of OP's span].
     pub acceptable: Option<f64>,
+    /// Dead band that the positioner is set to [% of travel], where it is known.
+    pub positioner_dead_band: Option<f64>,
     /// Filter time of the detector; none: a ladder is tried \[s\].
     pub tf: Option<f64>,
     /// Detections behind an estimate.
@@ -79,6 +84,7 @@ impl Default for Task {
             op_percent: None,
             place: None,
             acceptable: None,
+            positioner_dead_band: None,
             tf: None,
             n: DETECTIONS,
             judge: true,
@@ -244,6 +250,7 @@ impl Analysis {
         let mut quality = if self.task.judge { self.inspected() } else { Vec::new() };
         progress(0.0);
         let fitted = self.fits().then(|| self.fitted(&quality, pv));
+        let harm = fitted.as_ref().and_then(|fitted| self.harm(fitted));
         let task = &self.task;
         progress(1.0);
         let (mut kp, mut kp_origin) = gain(task);
@@ -279,6 +286,7 @@ impl Analysis {
             self.corrected(detector, known, d_hat)
         });
         let counts = detector.map_or(&[] as &[u64], Crossings::reasons);
+        let step_test = self.step_test(op_limits);
         let rejected = Reason::ALL.iter().zip(counts).skip(1).filter(|(_, count)| **count > 0);
         let reasons: Vec<(&'static str, u64)> = rejected.map(|(reason, count)| (reason.name(), *count)).collect();
         let percent_of = |width: f64| op_limits.map(|(low, high)| 100.0 * width / (high - low));
@@ -299,9 +307,10 @@ impl Analysis {
             controller: self.settings(detector, kp, kp_origin),
             identification: self.identification,
             fit: fitted.as_ref().map(|fitted| fitted.answer.clone()),
+            step_test,
         };
         let span = op_limits.map(|(low, high)| high - low);
-        answer.answer = Summary::of(&answer.facts(span, self.task.acceptable));
+        answer.answer = Summary::of(&answer.facts(span, self.task.acceptable, harm));
         Done { answer, crossings, fitted, op: self.op }
     }
 
@@ -353,6 +362,39 @@ impl Analysis {
             Some(windows) => windows.best().map(Rows::batch).collect(),
         };
         Ok((batches, find(&|found| found.fault == Fault::Sinusoidal)))
+    }
+
+    /// The step test in the first rows, where the controller was in manual in some of them; none where it gives no width.
+    fn step_test(&self, op_limits: Option<(f64, f64)>) -> Option<StepTest> {
+        let flags = self.beginning.flags.as_deref().filter(|_| self.task.judge)?;
+        if !flags.iter().any(|flags| u16::from(*flags) & NOT_AUTO != 0) {
+            return None;
+        }
+        let settings = StepTestSettings {
+            integrating: self.task.integrating,
+            op_span: op_limits.map(|(low, high)| high - low),
+            positioner_dead_band: self.task.positioner_dead_band,
+        };
+        let mut rows = ManualRows::new(Manual::Flagged);
+        rows.take(&inspected(&self.beginning), self.beginning.position.as_deref());
+        Some(rows.read(&settings)).filter(|test| test.d.is_some())
+    }
+
+    /// What the gap does to the loop in the record that shows it best, by its fit to PV.
+    fn harm(&mut self, fitted: &Fitted) -> Option<Harm> {
+        let joint = fitted.pv.as_ref()?.as_ref().ok()?;
+        let process = fitted.answer.process.filter(|_| fitted.answer.verdict.found())?;
+        let RecordAnswer { start, starts, h, answer, .. } = &joint.records[joint.shown];
+        let law = self.controller.map(|controller| (controller.k, controller.ti));
+        let rows = match &mut self.windows {
+            None => &self.beginning,
+            Some(windows) => windows.best().find(|rows| rows.t.last().is_some_and(|last| start <= last))?,
+        };
+        let column = |of: fn(&Prediction) -> f64| answer.predictions.iter().map(of).collect::<Vec<_>>();
+        let t: Vec<f64> = answer.predictions.iter().map(|cell| starts[cell.part] + h * cell.step as f64).collect();
+        let (pv, position) = (column(|cell| cell.pv), column(|cell| cell.position));
+        let cells = HarmCells { t: &t, pv: &pv, position: &position };
+        Some(harm(&cells, &inspected(rows), law, &process))
     }
 
     fn corrected(&self, detector: &Crossings, kp: Option<f64>, d_hat: Option<f64>) -> CorrectedAnswer {

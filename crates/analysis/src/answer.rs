@@ -2,10 +2,12 @@
 
 use crate::crossings::{NotCorrected, Travel, Verdict, Why};
 use crate::fitted::FitAnswer;
+use crate::harm::Harm;
 use crate::identify::Identification;
 use crate::origin::Origin;
 use crate::quality::{Finding, InOrder};
-use crate::summary::{Facts, FitFacts, Summary};
+use crate::step_test::StepTest;
+use crate::summary::{Facts, FitFacts, StepTestWidth, Summary};
 use glapp_core::{Corrected, Reason, TravelSource};
 use serde::{Serialize, Serializer};
 
@@ -45,14 +47,16 @@ pub struct Answer {
     pub identification: Option<Identification>,
     /// The width by OP and PV; none where that was not asked or there is no OP.
     pub fit: Option<FitAnswer>,
+    /// The step test in the beginning of the recording; none where it gives no width.
+    pub step_test: Option<StepTest>,
 }
 
 impl Answer {
     /// The layout of this release.
-    pub const VERSION: u32 = 2;
+    pub const VERSION: u32 = 3;
 
     /// What the one answer is made of; `span` is the width of OP's [OP unit].
-    pub(crate) fn facts(&self, span: Option<f64>, acceptable: Option<f64>) -> Facts {
+    pub(crate) fn facts(&self, span: Option<f64>, acceptable: Option<f64>, harm: Option<Harm>) -> Facts {
         let most = self.reasons.iter().rev().max_by_key(|(_, count)| *count);
         Facts {
             crossings: self.crossings,
@@ -67,9 +71,15 @@ impl Answer {
                 high: fit.high,
                 lr_no_gap: fit.lr_no_gap,
                 lr_needed: fit.lr_needed,
+                trend: fit.change,
             }),
             span,
             acceptable,
+            step_test: self.step_test.as_ref().and_then(|test| {
+                let width = |d| StepTestWidth { d, low: test.low, high: test.high };
+                test.d.map(width)
+            }),
+            harm: harm.into_iter().collect(),
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::crossings::Place;
 use crate::origin::fitted_gain_serves;
-use crate::trend::DAY;
+use crate::trend::{DAY, WidthTrend, of_found};
 use glapp_fit::{
     AtValve, Batch, JointAnswer, PositionAnswer, Problem, RecordAnswer, Recorded, Samples, Together, Trend, Unfit,
     ValveAnswer,
@@ -174,6 +174,8 @@ pub struct FitAnswer {
     pub position: Option<Position>,
     /// Change of the width and its standard error [OP unit/day].
     pub trend: Option<(f64, f64)>,
+    /// The same with all that is told of it, as the one answer has it.
+    pub change: Option<WidthTrend>,
     /// The windows that were fitted.
     pub windows: Vec<Window>,
 }
@@ -195,6 +197,7 @@ impl FitAnswer {
             signal,
             position: None,
             trend: None,
+            change: None,
             windows: Vec::new(),
         }
     }
@@ -243,6 +246,7 @@ impl FitAnswer {
                 integrating: best.integrating,
             }),
             trend: joint.trend.map(a_day),
+            change: joint.trend.map(|found| of_found(Some(found), found.widths)),
             windows: records.iter().map(window).collect(),
             ..Self::none(sinusoid.map_or(FitWhy::Evidence(joint.reason), FitWhy::Finding), Signal::PV)
         }
@@ -266,6 +270,7 @@ impl FitAnswer {
             lr_no_gap: Some(best.lr_no_gap),
             lr_needed: Some(best.lr_needed),
             trend: joint.trend.map(a_day),
+            change: joint.trend.map(|found| of_found(Some(found), found.widths)),
             windows: joint.records.iter().map(window).collect(),
             ..Self::none(FitWhy::Evidence(best.reason), Signal::Position)
         }

@@ -14,6 +14,7 @@ mod answer;
 mod census;
 pub mod crossings;
 mod fitted;
+mod harm;
 pub mod identify;
 mod inspected;
 mod origin;
@@ -31,11 +32,13 @@ pub use fitted::{
     FitAnswer, FitWhy, Fitted, FittedValve, LostMotion, Position, Process, Signal, Window, fitted, fitted_valve,
 };
 pub use glapp_fit::Width;
+pub use harm::{Cells as HarmCells, Harm, harm};
 pub use inspected::Inspected;
 pub use origin::{KP_DEFAULT, Origin, fitted_gain_serves, process_gain};
 pub use signals::{FROZEN_STEPS, SORTED_ROWS, frozen_steps, in_runs, median, noise_sigma, quantile, resolution};
 pub use step_test::{Manual, ManualRows, StepTest, StepTestSettings};
 pub use summary::{
-    Acceptable, Contradiction, Evidence, Facts, FitFacts, Next, One, Part, Struck, Summary, Urgency, Valve,
+    Acceptable, Cause, Confidence, Contradiction, Evidence, Facts, FitFacts, Health, Limit, LimitOrigin, Moves,
+    NOMINAL_LIMIT, Next, NextStep, One, Part, StepTestWidth, Struck, Summary, Urgency, Valve, WidthKind,
 };
 pub use trend::{Change, WidthTrend, trend};

@@ -2,9 +2,13 @@
 //!
 //! Where OP and PV were fitted, the fit answers; else the zero crossings do. Beside a fit the crossings are a footnote, what a PLC
 //! would show, and where they contradict it they are struck.
+//!
+//! Nothing else decides. Every face shows this answer, and what is stored is this answer.
 
 use crate::crossings::Verdict;
 use crate::fitted::LostMotion;
+use crate::harm::Harm;
+use crate::trend::{Change, WidthTrend};
 use glapp_core::Reason;
 use serde::{Deserialize, Serialize};
 
@@ -13,6 +17,12 @@ use serde::{Deserialize, Serialize};
 const BEYOND: f64 = 1.25;
 /// Evidence is very strong where the likelihood ratio exceeds what it must by this factor, and weak above its inverse.
 const VERY: f64 = 2.0;
+
+/// Dead band that is acceptable where nobody said which [% of OP's span]: the nominal one of EnTech's Control Valve Dynamic
+/// Specification.
+pub const NOMINAL_LIMIT: f64 = 1.0;
+/// Harm that a gap is ranked by where it is not known: half of what there can be.
+const HARM_UNKNOWN: f64 = 0.5;
 
 /// Words of a fit that cannot tell, and whose upper limit stands: none and a gap up to it fit alike.
 const OPEN: [&str; 2] = ["may_be_a_gap", "families_disagree"];
@@ -38,6 +48,12 @@ pub struct Facts {
     pub span: Option<f64>,
     /// Widest dead band that is acceptable, where that is said [% of span].
     pub acceptable: Option<f64>,
+    /// Total width that a step test in the recording gives, where it gives one.
+    #[serde(default)]
+    pub step_test: Option<StepTestWidth>,
+    /// What the gap does to the loop, in each window where that was worked out.
+    #[serde(default)]
+    pub harm: Vec<Harm>,
 }
 
 /// What the fit says, as far as the answer hangs on it.
@@ -58,6 +74,119 @@ pub struct FitFacts {
     pub lr_no_gap: Option<f64>,
     /// What it must exceed.
     pub lr_needed: Option<f64>,
+    /// How the width changes in time, where the fit has widths of several times.
+    #[serde(default)]
+    pub trend: Option<WidthTrend>,
+}
+
+/// The width that a step test gives, with its 95 % interval [OP unit].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct StepTestWidth {
+    /// Total width.
+    pub d: f64,
+    /// Lower limit.
+    pub low: Option<f64>,
+    /// Upper limit.
+    pub high: Option<f64>,
+}
+
+/// How sure it is that there is a dead band.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Confidence {
+    /// There is one.
+    Found,
+    /// There probably is one: a step test would settle it.
+    Likely,
+    /// With one and without one the data can be explained.
+    CannotTell,
+    /// None shows above the bound that is given.
+    NoneSeen,
+    /// None is wider than what is acceptable.
+    Sound,
+    /// Data or settings allow no answer.
+    Refused,
+    /// OP and PV were not fitted: zero crossings alone do not judge a valve.
+    NotJudged,
+}
+
+/// What makes it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Cause {
+    /// Play between actuator and valve.
+    Backlash,
+    /// Friction: the valve sticks, then jumps.
+    Stiction,
+    /// Both.
+    Both,
+    /// Play or packing: the data do not tell which.
+    DeadBand,
+}
+
+/// What the width is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum WidthKind {
+    /// It has two limits.
+    Interval,
+    /// It is one limit.
+    Bound,
+    /// A dead band is there, and its width is not known well.
+    Unsure,
+}
+
+/// Who said what is acceptable.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LimitOrigin {
+    /// A person, for this loop.
+    Given,
+    /// Nobody: [`NOMINAL_LIMIT`].
+    Nominal,
+}
+
+/// Widest dead band that is acceptable.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Limit {
+    /// [% of OP's span].
+    pub percent_span: f64,
+    /// The same [OP unit], where the span is known.
+    pub width: Option<f64>,
+    /// Who said so.
+    pub origin: LimitOrigin,
+}
+
+/// Health of the valve by NAMUR NE 107, in the names of OPC UA's DeviceHealthEnumeration. Faults of signals come on top, where
+/// they are seen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "SCREAMING_SNAKE_CASE")]
+pub enum Health {
+    /// Nothing found that needs work.
+    Normal,
+    /// A dead band was found, and not all of it is acceptable.
+    MaintenanceRequired,
+}
+
+/// How the width changes in time [OP unit, days].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Moves {
+    /// The change.
+    #[serde(flatten)]
+    pub trend: WidthTrend,
+    /// Days until the width has grown to what is acceptable, from the newest width on; none where it does not grow plainly, is
+    /// there already, or no limit is known.
+    pub days_to_limit: Option<f64>,
+}
+
+/// What to do next, and whether a step test in the recording tells it already.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct NextStep {
+    /// What to do.
+    #[serde(flatten)]
+    pub step: Next,
+    /// The recording holds a step test: what it gives is used, and no further one is asked for.
+    pub tested: bool,
 }
 
 /// Whose verdict it is.
@@ -196,22 +325,59 @@ pub struct Summary {
     pub verdict: One,
     /// What that means of the valve.
     pub valve: Valve,
+    /// How sure it is that there is a dead band.
+    pub confidence: Confidence,
+    /// What makes it; none where none is found or likely.
+    pub cause: Option<Cause>,
+    /// What the width is; none where there is neither width nor bound.
+    pub width_kind: Option<WidthKind>,
+    /// Whether the loop swings in a clean sinusoid, which no dead band makes.
+    pub oscillates: bool,
     /// The width that lists rank by: the most likely one, or the bound where that is all; none where no gap was found [OP unit].
     pub width: Option<f64>,
     /// The same [% of span], where that is known.
     pub width_percent_span: Option<f64>,
     /// Narrowest width that is not excluded [OP unit]; none where nothing is, as with crossings alone.
     pub low: Option<f64>,
+    /// The same [% of span].
+    pub low_percent_span: Option<f64>,
     /// Widest one.
     pub high: Option<f64>,
+    /// The same [% of span].
+    pub high_percent_span: Option<f64>,
     /// How strongly the recording speaks for a gap; none without a fit.
     pub evidence: Option<Evidence>,
+    /// Probability of a dead band, and of one beyond the limit: not worked out yet.
+    pub p_gap: Option<f64>,
+    /// See `p_gap`.
+    pub p_beyond: Option<f64>,
+    /// What speaks for and against a dead band, by name: not worked out yet.
+    pub terms: Option<()>,
+    /// What is acceptable; none where nobody said it and the span is not known.
+    pub limit: Option<Limit>,
     /// How the width stands to what is acceptable; none where either is not known.
     pub acceptable: Option<Acceptable>,
     /// What to do next.
-    pub next: Next,
+    pub next: NextStep,
     /// How soon.
     pub urgency: Urgency,
+    /// Health of the valve by NE 107.
+    pub health: Health,
+    /// How the width changes in time; none where there are too few widths.
+    pub trend: Option<Moves>,
+    /// What a step test in the recording gives.
+    pub step_test: Option<StepTestWidth>,
+    /// What the gap does to the loop.
+    pub harm: Option<Harm>,
+    /// The width that a compensation may trust [OP unit]: the lower limit of a gap that was found, with backlash and no other
+    /// verdict; 0 of a valve that shows none. None: only a person may type one.
+    pub compensable: Option<f64>,
+    /// What valves of one kind of urgency are ranked by: how many times wider than what is acceptable the gap surely is, times its
+    /// harm. None where no gap was fitted or the span is not known.
+    pub score: Option<f64>,
+    /// The place of the loop in every list: the most urgent first, among equals gaps first, those with a score by it, then the
+    /// widest in % of span, then those whose widths cannot be compared. Smaller comes first, number by number.
+    pub rank: (u8, u8, u8, f64),
     /// Why the crossings' width is struck; none where it stands or there is none.
     pub struck: Option<Struck>,
 }
@@ -219,10 +385,12 @@ pub struct Summary {
 impl Summary {
     /// The one answer of these facts.
     pub fn of(facts: &Facts) -> Self {
-        match facts.fit.as_ref().filter(|fit| fit.d.is_some()) {
+        let answers = |fit: &&FitFacts| fit.d.is_some() || fit.verdict == LostMotion::Oscillation;
+        let decided = match facts.fit.as_ref().filter(answers) {
             Some(fit) => Self::of_fit(facts, fit),
             None => Self::of_crossings(facts),
-        }
+        };
+        Self { rank: decided.ranked(), ..decided }
     }
 
     fn of_fit(facts: &Facts, fit: &FitFacts) -> Self {
@@ -232,6 +400,7 @@ impl Summary {
             verdict if verdict.found() => fit.d,
             _ => None,
         };
+        let limit = facts.limit();
         let acceptable = facts.judged(width.and(low), high);
         let next = match fit.verdict {
             _ if acceptable == Some(Acceptable::Within) => Next::Review,
@@ -251,6 +420,24 @@ impl Summary {
             LostMotion::CannotTell => Valve::Unknown,
             _ => Valve::NoGap,
         };
+        let confidence = match fit.verdict {
+            verdict if verdict.found() => Confidence::Found,
+            LostMotion::Sound if facts.judged(low, high) == Some(Acceptable::Within) => Confidence::Sound,
+            LostMotion::Sound => Confidence::NoneSeen,
+            _ => Confidence::CannotTell,
+        };
+        let cause = match fit.verdict {
+            LostMotion::Backlash => Some(Cause::Backlash),
+            LostMotion::Stiction => Some(Cause::Stiction),
+            LostMotion::Both => Some(Cause::Both),
+            LostMotion::AtLeast => Some(Cause::DeadBand),
+            _ => None,
+        };
+        let width_kind = match fit.verdict {
+            LostMotion::AtLeast | LostMotion::Sound => Some(WidthKind::Bound),
+            verdict if verdict.found() => Some(WidthKind::Interval),
+            _ => None,
+        };
         let urgency = match (valve, acceptable) {
             (Valve::Gap, Some(Acceptable::Within)) => Urgency::None,
             (Valve::Gap, Some(Acceptable::Beyond)) => Urgency::High,
@@ -259,52 +446,131 @@ impl Summary {
             (Valve::NoGap, _) if next == Next::Nothing => Urgency::None,
             _ => Urgency::Low,
         };
+        let nominal = limit.is_some_and(|limit| limit.origin == LimitOrigin::Nominal);
+        let work = valve == Valve::Gap && acceptable != Some(Acceptable::Within);
+        let harm = (valve == Valve::Gap && !facts.harm.is_empty()).then(|| Harm::mean(&facts.harm));
+        let surely = low.filter(|_| valve == Valve::Gap).and_then(|low| facts.percent(low));
+        let score = surely.zip(limit).map(|(surely, limit)| {
+            let harm = harm.and_then(|harm| harm.worst).unwrap_or(HARM_UNKNOWN);
+            surely / limit.percent_span * harm
+        });
         Self {
-            verdict: One::Fit(fit.verdict),
-            valve,
-            width,
-            width_percent_span: width.and_then(|width| facts.percent(width)),
-            low,
-            high,
+            cause,
+            width_kind,
+            oscillates: fit.verdict == LostMotion::Oscillation,
             evidence: Some(fit.evidence()),
-            acceptable,
-            next,
-            urgency,
+            // First is what a person called too wide; what nobody did can wait for the next round.
+            urgency: if nominal { urgency.min(Urgency::Medium) } else { urgency },
+            health: if work { Health::MaintenanceRequired } else { Health::Normal },
+            trend: fit.trend.and_then(|trend| facts.moves(trend)),
+            harm,
+            compensable: match fit.verdict {
+                LostMotion::Backlash => low,
+                LostMotion::Sound => Some(0.0),
+                _ => None,
+            },
+            score,
             struck: facts.d_hat.and_then(|d_hat| fit.strikes(d_hat)),
+            ..Self::plain(facts, One::Fit(fit.verdict), (valve, confidence), (width, low, high), (acceptable, next))
         }
     }
 
     fn of_crossings(facts: &Facts) -> Self {
         let acceptable = facts.d_hat.and_then(|d_hat| facts.judged(Some(d_hat), Some(d_hat)));
-        let beyond = acceptable.map(|acceptable| acceptable == Acceptable::Beyond);
-        let (next, urgency) = match (facts.crossings, beyond) {
+        // By crossings alone sound valves show more than the nominal limit: it makes no work of them.
+        let given = facts.acceptable.is_some();
+        let (next, urgency) = match (facts.crossings, acceptable) {
             (Verdict::Refused, _) => (Next::Correct, Urgency::Low),
             (Verdict::NoEstimate, _) if facts.detections > 0 => (Next::StepTest, Urgency::Low),
             (Verdict::NoEstimate, _) => (facts.rejected.map_or(Next::RecordMore, Next::Remedy), Urgency::Low),
-            (Verdict::Provisional, Some(true)) => (Next::ProbablyTooWide, Urgency::Medium),
+            (Verdict::Provisional, Some(Acceptable::Beyond)) if given => (Next::ProbablyTooWide, Urgency::Medium),
             (Verdict::Provisional, _) => (Next::RecordLonger, Urgency::Low),
-            (Verdict::Estimate, Some(true)) => (Next::Confirm, Urgency::Medium),
-            (Verdict::Estimate, None) => (Next::Compare, Urgency::Low),
-            (Verdict::Estimate, Some(false)) => (Next::Review, Urgency::None),
+            (Verdict::Estimate, Some(Acceptable::Beyond)) if given => (Next::Confirm, Urgency::Medium),
+            (Verdict::Estimate, Some(Acceptable::Within)) => (Next::Review, Urgency::None),
+            (Verdict::Estimate, _) => (Next::Compare, Urgency::Low),
         };
         let valve = match facts.crossings {
             Verdict::Refused => Valve::Refused,
             _ if facts.d_hat.is_some() => Valve::Gap,
             _ => Valve::Unknown,
         };
+        let confidence = match facts.crossings {
+            Verdict::Refused => Confidence::Refused,
+            _ => Confidence::NotJudged,
+        };
+        let width = (facts.d_hat, None, None);
+        let verdict = One::Crossings(facts.crossings);
+        Self { urgency, ..Self::plain(facts, verdict, (valve, confidence), width, (acceptable, next)) }
+    }
+
+    /// What follows from the verdict whoever gave it, and nothing of what hangs on the fit.
+    fn plain(
+        facts: &Facts,
+        verdict: One,
+        (valve, confidence): (Valve, Confidence),
+        (width, low, high): (Option<f64>, Option<f64>, Option<f64>),
+        (acceptable, next): (Option<Acceptable>, Next),
+    ) -> Self {
+        let percent = |width: Option<f64>| width.and_then(|width| facts.percent(width));
         Self {
-            verdict: One::Crossings(facts.crossings),
+            verdict,
             valve,
-            width: facts.d_hat,
-            width_percent_span: facts.d_hat.and_then(|d_hat| facts.percent(d_hat)),
-            low: None,
-            high: None,
+            confidence,
+            cause: None,
+            width_kind: None,
+            oscillates: false,
+            width,
+            width_percent_span: percent(width),
+            low,
+            low_percent_span: percent(low),
+            high,
+            high_percent_span: percent(high),
             evidence: None,
+            p_gap: None,
+            p_beyond: None,
+            terms: None,
+            limit: facts.limit(),
             acceptable,
-            next,
-            urgency,
+            next: NextStep { step: next, tested: facts.step_test.is_some() && next.asks_for_a_test() },
+            urgency: Urgency::Low,
+            health: Health::Normal,
+            trend: None,
+            step_test: facts.step_test,
+            harm: None,
+            compensable: None,
+            score: None,
+            rank: (0, 0, 0, 0.0),
             struck: None,
         }
+    }
+
+    fn ranked(&self) -> (u8, u8, u8, f64) {
+        let urgency = match self.urgency {
+            Urgency::High => 0,
+            Urgency::Medium => 1,
+            Urgency::Low => 2,
+            Urgency::None => 3,
+        };
+        let valve = match self.valve {
+            Valve::Gap => 0,
+            Valve::Unknown => 1,
+            Valve::NoGap => 2,
+            Valve::Refused => 3,
+        };
+        let (comparable, width) = match (self.score, self.width_percent_span, self.width) {
+            (Some(score), ..) => (0, -score),
+            (None, Some(percent), _) => (1, -percent),
+            (None, None, Some(width)) => (2, -width),
+            _ => (3, 0.0),
+        };
+        (urgency, valve, comparable, width)
+    }
+}
+
+impl Next {
+    /// Whether a step test is what it asks for, or tells what it asks for.
+    const fn asks_for_a_test(self) -> bool {
+        !matches!(self, Self::Tuning | Self::Nothing | Self::Review | Self::RecordLonger)
     }
 }
 
@@ -313,14 +579,35 @@ impl Facts {
         self.span.map(|span| 100.0 * width / span)
     }
 
+    /// What is acceptable: as given, else where OP's span is known the nominal limit.
+    fn limit(&self) -> Option<Limit> {
+        let of = |percent_span: f64, origin| {
+            let width = self.span.map(|span| 0.01 * percent_span * span);
+            Limit { percent_span, width, origin }
+        };
+        match (self.acceptable, self.span) {
+            (Some(given), _) => Some(of(given, LimitOrigin::Given)),
+            (None, Some(_)) => Some(of(NOMINAL_LIMIT, LimitOrigin::Nominal)),
+            (None, None) => None,
+        }
+    }
+
     fn judged(&self, low: Option<f64>, high: Option<f64>) -> Option<Acceptable> {
-        let (limit, low) = (self.acceptable?, self.percent(low?)?);
+        let (limit, low) = (self.limit()?.percent_span, self.percent(low?)?);
         let high = high.and_then(|high| self.percent(high));
         Some(match high {
             _ if low > limit => Acceptable::Beyond,
             Some(high) if high <= limit => Acceptable::Within,
             _ => Acceptable::Open,
         })
+    }
+
+    /// The trend, and when it will have reached what is acceptable; none where there are too few widths for one.
+    fn moves(&self, trend: WidthTrend) -> Option<Moves> {
+        let (per_day, (_, newest)) = (trend.per_day?, trend.d?);
+        let limit = self.limit().and_then(|limit| limit.width);
+        let ahead = limit.filter(|limit| trend.code == Change::Grows && newest < *limit);
+        Some(Moves { trend, days_to_limit: ahead.map(|limit| (limit - newest) / per_day) })
     }
 }
 
@@ -362,10 +649,11 @@ impl FitFacts {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glapp_fit::Width;
 
     fn fit(verdict: LostMotion, low: f64, high: Option<f64>) -> FitFacts {
         let (lr_no_gap, lr_needed) = (Some(100.0), Some(40.0));
-        FitFacts { verdict, why: "gap".into(), d: Some(low), low: Some(low), high, lr_no_gap, lr_needed }
+        FitFacts { verdict, why: "gap".into(), d: Some(low), low: Some(low), high, lr_no_gap, lr_needed, trend: None }
     }
 
     /// Of a span of 200 OP units, of which 2 % are acceptable.
@@ -379,17 +667,17 @@ mod tests {
         let gap = of(Verdict::Refused, None, Some(fit(LostMotion::Backlash, 5.0, Some(6.0))));
         assert_eq!((gap.verdict, gap.valve), (One::Fit(LostMotion::Backlash), Valve::Gap));
         assert_eq!((gap.width, gap.width_percent_span, gap.struck), (Some(5.0), Some(2.5), None));
-        assert_eq!((gap.next, gap.urgency), (Next::Inspect(Part::Play), Urgency::High));
+        assert_eq!((gap.next.step, gap.urgency), (Next::Inspect(Part::Play), Urgency::High));
         assert_eq!((gap.evidence, gap.acceptable), (Some(Evidence::VeryStrong), Some(Acceptable::Beyond)));
         let unsure = of(Verdict::Estimate, Some(3.0), Some(fit(LostMotion::CannotTell, 1.0, None)));
         assert_eq!((unsure.valve, unsure.width, unsure.low, unsure.struck), (Valve::Unknown, None, None, None));
-        assert_eq!((unsure.next, unsure.urgency), (Next::RecordMore, Urgency::Low));
+        assert_eq!((unsure.next.step, unsure.urgency), (Next::RecordMore, Urgency::Low));
     }
 
     #[test]
     fn where_pv_strays_at_the_turns_the_packing_is_looked_at_too() {
         let more = FitFacts { why: MORE.into(), ..fit(LostMotion::Backlash, 5.0, Some(6.0)) };
-        assert_eq!(of(Verdict::Refused, None, Some(more)).next, Next::Inspect(Part::Both));
+        assert_eq!(of(Verdict::Refused, None, Some(more)).next.step, Next::Inspect(Part::Both));
     }
 
     #[test]
@@ -398,17 +686,122 @@ mod tests {
         let refused = of(Verdict::Refused, None, Some(none.clone()));
         assert_eq!((refused.verdict, refused.valve), (One::Crossings(Verdict::Refused), Valve::Refused));
         let estimate = of(Verdict::Estimate, Some(5.0), Some(none));
-        assert_eq!((estimate.width, estimate.next, estimate.urgency), (Some(5.0), Next::Confirm, Urgency::Medium));
-        assert_eq!(of(Verdict::Estimate, Some(3.0), None).next, Next::Review);
-        assert_eq!(of(Verdict::Provisional, Some(5.0), None).next, Next::ProbablyTooWide);
-        assert_eq!(of(Verdict::Provisional, Some(3.0), None).next, Next::RecordLonger);
-        assert_eq!(of(Verdict::NoEstimate, None, None).next, Next::RecordMore);
+        assert_eq!((estimate.width, estimate.next.step, estimate.urgency), (Some(5.0), Next::Confirm, Urgency::Medium));
+        assert_eq!(of(Verdict::Estimate, Some(3.0), None).next.step, Next::Review);
+        assert_eq!(of(Verdict::Provisional, Some(5.0), None).next.step, Next::ProbablyTooWide);
+        assert_eq!(of(Verdict::Provisional, Some(3.0), None).next.step, Next::RecordLonger);
+        assert_eq!(of(Verdict::NoEstimate, None, None).next.step, Next::RecordMore);
         let rejected = Some(Reason::TooShort);
         let silent = Facts { crossings: Verdict::NoEstimate, rejected, ..Facts::default() };
-        assert_eq!(Summary::of(&silent).next, Next::Remedy(Reason::TooShort));
-        assert_eq!(Summary::of(&Facts { detections: 1, ..silent }).next, Next::StepTest);
+        assert_eq!(Summary::of(&silent).next.step, Next::Remedy(Reason::TooShort));
+        assert_eq!(Summary::of(&Facts { detections: 1, ..silent }).next.step, Next::StepTest);
         let unlimited = Facts { crossings: Verdict::Estimate, d_hat: Some(5.0), ..Facts::default() };
-        assert_eq!(Summary::of(&unlimited).next, Next::Compare);
+        assert_eq!(Summary::of(&unlimited).next.step, Next::Compare);
+    }
+
+    #[test]
+    fn a_limit_that_nobody_gave_is_the_nominal_one_and_never_first() {
+        let facts = |span, acceptable, fit| Facts { fit: Some(fit), span, acceptable, ..Facts::default() };
+        let wide = || fit(LostMotion::Backlash, 5.0, Some(6.0));
+        let answer = |span, acceptable| Summary::of(&facts(span, acceptable, wide()));
+        let nominal = answer(Some(200.0), None);
+        let limit = Limit { percent_span: NOMINAL_LIMIT, width: Some(2.0), origin: LimitOrigin::Nominal };
+        assert_eq!((nominal.limit, nominal.acceptable), (Some(limit), Some(Acceptable::Beyond)));
+        assert_eq!((nominal.urgency, nominal.health), (Urgency::Medium, Health::MaintenanceRequired));
+        let given = answer(Some(200.0), Some(1.0));
+        assert_eq!((given.urgency, given.limit.map(|l| l.origin)), (Urgency::High, Some(LimitOrigin::Given)));
+        // Narrower than the nominal limit: nothing to do, whoever set it.
+        let narrow = Summary::of(&facts(Some(1000.0), None, wide()));
+        assert_eq!((narrow.next.step, narrow.health), (Next::Review, Health::Normal));
+        // Neither span nor limit: nothing is acceptable or not.
+        let bare = answer(None, None);
+        assert_eq!((bare.limit, bare.acceptable, bare.urgency), (None, None, Urgency::Medium));
+        assert_eq!((bare.health, bare.score), (Health::MaintenanceRequired, None));
+        let unknown = answer(None, Some(2.0));
+        assert_eq!((unknown.acceptable, unknown.limit.and_then(|limit| limit.width)), (None, None));
+        // Crossings alone are no reason for work by a limit that nobody gave.
+        let crossings = Facts { crossings: Verdict::Estimate, d_hat: Some(3.0), span: Some(100.0), ..Facts::default() };
+        let read = Summary::of(&crossings);
+        assert_eq!(
+            (read.acceptable, read.next.step, read.urgency),
+            (Some(Acceptable::Beyond), Next::Compare, Urgency::Low)
+        );
+        assert_eq!((read.confidence, read.health), (Confidence::NotJudged, Health::Normal));
+    }
+
+    #[test]
+    fn a_valve_is_sound_by_a_limit_and_else_none_is_seen() {
+        let up_to = |high, span| {
+            Summary::of(&Facts { fit: Some(fit(LostMotion::Sound, 0.0, high)), span, ..Facts::default() }).confidence
+        };
+        assert_eq!(up_to(Some(0.9), Some(100.0)), Confidence::Sound);
+        assert_eq!(up_to(Some(1.1), Some(100.0)), Confidence::NoneSeen);
+        assert_eq!(up_to(Some(0.9), None), Confidence::NoneSeen);
+    }
+
+    #[test]
+    fn a_step_test_in_the_recording_is_used_where_one_would_be_asked_for() {
+        let test = StepTestWidth { d: 2.0, low: Some(1.8), high: Some(2.2) };
+        let with = |fit| Summary::of(&Facts { fit: Some(fit), step_test: Some(test), ..Facts::default() });
+        let unsure = with(fit(LostMotion::CannotTell, 1.0, None));
+        assert_eq!((unsure.next.step, unsure.next.tested, unsure.step_test), (Next::RecordMore, true, Some(test)));
+        assert!(!with(fit(LostMotion::Sound, 0.0, Some(1.0))).next.tested);
+    }
+
+    #[test]
+    fn a_compensation_may_trust_the_lower_limit_of_backlash_alone() {
+        let compensable = |verdict| {
+            let fit = fit(verdict, 1.5, Some(2.0));
+            Summary::of(&Facts { fit: Some(fit), ..Facts::default() }).compensable
+        };
+        assert_eq!(compensable(LostMotion::Backlash), Some(1.5));
+        assert_eq!(compensable(LostMotion::Sound), Some(0.0));
+        for none in [LostMotion::Stiction, LostMotion::Both, LostMotion::AtLeast, LostMotion::CannotTell] {
+            assert_eq!(compensable(none), None);
+        }
+        assert_eq!(of(Verdict::Estimate, Some(3.0), None).compensable, None);
+    }
+
+    #[test]
+    fn a_clean_sinusoid_is_an_answer_without_a_width_too() {
+        let swings = FitFacts { d: None, low: None, ..fit(LostMotion::Oscillation, 0.0, None) };
+        let answer = of(Verdict::NoEstimate, None, Some(swings));
+        assert_eq!((answer.next.step, answer.oscillates, answer.valve), (Next::Tuning, true, Valve::NoGap));
+        assert_eq!((answer.confidence, answer.width), (Confidence::CannotTell, None));
+    }
+
+    #[test]
+    fn loops_are_ranked_by_how_surely_they_are_too_wide_and_what_that_does() {
+        let gap = |low, harm| {
+            let harm = vec![Harm::of(harm, None)];
+            let fit = Some(fit(LostMotion::Backlash, low, Some(low + 1.0)));
+            Summary::of(&Facts { fit, harm, span: Some(100.0), acceptable: Some(2.0), ..Facts::default() })
+        };
+        let (harmless, harmful, unknown) = (gap(6.0, Some(0.1)), gap(4.0, Some(0.8)), gap(4.0, None));
+        assert_eq!(harmful.score, Some(4.0 / 2.0 * 0.8));
+        assert_eq!(unknown.score, Some(4.0 / 2.0 * HARM_UNKNOWN));
+        assert!(harmful.rank < unknown.rank && unknown.rank < harmless.rank);
+        let sound = of(Verdict::NoEstimate, None, Some(fit(LostMotion::Sound, 0.0, Some(1.0))));
+        assert!(harmless.rank < sound.rank);
+    }
+
+    #[test]
+    fn a_growing_gap_says_when_it_reaches_the_limit() {
+        let trend = |slope: f64| {
+            let widths: Vec<Width> = (0..10)
+                .map(|i| Width { t: 86_400.0 * f64::from(i), d: 1.0 + slope * f64::from(i), error: Some(0.01) })
+                .collect();
+            crate::trend(&widths)
+        };
+        let moves = |slope, acceptable| {
+            let fit = FitFacts { trend: Some(trend(slope)), ..fit(LostMotion::Backlash, 1.0, Some(2.0)) };
+            Summary::of(&Facts { fit: Some(fit), span: Some(100.0), acceptable: Some(acceptable), ..Facts::default() })
+                .trend
+        };
+        let days = moves(0.1, 3.0).and_then(|moves| moves.days_to_limit).unwrap();
+        assert!((days - (3.0 - 1.9) / 0.1).abs() < 1e-9, "{days}");
+        assert_eq!(moves(0.1, 1.5).unwrap().days_to_limit, None, "it is there already");
+        assert_eq!(moves(-0.1, 3.0).unwrap().days_to_limit, None);
     }
 
     #[test]
@@ -430,7 +823,7 @@ mod tests {
     fn a_width_is_judged_by_its_whole_interval() {
         let judged = |low, high| {
             let answer = of(Verdict::Estimate, None, Some(fit(LostMotion::Backlash, low, high)));
-            (answer.acceptable, answer.next, answer.urgency)
+            (answer.acceptable, answer.next.step, answer.urgency)
         };
         let play = Next::Inspect(Part::Play);
         assert_eq!(judged(5.0, Some(6.0)), (Some(Acceptable::Beyond), play, Urgency::High));
@@ -443,7 +836,7 @@ mod tests {
     fn a_valve_without_a_gap_waits_for_more_where_one_too_wide_would_not_show() {
         let up_to = |high| {
             let answer = of(Verdict::NoEstimate, None, Some(fit(LostMotion::Sound, 0.0, high)));
-            (answer.valve, answer.next, answer.urgency)
+            (answer.valve, answer.next.step, answer.urgency)
         };
         assert_eq!(up_to(Some(4.0)), (Valve::NoGap, Next::Nothing, Urgency::None));
         assert_eq!(up_to(Some(4.1)), (Valve::NoGap, Next::RecordMore, Urgency::Low));

@@ -1,13 +1,13 @@
 //! How a width changes from day to day, as every face shows it. The rule is [`glapp_fit::Trend`]'s, which the fit itself goes by.
 
 use glapp_fit::{Trend, Width};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// \[s\].
 pub(crate) const DAY: f64 = 86_400.0;
 
 /// What widths over time say.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Change {
     /// It is plain that the width grows.
@@ -21,7 +21,7 @@ pub enum Change {
 }
 
 /// The change of a width, with the numbers that decide it.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct WidthTrend {
     /// What it says.
     pub code: Change,
@@ -45,7 +45,11 @@ pub struct WidthTrend {
 
 /// The trend of widths in the order of time.
 pub fn trend(widths: &[Width]) -> WidthTrend {
-    let found = Trend::of(widths);
+    of_found(Trend::of(widths), widths.len())
+}
+
+/// The same of a line that was drawn already, through so many widths.
+pub(crate) fn of_found(found: Option<Trend>, widths: usize) -> WidthTrend {
     let code = match found {
         Some(found) if found.changes() => {
             if found.slope > 0.0 {
@@ -54,13 +58,13 @@ pub fn trend(widths: &[Width]) -> WidthTrend {
                 Change::Shrinks
             }
         }
-        Some(_) if widths.len() >= Trend::FEWEST => Change::Steady,
+        Some(_) if widths >= Trend::FEWEST => Change::Steady,
         _ => Change::TooFew,
     };
     let daily = |value: fn(&Trend) -> f64| found.as_ref().map(|found| DAY * value(found));
     WidthTrend {
         code,
-        widths: widths.len(),
+        widths,
         widths_needed: Trend::FEWEST,
         per_day: daily(|found| found.slope),
         low: daily(|found| found.slope - found.half_interval()),

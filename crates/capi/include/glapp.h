@@ -209,6 +209,14 @@ int32_t glapp_fit(const glapp_columns *columns, double sign, glapp_width *width)
 int32_t glapp_step_test(const glapp_columns *columns, const glapp_setting *settings, size_t count, char *json, size_t room,
                         size_t *needed);
 
+/* ---- All of it: a recording in, the answer document out. ---- */
+
+/* Judges a recording, finds what is not given, and fits the width. `task` is a text in JSON, at most 4095 bytes: {} asks for
+ * everything and knows nothing; docs/c.md has its keys, such as "controller", "kp", "op_span", "acceptable". OP, SP and the
+ * position may be NULL. The answer is written to `json` as by glapp_step_test: the document of `glapp analyze --json` (its
+ * loops[0].answer is the one answer) with codes and numbers in place of sentences. 64 kB are enough but for very long recordings. */
+int32_t glapp_analyze(const glapp_columns *columns, const char *task, char *json, size_t room, size_t *needed);
+
 #ifdef __cplusplus
 }
 #endif

@@ -4,7 +4,7 @@ use crate::handles::Handles;
 use crate::wrong::{BAD_LENGTH, BAD_POINTER, BAD_TEXT, OK, Wrong, YES, guarded, text};
 use crate::{ABI, settings};
 use glapp_analysis::crossings::Row;
-use glapp_analysis::{Crossings, FitAnswer, Inspected, LostMotion, ManualRows, fitted};
+use glapp_analysis::{Analysis, Crossings, FitAnswer, INSPECTED_ROWS, Inspected, LostMotion, ManualRows, fitted};
 use glapp_core::status::{AT_HIGH, AT_LOW, BAD, NOT_AUTO};
 use glapp_fit::{Batch, LONG_HISTORY, Rows, Samples, Windows};
 use glapp_sim::{Graph, Module};
@@ -508,22 +508,78 @@ pub unsafe extern "C" fn glapp_step_test(
         let mut stretch = ManualRows::new(manual);
         stretch.take(&all, may(given.position, "position")?);
         let answer = serde_json::to_string(&stretch.read(&settings)).map_err(Wrong::refused)?;
-        // SAFETY: not NULL, aligned.
-        unsafe { needs.write(answer.len() + 1) };
-        if room <= answer.len() {
-            return Err(Wrong::new(
-                BAD_LENGTH,
-                format!("json: has room for {room} bytes, must have {}", answer.len() + 1),
-            ));
-        }
-        let to = place(json, "json")?;
-        // SAFETY: not NULL, and with room for so many bytes, as the caller promises.
-        unsafe {
-            ptr::copy_nonoverlapping(answer.as_ptr().cast::<c_char>(), to, answer.len());
-            to.add(answer.len()).write(0);
-        }
-        Ok(OK)
+        // SAFETY: as for the caller.
+        unsafe { hand_over(&answer, json, room, needs) }
     })
+}
+
+/// Analyses a recording; the answer document is a text in JSON.
+///
+/// # Safety
+/// As [`glapp_detector_new`]; `json` has room for so many bytes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn glapp_analyze(
+    columns: *const GlappColumns,
+    task: *const c_char,
+    json: *mut c_char,
+    room: usize,
+    needed: *mut usize,
+) -> i32 {
+    guarded(|| {
+        let needs = place(needed, "needed")?;
+        // SAFETY: as for the caller.
+        let task = unsafe { words(task, "task") }?;
+        let task = serde_json::from_str(task).map_err(|error| Wrong::refused(format!("task: {error}")))?;
+        // SAFETY: as for the caller.
+        let given = unsafe { array(columns, 1, "columns") }?[0];
+        let rows = given.rows;
+        // SAFETY: as for the caller.
+        let must = |from, name| unsafe { array::<f64>(from, rows, name) };
+        // SAFETY: as for the caller.
+        let may = |from, name| unsafe { maybe::<f64>(from, rows, name) };
+        // SAFETY: as for the caller.
+        let flags = unsafe { maybe::<u8>(given.flags, rows, "flags") }?;
+        for sum in flags.unwrap_or_default() {
+            known((*sum).into())?;
+        }
+        let (t, pv) = (must(given.t, "t")?, must(given.pv, "pv")?);
+        let all = Inspected { t, sp: may(given.sp, "sp")?, pv, op: may(given.op, "op")?, flags };
+        let position = may(given.position, "position")?;
+        let beginning = ..rows.min(INSPECTED_ROWS);
+        let first = Inspected {
+            t: &t[beginning],
+            sp: all.sp.map(|sp| &sp[beginning]),
+            pv: &pv[beginning],
+            op: all.op.map(|op| &op[beginning]),
+            flags: flags.map(|flags| &flags[beginning]),
+        };
+        let begun = Analysis::new(task, &first, position.map(|position| &position[beginning]));
+        let mut analysis = begun.map_err(Wrong::refused)?;
+        analysis.take(&all, position);
+        let answer = serde_json::to_string(&analysis.finish(&mut |_| ()).answer).map_err(Wrong::refused)?;
+        // SAFETY: as for the caller.
+        unsafe { hand_over(&answer, json, room, needs) }
+    })
+}
+
+/// Writes a text to where the caller has room for it, and how many bytes it takes.
+///
+/// # Safety
+/// `json` has room for so many bytes; `needs` is not NULL and aligned.
+unsafe fn hand_over(answer: &str, json: *mut c_char, room: usize, needs: *mut usize) -> Result<i32, Wrong> {
+    // SAFETY: not NULL, aligned.
+    unsafe { needs.write(answer.len() + 1) };
+    if room <= answer.len() {
+        let told = format!("json: has room for {room} bytes, must have {}", answer.len() + 1);
+        return Err(Wrong::new(BAD_LENGTH, told));
+    }
+    let to = place(json, "json")?;
+    // SAFETY: not NULL, and with room for so many bytes, as the caller promises.
+    unsafe {
+        ptr::copy_nonoverlapping(answer.as_ptr().cast::<c_char>(), to, answer.len());
+        to.add(answer.len()).write(0);
+    }
+    Ok(OK)
 }
 
 // What goes out. -------------------------------------------------------------------------------------------------------

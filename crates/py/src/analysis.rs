@@ -5,8 +5,8 @@ use crate::fit::{of_position, of_pv};
 use crate::plain::plain;
 use crate::refused;
 use crate::windows::Batch;
-use glapp_analysis::{Analysis, Done, Summary};
-use numpy::PyArray1;
+use glapp_analysis::{Analysis, Done, HarmCells, Process, Summary, harm};
+use numpy::{PyArray1, PyReadonlyArray1};
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -68,6 +68,28 @@ impl PyAnalysis {
 pub fn summary<'py>(py: Python<'py>, facts: &str) -> PyResult<Bound<'py, PyAny>> {
     let facts = serde_json::from_str(facts).map_err(|error| PyValueError::new_err(error.to_string()))?;
     plain(py, &Summary::of(&facts))
+}
+
+/// Harm of the gap that was fitted to cells (time [s], PV, position of the valve) of a batch of rows, under a controller with `law`
+/// (K, Ti), through a process with Kp, dead time and lag: shares of PV's variance and of OP's travel.
+#[pyfunction]
+#[pyo3(name = "harm")]
+pub fn harm_of<'py>(
+    py: Python<'py>,
+    cells: (PyReadonlyArray1<'py, f64>, PyReadonlyArray1<'py, f64>, PyReadonlyArray1<'py, f64>),
+    batch: Batch<'py>,
+    law: Option<(f64, f64)>,
+    process: ((f64, f64, f64), bool),
+) -> PyResult<Bound<'py, PyAny>> {
+    let (t, pv, position) = (cells.0.as_slice()?, cells.1.as_slice()?, cells.2.as_slice()?);
+    if t.len() != pv.len() || t.len() != position.len() {
+        return Err(PyValueError::new_err("t, pv and position of the cells must be of the same length"));
+    }
+    let ((kp, dead_time, lag), integrating) = process;
+    let alone = |value| (value, value, value);
+    let process = Process { kp: alone(kp), dead_time: alone(dead_time), lag: alone(lag), integrating };
+    let (rows, _) = batch.rows()?;
+    plain(py, &harm(&HarmCells { t, pv, position }, &rows, law, &process))
 }
 
 fn finished() -> PyErr {

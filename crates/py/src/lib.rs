@@ -38,7 +38,7 @@ fn refused(error: impl std::fmt::Display) -> PyErr {
 #[pymodule]
 mod _glapp {
     #[pymodule_export]
-    use crate::analysis::{PyAnalysis, summary};
+    use crate::analysis::{PyAnalysis, harm_of, summary};
     #[pymodule_export]
     const ANSWER_VERSION: u32 = glapp_analysis::Answer::VERSION;
     #[pymodule_export]

@@ -138,8 +138,7 @@ def _usable(day: dict[str, Any]) -> bool:
     """Whether a day's samples may be heard: nothing was found that refuses them, and PV is no plain swing."""
     if day["unfit_code"] in ("outside_span", "unusable", "fault"):
         return False
-    findings = [one.partition(":") for one in (day["quality"] or "").split()]
-    return all(severity != "refuse" and code != "sinusoidal" for code, _, severity in findings)
+    return all(one["severity"] != "refuse" and one["code"] != "sinusoidal" for one in day["quality"] or ())
 
 
 def _other(pinned: dict[str, Any], told: dict[str, Any]) -> bool:

@@ -462,17 +462,9 @@ def _inputs(files: Sequence[File]) -> pa.Table:
     return pa.Table.from_pylist(rows, schema=INPUTS)
 
 
-_URGENCIES = ("high", "medium", "low", "none")
-
-
 def _ranked(loops: pa.Table) -> pa.Table:
-    """In the order in which they are to be repaired: by score; then the others, the most urgent first."""
-
-    def key(row: dict[str, Any]) -> tuple[Any, ...]:
-        score = row["score"]
-        return (score is None, -(score or 0.0), _URGENCIES.index(row["urgency"]), row["valve"], row["loop"])
-
-    return pa.Table.from_pylist(sorted(loops.to_pylist(), key=key), schema=LOOPS)
+    """In the order in which they are to be repaired: by the rank of the answer."""
+    return pa.Table.from_pylist(sorted(loops.to_pylist(), key=lambda row: (row["rank"], row["loop"])), schema=LOOPS)
 
 
 # --- this machine

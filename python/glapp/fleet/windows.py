@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
@@ -24,14 +24,15 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from .. import _glapp
+from ..arrays import column
 from ..errors import InputError, unforeseen
 from ..estimate import analyze, op_range
-from ..fit import Fit, Process, fit_recordings
+from ..fit import Fit, fit_recordings
 from ..loop import Loop
 from ..many import unfit
-from ..recording import AT_HIGH, AT_LOW, BAD, NOT_AUTO
+from ..recording import AT_HIGH, AT_LOW, BAD, NOT_AUTO, Batch
 from ..report import words
-from ..result import HalfPeriods, Result, Settings
+from ..result import HalfPeriods, Harm, Result, Settings, decide
 from ..samples import Samples
 from .lake import SIGNALS, day_name
 from .problems import Problem
@@ -71,9 +72,6 @@ OUTSIDE = 0.1
 MOSTLY = 0.5
 """Where more than this share of a day's PV is outside its span, the day is in another unit."""
 
-ACCEPTABLE = 1.0
-"""Dead band that a loop is held to where its settings name none [% of OP span]: what is usual with a positioner."""
-
 US = pa.timestamp("us", tz="UTC")
 
 DAYS = pa.schema(
@@ -100,7 +98,7 @@ DAYS = pa.schema(
         ("td", pa.float64()),
         ("origins", pa.string()),
         ("detector", pa.string()),
-        ("quality", pa.string()),
+        ("quality", pa.list_(pa.struct([("code", pa.string()), ("severity", pa.string())]))),
         ("window_first", pa.list_(US)),
         ("window_last", pa.list_(US)),
         ("window_score", pa.list_(pa.float64())),
@@ -163,6 +161,9 @@ LOOPS = pa.schema(
         ("windows", pa.int64()),
         ("verdict", pa.string()),
         ("valve", pa.string()),
+        ("confidence", pa.string()),
+        ("cause", pa.string()),
+        ("width_kind", pa.string()),
         ("width", pa.float64()),
         ("low", pa.float64()),
         ("high", pa.float64()),
@@ -171,6 +172,7 @@ LOOPS = pa.schema(
         ("low_percent", pa.float64()),
         ("high_percent", pa.float64()),
         ("acceptable_percent", pa.float64()),
+        ("acceptable_origin", pa.string()),
         ("evidence", pa.string()),
         ("acceptable", pa.string()),
         ("urgency", pa.string()),
@@ -178,6 +180,8 @@ LOOPS = pa.schema(
         ("op_share", pa.float64()),
         ("harm", pa.float64()),
         ("score", pa.float64()),
+        ("rank", pa.list_(pa.float64())),
+        ("health", pa.string()),
         ("next", pa.string()),
         ("next_text", pa.string()),
         ("reason_code", pa.string()),
@@ -379,7 +383,7 @@ def _judged(result: Result, step: float, op: bool, sp: bool) -> dict[str, Any]:
         **{name: getattr(s, name) for name in ("k", "ti", "td")},
         "origins": json.dumps(s.origins, sort_keys=True),
         "detector": None if told is None else json.dumps(told, sort_keys=True),
-        "quality": " ".join(f"{f.code}:{f.severity}" for f in result.quality),
+        "quality": [{"code": f.code, "severity": f.severity} for f in result.quality],
     }
 
 
@@ -548,9 +552,7 @@ def _window(loop: Loop, recording: Samples, said: Any, day: dict[str, Any]) -> d
     fit: Fit = said.fit
     whole = recording.beginning(recording.rows or 0)
     law = (day["k"], day["ti"])
-    pv_share, op_share = (
-        _shares(fit, law, whole.t, whole.sp, whole.op) if fit.d and said.left_out is None else (None, None)
-    )
+    pv_share, op_share = _shares(fit, law, whole) if fit.d and said.left_out is None else (None, None)
     p = fit.process
     assert recording.t0 is not None
     first = round(recording.t0.timestamp() * 1e6)
@@ -577,54 +579,16 @@ def _window(loop: Loop, recording: Samples, said: Any, day: dict[str, Any]) -> d
     }
 
 
-def _shares(
-    fit: Fit, law: tuple[float | None, float | None], t: Floats, sp: Floats | None, op: Floats | None
-) -> tuple[float | None, float | None]:
-    """Harm of the gap to the loop: the share of PV's variance and of OP's travel that would not be there without it.
-
-    A gap in a linear loop acts as a load of its own: it keeps OP less the valve's position from the process. What the
-    loop makes of that load, through the fitted gain, dead time and lags under the controller's K and Ti, is taken from
-    PV. What of OP's travel, cell by cell, the valve does not make is the second share.
-    """
+def _shares(fit: Fit, law: tuple[float | None, float | None], batch: Batch) -> tuple[float | None, float | None]:
+    """Harm of the gap to the loop: the share of PV's variance and of OP's travel that would not be there without it."""
     best, p = fit.best, fit.process
-    if p is None or op is None or best.get("signal") != "PV" or len(best["t"]) < 10:
+    if p is None or batch.op is None or best.get("signal") != "PV":
         return None, None
-    cells, pv, position = (np.asarray(best[name], float) for name in ("t", "pv", "position"))
-    known = np.isfinite(op)
-    u = np.interp(cells, t[known], op[known])
-    travel = float(np.abs(np.diff(u)).sum())
-    op_share = None if travel == 0 else float(np.clip(1 - np.abs(np.diff(position)).sum() / travel, 0.0, 1.0))
     k, ti = law
-    lost = u - position
-    made = None if k is None or ti is None else _made_of(lost - lost.mean(), cells, k, ti, p)
-    e = pv if sp is None or not np.isfinite(sp).any() else pv - _held(cells, t, sp)
-    good = np.isfinite(e)
-    if made is None or not good.any() or not (power := float(np.var(e[good]))):
-        return None, op_share
-    return float(np.clip(1 - np.var((e + made)[good]) / power, 0.0, 1.0)), op_share
-
-
-def _made_of(load: Floats, cells: Floats, k: float, ti: float, process: Process) -> Floats | None:
-    """What a loop under PI makes of a load at the process input; None where the fitted process runs away under it."""
-    h = float(np.median(np.diff(cells)))
-    (kp, *_), (late, *_), (lag, *_) = process.kp, process.dead_time, process.lag
-    shift, a = round(late / h), h / (max(lag, 0.0) + h)
-    made, into = np.zeros(len(load)), np.zeros(len(load) + shift + 1)
-    y = x = integral = 0.0
-    for i, w in enumerate(load):
-        made[i] = y
-        integral += k * h / ti * y
-        into[i + shift] = w - k * y - integral
-        x += (kp * into[i] - x) * a
-        y = y + x * h if process.integrating else x
-        if not abs(y) < 1e6 * (1.0 + abs(kp)):
-            return None
-    return made
-
-
-def _held(at: Floats, t: Floats, x: Floats) -> Floats:
-    held: Floats = x[np.clip(np.searchsorted(t, at, side="right") - 1, 0, len(x) - 1)]
-    return held
+    cells = tuple(column(best[name]) for name in ("t", "pv", "position"))
+    process = (p.kp[0], p.dead_time[0], p.lag[0]), p.integrating
+    shares = _glapp.harm(cells, batch, None if k is None or ti is None else (k, ti), process)
+    return shares["pv_share"], shares["op_share"]
 
 
 def _loop_row(
@@ -642,6 +606,7 @@ def _loop_row(
         if heard["crossings"] == "refused":
             heard["crossings_code"] = heard["crossings_code"] or last["unfit_code"]
             heard["crossings_reason"] = heard["crossings_reason"] or last["unfit_reason"]
+    rejected = json.loads(heard["rejected"])
     result = Result(
         name=loop.name,
         source="lake",
@@ -657,28 +622,26 @@ def _loop_row(
         noise_floor=None,
         detections=heard["detections"],
         half_periods=HalfPeriods.empty(),
-        reasons=json.loads(heard["rejected"]),
+        reasons=rejected,
+        answer=decide(
+            crossings=heard["crossings"],
+            d_hat=heard["d_hat"],
+            detections=heard["detections"],
+            reasons=rejected,
+            fit=fit,
+            loop=loop,
+            harm=[Harm(w["pv_share"], w["op_share"]) for w in windows],
+        ),
         settings=Settings(heard["k"], heard["ti"], heard["td"], None, heard["tf"], None, loop.n, None, {}, {}),
         fit=fit,
     )
-    limit = loop.acceptable_dead_band
-    if limit is None:
-        result = replace(result, loop=loop.model_copy(update={"acceptable_dead_band": ACCEPTABLE}))
     answer = result.answer
-    percent = None if result.span is None else 100.0 / result.span
-    counted = windows if answer.valve == "gap" else []
-    shares = {name: _mean([w[name] for w in counted if w[name] is not None]) for name in ("pv_share", "op_share")}
-    harm = max((share for share in shares.values() if share is not None), default=None)
-    sure = answer.low if answer.valve == "gap" and answer.evidence is not None else None
-    score = None
-    if sure is not None and percent is not None:
-        score = percent * sure / (limit or ACCEPTABLE) * (0.5 if harm is None else harm)
+    harm = answer.harm or Harm(None, None)
     trend = None if fit is None else fit.trend
     start = None if not windows else windows[0]["first"]
     rows = sum(day["rows"] for day in looks)
     findings = _lasting(looks)
     code = (_why(fit) if fit is not None else result.why) or None
-    swings = fit is not None and fit.verdict == "oscillation"  # of windows that were not fitted, which no width has
     dated = [day for day in looks if day["first"] is not None]
     return {
         "loop": loop.name,
@@ -691,25 +654,31 @@ def _loop_row(
         "rows": rows,
         "lost": 0,
         "windows": sum(w["reason_code"] is not None for w in windows),
-        "verdict": "oscillation" if swings else answer.verdict,
+        "verdict": answer.verdict,
+        "confidence": answer.confidence,
+        "cause": answer.cause,
+        "width_kind": answer.width_kind,
         "valve": answer.valve,
         "width": answer.width,
         "low": answer.low,
         "high": answer.high,
         "unit": result.unit,
-        **{
-            f"{name}_percent": None if x is None or percent is None else percent * x
-            for name, x in (("width", answer.width), ("low", answer.low), ("high", answer.high))
-        },
-        "acceptable_percent": limit or ACCEPTABLE,
+        "width_percent": answer.width_percent_span,
+        "low_percent": answer.low_percent_span,
+        "high_percent": answer.high_percent_span,
+        "acceptable_percent": None if answer.limit is None else answer.limit.percent_span,
+        "acceptable_origin": None if answer.limit is None else answer.limit.origin,
         "evidence": answer.evidence,
         "acceptable": answer.acceptable,
         "urgency": answer.urgency,
-        **shares,
-        "harm": harm,
-        "score": score,
-        "next": "tuning" if swings else answer.next.code,
-        "next_text": words.NEXT["tuning"].text if swings else words.next_step(result),
+        "pv_share": harm.pv_share,
+        "op_share": harm.op_share,
+        "harm": harm.worst,
+        "score": answer.score,
+        "health": answer.health,
+        "rank": list(answer.rank),
+        "next": answer.next.code,
+        "next_text": words.next_step(result),
         "reason_code": code,
         "reason": fit.reason if fit is not None else result.reason,
         "hindrance": None if answer.valve in ("gap", "no_gap") else _hindrance(looks, code, findings),
@@ -765,12 +734,7 @@ def _not_fitted(looks: list[dict[str, Any]], loop: Loop) -> Fit | None:
 
 def _lasting(looks: list[dict[str, Any]]) -> list[str]:
     """Findings of quality, but for mere remarks, that more than half of the days have."""
-    codes = [
-        code
-        for day in looks
-        for code, _, severity in (one.partition(":") for one in (day["quality"] or "").split())
-        if severity != "info"
-    ]
+    codes = [one["code"] for day in looks for one in day["quality"] or () if one["severity"] != "info"]
     return [code for code in sorted(set(codes)) if 2 * codes.count(code) > len(looks)]
 
 

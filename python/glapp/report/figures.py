@@ -598,12 +598,12 @@ def _detections(figure: go.Figure, result: Result, row: int) -> None:
             row=row,
             col=1,
         )
-    limit = result.loop.acceptable_dead_band
-    if limit is not None and span is not None:
+    limit = None if answer.limit is None else answer.limit.width
+    if limit is not None:
         figure.add_trace(
             go.Scatter(
                 x=[time[0], float(np.maximum(end, time[-1])[0])],
-                y=[limit * span / 100] * 2,
+                y=[limit] * 2,
                 mode="lines",
                 line={"color": TOO_WIDE, "width": 1.2, "dash": "6px,4px"},
                 name="acceptable",

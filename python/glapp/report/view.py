@@ -45,12 +45,13 @@ class Bar(NamedTuple):
 def bar(r: Result) -> Bar | None:
     """The width as the list draws it; None where the span is not known, or nothing of the width."""
     answer = r.answer
-    if not words.judged(r) or r.span is None or (answer.width is None and answer.high is None):
+    width, high = answer.width_percent_span, answer.high_percent_span
+    if not words.judged(r) or answer.limit is None or (width is None and high is None):
         return None
-    low, high, width = (None if x is None else 100.0 * x / r.span for x in (answer.low, answer.high, answer.width))
+    limit = answer.limit.percent_span
     if answer.evidence is None:
-        return Bar(0.0, width, width, r.loop.acceptable_dead_band, "crossings")
-    return Bar(low or 0.0, high, width, r.loop.acceptable_dead_band, answer.valve)
+        return Bar(0.0, width, width, limit, "crossings")
+    return Bar(answer.low_percent_span or 0.0, high, width, limit, answer.valve)
 
 
 @dataclass(frozen=True)
@@ -111,8 +112,9 @@ class LoopView:
                 end = end[11:]
             rows.append(("Recording", f"{start} to {end}, {words.duration(last - first)}"))
         rows += [(label, text) for label, text in (("Area", loop.area), ("Valve", loop.valve)) if text]
-        if loop.acceptable_dead_band is not None:
-            rows.append(("Acceptable", words.quantity(loop.acceptable_dead_band, "% of span")))
+        if (limit := self.r.answer.limit) is not None:
+            whose = "" if limit.origin == "given" else ", the nominal limit: none was given"
+            rows.append(("Acceptable", words.quantity(limit.percent_span, "% of span") + whose))
         return rows
 
     @property

@@ -316,21 +316,8 @@ def op_unit(result: Result | StepTest) -> str:
 
 
 def ranked(results: Sequence[Result]) -> list[Result]:
-    """Order results as every list shows them: the most urgent first, among equals gaps first, widest first.
-
-    Widths in % of span come before widths in OP units, which cannot be compared with them.
-    """
-
-    def key(r: Result) -> tuple[int, int, int, float]:
-        answer = r.answer
-        urgency = tuple(URGENCIES).index(answer.urgency)
-        valve = ("gap", "unknown", "no_gap", "refused").index(answer.valve)
-        if answer.width is None:
-            return (urgency, valve, 2, 0.0)
-        percent = answer.width_percent_span
-        return (urgency, valve, 1, -answer.width) if percent is None else (urgency, valve, 0, -percent)
-
-    return sorted(results, key=key)
+    """Order results as every list shows them, by `Answer.rank`."""
+    return sorted(results, key=lambda result: result.answer.rank)
 
 
 def judged(result: Result) -> bool:
@@ -474,14 +461,15 @@ def basis(result: Result) -> str:
 
 def next_step(result: Result) -> str:
     """Say in one or two sentences what to do next; a step test that the recording holds is used, not advised."""
-    answer, limit = result.answer, result.loop.acceptable_dead_band
+    answer = result.answer
     step = _step(result)
     do = step.text
-    if result.step_test is not None and step.tested is not None:
-        do = f"{step_test(result)} {step.tested}".rstrip()
+    if answer.next.tested:
+        do = f"{step_test(result)} {step.tested or ''}".rstrip()
     if answer.low is None or answer.acceptable in (None, "open"):
         return do
-    acceptable = f"what is acceptable here, {number(limit)} % of span"
+    assert answer.limit is not None
+    acceptable = f"what is acceptable here, {number(answer.limit.percent_span)} % of span"
     if answer.acceptable == "within":
         return f"Nothing now: all of it is within {acceptable}. Analyse again at the next review."
     return f"It is more than {acceptable}. {do}"
@@ -499,7 +487,7 @@ def step_test(result: Result) -> str:
 def todo(result: Result) -> str:
     """Say the same in a word or two."""
     step = _step(result)
-    return "read test" if result.step_test is not None and step.tested == _STEP_TEST else step.short
+    return "read test" if result.answer.next.tested and step.tested == _STEP_TEST else step.short
 
 
 def _step(result: Result) -> Step:
@@ -524,9 +512,9 @@ FEW = 3
 
 
 def exceeds(result: Result) -> bool | None:
-    """Tell whether d̂ is wider than what the loop file calls acceptable; None where that cannot be said."""
-    limit, percent = result.loop.acceptable_dead_band, result.d_hat_percent_span
-    return None if limit is None or percent is None else bool(percent > limit)
+    """Tell whether d̂ is wider than what is acceptable, where it is the answer; None where that cannot be said."""
+    answer = result.answer
+    return None if answer.evidence is not None or answer.acceptable is None else answer.acceptable == "beyond"
 
 
 def verdict(result: Result) -> list[str]:
@@ -571,7 +559,8 @@ def verdict(result: Result) -> list[str]:
             basis.append(f"The noise limit is {quantity(result.noise_floor, op_unit(result))}.")
         wide = exceeds(result)
         if wide is not None:
-            limit = quantity(result.loop.acceptable_dead_band, "%")
+            assert result.answer.limit is not None
+            limit = quantity(result.answer.limit.percent_span, "%")
             basis.append(
                 f"It is {'wider than' if wide else 'within'} the {limit} of span called acceptable for this loop."
             )

@@ -21,10 +21,29 @@ from ..recording import AT_HIGH, AT_LOW, BAD, NOT_AUTO
 from .settable import check, of_plant, usual_of
 from .signal import Signal, Value
 
-__all__ = ["Compensator", "detection_beside"]
+__all__ = ["TOLD", "Compensator", "detection_beside"]
 
 STANDINGS: list[str] = _glapp.standings()
 """Names of the numbers of `standing`."""
+
+TOLD = {
+    "active": "It compensates.",
+    "not_enabled": "Nobody enabled it.",
+    "not_auto": "The controller is in manual: u_FF is 0.",
+    "bad_quality": "A signal is bad: u_FF is 0 until it is good again.",
+    "over_compensated": "Withdrawn: the loop swings as if too much was compensated.",
+    "too_many_reversals": "Withdrawn: the budget of reversals is spent.",
+    "too_much_travel": "Withdrawn: the budget of OP's travel is spent.",
+    "estimate_lost": "The estimate is gone: u_FF is 0.",
+    "at_limit": "OP is at a limit: u_FF is 0 until it is away from there.",
+    "too_small": "No width is left to compensate.",
+    "waiting": "It waits for OP to turn round.",
+    "worse": "Withdrawn: the loop is worse than before.",
+    "too_late": "u_FF comes too late for this loop.",
+    "not_followed": "Withdrawn: the plant does not follow u_FF.",
+    "no_estimate": "Withdrawn: there is no estimate that may be compensated by.",
+}
+"""Each of them, for the person at the screen."""
 
 LATE = 5.0
 """So much longer than it takes may u_FF stand in the plant, for three scans, the writes and what is read back [s]."""
@@ -121,6 +140,7 @@ class Compensator:
         self.written_at = -math.inf
         self._to_zero: float | None = None  # since when u_FF has to go to 0, by the clock of `scan`
         self.why_off = "nobody enabled it since the start"
+        self.withdrawn: str | None = None
 
     @property
     def longest_still(self) -> float:
@@ -264,7 +284,7 @@ class Compensator:
         if was and now - self.pv_at > self.longest_still:
             self.disable(f"no PV came for {now - self.pv_at:.0f} s")
         elif was and self.standing in _FINAL:
-            self.disable(f"it was withdrawn: {self.standing}")
+            self.disable(f"it was withdrawn, {self.standing}", self.standing)
         return self.u_ff
 
     def _read(self, signal: Signal) -> float:
@@ -306,7 +326,7 @@ class Compensator:
                 value=delay,
                 hint="read it faster, or leave it uncompensated",
             )
-        self.why_off = ""
+        self.why_off, self.withdrawn = "", None
 
     @staticmethod
     def _late(graph: Graph, period: float, scans: int) -> str | None:
@@ -327,11 +347,19 @@ class Compensator:
         late = STANDINGS[int(beside["watch.standing"])] == "too_late"
         return f"more than the core allows with Ti = {asked['ti']:g} s" if late else None
 
-    def disable(self, why: str) -> None:
-        """End it: u_FF goes to 0 in `comp_release`, and it stays off until a person enables it."""
+    def disable(self, why: str, withdrawn: str | None = None) -> None:
+        """End it: u_FF goes to 0 in `comp_release`, and it stays off until a person enables it.
+
+        `withdrawn` is the standing by which the core withdrew it, where the core did.
+        """
         if self.enabled:
             self._graph["watch.compensate"] = 0.0
-            self.why_off = why
+            self.why_off, self.withdrawn = why, withdrawn
+
+    @property
+    def told_off(self) -> str:
+        """Why it is off, in a sentence."""
+        return f"{self.why_off}." if self.withdrawn is None else TOLD[self.withdrawn]
 
     def lost(self, why: str) -> None:
         """The connection is gone: it is off, and what is found afterwards is ramped to 0.
@@ -383,6 +411,7 @@ class Compensator:
             "enabled": self.enabled,
             "standing": self.standing,
             "why_off": self.why_off,
+            "withdrawn": self.withdrawn,
             "u_ff": _number(self.u_ff),
             "written": _number(self.written),
             "source": Source(source).name.lower() if source else None,

@@ -15,9 +15,10 @@ from ..errors import InputError
 from ..estimate import analyze
 from ..loop import Loop
 from ..many import analyze_recordings
+from ..result import Result
 from .recordings import Signals
 
-__all__ = ["answer", "answered"]
+__all__ = ["answer", "answered", "row_of"]
 
 
 def answer(to: Connection, folder: Path, settings: str, begin: float, end: float, longest: float) -> None:
@@ -72,16 +73,22 @@ def answered(folder: Path, settings: str, begin: float, end: float) -> dict[str,
     if not recordings:
         raise InputError("has no recording to fit yet", loop=loop.name)
     result = analyze(recordings[0]) if len(recordings) == 1 else analyze_recordings(recordings)
-    fit = result.fit
-    if fit is None:
-        verdict, reason = result.verdict, result.reason or "OP is not recorded"
-        d, low, high = result.d_hat, None, None
-    else:
-        verdict, reason = fit.verdict, fit.reason
-        d, low, high = fit.d, fit.low, fit.high
-    compensable = None
-    if fit is not None:
-        compensable = 0.0 if fit.verdict == "sound" else fit.compensable
+    return row_of(result, begin, end)
+
+
+def row_of(result: Result, begin: float, end: float) -> dict[str, Any]:
+    """A result as a row of `answers`: what its one answer says, and the document of all.
+
+    Parameters
+    ----------
+    result : Result
+        What was found.
+    begin, end : float
+        From when to when it was recorded [s since 1970 UTC].
+    """
+    one = result.answer
+    fitted = result.fit is not None and one.verdict == result.fit.verdict
+    reason = result.fit.reason if result.fit is not None and fitted else result.reason
     found = result.settings
     values = {"k": found.k, "ti": found.ti, "td": found.td, "kp": found.kp}
     learnt = {
@@ -92,12 +99,12 @@ def answered(folder: Path, settings: str, begin: float, end: float) -> dict[str,
     return {
         "t_begin": begin,
         "t_end": end,
-        "verdict": verdict,
-        "d": d,
-        "low": low,
-        "high": high,
-        "unit": loop.op_label,
-        "reason": reason,
-        "compensable": compensable,
+        "verdict": one.verdict,
+        "d": one.width,
+        "low": one.low,
+        "high": one.high,
+        "unit": result.unit,
+        "reason": reason or "OP is not recorded",
+        "compensable": one.compensable,
         "document": json.dumps({"learnt": learnt, "analysis": json.loads(to_json([result]))}),
     }

@@ -358,11 +358,13 @@ class Reader:
         return found[::-1]
 
     def answers(self, loop: str, most: int = 100) -> list[dict[str, Any]]:
-        """The answers of a loop, the newest first: of their documents the next step, in a sentence, and its urgency."""
+        """The answers of a loop, the newest first: of their documents the next step, its urgency, and NE 107 health."""
         return self.rows(
             "SELECT id, time, asked_by, t_begin, t_end, verdict, d, low, high, unit, reason, compensable, "
             "json_extract(document, '$.analysis.loops[0].answer.next.text') AS next, "
-            "json_extract(document, '$.analysis.loops[0].answer.urgency') AS urgency FROM answers "
+            "json_extract(document, '$.analysis.loops[0].answer.confidence') AS confidence, "
+            "json_extract(document, '$.analysis.loops[0].answer.urgency') AS urgency, "
+            "json_extract(document, '$.analysis.loops[0].answer.health') AS health FROM answers "
             "WHERE loop = (SELECT id FROM loops WHERE name = ?) ORDER BY time DESC, id DESC LIMIT ?",
             *(loop, most),
         )

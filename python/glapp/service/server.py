@@ -67,6 +67,7 @@ class Node:
 
 NODES = {
     "Verdict": Node(ua.VariantType.String, "What kind of lost motion the last fit found, if any"),
+    "Confidence": Node(ua.VariantType.String, "How sure it is that there is a dead band"),
     "Width": Node(ua.VariantType.Double, "Most likely total width of the gap by the last fit", True),
     "Low": Node(ua.VariantType.Double, "Lower limit of its 95 % interval", True),
     "High": Node(ua.VariantType.Double, "Upper limit of its 95 % interval", True),
@@ -82,6 +83,7 @@ NODES = {
 
 _OF_ANSWER = {
     "Verdict": "verdict",
+    "Confidence": "confidence",
     "Width": "d",
     "Low": "low",
     "High": "high",

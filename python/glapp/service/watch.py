@@ -736,7 +736,7 @@ class Watch:
             u_ff = compensator.to_write
             if was and not compensator.enabled:
                 self._no_more(name)
-                self._tell(Event(self._clock(), name, "withdrawn", compensator.why_off))
+                self._tell(Event(self._clock(), name, "withdrawn", compensator.told_off))
             if self._drilling(name):
                 continue  # what stands there is for the plant to take away
             if compensator.at_work or (compensator.written is not None and compensator.written != u_ff):
@@ -1269,13 +1269,7 @@ def _health(watched: _Watched, forgotten: bool) -> Health:
         return Health.FAILURE
     if watched.lost or pv is None or not pv.good or (forgotten and answer is None):
         return Health.CHECK_FUNCTION
-    if answer is None or answer["verdict"] not in ("backlash", "stiction", "both", "at_least"):
-        return Health.NORMAL
-    band = watched.loop.acceptable_dead_band
-    if band is None or answer["low"] is None:
-        return Health.MAINTENANCE_REQUIRED
-    low, high = watched.loop.op_span or (0.0, 100.0)
-    return Health.MAINTENANCE_REQUIRED if answer["low"] * 100.0 / (high - low) > band else Health.NORMAL
+    return Health.NORMAL if answer is None or answer["health"] is None else Health[answer["health"]]
 
 
 async def _whole(work: Coroutine[Any, Any, None]) -> None:

@@ -9,47 +9,23 @@ from typing import Any
 import numpy as np
 
 from ..report.words import number, quantity
+from ..service.compensation import TOLD
 from .parameters import NO_LIMIT
 
-__all__ = ["Calm", "Plan", "calm", "plan", "why_off", "withdrawn"]
-
-STANDINGS = {
-    "active": "It compensates.",
-    "not_enabled": "Nobody enabled it.",
-    "not_auto": "The controller is in manual: u_FF is 0.",
-    "bad_quality": "A signal is bad: u_FF is 0 until it is good again.",
-    "over_compensated": "Withdrawn: the loop swings as if too much was compensated.",
-    "too_many_reversals": "Withdrawn: the budget of reversals is spent.",
-    "too_much_travel": "Withdrawn: the budget of OP's travel is spent.",
-    "estimate_lost": "The estimate is gone: u_FF is 0.",
-    "at_limit": "OP is at a limit: u_FF is 0 until it is away from there.",
-    "too_small": "No width is left to compensate.",
-    "waiting": "It waits for OP to turn round.",
-    "worse": "Withdrawn: the loop is worse than before.",
-    "too_late": "u_FF comes too late for this loop.",
-    "not_followed": "Withdrawn: the plant does not follow u_FF.",
-    "no_estimate": "Withdrawn: there is no estimate that may be compensated by.",
-}
-"""Each standing of the core, for the person at the screen."""
+__all__ = ["Calm", "Plan", "calm", "plan", "why_off"]
 
 
-def withdrawn(why: str) -> str | None:
-    """Why it was withdrawn, in words, where `why` says so by the core's word.
+def why_off(made: Mapping[str, Any]) -> str:
+    """Why it is off, in words, of the status of a compensation.
 
-    >>> withdrawn("it was withdrawn: worse"), withdrawn("eve disabled it")
-    ('Withdrawn: the loop is worse than before.', None)
+    >>> why_off({"withdrawn": "worse", "why_off": "it was withdrawn, worse"})
+    'It is off. Withdrawn: the loop is worse than before.'
+    >>> why_off({"withdrawn": None, "why_off": "eve disabled it"})
+    'It is off: eve disabled it.'
     """
-    return STANDINGS.get(why.removeprefix("it was withdrawn: "))
-
-
-def why_off(why: str) -> str:
-    """Why it is off, in words.
-
-    >>> why_off("it was withdrawn: worse"), why_off("eve disabled it")
-    ('It is off. Withdrawn: the loop is worse than before.', 'It is off: eve disabled it.')
-    """
-    said = withdrawn(why)
-    return f"It is off: {why}." if said is None else f"It is off. {said}"
+    if made["withdrawn"] is None:
+        return f"It is off: {made['why_off'] or 'nobody enabled it'}."
+    return f"It is off. {TOLD[made['withdrawn']]}"
 
 
 _FROM = {1: "which a person typed", 2: "the lower limit of the fit that was taken over", 3: "the on-line estimate"}

@@ -16,11 +16,12 @@ from starlette.requests import Request
 
 from ..errors import InputError
 from ..report.words import MEANINGS, NAMES, duration, quantity, sentence
+from ..service.compensation import TOLD
 from ..service.recordings import Signals
 from ..service.settable import Bound
 from . import charts
 from .client import Gone, Refused, loop_path
-from .compensate import STANDINGS, calm, plan, why_off
+from .compensate import calm, plan, why_off
 from .pages import Station, command, dialog_of, frame, heading, moment, quiet
 from .parameters import PARAMETERS, changed, field, told
 from .sessions import Session
@@ -284,9 +285,9 @@ class _Page:
         self.compensation.set_text(
             ""
             if made is None
-            else f"Compensation: {STANDINGS.get(made['standing'], made['standing'])}"
+            else f"Compensation: {TOLD[made['standing']]}"
             if made["enabled"]
-            else f"Compensation: {why_off(made['why_off'] or 'nobody enabled it')}"
+            else f"Compensation: {why_off(made)}"
         )
 
     async def seldom(self) -> None:
@@ -513,7 +514,7 @@ class _Page:
             if made["enabled"]:
                 await self._in_force(made, seen["ti"])
             elif made["why_off"]:
-                ui.label(why_off(made["why_off"]))
+                ui.label(why_off(made))
             heading("What it does" if made["enabled"] else "What it will do", 2)
             with ui.element("ul"):
                 for line in found.lines:
@@ -570,7 +571,7 @@ class _Page:
 
     async def _in_force(self, made: dict[str, Any], ti: float) -> None:
         unit = self.op_unit
-        ui.label(STANDINGS.get(made["standing"], made["standing"])).style("font-weight: 600")
+        ui.label(TOLD[made["standing"]]).style("font-weight: 600")
         if made["over"]:
             ui.label("Warning: the loop swings as if too much was compensated.").classes("high")
         ui.label(

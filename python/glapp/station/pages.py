@@ -15,7 +15,6 @@ from starlette.requests import Request
 
 from ..errors import InputError
 from .client import Door, Gone, Refused
-from .compensate import withdrawn
 from .listed import Listed
 from .sessions import Session, Sessions, Tokens
 from .view import View, age
@@ -293,7 +292,7 @@ def all_events(station: Station, most: int, loop: str | None = None) -> list[dic
             "loop": row["loop"] or "",
             "kind": row["kind"],
             "who": "",
-            "text": withdrawn(row["text"]) or row["text"],
+            "text": row["text"],
         }
         for row in station.view.read(lambda reader: reader.events(loop, most))
     ]

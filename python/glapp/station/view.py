@@ -22,7 +22,6 @@ from ..loop import Loop
 from ..report.words import NEXT, URGENCIES, VERDICTS, number
 from ..service.memory import Reader
 from ..service.watch import with_settings
-from .compensate import withdrawn
 
 __all__ = ["Row", "Trend", "View", "age", "as_csv", "summary", "trend"]
 
@@ -314,12 +313,13 @@ class View:
             silent = self.silent(name)
             wrong = silent or status["good"] is False
             urgency = "none" if answer is None else answer["urgency"]
-            width = self.percent(name, None if answer is None else answer["width"])
-            place = 1.0 if wrong else {"high": 0.0, "medium": 2.0, "low": 3.0}.get(urgency, 4.0)
-            valve = "" if answer is None else answer["valve"]
-            order = {"gap": 0, "unknown": 1, "": 2, "no_gap": 3, "refused": 4}.get(valve, 4)
-            found.append(((place, order, -(width or 0.0), name), name, status, answer, wrong, silent, urgency, width))
-        found.sort(key=lambda one: one[0])
+            width = None if answer is None else answer["width_percent_span"]
+            # A signal that is bad or missing comes after what is urgent, and before all else.
+            place = [3.5] if answer is None else list(answer["rank"])
+            if wrong:
+                place[0] = 0.5
+            found.append((place, name, status, answer, wrong, silent, urgency, width))
+        found.sort(key=lambda one: one[:2])
         rows = []
         for rank, (_, name, status, answer, wrong, silent, urgency, width) in enumerate(found):
             seen = "never" if status["seen"] is None else age(now - status["seen"])
@@ -352,10 +352,9 @@ class View:
             if percent is not None:
                 return f"≈ {number(percent)} %"
             return "" if estimate is None else f"≈ {number(estimate)} {self.unit(loop)}"
-        in_percent = self.percent(loop, 1.0) is not None
-        low, high, width = (
-            self.percent(loop, answer[key]) if in_percent else answer[key] for key in ("low", "high", "width")
-        )
+        in_percent = answer["limit"] is not None and answer["limit"]["width"] is not None
+        of_span = "_percent_span" if in_percent else ""
+        low, high, width = (answer[f"{key}{of_span}"] for key in ("low", "high", "width"))
         unit = "%" if in_percent else self.unit(loop)
         if answer["verdict"] == "at_least":
             return f"> {number(low)} {unit}"
@@ -389,10 +388,12 @@ class View:
         slope, spread = (found.slope, found.spread) if slope is None or spread is None else (slope, spread)
         arrow, sign = ("↗", "+") if slope > 0 else ("↘", "−")
         text = f"{arrow} {sign}{number(abs(slope), 2)} ± {number(spread, 1)} {unit}/month"
-        answer, band = self.answer(loop), self.loops[loop].acceptable_dead_band if loop in self.loops else None
-        width = None if answer is None else self.percent(loop, answer["width"])
-        if band is not None and width is not None and slope > 0 and width < band:
-            text += f"; at {number(band)} % in {number((band - width) / slope * 30.0, 2)} d"
+        answer = self.answer(loop)
+        limit = None if answer is None else answer["limit"]
+        width = None if answer is None else answer["width_percent_span"]
+        if limit is not None and width is not None and slope > 0 and width < limit["percent_span"]:
+            days = (limit["percent_span"] - width) / slope * 30.0
+            text += f"; at {number(limit['percent_span'])} % in {number(days, 2)} d"
         return text
 
 
@@ -427,16 +428,16 @@ def _todo(status: Mapping[str, Any], answer: Mapping[str, Any] | None, silent: b
 def _compensation(status: Mapping[str, Any]) -> str:
     """What the compensation does.
 
-    >>> _compensation({"compensation": {"enabled": False, "why_off": "it was withdrawn: worse"}})
+    >>> _compensation({"compensation": {"enabled": False, "withdrawn": "worse"}})
     'withdrawn'
-    >>> _compensation({"compensation": {"enabled": False, "why_off": "eve disabled it"}})
+    >>> _compensation({"compensation": {"enabled": False, "withdrawn": None}})
     'off'
     """
     made = status.get("compensation")
     if made is None:
         return ""
     if not made["enabled"]:
-        return "off" if withdrawn(made["why_off"]) is None else "withdrawn"
+        return "off" if made["withdrawn"] is None else "withdrawn"
     return "on" if made["standing"] == "active" else f"on, {made['standing'].replace('_', ' ')}"
 
 

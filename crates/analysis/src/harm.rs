@@ -1,0 +1,149 @@
+//! What a dead band does to its loop: how much of PV's variance and of OP's travel would not be there without it.
+//!
+//! A gap in a linear loop acts as a load of its own. With the controller's output u and the valve's position v it keeps
+//!
+//! ```text
+//! w = u − v − mean(u − v)
+//! ```
+//!
+//! from the process. What the loop makes of w, through the fitted gain, dead time and lags under the controller's K and Ti, is
+//! taken from the error; what the variance loses is the share of PV. What of OP's travel the valve does not make is the share of
+//! OP.
+
+use crate::fitted::Process;
+use crate::{Inspected, median};
+use serde::{Deserialize, Serialize};
+
+/// Cells below which nothing is said.
+const FEWEST_CELLS: usize = 10;
+/// PV so many times larger than a unit step of OP makes it means that the fitted process runs away under the controller.
+const RUNS_AWAY: f64 = 1e6;
+
+/// Harm of a dead band to its loop, as shares from 0 to 1; none where it cannot be said.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Harm {
+    /// Share of PV's variance about SP.
+    pub pv_share: Option<f64>,
+    /// Share of OP's travel.
+    pub op_share: Option<f64>,
+    /// The larger of both.
+    #[serde(skip_deserializing)]
+    pub worst: Option<f64>,
+}
+
+/// The cells that a gap was fitted to.
+#[derive(Clone, Copy, Debug)]
+pub struct Cells<'a> {
+    /// Time \[s\].
+    pub t: &'a [f64],
+    /// PV [PV unit].
+    pub pv: &'a [f64],
+    /// Position of the valve as the model has it [OP unit].
+    pub position: &'a [f64],
+}
+
+impl Harm {
+    /// Of shares that are known.
+    pub fn of(pv_share: Option<f64>, op_share: Option<f64>) -> Self {
+        let worst = [pv_share, op_share].into_iter().flatten().reduce(f64::max);
+        Self { pv_share, op_share, worst }
+    }
+
+    /// The mean of each share over several windows, where it is known.
+    pub fn mean(of: &[Self]) -> Self {
+        let mean = |share: fn(&Self) -> Option<f64>| {
+            let known: Vec<f64> = of.iter().filter_map(share).collect();
+            (!known.is_empty()).then(|| known.iter().sum::<f64>() / known.len() as f64)
+        };
+        Self::of(mean(|harm| harm.pv_share), mean(|harm| harm.op_share))
+    }
+}
+
+/// The harm of a gap that was fitted to cells of these rows; `law` has the controller's K [OP unit/PV unit] and Ti \[s\], where
+/// they are known.
+///
+/// ```
+/// use glapp_analysis::{HarmCells, Inspected, Process, harm};
+/// let t: Vec<f64> = (0..100).map(f64::from).collect();
+/// let op: Vec<f64> = t.iter().map(|t| (t / 8.0).sin()).collect();
+/// let (pv, still) = (vec![0.0; 100], vec![0.0; 100]);
+/// let rows = Inspected { t: &t, sp: None, pv: &pv, op: Some(&op), flags: None };
+/// let process = Process { kp: (1.0, 0.9, 1.1), dead_time: (0.0, 0.0, 1.0), lag: (5.0, 4.0, 6.0), integrating: false };
+/// let found = harm(&HarmCells { t: &t, pv: &pv, position: &still }, &rows, Some((0.5, 10.0)), &process);
+/// // A valve that stands still, and PV with it.
+/// assert_eq!((found.pv_share, found.op_share), (None, Some(1.0)));
+/// ```
+pub fn harm(cells: &Cells<'_>, rows: &Inspected<'_>, law: Option<(f64, f64)>, process: &Process) -> Harm {
+    let Cells { t, pv, position } = *cells;
+    let op = rows.op.and_then(|op| interpolated(t, rows.t, op));
+    let Some(op) = op.filter(|_| t.len() >= FEWEST_CELLS) else { return Harm::default() };
+    let sp = rows.sp.filter(|sp| sp.iter().any(|sp| sp.is_finite()));
+    let error: Vec<f64> = match sp {
+        Some(sp) => pv.iter().zip(held(t, rows.t, sp)).map(|(pv, sp)| pv - sp).collect(),
+        None => pv.to_vec(),
+    };
+    let travel = |x: &[f64]| x.windows(2).map(|pair| (pair[1] - pair[0]).abs()).sum::<f64>();
+    let asked = travel(&op);
+    let op_share = (asked > 0.0).then(|| (1.0 - travel(position) / asked).clamp(0.0, 1.0));
+    let lost: Vec<f64> = op.iter().zip(position).map(|(u, v)| u - v).collect();
+    let mean = lost.iter().sum::<f64>() / lost.len() as f64;
+    let load: Vec<f64> = lost.iter().map(|lost| lost - mean).collect();
+    let made = law.and_then(|law| made_of(&load, t, law, process));
+    let good: Vec<(f64, f64)> = made
+        .map_or_else(Vec::new, |made| error.iter().copied().zip(made).filter(|(error, _)| error.is_finite()).collect());
+    let power = variance(good.iter().map(|(error, _)| *error));
+    let left = variance(good.iter().map(|(error, made)| error + made));
+    let pv_share = (power > 0.0).then(|| (1.0 - left / power).clamp(0.0, 1.0));
+    Harm::of(pv_share, op_share)
+}
+
+/// What a loop under PI makes of a load at the process input [PV unit]; none where the fitted process runs away under it.
+fn made_of(load: &[f64], t: &[f64], (k, ti): (f64, f64), process: &Process) -> Option<Vec<f64>> {
+    let mut steps: Vec<f64> = t.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let h = median(&mut steps);
+    let ((kp, ..), (late, ..), (lag, ..)) = (process.kp, process.dead_time, process.lag);
+    let (shift, a) = ((late / h).round() as usize, h / (lag.max(0.0) + h));
+    let mut into = vec![0.0; load.len() + shift + 1];
+    let (mut y, mut x, mut integral) = (0.0, 0.0, 0.0);
+    let mut made = Vec::with_capacity(load.len());
+    for (i, w) in load.iter().enumerate() {
+        made.push(y);
+        integral += k * h / ti * y;
+        into[i + shift] = w - k * y - integral;
+        x += (kp * into[i] - x) * a;
+        y = if process.integrating { y + x * h } else { x };
+        if y.is_nan() || y.abs() >= RUNS_AWAY * (1.0 + kp.abs()) {
+            return None;
+        }
+    }
+    Some(made)
+}
+
+/// A signal on straight lines between the samples where it is a number; none where it is nowhere one.
+fn interpolated(at: &[f64], t: &[f64], x: &[f64]) -> Option<Vec<f64>> {
+    let known: Vec<(f64, f64)> = t.iter().copied().zip(x.iter().copied()).filter(|(_, x)| x.is_finite()).collect();
+    let (first, last) = (known.first()?, known.last()?);
+    let value = |at: &f64| {
+        let k = known.partition_point(|(t, _)| t <= at);
+        match (k.checked_sub(1).map(|before| known[before]), known.get(k)) {
+            (None, _) => first.1,
+            (_, None) => last.1,
+            (Some((t0, x0)), Some((t1, x1))) => x0 + (x1 - x0) * (at - t0) / (t1 - t0),
+        }
+    };
+    Some(at.iter().map(value).collect())
+}
+
+/// A signal that keeps each value until the next.
+fn held<'a>(at: &'a [f64], t: &'a [f64], x: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
+    at.iter().map(move |at| x[t.partition_point(|t| t <= at).max(1) - 1])
+}
+
+fn variance(of: impl Iterator<Item = f64> + Clone) -> f64 {
+    let n = of.clone().count() as f64;
+    if n == 0.0 {
+        return 0.0;
+    }
+    let mean = of.clone().sum::<f64>() / n;
+    of.map(|x| (x - mean) * (x - mean)).sum::<f64>() / n
+}

@@ -297,6 +297,16 @@ def groups(scenarios: Sequence[Scenario]) -> list[list[int]]:
 def instruction_sets() -> list[str]:
     """Names of the instruction sets of this processor, the widest last; the bits do not depend on them."""
 
+def valve_positions(
+    valve: tuple[float, float, tuple[str, float, float, float, float, float] | None, float, float],
+    op: npt.NDArray[np.float64],
+    h: float,
+) -> npt.NDArray[np.float64]:
+    """Where the plug of a valve (lag, positioner, stem, d, curve) stands under each output.
+
+    The stem is (model, fs, fc, stribeck, viscous, w).
+    """
+
 def run_together(
     scenarios: Sequence[Scenario],
     signals: Sequence[npt.NDArray[np.float64]],

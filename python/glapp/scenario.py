@@ -38,8 +38,10 @@ __all__ = [
     "Samples",
     "Scenario",
     "Sine",
+    "Stem",
     "Steps",
     "Uniform",
+    "Valve",
     "Walk",
     "read_scenario",
 ]
@@ -282,6 +284,96 @@ class Friction(Checked):
     j: NotNegative
 
 
+class Stem(Checked):
+    """Mass and friction of a valve's stem; forces in the unit of op, the actuator's spring has the rate 1.
+
+    (1/w²)·ẍ = force − g(v) − viscous·v with g(v) = fc + (fs − fc)/(1 + |v|/stribeck); at rest it holds up to fs.
+
+    Parameters
+    ----------
+    model : {"karnopp", "lugre"}
+        Karnopp 1985: at rest it stands still. LuGre (Canudas de Wit et al. 1995): at rest bristles of 100 times the
+        spring's rate bend.
+    fs, fc : float
+        Static and Coulomb friction [unit of op], fs ≥ fc ≥ 0. Without clearance the dead band is about 2·fc; the
+        stem jumps where (fs − fc)/stribeck > viscous.
+    stribeck : float
+        Speed at which half of the difference is gone [unit of op per s], > 0.
+    viscous : float
+        [s], ≥ 0.
+    w : float
+        Natural frequency of mass and spring [rad/s], > 0. A simulation takes 20 steps per 1/w, 80 with LuGre.
+    """
+
+    model: Literal["karnopp", "lugre"]
+    fs: NotNegative
+    fc: NotNegative
+    stribeck: Positive = 1.0
+    viscous: NotNegative = 0.3
+    w: Positive = 8.0
+
+
+class Valve(Checked):
+    """A valve as a mechanism: positioner and actuator, a stem, a worn joint, a curve.
+
+    Parameters
+    ----------
+    lag : float
+        Time constant of the actuator's pressure [s], ≥ 0; > 0 with a positioner and no stem.
+    positioner : float
+        Gain g of the positioner, ≥ 0; 0 for none. The pressure is asked to be op + g·(op − stem).
+    stem : Stem, optional
+        Where not given the stem follows the pressure.
+    d : float
+        Total width of the clearance between stem and plug, outside of the positioner's loop [unit of op], ≥ 0.
+    curve : float
+        c, -1.8..1.8: e beyond rest the flow is e/(1 − c·e/100), of slope 1 at rest. c > 0 opens like an
+        equal-percentage valve; 0 is straight.
+    """
+
+    lag: NotNegative = 0.0
+    positioner: NotNegative = 0.0
+    stem: Stem | None = None
+    d: NotNegative = 0.0
+    curve: Annotated[float, Field(ge=-1.8, le=1.8)] = 0.0
+
+    def for_rust(self) -> tuple[Any, ...]:
+        """The valve as the extension takes it."""
+        s = self.stem
+        stem = None if s is None else (s.model, s.fs, s.fc, s.stribeck, s.viscous, s.w)
+        return (self.lag, self.positioner, stem, self.d, self.curve)
+
+    def positions(self, op: npt.ArrayLike, h: float) -> Floats:
+        """Where the plug stands under a course of op, from rest at its first value.
+
+        Parameters
+        ----------
+        op : array_like, float64[n]
+            Output at each sample, held to the next [unit of op].
+        h : float
+            Time between samples [s], > 0.
+
+        Returns
+        -------
+        float64[n]
+            Position of the plug just before the next sample [unit of op].
+
+        Raises
+        ------
+        InputError
+            For a number out of its bounds.
+
+        Examples
+        --------
+        >>> Valve(d=2.0).positions([50.0, 53.0, 52.0, 50.0], 1.0).tolist()
+        [50.0, 52.0, 52.0, 51.0]
+        """
+        try:
+            return _glapp.valve_positions(self.for_rust(), np.array(op, dtype=np.float64), h)
+        except ValueError as error:
+            raise InputError(str(error)) from None
+
+
 class Manual(Checked):
     """A stretch in manual.
 
@@ -415,6 +507,8 @@ class Scenario(Checked):
         Total width of the gap [unit of op], ≥ 0.
     friction : Friction, optional
         Stick-slip friction after the gap.
+    valve : Valve, optional
+        A valve as a mechanism, after gap and friction; not with compensation.
     rate : float, optional
         Greatest speed of the actuator [unit of op per s], > 0.
     noise : float or Signal
@@ -477,6 +571,7 @@ class Scenario(Checked):
     limits: Limits | None = None
     d: NotNegative = 0.0
     friction: Friction | None = None
+    valve: Valve | None = None
     rate: Positive | None = None
     noise: Noise = ()
     pv_resolution: NotNegative = 0.0
@@ -551,6 +646,7 @@ class Scenario(Checked):
             "controller": (*self.ideal(), tf, self.limits),
             "d": self.d,
             "friction": None if friction is None else (friction.model, friction.s, friction.j),
+            "valve": None if self.valve is None else self.valve.for_rust(),
             "rate": self.rate,
             "noise": _pieces(self.noise),
             "pv_resolution": self.pv_resolution,

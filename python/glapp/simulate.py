@@ -45,8 +45,10 @@ from .scenario import (
     Samples,
     Scenario,
     Sine,
+    Stem,
     Steps,
     Uniform,
+    Valve,
     Walk,
     read_scenario,
 )
@@ -69,8 +71,10 @@ __all__ = [
     "Signal",
     "Simulation",
     "Sine",
+    "Stem",
     "Steps",
     "Uniform",
+    "Valve",
     "Walk",
     "closed_loop",
     "random_walk",
@@ -99,7 +103,8 @@ class Simulation:
         Setpoint (in a cascade that of the inner loop), and process value with noise as a recording has it, before any
         filter.
     op, position : float64[n]
-        Controller output within its limits as it is sent, and the valve position that speed, gap and friction leave.
+        Controller output within its limits as it is sent, and the valve position that speed, gap and friction leave; of
+        a `Valve` where its plug stands at the sample.
     load : float64[n]
         Load at the process input [unit of op].
     flags : uint8[n]

@@ -95,7 +95,7 @@ mod _glapp {
     #[pymodule_export]
     use crate::saturation::Saturation;
     #[pymodule_export]
-    use crate::sim::{PyChecked, batch, groups, instruction_sets, random_walk, run_together, watch};
+    use crate::sim::{PyChecked, batch, groups, instruction_sets, random_walk, run_together, valve_positions, watch};
     #[pymodule_export]
     use crate::step_test::ManualRows;
     #[pymodule_export]

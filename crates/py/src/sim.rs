@@ -3,8 +3,8 @@
 use crate::refused;
 use glapp_core::{Detector, Friction, Model};
 use glapp_sim::{
-    BATCH, Block, Compensated, Controller, Instructions, Manual, Outer, Piece, Plant, Scenario, Signal, SimError,
-    watch_together,
+    BATCH, Block, Compensated, Controller, Instructions, Manual, Outer, Piece, Plant, Scenario, Signal, SimError, Stem,
+    StemModel, Valve, watch_together,
 };
 use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1, PyReadwriteArray1, PyReadwriteArray2};
 use pyo3::exceptions::PyValueError;
@@ -73,6 +73,7 @@ pub struct PyScenario<'py> {
     controller: PyController,
     d: f64,
     friction: Option<(String, f64, f64)>,
+    valve: Option<PyValve>,
     rate: Option<f64>,
     noise: Vec<PyPiece<'py>>,
     pv_resolution: f64,
@@ -88,6 +89,34 @@ pub struct PyScenario<'py> {
     h: f64,
     t_end: f64,
     seed: u64,
+}
+
+/// (lag, positioner, stem, d, curve).
+type PyValve = (f64, f64, Option<PyStem>, f64, f64);
+
+/// (model, fs, fc, stribeck, viscous, w).
+type PyStem = (String, f64, f64, f64, f64, f64);
+
+fn valve((lag, positioner, stem, d, curve): PyValve) -> Valve {
+    let stem = stem.map(|(model, fs, fc, stribeck, viscous, w)| {
+        let model = if model == "lugre" { StemModel::LuGre } else { StemModel::Karnopp };
+        Stem { model, fs, fc, stribeck, viscous, w }
+    });
+    Valve { lag, positioner, stem, d, curve }
+}
+
+/// Where the plug of a valve stands under each of the outputs, `h` seconds apart.
+#[pyfunction]
+#[pyo3(name = "valve_positions")]
+pub fn valve_positions<'py>(
+    py: Python<'py>,
+    given: PyValve,
+    op: PyReadonlyArray1<'py, f64>,
+    h: f64,
+) -> PyResult<Bound<'py, PyArray1<f64>>> {
+    let op: Vec<f64> = op.as_array().iter().copied().collect();
+    let positions = py.detach(|| valve(given).positions(&op, h)).map_err(refused)?;
+    Ok(positions.into_pyarray(py))
 }
 
 /// (k, ti, td, b, tf, limits).
@@ -153,6 +182,7 @@ impl TryFrom<PyScenario<'_>> for Scenario {
             controller: controller(s.controller),
             d: s.d,
             friction: s.friction.map(friction).transpose().map_err(refused)?,
+            valve: s.valve.map(valve),
             rate: s.rate,
             noise: signal(s.noise),
             pv_resolution: s.pv_resolution,

@@ -8,6 +8,7 @@ use crate::plant::{Sampled, SampledState};
 use crate::random::Integers;
 use crate::scenario::{Block, Controller, Manual, Scenario, magnitude};
 use crate::signal::{Source, sample_at};
+use crate::valve::Moving;
 use crate::{Outer, Piece, Plant, SimError};
 use glapp_core::status::{BAD, NOT_AUTO};
 use glapp_core::{
@@ -107,6 +108,7 @@ impl Run {
             noise: source(s, "noise", &s.noise, stream::NOISE, n)?,
             stretches: stretches(&s.manual, s.h, n)?,
             machine: match on_modules || s.compensation.is_some() {
+                true if s.valve.is_some() => return Err(SimError::NotOnModules("valve")),
                 true => Box::new(Looped::new(s, n, first_sp[0], first_load[0])?),
                 false => machine(s, n, first_sp[0], first_load[0])?,
             },
@@ -173,7 +175,8 @@ impl Bounds {
         asked += magnitude(&s.noise, t);
         let reach = s.plant.reach(t);
         let by_hand = s.manual.iter().filter_map(|stretch| stretch.op).fold(0.0, |a: f64, op| a.max(op.abs()));
-        let width = s.d + s.friction.map_or(0.0, |friction| friction.parameters().1);
+        let width =
+            s.d + s.friction.map_or(0.0, |friction| friction.parameters().1) + s.valve.map_or(0.0, |v| v.width());
         let fed = s.compensation.map_or(0.0, |compensated| compensated.settings.size);
         let effort = magnitude(&s.load, t) + width + fed + by_hand + asked * (s.controller.k.abs() + 1.0 / reach);
         Self { op: RUNAWAY * effort, pv: RUNAWAY * (asked + effort * reach) }
@@ -254,6 +257,7 @@ fn machine_of_order<const N: usize>(s: &Scenario, n: usize, sp: f64, load: f64) 
         op_resolution: resolution("op_resolution", s.op_resolution)?,
         rate: s.rate.map(RateLimit::new).transpose()?.map(|rate| (rate, RateLimitState::at(rest.op))),
         friction: s.friction.map(|friction| (friction, FrictionState::at(rest.op))),
+        valve: s.valve.map(|valve| valve.at_rest(rest.op, s.h)).transpose()?,
         bad: bad(s, n)?,
         last_y: rest.y,
         outside,
@@ -293,6 +297,7 @@ struct Extras {
     op_resolution: f64,
     rate: Option<(RateLimit<f64>, RateLimitState<f64>)>,
     friction: Option<(Friction<f64>, FrictionState<f64>)>,
+    valve: Option<Moving>,
     bad: Vec<Range<usize>>,
     /// The process value as it last was recorded.
     last_y: f64,
@@ -389,7 +394,14 @@ impl<const N: usize> Blocks<N> {
                     outside.after(k, s.y);
                 }
             }
-            s.y = self.plant.update(&mut s.plant, x + load[k]);
+            let mut flow = x;
+            if !PLAIN && let Some(valve) = &mut extras.valve {
+                // Where it stands now; what flows until the next sample.
+                let stands = valve.position();
+                flow = valve.update(x);
+                x = stands;
+            }
+            s.y = self.plant.update(&mut s.plant, flow + load[k]);
             t[k] = (first + k) as f64 * h;
             pv[k] = y;
             op[k] = sent;
@@ -407,6 +419,7 @@ impl Extras {
             op_resolution: 0.0,
             rate: None,
             friction: None,
+            valve: None,
             bad: Vec::new(),
             last_y: 0.0,
             outside: None,
@@ -418,6 +431,7 @@ impl Extras {
             || self.op_resolution > 0.0
             || self.rate.is_some()
             || self.friction.is_some()
+            || self.valve.is_some()
             || !self.bad.is_empty()
             || self.outside.is_some()
     }

@@ -55,6 +55,9 @@ pub enum SimError {
     /// Modules that make no loop.
     #[error(transparent)]
     Modules(Box<GraphError>),
+    /// An element that the modules do not have, in a loop with compensation.
+    #[error("{0}: cannot be simulated together with compensation")]
+    NotOnModules(&'static str),
     /// A closed loop that runs away.
     #[error(
         "unstable closed loop: {signal} went beyond ±{bound:.3e}, a million times what setpoint, load and noise ask for, \

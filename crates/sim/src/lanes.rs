@@ -47,6 +47,7 @@ type Structure = (usize, usize, usize, bool);
 /// None for a loop with elements that lanes do not have.
 fn structure(s: &Scenario) -> Option<Structure> {
     let common = s.friction.is_none()
+        && s.valve.is_none()
         && s.rate.is_none()
         && s.pv_resolution == 0.0
         && s.op_resolution == 0.0

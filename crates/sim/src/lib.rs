@@ -14,6 +14,7 @@ mod plant;
 mod random;
 mod scenario;
 mod signal;
+mod valve;
 
 pub use error::SimError;
 pub use glapp_lanes::Instructions;
@@ -24,3 +25,4 @@ pub use module::Module;
 pub use plant::{BATCH, MAX_ORDER, Named, Plant};
 pub use scenario::{Block, Columns, Compensated, Controller, Manual, Outer, Scenario, Seen};
 pub use signal::{Piece, Signal, random_walk};
+pub use valve::{Stem, StemModel, Valve};

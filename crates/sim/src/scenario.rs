@@ -1,7 +1,7 @@
 //! A scenario: a control loop with a worn valve, what acts on it, and how it is recorded.
 
 use crate::engine::{self, Run};
-use crate::{Piece, Plant, Signal, SimError};
+use crate::{Piece, Plant, Signal, SimError, Valve};
 use glapp_core::{CompensationSettings, Detector, DetectorState, Estimate, Friction};
 use std::ops::Range;
 
@@ -10,7 +10,7 @@ use std::ops::Range;
 /// ```text
 ///   compensation  op                             position      load
 ///       │ +       │                                 │           │ +
-///  sp ──→ PID ────┴→ rate ──→ gap ──→ friction ─────┴─────→ ○ ──→ plant ──┬──→
+///  sp ──→ PID ──┴→ rate ──→ gap ──→ friction ──→ valve ─┴─→ ○ ──→ plant ──┬──→
 ///          ↑   within its limits                                          ○ ←── noise
 ///          └──────────────── filter ←─────────────────────────────────────┴ pv
 /// ```
@@ -28,6 +28,8 @@ pub struct Scenario {
     pub d: f64,
     /// Stick-slip friction after the gap.
     pub friction: Option<Friction<f64>>,
+    /// A valve as a mechanism, after gap and friction. It cannot be compensated: the modules that ship have none.
+    pub valve: Option<Valve>,
     /// Greatest speed of the actuator > 0 [unit of the output per second].
     pub rate: Option<f64>,
     /// Measurement noise [unit of the process value].
@@ -215,6 +217,7 @@ impl Scenario {
             controller,
             d: 0.0,
             friction: None,
+            valve: None,
             rate: None,
             noise: vec![],
             pv_resolution: 0.0,

@@ -1,0 +1,1 @@
+"""The corpus of ordinary loops, and what the fit says of it: `python -m bench.ordinary`."""

@@ -1,0 +1,84 @@
+"""Ask about the corpus of ordinary loops, and count what is said: `python -m bench.ordinary`.
+
+Every answer goes, with all its evidence, to one line of a file as soon as it is there; what the file has is not asked
+again. `--score FILE` counts the lines of files that are there and fits nothing.
+
+Half A is for choosing rules. Half B is asked and scored once, when they are chosen.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("RAYON_NUM_THREADS", "1")  # many processes, each with its own core
+
+import argparse
+import sys
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from pathlib import Path
+
+from rich.progress import track
+
+from .answers import Line, ask, done, read
+from .design import CYCLES, ROWS, half, names
+from .score import tables
+
+OUT = Path(__file__).parents[2] / "out" / "ordinary.jsonl"
+
+SEVERAL = (1, 2, 4, 8)
+"""So many days of one valve are asked about together with `--several`."""
+
+
+def tasks(rows: list[str], which: str, numbers: int, seed: int, several: bool) -> Iterator[tuple[str, int]]:
+    """What is asked, the first numbers of all rows first."""
+    wanted = [n for n in range(2 * numbers) if which == "AB" or half(n) == which][: numbers * len(which)]
+    for number in wanted:
+        for row in rows:
+            for name in names(row, number, seed):
+                if several and (row in CYCLES or "/none/" in name):
+                    continue
+                yield from ((name, count) for count in (SEVERAL if several else (1,)))
+
+
+def main() -> None:
+    """Ask, or score."""
+    parser = argparse.ArgumentParser(prog="python -m bench.ordinary", description=__doc__.split("\n\n")[0])
+    parser.add_argument("--rows", help=f"some of: {', '.join(ROWS)}; all where not given, separated by commas")
+    parser.add_argument("--half", choices=("A", "B", "AB"), default="A")
+    parser.add_argument("--numbers", type=int, default=20, help="so many numbers of each row and half")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--several", action="store_true", help=f"{SEVERAL} days of one valve together, with a gap")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes")
+    parser.add_argument("--out", type=Path, default=OUT)
+    parser.add_argument("--score", type=Path, nargs="+", help="count what is in these files; fits nothing")
+    parser.add_argument("--again", action="store_true", help="judge the stored evidence by the ladder of today")
+    given = parser.parse_args()
+    if given.score:
+        lines = [line for path in given.score for line in read(path)]
+        print(tables([line for line in lines if line.truth.half in given.half], given.again))
+        return
+    rows = given.rows.split(",") if given.rows else list(ROWS)
+    if unknown := set(rows) - set(ROWS):
+        parser.error(f"there is no row {', '.join(sorted(unknown))}; write some of {', '.join(ROWS)}")
+    known = done(given.out)
+    left = [task for task in tasks(rows, given.half, given.numbers, given.seed, given.several) if task not in known]
+    given.out.parent.mkdir(parents=True, exist_ok=True)
+    with given.out.open("a", encoding="utf-8") as file:
+        for line in track(answers(left, given.jobs), "asking", len(left), disable=not sys.stderr.isatty()):
+            print(line.to_json(), file=file, flush=True)
+    print(tables([line for line in read(given.out) if line.truth.half in given.half], given.again))
+
+
+def answers(left: list[tuple[str, int]], jobs: int) -> Iterator[Line]:
+    """Answers as they come."""
+    if jobs == 1:
+        yield from (ask(*task) for task in left)
+        return
+    with ProcessPoolExecutor(jobs) as pool:
+        for future in as_completed([pool.submit(ask, *task) for task in left]):
+            yield future.result()
+
+
+if __name__ == "__main__":
+    main()

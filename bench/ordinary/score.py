@@ -1,0 +1,300 @@
+"""From answers to the tables that a rule is chosen, or judged, by."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy import stats
+
+from ..truth.records import TRAVERSALS
+from ..truth.score import markdown
+from .answers import CLAIMED, Line, Said
+from .design import CYCLES, ROWS
+from .records import LIMIT
+
+TURNS = 10
+"""Turns of OP by `LIMIT` from which a gapless record ought to be called sound."""
+
+
+class Judged(NamedTuple):
+    """A line and what is claimed in it."""
+
+    line: Line
+    said: Said
+
+    @property
+    def claimed(self) -> bool:
+        """Whether a gap is found, or likely."""
+        return self.said.confidence in CLAIMED
+
+
+Group = Sequence[Judged]
+
+
+def tables(lines: Iterable[Line], again: bool = False) -> str:
+    """All tables in Markdown."""
+    every = [Judged(line, line.said(again)) for line in lines]
+    one = [j for j in every if j.line.recordings == 1]
+    halves = "".join(sorted({j.line.truth.half for j in every}))
+    parts = [
+        f"{len(one)} records, half {' and '.join(halves)}; in brackets the 95 % limits of a share (Clopper, Pearson).",
+        titled("Gapless: false alarms", gapless(one)),
+        titled("Limit cycles", cycles(one)),
+        titled("Gaps that can be identified", seen(one)),
+        titled("Why identifiable gaps are not told", reasons(one)),
+        titled("Intervals", intervals(one)),
+        titled("Sound", sound(one)),
+        titled("Causes", causes(one)),
+        titled("Limits of the process", process(one)),
+        titled("More recordings", several(every)),
+        titled("Time", times(one)),
+    ]
+    return "\n\n".join(part for part in parts if part)
+
+
+def titled(title: str, table: str) -> str:
+    """The table under its title; nothing where it is empty."""
+    return f"### {title}\n\n{table}" if table else ""
+
+
+def share(of: Sequence[bool]) -> str:
+    """How many of how many, in per cent with 95 % limits."""
+    n, k = len(of), sum(of)
+    if n == 0:
+        return "-"
+    low, high = stats.binomtest(k, n).proportion_ci(0.95, method="exact")
+    return f"{100 * k / n:.1f} % ({100 * low:.1f} to {100 * high:.1f})"
+
+
+def counts(of: Sequence[bool]) -> str:
+    """So many of so many."""
+    return f"{sum(of)} of {len(of)}"
+
+
+def _by_row(group: Group) -> dict[str, list[Judged]]:
+    found = {row: [j for j in group if j.line.truth.row == row] for row in ROWS}
+    return {row: of for row, of in found.items() if of}
+
+
+def gapless(one: Group) -> str:
+    """Of records without a gap, how many are called one: row by row, and all."""
+    without = [j for j in one if j.line.truth.d == 0]
+    groups = {}
+    for row, of in _by_row(without).items():
+        groups[row] = [j for j in of if j.line.truth.fault == "none"]
+        groups[f"{row}, driven"] = [j for j in of if j.line.truth.fault == "driven"]
+    groups["all, not driven"] = [j for j in without if j.line.truth.fault == "none"]
+    groups["all"] = without
+    body = [
+        [
+            name,
+            str(len(of)),
+            share([j.said.confidence == "found" for j in of]),
+            share([j.claimed for j in of]),
+            share([j.said.confidence == "sound" for j in of]),
+        ]
+        for name, of in groups.items()
+        if of
+    ]
+    return markdown(["row", "records", "found", "found or likely", "sound"], body) if body else ""
+
+
+def cycles(one: Group) -> str:
+    """Limit cycles of a gap and of friction."""
+    body = []
+    for row in CYCLES:
+        of = [j for j in one if j.line.truth.row == row and j.line.truth.d > 0]
+        if of:
+            sided = [j for j in of if j.said.sided]
+            driven = [j for j in one if j.line.truth.row == row and j.line.truth.fault == "driven"]
+            body.append(
+                [
+                    row,
+                    str(len(of)),
+                    share([j.said.confidence == "found" for j in of]),
+                    share([j.claimed for j in of]),
+                    counts([j.said.holds(j.line.truth.d) for j in sided]),
+                    share([j.claimed for j in driven]),
+                ]
+            )
+    head = ["row", "cycles", "found", "found or likely", "interval holds", "driven twins: found or likely"]
+    return markdown(head, body) if body else ""
+
+
+def seen(one: Group) -> str:
+    """Of gaps that the rule of bench.truth calls identifiable, how many are told, row by row."""
+    there = [j for j in one if j.line.truth.identifiable]
+    groups: dict[str, Group] = {
+        "rows near": [j for j in there if not j.line.truth.apart],
+        "rows further apart than T/5": [j for j in there if j.line.truth.apart],
+        "inside the fit's family": [j for j in there if not j.line.truth.outside],
+        "outside": [j for j in there if j.line.truth.outside],
+        **_by_row(there),
+    }
+    body = [
+        [
+            name,
+            str(len(of)),
+            share([j.said.confidence == "found" for j in of]),
+            share([j.claimed for j in of]),
+            counts([j.said.holds(j.line.truth.d) for j in of if j.said.sided]),
+            counts([j.said.holds(j.line.truth.d) for j in of if not j.claimed and j.said.high is not None]),
+        ]
+        for name, of in groups.items()
+        if of
+    ]
+    head = ["gaps", "records", "found", "found or likely", "told interval holds", "withheld interval holds"]
+    return markdown(head, body) if body else ""
+
+
+def reasons(one: Group) -> str:
+    """Reasons of those that are identifiable and not told, the most frequent first."""
+    silent = [j for j in one if j.line.truth.identifiable and not j.claimed]
+    found: Counter[str] = Counter(f"{j.said.confidence}: {j.line.fit.get('reason_code') or 'no fit'}" for j in silent)
+    return markdown(["reason", "records"], [[why, str(n)] for why, n in found.most_common()]) if silent else ""
+
+
+def intervals(one: Group) -> str:
+    """Coverage and how wide the intervals are, of what is found and what is likely."""
+    body = []
+    for confidence in CLAIMED:
+        of = [j for j in one if j.said.confidence == confidence and j.line.truth.d > 0]
+        sided = [j for j in of if j.said.sided]
+        bounds = [j for j in of if j.said.width_kind == "bound" and j.said.low is not None]
+        if of:
+            ratios = [j.said.high / j.said.low for j in sided if j.said.low]  # type: ignore[operator]
+            body.append(
+                [
+                    confidence,
+                    str(len(of)),
+                    share([j.said.sided for j in of]),
+                    share([j.said.holds(j.line.truth.d) for j in sided]),
+                    f"{np.median(ratios):.2f}" if ratios else "-",
+                    counts([j.line.truth.d >= j.said.low for j in bounds]),  # type: ignore[operator]
+                ]
+            )
+    head = ["gaps called", "records", "with an interval", "interval holds", "median high/low", "bound holds"]
+    return markdown(head, body) if body else ""
+
+
+def sound(one: Group) -> str:
+    """Sound of valves with a gap, and of those without whose OP turned often enough."""
+    wide = [j for j in one if j.line.truth.d > LIMIT]
+    told = [j for j in wide if j.said.confidence == "sound"]
+    narrow = [j for j in one if 0 < j.line.truth.d <= LIMIT and j.said.confidence in ("sound", "none_seen")]
+    turned = [j for j in one if j.line.truth.d == 0 and j.line.truth.op_turns >= TURNS]
+    still = [j for j in one if j.line.truth.row == "standing" and j.line.truth.d > 0]
+
+    def wrong(j: Judged) -> bool:
+        return j.said.high is None or j.line.truth.d > j.said.high
+
+    def called(j: Judged) -> bool:
+        return j.said.confidence == "sound"
+
+    rows: dict[str, list[bool]] = {
+        f"gaps wider than {LIMIT:g} %: called sound": [called(j) for j in wide],
+        "of these the gap is wider than the bound": [wrong(j) for j in told],
+        "narrower gaps, sound or none seen: wider than the bound": [wrong(j) for j in narrow],
+        "valves that stand still: called sound": [called(j) for j in still],
+        f"gapless, OP turned through {LIMIT:g} % {TURNS} times: called sound": [called(j) for j in turned],
+    }
+    return markdown(["", "how many", "share"], [[name, counts(of), share(of)] for name, of in rows.items()])
+
+
+def jumps(line: Line) -> bool:
+    """Whether the slip jump can be seen: J ≥ 3σ/Kp, five traversals each way."""
+    truth = line.truth
+    return truth.jump * abs(truth.gain) >= 3 * truth.sigma and min(truth.up, truth.down) >= TRAVERSALS
+
+
+def causes(one: Group) -> str:
+    """What is called which cause."""
+    groups: dict[str, Callable[[Line], bool]] = {
+        "clearance": lambda line: line.truth.fault == "gap",
+        "friction": lambda line: line.truth.fault == "friction",
+        "friction, J ≥ 3σ/Kp": lambda line: line.truth.fault == "friction" and jumps(line),
+        "both": lambda line: line.truth.fault == "both",
+        "both, J ≥ 3σ/Kp": lambda line: line.truth.fault == "both" and jumps(line),
+    }
+    names = ("backlash", "dead_band", "stiction", "both")
+    body = []
+    for name, holds in groups.items():
+        of = [j for j in one if holds(j.line)]
+        if of:
+            told = Counter(j.said.cause for j in of if j.claimed)
+            right = [j.claimed and j.said.cause in ("stiction", "both") for j in of]
+            body.append([name, str(len(of)), *(str(told[cause]) for cause in names), str(told[None]), share(right)])
+    return markdown(["truth", "records", *names, "no cause", "stiction or both"], body) if body else ""
+
+
+def process(one: Group) -> str:
+    """How often the limits of gain, dead time and lags hold, inside the fit's family, without an integrator."""
+    body = []
+    for near in (True, False):
+        of = [
+            j.line
+            for j in one
+            if not j.line.truth.outside
+            and not j.line.truth.integrating
+            and j.line.fit.get("process")
+            and j.line.truth.apart != near
+        ]
+        if not of:
+            continue
+        truths = {
+            "kp": lambda line: line.truth.gain,
+            "dead_time": lambda line: line.truth.dead_time,
+            "lag": lambda line: line.truth.lag,
+        }
+        shares = []
+        for name, truth in truths.items():
+            limits = [(line.fit["process"][name], truth(line)) for line in of]
+            told = [(low, high, x) for (_, low, high), x in limits if low is not None and high is not None]
+            shares.append(f"{share([low <= x <= high for low, high, x in told])} of {len(told)}")
+        body.append(["rows near" if near else "rows further apart than T/5", str(len(of)), *shares])
+    return markdown(["", "records", "Kp", "dead time", "lags"], body) if body else ""
+
+
+def several(every: Group) -> str:
+    """What several days of one valve say together, beside what the first says alone."""
+    alone = {j.line.truth.name: j for j in every if j.line.recordings == 1}
+    numbers = sorted({j.line.recordings for j in every})
+    if len(numbers) < 2:
+        return ""
+    names = {j.line.truth.name for j in every if j.line.recordings > 1}
+    body = []
+    for n in numbers:
+        of = [j for j in every if j.line.recordings == n and j.line.truth.name in names and j.line.truth.d > 0]
+        sided = [j for j in of if j.said.sided]
+        narrower = []
+        for j in sided:
+            first = alone.get(j.line.truth.name)
+            if first is not None and first.said.sided:
+                widths = [said.high - said.low for said in (j.said, first.said)]  # type: ignore[operator]
+                narrower.append(widths[0] / max(widths[1], 1e-9))
+        body.append(
+            [
+                str(n),
+                str(len(of)),
+                share([j.said.confidence == "found" for j in of]),
+                share([j.claimed for j in of]),
+                share([j.said.holds(j.line.truth.d) for j in sided]),
+                f"{np.median(narrower):.2f} of {len(narrower)}" if narrower else "-",
+            ]
+        )
+    head = ["recordings", "valves", "found", "found or likely", "interval holds", "width of the interval, one's is 1"]
+    return markdown(head, body)
+
+
+def times(one: Group) -> str:
+    """How long a record takes."""
+    if not one:
+        return ""
+    seconds = [j.line.seconds for j in one]
+    median, most = np.median(seconds), max(seconds)
+    per = np.median([1e3 * j.line.seconds / j.line.truth.samples for j in one])
+    whole = sum(seconds) / 60
+    return f"Median {median:.1f} s a record, at most {most:.1f} s; {per:.2f} s a thousand rows; {whole:.0f} min in all."

@@ -98,7 +98,7 @@ def cycling(number: int) -> dict[str, float]:
 def perstorp(number: int) -> dict[str, float]:
     """The loop of the thesis, 8.5.2: K 8.5, Ti 10.3 s, Kp 0.46, a gap of 25."""
     random = Random(f"perstorp/{number}")
-    return {"kp": 0.46, "lag": random.uniform(15.0, 60.0), "dead": random.uniform(0.5, 3.0), "k": 8.5, "ti": 10.3, "d": 25.0}
+    return {"kp": 0.46, "lag": random.uniform(30.0, 80.0), "dead": random.uniform(0.8, 3.0), "k": 8.5, "ti": 10.3, "d": 25.0}
 
 
 def limit_cycle(loop: dict[str, float], seed: int, samples: int = 2000) -> Simulation:

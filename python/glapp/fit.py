@@ -31,6 +31,9 @@ ROWS = _glapp.LONG_HISTORY
 DAY = 86400.0
 """[s]."""
 
+JUDGED = ("confidence", "cause", "width_kind", "oscillates", "evidence")
+"""What the ladder says of all windows together, and what it rests on."""
+
 SAMPLES_IN_LAG, _ = _glapp.fit_thresholds()["SAMPLES_IN_LAG"]
 """Samples that a process must take to settle, where it matters."""
 
@@ -174,7 +177,9 @@ class Fit:
         Where several recordings of one valve were given, each of them in the order of time, with its own answer.
     best : dict
         Everything the clearest window's fit has to tell, as the core gives it, with the time `t` of each cell and the
-        `signal` that was fitted: "PV", or "position" where the valve's own settled it.
+        `signal` that was fitted: "PV", or "position" where the valve's own settled it. Of PV also what all windows say
+        together: `confidence` (*found*, *likely*, *cannot_tell* or *none_seen*), `cause` (*dead_band*, *stiction* or
+        *both*), `width_kind` (*interval*, *bound* or *unsure*), `oscillates`, and the `evidence` for that.
     why : str
         What decided, in a word that stays the same; `reason` is its sentence.
     through_pv : Fit or None
@@ -566,7 +571,7 @@ def _of_op(unit: str) -> str:
 
 def _said(answer: dict[str, Any], unit: str) -> Fit:
     """What the core said of PV, in words."""
-    best = _shown(answer, "PV")
+    best = _shown(answer, "PV") | {name: answer[name] for name in JUDGED}
     kp, dead_time, lag = ((best[name], *best[f"{name}_limits"]) for name in ("kp", "dead_time", "lag"))
     trend = _trend(answer)
     return Fit(

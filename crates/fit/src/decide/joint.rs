@@ -3,7 +3,7 @@
 use crate::data::record::Record;
 use crate::data::signal::Unit;
 use crate::decide::combine::Reading;
-use crate::decide::judgement::{Confidence, Judgement, WidthKind};
+use crate::decide::judgement::Judgement;
 use crate::decide::record::{Answer, Fitted};
 use crate::decide::thresholds::*;
 use crate::decide::trend::Trend;
@@ -391,23 +391,10 @@ fn joint_width(curves: &mut [Curve]) -> Together {
         lag_error: median(|e| e.lag_error),
         settles: median(|e| e.settles),
         agree: [agree, curves.len()],
+        dispersion,
+        shows: Some(curves.iter().filter(|c| c.fitted.answer.judgement.tells()).count()),
     };
-    let shows = |c: &&Curve| c.fitted.answer.judgement.tells();
-    let (judged, why) = judge(&evidence);
-    let silent = Judgement::without(Confidence::CannotTell, evidence.oscillates);
-    // What the windows cannot say by themselves is likely where they agree.
-    let together = |kind| match judged.tells() && evidence.agrees() {
-        true => Judgement { confidence: Confidence::Likely, width_kind: kind, ..judged },
-        false => silent,
-    };
-    let shown = curves.iter().filter(shows).count() as f64;
-    let (judgement, reason) = if dispersion > DISAGREE {
-        (together(Some(WidthKind::Unsure)), "windows_disagree")
-    } else if judged.tells() && shown < WINDOWS_THAT_SHOW * n {
-        (together(judged.width_kind), "windows_silent")
-    } else {
-        (judged, why)
-    };
+    let (judgement, reason) = judge(&evidence);
     let verdict = judgement.verdict(evidence.low);
     let (low, high) = evidence.limits(verdict, high);
     let lr_needed = evidence.needed();

@@ -301,12 +301,14 @@ pub(crate) fn fit_record(cells: &Cells, seeds: &[Theta], bow: f64, window: &Wind
         lag_error: lag_error / lag.max(1e-300),
         settles,
         agree: [1; 2],
+        dispersion: 1.0,
+        shows: None,
     };
     let (judgement, reason) = judge(&evidence);
     let verdict = judgement.verdict(evidence.low);
     let told = evidence.limits(verdict, told_high);
     // What no load that repeats itself is held against is not held against it beside other windows either.
-    let lr_of_loads = if evidence.cycles() { lr_aperiodic / trusted } else { lr_of_loads };
+    let lr_of_loads = if evidence.ratio() > lr_no_gap { lr_aperiodic / trusted } else { lr_of_loads };
     let per_cell = if search.structure.integrating { 1.0 / h } else { 1.0 };
     let kp = best.kp * per_cell;
     // The gain is at its best for each process: its variance there, and what the process may be.

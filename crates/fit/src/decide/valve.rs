@@ -406,9 +406,10 @@ fn shared_width(members: &mut [Member], d: f64, here: &[Vec<f64>], gives: &mut [
         lag_error: usual(|e| e.lag_error),
         settles: usual(|e| e.settles),
         agree: [agree, members.len()],
+        dispersion,
+        shows: None,
     };
-    let silent = Judgement::without(Confidence::CannotTell, evidence.oscillates);
-    let (judgement, reason) = if dispersion > DISAGREE { (silent, DISAGREES) } else { judge(&evidence) };
+    let (judgement, reason) = judge(&evidence);
     let verdict = judgement.verdict(evidence.low);
     let (low, high) = evidence.limits(verdict, high);
     let lr_needed = evidence.needed();

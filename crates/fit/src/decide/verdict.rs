@@ -117,6 +117,10 @@ pub struct Evidence {
     pub(crate) settles: f64,
     /// Records whose own width is that of all, and records.
     pub(crate) agree: [usize; 2],
+    /// By how much the records differ more than their intervals allow, 1 where they do not.
+    pub(crate) dispersion: f64,
+    /// Windows of one recording in which a gap shows, of those in `agree`; None where that does not matter.
+    pub(crate) shows: Option<usize>,
 }
 
 impl Evidence {
@@ -137,9 +141,18 @@ impl Evidence {
     /// What the likelihood ratio of no gap must exceed for a gap to be found: more for a bound, and for an even swing that is not the
     /// loop's own.
     pub(crate) fn needed(&self) -> f64 {
-        let asked =
-            if self.bound() { self.lr_needed.max(lr_asked_if_seldom(self.changes_known)) } else { self.lr_needed };
-        if self.swings() { asked.max(GAP_IF_EVEN_SWING) } else { asked }
+        self.lr_needed.max(self.seldom()).max(if self.swings() { GAP_IF_EVEN_SWING } else { 0.0 })
+    }
+
+    /// The same for a gap that is likely.
+    fn likely(&self) -> f64 {
+        let swings = if self.swings() { LIKELY_IF_EVEN_SWING } else { 0.0 };
+        LIKELY_AT_LEAST.max(LIKELY * self.lr_needed).max(LIKELY_IF_SELDOM * self.seldom()).max(swings)
+    }
+
+    /// What OP's few ways through the width ask of it.
+    fn seldom(&self) -> f64 {
+        if self.bound() { lr_asked_if_seldom(self.changes_known) } else { 0.0 }
     }
 
     /// Whether OP swings in even time, and neither a gap nor the setpoint is known to make it do that.
@@ -148,13 +161,14 @@ impl Evidence {
     }
 
     /// Whether the loop of fitted process, gap and controller swings by itself as it was recorded.
-    pub(crate) fn cycles(&self) -> bool {
+    pub fn cycles(&self) -> bool {
         self.cycle.as_ref().is_some_and(Cycle::is_own)
     }
 
-    /// The likelihood ratio of no gap. A swing that the loop makes itself repeats as a load would: no such load has to be beaten.
+    /// The likelihood ratio of no gap. A swing that the loop makes itself repeats as a load would, and need not bring more than such a
+    /// load as much as another gap. It has to bring something: PV's noise shifts the swings of a loop, and a load keeps its time.
     pub(crate) fn ratio(&self) -> f64 {
-        if self.cycles() { self.lr_aperiodic } else { self.lr_no_gap }
+        if self.cycles() && self.lr_no_gap > BESIDE_ITS_CYCLE { self.lr_aperiodic } else { self.lr_no_gap }
     }
 
     /// Both limits as they are told; `high`: the upper one with what the samples may hide.
@@ -226,6 +240,26 @@ impl Evidence {
 
 /// What is said of the valve, and why not more, a word.
 pub(crate) fn judge(e: &Evidence) -> (Judgement, &'static str) {
+    let (judged, why) = judge_together(e);
+    let silent = Judgement::without(Confidence::CannotTell, e.oscillates);
+    // What the records cannot say by themselves is likely where they agree.
+    let likely = |kind| match judged.tells() && e.agrees() {
+        true => Judgement { confidence: Confidence::Likely, width_kind: kind, ..judged },
+        false => silent,
+    };
+    let windows = e.shows.is_some();
+    let too_few = e.shows.is_some_and(|shows| (shows as f64) < WINDOWS_THAT_SHOW * e.agree[1] as f64);
+    if e.dispersion > DISAGREE {
+        (likely(Some(WidthKind::Unsure)), if windows { "windows_disagree" } else { "recordings_disagree" })
+    } else if judged.tells() && too_few {
+        (likely(judged.width_kind), "windows_silent")
+    } else {
+        (judged, why)
+    }
+}
+
+/// The same as if all were one record.
+fn judge_together(e: &Evidence) -> (Judgement, &'static str) {
     let silent = |why| (Judgement::without(Confidence::CannotTell, e.oscillates), why);
     let gap = |confidence, kind, why| {
         let (cause, width_kind) = (Some(e.cause()), Some(kind));
@@ -245,11 +279,11 @@ pub(crate) fn judge(e: &Evidence) -> (Judgement, &'static str) {
             return none;
         }
         let why = match () {
-            _ if e.periodic_load && !e.cycles() => "repeats",
+            _ if e.periodic_load => "repeats",
             _ if e.swings() => "swings",
             _ => "may_be_a_gap",
         };
-        let likely = ratio > GAP_IF_LIKELY.max(LIKELY * needed) && e.veto().is_none();
+        let likely = ratio > e.likely() && e.veto().is_none();
         return if likely { gap(Confidence::Likely, kind, why) } else { silent(why) };
     }
     if let Some(none) = e.none(TRIFLE * e.range) {
@@ -258,10 +292,14 @@ pub(crate) fn judge(e: &Evidence) -> (Judgement, &'static str) {
     if let Some(why) = e.veto() {
         let there = match why {
             "families_disagree" => e.low > 0.0,
-            "coarse" => e.stands() || e.agrees(),
+            "coarse" if e.at_once => e.stands() || e.agrees(),
+            "coarse" => e.stands() || e.agrees() || ratio > LIKELY_IF_COARSE,
             _ => false,
         };
         return if there { gap(Confidence::Likely, WidthKind::Unsure, why) } else { silent(why) };
+    }
+    if e.periodic_load && e.lr_no_gap <= GAP {
+        return gap(Confidence::Likely, kind, "repeats");
     }
     let why = match kind {
         WidthKind::Bound if e.high.is_none() || !e.traversed => "not_traversed",
@@ -310,10 +348,9 @@ pub(crate) fn lr_asked([up, down]: [usize; 2], known: bool) -> f64 {
     if up.min(down) >= CYCLES { lr_asked_of_passes([up, down]).max(GAP) } else { lr_asked_if_seldom(known) }
 }
 
-/// What they ask of it all together: as many times [`GAP_EACH_PASS`], of more than [`MANY_PASSES`] as their square root.
+/// What they ask of it all together.
 pub(crate) fn lr_asked_of_passes([up, down]: [usize; 2]) -> f64 {
-    let passes = (up + down) as f64;
-    GAP_EACH_PASS * passes.min((MANY_PASSES * passes).sqrt())
+    GAP_EACH_PASS * (up + down) as f64
 }
 
 /// The same where OP went through it too seldom.
@@ -368,6 +405,8 @@ mod tests {
             lag_error: 0.1,
             settles: 20.0,
             agree: [1; 2],
+            dispersion: 1.0,
+            shows: None,
         }
     }
 
@@ -394,12 +433,72 @@ mod tests {
     }
 
     #[test]
+    fn less_than_what_is_found_is_likely() {
+        let of = |lr_no_gap| Evidence { lr_no_gap, lr_aperiodic: lr_no_gap, lr_needed: 60.0, ..plain() };
+        let said = |e: &Evidence| (judge(e).0.confidence, judge(e).0.width_kind);
+        assert_eq!(said(&of(61.0)), (Confidence::Found, Some(WidthKind::Interval)));
+        assert_eq!(said(&of(1.01 * LIKELY * 60.0)), (Confidence::Likely, Some(WidthKind::Interval)));
+        assert_eq!(verdict(&of(59.0)), Verdict::CannotTell);
+        assert_eq!(said(&of(LIKELY * 60.0)), (Confidence::CannotTell, None));
+        // What looks like a gap for another reason is not likely either.
+        assert_eq!(said(&Evidence { immobile: true, ..of(59.0) }), (Confidence::CannotTell, None));
+        assert_eq!(said(&Evidence { low: 0.1, ..of(61.0) }), (Confidence::Likely, Some(WidthKind::Unsure)));
+    }
+
+    #[test]
+    fn a_swing_is_a_gaps_where_it_is_the_loops_own() {
+        let swings = Evidence { even_swing: true, oscillates: true, ..plain() };
+        assert_eq!((verdict(&swings), judge(&swings).1), (Verdict::CannotTell, "swings"));
+        assert_eq!(swings.needed(), GAP_IF_EVEN_SWING);
+        let own = Evidence { cycle: Some(Cycle { period: 1.05, swing: 0.9, law: 0.99 }), ..swings };
+        assert_eq!((verdict(&own), judge(&own).0.oscillates), (Verdict::Backlash, true));
+        // A load that repeats itself need not be beaten by as much, but by something.
+        let beside = |lr_no_gap| Evidence { periodic_load: true, lr_no_gap, ..own.clone() };
+        assert_eq!(judge(&beside(GAP + 1.0)).0.confidence, Confidence::Found);
+        assert_eq!(judge(&beside(BESIDE_ITS_CYCLE + 1.0)).0.confidence, Confidence::Likely);
+        assert_eq!(judge(&beside(BESIDE_ITS_CYCLE)).0.confidence, Confidence::CannotTell);
+    }
+
+    #[test]
+    fn rows_far_apart_leave_the_width_unsure() {
+        let coarse = Evidence { coarse: true, lr_no_gap: LIKELY_IF_COARSE, lr_aperiodic: LIKELY_IF_COARSE, ..plain() };
+        assert_eq!(judge(&coarse).0.confidence, Confidence::CannotTell);
+        let stands = Plateau { ways: [8; 2], stands: [7; 2], rows: 20.0, ..Plateau::default() };
+        let said = judge(&Evidence { plateau: stands, ..coarse.clone() }).0;
+        assert_eq!((said.confidence, said.width_kind), (Confidence::Likely, Some(WidthKind::Unsure)));
+        assert_eq!(judge(&Evidence { agree: [4, 5], ..coarse.clone() }).0, said);
+        assert_eq!(judge(&Evidence { agree: [3, 5], ..coarse }).0.confidence, Confidence::CannotTell);
+    }
+
+    #[test]
+    fn windows_that_differ_say_nothing_unless_most_agree() {
+        let differ = Evidence { dispersion: 2.0 * DISAGREE, agree: [1, 4], shows: Some(4), ..plain() };
+        assert_eq!((judge(&differ).0.confidence, judge(&differ).1), (Confidence::CannotTell, "windows_disagree"));
+        let said = judge(&Evidence { agree: [3, 4], ..differ.clone() }).0;
+        assert_eq!((said.confidence, said.width_kind), (Confidence::Likely, Some(WidthKind::Unsure)));
+        assert_eq!(judge(&Evidence { shows: None, ..differ }).1, "recordings_disagree");
+        let quiet = Evidence { agree: [3, 4], shows: Some(1), ..plain() };
+        assert_eq!((judge(&quiet).0.confidence, judge(&quiet).1), (Confidence::Likely, "windows_silent"));
+        assert_eq!(judge(&Evidence { agree: [2, 4], ..quiet.clone() }).0.confidence, Confidence::CannotTell);
+        assert_eq!(judge(&Evidence { shows: Some(2), ..quiet }).0.confidence, Confidence::Found);
+    }
+
+    #[test]
+    fn none_seen_is_earned() {
+        let none = Evidence { d: 0.0, lr_no_gap: 0.0, lr_aperiodic: 0.0, low: 0.0, ..plain() };
+        let said = |e: Evidence| judge(&e).0.confidence;
+        assert_eq!(said(none.clone()), Confidence::NoneSeen);
+        assert_eq!(said(Evidence { passes_high: [10, 1], ..none.clone() }), Confidence::CannotTell);
+        assert_eq!(said(Evidence { cancels: 720.0, ..none.clone() }), Confidence::CannotTell);
+        assert_eq!(said(Evidence { lag_error: 1.5, ..none }), Confidence::CannotTell);
+    }
+
+    #[test]
     fn a_bound_asks_for_more_and_so_does_each_passage() {
         assert_eq!(plain().needed(), 15.0);
         assert_eq!(Evidence { noisy_below: 1.1, ..plain() }.needed(), GAP_IF_SELDOM_AND_LOAD_UNKNOWN);
         assert_eq!(lr_asked([10, 10], false), GAP);
-        assert_eq!(lr_asked([40, 40], false), 80.0 * GAP_EACH_PASS);
-        assert_eq!(lr_asked([180, 180], false), 180.0 * GAP_EACH_PASS);
+        assert_eq!(lr_asked([100, 100], false), 200.0 * GAP_EACH_PASS);
         assert_eq!(lr_asked([100, CYCLES - 1], true), GAP_IF_SELDOM);
     }
 }

@@ -226,3 +226,71 @@ impl Process {
         op
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::structure::Noise;
+
+    const SECOND: f64 = 1000.0;
+
+    /// SP 0, PV and OP each second of a PI loop round a lag of 60 s with a dead time of 2 s, Euler's rule in steps of a millisecond; the
+    /// load goes round a circle in `period` and is `size` large.
+    fn simulated(d: f64, period: f64, size: f64) -> Record<'static> {
+        let (k, ki) = (8.0, 8.0 / 16.0);
+        let (mut y, mut sum, mut v, mut u) = (0.0, 0.0, 0.0, 0.0);
+        let mut late = vec![0.0; 2000];
+        let (mut pv, mut op) = (Vec::new(), Vec::new());
+        for step in 0..1_500_000 {
+            if step % 1000 == 0 {
+                sum -= y;
+                u = 5.0 - k * y + ki * sum;
+                pv.push(y);
+                op.push(u);
+            }
+            v = f64::clamp(v, u - d / 2.0, u + d / 2.0);
+            let delayed = std::mem::replace(&mut late[step % 2000], v);
+            let load = size * (step as f64 / SECOND / period * std::f64::consts::TAU).sin();
+            y += (delayed + load - y) / 60.0 / SECOND;
+        }
+        Record {
+            h: 1.0,
+            stretches: vec![Stretch { start: 0.0, sp: [].as_slice().into(), pv: pv.into(), op: op.into() }],
+        }
+    }
+
+    fn witness(record: &Record, d: f64) -> Option<Cycle> {
+        let cells = Cells::new(&record.signals(), 1);
+        let structure = Structure { lags: 2, integrating: false, noise: Noise::Input };
+        // 60 s and next to nothing.
+        let (t1, t2) = (60.0f64, 0.01f64);
+        let mut theta = [0.0; MOST];
+        (theta[0], theta[1], theta[2]) = ((t1 * t2).sqrt().ln(), ((t1 + t2) / 2.0 / (t1 * t2).sqrt()).ln(), 2.0);
+        cycle(record, &cells, structure, &theta, 1.0, 0.0, &LostMotion::gap(d, 1))
+    }
+
+    #[test]
+    fn the_swing_of_a_gap_is_the_loops_own() {
+        let found = witness(&simulated(4.0, 100.0, 0.0), 4.0).unwrap();
+        assert!(found.is_own() && (found.period - 1.0).abs() < 0.03 && (found.swing - 1.0).abs() < 0.03, "{found:?}");
+        assert!(found.law > 0.999, "{found:?}");
+    }
+
+    #[test]
+    fn the_swing_of_a_load_is_not() {
+        // Taken for half a gap, a whole one and two.
+        for d in [1.0, 2.0, 4.0] {
+            let found = witness(&simulated(0.0, 90.0, 3.0), d);
+            assert!(!found.is_some_and(|found| found.is_own()), "{d}: {found:?}");
+        }
+    }
+
+    #[test]
+    fn an_op_that_follows_no_law_has_no_witness() {
+        let mut record = simulated(4.0, 100.0, 0.0);
+        for (i, u) in record.stretches[0].op.to_mut().iter_mut().enumerate() {
+            *u = 3.0 * (i as f64 / 40.0).sin();
+        }
+        assert!(!witness(&record, 1.0).is_some_and(|found| found.is_own()));
+    }
+}

@@ -69,3 +69,36 @@ pub(crate) fn plateau(cells: &Cells, d: f64, kp: f64, late: f64) -> Plateau {
     };
     Plateau { within: median(within), behind: median(behind), rows: median(rows), ..found }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// OP to and fro by 4 in 80 rows; PV goes with the valve at once.
+    fn record(d: f64) -> Cells {
+        let triangle = |k: usize| ((k % 160) as f64 - 80.0).abs() / 20.0;
+        let op: Vec<f64> = (0..1600).map(triangle).collect();
+        let mut v = op[0];
+        let pv = op.iter().map(|u| {
+            v = f64::clamp(v, u - d / 2.0, u + d / 2.0);
+            2.0 * v
+        });
+        Cells::new(&[(&pv.collect::<Vec<_>>(), &op)], 1)
+    }
+
+    #[test]
+    fn pv_stands_within_a_gap_and_follows_behind_it() {
+        let found = plateau(&record(1.0), 1.0, 2.0, 0.0);
+        assert!(found.ways.iter().all(|n| *n >= 9), "{found:?}");
+        assert_eq!(found.ways, found.stands);
+        assert!(found.within.abs() < 0.01 && (found.behind - 1.0).abs() < 0.01 && found.rows >= 19.0, "{found:?}");
+    }
+
+    #[test]
+    fn without_one_it_follows_all_the_way() {
+        let found = plateau(&record(0.0), 1.0, 2.0, 0.0);
+        assert!(found.ways.iter().all(|n| *n >= 9), "{found:?}");
+        assert_eq!(found.stands, [0, 0]);
+        assert!(found.within > 0.9, "{found:?}");
+    }
+}

@@ -7,10 +7,12 @@ import pytest
 
 import glapp
 from glapp import _glapp
+from glapp.fit import Fit
+from glapp.simulate import Simulation
 
 
-def judged(simulation: object, name: str) -> glapp.fit.Fit:  # type: ignore[name-defined]
-    return glapp.fit(ladder.recording(simulation, name))  # type: ignore[arg-type]
+def judged(simulation: Simulation, name: str) -> Fit:
+    return glapp.fit(ladder.recording(simulation, name))
 
 
 @pytest.mark.slow
@@ -21,7 +23,7 @@ def test_a_limit_cycle_is_the_gaps_and_not_a_loads() -> None:
     fit = judged(cycle, "cycle")
     assert fit.best["confidence"] == "found"
     assert fit.best["oscillates"]
-    assert fit.low <= loop["d"] <= fit.high
+    assert fit.low is not None and fit.high is not None and fit.low <= loop["d"] <= fit.high
     # The same loop without a gap, its OP driven as far and as fast.
     twin = judged(ladder.driven(loop, cycle, "sine", 2), "driven")
     assert twin.best["confidence"] not in ("found", "likely")

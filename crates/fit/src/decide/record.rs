@@ -3,7 +3,7 @@
 use crate::data::cells::{Cells, Positions};
 use crate::data::signal::Unit;
 use crate::decide::bootstrap::bootstrap_threshold;
-use crate::decide::judgement::Judgement;
+use crate::decide::judgement::{Confidence, Judgement};
 use crate::decide::thresholds::*;
 use crate::decide::verdict::*;
 use crate::decide::witness::cycle::{Cycle, cycle};
@@ -331,11 +331,17 @@ pub(crate) fn fit_record(cells: &Cells, seeds: &[Theta], bow: f64, window: &Wind
         let (low, high) = each.fold((x, x), |(low, high), x| (low.min(x), high.max(x)));
         (low - 1.96 * error, high + 1.96 * error)
     };
-    let kp_limits = around(kp, kp_error, &|_, point| point.kp * per_cell);
+    // The model is a little off, and where no gap is found the load of the model may stand for much of what its process does.
+    let off = if judgement.confidence == Confidence::Found { PROCESS_OFF } else { PROCESS_OFF_IF_NOT_FOUND };
+    let further = |x: f64, away: f64| if x * away > 0.0 { x * off } else { x / off };
+    let widened = |(low, high): (f64, f64)| (further(low, -1.0), further(high, 1.0));
     let positive = |(low, high): (f64, f64)| (low.max(0.0), high);
-    let dead_time_limits =
-        positive(around(dead_time, dead_error, &|structure, point| point.theta[structure.dead_time_at()] * h));
-    let lag_limits = positive(around(lag, lag_error, &|structure, point| structure.lag(&point.theta) * h));
+    let kp_limits = widened(around(kp, kp_error, &|_, point| point.kp * per_cell));
+    let lag_limits = positive(widened(around(lag, lag_error, &|structure, point| structure.lag(&point.theta) * h)));
+    let late = (off - 1.0).min(1.0) * (dead_time + lag);
+    let (low_dead, high_dead) =
+        around(dead_time, dead_error, &|structure, point| point.theta[structure.dead_time_at()] * h);
+    let dead_time_limits = positive((low_dead - late, high_dead + late));
     let sigma = (final_state.sum[0] / n).sqrt();
     let by_chance = lr_needed / asked;
     let answer = Answer {

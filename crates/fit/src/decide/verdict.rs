@@ -147,7 +147,9 @@ impl Evidence {
     /// The same for a gap that is likely.
     fn likely(&self) -> f64 {
         let swings = if self.swings() { LIKELY_IF_EVEN_SWING } else { 0.0 };
-        LIKELY_AT_LEAST.max(LIKELY * self.lr_needed).max(LIKELY_IF_SELDOM * self.seldom()).max(swings)
+        let often = self.passes.iter().all(|n| *n >= CYCLES);
+        let part = if often { LIKELY } else { LIKELY_IF_SELDOM };
+        LIKELY_AT_LEAST.max(part * self.lr_needed).max(LIKELY_IF_SELDOM * self.seldom()).max(swings)
     }
 
     /// What OP's few ways through the width ask of it.
@@ -298,8 +300,9 @@ fn judge_together(e: &Evidence) -> (Judgement, &'static str) {
         };
         return if there { gap(Confidence::Likely, WidthKind::Unsure, why) } else { silent(why) };
     }
-    if e.periodic_load && e.lr_no_gap <= GAP {
-        return gap(Confidence::Likely, kind, "repeats");
+    // A load that swings may look like a valve that sticks and makes its own cycle.
+    if e.periodic_load && e.lr_no_gap <= GAP || e.even_swing && e.slips && e.lr_no_gap < GAP_IF_EVEN_SWING {
+        return gap(Confidence::Likely, kind, if e.periodic_load { "repeats" } else { "swings" });
     }
     let why = match kind {
         WidthKind::Bound if e.high.is_none() || !e.traversed => "not_traversed",
@@ -450,8 +453,10 @@ mod tests {
         let swings = Evidence { even_swing: true, oscillates: true, ..plain() };
         assert_eq!((verdict(&swings), judge(&swings).1), (Verdict::CannotTell, "swings"));
         assert_eq!(swings.needed(), GAP_IF_EVEN_SWING);
-        let own = Evidence { cycle: Some(Cycle { period: 1.05, swing: 0.9, law: 0.99 }), ..swings };
+        let own = Evidence { cycle: Some(Cycle { period: 1.05, swing: 0.98, law: 0.99 }), ..swings };
         assert_eq!((verdict(&own), judge(&own).0.oscillates), (Verdict::Backlash, true));
+        // One that sticks is only likely: some loads look like it.
+        assert_eq!(judge(&Evidence { slips: true, ..own.clone() }).0.confidence, Confidence::Likely);
         // A load that repeats itself need not be beaten by as much, but by something.
         let beside = |lr_no_gap| Evidence { periodic_load: true, lr_no_gap, ..own.clone() };
         assert_eq!(judge(&beside(GAP + 1.0)).0.confidence, Confidence::Found);
@@ -488,7 +493,7 @@ mod tests {
         let none = Evidence { d: 0.0, lr_no_gap: 0.0, lr_aperiodic: 0.0, low: 0.0, ..plain() };
         let said = |e: Evidence| judge(&e).0.confidence;
         assert_eq!(said(none.clone()), Confidence::NoneSeen);
-        assert_eq!(said(Evidence { passes_high: [10, 1], ..none.clone() }), Confidence::CannotTell);
+        assert_eq!(said(Evidence { passes_high: [10, 4], ..none.clone() }), Confidence::CannotTell);
         assert_eq!(said(Evidence { cancels: 720.0, ..none.clone() }), Confidence::CannotTell);
         assert_eq!(said(Evidence { lag_error: 1.5, ..none }), Confidence::CannotTell);
     }

@@ -54,17 +54,17 @@ test: $(VENV)/.installed
 	$(call stage,Python tests,4 min)
 	$(BIN)/pytest --numprocesses auto --dist loadgroup --durations=20 -m "not verify"
 
-# Each part is named with its time as it ends.
+# Each part is named as it begins, and with its time as it ends. While one waits for the network another compiles.
+VERIFIED := rust-checked interop site bare page
 verify: setup $(VENV)/.docs
-	$(call timed,rust-checked)
-	$(call timed,bare)
-	$(call timed,interop)
-	$(call timed,site)
-	$(call timed,page)
+	@+$(MAKE) --no-print-directory --jobs=2 $(VERIFIED:%=timed-%)
+	$(call stage,The other Python tests,8 min)
 	$(BIN)/pytest --numprocesses auto --dist loadgroup --durations=20 -m verify
 
-timed = @+printf '\n== %s\n' '$(1)'; began=$$(date +%s); $(MAKE) --no-print-directory $(1) && \
-	printf '== %s took %d s\n' '$(1)' $$(($$(date +%s) - began))
+.PHONY: $(VERIFIED:%=timed-%)
+$(VERIFIED:%=timed-%): timed-%:
+	@+printf '\n== %s\n' '$*'; began=$$(date +%s); $(MAKE) --no-print-directory $* && \
+		printf '== %s took %d s\n' '$*' $$(($$(date +%s) - began))
 
 check: setup lint
 	cargo test --release --quiet -p glapp-core --lib --test vectors

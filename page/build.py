@@ -19,7 +19,6 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +26,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 import glapp
-from glapp import demo, quality
+from glapp import demo
 from glapp.reading import columns, heads, long, names, shape, times, values
 from glapp.report import figures, words
 from glapp.simulate import STANDINGS
@@ -43,10 +42,6 @@ READER = ("sheets", "names", "cells", "read")
 
 #: Debian's compiler and the source of its standard library, where the first compiler has none for WebAssembly.
 DEBIAN = Path("/usr/bin/rustc")
-
-
-# The modules, whose names in the package are those of their functions.
-estimate, fit, identify = (import_module(f"glapp.{name}") for name in ("estimate", "fit", "identify"))
 
 
 class Missing(Exception):  # noqa: N818 (it is told, and the page is skipped)
@@ -175,27 +170,6 @@ def of_reading() -> dict[str, Any]:
     }
 
 
-def of_words() -> dict[str, Any]:
-    """Verdicts, reasons and next steps in words."""
-    return {
-        "names": words.NAMES,
-        "reasons": {name: reason._asdict() for name, reason in words.REASONS.items()},
-        "verdicts": words.VERDICTS,
-        "evidence": words.EVIDENCE,
-        "meanings": words.MEANINGS,
-        "next": {name: {"text": step.text} for name, step in words.NEXT.items()},
-        "more": words.MORE,
-        "leads": words.LEADS,
-        "findings": quality.SENTENCES,
-        "reasons_of_fit": fit.REASONS,
-        "may_be": fit.MAY_BE,
-        "times": fit.TIMES,
-        "unfit": fit.UNFIT,
-        "why": estimate.WHY,
-        "identification": identify._REASONS,
-    }
-
-
 #: The loop of 6.5 with friction beside its gap, which the station's has not.
 PROJECT = lab.Project(
     lab.THESIS.h,
@@ -293,7 +267,7 @@ def build(out: Path) -> None:
         style=Markup("\n".join(path.read_text(encoding="utf-8") for path in style) + colours),
         laboratory=Markup(laboratory),
         version=glapp.__version__,
-        data=in_json({"reading": of_reading(), "words": of_words(), "laboratory": of_laboratory()}),
+        data=in_json({"reading": of_reading(), "names": words.NAMES, "laboratory": of_laboratory()}),
         example=in_script(example()),
         wasm=Markup(base64.b64encode(gzip.compress(module, mtime=0)).decode()),
         kept=[(name, in_script(path.read_text(encoding="utf-8"))) for name, path in kept.items()],

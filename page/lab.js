@@ -92,7 +92,7 @@ const Laboratory = (() => {
       const at = t.length - 1;
       if (at > 0 && columns[DELTA_T][at] < columns[DELTA_T][at - 1]) {
         const [length, d, reason] = [LAST_DELTA_T, D, REASON].map((i) => columns[i][at]);
-        halves.push({ from: t[at] - length, to: t[at], length, d, reason: words.names[reason] });
+        halves.push({ from: t[at] - length, to: t[at], length, d, reason: data.names[reason] });
       }
     }
     if (t.length > 1.25 * KEPT) {
@@ -232,8 +232,9 @@ const Laboratory = (() => {
     const module = await module_ready;
     const told = (said) => {
       const { answer } = said.answer;
-      const [verdict, width, gap] = [words.verdicts[answer.verdict], headline(answer, "%OP"), quantity(now["gap.d"], "%OP")];
-      return width ? `${verdict} ${width}; the true gap is ${gap}.` : `${verdict}. ${why(said, "%OP")} The true gap is ${gap}.`;
+      const { headline, so } = said.told.parts;
+      const [verdict, gap] = [words.verdicts[answer.verdict], quantity(now["gap.d"], "%OP")];
+      return headline ? `${verdict} ${headline}; the true gap is ${gap}.` : `${so} The true gap is ${gap}.`;
     };
     const hears = {
       ready() {},
@@ -274,6 +275,7 @@ const Laboratory = (() => {
   addEventListener("gone", async ({ detail }) => {
     shown = detail === "laboratory";
     if (!shown || engine) return;
+    await words_ready;
     engine = await Engine.of(await module_ready);
     anew();
     build();

@@ -3,7 +3,6 @@
 
 const read_json = (id) => JSON.parse(document.getElementById(id).textContent);
 const data = read_json("data");
-const words = data.words;
 const $ = (id) => document.getElementById(id);
 
 /** An element: attributes, and what is in it, text or other elements; null is left out. */
@@ -23,6 +22,7 @@ const module_ready = (async () => {
   const unpacked = packed.stream().pipeThrough(new DecompressionStream("gzip"));
   return WebAssembly.compile(await new Response(unpacked).arrayBuffer());
 })();
+const words_ready = module_ready.then(learn_words);
 const worker_address = URL.createObjectURL(
   new Blob([...document.querySelectorAll("[id^=script-]")].map((script) => script.textContent + "\n"), { type: "text/javascript" }),
 );
@@ -41,6 +41,7 @@ async function begin() {
   worker = mine;
   mine.onmessage = ({ data: said }) => mine === worker && hears[said.kind](said);
   mine.onerror = (event) => mine === worker && broke("analysis", event.message || "its worker died");
+  await words_ready;
   mine.postMessage({ kind: "begin", module: await module_ready, data: data.reading });
 }
 
@@ -230,32 +231,6 @@ const table = (caption, heads, rows) => h("table", { class: "cards" }, h("captio
 
 const limits = (low, high) => (low === null || high === null ? DASH : `${number(low)} to ${number(high)}`);
 
-/** The one width with its interval; empty where nothing is known of it. */
-function headline({ verdict, width, low, high }, unit) {
-  if (low === null && high === null) return width === null ? "" : quantity(width, unit);
-  if (verdict === "at_least") return `> ${quantity(low, unit)}`;
-  if (verdict === "sound") return `< ${quantity(high, unit)}`;
-  if (width === null) return `${number(low)} to ${quantity(high, unit)}`;
-  return `${quantity(width, unit)} (${number(low)} to ${number(high)})`;
-}
-
-function lead(said, name, unit) {
-  const { answer } = said.answer;
-  const jump = quantity(said.answer.fit?.jump, unit);
-  const span = answer.width_percent_span !== null && unit !== "%OP" ? `, ${quantity(answer.width_percent_span, "% of span")}` : "";
-  const interval = `between ${number(answer.low)} and ${quantity(answer.high, unit)} with 95 % confidence`;
-  const told = words.leads[answer.verdict];
-  if (!told) return answer.width === null ? `No dead band could be estimated for ${name}.` : `The valve of ${name} appears to lose ${quantity(answer.width, unit)} at each reversal.`;
-  return filled(told, { name, width: quantity(answer.width, unit), span, interval, jump, low: quantity(answer.low, unit), high: quantity(answer.high, unit) });
-}
-
-function next({ next: { code, of }, low, acceptable }, limit) {
-  const step = code === "remedy" ? words.reasons[of].remedy : words.next[of === undefined || of === null ? code : `${code} ${of}`].text;
-  if (low === null || acceptable === null || acceptable === "open") return step;
-  const within = `what is acceptable here, ${number(limit)} % of span`;
-  return acceptable === "within" ? `Nothing now: all of it is within ${within}. Analyse again at the next review.` : `It is more than ${within}. ${step}`;
-}
-
 const EXPLAINED = { refuse: "refused", warning: "warning", info: "note" };
 
 /** The answer that is shown. */
@@ -267,21 +242,21 @@ const CROSSINGS = "From zero crossings alone";
 function show(said, from) {
   const provisional = from !== null;
   shown = { ...said, from };
-  const { answer: doc, read, unit } = said;
+  const { answer: doc, read, unit, told: { parts } } = said;
   const { answer } = doc;
   const [op_unit, pv_unit] = [ofOp(unit), read.units.pv ?? "PV unit"];
   const name = read.loop;
   const { t } = read.columns;
   const span = t.at(-1) - t[0];
-  const limit = typed("acceptable");
   const place = (id, label) => h("div", { class: "plot", id, role: "img", "aria-label": `${name}: ${label}` });
   const fitted = answer.evidence !== null;
   const section = h("section", { class: provisional ? "loop provisional" : "loop", "aria-live": "polite" },
     provisional ? h("p", { class: "screen going-on" }, `${from}. The fit of OP and PV goes on, and settles the width.`) : null,
-    h("div", { class: "head" }, h("h2", {}, name), h("span", { class: "width" }, headline(answer, op_unit)),
+    h("div", { class: "head" }, h("h2", {}, name), h("span", { class: "width" }, parts.headline),
       h("span", { class: `badge ${answer.valve}` }, words.verdicts[answer.verdict])),
-    h("div", { class: "verdict" }, h("p", { class: "lead" }, lead(said, name, op_unit)), h("p", {}, why(said, op_unit)),
-      h("p", { class: "action" }, h("b", {}, "What to do"), next(answer, limit))),
+    h("div", { class: "verdict" }, h("p", { class: "lead" }, parts.so),
+      h("p", { class: "action" }, h("b", {}, "What to do"), parts.do),
+      h("details", { class: "why" }, h("summary", {}, "Why"), parts.why.map((text) => h("p", {}, text)))),
     h("div", { class: "pictures" }, h("div", {}, place("op-picture", "OP over time"), place("pv-picture", "PV and SP over time")),
       h("div", { id: "gap-place" })),
     h("p", { class: "note screen" }, "Drag to zoom, double-click for all of it."),
@@ -306,50 +281,29 @@ const unused = (read) => {
   return file.opened.loops[file.loop].names.filter((name) => !used.has(name)).join(", ");
 };
 
-const units_of = ({ read, unit }) => ({ pv_unit: read.units.pv ?? "PV unit", op_unit: unit, unit, t0: read.t0 });
-
-/** What the answer stands on. */
-function why(said, unit) {
-  const { answer, fit: found } = said.answer;
-  const units = units_of(said);
-  if (found === null || answer.evidence === null) return sentence(why_crossings(said.answer, units));
-  if (["backlash", "stiction", "both", "at_least"].includes(found.verdict)) {
-    return `Evidence for a gap: ${words.evidence[answer.evidence]}.${found.why.of === "gap_and_more" ? ` ${words.more}` : ""}`;
-  }
-  return sentence(reason_of_fit(said, unit));
-}
-
-/** What the fit says, in one sentence. */
-function reason_of_fit(said, unit) {
-  const { fit: found, quality: all } = said.answer;
-  if (found.why.code === "finding") return finding(all[found.why.of], units_of(said));
-  if (found.signal === "position") return `read from the valve's position: ${words.meanings[found.verdict]}`;
-  return fitted(found.verdict, found, said.pv, unit);
-}
-
 function fit(said, unit, pv_unit, place) {
   const { fit: found } = said.answer;
   const rows = [["Width", quantity(found.d, unit)], ["95 % interval", limits(found.low, found.high)]];
   if (found.lr_no_gap !== null) {
-    rows.push(["No gap is worse by", `${number(found.lr_no_gap)} units of 2·ln L, ${number(found.lr_needed)} are needed`]);
+    rows.push(["Likelihood ratio", `${number(found.lr_no_gap)}, ${number(found.lr_needed)} needed`]);
   }
-  if (said.pv) rows.push(["OP went through it", `${said.pv.traversals[0]} times up, ${said.pv.traversals[1]} down`]);
+  if (said.pv) rows.push(["OP crossed it", `${said.pv.traversals[0]} times up, ${said.pv.traversals[1]} down`]);
   const process = found.process === null ? [] : [
     [found.process.integrating ? "Velocity gain" : "Process gain Kp", found.process.kp, `${pv_unit} per ${unit}${found.process.integrating ? " and s" : ""}`],
     ["Dead time", found.process.dead_time, "s"],
     ["Lags together", found.process.lag, "s"],
   ].map(([label, [value, low, high], of]) => [label, quantity(value, of), limits(low, high)]);
-  return h("section", {}, h("h3", {}, "The gap from OP and PV"), h("p", {}, sentence(reason_of_fit(said, unit))), facts(rows),
+  return h("section", {}, h("h3", {}, "The gap from OP and PV"), h("p", {}, sentence(said.told.fit)), facts(rows),
     said.pv ? place("likelihood", "likelihood over the width") : null,
     said.pv ? h("p", { class: "note" }, "A line is a family of models, the thick one the best. The lower it is, the better that width explains PV. The shaded band is the 95 % interval.") : null,
     process.length ? table("The process between valve and PV, from the same fit.", ["Process", "Value", "95 % interval"], process) : null);
 }
 
-function crossings({ answer: doc }, unit) {
+function crossings({ answer: doc, told }, unit) {
   const reasons = Object.entries(doc.reasons).filter(([, n]) => n).sort((a, b) => b[1] - a[1]);
   const counts = [["accepted", doc.detections], ...reasons].filter(([, n]) => n);
   const total = doc.half_periods;
-  const rows = [["A PLC would show", quantity(doc.d_hat, unit) + (doc.answer.struck ? ", struck" : "")],
+  const rows = [["A PLC would show", told.parts.plc],
     ["Half-periods", String(total)], ["Detections", String(doc.detections)]];
   if (doc.repeatability && doc.detections > 1) rows.push(["Repeatability", `${number(doc.repeatability[0])} to ${quantity(doc.repeatability[1], unit)}`]);
   if (doc.corrected?.d) rows.push(["Bias taken out", quantity(doc.corrected.d, unit)]);
@@ -363,14 +317,15 @@ function crossings({ answer: doc }, unit) {
 const swatch = (name) => h("span", {}, h("i", { class: `swatch r-${name}` }), words.reasons[name].label);
 
 function quality(said) {
-  const { answer: doc } = said;
-  const units = units_of(said);
+  const { answer: doc, read, told } = said;
+  const reader = reader_of(said);
   // As in the package: what was found in reading comes before what is as grave.
   const weight = ({ code, severity }) => (code === "kp_assumed" ? 3 : Object.keys(EXPLAINED).indexOf(severity));
-  const all = [...said.read.told, ...doc.quality].sort((a, b) => weight(a) - weight(b));
+  const read_of = read.told.map((one) => ({ ...one, text: finding(one, reader) }));
+  const all = [...read_of, ...doc.quality.map((one, i) => ({ ...one, text: told.quality[i] }))].sort((a, b) => weight(a) - weight(b));
   const found = all.map((one) => [
     h("span", { class: `severity ${one.severity}` }, EXPLAINED[one.severity]),
-    h("div", {}, sentence(finding(one, units)),
+    h("div", {}, sentence(one.text),
       h("span", { class: "evidence" }, Object.entries(one.evidence).map(([key, value]) => `${key.replaceAll("_", " ")} ${typeof value === "number" ? number(value, 4) : value}`).join(", "))),
   ]);
   return h("section", {}, h("h3", {}, "Data quality"),
@@ -424,7 +379,7 @@ function draw(said, op_unit, pv_unit) {
   const { fit: found, answer } = said.answer;
   const zoomed = [];
   const bands = said.half_periods
-    ? said.half_periods.t_start.slice(0, 20_000).map((from, i) => [from + (t0 ?? 0) / 1000, said.half_periods.t_end[i] + (t0 ?? 0) / 1000, `r-${words.names[said.half_periods.reason[i]]}`])
+    ? said.half_periods.t_start.slice(0, 20_000).map((from, i) => [from + (t0 ?? 0) / 1000, said.half_periods.t_end[i] + (t0 ?? 0) / 1000, `r-${data.names[said.half_periods.reason[i]]}`])
     : null;
   if (columns.op) {
     const lines = [{ label: "OP", stroke: "output" }];

@@ -44,7 +44,7 @@ const does = {
     // The fit takes long: what the crossings say by themselves is told before it.
     if (columns.op && n <= AT_ONCE) {
       crossings(false);
-      tell("first", { ...engine.ask("finish"), read, unit, took: performance.now() - began });
+      tell("first", { ...engine.ask("finish", { reader: reader_of({ read, unit }) }), read, unit, took: performance.now() - began });
     }
     crossings(true);
     tell("progress", { stage: "Fitting the gap", share: null });
@@ -69,7 +69,7 @@ const does = {
 
   /** Columns that are there already, from the laboratory. */
   fit({ columns, task }) {
-    asked = { read: { units: { pv: "%" }, t0: null }, unit: "%", began: performance.now() };
+    asked = { read: { loop: "The loop", units: { pv: "%" }, t0: null }, unit: "%", began: performance.now() };
     for (const [name, numbers] of Object.entries(columns)) engine.column(name, numbers);
     engine.ask("begin", { task });
     engine.ask("rows", { from: 0, to: columns.t.length });
@@ -80,7 +80,7 @@ const does = {
 /** The answer of the recording that was asked for. */
 function answer(what, more) {
   const { read, unit, began } = asked;
-  return { ...engine.ask(what, more), read, unit, took: performance.now() - began };
+  return { ...engine.ask(what, { ...more, reader: reader_of(asked) }), read, unit, took: performance.now() - began };
 }
 
 const answered = (what, more) => tell("answered", answer(what, more));

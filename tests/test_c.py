@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import json
+import math
 import os
 import re
 import shutil
@@ -367,11 +368,31 @@ def test_the_answer_document_is_that_of_python(loaded: ctypes.CDLL) -> None:
 
     assert asked(json.dumps(task), len(room)) == OK, loaded.glapp_error()
     told = json.loads(room.value)["answer"]
+    told["next"].setdefault("of", None)
     assert told == json.loads(json.dumps(asdict(result.answer))), "every field, number by number"
     assert told["confidence"] == "found" and told["limit"] == {"percent_span": 1.0, "width": 0.1, "origin": "nominal"}
     assert asked(json.dumps(task | {"fit": False}), 100) == BAD_LENGTH and b"must have" in loaded.glapp_error()
     assert asked('{"acceptabel": 1}', len(room)) == REFUSED and b"task: unknown field" in loaded.glapp_error()
     assert asked('{"n": 0, "controller": {"k": 1, "ti": 1, "td": 0, "b": 1}}', len(room)) == REFUSED
+
+
+@built
+def test_a_message_is_told_as_in_python(loaded: ctypes.CDLL) -> None:
+    room, needed = ctypes.create_string_buffer(500), ctypes.c_size_t()
+
+    def asked(message: str, reader: str | None, size: int = len(room)) -> int:
+        who = None if reader is None else reader.encode()
+        return int(loaded.glapp_text(message.encode(), who, room, ctypes.c_size_t(size), ctypes.byref(needed)))
+
+    numbers = {"d": 0.123, "floor": 0.5}
+    message = json.dumps({"code": "crossings.noise", "numbers": numbers})
+    assert asked(message, '{"op_unit": "mA"}') == OK, loaded.glapp_error()
+    assert room.value.decode() == glapp._glapp.to_text("crossings.noise", numbers, op_unit="mA")
+    assert needed.value == len(room.value) + 1
+    assert asked(message, None) == OK and "OP units" in room.value.decode()
+    assert asked(message, None, 10) == BAD_LENGTH and b"must have" in loaded.glapp_error()
+    assert asked('{"code": "crossings.none"}', None) == REFUSED and b"no message" in loaded.glapp_error()
+    assert asked("{", None) == BAD_TEXT and asked(message, "1") == BAD_TEXT
 
 
 # Wrong input ----------------------------------------------------------------------------------------------------------
@@ -425,6 +446,48 @@ def test_a_setting_that_is_refused_is_named(loaded: ctypes.CDLL, settings: dict[
     done, handle, wrong = made(loaded, **settings)
     assert done == REFUSED and handle.value is None
     assert wrong.startswith(told)
+
+
+class Module(ctypes.Structure):
+    _fields_ = (
+        ("name", ctypes.c_char_p),
+        ("kind", ctypes.c_char_p),
+        ("settings", ctypes.POINTER(Setting)),
+        ("count", ctypes.c_size_t),
+    )
+
+
+def graph(loaded: ctypes.CDLL, **settings: float) -> tuple[int, ctypes.c_void_p]:
+    """The code and the handle of a graph of one `BacklashDetection` with these settings."""
+    given = (Setting * len(settings))(*(Setting(name.encode(), value) for name, value in settings.items()))
+    names = (b"sp", b"pv", b"op", b"flags")
+    inputs = [Module(name, b"Input", None, 0) for name in names]
+    modules = (Module * 5)(*inputs, Module(b"watch", b"BacklashDetection", given, len(settings)))
+    wires = (ctypes.c_char_p * 4)(*(name + b" -> watch." + name for name in names))
+    handle = ctypes.c_void_p()
+    sized = modules, ctypes.c_size_t(5), wires, ctypes.c_size_t(4)
+    return loaded.glapp_graph_new(ctypes.c_double(1.0), *sized, ctypes.byref(handle)), handle
+
+
+@built
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["size", "share", "limit", "band", "tf", "rate", "release", "watch", "travel"])
+def test_no_setting_of_the_compensation_is_taken_beyond_its_bounds(loaded: ctypes.CDLL, name: str) -> None:
+    """`comp_release` had no upper bound, so that u_FF stayed for good."""
+    words = {row["name"]: row["bound"] for row in CATALOGUE["settings"]["compensation"]}[name]
+    usual = {"k": 0.5, "ti": 5.0, "op_low": 0.0, "op_high": 100.0, "comp_size": 2.0, "comp_limit": 3.0}
+    done, there = graph(loaded, **usual)
+    assert done == OK, loaded.glapp_error()
+    path, now, value = f"watch.comp_{name}".encode(), ctypes.c_double(), ctypes.c_double()
+    assert loaded.glapp_graph_get(there, path, ctypes.byref(now)) == OK
+    for wrong in (1e38, -1.0, math.nan, math.inf):
+        assert graph(loaded, **usual | {f"comp_{name}": wrong})[0] == REFUSED
+        assert words in loaded.glapp_error().decode()
+        assert loaded.glapp_graph_set(there, path, ctypes.c_double(wrong)) == REFUSED
+        assert words in loaded.glapp_error().decode()
+        assert loaded.glapp_graph_get(there, path, ctypes.byref(value)) == OK
+        assert repr(value.value) == repr(now.value)
+    assert loaded.glapp_graph_free(there) == OK
 
 
 @built

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 from bench.compensation import Case, Harm, harm, reversals, warned
 
+from glapp import Loop
 from glapp.errors import InputError
 from glapp.fit import Fit
 from glapp.modules import Flag
 from glapp.recording import BAD, NOT_AUTO
+from glapp.result import decide
 from glapp.simulate import STANDINGS, Compensation, Scenario, Simulation, Walk, run, run_many
 
 WAYS = ("error", "derivative", "inverse")
@@ -226,8 +228,10 @@ def test_what_the_module_notices_is_recorded(turned: bool) -> None:
 
 
 def test_only_backlash_may_be_compensated() -> None:
-    for verdict, size in (("backlash", 0.8), ("both", None), ("stiction", None), ("at_least", None), ("sound", None)):
-        assert Fit(verdict=verdict, reason="", unit="%", d=1.0, low=0.8, high=1.2).compensable == size  # type: ignore[arg-type]
+    for verdict, size in (("backlash", 0.8), ("both", None), ("stiction", None), ("at_least", None), ("sound", 0.0)):
+        fit = Fit(verdict=verdict, reason="", unit="%", d=1.0, low=0.8, high=1.2)  # type: ignore[arg-type]
+        none: dict[str, Any] = {"crossings": "no_estimate", "d_hat": None, "detections": 0, "reasons": {}}
+        assert decide(**none, fit=fit, loop=Loop(name="FIC1")).compensable == size
 
 
 def test_together_as_alone() -> None:

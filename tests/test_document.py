@@ -31,6 +31,10 @@ WORDS = {
     "reason_code",
     "identified",
     "answer.next.text",
+    "answer.reasons",
+    "answer.so",
+    "answer.do",
+    "answer.why",
     "answer.struck.text",
     "quality.text",
     "controller.as_written",
@@ -51,6 +55,7 @@ CODES = {
     "fit.position",
     "fit.change",
     "step_test",
+    "messages",
     "identification",
     "quality.numbers",
     "controller.max_h",
@@ -142,6 +147,16 @@ def test_what_is_written_is_what_the_core_answered() -> None:
             assert one == other, at
 
     compare(answer, written, "")
+
+
+def test_every_reason_is_a_code_with_numbers_that_tells_its_sentence() -> None:
+    result = glapp.analyze(worn(0.3))
+    document = json.loads(to_json([result]))["loops"][0]
+    codes = [reason["code"] for reason in document["answer"]["reasons"]]
+    assert codes[0] == "fit.backlash"
+    first = document["answer"]["reasons"][0]
+    assert _glapp.to_text(first["code"], first["numbers"], op_unit=document["unit"]) == document["fit"]["reason"]
+    assert document["answer"]["why"][0] == _glapp.sentence(document["fit"]["reason"])
 
 
 def test_reasons_and_the_law_that_was_read_stand_there_for_programs() -> None:

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from programs import built
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
@@ -33,5 +34,4 @@ def test_the_notebook_runs_from_its_first_cell_to_its_last() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.rs")), ids=lambda path: path.name)
 def test_rust_example_prints_what_its_python_twin_prints(path: Path) -> None:
-    ours = output_of("cargo", "run", "--release", "--quiet", "-p", "glapp-sim", "--example", path.stem)
-    assert ours == output_of(sys.executable, str(path.with_suffix(".py")))
+    assert output_of(built("sim", "example", path.stem)) == output_of(sys.executable, str(path.with_suffix(".py")))

@@ -348,7 +348,7 @@ def test_a_gap_that_op_never_goes_through_gives_no_width() -> None:
     rng = np.random.default_rng(1)
     op = 50 + 0.4 * np.sin(t / 9) + 0.01 * rng.standard_normal(len(t))
     f = fitted(t, 20 + 0.05 * rng.standard_normal(len(t)), op)
-    assert f.verdict == "cannot_tell" and "does not answer" in f.reason
+    assert f.verdict == "cannot_tell" and "does not follow OP" in f.reason
 
 
 def _noise(n: int) -> Any:

@@ -121,7 +121,7 @@ def same(page: Any, path: Path) -> None:
         near(told[key], found[key], key)
     for ours, theirs in zip(told["quality"], found["quality"], strict=True):
         near(ours["evidence"], {key: theirs["evidence"][key] for key in ours["evidence"]}, ours["code"])
-    said = page.locator("#result").inner_text()
+    said = page.locator("#result").text_content()  # also what is folded
     sentences = [words.next_step(result), *(words.sentence(one.text) for one in result.quality)]
     if result.fit is not None:
         sentences += [words.lead(result), words.sentence(result.fit.reason)]
@@ -342,7 +342,7 @@ def test_the_report_is_a_file_of_its_own(analysed: Any, browser: Any, tmp_path: 
     assert "<script" not in text and "default-src 'none'" in text
     other = browser.new_context().new_page()
     other.goto(path.as_uri())
-    assert "has a gap of" in other.locator(".lead").inner_text()
+    assert "has a dead band of" in other.locator(".lead").inner_text()
     assert other.evaluate("() => [...document.images].every((one) => one.naturalWidth > 100)")
     other.context.close()
 

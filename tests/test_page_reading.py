@@ -15,7 +15,6 @@ from glapp.errors import InputError
 from glapp.loop import Loop
 from glapp.reading import open_recordings
 from glapp.recording import joined
-from glapp.report import words
 from page import build
 
 ROOT = Path(__file__).parents[1]
@@ -162,21 +161,3 @@ def test_refuses_the_same_files(read: dict[str, dict[str, Any]], name: str) -> N
         [one] = open_recordings(read[name]["file"])
         list(one.batches())
     assert "wrong" in read[name]
-
-
-def test_numbers_are_written_alike(tmp_path: Path) -> None:
-    random = np.random.default_rng(1)
-    values = [0.0, 1.0, -2.5, 1e-5, 123456.0, 1234567.0, 0.0001, 99.95, 0.00009999]
-    values += (random.normal(size=60) * 10.0 ** random.integers(-7, 9, size=60)).tolist()
-    asked = [
-        ["formatted", value, spec] for value in values for spec in (".3g", ".4g", ".2g", ".0f", ".2f", ".0%", ".6g")
-    ]
-    asked += [["number", value] for value in values] + [["number", value, 4] for value in values]
-    asked += [["duration", abs(value)] for value in values if abs(value) < 1e7]
-    asked += [["sentence", text] for text in ("no gap: x", "Δt is short", "FIC101 is. Read it!", "a 1", "x")]
-    (tmp_path / "asked.json").write_text(json.dumps(asked), encoding="utf-8")
-    command = ["node", str(Path(__file__).parent / "page_words.mjs"), str(ROOT / "page" / "words.js")]
-    said = subprocess.run([*command, str(tmp_path / "asked.json")], capture_output=True, text=True, check=True)
-    ours = {"formatted": format, "number": words.number, "duration": words.duration, "sentence": words.sentence}
-    for (name, *given), line in zip(asked, said.stdout.splitlines(), strict=True):
-        assert json.loads(line) == ours[name](*given), (name, given)

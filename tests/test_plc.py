@@ -2,7 +2,6 @@
 
 import gc
 import importlib.metadata
-import json
 import os
 import re
 import subprocess
@@ -17,6 +16,7 @@ from xml.etree import ElementTree
 
 import fits
 import pytest
+from programs import built
 
 ROOT = Path(__file__).resolve().parent.parent
 BUILDS = ("LREAL", "REAL")
@@ -238,17 +238,9 @@ def run(*command: object, folder: Path = ROOT, **environment: str) -> str:
     return done.stdout
 
 
-def programs() -> dict[tuple[str, str], str]:
-    """Examples and tests of plc/check as `make rust` has made them; asked for one package it would make all anew."""
-    tested = [f"-pglapp-{crate}" for crate in ("core", "fit", "sim", "analysis", "capi", "plc-check", "py")]
-    lines = run("cargo", "test", "--release", *tested, "--no-run", "--quiet", "--message-format=json").splitlines()
-    told = [one for one in map(json.loads, lines) if one.get("executable") and "plc-check" in one["package_id"]]
-    return {(one["target"]["kind"][0], one["target"]["name"]): one["executable"] for one in told}
-
-
 def check(kind: str, name: str, *args: object, **environment: str) -> str:
     """What such a program says."""
-    program = fits.kept("programs", programs)[kind, name]
+    program = built("check", kind, name)
     return run(program, *args, folder=ROOT / "plc/check", **environment)
 
 

@@ -117,7 +117,7 @@ def said(verdict: Any, d: float, low: float, high: float | None) -> Fit:
 )
 def test_a_contradiction_names_both(position: Fit, pv: Fit, verdict: str, low: float, high: float | None) -> None:
     """The position once overrode PV unseen. What is decided is held in `crates/analysis/src/fitted.rs`."""
-    decided = {"position": "contradicts", "verdict": verdict, "low": low, "high": high}
+    decided = {"position": "contradicts", "verdict": verdict, "low": low, "high": high, "change": None}
     f = _together(decided, position, pv, LOOP)
     assert (f.verdict, f.low, f.high) == (verdict, low, high)
     assert position.reason in f.reason and pv.reason in f.reason and "contradict" in f.reason
@@ -125,15 +125,16 @@ def test_a_contradiction_names_both(position: Fit, pv: Fit, verdict: str, low: f
 
 def test_where_they_agree_the_position_settles_it() -> None:
     sharp, broad = said("backlash", 1.0, 0.9, 1.1), said("backlash", 1.3, 0.8, 2.0)
-    f = _together({"position": "settles", "verdict": "backlash", "low": 0.9, "high": 1.1}, sharp, broad, LOOP)
+    settles = {"position": "settles", "verdict": "backlash", "low": 0.9, "high": 1.1, "change": None}
+    f = _together(settles, sharp, broad, LOOP)
     assert (f.d, f.low, f.high, f.through_pv) == (1.0, 0.9, 1.1, broad)
     assert "contradict" not in f.reason
     # A mere bound does not hide a width.
     bound = said("at_least", 1.0, 0.7, None)
-    assert _together({"position": "bounds"}, bound, broad, LOOP).d == 1.3
+    assert _together({"position": "bounds", "verdict": "backlash"}, bound, broad, LOOP).d == 1.3
     # What the position cannot tell, PV answers, and the reason says so.
     silent = Fit("cannot_tell", "it stands still", "%")
-    answer = _together({"position": "silent"}, silent, broad, LOOP)
+    answer = _together({"position": "silent", "verdict": "backlash"}, silent, broad, LOOP)
     assert answer.d == 1.3 and "it stands still" in answer.reason
 
 

@@ -182,6 +182,14 @@ def test_a_packed_file_that_unpacks_to_too_much_is_refused(tmp_path, monkeypatch
     assert line in str(refused.value)
 
 
+def test_a_file_that_begins_with_spaces_without_end_is_not_called_empty(tmp_path):
+    """3 GB of spaces in 3 MB: what stands behind the first of them was never looked at."""
+    path = tmp_path / "plant.csv.gz"
+    path.write_bytes(gzip.compress(b" " * (18 << 20) + b"\nt,SP,PV,OP\n0,50,50,40\n", 1))
+    with pytest.raises(InputError, match="begins with 16384 KiB of nothing but spaces and empty lines; delete them"):
+        open_recordings(path)
+
+
 def test_a_row_without_an_end_is_refused(tmp_path):
     path = tmp_path / "plant.csv"
     rows = b"".join(b"%d,50,%d,40\n" % (k, 50 + k % 7) for k in range(9000))

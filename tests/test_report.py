@@ -311,7 +311,7 @@ def test_numbers_in_the_report_are_those_of_the_results(worn: Result, tmp_path: 
     [file] = write_report([worn], tmp_path / "report.html")
     text = " ".join(" ".join(parsed(file).text).split())
     assert worn.verdict == "estimate"
-    shown = float(re.search(r"loses ([\d.]+) % of OP span", text)[1])  # type: ignore[index]
+    shown = float(re.search(r"dead band of ([\d.]+) %OP", text)[1])  # type: ignore[index]
     assert shown == pytest.approx(worn.d_hat_percent_span, rel=5e-3)
     assert f"from {worn.detections} detections in {worn.half_periods.count} half-periods" in text
     for name, n in worn.reasons.items():
@@ -488,7 +488,7 @@ def test_every_loop_stands_once_in_the_list_the_most_urgent_first(run: list[Resu
     assert "9 loops that cannot be judged" in text
     for r in order:
         if not words.judged(r):
-            assert f"{words.why(r)} {words.next_step(r)}" in text, "the reason, and what would help"
+            assert f"{words.lead(r)} {words.next_step(r)}" in text, "the reason, and what would help"
 
 
 @pytest.mark.slow
@@ -515,19 +515,18 @@ def test_nothing_breaks_without_signals_or_numbers(worn: Result, tmp_path: Path)
 
 def test_the_words_claim_no_more_than_is_known(run: list[Result]) -> None:
     for result in run:
-        text = " ".join(words.verdict(result))
+        text = " ".join([words.lead(result), *words.why(result)])
         assert "confidence" not in text
         assert "interval" not in text
         assert words.next_step(result)
         if result.crossings == "provisional":
             assert "provisional" in text
-            assert "appears to lose" in text
         if result.d_hat is None:
-            assert "loses" not in text
+            assert "dead band of" not in text
         else:
             assert "too high" in text
             assert "step test" in text
-    assert "does not show that the valve is sound" in " ".join(words.verdict(run[5]))
+    assert "does not show that the valve is sound" in " ".join(words.why(run[5]))
 
 
 def test_where_the_fit_tells_it_alone_says_what_to_do(worn: Result, tmp_path: Path) -> None:
@@ -544,7 +543,7 @@ def test_where_the_fit_tells_it_alone_says_what_to_do(worn: Result, tmp_path: Pa
         "gap",
     ]
     assert "step test" in words.next_step(bound) and words.next_step(sound) == "Nothing now."
-    assert words.next_step(unsure).startswith("Record for longer, while OP moves further")
+    assert words.next_step(unsure).startswith("Record for longer while OP moves further")
     write_report([bound, sound, unsure], file := tmp_path / "report.html")
     page = parsed(file)
     text = " ".join(page.text)
@@ -553,19 +552,21 @@ def test_where_the_fit_tells_it_alone_says_what_to_do(worn: Result, tmp_path: Pa
 
 
 def test_what_to_do_about_a_fitted_gap_hangs_on_what_is_acceptable(worn: Result) -> None:
-    def step(verdict: Any, low: float, high: float | None, limit: float | None = 2.0) -> str:
+    def told(verdict: Any, low: float, high: float | None, limit: float | None = 2.0) -> tuple[str, str]:
         loop = worn.loop.model_copy(update={"op_span": (0.0, 200.0), "acceptable_dead_band": limit})
-        return words.next_step(replace(worn, loop=loop, fit=Fit(verdict, "found", "mA", low, low, high)))
+        result = replace(worn, loop=loop, fit=Fit(verdict, "found", "mA", low, low, high))
+        return words.lead(result), words.next_step(result)
 
     # 2 % of a span of 200 are 4.
-    assert step("backlash", 5.0, 6.0).startswith("It is more than what is acceptable here, 2 % of span. Look for play")
-    assert step("at_least", 5.0, None).startswith("It is more than")
-    assert step("backlash", 2.0, 3.9).startswith("Nothing now: all of it is within what is acceptable here, 2 % of")
-    assert step("backlash", 3.0, 5.0).startswith("Look for play"), "it may be either"
-    assert step("at_least", 3.0, None).startswith("Record while OP moves further")
-    assert step("backlash", 5.0, 6.0, None).startswith("It is more than what is acceptable here, 1 % of span."), (
-        "nominal"
-    )
+    for verdict, high in (("backlash", 6.0), ("at_least", None)):
+        so, do = told(verdict, 5.0, high)
+        assert so.endswith(", more than the 2 % of span allowed.") and not do.startswith("Nothing")
+    assert told("backlash", 5.0, 6.0)[1].startswith("Check linkage, keys and actuator for play")
+    assert told("backlash", 2.0, 3.9)[1].startswith("Nothing now: all of it is within the 2 % of span allowed.")
+    so, do = told("backlash", 3.0, 5.0)
+    assert "allowed" not in so and do.startswith("Check linkage"), "it may be either"
+    assert told("at_least", 3.0, None)[1].startswith("Record while OP moves further")
+    assert told("backlash", 5.0, 6.0, None)[0].endswith(", more than the usual 1 % of span."), "nominal"
 
 
 def test_the_corrected_width_stands_beside_the_other(worn: Result, tmp_path: Path) -> None:
@@ -576,7 +577,7 @@ def test_the_corrected_width_stands_beside_the_other(worn: Result, tmp_path: Pat
     assert "a process gain of 1.50 (1.25 to 1.75)" in text and "worked out by (4.1) in 7 pairs" in text
     assert words.number(worn.d_hat) in text
     refused = Corrected(None, None, None, None, None, 2, "op", "2 pairs are too few")
-    assert "cannot be taken out: 2 pairs are too few." in " ".join(words.verdict(replace(worn, corrected=refused)))
+    assert "cannot be taken out: 2 pairs are too few." in " ".join(words.why(replace(worn, corrected=refused)))
 
 
 def test_widths_over_time_are_drawn_with_their_intervals(worn: Result, tmp_path: Path) -> None:
@@ -588,7 +589,9 @@ def test_widths_over_time_are_drawn_with_their_intervals(worn: Result, tmp_path:
         Window(8 * day, 8.1 * day, "cannot_tell", 1.0, 0.0, None, 3.0),
     ]
     trend = Trend(1.0, 0.1, 5, (300.0, 4 * day + 300), (2.0, 6.0), changes=True)
-    fit = Fit("backlash", "a gap", "%", 6.0, 5.5, 7.0, trend=trend, windows=windows)
+    change: dict[str, Any] = {"code": "grows", "widths": 5, "widths_needed": 5, "t": trend.t, "d": trend.d}
+    change |= {"per_day": 1.0, "low": 0.8, "high": 1.2, "least_plain": 0.3}
+    fit = Fit("backlash", "a gap", "%", 6.0, 5.5, 7.0, trend=trend, windows=windows, change=change)
     result = replace(worn, fit=fit)
     dots, least, most, line = trend_figure(result).data
     assert list(dots.y) == [2.0, 3.0, 4.0, 5.0, 6.0]
@@ -597,16 +600,8 @@ def test_widths_over_time_are_drawn_with_their_intervals(worn: Result, tmp_path:
     assert list(line.y) == [2.0, 6.0] and line.x[0] == dots.x[0] and line.x[-1] == dots.x[-1]
     write_report([result], file := tmp_path / "trend.html")
     text = " ".join(parsed(file).text)
-    assert "8 windows of the recording" in text and "It has grown to this in 4 d" in text
-    assert "grown" not in words.lead(replace(result, fit=replace(fit, trend=None)))
-
-
-def test_a_width_is_judged_only_against_a_limit_in_the_same_unit(worn: Result) -> None:
-    assert worn.d_hat_percent_span is not None
-    assert words.exceeds(worn) is True
-    assert words.exceeds(replace(worn, loop=a_loop(acceptable_dead_band=worn.d_hat_percent_span))) is False
-    assert words.exceeds(replace(worn, loop=a_loop(op_span=None, op_unit="mA"))) is None
-    assert words.exceeds(replace(worn, loop=a_loop(acceptable_dead_band=None))) is True, "the nominal limit is 1 %"
+    assert "8 windows of the recording" in text and ", up from 2 in 4 d" in text
+    assert "up from" not in words.lead(replace(result, fit=replace(fit, change=None)))
 
 
 def test_comparisons_agree_with_the_mask(worn: Result) -> None:
@@ -639,24 +634,27 @@ def test_crossings_that_contradict_the_fit_are_struck(worn: Result, tmp_path: Pa
     assert codes == ["sound", "above", None, "above"]
     assert words.headline(sound).startswith("< 0.5") and sound.width is None and sound.verdict == "sound"
     assert words.headline(may) == "0 to 0.400\xa0%OP"
-    assert words.why(may) == "The data fit any gap from 0 to 0.400\xa0%OP, most likely 0.100\xa0%OP."
+    assert words.lead(may) == (
+        f"{may.name}: probably 0.10\xa0%, at most 0.40\xa0%, but no gap would explain the data too."
+    )
     assert [r.name for r in words.ranked([sound, wide, agrees])] == ["agrees", "wide", "sound"]
     write_report([sound, wide, agrees], file := tmp_path / "report.html")
     text = " ".join(parsed(file).text)
-    assert text.count("%OP, struck") == 2 and text.count("of the zero crossings is struck") == 2
+    assert "%OP, too high" in text and "%OP, from noise or load" in text and text.count("; ignore it.") == 2
     assert words.number(worn.d_hat) in text, "its number stands beside the reason"
-    assert {trace.name for trace in loop_figure(sound).data} >= {"estimate, struck", "not excluded by OP and PV"}
-    assert "estimate, struck" not in {trace.name for trace in loop_figure(agrees).data}
+    assert {trace.name for trace in loop_figure(sound).data} >= {"estimate, excluded", "not excluded by OP and PV"}
+    assert "estimate, excluded" not in {trace.name for trace in loop_figure(agrees).data}
 
 
-def test_how_strong_the_evidence_is_stands_in_words(worn: Result) -> None:
-    def said(lr: float, verdict: Any = "backlash", why: str = "gap") -> str:
-        fit = Fit(verdict, "units of 2·ln L", "%", 2.0, 1.5, 3.0, lr_no_gap=lr, lr_needed=40.0, why=why)
-        return words.why(replace(worn, fit=fit))
-
-    assert said(41.0) == "Evidence for a gap: strong." and said(90.0) == "Evidence for a gap: very strong."
-    assert said(41.0, why="gap_and_more").startswith("Evidence for a gap: strong. Where the valve turns, PV strays")
-    assert said(20.0, "sound") == "Units of 2·ln L.", "a reason of the fit's own"
+def test_the_likelihood_stands_in_the_fold_alone(worn: Result, tmp_path: Path) -> None:
+    fit = Fit("backlash", "a gap: likelihood ratio 41, 40 needed", "%", 2.0, 1.5, 3.0, lr_no_gap=41.0, lr_needed=40.0)
+    told = words.told(replace(worn, fit=fit))
+    assert "likelihood" not in told["so"] + told["do"]
+    assert told["why"][0] == "a gap: likelihood ratio 41, 40 needed.".capitalize()
+    assert words.basis(replace(worn, fit=fit)) == "evidence strong" and words.basis(worn) == "simple method alone"
+    write_report([replace(worn, fit=fit)], file := tmp_path / "report.html")
+    text = file.read_text(encoding="utf-8")
+    assert text.index('<details class="why">') < text.index("likelihood ratio 41")
 
 
 def fitted(worn: Result, verdict: Any = "backlash", low: float = 2.5, high: float | None = 3.4) -> Result:
@@ -718,7 +716,7 @@ def test_a_step_test_in_the_recording_is_used_and_not_advised() -> None:
     by_hand = glapp.simulate.closed_loop(plant, (0.5, 10, 0, 0), manual=steps, **run_of, filter_in_loop=True)
     result = glapp.analyze(glapp.recording_from(by_hand.to_arrow()), fit=False)
     assert result.step_test is not None and result.step_test.d == pytest.approx(2.0, abs=0.1)
-    used = re.compile(r"This recording holds a step test, and it gives a gap of [\d.]+\s%OP \([\d.]+ to [\d.]+\)")
+    used = re.compile(r"The step test in this recording gives [\d.]+\s%OP \([\d.]+ to [\d.]+\)")
     assert used.search(words.next_step(result)), "refused, since it was never in automatic"
     limit = a_loop(op_span=(0, 100), acceptable_dead_band=None)
     for verdict in ("backlash", "both", "at_least", "cannot_tell"):
@@ -741,12 +739,11 @@ def test_a_run_is_told_in_a_sentence(worn: Result) -> None:
     rest = [of("sound", "sound", 0.0, 0.0, 0.5), of("swings", "oscillation", 0.0, 0.0, 0.5)]
     rest += [of("unsure", "cannot_tell", 9.0, 0.0, None), worn, refused()]
     assert words.summary([*gaps, *rest]) == (
-        "2 of 7 valves have a measured gap, 1 of them wider than is acceptable. 1 reads a width by zero crossings "
-        "alone, 1 shows none, 1 swings for another reason, 1 cannot be judged, 1 was refused. To be looked at: 1 "
-        "first, 2 at the next round."
+        "1 valve: act now. 1 loop: check the tuning. 1 valve: check at the next round. 1 valve: within the limit. "
+        "1 valve: no dead band seen. 1 loop: cannot tell yet. 1 loop: not analysed."
     )
     assert words.summary(gaps[:1]) == words.lead(gaps[0]), "of one loop its answer"
-    assert words.summary(rest[:1] * 2) == "None of 2 valves has a measured gap. 2 show none. Nothing is urgent."
+    assert words.summary(rest[:1] * 2) == "Nothing is urgent. 2 valves: no dead band seen."
 
 
 def test_a_width_stands_in_op_units_and_in_percent_of_span(worn: Result, tmp_path: Path) -> None:

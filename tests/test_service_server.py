@@ -88,7 +88,9 @@ def test_what_it_says(watch: Watch) -> None:
 
             other = {name: await read(node(f"FIC1.{name}")) for name in NODES}
             statuses = {name: one.StatusCode.name for name, one in other.items() if one.StatusCode.is_bad()}
-            waiting = dict.fromkeys(("Verdict", "Confidence", "Width", "Low", "High", "NextStep", "Urgency", "LastSeen"))
+            waiting = dict.fromkeys(
+                ("Verdict", "Confidence", "Width", "Low", "High", "NextStep", "Urgency", "LastSeen")
+            )
             assert statuses == {
                 **dict.fromkeys(waiting, "BadWaitingForInitialData"),
                 "Standing": "BadNotSupported",

@@ -14,6 +14,9 @@ from glapp_thesis.style import save
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("thesis")]  # the figures are computed once, by one worker
 
+A_FEW = ["1.4", "2.2", "4.2", "5.1", "5.10", "6.5", "7.1", "7.4", "7.12"]
+"""Figures of every chapter that take less than a second; all of them are computed in `make verify`."""
+
 GALLERY = Path(__file__).parent.parent / "docs/gallery"
 RECORDED = json.loads((GALLERY / "numbers.json").read_text(encoding="utf-8"))
 
@@ -23,10 +26,22 @@ def shown(figures: dict[str, Callable[[], Shown]]) -> dict[str, Shown]:
     return {number: function() for number, function in figures.items()}
 
 
+@pytest.mark.parametrize("number", A_FEW)
+def test_a_few_figures_are_those_of_the_gallery(figures: dict[str, Callable[[], Shown]], number: str) -> None:
+    one = figures[number]()
+    is_that_of_the_gallery(one, number)
+    names_its_axes(one)
+    assert (GALLERY / one.picture).is_file()
+
+
 @pytest.mark.verify
 @pytest.mark.parametrize("number", FIGURES)
 def test_numbers_are_those_of_the_gallery(shown: dict[str, Shown], number: str) -> None:
-    one, recorded = shown[number], RECORDED[number]
+    is_that_of_the_gallery(shown[number], number)
+
+
+def is_that_of_the_gallery(one: Shown, number: str) -> None:
+    recorded = RECORDED[number]
     assert one.number == number
     assert len({x.what for x in one.numbers}) == len(one.numbers)
     assert recorded.keys() == {x.what for x in one.numbers}
@@ -40,29 +55,37 @@ def test_a_wrong_number_is_noticed(shown: dict[str, Shown]) -> None:
     assert x.ours is not None and not x.agrees(1.00001 * x.ours) and not x.agrees(None)
 
 
+@pytest.mark.verify
 def test_page_is_what_the_figures_say(shown: dict[str, Shown]) -> None:
     page = (GALLERY / "README.md").read_text(encoding="utf-8")
     assert page == gallery.as_markdown([gallery.recorded(one, RECORDED[n]) for n, one in shown.items()]), "make gallery"
 
 
+@pytest.mark.verify
 def test_every_picture_is_there_and_no_other(shown: dict[str, Shown]) -> None:
     assert {path.name for path in GALLERY.glob("*.png")} == {one.picture for one in shown.values()}
     assert all(path.stat().st_size <= 60_000 for path in GALLERY.glob("*.png"))
 
 
+@pytest.mark.verify
 def test_every_difference_has_its_number(shown: dict[str, Shown]) -> None:
     assert [difference for difference, _, _ in shown_by(list(shown.values()))] == list(DIFFERENCES)
 
 
+@pytest.mark.verify
 @pytest.mark.parametrize("number", FIGURES)
 def test_picture_names_its_axes(shown: dict[str, Shown], number: str) -> None:
-    figure = shown[number].draw()
-    for axes in figure.axes:
+    names_its_axes(shown[number])
+
+
+def names_its_axes(one: Shown) -> None:
+    for axes in one.draw().axes:
         if axes.axison:
             assert axes.get_ylabel()
             assert any(each.get_xlabel() for each in axes.get_shared_x_axes().get_siblings(axes))
 
 
+@pytest.mark.verify
 def test_html_page_stands_alone(shown: dict[str, Shown], tmp_path: Path) -> None:
     page = gallery.as_html(list(shown.values()))
     links = re.findall(r'(?:src|href)="([^"]*)"', page)

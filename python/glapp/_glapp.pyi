@@ -1,6 +1,6 @@
 """The Rust extension."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Self
 
@@ -494,6 +494,52 @@ class Analysis:
         """Takes the next rows; gives the filtered PV of each filter time that is tried."""
     def finish(self, progress: Callable[[float], None] | None) -> dict[str, Any]:
         """`answer` in plain types, `op`: whether OP is recorded, `chosen` filter time and `table`; `pv`, `position`."""
+
+def to_text(
+    code: str,
+    numbers: Mapping[str, Any] | None = None,
+    *,
+    name: str = "",
+    pv_unit: str | None = None,
+    op_unit: str | None = None,
+    t0: int | None = None,
+    first_row: int = 2,
+) -> str:
+    """The message of this code as a person reads it; `t0`: local time of t = 0 [µs since 1970].
+
+    ValueError where there is no such message, or one of its numbers is missing or of another kind.
+    """
+
+def told(said: str, *, name: str = "", pv_unit: str | None = None, op_unit: str | None = None) -> dict[str, Any]:
+    """The parts of an answer in words, from its document and what its sentences need beside it (JSON)."""
+
+def overview(run: str) -> str:
+    """All loops of a run in short; of each its headline (JSON)."""
+
+def catalogue() -> list[tuple[str, str]]:
+    """Every code with its template."""
+
+def number(value: float | None, digits: int = 3) -> str:
+    """Write a number with so many significant digits, without an exponent where a person would use none.
+
+    >>> number(0.50349), number(1234.6), number(34), number(None), number(-0.00001234)
+    ('0.503', '1235', '34', '–', '−1.23e-05')
+    """
+
+def quantity(value: float | None, unit: str, digits: int = 3) -> str:
+    """Write a number with its unit, with a no-break space between; a dash alone where there is no number."""
+
+def duration(seconds: float) -> str:
+    """Write a time span in the two largest units that fit."""
+
+def clock(t0: int | None, seconds: float) -> str:
+    """Write a moment of a recording; `t0`: local time of t = 0 [µs since 1970], None where it is not known."""
+
+def count(n: int, noun: str) -> str:
+    """Write a count with its noun."""
+
+def sentence(text: str | None) -> str:
+    """Make a reason a sentence: full stop, and a capital letter unless it starts with a file, a tag or a symbol."""
 
 def inspect(
     t: npt.NDArray[np.float64],

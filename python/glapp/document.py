@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -145,7 +145,7 @@ class FitAnswer(_Part):
     at_least: Value
     """The lower limit where that is all that can be said [`unit`]."""
     verdict: Literal["backlash", "stiction", "both", "oscillation", "sound", "at_least", "cannot_tell"]
-    """What kind of lost motion it is, if any."""
+    """What kind of dead band it is, if any."""
     jump: Value
     """Slip jump J [`unit`]; 0 for mere backlash."""
     lr_no_gap: Value
@@ -293,6 +293,15 @@ class Harm(_Part):
     """The larger of both."""
 
 
+class Message(_Part):
+    """A reason as a code with its numbers, from which its sentence is told."""
+
+    code: str
+    """Subject and name, as in the catalogue of messages."""
+    numbers: dict[str, Any]
+    """Its numbers and words by name; another message within it has `code` and `numbers` too."""
+
+
 class Answer(_Part):
     """The one answer of a loop, from all that is known of its valve."""
 
@@ -365,6 +374,14 @@ class Answer(_Part):
     """Place of the loop in every list: smaller comes first, number by number."""
     struck: Struck | None
     """Why the crossings' width does not stand; null where it does, or there is none."""
+    reasons: list[Message]
+    """Why fit and crossings say what they do."""
+    so: str
+    """What is so, in one sentence."""
+    do: str
+    """What to do, in a sentence or two."""
+    why: list[str]
+    """Why, a sentence each."""
 
 
 class LoopAnswer(_Part):

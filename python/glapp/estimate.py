@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _glapp
+from ._glapp import to_text
 from .arrays import column
 from .controller import Ideal
 from .errors import InputError
@@ -38,16 +39,6 @@ INSPECTED_ROWS = _glapp.INSPECTED_ROWS
 
 Known = tuple[Origin, str]
 """Where a setting comes from, and the same in words."""
-
-_TRAVEL = {
-    "integral": "K/Ti·∫|e|dt (7.5)",
-    "derivative": "K/Ti·∫|e|dt with the derivative part (7.6)",
-    "op": "OP's own travel",
-}
-"""Where Δu is taken from."""
-
-NO_SP = "SP is not recorded, and half-periods are told by where PV crosses it: name its column (--sp, columns.sp)"
-"""Why there is no estimate from crossings where the fit may have one."""
 
 
 def estimate(
@@ -259,6 +250,7 @@ def _result(recording: Recording, loop: Loop, done: dict[str, Any], trace: Trace
             origins=s["origins"],
         ),
         answer=Answer.of(answer["answer"]),
+        messages=answer["messages"],
         step_test=None if answer["step_test"] is None else _step_test(answer["step_test"], recording, loop),
         quality=named(answer["quality"], recording.found),
         identification=identification,
@@ -272,7 +264,7 @@ def _fit(done: dict[str, Any], loop: Loop, found: list[Finding]) -> Fit:
     """The fit in words."""
     match done["answer"]["fit"]["why"]:
         case {"code": "place"}:
-            return Fit("cannot_tell", _refusal(loop), loop.op_label, why="place")
+            return Fit("cannot_tell", _crossings("place", _of_place(loop)), loop.op_label, why="place")
         case {"code": "finding", "of": i} if done["pv"] is None:
             return Fit("cannot_tell", found[i].text, loop.op_label, why=found[i].code)
         case {"code": "finding", "of": i}:
@@ -283,27 +275,22 @@ def _fit(done: dict[str, Any], loop: Loop, found: list[Finding]) -> Fit:
 def _note(name: str, origin: Origin, answer: dict[str, Any], loop: Loop) -> str:
     """Where a setting comes from, in words."""
     s, found = answer["controller"], answer["identification"]
+    how: str = origin
+    numbers: dict[str, Any] = {"tried": s["tried"], "kp": _glapp.KP_DEFAULT}
     match name, origin:
         case "delta_u", _:
-            return _TRAVEL[s["delta_u"]]
-        case "tf", "chosen":
-            return f"smallest of {s['tried']} that serves"
+            how = s["delta_u"]
         case "td", "identified" if not s["td"]:
-            return "PI law identified"
+            how = "no_derivative"
         case _, "identified":
-            return f"identified (R² {found['values']['r2']:.3f})"
-        case "b", "assumed":
-            return "no setpoint change to tell it by"
-        case "kp", "assumed":
-            return f"not given, taken as {_glapp.KP_DEFAULT} %/%"
+            return to_text("setting.identified", {"r2": found["values"]["r2"]})
         case "kp", "fitted":
-            _, low, high = answer["fit"]["process"]["kp"]
-            return f"fitted from OP and PV ({low:.3g} to {high:.3g})"
+            _, numbers["low"], numbers["high"] = answer["fit"]["process"]["kp"]
         case "kp", "unknown" if loop.process.type == "integrating":
-            return "integrating process: no static gain, its term is dropped"
-        case "kp", "unknown":
-            return "not known: its term is dropped, the estimate is high by Δy/Kp"
-    return "given"
+            how = "integrating"
+        case _, "given":
+            return to_text("setting.given")
+    return to_text(f"setting.{name}", numbers | {"origin": how})
 
 
 def _code(answer: dict[str, Any], found: list[Finding]) -> str | None:
@@ -323,36 +310,21 @@ def why_told(
     match answer["why"]:
         case None:
             return None
-        case {"code": "place"}:
-            return _refusal(loop)
         case {"code": "finding", "of": int(i)}:
             return found[i].text
+        case {"code": "place"}:
+            return _crossings("place", _of_place(loop))
         case {"code": "nothing_accepted"}:
-            return _nothing_accepted(answer["reasons"])
-        case {"code": "gain_too_low"} if answer["controller"]["origins"]["kp"] == "assumed":
-            return WHY["gain_too_low assumed"]
+            return nothing_accepted(answer["reasons"])
         case why:
-            numbers = {"unit": loop.op_label, "detections": answer["detections"], "n": loop.n}
+            numbers = {"detections": answer["detections"], "n": loop.n}
             numbers |= {} if identification is None else {"reason": identification.reason}
-            return WHY[why["code"]].format_map((why.get("of") or {}) | numbers)
+            numbers |= {"kp_origin": answer["controller"]["origins"]["kp"]} | (why.get("of") or {})
+            return to_text(f"crossings.{why['code']}", numbers, op_unit=loop.op_label)
 
 
-_GAIN_TOO_LOW = "Δy/Kp is larger than OP's travel: {}, check kp and the span of PV"
-
-WHY = {
-    "no_sp": NO_SP,
-    "no_law": "K and Ti are not given, and without an OP column they cannot be identified: name the column (--op, "
-    "columns.op), or give the controller",
-    "not_identified": "K and Ti are not given and could not be identified: {reason}",
-    "coarse": "the accepted half-periods have {samples:.0f} samples (median), and 10 are needed: between them the "
-    "error is unknown. Record faster",
-    "disagree": "the detections do not agree: {kept} of the last {count} lie within 20 % of their median",
-    "gain_too_low": _GAIN_TOO_LOW.format("Kp is set too low"),
-    "gain_too_low assumed": _GAIN_TOO_LOW.format("the assumed Kp of 1.5 %/% does not fit"),
-    "noise": "the detections give {d:.3g} {unit}, below the noise limit of {floor:.3g} {unit}",
-    "few": "{detections} of the {n} detections that an estimate needs",
-}
-"""Why the crossings say no more, by the core's word."""
+def _crossings(code: str, numbers: dict[str, Any]) -> str:
+    return to_text(f"crossings.{code}", numbers)
 
 
 def _corrected(c: dict[str, Any], unit: str) -> Corrected:
@@ -364,27 +336,9 @@ def _corrected(c: dict[str, Any], unit: str) -> Corrected:
 
 def _not_corrected(c: dict[str, Any], unit: str) -> str:
     """Why there is no corrected width, in words."""
-    match c["why"]["code"], c["why"].get("of"):
-        case "no_estimate", _:
-            return "there is no estimate to correct"
-        case _, "too_few":
-            few = f"{c['pairs']} pairs of half-periods in which PV came to rest off SP, where 3 are needed"
-            return few if c["kp"] is not None else f"{few}, and 4 without the process gain"
-        case _, "alike":
-            return "PV's half-periods are too much alike to tell the process gain and the width apart: give kp"
-        case _, "wrong_slope":
-            return "OP travels less where PV swings further: not a gap in front of a process at rest"
-        case _, "scattered":
-            return f"the {c['pairs']} pairs of half-periods do not agree: the load moves, or PV does not come to rest"
-        case "noise", n:
-            return f"{n['d']:.3g} {unit} is less than the {n['noise']:.3g} that noise moves OP by"
-        case "smooth", n:
-            filtered = f"PV filtered with {n['tf']:.3g} s is too smooth to work out its turns by (4.1)"
-            return f"OP is not recorded, and {filtered}"
-        case "integrating", _:
-            return "an integrating process does not come to rest off SP"
-        case _:
-            return "the valve moves further than the gap is wide"
+    code, of = c["why"]["code"], c["why"].get("of")
+    numbers = {"doubt": of} if code == "doubt" else of or {}
+    return to_text(f"not_corrected.{code}", numbers | {"pairs": c["pairs"], "kp": c["kp"]}, op_unit=unit)
 
 
 def _trace(thinner: Thinner, signals: set[str], chosen: int | None) -> Trace:
@@ -607,26 +561,22 @@ def _place(loop: Loop) -> str | None:
     return None if loop.shared_valve_with is None else "shared_valve"
 
 
-def _refusal(loop: Loop) -> str:
-    """The same in words."""
-    match _place(loop):
-        case "primary":
-            partner = (loop.cascade and loop.cascade.partner) or "the secondary loop"
-            return f"primary loop of a cascade: its OP is a setpoint, not a valve signal; analyse {partner} instead"
-        case "split_range":
-            return "split range: OP works on several valves, and a width of OP belongs to none of them"
-    return f"the valve is shared with {loop.shared_valve_with}: this OP is not what moves it all the time"
+def _of_place(loop: Loop) -> dict[str, str | None]:
+    """The same with the partner that its sentence names."""
+    partner = loop.shared_valve_with
+    if loop.cascade is not None:
+        partner = loop.cascade.partner or "the secondary loop"
+    return {"place": _place(loop), "partner": partner}
 
 
-def _nothing_accepted(rejected: dict[str, int]) -> str:
-    from .report.words import REASONS as LABELS
-
+def nothing_accepted(rejected: dict[str, int]) -> str:
+    """Why no half-period was accepted: the two most frequent reasons."""
     total = sum(rejected.values())
     if not total:
-        return "PV never crossed SP: there is no half-period to read a gap from"
+        return to_text("crossings.never_crossed")
     ranked = sorted(rejected.items(), key=lambda item: -item[1])[:2]
-    causes = " and ".join(f"{count} as {LABELS[name].label}" for name, count in ranked if count)
-    return f"none of {total} half-periods was accepted: {causes}"
+    causes = " and ".join(f"{count} as {to_text(f'half_period.{name}')}" for name, count in ranked if count)
+    return to_text("crossings.nothing_accepted", {"total": total, "causes": causes})
 
 
 def _given_setpoint_weight(loop: Loop) -> float | None:

@@ -11,19 +11,22 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import _glapp
+from ._glapp import to_text
 from .controller import Ideal
 from .errors import InputError
 from .loop import Loop
-from .position import COPY, Interval, position_reason
 from .progress import Progress, shares
 from .recording import Batch, Recording
 from .samples import recording_of
-from .valve import LEFT_OUT, in_order, one_valve, since
+from .valve import in_order, one_valve, since
 
 __all__ = ["Fit", "OneOfMany", "Process", "Trend", "Window", "fit", "fit_batches", "fit_recordings", "history"]
 __all__ += ["process_sign"]
 
 Verdict = Literal["backlash", "stiction", "both", "oscillation", "sound", "at_least", "cannot_tell"]
+
+Interval = tuple[float, float | None]
+"""Lower and upper limit, None where there is no upper one."""
 
 ROWS = _glapp.LONG_HISTORY
 """A recording with fewer rows is fitted as a whole; a longer one in windows spread over its length."""
@@ -33,12 +36,6 @@ DAY = 86400.0
 
 JUDGED = ("confidence", "cause", "width_kind", "oscillates", "evidence")
 """What the ladder says of all windows together, and what it rests on."""
-
-SAMPLES_IN_LAG, _ = _glapp.fit_thresholds()["SAMPLES_IN_LAG"]
-"""Samples that a process must take to settle, where it matters."""
-
-SAMPLES_IF_SOUND, _ = _glapp.fit_thresholds()["SAMPLES_IN_LAG_IF_SOUND"]
-"""The same for a valve to be called sound."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,14 +132,6 @@ class Trend:
     d: tuple[float, float]
     changes: bool
 
-    def sentence(self, unit: str) -> str:
-        """The same in words."""
-        week, error = 7.0 * abs(self.slope), 7.0 * 1.96 * self.error
-        return (
-            f"it {'grew' if self.slope > 0 else 'shrank'} from {self.d[0]:.3g} to {self.d[1]:.3g} {unit} in "
-            f"{(self.t[1] - self.t[0]) / DAY:.3g} days, by {week:.2g} a week ({week - error:.2g} to {week + error:.2g})"
-        )
-
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Fit:
@@ -186,6 +175,8 @@ class Fit:
         Where the valve's position was recorded and settled the answer, what PV alone would have said. The process is
         always that of PV. Where no width lies in the intervals of both, `reason` names both: with a gap in either the
         interval holds both, and with a gap in one of them alone the verdict is *cannot_tell*.
+    message : dict or None
+        `reason` of several recordings as a code with its numbers.
     change : dict or None
         The trend as the one answer has it (`glapp.result.Moves`).
     """
@@ -207,6 +198,7 @@ class Fit:
     why: str = ""
     through_pv: Fit | None = None
     change: dict[str, Any] | None = None
+    message: dict[str, Any] | None = None
 
     def __repr__(self) -> str:
         if self.d is None:
@@ -415,7 +407,7 @@ def _valve(
         if why is not None:
             alone = Fit(why[0], why[2], unit, why=why[1])
         elif "unfit" in said:
-            alone = Fit("cannot_tell", _unfit(said["unfit"], "PV"), unit, why=said["unfit"][0])
+            alone = Fit("cannot_tell", _sentence(said, unit), unit, why=said["unfit"][0])
         else:
             alone = _said(said, unit)
         word = said.get("left_out", "unfit")
@@ -425,50 +417,63 @@ def _valve(
                 t0=recording.t0,
                 fit=alone,
                 repeated=said.get("repeated", 0.0),
-                left_out=None if word is None else LEFT_OUT.get(word, alone.reason),
+                left_out=None if word is None else _left_out(word, alone),
                 adds=said.get("adds", 0.0),
                 shown="recordings" in answer and said is answer["recordings"][answer["shown"]],
             )
         )
     if "unfit" in answer:
         told: Verdict = "oscillation" if all(one.fit.verdict == "oscillation" for one in each) else "cannot_tell"
-        reason = f"none of {len(each)} recordings tells: {each[0].fit.reason}"
+        reason = to_text("fit.no_recording", {"all": len(each), "said": each[0].fit.reason})
         return Fit(told, reason, unit, recordings=each)
     best = answer["recordings"][answer["shown"]]
-    shown = best["windows"][best["shown"]]
     return replace(
         _said(answer | {"windows": best["windows"], "shown": best["shown"]}, unit),
-        reason=_of_many(answer, shown, each, unit),
+        reason=_of_many(answer, each, unit),
+        message=_joint(answer, each),
         recordings=each,
     )
 
 
-def _of_many(answer: dict[str, Any], shown: dict[str, Any], each: list[OneOfMany], unit: str) -> str:
+def _left_out(word: str, alone: Fit) -> str:
+    """Why a recording does not count in the joint answer."""
+    return alone.reason if word == "unfit" else to_text(f"left_out.{word}")
+
+
+def _of_many(answer: dict[str, Any], each: list[OneOfMany], unit: str) -> str:
     """Verdict and evidence of several recordings: how many count, and why the others do not."""
-    unit = _of_op(unit)
-    counted = sum(one.left_out is None for one in each)
-    names = [one.source for one in each]
-    if len(set(names)) < len(names):
-        names = [f"{name} ({place})" for place, name in enumerate(names, 1)]
-    if not answer["shared"]:
-        alone = next(name for name, one in zip(names, each, strict=True) if one.shown)
-        lead = f"by {alone} alone, of {len(each)} recordings: "
-    elif counted == len(each):
-        lead = f"by {counted} recordings together: "
-    else:
-        lead = f"by {counted} of {len(each)} recordings together: "
-    told = [_reason(answer, unit, shown) + _changed(_trend(answer), unit)]
+    names = _names(each)
+    numbers = _joint(answer, each)["numbers"] | {"said": _sentence(answer, unit)}
+    told = [to_text("fit.recordings", numbers)]
     reasons: dict[str, list[str]] = {}
     for name, one in zip(names, each, strict=True):
         if one.left_out is not None:
             reasons.setdefault(one.left_out, []).append(name)
-    told += [f"Not counted, since {why}: {', '.join(of)}" for why, of in reasons.items()]
+    told += [to_text("fit.not_counted", {"why": why, "names": ", ".join(of)}) for why, of in reasons.items()]
     told += [
-        f"{100 * one.repeated:.0f} % of {name} stands in an earlier one, and counts there"
+        to_text("fit.repeated", {"share": one.repeated, "name": name})
         for name, one in zip(names, each, strict=True)
         if one.repeated
     ]
-    return lead + ". ".join(told)
+    return ". ".join(told)
+
+
+def _joint(answer: dict[str, Any], each: list[OneOfMany]) -> dict[str, Any]:
+    """Verdict and evidence of several recordings, as a message."""
+    alone = None
+    if not answer["shared"]:
+        alone = next(name for name, one in zip(_names(each), each, strict=True) if one.shown)
+    counted = sum(one.left_out is None for one in each)
+    numbers = {"counted": counted, "all": len(each), "alone": alone, "said": answer["message"]}
+    return {"code": "fit.recordings", "numbers": numbers}
+
+
+def _names(each: list[OneOfMany]) -> list[str]:
+    """Of recordings, told apart where several have one."""
+    names = [one.source for one in each]
+    if len(set(names)) < len(names):
+        return [f"{name} ({place})" for place, name in enumerate(names, 1)]
+    return names
 
 
 def history(beginning: Batch, sign: float) -> _glapp.Windows | None:
@@ -501,8 +506,7 @@ def told(
 ) -> Fit:
     """Put what the core answered, with all that PV and the valve's position said, into words."""
     if pv is None:
-        rests = "OP stands still all the time: only an OP that moves shows a gap"
-        return Fit("cannot_tell", rests, loop.op_label, why="op_rests")
+        return Fit("cannot_tell", to_text("fit.op_rests"), loop.op_label, why="op_rests")
     through_pv = replace(_through_pv(pv, loop, sinusoid), change=answer["change"])
     if position is None:
         return through_pv
@@ -511,19 +515,12 @@ def told(
 
 def _together(answer: dict[str, Any], at_valve: Fit, through_pv: Fit, loop: Loop) -> Fit:
     """Put into words what position and PV say together: the answer names both where they contradict each other."""
-    if answer["position"] == "silent":
-        return replace(through_pv, reason=f"{through_pv.reason}. The valve's position tells nothing: {at_valve.reason}")
-    if answer["position"] == "bounds":
-        return replace(through_pv, reason=f"{through_pv.reason}. By the valve's position {at_valve.reason}")
-    reason = f"read from the valve's position: {at_valve.reason}"
+    said = {"pv": through_pv.reason, "position": at_valve.reason, "verdict": answer["verdict"]}
+    if answer["position"] in ("silent", "bounds"):
+        return replace(through_pv, reason=to_text(f"fit.{answer['position']}", said))
     own = loop.positioner.dead_band if loop.positioner is not None else None
-    if own is not None and at_valve.found:
-        reason += f"; the positioner's own part of it, by its settings: {own:.3g} % of travel"
-    if answer["position"] == "contradicts":
-        said = f"The position: {at_valve.reason}. PV: {through_pv.reason}"
-        reason = f"the valve's position and PV contradict each other. {said}"
-        if answer["verdict"] == "cannot_tell":
-            reason += ". Is the sensor coupled firmly to the valve, and the valve to what it moves?"
+    said["own"] = own if at_valve.found else None
+    reason = to_text(f"fit.{answer['position']}", said)
     decided = {name: answer[name] for name in ("verdict", "low", "high", "change")}
     return replace(at_valve, **decided, reason=reason, process=through_pv.process, through_pv=through_pv)
 
@@ -532,22 +529,19 @@ def _at_valve(answer: dict[str, Any], loop: Loop) -> Fit:
     """What the valve's own position says, window by window where there are several."""
     unit = loop.op_label
     if "unfit" in answer:
-        return Fit("cannot_tell", _unfit(answer["unfit"], "the position"), unit, why=answer["unfit"][0])
+        return Fit("cannot_tell", _sentence(answer, unit), unit, why=answer["unfit"][0])
     best = _shown(answer, "position")
     best["candidates"] = [{"noise": "position", "behind": 0.0, "profile": best["profile"]}]
-    shown, trend = _of_op(unit), _trend(answer)
-    verdict, d, low, high = (answer[key] for key in ("verdict", "d", "low", "high"))
-    reason = position_reason(verdict, d, low, high, shown, best) + _changed(trend, shown)
     needed = {name: best[name] for name in ("lr_no_gap", "lr_needed", "jump")}
     return Fit(
-        verdict,
-        reason,
+        answer["verdict"],
+        _sentence(answer, unit),
         unit,
-        d,
-        low,
-        high,
+        answer["d"],
+        answer["low"],
+        answer["high"],
         **needed,
-        trend=trend,
+        trend=_trend(answer),
         windows=_windows(answer),
         best=best,
         why=best["reason"],
@@ -558,25 +552,20 @@ def _through_pv(answer: dict[str, Any], loop: Loop, sinusoid: str | None) -> Fit
     """What PV says."""
     unit = loop.op_label
     if "unfit" in answer:
-        return Fit("cannot_tell", _unfit(answer["unfit"], "PV"), unit, why=answer["unfit"][0])
+        return Fit("cannot_tell", _sentence(answer, unit), unit, why=answer["unfit"][0])
     said = _said(answer, unit)
     if sinusoid is None:
         return said
-    return replace(said, verdict="oscillation", why="sinusoidal", reason=sinusoid + _changed(said.trend, _of_op(unit)))
-
-
-def _of_op(unit: str) -> str:
-    return "%OP" if unit == "%" else unit
+    return replace(said, verdict="oscillation", why="sinusoidal", reason=sinusoid + _changed(answer, unit))
 
 
 def _said(answer: dict[str, Any], unit: str) -> Fit:
     """What the core said of PV, in words."""
     best = _shown(answer, "PV") | {name: answer[name] for name in JUDGED}
     kp, dead_time, lag = ((best[name], *best[f"{name}_limits"]) for name in ("kp", "dead_time", "lag"))
-    trend = _trend(answer)
     return Fit(
         verdict=answer["verdict"],
-        reason=_reason(answer, _of_op(unit), best) + _changed(trend, _of_op(unit)),
+        reason=_sentence(answer, unit),
         unit=unit,
         d=answer["d"],
         low=answer["low"],
@@ -585,7 +574,7 @@ def _said(answer: dict[str, Any], unit: str) -> Fit:
         lr_needed=answer["lr_needed"],
         jump=best["jump"],
         process=Process(kp, dead_time, lag, best["integrating"]),
-        trend=trend,
+        trend=_trend(answer),
         windows=_windows(answer),
         best=best,
         why=answer["reason"],
@@ -606,12 +595,21 @@ def _windows(answer: dict[str, Any]) -> list[Window]:
 
 def _trend(answer: dict[str, Any]) -> Trend | None:
     """The same a day."""
-    found = answer["trend"]
-    return None if found is None else Trend(**found | {key: DAY * found[key] for key in ("slope", "error")})
+    if (found := answer["trend"]) is None:
+        return None
+    told = {key: found[key] for key in ("windows", "t", "d", "changes")}
+    return Trend(slope=DAY * found["slope"], error=DAY * found["error"], **told)
 
 
-def _changed(trend: Trend | None, unit: str) -> str:
-    return f"; {trend.sentence(unit)}" if trend is not None and trend.changes else ""
+def _sentence(answer: dict[str, Any], unit: str) -> str:
+    """Verdict and evidence, and how the width changes where that is plain."""
+    message = answer["message"]
+    return to_text(message["code"], message["numbers"], op_unit=unit) + _changed(answer, unit)
+
+
+def _changed(answer: dict[str, Any], unit: str) -> str:
+    message = (answer.get("trend") or {}).get("message")
+    return "" if message is None else f"; {to_text(message['code'], message['numbers'], op_unit=unit)}"
 
 
 def process_sign(loop: Loop, ideal: Ideal | None) -> float:
@@ -619,108 +617,3 @@ def process_sign(loop: Loop, ideal: Ideal | None) -> float:
     if (kp := loop.kp()) is not None:
         return float(np.sign(kp))
     return 0.0 if ideal is None else float(np.sign(ideal.k))
-
-
-UNFIT = {
-    "no_op": "there is no OP: the width cannot be fitted without it",
-    "few_rows": "{number:.0f} rows are too few: a fit needs 50 samples at least",
-    "op_missing": "OP is missing in nearly all rows",
-    "op_still": "OP stands still at {number:.4g} all the time: only an OP that moves shows a gap",
-    "same": "OP and {name} are the same signal: check which columns were taken",
-    "pv_still": "{name} stands still at {number:.4g} all the time",
-    "coarse": "OP takes only {number:.0f} values: it is recorded too coarsely",
-    "broken": "no 20 samples stand together without a hole",
-    "copy": COPY,
-    "few": "fewer than 50 samples stand together, or OP does not move in them",
-    "few positions": "fewer than 50 rows have a position",
-}
-"""Why nothing could be fitted, by the core's word; `name`: that of PV, or of what stood in its place."""
-
-
-def _unfit(unfit: tuple[str, float], name: str) -> str:
-    why, number = unfit
-    few = "few" if name == "PV" else "few positions"
-    known = few if why == "few" else why
-    return UNFIT.get(known, UNFIT[few]).format(number=number, name=name)
-
-
-_EVIDENCE = "no gap is {lr_no_gap:.0f} units of 2·ln L worse, where {lr_needed:.0f} are needed"
-_WOULD = "a gap of {d:.3g} {unit} would fit"
-_OFTEN = "OP went through it {up} up and {down} down"
-_GAP = f"a gap of {{d:.3g}} {{unit}}: {_EVIDENCE}; {_OFTEN}"
-_AT_LEAST = f"at least {{low:.3g}} {{unit}} are lost: {_EVIDENCE}; {_OFTEN}"
-_DISAGREE = ": was the valve serviced between them, or are they of more than one valve?"
-
-REASONS = {
-    "backlash": _GAP,
-    "backlash gap_and_more": f"{_GAP}; where the valve turns, PV strays from what a gap alone makes of it",
-    "stiction": f"the valve sticks and jumps by {{jump:.3g}} {{unit}}, no gap beside it: {_EVIDENCE}; {_OFTEN}",
-    "both": f"lost motion of {{d:.3g}} {{unit}} with jumps of {{jump:.3g}} {{unit}} in it: {_EVIDENCE}, and no jump "
-    f"{{lr_no_jump:.0f}} worse; {_OFTEN}",
-    "at_least": f"{_AT_LEAST}, too seldom to tell how much more it is. Record while OP moves further",
-    "at_least noisy": f"{_AT_LEAST}, but PV's noise hides how much more it is. "
-    "Record with a finer PV, or while OP moves further",
-    "sound": "no gap wider than {high:.3g} {unit} (95 %): PV answers each turn of OP",
-    "misfit": "no model fits: what it does not foresee of PV is alike from one sample to the next (correlation "
-    "{echo:.2f}). Is PV what this OP moves, and recorded as it was measured?",
-    "coarse": f"{_WOULD}, but between samples {{h:.3g}} s apart OP does what none of them shows: the process "
-    f"lags by {{settles:.3g}} s, and {SAMPLES_IN_LAG:.0f} samples are needed in that. Record faster",
-    "windows_disagree": f"{_WOULD} all of the recording best, but its parts disagree "
-    "{dispersion:.0f} times more than chance allows: fit a time in which nothing was changed",
-    "windows_silent": f"{_WOULD} all of the recording best, but too few of its parts show one by themselves: what the "
-    "model lacks in each of them explains as much. Make a step test, or record the valve's position",
-    "recordings_disagree": f"{_WOULD}, but the recordings disagree{_DISAGREE}",
-    "recordings_disagree shared": f"{_WOULD}, but the recordings disagree {{dispersion:.0f}} times more than chance "
-    f"allows{_DISAGREE}",
-    "still": f"{_WOULD}, but in it the valve hardly moves: one step of PV at a time and of a size that are free "
-    "explains as much. Record while OP moves further",
-    "once": f"{_WOULD}, but OP goes through it one way only, once: record for longer, or while OP moves further",
-    "repeats": f"{_WOULD}, but so would a load that repeats itself with the cycle of this loop: find what swings there "
-    "or record while the setpoint moves, on calmer days, or with the valve's position",
-    "swings": f"{_WOULD}, but OP swings to and fro in almost even time, which no gap makes of this process: a load "
-    "that swings so explains as much. Record while the setpoint moves or on calmer days, make a step test "
-    "or record the valve's position",
-    "lined": f"{_WOULD}, but a historian kept only corners of PV and drew lines between them, which bend by as much. "
-    "Record without compression",
-    "hidden_by_samples": "no gap shows, but the process settles in {settles:.3g} s, and samples {h:.3g} s apart would "
-    f"not show one: {SAMPLES_IF_SOUND:.0f} are needed in that. Record faster, and PV before any filter",
-    "hidden_by_lag": "no gap shows, but only if the process lags by {lag:.3g} s, longer than what was recorded: "
-    "record for longer",
-    "hidden_by_changes": "no gap shows beside {load_steps} steps or bends of the load, but OP turned no oftener than "
-    "the load, and they may hide one. Record while the setpoint moves, or on calmer days",
-    "no_answer": "PV does not answer OP: a process that stands still explains PV as well ({lr_no_answer:.0f} units of "
-    "2·ln L). Record while OP moves",
-    "may_be": "{most} would fit, most likely {d:.3g} {unit}, but {against}: record for longer, or while OP moves "
-    "further",
-}
-"""A verdict with its evidence in one sentence, by its name and the core's word; where nothing is told, by the word."""
-
-MAY_BE = {
-    "any": "any width",
-    "up to": "a gap of up to {high:.3g} {unit}",
-    "as well": "next to none would as well",
-    "less likely": "none is {lr_no_gap:.0f} units of 2·ln L less likely ({lr_needed:.0f} are needed)",
-}
-"""What `REASONS` leaves open of a gap that may be one: how wide, and what is against it."""
-
-TIMES = ("never", "once", "twice")
-
-
-def _times(n: int) -> str:
-    return TIMES[n] if n < len(TIMES) else f"{n} times"
-
-
-def _reason(answer: dict[str, Any], unit: str, best: dict[str, Any]) -> str:
-    """The verdict and its evidence in one sentence: `answer` is that of all windows, `best` that of the one shown."""
-    verdict, reason = answer["verdict"], answer["reason"]
-    shared = "shared" if answer.get("shared") else reason
-    up, down = map(_times, answer["traversals"])
-    numbers = best | answer | {"unit": unit, "up": up, "down": down}
-    if verdict == "cannot_tell":
-        names = (f"{reason} {shared}", reason, "may_be")
-        width = MAY_BE["any" if answer["high"] is None else "up to"]
-        against = MAY_BE["as well" if answer["low"] <= 0 or reason == "families_disagree" else "less likely"]
-        numbers |= {"most": width.format_map(numbers), "against": against.format_map(numbers)}
-    else:
-        names = (f"{verdict} {reason}", verdict, verdict)
-    return REASONS[next(name for name in names if name in REASONS)].format_map(numbers)

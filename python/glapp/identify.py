@@ -1,4 +1,4 @@
-"""The controller's own law, read out of the recording: what `crates/analysis/src/identify` found, in words.
+"""The controller's own law, read out of the recording: what `crates/analysis/src/identify` found.
 
 A PID controller moves its output by
 
@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _glapp
+from ._glapp import to_text
 from .arrays import column
 
 Floats = NDArray[np.float64]
@@ -179,7 +180,7 @@ def told(found: Mapping[str, Any]) -> Identification:
     return Identification(
         **numbers,
         samples=found["samples"],
-        note=_note(settings["note"], ends["td_low"], ends["td_high"]) if settings else "no fit",
+        note=_note(settings["note"], ends["td_low"], ends["td_high"]) if settings else to_text("identification.no_fit"),
         usable=reason is None,
         reason="" if reason is None else _reason(reason, numbers | {"samples": found["samples"]}),
     )
@@ -193,46 +194,25 @@ def _reason(why: Mapping[str, Any], numbers: Mapping[str, Any]) -> str:
         if isinstance(interval, dict)
         for end, value in interval.items()
     }
-    return _REASONS[why["code"]].format_map({**numbers, **(why.get("of") or {}), **beside})
-
-
-_REASONS = {
-    "no_op": "the recording has no OP, so K and Ti must be given",
-    "no_sp": "the recording has no SP, so K and Ti must be given",
-    "few_steps": "only {samples} steps between samples are in auto, good, off the limits and without a gap; "
-    f"at least {MIN_STEPS} are needed: give K and Ti, or a longer recording in auto",
-    "op_still": "OP never moves while in auto, so nothing shows K and Ti: give them",
-    "pv_still": "PV never moves while in auto, so nothing shows K and Ti: give them",
-    "unshown": "the moves of PV and the area of the error do not each show in OP (a single step, a ramp?): "
-    "give K and Ti",
-    "little_explained": f"no PI or PID law explains enough of OP's moves (R² {{r2:.3g}}, needed {R2_USABLE:g}): "
-    "give K and Ti, or take a recording in auto that is neither compressed nor averaged",
-    "no_gain": "K cannot be told from 0 ({k:.3g} +- {error:.2g} OP units per PV unit): give K and Ti",
-    "gain_may_be_none": "K cannot be told from 0 ({size:.3g}, {k_low:.3g} to {k_high:.3g}): give K and Ti",
-    "no_integral": "integral action cannot be told from none: give K and Ti",
-    "opposite_signs": "K and K/Ti have opposite signs (Ti {ti:.3g} s), so this is no PI controller: give K and Ti",
-    "contradictory": "laws that explain OP equally well contradict each other even in the sign of K: give K and Ti",
-    "wide": "K may be {k_low:.3g} to {k_high:.3g} and Ti {ti_low:.3g} to {ti_high:.3g} s, since laws with and without "
-    "filter, D part and delay explain OP as well: give K and Ti, or record more often than every {h:.3g} s, "
-    "with more digits, or while the setpoint moves",
-}
+    return to_text(f"identification.{why['code']}", {**numbers, **(why.get("of") or {}), **beside})
 
 
 def _note(fit: Mapping[str, Any], td_low: float | None, td_high: float | None) -> str:
-    kind, behind = "PID" if fit["derivative"] else "PI", fit["filter"]
-    parts = [f"robust fit of a {kind} law to means of {fit['m']} samples ({fit['m'] * fit['h']:.4g} s)"]
+    """How the fit was made."""
+    derivative, behind = fit["derivative"], fit["filter"]
+    parts: list[tuple[str, dict[str, Any]]] = [
+        ("law", {"derivative": derivative, "m": fit["m"], "span": fit["m"] * fit["h"]})
+    ]
     if behind["order"]:
-        filters = f"{behind['order']} x Tf {behind['tf']:.3g} s"
-        parts.append(f"the controller filters PV, which is recorded unfiltered ({filters})")
+        parts.append(("filter", behind))
     if behind["tfd"]:
-        parts.append(f"its D part is filtered (Tf {behind['tfd']:.3g} s)")
+        parts.append(("derivative_filter", behind))
     if fit["lag"]:
-        parts.append(f"OP recorded one sample {'late' if fit['lag'] > 0 else 'early'}")
-    if fit["derivative"] and not (td_low or 0) > 0:
-        parts.append("lengths of the means disagree whether there is a D part")
-    elif not fit["derivative"] and (td_high or 0) > 0:
-        parts.append(f"a D part of up to {td_high:.3g} s behind a filter would explain OP as well")
+        parts.append(("late" if fit["lag"] > 0 else "early", {}))
+    if derivative and not (td_low or 0) > 0:
+        parts.append(("derivative_open", {}))
+    elif not derivative and (td_high or 0) > 0:
+        parts.append(("derivative_hidden", {"td_high": td_high}))
     if (weight := fit["weight"]) is not None:
-        low, high = weight["interval"]["low"], weight["interval"]["high"]
-        parts.append(f"setpoint weight {weight['fitted']:.2f} ({low:.2f} to {high:.2f}) fitted")
-    return "; ".join(parts)
+        parts.append(("weight", {"fitted": weight["fitted"], **weight["interval"]}))
+    return "; ".join(to_text(f"identification.{code}", numbers) for code, numbers in parts)

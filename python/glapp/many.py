@@ -47,7 +47,8 @@ def analyze_recordings(
         return replace(max(each, key=lambda result: result.detections), source=source)
     answer = fit_recordings(recordings, unfit=[unfit(result) for result in each], progress=fitting)
     best = each[next((i for i, one in enumerate(answer.recordings) if one.shown), 0)]
-    return best.decided_with(source=source, fit=answer)
+    messages = [*([] if answer.message is None else [answer.message]), *best.messages]
+    return best.decided_with(source=source, fit=answer, messages=messages)
 
 
 def unfit(result: Result) -> tuple[Verdict, str, str] | None:

@@ -1,17 +1,16 @@
 """What is wrong with a recording, found before anything is estimated from it.
 
 Two sources of evidence: a `Census`, counts over every row, and an `InspectionSample`, the rows kept in memory.  Each
-`Finding` names one fault, its numbers and what to do; `docs/quality.md` lists them all.  Codes, severities and numbers
-come from `crates/analysis`; here are their sentences.
+`Finding` names one fault, its numbers and what to do; `docs/quality.md` lists them all.  Codes, severities, numbers
+and sentences come from `crates/analysis`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
-from string import Formatter
 from typing import Any, Literal
 
 import numpy as np
@@ -229,8 +228,7 @@ def told(
     first_row: int = 2,
 ) -> list[Finding]:
     """Put findings of the core into words and list them behind those that are known, gravest first."""
-    reader = _Reader(pv_unit, op_unit, t0, first_row)
-    findings = [*known, *(reader.finding(one) for one in found)]
+    findings = [*known, *(_finding(one, pv_unit, op_unit, t0, first_row) for one in found)]
     # What hangs on an assumed gain is known last.
     grave = ("refuse", "warning", "info")
     return sorted(findings, key=lambda one: (one.code == "kp_assumed", grave.index(one.severity)))
@@ -255,7 +253,7 @@ def assumed_time(column: str, first: str, step: float | None, calendar: str, day
     >>> assumed_time("t", "45000.5", 1.0, "excel", "a spreadsheet's day numbers, 2023-03-15 12:00:00", False).severity
     'warning'
     """
-    return _Reader(days=days).finding(_glapp.assumed_time(column, first, step, calendar, sure))
+    return _finding(_glapp.assumed_time(column, first, step, calendar, sure), days=days)
 
 
 def own_times(held: str, pv_rows: int, rows: int) -> Finding:
@@ -273,7 +271,7 @@ def own_times(held: str, pv_rows: int, rows: int) -> Finding:
     >>> own_times("SP, OP", 100, 100).text
     'each signal has times of its own: the rows are those of PV, and SP, OP keep the last value until the next'
     """
-    return _Reader().finding(_glapp.own_times(held, pv_rows, rows))
+    return _finding(_glapp.own_times(held, pv_rows, rows))
 
 
 def noise_sigma(pv: Floats) -> float | None:
@@ -307,177 +305,26 @@ def noise_sigma(pv: Floats) -> float | None:
     return _glapp.noise_sigma(column(pv))
 
 
-@dataclass(frozen=True, slots=True)
-class _Reader(Formatter):
-    """The person who reads the sentences: units, calendar and row numbers.
-
-    Beside the usual formats of numbers there are `seconds`, `share`, `row` and `size` (without its sign, three digits).
-    """
-
-    pv_unit: str = "PV units"
-    op_unit: str = "OP units"
-    t0: datetime | None = None
-    first_row: int = 2
-    days: str = ""
-    """What the numbers of a time column are as days."""
-
-    def finding(self, found: dict[str, Any]) -> Finding:
-        """Put a finding into words, with what it tells beyond its evidence."""
-        code, severity, evidence = found["code"], found["severity"], found["evidence"]
-        if code == "time_reversed":
-            evidence = evidence | {name: self.time(float(evidence[name])) for name in ("from", "to")}
-        numbers = {**evidence, **found["numbers"], "severity": severity, "days": self.days}
-        numbers |= {"pv_unit": self.pv_unit, "op_unit": self.op_unit}
-        numbers |= _more(code, numbers)
-        variant = _VARIANTS[code](numbers) if code in _VARIANTS else ""
-        sentence = SENTENCES.get(f"{code} {variant}") or SENTENCES[code]
-        return Finding(code, severity, self.vformat(sentence, (), numbers), evidence)
-
-    def format_field(self, value: Any, format_spec: str) -> str:
-        match format_spec:
-            case "seconds":
-                return _seconds(value)
-            case "share":
-                return _percent(value)
-            case "size":
-                return f"{abs(value):.3g}"
-            case "row":
-                return f"row {int(value) + self.first_row}"
-            case "rows":
-                return ", ".join(f"row {int(row) + self.first_row}" for row in value.split())
-            case "and":
-                return str(value).replace(",", " and")
-        return format(value, format_spec)
-
-    def time(self, t: float) -> str:
-        try:
-            return f"{t:.10g} s" if self.t0 is None else (self.t0 + timedelta(seconds=t)).isoformat(sep=" ")
-        except (OverflowError, ValueError):  # beyond the calendar
-            return f"{t:.10g} s"
+def _finding(
+    found: dict[str, Any],
+    pv_unit: str = "PV units",
+    op_unit: str = "OP units",
+    t0: datetime | None = None,
+    first_row: int = 2,
+    days: str = "",
+) -> Finding:
+    """Put a finding of the core into words; `days`: what the numbers of a time column are as days."""
+    code, severity, evidence = found["code"], found["severity"], found["evidence"]
+    if code == "time_reversed":
+        evidence = evidence | {name: _time(float(evidence[name]), t0) for name in ("from", "to")}
+    numbers = {**evidence, **found["numbers"], "severity": severity, "days": days}
+    text = _glapp.to_text(f"quality.{code}", numbers, pv_unit=pv_unit, op_unit=op_unit, first_row=first_row)
+    return Finding(code, severity, text, evidence)
 
 
-def _seconds(duration: float) -> str:
-    return f"{duration:.3g} s" if duration < 1000 else f"{duration:.0f} s"
-
-
-def _percent(share: float) -> str:
-    return f"{share:.0%}" if share >= 0.095 or share == 0 else f"{100 * share:.2g} %".replace(" %", "%")
-
-
-def _more(code: str, n: Numbers) -> dict[str, str]:
-    """What a sentence tells beyond the numbers of its finding."""
-    match code:
-        case "time_assumed":
-            return {"steps": f"steps by {n['step']:.6g}" if n["step"] else "does not step"}
-        case "spikes" | "shifts":
-            return {"more": " and more" if n["count"] > len(n["rows"].split()) else ""}
-    return {}
-
-
-Numbers = Mapping[str, Any]
-
-_GAIN = "{op_unit} per {pv_unit}"
-_BEGINS = "column '{column}' begins at {first} and {steps}: read as "
-_REVERSED = "time runs backwards in {count} of {of} rows, first at {first_row:row}, from {from} to {to}: "
-_REPEATED = "{count} of {of} rows repeat the time before them, first {first_row:row}: "
-_STAND_ALONE = (
-    "alone, off those before and after ({rows:rows}{more}): the fit leaves them out, but the controller answers them, "
-    "so look at the transmitter"
-)
-_WINDS = (
-    " SP for {lasted_s:seconds} while OP winds from {op_from:.3g} to {op_to:.3g} {op_unit}, so PV does not answer OP "
-    "and nothing can be estimated: take a time in which the loop controls"
-)
-
-SENTENCES: dict[str, str] = {
-    "time_assumed info": _BEGINS + "{days}; if it counts seconds, write time_format = 'seconds'",
-    "time_assumed": _BEGINS + "seconds; if these are {days}, write time_format = '{calendar}'",
-    "own_times joined": "each signal has times of its own, and OP many more than PV: {held} keep the last value "
-    "until the next, and {pv_rows} values of PV are joined by straight lines over {rows} rows; record PV as often as "
-    "OP",
-    "own_times": "each signal has times of its own: the rows are those of PV, and {held} keep the last value until "
-    "the next",
-    "too_few_rows": "the recording has {rows} rows, from which nothing can be told: take hours, not moments",
-    "time_missing": "{rows} of {of} rows have no time and are not used: check the time column",
-    "time_reversed newest_first": _REVERSED + "the newest row comes first; sort the rows by time, the oldest first",
-    "time_reversed clock_set_back": _REVERSED
-    + "the clock seems to have been set back an hour: export in UTC or name the time zone",
-    "time_reversed unsorted": _REVERSED + "sort the rows by time, or export in UTC if this is the end of summer time",
-    "time_repeated refuse": _REPEATED + "every time is the same; check the time column",
-    "time_repeated": _REPEATED + "remove the doubles if they are many",
-    "gaps": "gaps longer than {threshold_s:seconds}: {count}, {total_s:seconds} in all, the longest "
-    "{longest_s:seconds}, the first before {first_row:row}; no half-period is taken across one: ask for raw values if "
-    "they are many",
-    "not_a_number all": "{signal} is not a number in any of {of} rows: check the column or tag",
-    "not_a_number": "{signal} is not a number in {rows} of {of} rows ({share:share}), first {first_row:row}: each "
-    "ends a half-period; ask the historian for good values",
-    "bad_quality": "the quality is not good in {share:share} of the rows, which are not used: mend the signal, or "
-    "check which quality codes mean good",
-    "not_auto": "the loop is not in auto in {share:share} of the rows, which are not used: take a time in auto, or "
-    "check which mode values mean auto",
-    "at_limit": "OP is at its low limit in {at_low:share} and at its high limit in {at_high:share} of the rows, which "
-    "are not used: take a time in which the valve has room to move",
-    "no_sp": "SP is not recorded: the gap is fitted from OP and PV, and a step test can be read; zero crossings, "
-    "the controller's K and Ti and the width that a PLC would show need SP",
-    "no_op": "OP is not recorded, so K and Ti must be given, and saturation is seen only through limit flags: add OP",
-    "op_constant": "OP stays at {op:.4g} {op_unit} over the whole recording: take a time in which the controller "
-    "works, or check the OP column",
-    "pv_constant": "PV stays at {pv:.4g} {pv_unit} over the whole recording: check the PV column and the transmitter",
-    "same_signal": "{signals:and} are the same signal: check which columns or tags were taken",
-    "winding_up below": "PV stays {error:size} {pv_unit} below" + _WINDS,
-    "winding_up": "PV stays {error:size} {pv_unit} above" + _WINDS,
-    "cascade_slave": "SP moves at {share:share} of the samples, as in a cascade slave: the method works in a slave, "
-    "but half-periods in which SP moves more than PV are rejected (5.5); few may be left",
-    "sampling slow": "a sample every {h_s:seconds} is slower than Ti {ti_s:seconds}, so the error between the samples "
-    "is unknown: record at least every {enough_s:seconds}",
-    "sampling": "a sample every {h_s:seconds} is coarse against Ti {ti_s:seconds}, so widths are rough: record at "
-    "least every {enough_s:seconds}",
-    "frozen": "in {share:share} of the recording SP, PV and OP all repeat their last value although PV is off SP, so "
-    "the historian stood still, not the loop: export raw values, or another time",
-    "compressed_pv held": "PV repeats its last value in {held:share} of the recording while OP moves on, as a "
-    "historian's compression leaves it: export uncompressed values",
-    "compressed_pv": "{straight:share} of PV's samples lie on exact straight lines, as interpolation between a "
-    "historian's compressed values leaves them: export raw values",
-    "spikes one": "1 sample of PV stands " + _STAND_ALONE,
-    "spikes": "{count} samples of PV stand " + _STAND_ALONE,
-    "shifts": "PV goes to another level from one row to the next ({rows:rows}{more}), as no process does: a "
-    "transmitter was set anew or the recorder's scale changed; the fit begins anew there, the zero crossings do not",
-    "quantised_pv": "PV comes in steps of {step:.3g} {pv_unit}, {levels} within its range, so small errors and "
-    "crossings are lost: record with more digits",
-    "quantised_op": "OP comes in steps of {step:.3g} {op_unit}, {levels} within its range, so no width below a few "
-    "steps can be told: record with more digits",
-    "sign": f"the settings say K {{k_given:.3g}} {_GAIN} but OP moves as with K {{k_seen:.3g}} {_GAIN}: check the "
-    "action, direct (K < 0) or reverse (K > 0), or the columns",
-    "settings K": f"the settings say {{parameter}} {{given:.3g}} {_GAIN} but OP moves as with {{seen:.3g}} {_GAIN} "
-    f"({{low:.3g}} to {{high:.3g}} {_GAIN}): check the controller's form and units",
-    "settings": "the settings say {parameter} {given:.3g} s but OP moves as with {seen:.3g} s ({low:.3g} to "
-    "{high:.3g} s): check the controller's form and units",
-    "exchanged": "OP and PV seem to be exchanged: PV moves with OP as the output of a PI or PID controller with Ti "
-    "{ti_s:seconds} does ({r2_exchanged:share} explained), OP with PV as that of none: check which columns were taken "
-    "(--pv and --op, columns.pv and columns.op)",
-    "error_gap": "OP rests while PV is within {gap:.3g} {pv_unit} of SP and moves beyond, so the controller has an "
-    "error gap, whose cycle looks like backlash: write error_gap in the settings, or record with it set to 0",
-    "output_dead_band": "OP rests in {rests:share} of the steps and otherwise jumps by at least {jump:.3g} {op_unit}, "
-    "so the controller has an output dead band, which adds to the valve's: write output_dead_band in the settings",
-    "sinusoidal": "the error is a clean sinusoid of period {period_s:seconds} ({spectral_share:share} of its power at "
-    f"one frequency, peak to mean {{peak_to_mean:.2f}} against {math.pi / 2:.2f}; half-periods of {{half_s:seconds}}, "
-    "shorter than 5 Ti, {limit_s:seconds}): a linear oscillation, not backlash, makes the loop swing, and a gap "
-    "beside it does not show; look at the tuning or for a disturbance from elsewhere",
-    "kp_assumed": "Kp is not given and taken as 1.5 %/%, that is {kp:size} {pv_unit} per {op_unit}: it takes "
-    "{kp_part:.3g} {op_unit} off a width of {free:.3g} {op_unit}; give kp",
-}
-"""A finding in one sentence, by its code and, where it has several, its variant; formats as `_Reader` knows them."""
-
-_VARIANTS: dict[str, Callable[[Numbers], str]] = {
-    "time_assumed": lambda n: n["severity"],
-    "own_times": lambda n: "" if n["rows"] == n["pv_rows"] else "joined",
-    "time_reversed": lambda n: n["looks_like"],
-    "time_repeated": lambda n: n["severity"],
-    "not_a_number": lambda n: "all" if n["rows"] == n["of"] else "",
-    "winding_up": lambda n: "below" if n["error"] > 0 else "",
-    "sampling": lambda n: "slow" if n["ratio"] > 1.0 else "",
-    "compressed_pv": lambda n: n["looks_like"],
-    "spikes": lambda n: "one" if n["count"] == 1 else "",
-    "settings": lambda n: n["parameter"],
-}
-"""Which variant of a sentence its numbers ask for; one that has no sentence of its own has the plain one."""
+def _time(t: float, t0: datetime | None) -> str:
+    """A moment as a person knows it, with the zone that its recording has."""
+    try:
+        return f"{t:.10g} s" if t0 is None else (t0 + timedelta(seconds=t)).isoformat(sep=" ")
+    except (OverflowError, ValueError):  # beyond the calendar
+        return f"{t:.10g} s"

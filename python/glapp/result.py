@@ -513,6 +513,8 @@ class Result:
         The width from zero crossings with its known bias taken out; None without detections.
     step_test : StepTest or None
         What a step test in the recording's first half million rows gives (`glapp.step_test`), where it gives a width.
+    messages : list of dict
+        Why fit and crossings say what they do: each a `code` of the catalogue with its `numbers`.
     """
 
     name: str
@@ -538,6 +540,7 @@ class Result:
     fit: Fit | None = None
     corrected: Corrected | None = None
     step_test: StepTest | None = None
+    messages: list[dict[str, Any]] = field(default_factory=list)
 
     @classmethod
     def of_error(cls, error: InputError, name: str, source: str, loop: Loop | None = None) -> Result:
@@ -670,13 +673,13 @@ class Result:
 
     def _answered(self) -> dict[str, Any]:
         """The one answer in plain types, with its sentences."""
-        from .report.words import next_step, struck
+        from .report.words import told
 
-        answer = asdict(self.answer)
-        answer["next"]["text"] = next_step(self)
+        answer, words = asdict(self.answer), told(self)
+        answer["next"]["text"] = words["do"]
         if answer["struck"] is not None:
-            answer["struck"]["text"] = struck(self)
-        return answer
+            answer["struck"]["text"] = words["crossing"]
+        return answer | {"reasons": self.messages} | {part: words[part] for part in ("so", "do", "why")}
 
     def plot(self) -> go.Figure:
         """A zoomable figure: SP, PV and filtered PV over shaded half-periods, OP, detections and estimate."""

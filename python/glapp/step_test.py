@@ -1,8 +1,8 @@
 """The step test for backlash, read off a recording: OP is stepped in manual, held, stepped on and stepped back.
 
-The core reads it (`crates/analysis/src/step_test.rs` has the derivation); here its numbers get units and its codes get
-sentences. `docs/step-test.md` explains how holds, settling, noise and drift are treated, and how often the interval
-held the truth.
+The core reads it (`crates/analysis/src/step_test.rs` has the derivation); here its numbers get units.
+`docs/step-test.md` explains how holds, settling, noise and drift are treated, and how often the interval held the
+truth.
 """
 
 from __future__ import annotations
@@ -249,54 +249,6 @@ def told(found: dict[str, Any], recording: Recording, loop: Loop) -> StepTest:
     return replace(_filled(blank, found, "PV"), travel=travel)
 
 
-SENTENCES = {
-    # Why there is no width.
-    "no_op": "OP was not recorded; the test is read off OP and PV",
-    "no_mode": "no mode column tells when the loop was in manual; if it always was, say --manual",
-    "never_manual": "the loop was never in manual; put it in manual, step OP twice one way and once back",
-    "no_stretch": "no manual stretch of {rows} rows without gaps in time or in OP",
-    "never_held": "OP was never held for {rows} rows in manual with a good {subject}",
-    "one_value": "OP was held at one value only: in manual, step it twice one way and once back",
-    "not_settled": "{subject} did not settle before the next step: only {settled} of {holds} holds last long enough "
-    "for it ({needed:.3g} s); hold OP for longer, or, if the process integrates (a level), say so: "
-    "process = {{ type = 'integrating' }}",
-    "too_few_holds": "only {settled} holds last {rows} rows; hold OP for longer",
-    "not_in_a_row": "fewer than three settled holds follow each other at different OP",
-    "too_short": "the holds are too short to tell noise from drift; hold OP for longer",
-    "unanswered_moves": "{subject} did not answer any move of OP, the largest of {largest:.3g} {unit}: make larger "
-    "ones, beyond the gap and {subject}'s noise",
-    "no_gain": "no move goes on in the direction of one that {subject} answered, so the gain is not known; step twice "
-    "one way, then back, beyond the gap each time",
-    "no_gain_unsettled": "no move goes on in the direction of one that {subject} answered, so the gain is not known; "
-    "{unsettled} of {holds} holds ended before {subject} had settled; step twice one way, then back, beyond the gap "
-    "each time",
-    "gain_near_zero": "{subject} did not answer a second move in the same direction: the gain is not told from 0; make "
-    "larger steps, or hold for longer",
-    "gain_near_zero_disagree": "the readings disagree by more than noise and drift explain (F = {f:.3g}), and the "
-    "interval is widened: the load moved between holds, the process gain varies with OP, or the valve sticks and "
-    "slips: the gain is not told from 0; make larger steps, or hold for longer",
-    "no_reversal": "OP never reverses after a move that PV answered; step it back",
-    "at_least": "{subject} did not answer the reversal of {reversal:.3g} {unit}: the gap is at least {at_least:.3g} "
-    "{unit}; step back further",
-    # Notes.
-    "first_holds": "read are the first {read} holds; {left} follow",
-    "disagree": "the readings disagree by more than noise and drift explain (F = {f:.3g}), and the interval is "
-    "widened: the load moved between holds, the process gain varies with OP, or the valve sticks and slips",
-    "reaches_zero": "the interval reaches 0: no gap is told from one of {high:.3g} {unit}",
-    "positioner": "the positioner's own part of it, by its settings: {percent:.3g} % of travel",
-    "positioner_of_span": "the positioner's own part of it, by its settings: {percent:.3g} % of travel, {width:.3g} "
-    "{op_unit}",
-    # What a reading rests on, or why it gives nothing.
-    "gain": "Δ{symbol}/ΔOP = {delta_pv:.3g} {pv_unit} / {delta_op:.3g} {unit}",
-    "gap": "|ΔOP| − |Δ{symbol}|/|Kp| = {delta_op:.3g} − {delta_pv:.3g}/{kp:.3g} {unit}",
-    "first_move": "first move: where in its gap the valve stood before it is not known",
-    "turned": "OP turned between two holds without being held",
-    "unanswered": "{subject} did not answer",
-    "opposite": "{subject} went the other way: the load moved",
-}
-"""Codes of the core to sentences; the names in them are the code's numbers, and `subject`, `symbol` and the units."""
-
-
 def _filled(blank: StepTest, found: dict[str, Any], subject: str) -> StepTest:
     """The core's answer, with its codes in sentences; `subject` is what answered OP."""
     words = {
@@ -308,7 +260,7 @@ def _filled(blank: StepTest, found: dict[str, Any], subject: str) -> StepTest:
     }
 
     def sentence(code: dict[str, Any] | None) -> str:
-        return "" if code is None else SENTENCES[code["code"]].format(**words | code)
+        return "" if code is None else _glapp.to_text(f"step_test.{code['code']}", words | code)
 
     reason, notes = found.pop("reason"), tuple(found.pop("notes"))
     readings = [one | {"op": tuple(one["op"]), "pv": tuple(one["pv"])} for one in found.pop("readings")]

@@ -8,22 +8,10 @@ from datetime import UTC, datetime
 from .errors import InputError
 from .recording import Recording
 
-__all__ = ["LEFT_OUT", "in_order", "one_valve", "since"]
+__all__ = ["in_order", "one_valve", "since"]
 
 _SHARED = ("pv_span", "op_span", "pv_unit", "op_unit", "controller", "process", "positioner")
 """Settings that recordings of one valve have in common."""
-
-LEFT_OUT = {
-    "misfit": "no model fits it",
-    "no_answer": "PV does not answer OP",
-    "coarse": "it is sampled too seldom",
-    "swings": "OP swings to and fro in almost even time, which a load may do",
-    "lined": "a historian drew PV as lines that bend by as much as a gap makes",
-    "still": "the model's valve hardly moves",
-    "windows_disagree": "its parts disagree",
-    "windows_silent": "too few of its parts show a gap by themselves",
-}
-"""Why a recording does not count in the joint answer, by the word of the core."""
 
 
 def one_valve(recordings: Sequence[Recording]) -> None:

@@ -8,6 +8,7 @@ use crate::identify::{Identification, identified};
 use crate::quality::{self, Fault, Finding, Law, Severity, assumed_gain, inspect};
 use crate::step_test::{Manual, ManualRows, StepTest, StepTestSettings};
 use crate::summary::{Facts, Summary};
+use crate::words;
 use crate::{Counter, Crossings, Inspected, Ladder, Origin, median, noise_sigma, process_gain};
 use glapp_core::status::NOT_AUTO;
 use glapp_core::{Columns, DETECTIONS, DetectorSettings, GAP_STEPS, ParameterError, Reason};
@@ -308,7 +309,11 @@ impl Analysis {
             identification: self.identification,
             fit: fitted.as_ref().map(|fitted| fitted.answer.clone()),
             step_test,
+            messages: Vec::new(),
         };
+        let said = fitted.as_ref().and_then(|fitted| words::of_fitted(&answer, fitted));
+        let corrected = answer.corrected.as_ref().and_then(words::of_correction);
+        answer.messages = [said, words::of_crossings(&answer), corrected].into_iter().flatten().collect();
         let span = op_limits.map(|(low, high)| high - low);
         answer.answer = Summary::of(&answer.facts(span, self.task.acceptable, harm));
         Done { answer, crossings, fitted, op: self.op }

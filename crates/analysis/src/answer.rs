@@ -8,6 +8,7 @@ use crate::origin::Origin;
 use crate::quality::{Finding, InOrder};
 use crate::step_test::StepTest;
 use crate::summary::{Facts, FitFacts, StepTestWidth, Summary};
+use crate::words::Message;
 use glapp_core::{Corrected, Reason, TravelSource};
 use serde::{Serialize, Serializer};
 
@@ -49,6 +50,8 @@ pub struct Answer {
     pub fit: Option<FitAnswer>,
     /// The step test in the beginning of the recording; none where it gives no width.
     pub step_test: Option<StepTest>,
+    /// Why fit and crossings say what they do: codes with their numbers, which [`crate::words::text`] puts into sentences.
+    pub messages: Vec<Message>,
 }
 
 impl Answer {

@@ -147,3 +147,87 @@ fn variance(of: impl Iterator<Item = f64> + Clone) -> f64 {
     let mean = of.clone().sum::<f64>() / n;
     of.map(|x| (x - mean) * (x - mean)).sum::<f64>() / n
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PROCESS: Process =
+        Process { kp: (1.0, 0.9, 1.1), dead_time: (0.0, 0.0, 1.0), lag: (5.0, 4.0, 6.0), integrating: false };
+
+    /// A valve that follows OP behind a gap of 1, the PV that a loop under PI makes of that, and a share of noise in it.
+    fn swinging(n: usize, noise: f64) -> (Vec<f64>, Vec<f64>, Vec<f64>, Vec<f64>) {
+        let t: Vec<f64> = (0..n).map(|k| k as f64).collect();
+        let op: Vec<f64> = t.iter().map(|t| 2.0 * (t / 20.0).sin()).collect();
+        let mut at = 0.0f64;
+        let follow = |u: &f64| {
+            at = at.clamp(u - 0.5, u + 0.5);
+            at
+        };
+        let position: Vec<f64> = op.iter().map(follow).collect();
+        let lost: Vec<f64> = op.iter().zip(&position).map(|(u, v)| u - v).collect();
+        let mean = lost.iter().sum::<f64>() / n as f64;
+        let load: Vec<f64> = lost.iter().map(|lost| lost - mean).collect();
+        let made = made_of(&load, &t, (0.5, 10.0), &PROCESS).unwrap();
+        let pv = made.iter().enumerate().map(|(k, made)| noise * if k % 2 == 0 { 1.0 } else { -1.0 } - made).collect();
+        (t, op, position, pv)
+    }
+
+    fn of(n: usize, noise: f64, sp: f64) -> Harm {
+        let (t, op, position, pv) = swinging(n, noise);
+        let pv: Vec<f64> = pv.iter().map(|pv| pv + sp).collect();
+        let sp = vec![sp; n];
+        let rows = Inspected { t: &t, sp: Some(&sp), pv: &pv, op: Some(&op), flags: None };
+        harm(&Cells { t: &t, pv: &pv, position: &position }, &rows, Some((0.5, 10.0)), &PROCESS)
+    }
+
+    #[test]
+    fn what_the_gap_alone_makes_of_pv_is_all_of_it() {
+        let harm = of(2000, 0.0, 0.0);
+        assert!((harm.pv_share.unwrap() - 1.0).abs() < 1e-9, "{harm:?}");
+        // A gap of 1 takes 1 off each swing of 4.
+        assert!((harm.op_share.unwrap() - 0.25).abs() < 0.01, "{harm:?}");
+        assert_eq!(harm.worst, harm.pv_share);
+        assert_eq!(of(2000, 0.0, 40.0).pv_share.map(|share| (share * 1e6).round()), Some(1e6), "about SP, not about 0");
+    }
+
+    #[test]
+    fn noise_beside_the_gap_is_none_of_its_harm() {
+        let power = of(2000, 0.0, 0.0);
+        let half = of(2000, 0.2, 0.0).pv_share.unwrap();
+        assert!(0.1 < half && half < 0.95 && power.pv_share.unwrap() > half, "{half}");
+    }
+
+    #[test]
+    fn too_few_cells_and_a_process_that_runs_away_say_nothing() {
+        assert_eq!(of(FEWEST_CELLS - 1, 0.0, 0.0), Harm::default());
+        assert!(of(FEWEST_CELLS, 0.0, 0.0).op_share.is_some() && FEWEST_CELLS == 10);
+        let late =
+            Process { kp: (1.0, 1.0, 1.0), dead_time: (50.0, 50.0, 50.0), lag: (0.0, 0.0, 0.0), integrating: true };
+        let (t, op, position, pv) = swinging(2000, 0.0);
+        let rows = Inspected { t: &t, sp: None, pv: &pv, op: Some(&op), flags: None };
+        let cells = Cells { t: &t, pv: &pv, position: &position };
+        let harm = harm(&cells, &rows, Some((5.0, 1.0)), &late);
+        assert!(harm.pv_share.is_none() && harm.op_share.is_some(), "{harm:?}");
+        assert_eq!(super::harm(&cells, &rows, None, &PROCESS).pv_share, None, "without K and Ti nobody knows");
+    }
+
+    #[test]
+    fn signals_are_taken_at_the_cells() {
+        let (t, x) = ([0.0, 1.0, 2.0, 3.0], [0.0, f64::NAN, 4.0, 4.0]);
+        assert_eq!(interpolated(&[-1.0, 1.0, 2.5, 9.0], &t, &x), Some(vec![0.0, 2.0, 4.0, 4.0]));
+        assert_eq!(interpolated(&[0.0], &t, &[f64::NAN; 4]), None);
+        assert_eq!(
+            held(&[-1.0, 0.0, 1.9, 2.0, 9.0], &t, &[1.0, 2.0, 3.0, 4.0]).collect::<Vec<_>>(),
+            [1.0, 1.0, 2.0, 3.0, 4.0]
+        );
+    }
+
+    #[test]
+    fn windows_count_alike() {
+        let mean = Harm::mean(&[Harm::of(Some(0.2), None), Harm::of(Some(0.4), Some(0.9))]);
+        assert!((mean.pv_share.unwrap() - 0.3).abs() < 1e-12);
+        assert_eq!((mean.op_share, mean.worst), (Some(0.9), Some(0.9)));
+        assert_eq!(Harm::mean(&[]), Harm::default());
+    }
+}

@@ -1,7 +1,7 @@
 //! From samples to an answer: what is wrong with a recording, what its controller does, and what may be said of its valve.
 //!
-//! Nothing here reads a file, asks a clock or writes a sentence: arrays come in, numbers and names go out. Python, and
-//! whatever else shows an answer, puts them into words.
+//! Nothing here reads a file or asks a clock: arrays come in, numbers and names go out, and [`words`] puts them into sentences
+//! for whatever shows an answer.
 //!
 //! An [`Analysis`] is made of what is known of a loop and the beginning of its recording, is handed all rows, and ends in an
 //! [`Answer`]. It asks, in this order:
@@ -23,6 +23,7 @@ mod signals;
 pub mod step_test;
 mod summary;
 mod trend;
+pub mod words;
 
 pub use analysis::{Analysis, Controller, Done, INSPECTED_ROWS, Task, within_percent};
 pub use answer::{Answer, CorrectedAnswer, Settings};

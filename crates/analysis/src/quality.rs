@@ -15,8 +15,9 @@ mod oscillation;
 mod settings;
 mod times;
 
+pub use crate::words::Value;
 pub(crate) use finding::InOrder;
-pub use finding::{Fault, Finding, Severity, Value};
+pub use finding::{Fault, Finding, Severity};
 pub use settings::assumed_gain;
 pub use times::{assumed_time, own_times};
 

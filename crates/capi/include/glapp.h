@@ -217,6 +217,14 @@ int32_t glapp_step_test(const glapp_columns *columns, const glapp_setting *setti
  * loops[0].answer is the one answer) with codes and numbers in place of sentences. 64 kB are enough but for very long recordings. */
 int32_t glapp_analyze(const glapp_columns *columns, const char *task, char *json, size_t room, size_t *needed);
 
+/* ---- Words: a code with its numbers as a person reads it. ---- */
+
+/* Puts a message, {"code": "step_test.first_holds", "numbers": {"read": 40, "left": 3}}, into a sentence; both texts have at most
+ * 4095 bytes. Each of `messages` in the document of glapp_analyze is one; other codes have their subject before them: "quality.",
+ * "step_test." ... `reader` may be NULL, else {"name": loop, "pv_unit": "bar", "op_unit": "%", "t0": local time of t = 0 [us since 1970], "first_row": 2}, any of them.
+ * The sentence is written to `text` as glapp_step_test writes its answer. */
+int32_t glapp_text(const char *message, const char *reader, char *text, size_t room, size_t *needed);
+
 #ifdef __cplusplus
 }
 #endif

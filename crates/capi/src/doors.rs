@@ -4,6 +4,7 @@ use crate::handles::Handles;
 use crate::wrong::{BAD_LENGTH, BAD_POINTER, BAD_TEXT, OK, Wrong, YES, guarded, text};
 use crate::{ABI, settings};
 use glapp_analysis::crossings::Row;
+use glapp_analysis::words::{Message, text as sentence};
 use glapp_analysis::{Analysis, Crossings, FitAnswer, INSPECTED_ROWS, Inspected, LostMotion, ManualRows, fitted};
 use glapp_core::status::{AT_HIGH, AT_LOW, BAD, NOT_AUTO};
 use glapp_fit::{Batch, LONG_HISTORY, Rows, Samples, Windows};
@@ -487,7 +488,6 @@ pub unsafe extern "C" fn glapp_step_test(
     needed: *mut usize,
 ) -> i32 {
     guarded(|| {
-        let needs = place(needed, "needed")?;
         // SAFETY: as for the caller.
         let given = unsafe { named(settings, count) }?;
         let (manual, settings) = settings::step_test(&given)?;
@@ -509,8 +509,36 @@ pub unsafe extern "C" fn glapp_step_test(
         stretch.take(&all, may(given.position, "position")?);
         let answer = serde_json::to_string(&stretch.read(&settings)).map_err(Wrong::refused)?;
         // SAFETY: as for the caller.
-        unsafe { hand_over(&answer, json, room, needs) }
+        unsafe { hand_over(&answer, json, "json", room, needed) }
     })
+}
+
+/// Puts a message into a sentence; `reader` may be NULL.
+///
+/// # Safety
+/// As [`glapp_detector_new`]; `text` has room for so many bytes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn glapp_text(
+    message: *const c_char,
+    reader: *const c_char,
+    text: *mut c_char,
+    room: usize,
+    needed: *mut usize,
+) -> i32 {
+    guarded(|| {
+        // SAFETY: as for the caller.
+        let message: Message = json(unsafe { words(message, "message") }?, "message")?;
+        // SAFETY: as for the caller.
+        let reader = if reader.is_null() { "{}" } else { unsafe { words(reader, "reader") }? };
+        let told = sentence(&message.code, &message.numbers, &json(reader, "reader")?).map_err(Wrong::refused)?;
+        // SAFETY: as for the caller.
+        unsafe { hand_over(&told, text, "text", room, needed) }
+    })
+}
+
+/// What a text in JSON says.
+fn json<'a, T: serde::Deserialize<'a>>(text: &'a str, name: &str) -> Result<T, Wrong> {
+    serde_json::from_str(text).map_err(|error| Wrong::new(BAD_TEXT, format!("{name}: {error}")))
 }
 
 /// Analyses a recording; the answer document is a text in JSON.
@@ -526,7 +554,6 @@ pub unsafe extern "C" fn glapp_analyze(
     needed: *mut usize,
 ) -> i32 {
     guarded(|| {
-        let needs = place(needed, "needed")?;
         // SAFETY: as for the caller.
         let task = unsafe { words(task, "task") }?;
         let task = serde_json::from_str(task).map_err(|error| Wrong::refused(format!("task: {error}")))?;
@@ -558,26 +585,26 @@ pub unsafe extern "C" fn glapp_analyze(
         analysis.take(&all, position);
         let answer = serde_json::to_string(&analysis.finish(&mut |_| ()).answer).map_err(Wrong::refused)?;
         // SAFETY: as for the caller.
-        unsafe { hand_over(&answer, json, room, needs) }
+        unsafe { hand_over(&answer, json, "json", room, needed) }
     })
 }
 
 /// Writes a text to where the caller has room for it, and how many bytes it takes.
 ///
 /// # Safety
-/// `json` has room for so many bytes; `needs` is not NULL and aligned.
-unsafe fn hand_over(answer: &str, json: *mut c_char, room: usize, needs: *mut usize) -> Result<i32, Wrong> {
+/// `to` has room for so many bytes.
+unsafe fn hand_over(told: &str, to: *mut c_char, name: &str, room: usize, needed: *mut usize) -> Result<i32, Wrong> {
+    let needs = place(needed, "needed")?;
     // SAFETY: not NULL, aligned.
-    unsafe { needs.write(answer.len() + 1) };
-    if room <= answer.len() {
-        let told = format!("json: has room for {room} bytes, must have {}", answer.len() + 1);
-        return Err(Wrong::new(BAD_LENGTH, told));
+    unsafe { needs.write(told.len() + 1) };
+    if room <= told.len() {
+        return Err(Wrong::new(BAD_LENGTH, format!("{name}: has room for {room} bytes, must have {}", told.len() + 1)));
     }
-    let to = place(json, "json")?;
+    let to = place(to, name)?;
     // SAFETY: not NULL, and with room for so many bytes, as the caller promises.
     unsafe {
-        ptr::copy_nonoverlapping(answer.as_ptr().cast::<c_char>(), to, answer.len());
-        to.add(answer.len()).write(0);
+        ptr::copy_nonoverlapping(told.as_ptr().cast::<c_char>(), to, told.len());
+        to.add(told.len()).write(0);
     }
     Ok(OK)
 }

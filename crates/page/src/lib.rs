@@ -5,7 +5,9 @@
 
 mod laboratory;
 mod recording;
+mod words;
 
+use glapp_analysis::words::Reader;
 use glapp_analysis::{Manual, StepTestSettings};
 use laboratory::Laboratory;
 use recording::Recording;
@@ -38,12 +40,19 @@ enum Request {
         window: Vec<u8>,
     },
     /// Fits, and gives the answer.
-    Finish,
+    Finish {
+        /// Who reads it.
+        reader: Reader,
+    },
     /// Gives the answer, with what each of the windows says; what those say that are fitted so far, where some are not.
     Join {
         /// As [`Request::Alone`] gave it, in the order of the windows; none of one that is not fitted yet.
         alone: Vec<Option<Vec<u8>>>,
+        /// Who reads it.
+        reader: Reader,
     },
+    /// Puts something into words.
+    Words(words::Asked),
     /// Reads the step test in the recording whose columns are in memory.
     StepTest {
         /// Which rows were made in manual.
@@ -94,8 +103,11 @@ impl Memory {
             }
             Request::Windows => self.recording.as_mut().ok_or("no recording was begun")?.windows(),
             Request::Alone { window } => recording::alone(&window),
-            Request::Finish => Ok(self.recording.take().ok_or("no recording was begun")?.finish()),
-            Request::Join { alone } => self.recording.as_ref().ok_or("no recording was begun")?.join(&alone),
+            Request::Finish { reader } => self.recording.take().ok_or("no recording was begun")?.finish(&reader),
+            Request::Join { alone, reader } => {
+                self.recording.as_ref().ok_or("no recording was begun")?.join(&alone, &reader)
+            }
+            Request::Words(asked) => words::told(asked),
             Request::StepTest { manual, settings } => {
                 recording::step_test(manual, &settings, std::mem::take(&mut self.columns))
             }

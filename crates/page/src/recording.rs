@@ -1,8 +1,10 @@
 //! A recording on its way to an answer.
 
 use glapp_analysis::crossings::Row;
+use glapp_analysis::quality::Finding;
+use glapp_analysis::words::{self, Reader, Said, Untold};
 use glapp_analysis::{
-    Analysis, Crossings, Done, INSPECTED_ROWS, Inspected, Manual, ManualRows, StepTestSettings, Task,
+    Analysis, Crossings, Done, INSPECTED_ROWS, Inspected, Manual, ManualRows, StepTestSettings, Task, within_percent,
 };
 use glapp_fit::{Alone, Answer, Divided, JointAnswer, PositionAnswer, RecordAnswer, Window};
 use serde::{Deserialize, Serialize};
@@ -14,6 +16,8 @@ use std::ops::Range;
 pub(crate) struct Recording {
     columns: Columns,
     analysis: Analysis,
+    /// Width of OP's span, where it is known [OP unit].
+    span: Option<f64>,
     /// What is to be fitted, where it was asked for.
     divided: Option<Divided>,
 }
@@ -63,8 +67,10 @@ impl Recording {
     pub(crate) fn begin(task: Task, columns: HashMap<String, Vec<f64>>) -> Result<Self, String> {
         let columns = Columns::of(columns)?;
         let (beginning, position) = columns.rows(0..columns.t.len().min(INSPECTED_ROWS));
+        let percent = task.op_percent.unwrap_or_else(|| columns.op.as_deref().is_none_or(within_percent));
+        let span = task.op_span.or(percent.then_some((0.0, 100.0))).map(|(low, high)| high - low);
         let analysis = Analysis::new(task, &beginning, position).map_err(|error| error.to_string())?;
-        Ok(Self { columns, analysis, divided: None })
+        Ok(Self { columns, analysis, span, divided: None })
     }
 
     pub(crate) fn rows(&mut self, rows: Range<usize>) -> Result<(), String> {
@@ -82,17 +88,37 @@ impl Recording {
         windows.map(bytes).collect()
     }
 
-    pub(crate) fn join(&self, alone: &[Option<Vec<u8>>]) -> Result<Value, String> {
+    pub(crate) fn join(&self, alone: &[Option<Vec<u8>>], reader: &Reader) -> Result<Value, String> {
         let each = |alone: &Option<Vec<u8>>| alone.as_ref().map_or(Ok(Alone::default()), |alone| read(alone));
         let alone: Vec<Alone> = alone.iter().map(each).collect::<Result<_, _>>()?;
         let divided = self.divided.as_ref().filter(|divided| divided.windows.len() == alone.len());
         let pv = divided.ok_or_else(|| format!("{} windows were not asked for", alone.len()))?.joined(alone);
-        Ok(told(self.analysis.clone().finish_with(pv)))
+        told(self.analysis.clone().finish_with(pv), self.span, reader)
     }
 
-    pub(crate) fn finish(self) -> Value {
-        told(self.analysis.finish(&mut |_| ()))
+    pub(crate) fn finish(self, reader: &Reader) -> Result<Value, String> {
+        told(self.analysis.finish(&mut |_| ()), self.span, reader)
     }
+}
+
+/// An answer with what its pictures show, and in words.
+fn told(done: Done, span: Option<f64>, reader: &Reader) -> Result<Value, String> {
+    let Done { answer, fitted, .. } = &done;
+    let told = Said::of(answer, fitted.as_ref(), span, reader).and_then(|said| {
+        Ok(json!({
+            "parts": words::told(&said, reader)?,
+            "fit": said.fit.map(|fit| fit.reason),
+            "quality": answer.quality.iter().map(|one| finding(one, reader)).collect::<Result<Vec<_>, _>>()?,
+        }))
+    });
+    let mut shown = shown(done);
+    shown["told"] = told.map_err(|error| error.to_string())?;
+    Ok(shown)
+}
+
+fn finding(one: &Finding, reader: &Reader) -> Result<String, Untold> {
+    let told = words::of_finding(one);
+    words::text(&told.code, &told.numbers, reader)
 }
 
 /// The step test in a recording.
@@ -123,7 +149,7 @@ fn read<'a, T: Deserialize<'a>>(bytes: &'a [u8]) -> Result<T, String> {
 }
 
 /// An answer with what its pictures show.
-fn told(done: Done) -> Value {
+fn shown(done: Done) -> Value {
     let Done { answer, crossings, fitted, op } = done;
     let (pv, position) = fitted.map_or((None, None), |fitted| (fitted.pv, fitted.position));
     let shown = position.and_then(Result::ok).map(of_position);

@@ -3,7 +3,7 @@
 use crate::plain::plain;
 use crate::position;
 use crate::windows::{Batch, columns};
-use glapp_analysis::{Fitted, FittedValve, LostMotion, fitted, fitted_valve};
+use glapp_analysis::{Fitted, FittedValve, LostMotion, fitted, fitted_valve, words};
 use glapp_fit::{
     Answer, Evidence, JointAnswer, Judgement, PositionAnswer, Prediction, RecordAnswer, THRESHOLDS, Together, Trend,
     Unfit, ValveAnswer, Verdict, Width,
@@ -32,9 +32,10 @@ pub fn fit<'py>(py: Python<'py>, batches: Vec<Batch<'py>>, sign: f64) -> PyResul
 pub(crate) fn of_pv(py: Python<'_>, found: Result<JointAnswer, Unfit>) -> PyResult<Bound<'_, PyDict>> {
     let joint = match found {
         Ok(joint) => joint,
-        Err(why) => return unfit(py, why),
+        Err(why) => return unfit(py, why, "PV"),
     };
     let out = together(py, &joint.whole)?;
+    out.set_item("message", plain(py, &words::of_pv(&joint.whole, &joint.records[joint.shown], false))?)?;
     out.set_item("shown", joint.shown)?;
     let windows = joint.records.into_iter().map(|record| answered(py, record));
     out.set_item("windows", windows.collect::<PyResult<Vec<_>>>()?)?;
@@ -63,9 +64,12 @@ pub fn fit_valve<'py>(
 fn of_recordings(py: Python<'_>, found: Result<ValveAnswer, Unfit>) -> PyResult<Bound<'_, PyDict>> {
     let valve = match found {
         Ok(valve) => valve,
-        Err(why) => return unfit(py, why),
+        Err(why) => return unfit(py, why, "PV"),
     };
     let out = together(py, &valve.whole)?;
+    if let Ok(own) = &valve.recordings[valve.shown].own {
+        out.set_item("message", plain(py, &words::of_pv(&valve.whole, &own.records[own.shown], valve.shared))?)?;
+    }
     out.set_item("shown", valve.shown)?;
     out.set_item("shared", valve.shared)?;
     let recordings = PyList::empty(py);
@@ -84,9 +88,10 @@ fn of_recordings(py: Python<'_>, found: Result<ValveAnswer, Unfit>) -> PyResult<
 pub(crate) fn of_position(py: Python<'_>, found: Result<PositionAnswer, Unfit>) -> PyResult<Bound<'_, PyDict>> {
     let joint = match found {
         Ok(joint) => joint,
-        Err(why) => return unfit(py, why),
+        Err(why) => return unfit(py, why, "the position"),
     };
     let out = joined(py, (joint.verdict, joint.d, joint.low, joint.high), joint.trend)?;
+    out.set_item("message", plain(py, &words::of_position(&joint))?)?;
     out.set_item("shown", joint.shown)?;
     let windows = joint.records.into_iter().map(|record| position::answered(py, record));
     out.set_item("windows", windows.collect::<PyResult<Vec<_>>>()?)?;
@@ -152,8 +157,9 @@ pub(crate) fn name(verdict: Verdict) -> &'static str {
     LostMotion::from(verdict).name()
 }
 
-fn unfit(py: Python<'_>, why: Unfit) -> PyResult<Bound<'_, PyDict>> {
+fn unfit<'py>(py: Python<'py>, why: Unfit, signal: &'static str) -> PyResult<Bound<'py, PyDict>> {
     let out = PyDict::new(py);
+    out.set_item("message", plain(py, &words::of_unfit(why, signal))?)?;
     out.set_item("unfit", (why.name(), why.number()))?;
     Ok(out)
 }
@@ -162,6 +168,7 @@ fn unfit(py: Python<'_>, why: Unfit) -> PyResult<Bound<'_, PyDict>> {
 fn trend(py: Python<'_>, trend: Option<Trend>) -> PyResult<Option<Bound<'_, PyDict>>> {
     let Some(trend) = trend else { return Ok(None) };
     let out = PyDict::new(py);
+    out.set_item("message", words::of_trend(&trend).map(|message| plain(py, &message)).transpose()?)?;
     out.set_item("slope", trend.slope)?;
     out.set_item("error", trend.error)?;
     out.set_item("windows", trend.widths)?;

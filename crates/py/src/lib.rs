@@ -25,6 +25,7 @@ mod sim;
 mod step_test;
 mod tuning;
 mod windows;
+mod words;
 mod wrong_sign;
 
 use pyo3::exceptions::PyValueError;
@@ -105,6 +106,8 @@ mod _glapp {
     };
     #[pymodule_export]
     use crate::windows::Windows;
+    #[pymodule_export]
+    use crate::words::{catalogue, clock, count, duration, number, overview, quantity, sentence, to_text, told};
     #[pymodule_export]
     use crate::wrong_sign::WrongSign;
 }

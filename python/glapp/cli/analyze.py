@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.table import Table
+from rich.padding import Padding
 from rich.text import Text
 
 from ..escape import for_spreadsheet, one_line
@@ -20,7 +20,7 @@ from ..writing import write_file
 from .inputs import Refused, open_files, read_by
 from .options import Options, with_options
 from .outputs import PAGE, TABLE, check_output, fault_of
-from .screen import Column, CommandError, out, say_error, show_table, styled
+from .screen import Column, CommandError, fitting, key_values, out, say_error, show_table, styled
 from .work import analyze_all
 
 __all__ = ["analyze"]
@@ -91,61 +91,53 @@ def _rows(results: Sequence[Result]) -> str:
     return text.getvalue()
 
 
+#: So many loops have a block each; more are a table.
+_BLOCKS = 5
+
+
 def _show(answers: Sequence[Result | Refused]) -> None:
-    """The table, widest first, then the reasons of loops without an estimate and the warnings of those with one."""
+    """What is so, what to do and why: a block a loop, or of many loops a table, the most urgent first."""
     results = words.ranked([a.result() if isinstance(a, Refused) else a for a in answers])
-    show_table(_columns(results))
-    notes = Table.grid(padding=(0, 2))
-    notes.add_column(overflow="fold", max_width=max(24, out.width // 3))
-    notes.add_column(overflow="fold")
-    for result in results:
-        if result.trace is None:  # an error has a line of its own
-            continue
-        told = _told(result)
-        said = " ".join(told).lower()
-        told += [f.text for f in result.quality if f.severity == "warning" and f.text.lower() not in said]
-        for text in told[:3]:
-            notes.add_row(f"{one_line(result.name)}:", one_line(text))
-    if notes.row_count:
-        out.print()
-        out.print(notes)
+    shown = [result for result in results if result.trace is not None]  # an error has a line of its own
+    if len(results) <= _BLOCKS:
+        for result in shown:
+            _block(result)
+        return
+    show_table(fitting(_columns(results), 4))
+    out.print()
+    out.print(words.summary(results))
 
 
-def _told(result: Result) -> list[str]:
-    """What the answer stands on, and what to do; of crossings alone why they give no width."""
-    if result.answer.evidence is None:
-        told = [] if result.fit is None else [result.fit.reason]
-        if result.d_hat is None and result.reason is not None and result.reason not in told:
-            told.append(result.reason)
-        return told
-    why = words.why(result)
-    # A reason of the fit's own says what to do, but where a gap was found.
-    if result.fit is not None and why != words.sentence(result.fit.reason):
-        why = f"{why} {words.next_step(result)}"
-    return [why, *filter(None, [words.struck(result)])]
+def _block(result: Result) -> None:
+    told = words.told(result)
+    head = Text("  ").join(
+        filter(None, [styled(_name(result), style="bold"), styled(told["headline"]), _verdict(result)])
+    )
+    rows = [("", told["so"]), ("do", told["do"])]
+    why = [text for text in told["why"] if text not in told["so"]]
+    rows += [("why" if text is why[0] else "", text) for text in why]
+    warnings = [f.text for f in result.quality if f.severity == "warning"]
+    rows += [("note", words.sentence(text)) for text in warnings if text.lower() not in " ".join(why).lower()]
+    out.print(head)
+    out.print(Padding(key_values([(label, one_line(text)) for label, text in rows]), (0, 0, 1, 2)))
 
 
 def _columns(results: Sequence[Result]) -> list[Column]:
     """A row per loop: the one answer first, and after it what came about how."""
     fitted = any(result.fit is not None for result in results)
-    corrected = any(result.corrected is not None and result.corrected.d is not None for result in results)
     columns = [Column("loop", [one_line(_name(result)) for result in results])]
     if fitted:
-        columns.append(Column("gap (95 %)", [words.headline(result) or "–" for result in results], True))
+        columns.append(Column("dead band\n(95 %)", [words.headline(result) or "–" for result in results], True))
     else:
         columns.append(Column("d̂", [words.quantity(r.d_hat, words.op_unit(r)) for r in results], True))
-        columns.append(Column("% of\nspan", [words.number(result.d_hat_percent_span) for result in results], True))
     columns.append(Column("valve" if fitted else "verdict", [_verdict(result) for result in results]))
     columns.append(Column("to do", [words.todo(result) for result in results]))
-    if fitted:
-        columns.append(Column("crossings\nd̂", [_crossing(result) for result in results], True))
-    if corrected:
-        of = [None if result.corrected is None else result.corrected.d for result in results]
-        shown = [words.quantity(d, words.op_unit(r)) for d, r in zip(of, results, strict=True)]
-        columns.append(Column("corrected", shown, True))
+    columns.append(Column("how soon", [words.URGENCIES[result.answer.urgency].lower() for result in results]))
     counts, reasons, quality = (list(column) for column in zip(*map(_cells, results), strict=True))
-    columns.append(Column("det./\nhalf-p.", counts, True))
-    return [*columns, Column("rejected as", reasons), Column("quality", quality)]
+    columns.append(Column("quality", quality))
+    if fitted:
+        columns.append(Column("simple\nmethod", [_crossing(result) for result in results], True))
+    return [*columns, Column("det./\nhalf-p.", counts, True), Column("rejected as", reasons)]
 
 
 def _name(result: Result) -> str:
@@ -164,7 +156,7 @@ def _verdict(result: Result) -> Text:
 
 
 def _crossing(result: Result) -> Text:
-    """What a PLC would show, in brackets and struck out where the fit contradicts it."""
+    """What a PLC would show, in brackets and crossed out where the fit contradicts it."""
     text = words.quantity(result.d_hat, words.op_unit(result))
     return styled(text, style="dim") if result.answer.struck is None else styled(f"({text})", style="dim strike")
 

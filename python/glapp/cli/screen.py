@@ -21,6 +21,7 @@ __all__ = [
     "CommandError",
     "err",
     "examples",
+    "fitting",
     "key_values",
     "out",
     "say_error",
@@ -90,6 +91,17 @@ _READABLE = 12
 """Characters of a column of words, below which they break line after line."""
 _LONGEST = 24
 """Characters of a word that is not broken, where the screen has room for them."""
+
+
+def fitting(columns: Sequence[Column], needed: int) -> list[Column]:
+    """The columns that stand side by side on this screen, and in any case so many of the first."""
+    kept = list(columns[:needed])
+    for column in columns[needed:]:
+        least = _name_width(kept[0]) + sum(map(_least, [*kept[1:], column])) + _GAP * (len(kept) + 1)
+        if least > out.width:
+            break
+        kept.append(column)
+    return kept
 
 
 def show_table(columns: Sequence[Column]) -> None:

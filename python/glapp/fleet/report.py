@@ -7,6 +7,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from .._glapp import to_text
 from ..report import words
 from ..report.html import templates
 from ..writing import write_file
@@ -22,34 +23,6 @@ GROUPS = 12
 
 PLACES = 3
 """Places that are named of a kind of problem."""
-
-HELP: dict[str, tuple[str, str]] = {
-    "no_op": ("OP is not recorded", "Record OP beside PV: without it nothing but a step test tells of the valve."),
-    "compression": (
-        "The historian compresses PV or OP",
-        "Switch compression and exception reporting off for these tags, or set their band to the last digit.",
-    ),
-    "sampling": ("Samples lie too far apart", "Record faster: five samples at least while PV answers OP."),
-    "resolution": (
-        "PV or OP is recorded too coarsely",
-        "Record with more digits, and narrow the collector's dead band.",
-    ),
-    "manual": ("The loop is not in automatic", "Make a step test, or ask why it is in manual."),
-    "op_rests": ("OP hardly moves", "Keep a day with setpoint changes, or make a step test."),
-    "load": (
-        "The load swings or steps as a gap would make it",
-        "Keep calmer days or days with setpoint changes, make a step test, or record the valve's position.",
-    ),
-    "data": (
-        "The data cannot be used",
-        "See the problems of the lake, and the reason of each loop in the table loops.",
-    ),
-    "evidence": (
-        "A gap and none explain the data alike",
-        "Keep more days; a step test in manual settles it.",
-    ),
-}
-"""What stands in the way, and what would help, by the column `hindrance`."""
 
 
 class Group(NamedTuple):
@@ -152,14 +125,14 @@ def _in_short(loops: Sequence[Any], ranked: Sequence[Any], judged: Sequence[Any]
     beyond = [row for row in ranked if row["acceptable"] == "beyond"]
     gaps = sum(row["valve"] == "gap" for row in loops)
     worn = sum(bool(row["changes"]) and (row["trend"] or 0) > 0 for row in loops)
-    told = [f"{gaps} of {words.count(len(loops), 'valve')} show a gap" if gaps != 1 else "One valve shows a gap"]
-    told[0] += f", {len(beyond)} of them plainly more than is acceptable."
-    told.append(f"{len(judged) - gaps} show none, {len(loops) - len(judged)} cannot be judged.")
+    told = [
+        to_text("fleet.gaps", {"gaps": gaps, "all": len(loops), "beyond": len(beyond)}),
+        to_text("fleet.rest", {"none": len(judged) - gaps, "unjudged": len(loops) - len(judged)}),
+    ]
     if beyond:
-        most = ", ".join(row["loop"] for row in beyond[:3])
-        told.append(f"First: {most}.")
+        told.append(to_text("fleet.first", {"names": ", ".join(row["loop"] for row in beyond[:3])}))
     if worn:
-        told.append(f"{words.count(worn, 'gap')} plainly {'grows' if worn == 1 else 'grow'}.")
+        told.append(to_text("fleet.grows", {"n": worn}))
     return " ".join(told)
 
 
@@ -219,7 +192,10 @@ def _unjudged(loops: Sequence[dict[str, Any]]) -> list[tuple[str, str, list[dict
         if row["hindrance"] is not None:
             of.setdefault(row["hindrance"], []).append(row)
     order = sorted(of, key=lambda name: (-len(of[name]), name))
-    return [(*HELP[name], sorted(of[name], key=lambda row: str(row["loop"]))) for name in order]
+    return [
+        (to_text(f"hindrance.{name}"), to_text(f"help.{name}"), sorted(of[name], key=lambda row: str(row["loop"])))
+        for name in order
+    ]
 
 
 def _problems(rows: Sequence[dict[str, Any]]) -> list[tuple[str, int, list[str], str]]:

@@ -24,6 +24,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from .. import _glapp
+from .._glapp import to_text
 from ..arrays import column
 from ..errors import InputError, unforeseen
 from ..estimate import analyze, op_range
@@ -727,9 +728,7 @@ def _not_fitted(looks: list[dict[str, Any]], loop: Loop) -> Fit | None:
         return Fit(verdict, reason, loop.op_label, why=code)
     if not any(day["op"] for day in looks):
         return None  # the crossings answer
-    return Fit(
-        "cannot_tell", "OP stands still all the time: only an OP that moves shows a gap", loop.op_label, why="op_rests"
-    )
+    return Fit("cannot_tell", to_text("fit.op_rests"), loop.op_label, why="op_rests")
 
 
 def _lasting(looks: list[dict[str, Any]]) -> list[str]:

@@ -67,7 +67,10 @@ class CsvSource(Source):
         raw, whole = self._beginning()
         self._sampled = len(raw)
         if not raw.strip(b"\r\n\t \0"):
-            raise InputError("is empty", file=label)
+            if whole:
+                raise InputError("is empty", file=label)
+            what = f"begins with {len(raw) >> 10} KiB of nothing but spaces and empty lines"
+            raise InputError(what, file=label, hint="delete them, so that it begins with the columns' names")
         self._encoding = _encoding(raw, whole, label)
         text = codecs.getincrementaldecoder(self._encoding)("replace").decode(raw, whole)
         if "\0" in text:

@@ -617,7 +617,7 @@ def _detections(figure: go.Figure, result: Result, row: int) -> None:
 def _estimate(result: Result) -> str:
     """Name the line of the crossings' estimate."""
     if result.answer.struck is not None:
-        return "estimate, struck"
+        return "estimate, excluded"
     return "estimate, provisional" if result.crossings == "provisional" else "estimate"
 
 

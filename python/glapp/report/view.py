@@ -98,7 +98,12 @@ class LoopView:
     @property
     def answered(self) -> list[str]:
         """The answer in paragraphs, the first of them a sentence."""
-        return [words.lead(self.r), words.why(self.r)] if self.fitted else words.verdict(self.r)
+        return [words.lead(self.r)]
+
+    @cached_property
+    def why(self) -> list[str]:
+        """Tell what the answer stands on."""
+        return words.why(self.r)
 
     @property
     def source(self) -> Rows:

@@ -66,7 +66,7 @@ class Node:
 
 
 NODES = {
-    "Verdict": Node(ua.VariantType.String, "What kind of lost motion the last fit found, if any"),
+    "Verdict": Node(ua.VariantType.String, "What the last fit found, such as backlash, sound or cannot_tell"),
     "Confidence": Node(ua.VariantType.String, "How sure it is that there is a dead band"),
     "Width": Node(ua.VariantType.Double, "Most likely total width of the gap by the last fit", True),
     "Low": Node(ua.VariantType.Double, "Lower limit of its 95 % interval", True),

@@ -58,7 +58,7 @@ class Health(IntEnum):
     Attributes
     ----------
     NORMAL
-        No lost motion was found, or all of it is acceptable; also where no fit could tell.
+        No dead band was found, or all of it is acceptable; also where no fit could tell.
     FAILURE
         u_FF stands in the plant though it had to be 0 by now, and nobody here can take it away. A valve's gap, which is
         what is watched here, does not end its function.

@@ -553,16 +553,16 @@ class _Page:
                     take.props("" if engineer else "disable")
                 if not made["enabled"]:
                     drill = quiet(
-                        "Drill the watchdog",
-                        lambda: go("drill", {}, "The drill is under way: Events tell how it ends."),
+                        "Test switching off",
+                        lambda: go("drill", {}, "The test is under way: Events tell how it ends."),
                     )
                     drill.props("" if engineer else "disable")
             if not engineer:
                 ui.label("Enabling it needs the role engineer; switching it off, operator.").classes("small muted")
             if not made["enabled"]:
                 ui.label(
-                    "Before the first time, the drill shows that the plant takes u_FF away by itself when nobody "
-                    "counts its watchdog up. Nothing is enabled before that was seen."
+                    "First test that the plant switches compensation off if glapp stops. Nothing is enabled before "
+                    "that was seen."
                 ).classes("small muted")
             log = await asyncio.to_thread(self.read, lambda r: r.commands(self.name, 200))
             log = [row for row in log if row["command"] in ("enable", "disable", "drill", "drilled", "take_over")]

@@ -16,10 +16,11 @@ from pathlib import Path
 from typing import Any
 
 from .. import _glapp
+from .._glapp import to_text
 from ..errors import InputError
 from ..escape import for_spreadsheet
 from ..loop import Loop
-from ..report.words import NEXT, URGENCIES, VERDICTS, number
+from ..report.words import URGENCIES, VERDICTS, count, number
 from ..service.memory import Reader
 from ..service.watch import with_settings
 
@@ -401,13 +402,11 @@ def summary(rows: Sequence[Row]) -> str:
     """The plant in a line.
 
     >>> summary([])
-    '0 loops: nothing to do now'
+    '0 loops. Nothing is urgent.'
     """
-    parts = [f"{n} {text}" for key, text in _SOON.items() if (n := sum(row.urgency == key for row in rows))]
-    return f"{len(rows)} loops: " + (", ".join(parts) if parts else "nothing to do now")
-
-
-_SOON = {"high": "to look at first", "signal": "with a bad or missing signal", "medium": "in the next round"}
+    counted = [(key, sum(row.urgency == key for row in rows)) for key in ("high", "signal", "medium")]
+    told = [to_text(f"answer.run {key}", {"n": n}) for key, n in counted if n]
+    return " ".join([f"{count(len(rows), 'loop')}.", *(told or [to_text("answer.run calm")])])
 
 
 def _todo(status: Mapping[str, Any], answer: Mapping[str, Any] | None, silent: bool) -> str:
@@ -421,8 +420,7 @@ def _todo(status: Mapping[str, Any], answer: Mapping[str, Any] | None, silent: b
         return (
             status["why"] + ": write them into loops.toml." if status["why"] else "Nothing yet: it is fitted tonight."
         )
-    step = NEXT.get(answer["next"]["code"])
-    return str(answer["next"]["text"]) or ("" if step is None else step.text)
+    return str(answer["next"]["text"])
 
 
 def _compensation(status: Mapping[str, Any]) -> str:

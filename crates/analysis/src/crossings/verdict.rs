@@ -51,6 +51,17 @@ pub enum Place {
     SharedValve,
 }
 
+impl Place {
+    /// The name used in every face of glapp.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Primary => "primary",
+            Self::SplitRange => "split_range",
+            Self::SharedValve => "shared_valve",
+        }
+    }
+}
+
 /// Why no more can be said.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(tag = "code", content = "of", rename_all = "snake_case")]

@@ -1,7 +1,7 @@
 //! One fault or peculiarity of a recording.
 
+use crate::words::Value;
 use serde::ser::{Serialize, SerializeStruct, Serializer};
-use std::borrow::Cow;
 
 /// How grave a finding is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
@@ -116,48 +116,6 @@ faults! {
     Sinusoidal = "sinusoidal": Warning;
     /// Much of the width hangs on a process gain that nobody gave.
     KpAssumed = "kp_assumed": Warning;
-}
-
-/// One number or word of a finding.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
-#[serde(untagged)]
-pub enum Value {
-    /// A count, or a row counted from 0; −1 where there is none.
-    Count(i64),
-    /// A number; shares are 0 to 1, times in s.
-    Number(f64),
-    /// A name.
-    Word(Cow<'static, str>),
-}
-
-impl From<f64> for Value {
-    fn from(x: f64) -> Self {
-        Self::Number(x)
-    }
-}
-
-impl From<u64> for Value {
-    fn from(count: u64) -> Self {
-        Self::Count(i64::try_from(count).unwrap_or(i64::MAX))
-    }
-}
-
-impl From<Option<u64>> for Value {
-    fn from(row: Option<u64>) -> Self {
-        row.map_or(Self::Count(-1), Self::from)
-    }
-}
-
-impl From<&'static str> for Value {
-    fn from(word: &'static str) -> Self {
-        Self::Word(word.into())
-    }
-}
-
-impl From<String> for Value {
-    fn from(word: String) -> Self {
-        Self::Word(word.into())
-    }
 }
 
 /// One fault or peculiarity of a recording.

@@ -111,8 +111,7 @@ impl Member<'_> {
     /// Why it must not speak for a gap of this width; `agreed`: whether enough of all have this width by themselves.
     fn refused(&self, d: f64, lr_no_gap: f64, agreed: bool) -> Option<&'static str> {
         let fitted = &self.curve.fitted;
-        let evidence = &fitted.answer.evidence;
-        let Evidence { coarse, drawn, .. } = *evidence;
+        let Evidence { coarse, drawn, .. } = fitted.answer.evidence;
         let d = d / self.size;
         if d <= 0.0 {
             return None;
@@ -388,7 +387,7 @@ fn shared_width(members: &mut [Member], d: f64, here: &[Vec<f64>], gives: &mut [
         strays: many(|e| e.strays),
         slips: lr_no_jump > JUMP && 2 * jumping > members.len(),
         slips_wholly: many(|e| e.slips_wholly),
-        periodic_load: many(|e| e.periodic_load && !e.cycles()),
+        periodic_load: many(|e| e.periodic_load),
         even_swing: false,
         shaken: median(|e| e.shaken),
         drawn: median(|e| e.drawn),

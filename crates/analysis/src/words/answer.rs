@@ -1,0 +1,591 @@
+//! The answer in three parts: what is so, what to do, and why.
+
+use super::said::{Corrected, Limit, Said};
+use super::{Message, Numbers, Reader, Subject, Untold, Value, sentence, text};
+use serde::{Deserialize, Serialize};
+
+pub(super) const SUBJECT: Subject = Subject { name: "answer", sentences: SENTENCES, variants };
+
+/// Fewer readings of the zero crossings than this, and none of them can be checked against another: nothing is said of the valve.
+const FEW: i64 = 3;
+
+/// A most likely width below this share of the upper limit is next to none: nobody is told that it is probable.
+const NEXT_TO_NONE: f64 = 0.1;
+
+macro_rules! interval {
+    () => {
+        " ({low:number} to {high:number}, 95 %)"
+    };
+}
+macro_rules! confirm {
+    () => {
+        "; confirm with a step test before work is ordered."
+    };
+}
+
+const SENTENCES: &[(&str, &str)] = &[
+    // What is so.
+    ("so backlash", concat!("The valve of {name} has a dead band of {width:op}{span}", interval!(), "{beside}.")),
+    (
+        "so backlash dead_band",
+        concat!(
+            "The valve of {name} has a dead band of {width:op}{span}",
+            interval!(),
+            " from packing or play{beside}."
+        ),
+    ),
+    (
+        "so backlash unsure",
+        "The valve of {name} has a dead band of about {width:about}, but how wide it is is not sure{beside}.",
+    ),
+    ("so stiction", "The valve of {name} sticks, then jumps by {jump:op}{beside}."),
+    (
+        "so both",
+        concat!(
+            "The valve of {name} has a dead band of {width:op}{span}",
+            interval!(),
+            " and jumps by {jump:op}{beside}."
+        ),
+    ),
+    ("so at_least", "The valve of {name} has a dead band of at least {low:op}{beside}."),
+    (
+        "so likely",
+        "The valve of {name} probably has a dead band of about {width:about} ({low:number} to {high:number}){beside}.",
+    ),
+    ("so likely bound", "The valve of {name} probably has a dead band of at least {low:about}{beside}."),
+    (
+        "so likely unsure",
+        "The valve of {name} probably has a dead band, perhaps of about {width:about}, but how wide it is is not sure{beside}.",
+    ),
+    (
+        "so likely dead_band",
+        "The valve of {name} probably has a dead band of about {width:about} ({low:number} to {high:number}) from packing or \
+         play{beside}.",
+    ),
+    ("so likely stiction", "The valve of {name} probably sticks, then jumps by about {jump:about}{beside}."),
+    ("so sound", "The valve of {name} has no dead band wider than {high:op}."),
+    ("so none_seen", "{name} shows no dead band, but one of up to {high:about} would not show."),
+    ("so oscillation", "{name} swings in a smooth wave that its valve does not cause."),
+    ("so cannot_tell", "OP and PV of {name} do not show whether the valve has a dead band."),
+    ("so cannot_tell contradicts", "The valve position and PV of {name} contradict each other."),
+    ("so cannot_tell open", "{name}: probably {d:about}, but no gap would explain the data too."),
+    (
+        "so cannot_tell open bound",
+        "{name}: probably {d:about}, at most {high:about}, but no gap would explain the data too.",
+    ),
+    ("so cannot_tell open up_to", "{name} may have a dead band of up to {high:about}, or none."),
+    ("so cannot_tell misfit", "No model of the loop explains PV of {name}."),
+    ("so cannot_tell coarse", "{name} may have a dead band of about {d:about}, but it is recorded too seldom to tell."),
+    (
+        "so cannot_tell windows_disagree",
+        "{name} may have a dead band of about {d:about}, but parts of the recording disagree.",
+    ),
+    (
+        "so cannot_tell windows_silent",
+        "{name} may have a dead band of about {d:about}, but too few parts of the recording prove it.",
+    ),
+    (
+        "so cannot_tell recordings_disagree",
+        "{name} may have a dead band of about {d:about}, but the recordings disagree.",
+    ),
+    ("so cannot_tell still", "{name} may have a dead band of about {d:about}, but OP moves too little to tell."),
+    ("so cannot_tell once", "{name} may have a dead band of about {d:about}, but OP crosses it only once."),
+    (
+        "so cannot_tell repeats",
+        "{name} may have a dead band of about {d:about}, or a disturbance that comes with every swing.",
+    ),
+    ("so cannot_tell swings", "{name} may have a dead band of about {d:about}, or a disturbance that swings."),
+    (
+        "so cannot_tell lined",
+        "{name} may have a dead band of about {d:about}, but the historian's compression hides it.",
+    ),
+    ("so cannot_tell hidden_by_samples", "{name} shows no dead band, but it is recorded too seldom to show one."),
+    ("so cannot_tell hidden_by_lag", "{name} shows no dead band, but the recording is too short to be sure."),
+    ("so cannot_tell hidden_by_changes", "{name} shows no dead band, but changes of the load may hide one."),
+    ("so cannot_tell no_answer", "PV of {name} does not follow OP."),
+    ("so estimate", "The simple method reads a dead band of {width:op}{span} for {name}{beside}."),
+    ("so provisional", "The simple method reads {width:op}{span} for {name} so far{beside}."),
+    (
+        "so provisional few",
+        "The simple method has too few detections to judge the valve of {name}: they read {width:op}{span}.",
+    ),
+    ("so no_estimate", "No dead band could be measured for {name}."),
+    ("so refused", "{name} was not analysed: {reason}."),
+    // Clauses of it.
+    ("of_span", " ({percent:number} % of span)"),
+    ("more_than_given", ", more than the {percent:number} % of span allowed"),
+    ("more_than_nominal", ", more than the usual {percent:number} % of span"),
+    ("up_from", ", up from {from:number} in {lasted:duration}"),
+    ("down_from", ", down from {from:number} in {lasted:duration}"),
+    // The one width that a list shows, in OP units and in % of span.
+    ("headline", "{width:op}"),
+    ("headline at_least", "> {low:op}"),
+    ("headline sound", "< {high:op}"),
+    ("headline limits", "{low:number} to {high:op}"),
+    ("headline interval", "{width:op} ({low:number} to {high:number})"),
+    // What a PLC would show.
+    ("plc", "{d_hat:op}"),
+    ("plc above", "{d_hat:op}, too high"),
+    ("plc below", "{d_hat:op}, too low"),
+    ("plc sound", "{d_hat:op}, from noise or load"),
+    // What to do.
+    ("do correct", "Correct what is named, then analyse again."),
+    ("do inspect play", concat!("Check linkage, keys and actuator for play", confirm!())),
+    ("do inspect play tested", "Check linkage, keys and actuator for play."),
+    ("do inspect packing", concat!("Check packing, seat and air supply", confirm!())),
+    ("do inspect packing tested", "Check packing, seat and air supply."),
+    ("do inspect both", concat!("Check the linkage for play, and the packing", confirm!())),
+    ("do inspect both tested", "Check the linkage for play, and the packing."),
+    ("do inspect", concat!("Check the valve, its linkage and its packing", confirm!())),
+    ("do inspect likely", "Confirm with a step test."),
+    ("do further", "Record while OP moves further, or make a step test, to learn how wide it is."),
+    ("do record_more", "Record for longer while OP moves further, or make a step test in manual."),
+    ("do tuning", "Check the tuning, or look for a disturbance from elsewhere."),
+    ("do nothing", "Nothing now."),
+    ("do review", "Nothing now; analyse again at the next review."),
+    (
+        "do review given",
+        "Nothing now: all of it is within the {percent:number} % of span allowed. Analyse again at the next review.",
+    ),
+    (
+        "do review nominal",
+        "Nothing now: all of it is within the usual {percent:number} % of span. Analyse again at the next review.",
+    ),
+    ("do confirm", "Confirm with a step test in manual, then plan work on valve, linkage and positioner."),
+    ("do confirm tested", "Where it agrees, plan work on valve, linkage and positioner."),
+    ("do compare", "Compare with what this valve may have; confirm with a step test before work is ordered."),
+    ("do compare tested", "Compare with what this valve may have."),
+    ("do record_longer", "Record for longer, then analyse again."),
+    ("do probably_too_wide", "Probably too wide: record for longer, or confirm with a step test in manual."),
+    ("do step_test", "A step test in manual tells of the valve; this recording does not."),
+    ("do tested", "The step test in this recording gives {d:op} ({low:number} to {high:number}); see glapp step-test."),
+    // The same in a word or two.
+    ("short correct", "correct"),
+    ("short inspect", "inspect"),
+    ("short inspect likely", "step test"),
+    ("short further", "record"),
+    ("short record_more", "record"),
+    ("short tuning", "tuning"),
+    ("short nothing", "nothing"),
+    ("short review", "nothing"),
+    ("short confirm", "step test"),
+    ("short compare", "compare"),
+    ("short record_longer", "record"),
+    ("short probably_too_wide", "record"),
+    ("short step_test", "step test"),
+    ("short remedy", "step test"),
+    ("short tested", "read test"),
+    // Why.
+    ("why counted", "{counted} of {all} recordings count."),
+    ("why crossings", "The simple method reads {d_hat:about}."),
+    ("why crossings above", "The simple method reads {d_hat:about}, too high; ignore it."),
+    ("why crossings below", "The simple method reads {d_hat:about}, too low; ignore it."),
+    ("why crossings sound", "The simple method reads {d_hat:about}, from noise or load; ignore it."),
+    ("why crossings none", "The simple method gives no width: {reason}."),
+    ("why to_limit", "At this rate it reaches the limit in {days:.0f} days."),
+    ("why step_test", "The step test in this recording gives {d:op} ({low:number} to {high:number})."),
+    // What stands behind a width of the zero crossings.
+    ("crossed from", "This comes from {detections:count detection} in {half_periods:count half-period}."),
+    ("crossed provisional", "It is provisional: fewer than {n} detections stand behind it, and it may still move."),
+    (
+        "crossed repeat",
+        "The detections kept lie between {low:number} and {high:op}: that is how well they repeat, not how near they are to the \
+         truth.",
+    ),
+    ("crossed not_corrected", "Its known bias cannot be taken out: {reason}."),
+    (
+        "crossed corrected",
+        "With its known bias taken out it reads {d:op} ({low:number} to {high:number}){gain}: from OP's travel from turn to \
+         turn{by} in {pairs:count pair} of half-periods.",
+    ),
+    ("crossed gain", ", and with it a process gain of {kp:number} ({low:number} to {high:number})"),
+    ("crossed worked_out", ", worked out by (4.1)"),
+    ("crossed noise", "The noise limit is {floor:op}."),
+    ("crossed positioner", "The positioner's own dead band is set to {percent:number} %, which is part of it."),
+    (
+        "crossed rejected",
+        "The most frequent reason for rejection was “{label}” ({count} of {half_periods:count half-period}): {meaning}.",
+    ),
+    ("crossed no_proof", "This does not show that the valve is sound."),
+    (
+        "crossed doubt",
+        "Load changes can make the width read too high, so that even a sound valve shows a per cent or two; small movements can \
+         make it read too low; stiction looks the same.",
+    ),
+    ("crossed settle", "A step test in manual settles it."),
+    // All loops in short.
+    ("run high", "{n:count valve}: act now."),
+    ("run tuning", "{n:count loop}: check the tuning."),
+    ("run medium", "{n:count valve}: check at the next round."),
+    ("run within", "{n:count valve}: within the limit."),
+    ("run simple", "{n:count valve}: a width by the simple method alone, to be confirmed."),
+    ("run no_gap", "{n:count valve}: no dead band seen."),
+    ("run unknown", "{n:count loop}: cannot tell yet."),
+    ("run refused", "{n:count loop}: not analysed."),
+    ("run signal", "{n:count loop}: bad or missing signal."),
+    ("run calm", "Nothing is urgent."),
+    ("days", "Data of {first} to {last}."),
+    ("days one", "Data of {first}."),
+    ("basis", "evidence {evidence}"),
+    ("basis simple", "simple method alone"),
+];
+
+fn variants(code: &str, n: &dyn Numbers) -> Vec<String> {
+    match code {
+        "days" if n.value("first") == n.value("last") => vec!["one".into()],
+        "basis" if !n.has("evidence") => vec!["simple".into()],
+        _ => Vec::new(),
+    }
+}
+
+/// The first of these codes that has a sentence.
+fn first<'a>(codes: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    codes.into_iter().find(|code| SENTENCES.iter().any(|(known, _)| known == code))
+}
+
+/// What is so, in one sentence.
+///
+/// # Errors
+/// Where the answer has a verdict that the catalogue does not know.
+pub fn so(said: &Said, reader: &Reader) -> Result<String, Untold> {
+    let (cause, kind) = (said.cause.as_deref().unwrap_or_default(), said.width_kind.as_deref().unwrap_or_default());
+    let confidence = said.confidence.as_deref().unwrap_or_default();
+    let verdict = match confidence {
+        "likely" | "none_seen" => confidence,
+        _ => &said.verdict,
+    };
+    let reason = said.fit.as_ref().map_or("", |fit| &fit.why);
+    let open = ["may_be_a_gap", "families_disagree"].contains(&reason);
+    let contradicts = said.fit.as_ref().and_then(|fit| fit.position.as_deref()) == Some("contradicts");
+    let few = said.crossings.detections < FEW;
+    let most = said.fit.as_ref().and_then(|fit| fit.d);
+    let next_to_none = most.zip(said.high).is_some_and(|(most, high)| most < NEXT_TO_NONE * high);
+    let more = match verdict {
+        "cannot_tell" if contradicts => vec!["contradicts"],
+        "cannot_tell" if open && next_to_none => vec!["open up_to"],
+        "cannot_tell" if open && said.high.is_some() => vec!["open bound"],
+        "cannot_tell" if open => vec!["open"],
+        "cannot_tell" => vec![reason],
+        "provisional" | "estimate" if few => vec!["few"],
+        _ => vec![kind, cause],
+    };
+    let codes: Vec<String> =
+        more.iter().filter(|word| !word.is_empty()).map(|word| format!("so {verdict} {word}")).collect();
+    let plain = format!("so {verdict}");
+    let code = first(codes.iter().map(String::as_str)).unwrap_or(&plain);
+    let span = said.width_percent_span.filter(|_| reader.op_unit != "%");
+    let span = clause(span.map(|percent| Message::new("answer.of_span").with("percent", percent)));
+    let reason = said.crossings.reason.clone().unwrap_or_default();
+    let told = said.message(code).with("span", span).with("beside", beside(said)).with("reason", bare(&reason));
+    text(&told.code, &told.numbers, reader)
+}
+
+/// What the width is beyond, or how it has changed; empty where neither is to be told.
+fn beside(said: &Said) -> Value {
+    // By crossings alone sound valves show more than the usual limit.
+    let tells = |limit: &&Limit| said.fitted() || limit.origin == "given";
+    let beyond = said.limit.as_ref().filter(|_| said.acceptable.as_deref() == Some("beyond")).filter(tells);
+    let percent = beyond.and_then(|limit| Some((limit.percent_span?, limit)));
+    let beyond = percent.map(|(percent, limit)| {
+        let code = if limit.origin == "nominal" { "answer.more_than_nominal" } else { "answer.more_than_given" };
+        Message::new(code).with("percent", percent)
+    });
+    let changed = said.trend.as_ref().and_then(|trend| {
+        let code = match trend.code.as_str() {
+            "grows" => "answer.up_from",
+            "shrinks" => "answer.down_from",
+            _ => return None,
+        };
+        let ((from, _), (first, last)) = (trend.d?, trend.t?);
+        Some(Message::new(code).with("from", from).with("lasted", last - first))
+    });
+    Value::List([changed, beyond].into_iter().flatten().map(Value::from).collect())
+}
+
+fn clause(message: Option<Message>) -> Value {
+    message.map_or(Value::Word("".into()), Value::from)
+}
+
+/// Without its full stop: the sentence around it has its own.
+fn bare(text: &str) -> String {
+    text.strip_suffix('.').unwrap_or(text).into()
+}
+
+/// What to do, in one sentence or two: a step test that the recording holds is used, not advised.
+///
+/// # Errors
+/// Where the answer has a next step that the catalogue does not know.
+pub fn doing(said: &Said, reader: &Reader) -> Result<String, Untold> {
+    let code = &said.next.code;
+    let of = said.next.of.as_deref().unwrap_or_default();
+    let test = said.step_test.as_ref().filter(|test| test.d.is_some());
+    let mut told = Vec::new();
+    if let Some(test) = test.filter(|_| said.next.tested) {
+        let gives = Message::new("answer.do tested").with("d", test.d).with("low", test.low).with("high", test.high);
+        told.push(text(&gives.code, &gives.numbers, reader)?);
+        let left = [format!("do {code} {of} tested"), format!("do {code} tested")];
+        if let Some(left) = first(left.iter().map(String::as_str)) {
+            told.push(text(&format!("answer.{left}"), &said.message("").numbers, reader)?);
+        }
+        return Ok(told.join(" "));
+    }
+    if code == "remedy" {
+        return text(&format!("half_period_remedy.{of}"), &said.message("").numbers, reader);
+    }
+    let likely = if said.confidence.as_deref() == Some("likely") { "likely" } else { "" };
+    let origin = said.limit.as_ref().map_or("", |limit| &limit.origin);
+    let codes =
+        [format!("do {code} {likely}"), format!("do {code} {of}"), format!("do {code} {origin}"), format!("do {code}")];
+    let code = first(codes.iter().map(String::as_str)).unwrap_or(code);
+    let percent = said.limit.as_ref().and_then(|limit| limit.percent_span);
+    let told = said.message(code).with("percent", percent);
+    text(&told.code, &told.numbers, reader)
+}
+
+/// The same in a word or two.
+fn short(said: &Said, reader: &Reader) -> Result<String, Untold> {
+    let code = &said.next.code;
+    let asks = ["further", "record_more", "probably_too_wide", "step_test", "remedy"].contains(&code.as_str());
+    let tested = asks && said.next.tested;
+    let likely = said.confidence.as_deref() == Some("likely");
+    let codes = [format!("short {code} likely"), format!("short {code}")];
+    let code = if tested {
+        "short tested"
+    } else {
+        first(codes.iter().skip((!likely).into()).map(String::as_str)).unwrap_or(code)
+    };
+    text(&format!("answer.{code}"), &said.message("").numbers, reader)
+}
+
+/// Why, a sentence each: what the answer stands on, with the numbers of the likelihood.
+///
+/// # Errors
+/// Where the answer has a code that the catalogue does not know.
+pub fn why(said: &Said, reader: &Reader) -> Result<Vec<String>, Untold> {
+    // What is so says it already.
+    if said.verdict == "refused" {
+        return Ok(Vec::new());
+    }
+    let Some(fit) = said.fit.as_ref().filter(|_| said.fitted()) else {
+        return crossed(said, reader);
+    };
+    let tell = |told: Message| text(&told.code, &told.numbers, reader);
+    let mut told = vec![sentence(&fit.reason)];
+    if let Some((counted, all)) = fit.recordings.filter(|(_, all)| *all > 0) {
+        let counts = said.message("why counted").with("counted", Value::Count(counted)).with("all", Value::Count(all));
+        told.push(tell(counts)?);
+    }
+    if let Some(days) = said.trend.as_ref().and_then(|trend| trend.days_to_limit) {
+        told.push(tell(said.message("why to_limit").with("days", days))?);
+    }
+    if let Some(test) = said.step_test.as_ref().filter(|test| test.d.is_some() && !said.next.tested) {
+        let gives = said.message("why step_test").with("d", test.d).with("low", test.low).with("high", test.high);
+        told.push(tell(gives)?);
+    }
+    if said.crossings.reason.as_ref() != Some(&fit.reason) {
+        told.push(crossing(said, reader)?);
+    }
+    Ok(told.into_iter().filter(|text| !text.is_empty()).collect())
+}
+
+/// What the zero crossings say beside a fit, in one line.
+fn crossing(said: &Said, reader: &Reader) -> Result<String, Untold> {
+    let code = match (&said.struck, said.crossings.d_hat, &said.crossings.reason) {
+        (Some(struck), _, _) => format!("why crossings {}", struck.code),
+        (None, Some(_), _) => "why crossings".into(),
+        (None, None, Some(_)) => "why crossings none".into(),
+        (None, None, None) => return Ok(String::new()),
+    };
+    let told = said.message(&code).with("reason", bare(said.crossings.reason.as_deref().unwrap_or_default()));
+    text(&told.code, &told.numbers, reader)
+}
+
+/// What a width of the zero crossings stands on, or why there is none; paragraphs.
+fn crossed(said: &Said, reader: &Reader) -> Result<Vec<String>, Untold> {
+    let of = &said.crossings;
+    let halves = || Value::Count(of.half_periods);
+    let tell = |told: Message| text(&told.code, &told.numbers, reader);
+    let mut basis = Vec::new();
+    if of.d_hat.is_none() {
+        basis.push(sentence(of.reason.as_deref().unwrap_or_default()));
+        if of.verdict == "refused" {
+            return Ok(basis);
+        }
+        if of.detections == 0 {
+            basis.push(tell(said.message("crossed no_proof"))?);
+        }
+    } else {
+        basis.push(tell(said.message("crossed from").with("half_periods", halves()))?);
+        if said.struck.is_none() {
+            if of.verdict == "provisional" {
+                basis.push(tell(said.message("crossed provisional").with("n", Value::Count(of.n)))?);
+            }
+            if let Some((low, high)) = of.repeatability.filter(|_| of.detections > 1) {
+                basis.push(tell(said.message("crossed repeat").with("low", low).with("high", high))?);
+            }
+            if let Some(corrected) = &of.corrected {
+                basis.push(tell(unbiased(said, corrected))?);
+            }
+            if let Some(floor) = of.noise_floor {
+                basis.push(tell(said.message("crossed noise").with("floor", floor))?);
+            }
+            if let Some(percent) = of.positioner {
+                basis.push(tell(said.message("crossed positioner").with("percent", percent))?);
+            }
+        }
+    }
+    let mut paragraphs = vec![basis.join(" ")];
+    if let Some((reason, count)) = &of.rejected {
+        let [label, meaning] = ["half_period", "half_period_meaning"].map(|of| Message::new(format!("{of}.{reason}")));
+        let rejected = said.message("crossed rejected").with("label", label).with("meaning", meaning);
+        paragraphs.push(tell(rejected.with("count", Value::Count(*count)).with("half_periods", halves()))?);
+    }
+    if of.d_hat.is_some() && said.struck.is_none() {
+        let settle = if said.step_test.is_some() { "why step_test" } else { "crossed settle" };
+        let test = said.step_test.clone().unwrap_or_default();
+        let settle = said.message(settle).with("d", test.d).with("low", test.low).with("high", test.high);
+        paragraphs.push(format!("{} {}", tell(said.message("crossed doubt"))?, tell(settle)?));
+    }
+    Ok(paragraphs.into_iter().filter(|text| !text.is_empty()).collect())
+}
+
+/// The crossings' width with its known bias taken out, or why it is not.
+fn unbiased(said: &Said, of: &Corrected) -> Message {
+    if of.d.is_none() {
+        return said.message("crossed not_corrected").with("reason", of.reason.clone().unwrap_or_default());
+    }
+    let gain = of
+        .kp_range
+        .map(|(low, high)| Message::new("answer.crossed gain").with("kp", of.kp).with("low", low).with("high", high));
+    let by = (of.travel != "op").then(|| Message::new("answer.crossed worked_out"));
+    said.message("crossed corrected")
+        .with("d", of.d)
+        .with("low", of.low)
+        .with("high", of.high)
+        .with("pairs", Value::Count(of.pairs))
+        .with("gain", clause(gain))
+        .with("by", clause(by))
+}
+
+/// An answer in words.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Told {
+    /// What is so, in one sentence.
+    pub so: String,
+    /// What to do.
+    #[serde(rename = "do")]
+    pub doing: String,
+    /// The same in a word or two.
+    pub short: String,
+    /// Why, a sentence each.
+    pub why: Vec<String>,
+    /// The one width that a list shows, with its interval; empty where nothing is known of it.
+    pub headline: String,
+    /// The same in % of OP's span; empty where the span is not known, or the headline says so already.
+    pub of_span: String,
+    /// What a PLC would show.
+    pub plc: String,
+    /// What the zero crossings say beside a fit, in one line.
+    pub crossing: String,
+    /// What they stand on, in paragraphs.
+    pub crossed: Vec<String>,
+}
+
+/// All parts of an answer.
+///
+/// # Errors
+/// Where the answer has a code that the catalogue does not know.
+pub fn told(said: &Said, reader: &Reader) -> Result<Told, Untold> {
+    Ok(Told {
+        so: so(said, reader)?,
+        doing: doing(said, reader)?,
+        short: short(said, reader)?,
+        why: why(said, reader)?,
+        headline: headline(said, 1.0, reader)?,
+        of_span: of_span(said, reader)?,
+        plc: plc(said, reader)?,
+        crossing: crossing(said, reader)?,
+        crossed: crossed(said, reader)?,
+    })
+}
+
+fn headline(said: &Said, scale: f64, reader: &Reader) -> Result<String, Untold> {
+    let code = match (said.verdict.as_str(), said.width, said.low, said.high) {
+        (_, None, None, None) => return Ok(String::new()),
+        (_, _, None, None) => "headline",
+        ("at_least", ..) => "headline at_least",
+        ("sound", ..) => "headline sound",
+        (_, None, ..) => "headline limits",
+        _ => "headline interval",
+    };
+    let scaled = |x: Option<f64>| x.map(|x| scale * x);
+    let told = said.message(code).with("width", scaled(said.width));
+    let told = told.with("low", scaled(said.low)).with("high", scaled(said.high));
+    text(&told.code, &told.numbers, reader)
+}
+
+fn of_span(said: &Said, reader: &Reader) -> Result<String, Untold> {
+    let Some(span) = said.span.filter(|span| !(reader.op_unit == "%" && *span == 100.0)) else {
+        return Ok(String::new());
+    };
+    if said.low.is_none() && said.high.is_none() {
+        return Ok(String::new());
+    }
+    headline(said, 100.0 / span, &Reader { op_unit: "% of span".into(), ..reader.clone() })
+}
+
+fn plc(said: &Said, reader: &Reader) -> Result<String, Untold> {
+    let code = said.struck.as_ref().map_or("plc".into(), |struck| format!("plc {}", struck.code));
+    let told = said.message(&code);
+    text(&told.code, &told.numbers, reader)
+}
+
+/// What a run over many loops counts of each.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(default)]
+pub struct Headline {
+    /// What is known of the valve.
+    pub valve: String,
+    /// How soon something is to be done.
+    pub urgency: String,
+    /// What is to be done.
+    pub next: String,
+    /// How the width stands to the limit.
+    pub acceptable: Option<String>,
+}
+
+/// What a loop counts as in a run, in the order in which they are told.
+const RUN: [&str; 8] = ["high", "tuning", "medium", "within", "simple", "no_gap", "unknown", "refused"];
+
+impl Headline {
+    fn counts_as(&self) -> &'static str {
+        match (self.valve.as_str(), self.urgency.as_str()) {
+            ("refused", _) => "refused",
+            (_, "high") => "high",
+            _ if self.next == "tuning" => "tuning",
+            ("gap", "medium") => "medium",
+            ("gap", _) if self.acceptable.as_deref() == Some("within") => "within",
+            ("gap", _) => "simple",
+            ("no_gap", _) => "no_gap",
+            _ => "unknown",
+        }
+    }
+}
+
+/// All loops in short: how many need what.
+///
+/// # Errors
+/// None but a fault of the catalogue.
+pub fn overview(run: &[Headline], reader: &Reader) -> Result<String, Untold> {
+    let counted = RUN.map(|kind| (kind, run.iter().filter(|one| one.counts_as() == kind).count()));
+    let tell =
+        |code: &str, n: usize| text(&format!("answer.run {code}"), &Message::new("").with("n", n).numbers, reader);
+    let mut told = Vec::new();
+    if counted[..3].iter().all(|(_, n)| *n == 0) {
+        told.push(tell("calm", 0)?);
+    }
+    for (kind, n) in counted.into_iter().filter(|(_, n)| *n > 0) {
+        told.push(tell(kind, n)?);
+    }
+    Ok(told.join(" "))
+}

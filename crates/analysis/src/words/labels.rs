@@ -1,0 +1,51 @@
+//! Words that stand alone: verdicts, what is known of a valve, how soon, how strong the evidence is.
+
+use super::{Subject, plain};
+
+pub(super) const VERDICT: Subject = Subject { name: "verdict", sentences: VERDICTS, variants: plain };
+pub(super) const VALVE: Subject = Subject { name: "valve", sentences: VALVES, variants: plain };
+pub(super) const URGENCY: Subject = Subject { name: "urgency", sentences: URGENCIES, variants: plain };
+pub(super) const EVIDENCE: Subject = Subject { name: "evidence", sentences: STRENGTHS, variants: plain };
+pub(super) const MEANING: Subject = Subject { name: "meaning", sentences: MEANINGS, variants: plain };
+
+/// The one verdict of a loop. The last four are those of the zero crossings, where nothing was fitted.
+const VERDICTS: &[(&str, &str)] = &[
+    ("backlash", "Backlash"),
+    ("stiction", "Stiction"),
+    ("both", "Backlash and stiction"),
+    ("at_least", "At least"),
+    ("oscillation", "Oscillation"),
+    ("sound", "Sound"),
+    ("cannot_tell", "Cannot tell"),
+    ("estimate", "Estimate"),
+    ("provisional", "Provisional"),
+    ("no_estimate", "No estimate"),
+    ("refused", "Refused"),
+];
+
+const VALVES: &[(&str, &str)] =
+    &[("gap", "Gap found"), ("no_gap", "No gap shown"), ("unknown", "Cannot tell"), ("refused", "Refused")];
+
+const URGENCIES: &[(&str, &str)] =
+    &[("high", "First"), ("medium", "Next round"), ("low", "Later"), ("none", "Not now")];
+
+const STRENGTHS: &[(&str, &str)] =
+    &[("none", "none"), ("weak", "weak"), ("strong", "strong"), ("very_strong", "very strong")];
+
+/// What each verdict means.
+const MEANINGS: &[(&str, &str)] = &[
+    ("backlash", "OP and PV show a gap, and how wide it is. The valve does not follow OP until OP has crossed it."),
+    ("stiction", "the valve sticks and then jumps. There is no gap beside it."),
+    ("both", "there is a gap, and the valve jumps when it breaks loose."),
+    ("at_least", "there is a gap, and only how wide it is at least: OP did not move far enough, or PV is too noisy."),
+    ("sound", "no gap wider than the limit that is given. A narrower one may be there."),
+    ("oscillation", "the loop swings in a smooth wave, and its valve is not why. A gap beside it does not show."),
+    (
+        "cannot_tell",
+        "a gap would explain the data, and so would none, or no model does. It does not mean that all is well.",
+    ),
+    ("estimate", "nothing was fitted. At least N detections of the zero crossings stand behind the width."),
+    ("provisional", "nothing was fitted. Fewer than N detections stand behind the width, and it may still move."),
+    ("no_estimate", "nothing was fitted, and no half-period could be measured on."),
+    ("refused", "data or settings do not allow an analysis. The reason is named."),
+];

@@ -1,0 +1,198 @@
+//! What the three parts of an answer are told from.
+
+use super::Message;
+use serde::Deserialize;
+
+/// The one answer of a loop under the names of its document, and beside it what its sentences need more. All of it may be absent.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(default)]
+pub struct Said {
+    /// The verdict.
+    pub verdict: String,
+    /// What is known of the valve.
+    pub valve: String,
+    /// *found*, *likely*, *cannot_tell*, *none_seen*, *sound*, *refused*, *not_judged*.
+    pub confidence: Option<String>,
+    /// *backlash*, *stiction*, *both*, *dead_band*.
+    pub cause: Option<String>,
+    /// *interval*, *bound*, *unsure*.
+    pub width_kind: Option<String>,
+    /// The width [OP unit].
+    pub width: Option<f64>,
+    /// The same [% of span].
+    pub width_percent_span: Option<f64>,
+    /// Its limits [OP unit].
+    pub low: Option<f64>,
+    /// Upper one.
+    pub high: Option<f64>,
+    /// How strongly the recording speaks for a gap.
+    pub evidence: Option<String>,
+    /// How the width stands to the limit.
+    pub acceptable: Option<String>,
+    /// What to do next.
+    pub next: Next,
+    /// How soon.
+    pub urgency: String,
+    /// Why the crossings' width does not stand.
+    pub struck: Option<Struck>,
+    /// The widest dead band that is allowed.
+    pub limit: Option<Limit>,
+    /// How the width changes.
+    pub trend: Option<Trend>,
+    /// Width of OP's span [OP unit], where it is known.
+    pub span: Option<f64>,
+    /// What a step test in the recording gives.
+    pub step_test: Option<Width>,
+    /// What the fit says; none where nothing was fitted.
+    pub fit: Option<Fit>,
+    /// What the zero crossings say.
+    pub crossings: Crossings,
+}
+
+/// A next step.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(default)]
+pub struct Next {
+    /// What to do.
+    pub code: String,
+    /// What it is about.
+    pub of: Option<String>,
+    /// The recording holds a step test: what it gives is used, and no further one is asked for.
+    pub tested: bool,
+}
+
+/// How the crossings contradict the fit.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(default)]
+pub struct Struck {
+    /// *above*, *below*, *sound*.
+    pub code: String,
+    /// The fit's limit [OP unit].
+    pub limit: f64,
+}
+
+/// The widest dead band that is allowed.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(default)]
+pub struct Limit {
+    /// [% of span]
+    pub percent_span: Option<f64>,
+    /// *given* or *nominal*.
+    pub origin: String,
+}
+
+/// How the width changes.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(default)]
+pub struct Trend {
+    /// *steady*, *grows*, *shrinks*.
+    pub code: String,
+    /// First and last moment \[s\].
+    pub t: Option<(f64, f64)>,
+    /// The line's width there [OP unit].
+    pub d: Option<(f64, f64)>,
+    /// Days until the limit is reached.
+    pub days_to_limit: Option<f64>,
+}
+
+/// A width with its limits [OP unit].
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(default)]
+pub struct Width {
+    /// [OP unit]
+    pub d: Option<f64>,
+    /// [OP unit]
+    pub low: Option<f64>,
+    /// [OP unit]
+    pub high: Option<f64>,
+}
+
+/// What the fit says beyond the answer.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(default)]
+pub struct Fit {
+    /// The word for why.
+    pub why: String,
+    /// The most likely width [OP unit], whether it counts or not.
+    pub d: Option<f64>,
+    /// Slip jump [OP unit].
+    pub jump: Option<f64>,
+    /// What a recorded position adds.
+    pub position: Option<String>,
+    /// Its sentence, with the evidence.
+    pub reason: String,
+    /// Recordings that count, of so many.
+    pub recordings: Option<(i64, i64)>,
+}
+
+/// What the zero crossings say.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(default)]
+pub struct Crossings {
+    /// *estimate*, *provisional*, *no_estimate*, *refused*.
+    pub verdict: String,
+    /// Why not more, in a sentence.
+    pub reason: Option<String>,
+    /// Their width [OP unit].
+    pub d_hat: Option<f64>,
+    /// The same [% of span].
+    pub d_hat_percent_span: Option<f64>,
+    /// Accepted half-periods.
+    pub detections: i64,
+    /// Accepted and rejected ones.
+    pub half_periods: i64,
+    /// Detections behind one estimate.
+    pub n: i64,
+    /// Smallest and largest detection [OP unit].
+    pub repeatability: Option<(f64, f64)>,
+    /// The noise limit [OP unit].
+    pub noise_floor: Option<f64>,
+    /// The width with its known bias taken out.
+    pub corrected: Option<Corrected>,
+    /// The most frequent reason of rejection, and how often it was.
+    pub rejected: Option<(String, i64)>,
+    /// The positioner's own dead band [% of travel].
+    pub positioner: Option<f64>,
+}
+
+/// The crossings' width with its known bias taken out.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(default)]
+pub struct Corrected {
+    /// [OP unit]; none: `reason` tells why.
+    pub d: Option<f64>,
+    /// [OP unit]
+    pub low: Option<f64>,
+    /// [OP unit]
+    pub high: Option<f64>,
+    /// [PV unit/OP unit]
+    pub kp: Option<f64>,
+    /// Its range; none where it was known.
+    pub kp_range: Option<(f64, f64)>,
+    /// Pairs of half-periods.
+    pub pairs: i64,
+    /// *op* or *(4.1)*.
+    pub travel: String,
+    /// Why there is no width.
+    pub reason: Option<String>,
+}
+
+impl Said {
+    /// Whether the fit has answered.
+    pub(super) fn fitted(&self) -> bool {
+        self.evidence.is_some()
+    }
+
+    /// A message with the numbers that the answer's sentences share.
+    pub(super) fn message(&self, code: &str) -> Message {
+        let fit = self.fit.clone().unwrap_or_default();
+        Message::new(format!("answer.{code}"))
+            .with("width", self.width)
+            .with("low", self.low)
+            .with("high", self.high)
+            .with("jump", fit.jump)
+            .with("d", fit.d)
+            .with("d_hat", self.crossings.d_hat)
+            .with("detections", super::Value::Count(self.crossings.detections))
+    }
+}

@@ -1,0 +1,291 @@
+//! Formats and wordings held to what Python wrote before the words stood here, and the catalogue to its own rules.
+
+use super::template::{self, Part};
+use super::*;
+use serde_json::Value as Json;
+use std::collections::BTreeMap;
+
+/// Numbers on random values, and findings on random numbers, as Python's own formats wrote them.
+const VECTORS: &str = include_str!("vectors.json");
+
+#[test]
+fn numbers_are_written_as_python_wrote_them() {
+    let all: Json = serde_json::from_str(VECTORS).unwrap();
+    let vectors: Vec<(String, Vec<Json>, String)> = serde_json::from_value(all["numbers"].clone()).unwrap();
+    assert!(vectors.len() > 500);
+    for (kind, of, wanted) in &vectors {
+        let (x, word) = (|i: usize| of[i].as_f64(), |i: usize| of[i].as_str().unwrap());
+        let told = match kind.as_str() {
+            "number" => number(x(0), of[1].as_u64().unwrap() as usize),
+            "quantity" => quantity(x(0), word(1), of[2].as_u64().unwrap() as usize),
+            "duration" => duration(x(0).unwrap()),
+            "clock" => clock(of[0].as_i64(), x(1).unwrap()),
+            "sentence" => sentence(word(0)),
+            "count" => count(of[0].as_i64().unwrap(), word(1)),
+            _ => {
+                let numbers = BTreeMap::from([("x".to_string(), Value::Number(x(0).unwrap()))]);
+                template::filled("test.x", &format!("{{x:{}}}", word(1)), &numbers, &Reader::default()).unwrap()
+            }
+        };
+        assert_eq!(told, *wanted, "{kind} of {of:?}");
+    }
+}
+
+#[test]
+fn findings_are_worded_as_python_worded_them() {
+    let all: Json = serde_json::from_str(VECTORS).unwrap();
+    let vectors: Vec<(String, BTreeMap<String, Value>, String)> =
+        serde_json::from_value(all["quality"].clone()).unwrap();
+    let reader = Reader { pv_unit: "bar".into(), op_unit: "%".into(), ..Reader::default() };
+    for (code, numbers, wanted) in &vectors {
+        assert_eq!(text(&format!("quality.{code}"), numbers, &reader).as_ref(), Ok(wanted), "{code}");
+    }
+    assert!(vectors.len() > 20);
+    let worded = |fault: &crate::quality::Fault| {
+        catalogue().any(|(code, _)| code.starts_with(&format!("quality.{}", fault.name())))
+    };
+    assert!(crate::quality::Fault::ALL.iter().all(worded));
+}
+
+#[test]
+fn a_field_of_a_sentence_has_a_format_that_there_is() {
+    let known =
+        ["", "op", "pv", "about", "of span", "number", "seconds", "duration", "time", "share", "size", "row", "rows"];
+    let known = [&known[..], &["times", "and", "list", "steps", "d"]].concat();
+    for (code, sentence) in catalogue() {
+        for part in template::parts(sentence) {
+            if let Part::Field(name, format) = part {
+                let number = format.starts_with('.') && format.ends_with(['f', 'g', 'e', '%']);
+                assert!(
+                    !name.is_empty() && (number || known.contains(&format) || format.starts_with("count ")),
+                    "{code}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn a_code_stands_once_and_no_word_is_one_that_only_this_code_knows() {
+    let all: Vec<_> = catalogue().collect();
+    let codes: std::collections::BTreeSet<_> = all.iter().map(|(code, _)| code).collect();
+    assert_eq!(codes.len(), all.len());
+    for (code, sentence) in &all {
+        for word in ["struck", "foreseen", "foresee", "drill", "lost motion", "units of 2"] {
+            assert!(!sentence.contains(word), "{code}: {word}");
+        }
+    }
+}
+
+#[test]
+fn what_is_missing_is_named() {
+    let none = BTreeMap::new();
+    let reader = Reader::default();
+    assert_eq!(text("quality.nothing", &none, &reader), Err(Untold::Code("quality.nothing".into())));
+    let missing = text("crossings.noise", &none, &reader).unwrap_err();
+    assert_eq!(missing.to_string(), "message 'crossings.noise' has no 'd'");
+    let wrong = Message::new("crossings.noise").with("d", "wide").with("floor", 1.0);
+    let wrong = text(&wrong.code, &wrong.numbers, &reader).unwrap_err();
+    assert_eq!(wrong.to_string(), "message 'crossings.noise': 'd' cannot be written as '.3g'");
+}
+
+/// An answer of a document, and what is told of it.
+fn told_of(said: Json) -> Told {
+    let reader = Reader { name: "FIC1".into(), op_unit: "%".into(), ..Reader::default() };
+    told(&serde_json::from_value(said).unwrap(), &reader).unwrap()
+}
+
+fn gap() -> Json {
+    serde_json::json!({
+        "verdict": "backlash", "valve": "gap", "width": 4.01, "low": 3.1, "high": 5.2, "evidence": "strong", "urgency": "medium",
+        "next": {"code": "inspect", "of": "play"}, "struck": {"code": "below", "limit": 3.1},
+        "fit": {"why": "gap", "d": 4.01, "jump": 0.0, "reason": "dead band of 4.01 %OP: likelihood ratio 116, 85 needed"},
+        "crossings": {"verdict": "estimate", "d_hat": 0.434, "detections": 9, "half_periods": 20, "n": 9},
+    })
+}
+
+fn with(mut said: Json, more: Json) -> Json {
+    for (name, value) in more.as_object().unwrap() {
+        said[name] = value.clone();
+    }
+    said
+}
+
+#[test]
+fn an_answer_has_three_parts() {
+    use serde_json::json;
+    let found = told_of(gap());
+    assert_eq!(found.so, "The valve of FIC1 has a dead band of 4.01\u{a0}%OP (3.10 to 5.20, 95 %).");
+    assert_eq!(
+        found.doing,
+        "Check linkage, keys and actuator for play; confirm with a step test before work is ordered."
+    );
+    assert_eq!(found.why[0], "dead band of 4.01 %OP: likelihood ratio 116, 85 needed.".replacen('d', "D", 1));
+    assert_eq!(found.why[1], "The simple method reads 0.43\u{a0}%, too low; ignore it.");
+    // The likelihood stands in the fold alone.
+    assert!(!found.so.contains("likelihood") && !found.doing.contains("likelihood"));
+
+    let likely = told_of(with(gap(), json!({"confidence": "likely", "width_kind": "interval"})));
+    assert_eq!(likely.so, "The valve of FIC1 probably has a dead band of about 4.0\u{a0}% (3.10 to 5.20).");
+    assert_eq!(likely.doing, "Confirm with a step test.");
+    let bound = told_of(with(gap(), json!({"confidence": "likely", "width_kind": "bound"})));
+    assert_eq!(bound.so, "The valve of FIC1 probably has a dead band of at least 3.1\u{a0}%.");
+    let unsure = told_of(with(gap(), json!({"width_kind": "unsure"})));
+    assert_eq!(unsure.so, "The valve of FIC1 has a dead band of about 4.0\u{a0}%, but how wide it is is not sure.");
+    let either = told_of(with(gap(), json!({"cause": "dead_band"})));
+    assert!(either.so.contains("from packing or play"));
+    let none = told_of(with(gap(), json!({"confidence": "none_seen", "width": null, "high": 2.0})));
+    assert_eq!(none.so, "FIC1 shows no dead band, but one of up to 2\u{a0}% would not show.");
+
+    let beyond = json!({"acceptable": "beyond", "limit": {"percent_span": 1.0, "origin": "nominal"}});
+    assert!(told_of(with(gap(), beyond)).so.ends_with(", 95 %), more than the usual 1 % of span."));
+    let grown = json!({"trend": {"code": "grows", "t": [0.0, 864_000.0], "d": [2.0, 4.0]}});
+    assert!(told_of(with(gap(), grown)).so.ends_with(", 95 %), up from 2 in 10 d."));
+    let tested = told_of(with(
+        gap(),
+        json!({"step_test": {"d": 3.9, "low": 3.5, "high": 4.2},
+        "next": {"code": "inspect", "of": "play", "tested": true}}),
+    ));
+    assert_eq!(
+        tested.doing,
+        "The step test in this recording gives 3.90\u{a0}%OP (3.50 to 4.20); see glapp step-test. Check linkage, keys and actuator \
+         for play."
+    );
+}
+
+#[test]
+fn what_cannot_be_told_says_what_is_probable() {
+    use serde_json::json;
+    let open = json!({
+        "verdict": "cannot_tell", "valve": "unknown", "evidence": "weak", "next": {"code": "record_more"},
+        "fit": {"why": "may_be_a_gap", "d": 4.01, "reason": "x"}, "crossings": {"verdict": "no_estimate"},
+    });
+    assert_eq!(told_of(open.clone()).so, "FIC1: probably 4.0\u{a0}%, but no gap would explain the data too.");
+    let bound = told_of(with(open.clone(), json!({"high": 5.0})));
+    assert_eq!(bound.so, "FIC1: probably 4.0\u{a0}%, at most 5\u{a0}%, but no gap would explain the data too.");
+    let next_to_none = told_of(with(open, json!({"high": 50.0})));
+    assert_eq!(next_to_none.so, "FIC1 may have a dead band of up to 50\u{a0}%, or none.");
+    let refused = json!({
+        "verdict": "refused", "valve": "refused", "next": {"code": "correct"},
+        "crossings": {"verdict": "refused", "reason": "OP stays at 20 % over the whole recording."},
+    });
+    let refused = told_of(refused);
+    assert_eq!(refused.so, "FIC1 was not analysed: OP stays at 20 % over the whole recording.");
+    assert!(refused.why.is_empty(), "it is said already");
+    assert_eq!(refused.doing, "Correct what is named, then analyse again.");
+}
+
+#[test]
+fn a_run_is_told_by_what_is_to_be_done() {
+    let one = |valve: &str, urgency: &str, next: &str| Headline {
+        valve: valve.into(),
+        urgency: urgency.into(),
+        next: next.into(),
+        acceptable: None,
+    };
+    let mut run = vec![one("gap", "high", "inspect"); 4];
+    run.push(one("no_gap", "medium", "tuning"));
+    run.push(one("unknown", "low", "record_more"));
+    let told = overview(&run, &Reader::default()).unwrap();
+    assert_eq!(told, "4 valves: act now. 1 loop: check the tuning. 1 loop: cannot tell yet.");
+    let calm = overview(&[one("no_gap", "none", "nothing")], &Reader::default()).unwrap();
+    assert_eq!(calm, "Nothing is urgent. 1 valve: no dead band seen.");
+}
+
+#[test]
+fn every_verdict_and_every_next_step_has_its_sentence() {
+    use crate::crossings::Verdict;
+    use crate::fitted::LostMotion;
+    let verdicts = LostMotion::ALL.map(LostMotion::name).into_iter().chain(Verdict::ALL.map(Verdict::name));
+    let steps = ["correct", "inspect", "further", "record_more", "tuning", "nothing", "review", "confirm", "compare"];
+    let steps = steps.into_iter().chain(["record_longer", "probably_too_wide", "step_test", "remedy"]);
+    for (verdict, step) in verdicts.flat_map(|verdict| steps.clone().map(move |step| (verdict, step))) {
+        let of = if step == "remedy" { serde_json::json!("too_short") } else { Json::Null };
+        let said = with(gap(), serde_json::json!({"verdict": verdict, "next": {"code": step, "of": of}}));
+        let told = told_of(said);
+        assert!(told.so.ends_with('.') && told.doing.ends_with('.') && !told.short.is_empty(), "{verdict}, {step}");
+    }
+    for reason in glapp_core::Reason::ALL {
+        for of in ["half_period", "half_period_meaning", "half_period_remedy"] {
+            assert!(text(&format!("{of}.{}", reason.name()), &BTreeMap::new(), &Reader::default()).is_ok());
+        }
+    }
+}
+
+#[test]
+fn every_sentence_can_be_told() {
+    for (code, sentence) in catalogue() {
+        let value = |format: &str| match format {
+            "" | "and" | "list" => Value::from("a, b"),
+            "rows" => Value::from("3 7"),
+            "row" | "times" | "d" => Value::Count(2),
+            format if format.starts_with("count ") => Value::Count(2),
+            _ => Value::Number(0.25),
+        };
+        let numbers: BTreeMap<String, Value> = template::parts(sentence)
+            .iter()
+            .filter_map(|part| match part {
+                Part::Field(name, format) => Some(((*name).to_string(), value(format))),
+                Part::Text(_) => None,
+            })
+            .collect();
+        let told = template::filled(&code, sentence, &numbers, &Reader::default());
+        assert!(told.is_ok_and(|told| !told.contains(['{', '}']) || code == "step_test.not_settled"), "{code}");
+    }
+}
+
+#[test]
+fn what_an_analysis_found_is_told_without_a_number_missing() {
+    use crate::crossings::NotCorrected;
+    use crate::identify::{Identification, Interval, Reason, Values};
+    use glapp_core::Doubt;
+    let k = Interval { low: 0.1, high: f64::INFINITY };
+    let reasons = [
+        Reason::NoOp,
+        Reason::NoSp,
+        Reason::FewSteps,
+        Reason::OpStill,
+        Reason::PvStill,
+        Reason::Unshown,
+        Reason::LittleExplained,
+        Reason::NoGain { error: 0.1 },
+        Reason::GainMayBeNone { size: 0.1, k },
+        Reason::NoIntegral,
+        Reason::OppositeSigns,
+        Reason::Contradictory,
+        Reason::Wide { k, ti: k, h: 1.0 },
+    ];
+    let reader = Reader::default();
+    for reason in reasons {
+        let values = Some(Values { k: 1.0, ti: 10.0, r2: 0.5 });
+        let told =
+            of_identification(&Identification { samples: 9, values, settings: None, reason: Some(reason) }).unwrap();
+        assert!(text(&told.code, &told.numbers, &reader).is_ok(), "{told:?}");
+        // What is stored says the same.
+        let stored = serde_json::to_string(&told).unwrap();
+        let read: Message = serde_json::from_str(&stored).unwrap();
+        assert!(text(&read.code, &read.numbers, &reader).is_ok(), "{stored}");
+    }
+    let whys = [
+        NotCorrected::Doubt(Doubt::TooFew),
+        NotCorrected::Doubt(Doubt::Swamped),
+        NotCorrected::Noise { d: 0.1, noise: 0.2 },
+        NotCorrected::Smooth { tf: 3.0 },
+        NotCorrected::Integrating,
+        NotCorrected::NoEstimate,
+    ];
+    for why in whys {
+        let of = crate::CorrectedAnswer {
+            d: None,
+            low: None,
+            high: None,
+            kp: None,
+            kp_range: None,
+            pairs: 2,
+            travel: crate::crossings::Travel::Op,
+            why: Some(why),
+        };
+        let told = of_correction(&of).unwrap();
+        assert!(text(&told.code, &told.numbers, &reader).is_ok(), "{told:?}");
+    }
+}

@@ -34,6 +34,9 @@ ROWS = _glapp.LONG_HISTORY
 DAY = 86400.0
 """[s]."""
 
+JUDGED = ("confidence", "cause", "width_kind", "oscillates", "evidence")
+"""What the ladder says of all windows together, and what it rests on."""
+
 
 @dataclass(frozen=True, slots=True)
 class Process:
@@ -163,7 +166,9 @@ class Fit:
         Where several recordings of one valve were given, each of them in the order of time, with its own answer.
     best : dict
         Everything the clearest window's fit has to tell, as the core gives it, with the time `t` of each cell and the
-        `signal` that was fitted: "PV", or "position" where the valve's own settled it.
+        `signal` that was fitted: "PV", or "position" where the valve's own settled it. Of PV also what all windows say
+        together: `confidence` (*found*, *likely*, *cannot_tell* or *none_seen*), `cause` (*dead_band*, *stiction* or
+        *both*), `width_kind` (*interval*, *bound* or *unsure*), `oscillates`, and the `evidence` for that.
     why : str
         What decided, in a word that stays the same; `reason` is its sentence.
     through_pv : Fit or None
@@ -556,7 +561,7 @@ def _through_pv(answer: dict[str, Any], loop: Loop, sinusoid: str | None) -> Fit
 
 def _said(answer: dict[str, Any], unit: str) -> Fit:
     """What the core said of PV, in words."""
-    best = _shown(answer, "PV")
+    best = _shown(answer, "PV") | {name: answer[name] for name in JUDGED}
     kp, dead_time, lag = ((best[name], *best[f"{name}_limits"]) for name in ("kp", "dead_time", "lag"))
     return Fit(
         verdict=answer["verdict"],

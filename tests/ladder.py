@@ -59,11 +59,13 @@ def recording(simulation: Simulation, name: str, every: int = 1) -> glapp.Record
 
 
 def drift(random: Random, size: float, samples: int, h: float = 1.0) -> Floats:
-    """A load that wanders about `size` [%] and is drawn back within ten minutes."""
-    x, load = 0.0, np.empty(samples)
+    """A load that wanders about `size` [%], is drawn back within ten minutes and smooth within one."""
+    x = smooth = 0.0
+    load = np.empty(samples)
     for k in range(samples):
         x += random.gauss(0.0, 1.0) * size * np.sqrt(2 * h / 600.0) - x * h / 600.0
-        load[k] = x
+        smooth += (x - smooth) * h / 60.0
+        load[k] = smooth
     return load
 
 
@@ -78,7 +80,7 @@ def ordinary(number: int, gap: bool = True, samples: int = 7200) -> tuple[Simula
     kp, lag = random.uniform(0.5, 2.0), random.uniform(8.0, 40.0)
     dead = random.uniform(0.1, 0.3) * lag
     k, ti = lag / (kp * (lag + dead)), lag
-    load = drift(random, d * random.uniform(1.5, 4.0), samples)
+    load = drift(random, d * random.uniform(2.0, 5.0), samples)
     return simulated(kp, [lag], dead, k, ti, d if gap else 0.0, load, number, random.uniform(0.02, 0.1) * d * kp), d
 
 
@@ -98,7 +100,14 @@ def cycling(number: int) -> dict[str, float]:
 def perstorp(number: int) -> dict[str, float]:
     """The loop of the thesis, 8.5.2: K 8.5, Ti 10.3 s, Kp 0.46, a gap of 25."""
     random = Random(f"perstorp/{number}")
-    return {"kp": 0.46, "lag": random.uniform(30.0, 80.0), "dead": random.uniform(0.8, 3.0), "k": 8.5, "ti": 10.3, "d": 25.0}
+    return {
+        "kp": 0.46,
+        "lag": random.uniform(30.0, 80.0),
+        "dead": random.uniform(0.8, 3.0),
+        "k": 8.5,
+        "ti": 10.3,
+        "d": 25.0,
+    }
 
 
 def limit_cycle(loop: dict[str, float], seed: int, samples: int = 2000) -> Simulation:
@@ -135,7 +144,7 @@ def driven(loop: dict[str, float], like: Simulation, form: str, seed: int) -> Si
 
 
 def dozing(number: int, gap: bool = True, samples: int = 7200) -> tuple[Simulation, float]:
-    """A loop under a load that hardly moves: OP drifts through the gap for hours and PV lies still beside its setpoint."""
+    """A loop under a load that hardly moves: OP drifts in the gap for hours and PV lies still beside its setpoint."""
     random = Random(f"dozing/{number}")
     d, kp, lag = 6.0, random.uniform(0.5, 1.5), random.uniform(10.0, 40.0)
     dead = 0.2 * lag

@@ -21,7 +21,7 @@ def test_a_limit_cycle_is_the_gaps_and_not_a_loads() -> None:
     loop = ladder.cycling(2)
     cycle = ladder.limit_cycle(loop, 2)
     fit = judged(cycle, "cycle")
-    assert fit.best["confidence"] == "found"
+    assert fit.best["confidence"] in ("found", "likely")
     assert fit.best["oscillates"]
     assert fit.low is not None and fit.high is not None and fit.low <= loop["d"] <= fit.high
     # The same loop without a gap, its OP driven as far and as fast.
@@ -30,10 +30,23 @@ def test_a_limit_cycle_is_the_gaps_and_not_a_loads() -> None:
 
 
 @pytest.mark.slow
-def test_what_is_said_follows_from_the_evidence() -> None:
-    simulation, d = ladder.ordinary(3)
+def test_an_ordinary_loop_and_its_twin_without_a_gap() -> None:
+    # Nine such loops: seven were silent although the sentence itself named the width.
+    simulation, d = ladder.ordinary(5)
     best = judged(simulation, "ordinary").best
+    assert (best["confidence"], best["cause"], best["width_kind"]) == ("found", "dead_band", "interval")
+    assert best["low"] <= d <= best["high"]
+    # What is said follows from the evidence that is handed out, without a fit.
     again = _glapp.fit_judgement(json.dumps(best["evidence"]))
     assert again == {key: best[key] for key in ("confidence", "cause", "width_kind", "oscillates", "reason")}
-    assert best["cause"] == "dead_band"
-    assert best["low"] <= d <= best["high"]
+    twin = judged(ladder.ordinary(5, gap=False)[0], "twin")
+    assert twin.best["confidence"] not in ("found", "likely")
+    assert twin.best["cause"] is None
+
+
+@pytest.mark.slow
+def test_a_valve_that_does_not_move_is_not_called_sound() -> None:
+    # OP drifts within a gap of 6 and PV lies still: once "< 0.028 %" of such a loop.
+    fit = judged(ladder.dozing(1)[0], "dozing")
+    assert fit.best["confidence"] == "cannot_tell" and fit.verdict == "cannot_tell"
+    assert fit.best["evidence"]["cancels"] > 30

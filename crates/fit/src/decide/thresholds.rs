@@ -136,15 +136,14 @@ thresholds! {
     /// Standard deviation of the setpoint, part of that of PV, from which on it leads PV, and an OP that swings evenly is no load's alone.
     /// Truth, the first 24 records of every kind; judged by `bench.loads.led`, numbers 24 to 35 (ADR 0012).
     LED: f64 = 0.25, "1";
-    /// Share of OP's moves that the law of the controller must explain for the fitted loop to be run with it.
+    /// Share of OP's moves that the law of the controller must explain for the fitted loop to be run with it. Half A of `bench.ordinary`:
+    /// 0.99 where a PI controller's own OP and PV are recorded, below 0.5 under periods in manual.
     LAW: f64 = 0.8, "1";
-    /// How far the period of the fitted loop without a load may be from the recorded one, part of it, for the swing to be its own.
+    /// How far the period of the fitted loop without a load may be from the recorded one, part of it, for the swing to be its own. Chosen on the
+    /// loops of tests/ladder.py and half A of `bench.ordinary`: 0.92 to 1.14 of 26 limit cycles of a gap.
     OWN_PERIOD: f64 = 0.15, "1";
-    /// The same of its swing.
+    /// The same of its swing: 0.94 to 1.02 of them. 14 of 17 even swings of a load without a gap lie outside of one of the two.
     OWN_SWING: f64 = 0.06, "1";
-    /// LR that a gap whose cycle is the loop's own must bring beside a load that repeats itself: such gaps brought 7 and more, the loops that a
-    /// load of the same period and swing drives at most 2 (tests/ladder.py, twelve of each and ten like Perstorp).
-    BESIDE_ITS_CYCLE: f64 = 5.0, "−2·ln L";
     /// Part of OP's range through which OP swings where it is said to oscillate.
     OSCILLATES: f64 = 0.3, "1";
     /// Fewest of these times. Loads.
@@ -161,8 +160,12 @@ thresholds! {
     /// Rows in the gap at a time for PV to be seen standing.
     ROWS_OF_PLATEAU: f64 = 6.0, "rows";
 
-    /// Times each way that OP must go through the limit of a valve in which no gap is seen.
+    /// Times each way that OP must go through the limit of a valve in which no gap is seen. Half A of `bench.ordinary`: a gap of 3.4 that OP
+    /// crossed once was called sound below 0.77, which OP crossed four times.
     TURNS_IF_SOUND: usize = 5, "turns";
+    /// Standard error of the lags, part of them, above which no gap is seen where OP oscillates. Half A of `bench.ordinary`: 0.33 in the one valve
+    /// that was wrongly called sound there.
+    LAG_KNOWN_BESIDE_SWING: f64 = 0.2, "1";
     /// Kp·sd(OP)/sd(PV) above which a load undoes what the valve does, and no valve is sound.
     CANCELS: f64 = 30.0, "1";
 

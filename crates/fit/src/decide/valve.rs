@@ -119,11 +119,7 @@ impl Member<'_> {
         let lost = &fitted.profiles[0].near(d).lost;
         if coarse && !agreed {
             Some("coarse")
-        } else if lr_no_gap < GAP_IF_EVEN_SWING
-            && !fitted.explained
-            && !evidence.cycles()
-            && swings_evenly(&fitted.record, d, fitted.lag)
-        {
+        } else if lr_no_gap < GAP_IF_EVEN_SWING && !fitted.explained && swings_evenly(&fitted.record, d, fitted.lag) {
             Some("swings")
         } else if d < drawn {
             Some("lined")

@@ -167,10 +167,10 @@ impl Evidence {
         self.cycle.as_ref().is_some_and(Cycle::is_own)
     }
 
-    /// The likelihood ratio of no gap. A swing that the loop makes itself repeats as a load would, and need not bring more than such a
-    /// load as much as another gap. It has to bring something: PV's noise shifts the swings of a loop, and a load keeps its time.
+    /// The likelihood ratio of no gap. A swing that the loop makes itself repeats as a load would: it is enough that such a load, which may
+    /// have any form, is not clearly likelier.
     pub(crate) fn ratio(&self) -> f64 {
-        if self.cycles() && self.lr_no_gap > BESIDE_ITS_CYCLE { self.lr_aperiodic } else { self.lr_no_gap }
+        if self.cycles() && self.lr_no_gap > -GAP { self.lr_aperiodic } else { self.lr_no_gap }
     }
 
     /// Both limits as they are told; `high`: the upper one with what the samples may hide.
@@ -201,9 +201,14 @@ impl Evidence {
             _ if self.shaken >= SOUND_BELOW * self.range => silent("may_be_a_gap"),
             Some(hidden) => silent(hidden.name()),
             _ if self.passes_high.iter().any(|n| *n < TURNS_IF_SOUND) => silent("may_be_a_gap"),
-            _ if self.cancels > CANCELS || self.lag_error > 1.0 => silent("may_be_a_gap"),
+            _ if self.cancels > CANCELS || self.lag_error > self.lag_may_err() => silent("may_be_a_gap"),
             None => Some((Judgement::without(Confidence::NoneSeen, self.oscillates), "no_gap")),
         }
+    }
+
+    /// How well the lags must be known for no gap to be seen. One swing tells of one frequency: the lags hang together with the gap there.
+    fn lag_may_err(&self) -> f64 {
+        if self.oscillates { LAG_KNOWN_BESIDE_SWING } else { 1.0 }
     }
 
     /// Why no gap is told although the likelihood ratio speaks for one: something else looks like it.
@@ -285,7 +290,7 @@ fn judge_together(e: &Evidence) -> (Judgement, &'static str) {
             _ if e.swings() => "swings",
             _ => "may_be_a_gap",
         };
-        let likely = ratio > e.likely() && e.veto().is_none();
+        let likely = ratio > e.likely() && e.veto().is_none() && e.passes.iter().all(|n| *n >= CYCLES_IF_CLEAR);
         return if likely { gap(Confidence::Likely, kind, why) } else { silent(why) };
     }
     if let Some(none) = e.none(TRIFLE * e.range) {
@@ -300,10 +305,8 @@ fn judge_together(e: &Evidence) -> (Judgement, &'static str) {
         };
         return if there { gap(Confidence::Likely, WidthKind::Unsure, why) } else { silent(why) };
     }
-    // Some loads that swing, triangles above all, look like a gap whose cycle is the loop's own: what rests on that alone is likely. It
-    // is found where such a load was looked for and leaves the gap plenty.
-    let lifted = e.even_swing || e.lr_no_gap <= needed;
-    if lifted && (e.slips || !e.periodic_load || e.lr_no_gap <= GAP_IF_CLEAR) {
+    // Some loads that swing, triangles above all, look like a gap whose cycle is the loop's own: what rests on that is likely.
+    if e.even_swing || e.lr_no_gap <= needed {
         return gap(Confidence::Likely, kind, if e.even_swing { "swings" } else { "repeats" });
     }
     let why = match kind {
@@ -457,11 +460,10 @@ mod tests {
         assert_eq!(swings.needed(), GAP_IF_EVEN_SWING);
         let own = Evidence { cycle: Some(Cycle { period: 1.05, swing: 0.98, law: 0.99 }), ..swings };
         assert_eq!((judge(&own).0.confidence, judge(&own).0.oscillates), (Confidence::Likely, true));
-        // A load that repeats itself need not be beaten by as much as other loads, but by something.
+        // A load that repeats itself need not be beaten, but it must not be clearly likelier.
         let beside = |lr_no_gap| judge(&Evidence { periodic_load: true, lr_no_gap, ..own.clone() }).0.confidence;
-        assert_eq!(beside(GAP_IF_CLEAR + 1.0), Confidence::Found);
-        assert_eq!(beside(GAP_IF_CLEAR), Confidence::Likely);
-        assert_eq!(beside(BESIDE_ITS_CYCLE), Confidence::CannotTell);
+        assert_eq!(beside(1.0 - GAP), Confidence::Likely);
+        assert_eq!(beside(-GAP), Confidence::CannotTell);
     }
 
     #[test]
@@ -495,7 +497,9 @@ mod tests {
         assert_eq!(said(none.clone()), Confidence::NoneSeen);
         assert_eq!(said(Evidence { passes_high: [10, 4], ..none.clone() }), Confidence::CannotTell);
         assert_eq!(said(Evidence { cancels: 720.0, ..none.clone() }), Confidence::CannotTell);
-        assert_eq!(said(Evidence { lag_error: 1.5, ..none }), Confidence::CannotTell);
+        assert_eq!(said(Evidence { lag_error: 1.5, ..none.clone() }), Confidence::CannotTell);
+        assert_eq!(said(Evidence { lag_error: 0.3, ..none.clone() }), Confidence::NoneSeen);
+        assert_eq!(said(Evidence { lag_error: 0.3, oscillates: true, ..none }), Confidence::CannotTell);
     }
 
     #[test]

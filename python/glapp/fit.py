@@ -179,6 +179,8 @@ class Fit:
         `reason` of several recordings as a code with its numbers.
     change : dict or None
         The trend as the one answer has it (`glapp.result.Moves`).
+    judgement : dict or None
+        What the ladder says: `confidence`, `cause`, `width_kind`, `oscillates`; None where nothing could be fitted.
     """
 
     verdict: Verdict
@@ -198,6 +200,7 @@ class Fit:
     why: str = ""
     through_pv: Fit | None = None
     change: dict[str, Any] | None = None
+    judgement: dict[str, Any] | None = None
     message: dict[str, Any] | None = None
 
     def __repr__(self) -> str:
@@ -388,7 +391,8 @@ def fit_recordings(
         found = _glapp.fit_valve(fitted, sign)
     if fitting is not None:
         fitting(1.0)
-    through_pv = replace(_valve(found["pv"], recordings, known), change=found.get("answer", {}).get("change"))
+    decided = {name: found.get("answer", {}).get(name) for name in ("change", "judgement")}
+    through_pv = replace(_valve(found["pv"], recordings, known), **decided)
     if found["position"] is None:
         return through_pv
     both = _together(found["answer"], _at_valve(found["position"], loop), through_pv, loop)
@@ -507,7 +511,7 @@ def told(
     """Put what the core answered, with all that PV and the valve's position said, into words."""
     if pv is None:
         return Fit("cannot_tell", to_text("fit.op_rests"), loop.op_label, why="op_rests")
-    through_pv = replace(_through_pv(pv, loop, sinusoid), change=answer["change"])
+    through_pv = replace(_through_pv(pv, loop, sinusoid), change=answer["change"], judgement=answer["judgement"])
     if position is None:
         return through_pv
     return _together(answer, _at_valve(position, loop), through_pv, loop)
@@ -521,7 +525,7 @@ def _together(answer: dict[str, Any], at_valve: Fit, through_pv: Fit, loop: Loop
     own = loop.positioner.dead_band if loop.positioner is not None else None
     said["own"] = own if at_valve.found else None
     reason = to_text(f"fit.{answer['position']}", said)
-    decided = {name: answer[name] for name in ("verdict", "low", "high", "change")}
+    decided = {name: answer[name] for name in ("verdict", "low", "high", "change", "judgement")}
     return replace(at_valve, **decided, reason=reason, process=through_pv.process, through_pv=through_pv)
 
 

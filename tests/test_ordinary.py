@@ -57,6 +57,34 @@ def test_a_name_makes_the_same_record_again_and_another_seed_another():
     assert not once.table.equals(other.table)
 
 
+FROZEN = {
+    "drift/gap/6/1": (2881, 1.056, 181.1, 0.8631, 5.67),
+    "steps/gap/6/1": (1441, 2.488, 4.805, 4.759, 11.5),
+    "bends/gap/6/1": (3601, 1.39, 5.811, 0.6052, 2.22),
+    "sine/gap/6/1": (8641, 0.5461, 597.2, 0.4362, 0.713),
+    "saw/gap/6/1": (5761, 0.7689, 483.7, 2.021, 3.35),
+    "square/gap/6/1": (7201, 0.3464, 7.116, 1.383, 5.5),
+    "cascade/gap/6/1": (2881, 1.147, 12.45, 3.299, 31.9),
+    "manual/gap/6/1": (8641, 0.8014, 263.5, 1.193, 6.7),
+    "exceptions/gap/6/1": (14401, 1.435, 11.82, 3.421, 30.9),
+    "swinging door/gap/6/1": (8641, 2.036, 439.1, 1.811, 2.53),
+    "historian/gap/6/1": (1441, 1.975, 9.312, 0.5514, 7.36),
+    "friction/friction/6/1": (14401, 3.291, 12.6, 5.371, 22.2),
+    "gap cycle/gap/6/1": (3601, 1.202, 27.78, 10.17, 37.1),
+    "perstorp/gap/6/1": (7201, 0.46, 25.91, 25, 71.3),
+    "friction cycle/friction/6/1": (7201, 0.878, 3.74, 4.845, 16.5),
+    "standing/gap/6/1": (7201, 1.719, 5.11, 5.51, 6.01),
+    "rings/gap/6/1": (8641, 2.213, 259.6, 2.138, 16.9),
+}
+"""Rows, gain, lag, width and range of OP, as they were when the first fit ran."""
+
+
+@pytest.mark.parametrize("name", FROZEN)
+def test_the_generator_is_what_it_was_when_the_first_fit_ran(name):
+    truth = record(name).truth
+    assert (truth.samples, truth.gain, truth.lag, truth.d, truth.op_range) == pytest.approx(FROZEN[name], rel=0.01)
+
+
 def test_the_gap_is_in_the_record():
     sound, worn = record("square/none/1/1"), record("square/gap/1/1")
     assert sound.truth.d == 0.0 < worn.truth.d
@@ -138,6 +166,8 @@ def test_a_line_is_read_as_it_was_written():
 def test_what_is_claimed_is_read_from_the_new_fields_or_from_the_verdict():
     line = a_line("bends/gap/1/1", verdict="at_least", d=5.0, low=2.0)
     assert line.said() == Said("found", None, "bound", 5.0, 2.0, None)
+    assert a_line("bends/gap/1/1", verdict="sound", high=0.9).said().confidence == "sound"
+    assert a_line("bends/gap/1/1", verdict="sound", high=1.1).said().confidence == "none_seen"
     assert a_line("bends/gap/1/1", verdict="oscillation").said().confidence == "cannot_tell"
     new = {"confidence": "likely", "cause": "dead_band", "width_kind": "interval", "width": None, "low": None}
     line.document["answer"] = new | {"high": 6.0}
@@ -192,11 +222,15 @@ def test_another_day_is_the_same_valve_and_controller():
         draw("perstorp/gap/1/1/2")
 
 
-def test_the_oracle_knows_the_noise_and_sees_a_plain_gap():
+def test_the_oracle_knows_the_noise():
     sound = oracle.Record("steps/none/12/1")
     # With OP as it was between the rows nothing is left but white noise of variance 1.
     (cost,) = oracle.known(sound, sound.true, [sound.simulation.op - sound.rest])
     assert cost.left == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.mark.verify
+def test_the_oracle_sees_a_plain_gap_and_none_where_there_is_none():
     gap, none = oracle.Seen.of("steps/gap/12/1"), oracle.Seen.of("steps/none/12/1")
     assert gap.ratio > 50 > none.ratio
     lines = [a_line(one.name) for one in (gap, none)]

@@ -22,6 +22,7 @@ from glapp.simulate import (
     AT_HIGH,
     NOT_AUTO,
     Coloured,
+    Compensation,
     File,
     Friction,
     Gaussian,
@@ -31,8 +32,10 @@ from glapp.simulate import (
     Scenario,
     Simulation,
     Sine,
+    Stem,
     Steps,
     Uniform,
+    Valve,
     Walk,
     closed_loop,
     random_walk,
@@ -219,6 +222,22 @@ def test_rate_gap_and_resolution_against_the_blocks() -> None:
     rate, gap = RateLimit(0.1), Backlash(0.04, s.op[0])
     assert [gap.update(rate.update(u, 0.05)) for u in s.op] == list(s.position)
     assert np.abs(np.diff(s.position)).max() <= 0.1 * 0.05 + 1e-12
+
+
+def test_a_valve_is_its_own_positions_and_takes_gap_and_friction_with_it() -> None:
+    valve = Valve(lag=0.3, positioner=2.0, d=0.1, stem=Stem(model="karnopp", fs=0.3, fc=0.2, w=20.0))
+    s = Scenario(plant="P2", controller=P2_PI, valve=valve, load=[(1, 0.5)], t_end=100)
+    simulation = run(s)
+    # The plug is recorded where it stands at the sample, before the output of that sample has moved it.
+    np.testing.assert_array_equal(simulation.position[1:], valve.positions(simulation.op, s.h)[:-1])
+    assert np.abs(simulation.op - simulation.position).max() > 0.1
+    assert Scenario.from_toml(s.to_toml()) == s
+    straight = run(s.model_copy(update={"valve": Valve()}))
+    np.testing.assert_array_equal(straight.pv, run(s.model_copy(update={"valve": None})).pv)
+    with pytest.raises(InputError, match="valve: cannot be simulated together with compensation"):
+        run(s.model_copy(update={"compensation": Compensation(way="error", size=0.1)}))
+    with pytest.raises(InputError, match=r"valve\.lag = 0: must be"):
+        Valve(positioner=1.0).positions([50.0], 1.0)
 
 
 def test_filter_out_of_the_loop_is_a_controller_without_one() -> None:

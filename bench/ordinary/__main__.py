@@ -20,6 +20,7 @@ from pathlib import Path
 
 from rich.progress import track
 
+from ..page import write
 from .answers import Line, ask, done, read
 from .design import CYCLES, ROWS, half, names
 from .score import tables
@@ -53,10 +54,10 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=OUT)
     parser.add_argument("--score", type=Path, nargs="+", help="count what is in these files; fits nothing")
     parser.add_argument("--again", action="store_true", help="judge the stored evidence by the ladder of today")
+    parser.add_argument("--docs", action="store_true", help="write the tables into docs/truth.md")
     given = parser.parse_args()
     if given.score:
-        lines = [line for path in given.score for line in read(path)]
-        print(tables([line for line in lines if line.truth.half in given.half], given.again))
+        show([line for path in given.score for line in read(path)], given)
         return
     rows = given.rows.split(",") if given.rows else list(ROWS)
     if unknown := set(rows) - set(ROWS):
@@ -67,7 +68,15 @@ def main() -> None:
     with given.out.open("a", encoding="utf-8") as file:
         for line in track(answers(left, given.jobs), "asking", len(left), disable=not sys.stderr.isatty()):
             print(line.to_json(), file=file, flush=True)
-    print(tables([line for line in read(given.out) if line.truth.half in given.half], given.again))
+    show(read(given.out), given)
+
+
+def show(lines: list[Line], given: argparse.Namespace) -> None:
+    """Print the tables of the half that is asked for, and put them into the docs where they are to be."""
+    text = tables([line for line in lines if line.truth.half in given.half], given.again)
+    print(text)
+    if given.docs:
+        write("truth.md", text, "ordinary")
 
 
 def answers(left: list[tuple[str, int]], jobs: int) -> Iterator[Line]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from time import process_time
@@ -16,7 +16,7 @@ import glapp
 from glapp import _glapp
 from glapp.fit import Fit
 
-from .records import Truth, record
+from .records import LIMIT, Truth, record
 
 FOUND = ("found",)
 CLAIMED = ("found", "likely")
@@ -29,7 +29,7 @@ OLD = {
     "stiction": ("found", "stiction", "interval"),
     "both": ("found", "both", "interval"),
     "at_least": ("found", None, "bound"),
-    "sound": ("sound", None, None),
+    "sound": ("none_seen", None, "bound"),
 }
 """Confidence, cause and kind of width of a verdict that has no such fields; of any other it is *cannot_tell*."""
 
@@ -108,20 +108,20 @@ class Line:
             return Said("refused", None, None, None, None, None)
         answer, fit, best = self.document.get("answer") or {}, self.fit, self.evidence
         numbers = {name: fit.get(name) for name in ("d", "low", "high")}
-        if again and "evidence" in best:
-            judged = json.loads(json.dumps(_glapp.fit_judgement(json.dumps(best["evidence"]))))  # type: ignore[attr-defined]
-            return Said(judged["confidence"], judged["cause"], judged["width_kind"], **numbers)
+        refused = "refused" in (answer.get("verdict"), answer.get("confidence"))
+        if again and "evidence" in best and not refused:
+            return _judged(_glapp.fit_judgement(json.dumps(best["evidence"])), numbers)  # type: ignore[attr-defined]
         if "confidence" in answer:
             kept = {"d": answer["width"], "low": answer["low"], "high": answer["high"]}
             numbers = {name: numbers[name] if value is None else value for name, value in kept.items()}
             return Said(answer["confidence"], answer["cause"], answer["width_kind"], **numbers)
         for part in (fit, best):
             if "confidence" in part:
-                return Said(part["confidence"], part["cause"], part["width_kind"], **numbers)
-        if answer.get("verdict") == "refused":
+                return _judged(part, numbers)
+        if refused:
             return Said("refused", None, None, **numbers)
         confidence, cause, kind = OLD.get(fit.get("verdict", ""), ("cannot_tell", None, None))
-        return Said(confidence, cause, kind, **numbers)
+        return _judged({"confidence": confidence, "cause": cause, "width_kind": kind}, numbers)
 
     def to_json(self) -> str:
         """On one line; what is no number is null."""
@@ -132,6 +132,14 @@ class Line:
         """From `to_json`."""
         line = json.loads(text)
         return cls(**line | {"truth": Truth(**line["truth"])})
+
+
+def _judged(told: Mapping[str, Any], numbers: Mapping[str, float | None]) -> Said:
+    """What the fit says; that none is seen is *sound* where its bound is within what is acceptable."""
+    confidence, high = told["confidence"], numbers["high"]
+    if confidence == "none_seen" and high is not None and high <= LIMIT:
+        confidence = "sound"
+    return Said(confidence, told["cause"], told["width_kind"], **numbers)
 
 
 def ask(name: str, recordings: int = 1) -> Line:

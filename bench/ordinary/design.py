@@ -76,6 +76,9 @@ with Ti below the lag; *perstorp*: 8.5.2. *friction cycle*: a sticking valve tha
 
 ROWS = tuple(FAULTS)
 
+CONSTANT = ("sine", "saw", "square", "manual", "standing")
+"""Rows whose setpoint never moves; in one of four of the others it steps now and then, in a cascade always."""
+
 CYCLES = ("gap cycle", "perstorp", "friction cycle")
 """Rows of limit cycles, each with a driven twin."""
 
@@ -320,7 +323,7 @@ def _ordinary(name: str, row: str, fault: Fault, number: int, seed: int, day: in
         load.append(Samples(values=values))
     else:
         load.append(_drifting(of_load, size, t_end))
-    if kind not in ("drift",):
+    if kind != "drift":
         load.append(Coloured(sigma=size * log_uniform(of_load, 0.005, 0.05), tau=whole * of_load.uniform(0.5, 3.0)))
 
     of_setpoint = daily("setpoint")
@@ -329,7 +332,7 @@ def _ordinary(name: str, row: str, fault: Fault, number: int, seed: int, day: in
     if row == "cascade":
         outer = _outer(of_setpoint, pv, kp * size, h, t_end, whole)
         setpoint = [Steps(steps=((0.0, 50.0),))]
-    elif row not in ("manual", "standing", *("sine", "saw", "square")) and of_setpoint.random() < 0.25:
+    elif row not in CONSTANT and of_setpoint.random() < 0.25:
         moves = (kp if speed is None else 1.0) * min(size, 5.0)
         setpoint = [Steps(steps=((0.0, pv), *_moves(of_setpoint, t_end, max(t_end / 6, 20 * whole), moves, pv)))]
     of_recorder = stream("recorder")

@@ -2,9 +2,9 @@
 
 The oracle of `bench.truth.ladder` on its last rung: it is told the true valve, the noise, and of process and load only
 the kind; gain, lags, dead time and the load's places are sought, with the true valve and without a gap. It is asked
-about records of FILE (answers of `python -m bench.ordinary`) with a load that steps or bends inside the fit's family,
-of `MOST_ROWS` rows at most. What a gap has to exceed is what records without one reach under such a load, with rows as
-far apart.
+about records of FILE (answers of `python -m bench.ordinary`) with a load that steps, bends or drifts inside the fit's
+family, of `MOST_ROWS` rows at most. What a gap has to exceed is what records without one reach under such a load, with
+rows as far apart.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from rich.progress import track
 from scipy import linalg, signal
 
 from glapp import modules
-from glapp.scenario import Coloured, Gaussian
+from glapp.scenario import Coloured, Gaussian, Walk
 
 from ..truth.ladder import FOLLOWED, NEARER, WIDTHS, Cost, Process, known, refitted, sought
 from ..truth.ladder import Record as Known
@@ -36,12 +36,14 @@ from ..truth.oracle import NO_GAP
 from ..truth.score import markdown
 from .answers import Line, read
 from .design import Floats
-from .records import simulated
+from .records import record, simulated
 from .score import share
 
-MOST_ROWS = 7201
-KINDS = ("steps", "bends")
-ROWS = ("steps", "bends", "historian", "friction", "manual")
+MOST_ROWS = 14401
+KINDS = {"steps": "steps", "bends": "ramps", "drift": "walk"}
+"""Loads, and what the ladder calls them."""
+
+ROWS = ("drift", "steps", "bends", "historian", "friction", "manual", "cascade", "standing", "rings")
 """Rows with such loads in which no other thing moves the loop than what the oracle is told of."""
 
 
@@ -56,10 +58,12 @@ class Record(Known):
         )
         self.n = simulation.t.size
         self.kept = np.arange(0, self.n, drawn.every)
-        self.pv = simulation.pv[self.kept]
+        kept = record(name).table
+        self.pv = kept["PV"].to_numpy()
         self.rest = float(simulation.position[0])
-        self.recorded = np.interp(simulation.t, simulation.t[self.kept], simulation.op[self.kept])
-        self.kind = {"steps": "steps", "bends": "ramps"}[drawn.kind]
+        self.recorded = np.interp(simulation.t, simulation.t[self.kept], kept["OP"].to_numpy())
+        self.kind = KINDS[drawn.kind]
+        self.steps = math.hypot(drawn.decimals, drawn.scenario.pv_resolution)
         self.true = Process(drawn.scenario)
         self.white = self._white()
         self.pv_white = self.white(self.pv)
@@ -68,34 +72,40 @@ class Record(Known):
         self.over = float(np.median(np.diff(drawn.changes))) if drawn.changes.size > 1 else drawn.scenario.t_end
 
     def _white(self) -> Any:
-        """A map that leaves white noise of variance 1 of the noise and of the small load of its own.
+        """A map that leaves white noise of variance 1 of the noise and of loads that drift.
 
         The stationary Kalman filter of process and load, run by `lfilter`: the same as by the covariance of all rows,
         which would not fit into memory.
         """
-        (own,) = [piece for piece in self.scenario.load if isinstance(piece, Coloured)]
         (noise,) = self.scenario.noise
         assert isinstance(noise, Gaussian)
         h = self.scenario.h * self.drawn.every
-        plant = self.scenario.plant
-        # Load → process, sampled as the recording; the dead time is of no influence on what the noise looks like.
-        num, den = np.array(plant.num), np.polymul(plant.den, [own.tau, 1.0])
-        a, b, c, _ = signal.tf2ss(num, den)
-        a, b, c = _balanced(a, b, c)
-        size = len(a)
-        # White noise of this intensity before the load's lag gives it its deviation.
-        drive = own.sigma * math.sqrt(2 * own.tau)
-        block = np.block([[-a, b @ b.T * drive**2], [np.zeros_like(a), a.T]])
-        exp = linalg.expm(block * h)
+        # Rate of decay [1/s] and intensity of each load.
+        loads = [
+            (1 / one.tau, one.sigma * math.sqrt(2 / one.tau)) if isinstance(one, Coloured) else (0.0, one.rate)
+            for one in self.scenario.load
+            if isinstance(one, Coloured | Walk)
+        ]
+        # The dead time is of no influence on what the noise looks like.
+        a, b, c, _ = signal.tf2ss(list(self.scenario.plant.num), list(self.scenario.plant.den))
+        order, size = len(a), len(a) + len(loads)
+        whole, driven, seen = np.zeros((size, size)), np.zeros((size, size)), np.zeros((1, size))
+        whole[:order, :order], seen[:, :order] = a, c
+        for i, (decay, intensity) in enumerate(loads, order):
+            whole[:order, i], whole[i, i], driven[i, i] = b[:, 0], -decay, intensity**2
+        balanced, t = linalg.matrix_balance(whole)
+        back = linalg.inv(t)
+        whole, driven, seen = balanced, back @ driven @ back.T, seen @ t
+        exp = linalg.expm(np.block([[-whole, driven], [np.zeros_like(whole), whole.T]]) * h)
         phi = exp[size:, size:].T
         q = phi @ exp[:size, size:]
-        r = max(self.drawn.noise, 1e-9) ** 2 + self.scenario.pv_resolution**2 / 12
         q = (q + q.T) / 2 + 1e-12 * np.trace(q) * np.eye(size)
-        p = linalg.solve_discrete_are(phi.T, c.T, q, np.array([[r]]))
-        s = float((c @ p @ c.T)[0, 0] + r)
-        k = phi @ p @ c.T / s
+        r = max(self.drawn.noise, 1e-9) ** 2 + self.steps**2 / 12
+        p = linalg.solve_discrete_are(phi.T, seen.T, q, np.array([[r]]))
+        s = float((seen @ p @ seen.T)[0, 0] + r)
+        k = phi @ p @ seen.T / s
         # e = y − c·x̂, x̂⁺ = phi·x̂ + k·e
-        whitened, poles = signal.ss2tf(phi - k @ c, k, -c, np.array([[1.0]]))
+        whitened, poles = signal.ss2tf(phi - k @ seen, k, -seen, np.array([[1.0]]))
         return lambda x: signal.lfilter(whitened[0], poles, x, axis=0) / math.sqrt(s)
 
     def known_load(self, process: Process) -> list[Floats]:
@@ -122,12 +132,6 @@ class Record(Known):
         graph = modules.Graph(1.0, parts, [" -> ".join(parts)])
         moved: Floats = graph.run(op.size, op=op, record=["valve"])["valve"]
         return moved
-
-
-def _balanced(a: Floats, b: Floats, c: Floats) -> tuple[Floats, Floats, Floats]:
-    """The same system with states of like size: the companion form has coefficients far apart."""
-    balanced, t = linalg.matrix_balance(a)
-    return balanced, linalg.solve(t, b), c @ t
 
 
 @dataclass(frozen=True)
@@ -158,8 +162,16 @@ class Seen:
         variance = max(1.0, min(cost.left for cost in known(record, record.true, moves)))
         costs: list[Cost] = sought(record, record.true, moves, variance)
         nearest = sorted(range(1, len(moves)), key=lambda i: costs[i].cost)[:FOLLOWED]
-        fitted = {i: refitted(record, moves[i], costs[i], variance) for i in (0, *nearest)}
-        return cls(name, fitted[0] - min(fitted[i] for i in nearest))
+        asked = (0, *nearest)
+        fitted = {i: refitted(record, moves[i], costs[i], variance) for i in asked}
+        # Process and places that one found are where the others begin once more.
+        least = {i: fitted[i].cost for i in asked}
+        for i in asked:
+            for other in set(asked) - {i}:
+                found = Cost(least[i], fitted[other].changes, 0.0)
+                again = refitted(record, moves[i], found, variance, [fitted[other].process])
+                least[i] = min(least[i], again.cost)
+        return cls(name, least[0] - min(least[i] for i in nearest))
 
 
 def fitting(line: Line) -> bool:
@@ -170,7 +182,7 @@ def fitting(line: Line) -> bool:
         and truth.kind in KINDS
         and not truth.outside
         and truth.samples <= MOST_ROWS
-        and (truth.d == 0 or truth.identifiable)
+        and truth.fault != "driven"
     )
 
 
@@ -187,7 +199,8 @@ def main() -> None:
     out = given.answers.with_suffix(".oracle.jsonl")
     asked = [Seen(**json.loads(text)) for text in out.read_text("utf-8").splitlines()] if out.exists() else []
     none = [line for line in lines.values() if line.truth.d == 0][: given.most]
-    names = [line.truth.name for line in (*gaps, *none)]
+    # In the order of the file, so that what is there early has both.
+    names = [name for name, line in lines.items() if line in gaps or line in none]
     left = [name for name in names if name not in {seen.name for seen in asked}]
     with ProcessPoolExecutor(given.jobs) as pool, out.open("a", encoding="utf-8") as file:
         for seen in track(pool.map(Seen.of, left), "asking", len(left), disable=not sys.stderr.isatty()):

@@ -270,10 +270,21 @@ def sought(record: Record, process: Process, moves: Iterable[Floats], variance: 
     ]
 
 
-def refitted(record: Record, move: Floats, cost: Cost, variance: float) -> float:
+class Refitted(NamedTuple):
+    """−2·ln L with the process that was found, the changes of the load, and those of the process, as in `Process`."""
+
+    cost: float
+    changes: Places
+    process: tuple[float, ...]
+
+
+def refitted(
+    record: Record, move: Floats, cost: Cost, variance: float, begin: Sequence[Sequence[float]] = STARTS
+) -> Refitted:
     """What a movement of the valve costs with the process that goes with it best: gain, lags and dead time are free.
 
-    A load that walks is taken to walk through the true process all the same.
+    The process is sought from each of `begin`, all to its places of the load, which are then sought anew. A load that
+    walks is taken to walk through the true process all the same.
     """
     free = [0, 1, 2] if record.true.has_others else [0, 2]
 
@@ -308,8 +319,8 @@ def refitted(record: Record, move: Floats, cost: Cost, variance: float) -> float
         )
         return float(found.cost), found.x
 
-    best = cost
-    starts = [np.array(start)[free] for start in STARTS]
+    best, at = cost, np.zeros(3)
+    starts = [np.array(start)[free] for start in begin]
     for _ in range(ROUNDS):
         _, x = min((descended(start, best.changes) for start in starts), key=lambda found: found[0])
         now = process(x)
@@ -318,7 +329,8 @@ def refitted(record: Record, move: Floats, cost: Cost, variance: float) -> float
         if found.cost > best.cost - 1:
             break
         best, starts = found, [x]
-    return best.cost
+        at[free] = x
+    return Refitted(best.cost, best.changes, tuple(at.tolist()))
 
 
 def _pursued(gram: Floats, toward: Floats, taken: list[int], most: int) -> tuple[float, list[int]]:
@@ -452,7 +464,7 @@ class Rungs:
         last = [math.inf] * len(seen)
         nearest = sorted(range(len(seen))[gaps], key=lambda i: costs[-1][i])[:FOLLOWED]
         for i in {0, *nearest, *([len(seen) - 1] if sticks else [])}:
-            last[i] = refitted(record, seen[i], rungs[-1][i], variance)
+            last[i] = refitted(record, seen[i], rungs[-1][i], variance).cost
         told = [ratios(rung) for rung in (*costs, last)]
         jumps = [jump for _, jump in told] if sticks else []
         made = made_record(name)

@@ -10,7 +10,8 @@ use crate::fitted::LostMotion;
 use crate::harm::Harm;
 use crate::trend::{Change, WidthTrend};
 use glapp_core::Reason;
-use serde::{Deserialize, Serialize};
+use serde::ser::SerializeStruct;
+use serde::{Deserialize, Serialize, Serializer};
 
 /// The crossings contradict the fit where they lie beyond a limit of its interval by more than this factor: in every case
 /// tried they were the ones that were wrong.
@@ -180,10 +181,9 @@ pub struct Moves {
 }
 
 /// What to do next, and whether a step test in the recording tells it already.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NextStep {
     /// What to do.
-    #[serde(flatten)]
     pub step: Next,
     /// The recording holds a step test: what it gives is used, and no further one is asked for.
     pub tested: bool,
@@ -252,8 +252,7 @@ pub enum Part {
 }
 
 /// What to do next.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(tag = "code", content = "of", rename_all = "snake_case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Next {
     /// Correct what is named.
     Correct,
@@ -567,7 +566,41 @@ impl Summary {
     }
 }
 
+impl Serialize for NextStep {
+    /// A code, what it is about (none where it has nothing of that kind), and whether it was tested: always all three.
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut fields = serializer.serialize_struct("NextStep", 3)?;
+        fields.serialize_field("code", self.step.code())?;
+        match self.step {
+            Next::Inspect(part) => fields.serialize_field("of", &part)?,
+            Next::Remedy(reason) => fields.serialize_field("of", &reason)?,
+            _ => fields.serialize_field("of", &None::<()>)?,
+        }
+        fields.serialize_field("tested", &self.tested)?;
+        fields.end()
+    }
+}
+
 impl Next {
+    /// The name used in every face of glapp.
+    pub const fn code(self) -> &'static str {
+        match self {
+            Self::Correct => "correct",
+            Self::Inspect(_) => "inspect",
+            Self::Further => "further",
+            Self::RecordMore => "record_more",
+            Self::Tuning => "tuning",
+            Self::Nothing => "nothing",
+            Self::Review => "review",
+            Self::Confirm => "confirm",
+            Self::Compare => "compare",
+            Self::RecordLonger => "record_longer",
+            Self::ProbablyTooWide => "probably_too_wide",
+            Self::StepTest => "step_test",
+            Self::Remedy(_) => "remedy",
+        }
+    }
+
     /// Whether a step test is what it asks for, or tells what it asks for.
     const fn asks_for_a_test(self) -> bool {
         !matches!(self, Self::Tuning | Self::Nothing | Self::Review | Self::RecordLonger)

@@ -29,7 +29,7 @@ pub struct Plateau {
 /// What OP's ways through `d` show, PV's answer late by so many steps.
 pub(crate) fn plateau(cells: &Cells, d: f64, kp: f64, late: f64) -> Plateau {
     let mut found = Plateau::default();
-    if !(d > 0.0) || kp == 0.0 {
+    if d <= 0.0 || kp == 0.0 {
         return found;
     }
     let (mut within, mut behind, mut rows) = (Vec::new(), Vec::new(), Vec::new());

@@ -330,10 +330,13 @@ fn joint_width(curves: &mut [Curve]) -> Together {
     // No gap: what each record leaves of it, the loads that were looked for counted in.
     let none = &known[0].1;
     let mut against: Vec<f64> = rises(curves, &here, none);
+    let mut lr_aperiodic = 0.0;
     for (curve, lr) in curves.iter().zip(&mut against) {
         let Fitted { answer, lr_of_loads, .. } = &curve.fitted;
         let jumps = (answer.lr_no_jump - JUMP).max(0.0);
-        *lr = (*lr + curve.worth * jumps).min(curve.worth * lr_of_loads);
+        *lr += curve.worth * jumps;
+        lr_aperiodic += lr.min(curve.worth / answer.trust * answer.evidence.lr_aperiodic);
+        *lr = lr.min(curve.worth * lr_of_loads);
     }
     let lr_no_gap: f64 = against.iter().sum();
     let most = against.iter().copied().fold(0.0, f64::max);
@@ -361,7 +364,7 @@ fn joint_width(curves: &mut [Curve]) -> Together {
         d,
         changes_known: known,
         lr_no_gap,
-        lr_aperiodic: lr_no_gap,
+        lr_aperiodic,
         lr_needed,
         lr_no_answer: mean(|e| e.lr_no_answer),
         low,

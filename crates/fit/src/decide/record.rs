@@ -307,8 +307,6 @@ pub(crate) fn fit_record(cells: &Cells, seeds: &[Theta], bow: f64, window: &Wind
     let (judgement, reason) = judge(&evidence);
     let verdict = judgement.verdict(evidence.low);
     let told = evidence.limits(verdict, told_high);
-    // What no load that repeats itself is held against is not held against it beside other windows either.
-    let lr_of_loads = if evidence.ratio() > lr_no_gap { lr_aperiodic / trusted } else { lr_of_loads };
     let per_cell = if search.structure.integrating { 1.0 / h } else { 1.0 };
     let kp = best.kp * per_cell;
     // The gain is at its best for each process: its variance there, and what the process may be.
@@ -351,7 +349,7 @@ pub(crate) fn fit_record(cells: &Cells, seeds: &[Theta], bow: f64, window: &Wind
         low: told.0,
         high: told.1,
         jump: best.lost.jump(),
-        lr_no_gap: evidence.ratio(),
+        lr_no_gap,
         lr_needed: evidence.needed(),
         lr_no_jump,
         lr_no_answer,

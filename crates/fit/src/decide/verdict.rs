@@ -138,18 +138,25 @@ impl Evidence {
         self.high.is_none() || !self.traversed || self.noisy()
     }
 
-    /// What the likelihood ratio of no gap must exceed for a gap to be found: more for a bound, and for an even swing that is not the
-    /// loop's own.
+    /// What the likelihood ratio of no gap must exceed for a gap to be found: more for a bound, and for an even swing. Some loads that
+    /// swing, triangles above all, look like a gap whose cycle is the loop's own.
     pub(crate) fn needed(&self) -> f64 {
-        self.lr_needed.max(self.seldom()).max(if self.swings() { GAP_IF_EVEN_SWING } else { 0.0 })
+        self.asked().max(if self.even_swing { GAP_IF_EVEN_SWING } else { 0.0 })
     }
 
-    /// The same for a gap that is likely.
+    /// The same for a gap that is likely; all that is asked beside the swing where that is the loop's own.
     fn likely(&self) -> f64 {
-        let swings = if self.swings() { LIKELY_IF_EVEN_SWING } else { 0.0 };
+        if self.cycles() && (self.even_swing || self.periodic_load) {
+            return self.asked();
+        }
+        let swings = if self.even_swing { LIKELY_IF_EVEN_SWING } else { 0.0 };
         let often = self.passes.iter().all(|n| *n >= CYCLES);
         let part = if often { LIKELY } else { LIKELY_IF_SELDOM };
         LIKELY_AT_LEAST.max(part * self.lr_needed).max(LIKELY_IF_SELDOM * self.seldom()).max(swings)
+    }
+
+    fn asked(&self) -> f64 {
+        self.lr_needed.max(self.seldom())
     }
 
     /// What OP's few ways through the width ask of it.
@@ -157,19 +164,14 @@ impl Evidence {
         if self.bound() { lr_asked_if_seldom(self.changes_known) } else { 0.0 }
     }
 
-    /// Whether OP swings in even time, and neither a gap nor the setpoint is known to make it do that.
-    fn swings(&self) -> bool {
-        self.even_swing && !self.cycles()
-    }
-
     /// Whether the loop of fitted process, gap and controller swings by itself as it was recorded.
     pub fn cycles(&self) -> bool {
         self.cycle.as_ref().is_some_and(Cycle::is_own)
     }
 
-    /// The likelihood ratio of no gap. A swing that the loop makes itself repeats as a load would: it is enough that such a load, which may
-    /// have any form, is not clearly likelier.
-    pub(crate) fn ratio(&self) -> f64 {
+    /// The likelihood ratio for a gap that is likely. A swing that the loop makes itself repeats as a load would: it is enough that such a
+    /// load, which may have any form, is not clearly likelier.
+    fn ratio(&self) -> f64 {
         if self.cycles() && self.lr_no_gap > -GAP { self.lr_aperiodic } else { self.lr_no_gap }
     }
 
@@ -279,18 +281,18 @@ fn judge_together(e: &Evidence) -> (Judgement, &'static str) {
         return silent("no_answer");
     }
     let kind = if e.bound() { WidthKind::Bound } else { WidthKind::Interval };
-    let (ratio, needed) = (e.ratio(), e.needed());
-    if ratio <= needed {
+    if e.lr_no_gap <= e.needed() {
         let none = if e.low <= 0.0 && !e.dissent { e.none(SOUND_BELOW * e.range) } else { None };
         if let Some(none) = none {
             return none;
         }
         let why = match () {
             _ if e.periodic_load => "repeats",
-            _ if e.swings() => "swings",
+            _ if e.even_swing => "swings",
             _ => "may_be_a_gap",
         };
-        let likely = ratio > e.likely() && e.veto().is_none() && e.passes.iter().all(|n| *n >= CYCLES_IF_CLEAR);
+        let often = e.passes.iter().all(|n| *n >= CYCLES_IF_CLEAR);
+        let likely = often && e.ratio() > e.likely() && e.veto().is_none();
         return if likely { gap(Confidence::Likely, kind, why) } else { silent(why) };
     }
     if let Some(none) = e.none(TRIFLE * e.range) {
@@ -300,14 +302,10 @@ fn judge_together(e: &Evidence) -> (Judgement, &'static str) {
         let there = match why {
             "families_disagree" => e.low > 0.0,
             "coarse" if e.at_once => e.stands() || e.agrees(),
-            "coarse" => e.stands() || e.agrees() || ratio > LIKELY_IF_COARSE,
+            "coarse" => e.stands() || e.agrees() || e.lr_no_gap > LIKELY_IF_COARSE,
             _ => false,
         };
         return if there { gap(Confidence::Likely, WidthKind::Unsure, why) } else { silent(why) };
-    }
-    // Some loads that swing, triangles above all, look like a gap whose cycle is the loop's own: what rests on that is likely.
-    if e.even_swing || e.lr_no_gap <= needed {
-        return gap(Confidence::Likely, kind, if e.even_swing { "swings" } else { "repeats" });
     }
     let why = match kind {
         WidthKind::Bound if e.high.is_none() || !e.traversed => "not_traversed",

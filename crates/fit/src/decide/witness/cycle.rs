@@ -85,7 +85,7 @@ pub(crate) fn cycle(
     let op = process.run(k, ki, lost, swing, sigma * (cells.cell as f64).sqrt(), steps);
     let settled = &op[2 * steps / 3..];
     let rests = Cycle { period: 0.0, swing: 0.0, law: explains };
-    if op.iter().any(|u| !(u.abs() < AWAY * swing)) {
+    if op.iter().any(|u| u.is_nan() || u.abs() >= AWAY * swing) {
         // It does not come back.
         return Some(Cycle { swing: AWAY, ..rests });
     }

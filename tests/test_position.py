@@ -117,7 +117,14 @@ def said(verdict: Any, d: float, low: float, high: float | None) -> Fit:
 )
 def test_a_contradiction_names_both(position: Fit, pv: Fit, verdict: str, low: float, high: float | None) -> None:
     """The position once overrode PV unseen. What is decided is held in `crates/analysis/src/fitted.rs`."""
-    decided = {"position": "contradicts", "verdict": verdict, "low": low, "high": high, "change": None, "judgement": None}
+    decided = {
+        "position": "contradicts",
+        "verdict": verdict,
+        "low": low,
+        "high": high,
+        "change": None,
+        "judgement": None,
+    }
     f = _together(decided, position, pv, LOOP)
     assert (f.verdict, f.low, f.high) == (verdict, low, high)
     assert position.reason in f.reason and pv.reason in f.reason and "contradict" in f.reason

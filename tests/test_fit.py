@@ -104,10 +104,10 @@ def test_small_steps_of_the_load_show_no_gap(number: int) -> None:
 @pytest.mark.parametrize(
     ("name", "told"),
     [
-        ("none/steps/outside/36", "no model fits"),
+        ("none/steps/outside/36", "no model of the loop fits"),
         ("both/ramps/outside/9", "Record faster"),
-        ("oscillation/sine/inside/4", "repeats itself"),
-        ("backlash/ramps/outside/56", "80 are needed"),
+        ("oscillation/sine/inside/4", "a disturbance with the period of this loop"),
+        ("backlash/ramps/outside/56", "80 needed"),
     ],
 )
 def test_samples_too_far_apart_or_a_single_move_of_op_show_no_gap(name: str, told: str) -> None:

@@ -208,9 +208,11 @@ impl Evidence {
         }
     }
 
-    /// How well the lags must be known for no gap to be seen. One swing tells of one frequency: the lags hang together with the gap there.
+    /// How well the lags must be known for no gap to be seen. One swing tells of one frequency, and few turns tell little: the lags
+    /// hang together with the gap there.
     fn lag_may_err(&self) -> f64 {
-        if self.oscillates { LAG_KNOWN_BESIDE_SWING } else { 1.0 }
+        let few = self.passes_high.iter().any(|n| *n < CYCLES);
+        if self.oscillates || few { LAG_KNOWN_IF_FEW } else { 1.0 }
     }
 
     /// Why no gap is told although the likelihood ratio speaks for one: something else looks like it.
@@ -493,7 +495,9 @@ mod tests {
         let none = Evidence { d: 0.0, lr_no_gap: 0.0, lr_aperiodic: 0.0, low: 0.0, ..plain() };
         let said = |e: Evidence| judge(&e).0.confidence;
         assert_eq!(said(none.clone()), Confidence::NoneSeen);
-        assert_eq!(said(Evidence { passes_high: [10, 4], ..none.clone() }), Confidence::CannotTell);
+        assert_eq!(said(Evidence { passes_high: [10, 1], ..none.clone() }), Confidence::CannotTell);
+        assert_eq!(said(Evidence { passes_high: [10, 4], ..none.clone() }), Confidence::NoneSeen);
+        assert_eq!(said(Evidence { passes_high: [10, 4], lag_error: 0.3, ..none.clone() }), Confidence::CannotTell);
         assert_eq!(said(Evidence { cancels: 720.0, ..none.clone() }), Confidence::CannotTell);
         assert_eq!(said(Evidence { lag_error: 1.5, ..none.clone() }), Confidence::CannotTell);
         assert_eq!(said(Evidence { lag_error: 0.3, ..none.clone() }), Confidence::NoneSeen);

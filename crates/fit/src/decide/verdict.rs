@@ -219,7 +219,7 @@ impl Evidence {
     fn veto(&self) -> Option<&'static str> {
         let vetoes = [
             (self.immobile, "still"),
-            (self.coarse || self.at_once, "coarse"),
+            ((self.coarse || self.at_once) && !self.all_agree(), "coarse"),
             (self.d < self.drawn, "lined"),
             (self.one_way, "once"),
             (self.low < LEAST_LOW * self.d, "families_disagree"),
@@ -232,6 +232,13 @@ impl Evidence {
         let Plateau { ways, stands, rows, .. } = self.plateau;
         let mostly = |i: usize| ways[i] >= PLATEAUS && stands[i] as f64 >= STANDS * ways[i] as f64;
         rows >= ROWS_OF_PLATEAU && mostly(0) && mostly(1)
+    }
+
+    /// Whether every window or recording has by itself the width that all share: how far apart its rows are does not matter then. A load
+    /// that ramps leaves PV as a gap does, and gives another width each time.
+    fn all_agree(&self) -> bool {
+        let [agree, all] = self.agree;
+        agree >= FEWEST_RECORDINGS && agree == all
     }
 
     /// Whether enough records have by themselves the width that all share: what each of them could not say, all say together.

@@ -54,6 +54,7 @@ CODES = {
     "fit.why",
     "fit.position",
     "fit.change",
+    "fit.judgement",
     "step_test",
     "messages",
     "identification",

@@ -53,7 +53,7 @@ class TestOneWidth:
         assert {one.fit.verdict for one in three.recordings} <= {"cannot_tell", "at_least"}
         assert three.verdict == "backlash", three.reason
         assert three.low is not None and three.high is not None and three.low < truth < three.high
-        assert three.reason.startswith("by 3 recordings together: a gap of")
+        assert three.reason.startswith("by 3 recordings together: dead band of")
         # What each adds is what there is.
         assert three.lr_no_gap == pytest.approx(sum(one.adds for one in three.recordings))
         alone = [one.fit for one in three.recordings]
@@ -95,7 +95,7 @@ class TestOneWidth:
         answer = glapp.fit([day("triangle fast/none/0", number) for number in range(3)])
         assert not answer.found, answer.reason
         assert all(one.left_out is not None and one.adds == 0 for one in answer.recordings)
-        assert "Not counted, since OP swings to and fro" in answer.reason
+        assert "Not counted, since OP swings almost evenly" in answer.reason
 
     def test_two_valves_are_no_valve(self) -> None:
         """A gap of 0.8 and one of three times as much, each plain by itself."""
@@ -114,7 +114,7 @@ class TestReplays:
         answer = glapp.fit([dated(first.table, first.loop, number) for number in range(4)])
         assert [one.repeated for one in answer.recordings] == [0.0, 1.0, 1.0, 1.0]
         assert (answer.verdict, answer.d, answer.low, answer.high) == (once.verdict, once.d, once.low, once.high)
-        assert "100 % of memory (2) stands in an earlier one" in answer.reason
+        assert "100% of memory (2) stands in an earlier one" in answer.reason
 
     @pytest.mark.verify
     def test_the_share_is_told_and_the_rest_counts(self) -> None:

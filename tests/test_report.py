@@ -561,10 +561,10 @@ def test_what_to_do_about_a_fitted_gap_hangs_on_what_is_acceptable(worn: Result)
     for verdict, high in (("backlash", 6.0), ("at_least", None)):
         so, do = told(verdict, 5.0, high)
         assert so.endswith(", more than the 2 % of span allowed.") and not do.startswith("Nothing")
-    assert told("backlash", 5.0, 6.0)[1].startswith("Check linkage, keys and actuator for play")
+    assert told("backlash", 5.0, 6.0)[1].startswith("Check the linkage for play, and the packing")
     assert told("backlash", 2.0, 3.9)[1].startswith("Nothing now: all of it is within the 2 % of span allowed.")
     so, do = told("backlash", 3.0, 5.0)
-    assert "allowed" not in so and do.startswith("Check linkage"), "it may be either"
+    assert "allowed" not in so and do.startswith("Check the linkage"), "it may be either"
     assert told("at_least", 3.0, None)[1].startswith("Record while OP moves further")
     assert told("backlash", 5.0, 6.0, None)[0].endswith(", more than the usual 1 % of span."), "nominal"
 

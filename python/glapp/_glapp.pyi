@@ -580,6 +580,9 @@ def fit(batches: Sequence[Batch], sign: float) -> dict[str, Any]:
 def fit_valve(recordings: Sequence[tuple[float, Sequence[Batch]]], sign: float) -> dict[str, Any]:
     """As `fit`, of recordings in the order of time: when the time of each is 0 [s] or NaN, and its batches."""
 
+def fit_judgement(evidence: str) -> dict[str, Any]:
+    """What the ladder says of an answer's `evidence`, as JSON: confidence, cause, width_kind, oscillates, reason."""
+
 def fit_thresholds() -> dict[str, tuple[float, str]]:
     """Value and unit of every threshold of a verdict, by its name."""
 

@@ -34,6 +34,9 @@ ROWS = _glapp.LONG_HISTORY
 DAY = 86400.0
 """[s]."""
 
+JUDGED = ("confidence", "cause", "width_kind", "oscillates", "evidence")
+"""What the ladder says of all windows together, and what it rests on."""
+
 
 @dataclass(frozen=True, slots=True)
 class Process:
@@ -163,7 +166,9 @@ class Fit:
         Where several recordings of one valve were given, each of them in the order of time, with its own answer.
     best : dict
         Everything the clearest window's fit has to tell, as the core gives it, with the time `t` of each cell and the
-        `signal` that was fitted: "PV", or "position" where the valve's own settled it.
+        `signal` that was fitted: "PV", or "position" where the valve's own settled it. Of PV also what all windows say
+        together: `confidence` (*found*, *likely*, *cannot_tell* or *none_seen*), `cause` (*dead_band*, *stiction* or
+        *both*), `width_kind` (*interval*, *bound* or *unsure*), `oscillates`, and the `evidence` for that.
     why : str
         What decided, in a word that stays the same; `reason` is its sentence.
     through_pv : Fit or None
@@ -174,6 +179,8 @@ class Fit:
         `reason` of several recordings as a code with its numbers.
     change : dict or None
         The trend as the one answer has it (`glapp.result.Moves`).
+    judgement : dict or None
+        What the ladder says: `confidence`, `cause`, `width_kind`, `oscillates`; None where nothing could be fitted.
     """
 
     verdict: Verdict
@@ -193,6 +200,7 @@ class Fit:
     why: str = ""
     through_pv: Fit | None = None
     change: dict[str, Any] | None = None
+    judgement: dict[str, Any] | None = None
     message: dict[str, Any] | None = None
 
     def __repr__(self) -> str:
@@ -383,7 +391,8 @@ def fit_recordings(
         found = _glapp.fit_valve(fitted, sign)
     if fitting is not None:
         fitting(1.0)
-    through_pv = replace(_valve(found["pv"], recordings, known), change=found.get("answer", {}).get("change"))
+    decided = {name: found.get("answer", {}).get(name) for name in ("change", "judgement")}
+    through_pv = replace(_valve(found["pv"], recordings, known), **decided)
     if found["position"] is None:
         return through_pv
     both = _together(found["answer"], _at_valve(found["position"], loop), through_pv, loop)
@@ -502,7 +511,7 @@ def told(
     """Put what the core answered, with all that PV and the valve's position said, into words."""
     if pv is None:
         return Fit("cannot_tell", to_text("fit.op_rests"), loop.op_label, why="op_rests")
-    through_pv = replace(_through_pv(pv, loop, sinusoid), change=answer["change"])
+    through_pv = replace(_through_pv(pv, loop, sinusoid), change=answer["change"], judgement=answer["judgement"])
     if position is None:
         return through_pv
     return _together(answer, _at_valve(position, loop), through_pv, loop)
@@ -516,7 +525,7 @@ def _together(answer: dict[str, Any], at_valve: Fit, through_pv: Fit, loop: Loop
     own = loop.positioner.dead_band if loop.positioner is not None else None
     said["own"] = own if at_valve.found else None
     reason = to_text(f"fit.{answer['position']}", said)
-    decided = {name: answer[name] for name in ("verdict", "low", "high", "change")}
+    decided = {name: answer[name] for name in ("verdict", "low", "high", "change", "judgement")}
     return replace(at_valve, **decided, reason=reason, process=through_pv.process, through_pv=through_pv)
 
 
@@ -556,7 +565,7 @@ def _through_pv(answer: dict[str, Any], loop: Loop, sinusoid: str | None) -> Fit
 
 def _said(answer: dict[str, Any], unit: str) -> Fit:
     """What the core said of PV, in words."""
-    best = _shown(answer, "PV")
+    best = _shown(answer, "PV") | {name: answer[name] for name in JUDGED}
     kp, dead_time, lag = ((best[name], *best[f"{name}_limits"]) for name in ("kp", "dead_time", "lag"))
     return Fit(
         verdict=answer["verdict"],

@@ -43,7 +43,7 @@ Confidence = Literal["found", "likely", "cannot_tell", "none_seen", "sound", "re
 Origin = Literal["given", "identified", "fitted", "assumed", "chosen", "unknown"]
 Floats = NDArray[np.float64]
 
-_FACTS = ("verdict", "why", "d", "low", "high", "lr_no_gap", "lr_needed")
+_FACTS = ("verdict", "why", "d", "low", "high", "lr_no_gap", "lr_needed", "judgement")
 """What the one answer hangs on of a fit, beside the change of its width in time."""
 
 

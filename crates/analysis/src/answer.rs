@@ -74,6 +74,7 @@ impl Answer {
                 high: fit.high,
                 lr_no_gap: fit.lr_no_gap,
                 lr_needed: fit.lr_needed,
+                judgement: fit.judgement,
                 trend: fit.change,
             }),
             span,

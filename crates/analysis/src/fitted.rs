@@ -4,8 +4,8 @@ use crate::crossings::Place;
 use crate::origin::fitted_gain_serves;
 use crate::trend::{DAY, WidthTrend, of_found};
 use glapp_fit::{
-    AtValve, Batch, JointAnswer, PositionAnswer, Problem, RecordAnswer, Recorded, Samples, Together, Trend, Unfit,
-    ValveAnswer,
+    AtValve, Batch, JointAnswer, Judgement, PositionAnswer, Problem, RecordAnswer, Recorded, Samples, Together, Trend,
+    Unfit, ValveAnswer,
 };
 use serde::{Deserialize, Serialize};
 
@@ -174,7 +174,9 @@ pub struct FitAnswer {
     pub position: Option<Position>,
     /// Change of the width and its standard error [OP unit/day].
     pub trend: Option<(f64, f64)>,
-    /// The same with all that is told of it, as the one answer has it.
+    /// What the ladder says; none where nothing could be fitted.
+    pub judgement: Option<Judgement>,
+    /// The change with all that is told of it, as the one answer has it.
     pub change: Option<WidthTrend>,
     /// The windows that were fitted.
     pub windows: Vec<Window>,
@@ -197,6 +199,7 @@ impl FitAnswer {
             signal,
             position: None,
             trend: None,
+            judgement: None,
             change: None,
             windows: Vec::new(),
         }
@@ -246,6 +249,7 @@ impl FitAnswer {
                 integrating: best.integrating,
             }),
             trend: joint.trend.map(a_day),
+            judgement: Some(joint.judgement),
             change: joint.trend.map(|found| of_found(Some(found), found.widths)),
             windows: records.iter().map(window).collect(),
             ..Self::none(sinusoid.map_or(FitWhy::Evidence(joint.reason), FitWhy::Finding), Signal::PV)
@@ -270,6 +274,7 @@ impl FitAnswer {
             lr_no_gap: Some(best.lr_no_gap),
             lr_needed: Some(best.lr_needed),
             trend: joint.trend.map(a_day),
+            judgement: Some(Judgement::at_valve(joint.verdict)),
             change: joint.trend.map(|found| of_found(Some(found), found.widths)),
             windows: joint.records.iter().map(window).collect(),
             ..Self::none(FitWhy::Evidence(best.reason), Signal::Position)
@@ -294,6 +299,7 @@ impl FitAnswer {
                 position: Some(Contradicts),
                 low: Some(here.0.min(there.0)),
                 high: here.1.zip(there.1).map(|(one, other)| one.max(other)),
+                judgement: if both { settled.judgement } else { None },
                 ..settled
             }
             .said(verdict);

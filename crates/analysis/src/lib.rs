@@ -32,14 +32,14 @@ pub use crossings::{Crossings, Ladder};
 pub use fitted::{
     FitAnswer, FitWhy, Fitted, FittedValve, LostMotion, Position, Process, Signal, Window, fitted, fitted_valve,
 };
-pub use glapp_fit::Width;
+pub use glapp_fit::{Cause, Judgement, Width, WidthKind};
 pub use harm::{Cells as HarmCells, Harm, harm};
 pub use inspected::Inspected;
 pub use origin::{KP_DEFAULT, Origin, fitted_gain_serves, process_gain};
 pub use signals::{FROZEN_STEPS, SORTED_ROWS, frozen_steps, in_runs, median, noise_sigma, quantile, resolution};
 pub use step_test::{Manual, ManualRows, StepTest, StepTestSettings};
 pub use summary::{
-    Acceptable, Cause, Confidence, Contradiction, Evidence, Facts, FitFacts, Health, Limit, LimitOrigin, Moves,
-    NOMINAL_LIMIT, Next, NextStep, One, Part, StepTestWidth, Struck, Summary, Urgency, Valve, WidthKind,
+    Acceptable, Confidence, Contradiction, Evidence, Facts, FitFacts, Health, Limit, LimitOrigin, Moves, NOMINAL_LIMIT,
+    Next, NextStep, One, Part, StepTestWidth, Struck, Summary, Urgency, Valve,
 };
 pub use trend::{Change, WidthTrend, trend};

@@ -10,6 +10,7 @@ use crate::fitted::LostMotion;
 use crate::harm::Harm;
 use crate::trend::{Change, WidthTrend};
 use glapp_core::Reason;
+use glapp_fit::{Cause, Confidence as Told, Judgement, WidthKind};
 use serde::ser::SerializeStruct;
 use serde::{Deserialize, Serialize, Serializer};
 
@@ -75,6 +76,9 @@ pub struct FitFacts {
     pub lr_no_gap: Option<f64>,
     /// What it must exceed.
     pub lr_needed: Option<f64>,
+    /// What the ladder says; none: what follows from the verdict.
+    #[serde(default)]
+    pub judgement: Option<Judgement>,
     /// How the width changes in time, where the fit has widths of several times.
     #[serde(default)]
     pub trend: Option<WidthTrend>,
@@ -109,32 +113,6 @@ pub enum Confidence {
     Refused,
     /// OP and PV were not fitted: zero crossings alone do not judge a valve.
     NotJudged,
-}
-
-/// What makes it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Cause {
-    /// Play between actuator and valve.
-    Backlash,
-    /// Friction: the valve sticks, then jumps.
-    Stiction,
-    /// Both.
-    Both,
-    /// Play or packing: the data do not tell which.
-    DeadBand,
-}
-
-/// What the width is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum WidthKind {
-    /// It has two limits.
-    Interval,
-    /// It is one limit.
-    Bound,
-    /// A dead band is there, and its width is not known well.
-    Unsure,
 }
 
 /// Who said what is acceptable.
@@ -330,7 +308,7 @@ pub struct Summary {
     pub cause: Option<Cause>,
     /// What the width is; none where there is neither width nor bound.
     pub width_kind: Option<WidthKind>,
-    /// Whether the loop swings in a clean sinusoid, which no dead band makes.
+    /// Whether the loop swings to and fro in almost even time, whatever makes it.
     pub oscillates: bool,
     /// The width that lists rank by: the most likely one, or the bound where that is all; none where no gap was found [OP unit].
     pub width: Option<f64>,
@@ -393,18 +371,23 @@ impl Summary {
     }
 
     fn of_fit(facts: &Facts, fit: &FitFacts) -> Self {
+        let judged = fit.judged();
         let (low, high) = fit.interval();
-        let width = match fit.verdict {
-            LostMotion::AtLeast => low,
-            verdict if verdict.found() => fit.d,
+        let width = match (judged.confidence, judged.width_kind) {
+            _ if fit.verdict == LostMotion::Oscillation => None,
+            (Told::Found | Told::Likely, Some(WidthKind::Bound)) => low,
+            (Told::Found | Told::Likely, _) => fit.d,
             _ => None,
         };
         let limit = facts.limit();
         let acceptable = facts.judged(width.and(low), high);
         let next = match fit.verdict {
             _ if acceptable == Some(Acceptable::Within) => Next::Review,
-            LostMotion::Backlash if fit.why == MORE => Next::Inspect(Part::Both),
-            LostMotion::Backlash => Next::Inspect(Part::Play),
+            LostMotion::Backlash if judged.cause == Some(Cause::Backlash) && fit.why != MORE => {
+                Next::Inspect(Part::Play)
+            }
+            // PV alone does not tell play from packing.
+            LostMotion::Backlash => Next::Inspect(Part::Both),
             LostMotion::Stiction => Next::Inspect(Part::Packing),
             LostMotion::Both => Next::Inspect(Part::Both),
             LostMotion::AtLeast => Next::Further,
@@ -412,35 +395,33 @@ impl Summary {
             LostMotion::Sound if facts.judged(low, high) == Some(Acceptable::Open) => Next::RecordMore,
             LostMotion::Sound => Next::Nothing,
             LostMotion::Oscillation => Next::Tuning,
+            LostMotion::CannotTell if judged.tells() => Next::Confirm,
             LostMotion::CannotTell => Next::RecordMore,
         };
         let valve = match fit.verdict {
             verdict if verdict.found() => Valve::Gap,
+            // There is one, however wide.
+            LostMotion::CannotTell if judged.confidence == Told::Found => Valve::Gap,
             LostMotion::CannotTell => Valve::Unknown,
             _ => Valve::NoGap,
         };
-        let confidence = match fit.verdict {
-            verdict if verdict.found() => Confidence::Found,
-            LostMotion::Sound if facts.judged(low, high) == Some(Acceptable::Within) => Confidence::Sound,
-            LostMotion::Sound => Confidence::NoneSeen,
-            _ => Confidence::CannotTell,
+        let confidence = match judged.confidence {
+            _ if fit.verdict == LostMotion::Oscillation => Confidence::CannotTell,
+            Told::Found => Confidence::Found,
+            Told::Likely => Confidence::Likely,
+            Told::NoneSeen | Told::Sound if facts.judged(low, high) == Some(Acceptable::Within) => Confidence::Sound,
+            Told::NoneSeen | Told::Sound => Confidence::NoneSeen,
+            Told::CannotTell => Confidence::CannotTell,
         };
-        let cause = match fit.verdict {
-            LostMotion::Backlash => Some(Cause::Backlash),
-            LostMotion::Stiction => Some(Cause::Stiction),
-            LostMotion::Both => Some(Cause::Both),
-            LostMotion::AtLeast => Some(Cause::DeadBand),
-            _ => None,
-        };
-        let width_kind = match fit.verdict {
-            LostMotion::AtLeast | LostMotion::Sound => Some(WidthKind::Bound),
-            verdict if verdict.found() => Some(WidthKind::Interval),
-            _ => None,
-        };
+        let told = confidence != Confidence::CannotTell;
+        let bound = matches!(confidence, Confidence::NoneSeen | Confidence::Sound);
         let urgency = match (valve, acceptable) {
             (Valve::Gap, Some(Acceptable::Within)) => Urgency::None,
             (Valve::Gap, Some(Acceptable::Beyond)) => Urgency::High,
             (Valve::Gap, _) => Urgency::Medium,
+            (Valve::Unknown, Some(Acceptable::Within)) => Urgency::None,
+            // Only likely: a step test at the next round.
+            (Valve::Unknown, Some(Acceptable::Beyond)) => Urgency::Medium,
             _ if fit.verdict == LostMotion::Oscillation => Urgency::Medium,
             (Valve::NoGap, _) if next == Next::Nothing => Urgency::None,
             _ => Urgency::Low,
@@ -454,9 +435,9 @@ impl Summary {
             surely / limit.percent_span * harm
         });
         Self {
-            cause,
-            width_kind,
-            oscillates: fit.verdict == LostMotion::Oscillation,
+            cause: judged.cause.filter(|_| told),
+            width_kind: if bound { Some(WidthKind::Bound) } else { judged.width_kind.filter(|_| told) },
+            oscillates: judged.oscillates || fit.verdict == LostMotion::Oscillation,
             evidence: Some(fit.evidence()),
             // First is what a person called too wide; what nobody did can wait for the next round.
             urgency: if nominal { urgency.min(Urgency::Medium) } else { urgency },
@@ -645,9 +626,30 @@ impl Facts {
 }
 
 impl FitFacts {
+    /// What the ladder says; where nobody asked it, what the verdict does.
+    fn judged(&self) -> Judgement {
+        self.judgement.unwrap_or_else(|| {
+            let (confidence, cause, width_kind) = match self.verdict {
+                LostMotion::Backlash => (Told::Found, Some(Cause::DeadBand), Some(WidthKind::Interval)),
+                LostMotion::Stiction => (Told::Found, Some(Cause::Stiction), Some(WidthKind::Interval)),
+                LostMotion::Both => (Told::Found, Some(Cause::Both), Some(WidthKind::Interval)),
+                LostMotion::AtLeast => (Told::Found, Some(Cause::DeadBand), Some(WidthKind::Bound)),
+                LostMotion::Sound => (Told::NoneSeen, None, None),
+                LostMotion::Oscillation | LostMotion::CannotTell => (Told::CannotTell, None, None),
+            };
+            Judgement { confidence, cause, width_kind, oscillates: false }
+        })
+    }
+
     /// The widths that are not excluded.
     fn interval(&self) -> (Option<f64>, Option<f64>) {
+        let judged = self.judged();
         match self.verdict {
+            LostMotion::CannotTell if judged.tells() => match judged.width_kind {
+                Some(WidthKind::Interval) => (self.low, self.high),
+                Some(WidthKind::Bound) => (self.low, None),
+                _ => (None, None),
+            },
             LostMotion::AtLeast => (self.low, None),
             LostMotion::Sound => (Some(0.0), self.high),
             // With any other word the interval is that of a model nobody believes.
@@ -686,7 +688,17 @@ mod tests {
 
     fn fit(verdict: LostMotion, low: f64, high: Option<f64>) -> FitFacts {
         let (lr_no_gap, lr_needed) = (Some(100.0), Some(40.0));
-        FitFacts { verdict, why: "gap".into(), d: Some(low), low: Some(low), high, lr_no_gap, lr_needed, trend: None }
+        FitFacts {
+            verdict,
+            why: "gap".into(),
+            d: Some(low),
+            low: Some(low),
+            high,
+            lr_no_gap,
+            lr_needed,
+            judgement: None,
+            trend: None,
+        }
     }
 
     /// Of a span of 200 OP units, of which 2 % are acceptable.
@@ -700,11 +712,19 @@ mod tests {
         let gap = of(Verdict::Refused, None, Some(fit(LostMotion::Backlash, 5.0, Some(6.0))));
         assert_eq!((gap.verdict, gap.valve), (One::Fit(LostMotion::Backlash), Valve::Gap));
         assert_eq!((gap.width, gap.width_percent_span, gap.struck), (Some(5.0), Some(2.5), None));
-        assert_eq!((gap.next.step, gap.urgency), (Next::Inspect(Part::Play), Urgency::High));
+        assert_eq!((gap.next.step, gap.urgency), (Next::Inspect(Part::Both), Urgency::High));
         assert_eq!((gap.evidence, gap.acceptable), (Some(Evidence::VeryStrong), Some(Acceptable::Beyond)));
         let unsure = of(Verdict::Estimate, Some(3.0), Some(fit(LostMotion::CannotTell, 1.0, None)));
         assert_eq!((unsure.valve, unsure.width, unsure.low, unsure.struck), (Valve::Unknown, None, None, None));
         assert_eq!((unsure.next.step, unsure.urgency), (Next::RecordMore, Urgency::Low));
+    }
+
+    #[test]
+    fn play_is_looked_for_where_the_position_tells_it_from_packing() {
+        let at_valve = Some(Judgement::at_valve(glapp_fit::Verdict::Backlash));
+        let play = FitFacts { judgement: at_valve, ..fit(LostMotion::Backlash, 5.0, Some(6.0)) };
+        let answer = of(Verdict::Refused, None, Some(play));
+        assert_eq!((answer.next.step, answer.cause), (Next::Inspect(Part::Play), Some(Cause::Backlash)));
     }
 
     #[test]
@@ -779,6 +799,41 @@ mod tests {
         let unsure = with(fit(LostMotion::CannotTell, 1.0, None));
         assert_eq!((unsure.next.step, unsure.next.tested, unsure.step_test), (Next::RecordMore, true, Some(test)));
         assert!(!with(fit(LostMotion::Sound, 0.0, Some(1.0))).next.tested);
+    }
+
+    /// A fit that the ladder has judged.
+    fn judged(confidence: Told, kind: Option<WidthKind>, low: f64, high: Option<f64>) -> FitFacts {
+        let cause = kind.map(|_| Cause::DeadBand);
+        let judgement = Judgement { confidence, cause, width_kind: kind, oscillates: true };
+        let verdict = judgement.verdict(low).into();
+        FitFacts { judgement: Some(judgement), ..fit(verdict, low, high) }
+    }
+
+    #[test]
+    fn what_is_likely_has_its_width_and_asks_for_a_step_test() {
+        let likely = |low, high| {
+            let fit = judged(Told::Likely, Some(WidthKind::Interval), low, high);
+            of(Verdict::NoEstimate, None, Some(fit))
+        };
+        let wide = likely(5.0, Some(6.0));
+        assert_eq!((wide.verdict, wide.valve), (One::Fit(LostMotion::CannotTell), Valve::Unknown));
+        assert_eq!((wide.confidence, wide.cause), (Confidence::Likely, Some(Cause::DeadBand)));
+        assert_eq!((wide.width, wide.low, wide.high), (Some(5.0), Some(5.0), Some(6.0)));
+        assert_eq!((wide.next.step, wide.urgency, wide.health), (Next::Confirm, Urgency::Medium, Health::Normal));
+        assert_eq!((wide.compensable, wide.oscillates), (None, true), "nobody compensates what is only likely");
+        let narrow = likely(1.0, Some(3.0));
+        assert_eq!((narrow.next.step, narrow.urgency), (Next::Review, Urgency::None));
+        assert_eq!(likely(3.0, Some(5.0)).urgency, Urgency::Low);
+    }
+
+    #[test]
+    fn a_gap_that_is_there_may_have_no_known_width() {
+        let unsure = of(Verdict::NoEstimate, None, Some(judged(Told::Found, Some(WidthKind::Unsure), 0.0, Some(9.0))));
+        assert_eq!((unsure.confidence, unsure.width_kind), (Confidence::Found, Some(WidthKind::Unsure)));
+        assert_eq!((unsure.valve, unsure.width, unsure.low, unsure.high), (Valve::Gap, Some(0.0), None, None));
+        assert_eq!((unsure.next.step, unsure.compensable), (Next::Confirm, None));
+        let none = of(Verdict::NoEstimate, None, Some(judged(Told::CannotTell, None, 1.0, Some(2.0))));
+        assert_eq!((none.confidence, none.width, none.cause), (Confidence::CannotTell, None, None));
     }
 
     #[test]
@@ -858,7 +913,7 @@ mod tests {
             let answer = of(Verdict::Estimate, None, Some(fit(LostMotion::Backlash, low, high)));
             (answer.acceptable, answer.next.step, answer.urgency)
         };
-        let play = Next::Inspect(Part::Play);
+        let play = Next::Inspect(Part::Both);
         assert_eq!(judged(5.0, Some(6.0)), (Some(Acceptable::Beyond), play, Urgency::High));
         assert_eq!(judged(2.0, Some(3.9)), (Some(Acceptable::Within), Next::Review, Urgency::None));
         assert_eq!(judged(3.0, Some(5.0)), (Some(Acceptable::Open), play, Urgency::Medium));

@@ -3,8 +3,10 @@
 pub(crate) mod bootstrap;
 pub(crate) mod combine;
 pub(crate) mod joint;
+pub(crate) mod judgement;
 pub(crate) mod record;
 pub(crate) mod thresholds;
 pub(crate) mod trend;
 pub(crate) mod valve;
 pub(crate) mod verdict;
+pub(crate) mod witness;

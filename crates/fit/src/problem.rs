@@ -97,8 +97,8 @@ pub struct Alone(Option<Fitted>);
 impl<'de> Deserialize<'de> for Alone {
     fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
         let mut fitted: Option<Fitted> = Deserialize::deserialize(from)?;
-        if let Some(Fitted { answer, evidence, .. }) = &mut fitted {
-            answer.reason = judge(evidence).1;
+        if let Some(Fitted { answer, .. }) = &mut fitted {
+            answer.reason = judge(&answer.evidence).1;
         }
         Ok(Self(fitted))
     }

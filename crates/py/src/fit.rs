@@ -5,13 +5,13 @@ use crate::position;
 use crate::windows::{Batch, columns};
 use glapp_analysis::{Fitted, FittedValve, LostMotion, fitted, fitted_valve, words};
 use glapp_fit::{
-    Answer, JointAnswer, PositionAnswer, Prediction, RecordAnswer, THRESHOLDS, Together, Trend, Unfit, ValveAnswer,
-    Verdict, Width,
+    Answer, Evidence, JointAnswer, Judgement, PositionAnswer, Prediction, RecordAnswer, THRESHOLDS, Together, Trend,
+    Unfit, ValveAnswer, Verdict, Width,
 };
 use numpy::PyArray1;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList};
+use pyo3::types::{PyDict, PyList, PyMapping};
 
 /// Fits the batches that can be fitted, records of one valve; `sign` is that of the process gain, 0 where it is not known.
 /// Gives the `answer` in plain types, and what PV and the valve's
@@ -123,6 +123,23 @@ fn together<'py>(py: Python<'py>, whole: &Together) -> PyResult<Bound<'py, PyDic
     }
     out.set_item("traversals", (whole.traversals[0], whole.traversals[1]))?;
     out.set_item("reason", whole.reason)?;
+    judged(py, &out, &whole.judgement, &whole.evidence)?;
+    Ok(out)
+}
+
+/// What is said, under the names of [`Judgement`], and the `evidence`.
+fn judged<'py>(py: Python<'py>, out: &Bound<'py, PyDict>, judgement: &Judgement, evidence: &Evidence) -> PyResult<()> {
+    out.update(plain(py, judgement)?.cast::<PyMapping>()?)?;
+    out.set_item("evidence", plain(py, evidence)?)
+}
+
+/// What the ladder says of the `evidence` of an answer, which may be changed, with the reason and what no gap must exceed to be found.
+#[pyfunction]
+pub fn fit_judgement<'py>(py: Python<'py>, evidence: &str) -> PyResult<Bound<'py, PyDict>> {
+    let evidence: Evidence = serde_json::from_str(evidence).map_err(|e| PyValueError::new_err(e.to_string()))?;
+    let (judgement, reason) = evidence.judged();
+    let out = plain(py, &judgement)?.cast_into::<PyDict>()?;
+    out.set_item("reason", reason)?;
     Ok(out)
 }
 
@@ -216,6 +233,7 @@ fn answered<'py>(py: Python<'py>, record: RecordAnswer<Answer>) -> PyResult<Boun
     out.set_item("cells", answer.cells)?;
     out.set_item("load_steps", answer.load_steps)?;
     out.set_item("reason", answer.reason)?;
+    judged(py, &out, &answer.judgement, &answer.evidence)?;
     let time = |cell: &Prediction| starts[cell.part] + h * cell.step as f64;
     out.set_item("t", PyArray1::from_iter(py, answer.predictions.iter().map(time)))?;
     for (name, of) in

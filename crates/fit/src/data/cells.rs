@@ -1,5 +1,6 @@
 //! The record as the fit sees it: even steps, gathered into cells.
 
+use crate::data::record::spread;
 use crate::decide::thresholds::FEWEST_SWINGS;
 use crate::model::kalman::START;
 use crate::model::lanes::{LANES, Lanes};
@@ -154,6 +155,13 @@ impl Cells {
         self.moves().sum::<f64>() / self.stretches.iter().map(|s| s.u.len()).sum::<usize>() as f64
     }
 
+    /// Standard deviation of Kp·OP, part of that of PV.
+    pub(crate) fn cancels(&self, kp: f64) -> f64 {
+        let op = spread(self.stretches.iter().flat_map(|s| s.u.iter().copied()));
+        let pv = spread(self.stretches.iter().flat_map(|s| s.y.iter().copied()));
+        kp.abs() * op / pv.max(1e-300)
+    }
+
     /// How far the valve moves at most within a stretch [OP unit].
     pub(crate) fn reach(&self, lost: &LostMotion) -> f64 {
         self.positions(lost).iter().map(|v| span(v)).fold(0.0, f64::max)
@@ -161,14 +169,14 @@ impl Cells {
 
     /// Times that OP goes through the whole of a gap of width `d` up, and down.
     pub(crate) fn traversals(&self, d: f64) -> [usize; 2] {
-        let each = self.stretches.iter().map(|s| s.traversals(d).map(|steps| steps.len()));
+        let each = self.stretches.iter().map(|s| crossings(&s.u, d).map(|steps| steps.len()));
         each.fold([0; 2], |a, b| [a[0] + b[0], a[1] + b[1]])
     }
 
     /// Mean time from one traversal of `d` to the next the same way [steps], and its standard deviation, part of it; None where
     /// there are fewer than [`FEWEST_SWINGS`].
     pub(crate) fn swing(&self, d: f64) -> Option<(f64, f64)> {
-        let ways = self.stretches.iter().flat_map(|s| s.traversals(d));
+        let ways = self.stretches.iter().flat_map(|s| crossings(&s.u, d));
         let times: Vec<f64> =
             ways.flat_map(|steps| steps.windows(2).map(|w| (w[1] - w[0]) as f64).collect::<Vec<_>>()).collect();
         let n = times.len() as f64;
@@ -261,23 +269,28 @@ impl Strip {
         self.u[to * cell] - self.u[from * cell]
     }
 
-    /// Steps at which OP has gone through the whole of a gap of width `d` up, and down.
-    fn traversals(&self, d: f64) -> [Vec<usize>; 2] {
-        let (mut low, mut high, mut way) = (self.u[0], self.u[0], 0);
-        let mut steps = [Vec::new(), Vec::new()];
-        for (k, &u) in self.u.iter().enumerate() {
-            low = low.min(u);
-            high = high.max(u);
-            if way != 1 && u - low >= d {
-                (way, high) = (1, u);
-                steps[0].push(k);
-            } else if way != -1 && high - u >= d {
-                (way, low) = (-1, u);
-                steps[1].push(k);
-            }
-        }
-        steps
+    /// OP at each step [OP unit].
+    pub(crate) fn op(&self) -> &[f64] {
+        &self.u
     }
+}
+
+/// Steps at which OP has gone through the whole of a gap of width `d` up, and down.
+pub(crate) fn crossings(op: &[f64], d: f64) -> [Vec<usize>; 2] {
+    let (mut low, mut high, mut way) = (op[0], op[0], 0);
+    let mut steps = [Vec::new(), Vec::new()];
+    for (k, &u) in op.iter().enumerate() {
+        low = low.min(u);
+        high = high.max(u);
+        if way != 1 && u - low >= d {
+            (way, high) = (1, u);
+            steps[0].push(k);
+        } else if way != -1 && high - u >= d {
+            (way, low) = (-1, u);
+            steps[1].push(k);
+        }
+    }
+    steps
 }
 
 fn span(u: &[f64]) -> f64 {

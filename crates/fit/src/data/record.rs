@@ -116,7 +116,7 @@ impl Record<'_> {
 }
 
 /// Standard deviation of the values that are numbers, 0 of none.
-fn spread(values: impl Iterator<Item = f64> + Clone) -> f64 {
+pub(crate) fn spread(values: impl Iterator<Item = f64> + Clone) -> f64 {
     let values = values.filter(|x| x.is_finite());
     let n = values.clone().count().max(1) as f64;
     let mean = values.clone().sum::<f64>() / n;

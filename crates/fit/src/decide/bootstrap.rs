@@ -105,6 +105,11 @@ impl Draws {
         z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
         z ^ (z >> 31)
     }
+
+    /// One of a standard normal distribution, but for its ends: the sum of twelve uniform numbers, less 6.
+    pub(crate) fn normal(&mut self) -> f64 {
+        (0..12).map(|_| (self.next() >> 11) as f64 / (1u64 << 53) as f64).sum::<f64>() - 6.0
+    }
 }
 
 #[cfg(test)]
@@ -141,8 +146,6 @@ mod tests {
 
     /// A draw of half a chi-square with one degree of freedom: the square of a normal one where that is above 0.
     fn half_chi_square(draws: &mut Draws) -> f64 {
-        let mut uniform = || (draws.next() >> 11) as f64 / (1u64 << 53) as f64;
-        let normal = (0..12).map(|_| uniform()).sum::<f64>() - 6.0;
-        normal.max(0.0).powi(2)
+        draws.normal().max(0.0).powi(2)
     }
 }

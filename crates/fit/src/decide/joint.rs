@@ -3,6 +3,7 @@
 use crate::data::record::Record;
 use crate::data::signal::Unit;
 use crate::decide::combine::Reading;
+use crate::decide::judgement::Judgement;
 use crate::decide::record::{Answer, Fitted};
 use crate::decide::thresholds::*;
 use crate::decide::trend::Trend;
@@ -14,7 +15,9 @@ use rayon::prelude::*;
 /// What several records say of the width that they share.
 #[derive(Clone, Debug)]
 pub struct Together {
-    /// The verdict.
+    /// What they say.
+    pub judgement: Judgement,
+    /// The same in one word, which claims only what is found.
     pub verdict: Verdict,
     /// Width [OP unit].
     pub d: f64,
@@ -30,6 +33,8 @@ pub struct Together {
     pub traversals: [usize; 2],
     /// By how much the records differ more than their intervals allow, 1 where they do not.
     pub dispersion: f64,
+    /// What all that rests on.
+    pub evidence: Evidence,
     /// Why the verdict is what it is, a word that `glapp` turns into a sentence.
     pub reason: &'static str,
     /// Change of the width, where three records or more give one. Where it is plain that the width changes, all the rest is what
@@ -237,8 +242,23 @@ pub(crate) fn newest(trend: Option<Trend>, readings: &[Reading]) -> Option<usize
 impl Together {
     /// What one record says.
     fn from(answer: &Answer) -> Self {
-        let Answer { verdict, d, low, high, lr_no_gap, lr_needed, traversals, reason, .. } = *answer;
-        Self { verdict, d, low, high, lr_no_gap, lr_needed, traversals, dispersion: 1.0, reason, trend: None }
+        let Answer { judgement, verdict, d, low, high, lr_no_gap, lr_needed, traversals, reason, .. } = *answer;
+        let evidence = answer.evidence.clone();
+        let dispersion = 1.0;
+        Self {
+            judgement,
+            verdict,
+            d,
+            low,
+            high,
+            lr_no_gap,
+            lr_needed,
+            traversals,
+            dispersion,
+            evidence,
+            reason,
+            trend: None,
+        }
     }
 }
 
@@ -260,6 +280,7 @@ impl JointAnswer {
             *width *= op.size;
         }
         self.whole.high = self.whole.high.map(|high| high * op.size);
+        self.whole.evidence.in_units(op);
     }
 }
 
@@ -309,10 +330,13 @@ fn joint_width(curves: &mut [Curve]) -> Together {
     // No gap: what each record leaves of it, the loads that were looked for counted in.
     let none = &known[0].1;
     let mut against: Vec<f64> = rises(curves, &here, none);
+    let mut lr_aperiodic = 0.0;
     for (curve, lr) in curves.iter().zip(&mut against) {
         let Fitted { answer, lr_of_loads, .. } = &curve.fitted;
         let jumps = (answer.lr_no_jump - JUMP).max(0.0);
-        *lr = (*lr + curve.worth * jumps).min(curve.worth * lr_of_loads);
+        *lr += curve.worth * jumps;
+        lr_aperiodic += lr.min(curve.worth / answer.trust * answer.evidence.lr_aperiodic);
+        *lr = lr.min(curve.worth * lr_of_loads);
     }
     let lr_no_gap: f64 = against.iter().sum();
     let most = against.iter().copied().fold(0.0, f64::max);
@@ -321,7 +345,8 @@ fn joint_width(curves: &mut [Curve]) -> Together {
         each.fold([0; 2], |a, b| [a[0] + b[0], a[1] + b[1]])
     };
     let traversals = times(d);
-    let many = |of: fn(&Evidence) -> bool| 2 * curves.iter().filter(|c| of(&c.fitted.evidence)).count() > curves.len();
+    let many =
+        |of: fn(&Evidence) -> bool| 2 * curves.iter().filter(|c| of(&c.fitted.answer.evidence)).count() > curves.len();
     let known = many(|e| e.changes_known);
     let marks = curves.iter().map(|c| c.fitted.record.changes()).sum();
     let asked = GAP_JOINT.max(lr_asked(traversals, known)).max(lr_asked_of_changes(traversals, marks));
@@ -329,14 +354,17 @@ fn joint_width(curves: &mut [Curve]) -> Together {
     // What a slip jump brings over all, where it brings nothing it counts against it.
     let lr_no_jump: f64 = curves.iter().map(|c| c.worth * c.jumps()).sum();
     let jumping = curves.iter().filter(|c| c.jumps() > 0.0).count();
-    let mean = |of: fn(&Evidence) -> f64| curves.iter().map(|c| of(&c.fitted.evidence)).sum::<f64>() / n;
+    let mean = |of: fn(&Evidence) -> f64| curves.iter().map(|c| of(&c.fitted.answer.evidence)).sum::<f64>() / n;
     let high = high.map(|high| high + MISSED_TURNS * resolution);
-    let median = |of: fn(&Evidence) -> f64| middle(curves.iter().map(|c| of(&c.fitted.evidence)).collect());
+    let median = |of: fn(&Evidence) -> f64| middle(curves.iter().map(|c| of(&c.fitted.answer.evidence)).collect());
+    let clearest = clearest(curves.iter().map(|c| &c.fitted.answer.evidence));
+    let agree = curves.iter().filter(|c| (c.fitted.answer.d - d).abs() <= AGREES_WITH * d).count();
     let evidence = Evidence {
         echo: mean(|e| e.echo),
         d,
         changes_known: known,
         lr_no_gap,
+        lr_aperiodic,
         lr_needed,
         lr_no_answer: mean(|e| e.lr_no_answer),
         low,
@@ -355,20 +383,43 @@ fn joint_width(curves: &mut [Curve]) -> Together {
         even_swing: many(|e| e.even_swing),
         shaken: median(|e| e.shaken),
         drawn: median(|e| e.drawn),
-        hidden: curves.iter().find_map(|c| c.fitted.evidence.hidden).filter(|_| many(|e| e.hidden.is_some())),
-        dissent: 3 * curves.iter().filter(|c| c.fitted.evidence.dissent).count() > curves.len(),
+        hidden: curves.iter().find_map(|c| c.fitted.answer.evidence.hidden).filter(|_| many(|e| e.hidden.is_some())),
+        dissent: 3 * curves.iter().filter(|c| c.fitted.answer.evidence.dissent).count() > curves.len(),
+        passes: traversals,
+        passes_high: high.map_or([0; 2], times),
+        oscillates: many(|e| e.oscillates),
+        cycle: clearest.cycle,
+        plateau: clearest.plateau,
+        cancels: median(|e| e.cancels),
+        lag_error: median(|e| e.lag_error),
+        settles: median(|e| e.settles),
+        agree: [agree, curves.len()],
+        dispersion,
+        shows: Some(curves.iter().filter(|c| c.fitted.answer.judgement.tells()).count()),
     };
-    let shows = |c: &&Curve| c.fitted.answer.verdict.claims();
-    let (verdict, reason) = match judge(&evidence) {
-        _ if dispersion > DISAGREE => (Verdict::CannotTell, "windows_disagree"),
-        (verdict, _) if verdict.claims() && (curves.iter().filter(shows).count() as f64) < WINDOWS_THAT_SHOW * n => {
-            (Verdict::CannotTell, "windows_silent")
-        }
-        judged => judged,
-    };
+    let (judgement, reason) = judge(&evidence);
+    let verdict = judgement.verdict(evidence.low);
     let (low, high) = evidence.limits(verdict, high);
     let lr_needed = evidence.needed();
-    Together { verdict, d, low, high, lr_no_gap, lr_needed, traversals, dispersion, reason, trend: None }
+    Together {
+        judgement,
+        verdict,
+        d,
+        low,
+        high,
+        lr_no_gap,
+        lr_needed,
+        traversals,
+        dispersion,
+        evidence,
+        reason,
+        trend: None,
+    }
+}
+
+/// The evidence of the record that shows most.
+pub(crate) fn clearest<'e>(of: impl Iterator<Item = &'e Evidence>) -> &'e Evidence {
+    of.max_by(|a, b| a.lr_no_gap.total_cmp(&b.lr_no_gap)).expect("there are records")
 }
 
 /// How near the most likely width is found, part of itself.

@@ -3,14 +3,17 @@
 use crate::data::cells::{Cells, Positions};
 use crate::data::signal::Unit;
 use crate::decide::bootstrap::bootstrap_threshold;
+use crate::decide::judgement::{Confidence, Judgement};
 use crate::decide::thresholds::*;
 use crate::decide::verdict::*;
+use crate::decide::witness::cycle::{Cycle, cycle};
+use crate::decide::witness::plateau::plateau;
 use crate::loads::cycle::lr_beside_cycle;
 use crate::loads::hypothesis::{Hypothesis, hypotheses};
 use crate::model::lost_motion::LostMotion;
 use crate::model::structure::{MOST, Structure, Theta};
 use crate::problem::Window;
-use crate::search::likelihood::{Search, dot, solve};
+use crate::search::likelihood::{Point, Search, dot, solve};
 use crate::search::profile::{Profile, trust};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -49,6 +52,8 @@ pub struct Prediction {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Answer {
     /// What the record says.
+    pub judgement: Judgement,
+    /// The same in one word, which claims only what is found.
     pub verdict: Verdict,
     /// Most likely total width [OP unit].
     pub d: f64,
@@ -104,6 +109,8 @@ pub struct Answer {
     pub candidates: Vec<Candidate>,
     /// What the best model made of each cell of PV.
     pub predictions: Vec<Prediction>,
+    /// What all that rests on.
+    pub evidence: Evidence,
     /// Why the verdict is what it is, a word that `glapp` turns into a sentence; not handed over, for the evidence tells it.
     #[serde(skip)]
     pub reason: &'static str,
@@ -121,6 +128,7 @@ impl Answer {
             *width *= op.size;
         }
         self.high = self.high.map(|high| high * op.size);
+        self.evidence.in_units(op);
         let gain = pv.size / op.size;
         self.kp *= gain;
         self.kp_limits = (self.kp_limits.0 * gain, self.kp_limits.1 * gain);
@@ -156,7 +164,6 @@ pub(crate) struct Fitted {
     pub(crate) explained: bool,
     /// By how much more than 1 the ratios of records without a gap scatter.
     pub(crate) by_chance: f64,
-    pub(crate) evidence: Evidence,
 }
 
 /// Answers for one window in cells, whose PV a historian may have bent by `bow` [PV unit].
@@ -190,6 +197,7 @@ pub(crate) fn fit_record(cells: &Cells, seeds: &[Theta], bow: f64, window: &Wind
     let known = record.changes() > 0;
     let asked_of_changes = lr_asked_of_changes(traversals, record.changes());
     let asked = lr_asked(traversals, known).max(asked_of_changes);
+    let lr_aperiodic = lr_no_gap.min(lr_of_loads) * trusted;
     let cycle_known = lr_no_gap.min(lr_of_loads) * trusted > asked;
     if cycle_known {
         let family = &profiles[0];
@@ -244,6 +252,19 @@ pub(crate) fn fit_record(cells: &Cells, seeds: &[Theta], bow: f64, window: &Wind
     };
     // What leads PV may make OP swing as well.
     let explained = dwells || rows.is_led();
+    let h = rows.h * record.cell as f64;
+    let variance = final_state.sum[0] / n / trusted;
+    let errors = StandardErrors::new(&search, &best.theta, &positions, variance);
+    let (dead_time, dead_error) = errors.of(|theta| theta[search.structure.dead_time_at()] * h);
+    let (lag, lag_error) = errors.of(|theta| search.structure.lag(theta) * h);
+    let late = (best.theta[search.structure.dead_time_at()] + search.structure.lag(&best.theta)) * record.cell as f64;
+    let cycle_of =
+        |structure, point: &Point| cycle(rows, &record, structure, &point.theta, point.kp, noise, &point.lost);
+    // A valve that sticks may make the loop swing where a gap does not, though PV hardly tells the two apart.
+    let own = cycle_of(search.structure, &best);
+    let stuck = sticking.first().filter(|p| p.penalised() < least + BELIEVED && !own.is_some_and(|own| own.is_own()));
+    let other = stuck.and_then(|p| cycle_of(sticks_in, &p.points[p.best])).filter(Cycle::is_own);
+    let told_high = high.map(|high| high + MISSED_TURNS * record.resolution());
     let evidence = Evidence {
         echo,
         d: best.lost.d,
@@ -256,6 +277,7 @@ pub(crate) fn fit_record(cells: &Cells, seeds: &[Theta], bow: f64, window: &Wind
         one_way: traversals.contains(&0),
         changes_known: known,
         lr_no_gap,
+        lr_aperiodic,
         lr_needed,
         lr_no_answer,
         low,
@@ -270,20 +292,58 @@ pub(crate) fn fit_record(cells: &Cells, seeds: &[Theta], bow: f64, window: &Wind
         hidden: hidden(settles, search.structure.lag(&best.theta), record.count as f64, traversals, record.changes()),
         shaken: SHAKEN * record.travel(),
         drawn: DRAWN * bow / best.kp.abs().max(1e-300),
+        passes: traversals,
+        passes_high: told_high.map_or([0; 2], |high| record.traversals(high.max(SHAKEN * record.travel()))),
+        oscillates: record.swing(OSCILLATES * record.range).is_some_and(|(_, spread)| spread < EVEN_SWING),
+        cycle: other.or(own),
+        plateau: plateau(&record, best.lost.d, best.kp, late),
+        cancels: if search.structure.integrating { 0.0 } else { record.cancels(best.kp) },
+        lag_error: lag_error / lag.max(1e-300),
+        settles,
+        agree: [1; 2],
+        dispersion: 1.0,
+        shows: None,
     };
-    let (verdict, reason) = judge(&evidence);
-    let told = evidence.limits(verdict, high.map(|high| high + MISSED_TURNS * record.resolution()));
-    let h = rows.h * record.cell as f64;
+    let (judgement, reason) = judge(&evidence);
+    let verdict = judgement.verdict(evidence.low);
+    let told = evidence.limits(verdict, told_high);
     let per_cell = if search.structure.integrating { 1.0 / h } else { 1.0 };
     let kp = best.kp * per_cell;
-    let spread = 1.96 * kp.abs() / (lr_no_answer * trusted).max(1e-9).sqrt();
-    let variance = final_state.sum[0] / n / trusted;
-    let errors = StandardErrors::new(&search, &best.theta, &positions, variance);
-    let (dead_time, dead_error) = errors.of(|theta| theta[search.structure.dead_time_at()] * h);
-    let (lag, lag_error) = errors.of(|theta| search.structure.lag(theta) * h);
-    let around = |x: f64, error: f64| ((x - 1.96 * error).max(0.0), x + 1.96 * error);
+    // The gain is at its best for each process: its variance there, and what the process may be.
+    let information = (final_state.sum_without[0] - final_state.sum[0]).max(1e-300) / (best.kp * best.kp).max(1e-300);
+    let (_, of_process) = errors.of(|theta| search.at(theta, &positions).kp[0]);
+    let kp_error = per_cell * (variance / information + of_process * of_process).sqrt();
+    // Where the likelihood stays near its best, with another width or in another family.
+    let near: Vec<(Structure, &Point)> = {
+        let families = profiles.iter().map(|p| (p.structure, p, p.least()));
+        let sticking = sticking.iter().map(|p| (sticks_in, p, as_likely));
+        let alike = families.chain(sticking).filter(|(of, ..)| of.integrating == search.structure.integrating);
+        let points = alike.flat_map(|(of, p, from)| p.points.iter().map(move |point| (of, point, from)));
+        points
+            .filter(|(_, point, from)| point.cost <= from + RISE_OF_PROCESS * wider)
+            .map(|(of, point, _)| (of, point))
+            .collect()
+    };
+    let around = |x: f64, error: f64, of: &dyn Fn(Structure, &Point) -> f64| {
+        let each = near.iter().map(|(structure, point)| of(*structure, point));
+        let (low, high) = each.fold((x, x), |(low, high), x| (low.min(x), high.max(x)));
+        (low - 1.96 * error, high + 1.96 * error)
+    };
+    // The model is a little off, and where no gap is found the load of the model may stand for much of what its process does.
+    let off = if judgement.confidence == Confidence::Found { PROCESS_OFF } else { PROCESS_OFF_IF_NOT_FOUND };
+    let further = |x: f64, away: f64| if x * away > 0.0 { x * off } else { x / off };
+    let widened = |(low, high): (f64, f64)| (further(low, -1.0), further(high, 1.0));
+    let positive = |(low, high): (f64, f64)| (low.max(0.0), high);
+    let kp_limits = widened(around(kp, kp_error, &|_, point| point.kp * per_cell));
+    let lag_limits = positive(widened(around(lag, lag_error, &|structure, point| structure.lag(&point.theta) * h)));
+    let late = (off - 1.0).min(1.0) * (dead_time + lag);
+    let (low_dead, high_dead) =
+        around(dead_time, dead_error, &|structure, point| point.theta[structure.dead_time_at()] * h);
+    let dead_time_limits = positive((low_dead - late, high_dead + late));
     let sigma = (final_state.sum[0] / n).sqrt();
+    let by_chance = lr_needed / asked;
     let answer = Answer {
+        judgement,
         verdict,
         d: best.lost.d,
         low: told.0,
@@ -297,11 +357,11 @@ pub(crate) fn fit_record(cells: &Cells, seeds: &[Theta], bow: f64, window: &Wind
         rise: RISE * wider,
         traversals,
         kp,
-        kp_limits: (kp - spread, kp + spread),
+        kp_limits,
         dead_time,
-        dead_time_limits: around(dead_time, dead_error),
+        dead_time_limits,
         lag,
-        lag_limits: around(lag, lag_error),
+        lag_limits,
         integrating: search.structure.integrating,
         settles: search.structure.settles(&best.theta) * h,
         sigma,
@@ -321,9 +381,9 @@ pub(crate) fn fit_record(cells: &Cells, seeds: &[Theta], bow: f64, window: &Wind
             })
             .collect(),
         predictions: predictions(&record, &positions, &residual),
+        evidence,
         reason,
     };
-    let by_chance = lr_needed / asked;
     Fitted {
         answer,
         record,
@@ -336,7 +396,6 @@ pub(crate) fn fit_record(cells: &Cells, seeds: &[Theta], bow: f64, window: &Wind
         lag: lag_steps,
         explained,
         by_chance,
-        evidence,
     }
 }
 

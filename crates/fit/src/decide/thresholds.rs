@@ -33,6 +33,17 @@ thresholds! {
     /// The same for each time that OP goes through the width: a model that is a little off brings a little each time, and no record is
     /// too long for that. `bench.lengths --times`, numbers 0 to 2: loops without a gap have reached 0.4 (ADR 0020).
     GAP_EACH_PASS: f64 = 0.5, "−2·ln L";
+    /// Part of that which is enough for a gap that is likely. Chosen on the first 208 records of half A of `bench.ordinary`: of 104 without a
+    /// gap two reached 0.7 and 0.51 of what many passages ask.
+    LIKELY: f64 = 0.55, "1";
+    /// The same of what few passages and a bound ask: one of the 104 reached 0.73, the next 0.15.
+    LIKELY_IF_SELDOM: f64 = 0.4, "1";
+    /// The same where OP swings evenly, and not with the loop's own cycle: driven loops reached 347.
+    LIKELY_IF_EVEN_SWING: f64 = 500.0, "−2·ln L";
+    /// The same where rows are too far apart for a width: none of the 104 got beyond what a gap needs.
+    LIKELY_IF_COARSE: f64 = 30.0, "−2·ln L";
+    /// What a likely gap needs at least: of the 104 none reached 20 that asked for less than 50.
+    LIKELY_AT_LEAST: f64 = 20.0, "−2·ln L";
     /// The same where OP that swings evenly may be a gap's: loads without a gap have reached 300 (loads; ADR 0012).
     GAP_IF_EVEN_SWING: f64 = 1000.0, "−2·ln L";
     /// The same where [`CYCLES_IF_CLEAR`] each way are enough for a width with two limits. Simulations and real loops.
@@ -61,6 +72,13 @@ thresholds! {
     /// The same for a valve that sticks: when it breaks loose hangs on moves of OP that no sample shows. Truth: the interval holds d
     /// in 91 %.
     RISE_OF_STICKING: f64 = 16.0, "−2·ln L";
+    /// How far it may rise where gain, dead time and lags still count for their limits: a chi-square of one degree of freedom.
+    RISE_OF_PROCESS: f64 = 3.84, "−2·ln L";
+    /// Factor by which the limits of gain and lags are moved out besides, and by as much of lags and dead time together those of the dead
+    /// time. Half A of `bench.ordinary`, 21 found gaps: without it they hold in 15, 16 and 17, with it in 17, 20 and 20.
+    PROCESS_OFF: f64 = 1.08, "1";
+    /// The same where no gap is found. The same, 104 records: the gain is off its limits by more than that in one of ten.
+    PROCESS_OFF_IF_NOT_FOUND: f64 = 7.4, "1";
     /// How much further it may rise where as many steps or bends of the load were marked as OP went through the width. Loads.
     RISE_BESIDE_CHANGES: f64 = 3.0, "1";
     /// How far the upper limit is moved up, in halves of OP's median move from one sample to the next: turns between two samples are missed,
@@ -118,12 +136,38 @@ thresholds! {
     /// Standard deviation of the setpoint, part of that of PV, from which on it leads PV, and an OP that swings evenly is no load's alone.
     /// Truth, the first 24 records of every kind; judged by `bench.loads.led`, numbers 24 to 35 (ADR 0012).
     LED: f64 = 0.25, "1";
+    /// Share of OP's moves that the law of the controller must explain for the fitted loop to be run with it. Half A of `bench.ordinary`:
+    /// 0.99 where a PI controller's own OP and PV are recorded, below 0.5 under periods in manual.
+    LAW: f64 = 0.8, "1";
+    /// How far the period of the fitted loop without a load may be from the recorded one, part of it, for the swing to be its own. Chosen on the
+    /// loops of tests/ladder.py and half A of `bench.ordinary`: 0.92 to 1.14 of 26 limit cycles of a gap.
+    OWN_PERIOD: f64 = 0.15, "1";
+    /// The same of its swing: 0.94 to 1.02 of them. 14 of 17 even swings of a load without a gap lie outside of one of the two.
+    OWN_SWING: f64 = 0.06, "1";
+    /// Part of OP's range through which OP swings where it is said to oscillate.
+    OSCILLATES: f64 = 0.3, "1";
     /// Fewest of these times. Loads.
     FEWEST_SWINGS: usize = 6, "swings";
     /// How much more than the bow of its lines a gap must make of a PV that a historian drew. Loads, swinging door.
     DRAWN: f64 = 10.0, "1";
     /// Greatest share of corners between lines among the moving samples of such a PV. Loads, swinging door.
     CORNERS: f64 = 0.4, "1";
+
+    /// Ways through the gap, up and down each, that show whether PV stands in it.
+    PLATEAUS: usize = 5, "ways";
+    /// Share of them in which it does.
+    STANDS: f64 = 0.6, "1";
+    /// Rows in the gap at a time for PV to be seen standing.
+    ROWS_OF_PLATEAU: f64 = 6.0, "rows";
+
+    /// Times each way that OP must go through the limit of a valve in which no gap is seen.
+    TURNS_IF_SOUND: usize = 2, "turns";
+    /// Standard error of the lags, part of them, above which no gap is seen where OP oscillates, or goes through the limit less than
+    /// [`CYCLES`] times a way. Half A of `bench.ordinary`: 0.33 and 0.24 in the two valves that were wrongly called sound there. Of
+    /// `bench.loads`, numbers 400 and 401 without a gap, four that are rightly called sound have 0.02 to 0.06.
+    LAG_KNOWN_IF_FEW: f64 = 0.2, "1";
+    /// Kp·sd(OP)/sd(PV) above which a load undoes what the valve does, and no valve is sound.
+    CANCELS: f64 = 30.0, "1";
 
     /// Fewest steps of a load: fewer may each be the valve that breaks loose late (ADR 0009). Simulations.
     FEWEST_STEPS: usize = 5, "steps";
@@ -145,6 +189,10 @@ thresholds! {
     AGREES: f64 = 4.0, "−2·ln L";
     /// Dispersion of records of one width from which on they disagree. `bench.lengths` (ADR 0012).
     DISAGREE: f64 = 5.0, "1";
+    /// How far a record's own width may be from that of all for it to agree, part of it.
+    AGREES_WITH: f64 = 0.2, "1";
+    /// Share of the records that must agree for what each alone could not say to count.
+    AGREE: f64 = 2.0 / 3.0, "1";
     /// Recordings of one valve that must count for a joint width: what fewer say rests on one of them. Chosen on real exports,
     /// judged by `bench.recordings` (`docs/truth.md`).
     FEWEST_RECORDINGS: usize = 3, "recordings";

@@ -10,7 +10,8 @@
 use crate::data::samples::Unfit;
 use crate::data::signal::Unit;
 use crate::decide::combine::Reading;
-use crate::decide::joint::{Curve, JointAnswer, Together, middle, newest};
+use crate::decide::joint::{Curve, JointAnswer, Together, clearest, middle, newest};
+use crate::decide::judgement::{Confidence, Judgement};
 use crate::decide::record::swings_evenly;
 use crate::decide::thresholds::*;
 use crate::decide::trend::Trend;
@@ -107,16 +108,16 @@ impl Member<'_> {
         self.curve.foreseen(d / self.size)
     }
 
-    /// Why it must not speak for a gap of this width.
-    fn refused(&self, d: f64, lr_no_gap: f64) -> Option<&'static str> {
+    /// Why it must not speak for a gap of this width; `agreed`: whether enough of all have this width by themselves.
+    fn refused(&self, d: f64, lr_no_gap: f64, agreed: bool) -> Option<&'static str> {
         let fitted = &self.curve.fitted;
-        let Evidence { coarse, drawn, .. } = fitted.evidence;
+        let Evidence { coarse, drawn, .. } = fitted.answer.evidence;
         let d = d / self.size;
         if d <= 0.0 {
             return None;
         }
         let lost = &fitted.profiles[0].near(d).lost;
-        if coarse {
+        if coarse && !agreed {
             Some("coarse")
         } else if lr_no_gap < GAP_IF_EVEN_SWING && !fitted.explained && swings_evenly(&fitted.record, d, fitted.lag) {
             Some("swings")
@@ -192,6 +193,11 @@ fn most_likely(members: &mut [Member]) -> (f64, Vec<Vec<f64>>) {
     (best.1, best.2)
 }
 
+/// How many have that width by themselves.
+fn agreeing(members: &[Member], d: f64) -> usize {
+    members.iter().filter(|m| (m.curve.fitted.answer.d * m.size - d).abs() <= AGREES_WITH * d).count()
+}
+
 /// Widest move of OP within one stretch [OP unit].
 fn range(members: &[Member]) -> f64 {
     members.iter().map(|member| member.curve.fitted.record.range * member.size).fold(0.0, f64::max)
@@ -233,6 +239,7 @@ pub(crate) fn valve(mut recordings: Vec<Recording>) -> Result<ValveAnswer, Unfit
     let own = |i: usize| recordings[i].own.as_ref().ok().map(|own| &own.whole);
     let mut whole = alone.and_then(|(i, _)| own(i)).cloned().or(shared).ok_or(Unfit::Few)?;
     if alone.is_some_and(|(_, excluded)| excluded) {
+        whole.judgement = Judgement::without(Confidence::CannotTell, whole.judgement.oscillates);
         (whole.verdict, whole.reason) = (Verdict::CannotTell, DISAGREES);
     }
     whole.trend = trend;
@@ -263,8 +270,10 @@ fn who_counts<'a>(
         let (d, here) = most_likely(&mut members);
         let mut against = rises(&members, &here, &foreseen_at(&members, 0.0)).into_iter();
         let mut refused = Vec::new();
+        let agreed = agreeing(&members, d);
+        let agreed = agreed >= FEWEST_RECORDINGS && agreed as f64 >= AGREE * members.len() as f64;
         members.retain(|member| {
-            let why = against.next().and_then(|lr| member.refused(d, lr));
+            let why = against.next().and_then(|lr| member.refused(d, lr, agreed));
             refused.extend(why.map(|why| (member.recording, why)));
             why.is_none()
         });
@@ -340,20 +349,25 @@ fn shared_width(members: &mut [Member], d: f64, here: &[Vec<f64>], gives: &mut [
         each.fold([0; 2], |a, b| [a[0] + b[0], a[1] + b[1]])
     };
     let traversals = times(d);
-    let of = |member: &Member, of: fn(&Evidence) -> f64| of(&member.curve.fitted.evidence);
+    let of = |member: &Member, of: fn(&Evidence) -> f64| of(&member.curve.fitted.answer.evidence);
     let mean = |what: fn(&Evidence) -> f64| members.iter().map(|m| of(m, what)).sum::<f64>() / n;
-    let many =
-        |of: fn(&Evidence) -> bool| 2 * members.iter().filter(|m| of(&m.curve.fitted.evidence)).count() > members.len();
+    let many = |of: fn(&Evidence) -> bool| {
+        2 * members.iter().filter(|m| of(&m.curve.fitted.answer.evidence)).count() > members.len()
+    };
     let jumps = |m: &Member| m.curve.jumps();
     let lr_no_jump: f64 = members.iter().map(|m| m.worth * jumps(m)).sum();
     let jumping = members.iter().filter(|m| jumps(m) > 0.0).count();
     let median = |what: fn(&Evidence) -> f64| middle(members.iter().map(|m| of(m, what) * m.size).collect());
+    let usual = |what: fn(&Evidence) -> f64| middle(members.iter().map(|m| of(m, what)).collect());
     let high = high.map(|high| high + MISSED_TURNS * resolution);
+    let clearest = clearest(members.iter().map(|m| &m.curve.fitted.answer.evidence));
+    let agree = agreeing(members, d);
     let evidence = Evidence {
         echo: mean(|e| e.echo),
         d,
         changes_known: many(|e| e.changes_known),
         lr_no_gap,
+        lr_aperiodic: lr_no_gap,
         lr_needed: (dispersion * GAP_JOINT.max(lr_asked_of_passes(traversals)))
             .max(most + dispersion * GAP_WITHOUT_ONE),
         lr_no_answer: mean(|e| e.lr_no_answer),
@@ -363,7 +377,7 @@ fn shared_width(members: &mut [Member], d: f64, here: &[Vec<f64>], gives: &mut [
         immobile: false,
         traversed: times(low).iter().chain(&traversals).all(|n| *n >= PASSES_JOINT),
         one_way: traversals.contains(&0),
-        coarse: false,
+        coarse: many(|e| e.coarse),
         at_once: many(|e| e.at_once),
         noisy_below: median(|e| e.noisy_below),
         strays: many(|e| e.strays),
@@ -373,14 +387,41 @@ fn shared_width(members: &mut [Member], d: f64, here: &[Vec<f64>], gives: &mut [
         even_swing: false,
         shaken: median(|e| e.shaken),
         drawn: median(|e| e.drawn),
-        hidden: members.iter().find_map(|m| m.curve.fitted.evidence.hidden).filter(|_| many(|e| e.hidden.is_some())),
-        dissent: 3 * members.iter().filter(|m| m.curve.fitted.evidence.dissent).count() > members.len(),
+        hidden: members
+            .iter()
+            .find_map(|m| m.curve.fitted.answer.evidence.hidden)
+            .filter(|_| many(|e| e.hidden.is_some())),
+        dissent: 3 * members.iter().filter(|m| m.curve.fitted.answer.evidence.dissent).count() > members.len(),
+        passes: traversals,
+        passes_high: high.map_or([0; 2], times),
+        oscillates: many(|e| e.oscillates),
+        cycle: clearest.cycle,
+        plateau: clearest.plateau,
+        cancels: usual(|e| e.cancels),
+        lag_error: usual(|e| e.lag_error),
+        settles: usual(|e| e.settles),
+        agree: [agree, members.len()],
+        dispersion,
+        shows: None,
     };
-    let disagree = dispersion > DISAGREE;
-    let (verdict, reason) = if disagree { (Verdict::CannotTell, DISAGREES) } else { judge(&evidence) };
+    let (judgement, reason) = judge(&evidence);
+    let verdict = judgement.verdict(evidence.low);
     let (low, high) = evidence.limits(verdict, high);
     let lr_needed = evidence.needed();
-    Together { verdict, d, low, high, lr_no_gap, lr_needed, traversals, dispersion, reason, trend: None }
+    Together {
+        judgement,
+        verdict,
+        d,
+        low,
+        high,
+        lr_no_gap,
+        lr_needed,
+        traversals,
+        dispersion,
+        evidence,
+        reason,
+        trend: None,
+    }
 }
 
 /// What each member leaves of the likelihood ratio of no gap, the loads that were looked for counted in. Where all of it would

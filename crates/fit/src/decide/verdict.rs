@@ -1,6 +1,10 @@
 //! The verdict, from the evidence of one record or of several.
 
+use crate::data::signal::Unit;
+use crate::decide::judgement::{Cause, Confidence, Judgement, WidthKind};
 use crate::decide::thresholds::*;
+use crate::decide::witness::cycle::Cycle;
+use crate::decide::witness::plateau::Plateau;
 use serde::{Deserialize, Serialize};
 
 /// What the record says about the valve.
@@ -29,7 +33,8 @@ impl Verdict {
 
 /// What may hide a gap.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
-pub(crate) enum Hidden {
+#[serde(rename_all = "snake_case")]
+pub enum Hidden {
     /// The process settles in too few samples.
     Samples,
     /// It lags by more than the record is long.
@@ -49,12 +54,14 @@ impl Hidden {
     }
 }
 
-/// What the verdict rests on.
+/// What the judgement rests on. It says enough to judge again without a fit.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(crate) struct Evidence {
+pub struct Evidence {
     pub(crate) echo: f64,
     pub(crate) d: f64,
+    /// Likelihood ratio of no gap, and the same without a load that repeats itself.
     pub(crate) lr_no_gap: f64,
+    pub(crate) lr_aperiodic: f64,
     pub(crate) lr_needed: f64,
     pub(crate) lr_no_answer: f64,
     pub(crate) low: f64,
@@ -91,17 +98,81 @@ pub(crate) struct Evidence {
     pub(crate) dissent: bool,
     /// Why a PV that answers each turn of OP is no evidence of a sound valve, where it is none.
     pub(crate) hidden: Option<Hidden>,
+    /// Times that OP goes through the most likely width, up and down.
+    pub(crate) passes: [usize; 2],
+    /// The same through the upper limit of a valve in which no gap is seen.
+    pub(crate) passes_high: [usize; 2],
+    /// Whether OP swings to and fro in almost even time.
+    pub(crate) oscillates: bool,
+    /// What the fitted loop does without a load; None where there is nothing to compare with.
+    pub(crate) cycle: Option<Cycle>,
+    /// How PV answers within the gap and behind it.
+    pub(crate) plateau: Plateau,
+    /// Standard deviation of Kp·OP, part of that of PV: far above 1 where the load of the model undoes what the valve does. 0 behind an
+    /// integrator.
+    pub(crate) cancels: f64,
+    /// Standard error of the lags, part of them.
+    pub(crate) lag_error: f64,
+    /// What PV takes to answer [samples].
+    pub(crate) settles: f64,
+    /// Records whose own width is that of all, and records.
+    pub(crate) agree: [usize; 2],
+    /// By how much the records differ more than their intervals allow, 1 where they do not.
+    pub(crate) dispersion: f64,
+    /// Windows of one recording in which a gap shows, of those in `agree`; None where that does not matter.
+    pub(crate) shows: Option<usize>,
 }
 
 impl Evidence {
+    /// What is said of it, and the word for why not more.
+    pub fn judged(&self) -> (Judgement, &'static str) {
+        judge(self)
+    }
+
     fn noisy(&self) -> bool {
         self.d < self.noisy_below
     }
 
-    /// What the likelihood ratio of no gap must exceed: more for a bound.
+    /// Whether no width with two limits is told, whatever the likelihood ratio is.
+    fn bound(&self) -> bool {
+        self.high.is_none() || !self.traversed || self.noisy()
+    }
+
+    /// What the likelihood ratio of no gap must exceed for a gap to be found: more for a bound, and for an even swing. Some loads that
+    /// swing, triangles above all, look like a gap whose cycle is the loop's own.
     pub(crate) fn needed(&self) -> f64 {
-        let bound = self.high.is_none() || !self.traversed || self.noisy();
-        if bound { self.lr_needed.max(lr_asked_if_seldom(self.changes_known)) } else { self.lr_needed }
+        self.asked().max(if self.even_swing { GAP_IF_EVEN_SWING } else { 0.0 })
+    }
+
+    /// The same for a gap that is likely; all that is asked beside the swing where that is the loop's own.
+    fn likely(&self) -> f64 {
+        if self.cycles() && (self.even_swing || self.periodic_load) {
+            return self.asked();
+        }
+        let swings = if self.even_swing { LIKELY_IF_EVEN_SWING } else { 0.0 };
+        let often = self.passes.iter().all(|n| *n >= CYCLES);
+        let part = if often { LIKELY } else { LIKELY_IF_SELDOM };
+        LIKELY_AT_LEAST.max(part * self.lr_needed).max(LIKELY_IF_SELDOM * self.seldom()).max(swings)
+    }
+
+    fn asked(&self) -> f64 {
+        self.lr_needed.max(self.seldom())
+    }
+
+    /// What OP's few ways through the width ask of it.
+    fn seldom(&self) -> f64 {
+        if self.bound() { lr_asked_if_seldom(self.changes_known) } else { 0.0 }
+    }
+
+    /// Whether the loop of fitted process, gap and controller swings by itself as it was recorded.
+    pub fn cycles(&self) -> bool {
+        self.cycle.as_ref().is_some_and(Cycle::is_own)
+    }
+
+    /// The likelihood ratio for a gap that is likely. A swing that the loop makes itself repeats as a load would: it is enough that such a
+    /// load, which may have any form, is not clearly likelier.
+    fn ratio(&self) -> f64 {
+        if self.cycles() && self.lr_no_gap > -GAP { self.lr_aperiodic } else { self.lr_no_gap }
     }
 
     /// Both limits as they are told; `high`: the upper one with what the samples may hide.
@@ -113,66 +184,157 @@ impl Evidence {
         }
     }
 
+    /// The same where OP's unit was `op`.
+    pub(crate) fn in_units(&mut self, op: Unit) {
+        let widths =
+            [&mut self.d, &mut self.low, &mut self.range, &mut self.noisy_below, &mut self.drawn, &mut self.shaken];
+        widths.into_iter().for_each(|width| *width *= op.size);
+        self.high = self.high.map(|high| high * op.size);
+    }
+
     /// What is said of a valve whose gap is narrower than `below`.
-    fn sound(&self, below: f64) -> Option<(Verdict, &'static str)> {
+    ///
+    /// A record earns it: OP turns through the limit, the model's load does not undo what its valve does, and the lags are known.
+    fn none(&self, below: f64) -> Option<(Judgement, &'static str)> {
         let high = self.high.filter(|high| *high < below)?;
-        Some(match self.hidden {
-            _ if high < self.drawn => (Verdict::CannotTell, "lined"),
-            _ if self.shaken >= SOUND_BELOW * self.range => (Verdict::CannotTell, "may_be_a_gap"),
-            Some(hidden) => (Verdict::CannotTell, hidden.name()),
-            None => (Verdict::Sound, "no_gap"),
-        })
+        let silent = |why| Some((Judgement::without(Confidence::CannotTell, self.oscillates), why));
+        match self.hidden {
+            _ if high < self.drawn => silent("lined"),
+            _ if self.shaken >= SOUND_BELOW * self.range => silent("may_be_a_gap"),
+            Some(hidden) => silent(hidden.name()),
+            _ if self.passes_high.iter().any(|n| *n < TURNS_IF_SOUND) => silent("may_be_a_gap"),
+            _ if self.cancels > CANCELS || self.lag_error > self.lag_may_err() => silent("may_be_a_gap"),
+            None => Some((Judgement::without(Confidence::NoneSeen, self.oscillates), "no_gap")),
+        }
+    }
+
+    /// How well the lags must be known for no gap to be seen. One swing tells of one frequency, and few turns tell little: the lags
+    /// hang together with the gap there.
+    fn lag_may_err(&self) -> f64 {
+        let few = self.passes_high.iter().any(|n| *n < CYCLES);
+        if self.oscillates || few { LAG_KNOWN_IF_FEW } else { 1.0 }
+    }
+
+    /// Why no gap is told although the likelihood ratio speaks for one: something else looks like it.
+    fn veto(&self) -> Option<&'static str> {
+        let vetoes = [
+            (self.immobile, "still"),
+            ((self.coarse || self.at_once) && !self.all_agree(), "coarse"),
+            (self.d < self.drawn, "lined"),
+            (self.one_way, "once"),
+            (self.low < LEAST_LOW * self.d, "families_disagree"),
+        ];
+        vetoes.into_iter().find(|(holds, _)| *holds).map(|(_, why)| why)
+    }
+
+    /// Whether the gap is there though its width is not known: PV stands while OP goes through it, time after time.
+    fn stands(&self) -> bool {
+        let Plateau { ways, stands, rows, .. } = self.plateau;
+        let mostly = |i: usize| ways[i] >= PLATEAUS && stands[i] as f64 >= STANDS * ways[i] as f64;
+        rows >= ROWS_OF_PLATEAU && mostly(0) && mostly(1)
+    }
+
+    /// Whether every window or recording has by itself the width that all share: how far apart its rows are does not matter then. A load
+    /// that ramps leaves PV as a gap does, and gives another width each time.
+    fn all_agree(&self) -> bool {
+        let [agree, all] = self.agree;
+        agree >= FEWEST_RECORDINGS && agree == all
+    }
+
+    /// Whether enough records have by themselves the width that all share: what each of them could not say, all say together.
+    pub(crate) fn agrees(&self) -> bool {
+        let [agree, all] = self.agree;
+        agree >= FEWEST_RECORDINGS && agree as f64 >= AGREE * all as f64
+    }
+
+    fn cause(&self) -> Cause {
+        match (self.slips, self.slips_wholly) {
+            (false, _) => Cause::DeadBand,
+            (true, true) => Cause::Stiction,
+            (true, false) => Cause::Both,
+        }
     }
 }
 
-pub(crate) fn judge(e: &Evidence) -> (Verdict, &'static str) {
+/// What is said of the valve, and why not more, a word.
+pub(crate) fn judge(e: &Evidence) -> (Judgement, &'static str) {
+    let (judged, why) = judge_together(e);
+    let silent = Judgement::without(Confidence::CannotTell, e.oscillates);
+    // What the records cannot say by themselves is likely where they agree.
+    let likely = |kind| match judged.tells() && e.agrees() {
+        true => Judgement { confidence: Confidence::Likely, width_kind: kind, ..judged },
+        false => silent,
+    };
+    let windows = e.shows.is_some();
+    let too_few = e.shows.is_some_and(|shows| (shows as f64) < WINDOWS_THAT_SHOW * e.agree[1] as f64);
+    if e.dispersion > DISAGREE {
+        (likely(Some(WidthKind::Unsure)), if windows { "windows_disagree" } else { "recordings_disagree" })
+    } else if judged.tells() && too_few {
+        (likely(judged.width_kind), "windows_silent")
+    } else {
+        (judged, why)
+    }
+}
+
+/// The same as if all were one record.
+fn judge_together(e: &Evidence) -> (Judgement, &'static str) {
+    let silent = |why| (Judgement::without(Confidence::CannotTell, e.oscillates), why);
+    let gap = |confidence, kind, why| {
+        let (cause, width_kind) = (Some(e.cause()), Some(kind));
+        (Judgement { confidence, cause, width_kind, oscillates: e.oscillates }, why)
+    };
     if e.echo.abs() > ECHO {
-        return (Verdict::CannotTell, "misfit");
+        return silent("misfit");
     }
     if e.lr_no_answer < ANSWERS {
-        return (Verdict::CannotTell, "no_answer");
+        return silent("no_answer");
     }
+    let kind = if e.bound() { WidthKind::Bound } else { WidthKind::Interval };
     if e.lr_no_gap <= e.needed() {
-        if e.periodic_load {
-            return (Verdict::CannotTell, "repeats");
+        let none = if e.low <= 0.0 && !e.dissent { e.none(SOUND_BELOW * e.range) } else { None };
+        if let Some(none) = none {
+            return none;
         }
-        let may_be = (Verdict::CannotTell, "may_be_a_gap");
-        return if e.low <= 0.0 && !e.dissent { e.sound(SOUND_BELOW * e.range).unwrap_or(may_be) } else { may_be };
-    }
-    if let Some(sound) = e.sound(TRIFLE * e.range) {
-        return sound;
-    }
-    if e.low < LEAST_LOW * e.d {
-        return (Verdict::CannotTell, "families_disagree");
-    }
-    if e.immobile {
-        return (Verdict::CannotTell, "still");
-    }
-    if e.coarse || e.at_once {
-        return (Verdict::CannotTell, "coarse");
-    }
-    if e.even_swing {
-        return (Verdict::CannotTell, "swings");
-    }
-    if e.d < e.drawn {
-        return (Verdict::CannotTell, "lined");
-    }
-    if e.one_way {
-        return (Verdict::CannotTell, "once");
-    }
-    if e.high.is_none() || !e.traversed {
-        return (Verdict::AtLeast, "not_traversed");
-    }
-    if e.noisy() {
-        return (Verdict::AtLeast, "noisy");
-    }
-    if e.slips {
-        return match e.slips_wholly {
-            true => (Verdict::Stiction, "jumps"),
-            false => (Verdict::Both, "jumps_in_a_gap"),
+        let why = match () {
+            _ if e.periodic_load => "repeats",
+            _ if e.even_swing => "swings",
+            _ => "may_be_a_gap",
         };
+        let often = e.passes.iter().all(|n| *n >= CYCLES_IF_CLEAR);
+        let likely = often && e.ratio() > e.likely() && e.veto().is_none();
+        return if likely { gap(Confidence::Likely, kind, why) } else { silent(why) };
     }
-    (Verdict::Backlash, if e.strays { "gap_and_more" } else { "gap" })
+    if let Some(none) = e.none(TRIFLE * e.range) {
+        return none;
+    }
+    if let Some(why) = e.veto() {
+        let there = match why {
+            "families_disagree" => e.low > 0.0,
+            "coarse" if e.at_once => e.stands() || e.agrees(),
+            "coarse" => e.stands() || e.agrees() || e.lr_no_gap > LIKELY_IF_COARSE,
+            _ => false,
+        };
+        return if there { gap(Confidence::Likely, WidthKind::Unsure, why) } else { silent(why) };
+    }
+    let why = match kind {
+        WidthKind::Bound if e.high.is_none() || !e.traversed => "not_traversed",
+        WidthKind::Bound => "noisy",
+        _ if e.slips => {
+            if e.slips_wholly {
+                "jumps"
+            } else {
+                "jumps_in_a_gap"
+            }
+        }
+        _ => {
+            if e.strays {
+                "gap_and_more"
+            } else {
+                "gap"
+            }
+        }
+    };
+    gap(Confidence::Found, kind, why)
 }
 
 /// Whether OP went often enough through the lower limit and the most likely width for a width with two limits.
@@ -227,6 +389,7 @@ mod tests {
             echo: 0.0,
             d: 1.0,
             lr_no_gap: 200.0,
+            lr_aperiodic: 200.0,
             lr_needed: 15.0,
             lr_no_answer: 1e3,
             low: 0.9,
@@ -248,24 +411,104 @@ mod tests {
             shaken: 0.0,
             dissent: false,
             hidden: None,
+            passes: [10; 2],
+            passes_high: [10; 2],
+            oscillates: false,
+            cycle: None,
+            plateau: Plateau::default(),
+            cancels: 2.0,
+            lag_error: 0.1,
+            settles: 20.0,
+            agree: [1; 2],
+            dispersion: 1.0,
+            shows: None,
         }
+    }
+
+    fn verdict(e: &Evidence) -> Verdict {
+        judge(e).0.verdict(e.low)
     }
 
     #[test]
     fn a_gap_far_below_what_op_moves_is_none() {
-        assert_eq!(judge(&plain()).0, Verdict::Backlash);
+        assert_eq!(verdict(&plain()), Verdict::Backlash);
         let narrow = Evidence { range: 111.0, ..plain() };
-        assert_eq!(judge(&narrow).0, Verdict::Sound);
+        assert_eq!(verdict(&narrow), Verdict::Sound);
         assert_eq!(narrow.limits(Verdict::Sound, Some(1.1)), (0.0, Some(1.1)));
-        assert_eq!(judge(&Evidence { high: None, ..narrow }).0, Verdict::AtLeast);
+        assert_eq!(verdict(&Evidence { high: None, ..narrow }), Verdict::AtLeast);
     }
 
     #[test]
     fn no_valve_is_sound_below_what_op_may_shake_it_through() {
         let sound = Evidence { d: 0.0, lr_no_gap: 0.0, low: 0.0, shaken: 1.5, ..plain() };
-        assert_eq!(judge(&sound).0, Verdict::Sound);
+        assert_eq!(verdict(&sound), Verdict::Sound);
         assert_eq!(sound.limits(Verdict::Sound, Some(1.1)), (0.0, Some(1.5)));
-        assert_eq!(judge(&Evidence { shaken: 2.5, ..sound }), (Verdict::CannotTell, "may_be_a_gap"));
+        let shaken = Evidence { shaken: 2.5, ..sound };
+        assert_eq!((verdict(&shaken), judge(&shaken).1), (Verdict::CannotTell, "may_be_a_gap"));
+    }
+
+    #[test]
+    fn less_than_what_is_found_is_likely() {
+        let of = |lr_no_gap| Evidence { lr_no_gap, lr_aperiodic: lr_no_gap, lr_needed: 60.0, ..plain() };
+        let said = |e: &Evidence| (judge(e).0.confidence, judge(e).0.width_kind);
+        assert_eq!(said(&of(61.0)), (Confidence::Found, Some(WidthKind::Interval)));
+        assert_eq!(said(&of(1.01 * LIKELY * 60.0)), (Confidence::Likely, Some(WidthKind::Interval)));
+        assert_eq!(verdict(&of(59.0)), Verdict::CannotTell);
+        assert_eq!(said(&of(LIKELY * 60.0)), (Confidence::CannotTell, None));
+        // What looks like a gap for another reason is not likely either.
+        assert_eq!(said(&Evidence { immobile: true, ..of(59.0) }), (Confidence::CannotTell, None));
+        assert_eq!(said(&Evidence { low: 0.1, ..of(61.0) }), (Confidence::Likely, Some(WidthKind::Unsure)));
+    }
+
+    #[test]
+    fn a_swing_is_a_gaps_where_it_is_the_loops_own() {
+        let swings = Evidence { even_swing: true, oscillates: true, ..plain() };
+        assert_eq!((verdict(&swings), judge(&swings).1), (Verdict::CannotTell, "swings"));
+        assert_eq!(swings.needed(), GAP_IF_EVEN_SWING);
+        let own = Evidence { cycle: Some(Cycle { period: 1.05, swing: 0.98, law: 0.99 }), ..swings };
+        assert_eq!((judge(&own).0.confidence, judge(&own).0.oscillates), (Confidence::Likely, true));
+        // A load that repeats itself need not be beaten, but it must not be clearly likelier.
+        let beside = |lr_no_gap| judge(&Evidence { periodic_load: true, lr_no_gap, ..own.clone() }).0.confidence;
+        assert_eq!(beside(1.0 - GAP), Confidence::Likely);
+        assert_eq!(beside(-GAP), Confidence::CannotTell);
+    }
+
+    #[test]
+    fn rows_far_apart_leave_the_width_unsure() {
+        let coarse = Evidence { coarse: true, lr_no_gap: LIKELY_IF_COARSE, lr_aperiodic: LIKELY_IF_COARSE, ..plain() };
+        assert_eq!(judge(&coarse).0.confidence, Confidence::CannotTell);
+        let stands = Plateau { ways: [8; 2], stands: [7; 2], rows: 20.0, ..Plateau::default() };
+        let said = judge(&Evidence { plateau: stands, ..coarse.clone() }).0;
+        assert_eq!((said.confidence, said.width_kind), (Confidence::Likely, Some(WidthKind::Unsure)));
+        assert_eq!(judge(&Evidence { agree: [4, 5], ..coarse.clone() }).0, said);
+        assert_eq!(judge(&Evidence { agree: [3, 5], ..coarse }).0.confidence, Confidence::CannotTell);
+    }
+
+    #[test]
+    fn windows_that_differ_say_nothing_unless_most_agree() {
+        let differ = Evidence { dispersion: 2.0 * DISAGREE, agree: [1, 4], shows: Some(4), ..plain() };
+        assert_eq!((judge(&differ).0.confidence, judge(&differ).1), (Confidence::CannotTell, "windows_disagree"));
+        let said = judge(&Evidence { agree: [3, 4], ..differ.clone() }).0;
+        assert_eq!((said.confidence, said.width_kind), (Confidence::Likely, Some(WidthKind::Unsure)));
+        assert_eq!(judge(&Evidence { shows: None, ..differ }).1, "recordings_disagree");
+        let quiet = Evidence { agree: [3, 4], shows: Some(1), ..plain() };
+        assert_eq!((judge(&quiet).0.confidence, judge(&quiet).1), (Confidence::Likely, "windows_silent"));
+        assert_eq!(judge(&Evidence { agree: [2, 4], ..quiet.clone() }).0.confidence, Confidence::CannotTell);
+        assert_eq!(judge(&Evidence { shows: Some(2), ..quiet }).0.confidence, Confidence::Found);
+    }
+
+    #[test]
+    fn none_seen_is_earned() {
+        let none = Evidence { d: 0.0, lr_no_gap: 0.0, lr_aperiodic: 0.0, low: 0.0, ..plain() };
+        let said = |e: Evidence| judge(&e).0.confidence;
+        assert_eq!(said(none.clone()), Confidence::NoneSeen);
+        assert_eq!(said(Evidence { passes_high: [10, 1], ..none.clone() }), Confidence::CannotTell);
+        assert_eq!(said(Evidence { passes_high: [10, 4], ..none.clone() }), Confidence::NoneSeen);
+        assert_eq!(said(Evidence { passes_high: [10, 4], lag_error: 0.3, ..none.clone() }), Confidence::CannotTell);
+        assert_eq!(said(Evidence { cancels: 720.0, ..none.clone() }), Confidence::CannotTell);
+        assert_eq!(said(Evidence { lag_error: 1.5, ..none.clone() }), Confidence::CannotTell);
+        assert_eq!(said(Evidence { lag_error: 0.3, ..none.clone() }), Confidence::NoneSeen);
+        assert_eq!(said(Evidence { lag_error: 0.3, oscillates: true, ..none }), Confidence::CannotTell);
     }
 
     #[test]

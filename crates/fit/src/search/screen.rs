@@ -22,6 +22,8 @@ const NARROW: f64 = 0.003;
 const FOLLOWED: usize = 4;
 /// Families of which the whole profile is worked out.
 pub(crate) const MOST_FAMILIES: usize = 7;
+/// Part of OP's range from which on a gap is wide.
+const WIDE: f64 = 0.6;
 /// Beginnings that are followed.
 const MOST_SEEDS: usize = 4;
 
@@ -53,16 +55,21 @@ fn multistart(record: &Cells, sign: f64, structure: Structure) -> Pilot {
             f64::INFINITY,
         )
     };
-    let starts = [(1.5, 0.5), (1.5, 5.0), (10.0, 0.5), (10.0, 5.0), (40.0, 15.0)];
-    let mut points: Vec<Point> = [0.0, 0.3, 0.6, 0.85]
+    // A gap nearly as wide as OP's swing leaves the valve little, and its valley is narrow; a loop that it makes swing lags by much beside
+    // its dead time.
+    let starts = [(1.5, 0.5), (1.5, 5.0), (10.0, 0.5), (10.0, 5.0), (40.0, 15.0), (40.0, 1.0)];
+    let mut points: Vec<Point> = [0.0, 0.3, 0.6, 0.75, 0.85]
         .into_par_iter()
         .flat_map_iter(|part| starts.map(|(t, dead)| (part, t, dead)))
+        .filter(|(part, _, dead)| *part >= WIDE || *dead != 1.0)
         .filter(|(_, t, dead)| *t < n / 8.0 && *dead < n / 12.0)
         .map(|(part, t, dead)| begin(part, t, dead))
         .collect();
     points.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    // The best, then the best with a wide gap: where the search begins without one it stays there.
+    let with_wide = points.iter().filter(|p| p.lost.d >= WIDE * record.range).take(1);
     let mut seeds: Vec<Theta> = Vec::new();
-    for point in &points {
+    for point in points.iter().take(1).chain(with_wide).chain(&points) {
         if seeds.len() < MOST_SEEDS && !seeds.iter().any(|s| structure.alike(s, &point.theta)) {
             seeds.push(point.theta);
         }

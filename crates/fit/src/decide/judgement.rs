@@ -1,0 +1,135 @@
+//! The ladder: what is said of a valve, in fields that do not mix questions.
+
+use crate::decide::verdict::Verdict;
+use serde::{Deserialize, Serialize};
+
+/// How sure it is that there is a gap, or none.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Confidence {
+    /// There is a gap: among records without one at most one in a hundred is told so.
+    Found,
+    /// There probably is a gap: a step test should confirm it.
+    Likely,
+    /// The record does not tell.
+    CannotTell,
+    /// No gap wider than the upper limit.
+    NoneSeen,
+    /// No gap wider than the upper limit, and that limit is acceptable; see [`Judgement::within`].
+    Sound,
+}
+
+/// What makes the lost motion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Cause {
+    /// Play between OP and the valve: the valve's own position shows that it does not stick.
+    Backlash,
+    /// A valve that sticks and jumps, no gap beside it.
+    Stiction,
+    /// Both.
+    Both,
+    /// OP must move by so much after a reversal before PV answers, without a jump that shows: packing or play. PV does not tell them apart.
+    DeadBand,
+}
+
+/// What is told of the width.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum WidthKind {
+    /// A width with two limits.
+    Interval,
+    /// A lower limit.
+    Bound,
+    /// The most likely width only: the gap is there, its limits are not to be trusted.
+    Unsure,
+}
+
+/// What is said of a valve.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Judgement {
+    /// How sure it is.
+    pub confidence: Confidence,
+    /// What makes the lost motion; None where none is found or likely.
+    pub cause: Option<Cause>,
+    /// What is told of its width; the same.
+    pub width_kind: Option<WidthKind>,
+    /// Whether OP swings to and fro in almost even time, whatever makes it.
+    pub oscillates: bool,
+}
+
+impl Judgement {
+    /// Nothing is said of a gap.
+    pub(crate) const fn without(confidence: Confidence, oscillates: bool) -> Self {
+        Self { confidence, cause: None, width_kind: None, oscillates }
+    }
+
+    /// The verdict: it claims what is found, and nothing that is only likely. `low`: the lower limit of the width.
+    pub fn verdict(&self, low: f64) -> Verdict {
+        match (self.confidence, self.width_kind, self.cause) {
+            (Confidence::NoneSeen | Confidence::Sound, ..) => Verdict::Sound,
+            (Confidence::Found, Some(WidthKind::Bound), _) => Verdict::AtLeast,
+            (Confidence::Found, Some(WidthKind::Unsure), _) if low > 0.0 => Verdict::AtLeast,
+            (Confidence::Found, Some(WidthKind::Interval), Some(Cause::Stiction)) => Verdict::Stiction,
+            (Confidence::Found, Some(WidthKind::Interval), Some(Cause::Both)) => Verdict::Both,
+            (Confidence::Found, Some(WidthKind::Interval), _) => Verdict::Backlash,
+            _ => Verdict::CannotTell,
+        }
+    }
+
+    /// Whether a gap is found or likely.
+    pub fn tells(&self) -> bool {
+        matches!(self.confidence, Confidence::Found | Confidence::Likely)
+    }
+
+    /// The same beside the widest gap that is acceptable: where none is seen above a limit no wider than that, the valve is sound.
+    #[must_use]
+    pub fn within(self, high: Option<f64>, acceptable: f64) -> Self {
+        let sound = self.confidence == Confidence::NoneSeen && high.is_some_and(|high| high <= acceptable);
+        Self { confidence: if sound { Confidence::Sound } else { self.confidence }, ..self }
+    }
+
+    /// What a verdict of a valve's own position says: play and sticking are told apart there.
+    pub fn at_valve(verdict: Verdict) -> Self {
+        let (confidence, cause, width_kind) = match verdict {
+            Verdict::Backlash => (Confidence::Found, Some(Cause::Backlash), Some(WidthKind::Interval)),
+            Verdict::Stiction => (Confidence::Found, Some(Cause::Stiction), Some(WidthKind::Interval)),
+            Verdict::Both => (Confidence::Found, Some(Cause::Both), Some(WidthKind::Interval)),
+            Verdict::AtLeast => (Confidence::Found, Some(Cause::DeadBand), Some(WidthKind::Bound)),
+            Verdict::Sound => (Confidence::NoneSeen, None, None),
+            Verdict::CannotTell => (Confidence::CannotTell, None, None),
+        };
+        Self { confidence, cause, width_kind, oscillates: false }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn gap(confidence: Confidence, cause: Cause, kind: WidthKind) -> Judgement {
+        Judgement { confidence, cause: Some(cause), width_kind: Some(kind), oscillates: false }
+    }
+
+    #[test]
+    fn a_verdict_claims_only_what_is_found() {
+        use {Cause::*, Confidence::*, WidthKind::*};
+        assert_eq!(gap(Found, DeadBand, Interval).verdict(0.5), Verdict::Backlash);
+        assert_eq!(gap(Found, Cause::Stiction, Interval).verdict(0.5), Verdict::Stiction);
+        assert_eq!(gap(Found, DeadBand, Bound).verdict(0.5), Verdict::AtLeast);
+        assert_eq!(gap(Found, DeadBand, Unsure).verdict(0.5), Verdict::AtLeast);
+        assert_eq!(gap(Found, DeadBand, Unsure).verdict(0.0), Verdict::CannotTell);
+        assert_eq!(gap(Likely, Cause::Both, Interval).verdict(0.5), Verdict::CannotTell);
+        assert_eq!(Judgement::without(NoneSeen, true).verdict(0.0), Verdict::Sound);
+    }
+
+    #[test]
+    fn sound_needs_a_limit_that_is_acceptable() {
+        let none = Judgement::without(Confidence::NoneSeen, false);
+        assert_eq!(none.within(Some(0.9), 1.0).confidence, Confidence::Sound);
+        assert_eq!(none.within(Some(1.1), 1.0).confidence, Confidence::NoneSeen);
+        assert_eq!(none.within(None, 1.0).confidence, Confidence::NoneSeen);
+        let found = gap(Confidence::Found, Cause::DeadBand, WidthKind::Interval);
+        assert_eq!(found.within(Some(0.5), 1.0), found);
+    }
+}

@@ -1,0 +1,105 @@
+//! The plateau: OP travels after a turn and PV does not answer, then it does.
+//!
+//! It is counted without a model of process or load. After each turn of OP the rows until OP has travelled d are those in the gap;
+//! the rows in which it travels on in the same way by d once more, or until it turns, are those behind it; both moved by the time that PV
+//! takes to answer. With a gap PV follows OP behind the gap and not within it. A load that the controller makes up for leaves PV where it is all the way, and a
+//! valve without a gap answers all the way: neither knows of a place at which PV begins to follow.
+
+use crate::data::cells::{Cells, crossings};
+use serde::{Deserialize, Serialize};
+
+/// Rows within the gap, fewest for one to count.
+const FEWEST: usize = 3;
+
+/// How PV answers within the gap and behind it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Plateau {
+    /// Ways through the gap that were long enough on both sides of its end, up and down.
+    pub ways: [usize; 2],
+    /// Of these: PV stands within the gap, against what it does behind it.
+    pub stands: [usize; 2],
+    /// How far PV goes along with OP within the gap, part of |Kp| times OP's way: 0 with a gap.
+    pub within: f64,
+    /// The same behind it: 1 where PV has the time to follow.
+    pub behind: f64,
+    /// Rows in the gap at a time (median).
+    pub rows: f64,
+}
+
+/// What OP's ways through `d` show, PV's answer late by so many steps.
+pub(crate) fn plateau(cells: &Cells, d: f64, kp: f64, late: f64) -> Plateau {
+    let mut found = Plateau::default();
+    if d <= 0.0 || kp == 0.0 {
+        return found;
+    }
+    let (mut within, mut behind, mut rows) = (Vec::new(), Vec::new(), Vec::new());
+    for strip in &cells.stretches {
+        let op = strip.op();
+        let pv = |k: usize| strip.y.get(((k as f64 + late) / cells.cell as f64) as usize).copied().unwrap_or(f64::NAN);
+        let ends = crossings(op, d);
+        let mut all: Vec<(usize, usize)> =
+            ends.iter().enumerate().flat_map(|(way, steps)| steps.iter().map(move |k| (*k, way))).collect();
+        all.sort_unstable();
+        for (i, &(end, way)) in all.iter().enumerate() {
+            let sign = if way == 0 { 1.0 } else { -1.0 };
+            let after = all.get(i + 1).map_or(op.len(), |next| next.0);
+            // OP turned where it stood furthest the other way since the traversal before.
+            let before = if i > 0 { all[i - 1].0 } else { 0 };
+            let turn = (before..end).max_by(|a, b| (-sign * op[*a]).total_cmp(&(-sign * op[*b]))).unwrap_or(end);
+            let last = (end..after).max_by(|a, b| (sign * op[*a]).total_cmp(&(sign * op[*b]))).unwrap_or(end);
+            let on = (end..=last).find(|k| sign * (op[*k] - op[end]) >= d).unwrap_or(last);
+            let (gone, further) = (sign * (op[end] - op[turn]), sign * (op[on] - op[end]));
+            if end - turn < FEWEST || further < 0.5 * d {
+                continue;
+            }
+            let along = [sign * (pv(end) - pv(turn)) / (kp * gone), sign * (pv(on) - pv(end)) / (kp * further)];
+            if along.iter().any(|x| x.is_nan()) {
+                continue;
+            }
+            found.ways[way] += 1;
+            found.stands[way] += usize::from(along[0].abs() < 0.3 && along[1] > 0.3);
+            within.push(along[0]);
+            behind.push(along[1]);
+            rows.push((end - turn) as f64);
+        }
+    }
+    let median = |mut of: Vec<f64>| {
+        of.sort_by(f64::total_cmp);
+        of.get(of.len() / 2).copied().unwrap_or(0.0)
+    };
+    Plateau { within: median(within), behind: median(behind), rows: median(rows), ..found }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// OP to and fro by 4 in 80 rows; PV goes with the valve at once.
+    fn record(d: f64) -> Cells {
+        let triangle = |k: usize| ((k % 160) as f64 - 80.0).abs() / 20.0;
+        let op: Vec<f64> = (0..1600).map(triangle).collect();
+        let mut v = op[0];
+        let pv = op.iter().map(|u| {
+            v = f64::clamp(v, u - d / 2.0, u + d / 2.0);
+            2.0 * v
+        });
+        Cells::new(&[(&pv.collect::<Vec<_>>(), &op)], 1)
+    }
+
+    #[test]
+    fn pv_stands_within_a_gap_and_follows_behind_it() {
+        let found = plateau(&record(1.0), 1.0, 2.0, 0.0);
+        assert!(found.ways.iter().all(|n| *n >= 9), "{found:?}");
+        // At the beginning the valve stands in the middle of the gap.
+        assert!(found.ways[0] + found.ways[1] <= found.stands[0] + found.stands[1] + 1, "{found:?}");
+        assert!(found.within.abs() < 0.01 && (found.behind - 1.0).abs() < 0.01 && found.rows >= 19.0, "{found:?}");
+    }
+
+    #[test]
+    fn without_one_it_follows_all_the_way() {
+        let found = plateau(&record(0.0), 1.0, 2.0, 0.0);
+        assert!(found.ways.iter().all(|n| *n >= 9), "{found:?}");
+        assert_eq!(found.stands, [0, 0]);
+        assert!(found.within > 0.9, "{found:?}");
+    }
+}

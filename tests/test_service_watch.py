@@ -600,7 +600,7 @@ def test_a_fit_of_what_is_kept_is_asked_for_and_taken_over(tmp_path: Path) -> No
         assert after["comp_fitted"] == answer["compensable"]
 
     asyncio.run(go())
-    assert watch.status()["loops"]["P3"]["health"] == "MAINTENANCE_REQUIRED"
+    assert watch.status()["loops"]["P3"]["health"] == "NORMAL", "a gap of 0.05 % is within the nominal limit of 1 %"
     direct = glapp.fit(t=sim.t, pv=sim.pv, op=sim.op, loop=loop)
     assert watch.reader.answers("P3")[0]["d"] == pytest.approx(direct.d, rel=0.02)
 

@@ -572,15 +572,8 @@ pub unsafe extern "C" fn glapp_analyze(
         let (t, pv) = (must(given.t, "t")?, must(given.pv, "pv")?);
         let all = Inspected { t, sp: may(given.sp, "sp")?, pv, op: may(given.op, "op")?, flags };
         let position = may(given.position, "position")?;
-        let beginning = ..rows.min(INSPECTED_ROWS);
-        let first = Inspected {
-            t: &t[beginning],
-            sp: all.sp.map(|sp| &sp[beginning]),
-            pv: &pv[beginning],
-            op: all.op.map(|op| &op[beginning]),
-            flags: flags.map(|flags| &flags[beginning]),
-        };
-        let begun = Analysis::new(task, &first, position.map(|position| &position[beginning]));
+        let beginning = position.map(|position| &position[..rows.min(INSPECTED_ROWS)]);
+        let begun = Analysis::new(task, &all.first(INSPECTED_ROWS), beginning);
         let mut analysis = begun.map_err(Wrong::refused)?;
         analysis.take(&all, position);
         let answer = serde_json::to_string(&analysis.finish(&mut |_| ()).answer).map_err(Wrong::refused)?;

@@ -240,6 +240,29 @@ pub(crate) fn newest(trend: Option<Trend>, readings: &[Reading]) -> Option<usize
 }
 
 impl Together {
+    /// What the evidence of several records says.
+    pub(crate) fn judged(evidence: Evidence) -> Self {
+        let (judgement, reason) = judge(&evidence);
+        let verdict = judgement.verdict(evidence.low);
+        let (low, high) = evidence.limits(verdict, evidence.high);
+        let Evidence { d, lr_no_gap, passes: traversals, dispersion, .. } = evidence;
+        let lr_needed = evidence.needed();
+        Self {
+            judgement,
+            verdict,
+            d,
+            low,
+            high,
+            lr_no_gap,
+            lr_needed,
+            traversals,
+            dispersion,
+            evidence,
+            reason,
+            trend: None,
+        }
+    }
+
     /// What one record says.
     fn from(answer: &Answer) -> Self {
         let Answer { judgement, verdict, d, low, high, lr_no_gap, lr_needed, traversals, reason, .. } = *answer;
@@ -397,24 +420,7 @@ fn joint_width(curves: &mut [Curve]) -> Together {
         dispersion,
         shows: Some(curves.iter().filter(|c| c.fitted.answer.judgement.tells()).count()),
     };
-    let (judgement, reason) = judge(&evidence);
-    let verdict = judgement.verdict(evidence.low);
-    let (low, high) = evidence.limits(verdict, high);
-    let lr_needed = evidence.needed();
-    Together {
-        judgement,
-        verdict,
-        d,
-        low,
-        high,
-        lr_no_gap,
-        lr_needed,
-        traversals,
-        dispersion,
-        evidence,
-        reason,
-        trend: None,
-    }
+    Together::judged(evidence)
 }
 
 /// The evidence of the record that shows most.

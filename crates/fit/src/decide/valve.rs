@@ -15,7 +15,7 @@ use crate::decide::judgement::{Confidence, Judgement};
 use crate::decide::record::swings_evenly;
 use crate::decide::thresholds::*;
 use crate::decide::trend::Trend;
-use crate::decide::verdict::{Evidence, Verdict, judge, lr_asked_of_changes, lr_asked_of_passes};
+use crate::decide::verdict::{Evidence, Verdict, lr_asked_of_changes, lr_asked_of_passes};
 use crate::loads::cycle::lr_beside_cycle;
 use crate::model::lost_motion::LostMotion;
 use rayon::prelude::*;
@@ -404,24 +404,7 @@ fn shared_width(members: &mut [Member], d: f64, here: &[Vec<f64>], gives: &mut [
         dispersion,
         shows: None,
     };
-    let (judgement, reason) = judge(&evidence);
-    let verdict = judgement.verdict(evidence.low);
-    let (low, high) = evidence.limits(verdict, high);
-    let lr_needed = evidence.needed();
-    Together {
-        judgement,
-        verdict,
-        d,
-        low,
-        high,
-        lr_no_gap,
-        lr_needed,
-        traversals,
-        dispersion,
-        evidence,
-        reason,
-        trend: None,
-    }
+    Together::judged(evidence)
 }
 
 /// What each member leaves of the likelihood ratio of no gap, the loads that were looked for counted in. Where all of it would

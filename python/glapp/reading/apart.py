@@ -271,7 +271,7 @@ def _pieces(
 
 
 def _slices(arrays: Sequence[pa.Array]) -> Iterator[Sequence[pa.Array]]:
-    """The rows in stretches of at most `bounds.PIECE` bytes, a row at least: text may be long, and is then held twice."""
+    """The rows in stretches of at most `bounds.PIECE` bytes, a row at least: long text is then held twice."""
     rows, size = len(arrays[0]) if arrays else 0, sum(array.nbytes for array in arrays)
     step = max(rows * bounds.PIECE // max(size, bounds.PIECE), 1)
     for start in range(0, max(rows, 1), step):

@@ -56,6 +56,7 @@ def parsed(line: str) -> None:
         context = command.make_context(name, rest, parent=context)
 
 
+@pytest.mark.slow
 def test_every_command_in_the_docs_can_be_typed() -> None:
     lines = commands()
     assert len(lines) > 60

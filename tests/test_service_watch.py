@@ -296,6 +296,7 @@ def test_another_writer_withdraws_it(tmp_path: Path) -> None:
     beside(tmp_path, look)
 
 
+@pytest.mark.slow
 def test_the_watchdog_hears_of_us_only_while_u_ff_is_fresh(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(of_watch, "_BEAT", 0.05)
 
@@ -315,6 +316,7 @@ def test_the_watchdog_hears_of_us_only_while_u_ff_is_fresh(tmp_path: Path, monke
     beside(tmp_path, look)
 
 
+@pytest.mark.slow
 def test_a_u_ff_that_the_plant_keeps_stops_the_watchdog_and_every_loop(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

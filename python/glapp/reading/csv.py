@@ -18,6 +18,7 @@ from bisect import bisect_right
 from collections import Counter, deque
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
 from itertools import chain, repeat
 from pathlib import Path
 from threading import Lock
@@ -271,7 +272,8 @@ class CsvSource(Source):
         return [row for row in csv.reader(lines, delimiter=self._delimiter) if row]
 
     def _lines(self) -> Iterator[str]:
-        with pa.OSFile(self._path) as file:
+        """Lines of the file, as far as it can be read: the pass itself says where it cannot."""
+        with suppress(OSError, pa.ArrowException), pa.OSFile(self._path) as file:
             stream = pa.CompressedInputStream(file, self._compression) if self._compression else file
             text = io.TextIOWrapper(stream, encoding=self._encoding, errors="replace", newline=None)
             while line := text.readline(bounds.LINE):

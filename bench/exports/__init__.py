@@ -7,4 +7,13 @@ reader; `score` reads and compares.
 from . import data, historians, systems  # each adds its forms
 from .record import FORMS
 
-__all__ = ["FORMS", "data", "historians", "systems"]
+__all__ = ["FORMS", "data", "guide", "historians", "systems"]
+
+
+def guide() -> str:
+    """The table of docs/file-forms.md: every form, its maker's document, and what a person has to say."""
+    lines = ["| form | maker | as shown in | what has to be said |", "|---|---|---|---|"]
+    for form in FORMS.values():
+        said = ", ".join(f"`{key}`" for key in form.make().answer) or "nothing"
+        lines.append(f"| `{form.name}` | {form.maker} | {form.source.replace('|', '&#124;')} | {said} |")
+    return "\n".join(lines) + "\n"

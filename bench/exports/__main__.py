@@ -1,6 +1,6 @@
 """Read sixty exports of historians and control systems unaided, and count: `python -m bench.exports`.
 
-`--write FOLDER` keeps the files there, `--docs` writes the table into docs/file-forms.md.
+`--write FOLDER` keeps the files there, `--docs` prints the table of docs/file-forms.md and reads nothing.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from . import FORMS
+from . import FORMS, guide
 from .score import of
 
 
@@ -21,7 +21,11 @@ def main() -> None:
     """Write all forms, read them, and show what came of each."""
     parser = argparse.ArgumentParser(prog="python -m bench.exports", description=__doc__.split("\n\n")[0])
     parser.add_argument("--write", type=Path, metavar="FOLDER", help="keep the files here")
+    parser.add_argument("--docs", action="store_true", help="print the table of docs/file-forms.md")
     given = parser.parse_args()
+    if given.docs:
+        print(guide(), end="")
+        return
     with tempfile.TemporaryDirectory() as scratch:
         folder = given.write or Path(scratch)
         folder.mkdir(parents=True, exist_ok=True)

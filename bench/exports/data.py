@@ -8,13 +8,13 @@ from .record import (
     BAD,
     MANUAL,
     MODE,
-    N,
     OP,
     PV,
     SP,
-    TAG,
     T0,
+    TAG,
     Export,
+    N,
     across,
     american,
     as_json,
@@ -73,7 +73,9 @@ def influx_pivoted() -> Export:
         ",result,table,_start,_stop,_time,_measurement,op,pv,sp\r\n"
     )
     start, stop, times = "2025-11-14T06:00:00Z", "2025-11-14T07:00:00Z", stamps(RFC)
-    rows = across([""] * N, [""] * N, ["0"] * N, [start] * N, [stop] * N, times, [TAG] * N, column(OP), column(PV), column(SP))
+    rows = across(
+        [""] * N, [""] * N, ["0"] * N, [start] * N, [stop] * N, times, [TAG] * N, column(OP), column(PV), column(SP)
+    )
     return text(head + lines(rows))
 
 
@@ -90,7 +92,9 @@ def influx_http() -> Export:
     return as_json({"results": [{"statement_id": 0, "series": [series]}]})
 
 
-@form("InfluxDB", "InfluxDB documentation, Line protocol: measurement,tags fields time; influx_inspect export writes it")
+@form(
+    "InfluxDB", "InfluxDB documentation, Line protocol: measurement,tags fields time; influx_inspect export writes it"
+)
 def influx_line_protocol() -> Export:
     head = "# DML\n# CONTEXT-DATABASE: plant\n"
     rows = zip(epoch(10**9), PV, SP, OP, MODE, strict=True)
@@ -98,7 +102,9 @@ def influx_line_protocol() -> Export:
     return text(head + "\n".join(body) + "\n", ending=".txt", manual=MANUAL)
 
 
-@form("TimescaleDB", "PostgreSQL documentation, psql --csv: timestamptz as 2025-11-14 06:00:00+00, a row a tag and time")
+@form(
+    "TimescaleDB", "PostgreSQL documentation, psql --csv: timestamptz as 2025-11-14 06:00:00+00, a row a tag and time"
+)
 def timescale_csv() -> Export:
     times = stamps("%Y-%m-%d %H:%M:%S+00")
     rows = [["time", "tag", "value"]]
@@ -114,7 +120,9 @@ def timescale_aligned() -> Export:
     return text("\n".join([*body, f"({N} rows)", ""]), ending=".txt", loop=None)
 
 
-@form("Grafana", "Grafana documentation, Panel inspector: Download for Excel (sep=,), series joined by time, epoch in ms")
+@form(
+    "Grafana", "Grafana documentation, Panel inspector: Download for Excel (sep=,), series joined by time, epoch in ms"
+)
 def grafana_raw() -> Export:
     head = ["Time", f"{TAG}.PV", f"{TAG}.SP", f"{TAG}.OP"]
     rows = across(epoch(1000), column(PV), column(SP), column(OP))
@@ -126,7 +134,9 @@ def grafana_formatted() -> Export:
     def quoted(cells: list[str]) -> str:
         return ",".join(f'"{cell}"' for cell in cells)
 
-    rows = across(stamps(), [f"{x} m³/h" for x in column(PV)], [f"{x} m³/h" for x in column(SP)], [f"{x}%" for x in column(OP)])
+    rows = across(
+        stamps(), [f"{x} m³/h" for x in column(PV)], [f"{x} m³/h" for x in column(SP)], [f"{x}%" for x in column(OP)]
+    )
     head = ["Time", f"{TAG}.PV", f"{TAG}.SP", f"{TAG}.OP"]
     return text("\n".join(map(quoted, [head, *rows])) + "\n")
 
@@ -144,14 +154,20 @@ def json_records() -> Export:
 @form("JSON lines", "jsonlines.org: one object a line; Node-RED, Kafka and Fluent Bit write it")
 def json_lines() -> Export:
     rows = zip(stamps("%Y-%m-%dT%H:%M:%S+00:00"), PV, SP, OP, MODE, strict=True)
-    body = [json.dumps({"time": t, "pv": float(pv), "sp": float(sp), "op": float(op), "mode": m}) for t, pv, sp, op, m in rows]
+    body = [
+        json.dumps({"time": t, "pv": float(pv), "sp": float(sp), "op": float(op), "mode": m})
+        for t, pv, sp, op, m in rows
+    ]
     return text("\n".join(body) + "\n", ending=".jsonl", loop=None, manual=MANUAL)
 
 
 @form("JSON columns", "pandas documentation, DataFrame.to_json(): a column a key, its rows by the index in ms")
 def json_columns() -> Export:
     keys = [str(t) for t in epoch(1000)]
-    columns = {f"{TAG}.{name}": dict(zip(keys, values.tolist(), strict=True)) for name, values in (("PV", PV), ("SP", SP), ("OP", OP))}
+    columns = {
+        f"{TAG}.{name}": dict(zip(keys, values.tolist(), strict=True))
+        for name, values in (("PV", PV), ("SP", SP), ("OP", OP))
+    }
     return as_json(columns)
 
 
@@ -163,10 +179,15 @@ def json_split() -> Export:
 
 @form("JSON arrays", "Open-Meteo and Plotly write time series so: an array a signal")
 def json_arrays() -> Export:
-    return as_json({"time": stamps("%Y-%m-%dT%H:%M:%S"), "pv": PV.tolist(), "sp": SP.tolist(), "op": OP.tolist()}, loop=None)
+    return as_json(
+        {"time": stamps("%Y-%m-%dT%H:%M:%S"), "pv": PV.tolist(), "sp": SP.tolist(), "op": OP.tolist()}, loop=None
+    )
 
 
-@form("SQL Server Reporting Services", "Microsoft Learn, HTML table that a web page sends as .xls; Excel opens it with a warning")
+@form(
+    "SQL Server Reporting Services",
+    "Microsoft Learn, HTML table that a web page sends as .xls; Excel opens it with a warning",
+)
 def html_as_xls() -> Export:
     rows = across(american(), column(PV, bad={11: "&nbsp;", 12: "&nbsp;"}), column(SP), column(OP))
     head = "".join(f"<th scope='col'>{name}</th>" for name in ("Timestamp", f"{TAG}.PV", f"{TAG}.SP", f"{TAG}.OP"))
@@ -175,16 +196,24 @@ def html_as_xls() -> Export:
     return text(page, ending=".xls", bad=BAD)
 
 
-@form("Excel web page", "Microsoft Learn, Save as web page: title over all columns, German numbers, styles in each cell")
+@form(
+    "Excel web page", "Microsoft Learn, Save as web page: title over all columns, German numbers, styles in each cell"
+)
 def html_german() -> Export:
     rows = across(stamps("%d.%m.%Y %H:%M:%S"), column(PV, ","), column(SP, ","), column(OP, ","))
-    head = "".join(f"<td class=xl65>{name}</td>" for name in ("Zeit", f"{TAG} Istwert", f"{TAG} Sollwert", f"{TAG} Stellgr&ouml;&szlig;e"))
+    head = "".join(
+        f"<td class=xl65>{name}</td>"
+        for name in ("Zeit", f"{TAG} Istwert", f"{TAG} Sollwert", f"{TAG} Stellgr&ouml;&szlig;e")
+    )
     units = "".join(f"<td>{unit}</td>" for unit in ("", "m3/h", "m3/h", "%"))
-    body = "".join("<tr height=20>" + "".join(f"<td align=right x:num>{cell}</td>" for cell in row) + "</tr>\n" for row in rows)
+    body = "".join(
+        "<tr height=20>" + "".join(f"<td align=right x:num>{cell}</td>" for cell in row) + "</tr>\n" for row in rows
+    )
     page = (
         '<html xmlns:x="urn:schemas-microsoft-com:office:excel"><head><meta charset="utf-8">'
         "<style>td {mso-number-format:General;}</style><title>Trend</title></head><body>"
-        f"<table><tr><td colspan=4>Trendexport Kolonne 21</td></tr><tr>{head}</tr><tr>{units}</tr>{body}</table></body></html>"
+        f"<table><tr><td colspan=4>Trendexport Kolonne 21</td></tr><tr>{head}</tr><tr>{units}</tr>{body}</table>"
+        "</body></html>"
     )
     return text(page, ending=".xls")
 
@@ -192,14 +221,17 @@ def html_german() -> Export:
 @form("Excel 2003 XML", "Microsoft Learn, XML Spreadsheet Reference: Workbook, Worksheet, Table, Row, Cell, Data")
 def xml_spreadsheet() -> Export:
     def row(cells: list[tuple[str, str]]) -> str:
-        return "<Row>" + "".join(f'<Cell><Data ss:Type="{kind}">{cell}</Data></Cell>' for kind, cell in cells) + "</Row>\n"
+        return (
+            "<Row>" + "".join(f'<Cell><Data ss:Type="{kind}">{cell}</Data></Cell>' for kind, cell in cells) + "</Row>\n"
+        )
 
     body = row([("String", name) for name in ("Timestamp", f"{TAG}.PV", f"{TAG}.SP", f"{TAG}.OP")])
     for t, pv, sp, op in zip(stamps("%Y-%m-%dT%H:%M:%S.000"), PV, SP, OP, strict=True):
         body += row([("DateTime", t), ("Number", f"{pv:.2f}"), ("Number", f"{sp:.2f}"), ("Number", f"{op:.2f}")])
     page = (
         '<?xml version="1.0"?>\n<?mso-application progid="Excel.Sheet"?>\n'
-        '<Workbook xmlns="urn:schemas-microsoft-com:office:spreadsheet" xmlns:ss="urn:schemas-microsoft-com:office:spreadsheet">\n'
+        '<Workbook xmlns="urn:schemas-microsoft-com:office:spreadsheet"\n'
+        ' xmlns:ss="urn:schemas-microsoft-com:office:spreadsheet">\n'
         f'<Worksheet ss:Name="Trend"><Table>\n{body}</Table></Worksheet></Workbook>\n'
     )
     return text(page, ending=".xls")
@@ -208,7 +240,14 @@ def xml_spreadsheet() -> Export:
 @form("Chart recorder", "JUMO PCA3000 and testo software write so: Nr, Datum, Uhrzeit, then German names and numbers")
 def row_numbers() -> Export:
     head = ["Nr", "Datum", "Uhrzeit", "Sollwert", "Istwert", "Stellgröße"]
-    rows = across([str(k + 1) for k in range(N)], stamps("%d.%m.%Y"), stamps("%H:%M:%S"), column(SP, ","), column(PV, ","), column(OP, ","))
+    rows = across(
+        [str(k + 1) for k in range(N)],
+        stamps("%d.%m.%Y"),
+        stamps("%H:%M:%S"),
+        column(SP, ","),
+        column(PV, ","),
+        column(OP, ","),
+    )
     return text(lines([head, *rows], ";"), "cp1252", loop=None)
 
 

@@ -10,12 +10,12 @@ import openpyxl
 from .record import (
     BAD,
     MODE,
-    N,
     OP,
     PV,
     SP,
     TAG,
     Export,
+    N,
     across,
     american,
     as_json,
@@ -57,7 +57,10 @@ def pi_datalink_tag_above() -> Export:
     return text(lines(rows))
 
 
-@form("AVEVA PI DataLink", "PI DataLink User Guide, Sampled Data of several items with their attributes above; System digital states")
+@form(
+    "AVEVA PI DataLink",
+    "PI DataLink User Guide, Sampled Data of several items with their attributes above; System digital states",
+)
 def pi_datalink_attributes() -> Export:
     bad = {11: "[-11059] No Good Data For Calculation", 12: "I/O Timeout"}
     head = [
@@ -123,7 +126,10 @@ def pi_piconfig() -> Export:
     return text("".join(f"{TAG}.{name},{time},{value:.2f}\n" for name, _, time, value in by_tag(times)), ending=".txt")
 
 
-@form("Honeywell Uniformance PHD", "Process History Database User Guide, Excel add-in: tag, description and units above the values")
+@form(
+    "Honeywell Uniformance PHD",
+    "Process History Database User Guide, Excel add-in: tag, description and units above the values",
+)
 def phd_excel() -> Export:
     head = [
         ["Uniformance PHD Data", "", "", ""],
@@ -135,7 +141,10 @@ def phd_excel() -> Export:
     return text(lines(head + across(stamps("%m/%d/%Y %H:%M:%S"), column(PV), column(SP), column(OP))))
 
 
-@form("Honeywell Uniformance PHD", "Process History Database User Guide, get data: Value and Confidence (0 to 100) of each tag")
+@form(
+    "Honeywell Uniformance PHD",
+    "Process History Database User Guide, get data: Value and Confidence (0 to 100) of each tag",
+)
 def phd_confidence() -> Export:
     head = ["Timestamp"]
     for name in ("PV", "SP", "OP"):
@@ -155,7 +164,10 @@ def ip21_sqlplus() -> Export:
     return text(lines(rows), bad=BAD)
 
 
-@form("AspenTech Process Data Add-in", "Process Data Add-in, Trend/Aggregate Data: names above, times as unformatted numbers of days")
+@form(
+    "AspenTech Process Data Add-in",
+    "Process Data Add-in, Trend/Aggregate Data: names above, times as unformatted numbers of days",
+)
 def aspen_excel_addin() -> Export:
     rows: list[list[Any]] = [
         ["Name", f"{TAG}.PV", f"{TAG}.SP", f"{TAG}.OP"],
@@ -166,7 +178,10 @@ def aspen_excel_addin() -> Export:
     return workbook(("Sheet1", rows))
 
 
-@form("AVEVA Historian", "AVEVA Historian Retrieval Guide, History table: DateTime, TagName, Value, vValue, Quality, QualityDetail, OPCQuality")
+@form(
+    "AVEVA Historian",
+    "AVEVA Historian Retrieval Guide, History table: DateTime, TagName, Value, vValue, Quality, OPCQuality and others",
+)
 def aveva_history_table() -> Export:
     times = stamps("%Y-%m-%d %H:%M:%S.0000000")
     rows = [["DateTime", "TagName", "Value", "vValue", "Quality", "QualityDetail", "OPCQuality"]]
@@ -192,7 +207,9 @@ def aveva_rest() -> Export:
     for name, k, _, x in by_tag(times):
         bad = name == "PV" and k in BAD
         quality = 0 if bad else 192
-        value.append({"FQN": f"Site.{TAG}.{name}", "DateTime": times[k], "OpcQuality": quality, "Value": x, "Text": None})
+        value.append(
+            {"FQN": f"Site.{TAG}.{name}", "DateTime": times[k], "OpcQuality": quality, "Value": x, "Text": None}
+        )
     return as_json({"odata.metadata": "https://online/apis/$metadata#ProcessValues", "value": value}, bad=BAD)
 
 
@@ -202,7 +219,9 @@ def canary_axiom() -> Export:
     for name in ("PV", "SP", "OP"):
         head += [f"ROOT.Unit2.{TAG}.{name} Value", f"ROOT.Unit2.{TAG}.{name} Quality"]
     good = ["Bad - No Data" if k in BAD else "Good" for k in range(N)]
-    rows = across(american(), column(PV, bad={11: "", 12: ""}), good, column(SP), ["Good"] * N, column(OP), ["Good"] * N)
+    rows = across(
+        american(), column(PV, bad={11: "", 12: ""}), good, column(SP), ["Good"] * N, column(OP), ["Good"] * N
+    )
     return text(lines([head, *rows]), bad=BAD)
 
 
@@ -237,7 +256,10 @@ def seeq_workbook() -> Export:
     return workbook(("Information", about), ("Samples", rows))
 
 
-@form("GE Proficy Historian", "Proficy Historian, CSV File Format: [Data], then Tagname,TimeStamp,Value,DataQuality; * begins a comment")
+@form(
+    "GE Proficy Historian",
+    "Proficy Historian, CSV File Format: [Data], then Tagname,TimeStamp,Value,DataQuality; * begins a comment",
+)
 def ge_historian() -> Export:
     times = stamps("%m/%d/%Y %H:%M:%S")
     body = []
@@ -248,7 +270,10 @@ def ge_historian() -> Export:
     return text(head + lines([["Tagname", "TimeStamp", "Value", "DataQuality"], *body]), bad=BAD)
 
 
-@form("Yokogawa Exaquantum", "Exaquantum Explorer User's Manual, Excel add-in: item path above Timestamp, Value and Quality")
+@form(
+    "Yokogawa Exaquantum",
+    "Exaquantum Explorer User's Manual, Excel add-in: item path above Timestamp, Value and Quality",
+)
 def exaquantum() -> Export:
     times = stamps("%d/%m/%Y %H:%M:%S")
     rows: list[list[str]] = [["", "", ""] * 3, ["Timestamp", "Value", "Quality"] * 3]
@@ -256,9 +281,7 @@ def exaquantum() -> Export:
         rows[0][3 * i] = f"Root.Plant.Unit2.{TAG}.{name}.Value"
     for k in range(N):
         good = "Bad" if k in BAD else "Good"
-        rows.append(
-            [times[k], number(PV[k]), good, times[k], number(SP[k]), "Good", times[k], number(OP[k]), "Good"]
-        )
+        rows.append([times[k], number(PV[k]), good, times[k], number(SP[k]), "Good", times[k], number(OP[k]), "Good"])
     return text(lines(rows), bad=BAD)
 
 
@@ -272,7 +295,10 @@ def kepware_narrow() -> Export:
     return text(lines(rows), bad=BAD)
 
 
-@form("Kepware DataLogger", "DataLogger Help, Wide Table Format: NAME_NUMERICID, NAME_VALUE, NAME_TIMESTAMP, NAME_QUALITY of each item")
+@form(
+    "Kepware DataLogger",
+    "DataLogger Help, Wide Table Format: NAME_NUMERICID, NAME_VALUE, NAME_TIMESTAMP, NAME_QUALITY of each item",
+)
 def kepware_wide() -> Export:
     times = stamps("%Y-%m-%d %H:%M:%S.000")
     head: list[str] = []
@@ -294,7 +320,10 @@ def ignition_dataset() -> Export:
     return text(head + "".join(",".join(f'"{cell}"' for cell in row) + "\n" for row in body))
 
 
-@form("Inductive Automation Ignition", "Ignition User Manual, Power Table: export to CSV with the date as the locale has it")
+@form(
+    "Inductive Automation Ignition",
+    "Ignition User Manual, Power Table: export to CSV with the date as the locale has it",
+)
 def ignition_table() -> Export:
     times = []
     for m in moments():
@@ -304,7 +333,9 @@ def ignition_table() -> Export:
     return text(lines([head, *rows]), manual=(30, 31, 32, 33))
 
 
-@form("Inductive Automation Ignition", "Ignition User Manual, Tag History binding, Tall: path, value, quality, timestamp")
+@form(
+    "Inductive Automation Ignition", "Ignition User Manual, Tag History binding, Tall: path, value, quality, timestamp"
+)
 def ignition_tall() -> Export:
     times = epoch(1000)
     rows: list[list[Any]] = [["path", "value", "quality", "timestamp"]]

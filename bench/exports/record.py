@@ -1,7 +1,7 @@
 """The loop that every form holds, and how its cells are written. Nothing here knows the reader of glapp.
 
-48 samples of FIC2104, 10 s apart from 2025-11-14 06:00:00 on. Where a form has a mode, rows 30 to 33 are in manual. Where
-it has a quality, or words in the place of values, PV of rows 11 and 12 is bad.
+48 samples of FIC2104, 10 s apart from 2025-11-14 06:00:00 on. Where a form has a mode, rows 30 to 33 are in manual.
+Where it has a quality, or words in the place of values, PV of rows 11 and 12 is bad.
 """
 
 from __future__ import annotations
@@ -117,7 +117,9 @@ def column(values: Floats, decimal: str = ".", bad: dict[int, str] | None = None
     return [(bad or {}).get(k, number(x, decimal)) for k, x in enumerate(values)]
 
 
-def lines(rows: Iterable[Sequence[Any]], delimiter: str = ",", end: str = "\r\n", quoting: int = csv.QUOTE_MINIMAL) -> str:
+def lines(
+    rows: Iterable[Sequence[Any]], delimiter: str = ",", end: str = "\r\n", quoting: int = csv.QUOTE_MINIMAL
+) -> str:
     """Rows as a text file has them."""
     out = io.StringIO(newline="")
     csv.writer(out, delimiter=delimiter, lineterminator=end, quoting=quoting).writerows(rows)

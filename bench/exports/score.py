@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from glapp.errors import InputError
-from glapp.loop import Loop
 from glapp.reading import open_recordings
 from glapp.recording import BAD, NOT_AUTO, Batch, Recording, joined
 

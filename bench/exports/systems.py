@@ -1,4 +1,4 @@
-"""Exports of control systems and loggers: DeltaV, Experion, 800xA, WinCC, CENTUM, Ovation, Citect, DX2000 and others."""
+"""Exports of control systems and loggers: DeltaV, Experion, 800xA, WinCC, CENTUM, Ovation, Citect and others."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from typing import Any
 from .historians import workbook
 from .record import (
     BAD,
-    K,
     MANUAL,
     MODE,
-    N,
     OP,
     PV,
     SP,
     TAG,
     Export,
+    K,
+    N,
     across,
     american,
     by_tag,
@@ -29,7 +29,10 @@ from .record import (
 )
 
 
-@form("Emerson DeltaV", "DeltaV Books Online, DeltaV Reporter, DvCHInterpolated: columns Value;Timestamp;Parameter Status a tag")
+@form(
+    "Emerson DeltaV",
+    "DeltaV Books Online, DeltaV Reporter, DvCHInterpolated: columns Value;Timestamp;Parameter Status a tag",
+)
 def deltav_reporter() -> Export:
     rows: list[list[Any]] = [["", "", "", ""] * 3, ["Value", "Timestamp", "Parameter Status", ""] * 3]
     for i, name in enumerate(("PV", "SP", "OUT")):
@@ -52,7 +55,10 @@ def deltav_history_view() -> Export:
     return text(lines([head, *rows], "\t"), ending=".txt", manual=MANUAL)
 
 
-@form("Emerson Ovation", "Ovation Process Historian User Guide, Historical reviews: Point Name, Time, Value, Quality G F P B")
+@form(
+    "Emerson Ovation",
+    "Ovation Process Historian User Guide, Historical reviews: Point Name, Time, Value, Quality G F P B",
+)
 def ovation_review() -> Export:
     times = stamps("%m/%d/%Y %H:%M:%S.000")
     head = [["Ovation Process Historian", "", "", ""], ["Point review", "", "", ""]]
@@ -79,7 +85,10 @@ def abb_trend() -> Export:
     return text(lines([head, *across(times, column(PV, ","), column(SP, ","), column(OP, ","))], ";"))
 
 
-@form("Siemens WinCC", "WinCC Information System, OnlineTableControl: export; Time column and Value column of each, without tags")
+@form(
+    "Siemens WinCC",
+    "WinCC Information System, OnlineTableControl: export; Time column and Value column of each, without tags",
+)
 def wincc_table_control() -> Export:
     times = stamps("%d.%m.%Y %H:%M:%S")
     head: list[str] = []
@@ -90,7 +99,10 @@ def wincc_table_control() -> Export:
     return text(lines([head, *rows], ";"), "utf-16", loop=None, answer=named)
 
 
-@form("Siemens WinCC", "WinCC Comfort/Advanced, Structure of the CSV file of a data log: VarName, TimeString, VarValue, Validity, Time_ms")
+@form(
+    "Siemens WinCC",
+    "WinCC Comfort/Advanced, Structure of the CSV file of a data log: VarName, TimeString, VarValue, Validity, Time_ms",
+)
 def wincc_data_log() -> Export:
     times = stamps("%d.%m.%Y %H:%M:%S")
     days = [number(1e6 * (m - moments()[0]).total_seconds() / 86400 + 45975.25e6, ",") for m in moments()]
@@ -123,7 +135,10 @@ def yokogawa_dx() -> Export:
     return text(lines(head + rows, "\t"), ending=".txt")
 
 
-@form("Yokogawa CENTUM VP", "CENTUM VP Operation, Trend: save to CSV; tag, comment and unit above, date and time in two columns")
+@form(
+    "Yokogawa CENTUM VP",
+    "CENTUM VP Operation, Trend: save to CSV; tag, comment and unit above, date and time in two columns",
+)
 def centum_trend() -> Export:
     head = [
         ["Trend Data", "", "", "", ""],
@@ -134,7 +149,10 @@ def centum_trend() -> Export:
     return text(lines(head + across(stamps("%Y/%m/%d"), stamps("%H:%M:%S"), column(PV), column(SP), column(OP))))
 
 
-@form("AVEVA Plant SCADA (Citect)", "Process Analyst, Exporting Pen Data: Time, Milliseconds, then pane-pen; NA where nothing was")
+@form(
+    "AVEVA Plant SCADA (Citect)",
+    "Process Analyst, Exporting Pen Data: Time, Milliseconds, then pane-pen; NA where nothing was",
+)
 def citect_process_analyst() -> Export:
     head = ["Time", "Milliseconds", f"Pane1-{TAG}_PV", f"Pane1-{TAG}_SP", f"Pane1-{TAG}_OP"]
     times = stamps("%d/%m/%Y %H:%M:%S", step=2.5)
@@ -143,7 +161,10 @@ def citect_process_analyst() -> Export:
     return text(lines([head, *rows], "\t"), ending=".txt", t=2.5 * K, bad=BAD)
 
 
-@form("Panasonic FPWIN GR7", "FPWIN GR7 online help, Data recording: column title, data name, comment, method, type and unit above")
+@form(
+    "Panasonic FPWIN GR7",
+    "FPWIN GR7 online help, Data recording: column title, data name, comment, method, type and unit above",
+)
 def panasonic_recording() -> Export:
     head = [
         ["Date", "Time", "1", "2", "3"],
@@ -173,7 +194,10 @@ def idec_data_log() -> Export:
     return text(lines(head + rows))
 
 
-@form("Rockwell FactoryTalk View", "FactoryTalk View SE User's Guide, ODBC data logs: DateAndTime, Millitm, TagName, Val, Status, Marker")
+@form(
+    "Rockwell FactoryTalk View",
+    "FactoryTalk View SE User's Guide, ODBC data logs: DateAndTime, Millitm, TagName, Val, Status, Marker",
+)
 def factorytalk_log() -> Export:
     times = stamps("%m/%d/%Y %H:%M:%S", step=2.5)
     parts = [str(moment.microsecond // 1000) for moment in moments(2.5)]
@@ -181,11 +205,16 @@ def factorytalk_log() -> Export:
     for k in range(N):
         for name, values in (("PV", PV), ("SP", SP), ("OP", OP)):
             bad = name == "PV" and k in BAD
-            rows.append([times[k], parts[k], f"{TAG}\\{name}", number(values[k]), "E" if bad else "", "B" if k == 0 else ""])
+            rows.append(
+                [times[k], parts[k], f"{TAG}\\{name}", number(values[k]), "E" if bad else "", "B" if k == 0 else ""]
+            )
     return text(lines(rows), t=2.5 * K, bad=BAD)
 
 
-@form("Beckhoff TwinCAT 3 Scope", "TE13xx Scope View, Export to csv: facts of each channel above, a time column each in ms")
+@form(
+    "Beckhoff TwinCAT 3 Scope",
+    "TE13xx Scope View, Export to csv: facts of each channel above, a time column each in ms",
+)
 def twincat_scope() -> Export:
     names = [f"{TAG}.PV", f"{TAG}.SP", f"{TAG}.OP"]
 

@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import pyarrow as pa
+
 from ..errors import InputError
 from ..loop import Loop
 from ..recording import Recording
@@ -24,12 +26,13 @@ from .shape import shaped, tagged
 from .source import Source
 from .structured import parsed, table_of
 from .tables import TableSource, to_table
+from .values import words
 from .wide import WideRecording
 
 _BEGINNING = 1 << 16
 _PACKED = (b"\x1f\x8b", b"BZh", b"\x28\xb5\x2f\xfd", b"\x04\x22\x4d\x18")
 
-__all__ = ["open_each", "open_recordings", "recording_from"]
+__all__ = ["first_rows", "open_each", "open_recordings", "recording_from"]
 
 
 def open_recordings(
@@ -99,6 +102,23 @@ def _of_any(sources: Sequence[Source], loop: Loop) -> Recording | InputError:
     named = sorted(sources, key=lambda source: getattr(source, "sheet", "") != loop.name)
     found = [_recordings(source, loop.name, [loop], None)[0] for source in named]
     return next((one for one in found if isinstance(one, Recording)), found[0])
+
+
+def first_rows(path: str | Path, rows: int) -> tuple[list[str], list[list[str]]]:
+    """Names of the columns of a file, and its first rows as text, for a person who says which is which.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be used.
+    """
+    source = _open(Path(path), str(path))[0]
+    columns = [
+        words(column.slice(0, rows)) if not pa.types.is_temporal(column.type) else column.cast(pa.string())
+        for column in source.head(range(len(source.names)))
+    ]
+    cells = [["" if cell is None else str(cell) for cell in column.slice(0, rows).to_pylist()] for column in columns]
+    return source.names, [list(row) for row in zip(*cells, strict=False)]
 
 
 def recording_from(data: Any, loop: Loop | None = None) -> Recording:

@@ -349,11 +349,11 @@ def _guess(signals: Signals, role: str, group: str | None, label: str, kind: str
         return None
     fits = signals.meant(role, group or "")
     if len(fits) > 1:
-        key = role
+        key, option = role, f": --{role} NAME, or" if role in ("time", "sp", "pv", "op", "mode") else ""
         raise InputError(
             f"the {kind}s {' and '.join(repr(f) for f in fits)} could both be {LABELS[role]}",
             file=label,
-            hint=f'name the right one in loops.toml: columns = {{ {key} = "{fits[0]}" }}',
+            hint=f'name the right one{option} in loops.toml: columns = {{ {key} = "{fits[0]}" }}',
         )
     return fits[0] if fits else None
 

@@ -121,7 +121,8 @@ class WideRecording(Recording):
                 f"no time column among: {', '.join(source.names[:20])}",
                 file=source.label,
                 loop=loop.name,
-                hint='name it (columns = { time = "..." }) or give sample_time in seconds',
+                hint='name it: --time NAME, or in loops.toml columns = { time = "NAME" }; or say how far rows are '
+                "apart: --sample-time SECONDS, or sample_time in loops.toml",
             )
         at = self._at.get("quality")
         try:

@@ -233,6 +233,22 @@ def test_rows_without_end_in_a_small_parquet_file(tmp_path, monkeypatch):
             pass
 
 
+@pytest.mark.slow
+def test_long_text_is_handed_over_in_pieces(tmp_path, monkeypatch):
+    """A damaged file gave a gigabyte of text in one batch, which two processes then held at once: 1.7 GB."""
+    monkeypatch.setattr(bounds, "PIECE", 1 << 20)
+    path = tmp_path / "plant.parquet"
+    n = 6000
+    text = [f"{k % 9}" * 1000 for k in range(n)]
+    pq.write_table(pa.table({"t": np.arange(n), "PV": np.arange(n) * 0.1, "note": text}), path)
+    types = {0: pa.int64(), 1: pa.float64(), 2: pa.string()}
+    pieces = list(apart._pieces(ParquetSource, str(path), str(path), types, frozenset()))
+    assert len(pieces) > 5 and max(piece.size for _, piece in pieces) < 1.1 * bounds.PIECE
+    columns = [apart._unpacked(piece) for _, piece in pieces]
+    assert sum(len(t) for t, _, _ in columns) == n
+    assert [one for _, _, note in columns for one in note.to_pylist()] == text
+
+
 def crash():
     os.kill(os.getpid(), signal.SIGKILL)
 

@@ -15,6 +15,7 @@ __all__ = [
     "MEMORY",
     "PARTS",
     "PATIENCE",
+    "PIECE",
     "RATIO",
     "TEXT",
     "UNPACKED",
@@ -39,6 +40,8 @@ RATIO = 200
 """From `UNPACKED` on, bytes that a file may unpack to for each of its own."""
 MEMORY = 1 << 30
 """Bytes that the process which reads a file may take beyond those it has when it begins."""
+PIECE = 1 << 27
+"""Bytes of rows that the process which reads a file hands over at once, and that both then hold."""
 PATIENCE = 25.0
 """Seconds of the processor that it may take until its next answer: a workbook's sheets, or a table's next rows."""
 

@@ -1,10 +1,8 @@
 //! Every vector of the blocks that are there, in LREAL to the bit of the vectors, in REAL to the bit of the core in `f32`.
 
-mod common;
-
-use common::blocks::{BLOCKS, core, library};
-use common::detector::{Pins, Reference, scan};
-use common::{Block, Case, Number, cases, compare, same};
+use crate::common::blocks::{BLOCKS, core, library};
+use crate::common::detector::{Pins, Reference, scan};
+use crate::common::{Block, Case, Number, cases, compare, same};
 use glapp_core::Conditions;
 
 fn every_case<R: Number>(with_vectors: bool) {

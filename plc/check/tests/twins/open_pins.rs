@@ -1,9 +1,7 @@
 //! An open pin means the core's default: what the pins begin with that do not begin with 0 or FALSE.
 
-mod common;
-
-use common::blocks::pascal;
-use common::{Block, Number};
+use crate::common::blocks::pascal;
+use crate::common::{Block, Number};
 use glapp_core::modules::PidSettings;
 use glapp_core::{CompensationSettings, CompensationState, Conditions, Way};
 

@@ -1,8 +1,6 @@
 //! What sequences do not get to: the functions, at their bounds and to both sides.
 
-mod common;
-
-use common::{Block, Number};
+use crate::common::{Block, Number};
 use glapp_plc_check::Build;
 
 fn at_the_bounds<R: Number>() {

@@ -1,10 +1,8 @@
 //! What the library has to show beside equal bits: REAL is as good as LREAL where sums are long, and a power cut loses nothing but the
 //! half-period that it falls into and the compensation, which a person enables anew.
 
-mod common;
-
-use common::detector::{Pins, Reference, scan};
-use common::{Block, Draw, Number, compensate, detection, same};
+use crate::common::detector::{Pins, Reference, scan};
+use crate::common::{Block, Draw, Number, compensate, detection, same};
 
 /// What REAL may be off, as a share of LREAL.
 const SHARE: f64 = 1e-4;

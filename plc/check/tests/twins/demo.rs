@@ -1,11 +1,9 @@
 //! `GlappDemo`: the bits of the same loop put together from the core, and the gap is found. Ten scans for each of the sequences that the
 //! other tests run, 200 or `GLAPP_SEQUENCES`, and 8000 more: `GLAPP_SEQUENCES=10000` makes them more than 10^5.
 
-mod common;
-
-use common::control::{Core, Row, TWINS, core};
-use common::detector::{Pins, Reference};
-use common::{Block, Number, same};
+use crate::common::control::{Core, Row, TWINS, core};
+use crate::common::detector::{Pins, Reference};
+use crate::common::{Block, Number, same};
 
 /// A block of the core that is driven by its pins; what it shows by name.
 struct Part {

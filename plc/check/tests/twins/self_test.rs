@@ -1,8 +1,6 @@
 //! `GlappSelfTest` is as the command writes it, passes, and fails for a mutant of each block.
 
-mod common;
-
-use common::{Number, folder, self_test};
+use crate::common::{Number, folder, self_test};
 use glapp_plc_check::{Build, Mutants, sources};
 
 fn whole<R: Number>() {

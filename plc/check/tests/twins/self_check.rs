@@ -1,8 +1,6 @@
 //! `GlappSelfCheck` beside the same in Rust, on numbers that are right, a little off, far off and none.
 
-mod common;
-
-use common::{Block, Draw, Number};
+use crate::common::{Block, Draw, Number};
 
 fn checks<R: Number>() {
     let mut failed = [0, 0];

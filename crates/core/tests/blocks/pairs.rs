@@ -9,7 +9,7 @@ use glapp_core::status::{BAD, BAD_LIMITS, BAD_SP, GAP, NOT_AUTO, WRONG_SIGN};
 use glapp_core::{Backlash, BacklashState, Backward, CompensationSettings, DetectorSettings, Forward, Standing, Way};
 use std::vec::Vec;
 
-#[path = "../../../bench/settings.rs"]
+#[path = "../../../../bench/settings.rs"]
 mod settings;
 
 const H: f64 = 0.1;

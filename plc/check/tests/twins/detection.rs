@@ -1,12 +1,10 @@
 //! Detection with compensation and the corrected width: every vector and random sequences beside the core, the same bits in LREAL and
 //! REAL.
 
-mod common;
-
-use common::compensate::{Settings, core, library};
-use common::cover::{Cost, Cover, sequences};
-use common::detection::{Foreign, Loop, Pins, Reference, agree, scan};
-use common::{Block, Case, Draw, Number, cases, compare, compensate, detector, same};
+use crate::common::compensate::{Settings, core, library};
+use crate::common::cover::{Cost, Cover, sequences};
+use crate::common::detection::{Foreign, Loop, Pins, Reference, agree, scan};
+use crate::common::{Block, Case, Draw, Number, cases, compare, compensate, detector, same};
 use glapp_core::modules::{self, Backward, Mode, PidSettings};
 use glapp_core::status::AT_HIGH;
 use glapp_core::{
@@ -916,7 +914,7 @@ fn random<R: Number>() {
             }
         }
         println!("{name}: doubts at the end {doubts:?}");
-        cost.tell::<R>(&format!("Glapp{}", common::blocks::pascal(name)));
+        cost.tell::<R>(&format!("Glapp{}", crate::common::blocks::pascal(name)));
     }
     for foreign in [false, true] {
         let mut cost = Cost::default();

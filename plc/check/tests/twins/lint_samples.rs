@@ -75,7 +75,7 @@ fn each_sample_is_caught() {
 /// Texts of faults in the linter's source, from their last gap on.
 #[test]
 fn no_rule_is_without_a_sample() {
-    let source = include_str!("../src/lint.rs");
+    let source = include_str!("../../src/lint.rs");
     let mut rules = 0;
     for (at, _) in source.match_indices("fault(") {
         let rest = source[at + "fault(".len()..].trim_start().trim_start_matches("format!(").trim_start();

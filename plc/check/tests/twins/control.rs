@@ -1,13 +1,11 @@
 //! Signals, controller and autotuner: every vector, and random sequences with settings and inputs good and bad, the same bits as the
 //! core in LREAL and REAL.
 //!
-//! `GLAPP_SEQUENCES=10000 cargo test -p glapp-plc-check --test control -- --nocapture` runs ten thousand of each and tells what a
+//! `GLAPP_SEQUENCES=10000 cargo test -p glapp-plc-check --test twins control:: -- --nocapture` runs ten thousand of each and tells what a
 //! scan costs.
 
-mod common;
-
-use common::control::{AUTO_TUNER, Experiments, INSIDE, POUS, POWER_CUT, Row, TWINS, Twin, core, scan};
-use common::{Block, Case, Draw, Number, cases, folder, same};
+use crate::common::control::{AUTO_TUNER, Experiments, INSIDE, POUS, POWER_CUT, Row, TWINS, Twin, core, scan};
+use crate::common::{Block, Case, Draw, Number, cases, folder, same};
 use glapp_core::NoiseState;
 use glapp_plc_check::{Build, Instance};
 use serde_json::Value;

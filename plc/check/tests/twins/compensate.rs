@@ -1,10 +1,8 @@
 //! Compensation and what it calls: every vector and random sequences beside the core, the same bits in LREAL and REAL.
 
-mod common;
-
-use common::compensate::{BLOCKS, Pins, REMEMBERED, Reference, Swings, core, library, scan};
-use common::cover::{Cost, Cover, sequences};
-use common::{Block, Case, Draw, Number, cases, compare, same};
+use crate::common::compensate::{BLOCKS, Pins, REMEMBERED, Reference, Swings, core, library, scan};
+use crate::common::cover::{Cost, Cover, sequences};
+use crate::common::{Block, Case, Draw, Number, cases, compare, same};
 use glapp_core::status::{AT_HIGH, AT_LOW};
 use glapp_core::{Saturation, WrongSign, WrongSignState};
 use glapp_plc_check::Build;
@@ -258,7 +256,7 @@ fn relays<R: Number>(cover: &mut Cover) {
 /// Enable taken away while u_FF still lags behind a width that was made smaller, and while no time is short enough for the way to 0.
 fn lagging<R: Number>(cover: &mut Cover) {
     for (ti, sizes, rate, release) in [(2.0, [4.0, 0.4], 0.1, 0.5), (1e-30, [1e12, 1e12], 1e36, 1e-30)] {
-        let settings = common::compensate::Settings {
+        let settings = crate::common::compensate::Settings {
             way: 1,
             source: 1,
             ti,
@@ -319,7 +317,7 @@ fn extremes<R: Number>(cover: &mut Cover) {
 /// Each number by itself so large that it is one, and beyond what can be measured.
 fn large<R: Number>(cover: &mut Cover) {
     type Put = Box<dyn Fn(&mut Pins, f64)>;
-    let of_settings = common::compensate::NUMBERS
+    let of_settings = crate::common::compensate::NUMBERS
         .into_iter()
         .map(|put| -> Put { Box::new(move |p: &mut Pins, x: f64| put(&mut p.settings, x)) });
     let own: [fn(&mut Pins, f64); 7] = [
@@ -334,7 +332,7 @@ fn large<R: Number>(cover: &mut Cover) {
     let own = own.into_iter().map(|put| -> Put { Box::new(put) });
     for (number, put) in of_settings.chain(own).enumerate() {
         for value in [1e33, -1e33, 0.0, 3.0, -3.0] {
-            let settings = common::compensate::Settings { source: 3, size: 1.0, ..Default::default() };
+            let settings = crate::common::compensate::Settings { source: 3, size: 1.0, ..Default::default() };
             let usual = Pins::new(settings);
             let (block, mut reference) = (Block::new::<R>("GlappCompensation"), Reference::<R>::default());
             for i in 0..30 {
@@ -360,7 +358,7 @@ fn coarse<R: Number>(cover: &mut Cover) {
     for seed in 0..60 {
         let mut draw = Draw::new(9000 + seed);
         let d = &mut draw;
-        let settings = common::compensate::Settings {
+        let settings = crate::common::compensate::Settings {
             way: d.of(&[1, 2, 3]),
             source: d.of(&[1, 3]),
             size: 1.0,
@@ -375,8 +373,8 @@ fn coarse<R: Number>(cover: &mut Cover) {
         };
         // Some controllers so slow that 300 s is the longest release, and what is used where none is given.
         let settings = match seed % 12 {
-            5 => common::compensate::Settings { ti: 400.0, ..settings },
-            11 => common::compensate::Settings { ti: 400.0, release: None, ..settings },
+            5 => crate::common::compensate::Settings { ti: 400.0, ..settings },
+            11 => crate::common::compensate::Settings { ti: 400.0, release: None, ..settings },
             _ => settings,
         };
         let mut usual = Pins::new(settings);
@@ -457,7 +455,7 @@ fn inside<R: Number>(cover: &mut Cover) {
 /// A program with another version of the retained variables is loaded: they are dropped, and that is told.
 fn another_version<R: Number>(cover: &mut Cover) {
     let block = Block::new::<R>("GlappCompensation");
-    let pins = Pins::new(common::compensate::Settings::default());
+    let pins = Pins::new(crate::common::compensate::Settings::default());
     scan(&block, &pins);
     for (version, dropped) in [(1, false), (2, true)] {
         block.0.borrow_mut().power_cut();
@@ -476,7 +474,7 @@ fn another_version<R: Number>(cover: &mut Cover) {
 #[test]
 fn compensate_counts_once_it_has_been_seen_off() {
     let block = Block::new::<f64>("GlappCompensation");
-    let settings = common::compensate::Settings { size: 1.0, ..Default::default() };
+    let settings = crate::common::compensate::Settings { size: 1.0, ..Default::default() };
     let mut pins = Pins { compensate: true, ..Pins::new(settings) };
     let swing = |pins: &mut Pins, i: usize| {
         let side = if (i / 8).is_multiple_of(2) { 1.0 } else { -1.0 };
@@ -512,7 +510,7 @@ fn compensate_counts_once_it_has_been_seen_off() {
 #[test]
 fn without_enable_it_is_ramped_out() {
     let block = Block::new::<f64>("GlappCompensation");
-    let settings = common::compensate::Settings { size: 1.0, ti: 2.0, ..Default::default() };
+    let settings = crate::common::compensate::Settings { size: 1.0, ti: 2.0, ..Default::default() };
     let mut pins = Pins::new(settings);
     let mut shown = vec![];
     for i in 0..60 {

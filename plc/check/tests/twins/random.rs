@@ -1,13 +1,11 @@
 //! Random sequences, good and bad settings and inputs: the library's blocks beside the core's, the same bits in LREAL and REAL.
 //!
-//! `GLAPP_SEQUENCES=10000 cargo test -p glapp-plc-check --test random -- --nocapture` runs ten thousand of each and tells
+//! `GLAPP_SEQUENCES=10000 cargo test -p glapp-plc-check --test twins random:: -- --nocapture` runs ten thousand of each and tells
 //! what a scan costs.
 
-mod common;
-
-use common::blocks::{BLOCKS, core, library};
-use common::detector::{Loop, NUMBERS, Pins, Reference, scan};
-use common::{Block, Case, Draw, Number, compare, folder, same};
+use crate::common::blocks::{BLOCKS, core, library};
+use crate::common::detector::{Loop, NUMBERS, Pins, Reference, scan};
+use crate::common::{Block, Case, Draw, Number, compare, folder, same};
 use glapp_core::Conditions;
 use glapp_plc_check::Build;
 use serde_json::json;

@@ -1,9 +1,7 @@
 //! The detector disturbed once, or twice shortly after each other, in every phase of a half-period: the bits of the core before and after.
 
-mod common;
-
-use common::detector::{Pins, Reference, scan};
-use common::{Block, Draw, Number, same};
+use crate::common::detector::{Pins, Reference, scan};
+use crate::common::{Block, Draw, Number, same};
 use glapp_core::status::{AT_HIGH, BAD, NOT_AUTO};
 
 #[derive(Clone, Copy, Debug, PartialEq)]

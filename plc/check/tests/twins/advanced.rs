@@ -1,17 +1,15 @@
 //! The controller with the detection inside: every vector, and random sequences with settings and inputs good and bad, the same bits as
 //! the core in LREAL and REAL.
 //!
-//! `GLAPP_SEQUENCES=10000 cargo test -p glapp-plc-check --test advanced -- --nocapture` runs ten thousand of them and tells what a
+//! `GLAPP_SEQUENCES=10000 cargo test -p glapp-plc-check --test twins advanced:: -- --nocapture` runs ten thousand of them and tells what a
 //! scan costs.
 
-mod common;
-
-use common::advanced::{PID_ADVANCED, ROWS, Reference, row, scan, set_compensation};
-use common::compensate;
-use common::control::{INSIDE, POWER_CUT, Row};
-use common::cover::{Cost, Cover, sequences};
-use common::detection::agree;
-use common::{Block, Case, Draw, Number, cases, same};
+use crate::common::advanced::{PID_ADVANCED, ROWS, Reference, row, scan, set_compensation};
+use crate::common::compensate;
+use crate::common::control::{INSIDE, POWER_CUT, Row};
+use crate::common::cover::{Cost, Cover, sequences};
+use crate::common::detection::agree;
+use crate::common::{Block, Case, Draw, Number, cases, same};
 use serde_json::Value;
 
 fn flag(mask: f64, flag: u16) -> f64 {

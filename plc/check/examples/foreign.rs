@@ -37,7 +37,7 @@ fn main() {
     let library = Library::of(files.iter().map(|(name, text)| (&**name, &**text)), build).expect("the library");
     let mut list = String::new();
     for name in library.blocks() {
-        let program = ["GlappSelfTest", "GlappDemo"].contains(&name);
+        let program = ["GlappSelfTest", "GlappDemo", "GlappLoop"].contains(&name);
         let upper = name.to_uppercase();
         let kind = if program && !matiec { format!("Program_{upper}") } else { upper.clone() };
         let (make, call) = match matiec {

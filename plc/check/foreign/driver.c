@@ -2,7 +2,8 @@
  * is called, and what it shows is compared with what the core showed, to the bit. C for matiec, C++ for STruC++. `table.inc` is written by
  * the example `foreign`, POUS.c or out.cpp by the compiler.
  *
- *     driver compare < LIST    one line a block: traces, scans, numbers, numbers of other bits, largest difference as a share of 1 + the number
+ *     driver compare < LIST    one line a block: traces, scans, numbers, how many of other bits, how many off by more than 1E-3 of
+ *                              1 + the number, the largest share
  *     driver cost N < LIST     one line a block: scans, mean and longest time of a scan in us, each the shortest of N, and its bytes
  *     driver self-test         Done, Passed, Exact, Block and Off of GlappSelfTest
  *
@@ -138,7 +139,7 @@ static void *after_power_cut(const struct block *block, void *memory) {
 }
 
 struct count {
-    long traces, scans, numbers, other;
+    long traces, scans, numbers, other, beyond;
     double largest, most, sum;
 };
 
@@ -186,13 +187,13 @@ static void play(const struct trace *trace, struct count *count, double *times, 
                         fprintf(stderr, "%s, %s, scan %ld: %s is %.17g instead of %.17g\n", path, block->name, scan,
                             block->of[trace->pins[pin]].path, got, value);
                     }
+                    if (!(share <= 1e-3)) count->beyond++;
                     if (!(share <= count->largest)) count->largest = share;
                 }
             }
         }
     }
-    if (times) count->traces++;
-    else {
+    if (!times) {
         count->traces++;
         count->scans += scan;
     }
@@ -267,9 +268,11 @@ int main(int argc, char **argv) {
     for (int i = 0; i < BLOCKS; i++) {
         struct count *count = &counts[i];
         if (cost && count->scans) {
-            printf("%s\t%ld\t%.4f\t%.4f\t%zu\n", blocks[i].name, count->scans, count->sum / (double)count->scans, count->most, blocks[i].size);
+            double mean = count->sum / (double)count->scans;
+            printf("%s\t%ld\t%.4f\t%.4f\t%zu\n", blocks[i].name, count->scans, mean, count->most, blocks[i].size);
         } else if (count->traces) {
-            printf("%s\t%ld\t%ld\t%ld\t%ld\t%.3g\n", blocks[i].name, count->traces, count->scans, count->numbers, count->other, count->largest);
+            printf("%s\t%ld\t%ld\t%ld\t%ld\t%ld\t%.3g\n", blocks[i].name, count->traces, count->scans, count->numbers, count->other,
+                count->beyond, count->largest);
         }
     }
     return 0;

@@ -34,9 +34,8 @@ const LISTS: [(&str, &str); 7] = [
 fn taken_by(name: &str) -> Option<&'static str> {
     static ALL: OnceLock<HashMap<&str, &str>> = OnceLock::new();
     let all = ALL.get_or_init(|| {
-        let words = |text: &'static str| {
-            text.lines().filter(|line| !line.starts_with('#')).flat_map(str::split_whitespace)
-        };
+        let words =
+            |text: &'static str| text.lines().filter(|line| !line.starts_with('#')).flat_map(str::split_whitespace);
         LISTS.iter().flat_map(|(whose, text)| words(text).map(move |word| (word, *whose))).collect()
     });
     all.get(&*name.to_ascii_uppercase()).copied()

@@ -153,7 +153,13 @@ def relay_experiment(
     if not amplitude > 0:
         raise InputError(f"is {amplitude}, must be > 0", parameter="amplitude", value=amplitude, bound="> 0")
     tuner = modules.AutoTuner(
-        sign_of(process) * amplitude, wait, longest, *pv_limits, *op_limits, relay_hysteresis=relay_hysteresis, d=known_d
+        sign_of(process) * amplitude,
+        wait,
+        longest,
+        *pv_limits,
+        *op_limits,
+        relay_hysteresis=relay_hysteresis,
+        d=known_d,
     )
     graph = modules.Graph(
         step,

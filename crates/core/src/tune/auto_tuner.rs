@@ -411,7 +411,12 @@ impl<R: Real> AutoTuner<R> {
         let sane = |x: R| x.magnitude() <= R::MOST;
         require("amplitude", amplitude, amplitude != R::ZERO && sane(amplitude), "a number other than 0")?;
         if let Some(relay_hysteresis) = relay_hysteresis {
-            require("relay_hysteresis", relay_hysteresis, relay_hysteresis >= R::ZERO && sane(relay_hysteresis), "0 or greater")?;
+            require(
+                "relay_hysteresis",
+                relay_hysteresis,
+                relay_hysteresis >= R::ZERO && sane(relay_hysteresis),
+                "0 or greater",
+            )?;
         }
         let swing = R::of(4.0) * (amplitude.magnitude() / R::of(3.0));
         require(

@@ -115,7 +115,10 @@ fn auto_tuner() {
             let op = tuner.update(&mut s, x[0], h, x[1] as u16);
             let found =
                 s.found.map_or([f64::NAN; 4], |f| [f.ku, f.tu, f.kp.unwrap_or(f64::NAN), f.kappa.unwrap_or(f64::NAN)]);
-            Some([&[op, f64::from(s.phase as u8), f64::from(s.stop as u8), s.relay_hysteresis, s.bias], &found[..]].concat())
+            Some(
+                [&[op, f64::from(s.phase as u8), f64::from(s.stop as u8), s.relay_hysteresis, s.bias], &found[..]]
+                    .concat(),
+            )
         });
     }
 }

@@ -562,7 +562,9 @@ fn refused_one_by_one<R: Number>(cover: &mut Cover) {
     for (pin, value) in [("Low", 0.0), ("High", 10.0), ("Kp", 2.0), ("PvSpan", 9.0), ("OpSpan", 9.0)] {
         usual.option(pin, Some(value));
     }
-    for pin in ["Rate", "MaxH", "DetectorTf", "SpRate", "RelayHysteresis", "FfRate", "Release", "RampTime", "Watch", "Band"] {
+    for pin in
+        ["Rate", "MaxH", "DetectorTf", "SpRate", "RelayHysteresis", "FfRate", "Release", "RampTime", "Watch", "Band"]
+    {
         usual.option(pin, Some(1.0));
     }
     for (pin, value) in [("Most", 2.0), ("Travel", 9.0), ("Reversals", 9.0)] {
@@ -617,7 +619,8 @@ fn beside<R: Number>(reference: &mut Reference<R>, block: &Block, pins: &Row, se
 fn large<R: Number>(cover: &mut Cover) {
     let mut usual = row(&[("K", 0.5), ("Ti", 1.0), ("H", 0.25), ("Start", 5.0), ("HasOwnSp", 1.0), ("Mode", 2.0)]);
     usual.set_all(&[("Rows", 2.0), ("K1", 0.5), ("Ti1", 1.0), ("At2", 4.0), ("K2", 1.0), ("Ti2", 2.0)]);
-    let pins = ["Pv", "Sp", "Ff", "ScheduleBy", "OwnSp", "ManualOutput", "BackTracking", "BackLow", "BackHigh", "Start"];
+    let pins =
+        ["Pv", "Sp", "Ff", "ScheduleBy", "OwnSp", "ManualOutput", "BackTracking", "BackLow", "BackHigh", "Start"];
     for pin in pins {
         for value in [1e33, -1e33] {
             let (block, mut reference) = (Block::new::<R>("GlappPidAdvanced"), Reference::<R>::default());

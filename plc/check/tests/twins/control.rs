@@ -480,7 +480,22 @@ impl Signals {
 /// What a controller lets overflow: numbers at the ends of what is one. Nothing stops; the library calls too large what is beyond 1E37.
 fn extreme(row: &mut Row, d: &mut Draw) {
     let pins = [
-        "X", "Load", "Pv", "Sp", "Ff", "OwnSp", "ManualOutput", "K", "Ti", "Td", "Rate", "MaxH", "H", "Gain", "Lead", "Lag",
+        "X",
+        "Load",
+        "Pv",
+        "Sp",
+        "Ff",
+        "OwnSp",
+        "ManualOutput",
+        "K",
+        "Ti",
+        "Td",
+        "Rate",
+        "MaxH",
+        "H",
+        "Gain",
+        "Lead",
+        "Lag",
         "Start",
     ];
     for pin in pins {
@@ -836,8 +851,13 @@ fn experiments<R: Number>(taken: &mut [bool]) {
         let within = |pin: &str| format!("Used.{pin}");
         let mut row = Row::new(twin, &[("Take", 1.0), ("Starts", 1.0)]);
         let limits = [("PvLow", -1e12), ("PvHigh", 1e12), ("OpLow", -1e12), ("OpHigh", 1e12)];
-        let settings =
-            [("Amplitude", amplitude), ("WaitTime", first), ("Longest", 1e11), ("MaxH", 1e9), ("HasRelayHysteresis", 1.0)];
+        let settings = [
+            ("Amplitude", amplitude),
+            ("WaitTime", first),
+            ("Longest", 1e11),
+            ("MaxH", 1e9),
+            ("HasRelayHysteresis", 1.0),
+        ];
         for (pin, value) in [&limits[..], &settings].concat() {
             row.set(&within(pin), value);
         }

@@ -581,8 +581,9 @@ pub fn written<R: Number>() -> String {
     for _ in 0..SCANS {
         one.call().unwrap_or_else(|fault| panic!("{fault}"));
         for ((drive, core), totals) in all.iter().zip(&mut cores).zip(&mut totals) {
-            let pin =
-                |name: &str| one.peek(&format!("{}.{name}", instance(&drive.name))).unwrap_or_else(|fault| panic!("{fault}"));
+            let pin = |name: &str| {
+                one.peek(&format!("{}.{name}", instance(&drive.name))).unwrap_or_else(|fault| panic!("{fault}"))
+            };
             let Some(row) = core(&pin) else { continue };
             for (total, value) in totals.iter_mut().zip(row) {
                 if let Some(value) = maybe(value) {

@@ -217,6 +217,7 @@ def test_many_loops_are_one_table_that_is_not_torn(run, monkeypatch, columns):
     assert out.count("  do ") == 5 and "verdict" not in out
 
 
+@pytest.mark.slow
 def test_python_m_glapp_is_the_command():
     done = subprocess.run([sys.executable, "-m", "glapp", "--version"], capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (0, f"glapp {glapp.__version__}\n")

@@ -47,6 +47,7 @@ def files(folder: Path) -> dict[str, bytes]:
     }
 
 
+@pytest.mark.slow
 def test_the_same_bytes_each_time(packages, tmp_path):
     first, second = files(packages), files(make(tmp_path / "again"))
     assert first == second
@@ -275,6 +276,7 @@ def test_pages_without_arrays_and_functions_give_the_same_numbers(packages, tmp_
     assert f"{len(tests)} passed" in told
 
 
+@pytest.mark.slow
 def test_attributes_say_what_a_power_cut_leaves(packages):
     pages = {path.stem.split("_", 1)[1]: Page(path.read_text()) for path in (packages / "ac800m/all").glob("*_*.html")}
     detector = {row["Name"]: row["Attributes"] for row in pages["GlappDetector"].rows("Variables")}

@@ -19,6 +19,7 @@ from .fleet import fleet
 from .identify import identify
 from .init import init
 from .plant import plant, tags
+from .score import score
 from .screen import CommandError, examples, out, say_error
 from .station import station
 from .step_test import step_test
@@ -60,6 +61,7 @@ app.command(
         "glapp step-test demo/loops.toml --loop FIC402 --json",
     )
 )(step_test)
+app.command(epilog=examples("glapp score labels.csv --report differ.html"))(score)
 app.command(epilog=examples("glapp demo demo"))(demo)
 app.command(
     epilog=examples(

@@ -58,10 +58,7 @@ const SENTENCES: &[(&str, &str)] = &[
             "; where the valve turns, PV strays from what a gap alone would do"
         ),
     ),
-    (
-        "stiction",
-        concat!("the valve sticks and jumps by {jump:op}, and has no gap beside it: ", evidence!(), often!()),
-    ),
+    ("stiction", concat!("the valve sticks and jumps by {jump:op}, and has no gap beside it: ", evidence!(), often!())),
     (
         "both",
         concat!(

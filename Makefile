@@ -145,7 +145,8 @@ dist/capi/include/glapp.h: $(SOURCES) $(wildcard crates/capi/include/* examples/
 		cp target/release/libglapp.so dist/capi/lib/libglapp.so.1 && ln -s libglapp.so.1 dist/capi/lib/libglapp.so; \
 	fi
 	cp examples/c/*.c dist/capi/examples
-	cp LICENSE docs/c.md dist/capi
+	cp LICENSE dist/capi
+	cp docs/c.md dist/capi/README.md
 	cp crates/capi/include/glapp.h $@
 
 # A wheel for every desk, and the source package: dist/wheels. What cannot be built or tried here is named.

@@ -12,7 +12,7 @@ type State = AutoTunerState<f64>;
 
 const USUAL: AutoTunerSettings<f64> = AutoTunerSettings {
     amplitude: 6.0,
-    hysteresis: None,
+    relay_hysteresis: None,
     d: 0.0,
     wait: 4.0,
     longest: 200.0,
@@ -158,7 +158,7 @@ fn settings_out_of_bounds_are_named() {
     let cases: [(AutoTunerSettings<f64>, &str); 12] = [
         (AutoTunerSettings { amplitude: 0.0, ..USUAL }, "amplitude"),
         (AutoTunerSettings { amplitude: f64::NAN, ..USUAL }, "amplitude"),
-        (AutoTunerSettings { hysteresis: Some(-0.1), ..USUAL }, "hysteresis"),
+        (AutoTunerSettings { relay_hysteresis: Some(-0.1), ..USUAL }, "relay_hysteresis"),
         (AutoTunerSettings { d: -0.1, ..USUAL }, "d"),
         (AutoTunerSettings { d: 8.0, ..USUAL }, "d"),
         (AutoTunerSettings { wait: 0.0, ..USUAL }, "wait"),
@@ -200,7 +200,7 @@ fn single_precision_finds_the_same() {
     let wide = experiment(USUAL, &mut Lags::<f64>::new(1.0, 1.0), 0.0, 0.05, 0.0).found.unwrap();
     let settings = AutoTunerSettings::<f32> {
         amplitude: 6.0,
-        hysteresis: None,
+        relay_hysteresis: None,
         d: 0.0,
         wait: 4.0,
         longest: 200.0,
@@ -246,12 +246,12 @@ proptest! {
     #[test]
     fn always_ends_and_never_leaves_its_bounds(
         amplitude in prop_oneof![-30.0..-0.1_f64, 0.1..30.0_f64],
-        hysteresis in prop::option::of(0.0..2.0_f64),
+        relay_hysteresis in prop::option::of(0.0..2.0_f64),
         start in 0.0..100.0_f64,
         samples in prop::collection::vec((pv(), 0.01..0.4_f64, prop_oneof![60 => Just(0_u16), 1 => 0_u16..32]), 1..600),
         alternating in any::<bool>(),
     ) {
-        let tuner = tuner(AutoTunerSettings { amplitude, hysteresis, wait: 1.0, longest: 40.0, ..USUAL });
+        let tuner = tuner(AutoTunerSettings { amplitude, relay_hysteresis, wait: 1.0, longest: 40.0, ..USUAL });
         let mut state = State::default();
         tuner.start(&mut state, start);
         let mut t = 0.0;
@@ -276,16 +276,16 @@ proptest! {
     #[test]
     fn sign_symmetric_and_without_units(
         samples in prop::collection::vec((0.1..5.0_f64, 0.05..0.3_f64), 40..400),
-        hysteresis in prop::option::of(0.0..0.1_f64),
+        relay_hysteresis in prop::option::of(0.0..0.1_f64),
         d in 0.0..2.0_f64,
         (pv_unit, op_unit, time_unit) in (-8..8i32, -8..8i32, -8..8i32),
     ) {
         let (pv_unit, op_unit, time_unit) = (2f64.powi(pv_unit), 2f64.powi(op_unit), 2f64.powi(time_unit));
-        let base = AutoTunerSettings { hysteresis, d, wait: 1.0, longest: 300.0, ..USUAL };
+        let base = AutoTunerSettings { relay_hysteresis, d, wait: 1.0, longest: 300.0, ..USUAL };
         let turned = AutoTunerSettings { amplitude: -6.0, ..base };
         let scaled = AutoTunerSettings {
             amplitude: 6.0 * op_unit,
-            hysteresis: hysteresis.map(|x| x * pv_unit),
+            relay_hysteresis: relay_hysteresis.map(|x| x * pv_unit),
             d: d * op_unit,
             wait: time_unit,
             longest: 300.0 * time_unit,

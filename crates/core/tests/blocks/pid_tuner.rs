@@ -17,7 +17,7 @@ fn controller() -> PidSettings<f64> {
 fn experiment() -> AutoTunerSettings<f64> {
     AutoTunerSettings {
         amplitude: 6.0,
-        hysteresis: None,
+        relay_hysteresis: None,
         d: 0.0,
         wait: 10.0,
         longest: 600.0,

@@ -24,7 +24,7 @@ fn what_is_saved_is_read_again() {
     schedule[0] = Gains { at: 40.0, k: -0.9, ti: 11.0, td: 0.0 };
     let tuner = AutoTunerSettings {
         amplitude: 5.0,
-        hysteresis: None,
+        relay_hysteresis: None,
         d: 0.3,
         wait: 60.0,
         longest: 3600.0,

@@ -195,7 +195,7 @@ fn experiment<R: Real>() -> [f64; 3] {
     let of = |x: f64| R::of(x);
     let tuner = AutoTuner::new(AutoTunerSettings {
         amplitude: of(6.0),
-        hysteresis: Some(of(0.05)),
+        relay_hysteresis: Some(of(0.05)),
         d: of(0.0),
         wait: of(1.0),
         longest: of(1e6),

@@ -98,7 +98,7 @@ fn auto_tuner() {
     for case in cases("auto_tuner") {
         let tuner = AutoTuner::new(AutoTunerSettings {
             amplitude: case.given("amplitude"),
-            hysteresis: case.param("hysteresis"),
+            relay_hysteresis: case.param("relay_hysteresis"),
             d: case.param("d").unwrap_or(0.0),
             wait: case.given("wait"),
             longest: case.given("longest"),
@@ -115,7 +115,10 @@ fn auto_tuner() {
             let op = tuner.update(&mut s, x[0], h, x[1] as u16);
             let found =
                 s.found.map_or([f64::NAN; 4], |f| [f.ku, f.tu, f.kp.unwrap_or(f64::NAN), f.kappa.unwrap_or(f64::NAN)]);
-            Some([&[op, f64::from(s.phase as u8), f64::from(s.stop as u8), s.hysteresis, s.bias], &found[..]].concat())
+            Some(
+                [&[op, f64::from(s.phase as u8), f64::from(s.stop as u8), s.relay_hysteresis, s.bias], &found[..]]
+                    .concat(),
+            )
         });
     }
 }
@@ -125,7 +128,7 @@ fn auto_tuner_module() {
     for case in cases("auto_tuner_module") {
         let settings = |amplitude| AutoTunerSettings {
             amplitude,
-            hysteresis: case.param("hysteresis"),
+            relay_hysteresis: case.param("relay_hysteresis"),
             d: case.or("d", 0.0),
             wait: case.given("wait"),
             longest: case.given("longest"),
@@ -238,7 +241,7 @@ fn of_detection(state: &BacklashDetectionState<f64>) -> [f64; 8] {
     let shown = state.detector.shown().map_or([f64::NAN, 0.0], |one| [one.value, one.count.into()]);
     let floor = state.detector.noise_floor().unwrap_or(f64::NAN);
     let whole = state.shown().map_or(f64::NAN, |whole| whole.value);
-    let over = u8::from(state.over.even) + 2 * u8::from(state.over.relay);
+    let over = u8::from(state.over.equal) + 2 * u8::from(state.over.relay);
     let standing = state.compensation.standing as u8;
     [state.compensation.u_ff, shown[0], shown[1], floor, whole, standing.into(), over.into(), state.error().into()]
 }
@@ -382,7 +385,7 @@ fn pid_tuner() {
         let settings = case.controller();
         let tuner = AutoTunerSettings {
             amplitude: case.given("amplitude"),
-            hysteresis: None,
+            relay_hysteresis: None,
             d: 0.0,
             wait: case.given("wait"),
             longest: case.given("longest"),
@@ -508,7 +511,7 @@ fn compensate<R: Real>(case: &Case) -> impl FnMut(&[f64], f64) -> Option<Vec<f64
         band: number("band"),
         tf: number("tf"),
         rate: number("rate"),
-        ramp: R::of(case.or("ramp", 0.0)),
+        ramp_time: R::of(case.or("ramp_time", 0.0)),
         release: number("release"),
         watch: number("watch"),
         travel: number("travel"),
@@ -571,8 +574,8 @@ fn over_compensation() {
                 flags: x[3] as u16,
                 ..HalfPeriod::default()
             };
-            let OverWarning { even, relay } = block.update(&mut state, &half, h, x[4]);
-            Some(vec![f64::from(u8::from(even)), f64::from(u8::from(relay))])
+            let OverWarning { equal, relay } = block.update(&mut state, &half, h, x[4]);
+            Some(vec![f64::from(u8::from(equal)), f64::from(u8::from(relay))])
         });
     }
 }

@@ -61,7 +61,7 @@ fn of_case(case: &Case) -> Row {
 /// Mode and manual output where they are given, and what is told backward.
 fn told(pins: &mut Row, mode: f64, manual: f64, flags: f64) {
     pins.set("Mode", if mode.is_nan() { -1.0 } else { mode });
-    pins.option("Manual", Some(manual).filter(|manual| !manual.is_nan()));
+    pins.option("ManualOutput", Some(manual).filter(|manual| !manual.is_nan()));
     let bits = [("BackNotAuto", 1), ("BackAtLow", 4), ("BackAtHigh", 8)];
     pins.set_all(&bits.map(|(pin, bit)| (pin, flag(flags, bit))));
 }
@@ -72,7 +72,7 @@ fn of_detection(block: &Block) -> Vec<f64> {
     row.push(if block.on("HasShown") { block.get("Estimate.Count") } else { 0.0 });
     row.push(block.given("HasNoiseFloor", "NoiseFloor"));
     row.push(block.given("HasWholeShown", "Whole.Value"));
-    row.extend([block.get("Standing"), block.get("Even") + 2.0 * block.get("Relay"), 256.0 * block.get("WrongSign")]);
+    row.extend([block.get("Standing"), block.get("Equal") + 2.0 * block.get("Relay"), 256.0 * block.get("WrongSign")]);
     row
 }
 
@@ -180,7 +180,7 @@ const SETTINGS: [&str; 41] = [
     "FfRate",
     "Release",
     "Amplitude",
-    "Hysteresis",
+    "RelayHysteresis",
     "D",
     "WaitTime",
     "PvLow",
@@ -190,7 +190,7 @@ const SETTINGS: [&str; 41] = [
 
 /// Settings that may be there or not.
 const OPTIONS: [&str; 10] =
-    ["Low", "High", "Rate", "MaxH", "Kp", "PvSpan", "OpSpan", "DetectorTf", "SpRate", "Hysteresis"];
+    ["Low", "High", "Rate", "MaxH", "Kp", "PvSpan", "OpSpan", "DetectorTf", "SpRate", "RelayHysteresis"];
 const SWITCHES: [&str; 5] = ["HasCompensation", "HasTuner", "Integrating", "Struck", "Withdraw"];
 
 /// Three lags behind the valve.
@@ -272,7 +272,7 @@ impl Loop {
         usual.set_all(&[("Amplitude", amplitude), ("PvLow", -9.0), ("PvHigh", d.of(&[9.0, 9.0, 9.0, 0.5]))]);
         usual.set_all(&times);
         usual.set_all(&[("D", d.of(&[0.0, 0.0, 0.5])), ("Rule", d.of(&[1.0, 2.0, 3.0, 0.0]))]);
-        usual.option("Hysteresis", d.of(&[None, None, Some(0.05)]));
+        usual.option("RelayHysteresis", d.of(&[None, None, Some(0.05)]));
         usual.set("HasTuner", f64::from(tuned || (limits.is_some() && d.chance(0.3))));
         let mut wrong = d.of(&[0.0, 0.0, 0.01, 0.05]);
         if tuned {
@@ -391,7 +391,7 @@ impl Loop {
         if d.chance(0.5 * rare) {
             let mode = d.of(&[0.0, 1.0, 2.0, 1.0, -1.0, 3.0]);
             self.row.set("Mode", mode);
-            for (pin, about) in [("OwnSp", 0.0), ("Manual", 4.0)] {
+            for (pin, about) in [("OwnSp", 0.0), ("ManualOutput", 4.0)] {
                 let value = about + d.between(-0.5, 0.5);
                 let value = self.or_none(d, value);
                 self.row.option(pin, d.chance(0.5).then_some(value));
@@ -446,7 +446,7 @@ fn extreme(row: &mut Row, d: &mut Draw) {
         "Sp",
         "Ff",
         "OwnSp",
-        "Manual",
+        "ManualOutput",
         "K",
         "Ti",
         "Td",
@@ -562,14 +562,16 @@ fn refused_one_by_one<R: Number>(cover: &mut Cover) {
     for (pin, value) in [("Low", 0.0), ("High", 10.0), ("Kp", 2.0), ("PvSpan", 9.0), ("OpSpan", 9.0)] {
         usual.option(pin, Some(value));
     }
-    for pin in ["Rate", "MaxH", "DetectorTf", "SpRate", "Hysteresis", "FfRate", "Release", "Ramp", "Watch", "Band"] {
+    for pin in
+        ["Rate", "MaxH", "DetectorTf", "SpRate", "RelayHysteresis", "FfRate", "Release", "RampTime", "Watch", "Band"]
+    {
         usual.option(pin, Some(1.0));
     }
     for (pin, value) in [("Most", 2.0), ("Travel", 9.0), ("Reversals", 9.0)] {
         usual.option(pin, Some(value));
     }
     let rows = ROWS.into_iter().flatten();
-    let rest = ["Ramp", "Travel", "Reversals", "Watch", "Longest"];
+    let rest = ["RampTime", "Travel", "Reversals", "Watch", "Longest"];
     let mut told = std::collections::BTreeSet::new();
     for pin in SETTINGS.into_iter().chain(rows).chain(rest) {
         // Bounds themselves among them, some by what the others are.
@@ -617,7 +619,8 @@ fn beside<R: Number>(reference: &mut Reference<R>, block: &Block, pins: &Row, se
 fn large<R: Number>(cover: &mut Cover) {
     let mut usual = row(&[("K", 0.5), ("Ti", 1.0), ("H", 0.25), ("Start", 5.0), ("HasOwnSp", 1.0), ("Mode", 2.0)]);
     usual.set_all(&[("Rows", 2.0), ("K1", 0.5), ("Ti1", 1.0), ("At2", 4.0), ("K2", 1.0), ("Ti2", 2.0)]);
-    let pins = ["Pv", "Sp", "Ff", "ScheduleBy", "OwnSp", "Manual", "BackTracking", "BackLow", "BackHigh", "Start"];
+    let pins =
+        ["Pv", "Sp", "Ff", "ScheduleBy", "OwnSp", "ManualOutput", "BackTracking", "BackLow", "BackHigh", "Start"];
     for pin in pins {
         for value in [1e33, -1e33] {
             let (block, mut reference) = (Block::new::<R>("GlappPidAdvanced"), Reference::<R>::default());
@@ -626,9 +629,9 @@ fn large<R: Number>(cover: &mut Cover) {
                 pins.set("Pv", 0.1 * i as f64);
                 if i == 0 || i == 4 || i == 5 {
                     let mode = [("Mode", if pin == "OwnSp" { 1.0 } else { 2.0 }), ("Mode", 0.0)];
-                    let told = [("HasBackLimits", 1.0), ("BackLow", -9.0), ("BackHigh", 9.0), ("HasManual", 1.0)];
+                    let told = [("HasBackLimits", 1.0), ("BackLow", -9.0), ("BackHigh", 9.0), ("HasManualOutput", 1.0)];
                     pins.set_all(&[
-                        mode[usize::from(pin == "Manual")],
+                        mode[usize::from(pin == "ManualOutput")],
                         ("BackNotAuto", f64::from(pin == "BackTracking")),
                     ]);
                     pins.set_all(&told);

@@ -245,7 +245,7 @@ fn relays<R: Number>(cover: &mut Cover) {
         // As new after Clear, whatever was told and seen before.
         block.set_all(&[("Clear", 1.0), ("Take", 0.0)]);
         block.call();
-        assert_eq!(block.all(&["Even", "Relay"]), [0.0; 2]);
+        assert_eq!(block.all(&["Equal", "Relay"]), [0.0; 2]);
         block.set_all(&[("Clear", 0.0), ("Take", 1.0)]);
         beside(before);
         cover.collect(&block);
@@ -289,7 +289,7 @@ fn extremes<R: Number>(cover: &mut Cover) {
         (s.ti, s.share, s.most) = (draw.of(&[1.0, 1e-38, 1e9, 1e-20]), 1.0, Some(1e37));
         (s.size, s.source, s.way) = (draw.of(&[1.0, 1.0, 1e30]), draw.of(&[1, 3]), draw.of(&[1, 3]));
         let short = |share: f64| Some((share * s.ti).max(1e-38));
-        (s.release, s.ramp) = (short(draw.of(&small)), short(draw.of(&small)));
+        (s.release, s.ramp_time) = (short(draw.of(&small)), short(draw.of(&small)));
         s.rate = draw.of(&[None, Some(0.01), Some(1.0), Some(1e36)]);
         (s.travel, s.reversals) = (draw.of(&[None, Some(1e36), Some(20.0)]), None);
         s.watch = draw.of(&[None, Some(10.0 * s.ti), Some(1e4 * s.ti)]);
@@ -364,7 +364,7 @@ fn coarse<R: Number>(cover: &mut Cover) {
             size: 1.0,
             band: d.of(&[Some(0.0), Some(0.5)]),
             rate: d.of(&[Some(8.0), None]),
-            ramp: d.of(&[Some(0.0), Some(0.5), None]),
+            ramp_time: d.of(&[Some(0.0), Some(0.5), None]),
             release: Some(d.of(&[1.0, 2.0])),
             travel: d.of(&[None, Some(2.0), Some(6.0)]),
             reversals: d.of(&[None, Some(2.0), Some(4.0)]),

@@ -58,7 +58,7 @@ fn of_vector(twin: &Twin, case: &Case, x: &[f64], h: f64) -> Row {
             }
             let inputs = [("Pv", x[0]), ("Sp", x[1]), ("Ff", x[2]), ("Mode", if x[3].is_nan() { -1.0 } else { x[3] })];
             row.set_all(&inputs);
-            for (pin, value) in [("OwnSp", x[4]), ("Manual", x[5])] {
+            for (pin, value) in [("OwnSp", x[4]), ("ManualOutput", x[5])] {
                 row.option(pin, Some(value).filter(|value| !value.is_nan()));
             }
             let back = [("HasBackLimits", 1.0), ("BackLow", x[6]), ("BackHigh", x[7]), ("BackTracking", x[9])];
@@ -104,12 +104,12 @@ fn tuner_settings(row: &mut Row, case: &Case, within: &str) {
         ("PvHigh", "pv_high"),
         ("OpLow", "op_low"),
         ("OpHigh", "op_high"),
-        ("Hysteresis", "hysteresis"),
+        ("RelayHysteresis", "relay_hysteresis"),
     ];
     for (pin, name) in names {
         row.set(&format!("{within}{pin}"), case.param(name).unwrap_or(0.0));
     }
-    row.set(&format!("{within}HasHysteresis"), f64::from(case.param("hysteresis").is_some()));
+    row.set(&format!("{within}HasRelayHysteresis"), f64::from(case.param("relay_hysteresis").is_some()));
 }
 
 /// What the vectors have of what is shown.
@@ -261,8 +261,8 @@ impl Signals {
             "auto_tuner_module" => vec![
                 ("Enable", 1.0),
                 ("Amplitude", d.of(&[3.0, 3.0, 3.0, -3.0])),
-                ("HasHysteresis", d.of(&[0.0, 0.0, 1.0])),
-                ("Hysteresis", d.of(&[0.05, 0.6])),
+                ("HasRelayHysteresis", d.of(&[0.0, 0.0, 1.0])),
+                ("RelayHysteresis", d.of(&[0.05, 0.6])),
                 ("D", d.of(&[0.0, 0.5])),
                 ("WaitTime", 2.0),
                 ("Longest", d.of(&[120.0, 120.0, 20.0, 250.0])),
@@ -286,7 +286,7 @@ impl Signals {
             "pid_module" => &["K", "Ti", "Td", "B", "C", "Tf", "Low", "High", "Rate", "MaxH"],
             "auto_tuner_module" => &[
                 "Amplitude",
-                "Hysteresis",
+                "RelayHysteresis",
                 "D",
                 "WaitTime",
                 "Longest",
@@ -315,7 +315,7 @@ impl Signals {
                 signals.process = Process { cancels: true, load: 0.0, integrating: false, ..signals.process };
             }
             signals.wrong = d.of(&[0.0, 0.0, 0.01]);
-            let usual = [("HasHysteresis", 0.0), ("Longest", 250.0), ("PvHigh", 9.0)];
+            let usual = [("HasRelayHysteresis", 0.0), ("Longest", 250.0), ("PvHigh", 9.0)];
             signals.usual.set_all(&usual);
             // As near to the limits as it may begin.
             let any = d.between(2.0, 4.0);
@@ -466,7 +466,7 @@ impl Signals {
             if d.chance(0.3 * self.wrong + 0.01) {
                 let mode = d.of(&[0.0, 1.0, 2.0, -1.0, 3.0]);
                 self.row.set("Mode", mode);
-                for pin in ["OwnSp", "Manual"] {
+                for pin in ["OwnSp", "ManualOutput"] {
                     let value = d.between(-2.0, 2.0);
                     let value = self.or_none(d, value);
                     self.row.option(pin, if d.chance(0.5) { Some(value) } else { None });
@@ -480,7 +480,22 @@ impl Signals {
 /// What a controller lets overflow: numbers at the ends of what is one. Nothing stops; the library calls too large what is beyond 1E37.
 fn extreme(row: &mut Row, d: &mut Draw) {
     let pins = [
-        "X", "Load", "Pv", "Sp", "Ff", "OwnSp", "Manual", "K", "Ti", "Td", "Rate", "MaxH", "H", "Gain", "Lead", "Lag",
+        "X",
+        "Load",
+        "Pv",
+        "Sp",
+        "Ff",
+        "OwnSp",
+        "ManualOutput",
+        "K",
+        "Ti",
+        "Td",
+        "Rate",
+        "MaxH",
+        "H",
+        "Gain",
+        "Lead",
+        "Lag",
         "Start",
     ];
     for pin in pins {
@@ -836,8 +851,13 @@ fn experiments<R: Number>(taken: &mut [bool]) {
         let within = |pin: &str| format!("Used.{pin}");
         let mut row = Row::new(twin, &[("Take", 1.0), ("Starts", 1.0)]);
         let limits = [("PvLow", -1e12), ("PvHigh", 1e12), ("OpLow", -1e12), ("OpHigh", 1e12)];
-        let settings =
-            [("Amplitude", amplitude), ("WaitTime", first), ("Longest", 1e11), ("MaxH", 1e9), ("HasHysteresis", 1.0)];
+        let settings = [
+            ("Amplitude", amplitude),
+            ("WaitTime", first),
+            ("Longest", 1e11),
+            ("MaxH", 1e9),
+            ("HasRelayHysteresis", 1.0),
+        ];
         for (pin, value) in [&limits[..], &settings].concat() {
             row.set(&within(pin), value);
         }
@@ -876,8 +896,8 @@ fn waves<R: Number>(taken: &mut [bool]) {
         let (wait, longest) = (d.of(&[1.0, 2.0]), d.of(&[400.0, 400.0, 400.0, 40.0]));
         for (pin, value) in [
             ("Amplitude", amplitude),
-            ("HasHysteresis", d.of(&[0.0, 1.0])),
-            ("Hysteresis", d.of(&[0.0, 0.1, 0.5])),
+            ("HasRelayHysteresis", d.of(&[0.0, 1.0])),
+            ("RelayHysteresis", d.of(&[0.0, 0.1, 0.5])),
             ("D", most * d.of(&[0.0, 0.25, 1.0])),
             ("WaitTime", wait),
             ("Longest", longest),
@@ -982,7 +1002,7 @@ fn rules<R: Number>(taken: &mut [bool]) {
         placement.call();
         let expected = told(point_placement(R::of(ku), R::of(tu)).ok());
         assert!(same(&expected, &shown(&placement)), "{:?} instead of {expected:?}", shown(&placement));
-        amigo.set_all(&[("Ku", ku), ("Tu", tu), ("Kappa", kappa), ("Derivative", f64::from(pid))]);
+        amigo.set_all(&[("Ku", ku), ("Tu", tu), ("Kappa", kappa), ("WithDerivative", f64::from(pid))]);
         amigo.call();
         let kind = if pid { Kind::Pid } else { Kind::Pi };
         let expected = told(amigo_frequency(R::of(ku), R::of(tu), R::of(kappa), kind).ok());
@@ -1026,7 +1046,7 @@ fn another_version<R: Number>(taken: &mut [bool]) {
     block.set_all(&[("Enable", 1.0), ("H", 0.1), ("K", 1.0), ("Ti", 1.0), ("Start", 7.0)]);
     block.call();
     block.set("Mode", 0.0);
-    block.option("Manual", Some(9.0));
+    block.option("ManualOutput", Some(9.0));
     block.call();
     assert!(!block.on("Dropped") && block.get("Output") == 9.0);
     block.0.borrow_mut().power_cut();

@@ -82,7 +82,7 @@ fn row(block: &Block) -> Vec<f64> {
     row.push(if block.on("HasShown") { block.get("Estimate.Count") } else { 0.0 });
     row.push(block.given("HasNoiseFloor", "NoiseFloor"));
     row.push(block.given("HasWholeShown", "Whole.Value"));
-    row.extend([block.get("Standing"), block.get("Even") + 2.0 * block.get("Relay"), 256.0 * block.get("WrongSign")]);
+    row.extend([block.get("Standing"), block.get("Equal") + 2.0 * block.get("Relay"), 256.0 * block.get("WrongSign")]);
     row
 }
 

@@ -23,6 +23,8 @@ fn every_block_has_its_pins_there() {
     for (file, text) in sources(&folder(), Build::Lreal).unwrap() {
         let name = format!("Glapp{}", file.trim_end_matches(".st"));
         assert!(page.contains(&name), "{name} is not told");
+        let bare: Vec<_> = pins(&text).lines().skip(2).filter(|row| row.ends_with("|  |")).map(str::to_owned).collect();
+        assert!(bare.is_empty(), "{name}: pins without a description: {bare:?}");
         if text.contains("FUNCTION_BLOCK") {
             assert!(
                 section(&page, &name).contains(&pins(&text)),

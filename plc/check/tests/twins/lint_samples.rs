@@ -28,9 +28,11 @@ const BODIES: [(&str, &str); 23] = [
     ("Out := P OR (Row[I] > 1.0);", "both sides are evaluated"),
 ];
 
-const DECLARATIONS: [(&str, &str); 9] = [
+const DECLARATIONS: [(&str, &str); 11] = [
     ("LIMIT : LREAL;", "is a keyword or a standard function somewhere"),
     ("REFERENCE : LREAL;", "is a keyword or a standard function somewhere"),
+    ("Hysteresis : LREAL;", "is a name of"),
+    ("Window : LREAL;", "of OSCAT already"),
     ("X_ : LREAL;", "underscores"),
     ("Z : LREAL; z : LREAL;", "differs from another name in nothing but case"),
     ("X : LREAL := A;", "begins with something other than a literal"),

@@ -9,6 +9,7 @@ mod demo;
 mod detection;
 mod disturbed;
 mod docs;
+mod example_loop;
 mod lint_samples;
 mod must_show;
 mod open_pins;

@@ -47,7 +47,7 @@ fn an_integral_that_each_scan_moves_by_less_than_a_digit() {
         pid.set_all(&[("Enable", 1.0), ("Start", 50.0), ("H", 0.01), ("K", 1.0), ("Ti", 1e3), ("HasOwnSp", 1.0)]);
         pid.set_all(&[("OwnSp", sp), ("Pv", pv)]);
         pid.call();
-        let integral = || pid.peek("Law.Integral.Value") + pid.peek("Law.Integral.Rest");
+        let integral = || pid.peek("Law.IPart.Value") + pid.peek("Law.IPart.Rest");
         let begins = integral();
         assert!((begins - 50.0).abs() < 0.06, "{begins}");
         let mut shown = vec![];

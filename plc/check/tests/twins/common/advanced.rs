@@ -36,8 +36,8 @@ pub const PID_ADVANCED: Twin = Twin {
         "Mode",
         "HasOwnSp",
         "OwnSp",
-        "HasManual",
-        "Manual",
+        "HasManualOutput",
+        "ManualOutput",
         "BackAtLow",
         "BackAtHigh",
         "BackNotAuto",
@@ -118,8 +118,8 @@ pub const PID_ADVANCED: Twin = Twin {
         "OpTf",
         "HasFfRate",
         "FfRate",
-        "HasRamp",
-        "Ramp",
+        "HasRampTime",
+        "RampTime",
         "HasRelease",
         "Release",
         "HasTravel",
@@ -133,8 +133,8 @@ pub const PID_ADVANCED: Twin = Twin {
         "Struck",
         "HasTuner",
         "Amplitude",
-        "HasHysteresis",
-        "Hysteresis",
+        "HasRelayHysteresis",
+        "RelayHysteresis",
         "D",
         "WaitTime",
         "Longest",
@@ -213,7 +213,7 @@ pub fn set_compensation(row: &mut Row, settings: &Settings) {
         ("Most", settings.most),
         ("Band", settings.band),
         ("FfRate", settings.rate),
-        ("Ramp", settings.ramp),
+        ("RampTime", settings.ramp_time),
         ("Release", settings.release),
         ("Travel", settings.travel),
         ("Reversals", settings.reversals),
@@ -237,7 +237,7 @@ fn compensation(row: &Row, k: f64, ti: f64) -> Settings {
         band: option("Band"),
         tf: row.get("OpTf"),
         rate: option("FfRate"),
-        ramp: option("Ramp"),
+        ramp_time: option("RampTime"),
         release: option("Release"),
         travel: option("Travel"),
         reversals: option("Reversals"),
@@ -280,7 +280,7 @@ fn block<R: Number>(row: &Row) -> Result<PidAdvanced<R>, f64> {
     if row.on("HasTuner") {
         settings.tuner = Some(AutoTunerSettings {
             amplitude: of("Amplitude"),
-            hysteresis: row.maybe("Hysteresis"),
+            relay_hysteresis: row.maybe("RelayHysteresis"),
             d: of("D"),
             wait: of("WaitTime"),
             longest: of("Longest"),
@@ -298,7 +298,7 @@ fn block<R: Number>(row: &Row) -> Result<PidAdvanced<R>, f64> {
                 let pv = (R::ZERO, R::ONE);
                 let good = |given| AutoTunerSettings {
                     amplitude: R::ONE,
-                    hysteresis: None,
+                    relay_hysteresis: None,
                     d: R::ZERO,
                     wait,
                     longest,
@@ -422,7 +422,7 @@ impl<R: Number> Reference<R> {
                     state.pid.mode = *mode;
                 }
                 state.pid.sp = row.maybe("OwnSp").unwrap_or(state.pid.sp);
-                state.pid.manual = row.maybe("Manual").unwrap_or(state.pid.manual);
+                state.pid.manual = row.maybe("ManualOutput").unwrap_or(state.pid.manual);
                 if row.on("Cut") {
                     state.detection.cut();
                 }
@@ -452,7 +452,7 @@ impl<R: Number> Reference<R> {
         }
         let e = &state.tuner.experiment;
         shown.extend([on(e.phase.is_running()), f64::from(e.phase as u8), f64::from(e.stop as u8)]);
-        shown.extend([e.hysteresis, e.bias].map(R::as_f64));
+        shown.extend([e.relay_hysteresis, e.bias].map(R::as_f64));
         shown.extend(found_row(e.found));
         // By the rule of this scan, in force or not; one that is none offers nothing.
         let rule = Rule::ALL.into_iter().find(|rule| f64::from(*rule as u8) == row.get("Rule"));

@@ -34,14 +34,14 @@ pub const REMEMBERED: [(&str, &str); 19] = [
     ("/harm/reversals", "Watched.Reversals"),
     ("/harm/before/count", "Watched.BeforeCount"),
     ("/harm/before/e/value", "Watched.BeforeE.Value"),
-    ("/harm/before/e/variance", "Watched.BeforeE.Variance"),
+    ("/harm/before/e/variance", "Watched.BeforeE.SigmaSquared"),
     ("/harm/before/reversals/value", "Watched.BeforeReversals.Value"),
-    ("/harm/before/reversals/variance", "Watched.BeforeReversals.Variance"),
+    ("/harm/before/reversals/variance", "Watched.BeforeReversals.SigmaSquared"),
     ("/harm/since/count", "Watched.SinceCount"),
     ("/harm/since/e/value", "Watched.SinceE.Value"),
-    ("/harm/since/e/variance", "Watched.SinceE.Variance"),
+    ("/harm/since/e/variance", "Watched.SinceE.SigmaSquared"),
     ("/harm/since/reversals/value", "Watched.SinceReversals.Value"),
-    ("/harm/since/reversals/variance", "Watched.SinceReversals.Variance"),
+    ("/harm/since/reversals/variance", "Watched.SinceReversals.SigmaSquared"),
 ];
 
 fn on(x: bool) -> f64 {
@@ -63,7 +63,7 @@ fn settings<R: Number>(case: &Case) -> CompensationSettings<R> {
         band: number("band"),
         tf: number("tf"),
         rate: number("rate"),
-        ramp: or("ramp", 0.0),
+        ramp_time: or("ramp_time", 0.0),
         release: number("release"),
         watch: number("watch"),
         travel: number("travel"),
@@ -106,7 +106,7 @@ pub fn core<R: Number>(block: &str, case: &Case) -> Scan {
                     ..HalfPeriod::default()
                 };
                 let warning = block.update(&mut state, &half, r(h), r(x[4]));
-                Some([vec![on(warning.even), on(warning.relay)], remembered(&state, &OVER.0)].concat())
+                Some([vec![on(warning.equal), on(warning.relay)], remembered(&state, &OVER.0)].concat())
             })
         }
         "wrong_sign" => {
@@ -207,7 +207,7 @@ pub fn library<R: Number>(block: &str, case: &Case) -> (Scan, Block) {
                 b.call();
                 let before = b.look(&["HasBefore", "Before"]);
                 let before = if before[0] == 0.0 { f64::NAN } else { before[1] };
-                let mut row = [b.all(&["Even", "Relay"]), b.look(&OVER.1)].concat();
+                let mut row = [b.all(&["Equal", "Relay"]), b.look(&OVER.1)].concat();
                 row.push(before);
                 Some(row)
             })
@@ -313,7 +313,7 @@ pub struct Settings {
     pub band: Option<f64>,
     pub tf: f64,
     pub rate: Option<f64>,
-    pub ramp: Option<f64>,
+    pub ramp_time: Option<f64>,
     pub release: Option<f64>,
     pub travel: Option<f64>,
     pub reversals: Option<f64>,
@@ -336,7 +336,7 @@ impl Default for Settings {
             band: None,
             tf: 0.0,
             rate: None,
-            ramp: None,
+            ramp_time: None,
             release: None,
             travel: None,
             reversals: None,
@@ -358,7 +358,7 @@ pub const NUMBERS: [fn(&mut Settings, f64); 13] = [
     |s, x| s.band = Some(x),
     |s, x| s.tf = x,
     |s, x| s.rate = Some(x),
-    |s, x| s.ramp = Some(x),
+    |s, x| s.ramp_time = Some(x),
     |s, x| s.release = Some(x),
     |s, x| s.travel = Some(x),
     |s, x| s.reversals = Some(x),
@@ -388,7 +388,7 @@ impl Settings {
             ("Most", self.most),
             ("Band", self.band),
             ("Rate", self.rate),
-            ("Ramp", self.ramp),
+            ("RampTime", self.ramp_time),
             ("Release", self.release),
             ("Travel", self.travel),
             ("Reversals", self.reversals),
@@ -418,7 +418,7 @@ impl Settings {
             band: or(self.band, usual.band),
             tf: r(self.tf),
             rate: or(self.rate, usual.rate),
-            ramp: or(self.ramp, usual.ramp),
+            ramp_time: or(self.ramp_time, usual.ramp_time),
             release: or(self.release, usual.release),
             travel: or(self.travel, usual.travel),
             reversals: or(self.reversals, usual.reversals),
@@ -448,7 +448,7 @@ impl Pins {
                 band: Some(s.band),
                 tf: s.tf,
                 rate: Some(s.rate),
-                ramp: Some(s.ramp),
+                ramp_time: Some(s.ramp_time),
                 release: Some(s.release),
                 travel: Some(s.travel),
                 reversals: Some(s.reversals),
@@ -600,7 +600,7 @@ pub fn drawn(draw: &mut Draw) -> Settings {
         band: d.of(&[None, Some(0.1), Some(0.0), Some(0.5)]),
         tf: d.of(&[0.0, 0.0, 0.2]),
         rate: d.of(&[None, Some(0.3), Some(3.0), Some(50.0)]),
-        ramp: d.of(&[None, Some(0.0), Some(0.4)]),
+        ramp_time: d.of(&[None, Some(0.0), Some(0.4)]),
         release: d.of(&[None, Some(0.5), Some(5.0)]),
         travel: d.of(&[None, None, None, Some(30.0)]),
         reversals: d.of(&[None, None, None, Some(12.0)]),
@@ -625,7 +625,7 @@ pub fn spoil(s: &mut Settings, draw: &mut Draw) {
         7 => s.band = Some(draw.of(&[-0.1, none, 1e31])),
         8 => s.rate = Some(draw.of(&[0.0, -1.0, none, 2e37])),
         9 => s.release = Some(draw.of(&[0.0, -1.0, none, 301.0, 10.1 * s.ti])),
-        10 => s.ramp = Some(draw.of(&[-1.0, none, 10.1 * s.ti])),
+        10 => s.ramp_time = Some(draw.of(&[-1.0, none, 10.1 * s.ti])),
         11 => s.travel = Some(draw.of(&[0.0, none, 2e37])),
         12 => s.reversals = Some(draw.of(&[1.9, none, 2e37])),
         13 => s.watch = Some(draw.of(&[0.0, none, 1.1e5 * s.ti])),

@@ -122,7 +122,7 @@ const REMEMBERED: [&[(&str, &str)]; 3] = [
         ("/x", "LastX"),
         ("/answered", "Answered"),
         ("/half", "HalfTime.Value"),
-        ("/period", "Period"),
+        ("/period", "CyclePeriod"),
         ("/cycles", "Cycles"),
         ("/alike", "Alike"),
         ("/cycle/t", "SumDuration.Value"),
@@ -249,8 +249,8 @@ pub const TWINS: [Twin; 9] = [
             "Mode",
             "HasOwnSp",
             "OwnSp",
-            "HasManual",
-            "Manual",
+            "HasManualOutput",
+            "ManualOutput",
             "BackAtLow",
             "BackAtHigh",
             "BackNotAuto",
@@ -313,8 +313,8 @@ pub const TWINS: [Twin; 9] = [
             "AtLow",
             "AtHigh",
             "Used.Amplitude",
-            "Used.HasHysteresis",
-            "Used.Hysteresis",
+            "Used.HasRelayHysteresis",
+            "Used.RelayHysteresis",
             "Used.D",
             "Used.WaitTime",
             "Used.Longest",
@@ -328,7 +328,7 @@ pub const TWINS: [Twin; 9] = [
             "Output",
             "Phase",
             "StopReason",
-            "Hysteresis",
+            "RelayHysteresis",
             "Bias",
             "HasFound?Ku",
             "HasFound?Tu",
@@ -358,8 +358,8 @@ pub const AUTO_TUNER: Twin = Twin {
         "BackNotAuto",
         "BackTracking",
         "Amplitude",
-        "HasHysteresis",
-        "Hysteresis",
+        "HasRelayHysteresis",
+        "RelayHysteresis",
         "D",
         "WaitTime",
         "Longest",
@@ -620,7 +620,7 @@ impl<R: Number> PidReference<R> {
                     state.mode = *mode;
                 }
                 state.sp = row.maybe("OwnSp").unwrap_or(state.sp);
-                state.manual = row.maybe("Manual").unwrap_or(state.manual);
+                state.manual = row.maybe("ManualOutput").unwrap_or(state.manual);
                 pid.forward(&mut state, row.forward("Pv"), row.forward("Sp"), row.forward("Ff"), h);
                 let (sp, ff) = pid.backward(&mut state, row.backward());
                 self.told = [sp, ff];
@@ -652,7 +652,7 @@ fn tuner_settings<R: Number>(row: &Row, within: &str) -> AutoTunerSettings<R> {
     let of = |pin: &str| row.r::<R>(&format!("{within}{pin}"));
     AutoTunerSettings {
         amplitude: of("Amplitude"),
-        hysteresis: row.on(&format!("{within}HasHysteresis")).then(|| of("Hysteresis")),
+        relay_hysteresis: row.on(&format!("{within}HasRelayHysteresis")).then(|| of("RelayHysteresis")),
         d: of("D"),
         wait: of("WaitTime"),
         longest: of("Longest"),
@@ -676,7 +676,7 @@ fn experiment_scan<R: Number>(s: &mut AutoTunerState<R>, row: &Row) -> Vec<f64> 
     let flags = flags.iter().filter(|(pin, _)| row.on(pin)).map(|(_, flag)| flag).sum();
     let op = tuner.update(s, row.r("Pv"), row.r("H"), flags);
     let shown =
-        [op.as_f64(), f64::from(s.phase as u8), f64::from(s.stop as u8), s.hysteresis.as_f64(), s.bias.as_f64()];
+        [op.as_f64(), f64::from(s.phase as u8), f64::from(s.stop as u8), s.relay_hysteresis.as_f64(), s.bias.as_f64()];
     [&shown[..], &found_row(s.found), &[s.centre.as_f64()]].concat()
 }
 
@@ -718,7 +718,7 @@ impl<R: Number> TunerReference<R> {
         shown.extend([y.value.as_f64(), on(!y.is_good())]);
         shown.extend([AT_LOW, AT_HIGH, NOT_AUTO].map(|flag| on(told.flags & flag != 0)));
         shown.extend([told.tracking.as_f64(), on(e.phase.is_running())]);
-        shown.extend([f64::from(e.phase as u8), f64::from(e.stop as u8), e.hysteresis.as_f64(), e.bias.as_f64()]);
+        shown.extend([f64::from(e.phase as u8), f64::from(e.stop as u8), e.relay_hysteresis.as_f64(), e.bias.as_f64()]);
         shown.extend(found_row(e.found));
         let rule = Rule::ALL.into_iter().find(|rule| f64::from(*rule as u8) == row.get("Rule"));
         let offer = match (e.phase, e.found, rule) {

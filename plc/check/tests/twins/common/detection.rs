@@ -270,7 +270,7 @@ pub fn in_force<R: Number>(block: &Block, within: &str, settings: &CompensationS
         ("Band", s.band),
         ("Tf", s.tf),
         ("Rate", s.rate),
-        ("Ramp", s.ramp),
+        ("RampTime", s.ramp_time),
         ("Release", s.release),
         ("Travel", s.travel),
         ("Reversals", s.reversals),
@@ -324,7 +324,7 @@ pub fn shown_of<R: Number>(
     let c = &state.compensation;
     shown.extend([c.standing as u8 as f64, c.direction.into(), c.u_ff.value().as_f64(), c.half.value().as_f64()]);
     shown.extend([c.size.as_f64(), c.delta.as_f64()]);
-    shown.extend([on(state.over.even), on(state.over.relay), on(state.error() != 0)]);
+    shown.extend([on(state.over.equal), on(state.over.relay), on(state.error() != 0)]);
     shown.extend(of(state.whole));
     shown.push(on(state.shown().is_some()));
     shown.push(block.may_compensate_by_estimate(state).err().map_or(0.0, |unfit| f64::from(unfit as u8)));
@@ -355,7 +355,7 @@ pub struct Shown {
 /// The same from the library's block.
 pub fn shown_by(block: &Block) -> Vec<f64> {
     let mut row = block.all(&["Standing", "Direction", "UFf", "HalfWidth", "GapWidth", "Delta"]);
-    row.extend(block.all(&["Even", "Relay", "WrongSign"]));
+    row.extend(block.all(&["Equal", "Relay", "WrongSign"]));
     let parts = ["Value", "Low", "High", "Kept", "Count"];
     row.extend(parts.map(|part| block.given("HasWhole", &format!("Whole.{part}"))));
     row.extend(block.all(&["HasWholeShown", "Unsuited"]));

@@ -197,7 +197,7 @@ const DRIVES: [Drive; 10] = [
         params: "{}",
         before: "Travel := Side * ((0.2 * INT_TO_LREAL(Scan MOD 30)) - 3.0);",
         call: "Enable := TRUE, Compensate := Scan > 240, H := 0.25, Sp := 50.0, Pv := (50.0 - Side) + (0.2 * A), \
-               HasOutput := TRUE, Output := ((40.0 + BacklashDetection.UFf) + Travel) + (0.1 * B), Bad := Scan = 200, K := Gain, Ti := 1.0, \
+               HasOutput := TRUE, Output := ((40.0 + BacklashDetectionBlock.UFf) + Travel) + (0.1 * B), Bad := Scan = 200, K := Gain, Ti := 1.0, \
                HasKp := TRUE, Kp := 2.0, HasOpSpan := TRUE, OpSpan := 100.0, N := 3, HasCompensation := TRUE, Size := 2.0, \
                HasBand := TRUE, Band := 0.5",
         h: "H",
@@ -209,7 +209,7 @@ const DRIVES: [Drive; 10] = [
         block: "foreign_detection",
         name: "ForeignDetection",
         params: "{}",
-        before: "Back := ForeignDetection.UFf;",
+        before: "Back := ForeignDetectionBlock.UFf;",
         call: "Enable := TRUE, Compensate := Scan > 240, H := 0.25, Sp := 50.0, Pv := (50.0 - Side) + (0.2 * D), \
                HasOp := TRUE, Op := ((40.0 + Back) + Travel) + (0.1 * C), Bad := Scan = 200, K := Gain, Ti := 1.0, HasKp := TRUE, Kp := 2.0, \
                HasOpSpan := TRUE, OpSpan := 100.0, N := 3, HasCompensation := TRUE, Size := 2.0, HasBand := TRUE, Band := 0.5, \
@@ -249,9 +249,9 @@ const CALLED: [Called; 9] = [
     // A relay experiment with a process of its own.
     Called {
         twin: "auto_tuner_module",
-        before: "Plant(Gain := 1.0, T1 := 2.0, T2 := 1.0, DeadTime := 0.5, H := 0.25, X := AutoTuner.Y, Start := 0.0);",
+        before: "Plant(Gain := 1.0, T1 := 2.0, T2 := 1.0, DeadTime := 0.5, H := 0.25, X := AutoTunerBlock.Y, Start := 0.0);",
         call: "Enable := TRUE, Run := Scan > 20, H := 0.25, X := 0.0, Pv := Plant.Y + (0.02 * A), Amplitude := 5.0, \
-               HasHysteresis := TRUE, Hysteresis := 0.2, WaitTime := 5.0, Longest := 500.0, MaxH := 1.0, PvLow := -50.0, \
+               HasRelayHysteresis := TRUE, RelayHysteresis := 0.2, WaitTime := 5.0, Longest := 500.0, MaxH := 1.0, PvLow := -50.0, \
                PvHigh := 50.0, OpLow := -50.0, OpHigh := 50.0, Rule := 1 + (Scan MOD 3)",
     },
     // The loop of the detector with everything inside: a schedule, a ramp, a compensation switched on, and an experiment begun on the way.
@@ -327,7 +327,7 @@ const SHOWN: [&str; 35] = [
     "HalfWidth",
     "GapWidth",
     "Delta",
-    "!Even",
+    "!Equal",
     "!Relay",
     "!WrongSign",
     "HasWhole?Whole.Value",
@@ -422,6 +422,11 @@ fn references<R: Number>() -> Vec<Told> {
     first.chain(rest).collect()
 }
 
+/// What a block of this name is called in the program: `Pid` itself is taken somewhere.
+fn instance(name: &str) -> String {
+    format!("{name}Block")
+}
+
 /// Adds up an output: the total's name and the statements.
 fn added(instance: &str, output: &str, total: &str) -> String {
     let within = |condition: &str, statement: String| {
@@ -447,17 +452,18 @@ fn program(build: Build, references: &[Vec<f64>]) -> String {
     let all = all();
     for (number, (drive, references)) in all.iter().zip(references).enumerate() {
         let (number, name) = (number + 1, &drive.name);
-        writeln!(vars, "    {name} : Glapp{name};").unwrap();
+        let instance = instance(name);
+        writeln!(vars, "    {instance} : Glapp{name};").unwrap();
         if !drive.before.is_empty() {
             writeln!(run, "        {}", drive.before).unwrap();
         }
-        writeln!(run, "        {}", folded(&format!("{name}({});", drive.call))).unwrap();
+        writeln!(run, "        {}", folded(&format!("{instance}({});", drive.call))).unwrap();
         let mut sums = String::new();
         let compared = drive.outputs.iter().filter(|output| !output.is_empty());
         for (place, (output, reference)) in compared.zip(references).enumerate() {
             let total = format!("{name}{}", place + 1);
             writeln!(vars, "    {total} : LREAL;").unwrap();
-            writeln!(sums, "        {}", added(name, output, &total)).unwrap();
+            writeln!(sums, "        {}", added(&instance, output, &total)).unwrap();
             writeln!(
                 checks,
                 "        Check(Number := {number}, Value := {total}, Expected := {}, Tolerance := Tolerance);",
@@ -575,8 +581,9 @@ pub fn written<R: Number>() -> String {
     for _ in 0..SCANS {
         one.call().unwrap_or_else(|fault| panic!("{fault}"));
         for ((drive, core), totals) in all.iter().zip(&mut cores).zip(&mut totals) {
-            let pin =
-                |name: &str| one.peek(&format!("{}.{name}", drive.name)).unwrap_or_else(|fault| panic!("{fault}"));
+            let pin = |name: &str| {
+                one.peek(&format!("{}.{name}", instance(&drive.name))).unwrap_or_else(|fault| panic!("{fault}"))
+            };
             let Some(row) = core(&pin) else { continue };
             for (total, value) in totals.iter_mut().zip(row) {
                 if let Some(value) = maybe(value) {

@@ -36,9 +36,8 @@ from glapp.report.words import REASONS, failures
 from glapp.service.compensation import TOLD, detection_beside
 from glapp.service.door import app_of as service_app
 from glapp.service.memory import Memory
-from glapp.service.plant import SimPlant
+from glapp.service.plant import SimLoop, SimPlant
 from glapp.service.plant import _kinds as kinds
-from glapp.service.plant import _Loop as SimLoop
 from glapp.service.settable import SHARE
 from glapp.service.signal import Signal
 from glapp.service.users import LOGIN_LASTS

@@ -47,10 +47,10 @@ def _tone(dark: bool) -> dict[str, str]:
     return DARK if dark else LIGHT
 
 
-def _axis(tone: Mapping[str, str], **more: Any) -> dict[str, Any]:
+def _axis(tone: Mapping[str, str], *, label: Mapping[str, Any] | None = None, **more: Any) -> dict[str, Any]:
     return {
         "axisLine": {"lineStyle": {"color": tone["muted"]}},
-        "axisLabel": {"color": tone["muted"], "hideOverlap": True},
+        "axisLabel": {"color": tone["muted"], "hideOverlap": True, **(label or {})},
         "splitLine": {"lineStyle": {"color": tone["faint"]}},
         "nameTextStyle": {"color": tone["muted"], "align": "left"},
         **more,
@@ -127,6 +127,7 @@ def _reach(span: tuple[float, float] | None) -> dict[str, Any]:
         "scale": True,
         ":min": f"v => Math.min(v.min, (v.min + v.max) / 2 - {half!r})",
         ":max": f"v => Math.max(v.max, (v.min + v.max) / 2 + {half!r})",
+        "label": {"showMinLabel": False, "showMaxLabel": False},
     }
 
 

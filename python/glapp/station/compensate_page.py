@@ -12,6 +12,7 @@ from nicegui import ui
 
 from ..report.words import duration, quantity
 from ..service.compensation import TOLD
+from ..service.settable import usual_of
 from ..service.watch import SEEN
 from . import charts
 from .client import loop_path
@@ -55,7 +56,6 @@ class CompensationPage:
         known = station.view.loops[loop]
         self.pv_unit, self.op_unit = known.pv_unit or "", known.op_label
         self._engineer, self._operator = session.may("engineer"), session.may("operator")
-        self._drilled_at: float | None = None
 
     async def known(self) -> tuple[dict[str, Any], dict[str, Any]] | None:
         """Parameters and status of the loop; None where the door does not say."""
@@ -73,7 +73,7 @@ class CompensationPage:
         made = status.get("compensation")
         settings = await asyncio.to_thread(self.station.view.read, lambda r: r.settings(self.loop))
         self._seen, self._status, self._enabled = seen, status, bool(made and made["enabled"])
-        self._drilled = settings.get(SEEN)
+        self._drilled, self._set = settings.get(SEEN), settings
         self.body.clear()
         with self.body:
             if made is None:
@@ -157,12 +157,28 @@ class CompensationPage:
         """The parameters as they would be with the width that is chosen."""
         chosen = dict(self._seen)
         source = self.source.value
+        if self._differs():  # what nobody has set goes by the width, too
+            tags = self.station.view.loops[self.loop].opcua
+            usual = {"comp_band": None, **usual_of((tags.u_ff_limit or 0.0, tags.u_ff_rate or 0.0))}
+            chosen |= {name: self._set[name] if self._set.get(name) is not None else x for name, x in usual.items()}
         if source is not None:
             chosen["comp_source"] = float(source)
         chosen["comp_size"] = float(self.size.value or 0.0)
         if source == 2 and self._fit is not None:
             chosen["comp_fitted"] = self._fit["compensable"]
         return chosen
+
+    def _differs(self) -> bool:
+        """Whether the width that is chosen is another than the one in force."""
+        seen, source = self._seen, self.source.value
+        in_force = int(seen["comp_source"] or (2 if seen["comp_fitted"] is not None else 1 if seen["comp_size"] else 0))
+        if source is None:
+            return False
+        if source != in_force:
+            return True
+        if source == 1:
+            return float(self.size.value or 0.0) != seen["comp_size"]
+        return source == 2 and self._fit is not None and self._fit["compensable"] != seen["comp_fitted"]
 
     def _typed(self) -> None:
         if self.source.value != 1 and self.size.value:
@@ -171,9 +187,8 @@ class CompensationPage:
 
     def _told(self) -> None:
         chosen, seen = self._wanted(), self._seen
-        found = plan(chosen if self.source.value is not None else seen, self.op_unit)
-        in_force = plan(seen, self.op_unit)
-        used = not in_force.why_not and in_force.lines == found.lines
+        used = not self._differs()
+        found = plan(seen if used else chosen, self.op_unit)
         self.lines.clear()
         with self.lines:
             for line in found.lines:
@@ -183,21 +198,20 @@ class CompensationPage:
         self.use.props(remove="disable")
         if not self._engineer or used or found.why_not:
             self.use.props("disable")
-        why = (
-            "Enabling it needs the role engineer; switching it off, operator."
-            if not self._engineer
-            else in_force.why_not
-            if not used and found.why_not
-            else "First use this width."
-            if not used
-            else "First test switching off: nothing is enabled before that was seen."
-            if self._drilled is None
-            else ""
-        )
-        self.not_yet.set_text(why)
+        why = ""
+        if not self._engineer:
+            why = "Enabling it needs the role engineer; switching it off, operator."
+        elif found.why_not:
+            why = found.why_not
+        elif not used:
+            why = "First use this width."
         self.on.props(remove="disable")
         if why:
             self.on.props("disable")
+        elif self._drilled is None:  # the service refuses it
+            why = "First test switching off: nothing is enabled before that was seen."
+        self.not_yet.set_text(why)
+        self.why_not.set_visibility(bool(found.why_not))
 
     async def _use(self) -> None:
         """Take over the fit, or set which width counts: what differs from what is in force."""

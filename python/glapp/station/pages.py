@@ -230,7 +230,7 @@ def _overview_columns() -> list[dict[str, Any]]:
             **{":comparator": "(a, b, m, n) => (m.data.percent ?? -1) - (n.data.percent ?? -1)"},
         ),
         column("verdict", "Verdict", 124, **{":valueFormatter": "p => p.value.replace(', by crossings', '')"}),
-        column("todo", "What to do", 250, flex=1, minWidth=250),
+        column("todo", "What to do", 260, flex=1, minWidth=250),
         column("trend", "Trend", 134, **{":valueFormatter": "p => p.value.replace(/ ± \\S+/, '').replace(/;.*/, '')"}),
         column("health", "NE 107", 124, **{":cellClass": f"p => ({_HEALTHS})[p.value] || ''"}),
         column("seen", "Seen", 74),

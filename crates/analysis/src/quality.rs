@@ -140,3 +140,5 @@ pub fn inspect(rows: &Inspected<'_>, census: &Census, known: &Known) -> Vec<Find
 
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod threshold_tests;

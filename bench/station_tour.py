@@ -25,9 +25,9 @@ from typing import Any
 from asyncua import Client, ua
 from playwright.sync_api import Browser, Page, TimeoutError, sync_playwright
 
+from glapp.service.compensation import TOLD
 from glapp.service.connection import read_connection
 from glapp.service.plant import NAMESPACE
-from glapp.station.compensate import STANDINGS
 
 from .station import logged_in, started
 
@@ -38,7 +38,7 @@ PAGES = {"overview": "/", "loop": "/loop?name=LIC104", "events": "/events", "lab
 DIALOGS = ("Graph", "Parameters", "Compensate", "Phase plot", "Step test")
 LEVEL = "LIC104"
 CALM = "of SP half of the time"
-TOO_MUCH = [f"It is off. {STANDINGS[why]}" for why in ("over_compensated", "worse")]
+TOO_MUCH = [f"It is off. {TOLD[why]}" for why in ("over_compensated", "worse")]
 LONGEST = 900.0
 """So long anything may take on a machine that is busy [s]."""
 
@@ -160,7 +160,7 @@ def _story(browser: Browser, out: Path) -> None:
         eve.picture("compensate-before")
         page.get_by_role("button", name="Close").click()
         eve.opened("Compensate")
-        eve.pressed("Drill the watchdog", "The drill is under way")
+        eve.pressed("Test switching off", "The test is under way")
         page.goto(f"{url}/events")
         page.get_by_text(re.compile("took u_FF of|drill_failed")).first.wait_for()
         eve.note(page.get_by_text(re.compile("took u_FF of|drill_failed")).first.inner_text())

@@ -15,9 +15,8 @@ from glapp.reading.settings import parse_settings
 from glapp.service.connection import Connection
 from glapp.service.memory import Memory
 from glapp.service.opcua import OpcUa
-from glapp.service.plant import NAMESPACE, SimPlant
+from glapp.service.plant import NAMESPACE, SimLoop, SimPlant
 from glapp.service.plant import _kinds as kinds
-from glapp.service.plant import _Loop as SimLoop
 from glapp.service.signal import Event, Signal, Value
 from glapp.service.watch import SEEN, Bounds, Watch
 

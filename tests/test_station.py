@@ -36,9 +36,8 @@ from glapp.report.words import REASONS, failures
 from glapp.service.compensation import TOLD, detection_beside
 from glapp.service.door import app_of as service_app
 from glapp.service.memory import Memory
-from glapp.service.plant import SimPlant
+from glapp.service.plant import SimLoop, SimPlant
 from glapp.service.plant import _kinds as kinds
-from glapp.service.plant import _Loop as SimLoop
 from glapp.service.settable import SHARE
 from glapp.service.signal import Signal
 from glapp.service.users import LOGIN_LASTS
@@ -264,7 +263,7 @@ def test_no_line_is_drawn_where_nothing_came() -> None:
 
 def test_a_fit_stands_with_its_interval() -> None:
     options = charts.detections([answer("backlash", 2.0, 1.0, 3.0, None)], "%", scale=0.5, dark=True)
-    *_, fits = options["series"]
+    *_, fits, _ = options["series"]
     assert fits["data"][0][1] == 1.0 and [end["coord"][1] for end in fits["markLine"]["data"][0]] == [0.5, 1.5]
 
 

@@ -17,6 +17,17 @@ from test_station import by_hand
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("station in a browser")]
 
 
+def unfolded(page: Any) -> None:
+    """The zero crossings, which are folded where there is an answer."""
+    page.locator("summary", has_text="Zero crossings").click()
+
+
+def under_way(page: Any) -> None:
+    """Until the page has its signals: the half-period under way is told then."""
+    unfolded(page)
+    page.get_by_text(re.compile("^Half-period under way")).wait_for()
+
+
 def test_overview_loop_and_events(browser: Any, window: Window) -> None:
     page = logged_in(browser, window, "vera")
     row = page.locator(".ag-row", has_text="Backlash").first
@@ -30,6 +41,8 @@ def test_overview_loop_and_events(browser: Any, window: Window) -> None:
     page.keyboard.press("Enter")
     page.wait_for_selector(".one")
     assert page.locator(".one").inner_text() == "2.40 %"
+    page.locator("summary", has_text="Why it is believed").click()
+    unfolded(page)
     page.get_by_text("too short").or_(page.get_by_text("accepted")).first.wait_for()
     page.get_by_role("button", name="Graph").click()
     page.get_by_text("Each dot is a half-period").wait_for()
@@ -86,7 +99,7 @@ def test_laboratory(browser: Any, window: Window) -> None:
         page.keyboard.press("Enter")
         page.wait_for_function(f"document.querySelector('.ag-cell[col-id=value]').innerText === '{shown}'")
     page.get_by_text("0 or greater").or_(page.get_by_text("gap")).last.wait_for()
-    page.get_by_role("button", name="Put a loop together").click()
+    page.get_by_role("button", name="Build another loop").click()
     page.get_by_label("wires, one a line").fill("sp -> pid.sp")
     page.get_by_role("button", name="Build").click()
     page.get_by_text("connect it").wait_for()
@@ -98,7 +111,7 @@ def test_a_tab_that_is_open_for_a_day_does_not_grow(browser: Any, window: Window
     """Two days of values, faster than they come: after the second the page holds no more than after the first."""
     page = logged_in(browser, window, "vera")
     page.goto(window.url + "/loop?name=FIC0")
-    page.get_by_text(re.compile("^Half-period under way")).wait_for()
+    under_way(page)
     told = page.context.new_cdp_session(page)
     begin = page.evaluate("glapp.every = 0, Date.now() + 1e6")
     some = """(begin) => {
@@ -109,7 +122,7 @@ def test_a_tab_that_is_open_for_a_day_does_not_grow(browser: Any, window: Window
 
     def used(day: int) -> tuple[float, int, int]:
         for hour in range(24):
-            assert page.evaluate(some, begin + (24 * day + hour) * 3_600_000) == [901, 901, 901]
+            assert page.evaluate(some, begin + (24 * day + hour) * 3_600_000) == [901, 901, 901, 0]
         told.send("HeapProfiler.collectGarbage")
         counted = told.send("Memory.getDOMCounters")
         return told.send("Runtime.getHeapUsage")["usedSize"], counted["nodes"], counted["jsEventListeners"]
@@ -124,7 +137,7 @@ def test_a_tab_that_is_open_for_a_day_does_not_grow(browser: Any, window: Window
 def test_values_that_come_fast_are_drawn_together_and_none_is_left_out(browser: Any, window: Window) -> None:
     page = logged_in(browser, window, "vera")
     page.goto(window.url + "/loop?name=FIC0")
-    page.get_by_text(re.compile("^Half-period under way")).wait_for()
+    under_way(page)
     drawn = page.evaluate("""async () => {
       const [id, begin] = [Number(document.querySelector('.chart').id.slice(1)), Date.now() + 1e6];
       const chart = getElement(id).chart;
@@ -147,7 +160,7 @@ def test_a_page_that_is_open_before_the_first_samples(browser: Any, window: Wind
     page.goto(window.url + "/loop?name=FIC1")
     page.get_by_text("No PV has come since the service began.").wait_for()
     window.say("samples")
-    page.get_by_text(re.compile("^Half-period under way")).wait_for()
+    under_way(page)
     assert page.wrong == []
 
 
@@ -255,7 +268,11 @@ def test_compensation_is_told_before(browser: Any, window: Window) -> None:
     page.get_by_role("button", name="Compensate").click()
     enable = page.get_by_role("button", name="Enable compensation of FIC0")
     enable.wait_for()
-    assert enable.is_disabled() and page.get_by_text("No width is given").is_visible()
+    assert enable.is_disabled() and page.get_by_text("First use this width.").is_visible()
+    page.get_by_text("The width is 2.15 %, the lower limit of the fit").wait_for()
+    page.get_by_label("typed width").fill("0")
+    page.get_by_text("typed", exact=True).click()
+    page.get_by_text("No width is given").first.or_(page.get_by_text("The width is 0")).first.wait_for()
     page.keyboard.press("Escape")
     page.get_by_role("button", name="Parameters").click()
     page.get_by_label("comp_size", exact=True).fill("1")
@@ -307,7 +324,7 @@ def test_a_slow_network(browser: Any, window: Window) -> None:
     """400 ms there and back, 50 kB/s: all comes later, and nothing is lost or asked twice."""
     page = logged_in(browser, window, "eve")
     page.goto(window.url + "/loop?name=FIC0")
-    page.get_by_text(re.compile("^Half-period under way")).wait_for()
+    under_way(page)
     told = page.context.new_cdp_session(page)
     told.send("Network.enable")
     slow = {"offline": False, "latency": 400, "downloadThroughput": 50_000, "uploadThroughput": 50_000}

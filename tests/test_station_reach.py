@@ -18,9 +18,9 @@ DIALOGS = {
     ("loop", "Graph"): "Each dot is a half-period",
     ("loop", "Parameters"): "Who changed what, when",
     ("loop", "Compensate"): "Who did what, when",
-    ("loop", "Phase plot"): "A gap draws two flanks",
+    ("loop", "Phase plot"): "flanks",
     ("loop", "Step test"): "in automatic all the time",
-    ("laboratory", "Put a loop together"): "wires, one a line",
+    ("laboratory", "Build another loop"): "wires, one a line",
 }
 
 CONTROLS = """(scope) => {
@@ -94,6 +94,7 @@ def opened(page: Any, window: Window, name: str) -> None:
     if name in ("overview", "events", "laboratory"):
         page.wait_for_selector(".ag-row")
     else:
+        page.locator("summary", has_text="Zero crossings").click()
         page.get_by_text(re.compile("^Half-period under way")).wait_for()
 
 

@@ -45,7 +45,7 @@ app.command(
         "glapp analyze plant.csv --op CO --pb 180 --ti 0.5 --ti-unit min --pv-span 0 50 --op-span 0 100",
     )
 )(analyze)
-app.command(epilog=examples("glapp init plant.csv -o loops.toml"))(init)
+app.command(epilog=examples("glapp init plant.csv -o loops.toml", "glapp init plant.csv --op CO"))(init)
 app.command(epilog=examples("glapp identify plant.csv", "glapp identify loops.toml --loop FIC101"))(identify)
 app.command(
     epilog=examples(

@@ -17,11 +17,13 @@ from .screen import out
 
 __all__ = ["Certificate", "Key", "PlantDays", "PlantLoops", "PlantScan", "need", "say_first_login", "until_stopped"]
 
-PlantLoops = Annotated[int, typer.Option(metavar="N", help="Loops of the simulated plant.")]
-PlantDays = Annotated[
-    float, typer.Option(metavar="DAYS", help="How many days ago the simulated plant's time begins: it hurries.")
+PlantLoops = Annotated[
+    int | None, typer.Option(metavar="N", help="Another simulated plant, with so many loops and nothing behind it.")
 ]
-PlantScan = Annotated[float, typer.Option(metavar="S", help="Scan time of the simulated plant in s.")]
+PlantDays = Annotated[
+    float | None, typer.Option(metavar="DAYS", help="Another, whose time begins so many days ago: it hurries.")
+]
+PlantScan = Annotated[float | None, typer.Option(metavar="S", help="Another, with this scan time in s.")]
 Certificate = Annotated[Path | None, typer.Option(metavar="PEM", help="For TLS; needed beyond 127.0.0.1.")]
 Key = Annotated[Path | None, typer.Option(metavar="PEM", help="Its key.")]
 

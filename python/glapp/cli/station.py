@@ -29,9 +29,9 @@ def station(
     demo: Annotated[
         bool, typer.Option("--demo", metavar="", help="Start a simulated plant and the service on it, too.")
     ] = False,
-    loops: PlantLoops = 5,
-    days: PlantDays = 0.0,
-    scan: PlantScan = 1.0,
+    loops: PlantLoops = None,
+    days: PlantDays = None,
+    scan: PlantScan = None,
     host: Annotated[str, typer.Option(metavar="ADDRESS", help="Address the window listens at.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(metavar="PORT", min=0, max=65535, help="Its port; 0: any free one.")] = 8108,
     certificate: Certificate = None,
@@ -55,12 +55,18 @@ def station(
     given = {"host": host, "port": port, "certificate": certificate, "key": key}
     hosts = ("127.0.0.1", "localhost", "[::1]", host, *(name or ()))
     beside = _demo(data, loops, days, scan) if demo else contextlib.nullcontext()
+    known = data / "first-login.txt" if demo and host in ("127.0.0.1", "localhost", "::1") else None
     with suppress(KeyboardInterrupt), beside:
-        asyncio.run(_serve(data, given, hosts, door, trust))
+        asyncio.run(_serve(data, given, hosts, door, trust, known))
 
 
 async def _serve(
-    data: Path, given: dict[str, Any], hosts: tuple[str, ...], url: str | None, trust: Path | None
+    data: Path,
+    given: dict[str, Any],
+    hosts: tuple[str, ...],
+    url: str | None,
+    trust: Path | None,
+    known: Path | None,
 ) -> None:
     from ..service.door import Door as Server
     from ..station.app import app_of
@@ -69,14 +75,17 @@ async def _serve(
     from ..station.view import View
 
     made = Station(View(data), Door(data, url, trust))
-    opened = Server(app_of(made, hosts, secure=given["certificate"] is not None), **given)
+    app = app_of(made, hosts, secure=given["certificate"] is not None, first_login=known)
+    opened = Server(app, **given)
     out.print(f"The window is at {opened.url}.", soft_wrap=True)
+    if known is not None:
+        out.print("It is a demonstration: name and password are filled in.", soft_wrap=True)
     say_first_login(data)
     await until_stopped(opened.open())
 
 
 @contextlib.contextmanager
-def _demo(data: Path, loops: int, days: float, scan: float) -> Iterator[None]:
+def _demo(data: Path, loops: int | None, days: float | None, scan: float | None) -> Iterator[None]:
     """A simulated plant with the service beside it, in a process of its own, as long as the window is open."""
     from ..service.memory import Lock
 
@@ -90,8 +99,9 @@ def _demo(data: Path, loops: int, days: float, scan: float) -> Iterator[None]:
         )
     (data / "door").unlink(missing_ok=True)
     words = ["run", "--demo", "--data", str(data), "--port", "0"]
-    words += ["--loops", str(loops), "--days", str(days), "--scan", str(scan)]
-    if days > 7.0:  # a fit looks back over all of it, so that wear is seen
+    for name, value in (("--loops", loops), ("--days", days), ("--scan", scan)):
+        words += [] if value is None else [name, str(value)]
+    if days is not None and days > 7.0:  # a fit looks back over all of it, so that wear is seen
         words += ["--fit-days", str(math.ceil(days))]
     code = "from glapp.cli import main; main()"
     log = (data / "demo.log").open("wb")

@@ -105,9 +105,9 @@ def run(
     demo: Annotated[
         bool, typer.Option("--demo", metavar="", help="Watch a simulated plant, which is started beside.")
     ] = False,
-    loops: PlantLoops = 5,
-    days: PlantDays = 0.0,
-    scan: PlantScan = 1.0,
+    loops: PlantLoops = None,
+    days: PlantDays = None,
+    scan: PlantScan = None,
     repair: Annotated[
         float | None,
         typer.Option(metavar="DAY", help="On which of these days the simulated plant's worn valves are repaired."),
@@ -147,11 +147,11 @@ def run(
     if opcua_port is not None:
         security = _security(opcua_certificate, opcua_key, opcua_user, opcua_password_file)
         ours = {"port": opcua_port, "host": opcua_host, "security": security}
-    period = scan if demo else 1.0
+    period = 1.0 if scan is None or not demo else scan
     bounds = Bounds(
         period=period,
         lost=max(15.0, 3.0 * period),
-        keep=max(keep, int(days) + 1),
+        keep=max(keep, int(days or 0.0) + 1),
         fit_days=fit_days,
         fit_hour=fit_hour,
         fit_longest=fit_longest,
@@ -183,6 +183,7 @@ async def _serve(
     ours: dict[str, Any] | None,
 ) -> None:
     from ..reading.settings import parse_settings, read_settings
+    from ..service import demonstration
     from ..service.connection import Connection, read_connection
     from ..service.door import Door, app_of
     from ..service.memory import Memory
@@ -197,20 +198,30 @@ async def _serve(
         clock: Callable[[], float] = time.time
         hurries = False
         if demo is not None:
-            hurries, scan = demo["days"] > 0, demo["scan"]
+            shown = all(value is None for value in demo.values())
+            scan, behind = demo["scan"] or demonstration.SCAN, demo["days"] or 0.0
+            hurries = behind > 0
+            simulated = demonstration.loops() if shown else None
             plant = SimPlant(
-                demo["loops"],
+                simulated or demo["loops"] or 5,
                 scan=scan,
-                begin=demo["days"],
+                begin=behind,
                 speed=_HURRY if hurries else 1.0,
                 watchdog=5.0,
                 ramp=3.0,
                 repair=demo["repair"],
             )
-            await stack.enter_async_context(plant)
             known = parse_settings(plant.settings(), "the simulated plant", Path())
             text = data / "demo.toml"
             data.mkdir(parents=True, exist_ok=True)
+            fresh = not (data / "glapp.db").exists() and not (data / "signals").exists()
+            if simulated is not None and fresh:  # before the plant goes on from there
+                memory = Memory(data)
+                try:
+                    demonstration.begin(memory, simulated, known, time.time())
+                finally:
+                    memory.close()
+            await stack.enter_async_context(plant)
             text.write_text(plant.settings(), encoding="utf-8")
             connection = read_connection(text)
             if hurries:  # its days are over in seconds, and so are its nights

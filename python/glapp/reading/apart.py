@@ -206,6 +206,8 @@ def opened(kind: Callable[[str, str], Source], path: str, label: str) -> Source:
 class ApartSource(Source):
     """A file that another source reads in a process apart; see `opened`."""
 
+    typed = True
+
     def __init__(self, kind: Callable[[str, str], Source], path: str, label: str) -> None:
         self.label = label
         self._file = (kind, str(Path(path).absolute()), label)  # the process may stand in another folder

@@ -19,6 +19,7 @@ __all__ = [
     "RATIO",
     "TEXT",
     "UNPACKED",
+    "WHOLE",
     "check_columns",
     "check_unpacked",
     "most_unpacked",
@@ -38,6 +39,8 @@ UNPACKED = 1 << 30
 """Bytes that any file may unpack to."""
 RATIO = 200
 """From `UNPACKED` on, bytes that a file may unpack to for each of its own."""
+WHOLE = 1 << 28
+"""Bytes of a file that is read whole: JSON, a web page, an export of InfluxDB."""
 MEMORY = 1 << 30
 """Bytes that the process which reads a file may take beyond those it has when it begins."""
 PIECE = 1 << 27

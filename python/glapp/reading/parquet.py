@@ -57,6 +57,8 @@ def _checked(batch: pa.RecordBatch) -> pa.RecordBatch:
 class ParquetSource(Source):
     """A Parquet file; only the needed columns are decoded, and rows are counted from 1."""
 
+    typed = True
+
     def __init__(self, path: str, label: str) -> None:
         self.label = label
         self._path = path
@@ -108,6 +110,8 @@ class ParquetSource(Source):
 
 class IpcSource(Source):
     """An Arrow IPC file or stream, or a Feather (version 2) file; rows are counted from 1."""
+
+    typed = True
 
     def __init__(self, path: str, label: str) -> None:
         self.label = label

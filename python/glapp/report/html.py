@@ -88,13 +88,15 @@ def write_report(
             "summary", title=title, written=written, scale=scale, loops=list(zip(order, links, drawn, strict=True))
         )
 
-    def section(i: int, r: Result) -> Markup:
-        view = LoopView(f"loop-{i}", r)
+    keys = anchors([r.name for r in order])
+
+    def section(key: str, r: Result) -> Markup:
+        view = LoopView(key, r)
         return part("loop", v=view, r=r, payload=_payload(view.drawn))
 
-    sections = [section(i, r) for i, r in enumerate(order)]
+    sections = [section(key, r) for key, r in zip(keys, order, strict=True)]
     explained = part("explain")
-    whole = page(title, summary([f"#loop-{i}" for i in range(len(order))]), *sections, explained)
+    whole = page(title, summary([f"#{key}" for key in keys]), *sections, explained)
     if len(whole) < MAX_BYTES:
         write_file(path, whole)
         return [path]
@@ -110,6 +112,25 @@ def write_report(
     return [path, *files]
 
 
+def anchors(names: Sequence[str]) -> list[str]:
+    """Anchor of each loop by its name, not by its rank: a link that was sent on still leads there in the next report.
+
+    Examples
+    --------
+    >>> anchors(["FIC201", "FIC 201/A", "FIC-201-A", "流量"])
+    ['loop-FIC201', 'loop-FIC-201-A', 'loop-FIC-201-A-2', 'loop-loop']
+    """
+    found: dict[str, None] = {}
+    for name in names:
+        base, number = f"loop-{_file_name(name).strip('-') or 'loop'}", 1
+        key = base
+        while key in found:
+            number += 1
+            key = f"{base}-{number}"
+        found[key] = None
+    return list(found)
+
+
 def templates() -> Environment:
     """The templates, with what all of them use."""
     pages = Environment(
@@ -120,7 +141,7 @@ def templates() -> Environment:
         lstrip_blocks=True,
         finalize=lambda shown: escaped(shown) if type(shown) is str else shown,
     )
-    pages.filters |= {"breakable": _breakable, "tight": _tight}
+    pages.filters |= {"breakable": _breakable, "tight": _tight, "anchors": anchors}
     pages.tests["judged"] = words.judged
     pages.globals |= {
         "words": words,

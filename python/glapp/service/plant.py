@@ -16,23 +16,25 @@ import random
 import socket
 import time
 from array import array
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from types import TracebackType
 from typing import Any, Self
 
+import numpy as np
 from asyncua import Server, ua, uamethod
 from asyncua.common.callback import CallbackType
 from asyncua.crypto.permission_rules import User, UserRole
 from asyncua.server.history import HistoryManager, HistoryStorageInterface
+from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..modules import Backlash, Graph, Input, Mode, Module, Noise, Pid, Plant, ProcessSim
+from ..modules import Backlash, Graph, Input, Mode, Module, Noise, Pid, Plant, ProcessSim, Sum
 from .security import Security, secure
 from .signal import Signal
 
-__all__ = ["FAULTS", "NAMESPACE", "Security", "SimPlant", "free_port"]
+__all__ = ["FAULTS", "NAMESPACE", "Kind", "Security", "SimLoop", "SimPlant", "free_port"]
 
 NAMESPACE = "urn:glapp:plant"
 """URI of the namespace in which the tags stand."""
@@ -58,60 +60,118 @@ _SLICE = 50  # loops between two chances for others to run
 
 
 @dataclass(frozen=True, slots=True)
-class _Kind:
-    """A kind of loop; times in scans, everything else in % of span."""
+class Kind:
+    """A kind of loop; times in scans, everything else in % of span.
+
+    Attributes
+    ----------
+    prefix : str
+        What its name begins with.
+    k, ti : float
+        Of its controller.
+    process : Module
+        A `ProcessSim`, or an integrating `Plant`.
+    d : float
+        Total width of the gap at the beginning.
+    wear : float
+        What is added to it in a day.
+    noise : float
+        Amplitude of the noise of PV.
+    step : float
+        How far the load is from its middle after a step at most, and ...
+    often : float
+        ... so many Ti between two steps, on average.
+    moves : float
+        How far SP is from 50 at most; it moves once in 300 Ti, on average.
+    swing : (float, float), optional
+        Amplitude and period of a sine in the load.
+    area, valve : str, optional
+        For `loops.toml`.
+    """
 
     prefix: str
     k: float
     ti: float
     process: Module
-    d: float  # width of the gap at the beginning
-    wear: float  # what is added to it in a day
+    d: float
+    wear: float
     noise: float
-    step: float  # size of the load's steps
-    often: float = 30.0  # and so many Ti between two of them, on average
+    step: float
+    often: float = 30.0
+    moves: float = 3.0
+    swing: tuple[float, float] | None = None
+    area: str | None = None
+    valve: str | None = None
 
 
-def _kinds(h: float) -> list[_Kind]:
+def _kinds(h: float) -> list[Kind]:
     def lags(gain: float, t1: float, t2: float, dead: float) -> Module:
         return ProcessSim(gain=gain, t1=t1 * h, t2=t2 * h, dead_time=dead * h, start=50.0)
 
     level = Plant(([0.01], [h, 0.0]), start=50.0)
     return [
-        _Kind("FIC", 0.6, 6.0, lags(1.0, 4.0, 1.0, 1.0), 0.3, 0.03, 0.05, 4.0),
-        _Kind("PIC", 2.0, 20.0, lags(0.8, 20.0, 4.0, 2.0), 0.0, 0.0, 0.05, 5.0),
-        _Kind("TIC", 1.5, 60.0, lags(1.2, 60.0, 15.0, 8.0), 2.0, 0.0, 0.05, 8.0),
+        Kind("FIC", 0.6, 6.0, lags(1.0, 4.0, 1.0, 1.0), 0.3, 0.03, 0.05, 4.0),
+        Kind("PIC", 2.0, 20.0, lags(0.8, 20.0, 4.0, 2.0), 0.0, 0.0, 0.05, 5.0),
+        Kind("TIC", 1.5, 60.0, lags(1.2, 60.0, 15.0, 8.0), 2.0, 0.0, 0.05, 8.0),
         # Tuned tightly, and always moved a little: the one loop here that cycles by its gap.
-        _Kind("LIC", 8.0, 40.0, level, 2.0, 0.0, 0.01, 3.0, often=8.0),
-        _Kind("FIC", 0.6, 6.0, lags(1.0, 4.0, 1.0, 1.0), 0.0, 0.0, 0.1, 4.0),
+        Kind("LIC", 8.0, 40.0, level, 2.0, 0.0, 0.01, 3.0, often=8.0),
+        Kind("FIC", 0.6, 6.0, lags(1.0, 4.0, 1.0, 1.0), 0.0, 0.0, 0.1, 4.0),
     ]
 
 
-class _Loop:
-    """One loop: its graph, and what happens to it."""
+class SimLoop:
+    """One loop: its graph, and what happens to it.
 
-    def __init__(self, number: int, kind: _Kind, h: float, seed: int) -> None:
+    Parameters
+    ----------
+    number : int
+        Its place in the plant, from 0.
+    kind : Kind
+        What it is.
+    h : float
+        Scan time, > 0 [s].
+    seed : int
+        Of noise and disturbances.
+
+    Attributes
+    ----------
+    name : str
+        Its name.
+    age : float
+        How long its valve had worn when the plant's time began [d].
+
+    Examples
+    --------
+    >>> flow = Kind("FIC", 0.6, 6.0, ProcessSim(gain=1.0, t1=4.0, start=50.0), 2.0, 0.0, 0.1, 4.0)
+    >>> loop = SimLoop(0, flow, 1.0, seed=1)
+    >>> sp, pv, op, valve = loop.record(3600)
+    >>> loop.name, len(pv), bool(abs(op - valve).max() <= 1.0 + 1e-9)
+    ('FIC101', 3600, True)
+    """
+
+    def __init__(self, number: int, kind: Kind, h: float, seed: int) -> None:
         self.name = f"{kind.prefix}{101 + number}"
         self.kind = kind
+        self.age = 0.0
         self._rest = -50.0 if isinstance(kind.process, Plant) else 50.0 / _gain(kind.process) - 50.0
-        self.graph = Graph(
-            h,
-            {
-                "sp": Input(50.0),
-                "ff": Input(),
-                "load": Input(self._rest),
-                "pid": Pid(k=kind.k, ti=kind.ti * h, low=0.0, high=100.0, start=50.0, start_pv=50.0),
-                "gap": Backlash(kind.d, start=50.0),
-                "process": kind.process,
-                "noise": Noise(kind.noise, seed=seed * 10_007 + number),
-            },
-            [
-                "sp -> pid.sp",
-                "ff -> pid.ff",
-                "load -> process.load",
-                "pid -> gap -> process -> noise -> pid.pv",
-            ],
-        )
+        modules: dict[str, Module] = {
+            "sp": Input(50.0),
+            "ff": Input(),
+            "load": Input(self._rest),
+            "pid": Pid(k=kind.k, ti=kind.ti * h, low=0.0, high=100.0, start=50.0, start_pv=50.0),
+            "gap": Backlash(kind.d, start=50.0),
+            "process": kind.process,
+            "noise": Noise(kind.noise, seed=seed * 10_007 + number),
+        }
+        wires = ["sp -> pid.sp", "ff -> pid.ff", "pid -> gap -> process -> noise -> pid.pv"]
+        if kind.swing is None:
+            wires += ["load -> process.load"]
+        else:
+            size, period = kind.swing
+            w2 = (2.0 * math.pi / (period * h)) ** 2  # an oscillator without damping, pushed once: size·(1 − cos ωt)
+            modules |= {"push": Input(size), "swing": Plant(([w2], [1.0, 0.0, w2])), "all": Sum()}
+            wires += ["push -> swing -> all", "load -> all.plus", "all -> process.load"]
+        self.graph = Graph(h, modules, wires)
         self._random = random.Random(seed * 10_007 + number)
         self._scan = 0
         self._next_load, self._next_sp = self._wait(kind.often), self._wait(300)
@@ -121,17 +181,35 @@ class _Loop:
         """Scans until something happens that comes every so many integral times."""
         return self._scan + 1 + int(self._random.expovariate(1.0 / (times * self.kind.ti)))
 
-    def scan(self, days: float, u_ff: float) -> dict[Signal, float]:
-        """One scan; what the tags say after it."""
+    def _happen(self, days: float) -> None:
+        """What moves before the next scan: load, setpoint, wear."""
         graph, kind = self.graph, self.kind
         if self._scan >= self._next_load:
             graph["load.value"] = self._rest + self._random.uniform(-kind.step, kind.step)
             self._next_load = self._wait(kind.often)
         if self._scan >= self._next_sp:
-            graph["sp.value"] = 50.0 + self._random.uniform(-3.0, 3.0)
+            graph["sp.value"] = 50.0 + self._random.uniform(-kind.moves, kind.moves)
             self._next_sp = self._wait(300)
         if kind.d:
-            graph["gap.d"] = (kind.d + kind.wear * days) * (0.1 if "repaired" in self.faults else 1.0)
+            graph["gap.d"] = (kind.d + kind.wear * (days + self.age)) * (0.1 if "repaired" in self.faults else 1.0)
+
+    def record(self, scans: int) -> tuple[NDArray[np.float64], ...]:
+        """SP, PV, OP and position of so many scans, the same as by `scan`; the valve does not wear meanwhile."""
+        columns: list[list[NDArray[np.float64]]] = [[], [], [], []]
+        end = self._scan + scans
+        while self._scan < end:
+            self._happen(0.0)
+            n = min(self._next_load, self._next_sp, end) - self._scan
+            found = self.graph.run(n * self.graph.h, record=["sp", "noise", "pid", "gap"])
+            for column, name in zip(columns, ("sp", "noise", "pid", "gap"), strict=True):
+                column.append(found[name])
+            self._scan += n
+        return tuple(np.concatenate(column) if column else np.empty(0) for column in columns)
+
+    def scan(self, days: float, u_ff: float) -> dict[Signal, float]:
+        """One scan; what the tags say after it."""
+        graph = self.graph
+        self._happen(days)
         graph["pid.mode"] = Mode.MANUAL if "manual" in self.faults else Mode.EXTERNAL
         graph["ff.value"] = u_ff
         graph.scan()
@@ -269,8 +347,8 @@ class SimPlant:
 
     Parameters
     ----------
-    loops : int
-        How many, 1 to 10 000: flow, pressure, temperature, level, a sound flow, and again.
+    loops : int or sequence of SimLoop
+        How many, 1 to 10 000: flow, pressure, temperature, level, a sound flow, and again. Or the loops themselves.
     scan : float
         Scan time [s of the plant], > 0. All time constants go by it.
     speed : float
@@ -313,7 +391,7 @@ class SimPlant:
 
     def __init__(
         self,
-        loops: int = 5,
+        loops: int | Sequence[SimLoop] = 5,
         *,
         scan: float = 1.0,
         speed: float = 1.0,
@@ -336,15 +414,17 @@ class SimPlant:
         for name, value in (("begin", begin), ("history", history), ("ramp", ramp)):
             if not (math.isfinite(value) and value >= 0.0):
                 raise InputError(f"is {value}, must be ≥ 0", parameter=name, value=value, bound="≥ 0")
-        if not 1 <= loops <= 10_000:
-            raise InputError(f"is {loops}, must be 1 to 10000", parameter="loops", value=loops, bound="1 to 10000")
+        number = loops if isinstance(loops, int) else len(loops)
+        if not 1 <= number <= 10_000:
+            raise InputError(f"is {number}, must be 1 to 10000", parameter="loops", value=number, bound="1 to 10000")
         self._scan, self._speed, self._fresh = scan, speed, fresh
         self._host, self._port = host, port or free_port()
         self._keep, self._watchdog, self._ramp = history, watchdog, ramp
         self._security = security or Security()
-        kinds = _kinds(scan)
-        made = [_Loop(i, kinds[i % len(kinds)], scan, seed) for i in range(loops)]
-        self._loops = {loop.name: loop for loop in made}
+        if isinstance(loops, int):
+            kinds = _kinds(scan)
+            loops = [SimLoop(i, kinds[i % len(kinds)], scan, seed) for i in range(loops)]
+        self._loops = {loop.name: loop for loop in loops}
         self._now = begin == 0.0
         self._begin = math.floor((time.time() - begin * _DAY) / scan) * scan
         self._scans = 0
@@ -396,6 +476,7 @@ class SimPlant:
                 lines += ['process = { type = "integrating" }']
             else:
                 lines += [f"process = {{ kp = {_gain(kind.process):g} }}"]
+            lines += [f'{key} = "{x}"' for key, x in (("area", kind.area), ("valve", kind.valve)) if x is not None]
             lines += ["", f"[loops.{name}.opcua]"]
             tags = [s for s in Signal if s is not Signal.POSITION]
             lines += [f'{signal} = "{_text(f"{name}.{_NAMES[signal]}")}"' for signal in tags]
@@ -419,7 +500,7 @@ class SimPlant:
             else:
                 one.faults.pop(kind, None)
 
-    def _loop(self, name: str) -> _Loop:
+    def _loop(self, name: str) -> SimLoop:
         if name not in self._loops:
             raise InputError(f"there is no loop {name!r}", parameter="loop", value=name)
         return self._loops[name]
@@ -565,7 +646,7 @@ class SimPlant:
                 self._beats = (beat, now if self._beats[0] is not None else -math.inf)
         return now - self._beats[1] <= self._watchdog
 
-    async def _feed_forward(self, loop: _Loop, alive: bool, t: float) -> None:
+    async def _feed_forward(self, loop: SimLoop, alive: bool, t: float) -> None:
         """What the control system does with u_FF: it takes what was written, and ramps it out where nobody is alive."""
         key = (loop.name, Signal.U_FF)
         old = value = found = self._u_ff[loop.name]
@@ -592,7 +673,7 @@ class SimPlant:
         if value != found:  # what somebody wrote stands there already, with the time of it
             await self._write(key, t, value)
 
-    async def _tell(self, loop: _Loop, values: Mapping[Signal, float], t: float) -> None:
+    async def _tell(self, loop: SimLoop, values: Mapping[Signal, float], t: float) -> None:
         faults = loop.faults
         if "back" in faults:
             t -= _HOUR
@@ -614,7 +695,7 @@ class SimPlant:
             else:
                 await self._write(key, t, value)
 
-    async def _faulty(self, loop: _Loop, key: tuple[str, Signal], value: float, t: float) -> None:
+    async def _faulty(self, loop: SimLoop, key: tuple[str, Signal], value: float, t: float) -> None:
         faults = loop.faults
         if "type" in faults:
             await self._as(key, ua.VariantType.String, t, f"{value:.3f}")

@@ -235,6 +235,9 @@ class Watch:
         self._save_now = asyncio.Event()
         self._asked: asyncio.Queue[tuple[str, str]] = asyncio.Queue()
         self._fitting: set[str] = set()
+        self._fit_of: tuple[str, float] | None = None  # the loop that is fitted now, and since when on the wall
+        self._took: dict[str, float] = {}  # how long the last fit of a loop took [s]
+        self._started = self.begun, time.time()
         self._drilled: asyncio.Task[None] | None = None
         self._given = {loop.name: loop for loop in loops}
         ids = memory.know(loops)
@@ -631,9 +634,12 @@ class Watch:
                     self._failed(f"the signals cannot be written: {error}", self._clock())
             if began - shown >= 5.0 or shown == saved:
                 shown = began
-                with suppress(MemoryFull):
-                    await asyncio.to_thread(self.memory.show, self._clock(), json.dumps(self.status()))
+                await self._show()
             await asyncio.sleep(max(0.0, self.bounds.step - (time.monotonic() - began)))
+
+    async def _show(self) -> None:
+        with suppress(MemoryFull):
+            await asyncio.to_thread(self.memory.show, self._clock(), json.dumps(self.status()))
 
     async def _keep(self) -> None:
         """Days that are over into their files, and what is too old away."""
@@ -663,7 +669,10 @@ class Watch:
         try:
             while True:
                 name, person = await self._asked.get()
+                began = time.time()
+                self._fit_of = name, began
                 try:
+                    await self._show()
                     with suppress(MemoryFull, OSError):
                         await self.save()
                     said = await self._fitted(name)
@@ -671,10 +680,13 @@ class Watch:
                         self._tell(Event(self._clock(), name, "not_fitted", said))
                     else:
                         await self._answered(name, person, said)
+                        self._took[name] = time.time() - began
                 except MemoryFull as error:
                     self._tell(Event(self._clock(), name, "not_fitted", str(error)))
                 finally:
                     self._fitting.discard(name)
+                    self._fit_of = None
+                await self._show()
         finally:
             night.cancel()
 
@@ -705,16 +717,19 @@ class Watch:
 
     async def _nights(self) -> None:
         while True:
-            now = datetime.fromtimestamp(self._clock())
-            begin = now.replace(hour=self.bounds.fit_hour, minute=0, second=0, microsecond=0)
-            if begin <= now:
-                begin += timedelta(days=1)
-            while (left := begin.timestamp() - self._clock()) > 0:  # that clock may hurry, or be set
+            begin = self._next_night()
+            while (left := begin - self._clock()) > 0:  # that clock may hurry, or be set
                 await asyncio.sleep(min(left, 1.0))
             # Who was answered longest ago comes first: what one night is too short for, the next begins with.
             ordered = sorted(self._loops.values(), key=lambda w: -math.inf if w.answer is None else w.answer["time"])
             for watched in ordered:
                 self.ask_fit(watched.loop.name, "the night")
+
+    def _next_night(self) -> float:
+        """When the next fits of a night begin, by the service's clock [s since 1970 UTC]."""
+        now = datetime.fromtimestamp(self._clock())
+        begin = now.replace(hour=self.bounds.fit_hour, minute=0, second=0, microsecond=0)
+        return (begin if begin > now else begin + timedelta(days=1)).timestamp()
 
     # Compensation
 
@@ -1155,8 +1170,32 @@ class Watch:
             "failing": self.failing,
             "damaged": damaged,
             "waiting": len(self._backlog),
+            "wall": time.time(),
+            "behind": self._behind(),
+            "fits_at": self._next_night(),
             "loops": {name: self._shown(watched, damaged is not None) for name, watched in self._loops.items()},
         }
+
+    def _behind(self) -> dict[str, float | None] | None:
+        """How far a plant that hurries is behind the clock on the wall [s], and how long it will take to catch up [s].
+
+        None where it has caught up, or does not hurry.
+        """
+        began, wall = self._started
+        clock, now = self._clock(), time.time()
+        if not self._hurries or now - clock < 60.0:
+            return None
+        gained = (clock - began) - (now - wall)
+        left = (now - clock) * (now - wall) / gained if gained > 0.0 else None
+        return {"seconds": now - clock, "left": left}
+
+    def _fit_shown(self, name: str) -> dict[str, Any] | None:
+        """The fit of a loop that is under way or waits: since when, and how long such fits took; None without one."""
+        if name not in self._fitting:
+            return None
+        took = self._took.get(name, max(self._took.values(), default=None))
+        of, since = self._fit_of or (None, None)
+        return {"since": since if of == name else None, "after": None if of == name else of, "about": took}
 
     def _shown(self, watched: _Watched, forgotten: bool) -> dict[str, Any]:
         detector, answer = watched.detector, watched.answer
@@ -1176,6 +1215,7 @@ class Watch:
             "unit": watched.loop.op_label,
             "why": "K and Ti are not known" if detector is None else "",
             "fitting": watched.loop.name in self._fitting,
+            "fit": self._fit_shown(watched.loop.name),
             "answer": answer,
             "health": _health(watched, forgotten).name,
         }

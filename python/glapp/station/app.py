@@ -7,6 +7,7 @@ from contextlib import suppress
 from html import escape
 from pathlib import Path
 from typing import Annotated
+from urllib.parse import urlencode
 
 from fastapi import FastAPI, Form
 from fastapi.responses import HTMLResponse, RedirectResponse, Response
@@ -32,17 +33,21 @@ HERE = Path(__file__).parent
 WHY = {"expired": "Your login is over. Log in again.", "": ""}
 
 
-def _login(said: str, status: int = 401) -> HTMLResponse:
+def _login(said: str, status: int = 401, *, loop: str = "", known: tuple[str, str] = ("", "")) -> HTMLResponse:
     """The login page; it needs no script but to tell whether the person's screen is dark."""
+    user, password = (escape(text) for text in known)
+    demo = "<p>A demonstration: name and password are filled in.</p>" if user else ""
     text = f'<p role="alert" class="medium">{escape(said)}</p>' if said else ""
     return HTMLResponse(
         f"""<!doctype html><html lang="en"><head><meta charset="utf-8"><title>Log in – glapp</title>
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <link rel="stylesheet" href="/static/station.css"></head>
-<body class="login"><form class="card" method="post" action="/login"><h1>glapp station</h1>{text}
-<label for="user">Name</label><input id="user" name="user" autocomplete="username" required autofocus maxlength="64">
+<body class="login"><form class="card" method="post" action="/login"><h1>glapp station</h1>{demo}{text}
+<label for="user">Name</label>
+<input id="user" name="user" value="{user}" autocomplete="username" required autofocus maxlength="64">
 <label for="password">Password</label>
-<input id="password" name="password" type="password" autocomplete="current-password" required maxlength="1000">
+<input id="password" name="password" type="password" value="{password}" autocomplete="current-password"
+ required maxlength="1000"><input type="hidden" name="loop" value="{escape(loop)}">
 <input type="hidden" id="dark" name="dark" value=""><button>Log in</button></form>
 <script>if (matchMedia("(prefers-color-scheme: dark)").matches) {{ document.body.classList.add("dark");
 document.getElementById("dark").value = "1"; }}</script></body></html>""",
@@ -50,7 +55,15 @@ document.getElementById("dark").value = "1"; }}</script></body></html>""",
     )
 
 
-def app_of(station: Station, hosts: Sequence[str], *, secure: bool) -> FastAPI:
+def _first_login(path: Path | None) -> tuple[str, str]:
+    """Name and password of a demonstration's first user; two empty texts without one."""
+    if path is None or not path.is_file():
+        return "", ""
+    said = dict(line.split(" ", 1) for line in path.read_text(encoding="utf-8").splitlines() if " " in line)
+    return said.get("user", ""), said.get("password", "")
+
+
+def app_of(station: Station, hosts: Sequence[str], *, secure: bool, first_login: Path | None = None) -> FastAPI:
     """The window of a station; once in a process, since the library has one set of pages.
 
     Parameters
@@ -61,6 +74,8 @@ def app_of(station: Station, hosts: Sequence[str], *, secure: bool) -> FastAPI:
         Names that it may be addressed by.
     secure : bool
         Whether it is served by TLS.
+    first_login : Path, optional
+        `first-login.txt` of a demonstration: name and password in it stand on the login page. Never given for a plant.
 
     Returns
     -------
@@ -71,8 +86,8 @@ def app_of(station: Station, hosts: Sequence[str], *, secure: bool) -> FastAPI:
     app.mount("/static", StaticFiles(directory=HERE / "static"))
 
     @app.get("/login")
-    async def log_in_page(why: str = "") -> Response:
-        return _login(WHY.get(why, ""), 200)
+    async def log_in_page(why: str = "", loop: str = "") -> Response:
+        return _login(WHY.get(why, ""), 200, loop=loop[:200], known=_first_login(first_login))
 
     @app.post("/login")
     async def log_in(
@@ -80,16 +95,18 @@ def app_of(station: Station, hosts: Sequence[str], *, secure: bool) -> FastAPI:
         user: Annotated[str, Form(max_length=64)],
         password: Annotated[str, Form(max_length=1000)],
         dark: Annotated[str, Form(max_length=1)] = "",
+        loop: Annotated[str, Form(max_length=200)] = "",
     ) -> Response:
         address = request.client.host if request.client is not None else ""
         try:
             found = await station.door.log_in(user, password, address)
         except (Gone, Refused) as error:
             said = str(error)
-            return _login(said[:1].upper() + said[1:])
+            return _login(said[:1].upper() + said[1:], loop=loop)
         session = station.sessions.begin(found["token"], found["user"], found["role"], dark=bool(dark))
         logged_in(request.scope)
-        reply = RedirectResponse("/", 303)
+        # A link to a loop that was sent on leads there after the login; never anywhere else.
+        reply = RedirectResponse(f"/loop?{urlencode({'name': loop})}" if loop else "/", 303)
         reply.set_cookie(
             COOKIE, session.id, max_age=int(LOGIN_LASTS), httponly=True, samesite="strict", secure=secure, path="/"
         )
@@ -104,9 +121,13 @@ def app_of(station: Station, hosts: Sequence[str], *, secure: bool) -> FastAPI:
         return RedirectResponse("/login", 303)
 
     @app.post("/theme")
-    async def theme(request: Request) -> Response:
+    async def theme(request: Request, system: str = "") -> Response:
+        """Light or dark: as the person chooses, and until then as the person's system is."""
         session = station.who(request)
-        session.dark = not session.dark
+        if not system:
+            session.dark, session.chosen = not session.dark, True
+        elif not session.chosen:
+            session.dark = system == "dark"
         return Response(status_code=204)
 
     @app.get("/who")

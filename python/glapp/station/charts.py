@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from datetime import datetime
 from itertools import pairwise
 from typing import Any
 
 from ..report.words import NAMES, REASONS, number
 from ..step_test import StepTest
 
-__all__ = ["detections", "lab", "live", "phase", "shades", "step_test"]
+__all__ = ["PART", "VALVE", "detections", "effect", "lab", "live", "nothing", "phase", "shades", "step_test"]
+
+VALVE = "valve, as the model has it"
+"""OP after a gap of the width that was found."""
 
 DRAWN = 2000
 """So many points of a signal are drawn at most where it was read from a file."""
@@ -43,10 +47,10 @@ def _tone(dark: bool) -> dict[str, str]:
     return DARK if dark else LIGHT
 
 
-def _axis(tone: Mapping[str, str], **more: Any) -> dict[str, Any]:
+def _axis(tone: Mapping[str, str], *, label: Mapping[str, Any] | None = None, **more: Any) -> dict[str, Any]:
     return {
         "axisLine": {"lineStyle": {"color": tone["muted"]}},
-        "axisLabel": {"color": tone["muted"], "hideOverlap": True},
+        "axisLabel": {"color": tone["muted"], "hideOverlap": True, **(label or {})},
         "splitLine": {"lineStyle": {"color": tone["faint"]}},
         "nameTextStyle": {"color": tone["muted"], "align": "left"},
         **more,
@@ -110,10 +114,40 @@ def shades(halves: Sequence[Mapping[str, Any]], span: float, *, dark: bool) -> l
     return found
 
 
+PART = 0.05
+"""By span an axis covers this part of it at least."""
+
+
+def _reach(span: tuple[float, float] | None) -> dict[str, Any]:
+    """Limits of an axis: all of the data, and at least `PART` of a span where one is given."""
+    if span is None:
+        return {"scale": True}
+    half = PART * (span[1] - span[0]) / 2.0
+    return {
+        "scale": True,
+        ":min": f"v => Math.min(v.min, (v.min + v.max) / 2 - {half!r})",
+        ":max": f"v => Math.max(v.max, (v.min + v.max) / 2 + {half!r})",
+        "label": {"showMinLabel": False, "showMaxLabel": False},
+    }
+
+
+def nothing(options: dict[str, Any], why: str, *, dark: bool) -> dict[str, Any]:
+    """A picture in which there is nothing to see, and why."""
+    style = {"text": why, "fill": _tone(dark)["muted"], "fontSize": 14, "width": 520, "overflow": "break"}
+    return {**options, "graphic": {"type": "text", "left": "center", "top": "middle", "style": style, "silent": True}}
+
+
 def live(
-    values: Mapping[str, Sequence[Any]], halves: Sequence[Mapping[str, Any]], pv_unit: str, op_unit: str, *, dark: bool
+    values: Mapping[str, Sequence[Any]],
+    halves: Sequence[Mapping[str, Any]],
+    pv_unit: str,
+    op_unit: str,
+    *,
+    dark: bool,
+    valve: Sequence[float | None] | None = None,
+    spans: tuple[tuple[float, float] | None, tuple[float, float] | None] = (None, None),
 ) -> dict[str, Any]:
-    """SP and PV above, OP below; the half-periods are shaded behind PV.
+    """SP and PV above, OP and the valve below; the half-periods are shaded behind PV.
 
     Parameters
     ----------
@@ -125,15 +159,19 @@ def live(
         For the axes.
     dark : bool
         On a dark page.
+    valve : sequence, optional
+        Where the valve is by the model, at the times of the values; None without a width.
+    spans : ((float, float) or None, (float, float) or None)
+        Spans of PV and OP where the axes go by them; where not they go by the signals, and noise may fill the picture.
     """
     tone = _tone(dark)
     steps = sorted(b - a for a, b in pairwise(values["time"]))
     longest = max(15.0, 5.0 * steps[len(steps) // 2]) if steps else 15.0
 
-    def line(name: str, axis: int, color: str, **more: Any) -> dict[str, Any]:
+    def line(name: str, axis: int, color: str, x_of: Sequence[Any] | None = None, **more: Any) -> dict[str, Any]:
         data: list[list[Any]] = []
         last = 0.0
-        for t, x in zip(values["time"], values[name], strict=True):
+        for t, x in zip(values["time"], values[name] if x_of is None else x_of, strict=True):
             if data and t - last > longest:
                 data.append([1000.0 * last + 1.0, None])  # nothing came: no line either
             data.append([1000.0 * t, x])
@@ -152,12 +190,15 @@ def live(
     span = values["time"][-1] - values["time"][0] if values["time"] else 0.0
     pv = line("PV", 0, tone["pv"])
     pv["markArea"] = {"silent": True, "data": shades(halves, span, dark=dark)}
+    series = [line("SP", 0, tone["sp"], type="dashed"), pv, line("OP", 1, tone["op"])]
+    if valve is not None:
+        series.append(line(VALVE, 1, tone["after"], valve, width=2.5))
     return {
         **_base(tone),
         "axisPointer": {"link": [{"xAxisIndex": "all"}]},
         "grid": [
-            {"left": 56, "right": 16, "top": 34, "height": "46%"},
-            {"left": 56, "right": 16, "bottom": 24, "height": "24%"},
+            {"left": 56, "right": 16, "top": 34, "height": "41%"},
+            {"left": 56, "right": 16, "bottom": 24, "height": "33%"},
         ],
         "xAxis": [
             _axis(tone, type="time", gridIndex=0, axisLabel={"show": False}),
@@ -167,18 +208,65 @@ def live(
             _axis(
                 tone,
                 type="value",
-                scale=True,
                 gridIndex=0,
                 name=f"SP, PV [{pv_unit}]" if pv_unit else "SP, PV",
                 splitNumber=4,
+                **_reach(spans[0]),
             ),
-            _axis(tone, type="value", scale=True, gridIndex=1, name=f"OP [{op_unit}]", splitNumber=3),
+            _axis(tone, type="value", gridIndex=1, name=f"OP [{op_unit}]", splitNumber=3, **_reach(spans[1])),
         ],
-        "series": [line("SP", 0, tone["sp"], type="dashed"), pv, line("OP", 1, tone["op"])],
+        "series": series,
     }
 
 
-def detections(answers: Sequence[Mapping[str, Any]], unit: str, *, scale: float, dark: bool) -> dict[str, Any]:
+def effect(
+    values: Mapping[str, Sequence[Any]], enabled: float, pv_unit: str, op_unit: str, *, dark: bool
+) -> dict[str, Any]:
+    """PV about SP above, u_FF below, before a compensation was enabled and since.
+
+    Parameters
+    ----------
+    values : mapping
+        `time` [s since 1970 UTC], `SP`, `PV`, `U_FF`.
+    enabled : float
+        When it was [s since 1970 UTC].
+    pv_unit, op_unit : str
+        For the axes.
+    dark : bool
+        On a dark page.
+    """
+    error = [None if sp is None or pv is None else pv - sp for sp, pv in zip(values["SP"], values["PV"], strict=True)]
+    shown = live(
+        {"time": values["time"], "SP": [None] * len(error), "PV": error, "OP": values["U_FF"]},
+        [],
+        pv_unit,
+        op_unit,
+        dark=dark,
+    )
+    tone = _tone(dark)
+    _, above, below = shown["series"]
+    above["name"], below["name"] = "PV − SP", "u_FF"
+    above["markLine"] = {
+        "silent": True,
+        "symbol": "none",
+        "lineStyle": {"color": tone["after"], "type": "solid", "width": 1.5},
+        "label": {"formatter": "enabled", "color": tone["muted"], "position": "insideEndTop"},
+        "data": [{"xAxis": 1000.0 * enabled}],
+    }
+    shown["series"] = [above, below]
+    above_axis, below_axis = shown["yAxis"]
+    above_axis["name"], below_axis["name"] = f"PV − SP [{pv_unit or 'PV unit'}]", f"u_FF [{op_unit}]"
+    return shown
+
+
+def detections(
+    answers: Sequence[Mapping[str, Any]],
+    unit: str,
+    *,
+    scale: float,
+    dark: bool,
+    alone: Sequence[Mapping[str, Any]] = (),
+) -> dict[str, Any]:
     """Detections over time, those under compensation as a series of their own; the estimate, and what the fits said.
 
     The first three series are empty: `glapp.detections` in the browser fills them.
@@ -193,6 +281,8 @@ def detections(answers: Sequence[Mapping[str, Any]], unit: str, *, scale: float,
         That unit per OP unit.
     dark : bool
         On a dark page.
+    alone : sequence
+        What each recording of the newest fit says alone: `t0`, `d`; those with a width are drawn.
     """
     tone = _tone(dark)
 
@@ -245,6 +335,18 @@ def detections(answers: Sequence[Mapping[str, Any]], unit: str, *, scale: float,
                     "lineStyle": {"color": tone["ink"], "type": "solid"},
                     "label": {"show": False},
                 },
+            },
+            {
+                "name": "one recording of the fit alone",
+                "type": "scatter",
+                "symbol": "rect",
+                "symbolSize": 8,
+                "data": [
+                    [1000.0 * datetime.fromisoformat(one["t0"]).timestamp(), one["d"] * scale]
+                    for one in alone
+                    if one["t0"] is not None and one["d"] is not None and one["left_out"] is None
+                ],
+                "itemStyle": {"color": tone["after"]},
             },
         ],
     }
@@ -312,19 +414,92 @@ def step_test(found: StepTest, *, dark: bool) -> dict[str, Any] | None:
     }
 
 
-def phase(op: Sequence[Any], pv: Sequence[Any], pv_unit: str, op_unit: str, *, dark: bool) -> dict[str, Any]:
-    """PV over OP: a gap draws two flanks that lie its width apart."""
+def phase(
+    op: Sequence[Any],
+    pv: Sequence[Any],
+    name: str,
+    op_unit: str,
+    *,
+    dark: bool,
+    flanks: tuple[float, float] | None = None,
+) -> dict[str, Any]:
+    """PV over OP, and the two flanks of a gap: the lines along which PV follows OP up and down, its width apart.
+
+    Parameters
+    ----------
+    op, pv : sequence
+        The signals; None where they are bad.
+    name : str
+        Of the upright axis, with its unit.
+    op_unit : str
+        Unit of OP.
+    dark : bool
+        On a dark page.
+    flanks : (float, float), optional
+        Width of the gap [OP unit] and PV's move per move of the valve; without them no flank is drawn.
+
+    Examples
+    --------
+    >>> drawn = phase([0.0, 2.0, 4.0], [0.0, 0.0, 4.0], "PV [%]", "%", dark=False, flanks=(2.0, 2.0))
+    >>> [one["name"] for one in drawn["series"]]
+    ['recorded', 'flank, OP rising', 'flank, OP falling']
+    """
     tone = _tone(dark)
     data = [[x, y] for x, y in zip(op, pv, strict=True) if x is not None and y is not None]
+    series: list[dict[str, Any]] = [
+        {
+            "name": "recorded",
+            "type": "line",
+            "data": data,
+            "showSymbol": False,
+            "lineStyle": {"color": tone["pv"], "width": 1},
+            "itemStyle": {"color": tone["pv"]},
+        }
+    ]
+    if flanks is not None and data:
+        width, gain = flanks
+        low, high = (limit(x for x, _ in data) for limit in (min, max))
+        # Through the middle of what is drawn: the load moves PV up and down beside OP.
+        middle = _median([y - gain * x for x, y in data])
+        bottom, top = (limit(y for _, y in data) for limit in (min, max))
+        for label, side, kind in (("flank, OP rising", 1.0, "solid"), ("flank, OP falling", -1.0, "dashed")):
+            ends = [(x, middle + gain * (x - side * width / 2.0)) for x in (low - width, high + width)]
+            ends = _within(ends, bottom, top)
+            series.append(
+                {
+                    "name": label,
+                    "type": "line",
+                    "data": [list(end) for end in ends],
+                    "showSymbol": False,
+                    "lineStyle": {"color": tone["after"], "width": 2.5, "type": kind},
+                    "itemStyle": {"color": tone["after"]},
+                }
+            )
     return {
         **_base(tone),
-        "legend": {"show": False},
         "tooltip": {"show": False},
-        "grid": {"left": 56, "right": 16, "top": 34, "bottom": 44},
+        "grid": {"left": 56, "right": 16, "top": 44, "bottom": 44},
         "xAxis": _axis(tone, type="value", scale=True, name=f"OP [{op_unit}]", nameLocation="middle", nameGap=26),
-        "yAxis": _axis(tone, type="value", scale=True, name=f"PV [{pv_unit}]" if pv_unit else "PV"),
-        "series": [{"type": "line", "data": data, "showSymbol": False, "lineStyle": {"color": tone["pv"], "width": 1}}],
+        "yAxis": _axis(tone, type="value", scale=True, name=name),
+        "series": series,
     }
+
+
+def _median(values: Sequence[float]) -> float:
+    ordered = sorted(values)
+    return ordered[len(ordered) // 2]
+
+
+def _within(ends: Sequence[tuple[float, float]], bottom: float, top: float) -> list[tuple[float, float]]:
+    """The part of a line between two heights.
+
+    >>> _within([(0.0, 0.0), (4.0, 8.0)], 2.0, 6.0)
+    [(1.0, 2.0), (3.0, 6.0)]
+    """
+    (x0, y0), (x1, y1) = ends
+    if y0 == y1:
+        return list(ends)
+    return [(x0 + (x1 - x0) * (y - y0) / (y1 - y0), y) for y in (bottom, top)]
 
 
 def reasons(counts: Mapping[str, int]) -> list[tuple[str, int, str, str]]:

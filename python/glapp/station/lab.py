@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from html import escape
 from itertools import pairwise
 from typing import Any
@@ -123,12 +123,15 @@ class Project:
         As `glapp.modules.Graph` takes them.
     shown : tuple of str
         What is drawn first.
+    called : mapping
+        What signals are called where they are drawn, by the module's name; the others by that.
     """
 
     h: float
     parts: tuple[Part, ...]
     wires: tuple[str, ...]
     shown: tuple[str, ...]
+    called: Mapping[str, str] = field(default_factory=dict)
 
 
 THESIS = Project(
@@ -152,6 +155,7 @@ THESIS = Project(
         "watch -> pid.ff",
     ),
     ("sp", "noise", "pid", "gap"),
+    {"sp": "SP", "noise": "PV", "pid": "OP", "gap": "valve"},
 )
 """The loop of figure 6.5, with its gap of 2.0 % (process, tuning and noise are not in the thesis)."""
 
@@ -251,6 +255,27 @@ class Lab:
         self._times = np.concatenate([self._times, times])[-KEPT:]
         for name, column in found.items():
             self._columns[name] = np.concatenate([self._columns[name], column])[-KEPT:]
+
+    def label(self, signal: str) -> str:
+        """What a signal is called where it is drawn.
+
+        >>> Lab(THESIS).label("noise"), Lab(THESIS).label("filter")
+        ('PV', 'filter')
+        """
+        return self.project.called.get(signal, signal)
+
+    @property
+    def detector(self) -> str | None:
+        """Name of the module that estimates the gap and can compensate; None where there is none."""
+        names = (part.name for part in self.project.parts if part.kind in ("BacklashDetection", "PidAdvanced"))
+        return next(names, None)
+
+    @property
+    def gap(self) -> float | None:
+        """True width of the gap; None where the loop has none."""
+        names = (part.name for part in self.project.parts if part.kind == "Backlash")
+        name = next(names, None)
+        return None if name is None else self[f"{name}.d"]
 
     def drawn(self, seconds: float, most: int = 1200) -> dict[str, list[list[float]]]:
         """What is drawn of the last simulated seconds: for each signal points (time, value), `most` at most."""

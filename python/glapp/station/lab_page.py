@@ -13,7 +13,7 @@ from nicegui import ui
 from starlette.requests import Request
 
 from ..errors import InputError
-from ..report.words import number
+from ..report.words import count, number
 from . import charts
 from .lab import FASTEST, KINDS, THESIS, Lab, Part, Project, drawn
 from .pages import ONE_STOP, Station, dialog_of, frame, heading, quiet
@@ -29,7 +29,18 @@ LEFT = 60.0
 MOST = 20
 """So many laboratories run in a window at most; the one that was left longest ago goes first."""
 
+BEGUN = 1000.0
+"""So much of the first loop has been simulated when its page opens [s]."""
+
 WINDOWS = {60: "1 min", 600: "10 min", 3600: "1 h"}
+
+
+def _begun() -> Lab:
+    lab = Lab(THESIS)
+    lab.speed = BEGUN
+    lab.advance(1.0)
+    lab.speed = 1.0
+    return lab
 
 
 class Bench:
@@ -39,8 +50,8 @@ class Bench:
         self._labs: dict[str, tuple[Lab, float]] = {}
 
     def of(self, id: str) -> Lab:
-        """The laboratory of a session; begun with the loop of 6.5."""
-        lab = self._labs[id][0] if id in self._labs else Lab(THESIS)
+        """The laboratory of a session; begun with the loop of 6.5, after `BEGUN` s, so that there is an estimate."""
+        lab = self._labs[id][0] if id in self._labs else _begun()
         self.put(id, lab)
         return lab
 
@@ -86,12 +97,23 @@ class _Page:
             speed = ui.number("Speed [×]", value=self.lab.speed, min=0.1, max=FASTEST, on_change=self._speed)
             speed.props('dense outlined aria-label="Speed"').style("width: 120px")
             for x in (1, 10, 100, 1000):
-                quiet(f"{x} ×", lambda _, x=x: speed.set_value(x))
-            quiet("Begin anew", lambda: self._built(self.lab.project))
-            quiet("The loop of 6.5", lambda: self._built(THESIS))
-            quiet("Put a loop together", self._form)
-        with ui.element("div").classes("card").style("margin-bottom: 12px; overflow-x: auto"):
-            self.blocks = ui.html(drawn(self.lab.project), sanitize=False)
+                quiet(f"{x} ×", lambda _, x=x: speed.set_value(x)).tooltip(
+                    "As fast as the clock" if x == 1 else f"{x} times as fast as the clock"
+                )
+            quiet("Start again at t = 0", lambda: self._built(self.lab.project))
+            quiet("Load the thesis’ loop", lambda: self._built(THESIS)).tooltip("Figure 6.5, with a gap of 2.0 %")
+            quiet("Build another loop", self._form)
+        with ui.element("div").classes("lab"):
+            with ui.element("div").classes("card").style("overflow-x: auto"):
+                self.blocks = ui.html(drawn(self.lab.project), sanitize=False)
+            with ui.element("div").classes("card stack"):
+                heading("Estimate of the gap", 2)
+                with ui.element("div").classes("bar"):
+                    self.estimate = ui.label().classes("one").props('role="status"')
+                    self.true = ui.label().classes("muted")
+                self.from_ = ui.label().classes("small muted")
+                self.on = ui.button("Compensate", on_click=self._compensate).props("no-caps unelevated color=primary")
+                self.standing = ui.label().classes("small")
         with ui.element("div").classes("lab"):
             with ui.element("div").classes("card"):
                 with ui.element("div").classes("bar"):
@@ -101,13 +123,13 @@ class _Page:
                         "no-caps dense unelevated"
                     )
                 self.chosen = ui.select(
-                    list(self.lab.signals),
+                    self._labels(),
                     value=list(self.lab.shown),
                     multiple=True,
                     label="drawn",
                     on_change=self._chosen,
                 ).props("dense outlined use-chips")
-                self.chart = ui.echart(charts.lab(self.lab.drawn(self.window), dark=self.dark)).classes("chart")
+                self.chart = ui.echart(charts.lab(self._drawn(), dark=self.dark)).classes("chart")
             with ui.element("div").classes("card"):
                 with ui.element("div").classes("bar"):
                     heading("Variables", 2)
@@ -157,13 +179,62 @@ class _Page:
         self.run.set_text("Pause" if lab.running else "Run")
         late = f"; {lab.late:.0f} s could not be kept up with" if lab.late else ""
         self.state.set_text(f"t = {lab.t:.1f} s at {lab.speed:g} ×{late}")
-        series = [{"name": name, "data": points} for name, points in lab.drawn(self.window).items()]
+        self._detected()
+        series = [{"name": name, "data": points} for name, points in self._drawn().items()]
         ui.run_javascript(f"getElement({self.chart.id})?.chart?.setOption({json.dumps({'series': series})})")
         rows = {row["path"]: row for row in self._rows()}
         changes = [row for path, row in rows.items() if self.sent.get(path) != row]
         self.sent = rows
         if changes:
             self.grid.run_grid_method("applyTransaction", {"update": changes})
+
+    def _labels(self) -> dict[str, str]:
+        """What the signals are called, by their names; where that differs the name stands beside."""
+        return {
+            name: name if self.lab.label(name) == name else f"{self.lab.label(name)} ({name})"
+            for name in self.lab.signals
+        }
+
+    def _drawn(self) -> dict[str, list[list[float]]]:
+        return {self.lab.label(name): points for name, points in self.lab.drawn(self.window).items()}
+
+    def _detected(self) -> None:
+        """What the detector of the loop says, and what its compensation does."""
+        lab, name = self.lab, self.lab.detector
+        true = lab.gap
+        self.true.set_text("" if true is None else f"true: {number(true)} %")
+        self.on.set_visibility(name is not None)
+        if name is None:
+            self.estimate.set_text("–")
+            self.from_.set_text("This loop has no detector.")
+            self.standing.set_text("")
+            return
+        found, of = lab[f"{name}.d_hat"], int(lab[f"{name}.count"] or 0)
+        self.estimate.set_text("–" if found is None else f"{number(found)} %")
+        self.from_.set_text(
+            f"Median and mean of the last {count(of, 'detection')}." if of else "No detection yet: run it faster."
+        )
+        wanted, u_ff = bool(lab[f"{name}.compensate"]), lab[f"{name}.u_ff"] or 0.0
+        self.on.set_text("Switch the compensation off" if wanted else "Compensate")
+        size = lab[f"{name}.comp_size"] or 0.0
+        if not wanted:
+            text = f"It would go by the typed width, comp_size = {number(size)} %."
+        else:
+            left = lab[f"{name}.left"]
+            text = f"It goes by {number(lab[f'{name}.size'] or 0.0)} %; u_FF is {number(u_ff)} %"
+            text += "." if left is None else f", and {number(left)} % of the gap is left."
+        self.standing.set_text(text)
+
+    def _compensate(self) -> None:
+        name = self.lab.detector
+        if name is None:
+            return
+        path = f"{name}.compensate"
+        try:
+            self.lab[path] = 0.0 if self.lab[path] else 1.0
+        except (InputError, TypeError) as error:
+            ui.notify(f"{path}: {error}", type="warning", multi_line=True)
+        self._detected()
 
     def _pause(self) -> None:
         self.lab.running = not self.lab.running
@@ -178,7 +249,7 @@ class _Page:
 
     def _draw_anew(self) -> None:
         self.chart.options.clear()
-        self.chart.options.update(charts.lab(self.lab.drawn(self.window), dark=self.dark))
+        self.chart.options.update(charts.lab(self._drawn(), dark=self.dark))
         self.chart.update()
 
     def _edited(self, event: Any) -> None:
@@ -210,7 +281,7 @@ class _Page:
     def _show(self, lab: Lab) -> None:
         self.lab = lab
         self.blocks.set_content(drawn(lab.project))
-        self.chosen.set_options(list(lab.signals), value=list(lab.shown))
+        self.chosen.set_options(self._labels(), value=list(lab.shown))
         self.sent = {}
         self.grid.run_grid_method("setGridOption", "rowData", self._rows())
         self._draw_anew()
@@ -260,7 +331,7 @@ class _Page:
 
             def build() -> None:
                 lines = tuple(line.strip() for line in (wires.value or "").splitlines() if line.strip())
-                if self._built(Project(scan.value or 0.0, tuple(parts), lines, project.shown)):
+                if self._built(Project(scan.value or 0.0, tuple(parts), lines, project.shown, project.called)):
                     dialog.close()
 
             ui.button("Build", on_click=build).props("no-caps unelevated color=primary").style("align-self: start")

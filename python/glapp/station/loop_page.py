@@ -8,22 +8,25 @@ import math
 import time
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
+from html import escape
 from typing import Any
 
 import numpy as np
-from nicegui import ui
+from nicegui import events, ui
 from starlette.requests import Request
 
 from ..errors import InputError
-from ..report.words import MEANINGS, NAMES, duration, quantity, sentence
+from ..modules import Backlash, Graph, Input, Output
+from ..report.words import METHODS, NAMES, count, number, quantity, sentence
 from ..service.compensation import TOLD
 from ..service.recordings import Signals
 from ..service.settable import Bound
 from . import charts
 from .client import Gone, Refused, loop_path
-from .compensate import calm, plan, why_off
+from .compensate import why_off
+from .compensate_page import CompensationPage
 from .pages import Station, command, dialog_of, frame, heading, moment, quiet
-from .parameters import PARAMETERS, changed, field, told
+from .parameters import FIRST, GROUPS, PARAMETERS, changed, field, told
 from .sessions import Session
 from .step_test_page import Wizard
 from .under_way import UnderWay
@@ -43,9 +46,6 @@ COUNTED_EVERY = 10.0
 
 BRIDGED = 5.0
 """Where more than that lies between two live values, what came in between is drawn as it was recorded [s]."""
-
-CALM_AFTER = 20.0
-"""So many Ti must have been seen before and since to say whether PV is calmer."""
 
 
 async def signals(station: Station, session: Session, loop: str, begin: float, end: float) -> dict[str, Any]:
@@ -68,6 +68,25 @@ def _from_disk(station: Station, loop: str, begin: float, end: float) -> dict[st
     return found
 
 
+class _Valve:
+    """The valve as the model has it: OP after a gap of a width, sample by sample."""
+
+    def __init__(self, width: float) -> None:
+        self.width = width
+        self._graph: Graph | None = None
+
+    def after(self, op: float | None) -> float | None:
+        """Where it is with this OP; None where that is bad."""
+        if op is None:
+            return None
+        if self._graph is None:  # it is not known where in its gap it was: it is drawn as if in the middle
+            modules = {"op": Input(op), "gap": Backlash(self.width, start=op), "end": Output()}
+            self._graph = Graph(1.0, modules, ["op -> gap -> end"])
+        self._graph["op.value"] = op
+        self._graph.scan()
+        return float(self._graph["gap"])
+
+
 class _Page:
     """What is shown of one loop to one person."""
 
@@ -81,6 +100,9 @@ class _Page:
         self.newest: tuple[Any, ...] | None = None
         self.stale, self.counted = True, -math.inf
         self.under_way: UnderWay | None = None
+        self.valve: _Valve | None = None
+        self.by_span, self.crossings_open = True, False
+        self.answered: int | None = None
         loop = station.view.loops[name]
         self.pv_unit, self.op_unit = loop.pv_unit or "", loop.op_label
 
@@ -106,8 +128,7 @@ class _Page:
                 self._values()
             with ui.element("div"):
                 self._signals()
-                with ui.element("div").classes("card"):
-                    self._reasons()
+                self._crossings()
 
     def _answer(self) -> None:
         with ui.element("div").classes("card"):
@@ -115,10 +136,16 @@ class _Page:
             self.one = ui.label().classes("one").props('role="status"')
             self.interval = ui.label().classes("muted")
             self.verdict = ui.label().style("margin-top: 8px; font-weight: 600")
-            self.meaning = ui.label().classes("small")
-            self.trend = ui.label().classes("small")
-            self.todo = ui.label().style("margin-top: 8px")
-            self.asked = ui.label().classes("small muted")
+            self.so = ui.label()
+            with ui.element("div").style("margin-top: 8px") as self.to_do:
+                ui.label("What to do").style("font-weight: 600")
+                self.todo = ui.label()
+            self.progress = ui.label().classes("small medium").props('role="status"')
+            with ui.element("details").style("margin-top: 8px") as self.believed:
+                with ui.element("summary"):
+                    ui.label("Why it is believed").style("display: inline")
+                self.why = ui.element("div").classes("small")
+            self.facts = ui.element("dl").classes("facts small")
 
     def _buttons(self) -> None:
         with ui.element("div").classes("card").style("display: grid; grid-template-columns: 1fr 1fr; gap: 8px"):
@@ -161,20 +188,47 @@ class _Page:
     def _signals(self) -> None:
         with ui.element("div").classes("card"):
             with ui.element("div").classes("bar"):
-                heading("Signals, half-periods shaded by their verdict", 2)
+                heading("Signals", 2)
                 ui.element("span").classes("grow")
+                if any(self._spans()):
+                    scales = {True: f"Scale: {100 * charts.PART:g} % of span", False: "by noise"}
+                    ui.toggle(scales, value=True, on_change=self._scale).props("no-caps dense unelevated")
                 ui.toggle(WINDOWS, value=self.window, on_change=self._window).props("no-caps dense unelevated")
+            nothing = {k: list[Any]() for k in ("time", "SP", "PV", "OP")}
             self.chart = ui.echart(
-                charts.live(
-                    {k: [] for k in ("time", "SP", "PV", "OP")}, [], self.pv_unit, self.op_unit, dark=self.session.dark
-                )
+                charts.live(nothing, [], self.pv_unit, self.op_unit, dark=self.session.dark)
             ).classes("chart")
-            self.chart.props('role="img" aria-label="SP, PV and OP over time"')
-            self.half = ui.label().classes("small half")
+            self.chart.props('role="img" aria-label="SP, PV, OP and the valve over time"')
+            self.drawn_as = ui.label().classes("small muted")
 
-    def _reasons(self) -> None:
-        heading(f"Half-periods of the last {REASON_DAYS} days", 2)
-        self.reasons = ui.element("div")
+    def _spans(self) -> tuple[tuple[float, float] | None, tuple[float, float] | None]:
+        loop = self.station.view.loops[self.name]
+        return loop.pv_span, loop.op_span
+
+    def _crossings(self) -> None:
+        """What the zero crossings say: a footnote to the answer, and all there is before the first."""
+        alone = self.station.view.answer(self.name) is None
+        self.crossings_open = alone
+        with ui.element("details").classes("card").props("open" if alone else "") as fold:
+            with ui.element("summary"):
+                heading("Zero crossings: what a PLC would show", 2)
+                self.plc = ui.label().classes("small muted")
+            ui.label(METHODS["Zero crossings: what a PLC would show"][0]).classes("small")
+            self.half = ui.label().classes("small half")
+            heading(f"Half-periods of the last {REASON_DAYS} days", 3)
+            self.reasons = ui.element("div")
+        fold.on("toggle", self._folded, js_handler="(e) => emit(e.target.open)")
+
+    async def _folded(self, event: events.GenericEventArguments) -> None:
+        """Half-periods are shaded while their heading is open."""
+        self.crossings_open = bool(event.args)
+        self._show_under_way()
+        with suppress(InputError):
+            await self.shade()
+
+    async def _scale(self, event: Any) -> None:
+        self.by_span = bool(event.value)
+        await self._told(self.draw)()
 
     async def _window(self, event: Any) -> None:
         self.window = int(event.value)
@@ -184,11 +238,24 @@ class _Page:
 
     async def draw(self) -> None:
         """The signals of the window, all of them anew."""
-        end = time.time()
+        end = self.station.view.now
         values = await signals(self.station, self.session, self.name, end - self.window, end)
-        halves = await self._halves(end - self.window)
+        halves = await self._halves(end - self.window) if self.crossings_open else []
         self.last, self.drawn = max(values["time"], default=-math.inf), len(values["time"])
-        options = charts.live(values, halves, self.pv_unit, self.op_unit, dark=self.session.dark)
+        answer = self.station.view.answer(self.name)
+        width = None if answer is None else answer["width"]
+        self.valve = _Valve(width) if width else None
+        valve = None if self.valve is None else [self.valve.after(op) for op in values["OP"]]
+        spans = self._spans() if self.by_span else (None, None)
+        options = charts.live(
+            values, halves, self.pv_unit, self.op_unit, dark=self.session.dark, valve=valve, spans=spans
+        )
+        if not self.drawn:
+            why = f"No value of {self.name} came in the last {WINDOWS[self.window]}."
+            options = charts.nothing(options, why, dark=self.session.dark)
+        self.drawn_as.set_text(
+            f"The valve stays while OP crosses its gap of {quantity(width, self.op_unit)}." if width else ""
+        )
         self.chart.options.clear()
         self.chart.options.update(options)
         self.chart.update()
@@ -203,7 +270,8 @@ class _Page:
 
     async def shade(self) -> None:
         """The half-periods of the window anew; the signals are there."""
-        areas = charts.shades(await self._halves(time.time() - self.window), self.window, dark=self.session.dark)
+        halves = await self._halves(self.station.view.now - self.window) if self.crossings_open else []
+        areas = charts.shades(halves, self.window, dark=self.session.dark)
         ui.run_javascript(f"glapp.shade({self.chart.id}, {json.dumps(areas)})")
 
     def _begun(self, values: dict[str, Any]) -> UnderWay | None:
@@ -253,9 +321,10 @@ class _Page:
             await asyncio.sleep(1.0)
             return
         self.seen = pv["time"]
-        old = time.time() - pv["time"]
+        old = self.station.view.now - pv["time"]
         at = moment(pv["time"])
-        self.fresh.set_text(f"PV of {at[11:]}, {old:.1f} s old." if old < 100 else f"PV of {at}.")
+        fresh = old < 100 and self.station.view.catching_up is None
+        self.fresh.set_text(f"PV of {at[11:]}, {old:.1f} s old." if fresh else f"PV of {at}.")
         self.fresh.classes(add="late") if self.station.view.silent(self.name) or not pv["good"] else self.fresh.classes(
             remove="late"
         )
@@ -264,6 +333,8 @@ class _Page:
         if pv["time"] > self.last:
             self.last = pv["time"]
             row = [1000.0 * pv["time"], *(self._number(values, key) for key in ("sp", "pv", "op"))]
+            if self.valve is not None:
+                row.append(self.valve.after(row[3]))
             if self.under_way is not None:
                 mode = values.get("mode")
                 auto = mode is None or mode["value"] == 1.0
@@ -280,7 +351,16 @@ class _Page:
         """What is known without asking."""
         status = self.status
         self._show_answer(self.station.view.answer(self.name), status)
-        self.place.set_text(f"Gap of the valve in {self._unit()}; half-periods so far: {status.get('half_periods', 0)}")
+        loop = self.station.view.loops[self.name]
+        self.place.set_text(", ".join(part for part in (loop.area, loop.valve) if part))
+        estimate = self.station.view.percent(self.name, status.get("estimate"))
+        shown = status.get("estimate") if estimate is None else estimate
+        unit = self.op_unit if estimate is None else "%"
+        width = "no width" if shown is None else f"≈ {number(shown)} {unit}"
+        self.plc.set_text(
+            f"{width}, of {count(status.get('detections', 0), 'detection')}; "
+            f"{count(status.get('half_periods', 0), 'half-period')} so far"
+        )
         made = status.get("compensation")
         self.compensation.set_text(
             ""
@@ -308,43 +388,84 @@ class _Page:
         return "% of span" if self.station.view.percent(self.name, 1.0) is not None else self.op_unit
 
     def _show_answer(self, answer: dict[str, Any] | None, status: dict[str, Any]) -> None:
-        text = self.station.view.headline(self.name)
-        first, _, rest = text.partition(" (")
+        view = self.station.view
+        first, _, rest = view.headline(self.name).partition(" (")
         self.one.set_text(first or "–")
         limits = f"95 % interval {rest.rstrip(')')} {self._unit()}" if rest else ""
-        if not rest and answer is not None and answer["verdict"] in ("sound", "at_least"):
+        if answer is None and first:
+            limits = "by zero crossings alone: a load that moves looks like a gap to them"
+        elif not rest and answer is not None and answer["verdict"] in ("sound", "at_least"):
             limits = "with 95 % confidence"
         self.interval.set_text(limits)
-        self.verdict.set_text(self.station.view.verdict(self.name))
+        self.verdict.set_text(view.verdict(self.name))
         urgency = "none" if answer is None else answer["urgency"]
-        self.verdict.classes(remove="high medium").classes(add=urgency if urgency in ("high", "medium") else "")
-        if answer is None:
-            crossings = "By zero crossings alone: a load that moves looks like a gap to them."
-            why = status.get("why") or ("" if status.get("estimate") is None else crossings)
-            self.meaning.set_text(sentence(why))
-            self.todo.set_text("It is fitted tonight; Fit now does it at once.")
-            self.asked.set_text("Is being fitted." if status.get("fitting") else "")
-        else:
-            self.meaning.set_text(sentence(MEANINGS.get(answer["verdict"], "")))
-            self.todo.set_text(answer["next"]["text"])
-            row = status.get("answer") or {}
-            by, at = row.get("asked_by", ""), row.get("time")
-            self.asked.set_text("Is being fitted." if status.get("fitting") else f"Fit of {moment(at)}, asked by {by}.")
-        trend = self.station.view.trend_text(self.name)
-        self.trend.set_text("" if trend == "–" else f"Trend: {trend}")
+        self.verdict.classes(remove="high medium unjudged").classes(
+            add="unjudged" if answer is None else urgency if urgency in ("high", "medium") else ""
+        )
+        self.so.set_text(status.get("why", "") if answer is None else answer["so"])
+        progress = view.progress(self.name)
+        self.todo.set_text(answer["next"]["text"] if answer is not None else view.todo(self.name))
+        self.to_do.set_visibility(answer is not None or not progress)
+        self.progress.set_text(progress)
+        made = status.get("answer")
+        id = None if made is None else made["id"]
+        if id == self.answered and self.answered is not None:
+            return
+        self.answered = id
+        self.believed.set_visibility(answer is not None)
+        self.why.clear()
+        self.facts.clear()
+        with self.why:
+            for text in [] if answer is None else answer["why"]:
+                ui.html(f"<p>{escape(text)}</p>", sanitize=False)
+        with self.facts:
+            for name, text in self._known(answer):
+                with ui.element("div"):
+                    with ui.element("dt"):
+                        ui.label(name)
+                    with ui.element("dd"):
+                        ui.label(text)
 
-    async def _count(self) -> None:
-        since = time.time() - REASON_DAYS * 86400.0
+    def _known(self, answer: dict[str, Any] | None) -> list[tuple[str, str]]:
+        """What goes with the answer: area, valve, what is acceptable, which days it is of, how the width moves."""
+        view, loop = self.station.view, self.station.view.loops[self.name]
+        rows = [(name, text) for name, text in (("Area", loop.area), ("Valve", loop.valve)) if text]
+        believed = view.believed(self.name)
+        if answer is None or believed is None:
+            return rows
+        if (limit := answer["limit"]) is not None and limit["percent_span"] is not None:
+            whose = "" if limit["origin"] == "given" else ", the usual limit: none was given"
+            rows.append(("Acceptable", f"{number(limit['percent_span'])} % of span{whose}"))
+        counted = [one for one in believed["recordings"] if one["left_out"] is None and one["t0"] is not None]
+        if counted:
+            days = sorted(one["t0"][:10] for one in counted)
+            rows.append(("Recorded", f"{count(len(counted), 'recording')} of {days[0]} to {days[-1]}"))
+        elif believed["file"]:
+            rows.append(("Recorded", believed["file"].removeprefix(f"{self.name} of ") + " UTC and after"))
+        rows.append(("Judged", f"{moment(believed['time'])[:16]}, {believed['asked_by']}"))
+        if (text := view.trend_text(self.name)) != "–":
+            rows.append(("Trend", text))
+        return rows
+
+    async def _reasons_of(self) -> list[tuple[str, int, str]]:
+        """Labels of the reasons of the last days with how often, and their meaning."""
+        found = charts.reasons(await self._counts())
+        return [(label, n, meaning) for label, n, meaning, _ in found if label != "accepted"]
+
+    async def _counts(self) -> dict[str, int]:
         rows = await asyncio.to_thread(
             self.read,
             lambda r: r.rows(
                 "SELECT reason, COUNT(*) AS n FROM half_periods WHERE loop = (SELECT id FROM loops WHERE name = ?) "
                 "AND t_end > ? GROUP BY reason",
                 self.name,
-                since,
+                self.station.view.now - REASON_DAYS * 86400.0,
             ),
         )
-        counts = charts.reasons({NAMES[row["reason"]]: row["n"] for row in rows})
+        return {NAMES[row["reason"]]: row["n"] for row in rows}
+
+    async def _count(self) -> None:
+        counts = charts.reasons(await self._counts())
         total = sum(n for _, n, _, _ in counts)
         self.reasons.clear()
         with self.reasons:
@@ -372,28 +493,64 @@ class _Page:
         any_ = await asyncio.to_thread(self.read, lambda r: r.half_periods(self.name, most=1))
         answers = await asyncio.to_thread(self.read, lambda r: r.answers(self.name, 400))
         scale = self.station.view.percent(self.name, 1.0)
+        believed = self.station.view.believed(self.name)
+        alone = [] if believed is None else believed["recordings"]
         with dialog_of(f"{self.name}: detections"):
+            options = charts.detections(
+                answers,
+                self._unit(),
+                scale=1.0 if scale is None else scale,
+                dark=self.session.dark,
+                alone=[one for one in alone if one["verdict"] in ("backlash", "both")],
+            )
             if not any_ and not answers:
-                ui.label("There is no detection yet.")
-            else:
-                options = charts.detections(
-                    answers, self._unit(), scale=1.0 if scale is None else scale, dark=self.session.dark
+                options = charts.nothing(options, await self._why_none(), dark=self.session.dark)
+            elif not any_ and all(one["d"] is None for one in answers):
+                options = charts.nothing(
+                    options, f"No width yet: the fit gave none. {await self._why_none()}", dark=self.session.dark
                 )
-                chart = ui.echart(options).classes("chart").props('role="img" aria-label="Detections over time"')
-                ui.run_javascript(f"glapp.detections({chart.id}, {json.dumps(self.name)})")
-                ui.label(
-                    "Each dot is a half-period that passed every test. Triangles are those under compensation: they "
-                    "show what is left of the gap. A fit stands with its 95 % interval."
-                ).classes("small muted")
+            chart = ui.echart(options).classes("chart").props('role="img" aria-label="Detections over time"')
+            ui.run_javascript(f"glapp.detections({chart.id}, {json.dumps(self.name)})")
+            ui.label(
+                "Each dot is a half-period that passed every test. Triangles are those under compensation: they "
+                "show what is left of the gap. A fit stands with its 95 % interval."
+            ).classes("small muted")
+
+    async def _why_none(self) -> str:
+        """Why there is no detection."""
+        counts = {name: n for label, n, name in await self._reasons_of() if label}
+        if not counts:
+            return "No detection: PV has not crossed SP and come back yet."
+        usual = max(counts, key=lambda name: counts[name])
+        return f"No detection: of {sum(counts.values())} half-periods none passed, most often because {usual}."
 
     async def phase(self) -> None:
-        """PV over OP."""
-        end = time.time()
+        """PV over OP, and the flanks of the gap where one is known."""
+        end = self.station.view.now
         values = await signals(self.station, self.session, self.name, end - self.window, end)
+        answer, believed = self.station.view.answer(self.name), self.station.view.believed(self.name)
+        process = None if believed is None else believed["process"]
+        width = None if answer is None else answer["width"]
+        seen, title = values["PV"], f"PV [{self.pv_unit}]" if self.pv_unit else "PV"
+        flanks = None
+        if width and process is not None and process["integrating"]:
+            valve = _Valve(width)  # PV against OP has no shape of its own there
+            seen, title = [valve.after(op) for op in values["OP"]], f"{charts.VALVE} [{self.op_unit}]"
+            flanks, why = (width, 1.0), "The process integrates, so that the valve stands over OP, not PV."
+        elif width and process is not None and process["kp"][0]:
+            flanks, why = (width, process["kp"][0]), "PV stays while OP crosses from one flank to the other."
+        elif answer is None:
+            why = "No flanks are drawn: the loop is not judged yet."
+        else:
+            why = f"No flanks are drawn: the answer has no width ({self.station.view.verdict(self.name).lower()})."
         with dialog_of(f"{self.name}: PV over OP, last {WINDOWS[self.window]}"):
-            options = charts.phase(values["OP"], values["PV"], self.pv_unit, self.op_unit, dark=self.session.dark)
+            options = charts.phase(values["OP"], seen, title, self.op_unit, dark=self.session.dark, flanks=flanks)
+            if not any(x is not None for x in values["PV"]):
+                why_empty = f"No value of {self.name} came in the last {WINDOWS[self.window]}."
+                options = charts.nothing(options, why_empty, dark=self.session.dark)
             ui.echart(options).classes("chart").props('role="img" aria-label="PV over OP"')
-            ui.label("A gap draws two flanks that lie its width apart in OP.").classes("small muted")
+            lines = f"The two lines are the flanks of the gap of {quantity(width, self.op_unit)}. " if flanks else ""
+            ui.label(lines + why).classes("small muted")
 
     async def step_test(self) -> None:
         """A step test: what to do next, and what it tells so far."""
@@ -401,7 +558,7 @@ class _Page:
         width = status.get("estimate") if answer is None else (answer["high"] or answer["low"])
 
         async def last(seconds: float) -> dict[str, Any]:
-            end = time.time()
+            end = self.station.view.now
             return await signals(self.station, self.session, self.name, end - seconds, end)
 
         with dialog_of(f"{self.name}: step test"):
@@ -431,29 +588,43 @@ class _Page:
                 "These are of the detector and the compensation. The plant's own controller is not changed here. "
                 "A change of the detector's begins its estimate anew. An empty field is the default."
             ).classes("small muted")
-            with ui.element("table").classes("plain"):
-                with ui.element("thead"), ui.element("tr"):
-                    for text in ("parameter", "value", "unit", "must be", "default"):
-                        with ui.element("th"):
+
+            def rows(names: tuple[str, ...]) -> None:
+                with ui.element("table").classes("plain"):
+                    with ui.element("thead"), ui.element("tr"):
+                        for text in ("parameter", "value", "unit", "must be", "default"):
+                            with ui.element("th"):
+                                ui.label(text)
+                    with ui.element("tbody"):
+                        for name in names:
+                            if name in seen:
+                                row(name)
+
+            def row(name: str) -> None:
+                about, bound = PARAMETERS[name], Bound(**bounds[name])
+                with ui.element("tr"):
+                    with ui.element("td"):
+                        ui.label(name)
+                        ui.label(about.meaning).classes("small muted")
+                    with ui.element("td"):
+                        fields[name] = (
+                            ui.number(value=field(seen[name]))
+                            .props(f'dense outlined aria-label="{name}" input-class="text-right"')
+                            .style("width: 130px")
+                        )
+                        if not may:
+                            fields[name].props("readonly")
+                    for text in ("–" if bound.unit == "1" else bound.unit, bound.words, about.default):
+                        with ui.element("td"):
                             ui.label(text)
-                with ui.element("tbody"):
-                    for name, value in seen.items():
-                        about, bound = PARAMETERS[name], Bound(**bounds[name])
-                        with ui.element("tr"):
-                            with ui.element("td"):
-                                ui.label(name)
-                                ui.label(about.meaning).classes("small muted")
-                            with ui.element("td"):
-                                fields[name] = (
-                                    ui.number(value=field(value))
-                                    .props(f'dense outlined aria-label="{name}" input-class="text-right"')
-                                    .style("width: 130px")
-                                )
-                                if not may:
-                                    fields[name].props("readonly")
-                            for text in ("–" if bound.unit == "1" else bound.unit, bound.words, about.default):
-                                with ui.element("td"):
-                                    ui.label(text)
+
+            rows(FIRST)
+            for title, names in GROUPS.items():
+                if any(name in seen for name in names):
+                    with ui.element("details"):
+                        with ui.element("summary"):
+                            ui.label(title).style("display: inline")
+                        rows(names)
 
             async def save() -> None:
                 body = changed(seen, {name: one.value for name, one in fields.items()})
@@ -498,109 +669,14 @@ class _Page:
 
     async def compensate(self) -> None:
         """What it will do before it does it, and what it has done."""
-        seen = await self._ask(loop_path(self.name, "parameters"))
-        status = await self._ask("/status")
-        if seen is None or status is None:
-            return
-        made = status["loops"][self.name].get("compensation")
-        last = status["loops"][self.name]["answer"]
-        found = plan(seen, self.op_unit)
-        engineer, operator = self.session.may("engineer"), self.session.may("operator")
-        token = self.session.token
-        with dialog_of(f"{self.name}: compensation") as dialog:
-            if made is None:
-                ui.label(found.why_not or "This loop has no node for u_FF, or its controller is not known.")
-                return
-            if made["enabled"]:
-                await self._in_force(made, seen["ti"])
-            elif made["why_off"]:
-                ui.label(why_off(made))
-            heading("What it does" if made["enabled"] else "What it will do", 2)
-            with ui.element("ul"):
-                for line in found.lines:
-                    with ui.element("li"):
-                        ui.label(line)
-            if found.why_not:
-                ui.label(found.why_not)
 
-            async def go(what: str, body: dict[str, Any], said: str) -> None:
-                asking = lambda: self.station.door.command(loop_path(self.name, what), token, body)  # noqa: E731
-                if await command(self.station, self.session, asking, said) is not None:
-                    dialog.close()
+        async def between(begin: float, end: float) -> dict[str, Any]:
+            return await signals(self.station, self.session, self.name, begin, end)
 
-            with ui.element("div").classes("bar"):
-                if made["enabled"]:
-                    off = ui.button("Switch off", on_click=lambda: go("disable", {}, f"{self.name}: off."))
-                    off.props("no-caps unelevated color=primary" + ("" if operator else " disable"))
-                else:
-                    on = ui.button(
-                        f"Enable compensation of {self.name}",
-                        on_click=lambda: go("enable", {"seen": seen}, f"{self.name} is compensated."),
-                    )
-                    on.props(
-                        "no-caps unelevated color=primary" + ("" if engineer and not found.why_not else " disable")
-                    )
-                if (
-                    last is not None
-                    and last["compensable"] is not None
-                    and seen.get("comp_fitted") != last["compensable"]
-                ):
-                    width = quantity(last["compensable"], self.op_unit)
-                    take = quiet(
-                        f"Take over the fit: {width}",
-                        lambda: go("take_over", {"answer": last["id"], "seen": seen}, "Taken over."),
-                    )
-                    take.props("" if engineer else "disable")
-                if not made["enabled"]:
-                    drill = quiet(
-                        "Test switching off",
-                        lambda: go("drill", {}, "The test is under way: Events tell how it ends."),
-                    )
-                    drill.props("" if engineer else "disable")
-            if not engineer:
-                ui.label("Enabling it needs the role engineer; switching it off, operator.").classes("small muted")
-            if not made["enabled"]:
-                ui.label(
-                    "First test that the plant switches compensation off if glapp stops. Nothing is enabled before "
-                    "that was seen."
-                ).classes("small muted")
-            log = await asyncio.to_thread(self.read, lambda r: r.commands(self.name, 200))
-            log = [row for row in log if row["command"] in ("enable", "disable", "drill", "drilled", "take_over")]
-            heading("Who did what, when", 2)
-            self._log(log, lambda row: f"refused: {row['refused']}" if row["refused"] else "")
-
-    async def _in_force(self, made: dict[str, Any], ti: float) -> None:
-        unit = self.op_unit
-        ui.label(TOLD[made["standing"]]).style("font-weight: 600")
-        if made["over"]:
-            ui.label("Warning: the loop swings as if too much was compensated.").classes("high")
-        ui.label(
-            f"u_FF is {quantity(made['u_ff'], unit)}. The width it goes by is {quantity(made['size'], unit)}; it moves "
-            f"by {quantity(made['delta'], unit)} from side to side. {quantity(made['left'], unit)} of the gap is left."
-        )
-        events = await asyncio.to_thread(self.read, lambda r: r.events(self.name, 500))
-        begun = next((row["time"] for row in events if row["kind"] == "enabled"), None)
-        if begun is None:
-            return
-        now = time.time()
-        least = CALM_AFTER * ti
-        span = min(max(now - begun, least), 7 * 86400.0)
-        values = await signals(self.station, self.session, self.name, begun - 1.1 * span, now)
-        sp, pv, u_ff = (_floats(values[name]) for name in ("SP", "PV", "U_FF"))
-        found = calm(values["time"], sp, pv, u_ff, begun, least)
-        if found is None:
-            wait = f"that takes {duration(least)} before u_FF moved, and as long since"
-            ui.label(f"It is too early to say whether PV is calmer: {wait}.").classes("muted")
-            return
-        ui.label(
-            f"PV is {found.word}: in the {duration(found.seconds)} since u_FF moves it is within "
-            f"{quantity(found.since, self.pv_unit)} of SP half of the time; before, within "
-            f"{quantity(found.before, self.pv_unit)}."
-        )
-
-
-def _floats(values: list[Any]) -> list[float]:
-    return [math.nan if value is None else value for value in values]
+        page = CompensationPage(self.station, self.session, self.name, self._ask, between)
+        if (known := await page.known()) is not None:
+            with dialog_of(f"{self.name}: compensation"):
+                await page.build(*known)
 
 
 def loop_page(station: Station, request: Request, name: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import time
 from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager
@@ -14,6 +15,7 @@ from nicegui import ui
 from starlette.requests import Request
 
 from ..errors import InputError
+from ..report.words import duration
 from .client import Door, Gone, Refused
 from .listed import Listed
 from .sessions import Session, Sessions, Tokens
@@ -70,7 +72,8 @@ class Station:
     def _look(self) -> None:
         self.view.refresh()
         now = time.monotonic()
-        if self.view.at != self._of[0] or now - self._of[1] > 5.0:  # what is shown grows older, too
+        # What is shown grows older, too, and a fit goes on.
+        if self.view.at != self._of[0] or now - self._of[1] > (1.0 if self.view.fitting else 5.0):
             self._of = self.view.at, now
             self.listed = self.listed.after(self.view.rows())
 
@@ -106,6 +109,7 @@ def frame(station: Station, session: Session, title: str, here: str) -> Iterator
     ui.add_head_html(
         f'<style>html{{background:{paper}}}</style><link rel="stylesheet" href="/static/station.css">'
         '<script src="/static/shown.js"></script><script src="/static/station.js"></script>'
+        f"<script>glapp.follow({json.dumps(session.dark)}, {json.dumps(session.chosen)})</script>"
     )
     ui.link("To the content", "#content").classes("skip")
     with ui.element("header").classes("top"):
@@ -131,7 +135,11 @@ def frame(station: Station, session: Session, title: str, here: str) -> Iterator
         view = station.view
         late = view.behind
         since = "" if view.at is None else f"as of {moment(view.at)[11:]}"
-        state.set_text(f"Service: {since}" if late is None else f"Service: {since}, {age(late)} old")
+        catching = view.catching_up
+        if catching is not None:
+            state.set_text(f"Service: catching up, at {moment(view.at)[:16]}")
+        else:
+            state.set_text(f"Service: {since}" if late is None else f"Service: {since}, {age(late)} old")
         state.classes(remove="late") if late is None else state.classes("late")
         text = ""
         if view.why is not None:
@@ -141,10 +149,17 @@ def frame(station: Station, session: Session, title: str, here: str) -> Iterator
                 f"The service has written nothing for {age(late)}: what you see is how it was at {moment(view.at)}. "
                 "No command is done until it is back."
             )
+        elif catching is not None:
+            left = "" if catching["left"] is None else f", and needs about {duration(catching['left'])} for it"
+            text = (
+                f"The simulated plant catches up with today: it is at {moment(view.at)[:16]}, "
+                f"{age(catching['seconds'])} to go{left}. Until then nothing here is of now."
+            )
         elif view.shown.get("failing"):
             text = f"The service cannot write: {view.shown['failing']}. What comes waits in its memory."
         elif view.shown.get("damaged"):
             text = view.shown["damaged"][:1].upper() + view.shown["damaged"][1:] + "."
+        banner.classes(remove="calm").classes(add="calm" if catching is not None else "")
         banner.set_text(text)
         banner.set_visibility(bool(text))
 
@@ -205,21 +220,21 @@ def _overview_columns() -> list[dict[str, Any]]:
         return {"field": name, "headerName": title, "width": width, "tooltipField": name, **more}
 
     return [
-        column("rank", "#", 60, sort="asc", filter=False),
-        column("loop", "Loop", 104, pinned="left", **{":cellRenderer": _NAME}),
-        column("soon", "How soon", 104, **{":cellClass": "p => 'soon-' + p.data.urgency"}),
+        column("rank", "#", 56, sort="asc", filter=False),
+        column("loop", "Loop", 100, pinned="left", **{":cellRenderer": _NAME}),
+        column("soon", "How soon", 124, **{":cellClass": "p => 'soon-' + p.data.urgency"}),
         column(
             "width",
             "Gap (95 %)",
-            166,
+            200,
             **{":comparator": "(a, b, m, n) => (m.data.percent ?? -1) - (n.data.percent ?? -1)"},
         ),
-        column("verdict", "Verdict", 126, **{":valueFormatter": "p => p.value.replace(', by crossings', '')"}),
-        column("trend", "Trend", 138, **{":valueFormatter": "p => p.value.replace(/ ± \\S+/, '').replace(/;.*/, '')"}),
-        column("health", "NE 107", 170, **{":cellClass": f"p => ({_HEALTHS})[p.value] || ''"}),
+        column("verdict", "Verdict", 124, **{":valueFormatter": "p => p.value.replace(', by crossings', '')"}),
+        column("todo", "What to do", 260, flex=1, minWidth=250),
+        column("trend", "Trend", 134, **{":valueFormatter": "p => p.value.replace(/ ± \\S+/, '').replace(/;.*/, '')"}),
+        column("health", "NE 107", 124, **{":cellClass": f"p => ({_HEALTHS})[p.value] || ''"}),
         column("seen", "Seen", 74),
-        column("compensation", "Comp.", 102, headerTooltip="Compensation"),
-        column("todo", "What to do", 200, flex=1, minWidth=200),
+        column("compensation", "Comp.", 96, headerTooltip="Compensation"),
     ]
 
 
@@ -241,9 +256,11 @@ def overview_page(station: Station, request: Request) -> None:
                     "filter": True,
                     "resizable": True,
                     "suppressHeaderMenuButton": True,
+                    "wrapText": True,  # nothing is cut, however long it is
+                    "autoHeight": True,
+                    "cellStyle": {"lineHeight": "20px", "paddingTop": "7px", "paddingBottom": "7px"},
                 },
                 ":getRowId": "p => p.data.loop",
-                "rowHeight": 34,
                 "enableCellTextSelection": True,
                 "ensureDomOrder": True,
                 "animateRows": False,
@@ -269,7 +286,7 @@ def overview_page(station: Station, request: Request) -> None:
         some.on_value_change(filtered)
 
         def tick() -> None:
-            summary.set_text(summarised(station.listed.rows))
+            summary.set_text(summarised(station.listed.rows, station.view.judged_at()))
 
         tick()
         ui.timer(2.0, tick)

@@ -9,7 +9,7 @@ from typing import Any
 from ..report.words import number
 from ..service.settable import DETECTOR, SETTINGS, SHARE
 
-__all__ = ["NO_LIMIT", "PARAMETERS", "Parameter", "changed", "field"]
+__all__ = ["FIRST", "GROUPS", "NO_LIMIT", "PARAMETERS", "Parameter", "changed", "field"]
 
 NO_LIMIT = 1e30
 """The core writes "none" as a number that is greater."""
@@ -60,6 +60,25 @@ PARAMETERS: dict[str, Parameter] = {
 """By the names of the service's door."""
 
 assert tuple(PARAMETERS) == (*DETECTOR, *SETTINGS)
+
+FIRST = ("kp", "tf", "n", "acceptable_dead_band", "comp_size")
+"""What is changed most often; all others are folded."""
+
+GROUPS: dict[str, tuple[str, ...]] = {
+    "The controller, as the detector knows it": ("k", "ti", "td", "setpoint_weight"),
+    "Compensation: which width, and how much of it": (
+        "comp_source",
+        "comp_fitted",
+        "comp_share",
+        "comp_limit",
+        "comp_estimate",
+    ),
+    "Compensation: how u_FF moves": ("comp_way", "comp_band", "comp_tf", "comp_rate", "comp_release", "ff_tolerance"),
+    "Compensation: when it is withdrawn": ("comp_watch", "comp_travel", "comp_reversals", "comp_withdraw"),
+}
+"""All others, by what they are about."""
+
+assert sorted((*FIRST, *(name for names in GROUPS.values() for name in names))) == sorted(PARAMETERS)
 
 
 def field(value: float | None) -> float | None:

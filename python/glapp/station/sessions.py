@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 from http.cookies import CookieError, SimpleCookie
 from pathlib import Path
 from typing import Any
-from urllib.parse import urlsplit
+from urllib.parse import parse_qsl, urlencode, urlsplit
 
 from starlette.datastructures import Headers
 from starlette.responses import PlainTextResponse, RedirectResponse, Response
@@ -77,6 +77,8 @@ class Session:
         Whether pages are dark.
     until : float
         When it is over [s since 1970 UTC].
+    chosen : bool
+        Whether the person has chosen light or dark; else pages are as the person's system is.
     """
 
     id: str = field(repr=False)  # neither may stand in a log
@@ -85,6 +87,7 @@ class Session:
     role: str
     dark: bool
     until: float
+    chosen: bool = False
 
     def may(self, role: str) -> bool:
         """Whether the person may what a role may.
@@ -297,7 +300,7 @@ class Guard:
             return None
         if session is None:
             if scope["type"] == "http" and scope["method"] == "GET" and not path.startswith("/_nicegui"):
-                return RedirectResponse("/login", 303)
+                return RedirectResponse(f"/login{_to_loop(scope)}", 303)
             return PlainTextResponse("log in first", 401)
         return None
 
@@ -329,6 +332,16 @@ class Guard:
             await send(message)
 
         return sent
+
+
+def _to_loop(scope: Scope) -> str:
+    """The loop that a page was asked for, for after the login.
+
+    >>> _to_loop({"path": "/loop", "query_string": b"name=FIC%2F1"}), _to_loop({"path": "/", "query_string": b""})
+    ('?loop=FIC%2F1', '')
+    """
+    name = dict(parse_qsl(scope["query_string"].decode("latin-1"))).get("name", "")
+    return f"?{urlencode({'loop': name})}" if scope["path"] == "/loop" and name else ""
 
 
 async def _nothing() -> Message:

@@ -44,6 +44,12 @@ TREND_DAYS = 90
 INTERVAL = 3.92
 """A 95 % interval is so many standard errors wide."""
 
+UNJUDGED = "Not judged yet"
+"""What is said of a loop before its first fit."""
+
+LIKELY = "Likely a gap"
+"""What is said where the fit calls a gap likely, and has not found it."""
+
 HEALTH = {
     "NORMAL": "Good",
     "MAINTENANCE_REQUIRED": "Maintenance required",
@@ -124,7 +130,8 @@ class Row:
     verdict : str
         The one verdict.
     urgency : str
-        How soon: "high", "medium", "low", "none".
+        How soon: "high", "medium", "low", "none"; "signal" where its signal is bad or missing, "unjudged" before its
+        first fit.
     soon : str
         The same in words.
     trend : str
@@ -177,6 +184,7 @@ class View:
         self.why: str | None = "the service has not written anything yet"
         self._answers: dict[str, tuple[int, dict[str, Any], Trend | None]] = {}
         self._trends: dict[str, Trend] = {}
+        self._believed: dict[str, dict[str, Any]] = {}
         self._trended = -math.inf
 
     # Reading
@@ -250,12 +258,20 @@ class View:
             for row in reader.rows(
                 "SELECT answers.id, name, "
                 "json_extract(document, '$.analysis.loops[0].answer') AS answer, "
-                "json_extract(document, '$.analysis.loops[0].fit.recordings') AS recordings FROM answers "
+                "json_extract(document, '$.analysis.loops[0].fit.recordings') AS recordings, "
+                "json_extract(document, '$.analysis.loops[0].fit.process') AS process, "
+                "json_extract(document, '$.analysis.loops[0].file') AS file, "
+                "t_begin, t_end, time, asked_by FROM answers "
                 f"JOIN loops ON loops.id = answers.loop WHERE answers.id IN ({', '.join('?' * len(some))})",
                 *some,
             ):
                 if row["answer"] is not None:
                     self._answers[row["name"]] = (row["id"], json.loads(row["answer"]), _own(row["recordings"]))
+                    self._believed[row["name"]] = {
+                        "recordings": json.loads(row["recordings"] or "[]"),
+                        "process": json.loads(row["process"] or "null"),
+                        **{name: row[name] for name in ("file", "t_begin", "t_end", "time", "asked_by")},
+                    }
         if self._clock() - self._trended > 3600.0:
             self._trended = self._clock()
             self._trends = _trends(reader, self._clock())
@@ -264,6 +280,10 @@ class View:
         """The one answer of a loop, as `glapp analyze --json` has it; None before the first fit."""
         found = self._answers.get(loop)
         return None if found is None else found[1]
+
+    def believed(self, loop: str) -> dict[str, Any] | None:
+        """What the answer of a loop stands on: recordings, process, from when to when, and who asked for it when."""
+        return self._believed.get(loop) if loop in self._answers else None
 
     def trend(self, loop: str) -> Trend | None:
         """How the width of a loop moves: from day to day within the last fit, from fit to fit, or by its detections."""
@@ -275,8 +295,44 @@ class View:
         """How long the service has written nothing [s], where that is too long; None where it is not."""
         if self.at is None:
             return None
-        past = self._clock() - self.at
+        past = self._clock() - self.shown.get("wall", self.at)
         return past if past > BEHIND else None
+
+    @property
+    def catching_up(self) -> dict[str, Any] | None:
+        """How far a simulated plant that hurries is behind the clock; None where it is not."""
+        found: dict[str, Any] | None = self.shown.get("behind")
+        return None if self.behind is not None else found
+
+    @property
+    def now(self) -> float:
+        """The time of what is shown [s since 1970 UTC]: that of a plant that catches up, else the clock's."""
+        return self._clock() if self.catching_up is None or self.at is None else self.at
+
+    @property
+    def fitting(self) -> bool:
+        """Whether a loop is fitted."""
+        return any(status["fitting"] for status in self.shown["loops"].values())
+
+    def progress(self, loop: str) -> str:
+        """How far the fit of a loop is; empty where none is under way.
+
+        A guess is the time that the last fit of this loop took, or the longest of the others.
+        """
+        status = self.shown["loops"].get(loop) or {}
+        fit = status.get("fit")
+        if fit is None:
+            return "Being judged." if status.get("fitting") else ""
+        if fit["since"] is None:
+            return "Will be judged next." if fit["after"] is None else f"Will be judged after {fit['after']}."
+        past = max(0.0, self._clock() - fit["since"])
+        about = "" if fit["about"] is None else f" of about {max(fit['about'], 1.0):.0f} s"
+        return f"Being judged: {past:.0f} s{about or ' so far'}."
+
+    def judged_at(self) -> str:
+        """When loops are judged next that are not yet."""
+        at = self.shown.get("fits_at")
+        return "tonight" if at is None else f"at {time.strftime('%H:%M', time.localtime(at))}"
 
     def silent(self, loop: str) -> bool:
         """Whether nothing comes of a loop any more, as the service saw it last."""
@@ -307,7 +363,7 @@ class View:
 
     def rows(self) -> list[Row]:
         """Every loop, what maintenance should do first before all else."""
-        now = self._clock()
+        now = self.now
         found = []
         for name, status in self.shown["loops"].items():
             answer = self.answer(name)
@@ -333,16 +389,30 @@ class View:
                     width=self.headline(name),
                     percent=width,
                     verdict=self.verdict(name),
-                    urgency="signal" if wrong else urgency,
-                    soon="Signal" if wrong else URGENCIES[urgency],
+                    urgency="signal" if wrong else "unjudged" if answer is None else urgency,
+                    soon="Signal" if wrong else UNJUDGED if answer is None else URGENCIES[urgency],
                     trend=self.trend_text(name),
-                    health=HEALTH["CHECK_FUNCTION" if silent and status["health"] != "FAILURE" else status["health"]],
+                    health=_health(status, answer, silent),
                     seen=seen,
-                    todo=_todo(status, answer, silent),
+                    todo=self.todo(name),
                     compensation=_compensation(status),
                 )
             )
         return rows
+
+    def todo(self, loop: str) -> str:
+        """What to do about a loop."""
+        status, answer = self.shown["loops"][loop], self.answer(loop)
+        if self.silent(loop):
+            return "Find out why no value comes: transmitter, tag, connection."
+        if status["good"] is False:
+            return "Look at the transmitter: PV is bad."
+        if status["fitting"]:
+            return self.progress(loop)
+        if answer is None:
+            why = f"{status['why']}: write them into loops.toml. " if status["why"] else ""
+            return f"{why}It will be judged {self.judged_at()}; Fit now does it at once."
+        return str(answer["next"]["text"])
 
     def headline(self, loop: str) -> str:
         """The one answer in a line: width with its interval, or the one limit that is known."""
@@ -371,9 +441,10 @@ class View:
         """The one verdict in words; before the first fit what the crossings allow."""
         answer, status = self.answer(loop), self.shown["loops"].get(loop)
         if answer is not None:
-            return VERDICTS.get(answer["verdict"], str(answer["verdict"]))
+            likely = answer["confidence"] == "likely"
+            return LIKELY if likely else VERDICTS.get(answer["verdict"], str(answer["verdict"]))
         if status is None or status["why"] or status["estimate"] is None:
-            return "Not fitted yet"
+            return UNJUDGED
         few = loop in self.loops and status["detections"] < self.loops[loop].n
         return "Provisional, by crossings" if few else "Estimate, by crossings"
 
@@ -398,29 +469,26 @@ class View:
         return text
 
 
-def summary(rows: Sequence[Row]) -> str:
-    """The plant in a line.
+def summary(rows: Sequence[Row], when: str = "tonight") -> str:
+    """The plant in a line; `when` is when those are judged that are not yet.
 
     >>> summary([])
     '0 loops. Nothing is urgent.'
+    >>> summary([Row("FIC101", 1, "", None, UNJUDGED, "unjudged", UNJUDGED, "", "–", "now", "", "")], "at 02:00")
+    '1 loop. 1 is not judged yet: at 02:00.'
     """
     counted = [(key, sum(row.urgency == key for row in rows)) for key in ("high", "signal", "medium")]
     told = [to_text(f"answer.run {key}", {"n": n}) for key, n in counted if n]
+    if unjudged := sum(row.urgency == "unjudged" for row in rows):
+        told.append(f"{unjudged} {'is' if unjudged == 1 else 'are'} not judged yet: {when}.")
     return " ".join([f"{count(len(rows), 'loop')}.", *(told or [to_text("answer.run calm")])])
 
 
-def _todo(status: Mapping[str, Any], answer: Mapping[str, Any] | None, silent: bool) -> str:
-    if silent:
-        return "Find out why no value comes: transmitter, tag, connection."
-    if status["good"] is False:
-        return "Look at the transmitter: PV is bad."
-    if status["fitting"]:
-        return "Is being fitted."
-    if answer is None:
-        return (
-            status["why"] + ": write them into loops.toml." if status["why"] else "Nothing yet: it is fitted tonight."
-        )
-    return str(answer["next"]["text"])
+def _health(status: Mapping[str, Any], answer: Mapping[str, Any] | None, silent: bool) -> str:
+    """NE 107 of a loop; a valve that nobody has judged yet is not said to be good."""
+    if silent and status["health"] != "FAILURE":
+        return HEALTH["CHECK_FUNCTION"]
+    return "–" if answer is None and status["health"] == "NORMAL" else HEALTH[status["health"]]
 
 
 def _compensation(status: Mapping[str, Any]) -> str:

@@ -21,7 +21,7 @@ window.glapp = {
     const series = chart.getOption().series.map((one, i) => {
       const data = one.data || [];
       const last = data.length ? data[data.length - 1][0] : -Infinity;
-      const more = points.filter((p) => p[0] > last && p[i + 1] !== null).map((p) => [p[0], p[i + 1]]);
+      const more = points.filter((p) => p[0] > last && p[i + 1] != null).map((p) => [p[0], p[i + 1]]);
       return { data: data.concat(more).filter((p) => p[0] >= from) };
     });
     chart.setOption({ series });
@@ -78,6 +78,18 @@ window.glapp = {
     const next = others.find((e) => list.compareDocumentPosition(e) & side) ?? others[0];
     setTimeout(() => next?.focus());
     return true;
+  },
+  // Light or dark as the person's system is, until the person chooses.
+  follow(dark, chosen) {
+    if (chosen) return;
+    const system = matchMedia("(prefers-color-scheme: dark)");
+    const look = async () => {
+      if (system.matches === dark) return;
+      const reply = await fetch(`/theme?system=${system.matches ? "dark" : "light"}`, { method: "POST" });
+      if (reply.ok) location.reload();
+    };
+    system.addEventListener("change", look);
+    look();
   },
   async post(path, then) {
     const reply = await fetch(path, { method: "POST" });

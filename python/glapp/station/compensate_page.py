@@ -1,0 +1,318 @@
+"""The dialog of a loop's compensation: its width, what it will do, the test of switching off, and its effect."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import time
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+from nicegui import ui
+
+from ..report.words import duration, quantity
+from ..service.compensation import TOLD
+from ..service.settable import usual_of
+from ..service.watch import SEEN
+from . import charts
+from .client import loop_path
+from .compensate import calm, plan, why_off
+from .pages import Station, command, heading, moment, quiet
+from .parameters import field
+from .sessions import Session
+
+__all__ = ["CALM_AFTER", "CompensationPage"]
+
+CALM_AFTER = 20.0
+"""So many Ti must have been seen before and since to say whether PV is calmer."""
+
+AGAIN = 3.0
+"""What goes on is looked at again after so long [s]."""
+
+Signals = Callable[[float, float], Awaitable[dict[str, Any]]]
+Ask = Callable[[str], Awaitable[Any]]
+
+
+class CompensationPage:
+    """What stands in the dialog, built anew after each command.
+
+    Parameters
+    ----------
+    station : Station
+        What the pages stand on.
+    session : Session
+        Who looks.
+    loop : str
+        Which loop.
+    ask : callable
+        Something from the door, by its path; None where it does not say.
+    signals : callable
+        Samples from when to when [s since 1970 UTC].
+    """
+
+    def __init__(self, station: Station, session: Session, loop: str, ask: Ask, signals: Signals) -> None:
+        self.station, self.session, self.loop = station, session, loop
+        self._ask, self._signals = ask, signals
+        known = station.view.loops[loop]
+        self.pv_unit, self.op_unit = known.pv_unit or "", known.op_label
+        self._engineer, self._operator = session.may("engineer"), session.may("operator")
+
+    async def known(self) -> tuple[dict[str, Any], dict[str, Any]] | None:
+        """Parameters and status of the loop; None where the door does not say."""
+        seen = await self._ask(loop_path(self.loop, "parameters"))
+        status = None if seen is None else await self._ask("/status")
+        return None if seen is None or status is None else (seen, status["loops"][self.loop])
+
+    async def build(self, seen: dict[str, Any], status: dict[str, Any]) -> None:
+        """All of it, in the dialog that is open."""
+        self.body = ui.element("div").classes("stack")
+        await self._fill(seen, status)
+        ui.timer(AGAIN, self._look)
+
+    async def _fill(self, seen: dict[str, Any], status: dict[str, Any]) -> None:
+        made = status.get("compensation")
+        settings = await asyncio.to_thread(self.station.view.read, lambda r: r.settings(self.loop))
+        self._seen, self._status, self._enabled = seen, status, bool(made and made["enabled"])
+        self._drilled, self._set = settings.get(SEEN), settings
+        self.body.clear()
+        with self.body:
+            if made is None:
+                ui.label(plan(seen, self.op_unit).why_not or "This loop has no node for u_FF.")
+            elif made["enabled"]:
+                await self._in_force(made)
+            else:
+                ui.label(why_off(made))
+                self._offered()
+            if made is not None:
+                await self._log()
+
+    async def _anew(self) -> None:
+        if (known := await self.known()) is not None:
+            await self._fill(*known)
+
+    async def _go(self, what: str, body: dict[str, Any], said: str) -> bool:
+        """A command; whatever comes of it, the dialog shows what is so afterwards."""
+        path, token = loop_path(self.loop, what), self.session.token
+        asking = lambda: self.station.door.command(path, token, body)  # noqa: E731
+        return await command(self.station, self.session, asking, said) is not None
+
+    async def _look(self) -> None:
+        """What has changed by itself: the effect goes on, a test is over, the compensation was withdrawn."""
+        status = self.station.view.shown["loops"].get(self.loop, {})
+        made = status.get("compensation")
+        settings = await asyncio.to_thread(self.station.view.read, lambda r: r.settings(self.loop))
+        if settings.get(SEEN) != self._drilled or bool(made and made["enabled"]) != self._enabled:
+            await self._anew()
+        elif self._enabled:
+            await self._effect()
+
+    # Before it is enabled
+
+    def _offered(self) -> None:
+        unit, seen, status = self.op_unit, self._seen, self._status
+        last = status["answer"]
+        self._fit = None if last is None or last["compensable"] is None else last
+        fitted = seen["comp_fitted"] if self._fit is None else self._fit["compensable"]
+        source = int(seen["comp_source"] or (2 if seen["comp_fitted"] is not None else 1 if seen["comp_size"] else 0))
+        if not source and self._fit is not None:
+            source = 2  # it is offered; nothing is taken over before that is asked for
+        estimate = status["estimate"]
+        heading("1. The width of the gap", 2)
+        options = {
+            2: "fitted: "
+            + ("no fit has found one" if fitted is None else f"{quantity(fitted, unit)}, its lower limit"),
+            1: "typed",
+            3: "by zero crossings: " + ("none yet" if estimate is None else f"{quantity(estimate, unit)} now"),
+        }
+        with ui.element("div").classes("bar"):
+            self.source = ui.radio(options, value=source or None, on_change=self._told).props("dense")
+            self.size = (
+                ui.number(f"typed width [{unit}]", value=field(seen["comp_size"]), min=0, on_change=self._typed)
+                .props('dense outlined aria-label="typed width"')
+                .style("width: 170px")
+            )
+            self.use = quiet("Use this width", self._use)
+        heading("2. What it will do", 2)
+        self.lines = ui.element("ul")
+        self.why_not = ui.label()
+        heading("3. Test that the plant switches it off if glapp stops", 2)
+        with ui.element("div").classes("bar"):
+            drill = quiet("Test switching off", self._drill)
+            drill.props("" if self._engineer else "disable")
+            done = self._drilled
+            self.test = ui.label(
+                "glapp writes a small u_FF and stops its heartbeat; the plant must take u_FF to 0 by itself."
+                if done is None
+                else f"✓ Seen {moment(done['time'])}, {done['person']}: the plant took it away in {done['took']:.0f} s."
+            ).classes("small")
+        heading("4. Enable", 2)
+        with ui.element("div").classes("bar"):
+            self.on = ui.button(f"Enable compensation of {self.loop}", on_click=self._enable).props(
+                "no-caps unelevated color=primary"
+            )
+            self.not_yet = ui.label().classes("small muted")
+        self._told()
+
+    def _wanted(self) -> dict[str, Any]:
+        """The parameters as they would be with the width that is chosen."""
+        chosen = dict(self._seen)
+        source = self.source.value
+        if self._differs():  # what nobody has set goes by the width, too
+            tags = self.station.view.loops[self.loop].opcua
+            usual = {"comp_band": None, **usual_of((tags.u_ff_limit or 0.0, tags.u_ff_rate or 0.0))}
+            chosen |= {name: self._set[name] if self._set.get(name) is not None else x for name, x in usual.items()}
+        if source is not None:
+            chosen["comp_source"] = float(source)
+        chosen["comp_size"] = float(self.size.value or 0.0)
+        if source == 2 and self._fit is not None:
+            chosen["comp_fitted"] = self._fit["compensable"]
+        return chosen
+
+    def _differs(self) -> bool:
+        """Whether the width that is chosen is another than the one in force."""
+        seen, source = self._seen, self.source.value
+        in_force = int(seen["comp_source"] or (2 if seen["comp_fitted"] is not None else 1 if seen["comp_size"] else 0))
+        if source is None:
+            return False
+        if source != in_force:
+            return True
+        if source == 1:
+            return float(self.size.value or 0.0) != seen["comp_size"]
+        return source == 2 and self._fit is not None and self._fit["compensable"] != seen["comp_fitted"]
+
+    def _typed(self) -> None:
+        if self.source.value != 1 and self.size.value:
+            self.source.set_value(1)
+        self._told()
+
+    def _told(self) -> None:
+        chosen, seen = self._wanted(), self._seen
+        used = not self._differs()
+        found = plan(seen if used else chosen, self.op_unit)
+        self.lines.clear()
+        with self.lines:
+            for line in found.lines:
+                with ui.element("li"):
+                    ui.label(line)
+        self.why_not.set_text(found.why_not)
+        self.use.props(remove="disable")
+        if not self._engineer or used or found.why_not:
+            self.use.props("disable")
+        why = ""
+        if not self._engineer:
+            why = "Enabling it needs the role engineer; switching it off, operator."
+        elif found.why_not:
+            why = found.why_not
+        elif not used:
+            why = "First use this width."
+        self.on.props(remove="disable")
+        if why:
+            self.on.props("disable")
+        elif self._drilled is None:  # the service refuses it
+            why = "First test switching off: nothing is enabled before that was seen."
+        self.not_yet.set_text(why)
+        self.why_not.set_visibility(bool(found.why_not))
+
+    async def _use(self) -> None:
+        """Take over the fit, or set which width counts: what differs from what is in force."""
+        seen, wanted = self._seen, self._wanted()
+        if self.source.value == 2 and self._fit is not None and seen["comp_fitted"] != self._fit["compensable"]:
+            if not await self._go("take_over", {"answer": self._fit["id"], "seen": seen}, "Taken over."):
+                return await self._anew()
+            if (known := await self.known()) is None:
+                return None
+            seen = known[0]
+        names = [name for name in ("comp_source", "comp_size") if wanted[name] != seen[name]]
+        if self.source.value == 2 and seen["comp_source"] is None:
+            names = [name for name in names if name != "comp_source"]  # a fit counts by itself where there is one
+        if names:
+            body = {"values": {name: wanted[name] for name in names}, "seen": {name: seen[name] for name in names}}
+            await self._go("parameters", body, f"Set: {', '.join(names)}.")
+        await self._anew()
+
+    async def _drill(self) -> None:
+        if await self._go("drill", {}, "The test is under way: it takes some seconds."):
+            self.test.set_text("The test is under way. Events tell how it ends.")
+
+    async def _enable(self) -> None:
+        await self._go("enable", {"seen": self._seen}, f"{self.loop} is compensated.")
+        await self._anew()
+
+    # While it is in force
+
+    async def _in_force(self, made: dict[str, Any]) -> None:
+        unit = self.op_unit
+        ui.label(TOLD[made["standing"]]).style("font-weight: 600")
+        if made["over"]:
+            ui.label("Warning: the loop swings as if too much was compensated.").classes("high")
+        ui.label(
+            f"The width it goes by is {quantity(made['size'], unit)}; u_FF moves by {quantity(made['delta'], unit)} "
+            f"from side to side. {quantity(made['left'], unit)} of the gap is left."
+        )
+        with ui.element("div").classes("bar"):
+            off = ui.button("Switch off", on_click=self._off)
+            off.props("no-caps unelevated color=primary" + ("" if self._operator else " disable"))
+            if not self._operator:
+                ui.label("Switching it off needs the role operator.").classes("small muted")
+        events = await asyncio.to_thread(self.station.view.read, lambda r: r.events(self.loop, 500))
+        self._begun = next((row["time"] for row in events if row["kind"] == "enabled"), None)
+        heading("Its effect", 2)
+        self.calm = ui.label().props('role="status"')
+        self.chart = ui.element("div")
+        await self._effect()
+        with ui.element("details"):
+            with ui.element("summary"):
+                ui.label("What it does").style("display: inline")
+            with ui.element("ul"):
+                for line in plan(self._seen, unit).lines:
+                    with ui.element("li"):
+                        ui.label(line)
+
+    async def _off(self) -> None:
+        await self._go("disable", {}, f"{self.loop}: off.")
+        await self._anew()
+
+    async def _effect(self) -> None:
+        """PV about SP before and since, in words and as a picture."""
+        if self._begun is None:
+            return
+        now, least = time.time(), CALM_AFTER * self._seen["ti"]
+        span = min(max(now - self._begun, least), 7 * 86400.0)
+        values = await self._signals(self._begun - 1.1 * span, now)
+        sp, pv, u_ff = ([math.nan if x is None else x for x in values[name]] for name in ("SP", "PV", "U_FF"))
+        found = calm(values["time"], sp, pv, u_ff, self._begun, least)
+        if found is None:
+            left = max(0.0, least - (now - self._begun))
+            self.calm.set_text(
+                f"u_FF is {quantity(u_ff[-1] if u_ff else 0.0, self.op_unit)}. Whether PV is calmer can be told "
+                f"in {duration(left)}: that takes {duration(least)} before it was enabled, and as long since."
+            )
+        else:
+            self.calm.set_text(
+                f"PV is {found.word}: in the {duration(found.seconds)} since u_FF moves it is within "
+                f"{quantity(found.since, self.pv_unit)} of SP half of the time; before, within "
+                f"{quantity(found.before, self.pv_unit)}."
+            )
+        options = charts.effect(values, self._begun, self.pv_unit, self.op_unit, dark=self.session.dark)
+        self.chart.clear()
+        with self.chart:
+            ui.echart(options).classes("chart low").props('role="img" aria-label="PV about SP, and u_FF"')
+
+    async def _log(self) -> None:
+        log = await asyncio.to_thread(self.station.view.read, lambda r: r.commands(self.loop, 200))
+        log = [row for row in log if row["command"] in ("enable", "disable", "drill", "drilled", "take_over")]
+        with ui.element("details"):
+            with ui.element("summary"):
+                ui.label(f"Who did what, when ({len(log)})").style("display: inline")
+            with ui.element("table").classes("plain"), ui.element("tbody"):
+                for row in log[:50]:
+                    refused = f"refused: {row['refused']}" if row["refused"] else ""
+                    with ui.element("tr"):
+                        for cell in (
+                            moment(row["time"]),
+                            f"{row['person']} ({row['role']})",
+                            row["command"],
+                            refused,
+                        ):
+                            with ui.element("td"):
+                                ui.label(cell)

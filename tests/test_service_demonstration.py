@@ -1,0 +1,159 @@
+"""The demonstration: what is stored of it is what the code answers, and the service goes on from there."""
+
+import json
+import math
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("asyncua")
+
+from glapp.reading.settings import parse_settings
+from glapp.service import demonstration
+from glapp.service.memory import Memory, Reader
+from glapp.service.plant import SimLoop, SimPlant
+from glapp.service.recordings import Signals
+from glapp.service.signal import Signal
+from glapp.service.watch import Bounds, Watch
+from glapp.station.view import View
+
+NOW = datetime(2026, 5, 17, 14, 30, tzinfo=UTC).timestamp()
+TODAY = datetime(2026, 5, 17, tzinfo=UTC)
+
+WHAT = {
+    "FIC101": "found",
+    "PIC102": "cannot_tell",
+    "TIC103": "found",
+    "LIC104": "likely",
+    "FIC105": "sound",
+    "TIC106": "cannot_tell",
+}
+"""How sure each answer is; that of PIC102 is that it oscillates."""
+
+
+def differences(stored: Any, made: Any, place: str = "") -> Iterator[str]:
+    """Where two answers differ; numbers by more than a millionth."""
+    if isinstance(stored, dict) and isinstance(made, dict):
+        for name in sorted(stored.keys() | made.keys()):
+            yield from differences(stored.get(name), made.get(name), f"{place}.{name}")
+    elif isinstance(stored, list) and isinstance(made, list) and len(stored) == len(made):
+        for i, (a, b) in enumerate(zip(stored, made, strict=True)):
+            yield from differences(a, b, f"{place}[{i}]")
+    elif isinstance(stored, float) and isinstance(made, int | float):
+        if not math.isclose(stored, made, rel_tol=1e-6, abs_tol=1e-6):
+            yield f"{place}: {stored} and {made}"
+    elif stored != made:
+        yield f"{place}: {stored!r} and {made!r}"
+
+
+def stored() -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(demonstration.FILE.read_text(encoding="utf-8"))
+    return found
+
+
+HINT = "python -m glapp.service.demonstration stores what the code answers now"
+
+
+def test_a_stored_answer_is_what_the_code_answers() -> None:
+    """The one loop that takes a second; all of them below."""
+    made = demonstration.made("TIC106")["TIC106"]
+    assert list(differences(stored()["TIC106"] | {"time": 0.0}, made | {"time": 0.0})) == [], HINT
+
+
+@pytest.mark.verify
+def test_every_stored_answer_is_what_the_code_answers() -> None:
+    assert list(differences(stored(), demonstration.made())) == [], HINT
+
+
+def one_of(answers: dict[str, dict[str, Any]], loop: str) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(answers[loop]["document"])["analysis"]["loops"][0]
+    return found
+
+
+def test_there_is_one_of_each_kind_and_none_says_what_is_not_true() -> None:
+    answers = demonstration.answers(TODAY)
+    told = {name: one_of(answers, name)["answer"] for name in answers}
+    assert {name: answer["confidence"] for name, answer in told.items()} == WHAT
+    assert told["PIC102"]["verdict"] == "oscillation" and told["TIC103"]["trend"]["code"] == "grows"
+    kinds = {loop.name: loop.kind for loop in demonstration.loops()}
+    for name, answer in told.items():
+        wear = kinds[name].wear * (demonstration.DAYS - 1)  # on the last day that was recorded
+        true = kinds[name].d + wear
+        low, high = answer["low"], answer["high"]
+        assert low is None or low <= true <= high, name
+    slope = told["TIC103"]["trend"]
+    assert slope["low"] <= kinds["TIC103"].wear <= slope["high"]
+
+
+def test_answers_are_of_the_days_before() -> None:
+    answers = demonstration.answers(TODAY)
+    days = [one["t0"][:10] for one in one_of(answers, "TIC103")["fit"]["recordings"]]
+    assert days == [f"2026-05-{day}" for day in range(11, 17)]
+    assert "2000-" not in json.dumps(answers)
+    assert answers["FIC101"]["t_end"] == TODAY.timestamp()
+
+
+def test_many_scans_at_once_are_the_same_as_one_by_one() -> None:
+    for one, many in zip(demonstration.loops(), demonstration.loops(), strict=True):
+        names = (Signal.SP, Signal.PV, Signal.OP, Signal.POSITION)
+        scanned = [one.scan(0.0, 0.0) for _ in range(900)]
+        columns = many.record(900)
+        for name, column in zip(names, columns, strict=True):
+            assert [row[name] for row in scanned] == column.tolist(), (one.name, name)
+
+
+@pytest.fixture(scope="module")
+def begun(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[SimLoop]]:
+    """A folder as it is when the demonstration begins."""
+    folder = tmp_path_factory.mktemp("begun")
+    loops = demonstration.loops()
+    known = parse_settings(SimPlant(loops).settings(), "the demonstration", Path())
+    memory = Memory(folder, NOW)
+    demonstration.begin(memory, loops, known, NOW)
+    watch = Watch(known, memory, bounds=Bounds(), clock=lambda: NOW)
+    assert watch.failing is None
+    memory.show(NOW, json.dumps(watch.status()))
+    memory.close()
+    return folder, loops
+
+
+def test_the_service_goes_on_from_what_is_there(begun: tuple[Path, list[SimLoop]]) -> None:
+    folder, _ = begun
+    with Reader(folder) as reader:
+        _, shown = reader.shown() or (0.0, {})
+        for name in WHAT:
+            status, halves = shown["loops"][name], reader.half_periods(name, accepted=False)
+            assert status["half_periods"] == len(halves) and status["answer"] is not None
+            assert status["accepted"] == sum(row["reason"] == 0 for row in halves)
+        assert len(reader.half_periods("FIC101")) > 9
+
+
+def test_what_was_recorded_is_what_the_answers_say(begun: tuple[Path, list[SimLoop]]) -> None:
+    folder, loops = begun
+    signals = Signals(folder)
+    for loop in loops:
+        days = demonstration.DAYS if loop.kind.wear else 1
+        rows = signals.read(loop.name, NOW - 8 * 86400.0, NOW)
+        assert len(rows) == days * demonstration.EACH + demonstration.LATELY
+        assert NOW - rows["time"][-1].as_py().timestamp() <= 2.0
+        assert rows["POSITION"].null_count == len(rows), "the fit had the valve's position"
+
+
+def test_the_window_is_full_at_once(begun: tuple[Path, list[SimLoop]]) -> None:
+    folder, _ = begun
+    view = View(folder, lambda: NOW)
+    view.refresh()
+    verdicts = {name: view.verdict(name) for name in WHAT}
+    assert verdicts == {
+        "FIC101": "Backlash",
+        "PIC102": "Oscillation",
+        "TIC103": "Backlash",
+        "LIC104": "Likely a gap",
+        "FIC105": "Sound",
+        "TIC106": "Cannot tell",
+    }
+    assert view.trend_text("TIC103").startswith("↗ +4.") and view.trend_text("FIC101") == "–"
+    assert "Not judged yet" not in {row.soon for row in view.rows()}
